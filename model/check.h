@@ -1,0 +1,15 @@
+// Check: the program is wrong. Stays on in release builds; a failed claim prints file and line and aborts.
+#pragma once
+
+#include <cstdio>
+#include <cstdlib>
+
+namespace moondb {
+
+inline void Check(bool condition, const char* claim, const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
+  if (condition) return;
+  std::fprintf(stderr, "%s:%d: broken claim: %s\n", file, line, claim);
+  std::abort();
+}
+
+}  // namespace moondb

@@ -1,0 +1,46 @@
+// The names of agents, nodes and data types.
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "proto/types.pb.h"
+
+namespace moondb {
+
+// A team member and its process; 1 to kAgentIdMax. 0 means nobody.
+using AgentId = std::uint32_t;
+inline constexpr AgentId kAgentIdMax = 65535;
+
+// A pose-graph node: the index is given by the agent's robot.
+struct NodeKey {
+  AgentId agent = 0;
+  std::uint64_t index = 0;
+  auto operator<=>(const NodeKey&) const = default;
+};
+
+NodeKey FromProto(const proto::NodeKey& node);
+proto::NodeKey ToProto(const NodeKey& node);
+
+// A proto::DataType, or a custom one.
+using DataType = std::uint32_t;
+inline constexpr DataType kCustomDataTypeMin = 1000;
+inline constexpr DataType kCustomDataTypeMax = 1999;
+
+// "local_traversability_map"; "type_1007" for a type without a name here.
+std::string DataTypeName(DataType type);
+
+// The inverse, for the built-in types.
+std::optional<DataType> DataTypeFromName(std::string_view name);
+
+// The built-in types, in the order in which they are shared: states, nodes, edges, optimized poses and verdicts, maps.
+// A smaller rank goes first; custom types rank before maps.
+int SharingRank(DataType type);
+
+// "rover", "leader", "designated_survivor", "base_station".
+std::string RoleName(proto::Role role);
+
+}  // namespace moondb

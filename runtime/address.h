@@ -1,0 +1,38 @@
+// Address: where a message goes: an actor of an agent. Local and remote look the same to the sender.
+#pragma once
+
+#include <compare>
+#include <string>
+
+#include "model/ids.h"
+
+namespace moondb {
+
+// Aliases, resolved when the message is sent, so that a live role swap needs no re-wiring. They lie above kAgentIdMax.
+inline constexpr AgentId kLeaderAlias = 0xFFFF'0001;    // @leader
+inline constexpr AgentId kSurvivorAlias = 0xFFFF'0002;  // @survivor
+inline constexpr AgentId kBaseAlias = 0xFFFF'0003;      // @base: the base station
+// Clients (moonctl, a robot's software) of this agent; the actor's name is the transport's name of the connection.
+inline constexpr AgentId kClients = 0xFFFF'0010;
+
+struct Address {
+  AgentId agent = 0;
+  std::string actor;
+  auto operator<=>(const Address&) const = default;
+};
+
+// "2/storage", "@leader/sync".
+std::string ToString(const Address& address);
+
+// The actors of every agent.
+namespace actor_name {
+inline constexpr char kStorage[] = "storage";
+inline constexpr char kSync[] = "sync";
+inline constexpr char kReplica[] = "replica";
+inline constexpr char kPgo[] = "pgo";
+inline constexpr char kMerge[] = "merge";
+inline constexpr char kRole[] = "role";
+inline constexpr char kGateway[] = "gateway";
+}  // namespace actor_name
+
+}  // namespace moondb

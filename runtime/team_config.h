@@ -1,0 +1,61 @@
+// The team's configuration: one YAML file, the same on every agent, checked before anything starts.
+//
+// Read into proto::TeamConfig by reflection; every error at once, each with its place and, for a misspelt word, a
+// suggestion:  team.yaml:4:10: agents[1].id: expected an integer, got "two"
+// yaml-cpp's errors of syntax stand alone.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+#include "model/ids.h"
+#include "proto/team.pb.h"
+
+namespace moondb {
+
+struct TeamFile {
+  proto::TeamConfig config;      // Complete: defaults are filled in, policies too.
+  std::filesystem::path folder;  // Where relative key files lie.
+  std::uint64_t hash = 0;        // XXH64 of the serialised config; equal for files that mean the same.
+};
+
+// Error::text holds one error a line.
+Result<TeamFile> ReadTeamFile(const std::filesystem::path& path);
+
+// The same from text; `name` stands in errors.
+Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name);
+
+// Null where there is none.
+const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
+const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
+
+AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none.
+
+// The policy of a type; POLICY_NONE for one that `policies` does not name.
+proto::Policy PolicyOf(const proto::SharePolicies& policies, DataType type);
+
+// The assignment of the file, as term 0.
+proto::RoleAssignment InitialRoles(const proto::TeamConfig& team);
+
+// Why `roles` cannot be: unknown agent, survivor = leader, a base station as either, no leader. kRefused, `field` is
+// "leader" or "survivor".
+Result<void> CheckRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
+
+// The role of `agent` under `roles`.
+proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent);
+
+// A team to begin with: `agent_count` agents on loopback ports from `first_port`, the last one a base station when
+// there are at least two, written as commented YAML with CURVE keys beside it (secrets 0600).
+// Refuses to overwrite anything.
+Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port);
+
+// The same for given agents: `team` holds names, addresses, kinds, start poses and antennas.
+Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& team);
+
+// ipc:// endpoint of an agent's clients: a socket in a folder of this user's, 0700, under $MOONDB_RUN_DIR,
+// $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID. kInvalid if the path would exceed what a socket allows.
+Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name);
+
+}  // namespace moondb

@@ -1,0 +1,29 @@
+// Transport: carries Messages between agents, and between an agent and its clients.
+//
+// A weak contract on purpose: a message that was accepted may be lost, repeated or come late, but not damaged and not
+// from another agent than hop_sender says. Whatever must arrive is sent again by whoever wants it to (actors/sharing).
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class Transport {
+ public:
+  // Takes a message that came in (hop_sender is checked; from clients it is kClients and source_actor names the
+  // connection). Called on the transport's thread; must not block.
+  using Deliver = std::function<void(MessagePtr)>;
+  // A peer was reached or lost. Called on the transport's thread.
+  using PeerChanged = std::function<void(AgentId peer, bool is_connected)>;
+
+  virtual ~Transport() = default;
+
+  // Any thread; never blocks. `to` is an agent or kClients.
+  [[nodiscard]] virtual SendResult Send(const Address& to, MessagePtr message) = 0;
+  virtual std::vector<proto::PeerStatus> Peers() const = 0;
+};
+
+}  // namespace moondb

@@ -1,0 +1,49 @@
+// ZeroMqTransport: one thread that owns every socket of an agent.
+//
+// Between agents: a ROUTER that only receives, one DEALER per peer that only sends; CURVE on all of them, and a ZAP
+// handler that admits the team file's keys alone and binds each to its agent: a frame whose hop_sender is not the
+// key's agent is counted and dropped. Clients talk to a ROUTER of their own on ipc:// (folder 0700), request and reply.
+// One frame is one serialised proto::Message.
+//
+// libzmq would queue silently for absent peers, so queues are bounded here: ZMQ_IMMEDIATE, SNDHWM 4, small socket
+// buffers, LINGER 0, ROUTER_HANDOVER, no ZMTP heartbeat. The thread sleeps until a socket or its eventfd wakes it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+#include "proto/team.pb.h"
+#include "runtime/transport.h"
+
+namespace moondb {
+
+class ZeroMqTransport final : public Transport {
+ public:
+  struct Options {
+    AgentId self = 0;
+    std::string client_endpoint;                    // ipc://..., empty: no clients.
+    std::size_t message_bytes_max = 32 * 1024 * 1024;  // Larger frames from peers or clients close the connection.
+    std::size_t outbox_bytes_max = 256 * 1024;      // Per peer, waiting here; a larger single message fits alone.
+    std::string secret_key_file;                    // Empty: beside the public key, with the ending .sec.
+  };
+
+  // Binds and starts. `team` is checked; `team_folder` is where relative key files lie. Errors: kUnavailable for an
+  // address in use, kInvalid for a key file that is missing, malformed, readable by others (secret) or does not fit
+  // the public key in the team file.
+  static Result<std::unique_ptr<ZeroMqTransport>> Create(const proto::TeamConfig& team, const std::string& team_folder,
+                                                         Options options, Deliver deliver, PeerChanged peer_changed);
+  ~ZeroMqTransport() override;  // Joins the thread; what waits in outboxes is dropped.
+
+  [[nodiscard]] SendResult Send(const Address& to, MessagePtr message) override;
+  std::vector<proto::PeerStatus> Peers() const override;
+
+ private:
+  class Impl;
+  explicit ZeroMqTransport(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace moondb
