@@ -1,0 +1,53 @@
+// PoseGraph: the nodes, odometry and ranges of a team, as plain values (paper, Section 5.2).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "model/error.h"
+#include "model/geometry.h"
+#include "model/ids.h"
+#include "proto/record.pb.h"
+
+namespace moondb {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
+struct GraphNode {
+  NodeKey key;
+  std::int64_t stamp_ns = 0;
+  Pose map_from_node;  // Raw: start pose and odometry composed.
+};
+
+// One step of visual-inertial odometry.
+struct OdometryEdge {
+  NodeKey from;
+  NodeKey to;
+  std::int64_t stamp_ns = 0;
+  Pose from_from_to;
+  Matrix6d covariance = Matrix6d::Identity();  // Translation first (m), then rotation (rad).
+};
+
+// One UWB range between the antennas of two agents.
+struct RangeEdge {
+  NodeKey from;
+  NodeKey to;
+  std::int64_t stamp_ns = 0;
+  double range_m = 0;
+  double variance_m2 = 1;
+};
+
+struct PoseGraph {
+  std::vector<GraphNode> nodes;
+  std::vector<OdometryEdge> odometry;
+  std::vector<RangeEdge> ranges;
+};
+
+// Records and back. AddRecord takes records that CheckRecord has passed, and ignores other types.
+proto::Record ToRecord(const GraphNode& node);
+proto::Record ToRecord(const OdometryEdge& edge);
+proto::Record ToRecord(const RangeEdge& edge);
+Result<void> AddRecord(const proto::Record& record, PoseGraph& graph);
+
+}  // namespace moondb
