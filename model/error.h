@@ -13,14 +13,14 @@
 namespace moondb {
 
 enum class ErrorCode {
-  kInvalid = proto::ERROR_CODE_INVALID,          // The caller's input is wrong.
+  kInvalid = proto::ERROR_CODE_INVALID,  // The caller's input is wrong.
   kNotFound = proto::ERROR_CODE_NOT_FOUND,
   kRefused = proto::ERROR_CODE_REFUSED,          // Right in form, not allowed in this state.
   kUnavailable = proto::ERROR_CODE_UNAVAILABLE,  // Absent for now: a peer, a driver, a service.
   kTimedOut = proto::ERROR_CODE_TIMED_OUT,
-  kCorrupt = proto::ERROR_CODE_CORRUPT,          // Bytes that do not decode.
-  kFull = proto::ERROR_CODE_FULL,                // A mailbox, an outbox, the disk.
-  kInternal = proto::ERROR_CODE_INTERNAL,        // A library or the operating system failed.
+  kCorrupt = proto::ERROR_CODE_CORRUPT,    // Bytes that do not decode.
+  kFull = proto::ERROR_CODE_FULL,          // A mailbox, an outbox, the disk.
+  kInternal = proto::ERROR_CODE_INTERNAL,  // A library or the operating system failed.
 };
 
 struct Error {

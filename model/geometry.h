@@ -13,7 +13,7 @@ struct Pose {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // Unit length.
 
-  Pose operator*(const Pose& other) const;                       // a_from_b * b_from_c = a_from_c.
+  Pose operator*(const Pose& other) const;                        // a_from_b * b_from_c = a_from_c.
   Eigen::Vector3d operator*(const Eigen::Vector3d& point) const;  // a_from_b * point in b.
   Pose Inverse() const;
 

@@ -1,0 +1,167 @@
+#include "model/have_set.h"
+
+#include <algorithm>
+#include <string>
+
+#include "model/check.h"
+
+namespace moondb {
+
+void IntervalSet::Add(Interval interval) {
+  Check(interval.first >= 1 && interval.first <= interval.last, "an interval of seqs has first <= last, from 1");
+  // The first interval that overlaps or touches the new one from below.
+  auto begin = std::lower_bound(intervals_.begin(), intervals_.end(), interval.first,
+                                [](const Interval& i, std::uint64_t first) { return i.last + 1 < first; });
+  auto end = begin;
+  while (end != intervals_.end() && end->first <= interval.last + 1) {
+    interval.first = std::min(interval.first, end->first);
+    interval.last = std::max(interval.last, end->last);
+    ++end;
+  }
+  if (begin == end) {
+    intervals_.insert(begin, interval);
+  } else {
+    *begin = interval;
+    intervals_.erase(begin + 1, end);
+  }
+}
+
+void IntervalSet::Add(const IntervalSet& other) {
+  for (const Interval& interval : other.intervals_) Add(interval);
+}
+
+void IntervalSet::Remove(std::uint64_t seq) {
+  auto it = std::lower_bound(intervals_.begin(), intervals_.end(), seq,
+                             [](const Interval& i, std::uint64_t s) { return i.last < s; });
+  if (it == intervals_.end() || it->first > seq) return;
+  const Interval old = *it;
+  if (old.first == old.last) {
+    intervals_.erase(it);
+  } else if (seq == old.first) {
+    it->first = seq + 1;
+  } else if (seq == old.last) {
+    it->last = seq - 1;
+  } else {
+    it->last = seq - 1;
+    intervals_.insert(it + 1, Interval{seq + 1, old.last});
+  }
+}
+
+bool IntervalSet::Contains(std::uint64_t seq) const {
+  const auto it = std::lower_bound(intervals_.begin(), intervals_.end(), seq,
+                                   [](const Interval& i, std::uint64_t s) { return i.last < s; });
+  return it != intervals_.end() && it->first <= seq;
+}
+
+std::uint64_t IntervalSet::Count() const {
+  std::uint64_t count = 0;
+  for (const Interval& interval : intervals_) count += interval.last - interval.first + 1;
+  return count;
+}
+
+std::uint64_t IntervalSet::Max() const { return intervals_.empty() ? 0 : intervals_.back().last; }
+
+IntervalSet IntervalSet::Minus(const IntervalSet& other) const {
+  IntervalSet result;
+  auto hole = other.intervals_.begin();
+  for (Interval rest : intervals_) {
+    while (hole != other.intervals_.end() && hole->last < rest.first) ++hole;
+    bool is_used_up = false;
+    for (auto h = hole; h != other.intervals_.end() && h->first <= rest.last; ++h) {
+      if (h->first > rest.first) result.intervals_.push_back({rest.first, h->first - 1});
+      if (h->last >= rest.last) {
+        is_used_up = true;
+        break;
+      }
+      rest.first = h->last + 1;
+    }
+    if (!is_used_up) result.intervals_.push_back(rest);
+  }
+  return result;
+}
+
+IntervalSet StreamHave::Had() const {
+  IntervalSet had = held;
+  had.Add(dropped);
+  return had;
+}
+
+const StreamHave& HaveSet::Get(const StreamKey& key) const {
+  static const StreamHave kNothing;
+  const auto it = streams_.find(key);
+  return it == streams_.end() ? kNothing : it->second;
+}
+
+void HaveSet::Merge(const HaveSet& other) {
+  for (const auto& [key, theirs] : other.streams_) {
+    StreamHave& ours = streams_[key];
+    ours.dropped.Add(theirs.dropped);
+    ours.held.Add(theirs.held);
+    ours.held = ours.held.Minus(ours.dropped);
+  }
+}
+
+namespace {
+
+void ToProto(const IntervalSet& set, google::protobuf::RepeatedPtrField<proto::Interval>& out) {
+  for (const IntervalSet::Interval& interval : set.intervals()) {
+    proto::Interval& added = *out.Add();
+    added.set_first(interval.first);
+    added.set_last(interval.last);
+  }
+}
+
+Result<IntervalSet> FromProto(const google::protobuf::RepeatedPtrField<proto::Interval>& intervals,
+                              const std::string& field) {
+  if (intervals.size() > kHaveIntervalsPerStreamMax) return Fail(ErrorCode::kInvalid, "has too many intervals", field);
+  IntervalSet set;
+  std::uint64_t previous_last = 0;
+  for (const proto::Interval& interval : intervals) {
+    // From the second interval on, a gap of at least one seq must lie between; seqs end one below 2^64.
+    const bool is_apart = set.is_empty() ? interval.first() >= 1 : interval.first() > previous_last + 1;
+    if (!is_apart || interval.last() < interval.first() || interval.last() == UINT64_MAX) {
+      return Fail(ErrorCode::kInvalid, "intervals are reversed, overlapping, touching or out of order", field);
+    }
+    set.Add(IntervalSet::Interval{interval.first(), interval.last()});
+    previous_last = interval.last();
+  }
+  return set;
+}
+
+}  // namespace
+
+proto::HaveSet ToProto(const HaveSet& have) {
+  proto::HaveSet result;
+  for (const auto& [key, stream] : have.streams()) {
+    proto::StreamHave& added = *result.add_streams();
+    added.set_origin_agent(key.origin);
+    added.set_epoch(key.epoch);
+    added.set_data_type(key.type);
+    ToProto(stream.held, *added.mutable_held());
+    ToProto(stream.dropped, *added.mutable_dropped());
+  }
+  return result;
+}
+
+Result<HaveSet> FromProto(const proto::HaveSet& have) {
+  if (have.streams_size() > kHaveStreamsMax) return Fail(ErrorCode::kInvalid, "has too many streams", "streams");
+  HaveSet result;
+  for (int i = 0; i < have.streams_size(); ++i) {
+    const proto::StreamHave& stream = have.streams(i);
+    const std::string field = "streams[" + std::to_string(i) + "]";
+    if (stream.origin_agent() < 1 || stream.origin_agent() > kAgentIdMax) {
+      return Fail(ErrorCode::kInvalid, "is no agent id", field + ".origin_agent");
+    }
+    const StreamKey key{stream.origin_agent(), stream.epoch(), stream.data_type()};
+    if (result.streams().count(key)) return Fail(ErrorCode::kInvalid, "stands twice", field);
+    Result<IntervalSet> held = FromProto(stream.held(), field + ".held");
+    if (!held) return tl::unexpected(held.error());
+    Result<IntervalSet> dropped = FromProto(stream.dropped(), field + ".dropped");
+    if (!dropped) return tl::unexpected(dropped.error());
+    if (held->Minus(*dropped) != *held) return Fail(ErrorCode::kInvalid, "is held and dropped", field);
+    result[key] = StreamHave{*std::move(held), *std::move(dropped)};
+  }
+  return result;
+}
+
+}  // namespace moondb

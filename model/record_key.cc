@@ -1,0 +1,77 @@
+#include "model/record_key.h"
+
+#include <xxhash.h>
+
+#include <array>
+#include <charconv>
+#include <cinttypes>
+#include <cstdio>
+#include <memory>
+
+namespace moondb {
+
+namespace {
+
+// Appends `value` in `byte_count` bytes, lowest first, whatever this machine's byte order.
+void AppendLittleEndian(std::uint64_t value, int byte_count, std::array<char, 24>& buffer, std::size_t& size) {
+  for (int i = 0; i < byte_count; ++i) buffer[size++] = static_cast<char>(value >> (8 * i));
+}
+
+// Takes the number up to `end_mark` (or the end, where it is 0) off the front of `text`.
+template <typename T>
+bool TakeNumber(std::string_view& text, char end_mark, int base, T& value) {
+  const std::size_t end = end_mark ? text.find(end_mark) : text.size();
+  if (end == std::string_view::npos || end == 0) return false;
+  const auto [stop, error] = std::from_chars(text.data(), text.data() + end, value, base);
+  if (error != std::errc() || stop != text.data() + end) return false;
+  text.remove_prefix(end_mark ? end + 1 : end);
+  return true;
+}
+
+}  // namespace
+
+RecordKey FromProto(const proto::RecordKey& key) {
+  return RecordKey{StreamKey{key.origin_agent(), key.epoch(), key.data_type()}, key.seq()};
+}
+
+proto::RecordKey ToProto(const RecordKey& key) {
+  proto::RecordKey result;
+  result.set_origin_agent(key.stream.origin);
+  result.set_epoch(key.stream.epoch);
+  result.set_data_type(key.stream.type);
+  result.set_seq(key.seq);
+  return result;
+}
+
+std::string ToString(const RecordKey& key) {
+  char buffer[80];
+  std::snprintf(buffer, sizeof(buffer), "%" PRIu32 ".%016" PRIx64 ".%" PRIu32 ".%" PRIu64, key.stream.origin,
+                key.stream.epoch, key.stream.type, key.seq);
+  return buffer;
+}
+
+Result<RecordKey> ParseRecordKey(std::string_view text) {
+  RecordKey key;
+  std::string_view rest = text;
+  if (!TakeNumber(rest, '.', 10, key.stream.origin) || !TakeNumber(rest, '.', 16, key.stream.epoch) ||
+      !TakeNumber(rest, '.', 10, key.stream.type) || !TakeNumber(rest, '\0', 10, key.seq)) {
+    return Fail(ErrorCode::kInvalid, "'" + std::string(text) + "' is no record key (AGENT.EPOCH.TYPE.SEQ)");
+  }
+  return key;
+}
+
+std::uint64_t HashRecord(const RecordKey& key, std::string_view content) {
+  std::array<char, 24> head;
+  std::size_t head_size = 0;
+  AppendLittleEndian(key.stream.origin, 4, head, head_size);
+  AppendLittleEndian(key.stream.epoch, 8, head, head_size);
+  AppendLittleEndian(key.stream.type, 4, head, head_size);
+  AppendLittleEndian(key.seq, 8, head, head_size);
+  const std::unique_ptr<XXH64_state_t, decltype(&XXH64_freeState)> state(XXH64_createState(), &XXH64_freeState);
+  XXH64_reset(state.get(), 0);
+  XXH64_update(state.get(), head.data(), head_size);
+  XXH64_update(state.get(), content.data(), content.size());
+  return XXH64_digest(state.get());
+}
+
+}  // namespace moondb

@@ -44,8 +44,8 @@ struct TraversabilityMap {
 // Limits of a map at the door.
 inline constexpr int kMapLayersMax = 16;
 inline constexpr std::uint32_t kMapSideCellsMax = 16384;
-inline constexpr std::uint64_t kMapCellsMax = 64ull * 1024 * 1024;        // Of all layers together.
-inline constexpr std::uint32_t kMapResolutionUmMax = 100'000'000;          // 100 m.
+inline constexpr std::uint64_t kMapCellsMax = 64ull * 1024 * 1024;  // Of all layers together.
+inline constexpr std::uint32_t kMapResolutionUmMax = 100'000'000;   // 100 m.
 
 // A merged map: cell (0, 0) has its lower left corner at origin * resolution in the frame `map`.
 struct MergedMap {
