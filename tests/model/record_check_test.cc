@@ -1,0 +1,134 @@
+#include "model/record_check.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "model/geometry.h"
+#include "model/traversability_map.h"
+
+namespace moondb {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+proto::Record RangeRecord() {
+  proto::Record record;
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  *edge.mutable_from() = ToProto(NodeKey{1, 4});
+  *edge.mutable_to() = ToProto(NodeKey{2, 4});
+  edge.mutable_range()->set_range_m(3.5);
+  edge.mutable_range()->set_variance_m2(0.01);
+  return record;
+}
+
+proto::Record OdometryRecord() {
+  proto::Record record;
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  *edge.mutable_from() = ToProto(NodeKey{1, 4});
+  *edge.mutable_to() = ToProto(NodeKey{1, 5});
+  *edge.mutable_relative_pose()->mutable_from_from_to() = ToProto(Pose::FromPlanar(1, 0, 0.1));
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) {
+      edge.mutable_relative_pose()->add_covariance(row == column ? 0.01 : 0);
+    }
+  }
+  return record;
+}
+
+proto::Record MapRecord() {
+  TraversabilityMap map{NodeKey{1, 4}, Pose::FromPlanar(0.2, 0, 0), {}};
+  map.layers.push_back(MapLayer{Grid(5, 3, Cell::kFree), 50'000, 0, 0});
+  map.layers.push_back(MapLayer{Grid(5, 3, Cell::kHazard), 100'000, 0, 0});
+  proto::Record record;
+  *record.mutable_local_traversability_map() = ToProto(map);
+  return record;
+}
+
+// The field named when `spoil` has been at `record`; empty if it is accepted.
+std::string Refused(proto::Record record, const std::function<void(proto::Record&)>& spoil) {
+  spoil(record);
+  const Result<void> result = CheckRecord(record);
+  return result ? "" : result.error().field;
+}
+
+TEST(RecordCheckTest, AcceptsWholeRecords) {
+  const auto nothing = [](proto::Record&) {};
+  EXPECT_EQ(Refused(RangeRecord(), nothing), "");
+  EXPECT_EQ(Refused(OdometryRecord(), nothing), "");
+  EXPECT_EQ(Refused(MapRecord(), nothing), "");
+}
+
+TEST(RecordCheckTest, RefusesARecordWithoutBody) {
+  EXPECT_EQ(Refused(proto::Record(), [](proto::Record&) {}), "body");
+}
+
+TEST(RecordCheckTest, NamesTheStateThatIsWrong) {
+  proto::Record record;
+  EXPECT_EQ(Refused(record, [](auto& r) { r.mutable_temperature()->set_celsius(kNan); }), "temperature.celsius");
+  EXPECT_EQ(Refused(record, [](auto& r) { r.mutable_power()->set_battery_ratio(1.5); }), "power.battery_ratio");
+  EXPECT_EQ(Refused(record, [](auto& r) { r.mutable_exploration()->set_explored_ratio(kNan); }),
+            "exploration.explored_ratio");
+  EXPECT_EQ(Refused(record, [](auto& r) { r.mutable_mode()->set_activity(static_cast<proto::Activity>(77)); }),
+            "mode.activity");
+}
+
+TEST(RecordCheckTest, NamesTheEdgeFieldThatIsWrong) {
+  const auto edge = [](proto::Record& r) { return r.mutable_pose_graph_edge(); };
+  EXPECT_EQ(Refused(RangeRecord(), [&](auto& r) { edge(r)->mutable_range()->set_range_m(-1); }),
+            "pose_graph_edge.range.range_m");
+  EXPECT_EQ(Refused(RangeRecord(), [&](auto& r) { edge(r)->mutable_range()->set_variance_m2(0); }),
+            "pose_graph_edge.range.variance_m2");
+  EXPECT_EQ(Refused(RangeRecord(), [&](auto& r) { edge(r)->mutable_to()->set_agent_id(1); }), "pose_graph_edge.to");
+  EXPECT_EQ(Refused(RangeRecord(), [&](auto& r) { edge(r)->mutable_to()->set_agent_id(0); }),
+            "pose_graph_edge.to.agent_id");
+  EXPECT_EQ(Refused(OdometryRecord(), [&](auto& r) { edge(r)->mutable_to()->set_agent_id(2); }),
+            "pose_graph_edge.to.agent_id");
+  EXPECT_EQ(Refused(OdometryRecord(),
+                    [&](auto& r) { edge(r)->mutable_relative_pose()->mutable_covariance()->Set(0, -0.01); }),
+            "pose_graph_edge.relative_pose.covariance");
+  EXPECT_EQ(
+      Refused(OdometryRecord(), [&](auto& r) { edge(r)->mutable_relative_pose()->mutable_covariance()->RemoveLast(); }),
+      "pose_graph_edge.relative_pose.covariance");
+  EXPECT_EQ(Refused(OdometryRecord(),
+                    [&](auto& r) {
+                      edge(r)->mutable_relative_pose()->mutable_from_from_to()->mutable_position_m()->set_x(kNan);
+                    }),
+            "pose_graph_edge.relative_pose.from_from_to.position_m");
+  EXPECT_EQ(Refused(OdometryRecord(),
+                    [&](auto& r) {
+                      edge(r)->mutable_relative_pose()->mutable_from_from_to()->mutable_orientation()->set_w(0);
+                    }),
+            "pose_graph_edge.relative_pose.from_from_to.orientation");
+}
+
+TEST(RecordCheckTest, NamesTheMapFieldThatIsWrong) {
+  const auto layer = [](proto::Record& r, int i) { return r.mutable_local_traversability_map()->mutable_layers(i); };
+  EXPECT_EQ(Refused(MapRecord(), [&](auto& r) { layer(r, 1)->set_width_cells(6); }),
+            "local_traversability_map.layers[1].cells");
+  EXPECT_EQ(Refused(MapRecord(), [&](auto& r) { layer(r, 0)->set_width_cells(0); }),
+            "local_traversability_map.layers[0].width_cells");
+  EXPECT_EQ(Refused(MapRecord(), [&](auto& r) { layer(r, 1)->set_height_cells(4'000'000'000u); }),
+            "local_traversability_map.layers[1]");
+  EXPECT_EQ(Refused(MapRecord(), [&](auto& r) { layer(r, 1)->set_resolution_um(0); }),
+            "local_traversability_map.layers[1].resolution_um");
+  EXPECT_EQ(Refused(MapRecord(), [&](auto& r) { (*layer(r, 0)->mutable_cells())[0] = '\xff'; }),
+            "local_traversability_map.layers[0].cells");
+  EXPECT_EQ(Refused(MapRecord(), [&](auto& r) { layer(r, 0)->set_center_x_m(kNan); }),
+            "local_traversability_map.layers[0].center_m");
+  EXPECT_EQ(Refused(MapRecord(), [](auto& r) { r.mutable_local_traversability_map()->clear_layers(); }),
+            "local_traversability_map.layers");
+  EXPECT_EQ(Refused(MapRecord(), [](auto& r) { r.mutable_local_traversability_map()->clear_node(); }),
+            "local_traversability_map.node.agent_id");
+}
+
+TEST(RecordCheckTest, TellsNodesAndEdgesApartByTheirNaturalKeys) {
+  EXPECT_NE(NaturalKey(RangeRecord()), NaturalKey(OdometryRecord()));
+  EXPECT_EQ(NaturalKey(RangeRecord()), NaturalKey(RangeRecord()));
+  EXPECT_EQ(NaturalKey(MapRecord()), "");
+}
+
+}  // namespace
+}  // namespace moondb
