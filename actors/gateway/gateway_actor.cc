@@ -1,0 +1,254 @@
+#include "actors/gateway/gateway_actor.h"
+
+#include <utility>
+
+#include "actors/gateway/request_check.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
+
+bool IsLong(const proto::ControlRequest& request) { return request.has_optimize() || request.has_merge(); }
+
+proto::ControlReply ErrorReply(const Error& error) {
+  proto::ControlReply reply;
+  *reply.mutable_error() = ToProto(error);
+  return reply;
+}
+
+void AddSessions(const proto::ShareStatus& part, proto::ShareStatus& whole) {
+  whole.mutable_sessions()->MergeFrom(part.sessions());
+  whole.set_received_records(whole.received_records() + part.received_records());
+  whole.set_rejected_records(whole.rejected_records() + part.rejected_records());
+  whole.set_damaged_messages(whole.damaged_messages() + part.damaged_messages());
+}
+
+std::string Names(const std::set<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : " and ") + name;
+  return text;
+}
+
+}  // namespace
+
+void GatewayActor::OnStart(Context& context) {
+  // A random start, so that an answer to a request of this actor's life before a restart meets no new one.
+  next_id_ = context.rng()() | 1;
+}
+
+void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kControlRequest:
+      return OnControlRequest(context, message);
+    case proto::Message::kTimer:
+      if (context.sender().agent == options_.self) OnTimer(context, message.timer());
+      return;
+    default:
+      return OnAnswer(context, message);
+  }
+}
+
+void GatewayActor::OnControlRequest(Context& context, const proto::Message& message) {
+  const Address client = context.sender();
+  if (client.agent != kClients && client.agent != options_.self) {
+    const Error error{ErrorCode::kRefused, "only clients of this agent may ask its gateway", {}};
+    return Answer(context, client, message.request_id(), ErrorReply(error));
+  }
+  const proto::ControlRequest& request = message.control_request();
+  if (auto checked = CheckRequest(options_.team, options_.self, request); !checked) {
+    return Answer(context, client, message.request_id(), ErrorReply(checked.error()));
+  }
+  if (request.has_stop()) return OnStop(context, message);
+  if (pending_.size() >= options_.pending_max) {
+    const Error error{ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later", {}};
+    return Answer(context, client, message.request_id(), ErrorReply(error));
+  }
+
+  const std::uint64_t id = next_id_++;
+  Pending pending{client, message.request_id(), {}, {}, 0};
+  if (auto forwarded = Forward(context, request, id, pending); !forwarded) {
+    return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
+  }
+  pending.timer = context.AfterTimer(IsLong(request) ? options_.long_timeout : options_.timeout, kTimeOut, id);
+  pending_.emplace(id, std::move(pending));
+}
+
+void GatewayActor::OnStop(Context& context, const proto::Message& message) {
+  proto::ControlReply reply;
+  reply.mutable_stop();
+  Answer(context, context.sender(), message.request_id(), std::move(reply));
+  context.AfterTimer(options_.stop_delay, kStopNow);
+}
+
+Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id,
+                                   Pending& pending) {
+  proto::Message message;
+  switch (request.request_case()) {
+    case proto::ControlRequest::kStatus: {
+      pending.reply.mutable_status();
+      message.mutable_storage_status_request();
+      if (auto asked = Ask(context, actor_name::kStorage, message, id, pending); !asked) return asked;
+      message.mutable_role_show_request();
+      return Ask(context, actor_name::kRole, std::move(message), id, pending);
+    }
+    case proto::ControlRequest::kInsert:
+      *message.mutable_insert_request() = request.insert();
+      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
+    case proto::ControlRequest::kRead:
+      *message.mutable_read_request() = request.read();
+      BoundPage(*message.mutable_read_request());
+      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
+    case proto::ControlRequest::kRoleShow:
+      *message.mutable_role_show_request() = request.role_show();
+      return Ask(context, actor_name::kRole, std::move(message), id, pending);
+    case proto::ControlRequest::kRoleSet:
+      *message.mutable_role_set_request() = request.role_set();
+      return Ask(context, actor_name::kRole, std::move(message), id, pending);
+    case proto::ControlRequest::kShare: {
+      const bool is_sync = request.share().kind() == proto::SHARING_KIND_SYNC;
+      *message.mutable_share_request() = request.share();
+      return Ask(context, is_sync ? actor_name::kSync : actor_name::kReplica, std::move(message), id, pending);
+    }
+    case proto::ControlRequest::kShareStatus:
+      pending.reply.mutable_share_status();
+      message.mutable_share_status_request();
+      if (auto asked = Ask(context, actor_name::kSync, message, id, pending); !asked) return asked;
+      return Ask(context, actor_name::kReplica, std::move(message), id, pending);
+    case proto::ControlRequest::kOptimize:
+      message.mutable_optimize_request();
+      return Ask(context, actor_name::kPgo, std::move(message), id, pending);
+    case proto::ControlRequest::kGraphStats:
+      message.mutable_graph_stats_request();
+      return Ask(context, actor_name::kPgo, std::move(message), id, pending);
+    case proto::ControlRequest::kMerge:
+      *message.mutable_merge_request() = request.merge();
+      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
+    case proto::ControlRequest::kStop:
+    case proto::ControlRequest::REQUEST_NOT_SET:
+      break;
+  }
+  return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
+}
+
+Result<void> GatewayActor::Ask(Context& context, const char* actor, proto::Message message, std::uint64_t id,
+                               Pending& pending) {
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(id);
+  switch (context.Send({options_.self, actor}, std::move(message))) {
+    case SendResult::kAccepted:
+      pending.waiting_for.insert(actor);
+      return {};
+    case SendResult::kFull:
+      return Fail(ErrorCode::kFull, std::string(actor) + " is busy; try again later");
+    default:
+      return Fail(ErrorCode::kUnavailable, "this agent runs without " + std::string(actor));
+  }
+}
+
+void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
+  const auto found = pending_.find(message.request_id());
+  // Too late, or not asked for.
+  if (found == pending_.end() || context.sender().agent != options_.self) return;
+  Pending& pending = found->second;
+  if (pending.waiting_for.erase(context.sender().actor) == 0) return;
+  if (!TakePart(message, pending.reply)) {
+    const Error error{ErrorCode::kInternal, context.sender().actor + " gave an answer of another kind", {}};
+    *pending.reply.mutable_error() = ToProto(error);
+  }
+  if (pending.waiting_for.empty()) Finish(context, found->first);
+}
+
+bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& reply) const {
+  const auto copy_error = [&reply](const proto::Error& error) {
+    if (IsError(error)) *reply.mutable_error() = error;
+    return true;
+  };
+  switch (message.body_case()) {
+    case proto::Message::kControlReply:
+      reply = message.control_reply();
+      return true;
+    case proto::Message::kInsertReply:
+      *reply.mutable_insert() = message.insert_reply();
+      return copy_error(message.insert_reply().error());
+    case proto::Message::kReadReply:
+      *reply.mutable_read() = message.read_reply();
+      return copy_error(message.read_reply().error());
+    case proto::Message::kShareReply:
+      *reply.mutable_share() = message.share_reply();
+      return copy_error(message.share_reply().error());
+    case proto::Message::kOptimizeReply:
+      *reply.mutable_optimize() = message.optimize_reply();
+      return copy_error(message.optimize_reply().error());
+    case proto::Message::kMergeReply:
+      *reply.mutable_merge() = message.merge_reply();
+      return copy_error(message.merge_reply().error());
+    case proto::Message::kGraphStatsReply:
+      *reply.mutable_graph_stats() = message.graph_stats_reply();
+      return true;
+    case proto::Message::kShareStatus:
+      AddSessions(message.share_status(), *reply.mutable_share_status());
+      return true;
+    case proto::Message::kStorageStatus:
+      *reply.mutable_status()->mutable_storage() = message.storage_status();
+      return true;
+    case proto::Message::kRoleShowReply:
+      if (reply.has_status()) {
+        *reply.mutable_status()->mutable_roles() = message.role_show_reply().roles();
+      } else {
+        *reply.mutable_roles() = message.role_show_reply();
+      }
+      return true;
+    default:
+      return false;
+  }
+}
+
+void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
+  if (timer.kind() == kStopNow) return context.RequestStop();
+  const auto found = pending_.find(timer.value());
+  if (found == pending_.end()) return;
+  const Error error{ErrorCode::kTimedOut, Names(found->second.waiting_for) + " did not answer in time", {}};
+  *found->second.reply.mutable_error() = ToProto(error);
+  Finish(context, found->first);
+}
+
+void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) const {
+  status.set_agent_id(options_.self);
+  if (const proto::AgentConfig* own = FindAgent(options_.team, options_.self)) status.set_name(own->name());
+  status.set_team(options_.team.team());
+  status.set_role(RoleOf(options_.team, status.roles(), options_.self));
+  status.set_merge_backend(options_.merge_backend);
+  status.set_version(options_.version);
+  status.set_pid(options_.pid);
+
+  const SystemStatus system = context.GetSystemStatus();
+  status.set_uptime_s(std::chrono::duration<double>(system.uptime).count());
+  for (const proto::PeerStatus& peer : system.peers) {
+    proto::PeerStatus& shown = *status.add_peers();
+    shown = peer;
+    if (const proto::AgentConfig* agent = FindAgent(options_.team, peer.agent_id())) shown.set_name(agent->name());
+  }
+  for (const proto::ActorStatus& actor : system.actors) *status.add_actors() = actor;
+}
+
+void GatewayActor::Finish(Context& context, std::uint64_t id) {
+  auto node = pending_.extract(id);
+  Pending& pending = node.mapped();
+  context.Cancel(pending.timer);
+  if (pending.reply.has_status()) CompleteStatus(context, *pending.reply.mutable_status());
+  Answer(context, pending.client, pending.client_request_id, std::move(pending.reply));
+}
+
+void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t request_id,
+                          proto::ControlReply reply) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(request_id);
+  *message.mutable_control_reply() = std::move(reply);
+  // A client that has gone needs no answer.
+  (void)context.Send(client, std::move(message));
+}
+
+}  // namespace moondb

@@ -1,0 +1,71 @@
+// GatewayActor: the door through which clients (moonctl, a robot's software, planners) reach this agent.
+//
+// Takes Message{control_request} from clients, checks it, hands it to the actor whose duty it is under a request id of
+// its own, and answers with Message{control_reply} under the client's. An error of the reply inside is copied to
+// ControlReply.error, so that a client has one place to look. Status is put together here from StorageActor, RoleActor
+// and the system.
+//
+// What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
+// kInvalid (actors/gateway/request_check.h), kRefused (a request that another agent sent), kFull (too much waits, here
+// or at the actor), kUnavailable (no such actor), kTimedOut (the actor did not answer). After a restart of this actor
+// what waited is forgotten; the clients' own timeouts tell them.
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class GatewayActor final : public Actor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    proto::TeamConfig team;     // Complete and checked.
+    std::string version;        // Shown in status.
+    std::uint32_t pid = 0;      // Likewise.
+    std::string merge_backend;  // Likewise: "cpu" or "gl".
+    std::size_t pending_max = 256;
+    Duration timeout = std::chrono::seconds(60);
+    Duration long_timeout = std::chrono::seconds(600);    // Optimize and merge.
+    Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.
+  };
+
+  explicit GatewayActor(Options options) : options_(std::move(options)) {}
+
+  void OnStart(Context& context) override;
+  void OnMessage(Context& context, const proto::Message& message) override;
+
+ private:
+  // A client's request that waits for one or more actors of this agent.
+  struct Pending {
+    Address client;
+    std::uint64_t client_request_id = 0;
+    std::set<std::string> waiting_for;  // Names of actors.
+    proto::ControlReply reply;          // As far as it is known.
+    TimerId timer = 0;
+  };
+
+  void OnControlRequest(Context& context, const proto::Message& message);
+  void OnStop(Context& context, const proto::Message& message);
+  void OnAnswer(Context& context, const proto::Message& message);
+  void OnTimer(Context& context, const proto::Timer& timer);
+
+  // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
+  Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
+  Result<void> Ask(Context& context, const char* actor, proto::Message message, std::uint64_t id, Pending& pending);
+  // Puts one actor's answer into the reply; false for a body that is no answer.
+  bool TakePart(const proto::Message& message, proto::ControlReply& reply) const;
+  void CompleteStatus(Context& context, proto::AgentStatus& status) const;
+  void Finish(Context& context, std::uint64_t id);
+  void Answer(Context& context, const Address& client, std::uint64_t request_id, proto::ControlReply reply);
+
+  Options options_;
+  std::map<std::uint64_t, Pending> pending_;  // By own request id.
+  std::uint64_t next_id_ = 1;
+};
+
+}  // namespace moondb

@@ -1,0 +1,139 @@
+#include "actors/gateway/request_check.h"
+
+#include <algorithm>
+#include <string>
+
+namespace moondb {
+namespace {
+
+bool IsMember(const proto::TeamConfig& team, std::uint64_t id) {
+  return std::any_of(team.agents().begin(), team.agents().end(),
+                     [id](const proto::AgentConfig& agent) { return agent.id() == id; });
+}
+
+Result<void> CheckMember(const proto::TeamConfig& team, std::uint64_t id, const std::string& field) {
+  if (IsMember(team, id)) return {};
+  return Fail(ErrorCode::kInvalid, "agent " + std::to_string(id) + " is not of team " + team.team(), field);
+}
+
+Result<void> CheckBothEnds(const proto::TeamConfig& team, std::uint64_t from, std::uint64_t to,
+                           const std::string& field) {
+  if (auto checked = CheckMember(team, from, field + ".from.agent_id"); !checked) return checked;
+  return CheckMember(team, to, field + ".to.agent_id");
+}
+
+Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Record& record, const std::string& at) {
+  switch (record.body_case()) {
+    case proto::Record::kPoseGraphNode:
+      return CheckMember(team, record.pose_graph_node().node().agent_id(), at + ".pose_graph_node.node.agent_id");
+    case proto::Record::kPoseGraphEdge:
+      return CheckBothEnds(team, record.pose_graph_edge().from().agent_id(), record.pose_graph_edge().to().agent_id(),
+                           at + ".pose_graph_edge");
+    case proto::Record::kOptimizedPose:
+      return CheckMember(team, record.optimized_pose().node().agent_id(), at + ".optimized_pose.node.agent_id");
+    case proto::Record::kEdgeVerdict:
+      return CheckBothEnds(team, record.edge_verdict().from().agent_id(), record.edge_verdict().to().agent_id(),
+                           at + ".edge_verdict");
+    case proto::Record::kLocalTraversabilityMap:
+      return CheckMember(team, record.local_traversability_map().node().agent_id(),
+                         at + ".local_traversability_map.node.agent_id");
+    default:
+      return {};
+  }
+}
+
+Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert) {
+  if (insert.records().empty()) return Fail(ErrorCode::kInvalid, "no record to insert", "insert.records");
+  if (insert.records_size() > kInsertRecordsMax) {
+    return Fail(ErrorCode::kInvalid, "at most " + std::to_string(kInsertRecordsMax) + " records at a time",
+                "insert.records");
+  }
+  for (int i = 0; i < insert.records_size(); ++i) {
+    auto checked = CheckAgentsOfRecord(team, insert.records(i), "insert.records[" + std::to_string(i) + "]");
+    if (!checked) return checked;
+  }
+  return {};
+}
+
+template <typename List>
+Result<void> CheckMembers(const proto::TeamConfig& team, const List& agents, const std::string& field) {
+  if (agents.size() > kFilterEntriesMax) return Fail(ErrorCode::kInvalid, "too many agents", field);
+  for (int i = 0; i < agents.size(); ++i) {
+    auto checked = CheckMember(team, agents[i], field + "[" + std::to_string(i) + "]");
+    if (!checked) return checked;
+  }
+  return {};
+}
+
+Result<void> CheckRead(const proto::ReadRequest& read) {
+  if (read.data_types_size() > kFilterEntriesMax) {
+    return Fail(ErrorCode::kInvalid, "too many data types", "read.data_types");
+  }
+  if (read.origin_agents_size() > kFilterEntriesMax) {
+    return Fail(ErrorCode::kInvalid, "too many agents", "read.origin_agents");
+  }
+  return {};
+}
+
+Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set) {
+  if (!set.is_swap() && set.leader() == 0 && set.survivor() == 0) {
+    return Fail(ErrorCode::kInvalid, "names neither a leader nor a designated survivor", "role_set");
+  }
+  if (set.reason().size() > kReasonBytesMax) {
+    return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kReasonBytesMax) + " bytes", "role_set.reason");
+  }
+  if (set.leader() != 0) {
+    if (auto checked = CheckMember(team, set.leader(), "role_set.leader"); !checked) return checked;
+  }
+  if (set.survivor() != 0) return CheckMember(team, set.survivor(), "role_set.survivor");
+  return {};
+}
+
+Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share) {
+  if (share.kind() != proto::SHARING_KIND_SYNC && share.kind() != proto::SHARING_KIND_REPLICATION) {
+    return Fail(ErrorCode::kInvalid, "must be sync or replication", "share.kind");
+  }
+  if (share.destination() != 0) {
+    if (auto checked = CheckMember(team, share.destination(), "share.destination"); !checked) return checked;
+    if (share.destination() == self) {
+      return Fail(ErrorCode::kInvalid, "is this agent itself", "share.destination");
+    }
+  }
+  return CheckMembers(team, share.from_agents(), "share.from_agents");
+}
+
+}  // namespace
+
+Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request) {
+  switch (request.request_case()) {
+    case proto::ControlRequest::kInsert:
+      return CheckInsert(team, request.insert());
+    case proto::ControlRequest::kRead:
+      return CheckRead(request.read());
+    case proto::ControlRequest::kRoleSet:
+      return CheckRoleSet(team, request.role_set());
+    case proto::ControlRequest::kShare:
+      return CheckShare(team, self, request.share());
+    case proto::ControlRequest::kMerge:
+      return CheckMembers(team, request.merge().agents(), "merge.agents");
+    case proto::ControlRequest::kStatus:
+    case proto::ControlRequest::kRoleShow:
+    case proto::ControlRequest::kShareStatus:
+    case proto::ControlRequest::kOptimize:
+    case proto::ControlRequest::kStop:
+    case proto::ControlRequest::kGraphStats:
+      return {};
+    case proto::ControlRequest::REQUEST_NOT_SET:
+      break;
+  }
+  return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
+}
+
+void BoundPage(proto::ReadRequest& request) {
+  if (request.records_max() == 0) request.set_records_max(kReadRecordsDefault);
+  request.set_records_max(std::min(request.records_max(), kReadRecordsMax));
+  if (request.content_bytes_max() == 0) request.set_content_bytes_max(kReadContentBytesDefault);
+  request.set_content_bytes_max(std::min(request.content_bytes_max(), kReadContentBytesMax));
+}
+
+}  // namespace moondb

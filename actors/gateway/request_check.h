@@ -1,0 +1,30 @@
+// The door for clients: what a ControlRequest may hold before any actor sees it.
+//
+// Records' own fields are StorageActor's to check (model/record_check.h); here stand the rules that need the team:
+// that the agents that a request names are members. Plain functions, any thread.
+#pragma once
+
+#include "model/error.h"
+#include "model/ids.h"
+#include "proto/control.pb.h"
+#include "proto/team.pb.h"
+
+namespace moondb {
+
+inline constexpr int kInsertRecordsMax = 4096;
+inline constexpr std::uint32_t kReadRecordsMax = 1024;
+inline constexpr std::uint32_t kReadRecordsDefault = 256;
+inline constexpr std::uint32_t kReadContentBytesMax = 8 * 1024 * 1024;
+inline constexpr std::uint32_t kReadContentBytesDefault = 1024 * 1024;
+inline constexpr int kFilterEntriesMax = 1024;
+inline constexpr std::size_t kReasonBytesMax = 256;
+
+// kInvalid, with the field named as in "insert.records[3].pose_graph_node.node.agent_id": no request set, an agent
+// that is not of the team, an insert without records or with too many, a share without a kind or to `self`, a role
+// change that changes nothing or a reason that is too long, filters that are too long.
+Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request);
+
+// Brings the limits of a page into 1 to the maximum; 0 becomes the default.
+void BoundPage(proto::ReadRequest& request);
+
+}  // namespace moondb

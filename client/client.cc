@@ -1,0 +1,151 @@
+#include "client/client.h"
+
+#include <utility>
+
+#include "client/connection.h"
+#include "client/merged_map.h"
+#include "proto/message.pb.h"
+
+namespace moondb {
+
+Client::Client(std::unique_ptr<Connection> connection, Options options)
+    : connection_(std::move(connection)), options_(options) {}
+
+Client::~Client() = default;
+
+Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::string agent_name, Options options) {
+  auto connection = std::make_unique<Connection>(std::move(endpoint), std::move(agent_name), options.message_bytes_max);
+  if (auto opened = connection->Open(options.connect_timeout); !opened) {
+    return tl::unexpected(opened.error());
+  }
+  return std::unique_ptr<Client>(new Client(std::move(connection), options));
+}
+
+Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
+  const bool is_long = request.has_optimize() || request.has_merge();
+  return Call(request, is_long ? options_.long_timeout : options_.timeout);
+}
+
+Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, Duration timeout) {
+  const std::uint64_t id = next_request_id_++;
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(id);
+  *message.mutable_control_request() = request;
+  if (message.ByteSizeLong() > options_.message_bytes_max) {
+    return Fail(ErrorCode::kInvalid, "the request is larger than a message may be");
+  }
+  if (auto opened = connection_->Open(options_.connect_timeout); !opened) return tl::unexpected(opened.error());
+  if (auto sent = connection_->Send(message.SerializeAsString()); !sent) return tl::unexpected(sent.error());
+
+  const auto deadline = std::chrono::steady_clock::now() + timeout;
+  while (true) {
+    auto frame = connection_->Receive(deadline);
+    if (!frame) return tl::unexpected(frame.error());
+    proto::Message answer;
+    if (!answer.ParseFromString(*frame) || !answer.has_control_reply()) {
+      return Fail(ErrorCode::kCorrupt, "the agent's answer does not decode");
+    }
+    if (answer.request_id() != id) continue;  // Of a call that had timed out.
+    if (IsError(answer.control_reply().error())) return tl::unexpected(FromProto(answer.control_reply().error()));
+    return std::move(*answer.mutable_control_reply());
+  }
+}
+
+Result<proto::AgentStatus> Client::Status() {
+  proto::ControlRequest request;
+  request.mutable_status();
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_status()); });
+}
+
+Result<std::vector<RecordKey>> Client::Insert(const std::vector<proto::Record>& records, bool is_local) {
+  proto::ControlRequest request;
+  request.mutable_insert()->set_is_local(is_local);
+  request.mutable_insert()->mutable_records()->Add(records.begin(), records.end());
+  return Call(request).map([](const proto::ControlReply& reply) {
+    std::vector<RecordKey> keys;
+    keys.reserve(static_cast<std::size_t>(reply.insert().keys_size()));
+    for (const proto::RecordKey& key : reply.insert().keys()) keys.push_back(FromProto(key));
+    return keys;
+  });
+}
+
+Result<proto::ReadReply> Client::Read(const proto::ReadRequest& read) {
+  proto::ControlRequest request;
+  *request.mutable_read() = read;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_read()); });
+}
+
+Result<void> Client::ReadAll(proto::ReadRequest request, const Visit& visit) {
+  while (true) {
+    auto page = Read(request);
+    if (!page) return tl::unexpected(page.error());
+    if (page->row_ids_size() != page->records_size()) {
+      return Fail(ErrorCode::kCorrupt, "the agent's page has not one row id for each record");
+    }
+    for (const proto::StoredRecord& stored : page->records()) {
+      proto::Record record;
+      if (!record.ParseFromString(stored.content())) {
+        return Fail(ErrorCode::kCorrupt, "record " + ToString(FromProto(stored.key())) + " does not decode");
+      }
+      if (auto visited = visit(stored, record); !visited) return visited;
+    }
+    if (page->is_complete() || page->row_ids().empty()) return {};
+    request.set_after_row_id(*page->row_ids().rbegin());
+  }
+}
+
+Result<proto::RoleShowReply> Client::Roles(bool with_history) {
+  proto::ControlRequest request;
+  request.mutable_role_show()->set_with_history(with_history);
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_roles()); });
+}
+
+Result<proto::RoleShowReply> Client::SetRoles(const proto::RoleSetRequest& set) {
+  proto::ControlRequest request;
+  *request.mutable_role_set() = set;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_roles()); });
+}
+
+Result<proto::ShareReply> Client::Share(const proto::ShareRequest& share) {
+  proto::ControlRequest request;
+  *request.mutable_share() = share;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_share()); });
+}
+
+Result<proto::ShareStatus> Client::ShareStatus() {
+  proto::ControlRequest request;
+  request.mutable_share_status();
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_share_status()); });
+}
+
+Result<proto::OptimizeReply> Client::Optimize() {
+  proto::ControlRequest request;
+  request.mutable_optimize();
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_optimize()); });
+}
+
+Result<proto::GraphStatsReply> Client::GraphStats() {
+  proto::ControlRequest request;
+  request.mutable_graph_stats();
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_graph_stats()); });
+}
+
+Result<Client::Merged> Client::Merge(const proto::MergeRequest& merge) {
+  proto::ControlRequest request;
+  *request.mutable_merge() = merge;
+  auto reply = Call(request);
+  if (!reply) return tl::unexpected(reply.error());
+  auto map = DecodeMergedMap(reply->merge());
+  if (!map) return tl::unexpected(map.error());
+  reply->mutable_merge()->clear_zstd_cells();
+  return Merged{std::move(*map), std::move(*reply->mutable_merge())};
+}
+
+Result<void> Client::Stop() {
+  proto::ControlRequest request;
+  request.mutable_stop();
+  return Call(request).map([](const proto::ControlReply&) {});
+}
+
+}  // namespace moondb

@@ -1,0 +1,88 @@
+// Client: what a robot's software, a planner or an operator's tool asks of its agent.
+//
+// Speaks proto/control.proto over a ZeroMQ DEALER to the agent's own endpoint (runtime/team_config.h, ClientEndpoint);
+// knows nothing of actors. Calls are synchronous, one at a time. Not thread-safe: one Client a thread. A call that
+// timed out or lost its agent leaves the Client usable: the next call connects again, and an answer that comes too late
+// is dropped.
+//
+//   auto client = Client::Connect("ipc:///run/user/1000/moondb/team/rover1", "rover1", {});
+//   if (!client) return client.error();
+//   auto keys = (*client)->Insert({record});
+//
+// Errors of every call: kUnavailable (the agent is not running, or it went away during the call), kTimedOut,
+// kInvalid (the request is larger than message_bytes_max), kCorrupt (an answer that does not decode), or what the
+// agent answered.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+#include "model/record_key.h"
+#include "model/traversability_map.h"
+#include "proto/control.pb.h"
+
+namespace moondb {
+
+class Client {
+ public:
+  using Duration = std::chrono::milliseconds;
+
+  struct Options {
+    Duration connect_timeout = std::chrono::seconds(1);
+    Duration timeout = std::chrono::seconds(10);        // Of a call, once connected.
+    Duration long_timeout = std::chrono::seconds(600);  // Of Optimize and Merge.
+    std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
+  };
+
+  // What Merge gives back: the map and how it came about. The cells are in `map`, no longer in `reply`.
+  struct Merged {
+    MergedMap map;
+    proto::MergeReply reply;
+  };
+
+  // Sees one stored record; an error ends the reading and is returned by ReadAll.
+  using Visit = std::function<Result<void>(const proto::StoredRecord& stored, const proto::Record& record)>;
+
+  // `agent_name` stands in errors. An ipc endpoint where nobody listens fails at once, others after connect_timeout.
+  static Result<std::unique_ptr<Client>> Connect(std::string endpoint, std::string agent_name, Options options);
+  ~Client();
+
+  // Any request, for those without a function of their own. ControlReply.error becomes this call's error.
+  Result<proto::ControlReply> Call(const proto::ControlRequest& request);
+  Result<proto::ControlReply> Call(const proto::ControlRequest& request, Duration timeout);
+
+  Result<proto::AgentStatus> Status();
+
+  // All or none; stored durably when this returns. One key each, in order.
+  Result<std::vector<RecordKey>> Insert(const std::vector<proto::Record>& records, bool is_local = false);
+
+  // One page.
+  Result<proto::ReadReply> Read(const proto::ReadRequest& request);
+  // All pages from request.after_row_id on, in the order of storing; each page bounded by the request's limits.
+  Result<void> ReadAll(proto::ReadRequest request, const Visit& visit);
+
+  Result<proto::RoleShowReply> Roles(bool with_history = false);
+  Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);
+  Result<proto::ShareReply> Share(const proto::ShareRequest& request);
+  Result<proto::ShareStatus> ShareStatus();
+  Result<proto::OptimizeReply> Optimize();
+  Result<proto::GraphStatsReply> GraphStats();
+  Result<Merged> Merge(const proto::MergeRequest& request);
+  // The agent has agreed to stop; it ends shortly after.
+  Result<void> Stop();
+
+ private:
+  class Connection;
+  Client(std::unique_ptr<Connection> connection, Options options);
+
+  std::unique_ptr<Connection> connection_;
+  Options options_;
+  std::uint64_t next_request_id_ = 1;
+};
+
+}  // namespace moondb

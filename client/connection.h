@@ -1,0 +1,38 @@
+// One DEALER to one agent's endpoint: frames out and in, with deadlines. The only file of client/ that knows ZeroMQ.
+//
+// Never reconnects by itself: a lost peer shows at once, and the next Open makes a new socket. Not thread-safe.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "client/client.h"
+
+namespace moondb {
+
+class Client::Connection {
+ public:
+  Connection(std::string endpoint, std::string agent_name, std::size_t message_bytes_max);
+  ~Connection();
+
+  // Connects unless connected. kUnavailable if nobody answers within `timeout`; at once for an ipc socket that is
+  // missing or has no listener.
+  Result<void> Open(Duration timeout);
+  void Close();
+
+  // kUnavailable if the peer went away.
+  Result<void> Send(const std::string& frame);
+  // The next frame; kTimedOut after `deadline`, kUnavailable if the peer went away.
+  Result<std::string> Receive(std::chrono::steady_clock::time_point deadline);
+
+ private:
+  struct Sockets;
+
+  std::string endpoint_;
+  std::string agent_name_;
+  std::size_t message_bytes_max_;
+  std::unique_ptr<Sockets> sockets_;  // Null while not connected.
+};
+
+}  // namespace moondb

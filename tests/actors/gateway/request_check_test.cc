@@ -1,0 +1,90 @@
+#include "actors/gateway/request_check.h"
+
+#include <gtest/gtest.h>
+
+namespace moondb {
+namespace {
+
+proto::TeamConfig Team() {
+  proto::TeamConfig team;
+  team.set_team("test");
+  for (const std::uint32_t id : {1, 2, 3}) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(id);
+    agent.set_name("rover" + std::to_string(id));
+  }
+  return team;
+}
+
+// The field of the error; "ok" for none.
+std::string FieldOf(const proto::ControlRequest& request) {
+  const auto checked = CheckRequest(Team(), /*self=*/1, request);
+  if (checked) return "ok";
+  EXPECT_EQ(checked.error().code, ErrorCode::kInvalid);
+  EXPECT_FALSE(checked.error().text.empty());
+  return checked.error().field;
+}
+
+TEST(RequestCheckTest, RefusesAnEmptyRequest) { EXPECT_EQ(FieldOf({}), "request"); }
+
+TEST(RequestCheckTest, NamesTheRecordWhoseAgentIsNotOfTheTeam) {
+  proto::ControlRequest request;
+  EXPECT_EQ((request.mutable_insert(), FieldOf(request)), "insert.records");
+  request.mutable_insert()->add_records()->mutable_temperature();
+  EXPECT_EQ(FieldOf(request), "ok");
+  auto* node = request.mutable_insert()->add_records()->mutable_pose_graph_node()->mutable_node();
+  node->set_agent_id(9);
+  EXPECT_EQ(FieldOf(request), "insert.records[1].pose_graph_node.node.agent_id");
+  node->set_agent_id(3);
+  EXPECT_EQ(FieldOf(request), "ok");
+  auto* edge = request.mutable_insert()->add_records()->mutable_pose_graph_edge();
+  edge->mutable_from()->set_agent_id(1);
+  EXPECT_EQ(FieldOf(request), "insert.records[2].pose_graph_edge.to.agent_id");
+}
+
+TEST(RequestCheckTest, BoundsTheRecordsOfOneInsert) {
+  proto::ControlRequest request;
+  for (int i = 0; i <= kInsertRecordsMax; ++i) request.mutable_insert()->add_records()->mutable_temperature();
+  EXPECT_EQ(FieldOf(request), "insert.records");
+}
+
+TEST(RequestCheckTest, RefusesRoleChangesThatChangeNothingOrNameStrangers) {
+  proto::ControlRequest request;
+  EXPECT_EQ((request.mutable_role_set(), FieldOf(request)), "role_set");
+  request.mutable_role_set()->set_leader(4);
+  EXPECT_EQ(FieldOf(request), "role_set.leader");
+  request.mutable_role_set()->set_leader(2);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_role_set()->set_survivor(70000);
+  EXPECT_EQ(FieldOf(request), "role_set.survivor");
+  request.mutable_role_set()->set_survivor(3);
+  request.mutable_role_set()->set_reason(std::string(kReasonBytesMax + 1, 'x'));
+  EXPECT_EQ(FieldOf(request), "role_set.reason");
+}
+
+TEST(RequestCheckTest, RefusesToShareWithItselfOrWithStrangers) {
+  proto::ControlRequest request;
+  EXPECT_EQ((request.mutable_share(), FieldOf(request)), "share.kind");
+  request.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_share()->set_destination(1);
+  EXPECT_EQ(FieldOf(request), "share.destination");
+  request.mutable_share()->set_destination(2);
+  request.mutable_share()->add_from_agents(8);
+  EXPECT_EQ(FieldOf(request), "share.from_agents[0]");
+}
+
+TEST(RequestCheckTest, BringsPagesIntoTheirBounds) {
+  proto::ReadRequest request;
+  BoundPage(request);
+  EXPECT_EQ(request.records_max(), kReadRecordsDefault);
+  EXPECT_EQ(request.content_bytes_max(), kReadContentBytesDefault);
+  request.set_records_max(0xFFFF'FFFF);
+  request.set_content_bytes_max(0xFFFF'FFFF);
+  BoundPage(request);
+  EXPECT_EQ(request.records_max(), kReadRecordsMax);
+  EXPECT_EQ(request.content_bytes_max(), kReadContentBytesMax);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,161 @@
+#include "client/client.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/client/fake_agent.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::HasSubstr;
+
+std::string Frame(const proto::Message& request, const proto::ControlReply& reply) {
+  proto::Message message;
+  message.set_request_id(request.request_id());
+  *message.mutable_control_reply() = reply;
+  return message.SerializeAsString();
+}
+
+std::unique_ptr<Client> ConnectTo(const FakeAgent& agent, Client::Options options = {}) {
+  auto client = Client::Connect(agent.endpoint(), "rover1", options);
+  EXPECT_TRUE(client.has_value()) << ToString(client.error());
+  return std::move(*client);
+}
+
+TEST(ClientTest, SaysAtOnceThatAnAgentIsNotRunning) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto client = Client::Connect("ipc:///tmp/moondb-no-such-folder/rover1", "rover1", {});
+  ASSERT_FALSE(client.has_value());
+  EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(client.error().text, "agent rover1 is not running (no socket /tmp/moondb-no-such-folder/rover1)");
+  EXPECT_LT(std::chrono::steady_clock::now() - start, milliseconds(500));
+}
+
+TEST(ClientTest, SaysSoWhenADeadAgentLeftItsSocketBehind) {
+  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>{}; });
+  const std::string path = agent.endpoint().substr(6);
+  agent.Stop();
+  // libzmq removes its file; a killed process does not.
+  const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof(address.sun_path) - 1);
+  ::unlink(path.c_str());
+  ASSERT_EQ(::bind(left, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  ::close(left);
+
+  const auto client = Client::Connect(agent.endpoint(), "rover1", {});
+  ASSERT_FALSE(client.has_value());
+  EXPECT_EQ(client.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(client.error().text, HasSubstr("nobody listens"));
+}
+
+TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
+  FakeAgent agent([](const proto::Message& request) {
+    proto::ControlReply reply;
+    if (request.control_request().has_status()) {
+      reply.mutable_status()->set_name("rover1");
+    } else {
+      reply.mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
+      reply.mutable_error()->set_text("not the leader");
+    }
+    return std::vector{Frame(request, reply)};
+  });
+  auto client = ConnectTo(agent);
+  const auto status = client->Status();
+  ASSERT_TRUE(status.has_value()) << ToString(status.error());
+  EXPECT_EQ(status->name(), "rover1");
+  const auto optimized = client->Optimize();
+  ASSERT_FALSE(optimized.has_value());
+  EXPECT_EQ(optimized.error().code, ErrorCode::kRefused);
+  EXPECT_EQ(optimized.error().text, "not the leader");
+}
+
+TEST(ClientTest, TimesOutAndDropsTheAnswerThatComesTooLate) {
+  std::string late;
+  FakeAgent agent([&late](const proto::Message& request) {
+    proto::ControlReply reply;
+    reply.mutable_status()->set_name("answer " + std::to_string(request.request_id()));
+    if (late.empty()) {
+      late = Frame(request, reply);
+      return std::vector<std::string>{};
+    }
+    return std::vector{late, Frame(request, reply)};
+  });
+  auto client = ConnectTo(agent, {.timeout = milliseconds(50)});
+  const auto first = client->Status();
+  ASSERT_FALSE(first.has_value());
+  EXPECT_EQ(first.error().code, ErrorCode::kTimedOut);
+  proto::ControlRequest request;
+  request.mutable_status();
+  const auto second = client->Call(request, std::chrono::seconds(10));
+  ASSERT_TRUE(second.has_value()) << ToString(second.error());
+  EXPECT_EQ(second->status().name(), "answer 2");
+}
+
+TEST(ClientTest, NoticesThatTheAgentWentAwayDuringACall) {
+  FakeAgent* running = nullptr;
+  std::thread stopper;
+  FakeAgent agent([&](const proto::Message&) {
+    stopper = std::thread([&] { running->Stop(); });
+    return std::vector<std::string>{};
+  });
+  running = &agent;
+  auto client = ConnectTo(agent, {.timeout = std::chrono::seconds(30)});
+  const auto start = std::chrono::steady_clock::now();
+  const auto status = client->Status();
+  stopper.join();
+  ASSERT_FALSE(status.has_value());
+  EXPECT_EQ(status.error().code, ErrorCode::kUnavailable);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
+}
+
+TEST(ClientTest, RefusesARequestThatIsTooLarge) {
+  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>{}; });
+  auto client = ConnectTo(agent, {.message_bytes_max = 1000});
+  proto::Record record;
+  record.mutable_health()->set_text(std::string(2000, 'x'));
+  const auto keys = client->Insert({record});
+  ASSERT_FALSE(keys.has_value());
+  EXPECT_EQ(keys.error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(agent.requests(), 0);
+}
+
+TEST(ClientTest, ReportsAnAnswerThatDoesNotDecode) {
+  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>{"\xff\xff\xff"}; });
+  auto client = ConnectTo(agent);
+  const auto status = client->Status();
+  ASSERT_FALSE(status.has_value());
+  EXPECT_EQ(status.error().code, ErrorCode::kCorrupt);
+}
+
+TEST(ClientTest, ReadsAllPagesInOrder) {
+  // Five records, two a page.
+  FakeAgent agent([](const proto::Message& request) {
+    proto::ControlReply reply;
+    proto::ReadReply& page = *reply.mutable_read();
+    for (std::uint64_t row = request.control_request().read().after_row_id() + 1; row <= 5; ++row) {
+      if (page.records_size() == 2) return std::vector{Frame(request, reply)};
+      proto::Record record;
+      record.set_stamp_ns(static_cast<std::int64_t>(row));
+      page.add_records()->set_content(record.SerializeAsString());
+      page.add_row_ids(row);
+    }
+    page.set_is_complete(true);
+    return std::vector{Frame(request, reply)};
+  });
+  auto client = ConnectTo(agent);
+  std::vector<std::int64_t> stamps;
+  const auto read = client->ReadAll({}, [&](const proto::StoredRecord&, const proto::Record& record) -> Result<void> {
+    stamps.push_back(record.stamp_ns());
+    return {};
+  });
+  ASSERT_TRUE(read.has_value()) << ToString(read.error());
+  EXPECT_THAT(stamps, testing::ElementsAre(1, 2, 3, 4, 5));
+  EXPECT_EQ(agent.requests(), 3);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,76 @@
+// FakeAgent: a ROUTER on an ipc socket of a folder of its own, which answers as a test says. One thread.
+#pragma once
+
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+#include <zmq.hpp>
+
+#include "proto/message.pb.h"
+
+namespace moondb {
+
+class FakeAgent {
+ public:
+  // Frames to send back for one request; none keeps silent.
+  using Answer = std::function<std::vector<std::string>(const proto::Message& request)>;
+
+  explicit FakeAgent(Answer answer) : answer_(std::move(answer)) {
+    std::string pattern = "/tmp/moondb-test-XXXXXX";
+    folder_ = ::mkdtemp(pattern.data());
+    router_.set(zmq::sockopt::linger, 0);
+    router_.bind(endpoint());
+    thread_ = std::thread([this] { Run(); });
+  }
+  ~FakeAgent() {
+    Stop();
+    std::filesystem::remove_all(folder_);
+  }
+
+  std::string endpoint() const { return "ipc://" + (folder_ / "agent").string(); }
+  int requests() const { return requests_; }
+
+  // Closes the socket; the file stays where it was, as after a kill.
+  void Stop() {
+    is_stopping_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+
+ private:
+  void Run() {
+    while (!is_stopping_) {
+      zmq::pollitem_t item{router_.handle(), 0, ZMQ_POLLIN, 0};
+      if (zmq::poll(&item, 1, std::chrono::milliseconds(10)) <= 0) continue;
+      zmq::message_t client, frame;
+      (void)router_.recv(client);
+      (void)router_.recv(frame);
+      ++requests_;
+      proto::Message request;
+      if (!request.ParseFromArray(frame.data(), static_cast<int>(frame.size()))) continue;
+      for (const std::string& answer : answer_(request)) {
+        router_.send(zmq::buffer(client.to_string()), zmq::send_flags::sndmore);
+        router_.send(zmq::buffer(answer), zmq::send_flags::none);
+      }
+    }
+    router_.close();
+  }
+
+  Answer answer_;
+  std::filesystem::path folder_;
+  zmq::context_t context_;
+  zmq::socket_t router_{context_, zmq::socket_type::router};
+  std::atomic<bool> is_stopping_ = false;
+  std::atomic<int> requests_ = 0;
+  std::thread thread_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,52 @@
+#include "client/merged_map.h"
+
+#include <gtest/gtest.h>
+#include <zstd.h>
+
+namespace moondb {
+namespace {
+
+proto::MergeReply Reply(std::uint32_t width, std::uint32_t height, const std::string& cells) {
+  proto::MergeReply reply;
+  reply.set_resolution_um(50000);
+  reply.set_origin_cell_x(-7);
+  reply.set_origin_cell_y(3);
+  reply.set_width_cells(width);
+  reply.set_height_cells(height);
+  std::string frame(ZSTD_compressBound(cells.size()), '\0');
+  frame.resize(ZSTD_compress(frame.data(), frame.size(), cells.data(), cells.size(), 1));
+  reply.set_zstd_cells(frame);
+  return reply;
+}
+
+TEST(MergedMapTest, DecodesCellsAndPlace) {
+  const auto map = DecodeMergedMap(Reply(3, 2, {0, 1, 2, 2, 1, 0}));
+  ASSERT_TRUE(map.has_value()) << ToString(map.error());
+  EXPECT_EQ(map->resolution_um, 50000u);
+  EXPECT_EQ(map->origin_cell_x, -7);
+  EXPECT_EQ(map->origin_cell_y, 3);
+  EXPECT_EQ(map->grid.width, 3);
+  EXPECT_EQ(map->grid.At(2, 0), Cell::kHazard);
+  EXPECT_EQ(map->grid.At(2, 1), Cell::kUnknown);
+}
+
+TEST(MergedMapTest, TakesAnEmptyMap) {
+  const auto map = DecodeMergedMap({});
+  ASSERT_TRUE(map.has_value());
+  EXPECT_TRUE(map->grid.cells.empty());
+}
+
+TEST(MergedMapTest, RefusesWhatDoesNotFit) {
+  EXPECT_FALSE(DecodeMergedMap(Reply(3, 3, {0, 1, 2, 2, 1, 0})).has_value());
+  EXPECT_FALSE(DecodeMergedMap(Reply(3, 2, {0, 1, 3, 2, 1, 0})).has_value());
+  proto::MergeReply cut = Reply(3, 2, {0, 1, 2, 2, 1, 0});
+  cut.mutable_zstd_cells()->pop_back();
+  EXPECT_FALSE(DecodeMergedMap(cut).has_value());
+  proto::MergeReply huge = Reply(3, 2, {0, 1, 2, 2, 1, 0});
+  huge.set_width_cells(0xFFFF'FFFF);
+  huge.set_height_cells(0xFFFF'FFFF);
+  EXPECT_FALSE(DecodeMergedMap(huge).has_value());
+}
+
+}  // namespace
+}  // namespace moondb
