@@ -1,0 +1,392 @@
+#include "model/pyfg.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "model/check.h"
+#include "model/text.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr double kCoordinateMaxM = 1e9;
+constexpr double kRangeMaxM = 1e6;
+constexpr double kQuaternionTolerance = 0.01;
+// A quaternion this close to length 1 is kept as it is, so that what was normalised once reads back bit for bit.
+constexpr double kQuaternionUnitSlack = 1e-12;
+constexpr int kLetters = 26;
+constexpr int kPlanarRows[3] = {0, 1, 5};
+
+enum class VertexKind { kPose, kLandmark };
+
+struct EdgeEnds {
+  NodeKey from;
+  NodeKey to;
+  std::size_t line = 0;
+  bool is_to_landmark = false;
+  bool is_range = false;
+};
+
+std::string KeyText(NodeKey key) { return LetterOfAgent(key.agent) + std::to_string(key.index); }
+
+// One line's fields, taken from the left. The first error stays; later calls give zeros.
+class Fields {
+ public:
+  explicit Fields(std::vector<std::string_view> fields) : fields_(std::move(fields)) {}
+
+  std::size_t left() const { return fields_.size() - next_; }
+  const std::string& error() const { return error_; }
+
+  std::string_view Take() {
+    if (left() == 0) {
+      Stop("the line ends too early");
+      return {};
+    }
+    return fields_[next_++];
+  }
+
+  double Number() {
+    const std::string_view text = Take();
+    const std::optional<double> value = ParseDouble(text);
+    if (!value) Stop("'" + std::string(text) + "' is no finite number");
+    return value.value_or(0);
+  }
+
+  std::int64_t Stamp() {
+    const std::string_view text = Take();
+    const std::optional<std::int64_t> stamp_ns = ParseStampNs(text);
+    if (!stamp_ns) Stop("'" + std::string(text) + "' is no stamp in seconds");
+    return stamp_ns.value_or(0);
+  }
+
+  NodeKey Key() {
+    const std::string_view text = Take();
+    const AgentId agent = text.empty() ? 0 : AgentOfLetter(text.front());
+    const std::optional<std::uint64_t> index = text.empty() ? std::nullopt : ParseUnsigned(text.substr(1));
+    if (agent == 0 || !index) Stop("'" + std::string(text) + "' is no key of a letter and a number");
+    return NodeKey{agent, index.value_or(0)};
+  }
+
+  // 2 or 3 coordinates; z is 0 in the plane.
+  Eigen::Vector3d Position(bool is_planar) {
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    for (int i = 0; i < (is_planar ? 2 : 3); ++i) position[i] = Number();
+    if (position.cwiseAbs().maxCoeff() > kCoordinateMaxM) Stop("the position lies beyond 1e9 m");
+    return position;
+  }
+
+  Pose PoseOf(bool is_planar) {
+    const Eigen::Vector3d position = Position(is_planar);
+    if (is_planar) return Pose::FromPlanar(position.x(), position.y(), Number());
+    return Pose{position, Orientation()};
+  }
+
+  template <int kSize>
+  Eigen::Matrix<double, kSize, kSize> Covariance() {
+    Eigen::Matrix<double, kSize, kSize> covariance;
+    for (int row = 0; row < kSize; ++row) {
+      for (int column = row; column < kSize; ++column) covariance(row, column) = covariance(column, row) = Number();
+    }
+    const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> decomposition(covariance);
+    if (decomposition.info() != Eigen::Success) Stop("the covariance is not positive definite");
+    return covariance;
+  }
+
+  void Stop(std::string error) {
+    if (error_.empty()) error_ = std::move(error);
+  }
+
+ private:
+  Eigen::Quaterniond Orientation() {
+    const double x = Number();
+    const double y = Number();
+    const double z = Number();
+    const double w = Number();
+    const Eigen::Quaterniond read(w, x, y, z);
+    const double length = read.norm();
+    if (std::abs(length - 1) > kQuaternionTolerance) {
+      Stop("the quaternion has the length " + FormatDouble(length) + ", not 1");
+      return Eigen::Quaterniond::Identity();
+    }
+    return std::abs(length - 1) <= kQuaternionUnitSlack ? read : read.normalized();
+  }
+
+  std::vector<std::string_view> fields_;
+  std::size_t next_ = 0;
+  std::string error_;
+};
+
+Matrix6d Lift(const Eigen::Matrix3d& planar) {
+  Matrix6d covariance = Matrix6d::Identity();
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      covariance(kPlanarRows[row], kPlanarRows[column]) = planar(row, column);
+    }
+  }
+  return covariance;
+}
+
+class Parser {
+ public:
+  explicit Parser(std::string name) : name_(std::move(name)) {}
+
+  Result<Pyfg> Parse(std::string_view text) {
+    while (!text.empty()) {
+      ++line_;
+      const std::string_view line = TakeLine(text);
+      if (line.size() > kPyfgLineBytesMax) return Stop(line_, "the line is longer than 4096 bytes");
+      Fields fields(Split(line, ' '));
+      if (fields.left() == 0 || line.front() == '#') continue;
+      ParseLine(fields);
+      if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
+      if (!fields.error().empty()) return Stop(line_, fields.error());
+    }
+    return CheckEdges();
+  }
+
+ private:
+  void ParseLine(Fields& fields) {
+    const std::string_view word = fields.Take();
+    if (word == "VERTEX_SE2") return ParsePose(fields, true);
+    if (word == "VERTEX_SE3:QUAT") return ParsePose(fields, false);
+    if (word == "VERTEX_XY") return ParseLandmark(fields, true);
+    if (word == "VERTEX_XYZ") return ParseLandmark(fields, false);
+    if (word == "EDGE_SE2") return ParseOdometry(fields, true);
+    if (word == "EDGE_SE3:QUAT") return ParseOdometry(fields, false);
+    if (word == "EDGE_SE2_XY") return ParseSighting(fields, true);
+    if (word == "EDGE_SE3_XYZ") return ParseSighting(fields, false);
+    if (word == "EDGE_RANGE") return ParseRange(fields);
+    fields.Stop("'" + std::string(word) + "' is no keyword of PyFG");
+  }
+
+  void ParsePose(Fields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    GraphNode node;
+    node.stamp_ns = fields.Stamp();
+    node.key = fields.Key();
+    node.map_from_node = fields.PoseOf(is_planar);
+    AddVertex(fields, node.key, VertexKind::kPose);
+    pyfg_.graph.nodes.push_back(node);
+  }
+
+  void ParseLandmark(Fields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    PyfgLandmark landmark;
+    const std::size_t fields_without_stamp = is_planar ? 3 : 4;
+    if (fields.left() > fields_without_stamp) landmark.stamp_ns = fields.Stamp();
+    landmark.key = fields.Key();
+    landmark.position_m = fields.Position(is_planar);
+    AddVertex(fields, landmark.key, VertexKind::kLandmark);
+    pyfg_.landmarks.push_back(landmark);
+  }
+
+  void ParseOdometry(Fields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    OdometryEdge edge;
+    edge.stamp_ns = fields.Stamp();
+    edge.from = fields.Key();
+    edge.to = fields.Key();
+    edge.from_from_to = fields.PoseOf(is_planar);
+    edge.covariance = is_planar ? Lift(fields.Covariance<3>()) : fields.Covariance<6>();
+    edges_.push_back({edge.from, edge.to, line_, false, false});
+    pyfg_.graph.odometry.push_back(edge);
+  }
+
+  void ParseSighting(Fields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    PyfgSighting sighting;
+    sighting.stamp_ns = fields.Stamp();
+    sighting.from = fields.Key();
+    sighting.to = fields.Key();
+    sighting.from_point_m = fields.Position(is_planar);
+    if (is_planar) {
+      sighting.covariance.topLeftCorner<2, 2>() = fields.Covariance<2>();
+    } else {
+      sighting.covariance = fields.Covariance<3>();
+    }
+    edges_.push_back({sighting.from, sighting.to, line_, true, false});
+    pyfg_.sightings.push_back(sighting);
+  }
+
+  void ParseRange(Fields& fields) {
+    RangeEdge edge;
+    edge.stamp_ns = fields.Stamp();
+    edge.from = fields.Key();
+    edge.to = fields.Key();
+    edge.range_m = fields.Number();
+    edge.variance_m2 = fields.Number();
+    if (edge.range_m < 0 || edge.range_m > kRangeMaxM) fields.Stop("the range must lie between 0 and 1e6 m");
+    if (edge.variance_m2 <= 0) fields.Stop("the variance must be positive");
+    edges_.push_back({edge.from, edge.to, line_, false, true});
+    pyfg_.graph.ranges.push_back(edge);
+  }
+
+  void UseDimension(Fields& fields, bool is_planar) {
+    if (has_dimension_ && pyfg_.is_planar != is_planar) fields.Stop("2-D and 3-D are mixed in one file");
+    has_dimension_ = true;
+    pyfg_.is_planar = is_planar;
+  }
+
+  void AddVertex(Fields& fields, NodeKey key, VertexKind kind) {
+    if (!fields.error().empty()) return;
+    if (!vertices_.emplace(key, kind).second) fields.Stop("the vertex " + KeyText(key) + " stands here a second time");
+  }
+
+  // Only when all vertices are known.
+  Result<Pyfg> CheckEdges() {
+    for (const EdgeEnds& edge : edges_) {
+      if (edge.from == edge.to) return Stop(edge.line, "the edge joins " + KeyText(edge.from) + " with itself");
+      for (const NodeKey end : {edge.from, edge.to}) {
+        const auto vertex = vertices_.find(end);
+        if (vertex == vertices_.end()) return Stop(edge.line, "no vertex has the key " + KeyText(end));
+        if (edge.is_range) continue;
+        const bool is_landmark = vertex->second == VertexKind::kLandmark;
+        if (is_landmark != (edge.is_to_landmark && end == edge.to)) {
+          return Stop(edge.line, KeyText(end) + (is_landmark ? " is a landmark" : " is no landmark"));
+        }
+      }
+    }
+    return std::move(pyfg_);
+  }
+
+  tl::unexpected<Error> Stop(std::size_t line, std::string text) const {
+    return Fail(ErrorCode::kInvalid, std::move(text), FileLine(name_, line));
+  }
+
+  std::string name_;
+  std::size_t line_ = 0;
+  bool has_dimension_ = false;
+  Pyfg pyfg_;
+  std::map<NodeKey, VertexKind> vertices_;
+  std::vector<EdgeEnds> edges_;
+};
+
+// The yaw that reads back as exactly this quaternion, where one near the computed angle does: the arc tangent's last
+// bits are not those of the angle that was read.
+double PlanarYaw(const Eigen::Quaterniond& q) {
+  constexpr int kSteps = 8;
+  // q and -q are one turn; with w >= 0 the yaw lies between -pi and pi.
+  const double yaw_rad = 2 * std::atan2(q.w() < 0 ? -q.z() : q.z(), std::abs(q.w()));
+  double above = yaw_rad;
+  double below = yaw_rad;
+  for (int step = 0; step < kSteps; ++step) {
+    for (const double candidate : {above, below}) {
+      if (Pose::FromPlanar(0, 0, candidate).orientation.coeffs() == q.coeffs()) return candidate;
+    }
+    above = std::nextafter(above, 10.0);
+    below = std::nextafter(below, -10.0);
+  }
+  return yaw_rad;
+}
+
+class Formatter {
+ public:
+  explicit Formatter(bool is_planar) : is_planar_(is_planar) {}
+
+  Formatter& Word(std::string_view word) {
+    if (!text_.empty() && text_.back() != '\n') text_ += ' ';
+    text_ += word;
+    return *this;
+  }
+  // The keyword of this file's dimension.
+  Formatter& Word(std::string_view planar, std::string_view spatial) { return Word(is_planar_ ? planar : spatial); }
+  Formatter& Number(double value) { return Word(FormatDouble(value)); }
+  Formatter& Stamp(std::int64_t stamp_ns) { return Word(FormatStampNs(stamp_ns)); }
+  Formatter& Key(NodeKey key) {
+    Check(LetterOfAgent(key.agent) != '?', "PyFG names agents 1 to 52 by a letter");
+    return Word(KeyText(key));
+  }
+  Formatter& Position(const Eigen::Vector3d& position) {
+    for (int i = 0; i < (is_planar_ ? 2 : 3); ++i) Number(position[i]);
+    return *this;
+  }
+  Formatter& PoseOf(const Pose& pose) {
+    Position(pose.position_m);
+    const Eigen::Quaterniond& q = pose.orientation;
+    if (is_planar_) return Number(PlanarYaw(q));
+    return Number(q.x()).Number(q.y()).Number(q.z()).Number(q.w());
+  }
+  template <typename Matrix>
+  Formatter& UpperTriangle(const Matrix& covariance, int size) {
+    for (int row = 0; row < size; ++row) {
+      for (int column = row; column < size; ++column) Number(covariance(row, column));
+    }
+    return *this;
+  }
+  void End() { text_ += '\n'; }
+  std::string Take() { return std::move(text_); }
+
+ private:
+  bool is_planar_;
+  std::string text_;
+};
+
+void FormatOdometry(const OdometryEdge& edge, bool is_planar, Formatter& out) {
+  out.Word("EDGE_SE2", "EDGE_SE3:QUAT").Stamp(edge.stamp_ns).Key(edge.from).Key(edge.to).PoseOf(edge.from_from_to);
+  if (is_planar) {
+    Eigen::Matrix3d planar;
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        planar(row, column) = edge.covariance(kPlanarRows[row], kPlanarRows[column]);
+      }
+    }
+    out.UpperTriangle(planar, 3);
+  } else {
+    out.UpperTriangle(edge.covariance, 6);
+  }
+  out.End();
+}
+
+}  // namespace
+
+AgentId AgentOfLetter(char letter) {
+  if (letter >= 'A' && letter <= 'Z') return static_cast<AgentId>(letter - 'A' + 1);
+  if (letter >= 'a' && letter <= 'z') return static_cast<AgentId>(letter - 'a' + 1 + kLetters);
+  return 0;
+}
+
+char LetterOfAgent(AgentId agent) {
+  if (agent >= 1 && agent <= kLetters) return static_cast<char>('A' + agent - 1);
+  if (agent > kLetters && agent <= 2 * kLetters) return static_cast<char>('a' + agent - 1 - kLetters);
+  return '?';
+}
+
+Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name) { return Parser(name).Parse(text); }
+
+Result<Pyfg> ReadPyfg(const std::filesystem::path& file) {
+  const Result<std::string> text = ReadTextFile(file);
+  if (!text) return tl::unexpected(text.error());
+  return ParsePyfg(*text, file.string());
+}
+
+std::string FormatPyfg(const Pyfg& pyfg) {
+  Formatter out(pyfg.is_planar);
+  for (const GraphNode& node : pyfg.graph.nodes) {
+    out.Word("VERTEX_SE2", "VERTEX_SE3:QUAT").Stamp(node.stamp_ns).Key(node.key).PoseOf(node.map_from_node).End();
+  }
+  for (const PyfgLandmark& landmark : pyfg.landmarks) {
+    out.Word("VERTEX_XY", "VERTEX_XYZ");
+    if (landmark.stamp_ns) out.Stamp(*landmark.stamp_ns);
+    out.Key(landmark.key).Position(landmark.position_m).End();
+  }
+  for (const OdometryEdge& edge : pyfg.graph.odometry) FormatOdometry(edge, pyfg.is_planar, out);
+  for (const PyfgSighting& sighting : pyfg.sightings) {
+    out.Word("EDGE_SE2_XY", "EDGE_SE3_XYZ").Stamp(sighting.stamp_ns).Key(sighting.from).Key(sighting.to);
+    out.Position(sighting.from_point_m).UpperTriangle(sighting.covariance, pyfg.is_planar ? 2 : 3).End();
+  }
+  for (const RangeEdge& edge : pyfg.graph.ranges) {
+    out.Word("EDGE_RANGE").Stamp(edge.stamp_ns).Key(edge.from).Key(edge.to);
+    out.Number(edge.range_m).Number(edge.variance_m2).End();
+  }
+  return out.Take();
+}
+
+Result<void> WritePyfg(const Pyfg& pyfg, const std::filesystem::path& file) {
+  return WriteTextFile(file, FormatPyfg(pyfg));
+}
+
+}  // namespace moondb

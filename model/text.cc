@@ -1,0 +1,148 @@
+#include "model/text.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <system_error>
+
+namespace moondb {
+
+namespace {
+
+constexpr std::int64_t kNsPerSecond = 1'000'000'000;
+constexpr int kNsDigits = 9;
+
+bool IsDigit(char c) { return c >= '0' && c <= '9'; }
+bool IsBlank(char c) { return c == ' ' || c == '\t'; }
+
+std::vector<std::string_view> SplitAtBlanks(std::string_view line) {
+  std::vector<std::string_view> parts;
+  std::size_t at = 0;
+  while (at < line.size()) {
+    while (at < line.size() && IsBlank(line[at])) ++at;
+    const std::size_t begin = at;
+    while (at < line.size() && !IsBlank(line[at])) ++at;
+    if (at > begin) parts.push_back(line.substr(begin, at - begin));
+  }
+  return parts;
+}
+
+// The digits behind the point as nanoseconds, rounded to the nearest.
+std::optional<std::int64_t> FractionNs(std::string_view digits) {
+  std::int64_t ns = 0;
+  for (int i = 0; i < kNsDigits; ++i) {
+    const bool is_given = static_cast<std::size_t>(i) < digits.size();
+    if (is_given && !IsDigit(digits[i])) return std::nullopt;
+    ns = ns * 10 + (is_given ? digits[i] - '0' : 0);
+  }
+  for (std::size_t i = kNsDigits; i < digits.size(); ++i) {
+    if (!IsDigit(digits[i])) return std::nullopt;
+  }
+  if (digits.size() > kNsDigits && digits[kNsDigits] >= '5') ++ns;
+  return ns;
+}
+
+}  // namespace
+
+Result<std::string> ReadTextFile(const std::filesystem::path& file, std::size_t bytes_max) {
+  std::error_code failure;
+  const std::filesystem::file_status status = std::filesystem::status(file, failure);
+  if (!std::filesystem::exists(status)) return Fail(ErrorCode::kNotFound, "no such file", file.string());
+  if (!std::filesystem::is_regular_file(status)) return Fail(ErrorCode::kInvalid, "is no regular file", file.string());
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream) return Fail(ErrorCode::kInternal, "cannot be opened", file.string());
+  std::string text;
+  std::array<char, 65536> block;
+  while (stream.read(block.data(), block.size()) || stream.gcount() > 0) {
+    text.append(block.data(), static_cast<std::size_t>(stream.gcount()));
+    if (text.size() > bytes_max) {
+      return Fail(ErrorCode::kInvalid, "is larger than " + std::to_string(bytes_max) + " bytes", file.string());
+    }
+  }
+  if (stream.bad()) return Fail(ErrorCode::kInternal, "cannot be read", file.string());
+  return text;
+}
+
+Result<void> WriteTextFile(const std::filesystem::path& file, std::string_view text) {
+  std::filesystem::path beside = file;
+  beside += ".part";
+  std::ofstream stream(beside, std::ios::binary | std::ios::trunc);
+  stream.write(text.data(), static_cast<std::streamsize>(text.size()));
+  stream.close();
+  if (!stream) return Fail(ErrorCode::kInternal, "cannot be written", file.string());
+  std::error_code failure;
+  std::filesystem::rename(beside, file, failure);
+  if (failure) return Fail(ErrorCode::kInternal, "cannot be written: " + failure.message(), file.string());
+  return {};
+}
+
+std::string_view TakeLine(std::string_view& text) {
+  const std::size_t end = text.find('\n');
+  std::string_view line = text.substr(0, end);
+  text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+  if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+  return line;
+}
+
+std::vector<std::string_view> Split(std::string_view line, char separator) {
+  if (separator == ' ') return SplitAtBlanks(line);
+  std::vector<std::string_view> parts;
+  while (true) {
+    const std::size_t end = line.find(separator);
+    parts.push_back(line.substr(0, end));
+    if (end == std::string_view::npos) return parts;
+    line.remove_prefix(end + 1);
+  }
+}
+
+std::optional<double> ParseDouble(std::string_view text) {
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+std::optional<std::uint64_t> ParseUnsigned(std::string_view text) {
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+std::optional<std::int64_t> ParseStampNs(std::string_view seconds) {
+  const bool is_negative = !seconds.empty() && seconds.front() == '-';
+  if (is_negative) seconds.remove_prefix(1);
+  const std::size_t point = seconds.find('.');
+  const std::optional<std::uint64_t> whole = ParseUnsigned(seconds.substr(0, point));
+  const std::string_view digits = point == std::string_view::npos ? "" : seconds.substr(point + 1);
+  const std::optional<std::int64_t> fraction = FractionNs(digits);
+  constexpr std::uint64_t kSecondsMax = std::numeric_limits<std::int64_t>::max() / kNsPerSecond - 1;
+  if (!whole || !fraction || *whole > kSecondsMax) return std::nullopt;
+  const std::int64_t ns = static_cast<std::int64_t>(*whole) * kNsPerSecond + *fraction;
+  return is_negative ? -ns : ns;
+}
+
+std::string FormatDouble(double value) {
+  std::array<char, 32> buffer;
+  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return std::string(buffer.data(), end);
+}
+
+std::string FormatStampNs(std::int64_t stamp_ns) {
+  // Unsigned, so that the most negative number has a magnitude too.
+  const std::uint64_t magnitude =
+      stamp_ns < 0 ? 0 - static_cast<std::uint64_t>(stamp_ns) : static_cast<std::uint64_t>(stamp_ns);
+  std::string text = (stamp_ns < 0 ? "-" : "") + std::to_string(magnitude / kNsPerSecond);
+  std::uint64_t fraction = magnitude % kNsPerSecond;
+  if (fraction == 0) return text;
+  std::string digits = std::to_string(fraction + kNsPerSecond).substr(1);
+  while (digits.back() == '0') digits.pop_back();
+  return text + "." + digits;
+}
+
+std::string FileLine(const std::string& file, std::size_t line) { return file + ":" + std::to_string(line); }
+
+}  // namespace moondb
