@@ -1,0 +1,297 @@
+#include "runtime/team_check.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <functional>
+#include <vector>
+
+#include "model/ids.h"
+#include "runtime/did_you_mean.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::size_t kNameLengthMax = 32;
+constexpr std::size_t kKeyFileLengthMax = 255;
+constexpr std::size_t kSocketPathLengthMax = 107;  // sockaddr_un, less its final 0.
+constexpr double kCoordinateMax_m = 1e6;
+constexpr double kAngleMax_rad = 6.283185307179586;  // A whole turn either way.
+
+std::string Number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.12g", value);
+  return text;
+}
+
+bool IsName(const std::string& name) {
+  return !name.empty() && name.size() <= kNameLengthMax && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+  });
+}
+
+bool IsHost(const std::string& host) {
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']') {
+    return host.find_first_not_of("0123456789abcdefABCDEF:.", 1) == host.size() - 1;
+  }
+  const auto is_host_character = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '.';
+  };
+  return !host.empty() && host.size() <= 253 && host.front() != '-' &&
+         std::all_of(host.begin(), host.end(), is_host_character);
+}
+
+// Empty if `address` can be listened on and connected to.
+std::string WhyNoAddress(const std::string& address) {
+  if (address.rfind("ipc://", 0) == 0) {
+    const std::string path = address.substr(6);
+    if (path.empty() || path.front() != '/') return "expected an absolute path after ipc://";
+    if (path.size() > kSocketPathLengthMax) return "the path is longer than a socket's may be (107 characters)";
+    return "";
+  }
+  const std::size_t colon = address.rfind(':');
+  if (address.rfind("tcp://", 0) != 0 || colon < 6) {
+    return "expected tcp://HOST:PORT or ipc:///PATH, got " + Quoted(address);
+  }
+  const std::string host = address.substr(6, colon - 6);
+  if (host == "0.0.0.0" || host == "[::]" || host == "*") {
+    return "other agents connect to this address, so it cannot be " + Quoted(host);
+  }
+  if (!IsHost(host)) return "expected a host's name or number, got " + Quoted(host);
+  int port = 0;
+  const char* end = address.data() + address.size();
+  const auto [stop, error] = std::from_chars(address.data() + colon + 1, end, port);
+  if (error != std::errc() || stop != end || port < 1 || port > 65535) {
+    return "expected a port from 1 to 65535, got " + Quoted(address.substr(colon + 1));
+  }
+  return "";
+}
+
+class Checker {
+ public:
+  Checker(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors)
+      : team_(team), places_(places), errors_(*errors) {}
+
+  void Check() {
+    if (Require("team") && !IsName(team_.team())) Add("team", kNameRule + Quoted(team_.team()));
+    CheckAgentCount();
+    for (int i = 0; i < team_.agents_size(); ++i) CheckAgent(i);
+    CheckDuplicates();
+    CheckRoles();
+    CheckRange("radio.budget_kbps", team_.radio().budget_kbps(), 1, 1e6);
+    CheckRange("roles.leader_timeout_s", team_.roles().leader_timeout_s(), 1, 86400);
+    CheckRange("site.lat_deg", team_.site().lat_deg(), -90, 90);
+    CheckRange("site.lon_deg", team_.site().lon_deg(), -180, 360);
+    CheckRange("site.north_yaw_rad", team_.site().north_yaw_rad(), -kAngleMax_rad, kAngleMax_rad);
+    CheckRange("map.resolution_m", team_.map().resolution_m(), 0.001, 10);
+    CheckNumbers("map.footprint_m", team_.map().footprint_m(), "2 numbers (length and width)", 2, 0.01, 10);
+  }
+
+ private:
+  static constexpr char kNameRule[] = "expected at most 32 lower-case letters, digits, - and _, got ";
+
+  bool IsGiven(const std::string& field) const { return places_.count(field) > 0; }
+
+  void Add(const std::string& field, const std::string& text) { errors_.Add(PlaceOf(places_, field), field, text); }
+
+  // True if the field is there and was read well.
+  bool Require(const std::string& field) {
+    if (!IsGiven(field)) Add(field, "missing");
+    return IsGiven(field) && !errors_.Has(field);
+  }
+
+  void CheckRange(const std::string& field, double value, double low, double high) {
+    if (!IsGiven(field) || (value >= low && value <= high)) return;
+    Add(field, "expected " + Number(low) + " to " + Number(high) + ", got " + Number(value));
+  }
+
+  void CheckNumbers(const std::string& field, const google::protobuf::RepeatedField<double>& numbers,
+                    const std::string& what, int count, double low, double high) {
+    if (!IsGiven(field)) return;
+    if (numbers.size() != count && !errors_.Has(field)) {
+      return Add(field, "expected " + what + ", got " + std::to_string(numbers.size()));
+    }
+    for (int i = 0; i < numbers.size(); ++i) {
+      CheckRange(field + "[" + std::to_string(i) + "]", numbers.Get(i), low, high);
+    }
+  }
+
+  void CheckAgentCount() {
+    if (!Require("agents")) return;
+    const auto& agents = team_.agents();
+    if (agents.size() > kAgentCountMax) {
+      Add("agents", "at most " + std::to_string(kAgentCountMax) + " are allowed, got " + std::to_string(agents.size()));
+    }
+    const auto is_base = [](const proto::AgentConfig& agent) { return agent.kind() == proto::AGENT_KIND_BASE_STATION; };
+    if (std::all_of(agents.begin(), agents.end(), is_base)) Add("agents", "expected at least one rover");
+    const auto first_base = std::find_if(agents.begin(), agents.end(), is_base);
+    for (int i = 0; i < agents.size(); ++i) {
+      if (is_base(agents[i]) && i != first_base - agents.begin()) {
+        Add(AgentPath(i) + ".kind", "the team has a base station already: " + AgentPath(first_base - agents.begin()));
+      }
+    }
+  }
+
+  static std::string AgentPath(std::ptrdiff_t index) { return "agents[" + std::to_string(index) + "]"; }
+
+  void CheckAgent(int index) {
+    const proto::AgentConfig& agent = team_.agents(index);
+    const std::string path = AgentPath(index);
+    if (Require(path + ".id")) CheckRange(path + ".id", agent.id(), 1, kAgentIdMax);
+    if (Require(path + ".name") && !IsName(agent.name())) Add(path + ".name", kNameRule + Quoted(agent.name()));
+    if (Require(path + ".address")) {
+      if (const std::string why = WhyNoAddress(agent.address()); !why.empty()) Add(path + ".address", why);
+    }
+    if (!team_.insecure() && !IsGiven(path + ".key")) {
+      Add(path + ".key", "missing: the file of the agent's public key (or `insecure: true` for the team)");
+    }
+    if (agent.key().size() > kKeyFileLengthMax) Add(path + ".key", "the file's name is too long");
+    if (agent.key().ends_with(".sec")) Add(path + ".key", "expected the public key's file, not the secret's");
+    CheckNumbers(path + ".antenna_m", agent.antenna_m(), "3 numbers (x, y, z)", 3, -100, 100);
+    CheckPlace(agent, path);
+  }
+
+  // Rovers start somewhere, base stations are somewhere.
+  void CheckPlace(const proto::AgentConfig& agent, const std::string& path) {
+    CheckNumbers(path + ".position_m", agent.position_m(), "3 numbers (x, y, z)", 3, -kCoordinateMax_m,
+                 kCoordinateMax_m);
+    CheckRange(path + ".start.x", agent.start().x(), -kCoordinateMax_m, kCoordinateMax_m);
+    CheckRange(path + ".start.y", agent.start().y(), -kCoordinateMax_m, kCoordinateMax_m);
+    CheckRange(path + ".start.z", agent.start().z(), -kCoordinateMax_m, kCoordinateMax_m);
+    CheckRange(path + ".start.yaw", agent.start().yaw(), -kAngleMax_rad, kAngleMax_rad);
+    CheckRange(path + ".start.sigma_m", agent.start().sigma_m(), 1e-6, 1e3);
+    CheckRange(path + ".start.sigma_rad", agent.start().sigma_rad(), 1e-6, 10);
+    if (errors_.Has(path + ".kind")) return;
+    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) {
+      (void)Require(path + ".position_m");
+      if (IsGiven(path + ".start")) Add(path + ".start", "a base station has position_m instead");
+    } else if (IsGiven(path + ".position_m")) {
+      Add(path + ".position_m", "a rover has start instead; position_m is for base stations");
+    }
+  }
+
+  void CheckDuplicates() {
+    CheckUnique("id", [](const proto::AgentConfig& agent) { return std::to_string(agent.id()); });
+    CheckUnique("name", [](const proto::AgentConfig& agent) { return agent.name(); });
+    CheckUnique("address", [](const proto::AgentConfig& agent) { return agent.address(); });
+    CheckUnique("key", [](const proto::AgentConfig& agent) { return agent.key(); });
+  }
+
+  void CheckUnique(const std::string& field, const std::function<std::string(const proto::AgentConfig&)>& value_of) {
+    std::map<std::string, int> owners;
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      const std::string path = AgentPath(i) + "." + field;
+      if (!IsGiven(path) || errors_.Has(path)) continue;
+      const std::string value = value_of(team_.agents(i));
+      const auto [owner, is_new] = owners.emplace(value, i);
+      if (!is_new) Add(path, value + " is already that of " + AgentPath(owner->second));
+    }
+  }
+
+  void CheckRoles() {
+    const proto::AgentConfig* leader = FindRover("roles.leader", team_.roles().leader());
+    const proto::AgentConfig* survivor = FindRover("roles.survivor", team_.roles().survivor());
+    if (leader != nullptr && leader == survivor) {
+      Add("roles.survivor", leader->name() + " is the leader; the designated survivor must be another rover");
+    }
+  }
+
+  const proto::AgentConfig* FindRover(const std::string& field, const std::string& name) {
+    if (!IsGiven(field) || errors_.Has(field)) return nullptr;
+    std::vector<std::string> names;
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      const proto::AgentConfig& agent = team_.agents(i);
+      names.push_back(agent.name());
+      if (agent.name() != name) continue;
+      if (agent.kind() == proto::AGENT_KIND_ROVER) return &agent;
+      Add(field, name + " is a base station; only a rover can hold this role");
+      return nullptr;
+    }
+    // An agent whose name could not be read may be the one.
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      if (errors_.Has(AgentPath(i) + ".name")) return nullptr;
+    }
+    Add(field, "no agent is named " + Quoted(name) + DidYouMean(name, names));
+    return nullptr;
+  }
+
+  const proto::TeamConfig& team_;
+  const Places& places_;
+  PlacedErrors& errors_;
+};
+
+void FillPolicies(const proto::SharePolicies& defaults, proto::SharePolicies* policies) {
+  const auto* descriptor = proto::SharePolicies::descriptor();
+  const auto* reflection = policies->GetReflection();
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const auto* field = descriptor->field(i);
+    if (reflection->GetEnumValue(*policies, field) != proto::POLICY_UNSPECIFIED) continue;
+    const int policy = reflection->GetEnumValue(defaults, field);
+    reflection->SetEnumValue(policies, field, policy == proto::POLICY_UNSPECIFIED ? proto::POLICY_NONE : policy);
+  }
+}
+
+proto::SharePolicies StatesLatest() {
+  proto::SharePolicies policies;
+  policies.set_temperature(proto::POLICY_LATEST);
+  policies.set_power(proto::POLICY_LATEST);
+  policies.set_awake_status(proto::POLICY_LATEST);
+  policies.set_mode(proto::POLICY_LATEST);
+  policies.set_health(proto::POLICY_LATEST);
+  policies.set_exploration(proto::POLICY_LATEST);
+  policies.set_distributed_measurements(proto::POLICY_LATEST);
+  policies.set_pose_graph_node(proto::POLICY_ALL);
+  policies.set_optimized_pose(proto::POLICY_LATEST);
+  return policies;
+}
+
+void FillRoles(proto::TeamConfig* team) {
+  proto::RolesConfig* roles = team->mutable_roles();
+  const auto first_rover_except = [&](const std::string& other) -> std::string {
+    for (const proto::AgentConfig& agent : team->agents()) {
+      if (agent.kind() == proto::AGENT_KIND_ROVER && agent.name() != other) return agent.name();
+    }
+    return "";
+  };
+  if (roles->leader().empty()) roles->set_leader(first_rover_except(roles->survivor()));
+  if (roles->survivor().empty()) roles->set_survivor(first_rover_except(roles->leader()));
+}
+
+void FillZeros(google::protobuf::RepeatedField<double>* numbers) {
+  if (numbers->empty()) numbers->Resize(3, 0.0);
+}
+
+}  // namespace
+
+void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors) {
+  Checker(team, places, errors).Check();
+}
+
+void FillDefaults(const Places& places, proto::TeamConfig* team) {
+  const auto is_given = [&](const std::string& field) { return places.count(field) > 0; };
+  for (int i = 0; i < team->agents_size(); ++i) {
+    proto::AgentConfig* agent = team->mutable_agents(i);
+    FillZeros(agent->mutable_antenna_m());
+    if (agent->kind() == proto::AGENT_KIND_BASE_STATION || !agent->has_start()) continue;
+    const std::string start = "agents[" + std::to_string(i) + "].start.";
+    if (!is_given(start + "sigma_m")) agent->mutable_start()->set_sigma_m(0.05);
+    if (!is_given(start + "sigma_rad")) agent->mutable_start()->set_sigma_rad(0.01);
+  }
+  FillRoles(team);
+  if (!is_given("roles.leader_timeout_s")) team->mutable_roles()->set_leader_timeout_s(120);
+  if (!is_given("radio.budget_kbps")) team->mutable_radio()->set_budget_kbps(1000);
+  if (!is_given("radio.quiet_while_driving")) team->mutable_radio()->set_quiet_while_driving(true);
+  if (!is_given("map.resolution_m")) team->mutable_map()->set_resolution_m(0.05);
+  if (!is_given("map.footprint_m")) {
+    team->mutable_map()->add_footprint_m(0.75);
+    team->mutable_map()->add_footprint_m(0.5);
+  }
+  FillPolicies(StatesLatest(), team->mutable_ground());
+  proto::SharePolicies share = StatesLatest();
+  share.set_pose_graph_edge(proto::POLICY_ALL);
+  share.set_edge_verdict(proto::POLICY_LATEST);
+  share.set_local_traversability_map(proto::POLICY_ALL);
+  FillPolicies(share, team->mutable_share());
+}
+
+}  // namespace moondb

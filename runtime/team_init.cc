@@ -1,0 +1,212 @@
+// Writing team files; reading them is in team_config.cc.
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "runtime/curve_keys.h"
+#include "runtime/new_files.h"
+#include "runtime/team_check.h"
+#include "runtime/team_config.h"
+#include "runtime/yaml_reader.h"
+
+namespace moondb {
+namespace {
+
+constexpr char kHead[] =
+    "# The team's configuration: the same file on every agent. `moonctl config check` checks it.\n"
+    "# Lengths are metres, angles radians; what is left out has its default.\n";
+
+constexpr char kKeyNote[] =
+    "# key: the file of the agent's public key, which every agent needs; its secret NAME.sec stays on its agent.\n";
+
+constexpr char kTail[] =
+    R"(
+# Who leads and who survives at the very beginning (term 0); roles that were set later win.
+roles: {leader: %s, %sfailover: manual, leader_timeout_s: %s}
+
+# What all agents together may send a second.
+radio: {budget_kbps: %s, quiet_while_driving: %s}
+
+# Sharing policies: none, latest or all. `share` is what rovers send to the leader and the leader to the designated
+# survivor, `ground` what the base station is sent.
+share:
+%s
+ground:
+%s
+map: {resolution_m: %s, footprint_m: [%s, %s]}   # The merged map's cells; a rover's length and width.
+)";
+
+// The shortest text that reads back as the same number.
+std::string Number(double value) {
+  char text[32];
+  for (int digits = 6; digits <= 17; ++digits) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    if (std::stod(text) == value) break;
+  }
+  return text;
+}
+
+std::string List(const google::protobuf::RepeatedField<double>& numbers) {
+  std::string text = "[";
+  for (int i = 0; i < numbers.size(); ++i) text += (i > 0 ? ", " : "") + Number(numbers.Get(i));
+  return text + "]";
+}
+
+std::string StartText(const proto::StartPose& start) {
+  return "{x: " + Number(start.x()) + ", y: " + Number(start.y()) + ", z: " + Number(start.z()) +
+         ", yaw: " + Number(start.yaw()) + ", sigma_m: " + Number(start.sigma_m()) +
+         ", sigma_rad: " + Number(start.sigma_rad()) + "}";
+}
+
+std::string AgentText(const proto::AgentConfig& agent) {
+  const bool is_base = agent.kind() == proto::AGENT_KIND_BASE_STATION;
+  std::string text = "  - id: " + std::to_string(agent.id()) + "\n";
+  const auto add = [&](const char* key, const std::string& value) {
+    text += std::string("    ") + key + ": " + value + "\n";
+  };
+  add("name", agent.name());
+  add("address", "\"" + agent.address() + "\"");
+  if (is_base) add("kind", "base_station");
+  if (!agent.key().empty()) add("key", "\"" + agent.key() + "\"");
+  if (is_base) add("position_m", List(agent.position_m()));
+  if (agent.has_start()) add("start", StartText(agent.start()));
+  if (!agent.antenna_m().empty()) add("antenna_m", List(agent.antenna_m()));
+  return text;
+}
+
+std::string PoliciesText(const proto::SharePolicies& policies) {
+  std::string text;
+  const auto* descriptor = proto::SharePolicies::descriptor();
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const auto* value = policies.GetReflection()->GetEnum(policies, descriptor->field(i));
+    text += "  " + descriptor->field(i)->name() + ": " + YamlName(*value) + "\n";
+  }
+  return text;
+}
+
+std::string Format(const char* format, const std::vector<std::string>& values) {
+  std::string text;
+  auto value = values.begin();
+  for (const char* c = format; *c != '\0'; ++c) {
+    if (*c == '%' && *(c + 1) == 's') {
+      text += *value++;
+      ++c;
+    } else {
+      text += *c;
+    }
+  }
+  return text;
+}
+
+// `team` is complete.
+std::string TeamText(const proto::TeamConfig& team) {
+  std::string text = kHead;
+  text += "team: " + team.team() + "\n";
+  if (team.insecure()) text += "insecure: true   # Anybody who reaches the ports can speak as any agent.\n";
+  text += "\n";
+  if (!team.insecure()) text += kKeyNote;
+  text += "agents:\n";
+  for (const proto::AgentConfig& agent : team.agents()) text += AgentText(agent);
+  const proto::RolesConfig& roles = team.roles();
+  const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
+  text += Format(kTail, {roles.leader(), survivor, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
+                         team.radio().quiet_while_driving() ? "true" : "false", PoliciesText(team.share()),
+                         PoliciesText(team.ground()), Number(team.map().resolution_m()),
+                         Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+  if (team.has_site()) {
+    text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
+            ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
+            "}\n";
+  }
+  return text;
+}
+
+// What a caller set counts as given; proto3 cannot tell a zero from nothing.
+Places PlacesOf(const proto::TeamConfig& team) {
+  Places places;
+  for (int i = 0; i < team.agents_size(); ++i) {
+    const std::string start = "agents[" + std::to_string(i) + "].start.";
+    if (team.agents(i).start().sigma_m() > 0) places[start + "sigma_m"] = {};
+    if (team.agents(i).start().sigma_rad() > 0) places[start + "sigma_rad"] = {};
+  }
+  if (team.roles().leader_timeout_s() > 0) places["roles.leader_timeout_s"] = {};
+  if (team.radio().budget_kbps() > 0) places["radio.budget_kbps"] = {};
+  if (team.has_radio()) places["radio.quiet_while_driving"] = {};
+  if (team.map().resolution_m() > 0) places["map.resolution_m"] = {};
+  if (team.map().footprint_m_size() == 2) places["map.footprint_m"] = {};
+  return places;
+}
+
+Result<void> AddKeys(const std::filesystem::path& public_path, NewFiles* files) {
+  const Result<CurveKeys> keys = MakeCurveKeys();
+  if (!keys) return tl::unexpected(keys.error());
+  if (const auto added = files->Add(SecretKeyPath(public_path), keys->secret_key + "\n", 0600); !added) return added;
+  return files->Add(public_path, keys->public_key + "\n", 0644);
+}
+
+}  // namespace
+
+Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& given) {
+  proto::TeamConfig team = given;
+  if (!team.insecure()) {
+    for (proto::AgentConfig& agent : *team.mutable_agents()) {
+      if (agent.key().empty()) agent.set_key(agent.name() + ".pub");
+    }
+  }
+  FillDefaults(PlacesOf(team), &team);
+  const std::string yaml = TeamText(team);
+  // The reader is the judge of what the caller gave.
+  const Result<TeamFile> read = ParseTeamFile(yaml, path.string());
+  if (!read) return tl::unexpected(read.error());
+  if (read->config.SerializeAsString() != team.SerializeAsString()) {
+    return Fail(ErrorCode::kInvalid, path.string() + ": a text of the team cannot be written as YAML");
+  }
+
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return Fail(ErrorCode::kInternal, folder.string() + ": " + error.message());
+  NewFiles files;
+  if (!team.insecure()) {
+    for (const proto::AgentConfig& agent : team.agents()) {
+      if (const Result<void> added = AddKeys(folder / agent.key(), &files); !added) return added;
+    }
+  }
+  // Last, so that a team file never stands without its keys.
+  if (const Result<void> added = files.Add(path, yaml, 0644); !added) return added;
+  return files.Publish();
+}
+
+Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port) {
+  if (agent_count < 1 || agent_count > kAgentCountMax) {
+    return Fail(ErrorCode::kInvalid,
+                "expected 1 to " + std::to_string(kAgentCountMax) + " agents, got " + std::to_string(agent_count),
+                "agent_count");
+  }
+  if (first_port < 1 || first_port + agent_count - 1 > 65535) {
+    return Fail(ErrorCode::kInvalid,
+                "the ports must lie from 1 to 65535, got " + std::to_string(first_port) + " and " +
+                    std::to_string(agent_count - 1) + " more",
+                "first_port");
+  }
+  proto::TeamConfig team;
+  team.set_team("moon");
+  for (int i = 0; i < agent_count; ++i) {
+    proto::AgentConfig* agent = team.add_agents();
+    const bool is_base = i > 0 && i + 1 == agent_count;
+    agent->set_id(static_cast<std::uint32_t>(i + 1));
+    agent->set_name(is_base ? "base" : "rover" + std::to_string(i + 1));
+    agent->set_address("tcp://127.0.0.1:" + std::to_string(first_port + i));
+    for (const double coordinate : {0.0, 0.0, is_base ? 1.5 : 0.3}) agent->add_antenna_m(coordinate);
+    if (is_base) {
+      agent->set_kind(proto::AGENT_KIND_BASE_STATION);
+      for (const double coordinate : {-2.0, 0.0, 0.0}) agent->add_position_m(coordinate);
+    } else {
+      agent->mutable_start()->set_y(2.0 * i);  // Side by side.
+    }
+  }
+  return WriteTeam(path, team);
+}
+
+}  // namespace moondb
