@@ -1,0 +1,41 @@
+#include "apps/common/progress.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace moondb {
+namespace {
+
+constexpr int kBarWidth = 30;
+
+}  // namespace
+
+Progress::Progress(std::string label) : label_(std::move(label)), is_terminal_(::isatty(STDERR_FILENO) == 1) {}
+
+Progress::~Progress() {
+  if (is_line_open_) std::fputc('\n', stderr);
+}
+
+void Progress::Show(double done, double total, const std::string& text) {
+  const auto now = std::chrono::steady_clock::now();
+  const bool is_end = done >= total;
+  if (done == last_done_) return;
+  if (!is_end && now - last_shown_ < (is_terminal_ ? std::chrono::milliseconds(50) : std::chrono::seconds(1))) return;
+  last_done_ = done;
+  last_shown_ = now;
+  const double ratio = total > 0 ? std::clamp(done / total, 0.0, 1.0) : 1.0;
+  if (is_terminal_) {
+    const auto filled = static_cast<std::size_t>(std::lround(ratio * kBarWidth));
+    const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
+    std::fprintf(stderr, "\r%s [%s] %3.0f %%  %s\x1b[K", label_.c_str(), bar.c_str(), ratio * 100, text.c_str());
+    std::fflush(stderr);
+    is_line_open_ = true;
+  } else {
+    std::fprintf(stderr, "%s: %.0f %%, %s\n", label_.c_str(), ratio * 100, text.c_str());
+  }
+}
+
+}  // namespace moondb

@@ -1,0 +1,30 @@
+// Table: rows of text in aligned columns, for people. Plain value.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace moondb {
+
+class Table {
+ public:
+  explicit Table(std::vector<std::string> header) : rows_{std::move(header)} {}
+
+  // A row may be shorter than the header, or longer: its last cell is never padded.
+  void Add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+
+  // One line each, columns two spaces apart, numbers to the right; control characters are shown as '?'.
+  std::string Text() const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
+};
+
+// "1.5 MB", "812 B": powers of 1000.
+std::string FormatBytes(double bytes);
+// "35 s", "4 min", "2.5 h".
+std::string FormatSeconds(double seconds);
+// A count that came as a double: "12".
+std::string FormatCount(double count);
+
+}  // namespace moondb

@@ -1,0 +1,66 @@
+#include "apps/common/team_clients.h"
+
+#include <optional>
+
+#include "model/term.h"
+#include "runtime/did_you_mean.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::size_t kBatchRecordsMax = 512;
+constexpr std::size_t kBatchBytesMax = 2'000'000;
+
+}  // namespace
+
+Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name) {
+  if (const proto::AgentConfig* agent = FindAgent(team, name)) return agent;
+  std::vector<std::string> names;
+  for (const proto::AgentConfig& agent : team.agents()) names.push_back(agent.name());
+  return Fail(ErrorCode::kInvalid, "team " + team.team() + " has no agent \"" + name + "\"" + DidYouMean(name, names));
+}
+
+std::string AgentName(const proto::TeamConfig& team, AgentId agent) {
+  if (agent == 0) return "nobody";
+  const proto::AgentConfig* found = FindAgent(team, agent);
+  return found != nullptr ? found->name() : "agent " + std::to_string(agent);
+}
+
+Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
+                                          Client::Options options) {
+  auto endpoint = ClientEndpoint(team, agent.name());
+  if (!endpoint) return tl::unexpected(endpoint.error());
+  return Client::Connect(*endpoint, agent.name(), options);
+}
+
+Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options) {
+  std::optional<proto::RoleAssignment> newest;
+  for (const proto::AgentConfig& agent : team.config.agents()) {
+    auto client = ConnectTo(team, agent, options);
+    if (!client) continue;
+    auto shown = (*client)->Roles();
+    if (!shown) continue;
+    if (!newest || IsNewer(shown->roles().term(), newest->term())) newest = shown->roles();
+  }
+  if (!newest) return Fail(ErrorCode::kUnavailable, "no agent of team " + team.config.team() + " answers");
+  return *newest;
+}
+
+Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& records,
+                             const std::function<void(std::size_t)>& inserted) {
+  std::vector<proto::Record> batch;
+  std::size_t bytes = 0;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    bytes += records[i].ByteSizeLong();
+    batch.push_back(records[i]);
+    const bool is_full = batch.size() >= kBatchRecordsMax || bytes >= kBatchBytesMax;
+    if (!is_full && i + 1 < records.size()) continue;
+    if (auto keys = client.Insert(batch); !keys) return tl::unexpected(keys.error());
+    inserted(i + 1);
+    batch.clear();
+    bytes = 0;
+  }
+  return {};
+}
+
+}  // namespace moondb

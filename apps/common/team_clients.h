@@ -1,0 +1,30 @@
+// The agents of a team file, as an operator's tool reaches them from this machine. Not thread-safe.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "client/client.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+
+// kInvalid with a suggestion where the team has no agent of that name.
+Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name);
+
+// "rover2"; "agent 9" for one that the team does not have, "nobody" for 0.
+std::string AgentName(const proto::TeamConfig& team, AgentId agent);
+
+Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
+                                          Client::Options options);
+
+// The assignment with the newest term among all agents that answer. kUnavailable if none does.
+Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options);
+
+// Inserts in the given order, in batches of at most 512 records and about 2 MB; `inserted` is called after each batch
+// with the count so far. Stops at the first error.
+Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& records,
+                             const std::function<void(std::size_t)>& inserted);
+
+}  // namespace moondb
