@@ -1,0 +1,30 @@
+#include "runtime/actor.h"
+
+#include <utility>
+
+namespace moondb {
+
+const char* ToString(SendResult result) {
+  switch (result) {
+    case SendResult::kAccepted:
+      return "accepted";
+    case SendResult::kFull:
+      return "full";
+    case SendResult::kNoActor:
+      return "no such actor";
+    case SendResult::kNoPeer:
+      return "no such peer";
+    case SendResult::kUnreachable:
+      return "unreachable";
+  }
+  return "unknown";
+}
+
+TimerId Context::AfterTimer(Duration delay, std::uint32_t kind, std::uint64_t value) {
+  proto::Message message;
+  message.mutable_timer()->set_kind(kind);
+  message.mutable_timer()->set_value(value);
+  return After(delay, std::move(message));
+}
+
+}  // namespace moondb

@@ -1,0 +1,527 @@
+#include "runtime/simulation/simulated_team.h"
+
+#include <spdlog/spdlog.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <utility>
+
+#include "model/check.h"
+#include "runtime/actor_host.h"
+#include "runtime/envelope.h"
+#include "runtime/mailbox.h"
+#include "runtime/role_table.h"
+#include "runtime/supervisor.h"
+#include "runtime/timer_queue.h"
+
+namespace moondb::simulation {
+namespace {
+
+constexpr std::int64_t kUtcStartNs = 1'767'225'600'000'000'000;  // 2026-01-01.
+// Not zero, so that a "last time" that was never set does not look like the start.
+constexpr MonotonicTime kStart(std::chrono::seconds(1000));
+constexpr std::size_t kKeptMax = 100'000;
+constexpr std::uint64_t kEventsAtOnceMax = 1'000'000;
+constexpr std::array kToldOfPeers = {actor_name::kRole, actor_name::kSync, actor_name::kReplica};
+
+}  // namespace
+
+// Everything is an event of one queue. An event that belongs to an agent's process checks, when it is due, that it is
+// still the same life of that process; one that belongs to an actor, that it is still the same incarnation.
+class SimulatedTeam::Impl {
+ public:
+  explicit Impl(std::uint64_t seed) : seed_(seed), radio_(seed) {}
+  ~Impl();
+
+  class Host;
+
+  struct SpawnedActor {
+    std::string name;
+    ActorFactory factory;
+    SpawnOptions options;
+  };
+
+  struct PeerCounters {
+    std::uint64_t sent_messages = 0;
+    std::uint64_t sent_bytes = 0;
+    std::uint64_t received_messages = 0;
+    std::uint64_t received_bytes = 0;
+    std::optional<MonotonicTime> heard;
+  };
+
+  struct Agent {
+    AgentId id = 0;
+    bool is_running = true;
+    std::uint64_t life = 1;  // Ends with each crash.
+    MonotonicTime started;
+    MonotonicTime crashed;
+    RoleTable roles;
+    proto::RoleAssignment given_roles;  // By SetRoles; what the agent's process knows when it starts.
+    std::vector<SpawnedActor> spawned;
+    std::vector<std::unique_ptr<Host>> hosts;  // One for each of spawned.
+    std::uint64_t restarts = 0;
+    std::map<AgentId, PeerCounters> peers;
+  };
+
+  void AddAgent(AgentId id);
+  void SetBaseStation(AgentId base_station);
+  void SetRoles(AgentId id, const proto::RoleAssignment& roles);
+  void Spawn(AgentId id, SpawnedActor spawned);
+  SendResult Post(const Address& from, const Address& to, proto::Message message);
+  std::vector<proto::Message> Take(const Address& address);
+  void RunUntilIdle() { RunEventsUntil(now_); }
+  void AdvanceTime(Duration duration);
+  bool RunUntil(const std::function<bool()>& condition, Duration limit);
+  void Crash(Agent& agent);
+  void Restart(Agent& agent);
+  void SetLink(AgentId a, AgentId b, bool is_up, bool tell);
+
+  Agent& Find(AgentId id);
+
+  // For hosts.
+  SendResult Send(const Address& from, const Address& to, proto::Message message);
+  TimerId StartTimer(Host& host, Duration delay, proto::Message message);
+  void CancelTimer(TimerId timer) { events_.Cancel(timer); }
+  SystemStatus StatusOf(const Agent& agent) const;
+
+  MonotonicTime now() const { return now_; }
+  std::int64_t utc_now_ns() const { return kUtcStartNs + Duration(now_ - kStart).count(); }
+
+  SimulatedRadio& radio() { return radio_; }
+  std::uint64_t trace_hash() const { return trace_hash_; }
+
+  std::function<bool(AgentId, AgentId, const proto::Message&)> filter;
+
+ private:
+  using Event = std::function<void()>;
+
+  void MakeHost(Agent& agent, const SpawnedActor& spawned);
+  void StartHost(Host& host);
+  // What a handler left behind; true if the actor is to be started again at once.
+  bool SettleHandler(Host& host, const std::optional<Error>& failure);
+  void ScheduleStep(Host& host);
+  void Step(Host& host);
+  void Tell(Agent& agent, AgentId peer, bool is_connected);
+
+  SendResult HandOver(const Address& to, MessagePtr message);
+  SendResult Transmit(const Address& from, const Address& to, const proto::Message& message);
+  void Arrive(AgentId from, AgentId to, const std::string& bytes);
+  void Keep(const Address& address, const proto::Message& message);
+  void Trace(const Address& to, const proto::Message& message);
+
+  bool RunNextEvent(MonotonicTime end);
+  void RunEventsUntil(MonotonicTime end);
+
+  const std::uint64_t seed_;
+  MonotonicTime now_ = kStart;
+  TimerQueue<Event> events_;
+  std::uint64_t events_at_now_ = 0;
+  SimulatedRadio radio_;
+  AgentId base_station_ = 0;
+  std::map<AgentId, std::unique_ptr<Agent>> agents_;
+  std::map<Address, std::vector<proto::Message>> kept_;
+  std::size_t kept_count_ = 0;
+  std::uint64_t trace_hash_ = 0;
+};
+
+class SimulatedTeam::Impl::Host final : public ActorHost {
+ public:
+  Host(Impl& team, Agent& owner, const SpawnedActor& spawned, std::uint64_t seed)
+      : ActorHost({owner.id, spawned.name}, spawned.factory, seed),
+        mailbox(spawned.options),
+        supervisor(Supervisor::Options{}),
+        agent(owner),
+        life(owner.life),
+        team_(team) {}
+
+  bool is_alive() const { return agent.life == life; }
+
+  MonotonicTime now() const override { return team_.now(); }
+  std::int64_t utc_now_ns() const override { return team_.utc_now_ns(); }
+  SendResult Send(const Address& to, proto::Message message) override {
+    return is_alive() ? team_.Send(self(), to, std::move(message)) : SendResult::kUnreachable;
+  }
+  TimerId After(Duration delay, proto::Message message) override {
+    return team_.StartTimer(*this, delay, std::move(message));
+  }
+  void Cancel(TimerId timer) override { team_.CancelTimer(timer); }
+  bool stop_requested() const override { return !is_alive(); }
+  void SetRoles(const proto::RoleAssignment& roles) override {
+    if (is_alive()) agent.roles.SetRoles(roles);
+  }
+  SystemStatus GetSystemStatus() const override { return team_.StatusOf(agent); }
+
+  Mailbox mailbox;
+  Supervisor supervisor;
+  std::uint64_t restarts = 0;
+  Agent& agent;
+  const std::uint64_t life;
+
+ private:
+  Impl& team_;
+};
+
+SimulatedTeam::Impl::~Impl() {
+  for (const auto& [id, agent] : agents_) Crash(*agent);
+}
+
+// --- The team ---
+
+SimulatedTeam::Impl::Agent& SimulatedTeam::Impl::Find(AgentId id) {
+  const auto found = agents_.find(id);
+  Check(found != agents_.end(), "the agent was added");
+  return *found->second;
+}
+
+void SimulatedTeam::Impl::AddAgent(AgentId id) {
+  Check(id >= 1 && id <= kAgentIdMax, "an agent's id is from 1 to 65535");
+  auto agent = std::make_unique<Agent>();
+  agent->id = id;
+  agent->started = now_;
+  agent->roles.SetBaseStation(base_station_);
+  const bool is_new = agents_.emplace(id, std::move(agent)).second;
+  Check(is_new, "an agent is added once");
+}
+
+void SimulatedTeam::Impl::SetBaseStation(AgentId base_station) {
+  base_station_ = base_station;
+  for (const auto& [id, agent] : agents_) agent->roles.SetBaseStation(base_station);
+}
+
+void SimulatedTeam::Impl::SetRoles(AgentId id, const proto::RoleAssignment& roles) {
+  Agent& agent = Find(id);
+  agent.given_roles = roles;
+  agent.roles.SetRoles(roles);
+}
+
+void SimulatedTeam::Impl::SetLink(AgentId a, AgentId b, bool is_up, bool tell) {
+  radio_.SetLink(a, b, is_up, tell);
+  if (!tell) return;
+  for (const auto& [end, peer] : {std::pair(a, b), std::pair(b, a)}) {
+    if (agents_.contains(end)) Tell(Find(end), peer, is_up);
+  }
+}
+
+// --- Actors ---
+
+void SimulatedTeam::Impl::Spawn(AgentId id, SpawnedActor spawned) {
+  Agent& agent = Find(id);
+  Check(agent.is_running, "an actor is spawned on a running agent");
+  for (const SpawnedActor& other : agent.spawned) Check(other.name != spawned.name, "names of actors are unique");
+  agent.spawned.push_back(std::move(spawned));
+  MakeHost(agent, agent.spawned.back());
+  StartHost(*agent.hosts.back());
+}
+
+void SimulatedTeam::Impl::MakeHost(Agent& agent, const SpawnedActor& spawned) {
+  // Another life draws other numbers, as another process would.
+  agent.hosts.push_back(std::make_unique<Host>(*this, agent, spawned, seed_ + agent.life - 1));
+}
+
+void SimulatedTeam::Impl::StartHost(Host& host) {
+  while (SettleHandler(host, host.Start())) {
+  }
+  // What came while the actor was away.
+  for (std::size_t i = 0; host.has_actor() && i < host.mailbox.size(); ++i) ScheduleStep(host);
+}
+
+bool SimulatedTeam::Impl::SettleHandler(Host& host, const std::optional<Error>& failure) {
+  if (!host.is_alive()) {  // Crashed while it ran.
+    host.End();
+    return false;
+  }
+  if (host.TakeStopRequest()) {
+    Crash(host.agent);
+    return false;
+  }
+  if (!failure) return false;
+  const std::optional<Duration> delay = host.supervisor.OnFailure(now_);
+  if (!delay) {
+    spdlog::warn("actor {} is beyond help, agent {} crashes", ToString(host.self()), host.agent.id);
+    Crash(host.agent);
+    return false;
+  }
+  ++host.restarts;
+  ++host.agent.restarts;
+  if (*delay == Duration::zero()) return true;
+  events_.Add(now_ + *delay, [this, &agent = host.agent, life = host.life, &host] {
+    if (agent.life == life) StartHost(host);
+  });
+  return false;
+}
+
+void SimulatedTeam::Impl::ScheduleStep(Host& host) {
+  events_.Add(now_, [this, &agent = host.agent, life = host.life, &host] {
+    if (agent.life == life) Step(host);
+  });
+}
+
+void SimulatedTeam::Impl::Step(Host& host) {
+  if (!host.has_actor()) return;  // Waits to be made anew; the mailbox is kept, StartHost schedules again.
+  const std::optional<Mailbox::Item> item = host.mailbox.Pop();
+  if (!item) return;
+  if (item->incarnation != 0 && item->incarnation != host.incarnation()) return;  // The timer of one that died.
+  Trace(host.self(), *item->message);
+  if (SettleHandler(host, host.Handle(*item->message))) StartHost(host);
+}
+
+TimerId SimulatedTeam::Impl::StartTimer(Host& host, Duration delay, proto::Message message) {
+  WriteEnvelope(host.self(), host.self(), message);
+  auto shared = std::make_shared<const proto::Message>(std::move(message));
+  const std::uint64_t incarnation = host.incarnation();
+  return events_.Add(now_ + std::max(delay, Duration::zero()),
+                     [this, &agent = host.agent, life = host.life, &host, incarnation, shared = std::move(shared)] {
+                       if (agent.life != life || host.incarnation() != incarnation) return;
+                       host.mailbox.PushSystem(shared, incarnation);
+                       ScheduleStep(host);
+                     });
+}
+
+void SimulatedTeam::Impl::Tell(Agent& agent, AgentId peer, bool is_connected) {
+  if (!agent.is_running) return;
+  for (const char* name : kToldOfPeers) {
+    for (const auto& host : agent.hosts) {
+      if (host->self().actor != name) continue;
+      proto::Message message;
+      message.mutable_peer_event()->set_peer(peer);
+      message.mutable_peer_event()->set_is_connected(is_connected);
+      WriteEnvelope({agent.id, "radio"}, host->self(), message);
+      host->mailbox.PushSystem(std::make_shared<const proto::Message>(std::move(message)));
+      ScheduleStep(*host);
+    }
+  }
+}
+
+void SimulatedTeam::Impl::Crash(Agent& agent) {
+  if (!agent.is_running) return;
+  agent.is_running = false;
+  ++agent.life;
+  agent.crashed = now_;
+  agent.roles.SetRoles({});
+  radio_.ClearOutbox(agent.id);
+  for (auto host = agent.hosts.rbegin(); host != agent.hosts.rend(); ++host) {
+    (*host)->mailbox.Clear();
+    if (!(*host)->is_in_handler()) (*host)->End();  // Else SettleHandler ends it.
+  }
+}
+
+void SimulatedTeam::Impl::Restart(Agent& agent) {
+  Check(!agent.is_running, "only a crashed agent is restarted");
+  for (const auto& host : agent.hosts) Check(!host->is_in_handler(), "no handler restarts its own agent");
+  agent.hosts.clear();
+  agent.is_running = true;
+  agent.started = now_;
+  agent.roles.SetRoles(agent.given_roles);
+  agent.peers.clear();
+  // All mailboxes exist before the first OnStart sends.
+  for (const SpawnedActor& spawned : agent.spawned) MakeHost(agent, spawned);
+  for (const auto& host : agent.hosts) {
+    if (host->is_alive()) StartHost(*host);
+  }
+}
+
+// --- Messages ---
+
+SendResult SimulatedTeam::Impl::Post(const Address& from, const Address& to, proto::Message message) {
+  const auto sender = agents_.find(from.agent);
+  if (sender != agents_.end() && !sender->second->is_running) return SendResult::kUnreachable;
+  return Send(from, to, std::move(message));
+}
+
+SendResult SimulatedTeam::Impl::Send(const Address& from, const Address& to, proto::Message message) {
+  const auto sender = agents_.find(from.agent);
+  Address resolved = to;
+  if (sender != agents_.end()) resolved.agent = sender->second->roles.Resolve(to.agent);
+  if (resolved.agent != kClients && !agents_.contains(resolved.agent)) return SendResult::kNoPeer;
+  WriteEnvelope(from, resolved, message);
+  // A client is on its agent's own machine.
+  const bool is_local = from.agent == kClients || resolved.agent == kClients || from.agent == resolved.agent;
+  if (!is_local) return Transmit(from, resolved, message);
+  return HandOver(resolved, std::make_shared<const proto::Message>(std::move(message)));
+}
+
+SendResult SimulatedTeam::Impl::HandOver(const Address& to, MessagePtr message) {
+  const auto found = agents_.find(to.agent);
+  if (found != agents_.end()) {
+    Agent& agent = *found->second;
+    if (!agent.is_running) return SendResult::kUnreachable;
+    for (const auto& host : agent.hosts) {
+      if (host->self().actor != to.actor) continue;
+      const std::size_t bytes = message->ByteSizeLong();
+      if (!host->mailbox.Push(std::move(message), bytes)) return SendResult::kFull;
+      ScheduleStep(*host);
+      return SendResult::kAccepted;
+    }
+  }
+  events_.Add(now_, [this, to, message = std::move(message)] { Keep(to, *message); });
+  return SendResult::kAccepted;
+}
+
+SendResult SimulatedTeam::Impl::Transmit(const Address& from, const Address& to, const proto::Message& message) {
+  std::string bytes = message.SerializeAsString();
+  const SimulatedRadio::Flight flight = radio_.Transmit(from.agent, to.agent, bytes.size(), now_);
+  if (flight.result != SendResult::kAccepted) return flight.result;
+  const auto sender = agents_.find(from.agent);
+  if (sender != agents_.end()) {
+    PeerCounters& counters = sender->second->peers[to.agent];
+    ++counters.sent_messages;
+    counters.sent_bytes += bytes.size();
+  }
+  if (filter && !filter(from.agent, to.agent, message)) return SendResult::kAccepted;
+  const Agent* sender_agent = sender == agents_.end() ? nullptr : sender->second.get();
+  const Agent& receiver = Find(to.agent);
+  const auto shared = std::make_shared<const std::string>(std::move(bytes));
+  for (const MonotonicTime arrival : flight.arrivals) {
+    events_.Add(arrival, [this, from = from.agent, &receiver, life = receiver.life, sender_agent,
+                          sender_life = sender_agent ? sender_agent->life : 0, departure = flight.departure, shared] {
+      const bool has_left = !sender_agent || sender_agent->life == sender_life || departure <= sender_agent->crashed;
+      if (has_left && receiver.life == life && receiver.is_running) Arrive(from, receiver.id, *shared);
+    });
+  }
+  return SendResult::kAccepted;
+}
+
+void SimulatedTeam::Impl::Arrive(AgentId from, AgentId to, const std::string& bytes) {
+  if (!radio_.is_up(from, to)) return;
+  PeerCounters& counters = Find(to).peers[from];
+  ++counters.received_messages;
+  counters.received_bytes += bytes.size();
+  counters.heard = now_;
+  auto message = std::make_shared<proto::Message>();
+  Check(message->ParseFromString(bytes), "what was serialised can be parsed");
+  const std::string actor = message->destination_actor();
+  trace_hash_ = XXH64(bytes.data(), bytes.size(), trace_hash_);
+  (void)HandOver({to, actor}, std::move(message));  // Full: counted by the mailbox.
+}
+
+void SimulatedTeam::Impl::Keep(const Address& address, const proto::Message& message) {
+  Trace(address, message);
+  if (kept_count_ >= kKeptMax) return;
+  ++kept_count_;
+  kept_[address].push_back(message);
+}
+
+std::vector<proto::Message> SimulatedTeam::Impl::Take(const Address& address) {
+  std::vector<proto::Message> messages = std::exchange(kept_[address], {});
+  kept_count_ -= messages.size();
+  return messages;
+}
+
+void SimulatedTeam::Impl::Trace(const Address& to, const proto::Message& message) {
+  // Bodies count where they cross the radio (Arrive): between an agent's own actors they may hold what no seed rules,
+  // such as a file's size or a solver's seconds.
+  const std::string line = std::to_string(Duration(now_.time_since_epoch()).count()) + " " +
+                           ToString(SenderOf(message)) + " " + ToString(to) + " " +
+                           std::to_string(message.body_case()) + " " + std::to_string(message.request_id());
+  trace_hash_ = XXH64(line.data(), line.size(), trace_hash_);
+}
+
+// --- Time ---
+
+bool SimulatedTeam::Impl::RunNextEvent(MonotonicTime end) {
+  auto due = events_.TakeDue(end);
+  if (!due) return false;
+  if (due->first > now_) {
+    now_ = due->first;
+    events_at_now_ = 0;
+  }
+  Check(++events_at_now_ <= kEventsAtOnceMax, "actors come to rest while time stands still");
+  due->second();
+  return true;
+}
+
+void SimulatedTeam::Impl::RunEventsUntil(MonotonicTime end) {
+  while (RunNextEvent(end)) {
+  }
+}
+
+void SimulatedTeam::Impl::AdvanceTime(Duration duration) {
+  Check(duration >= Duration::zero(), "time does not go backwards");
+  const MonotonicTime end = now_ + duration;
+  RunEventsUntil(end);
+  if (end > now_) events_at_now_ = 0;
+  now_ = end;
+}
+
+bool SimulatedTeam::Impl::RunUntil(const std::function<bool()>& condition, Duration limit) {
+  const MonotonicTime end = now_ + limit;
+  while (!condition()) {
+    if (!RunNextEvent(end)) {
+      if (events_.NextDue()) AdvanceTime(end - now_);
+      return false;
+    }
+  }
+  return true;
+}
+
+// --- Status ---
+
+SystemStatus SimulatedTeam::Impl::StatusOf(const Agent& agent) const {
+  SystemStatus status;
+  status.uptime = now_ - agent.started;
+  for (const auto& host : agent.hosts) {
+    proto::ActorStatus& actor = status.actors.emplace_back();
+    actor.set_name(host->self().actor);
+    actor.set_handled(static_cast<double>(host->handled()));
+    actor.set_queued(static_cast<double>(host->mailbox.size()));
+    actor.set_queued_max(static_cast<double>(host->mailbox.size_max()));
+    actor.set_dropped(static_cast<double>(host->mailbox.dropped()));
+    actor.set_restarts(static_cast<double>(host->restarts));
+  }
+  for (const auto& [id, other] : agents_) {
+    if (id == agent.id) continue;
+    proto::PeerStatus& peer = status.peers.emplace_back();
+    peer.set_agent_id(id);
+    peer.set_is_connected(radio_.is_up(agent.id, id));
+    peer.set_seconds_since_heard(-1);
+    const auto found = agent.peers.find(id);
+    if (found == agent.peers.end()) continue;
+    const PeerCounters& counters = found->second;
+    if (counters.heard) {
+      peer.set_seconds_since_heard(std::chrono::duration<double>(now_ - *counters.heard).count());
+    }
+    peer.set_sent_messages(static_cast<double>(counters.sent_messages));
+    peer.set_sent_bytes(static_cast<double>(counters.sent_bytes));
+    peer.set_received_messages(static_cast<double>(counters.received_messages));
+    peer.set_received_bytes(static_cast<double>(counters.received_bytes));
+  }
+  return status;
+}
+
+// --- SimulatedTeam ---
+
+SimulatedTeam::SimulatedTeam(std::uint64_t seed) : impl_(std::make_unique<Impl>(seed)) {}
+SimulatedTeam::~SimulatedTeam() = default;
+
+void SimulatedTeam::AddAgent(AgentId agent) { impl_->AddAgent(agent); }
+void SimulatedTeam::SetBaseStation(AgentId agent) { impl_->SetBaseStation(agent); }
+void SimulatedTeam::SetRoles(AgentId agent, const proto::RoleAssignment& roles) { impl_->SetRoles(agent, roles); }
+void SimulatedTeam::Spawn(AgentId agent, std::string name, ActorFactory factory, SpawnOptions options) {
+  impl_->Spawn(agent, {std::move(name), std::move(factory), options});
+}
+SendResult SimulatedTeam::Post(const Address& from, const Address& to, proto::Message message) {
+  return impl_->Post(from, to, std::move(message));
+}
+std::vector<proto::Message> SimulatedTeam::Take(const Address& address) { return impl_->Take(address); }
+void SimulatedTeam::RunUntilIdle() { impl_->RunUntilIdle(); }
+void SimulatedTeam::AdvanceTime(Duration duration) { impl_->AdvanceTime(duration); }
+bool SimulatedTeam::RunUntil(const std::function<bool()>& condition, Duration limit) {
+  return impl_->RunUntil(condition, limit);
+}
+MonotonicTime SimulatedTeam::now() const { return impl_->now(); }
+std::int64_t SimulatedTeam::utc_now_ns() const { return impl_->utc_now_ns(); }
+void SimulatedTeam::Crash(AgentId agent) { impl_->Crash(impl_->Find(agent)); }
+void SimulatedTeam::Restart(AgentId agent) { impl_->Restart(impl_->Find(agent)); }
+bool SimulatedTeam::is_running(AgentId agent) const { return impl_->Find(agent).is_running; }
+RadioOptions& SimulatedTeam::radio() { return impl_->radio().options(); }
+void SimulatedTeam::SetLink(AgentId a, AgentId b, bool is_up, bool tell) { impl_->SetLink(a, b, is_up, tell); }
+void SimulatedTeam::SetFilter(std::function<bool(AgentId, AgentId, const proto::Message&)> filter) {
+  impl_->filter = std::move(filter);
+}
+std::uint64_t SimulatedTeam::radio_bytes() const { return impl_->radio().bytes(); }
+std::uint64_t SimulatedTeam::restarts(AgentId agent) const { return impl_->Find(agent).restarts; }
+std::uint64_t SimulatedTeam::trace_hash() const { return impl_->trace_hash(); }
+
+}  // namespace moondb::simulation

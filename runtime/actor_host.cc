@@ -1,0 +1,72 @@
+#include "runtime/actor_host.h"
+
+#include <spdlog/spdlog.h>
+
+#include <exception>
+#include <utility>
+
+#include "model/check.h"
+#include "runtime/envelope.h"
+
+namespace moondb {
+namespace {
+
+std::mt19937_64 MakeRng(const Address& self, std::uint64_t seed) {
+  std::vector<std::uint32_t> words = {static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32),
+                                      self.agent};
+  words.insert(words.end(), self.actor.begin(), self.actor.end());
+  std::seed_seq sequence(words.begin(), words.end());
+  return std::mt19937_64(sequence);
+}
+
+}  // namespace
+
+ActorHost::ActorHost(Address self, ActorFactory factory, std::uint64_t seed)
+    : self_(std::move(self)), factory_(std::move(factory)), rng_(MakeRng(self_, seed)), sender_(self_) {}
+
+std::optional<Error> ActorHost::Start() {
+  Check(!actor_, "an actor is started once an incarnation");
+  ++incarnation_;
+  sender_ = self_;
+  request_id_ = 0;
+  return Run([this] {
+    actor_ = factory_();
+    Check(actor_ != nullptr, "a factory makes an actor");
+    actor_->OnStart(*this);
+  });
+}
+
+std::optional<Error> ActorHost::Handle(const proto::Message& message) {
+  sender_ = SenderOf(message);
+  request_id_ = message.request_id();
+  ++handled_;
+  return Run([&] { actor_->OnMessage(*this, message); });
+}
+
+template <typename Handler>
+std::optional<Error> ActorHost::Run(Handler handler) {
+  is_in_handler_ = true;
+  try {
+    handler();
+  } catch (const std::exception& exception) {
+    Fail({ErrorCode::kInternal, exception.what(), {}});
+  } catch (...) {
+    Fail({ErrorCode::kInternal, "an exception of unknown type left a handler", {}});
+  }
+  is_in_handler_ = false;
+  if (!failure_) return std::nullopt;
+  spdlog::warn("actor {} failed: {}", ToString(self_), ToString(*failure_));
+  End();
+  return std::exchange(failure_, std::nullopt);
+}
+
+SendResult ActorHost::Reply(proto::Message message) {
+  message.set_request_id(request_id_);
+  return Send(sender_, std::move(message));
+}
+
+void ActorHost::Fail(Error error) {
+  if (!failure_) failure_ = std::move(error);  // What came first is the likelier cause.
+}
+
+}  // namespace moondb

@@ -1,0 +1,444 @@
+#include "runtime/simulation/simulated_team.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace moondb::simulation {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+proto::Message Numbered(std::uint64_t number) {
+  proto::Message message;
+  message.set_request_id(number);
+  return message;
+}
+
+std::vector<std::uint64_t> NumbersOf(const std::vector<proto::Message>& messages) {
+  std::vector<std::uint64_t> numbers;
+  for (const proto::Message& message : messages) numbers.push_back(message.request_id());
+  return numbers;
+}
+
+// An actor of two lambdas.
+class ScriptedActor final : public Actor {
+ public:
+  using OnStartFunction = std::function<void(Context&)>;
+  using OnMessageFunction = std::function<void(Context&, const proto::Message&)>;
+
+  ScriptedActor(OnStartFunction on_start, OnMessageFunction on_message)
+      : on_start_(std::move(on_start)), on_message_(std::move(on_message)) {}
+  void OnStart(Context& context) override {
+    if (on_start_) on_start_(context);
+  }
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (on_message_) on_message_(context, message);
+  }
+
+ private:
+  OnStartFunction on_start_;
+  OnMessageFunction on_message_;
+};
+
+ActorFactory Scripted(ScriptedActor::OnStartFunction on_start, ScriptedActor::OnMessageFunction on_message) {
+  return [=] { return std::make_unique<ScriptedActor>(on_start, on_message); };
+}
+
+ActorFactory OnEachMessage(ScriptedActor::OnMessageFunction on_message) { return Scripted(nullptr, on_message); }
+
+proto::RoleAssignment Roles(AgentId leader, AgentId survivor) {
+  proto::RoleAssignment roles;
+  roles.set_leader(leader);
+  roles.set_survivor(survivor);
+  return roles;
+}
+
+class SimulatedTeamTest : public testing::Test {
+ protected:
+  SimulatedTeamTest() : team_(/*seed=*/7) {
+    for (AgentId agent : {1, 2, 3}) team_.AddAgent(agent);
+  }
+
+  // Sends `message` from 1/test to 1/relay, an actor that passes everything on to `to`.
+  SendResult RelayOnce(const Address& to) {
+    SendResult result = SendResult::kAccepted;
+    team_.Spawn(1, "relay", OnEachMessage([&](Context& context, const proto::Message& message) {
+                  result = context.Send(to, Numbered(message.request_id()));
+                }));
+    EXPECT_EQ(team_.Post({1, "test"}, {1, "relay"}, Numbered(5)), SendResult::kAccepted);
+    team_.AdvanceTime(seconds(1));
+    return result;
+  }
+
+  SimulatedTeam team_;
+};
+
+TEST_F(SimulatedTeamTest, AddressesAreFilledInBySend) {
+  EXPECT_EQ(RelayOnce({2, "sync"}), SendResult::kAccepted);
+  const std::vector<proto::Message> messages = team_.Take({2, "sync"});
+  ASSERT_THAT(messages, SizeIs(1));
+  EXPECT_EQ(messages[0].hop_sender(), 1u);
+  EXPECT_EQ(messages[0].source_actor(), "relay");
+  EXPECT_EQ(messages[0].destination_id(), 2u);
+  EXPECT_EQ(messages[0].destination_actor(), "sync");
+  EXPECT_EQ(messages[0].agent_id(), 1u);
+}
+
+TEST_F(SimulatedTeamTest, OriginOfPassedOnDataIsKept) {
+  proto::Message message = Numbered(1);
+  message.set_agent_id(3);
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "sync"}, message), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_EQ(team_.Take({2, "sync"}).at(0).agent_id(), 3u);
+}
+
+TEST_F(SimulatedTeamTest, ReplyGoesToTheSenderWithTheRequestId) {
+  team_.Spawn(2, "echo", OnEachMessage([](Context& context, const proto::Message&) {
+                EXPECT_EQ(context.sender(), (Address{1, "test"}));
+                EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
+              }));
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "echo"}, Numbered(42)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(NumbersOf(team_.Take({1, "test"})), ElementsAre(42));
+}
+
+TEST_F(SimulatedTeamTest, ClientsAreAnsweredToo) {
+  team_.Spawn(1, "gateway", OnEachMessage([](Context& context, const proto::Message&) { (void)context.Reply({}); }));
+  ASSERT_EQ(team_.Post({kClients, "c1"}, {1, "gateway"}, Numbered(3)), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  EXPECT_THAT(NumbersOf(team_.Take({kClients, "c1"})), ElementsAre(3));
+  EXPECT_THAT(team_.Take({kClients, "c1"}), IsEmpty());
+}
+
+TEST_F(SimulatedTeamTest, AliasesStandForWhatTheSendersOwnAgentKnows) {
+  team_.SetBaseStation(3);
+  team_.SetRoles(1, Roles(2, 3));
+  team_.SetRoles(2, Roles(1, 3));
+  ASSERT_EQ(team_.Post({1, "test"}, {kLeaderAlias, "a"}, Numbered(1)), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({2, "test"}, {kLeaderAlias, "a"}, Numbered(2)), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({1, "test"}, {kSurvivorAlias, "a"}, Numbered(3)), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({1, "test"}, {kBaseAlias, "a"}, Numbered(4)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.Take({1, "a"})), ElementsAre(2));
+  EXPECT_THAT(NumbersOf(team_.Take({3, "a"})), ElementsAre(3, 4));
+}
+
+TEST_F(SimulatedTeamTest, AliasIsResolvedWhenTheMessageIsSent) {
+  team_.Spawn(1, "role", OnEachMessage([](Context& context, const proto::Message&) {
+                context.SetRoles(Roles(2, 3));
+                EXPECT_EQ(context.Send({kLeaderAlias, "a"}, Numbered(1)), SendResult::kAccepted);
+                context.SetRoles(Roles(3, 2));
+                EXPECT_EQ(context.Send({kLeaderAlias, "a"}, Numbered(2)), SendResult::kAccepted);
+              }));
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "role"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.Take({3, "a"})), ElementsAre(2));
+}
+
+TEST_F(SimulatedTeamTest, NobodyIsNoPeer) {
+  EXPECT_EQ(team_.Post({1, "test"}, {kLeaderAlias, "a"}, {}), SendResult::kNoPeer);
+  EXPECT_EQ(team_.Post({1, "test"}, {9, "a"}, {}), SendResult::kNoPeer);
+  EXPECT_EQ(RelayOnce({kSurvivorAlias, "a"}), SendResult::kNoPeer);
+}
+
+TEST_F(SimulatedTeamTest, MessagesBetweenAgentsTakeTheRadiosTime) {
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "a"}, Numbered(2)), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
+  EXPECT_THAT(team_.Take({1, "a"}), SizeIs(1));
+  team_.AdvanceTime(milliseconds(1));
+  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+  EXPECT_GT(team_.radio_bytes(), 0u);
+}
+
+TEST_F(SimulatedTeamTest, RateDelaysAndThenFillsTheOutbox) {
+  team_.radio().bytes_per_second = 1000;
+  team_.radio().outbox_bytes_max = 2500;
+  proto::Message message;
+  message.set_sql(std::string(1000, 'x'));
+  for (int i = 0; i < 2; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, message), SendResult::kAccepted);
+  EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, message), SendResult::kFull);
+  EXPECT_EQ(team_.Post({2, "test"}, {1, "a"}, message), SendResult::kAccepted) << "each sender has its own rate";
+  team_.AdvanceTime(milliseconds(1100));
+  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+  team_.AdvanceTime(milliseconds(1100));
+  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+}
+
+TEST_F(SimulatedTeamTest, LossAndRepetitionComeAtTheirRatios) {
+  team_.radio().loss_ratio = 0.25;
+  team_.radio().duplicate_ratio = 0.1;
+  for (int i = 0; i < 4000; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_NEAR(static_cast<double>(team_.Take({2, "a"}).size()), 3000 * (1 + 0.1 / 30), 150);
+  team_.AdvanceTime(seconds(30));
+  EXPECT_NEAR(static_cast<double>(team_.Take({2, "a"}).size()), 300 * (1 - 1.0 / 30), 80);
+}
+
+TEST_F(SimulatedTeamTest, JitterLetsMessagesOvertake) {
+  team_.radio().latency_jitter = seconds(1);
+  for (int i = 0; i < 50; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(i)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(2));
+  const std::vector<std::uint64_t> numbers = NumbersOf(team_.Take({2, "a"}));
+  EXPECT_THAT(numbers, SizeIs(50));
+  EXPECT_FALSE(std::is_sorted(numbers.begin(), numbers.end()));
+}
+
+TEST_F(SimulatedTeamTest, CutLinkLosesWhatIsInTheAirAndTellsBothEnds) {
+  std::vector<std::string> heard;
+  for (AgentId agent : {1, 2}) {
+    team_.Spawn(agent, "sync", OnEachMessage([&](Context& context, const proto::Message& message) {
+                  ASSERT_TRUE(message.has_peer_event());
+                  heard.push_back(ToString(context.self()) + (message.peer_event().is_connected() ? "+" : "-") +
+                                  std::to_string(message.peer_event().peer()));
+                }));
+  }
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
+  team_.SetLink(1, 2, false);
+  EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kUnreachable);
+  EXPECT_EQ(team_.Post({1, "test"}, {3, "a"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
+  EXPECT_THAT(team_.Take({3, "a"}), SizeIs(1));
+  team_.SetLink(2, 1, true);
+  EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(team_.Take({2, "a"}), SizeIs(1));
+  EXPECT_THAT(heard, ElementsAre("1/sync-2", "2/sync-1", "2/sync+1", "1/sync+2"));
+}
+
+TEST_F(SimulatedTeamTest, UntoldCutLosesSilently) {
+  team_.SetLink(1, 2, false, /*tell=*/false);
+  EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
+}
+
+TEST_F(SimulatedTeamTest, FilterSeesAndLosesMessages) {
+  team_.SetFilter([](AgentId from, AgentId to, const proto::Message& message) {
+    EXPECT_EQ(from, 1u);
+    EXPECT_EQ(to, 2u);
+    return message.request_id() != 2;
+  });
+  for (int i = 1; i <= 3; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(i)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1, 3));
+}
+
+TEST_F(SimulatedTeamTest, TimersComeInOrderOfTimeAndThenOfMaking) {
+  std::vector<std::uint64_t> heard;
+  std::vector<MonotonicTime> times;
+  const MonotonicTime start = team_.now();
+  team_.Spawn(1, "clock",
+              Scripted(
+                  [](Context& context) {
+                    context.AfterTimer(seconds(2), 1, 20);
+                    context.AfterTimer(seconds(1), 1, 10);
+                    context.AfterTimer(seconds(1), 1, 11);
+                    context.Cancel(context.AfterTimer(seconds(1), 1, 12));
+                  },
+                  [&](Context& context, const proto::Message& message) {
+                    EXPECT_EQ(message.timer().kind(), 1u);
+                    heard.push_back(message.timer().value());
+                    times.push_back(context.now());
+                  }));
+  team_.AdvanceTime(milliseconds(999));
+  EXPECT_THAT(heard, IsEmpty());
+  team_.AdvanceTime(seconds(5));
+  EXPECT_THAT(heard, ElementsAre(10, 11, 20));
+  EXPECT_THAT(times, ElementsAre(start + seconds(1), start + seconds(1), start + seconds(2)));
+}
+
+TEST_F(SimulatedTeamTest, WallClockStartsIn2026AndMovesWithVirtualTime) {
+  EXPECT_EQ(team_.utc_now_ns(), 1'767'225'600'000'000'000);
+  team_.AdvanceTime(seconds(3));
+  EXPECT_EQ(team_.utc_now_ns(), 1'767'225'603'000'000'000);
+}
+
+TEST_F(SimulatedTeamTest, FailedActorIsMadeAnewAndKeepsItsMailboxButNotItsTimers) {
+  int made = 0;
+  std::vector<std::uint64_t> heard;
+  team_.Spawn(1, "fragile", [&] {
+    ++made;
+    return std::make_unique<ScriptedActor>(
+        [&](Context& context) {
+          if (made == 1) context.AfterTimer(seconds(1), 1, 100);
+        },
+        [&](Context& context, const proto::Message& message) {
+          heard.push_back(message.request_id());
+          if (message.request_id() == 1) context.Fail({ErrorCode::kInternal, "disk gone", {}});
+          EXPECT_FALSE(message.has_timer());
+        });
+  });
+  for (int i = 1; i <= 3; ++i) ASSERT_EQ(team_.Post({1, "test"}, {1, "fragile"}, Numbered(i)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(5));
+  EXPECT_THAT(heard, ElementsAre(1, 2, 3));
+  EXPECT_EQ(made, 2);
+  EXPECT_EQ(team_.restarts(1), 1u);
+}
+
+TEST_F(SimulatedTeamTest, ExceptionsAreFailuresAndTheSecondRestartWaits) {
+  std::vector<MonotonicTime> started;
+  team_.Spawn(1, "fragile",
+              Scripted([&](Context& context) { started.push_back(context.now()); },
+                       [](Context&, const proto::Message&) { throw std::runtime_error("a library's"); }));
+  const MonotonicTime start = team_.now();
+  for (int i = 1; i <= 3; ++i) ASSERT_EQ(team_.Post({1, "test"}, {1, "fragile"}, Numbered(i)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(5));
+  EXPECT_THAT(started, ElementsAre(start, start, start + milliseconds(100), start + milliseconds(300)));
+}
+
+TEST_F(SimulatedTeamTest, ActorBeyondHelpCrashesItsAgent) {
+  team_.Spawn(1, "hopeless", Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
+  team_.Spawn(2, "healthy", OnEachMessage(nullptr));
+  team_.AdvanceTime(seconds(60));
+  EXPECT_FALSE(team_.is_running(1));
+  EXPECT_TRUE(team_.is_running(2));
+  EXPECT_EQ(team_.restarts(1), 5u);
+}
+
+TEST_F(SimulatedTeamTest, CrashDropsEverythingAndRestartMakesActorsInOrder) {
+  std::vector<std::string> log;
+  for (const char* name : {"storage", "sync"}) {
+    team_.Spawn(1, name,
+                Scripted(
+                    [&, name](Context& context) {
+                      log.push_back(std::string("start ") + name);
+                      context.AfterTimer(seconds(10), 1);
+                    },
+                    [&, name](Context&, const proto::Message& message) {
+                      log.push_back(std::string(message.has_timer() ? "timer " : "message ") + name);
+                    }));
+  }
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "sync"}, {}), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({2, "test"}, {1, "sync"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(Duration::zero());
+  EXPECT_THAT(log, ElementsAre("start storage", "start sync", "message sync"));
+  log.clear();
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "storage"}, {}), SendResult::kAccepted);
+  team_.Crash(1);
+  EXPECT_FALSE(team_.is_running(1));
+  EXPECT_EQ(team_.Post({1, "test"}, {1, "storage"}, {}), SendResult::kUnreachable);
+  EXPECT_EQ(team_.Post({2, "test"}, {1, "storage"}, {}), SendResult::kAccepted) << "nobody knows";
+  team_.AdvanceTime(seconds(5));
+  team_.Restart(1);
+  team_.AdvanceTime(seconds(9));
+  EXPECT_THAT(log, ElementsAre("start storage", "start sync"));
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(log, ElementsAre("start storage", "start sync", "timer storage", "timer sync"));
+}
+
+TEST_F(SimulatedTeamTest, CrashInsideAHandlerEndsWhatItMaySend) {
+  team_.Spawn(1, "sync", OnEachMessage([&](Context& context, const proto::Message&) {
+                EXPECT_EQ(context.Send({2, "a"}, Numbered(1)), SendResult::kAccepted);
+                EXPECT_EQ(context.Send({2, "a"}, Numbered(2)), SendResult::kUnreachable);
+              }));
+  team_.SetFilter([&](AgentId, AgentId, const proto::Message&) {
+    team_.Crash(1);
+    return true;
+  });
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "sync"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_FALSE(team_.is_running(1));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
+}
+
+TEST_F(SimulatedTeamTest, RequestStopEndsTheAgentAfterTheHandler) {
+  team_.Spawn(1, "gateway", OnEachMessage([](Context& context, const proto::Message&) {
+                context.RequestStop();
+                EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
+              }));
+  ASSERT_EQ(team_.Post({kClients, "c"}, {1, "gateway"}, Numbered(1)), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  EXPECT_FALSE(team_.is_running(1));
+  EXPECT_THAT(team_.Take({kClients, "c"}), SizeIs(1));
+}
+
+TEST_F(SimulatedTeamTest, FullMailboxRefusesAndCounts) {
+  SystemStatus status;
+  team_.Spawn(1, "small",
+              OnEachMessage([&](Context& context, const proto::Message&) { status = context.GetSystemStatus(); }),
+              {.messages_max = 2});
+  EXPECT_EQ(team_.Post({1, "test"}, {1, "small"}, {}), SendResult::kAccepted);
+  EXPECT_EQ(team_.Post({1, "test"}, {1, "small"}, {}), SendResult::kAccepted);
+  EXPECT_EQ(team_.Post({1, "test"}, {1, "small"}, {}), SendResult::kFull);
+  team_.RunUntilIdle();
+  ASSERT_THAT(status.actors, SizeIs(1));
+  EXPECT_EQ(status.actors[0].handled(), 2);
+  EXPECT_EQ(status.actors[0].dropped(), 1);
+  EXPECT_EQ(status.actors[0].queued_max(), 2);
+  EXPECT_THAT(status.peers, SizeIs(2));
+}
+
+TEST_F(SimulatedTeamTest, RunUntilStopsAtTheConditionOrTheLimit) {
+  int ticks = 0;
+  team_.Spawn(1, "clock",
+              Scripted([](Context& context) { context.AfterTimer(seconds(1), 1); },
+                       [&](Context& context, const proto::Message&) {
+                         ++ticks;
+                         context.AfterTimer(seconds(1), 1);
+                       }));
+  const MonotonicTime start = team_.now();
+  EXPECT_TRUE(team_.RunUntil([&] { return ticks == 3; }, seconds(10)));
+  EXPECT_EQ(team_.now(), start + seconds(3));
+  EXPECT_FALSE(team_.RunUntil([&] { return ticks == 100; }, seconds(10)));
+  EXPECT_EQ(team_.now(), start + seconds(13));
+  EXPECT_EQ(ticks, 13);
+  team_.Crash(1);
+  EXPECT_FALSE(team_.RunUntil([] { return false; }, seconds(10)));
+}
+
+TEST_F(SimulatedTeamTest, MessagesWithoutEndFailACheck) {
+  team_.Spawn(1, "loop",
+              OnEachMessage([](Context& context, const proto::Message&) { (void)context.Send(context.self(), {}); }));
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "loop"}, {}), SendResult::kAccepted);
+  EXPECT_DEATH(team_.RunUntilIdle(), "come to rest");
+}
+
+// A random walk of messages over a bad radio; what it hashes to.
+std::uint64_t HashOfRun(std::uint64_t seed) {
+  SimulatedTeam team(seed);
+  for (AgentId agent : {1, 2, 3}) team.AddAgent(agent);
+  team.radio().loss_ratio = 0.01;
+  team.radio().duplicate_ratio = 0.02;
+  team.radio().latency_jitter = milliseconds(50);
+  for (AgentId agent : {1, 2, 3}) {
+    team.Spawn(agent, "walker", OnEachMessage([](Context& context, const proto::Message& message) {
+                 if (message.request_id() == 200) throw std::runtime_error("tired");
+                 const AgentId next = 1 + static_cast<AgentId>(context.rng()() % 3);
+                 (void)context.Send({next, "walker"}, Numbered(message.request_id() + 1));
+               }));
+  }
+  for (int i = 0; i < 10; ++i) (void)team.Post({1, "test"}, {1, "walker"}, Numbered(1));
+  team.AdvanceTime(seconds(20));
+  team.Crash(2);
+  team.AdvanceTime(seconds(20));
+  team.Restart(2);
+  (void)team.Post({1, "test"}, {1, "walker"}, Numbered(1));
+  team.AdvanceTime(seconds(60));
+  return team.trace_hash();
+}
+
+TEST(SimulatedTeamSeedTest, OneSeedReplaysOneRun) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    SCOPED_TRACE(seed);
+    EXPECT_EQ(HashOfRun(seed), HashOfRun(seed));
+  }
+  EXPECT_NE(HashOfRun(1), HashOfRun(2));
+}
+
+}  // namespace
+}  // namespace moondb::simulation
