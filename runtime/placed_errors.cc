@@ -12,7 +12,7 @@ constexpr std::size_t kQuotedLengthMax = 60;
 }  // namespace
 
 void PlacedErrors::Add(Place place, const std::string& field, const std::string& text) {
-  if (!field.empty() && Has(field)) return;
+  if (!field.empty() && muted_.count(field) > 0) return;
   Mute(field);
   errors_.push_back({place, field.empty() ? text : field + ": " + text});
 }

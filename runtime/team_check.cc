@@ -117,7 +117,7 @@ class Checker {
   }
 
   void CheckAgentCount() {
-    if (!Require("agents")) return;
+    (void)Require("agents");
     const auto& agents = team_.agents();
     if (agents.size() > kAgentCountMax) {
       Add("agents", "at most " + std::to_string(kAgentCountMax) + " are allowed, got " + std::to_string(agents.size()));

@@ -1,0 +1,363 @@
+#include "runtime/team_config.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "runtime/curve_keys.h"
+
+namespace moondb {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Three agents, one a line, so that errors have places to point to.
+constexpr char kGood[] = R"(team: test
+insecure: true
+agents:
+  - {id: 1, name: rover1, address: "tcp://127.0.0.1:7400"}
+  - {id: 2, name: rover2, address: "tcp://127.0.0.1:7401"}
+  - {id: 3, name: base, address: "tcp://127.0.0.1:7402", kind: base_station, position_m: [1, 2, 3]}
+)";
+
+std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+struct BadFile {
+  const char* name;
+  std::string yaml;
+  std::string error;
+};
+
+std::string Good(const std::string& from, const std::string& to) { return Replaced(kGood, from, to); }
+
+std::string GoodAnd(const std::string& line) { return kGood + line + "\n"; }
+
+const BadFile kBadFiles[] = {
+    {"Empty", "", "t:1:1: the file is empty"},
+    {"NoFields", "- 1\n", "t:1:1: expected fields such as \"team: NAME\", got a list"},
+    {"TwoDocuments", std::string(kGood) + "---\nteam: b\n",
+     "t:8:1: a second document begins here; only one is allowed"},
+    {"Syntax", "team: test\nagents: [\n", "t:3:1: not YAML: end of sequence flow not found"},
+    {"MisspeltKey", Good("address: \"tcp://127.0.0.1:7401\"", "adress: \"tcp://127.0.0.1:7401\""),
+     "t:5:27: agents[1].adress: no such field; did you mean \"address\"?"},
+    {"StrangeKey", GoodAnd("colour: red"), "t:7:1: colour: no such field"},
+    {"KeyWithEscapes", GoodAnd("\"\\e[2J\": red"), "t:7:1: \\x1b[2J: no such field"},
+    {"WrongInteger", Good("id: 2", "id: two"), "t:5:10: agents[1].id: expected an integer, got \"two\""},
+    {"FractionalId", Good("id: 2", "id: 1.5"), "t:5:10: agents[1].id: expected an integer, got \"1.5\""},
+    {"NegativeId", Good("id: 2", "id: -2"),
+     "t:5:10: agents[1].id: expected an integer from 0 to 4294967295, got \"-2\""},
+    {"IdOutOfRange", Good("id: 2", "id: 65536"), "t:5:10: agents[1].id: expected 1 to 65535, got 65536"},
+    {"NoId", Good("id: 2, ", ""), "t:5:5: agents[1].id: missing"},
+    {"DoubledKey", Good("id: 2,", "id: 2, id: 4,"), "t:5:13: agents[1].id: given twice, first in line 5"},
+    {"DoubledId", Good("id: 2", "id: 1"), "t:5:10: agents[1].id: 1 is already that of agents[0]"},
+    {"DoubledName", Good("rover2", "rover1"), "t:5:19: agents[1].name: rover1 is already that of agents[0]"},
+    {"DoubledAddress", Good("7401", "7400"),
+     "t:5:36: agents[1].address: tcp://127.0.0.1:7400 is already that of agents[0]"},
+    {"BadName", Good("rover2", "Rover 2"),
+     "t:5:19: agents[1].name: expected at most 32 lower-case letters, digits, - and _, got \"Rover 2\""},
+    {"BadTeamName", Good("team: test", "team: ../x"),
+     "t:1:7: team: expected at most 32 lower-case letters, digits, - and _, got \"../x\""},
+    {"NoPort", Good("127.0.0.1:7401", "127.0.0.1"),
+     "t:5:36: agents[1].address: expected tcp://HOST:PORT or ipc:///PATH, got \"tcp://127.0.0.1\""},
+    {"PortOutOfRange", Good(":7401", ":74010"),
+     "t:5:36: agents[1].address: expected a port from 1 to 65535, got \"74010\""},
+    {"Wildcard", Good("127.0.0.1:7401", "0.0.0.0:7401"),
+     "t:5:36: agents[1].address: other agents connect to this address, so it cannot be \"0.0.0.0\""},
+    {"BadHost", Good("127.0.0.1:7401", "a;b:7401"),
+     "t:5:36: agents[1].address: expected a host's name or number, got \"a;b\""},
+    {"RelativeSocket", Good("tcp://127.0.0.1:7401", "ipc://x"),
+     "t:5:36: agents[1].address: expected an absolute path after ipc://"},
+    {"BadEnum", Good("base_station", "base_staton"),
+     "t:6:64: agents[2].kind: expected rover or base_station, got \"base_staton\"; did you mean \"base_station\"?"},
+    {"NoPosition", Good(", position_m: [1, 2, 3]", ""), "t:6:5: agents[2].position_m: missing"},
+    {"ShortPosition", Good("[1, 2, 3]", "[1, 2]"), "t:6:90: agents[2].position_m: expected 3 numbers (x, y, z), got 2"},
+    {"InfinitePosition", Good("[1, 2, 3]", "[1, .inf, 3]"),
+     "t:6:94: agents[2].position_m[1]: expected a finite number, got \".inf\""},
+    {"HugeNumber", Good("[1, 2, 3]", "[1, 1e999, 3]"),
+     "t:6:94: agents[2].position_m[1]: expected a finite number, got \"1e999\""},
+    {"PositionOfRover", Good("7401\"}", "7401\", position_m: [0, 0, 0]}"),
+     "t:5:72: agents[1].position_m: a rover has start instead; position_m is for base stations"},
+    {"StartOfBase", Good("[1, 2, 3]", "[1, 2, 3], start: {x: 1}"),
+     "t:6:108: agents[2].start: a base station has position_m instead"},
+    {"TwoBases", Good("7401\"}", "7401\", kind: base_station, position_m: [0, 0, 0]}"),
+     "t:6:64: agents[2].kind: the team has a base station already: agents[1]"},
+    {"NoRover",
+     "team: t\ninsecure: true\nagents:\n  - {id: 3, name: b, address: \"ipc:///tmp/b\", "
+     "kind: base_station, position_m: [1, 2, 3]}\n",
+     "t:4:3: agents: expected at least one rover"},
+    {"ZeroSigma", Good("7401\"}", "7401\", start: {sigma_m: 0}}"),
+     "t:5:77: agents[1].start.sigma_m: expected 1e-06 to 1000, got 0"},
+    {"NoKey", Good("insecure: true", "insecure: false"),
+     "t:4:5: agents[0].key: missing: the file of the agent's public key (or `insecure: true` for the team)\n"
+     "t:5:5: agents[1].key: missing: the file of the agent's public key (or `insecure: true` for the team)\n"
+     "t:6:5: agents[2].key: missing: the file of the agent's public key (or `insecure: true` for the team)"},
+    {"UnknownLeader", GoodAnd("roles: {leader: rover11}"),
+     "t:7:17: roles.leader: no agent is named \"rover11\"; did you mean \"rover1\"?"},
+    {"LeaderIsSurvivor", GoodAnd("roles: {leader: rover1, survivor: rover1}"),
+     "t:7:35: roles.survivor: rover1 is the leader; the designated survivor must be another rover"},
+    {"BaseLeads", GoodAnd("roles: {leader: base}"),
+     "t:7:17: roles.leader: base is a base station; only a rover can hold this role"},
+    {"BasePreserves", GoodAnd("roles: {survivor: base}"),
+     "t:7:19: roles.survivor: base is a base station; only a rover can hold this role"},
+    {"ZeroTimeout", GoodAnd("roles: {leader_timeout_s: 0}"),
+     "t:7:27: roles.leader_timeout_s: expected 1 to 86400, got 0"},
+    {"Budget", GoodAnd("radio: {budget_kbps: -1}"), "t:7:22: radio.budget_kbps: expected 1 to 1000000, got -1"},
+    {"NotBool", GoodAnd("radio: {quiet_while_driving: yes}"),
+     "t:7:30: radio.quiet_while_driving: expected true or false, got \"yes\""},
+    {"Policy", GoodAnd("share: {health: lastest}"),
+     "t:7:17: share.health: expected none, latest or all, got \"lastest\"; did you mean \"latest\"?"},
+    {"UnspecifiedPolicy", GoodAnd("share: {health: unspecified}"),
+     "t:7:17: share.health: expected none, latest or all, got \"unspecified\""},
+    {"Footprint", GoodAnd("map: {footprint_m: [0.75]}"),
+     "t:7:20: map.footprint_m: expected 2 numbers (length and width), got 1"},
+    {"NoList", GoodAnd("map: {footprint_m: 0.75}"), "t:7:20: map.footprint_m: expected a list, got \"0.75\""},
+    {"NoValue", GoodAnd("map: {footprint_m: }"), "t:7:7: map.footprint_m: expected a list, got nothing"},
+    {"NoMessage", GoodAnd("map: 5"), "t:7:6: map: expected fields such as \"resolution_m: ...\", got \"5\""},
+    {"Latitude", GoodAnd("site: {lat_deg: 91}"), "t:7:17: site.lat_deg: expected -90 to 90, got 91"},
+    {"Missing", "insecure: true\n", "t:1:1: team: missing\nt:1:1: agents: missing"},
+    {"AliasLoop", GoodAnd("map: &m {footprint_m: [*m, *m]}"),
+     "t:7:6: map.footprint_m[0]: expected a number, got fields\n"
+     "t:7:6: map.footprint_m[1]: expected a number, got fields"},
+};
+
+class TeamConfigBadFileTest : public ::testing::TestWithParam<BadFile> {};
+
+TEST_P(TeamConfigBadFileTest, IsToldWithPlaceAndField) {
+  const Result<TeamFile> team = ParseTeamFile(GetParam().yaml, "t");
+  ASSERT_FALSE(team);
+  EXPECT_EQ(team.error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(team.error().text, GetParam().error);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, TeamConfigBadFileTest, ::testing::ValuesIn(kBadFiles),
+                         [](const auto& file) { return std::string(file.param.name); });
+
+TEST(TeamConfigTest, TellsAllErrorsInTheOrderOfTheirPlaces) {
+  std::string yaml = Replaced(kGood, "id: 2", "id: two");
+  yaml = Replaced(yaml, "team: test", "taem: test");
+  yaml += "share: {power: all, power: none}\n";
+  EXPECT_EQ(ParseTeamFile(yaml, "t").error().text,
+            "t:1:1: taem: no such field; did you mean \"team\"?\n"
+            "t:5:10: agents[1].id: expected an integer, got \"two\"\n"
+            "t:7:21: share.power: given twice, first in line 7");
+}
+
+TEST(TeamConfigTest, BoundsAgentsAndErrors) {
+  std::string many = "team: t\nagents:\n";
+  for (int i = 0; i < 200; ++i) many += "  - {id: x}\n";
+  const std::string text = ParseTeamFile(many, "t").error().text;
+  EXPECT_THAT(text, HasSubstr("t:3:3: agents: at most 64 are allowed, got 200\n"));
+  EXPECT_THAT(text, HasSubstr("\nt: and 701 more errors"));
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 100);
+}
+
+TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
+  const Result<TeamFile> team = ParseTeamFile(kGood, "t");
+  ASSERT_TRUE(team) << team.error().text;
+  const proto::TeamConfig& config = team->config;
+  EXPECT_EQ(config.roles().leader(), "rover1");
+  EXPECT_EQ(config.roles().survivor(), "rover2");
+  EXPECT_EQ(config.roles().leader_timeout_s(), 120);
+  EXPECT_EQ(config.radio().budget_kbps(), 1000);
+  EXPECT_TRUE(config.radio().quiet_while_driving());
+  EXPECT_EQ(config.map().resolution_m(), 0.05);
+  EXPECT_THAT(config.map().footprint_m(), ::testing::ElementsAre(0.75, 0.5));
+  EXPECT_THAT(config.agents(0).antenna_m(), ::testing::ElementsAre(0, 0, 0));
+  EXPECT_EQ(PolicyOf(config.share(), proto::TEMPERATURE), proto::POLICY_LATEST);
+  EXPECT_EQ(PolicyOf(config.share(), proto::POSE_GRAPH_EDGE), proto::POLICY_ALL);
+  EXPECT_EQ(PolicyOf(config.share(), proto::EDGE_VERDICT), proto::POLICY_LATEST);
+  EXPECT_EQ(PolicyOf(config.share(), proto::LOCAL_TRAVERSABILITY_MAP), proto::POLICY_ALL);
+  EXPECT_EQ(PolicyOf(config.ground(), proto::POSE_GRAPH_NODE), proto::POLICY_ALL);
+  EXPECT_EQ(PolicyOf(config.ground(), proto::OPTIMIZED_POSE), proto::POLICY_LATEST);
+  EXPECT_EQ(PolicyOf(config.ground(), proto::POSE_GRAPH_EDGE), proto::POLICY_NONE);
+  EXPECT_EQ(PolicyOf(config.share(), 1007), proto::POLICY_NONE);
+  EXPECT_EQ(PolicyOf(config.share(), 0xFFFF'FFFF), proto::POLICY_NONE);
+}
+
+TEST(TeamConfigTest, NeedsNeitherBaseStationNorSurvivor) {
+  const Result<TeamFile> team =
+      ParseTeamFile("team: t\ninsecure: true\nagents: [{id: 7, name: a, address: \"ipc:///tmp/a\"}]\n", "t");
+  ASSERT_TRUE(team) << team.error().text;
+  EXPECT_EQ(BaseStationOf(team->config), 0u);
+  EXPECT_EQ(InitialRoles(team->config).leader(), 7u);
+  EXPECT_EQ(InitialRoles(team->config).survivor(), 0u);
+  EXPECT_TRUE(CheckRoles(team->config, InitialRoles(team->config)));
+}
+
+TEST(TeamConfigTest, HashesTheMeaningNotTheText) {
+  const auto hash = [](const std::string& yaml) { return ParseTeamFile(yaml, "t").value().hash; };
+  EXPECT_EQ(hash(kGood), hash("# Another comment.\n" + GoodAnd("roles: {survivor: rover2}")));
+  EXPECT_NE(hash(kGood), hash(GoodAnd("radio: {budget_kbps: 999}")));
+}
+
+TEST(TeamConfigTest, RefusesRolesThatCannotBe) {
+  const proto::TeamConfig team = ParseTeamFile(kGood, "t").value().config;
+  const auto why = [&](AgentId leader, AgentId survivor) {
+    proto::RoleAssignment roles;
+    roles.set_leader(leader);
+    roles.set_survivor(survivor);
+    const Result<void> result = CheckRoles(team, roles);
+    return result ? std::string() : ToString(result.error());
+  };
+  EXPECT_EQ(why(1, 2), "");
+  EXPECT_EQ(why(2, 0), "");
+  EXPECT_EQ(why(0, 2), "leader: the team needs a leader");
+  EXPECT_EQ(why(9, 2), "leader: no agent has the id 9");
+  EXPECT_EQ(why(3, 2), "leader: base is a base station; only a rover can hold this role");
+  EXPECT_EQ(why(1, 1), "survivor: rover1 cannot be leader and designated survivor at once");
+  EXPECT_EQ(why(1, 3), "survivor: base is a base station; only a rover can hold this role");
+}
+
+TEST(TeamConfigTest, NamesTheRoleOfEachAgent) {
+  const proto::TeamConfig team = ParseTeamFile(GoodAnd("roles: {leader: rover2}"), "t").value().config;
+  const proto::RoleAssignment roles = InitialRoles(team);
+  EXPECT_EQ(RoleOf(team, roles, 1), proto::ROLE_DESIGNATED_SURVIVOR);
+  EXPECT_EQ(RoleOf(team, roles, 2), proto::ROLE_LEADER);
+  EXPECT_EQ(RoleOf(team, roles, 3), proto::ROLE_BASE_STATION);
+  EXPECT_EQ(RoleOf(team, roles, 4), proto::ROLE_UNSPECIFIED);
+}
+
+class TeamFileTest : public ::testing::Test {
+ protected:
+  TeamFileTest() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "moondb-team-XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+  }
+  ~TeamFileTest() override { std::filesystem::remove_all(folder_); }
+
+  static mode_t ModeOf(const std::filesystem::path& path) {
+    struct stat status {};
+    EXPECT_EQ(stat(path.c_str(), &status), 0) << path;
+    return status.st_mode & 0777;
+  }
+
+  static void Write(const std::filesystem::path& path, const std::string& text) { std::ofstream(path) << text; }
+
+  static std::string Text(const std::filesystem::path& path) {
+    std::ostringstream text;
+    text << std::ifstream(path).rdbuf();
+    return text.str();
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(TeamFileTest, InitialTeamIsReadBack) {
+  const std::filesystem::path path = folder_ / "new" / "team.yaml";
+  const Result<void> written = WriteInitialTeam(path, 4, 7400);
+  ASSERT_TRUE(written) << ToString(written.error());
+  const Result<TeamFile> team = ReadTeamFile(path);
+  ASSERT_TRUE(team) << team.error().text;
+  ASSERT_EQ(team->config.agents_size(), 4);
+  EXPECT_EQ(team->config.agents(1).name(), "rover2");
+  EXPECT_EQ(team->config.agents(1).address(), "tcp://127.0.0.1:7401");
+  EXPECT_EQ(BaseStationOf(team->config), 4u);
+  EXPECT_EQ(team->folder, folder_ / "new");
+  for (const proto::AgentConfig& agent : team->config.agents()) {
+    const std::filesystem::path public_path = team->folder / agent.key();
+    EXPECT_EQ(ModeOf(public_path), 0644u);
+    EXPECT_EQ(ModeOf(SecretKeyPath(public_path)), 0600u);
+    EXPECT_EQ(PublicKeyOf(ReadSecretKey(SecretKeyPath(public_path)).value()).value(),
+              ReadPublicKey(public_path).value());
+  }
+  // The team, eight keys and nothing left aside.
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(team->folder), {}), 9);
+}
+
+TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
+  proto::TeamConfig config = ParseTeamFile(GoodAnd("share: {power: none}\n"
+                                                   "radio: {quiet_while_driving: false}\n"
+                                                   "site: {lat_deg: 7.4, lon_deg: -59.123456789, north_yaw_rad: 0.1}\n"
+                                                   "map: {resolution_m: 0.0125}"),
+                                           "t")
+                                 .value()
+                                 .config;
+  config.mutable_agents(0)->mutable_start()->set_yaw(1.0 / 3.0);
+  config.mutable_agents(0)->mutable_start()->set_sigma_m(0.2);
+  ASSERT_TRUE(WriteTeam(folder_ / "team.yaml", config));
+  const Result<TeamFile> team = ReadTeamFile(folder_ / "team.yaml");
+  ASSERT_TRUE(team) << team.error().text;
+  config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // The default.
+  EXPECT_EQ(team->config.DebugString(), config.DebugString());
+}
+
+TEST_F(TeamFileTest, OverwritesNothing) {
+  Write(folder_ / "rover2.sec", "precious");
+  const Result<void> written = WriteInitialTeam(folder_ / "team.yaml", 3, 7400);
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().code, ErrorCode::kRefused);
+  EXPECT_EQ(written.error().text, (folder_ / "rover2.sec").string() + ": exists already and is left as it is");
+  EXPECT_EQ(Text(folder_ / "rover2.sec"), "precious");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
+}
+
+TEST_F(TeamFileTest, RefusesToWriteATeamThatCannotBe) {
+  EXPECT_EQ(WriteInitialTeam(folder_ / "t", 0, 7400).error().field, "agent_count");
+  EXPECT_EQ(WriteInitialTeam(folder_ / "t", 4, 65533).error().field, "first_port");
+  proto::TeamConfig config = ParseTeamFile(kGood, "t").value().config;
+  config.mutable_agents(0)->set_address("tcp://h:1\", id: 9, name: \"x");
+  EXPECT_EQ(WriteTeam(folder_ / "t", config).error().code, ErrorCode::kInvalid);
+  EXPECT_TRUE(std::filesystem::is_empty(folder_));
+}
+
+TEST_F(TeamFileTest, TellsWhatIsWrongWithKeyFiles) {
+  const std::filesystem::path path = folder_ / "team.yaml";
+  ASSERT_TRUE(WriteInitialTeam(path, 4, 7400));
+  std::filesystem::remove(folder_ / "rover1.pub");
+  Write(folder_ / "rover2.pub", "short\n");
+  Write(folder_ / "base.pub", Text(folder_ / "rover3.pub"));
+  const std::string text = ReadTeamFile(path).error().text;
+  EXPECT_THAT(text, HasSubstr(": agents[0].key: " + (folder_ / "rover1.pub").string() + ": no such file\n"));
+  EXPECT_THAT(text, HasSubstr(": agents[1].key: " + (folder_ / "rover2.pub").string() + ": not a key"));
+  EXPECT_THAT(text, HasSubstr(": agents[3].key: is the key of rover3 too"));
+}
+
+TEST_F(TeamFileTest, SecretsThatOthersCanReadAreRefused) {
+  ASSERT_TRUE(WriteInitialTeam(folder_ / "team.yaml", 1, 7400));
+  std::filesystem::permissions(folder_ / "rover1.sec", std::filesystem::perms(0640));
+  EXPECT_THAT(ReadSecretKey(folder_ / "rover1.sec").error().text, HasSubstr("others can read this secret"));
+}
+
+TEST_F(TeamFileTest, FilesThatAreNotThereOrTooLargeAreErrors) {
+  EXPECT_EQ(ReadTeamFile(folder_ / "none.yaml").error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(ReadTeamFile(folder_).error().text, HasSubstr("not a regular file"));
+  Write(folder_ / "large.yaml", kGood + std::string(1'000'000, '#'));
+  EXPECT_THAT(ReadTeamFile(folder_ / "large.yaml").error().text, HasSubstr("larger than 1 MB"));
+}
+
+TEST_F(TeamFileTest, ExampleOfTheRepositoryIsRight) {
+  const std::filesystem::path example = std::filesystem::path(MOONDB_SOURCE_DIR) / "configs" / "cadre.yaml";
+  std::filesystem::copy(example, folder_ / "cadre.yaml");
+  for (const char* name : {"rover1", "rover2", "rover3", "base"}) {
+    Write(folder_ / (std::string(name) + ".pub"), MakeCurveKeys().value().public_key + "\n");
+  }
+  const Result<TeamFile> team = ReadTeamFile(folder_ / "cadre.yaml");
+  ASSERT_TRUE(team) << team.error().text;
+  EXPECT_EQ(team->config.agents_size(), 4);
+}
+
+TEST_F(TeamFileTest, ClientEndpointLiesInAFolderOfThisUserAlone) {
+  TeamFile team = ParseTeamFile(kGood, "t").value();
+  setenv("MOONDB_RUN_DIR", folder_.c_str(), 1);
+  EXPECT_EQ(ClientEndpoint(team, "rover1").value(), "ipc://" + (folder_ / "test" / "rover1.sock").string());
+  std::filesystem::create_directory(folder_ / "test");
+  std::filesystem::permissions(folder_ / "test", std::filesystem::perms(0750));
+  EXPECT_THAT(ClientEndpoint(team, "rover1").error().text, HasSubstr("must be a folder of this user's"));
+  setenv("MOONDB_RUN_DIR", (folder_ / std::string(100, 'x')).c_str(), 1);
+  EXPECT_EQ(ClientEndpoint(team, "rover1").error().code, ErrorCode::kInvalid);
+  unsetenv("MOONDB_RUN_DIR");
+}
+
+}  // namespace
+}  // namespace moondb
