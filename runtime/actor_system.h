@@ -3,7 +3,10 @@
 // Threads sleep when there is nothing to do. An actor's messages are handled one at a time, in the order in which each
 // sender sent them. Supervision is one for one: an exception that leaves a handler, or Context::Fail, destroys the
 // actor and makes it anew by its factory, at once the first time, then with a growing delay; its mailbox survives, the
-// message that killed it does not. More than `restarts_max` in `restart_period` end the process by on_fatal.
+// message that killed it does not. More than `restarts_max` in `restart_period` end the process by on_fatal. An actor
+// is made, run and destroyed on its own thread, if it has one (an EGL context belongs to its thread).
+//
+// A message to an actor that is beyond help, or after Stop, is kUnreachable.
 #pragma once
 
 #include <functional>
@@ -23,9 +26,11 @@ class ActorSystem {
     int worker_count = 2;
     int restarts_max = 5;
     Duration restart_period = std::chrono::minutes(1);
-    std::uint64_t seed = 0;               // Of the actors' rng(); 0: from the system's entropy.
-    std::function<void(Error)> on_fatal;  // An actor is beyond help. Called once, on some thread; default: abort.
-    std::function<void()> on_stop_requested;  // Context::RequestStop. Called on some thread.
+    std::uint64_t seed = 0;  // Of the actors' rng(); 0: from the system's entropy.
+    // An actor is beyond help. Called once, on some actor's thread: must not Stop there. Default: abort.
+    std::function<void(Error)> on_fatal;
+    // Context::RequestStop. Called on some actor's thread: must not Stop there. Default: nothing happens.
+    std::function<void()> on_stop_requested;
   };
 
   explicit ActorSystem(Options options);
@@ -34,8 +39,8 @@ class ActorSystem {
   // Before Start only; names are unique. Actors are started in the order of spawning and stopped in reverse.
   void Spawn(std::string name, SpawnOptions options, ActorFactory factory);
 
-  // Runs OnStart of each actor, then lets messages flow. `transport` may be null (no peers, no clients), must outlive
-  // Stop, and may deliver only from now on.
+  // Runs OnStart of each actor (those that fail are made anew first), then lets messages flow. `transport` may be null
+  // (no peers, no clients), must outlive Stop, and may deliver only from now on.
   void Start(Transport* transport);
 
   // Any thread. Delivers to the actor that message.destination_actor names on this agent; how the transport hands in
@@ -48,7 +53,8 @@ class ActorSystem {
   // Sends from outside any actor; the sender is {self, "outside"}. For tests and composition.
   SendResult Post(const std::string& actor, proto::Message message);
 
-  // Idempotent. Sets stop_requested, lets running handlers end, joins all threads. Waiting messages are dropped.
+  // Idempotent; not from a handler. Sets stop_requested, lets running handlers end, destroys the actors, joins all
+  // threads. Waiting messages are dropped.
   void Stop();
 
  private:

@@ -3,11 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include "tests/runtime/scripted_actor.h"
 
 namespace moondb::simulation {
 namespace {
@@ -18,43 +21,11 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-proto::Message Numbered(std::uint64_t number) {
-  proto::Message message;
-  message.set_request_id(number);
-  return message;
-}
-
 std::vector<std::uint64_t> NumbersOf(const std::vector<proto::Message>& messages) {
   std::vector<std::uint64_t> numbers;
   for (const proto::Message& message : messages) numbers.push_back(message.request_id());
   return numbers;
 }
-
-// An actor of two lambdas.
-class ScriptedActor final : public Actor {
- public:
-  using OnStartFunction = std::function<void(Context&)>;
-  using OnMessageFunction = std::function<void(Context&, const proto::Message&)>;
-
-  ScriptedActor(OnStartFunction on_start, OnMessageFunction on_message)
-      : on_start_(std::move(on_start)), on_message_(std::move(on_message)) {}
-  void OnStart(Context& context) override {
-    if (on_start_) on_start_(context);
-  }
-  void OnMessage(Context& context, const proto::Message& message) override {
-    if (on_message_) on_message_(context, message);
-  }
-
- private:
-  OnStartFunction on_start_;
-  OnMessageFunction on_message_;
-};
-
-ActorFactory Scripted(ScriptedActor::OnStartFunction on_start, ScriptedActor::OnMessageFunction on_message) {
-  return [=] { return std::make_unique<ScriptedActor>(on_start, on_message); };
-}
-
-ActorFactory OnEachMessage(ScriptedActor::OnMessageFunction on_message) { return Scripted(nullptr, on_message); }
 
 proto::RoleAssignment Roles(AgentId leader, AgentId survivor) {
   proto::RoleAssignment roles;

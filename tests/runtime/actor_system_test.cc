@@ -1,0 +1,536 @@
+#include "runtime/actor_system.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "tests/runtime/scripted_actor.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::hours;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::SizeIs;
+
+constexpr seconds kPatience(60);  // For what comes at once; only a broken runtime lets it pass.
+
+// What handlers tell the test, in order.
+template <typename T>
+class Heard {
+ public:
+  void Add(T value) {
+    {
+      const std::lock_guard lock(mutex_);
+      values_.push_back(std::move(value));
+    }
+    changed_.notify_all();
+  }
+  // Waits until there is one.
+  T Next() {
+    std::unique_lock lock(mutex_);
+    if (!changed_.wait_for(lock, kPatience, [this] { return !values_.empty(); })) {
+      ADD_FAILURE() << "nothing was heard";
+      return {};
+    }
+    T value = std::move(values_.front());
+    values_.pop_front();
+    return value;
+  }
+  std::vector<T> Next(int count) {
+    std::vector<T> values;
+    for (int i = 0; i < count; ++i) values.push_back(Next());
+    return values;
+  }
+  bool empty() {
+    const std::lock_guard lock(mutex_);
+    return values_.empty();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<T> values_;
+};
+
+// Opens once; handlers wait at it.
+class Gate {
+ public:
+  void Open() { promise_.set_value(); }
+  void Pass() { EXPECT_EQ(future_.wait_for(kPatience), std::future_status::ready); }
+
+ private:
+  std::promise<void> promise_;
+  std::shared_future<void> future_ = promise_.get_future().share();
+};
+
+class FakeTransport final : public Transport {
+ public:
+  SendResult Send(const Address& to, MessagePtr message) override {
+    sent.Add({to, std::move(message)});
+    return SendResult::kAccepted;
+  }
+  std::vector<proto::PeerStatus> Peers() const override {
+    proto::PeerStatus peer;
+    peer.set_agent_id(2);
+    return {peer};
+  }
+
+  Heard<std::pair<Address, MessagePtr>> sent;
+};
+
+class ActorSystemTest : public testing::Test {
+ protected:
+  static ActorSystem::Options DefaultOptions() {
+    ActorSystem::Options options;
+    options.self = 1;
+    options.base_station = 3;
+    options.seed = 1;
+    return options;
+  }
+
+  FakeTransport transport_;
+  Heard<std::string> heard_;
+  ActorSystem system_{DefaultOptions()};
+};
+
+TEST_F(ActorSystemTest, MessagesOfOneSenderAreHandledInOrder) {
+  Heard<std::uint64_t> numbers;
+  system_.Spawn("a", {}, OnEachMessage([&](Context&, const proto::Message& m) { numbers.Add(m.request_id()); }));
+  system_.Start(nullptr);
+  for (int i = 0; i < 1000; ++i) ASSERT_EQ(system_.Post("a", Numbered(i)), SendResult::kAccepted);
+  for (std::uint64_t i = 0; i < 1000; ++i) ASSERT_EQ(numbers.Next(), i);
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, ActorsAnswerEachOther) {
+  system_.Spawn("ping", {}, OnEachMessage([&](Context& context, const proto::Message& message) {
+                  if (context.sender().actor == "outside") {
+                    EXPECT_EQ(context.sender(), (Address{1, "outside"}));
+                    EXPECT_EQ(context.Send({1, "pong"}, Numbered(42)), SendResult::kAccepted);
+                  } else {
+                    heard_.Add(ToString(context.sender()) + " " + std::to_string(message.request_id()) + " of " +
+                               std::to_string(message.agent_id()));
+                  }
+                }));
+  system_.Spawn("pong", {.placement = Placement::kOwnThread},
+                OnEachMessage([](Context& context, const proto::Message&) {
+                  EXPECT_EQ(context.sender(), (Address{1, "ping"}));
+                  EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
+                }));
+  system_.Start(nullptr);
+  ASSERT_EQ(system_.Post("ping", {}), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "1/pong 42 of 1");
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, AnActorRunsOnOneThreadAtATime) {
+  // A counter without a lock: a second thread would lose counts, and thread sanitizer would see it.
+  int handled = 0;
+  std::promise<void> done;
+  system_.Spawn("counter", {.messages_max = 100'000}, OnEachMessage([&](Context&, const proto::Message&) {
+                  if (++handled == 4000) done.set_value();
+                }));
+  for (const char* name : {"a", "b", "c", "d"}) {
+    system_.Spawn(name, {}, OnEachMessage([](Context& context, const proto::Message&) {
+                    EXPECT_EQ(context.Send({1, "counter"}, {}), SendResult::kAccepted);
+                  }));
+  }
+  system_.Start(nullptr);
+  for (int i = 0; i < 1000; ++i) {
+    for (const char* name : {"a", "b", "c", "d"}) ASSERT_EQ(system_.Post(name, {}), SendResult::kAccepted);
+  }
+  EXPECT_EQ(done.get_future().wait_for(kPatience), std::future_status::ready);
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, BusyActorsLeaveTheirTurnToOthers) {
+  ActorSystem::Options options = DefaultOptions();
+  options.worker_count = 1;
+  ActorSystem system(options);
+  std::promise<void> heard;
+  system.Spawn("greedy", {},
+               Scripted([](Context& context) { (void)context.Send(context.self(), {}); },
+                        [](Context& context, const proto::Message&) {
+                          (void)context.Send(context.self(), {});  // Never idle.
+                        }));
+  system.Spawn("modest", {}, OnEachMessage([&](Context&, const proto::Message&) { heard.set_value(); }));
+  system.Start(nullptr);
+  ASSERT_EQ(system.Post("modest", {}), SendResult::kAccepted);
+  EXPECT_EQ(heard.get_future().wait_for(kPatience), std::future_status::ready);
+  system.Stop();
+}
+
+TEST_F(ActorSystemTest, ActorsStartInOrderBeforeMessagesFlow) {
+  for (const std::string name : {"a", "b", "c"}) {
+    const Placement placement = name == "b" ? Placement::kOwnThread : Placement::kPool;
+    system_.Spawn(name, {.placement = placement},
+                  Scripted(
+                      [this, name](Context& context) {
+                        heard_.Add("start " + name);
+                        EXPECT_EQ(context.Send({1, "a"}, {}), SendResult::kAccepted);
+                      },
+                      [this](Context&, const proto::Message&) { heard_.Add("message"); }));
+  }
+  ASSERT_EQ(system_.Post("a", {}), SendResult::kAccepted) << "waits for Start";
+  system_.Start(nullptr);
+  EXPECT_THAT(heard_.Next(7), ElementsAre("start a", "start b", "start c", "message", "message", "message", "message"));
+  system_.Stop();
+}
+
+// Tells which threads it lived on.
+class ThreadBoundActor final : public Actor {
+ public:
+  explicit ThreadBoundActor(Heard<std::thread::id>* threads) : threads_(threads) {
+    threads_->Add(std::this_thread::get_id());
+  }
+  ~ThreadBoundActor() override { threads_->Add(std::this_thread::get_id()); }
+  void OnStart(Context&) override { threads_->Add(std::this_thread::get_id()); }
+  void OnMessage(Context& context, const proto::Message& message) override {
+    threads_->Add(std::this_thread::get_id());
+    if (message.request_id() == 1) context.Fail({ErrorCode::kUnavailable, "driver lost", {}});
+  }
+
+ private:
+  Heard<std::thread::id>* threads_;
+};
+
+TEST_F(ActorSystemTest, OwnThreadActorIsMadeRunAndDestroyedOnOneThread) {
+  Heard<std::thread::id> threads;
+  system_.Spawn("gl", {.placement = Placement::kOwnThread},
+                [&] { return std::make_unique<ThreadBoundActor>(&threads); });
+  system_.Start(nullptr);
+  ASSERT_EQ(system_.Post("gl", Numbered(1)), SendResult::kAccepted);
+  ASSERT_EQ(system_.Post("gl", Numbered(2)), SendResult::kAccepted);
+  std::vector<std::thread::id> ids = threads.Next(7);  // Made, started, failed, destroyed; made, started, message.
+  system_.Stop();
+  ids.push_back(threads.Next());
+  for (const std::thread::id id : ids) EXPECT_EQ(id, ids[0]);
+  EXPECT_NE(ids[0], std::this_thread::get_id());
+  EXPECT_TRUE(threads.empty());
+}
+
+TEST_F(ActorSystemTest, FullMailboxRefusesAndCounts) {
+  Gate gate;
+  Heard<SystemStatus> statuses;
+  system_.Spawn("slow", {.messages_max = 2}, OnEachMessage([&](Context& context, const proto::Message& message) {
+                  if (message.request_id() == 1) {
+                    heard_.Add("in hand");
+                    gate.Pass();
+                  } else {
+                    statuses.Add(context.GetSystemStatus());
+                  }
+                }));
+  system_.Start(&transport_);
+  ASSERT_EQ(system_.Post("slow", Numbered(1)), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "in hand");
+  EXPECT_EQ(system_.Post("slow", Numbered(2)), SendResult::kAccepted);
+  EXPECT_EQ(system_.Post("slow", Numbered(3)), SendResult::kAccepted);
+  EXPECT_EQ(system_.Post("slow", Numbered(4)), SendResult::kFull);
+  gate.Open();
+  statuses.Next();
+  const SystemStatus status = statuses.Next();
+  ASSERT_THAT(status.actors, SizeIs(1));
+  EXPECT_EQ(status.actors[0].name(), "slow");
+  EXPECT_EQ(status.actors[0].handled(), 3);
+  EXPECT_EQ(status.actors[0].queued(), 0);
+  EXPECT_EQ(status.actors[0].queued_max(), 2);
+  EXPECT_EQ(status.actors[0].dropped(), 1);
+  ASSERT_THAT(status.peers, SizeIs(1));
+  EXPECT_EQ(status.peers[0].agent_id(), 2u);
+  EXPECT_GE(status.uptime, Duration::zero());
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, FailedActorIsMadeAnewAndKeepsItsMailbox) {
+  Gate gate;
+  std::atomic<int> made = 0;
+  system_.Spawn("fragile", {}, [&] {
+    ++made;
+    return std::make_unique<ScriptedActor>(
+        [&](Context& context) {
+          heard_.Add("start");
+          if (made == 1) context.After({}, Numbered(100));
+        },
+        [&](Context&, const proto::Message& message) {
+          if (message.request_id() == 1) {
+            gate.Pass();
+            throw std::runtime_error("a library's");
+          }
+          heard_.Add("message " + std::to_string(message.request_id()));
+        });
+  });
+  system_.Start(nullptr);
+  for (int i = 1; i <= 3; ++i) ASSERT_EQ(system_.Post("fragile", Numbered(i)), SendResult::kAccepted);
+  gate.Open();
+  // The timer may come due before or after the failure. After it, it died with the first incarnation.
+  std::vector<std::string> log;
+  while (log.empty() || log.back() != "message 3") {
+    const std::string line = heard_.Next();
+    ASSERT_FALSE(line.empty());
+    if (line != "message 100") log.push_back(line);
+  }
+  EXPECT_THAT(log, ElementsAre("start", "start", "message 2", "message 3"));
+  EXPECT_EQ(made, 2);
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, TimersOfADeadIncarnationAreNotHeard) {
+  Gate gate;
+  std::atomic<int> made = 0;
+  system_.Spawn("fragile", {.placement = Placement::kOwnThread}, [&] {
+    ++made;
+    return std::make_unique<ScriptedActor>(nullptr, [&](Context& context, const proto::Message& message) {
+      if (message.has_timer()) {
+        heard_.Add("timer " + std::to_string(message.timer().value()));
+      } else if (message.request_id() == 1) {
+        context.AfterTimer(Duration::zero(), 1, /*value=*/1);
+        context.AfterTimer(hours(1), 1, /*value=*/2);
+        // Until the first timer waits in the mailbox.
+        while (context.GetSystemStatus().actors[0].queued() < 1) std::this_thread::yield();
+        context.Fail({ErrorCode::kInternal, "on purpose", {}});
+      } else {
+        context.AfterTimer(Duration::zero(), 1, /*value=*/3);
+      }
+    });
+  });
+  system_.Start(nullptr);
+  ASSERT_EQ(system_.Post("fragile", Numbered(1)), SendResult::kAccepted);
+  ASSERT_EQ(system_.Post("fragile", Numbered(2)), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "timer 3");
+  EXPECT_EQ(made, 2);
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, ActorBeyondHelpIsReportedOnce) {
+  ActorSystem::Options options = DefaultOptions();
+  options.restarts_max = 1;
+  options.on_fatal = [this](const Error& error) { heard_.Add(error.text); };
+  ActorSystem system(options);
+  for (const char* name : {"a", "b"}) {
+    system.Spawn(name, {}, Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
+  }
+  system.Start(nullptr);  // Returns all the same.
+  EXPECT_THAT(heard_.Next(), HasSubstr("1/a is beyond help: never works"));
+  EXPECT_EQ(system.Post("a", {}), SendResult::kUnreachable);
+  system.Stop();
+  EXPECT_TRUE(heard_.empty());
+}
+
+TEST_F(ActorSystemTest, SecondRestartComesLater) {
+  std::atomic<int> made = 0;
+  std::vector<MonotonicTime> started;  // Of the one actor alone.
+  system_.Spawn("fragile", {}, [&] {
+    ++made;
+    return std::make_unique<ScriptedActor>(
+        [&](Context& context) {
+          started.push_back(context.now());
+          if (made < 3) throw std::runtime_error("not yet");
+          heard_.Add("started");
+        },
+        nullptr);
+  });
+  system_.Start(nullptr);
+  EXPECT_EQ(heard_.Next(), "started");
+  ASSERT_THAT(started, SizeIs(3));
+  EXPECT_GE(started[2] - started[1], milliseconds(100));
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, TimersComeDueInOrderUnlessCancelled) {
+  system_.Spawn("clock", {.messages_max = 1},
+                Scripted(
+                    [](Context& context) {
+                      context.AfterTimer(hours(1), 1, 9);
+                      context.AfterTimer(milliseconds(3), 1, 3);
+                      const TimerId cancelled = context.AfterTimer(milliseconds(2), 1, 2);
+                      context.AfterTimer(milliseconds(1), 1, 1);
+                      context.Cancel(cancelled);
+                    },
+                    [&](Context& context, const proto::Message& message) {
+                      EXPECT_EQ(context.sender(), context.self());
+                      heard_.Add(std::to_string(message.timer().value()));
+                    }));
+  system_.Start(nullptr);
+  EXPECT_THAT(heard_.Next(2), ElementsAre("1", "3"));
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, OthersAreReachedByTheTransport) {
+  system_.Spawn("a", {}, OnEachMessage([](Context& context, const proto::Message&) {
+                  proto::RoleAssignment roles;
+                  roles.set_leader(2);
+                  roles.set_survivor(1);
+                  context.SetRoles(roles);
+                  EXPECT_EQ(context.Send({kLeaderAlias, "sync"}, Numbered(1)), SendResult::kAccepted);
+                  EXPECT_EQ(context.Send({kBaseAlias, "sync"}, Numbered(2)), SendResult::kAccepted);
+                  EXPECT_EQ(context.Send({kClients, "c1"}, Numbered(3)), SendResult::kAccepted);
+                  EXPECT_EQ(context.Send({kSurvivorAlias, "nobody"}, {}), SendResult::kNoActor) << "that is itself";
+                }));
+  system_.Start(&transport_);
+  ASSERT_EQ(system_.Post("a", {}), SendResult::kAccepted);
+  const auto [leader, to_leader] = transport_.sent.Next();
+  EXPECT_EQ(leader, (Address{2, "sync"}));
+  EXPECT_EQ(to_leader->destination_id(), 2u);
+  EXPECT_EQ(to_leader->destination_actor(), "sync");
+  EXPECT_EQ(to_leader->hop_sender(), 1u);
+  EXPECT_EQ(to_leader->source_actor(), "a");
+  EXPECT_EQ(to_leader->agent_id(), 1u);
+  EXPECT_EQ(transport_.sent.Next().first, (Address{3, "sync"}));
+  EXPECT_EQ(transport_.sent.Next().first, (Address{kClients, "c1"}));
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, NobodyIsNoPeer) {
+  std::promise<void> done;
+  system_.Spawn("a", {}, OnEachMessage([&](Context& context, const proto::Message&) {
+                  EXPECT_EQ(context.Send({kLeaderAlias, "sync"}, {}), SendResult::kNoPeer);
+                  EXPECT_EQ(context.Send({2, "sync"}, {}), SendResult::kNoPeer) << "no transport";
+                  EXPECT_EQ(context.Send({kClients, "c"}, {}), SendResult::kUnreachable);
+                  EXPECT_EQ(context.Send({1, "b"}, {}), SendResult::kNoActor);
+                  done.set_value();
+                }));
+  system_.Start(nullptr);
+  ASSERT_EQ(system_.Post("a", {}), SendResult::kAccepted);
+  EXPECT_EQ(done.get_future().wait_for(kPatience), std::future_status::ready);
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, WhatComesInIsAnsweredToWhereItCameFrom) {
+  system_.Spawn("gateway", {}, OnEachMessage([](Context& context, const proto::Message&) {
+                  EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
+                }));
+  system_.Start(&transport_);
+  auto message = std::make_shared<proto::Message>(Numbered(8));
+  message->set_hop_sender(kClients);
+  message->set_source_actor("c7");
+  message->set_destination_actor("gateway");
+  EXPECT_EQ(system_.Deliver(message), SendResult::kAccepted);
+  const auto [to, reply] = transport_.sent.Next();
+  EXPECT_EQ(to, (Address{kClients, "c7"}));
+  EXPECT_EQ(reply->request_id(), 8u);
+  auto lost = std::make_shared<proto::Message>();
+  lost->set_destination_actor("nobody");
+  EXPECT_EQ(system_.Deliver(lost), SendResult::kNoActor);
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, PeerChangesAreToldToThoseWhoCare) {
+  for (const std::string name : {"role", "replica", "merge"}) {
+    system_.Spawn(name, {.messages_max = 1}, OnEachMessage([&, name](Context&, const proto::Message& message) {
+                    heard_.Add(name + (message.peer_event().is_connected() ? "+" : "-") +
+                               std::to_string(message.peer_event().peer()));
+                  }));
+  }
+  system_.Start(nullptr);
+  system_.OnPeerChanged(2, true);
+  EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role+2", "replica+2"));
+  system_.OnPeerChanged(2, false);
+  EXPECT_THAT(heard_.Next(2), testing::UnorderedElementsAre("role-2", "replica-2"));
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, StopIsRequestedAfterTheHandler) {
+  ActorSystem::Options options = DefaultOptions();
+  options.on_stop_requested = [this] { heard_.Add("stop"); };
+  ActorSystem system(options);
+  system.Spawn("gateway", {}, OnEachMessage([this](Context& context, const proto::Message&) {
+                 context.RequestStop();
+                 heard_.Add("handler");
+               }));
+  system.Start(nullptr);
+  ASSERT_EQ(system.Post("gateway", {}), SendResult::kAccepted);
+  EXPECT_THAT(heard_.Next(2), ElementsAre("handler", "stop"));
+  system.Stop();
+}
+
+TEST_F(ActorSystemTest, StopLetsLongWorkSeeItAndDropsWhatWaits) {
+  system_.Spawn("solver", {.placement = Placement::kOwnThread},
+                OnEachMessage([&](Context& context, const proto::Message& message) {
+                  heard_.Add("begin " + std::to_string(message.request_id()));
+                  while (!context.stop_requested()) std::this_thread::yield();
+                  heard_.Add("end");
+                }));
+  system_.Start(nullptr);
+  ASSERT_EQ(system_.Post("solver", Numbered(1)), SendResult::kAccepted);
+  ASSERT_EQ(system_.Post("solver", Numbered(2)), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "begin 1");
+  system_.Stop();
+  EXPECT_EQ(heard_.Next(), "end");
+  EXPECT_TRUE(heard_.empty());
+  EXPECT_EQ(system_.Post("solver", {}), SendResult::kUnreachable);
+  system_.Stop();
+}
+
+class Farewell final : public Actor {
+ public:
+  Farewell(Heard<std::string>* heard, std::string name) : heard_(heard), name_(std::move(name)) {}
+  ~Farewell() override { heard_->Add("end " + name_); }
+  void OnMessage(Context&, const proto::Message&) override {}
+
+ private:
+  Heard<std::string>* heard_;
+  std::string name_;
+};
+
+TEST_F(ActorSystemTest, ActorsEndInReverseOrder) {
+  for (const std::string name : {"a", "b", "c"}) {
+    const Placement placement = name == "b" ? Placement::kOwnThread : Placement::kPool;
+    system_.Spawn(name, {.placement = placement}, [this, name] { return std::make_unique<Farewell>(&heard_, name); });
+  }
+  system_.Start(nullptr);
+  system_.Stop();
+  EXPECT_THAT(heard_.Next(3), ElementsAre("end c", "end b", "end a"));
+}
+
+TEST_F(ActorSystemTest, UnstartedSystemStops) {
+  system_.Spawn("a", {.placement = Placement::kOwnThread}, OnEachMessage(nullptr));
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, ManyActorsManyMessagesUnderFailures) {
+  // Eight actors pass tokens at random; one handling in 5000 fails. No token may be handled twice at a time, and the
+  // system comes down while they still run.
+  ActorSystem::Options options = DefaultOptions();
+  options.worker_count = 4;
+  options.restarts_max = 1'000'000;
+  ActorSystem system(options);
+  std::atomic<int> handled = 0;
+  std::promise<void> enough;
+  for (int i = 0; i < 8; ++i) {
+    const Placement placement = i % 4 == 0 ? Placement::kOwnThread : Placement::kPool;
+    system.Spawn(
+        std::to_string(i), {.placement = placement},
+        OnEachMessage([&, busy = std::make_shared<std::atomic<bool>>()](Context& context, const proto::Message&) {
+          EXPECT_FALSE(busy->exchange(true));
+          const int count = ++handled;
+          if (count == 20'000) enough.set_value();
+          const std::string next = std::to_string(context.rng()() % 8);
+          (void)context.Send({1, next}, {});
+          context.Cancel(context.AfterTimer(milliseconds(1), 1));
+          busy->store(false);
+          if (count % 5000 == 0) throw std::runtime_error("every five-thousandth");
+        }));
+  }
+  system.Start(nullptr);
+  for (int i = 0; i < 32; ++i) ASSERT_EQ(system.Post(std::to_string(i % 8), {}), SendResult::kAccepted);
+  EXPECT_EQ(enough.get_future().wait_for(kPatience), std::future_status::ready);
+  system.Stop();
+}
+
+}  // namespace
+}  // namespace moondb
