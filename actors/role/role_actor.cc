@@ -1,0 +1,214 @@
+#include "actors/role/role_actor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <utility>
+
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3 };
+
+RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
+  RoleLogic::Options logic;
+  logic.self = options.self;
+  for (const proto::AgentConfig& agent : options.team.agents()) logic.agents.push_back(agent.id());
+  logic.initial = InitialRoles(options.team);
+  logic.check = [team = options.team](const proto::RoleAssignment& roles) { return CheckRoles(team, roles); };
+  logic.leader_wait = options.leader_wait;
+  logic.announce_after = options.announce_after;
+  logic.announce_after_max = options.announce_after_max;
+  return logic;
+}
+
+proto::Message ErrorMessage(const Error& error) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_control_reply()->mutable_error() = ToProto(error);
+  return message;
+}
+
+}  // namespace
+
+RoleActor::RoleActor(Options options) : options_(std::move(options)), logic_(LogicOptions(options_)) {}
+
+void RoleActor::OnStart(Context& context) {
+  // A random start, so that an answer to a question of an earlier life fits none of this one's.
+  storage_request_id_ = context.rng()();
+  AskStorage(context);
+}
+
+void RoleActor::OnMessage(Context& context, const proto::Message& message) {
+  if (context.sender().agent == options_.self) {
+    OnLocal(context, message);
+  } else if (message.has_role_announce()) {
+    OnRoleAnnounce(context, context.sender().agent, message.role_announce());
+  }
+}
+
+void RoleActor::OnLocal(Context& context, const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kTimer:
+      return OnTimer(context, message.timer());
+    case proto::Message::kPeerEvent:
+      if (message.peer_event().is_connected()) Perform(context, logic_.OnPeerConnected(message.peer_event().peer()));
+      return;
+    case proto::Message::kLoadRolesReply:
+      return OnLoadRolesReply(context, message.load_roles_reply());
+    case proto::Message::kSaveRolesReply:
+      return OnSaveRolesReply(context, message);
+    case proto::Message::kRoleSetRequest:
+      return OnRoleSetRequest(context, message);
+    case proto::Message::kRoleShowRequest:
+      return OnRoleShowRequest(context, message.role_show_request());
+    case proto::Message::kRoleAnnounce:
+      // Forwarded by a sharing actor, which heard it from agent_id.
+      return OnRoleAnnounce(context, message.agent_id(), message.role_announce());
+    default:
+      return;
+  }
+}
+
+void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
+  switch (timer.kind()) {
+    case kStorage:
+      storage_timer_ = 0;
+      return AskStorage(context);
+    case kAnnounce:
+      announce_timer_ = 0;
+      return Perform(context, logic_.OnAnnounceTimer());
+    case kLeader:
+      return Perform(context, logic_.OnLeaderTimer(context.utc_now_ns()));
+    default:
+      return;
+  }
+}
+
+void RoleActor::OnLoadRolesReply(Context& context, const proto::LoadRolesReply& reply) {
+  if (logic_.is_loaded()) return;
+  context.Cancel(storage_timer_);
+  storage_timer_ = 0;
+  const std::uint64_t epoch = context.rng()() | 1;
+  Perform(context, logic_.OnLoaded({reply.history().begin(), reply.history().end()}, epoch, context.utc_now_ns()));
+}
+
+void RoleActor::OnSaveRolesReply(Context& context, const proto::Message& message) {
+  if (!logic_.saving() || message.request_id() != storage_request_id_) return;
+  context.Cancel(storage_timer_);
+  storage_timer_ = 0;
+  if (IsError(message.save_roles_reply().error())) {
+    const Error error = FromProto(message.save_roles_reply().error());
+    spdlog::error("{}: the roles could not be stored: {}", ToString(context.self()), ToString(error));
+    Perform(context, logic_.OnSaveFailed());
+    return AnswerAsker(context, error);
+  }
+  Perform(context, logic_.OnSaved());
+  AnswerAsker(context, std::nullopt);
+}
+
+void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message) {
+  const proto::RoleSetRequest& request = message.role_set_request();
+  Result<proto::RoleAssignment> roles = logic_.Propose(request, context.utc_now_ns());
+  if (!roles) {
+    (void)context.Reply(ErrorMessage(roles.error()));
+    return;
+  }
+  if (request.is_dry_run()) {
+    proto::Message reply;
+    reply.set_ms_type(proto::CONTROL);
+    *reply.mutable_role_show_reply()->mutable_roles() = *std::move(roles);
+    (void)context.Reply(std::move(reply));
+    return;
+  }
+  asker_ = Asker{context.sender(), message.request_id()};
+  Perform(context, logic_.Adopt(*std::move(roles)));
+}
+
+void RoleActor::OnRoleShowRequest(Context& context, const proto::RoleShowRequest& request) {
+  if (!logic_.is_loaded()) {
+    (void)context.Reply(
+        ErrorMessage({ErrorCode::kUnavailable, "the stored roles are still being read; try again", ""}));
+    return;
+  }
+  proto::Message reply;
+  reply.set_ms_type(proto::CONTROL);
+  *reply.mutable_role_show_reply() = logic_.Show(request.with_history());
+  (void)context.Reply(std::move(reply));
+}
+
+void RoleActor::OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce) {
+  Result<RoleLogic::Actions> actions = logic_.OnAnnounce(from, announce);
+  if (!actions) {
+    spdlog::warn("{}: refused the roles that agent {} announced: {}", ToString(context.self()), from,
+                 ToString(actions.error()));
+    return;
+  }
+  Perform(context, *std::move(actions));
+}
+
+void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
+  if (actions.save) {
+    ++storage_request_id_;
+    AskStorage(context);
+  }
+  if (actions.apply) Apply(context, *actions.apply);
+  for (RoleLogic::Announcement& announcement : actions.announcements) {
+    proto::Message message;
+    message.set_ms_type(proto::CONTROL);
+    *message.mutable_term() = announcement.announce.roles().term();
+    *message.mutable_role_announce() = std::move(announcement.announce);
+    (void)context.Send({announcement.to, actor_name::kRole}, std::move(message));  // Told again until confirmed.
+  }
+  if (actions.announce_timer) {
+    if (announce_timer_ != 0) context.Cancel(announce_timer_);
+    announce_timer_ = context.AfterTimer(*actions.announce_timer, kAnnounce);
+  }
+  if (actions.leader_timer) context.AfterTimer(*actions.leader_timer, kLeader);
+}
+
+void RoleActor::Apply(Context& context, const proto::RoleAssignment& roles) {
+  context.SetRoles(roles);
+  proto::Message changed;
+  changed.set_ms_type(proto::EVENT);
+  *changed.mutable_term() = roles.term();
+  *changed.mutable_roles_changed()->mutable_roles() = roles;
+  changed.mutable_roles_changed()->set_own_role(RoleOf(options_.team, roles, options_.self));
+  for (const char* actor :
+       {actor_name::kSync, actor_name::kReplica, actor_name::kPgo, actor_name::kMerge, actor_name::kGateway}) {
+    (void)context.Send({options_.self, actor}, changed);  // Not every agent has all of them.
+  }
+}
+
+void RoleActor::AskStorage(Context& context) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(storage_request_id_);
+  if (!logic_.is_loaded()) {
+    message.mutable_load_roles_request();
+  } else if (logic_.saving()) {
+    *message.mutable_save_roles_request()->mutable_roles() = *logic_.saving();
+  } else {
+    return;
+  }
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
+  if (storage_timer_ != 0) context.Cancel(storage_timer_);
+  storage_timer_ = context.AfterTimer(options_.storage_timeout, kStorage);
+}
+
+void RoleActor::AnswerAsker(Context& context, std::optional<Error> error) {
+  if (!asker_) return;
+  proto::Message reply;
+  if (error) {
+    reply = ErrorMessage(*error);
+  } else {
+    reply.set_ms_type(proto::CONTROL);
+    *reply.mutable_role_show_reply() = logic_.Show(/*with_history=*/false);
+  }
+  reply.set_request_id(asker_->request_id);
+  (void)context.Send(asker_->address, std::move(reply));
+  asker_.reset();
+}
+
+}  // namespace moondb

@@ -1,0 +1,61 @@
+// RoleActor ("role"): holds this agent's role assignment and agrees on it with the other agents (RoleLogic).
+//
+// Stores an assignment through StorageActor before it acts: Context::SetRoles, RolesChanged to this agent's other
+// actors, RoleAnnounce to the other agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with RoleShowReply,
+// or with a ControlReply that holds nothing but an error. Both are taken from this agent's own actors only, as clients
+// come through the gateway. After a restart everything comes back from storage.
+#pragma once
+
+#include <optional>
+
+#include "actors/role/role_logic.h"
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class RoleActor final : public Actor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    proto::TeamConfig team;  // Complete and checked.
+    Duration leader_wait = std::chrono::seconds(2);
+    Duration announce_after = std::chrono::seconds(5);
+    Duration announce_after_max = std::chrono::seconds(60);
+    Duration storage_timeout = std::chrono::seconds(5);  // Then storage is asked again.
+  };
+
+  explicit RoleActor(Options options);
+
+  void OnStart(Context& context) override;
+  void OnMessage(Context& context, const proto::Message& message) override;
+
+ private:
+  // Who asked for the change that is being stored.
+  struct Asker {
+    Address address;
+    std::uint64_t request_id = 0;
+  };
+
+  void OnLocal(Context& context, const proto::Message& message);
+  void OnTimer(Context& context, const proto::Timer& timer);
+  void OnLoadRolesReply(Context& context, const proto::LoadRolesReply& reply);
+  void OnSaveRolesReply(Context& context, const proto::Message& message);
+  void OnRoleSetRequest(Context& context, const proto::Message& message);
+  void OnRoleShowRequest(Context& context, const proto::RoleShowRequest& request);
+  void OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce);
+
+  void Perform(Context& context, RoleLogic::Actions actions);
+  void Apply(Context& context, const proto::RoleAssignment& roles);
+  void AskStorage(Context& context);  // To load at first, then to save what is to be stored.
+  void AnswerAsker(Context& context, std::optional<Error> error);
+
+  Options options_;
+  RoleLogic logic_;
+  std::uint64_t storage_request_id_ = 0;
+  TimerId storage_timer_ = 0;
+  TimerId announce_timer_ = 0;
+  std::optional<Asker> asker_;
+};
+
+}  // namespace moondb

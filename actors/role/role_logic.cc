@@ -1,0 +1,214 @@
+#include "actors/role/role_logic.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "model/check.h"
+#include "model/term.h"
+
+namespace moondb {
+
+RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch,
+                                       std::int64_t now_ns) {
+  Check(!is_loaded_ && own_epoch != 0, "roles are loaded once, in an epoch");
+  is_loaded_ = true;
+  own_epoch_ = own_epoch;
+  started_ns_ = now_ns;
+  history_ = std::move(history);
+  for (const proto::RoleAssignment& roles : history_) {
+    highest_number_ = std::max(highest_number_, roles.term().number());
+  }
+  const bool is_stored_valid = !history_.empty() && options_.check(history_.back()).has_value();
+  current_ = is_stored_valid ? history_.back() : options_.initial;
+  confirmed_ = {options_.self};
+
+  Actions actions;
+  if (current_.leader() == options_.self) {
+    is_waiting_to_lead_ = true;
+    actions.leader_timer = options_.leader_wait;
+    if (IsConfirmedByAll()) TakeNewTerm(actions);  // A team of one.
+  } else {
+    actions.apply = current_;
+  }
+  announce_delay_ = options_.announce_after;
+  TellUnconfirmed(actions);
+  return actions;
+}
+
+Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const {
+  if (!is_loaded_) return Fail(ErrorCode::kUnavailable, "the stored roles are still being read; try again");
+  if (saving_) return Fail(ErrorCode::kUnavailable, "another change is being stored; try again");
+  if (request.reason().size() > kReasonBytesMax) {
+    return Fail(ErrorCode::kInvalid, "is longer than 256 bytes", "reason");
+  }
+  proto::RoleAssignment roles;
+  if (request.is_swap()) {
+    if (request.leader() != 0 || request.survivor() != 0) {
+      return Fail(ErrorCode::kInvalid, "exchanges the present two; name no leader or survivor with it", "is_swap");
+    }
+    if (current_.survivor() == 0) {
+      return Fail(ErrorCode::kRefused, "no designated survivor is assigned to change places with", "is_swap");
+    }
+    roles.set_leader(current_.survivor());
+    roles.set_survivor(current_.leader());
+  } else {
+    if (request.leader() == 0 && request.survivor() == 0) {
+      return Fail(ErrorCode::kInvalid, "names neither a leader nor a survivor", "leader");
+    }
+    roles.set_leader(request.leader() != 0 ? request.leader() : current_.leader());
+    roles.set_survivor(request.survivor() != 0 ? request.survivor() : current_.survivor());
+  }
+  if (Result<void> checked = options_.check(roles); !checked) return tl::unexpected(checked.error());
+  *roles.mutable_term() = NextTerm();
+  roles.set_stamp_ns(now_ns);
+  roles.set_reason(request.reason());
+  return roles;
+}
+
+RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
+  Check(is_loaded_ && !saving_, "one assignment is stored at a time");
+  saving_ = std::move(roles);
+  saving_holders_ = {options_.self};
+  answer_to_ = 0;
+  Actions actions;
+  actions.save = saving_;
+  return actions;
+}
+
+Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::RoleAnnounce& announce) {
+  Actions actions;
+  if (!is_loaded_) return actions;  // It will be told again.
+  if (!IsMember(from) || from == options_.self) return Fail(ErrorCode::kRefused, "is not of this team", "sender");
+  if (Result<void> checked = CheckAnnounced(announce.roles()); !checked) return tl::unexpected(checked.error());
+  const proto::RoleAssignment& theirs = announce.roles();
+  if (OrderOf(theirs.term()) == OrderOf(current_.term())) {
+    if (theirs.leader() != current_.leader() || theirs.survivor() != current_.survivor()) {
+      return Fail(ErrorCode::kRefused, "another assignment stands here in the same term", "roles");
+    }
+    if (!announce.is_reply()) Tell(from, /*is_reply=*/true, actions);
+    Confirm(from, actions);
+  } else if (IsNewer(current_.term(), theirs.term())) {
+    confirmed_.erase(from);
+    Tell(from, /*is_reply=*/true, actions);
+  } else if (!saving_) {
+    actions = Adopt(theirs);
+    saving_holders_.insert(from);
+    if (theirs.term().issuer() != 0) saving_holders_.insert(theirs.term().issuer());
+    answer_to_ = from;
+  }
+  return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnSaved() {
+  Actions actions;
+  if (!saving_) return actions;
+  current_ = *std::exchange(saving_, std::nullopt);
+  highest_number_ = std::max(highest_number_, current_.term().number());
+  history_.push_back(current_);
+  if (history_.size() > kHistoryMax) history_.erase(history_.begin());
+  confirmed_ = std::move(saving_holders_);
+  is_waiting_to_lead_ = false;
+  actions.apply = current_;
+  if (answer_to_ != 0) Tell(std::exchange(answer_to_, 0), /*is_reply=*/true, actions);
+  announce_delay_ = options_.announce_after;
+  TellUnconfirmed(actions);
+  return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnSaveFailed() {
+  Actions actions;
+  saving_.reset();
+  if (is_waiting_to_lead_) actions.leader_timer = options_.leader_wait;
+  return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnAnnounceTimer() {
+  Actions actions;
+  announce_delay_ = std::min(2 * announce_delay_, options_.announce_after_max);
+  TellUnconfirmed(actions);
+  return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnLeaderTimer(std::int64_t now_ns) {
+  Actions actions;
+  if (!is_waiting_to_lead_) return actions;
+  started_ns_ = now_ns;  // What is being stored already ends the wait too.
+  if (!saving_) TakeNewTerm(actions);
+  return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnPeerConnected(AgentId peer) {
+  Actions actions;
+  if (!is_loaded_ || !IsMember(peer) || confirmed_.count(peer)) return actions;
+  announce_delay_ = options_.announce_after;
+  Tell(peer, /*is_reply=*/false, actions);
+  actions.announce_timer = announce_delay_;
+  return actions;
+}
+
+proto::RoleShowReply RoleLogic::Show(bool with_history) const {
+  proto::RoleShowReply reply;
+  *reply.mutable_roles() = current_;
+  for (const AgentId agent : confirmed_) reply.add_confirmed_by(agent);
+  if (with_history) reply.mutable_history()->Assign(history_.begin(), history_.end());
+  return reply;
+}
+
+Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const {
+  const proto::Term& term = roles.term();
+  if (term.number() > 0 && !IsMember(term.issuer())) {
+    return Fail(ErrorCode::kRefused, "is not of this team", "roles.term.issuer");
+  }
+  if (term.number() == 0 && (term.issuer() != 0 || term.issuer_epoch() != 0)) {
+    return Fail(ErrorCode::kRefused, "number 0 is the team file's", "roles.term");
+  }
+  if (term.number() > highest_number_ + kTermJumpMax) {
+    return Fail(ErrorCode::kRefused, "is from the far future", "roles.term.number");
+  }
+  if (roles.reason().size() > kReasonBytesMax) {
+    return Fail(ErrorCode::kRefused, "is longer than 256 bytes", "roles.reason");
+  }
+  return options_.check(roles);
+}
+
+proto::Term RoleLogic::NextTerm() const {
+  proto::Term term;
+  term.set_number(std::max(highest_number_, current_.term().number()) + 1);
+  term.set_issuer(options_.self);
+  term.set_issuer_epoch(own_epoch_);
+  return term;
+}
+
+bool RoleLogic::IsMember(AgentId agent) const {
+  return std::find(options_.agents.begin(), options_.agents.end(), agent) != options_.agents.end();
+}
+
+void RoleLogic::Tell(AgentId to, bool is_reply, Actions& actions) const {
+  Announcement announcement;
+  announcement.to = to;
+  *announcement.announce.mutable_roles() = current_;
+  announcement.announce.set_is_reply(is_reply);
+  actions.announcements.push_back(std::move(announcement));
+}
+
+void RoleLogic::TellUnconfirmed(Actions& actions) {
+  for (const AgentId agent : options_.agents) {
+    if (!confirmed_.count(agent)) Tell(agent, /*is_reply=*/false, actions);
+  }
+  if (!IsConfirmedByAll()) actions.announce_timer = announce_delay_;
+}
+
+void RoleLogic::Confirm(AgentId agent, Actions& actions) {
+  confirmed_.insert(agent);
+  if (is_waiting_to_lead_ && IsConfirmedByAll() && !saving_) TakeNewTerm(actions);
+}
+
+void RoleLogic::TakeNewTerm(Actions& actions) {
+  proto::RoleAssignment roles = current_;
+  *roles.mutable_term() = NextTerm();
+  roles.set_stamp_ns(started_ns_);
+  roles.set_reason(current_.term().number() == 0 ? "start of the leader" : "restart of the leader");
+  actions.save = Adopt(std::move(roles)).save;
+}
+
+}  // namespace moondb

@@ -1,0 +1,118 @@
+// RoleLogic: who leads and who survives, decided by terms (paper, Section 4: leader and designated survivor).
+//
+// At most one assignment belongs to a term; terms are ordered by number, issuer and the issuer's epoch, and the newest
+// one that an agent knows stands. An assignment is stored durably before it is acted on or told to anyone. It is told
+// to every other agent, again and again with a growing delay, until each is known to hold it; whoever holds an older
+// one learns the newer by the answer to its own. So agents that can talk agree, and two leaders can only stand in two
+// parts of a team that cannot.
+//
+// An agent that its stored roles name leader waits after its start: it announces what it has, and unless it hears of
+// a newer term within `leader_wait` (or everyone agrees before) it takes a new term with the same roles before it
+// acts, so that nothing of an earlier life of it shares a term with this one. Term 0 is the team file's.
+//
+// A plain state machine: inputs return what is to be done. Not thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+#include "model/ids.h"
+#include "proto/control.pb.h"
+#include "proto/sharing.pb.h"
+#include "proto/types.pb.h"
+
+namespace moondb {
+
+class RoleLogic {
+ public:
+  using Duration = std::chrono::nanoseconds;
+
+  struct Options {
+    AgentId self = 0;
+    std::vector<AgentId> agents;                                      // Of the team, this one too.
+    proto::RoleAssignment initial;                                    // Of the team file, term 0.
+    std::function<Result<void>(const proto::RoleAssignment&)> check;  // Whether the team can have these roles.
+    Duration leader_wait = std::chrono::seconds(2);
+    Duration announce_after = std::chrono::seconds(5);       // To agents that have not confirmed; doubles
+    Duration announce_after_max = std::chrono::seconds(60);  // up to this.
+  };
+
+  static constexpr std::size_t kReasonBytesMax = 256;
+  static constexpr std::size_t kHistoryMax = 1000;
+  // A term number that far ahead of the present one is a mistake or an attack, not a change.
+  static constexpr std::uint64_t kTermJumpMax = 1'000'000;
+
+  struct Announcement {
+    AgentId to = 0;
+    proto::RoleAnnounce announce;
+  };
+
+  // What is to be done, in this order.
+  struct Actions {
+    std::optional<proto::RoleAssignment> save;   // To storage; then OnSaved.
+    std::optional<proto::RoleAssignment> apply;  // Durable: act on it.
+    std::vector<Announcement> announcements;
+    std::optional<Duration> announce_timer;  // Then OnAnnounceTimer; replaces an earlier one.
+    std::optional<Duration> leader_timer;    // Then OnLeaderTimer.
+  };
+
+  explicit RoleLogic(Options options) : options_(std::move(options)) {}
+
+  // What storage has, oldest first; the last one counts. `own_epoch` is random and not 0. A stored assignment that
+  // the team file no longer allows gives way to the file's; its number stays taken.
+  Actions OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch, std::int64_t now_ns);
+  bool is_loaded() const { return is_loaded_; }
+
+  // The assignment that `request` means, not stored yet. kUnavailable before OnLoaded and while another one is being
+  // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named.
+  Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
+  // Begins to store what Propose returned.
+  Actions Adopt(proto::RoleAssignment roles);
+
+  // From another agent, or forwarded for it. kRefused, with nothing done, where it does not pass the door.
+  Result<Actions> OnAnnounce(AgentId from, const proto::RoleAnnounce& announce);
+
+  // Storage's answer for the assignment being stored.
+  Actions OnSaved();
+  Actions OnSaveFailed();
+  const std::optional<proto::RoleAssignment>& saving() const { return saving_; }
+
+  Actions OnAnnounceTimer();
+  Actions OnLeaderTimer(std::int64_t now_ns);
+  Actions OnPeerConnected(AgentId peer);
+
+  const proto::RoleAssignment& current() const { return current_; }
+  proto::RoleShowReply Show(bool with_history) const;
+
+ private:
+  Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
+  proto::Term NextTerm() const;
+  bool IsMember(AgentId agent) const;
+  bool IsConfirmedByAll() const { return confirmed_.size() >= options_.agents.size(); }
+  void Tell(AgentId to, bool is_reply, Actions& actions) const;
+  void TellUnconfirmed(Actions& actions);
+  void Confirm(AgentId agent, Actions& actions);
+  void TakeNewTerm(Actions& actions);
+
+  Options options_;
+  bool is_loaded_ = false;
+  bool is_waiting_to_lead_ = false;
+  std::uint64_t own_epoch_ = 0;
+  std::uint64_t highest_number_ = 0;  // Ever seen: a new term goes above it.
+  std::int64_t started_ns_ = 0;
+  proto::RoleAssignment current_;
+  std::vector<proto::RoleAssignment> history_;
+  std::set<AgentId> confirmed_;  // Known to hold current_.
+  std::optional<proto::RoleAssignment> saving_;
+  std::set<AgentId> saving_holders_;  // Known to hold saving_.
+  AgentId answer_to_ = 0;             // Waits for our word that saving_ is held here too.
+  Duration announce_delay_{};
+};
+
+}  // namespace moondb

@@ -1,0 +1,264 @@
+#include "actors/sharing/sharing_actor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <utility>
+
+#include "model/term.h"
+
+namespace moondb {
+namespace {
+
+enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2 };
+
+}  // namespace
+
+void SharingActor::OnStart(Context& context) {
+  roles_ = InitialRoles(options_.team);
+  SharingReceiver::Options receiver;
+  receiver.team = options_.team.team();
+  receiver.config_hash = options_.config_hash;
+  receiver.kind = kind_;
+  receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
+  receiver_.emplace(std::move(receiver), context.rng()());
+  // After a restart of this actor alone nobody else would say what the roles are.
+  proto::Message question;
+  question.set_ms_type(proto::CONTROL);
+  question.mutable_role_show_request();
+  (void)context.Send({options_.self, actor_name::kRole}, std::move(question));
+}
+
+void SharingActor::OnMessage(Context& context, const proto::Message& message) {
+  if (is_from_here(context)) {
+    OnLocal(context, message);
+  } else if (FindAgent(options_.team, context.sender().agent) != nullptr) {
+    OnPeer(context, message);
+  }
+}
+
+void SharingActor::OnLocal(Context& context, const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kTimer:
+      return OnTimer(context, message.timer());
+    case proto::Message::kPeerEvent:
+      return OnPeerEvent(context, message.peer_event());
+    case proto::Message::kRolesChanged:
+      return SetRoles(context, message.roles_changed().roles());
+    case proto::Message::kRoleShowReply:
+      return SetRoles(context, message.role_show_reply().roles());
+    case proto::Message::kHaveReply:
+      return Perform(context, receiver_->OnHaveReply(message.request_id(), message.have_reply()));
+    case proto::Message::kStoreReply:
+      if (message.store_reply().rejected_count() > 0) {
+        spdlog::warn("{}: storage refused {} records of a peer", ToString(context.self()),
+                     message.store_reply().rejected_count());
+      }
+      return Perform(context, receiver_->OnStoreReply(message.request_id(), message.store_reply()));
+    case proto::Message::kMissingReply:
+      // Only the session that asked takes it.
+      for (auto& [destination, outgoing] : outgoing_) {
+        Perform(context, outgoing,
+                outgoing.session.OnMissingReply(message.request_id(), message.missing_reply(), context.now()));
+      }
+      return;
+    case proto::Message::kShareRequest:
+      return OnShareRequest(context, message.share_request());
+    case proto::Message::kShareStatusRequest:
+      return OnShareStatusRequest(context);
+    default:
+      return;
+  }
+}
+
+void SharingActor::OnPeer(Context& context, const proto::Message& message) {
+  const AgentId peer = context.sender().agent;
+  switch (message.body_case()) {
+    case proto::Message::kHello:
+      return OnHello(context, message.hello());
+    case proto::Message::kBatch:
+      return OnBatch(context, message);
+    case proto::Message::kHave:
+      if (Outgoing* outgoing = FindOutgoing(peer)) {
+        Perform(context, *outgoing, outgoing->session.OnHave(message.have(), context.now()));
+      }
+      return;
+    case proto::Message::kRefusal:
+      if (Outgoing* outgoing = FindOutgoing(peer)) {
+        Perform(context, *outgoing, outgoing->session.OnRefusal(message.refusal(), context.now()));
+      }
+      return;
+    case proto::Message::kShareRequest:
+      return OnShareRequest(context, message.share_request());
+    case proto::Message::kShareReply:
+      return OnShareReply(context, peer, message.share_reply());
+    default:
+      return;
+  }
+}
+
+void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
+  const AgentId peer = context.sender().agent;
+  if (hello.config_hash() != options_.config_hash) {
+    spdlog::warn("{}: {} runs with another team configuration", ToString(context.self()), NameOf(peer));
+  }
+  if (OrderOf(hello.roles().term()) != OrderOf(roles_.term())) {
+    // One of the two has missed a change; RoleActor knows what to do, agent_id tells it about whom.
+    proto::Message announce;
+    announce.set_agent_id(peer);
+    announce.set_ms_type(proto::CONTROL);
+    *announce.mutable_role_announce()->mutable_roles() = hello.roles();
+    (void)context.Send({options_.self, actor_name::kRole}, std::move(announce));
+  }
+  Perform(context, receiver_->OnHello(peer, hello, context.now()));
+}
+
+void SharingActor::OnBatch(Context& context, const proto::Message& message) {
+  Result<SharingActions> actions = receiver_->OnBatch(context.sender().agent, message, context.now());
+  if (!actions) {
+    spdlog::warn("{}: dropped a damaged batch of {}: {}", ToString(context.self()), NameOf(context.sender().agent),
+                 ToString(actions.error()));
+    return;
+  }
+  Perform(context, *std::move(actions));
+}
+
+void SharingActor::OnShareRequest(Context& context, const proto::ShareRequest& request) {
+  const Result<void> checked = CheckShareRequest(request);
+  const Result<int> started = checked ? Share(context, request) : Result<int>(tl::unexpected(checked.error()));
+  proto::Message reply;
+  reply.set_ms_type(proto::CONTROL);
+  proto::ShareReply& body = *reply.mutable_share_reply();
+  if (started) {
+    body.set_session_count(static_cast<std::uint32_t>(*started));
+  } else {
+    *body.mutable_error() = ToProto(started.error());
+  }
+  (void)context.Reply(std::move(reply));
+}
+
+void SharingActor::OnShareStatusRequest(Context& context) {
+  proto::Message reply;
+  reply.set_ms_type(proto::CONTROL);
+  proto::ShareStatus& status = *reply.mutable_share_status();
+  for (const auto& [destination, outgoing] : outgoing_) {
+    *status.add_sessions() = outgoing.session.Status(context.now());
+  }
+  status.set_received_records(receiver_->counts().received_records);
+  status.set_rejected_records(receiver_->counts().rejected_records);
+  status.set_damaged_messages(receiver_->counts().damaged_messages);
+  (void)context.Reply(std::move(reply));
+}
+
+void SharingActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
+  if (!event.is_connected()) return;
+  if (Outgoing* outgoing = FindOutgoing(event.peer())) {
+    Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
+  }
+  OnPeerConnected(context, event.peer());
+}
+
+void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
+  const auto peer = static_cast<AgentId>(timer.value());
+  if (timer.kind() == kOrder) return OnOrderTimer(context, peer);
+  Outgoing* outgoing = FindOutgoing(peer);
+  if (outgoing == nullptr) return;
+  outgoing->armed.reset();
+  Perform(context, *outgoing, outgoing->session.OnTimer(context.now()));
+}
+
+void SharingActor::SetRoles(Context& context, const proto::RoleAssignment& roles) {
+  const proto::RoleAssignment previous = std::exchange(roles_, roles);
+  OnNewRoles(context, previous);
+}
+
+Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request) const {
+  if (request.kind() != kind_) return Fail(ErrorCode::kInvalid, "is not this actor's", "kind");
+  if (request.destination() != 0 && FindAgent(options_.team, request.destination()) == nullptr) {
+    return Fail(ErrorCode::kInvalid, "no agent has the id " + std::to_string(request.destination()), "destination");
+  }
+  for (int i = 0; i < request.from_agents_size(); ++i) {
+    if (FindAgent(options_.team, request.from_agents(i)) == nullptr) {
+      return Fail(ErrorCode::kInvalid, "no agent has the id " + std::to_string(request.from_agents(i)),
+                  "from_agents[" + std::to_string(i) + "]");
+    }
+  }
+  return {};
+}
+
+void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role) {
+  auto it = outgoing_.find(destination);
+  if (it == outgoing_.end()) {
+    SharingSession session(options_.session, kind_, destination, context.rng()());
+    it = outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first;
+  }
+  it->second.is_by_role = is_by_role;
+  Perform(context, it->second, it->second.session.Order(std::move(filter), context.now()));
+}
+
+bool SharingActor::CloseByRole(Context& context) {
+  bool was_open = false;
+  for (auto& [destination, outgoing] : outgoing_) {
+    if (!outgoing.is_by_role || !outgoing.session.is_open()) continue;
+    was_open = true;
+    Perform(context, outgoing, outgoing.session.Close());
+  }
+  return was_open;
+}
+
+TimerId SharingActor::ArmOrderTimer(Context& context, AgentId peer, Duration delay) {
+  return context.AfterTimer(delay, kOrder, peer);
+}
+
+std::string SharingActor::NameOf(AgentId agent) const {
+  const proto::AgentConfig* config = FindAgent(options_.team, agent);
+  return config == nullptr ? "agent " + std::to_string(agent) : config->name();
+}
+
+SharingActor::Outgoing* SharingActor::FindOutgoing(AgentId destination) {
+  const auto it = outgoing_.find(destination);
+  return it == outgoing_.end() ? nullptr : &it->second;
+}
+
+void SharingActor::Perform(Context& context, Outgoing& outgoing, SharingActions actions) {
+  for (SharingAction& action : actions) {
+    const bool is_to_peer = action.to != 0;
+    if (action.message.has_hello()) {
+      proto::Hello& hello = *action.message.mutable_hello();
+      hello.set_protocol_version(kSharingProtocolVersion);
+      hello.set_team(options_.team.team());
+      hello.set_config_hash(options_.config_hash);
+      *hello.mutable_roles() = roles_;
+      *action.message.mutable_term() = roles_.term();
+    }
+    const Address to =
+        is_to_peer ? Address{action.to, context.self().actor} : Address{options_.self, actor_name::kStorage};
+    const SendResult sent = context.Send(to, std::move(action.message));
+    if (sent != SendResult::kAccepted) {
+      outgoing.session.NoteError("sending to " + ToString(to) + ": " + ToString(sent));
+    }
+  }
+  ArmSessionTimer(context, outgoing);
+}
+
+void SharingActor::Perform(Context& context, SharingActions actions) {
+  for (SharingAction& action : actions) {
+    const Address to =
+        action.to != 0 ? Address{action.to, context.self().actor} : Address{options_.self, actor_name::kStorage};
+    (void)context.Send(to, std::move(action.message));
+  }
+}
+
+void SharingActor::ArmSessionTimer(Context& context, Outgoing& outgoing) {
+  const std::optional<MonotonicTime> deadline = outgoing.session.deadline();
+  if (outgoing.armed == deadline) return;
+  // A timer that comes early costs one wake-up; arming it anew with each message would cost more.
+  if (outgoing.armed && deadline && *outgoing.armed < *deadline) return;
+  if (outgoing.armed) context.Cancel(outgoing.timer);
+  outgoing.armed = deadline;
+  if (deadline) {
+    const Duration delay = *deadline > context.now() ? *deadline - context.now() : Duration::zero();
+    outgoing.timer = context.AfterTimer(delay, kSession, outgoing.session.destination());
+  }
+}
+
+}  // namespace moondb

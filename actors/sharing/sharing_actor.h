@@ -1,0 +1,95 @@
+// SharingActor: what SyncActor and ReplicaActor have in common: sessions out, sessions in, and the way to storage.
+//
+// The conversation with peers goes to the actor of the same name there. Sessions and receiver are plain state
+// machines (SharingSession, SharingReceiver); this actor only carries their messages, timers and roles. One outgoing
+// session per destination, several at a time; after a restart of this actor orders are forgotten (whoever wants the
+// records asks again) but nothing that was acknowledged is.
+//
+// Bodies that belong to this agent (timers, roles, storage's answers) are taken from this agent only, sharing's own
+// from agents of the team only; everything else is ignored.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "actors/sharing/sharing_receiver.h"
+#include "actors/sharing/sharing_session.h"
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+
+class SharingActor : public Actor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    proto::TeamConfig team;         // Complete and checked.
+    std::uint64_t config_hash = 0;  // TeamFile::hash.
+    SharingSession::Options session;
+  };
+
+  void OnStart(Context& context) final;
+  void OnMessage(Context& context, const proto::Message& message) final;
+
+ protected:
+  SharingActor(Options options, proto::SharingKind kind) : options_(std::move(options)), kind_(kind) {}
+
+  // How many sessions were started, asked for or already open because of this. kRefused where the roles do not allow
+  // it, kInvalid for a request that cannot be meant for this agent. Kind, destination and from_agents are checked.
+  virtual Result<int> Share(Context& context, const proto::ShareRequest& request) = 0;
+  // roles() are new. At first, and until RoleActor speaks, they are those of the team file.
+  virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
+  // Another agent's answer to an order of this actor.
+  virtual void OnShareReply(Context&, AgentId, const proto::ShareReply&) {}
+  virtual void OnPeerConnected(Context&, AgentId) {}
+  virtual void OnOrderTimer(Context&, AgentId) {}
+
+  // Orders a session; `is_by_role` ones end when CloseByRole is called.
+  void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role);
+  // Whether any was open.
+  bool CloseByRole(Context& context);
+  TimerId ArmOrderTimer(Context& context, AgentId peer, Duration delay);
+
+  const proto::TeamConfig& team() const { return options_.team; }
+  const SharingSession::Options& session_options() const { return options_.session; }
+  const proto::RoleAssignment& roles() const { return roles_; }
+  AgentId self() const { return options_.self; }
+  bool is_leading() const { return roles_.leader() == options_.self; }
+  bool is_from_here(const Context& context) const { return context.sender().agent == options_.self; }
+  std::string NameOf(AgentId agent) const;
+
+ private:
+  struct Outgoing {
+    SharingSession session;
+    bool is_by_role = false;
+    TimerId timer = 0;
+    std::optional<MonotonicTime> armed;
+  };
+
+  void OnLocal(Context& context, const proto::Message& message);
+  void OnPeer(Context& context, const proto::Message& message);
+  void OnHello(Context& context, const proto::Hello& hello);
+  void OnBatch(Context& context, const proto::Message& message);
+  void OnShareRequest(Context& context, const proto::ShareRequest& request);
+  void OnShareStatusRequest(Context& context);
+  void OnPeerEvent(Context& context, const proto::PeerEvent& event);
+  void OnTimer(Context& context, const proto::Timer& timer);
+  void SetRoles(Context& context, const proto::RoleAssignment& roles);
+  Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
+
+  Outgoing* FindOutgoing(AgentId destination);
+  void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
+  void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.
+  void ArmSessionTimer(Context& context, Outgoing& outgoing);
+
+  const Options options_;
+  const proto::SharingKind kind_;
+  proto::RoleAssignment roles_;
+  std::map<AgentId, Outgoing> outgoing_;  // By destination.
+  std::optional<SharingReceiver> receiver_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,165 @@
+#include "actors/sharing/sharing_receiver.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "actors/sharing/codec.h"
+#include "model/have_set.h"
+
+namespace moondb {
+namespace {
+
+// Ids of one sender's sessions count up: one a little below the present id is an old Hello that came late.
+constexpr std::uint64_t kStaleSessions = 1024;
+
+SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
+  SharingAction action{sender, {}};
+  action.message.set_ms_type(proto::CONTROL);
+  action.message.mutable_refusal()->set_session_id(session_id);
+  *action.message.mutable_refusal()->mutable_error() = ToProto(error);
+  return {std::move(action)};
+}
+
+Result<void> CheckDropped(const proto::Batch& batch) {
+  proto::HaveSet dropped;
+  *dropped.mutable_streams() = batch.dropped();
+  Result<HaveSet> checked = FromProto(dropped);
+  if (!checked) return Fail(ErrorCode::kCorrupt, checked.error().text, "dropped." + checked.error().field);
+  return {};
+}
+
+// The acknowledgment of a batch but for its have-set; it names the data as the batch did.
+proto::Message AcknowledgmentOf(const proto::Message& message, const proto::RecordBatch& records) {
+  proto::Message result;
+  result.set_ms_type(proto::ACKNOWLEDGMENT);
+  result.set_remaining(message.remaining());
+  result.set_agent_id(message.agent_id());
+  result.set_data_type(message.data_type());
+  if (!records.records().empty()) {
+    const RecordKey key = FromProto(records.records(0).key());
+    result.set_agent_id(key.stream.origin);
+    result.set_data_type(key.stream.type);
+    result.set_record_id(ToString(key));
+  }
+  result.mutable_have()->set_session_id(message.batch().session_id());
+  result.mutable_have()->set_batch_number(message.batch().batch_number());
+  return result;
+}
+
+}  // namespace
+
+SharingReceiver::SharingReceiver(Options options, std::uint64_t first_request_id)
+    : options_(std::move(options)), next_request_id_(first_request_id) {}
+
+SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hello, Time now) {
+  if (Result<void> checked = CheckHello(hello); !checked) return Refuse(sender, hello.session_id(), checked.error());
+  if (hello.config_hash() != options_.config_hash) ++counts_.foreign_configs;
+  const auto known = incoming_.find(sender);
+  if (known == incoming_.end()) {
+    if (!MakeRoom(now)) {
+      return Refuse(sender, hello.session_id(), Error{ErrorCode::kFull, "too many sessions are open here", ""});
+    }
+  } else {
+    const std::uint64_t age = known->second.session_id - hello.session_id();
+    if (age > 0 && age < kStaleSessions) return {};
+  }
+  Incoming& incoming = incoming_[sender];
+  if (incoming.session_id != hello.session_id()) incoming = Incoming();
+  incoming.session_id = hello.session_id();
+  incoming.last_heard = now;
+  if (++next_request_id_ == 0) ++next_request_id_;
+  incoming.have_request_id = next_request_id_;
+  SharingAction action;
+  action.message.set_ms_type(proto::CONTROL);
+  action.message.set_request_id(incoming.have_request_id);
+  action.message.mutable_have_request();
+  return {std::move(action)};
+}
+
+Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Message& message, Time now) {
+  const proto::Batch& batch = message.batch();
+  const auto it = incoming_.find(sender);
+  if (it == incoming_.end() || it->second.session_id != batch.session_id()) {
+    return Refuse(sender, batch.session_id(), Error{ErrorCode::kNotFound, "no such session is open here", ""});
+  }
+  Incoming& incoming = it->second;
+  incoming.last_heard = now;
+  if (incoming.waiting_stores.size() >= options_.waiting_stores_per_sender_max) {
+    ++counts_.dropped_messages;
+    return SharingActions();
+  }
+  Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
+  const Result<void> dropped = CheckDropped(batch);
+  if (!records || !dropped) {
+    ++counts_.damaged_messages;
+    return tl::unexpected(records ? dropped.error() : records.error());
+  }
+  if (++next_request_id_ == 0) ++next_request_id_;
+  incoming.waiting_stores.emplace(next_request_id_, AcknowledgmentOf(message, *records));
+  SharingAction action;
+  action.message.set_ms_type(proto::CONTROL);
+  action.message.set_request_id(next_request_id_);
+  proto::StoreRequest& request = *action.message.mutable_store_request();
+  request.set_sender(sender);
+  *request.mutable_records() = std::move(*records->mutable_records());
+  *request.mutable_dropped() = batch.dropped();
+  SharingActions actions;
+  actions.push_back(std::move(action));
+  return actions;
+}
+
+SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply) {
+  for (auto& [sender, incoming] : incoming_) {
+    if (request_id == 0 || incoming.have_request_id != request_id) continue;
+    incoming.have_request_id = 0;
+    SharingAction action{sender, {}};
+    action.message.set_ms_type(proto::ACKNOWLEDGMENT);
+    proto::Have& have = *action.message.mutable_have();
+    have.set_session_id(incoming.session_id);
+    *have.mutable_have() = reply.have();
+    have.set_is_whole(true);
+    have.set_unacked_bytes_max(options_.unacked_bytes_max);
+    return {std::move(action)};
+  }
+  return {};
+}
+
+SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply) {
+  for (auto& [sender, incoming] : incoming_) {
+    const auto waiting = incoming.waiting_stores.find(request_id);
+    if (waiting == incoming.waiting_stores.end()) continue;
+    SharingAction action{sender, std::move(waiting->second)};
+    incoming.waiting_stores.erase(waiting);
+    if (IsError(reply.error())) {
+      return Refuse(sender, incoming.session_id, Error{ErrorCode::kUnavailable, reply.error().text(), ""});
+    }
+    counts_.received_records += reply.stored_count();
+    counts_.rejected_records += reply.rejected_count();
+    *action.message.mutable_have()->mutable_have() = reply.had();
+    action.message.mutable_have()->set_unacked_bytes_max(options_.unacked_bytes_max);
+    return {std::move(action)};
+  }
+  return {};
+}
+
+Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
+  if (hello.protocol_version() != kSharingProtocolVersion) {
+    return Fail(ErrorCode::kRefused, "this agent speaks version 1 of sharing", "protocol_version");
+  }
+  if (hello.team() != options_.team) return Fail(ErrorCode::kRefused, "this agent is of another team", "team");
+  if (hello.kind() != options_.kind) return Fail(ErrorCode::kRefused, "is not this actor's", "kind");
+  if (hello.session_id() == 0) return Fail(ErrorCode::kRefused, "is missing", "session_id");
+  return {};
+}
+
+bool SharingReceiver::MakeRoom(Time now) {
+  if (incoming_.size() < options_.sessions_max) return true;
+  const auto oldest = std::min_element(incoming_.begin(), incoming_.end(), [](const auto& a, const auto& b) {
+    return a.second.last_heard < b.second.last_heard;
+  });
+  if (oldest == incoming_.end() || now - oldest->second.last_heard < options_.idle_after) return false;
+  incoming_.erase(oldest);
+  return true;
+}
+
+}  // namespace moondb

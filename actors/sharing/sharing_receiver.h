@@ -1,0 +1,81 @@
+// SharingReceiver: the receiving side of all sessions of one kind.
+//
+//   Hello -> HaveRequest to storage -> Have (whole) to the sender
+//   Batch -> decoded -> StoreRequest to storage -> StoreReply, after the commit -> Have (touched streams): the
+//   acknowledgment
+//
+// Keeps nothing that matters: what was stored shows in the have-set. A sender has one session; its newer Hello
+// replaces it. Everything is bounded: sessions, StoreRequests that wait per sender, coded and decoded bytes. A batch
+// of an unknown session is refused with kNotFound, so that its sender starts over at once; a damaged one is counted
+// and dropped. Records are taken from any agent of the team, whatever its role or term: they are immutable and named.
+//
+// A plain state machine like SharingSession; whether the sender belongs to the team is the caller's to check.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "actors/sharing/sharing_action.h"
+#include "model/error.h"
+#include "proto/message.pb.h"
+
+namespace moondb {
+
+inline constexpr std::uint32_t kSharingProtocolVersion = 1;
+
+class SharingReceiver {
+ public:
+  using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
+
+  struct Options {
+    std::string team;
+    std::uint64_t config_hash = 0;
+    proto::SharingKind kind = proto::SHARING_KIND_SYNC;
+    std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that each sender is granted.
+    std::size_t sessions_max = 16;               // When full, one that was silent for idle_after gives way.
+    std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
+    std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
+  };
+
+  struct Counts {
+    double received_records = 0;  // Stored as new rows.
+    double rejected_records = 0;  // Refused by storage.
+    double damaged_messages = 0;
+    double dropped_messages = 0;  // Too much waits for storage.
+    double foreign_configs = 0;   // Hellos with another configuration hash; taken nevertheless.
+  };
+
+  // `first_request_id` is random: answers to an earlier life's requests must not fit.
+  SharingReceiver(Options options, std::uint64_t first_request_id);
+
+  // From a peer.
+  SharingActions OnHello(AgentId sender, const proto::Hello& hello, Time now);
+  // Reads `message.batch`. kCorrupt where it is damaged (already counted; for the log).
+  Result<SharingActions> OnBatch(AgentId sender, const proto::Message& message, Time now);
+
+  // From storage; answers to requests that are not waiting are ignored.
+  SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
+  SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
+
+  const Counts& counts() const { return counts_; }
+
+ private:
+  struct Incoming {
+    std::uint64_t session_id = 0;
+    std::uint64_t have_request_id = 0;                       // 0: none waits.
+    std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
+    Time last_heard{};
+  };
+
+  Result<void> CheckHello(const proto::Hello& hello) const;
+  bool MakeRoom(Time now);
+
+  Options options_;
+  std::uint64_t next_request_id_;
+  std::map<AgentId, Incoming> incoming_;
+  Counts counts_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,365 @@
+#include "actors/sharing/sharing_session.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace moondb {
+namespace {
+
+// What one MissingRequest may bring into memory, whatever the ratio says.
+constexpr double kContentBytesMin = 512;
+constexpr double kContentBytesMax = 64 * 1024;
+constexpr std::uint32_t kRecordsMax = 1024;
+constexpr double kRatioMin = 0.02;
+
+void AddHeld(const std::vector<RecordKey>& keys, HaveSet& have) {
+  for (const RecordKey& key : keys) have[key.stream].held.Add(key.seq);
+}
+
+void AddDropped(const std::vector<proto::StreamHave>& streams, HaveSet& have) {
+  for (const proto::StreamHave& stream : streams) {
+    IntervalSet& dropped = have[{stream.origin_agent(), stream.epoch(), stream.data_type()}].dropped;
+    for (const proto::Interval& interval : stream.dropped()) dropped.Add({interval.first(), interval.last()});
+  }
+}
+
+bool Has(const HaveSet& have, const RecordKey& key) {
+  const StreamHave& stream = have.Get(key.stream);
+  return stream.held.Contains(key.seq) || stream.dropped.Contains(key.seq);
+}
+
+CodedBatch EncodeFirst(const proto::MissingReply& reply, int count) {
+  proto::RecordBatch batch;
+  for (int i = 0; i < count; ++i) *batch.add_records() = reply.records(i);
+  return EncodeBatch(batch);
+}
+
+}  // namespace
+
+SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id)
+    : options_(options),
+      kind_(kind),
+      destination_(destination),
+      session_id_(first_id),
+      request_id_(first_id),
+      backoff_(options.resend_after) {}
+
+SharingActions SharingSession::Order(proto::RecordFilter filter, Time now) {
+  SharingActions actions;
+  filter_ = std::move(filter);
+  if (!is_open()) {
+    last_error_.clear();
+    last_progress_ = now;
+    Start(now, actions);
+  } else if (phase_ == Phase::kAwaitingHave) {
+    // Whoever asks again while the destination is silent does not wait for a delay that has grown.
+    if (backoff_ > options_.resend_after) Start(now, actions);
+  } else {
+    is_asking_ = false;
+    is_exhausted_ = false;
+    Fill(now, actions);
+  }
+  return actions;
+}
+
+SharingActions SharingSession::Close() {
+  SharingActions actions;
+  if (!is_open()) return actions;
+  phase_ = Phase::kClosed;
+  ForgetUnderWay();
+  TellStorage({}, /*is_closed=*/true, actions);
+  return actions;
+}
+
+SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
+  SharingActions actions;
+  if (!is_open() || have.session_id() != session_id_) return actions;
+  if (phase_ == Phase::kAwaitingHave && !have.is_whole()) return actions;
+  Result<HaveSet> heard = FromProto(have.have());
+  if (!heard) {
+    NoteError("the destination's have-set is malformed: " + ToString(heard.error()));
+    return actions;
+  }
+  if (phase_ == Phase::kAwaitingHave) {
+    have_ = *std::move(heard);
+    phase_ = Phase::kSending;
+    credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
+    last_progress_ = now;
+    SetDeadline(now);
+  } else {
+    have_.Merge(*heard);
+  }
+  const std::size_t under_way_before = under_way_.size();
+  Acknowledge(have.batch_number());
+  if (under_way_.size() < under_way_before) {
+    last_progress_ = now;
+    backoff_ = options_.resend_after;
+    has_restarted_at_once_ = false;
+    SetDeadline(now);
+  }
+  GiveUpBatchesBefore(have.batch_number());
+  TellStorage({}, /*is_closed=*/false, actions);
+  Fill(now, actions);
+  return actions;
+}
+
+SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now) {
+  SharingActions actions;
+  if (!is_open() || refusal.session_id() != session_id_) return actions;
+  const Error error = FromProto(refusal.error());
+  if (error.code == ErrorCode::kNotFound && !has_restarted_at_once_) {
+    // The receiver started anew. Once only without progress in between: the delay serves what lasts.
+    has_restarted_at_once_ = true;
+    Restart(now, actions);
+    return actions;
+  }
+  NoteError("the destination refused: " + ToString(error));
+  if (error.code == ErrorCode::kRefused || error.code == ErrorCode::kInvalid) return Close();
+  return actions;
+}
+
+SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now) {
+  SharingActions actions;
+  if (phase_ != Phase::kSending || !is_asking_ || request_id != request_id_) return actions;
+  is_asking_ = false;
+  if (reply.records().empty() && reply.dropped().empty()) {
+    is_exhausted_ = true;
+    missing_count_ = 0;
+  } else {
+    ready_ = Code(reply);
+    missing_count_ = ready_->message.remaining();
+    is_exhausted_ = missing_count_ == 0;
+  }
+  Fill(now, actions);
+  return actions;
+}
+
+SharingActions SharingSession::OnConnected(Time now) {
+  SharingActions actions;
+  if (is_open()) Start(now, actions);
+  return actions;
+}
+
+SharingActions SharingSession::OnTimer(Time now) {
+  SharingActions actions;
+  if (!is_open() || now < deadline_) return actions;
+  backoff_ = std::min(2 * backoff_, options_.resend_after_max);
+  Restart(now, actions);
+  return actions;
+}
+
+std::optional<SharingSession::Time> SharingSession::deadline() const {
+  if (!is_open()) return std::nullopt;
+  return deadline_;
+}
+
+proto::ShareSession SharingSession::Status(Time now) const {
+  std::uint64_t remaining = missing_count_ + (ready_ ? ready_->keys.size() : 0);
+  for (const auto& [number, batch] : under_way_) remaining += batch.keys.size();
+  proto::ShareSession status;
+  status.set_destination(destination_);
+  status.set_kind(kind_);
+  status.set_is_open(is_open());
+  status.set_remaining(static_cast<double>(remaining));
+  status.set_sent_records(sent_records_);
+  status.set_acknowledged_records(acknowledged_records_);
+  status.set_coded_bytes(coded_bytes_);
+  status.set_completed_sessions(completed_sessions_);
+  status.set_resends(resends_);
+  status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
+  status.set_last_error(last_error_);
+  return status;
+}
+
+void SharingSession::Start(Time now, SharingActions& actions) {
+  has_restarted_at_once_ = false;
+  backoff_ = options_.resend_after;
+  Restart(now, actions);
+}
+
+void SharingSession::Restart(Time now, SharingActions& actions) {
+  if (is_open()) ++resends_;
+  phase_ = Phase::kAwaitingHave;
+  ForgetUnderWay();
+  ++session_id_;
+  if (session_id_ == 0) ++session_id_;
+  refused_ = HaveSet();
+  SetDeadline(now);
+  SharingAction action{destination_, {}};
+  action.message.set_ms_type(proto::CONTROL);
+  proto::Hello& hello = *action.message.mutable_hello();
+  hello.set_session_id(session_id_);
+  hello.set_kind(kind_);
+  actions.push_back(std::move(action));
+}
+
+void SharingSession::Complete(SharingActions& actions) {
+  phase_ = Phase::kClosed;
+  ++completed_sessions_;
+  std::uint64_t refused_count = 0;
+  for (const auto& [key, stream] : refused_.streams()) refused_count += stream.held.Count();
+  last_error_ = refused_count == 0 ? "" : "the destination did not take " + std::to_string(refused_count) + " records";
+  TellStorage({}, /*is_closed=*/true, actions);
+}
+
+void SharingSession::Fill(Time now, SharingActions& actions) {
+  if (phase_ != Phase::kSending) return;
+  if (ready_ && FitsCredit(ready_->bytes)) SendReady(now, actions);
+  if (!ready_ && !is_asking_ && !is_exhausted_) AskForMissing(actions);
+  if (!ready_ && !is_asking_ && under_way_.empty()) Complete(actions);
+}
+
+void SharingSession::AskForMissing(SharingActions& actions) {
+  is_asking_ = true;
+  SharingAction action;
+  action.message.set_ms_type(proto::CONTROL);
+  action.message.set_request_id(++request_id_);
+  proto::MissingRequest& request = *action.message.mutable_missing_request();
+  *request.mutable_destination_have() = ToProto(ExpectedHave());
+  *request.mutable_filter() = filter_;
+  // A little less than what should fit: coding a batch again to cut it costs more than the spare bytes.
+  const double content_bytes = 0.9 * static_cast<double>(options_.batch_bytes_max) / coded_ratio_;
+  request.set_content_bytes_max(
+      static_cast<std::uint32_t>(std::clamp(content_bytes, kContentBytesMin, kContentBytesMax)));
+  request.set_records_max(kRecordsMax);
+  actions.push_back(std::move(action));
+}
+
+void SharingSession::SendReady(Time now, SharingActions& actions) {
+  CodedRecords batch = *std::move(ready_);
+  ready_.reset();
+  const std::uint32_t number = next_batch_number_++;
+  proto::Message message = std::move(batch.message);
+  batch.message.Clear();
+  message.mutable_batch()->set_session_id(session_id_);
+  message.mutable_batch()->set_batch_number(number);
+  unacked_bytes_ += batch.bytes;
+  sent_records_ += static_cast<double>(batch.keys.size());
+  coded_bytes_ += static_cast<double>(batch.bytes);
+  actions.push_back({destination_, std::move(message)});
+  TellStorage(batch.keys, /*is_closed=*/false, actions);
+  under_way_.emplace(number, std::move(batch));
+  SetDeadline(now);
+}
+
+bool SharingSession::FitsCredit(std::size_t bytes) const {
+  return under_way_.empty() || unacked_bytes_ + bytes <= credit_bytes_;
+}
+
+SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& reply) {
+  int count = reply.records_size();
+  CodedBatch coded = EncodeFirst(reply, count);
+  while (coded.bytes.size() > options_.batch_bytes_max && count > 1) {
+    const auto fitting = static_cast<int>(static_cast<double>(count) * static_cast<double>(options_.batch_bytes_max) /
+                                          static_cast<double>(coded.bytes.size()));
+    count = std::clamp(fitting, 1, count - 1);
+    coded = EncodeFirst(reply, count);
+  }
+  CodedRecords result;
+  std::size_t content_bytes = 0;
+  for (int i = 0; i < count; ++i) {
+    result.keys.push_back(FromProto(reply.records(i).key()));
+    content_bytes += reply.records(i).content().size();
+  }
+  if (content_bytes > 0) {
+    const double ratio = static_cast<double>(coded.bytes.size()) / static_cast<double>(content_bytes);
+    coded_ratio_ = std::max(kRatioMin, 0.5 * (coded_ratio_ + ratio));
+  }
+  const std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
+  proto::Batch& batch = *result.message.mutable_batch();
+  batch.set_codec(coded.codec);
+  batch.set_coded(std::move(coded.bytes));
+  batch.set_record_count(static_cast<std::uint32_t>(count));
+  // What is dropped never travels before what superseded it.
+  if (remaining == 0) {
+    *batch.mutable_dropped() = reply.dropped();
+    result.dropped.assign(reply.dropped().begin(), reply.dropped().end());
+  }
+  result.bytes = batch.ByteSizeLong();
+  result.message.set_ms_type(proto::DATA);
+  result.message.set_remaining(remaining);
+  result.message.set_destination_id(destination_);
+  if (!result.keys.empty()) {
+    result.message.set_agent_id(result.keys.front().stream.origin);
+    result.message.set_data_type(result.keys.front().stream.type);
+    result.message.set_record_id(ToString(result.keys.front()));
+  } else if (!result.dropped.empty()) {
+    result.message.set_agent_id(result.dropped.front().origin_agent());
+    result.message.set_data_type(result.dropped.front().data_type());
+  }
+  return result;
+}
+
+HaveSet SharingSession::ExpectedHave() const {
+  HaveSet expected = have_;
+  expected.Merge(refused_);
+  const auto add = [&expected](const CodedRecords& batch) {
+    AddHeld(batch.keys, expected);
+    AddDropped(batch.dropped, expected);
+  };
+  for (const auto& [number, batch] : under_way_) add(batch);
+  if (ready_) add(*ready_);
+  // Held and dropped stay apart, whatever overlapped above.
+  HaveSet apart;
+  apart.Merge(expected);
+  return apart;
+}
+
+void SharingSession::Acknowledge(std::uint32_t batch_number) {
+  for (auto it = under_way_.begin(); it != under_way_.end();) {
+    const CodedRecords& batch = it->second;
+    const auto had =
+        std::count_if(batch.keys.begin(), batch.keys.end(), [this](const RecordKey& key) { return Has(have_, key); });
+    const bool is_all_had = !batch.keys.empty() && static_cast<std::size_t>(had) == batch.keys.size();
+    if (it->first != batch_number && !is_all_had) {
+      ++it;
+      continue;
+    }
+    for (const RecordKey& key : batch.keys) {
+      if (!Has(have_, key)) refused_[key.stream].held.Add(key.seq);
+    }
+    acknowledged_records_ += static_cast<double>(had);
+    unacked_bytes_ -= batch.bytes;
+    it = under_way_.erase(it);
+  }
+}
+
+// Batches travel nearly in order: one that is still open when the second after it is acknowledged was lost.
+void SharingSession::GiveUpBatchesBefore(std::uint32_t batch_number) {
+  while (!under_way_.empty() && under_way_.begin()->first + 2 <= batch_number) {
+    ++resends_;
+    unacked_bytes_ -= under_way_.begin()->second.bytes;
+    under_way_.erase(under_way_.begin());
+    is_asking_ = false;
+    is_exhausted_ = false;
+  }
+}
+
+void SharingSession::ForgetUnderWay() {
+  is_asking_ = false;
+  is_exhausted_ = false;
+  ready_.reset();
+  under_way_.clear();
+  unacked_bytes_ = 0;
+  next_batch_number_ = 1;
+}
+
+void SharingSession::TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed,
+                                 SharingActions& actions) const {
+  SharingAction action;
+  action.message.set_ms_type(proto::EVENT);
+  proto::PeerHave& peer_have = *action.message.mutable_peer_have();
+  peer_have.set_peer(destination_);
+  *peer_have.mutable_acknowledged() = ToProto(have_);
+  for (const RecordKey& key : handed_over) *peer_have.add_handed_over() = ToProto(key);
+  peer_have.set_is_session_closed(is_closed);
+  actions.push_back(std::move(action));
+}
+
+void SharingSession::SetDeadline(Time now) {
+  const auto transfer = std::chrono::duration<double>(static_cast<double>(unacked_bytes_) /
+                                                      static_cast<double>(options_.bytes_per_second_min));
+  deadline_ = now + backoff_ + std::chrono::duration_cast<Duration>(transfer);
+}
+
+}  // namespace moondb

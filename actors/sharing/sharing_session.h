@@ -1,0 +1,131 @@
+// SharingSession: brings the records that one destination lacks to it, over a radio that loses, repeats and cuts.
+//
+// One object per destination and kind: sync (own records) and replication (all records) differ in their filter alone
+// (paper, Section 4). It trusts nothing but the destination's have-set: a lost acknowledgment, a restart on either
+// side, a lost disk or a new leader need no special case.
+//
+//   Order -> Hello -> (Have, whole) -> MissingRequest -> (MissingReply) -> Batch -> (Have: acknowledgment) ... done
+//
+// Several batches may be under way. What they carry counts as had while the next one is chosen, and only there: when
+// a batch is given up, or the session starts again, its records are missing again. Un-acknowledged bytes stay within
+// `unacked_bytes_max` and what the receiver grants; one message that is larger travels when nothing else is under way.
+// Without progress for `resend_after` the session starts again under a new id, with a growing delay, for as long as it
+// takes: an order stands until all is acknowledged or Close is called.
+//
+// A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "actors/sharing/codec.h"
+#include "actors/sharing/sharing_action.h"
+#include "model/have_set.h"
+#include "proto/message.pb.h"
+
+namespace moondb {
+
+class SharingSession {
+ public:
+  using Duration = std::chrono::nanoseconds;
+  using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
+
+  struct Options {
+    Duration resend_after = std::chrono::seconds(5);       // Longer than one round trip of the radio.
+    Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
+    std::size_t unacked_bytes_max = 8 * 1024;              // 65 ms of a 1 Mbps radio.
+    std::size_t batch_bytes_max = 4 * 1024;                // Coded. A single larger record travels alone.
+    std::size_t bytes_per_second_min = 16 * 1024;          // A slower radio is given up on and tried again.
+  };
+
+  // `first_id` is random: the ids of this session count from it, so that they differ from those of an earlier process.
+  SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
+
+  // Start, or, when open, look again for records once all is sent: what was stored before this is included.
+  SharingActions Order(proto::RecordFilter filter, Time now);
+  // End without completing. The order is forgotten.
+  SharingActions Close();
+
+  // From the destination. A session id other than the present one is ignored.
+  SharingActions OnHave(const proto::Have& have, Time now);
+  SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
+  // From storage; an answer to another question than the last one is ignored.
+  SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
+  // The destination was reached again: an open session starts over at once.
+  SharingActions OnConnected(Time now);
+  // To be called when deadline() has come; earlier calls do nothing.
+  SharingActions OnTimer(Time now);
+
+  // The actor could not hand over a message; shown in status.
+  void NoteError(std::string text) { last_error_ = std::move(text); }
+
+  std::optional<Time> deadline() const;  // None while closed.
+  bool is_open() const { return phase_ != Phase::kClosed; }
+  AgentId destination() const { return destination_; }
+  proto::ShareSession Status(Time now) const;
+
+ private:
+  enum class Phase { kClosed, kAwaitingHave, kSending };
+
+  struct CodedRecords {
+    proto::Message message;  // Its Batch is complete but for the number.
+    std::vector<RecordKey> keys;
+    std::vector<proto::StreamHave> dropped;
+    std::size_t bytes = 0;
+  };
+
+  void Start(Time now, SharingActions& actions);    // Restart with the shortest delay.
+  void Restart(Time now, SharingActions& actions);  // A new id and Hello; nothing is under way any more.
+  void Complete(SharingActions& actions);
+  void Fill(Time now, SharingActions& actions);
+  void AskForMissing(SharingActions& actions);
+  void SendReady(Time now, SharingActions& actions);
+  bool FitsCredit(std::size_t bytes) const;
+  // As many of the records as fit into one message; learns the ratio.
+  CodedRecords Code(const proto::MissingReply& reply);
+  // What the destination has or will have once everything under way arrives.
+  HaveSet ExpectedHave() const;
+  void Acknowledge(std::uint32_t batch_number);
+  void GiveUpBatchesBefore(std::uint32_t batch_number);
+  void ForgetUnderWay();
+  void TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed, SharingActions& actions) const;
+  void SetDeadline(Time now);
+
+  Options options_;
+  proto::SharingKind kind_;
+  AgentId destination_;
+
+  Phase phase_ = Phase::kClosed;
+  proto::RecordFilter filter_;
+  std::uint64_t session_id_;
+  std::uint64_t request_id_;
+  bool is_asking_ = false;
+  bool is_exhausted_ = false;  // Storage said that nothing more is missing.
+  bool has_restarted_at_once_ = false;
+  HaveSet have_;     // Of the destination, as it said.
+  HaveSet refused_;  // Acknowledged batches' records that the destination did not take; not sent again in this session.
+  std::optional<CodedRecords> ready_;
+  std::map<std::uint32_t, CodedRecords> under_way_;  // By batch number; without their messages.
+  std::size_t unacked_bytes_ = 0;
+  std::size_t credit_bytes_ = 0;
+  std::uint32_t next_batch_number_ = 1;
+  std::uint64_t missing_count_ = 0;  // Behind what is ready and under way.
+  double coded_ratio_ = 0.5;         // Coded bytes per content byte, smoothed.
+  Duration backoff_{};
+  Time deadline_{};
+  Time last_progress_{};
+
+  double sent_records_ = 0;
+  double acknowledged_records_ = 0;
+  double coded_bytes_ = 0;
+  double completed_sessions_ = 0;
+  double resends_ = 0;
+  std::string last_error_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,130 @@
+#include "actors/sharing/sync_actor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace moondb {
+
+Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& request) {
+  if (!is_from_here(context)) {
+    const AgentId asker = context.sender().agent;
+    const AgentId destination = request.destination() == 0 ? asker : request.destination();
+    if (destination == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
+    Open(context, destination, OwnRecords(), destination == roles().leader());
+    return 1;
+  }
+  if (is_leading()) {
+    if (request.destination() == 0 || request.destination() == self()) return Collect(context, request);
+    return OpenAsLeader(context, request.destination(), /*is_by_role=*/false) ? 1 : 0;
+  }
+  if (!request.from_agents().empty()) {
+    return Fail(ErrorCode::kRefused, "only the leader, " + NameOf(roles().leader()) + ", asks other agents",
+                "from_agents");
+  }
+  if (roles().leader() == 0) return Fail(ErrorCode::kRefused, "the team has no leader now", "destination");
+  if (request.destination() == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
+  const AgentId destination = request.destination() == 0 ? roles().leader() : request.destination();
+  Open(context, destination, OwnRecords(), /*is_by_role=*/request.destination() == 0);
+  return 1;
+}
+
+void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previous) {
+  if (roles().leader() == previous.leader()) return;
+  for (const auto& [peer, order] : orders_) context.Cancel(order.timer);
+  orders_.clear();
+  const bool was_open = CloseByRole(context);
+  const bool was_leading = previous.leader() == self();
+  if (was_open && !was_leading && !is_leading() && roles().leader() != 0) {
+    Open(context, roles().leader(), OwnRecords(), /*is_by_role=*/true);
+  }
+}
+
+void SyncActor::OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply) {
+  const auto it = orders_.find(peer);
+  if (it == orders_.end()) return;
+  if (IsError(reply.error())) {
+    spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
+                 ToString(FromProto(reply.error())));
+  }
+  context.Cancel(it->second.timer);
+  orders_.erase(it);
+}
+
+void SyncActor::OnPeerConnected(Context& context, AgentId peer) {
+  if (orders_.count(peer)) StartOrder(context, peer);
+}
+
+void SyncActor::OnOrderTimer(Context& context, AgentId peer) {
+  const auto it = orders_.find(peer);
+  if (it == orders_.end()) return;
+  it->second.delay = std::min(2 * it->second.delay, session_options().resend_after_max);
+  SendOrder(context, peer);
+}
+
+int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
+  const auto& from = request.from_agents();
+  const auto is_meant = [&from](AgentId agent) {
+    return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
+  };
+  int count = 0;
+  for (const proto::AgentConfig& agent : team().agents()) {
+    if (agent.id() == self()) continue;
+    if (is_meant(agent.id())) {
+      StartOrder(context, agent.id());
+      ++count;
+    }
+    if (is_meant(self()) && OpenAsLeader(context, agent.id(), /*is_by_role=*/true)) ++count;
+  }
+  return count;
+}
+
+bool SyncActor::OpenAsLeader(Context& context, AgentId destination, bool is_by_role) {
+  proto::RecordFilter filter = LeadersRecordsFor(destination);
+  if (filter.data_types().empty()) return false;
+  Open(context, destination, std::move(filter), is_by_role);
+  return true;
+}
+
+void SyncActor::StartOrder(Context& context, AgentId peer) {
+  Order& order = orders_[peer];
+  if (order.timer != 0) context.Cancel(order.timer);
+  order.delay = session_options().resend_after;
+  SendOrder(context, peer);
+}
+
+void SyncActor::SendOrder(Context& context, AgentId peer) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_term() = roles().term();
+  message.mutable_share_request()->set_kind(proto::SHARING_KIND_SYNC);
+  message.mutable_share_request()->set_destination(self());
+  (void)context.Send({peer, context.self().actor}, std::move(message));  // Sent again when the timer comes.
+  Order& order = orders_[peer];
+  order.timer = ArmOrderTimer(context, peer, order.delay);
+}
+
+proto::RecordFilter SyncActor::OwnRecords() const {
+  proto::RecordFilter filter;
+  filter.add_origin_agents(self());
+  return filter;
+}
+
+proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
+  proto::RecordFilter filter;
+  if (destination == BaseStationOf(team())) {
+    for (DataType type = 1; type <= static_cast<DataType>(proto::DataType_MAX); ++type) {
+      if (PolicyOf(team().ground(), type) != proto::POLICY_NONE) filter.add_data_types(type);
+    }
+    return filter;
+  }
+  filter.add_origin_agents(self());
+  filter.set_optimized_poses_of_agent(destination);
+  for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
+    if (PolicyOf(team().share(), type) != proto::POLICY_NONE) filter.add_data_types(type);
+  }
+  return filter;
+}
+
+}  // namespace moondb
