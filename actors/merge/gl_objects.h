@@ -1,0 +1,73 @@
+// Owners of OpenGL names, and the few calls that can fail. All of it needs a current context, destructors too.
+#pragma once
+
+#include <GLES3/gl31.h>
+
+#include <string>
+#include <utility>
+
+#include "model/error.h"
+
+namespace moondb {
+
+// One OpenGL name, deleted at the end. `Traits` says how: void Delete(GLuint).
+template <typename Traits>
+class GlObject {
+ public:
+  GlObject() = default;
+  explicit GlObject(GLuint id) : id_(id) {}
+  GlObject(GlObject&& other) noexcept : id_(std::exchange(other.id_, 0)) {}
+  GlObject& operator=(GlObject&& other) noexcept {
+    std::swap(id_, other.id_);
+    return *this;
+  }
+  ~GlObject() {
+    if (id_ != 0) Traits::Delete(id_);
+  }
+  GLuint id() const { return id_; }
+
+ private:
+  GLuint id_ = 0;
+};
+
+struct TextureTraits {
+  static void Delete(GLuint id) { glDeleteTextures(1, &id); }
+};
+struct RenderbufferTraits {
+  static void Delete(GLuint id) { glDeleteRenderbuffers(1, &id); }
+};
+struct FramebufferTraits {
+  static void Delete(GLuint id) { glDeleteFramebuffers(1, &id); }
+};
+struct BufferTraits {
+  static void Delete(GLuint id) { glDeleteBuffers(1, &id); }
+};
+struct VertexArrayTraits {
+  static void Delete(GLuint id) { glDeleteVertexArrays(1, &id); }
+};
+struct ProgramTraits {
+  static void Delete(GLuint id) { glDeleteProgram(id); }
+};
+
+using GlTexture = GlObject<TextureTraits>;
+using GlRenderbuffer = GlObject<RenderbufferTraits>;
+using GlFramebuffer = GlObject<FramebufferTraits>;
+using GlBuffer = GlObject<BufferTraits>;
+using GlVertexArray = GlObject<VertexArrayTraits>;
+using GlProgram = GlObject<ProgramTraits>;
+
+GlTexture MakeTexture();
+GlRenderbuffer MakeRenderbuffer();
+GlFramebuffer MakeFramebuffer();
+GlBuffer MakeBuffer();
+GlVertexArray MakeVertexArray();
+
+// kInternal with the compiler's first line.
+Result<GlProgram> MakeProgram(const char* vertex_shader, const char* fragment_shader);
+
+GLint GetGlInteger(GLenum name);
+
+// kUnavailable if OpenGL noted an error since the last look; `doing` says at what.
+Result<void> CheckGl(const std::string& doing);
+
+}  // namespace moondb

@@ -1,0 +1,95 @@
+// MapCollection: the maps and node poses that an agent knows, kept between merges. The one state of merging; backends
+// hold only copies.
+//
+// Everything in it is a maximum over records (the newest pose of a node, each map once), so that records in any order
+// and any number of times lead to the same collection on every agent. Poses are as wide as model/geometry.h admits.
+// Used by one thread at a time.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <set>
+#include <tuple>
+#include <vector>
+
+#include "actors/merge/placement.h"
+#include "model/error.h"
+#include "model/ids.h"
+#include "model/record_key.h"
+#include "model/traversability_map.h"
+#include "proto/types.pb.h"
+
+namespace moondb {
+
+class MapCollection {
+ public:
+  struct Options {
+    MergeGrid grid;
+    std::set<AgentId> without_footprint;  // Base stations: they stand still and are no rovers.
+    std::size_t maps_max = 65535;
+    std::uint64_t cells_max = 8ull << 30;  // Of all maps together, a byte each.
+    std::size_t nodes_max = 4'000'000;
+  };
+
+  // Of one merge.
+  struct Selection {
+    bool use_raw_poses = false;  // Ignore optimized poses.
+    std::set<AgentId> agents;    // Only maps of these origins and footprints of their nodes; empty: all.
+  };
+
+  struct Selected {
+    MapPlacement placement;
+    std::size_t waiting_map_count = 0;  // Selected, but their node is not known.
+    std::size_t node_count = 0;         // Nodes whose footprints are freed.
+  };
+
+  explicit MapCollection(Options options) : options_(std::move(options)) {}
+
+  // False if a map of that key is there already. Its node may come later. Errors: kInvalid as in MakeLocalMap; kFull
+  // for more than maps_max or cells_max.
+  Result<bool> PutMap(const RecordKey& key, std::int64_t stamp_ns, TraversabilityMap map);
+
+  // False if there is none. Nothing remembers that it was there.
+  bool WithdrawMap(const RecordKey& key);
+
+  // The pose as odometry has it. A node that was recorded twice has the pose of the larger key. kFull for more than
+  // nodes_max, here and below.
+  Result<void> SetRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
+
+  // The newest (term, run) of a node wins.
+  Result<void> SetOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
+                                const proto::Term& term, std::uint64_t run);
+
+  // Everything that a merger needs of the selection. Errors as in PlaceMaps.
+  Result<Selected> Place(const Selection& selection) const;
+
+  std::size_t map_count() const { return maps_.size(); }
+  std::size_t node_count() const { return nodes_.size(); }
+
+ private:
+  // Number, issuer and epoch of the term, run, and the record's key to decide between equal ones.
+  using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
+
+  struct VersionedPose {
+    Version version;
+    Pose map_from_node;
+    bool is_known = false;
+  };
+
+  struct Node {
+    VersionedPose raw;
+    VersionedPose optimized;
+  };
+
+  Result<Node*> FindOrAddNode(const NodeKey& node);
+  static void Update(VersionedPose& pose, const Version& version, const Pose& map_from_node);
+  const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
+
+  Options options_;
+  std::map<RecordKey, std::shared_ptr<const LocalMap>> maps_;
+  std::map<NodeKey, Node> nodes_;
+  std::uint64_t cells_ = 0;
+};
+
+}  // namespace moondb

@@ -1,0 +1,243 @@
+#include "actors/merge/merge_actor.h"
+
+#include <spdlog/spdlog.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "model/geometry.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::uint32_t kStorageTimer = 1;
+constexpr int kZstdLevel = 3;
+
+MapCollection::Options CollectionOptions(const proto::TeamConfig& team) {
+  MapCollection::Options options;
+  options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
+  if (team.map().footprint_m_size() == 2) {
+    options.grid.footprint_length_m = team.map().footprint_m(0);
+    options.grid.footprint_width_m = team.map().footprint_m(1);
+  }
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) options.without_footprint.insert(agent.id());
+  }
+  return options;
+}
+
+MapCollection::Selection SelectionOf(const proto::MergeRequest& request) {
+  MapCollection::Selection selection;
+  selection.use_raw_poses = request.use_raw_poses();
+  selection.agents.insert(request.agents().begin(), request.agents().end());
+  return selection;
+}
+
+Result<std::string> CompressCells(const Grid& grid, std::size_t bytes_max) {
+  std::string compressed(ZSTD_compressBound(grid.cells.size()), '\0');
+  const std::size_t size =
+      ZSTD_compress(compressed.data(), compressed.size(), grid.cells.data(), grid.cells.size(), kZstdLevel);
+  if (ZSTD_isError(size) != 0) return Fail(ErrorCode::kInternal, std::string("zstd: ") + ZSTD_getErrorName(size));
+  if (size > bytes_max) {
+    return Fail(ErrorCode::kFull, "the merged map takes " + std::to_string(size) + " bytes, a reply at most " +
+                                      std::to_string(bytes_max) + ": merge fewer agents");
+  }
+  compressed.resize(size);
+  return compressed;
+}
+
+proto::MergeReply ErrorReply(const Error& error) {
+  proto::MergeReply reply;
+  *reply.mutable_error() = ToProto(error);
+  return reply;
+}
+
+}  // namespace
+
+MergeActor::MergeActor(Options options) : options_(std::move(options)), collection_(CollectionOptions(options_.team)) {}
+
+MergeActor::~MergeActor() = default;
+
+// Here and not in the constructor: a GL context is best made on the thread that will use it.
+void MergeActor::OnStart(Context& context) {
+  Result<std::unique_ptr<Merger>> merger = CreateMerger(options_.backend);
+  if (merger) {
+    merger_ = std::move(*merger);
+    spdlog::info("{}: merges on {}", ToString(context.self()), merger_->description());
+  } else {
+    merger_error_ = merger.error();
+    spdlog::error("{}: {}", ToString(context.self()), ToString(merger_error_));
+  }
+}
+
+void MergeActor::OnMessage(Context& context, const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kMergeRequest:
+      return OnMergeRequest(context, message);
+    case proto::Message::kReadReply:
+      return OnReadReply(context, message);
+    case proto::Message::kTimer:
+      return OnTimer(context, message.timer());
+    default:
+      return;
+  }
+}
+
+void MergeActor::OnMergeRequest(Context& context, const proto::Message& message) {
+  Waiting waiting{context.sender(), message.request_id(), message.merge_request()};
+  if (waiting_.size() >= options_.requests_max) {
+    const std::string text = std::to_string(options_.requests_max) + " merges wait already";
+    return Answer(context, waiting, ErrorReply({ErrorCode::kFull, text, {}}));
+  }
+  waiting_.push_back(std::move(waiting));
+  if (!is_reading_) StartReading(context);
+}
+
+void MergeActor::StartReading(Context& context) {
+  covered_count_ = waiting_.size();
+  RequestPage(context);
+}
+
+void MergeActor::RequestPage(Context& context) {
+  proto::Message message;
+  message.set_request_id(++read_id_);
+  proto::ReadRequest& request = *message.mutable_read_request();
+  request.set_after_row_id(after_row_id_);
+  for (const auto type : {proto::POSE_GRAPH_NODE, proto::OPTIMIZED_POSE, proto::LOCAL_TRAVERSABILITY_MAP}) {
+    request.add_data_types(type);
+  }
+  request.set_records_max(options_.page_records_max);
+  request.set_content_bytes_max(options_.page_content_bytes_max);
+  is_reading_ = true;
+  timer_ = context.AfterTimer(options_.storage_timeout, kStorageTimer, read_id_);
+  const SendResult sent = context.Send({context.self().agent, actor_name::kStorage}, std::move(message));
+  if (sent == SendResult::kAccepted) return;
+  FailAll(context, {ErrorCode::kUnavailable, std::string("storage cannot be asked: ") + ToString(sent), {}});
+}
+
+void MergeActor::OnReadReply(Context& context, const proto::Message& message) {
+  if (!is_reading_ || message.request_id() != read_id_) return;  // Of a read that was given up.
+  context.Cancel(timer_);
+  const proto::ReadReply& reply = message.read_reply();
+  if (IsError(reply.error())) return FailAll(context, FromProto(reply.error()));
+  if (Result<void> taken = TakeRecords(reply); !taken) return FailAll(context, taken.error());
+  if (!reply.is_complete() && reply.row_ids_size() > 0) return RequestPage(context);
+  is_reading_ = false;
+  AnswerCovered(context);
+  if (!waiting_.empty()) StartReading(context);
+}
+
+void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
+  if (timer.kind() != kStorageTimer || !is_reading_ || timer.value() != read_id_) return;
+  FailAll(context, {ErrorCode::kTimedOut, "storage did not answer", {}});
+}
+
+void MergeActor::FailAll(Context& context, const Error& error) {
+  context.Cancel(timer_);
+  is_reading_ = false;
+  for (const Waiting& waiting : std::exchange(waiting_, {})) Answer(context, waiting, ErrorReply(error));
+}
+
+// The cursor moves record by record: what was taken before an error is not taken again, and the record that a bound
+// refused is met again by the next request, which tells its sender so too.
+Result<void> MergeActor::TakeRecords(const proto::ReadReply& reply) {
+  const int count = std::min(reply.records_size(), reply.row_ids_size());
+  for (int i = 0; i < count; ++i) {
+    if (Result<void> taken = TakeRecord(reply.records(i)); !taken) {
+      if (taken.error().code == ErrorCode::kFull) return taken;
+      // Stored, so it passed the door; merging alone has no use for it (cells too fine for the grid).
+      spdlog::warn("merge: leaves out record {}: {}", ToString(FromProto(reply.records(i).key())),
+                   ToString(taken.error()));
+    }
+    after_row_id_ = std::max(after_row_id_, reply.row_ids(i));
+  }
+  return {};
+}
+
+Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
+  proto::Record record;
+  if (!record.ParseFromString(stored.content())) return Fail(ErrorCode::kCorrupt, "does not parse");
+  const RecordKey key = FromProto(stored.key());
+  switch (record.body_case()) {
+    case proto::Record::kPoseGraphNode: {
+      const proto::PoseGraphNode& node = record.pose_graph_node();
+      const Result<Pose> pose = FromProto(node.map_from_node());
+      if (!pose) return tl::unexpected(pose.error());
+      return collection_.SetRawPose(key, FromProto(node.node()), *pose);
+    }
+    case proto::Record::kOptimizedPose: {
+      const proto::OptimizedPose& optimized = record.optimized_pose();
+      const Result<Pose> pose = FromProto(optimized.map_from_node());
+      if (!pose) return tl::unexpected(pose.error());
+      return collection_.SetOptimizedPose(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run());
+    }
+    case proto::Record::kLocalTraversabilityMap: {
+      Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
+      if (!map) return tl::unexpected(map.error());
+      const Result<bool> put = collection_.PutMap(key, record.stamp_ns(), std::move(*map));
+      if (!put) return tl::unexpected(put.error());
+      return {};
+    }
+    default:
+      return {};
+  }
+}
+
+void MergeActor::AnswerCovered(Context& context) {
+  for (std::size_t i = 0; i < covered_count_ && !waiting_.empty(); ++i) {
+    const Waiting waiting = std::move(waiting_.front());
+    waiting_.pop_front();
+    Result<proto::MergeReply> reply = Merge(context, waiting.request);
+    Answer(context, waiting, reply ? std::move(*reply) : ErrorReply(reply.error()));
+  }
+}
+
+Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::MergeRequest& request) {
+  if (merger_ == nullptr) return tl::unexpected(merger_error_);
+  const MonotonicTime start = context.now();
+  const Result<MapCollection::Selected> selected = collection_.Place(SelectionOf(request));
+  if (!selected) return tl::unexpected(selected.error());
+  const Result<MergeResult> result = RunMerger(context, selected->placement);
+  if (!result) return tl::unexpected(result.error());
+  const MergedMap& merged = result->merged;
+  Result<std::string> cells = CompressCells(merged.grid, options_.reply_bytes_max);
+  if (!cells) return tl::unexpected(cells.error());
+
+  proto::MergeReply reply;
+  reply.set_resolution_um(merged.resolution_um);
+  reply.set_origin_cell_x(merged.origin_cell_x);
+  reply.set_origin_cell_y(merged.origin_cell_y);
+  reply.set_width_cells(static_cast<std::uint32_t>(merged.grid.width));
+  reply.set_height_cells(static_cast<std::uint32_t>(merged.grid.height));
+  reply.set_zstd_cells(std::move(*cells));
+  reply.set_map_count(static_cast<double>(selected->placement.slots.size()));
+  reply.set_waiting_map_count(static_cast<double>(selected->waiting_map_count));
+  reply.set_node_count(static_cast<double>(selected->node_count));
+  reply.set_backend(merger_->name());
+  reply.set_seconds(std::chrono::duration<double>(context.now() - start).count());
+  return reply;
+}
+
+Result<MergeResult> MergeActor::RunMerger(Context& context, const MapPlacement& placement) {
+  const StopPredicate stop = [&context] { return context.stop_requested(); };
+  Result<MergeResult> result = merger_->Merge(placement, stop);
+  const bool is_gl_chosen = options_.backend == MergeBackend::kAuto && merger_->name() != "cpu";
+  if (result || context.stop_requested() || !is_gl_chosen) return result;
+  spdlog::warn("{}: merges on cpu from now on: {}", ToString(context.self()), ToString(result.error()));
+  Result<std::unique_ptr<Merger>> cpu = CreateMerger(MergeBackend::kCpu);
+  if (!cpu) return tl::unexpected(cpu.error());
+  merger_ = std::move(*cpu);
+  return merger_->Merge(placement, stop);
+}
+
+void MergeActor::Answer(Context& context, const Waiting& waiting, proto::MergeReply reply) {
+  proto::Message message;
+  message.set_request_id(waiting.request_id);
+  *message.mutable_merge_reply() = std::move(reply);
+  if (context.Send(waiting.sender, std::move(message)) == SendResult::kAccepted) return;
+  spdlog::warn("{}: {} is gone, its merged map is dropped", ToString(context.self()), ToString(waiting.sender));
+}
+
+}  // namespace moondb

@@ -1,0 +1,79 @@
+// MergeActor: answers MergeRequest with the merged map of all that this agent holds (paper, Section 5).
+//
+// Reads the records that StorageActor got since the last merge (nodes, optimized poses, local traversability maps),
+// page by page, into a MapCollection, and merges on its own thread: spawn it with Placement::kOwnThread. Maps whose
+// node is unknown wait for it. A request is answered by reads that began after it came, so it sees what its sender
+// saw stored. After a restart everything is read anew: state comes from storage, never from memory.
+//
+// A request with `agents` takes maps of these origins and the footprints of their nodes only.
+//
+// MergeReply.error: kFull (more than requests_max wait; a bound of MapCollection, PlaceMaps or of the reply's size),
+// kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), and
+// StorageActor's own. A GL backend that was chosen by kAuto and fails is replaced by the CPU at once.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <string>
+
+#include "actors/merge/map_collection.h"
+#include "actors/merge/merger.h"
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class MergeActor final : public Actor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    proto::TeamConfig team;  // Complete and checked: map.resolution_m, map.footprint_m, kinds of agents.
+    MergeBackend backend = MergeBackend::kAuto;
+    std::size_t requests_max = 16;  // Waiting.
+    Duration storage_timeout = std::chrono::seconds(30);
+    std::uint32_t page_records_max = 512;
+    std::uint32_t page_content_bytes_max = 4 * 1024 * 1024;
+    std::size_t reply_bytes_max = 24 * 1024 * 1024;  // Of the compressed cells; below the transport's own bound.
+  };
+
+  explicit MergeActor(Options options);
+  ~MergeActor() override;
+
+  void OnStart(Context& context) override;
+  void OnMessage(Context& context, const proto::Message& message) override;
+
+ private:
+  struct Waiting {
+    Address sender;
+    std::uint64_t request_id = 0;
+    proto::MergeRequest request;
+  };
+
+  void OnMergeRequest(Context& context, const proto::Message& message);
+  void OnReadReply(Context& context, const proto::Message& message);
+  void OnTimer(Context& context, const proto::Timer& timer);
+
+  void StartReading(Context& context);
+  void RequestPage(Context& context);
+  void FailAll(Context& context, const Error& error);
+  void AnswerCovered(Context& context);
+  Result<void> TakeRecords(const proto::ReadReply& reply);
+  Result<void> TakeRecord(const proto::StoredRecord& stored);
+  Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
+  Result<MergeResult> RunMerger(Context& context, const MapPlacement& placement);
+  void Answer(Context& context, const Waiting& waiting, proto::MergeReply reply);
+
+  const Options options_;
+  MapCollection collection_;
+  std::unique_ptr<Merger> merger_;  // Null: GL is forced and absent.
+  Error merger_error_;              // Why.
+  std::deque<Waiting> waiting_;
+  std::size_t covered_count_ = 0;   // The first of `waiting_`: the read in progress began after they came.
+  std::uint64_t after_row_id_ = 0;  // Read so far.
+  std::uint64_t read_id_ = 0;       // Of the newest ReadRequest.
+  bool is_reading_ = false;
+  TimerId timer_ = 0;
+};
+
+}  // namespace moondb
