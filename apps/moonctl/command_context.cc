@@ -1,0 +1,100 @@
+#include "apps/moonctl/command_context.h"
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "apps/common/json_writer.h"
+#include "model/text.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::chrono::milliseconds kShortTimeout(3000);
+constexpr std::chrono::milliseconds kLongTimeout(600'000);
+
+// "3s", "500ms", "2m", "1.5" (seconds).
+std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text) {
+  const std::size_t unit_at = text.find_first_not_of("0123456789.");
+  const std::string_view unit = unit_at == std::string_view::npos ? "s" : text.substr(unit_at);
+  const auto number = ParseDouble(text.substr(0, unit_at));
+  const double scale = unit == "ms" ? 1 : unit == "s" ? 1000 : unit == "m" || unit == "min" ? 60'000 : 0;
+  if (!number || scale == 0 || *number <= 0 || *number * scale > 86'400'000) return std::nullopt;
+  return std::chrono::milliseconds(static_cast<std::int64_t>(*number * scale));
+}
+
+}  // namespace
+
+Result<void> CommandContext::ParseTimeout() {
+  if (timeout.empty()) return {};
+  timeout_ = ParseDuration(timeout);
+  if (timeout_) return {};
+  return Fail(ErrorCode::kInvalid, "expected a duration such as 3s, 500ms or 2m, got \"" + timeout + "\"", "--timeout");
+}
+
+std::filesystem::path CommandContext::TeamPath() const {
+  if (!team_path.empty()) return team_path;
+  const char* from_environment = std::getenv("MOONDB_TEAM");
+  return from_environment == nullptr ? "" : from_environment;
+}
+
+Result<const TeamFile*> CommandContext::Team() {
+  if (team_) return &*team_;
+  if (TeamPath().empty()) {
+    return Fail(ErrorCode::kInvalid, "which team? Give -t team.yaml, or set MOONDB_TEAM");
+  }
+  auto read = ReadTeamFile(TeamPath());
+  if (!read) return Fail(ErrorCode::kInvalid, read.error().text, read.error().field);
+  team_ = std::move(*read);
+  return &*team_;
+}
+
+Client::Options CommandContext::ClientOptions() const {
+  Client::Options options;
+  options.timeout = timeout_.value_or(kShortTimeout);
+  options.long_timeout = timeout_.value_or(kLongTimeout);
+  options.connect_timeout = std::min(options.timeout, std::chrono::milliseconds(1000));
+  return options;
+}
+
+std::chrono::milliseconds CommandContext::WaitTimeout() const { return timeout_.value_or(kLongTimeout); }
+
+Result<AgentClient> CommandContext::Connect(const std::string& name) {
+  auto team = Team();
+  if (!team) return tl::unexpected(team.error());
+  auto named = AgentNamed((*team)->config, name);
+  if (!named) return tl::unexpected(named.error());
+  auto client = ConnectTo(**team, **named, ClientOptions());
+  if (!client) return tl::unexpected(client.error());
+  return AgentClient{*named, std::move(*client)};
+}
+
+Result<AgentClient> CommandContext::ConnectToChosenOrLeader() {
+  if (!agent.empty()) return Connect(agent);
+  auto team = Team();
+  if (!team) return tl::unexpected(team.error());
+  auto roles = NewestRoles(**team, ClientOptions());
+  if (!roles) return tl::unexpected(roles.error());
+  if (roles->leader() == 0) return Fail(ErrorCode::kRefused, "nobody leads the team; see moonctl role set");
+  return Connect(AgentName((*team)->config, roles->leader()));
+}
+
+ExitCode CommandContext::Report(const Error& error) const {
+  if (is_json) {
+    JsonWriter json;
+    json.BeginObject().Key("error").WriteError(error).EndObject();
+    std::printf("%s\n", json.text().c_str());
+  } else {
+    std::fprintf(stderr, "moonctl: %s\n", ToString(error).c_str());
+  }
+  return ExitCodeOf(error.code);
+}
+
+ExitCode CommandContext::Print(ExitCode code, std::string_view json, std::string_view text) const {
+  const std::string_view shown = is_json ? json : text;
+  std::fwrite(shown.data(), 1, shown.size(), stdout);
+  if (!shown.empty() && shown.back() != '\n') std::fputc('\n', stdout);
+  if (std::fflush(stdout) != 0) return ExitCode::kFailed;  // A full disk or a closed pipe.
+  return code;
+}
+
+}  // namespace moondb

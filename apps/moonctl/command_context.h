@@ -1,0 +1,65 @@
+// CommandContext: what every command of moonctl has at hand: the global options, the team, the agents, the output.
+//
+// With --json stdout holds exactly one document, {"error": ...} where a command fails. For people results go to stdout,
+// errors and progress to stderr. One thread.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "apps/common/team_clients.h"
+#include "apps/moonctl/exit_code.h"
+#include "client/client.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+
+// A client and whose it is.
+struct AgentClient {
+  const proto::AgentConfig* agent = nullptr;
+  std::unique_ptr<Client> client;
+};
+
+class CommandContext {
+ public:
+  explicit CommandContext(std::filesystem::path program_folder) : program_folder_(std::move(program_folder)) {}
+
+  // Filled in by the command line.
+  std::string team_path;  // Empty: $MOONDB_TEAM.
+  std::string agent;      // Empty: the command's own choice.
+  bool is_json = false;
+  std::string timeout;               // "3s", "500ms", "2m"; empty: each command's default.
+  std::function<ExitCode()> action;  // Of the command that was chosen.
+
+  // Reads `timeout`; before any action.
+  Result<void> ParseTimeout();
+
+  // The team file, read once. Every error is kInvalid: nothing was started.
+  Result<const TeamFile*> Team();
+  std::filesystem::path TeamPath() const;
+  const std::filesystem::path& program_folder() const { return program_folder_; }
+
+  // Timeouts: of short calls 3 s, of long ones and of waiting 600 s, unless --timeout says otherwise.
+  Client::Options ClientOptions() const;
+  std::chrono::milliseconds WaitTimeout() const;
+
+  Result<AgentClient> Connect(const std::string& name);
+  // The agent of -a; without it the leader, as the newest term of all who answer has it.
+  Result<AgentClient> ConnectToChosenOrLeader();
+
+  // Say what came out, and give the exit code back.
+  ExitCode Report(const Error& error) const;
+  ExitCode Done(std::string_view json, std::string_view text) const { return Print(ExitCode::kDone, json, text); }
+  ExitCode Print(ExitCode code, std::string_view json, std::string_view text) const;
+
+ private:
+  std::filesystem::path program_folder_;
+  std::optional<std::chrono::milliseconds> timeout_;
+  std::optional<TeamFile> team_;
+};
+
+}  // namespace moondb

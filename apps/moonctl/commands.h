@@ -1,0 +1,22 @@
+// The command groups: each adds its subcommands to the command line. The chosen one puts itself into context.action,
+// which main runs after parsing. `context` outlives the app.
+#pragma once
+
+#include "apps/moonctl/command_context.h"
+
+namespace CLI {
+class App;
+}
+
+namespace moondb {
+
+void AddUpCommands(CLI::App& app, CommandContext& context);
+void AddStatusCommand(CLI::App& app, CommandContext& context);
+void AddRoleCommands(CLI::App& app, CommandContext& context);
+void AddShareCommands(CLI::App& app, CommandContext& context);
+void AddGraphCommands(CLI::App& app, CommandContext& context);
+void AddMapCommands(CLI::App& app, CommandContext& context);
+void AddRecordCommands(CLI::App& app, CommandContext& context);
+void AddConfigCommands(CLI::App& app, CommandContext& context);
+
+}  // namespace moondb

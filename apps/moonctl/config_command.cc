@@ -1,0 +1,123 @@
+#include <CLI/CLI.hpp>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/proto_json.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/commands.h"
+#include "model/mission.h"
+
+namespace moondb {
+namespace {
+
+struct ConfigArguments {
+  std::string file;
+  std::string mission;
+  int agent_count = 4;
+  int first_port = 7400;
+};
+
+ExitCode CheckConfig(CommandContext& context) {
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  const int count = (*team)->config.agents_size();
+  JsonWriter json;
+  json.BeginObject().Key("file").String(context.TeamPath().string()).Key("team").String((*team)->config.team());
+  json.Key("agent_count").Number(count).EndObject();
+  return context.Done(json.text(), context.TeamPath().string() + ": team " + (*team)->config.team() + " of " +
+                                       std::to_string(count) + " agents, no errors");
+}
+
+ExitCode ShowConfig(CommandContext& context) {
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  const proto::TeamConfig& config = (*team)->config;
+  Table table({"AGENT", "ID", "KIND", "ADDRESS", "KEY"});
+  for (const proto::AgentConfig& agent : config.agents()) {
+    const bool is_base = agent.kind() == proto::AGENT_KIND_BASE_STATION;
+    table.Add({agent.name(), std::to_string(agent.id()), is_base ? "base station" : "rover", agent.address(),
+               agent.key().empty() ? "(none)" : agent.key()});
+  }
+  return context.Done(ToJson(config), "team " + config.team() + ", leader " + config.roles().leader() + ", survivor " +
+                                          config.roles().survivor() + "\n" + table.Text());
+}
+
+proto::AgentConfig AgentOfMission(const MissionAgent& from, int port) {
+  proto::AgentConfig agent;
+  agent.set_id(from.id);
+  agent.set_name(from.name);
+  agent.set_address("tcp://127.0.0.1:" + std::to_string(port));
+  for (int i = 0; i < 3; ++i) agent.add_antenna_m(from.antenna_m[i]);
+  if (from.is_base_station) {
+    agent.set_kind(proto::AGENT_KIND_BASE_STATION);
+    for (int i = 0; i < 3; ++i) agent.add_position_m(from.start.position_m[i]);
+    return agent;
+  }
+  proto::StartPose& start = *agent.mutable_start();
+  start.set_x(from.start.position_m.x());
+  start.set_y(from.start.position_m.y());
+  start.set_z(from.start.position_m.z());
+  start.set_yaw(from.start.Yaw());
+  start.set_sigma_m(from.start_sigma_m);
+  start.set_sigma_rad(from.start_sigma_rad);
+  return agent;
+}
+
+Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
+  auto mission = ReadMission(arguments.mission);
+  if (!mission) return tl::unexpected(mission.error());
+  proto::TeamConfig team;
+  const auto folder = std::filesystem::weakly_canonical(arguments.mission);
+  team.set_team(folder.filename().string());
+  int port = arguments.first_port;
+  for (const MissionAgent& agent : mission->agents) {
+    *team.add_agents() = AgentOfMission(agent, port++);
+    if (agent.is_base_station) continue;
+    // The first two rovers, as a beginning.
+    if (team.roles().leader().empty()) {
+      team.mutable_roles()->set_leader(agent.name);
+    } else if (team.roles().survivor().empty()) {
+      team.mutable_roles()->set_survivor(agent.name);
+    }
+  }
+  return WriteTeam(arguments.file, team);
+}
+
+ExitCode InitConfig(CommandContext& context, const ConfigArguments& arguments) {
+  const auto written = arguments.mission.empty()
+                           ? WriteInitialTeam(arguments.file, arguments.agent_count, arguments.first_port)
+                           : WriteTeamOfMission(arguments);
+  if (!written) return context.Report(written.error());
+  JsonWriter json;
+  json.BeginObject().Key("file").String(arguments.file).EndObject();
+  return context.Done(json.text(), "wrote " + arguments.file + " and its keys");
+}
+
+}  // namespace
+
+void AddConfigCommands(CLI::App& app, CommandContext& context) {
+  CLI::App& group = *app.add_subcommand("config", "The team file");
+  group.require_subcommand(1);
+  auto arguments = std::make_shared<ConfigArguments>();
+  // `config check FILE` is the same as `-t FILE config check`.
+  const auto add_reader = [&](const char* name, const char* description, ExitCode (*run)(CommandContext&)) {
+    CLI::App& command = *group.add_subcommand(name, description);
+    command.add_option("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)");
+    command.callback([&context, arguments, run] {
+      if (!arguments->file.empty()) context.team_path = arguments->file;
+      context.action = [&context, run] { return run(context); };
+    });
+  };
+  add_reader("check", "Say all that is wrong with it", CheckConfig);
+  add_reader("show", "Show it with its defaults filled in", ShowConfig);
+
+  CLI::App& init = *group.add_subcommand("init", "Write a team file to begin with, and its keys");
+  init.add_option("file", arguments->file, "Where to")->required();
+  init.add_option("--agents", arguments->agent_count, "How many; the last is a base station")->check(CLI::Range(1, 64));
+  init.add_option("--mission", arguments->mission, "Take the agents of this mission folder");
+  init.add_option("--first-port", arguments->first_port, "Loopback ports from here (7400)")
+      ->check(CLI::Range(1, 65000));
+  init.callback(
+      [&context, arguments] { context.action = [&context, arguments] { return InitConfig(context, *arguments); }; });
+}
+
+}  // namespace moondb

@@ -1,0 +1,32 @@
+// What moonctl's exit status tells a script.
+#pragma once
+
+#include "model/error.h"
+
+namespace moondb {
+
+enum class ExitCode {
+  kDone = 0,
+  kFailed = 1,
+  kUsage = 2,        // The command line, the team file or an input of the operator's is wrong.
+  kUnreachable = 3,  // Some agents do not answer.
+  kRefused = 4,      // A role conflict, too old a state, not the leader.
+  kTimedOut = 5,     // Waiting for an acknowledgment or an answer took too long.
+};
+
+constexpr ExitCode ExitCodeOf(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::kInvalid:
+      return ExitCode::kUsage;
+    case ErrorCode::kUnavailable:
+      return ExitCode::kUnreachable;
+    case ErrorCode::kRefused:
+      return ExitCode::kRefused;
+    case ErrorCode::kTimedOut:
+      return ExitCode::kTimedOut;
+    default:
+      return ExitCode::kFailed;
+  }
+}
+
+}  // namespace moondb

@@ -1,0 +1,122 @@
+#include "apps/moonctl/graph_import.h"
+
+#include <algorithm>
+#include <optional>
+#include <set>
+
+#include "apps/moonctl/team_letters.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+class Importer {
+ public:
+  Importer(const proto::TeamConfig& team, const Pyfg& pyfg)
+      : pyfg_(pyfg), agents_(AgentsByLetter(team)), base_(BaseStationOf(team)) {}
+
+  Result<GraphImport> Run() {
+    AddLandmarks();
+    if (auto added = AddNodes(); !added) return tl::unexpected(added.error());
+    for (const OdometryEdge& edge : pyfg_.graph.odometry) {
+      OdometryEdge translated = edge;
+      translated.from = *Translate(edge.from);
+      translated.to = *Translate(edge.to);
+      Add(translated.from.agent, ToRecord(translated), import_.odometry_count);
+    }
+    for (const RangeEdge& edge : pyfg_.graph.ranges) {
+      RangeEdge translated = edge;
+      const auto from = Translate(edge.from);
+      const auto to = Translate(edge.to);
+      if (!from || !to || !known_.contains(*from) || !known_.contains(*to) || from->agent == to->agent) {
+        ++import_.left_out_count;
+        continue;
+      }
+      translated.from = *from;
+      translated.to = *to;
+      Add(translated.from.agent, ToRecord(translated), import_.range_count);
+    }
+    import_.left_out_count += pyfg_.sightings.size();
+    return std::move(import_);
+  }
+
+ private:
+  std::optional<NodeKey> Translate(const NodeKey& key) const {
+    const auto found = agents_.find(key.agent);
+    if (found == agents_.end()) return std::nullopt;
+    return NodeKey{found->second, key.index};
+  }
+
+  void Add(AgentId agent, proto::Record record, std::size_t& count) {
+    import_.records[agent].push_back(std::move(record));
+    ++count;
+  }
+
+  // The base station's body is the landmark of its letter; others are unknown places, which nobody here can insert.
+  void AddLandmarks() {
+    for (const PyfgLandmark& landmark : pyfg_.landmarks) {
+      const auto key = Translate(landmark.key);
+      if (!key || key->agent != base_ || base_ == 0) {
+        ++import_.left_out_count;
+        continue;
+      }
+      GraphNode node;
+      node.key = *key;
+      node.stamp_ns = landmark.stamp_ns.value_or(0);
+      node.map_from_node.position_m = landmark.position_m;
+      known_.insert(*key);
+      Add(base_, ToRecord(node), import_.node_count);
+    }
+  }
+
+  Result<void> AddNodes() {
+    std::map<AgentId, std::vector<const GraphNode*>> by_agent;
+    for (const GraphNode& node : pyfg_.graph.nodes) by_agent[node.key.agent].push_back(&node);
+    std::map<NodeKey, const OdometryEdge*> steps;
+    for (const OdometryEdge& edge : pyfg_.graph.odometry) steps[edge.to] = &edge;
+    for (auto& [letter, nodes] : by_agent) {
+      if (!agents_.contains(letter)) {
+        return Fail(ErrorCode::kInvalid,
+                    std::string("no agent of the team stands for the letter ") + LetterOfAgent(letter));
+      }
+      std::sort(nodes.begin(), nodes.end(), [](const auto* a, const auto* b) { return a->key < b->key; });
+      if (auto added = AddRover(nodes, steps); !added) return added;
+    }
+    return {};
+  }
+
+  Result<void> AddRover(const std::vector<const GraphNode*>& nodes,
+                        const std::map<NodeKey, const OdometryEdge*>& steps) {
+    std::map<NodeKey, Pose> raw{{nodes.front()->key, nodes.front()->map_from_node}};
+    for (const GraphNode* node : nodes) {
+      if (!raw.contains(node->key)) {
+        const auto step = steps.find(node->key);
+        if (step == steps.end() || !raw.contains(step->second->from)) {
+          return Fail(ErrorCode::kInvalid, std::string("no odometry leads to node ") + LetterOfAgent(node->key.agent) +
+                                               std::to_string(node->key.index));
+        }
+        raw[node->key] = raw.at(step->second->from) * step->second->from_from_to;
+      }
+      GraphNode translated = *node;
+      translated.key = *Translate(node->key);
+      translated.map_from_node = raw.at(node->key);
+      known_.insert(translated.key);
+      Add(translated.key.agent, ToRecord(translated), import_.node_count);
+    }
+    return {};
+  }
+
+  const Pyfg& pyfg_;
+  const std::map<AgentId, AgentId> agents_;
+  const AgentId base_;
+  std::set<NodeKey> known_;
+  GraphImport import_;
+};
+
+}  // namespace
+
+Result<GraphImport> PrepareImport(const proto::TeamConfig& team, const Pyfg& pyfg) {
+  return Importer(team, pyfg).Run();
+}
+
+}  // namespace moondb

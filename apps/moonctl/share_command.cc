@@ -1,0 +1,158 @@
+#include <CLI/CLI.hpp>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/proto_json.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/commands.h"
+#include "apps/moonctl/share_wait.h"
+
+namespace moondb {
+namespace {
+
+struct ShareArguments {
+  std::vector<std::string> from;
+  bool is_waiting = false;
+};
+
+const char* KindName(proto::SharingKind kind) {
+  return kind == proto::SHARING_KIND_REPLICATION ? "replication" : "sync";
+}
+
+// Which sessions a request at `target` starts (proto/sharing.proto): at the leader, from those asked and then from
+// itself to all; elsewhere from the agent to the leader.
+std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId target,
+                               const proto::ShareRequest& request) {
+  if (request.kind() == proto::SHARING_KIND_REPLICATION) return {{target, roles.survivor(), request.kind()}};
+  if (target != roles.leader()) return {{target, roles.leader(), request.kind()}};
+  std::vector<SharePair> pairs;
+  for (const AgentId from : request.from_agents()) pairs.push_back({from, target, request.kind()});
+  if (!pairs.empty()) return pairs;
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (agent.id() == target) continue;
+    pairs.push_back({agent.id(), target, request.kind()});
+    pairs.push_back({target, agent.id(), request.kind()});
+  }
+  return pairs;
+}
+
+Result<proto::ShareRequest> MakeRequest(CommandContext& context, proto::SharingKind kind,
+                                        const ShareArguments& arguments) {
+  proto::ShareRequest request;
+  request.set_kind(kind);
+  auto team = context.Team();
+  if (!team) return tl::unexpected(team.error());
+  for (const std::string& name : arguments.from) {
+    auto agent = AgentNamed((*team)->config, name);
+    if (!agent) return tl::unexpected(agent.error());
+    request.add_from_agents((*agent)->id());
+  }
+  return request;
+}
+
+std::string Joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareArguments& arguments) {
+  auto request = MakeRequest(context, kind, arguments);
+  if (!request) return context.Report(request.error());
+  auto target = context.ConnectToChosenOrLeader();
+  if (!target) return context.Report(target.error());
+  auto roles = target->client->Roles();
+  if (!roles) return context.Report(roles.error());
+
+  std::optional<ShareWait> wait;
+  if (arguments.is_waiting) {
+    const proto::TeamConfig& team = (*context.Team())->config;
+    wait.emplace(context, PairsOf(team, roles->roles(), target->agent->id(), *request));
+  }
+  auto reply = target->client->Share(*request);
+  if (!reply) return context.Report(reply.error());
+  if (wait) {
+    if (auto done = wait->Wait(context.WaitTimeout()); !done) return context.Report(done.error());
+  }
+
+  JsonWriter json;
+  json.BeginObject().Key("agent").String(target->agent->name()).Key("kind").String(KindName(kind));
+  json.Key("session_count").Number(reply->session_count()).Key("is_acknowledged").Bool(wait.has_value());
+  json.Key("unreachable").BeginArray();
+  for (const std::string& name : wait ? wait->unreachable() : std::vector<std::string>{}) json.String(name);
+  json.EndArray().EndObject();
+  std::string text = std::string(KindName(kind)) + " at " + target->agent->name();
+  text += wait ? ": everything is acknowledged" : ": started, see moonctl " + std::string(KindName(kind)) + " status";
+  if (wait && !wait->unreachable().empty()) text += "; unreachable: " + Joined(wait->unreachable());
+  const bool is_partial = wait && !wait->unreachable().empty();
+  return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, json.text(), text);
+}
+
+std::vector<std::string> Row(const proto::TeamConfig& team, const std::string& sender,
+                             const proto::ShareSession& session) {
+  return {sender,
+          AgentName(team, session.destination()),
+          session.is_open() ? "open" : "idle",
+          FormatCount(session.sent_records()),
+          FormatCount(session.acknowledged_records()),
+          FormatCount(session.remaining()),
+          FormatBytes(session.coded_bytes()),
+          FormatCount(session.completed_sessions()),
+          session.last_error()};
+}
+
+ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  Table table({"FROM", "TO", "STATE", "SENT", "ACKNOWLEDGED", "LEFT", "CODED", "SESSIONS", "LAST ERROR"});
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  ExitCode code = ExitCode::kDone;
+  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
+    if (!context.agent.empty() && agent.name() != context.agent) continue;
+    auto connected = context.Connect(agent.name());
+    auto status = connected ? connected->client->ShareStatus() : tl::unexpected(connected.error());
+    json.BeginObject().Key("name").String(agent.name()).Key("is_reachable").Bool(status.has_value());
+    if (!status) {
+      code = ExitCode::kUnreachable;
+      table.Add({agent.name(), "unreachable: " + ToString(status.error())});
+      json.Key("error").WriteError(status.error()).EndObject();
+      continue;
+    }
+    json.Key("sessions").BeginArray();
+    for (const proto::ShareSession& session : status->sessions()) {
+      if (session.kind() != kind) continue;
+      table.Add(Row((*team)->config, agent.name(), session));
+      json.Raw(ToJson(session));
+    }
+    json.EndArray().Key("received_records").Number(status->received_records());
+    json.Key("rejected_records").Number(status->rejected_records()).EndObject();
+  }
+  json.EndArray().EndObject();
+  return context.Print(code, json.text(), table.Text());
+}
+
+void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,
+              const std::string& description) {
+  CLI::App& group = *app.add_subcommand(name, description);
+  group.require_subcommand(1);
+  auto arguments = std::make_shared<ShareArguments>();
+  CLI::App& now = *group.add_subcommand("now", "Start it, at the leader or at -a");
+  now.add_flag("--wait", arguments->is_waiting, "Until everything is acknowledged");
+  if (kind == proto::SHARING_KIND_SYNC) now.add_option("--from", arguments->from, "Only from these agents");
+  now.callback([&context, kind, arguments] {
+    context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };
+  });
+  CLI::App& status = *group.add_subcommand("status", "Per pair: sent, acknowledged, left");
+  status.callback([&context, kind, arguments] {
+    context.action = [&context, kind, arguments] { return ShowShareStatus(context, kind); };
+  });
+}
+
+}  // namespace
+
+void AddShareCommands(CLI::App& app, CommandContext& context) {
+  AddGroup(app, context, proto::SHARING_KIND_SYNC, "sync", "Bring records to the leader");
+  AddGroup(app, context, proto::SHARING_KIND_REPLICATION, "replicate", "Bring all records to the survivor");
+}
+
+}  // namespace moondb

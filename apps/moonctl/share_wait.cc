@@ -1,0 +1,88 @@
+#include "apps/moonctl/share_wait.h"
+
+#include <algorithm>
+#include <set>
+#include <thread>
+
+#include "apps/common/progress.h"
+#include "apps/common/table.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::chrono::milliseconds kPollPeriod(50);
+
+}  // namespace
+
+ShareWait::ShareWait(CommandContext& context, std::vector<SharePair> pairs) : context_(context) {
+  const proto::TeamConfig& team = (*context_.Team())->config;
+  std::set<AgentId> involved;
+  for (const SharePair& pair : pairs) involved.insert({pair.sender, pair.destination});
+  for (const AgentId agent : involved) {
+    const std::string name = AgentName(team, agent);
+    if (auto connected = context_.Connect(name)) {
+      clients_[agent] = std::move(connected->client);
+    } else {
+      unreachable_.push_back(name);
+    }
+  }
+  for (const SharePair& pair : pairs) {
+    if (clients_.contains(pair.sender) && clients_.contains(pair.destination)) pairs_[pair];
+  }
+  for (const auto& [agent, client] : clients_) Poll(agent, /*is_baseline=*/true);
+}
+
+void ShareWait::Poll(AgentId sender, bool is_baseline) {
+  const auto status = clients_.at(sender)->ShareStatus();
+  if (!status) return;
+  for (const proto::ShareSession& session : status->sessions()) {
+    const auto found = pairs_.find({sender, session.destination(), session.kind()});
+    if (found == pairs_.end()) continue;
+    Progressing& pair = found->second;
+    if (is_baseline) pair.completed_before = session.completed_sessions();
+    pair.remaining = session.remaining();
+    pair.acknowledged = session.acknowledged_records();
+    pair.last_error = session.last_error();
+    pair.is_done = !is_baseline && session.completed_sessions() > pair.completed_before && !session.is_open();
+  }
+}
+
+std::string ShareWait::Missing() const {
+  const proto::TeamConfig& team = (*context_.Team())->config;
+  std::string text;
+  for (const auto& [pair, state] : pairs_) {
+    if (state.is_done) continue;
+    text += (text.empty() ? "" : ", ") + AgentName(team, pair.sender) + " to " + AgentName(team, pair.destination);
+    if (!state.last_error.empty()) text += " (" + state.last_error + ")";
+  }
+  return text;
+}
+
+Result<void> ShareWait::Wait(std::chrono::milliseconds timeout) {
+  const auto deadline = std::chrono::steady_clock::now() + timeout;
+  Progress progress("sharing");
+  double most_remaining = 0;
+  while (true) {
+    std::set<AgentId> busy;
+    double remaining = 0;
+    for (const auto& [pair, state] : pairs_) {
+      if (!state.is_done) busy.insert(pair.sender);
+    }
+    for (const AgentId sender : busy) Poll(sender, /*is_baseline=*/false);
+    for (const auto& [pair, state] : pairs_) remaining += state.is_done ? 0 : state.remaining;
+    const auto is_done = [](const auto& pair) { return pair.second.is_done; };
+    const auto done = std::count_if(pairs_.begin(), pairs_.end(), is_done);
+    most_remaining = std::max(most_remaining, remaining);
+    const double total = most_remaining + static_cast<double>(pairs_.size());
+    progress.Show(most_remaining - remaining + static_cast<double>(done), total,
+                  FormatCount(remaining) + " records left, " + std::to_string(done) + " of " +
+                      std::to_string(pairs_.size()) + " sessions complete");
+    if (static_cast<std::size_t>(done) == pairs_.size()) return {};
+    if (std::chrono::steady_clock::now() >= deadline) {
+      return Fail(ErrorCode::kTimedOut, "not acknowledged in time: " + Missing());
+    }
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+}
+
+}  // namespace moondb

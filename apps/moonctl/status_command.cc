@@ -1,0 +1,80 @@
+#include <CLI/CLI.hpp>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/proto_json.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/commands.h"
+
+namespace moondb {
+namespace {
+
+Result<proto::AgentStatus> AskStatus(CommandContext& context, const std::string& name) {
+  auto connected = context.Connect(name);
+  if (!connected) return tl::unexpected(connected.error());
+  return connected->client->Status();
+}
+
+double RecordCountOf(const proto::AgentStatus& status) {
+  double count = 0;
+  for (const proto::RecordCount& part : status.storage().counts()) count += part.count();
+  return count;
+}
+
+std::string PeersText(const proto::AgentStatus& status) {
+  int connected = 0;
+  for (const proto::PeerStatus& peer : status.peers()) connected += peer.is_connected() ? 1 : 0;
+  return std::to_string(connected) + "/" + std::to_string(status.peers_size());
+}
+
+std::vector<std::string> Row(const proto::AgentConfig& agent, const proto::AgentStatus& status) {
+  return {agent.name(),
+          std::to_string(agent.id()),
+          RoleName(status.role()),
+          std::to_string(status.roles().term().number()),
+          FormatCount(RecordCountOf(status)),
+          FormatBytes(status.storage().database_bytes()),
+          PeersText(status),
+          FormatSeconds(status.uptime_s()),
+          std::to_string(status.pid()),
+          status.merge_backend()};
+}
+
+ExitCode ShowStatus(CommandContext& context) {
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  if (!context.agent.empty()) {
+    if (auto named = AgentNamed((*team)->config, context.agent); !named) return context.Report(named.error());
+  }
+
+  Table table({"AGENT", "ID", "ROLE", "TERM", "RECORDS", "DATABASE", "PEERS", "UP", "PID", "MERGES BY"});
+  JsonWriter json;
+  json.BeginObject().Key("team").String((*team)->config.team()).Key("agents").BeginArray();
+  ExitCode code = ExitCode::kDone;
+  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
+    if (!context.agent.empty() && agent.name() != context.agent) continue;
+    const auto status = AskStatus(context, agent.name());
+    json.BeginObject().Key("name").String(agent.name()).Key("id").Number(agent.id());
+    json.Key("is_reachable").Bool(status.has_value());
+    if (status) {
+      table.Add(Row(agent, *status));
+      json.Key("status").Raw(ToJson(*status));
+    } else {
+      code = ExitCode::kUnreachable;
+      table.Add({agent.name(), std::to_string(agent.id()), "unreachable: " + ToString(status.error())});
+      json.Key("error").WriteError(status.error());
+    }
+    json.EndObject();
+  }
+  json.EndArray().EndObject();
+  return context.Print(code, json.text(), table.Text());
+}
+
+}  // namespace
+
+void AddStatusCommand(CLI::App& app, CommandContext& context) {
+  app.add_subcommand("status", "One row per configured agent, reachable or not")->callback([&context] {
+    context.action = [&context] { return ShowStatus(context); };
+  });
+}
+
+}  // namespace moondb

@@ -1,0 +1,192 @@
+#include <signal.h>
+
+#include <CLI/CLI.hpp>
+#include <thread>
+
+#include "apps/common/data_folder.h"
+#include "apps/common/json_writer.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/agent_process.h"
+#include "apps/moonctl/commands.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::chrono::seconds kStartTimeout(20);
+constexpr std::chrono::seconds kStopTimeout(10);
+constexpr std::chrono::milliseconds kPollPeriod(20);
+
+struct UpArguments {
+  std::string data_folder;    // Empty: moondb-data beside the team file.
+  std::string merge_backend;  // Empty: the agent's own default.
+};
+
+// One agent of this machine and what `up` or `down` did to it.
+struct LocalAgent {
+  std::string name;
+  std::filesystem::path folder;
+  pid_t pid = 0;
+  std::string state;
+  bool is_ours = false;  // Started by this command.
+  bool is_failed = false;
+};
+
+using SteadyClock = std::chrono::steady_clock;
+
+// Polls until `condition`, at most until `deadline`.
+bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& condition) {
+  while (!condition()) {
+    if (SteadyClock::now() >= deadline) return false;
+    std::this_thread::sleep_for(kPollPeriod);
+  }
+  return true;
+}
+
+Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArguments& arguments) {
+  auto team = context.Team();
+  if (!team) return tl::unexpected(team.error());
+  if (!context.agent.empty()) {
+    if (auto named = AgentNamed((*team)->config, context.agent); !named) return tl::unexpected(named.error());
+  }
+  std::vector<LocalAgent> agents;
+  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
+    if (!context.agent.empty() && agent.name() != context.agent) continue;
+    LocalAgent& local = agents.emplace_back();
+    local.name = agent.name();
+    local.folder = arguments.data_folder.empty() ? DefaultDataFolder(context.TeamPath(), agent.name())
+                                                 : std::filesystem::absolute(arguments.data_folder) / agent.name();
+    local.pid = OwnerOf(local.folder);
+  }
+  return agents;
+}
+
+std::filesystem::path LogOf(const LocalAgent& agent) { return agent.folder / "agent.log"; }
+
+bool Answers(CommandContext& context, const LocalAgent& agent) {
+  auto connected = context.Connect(agent.name);
+  return connected && connected->client->Status().has_value();
+}
+
+Result<void> Start(const CommandContext& context, const UpArguments& arguments, LocalAgent& agent) {
+  std::error_code error;
+  std::filesystem::create_directories(agent.folder, error);
+  if (error) return Fail(ErrorCode::kInternal, "cannot make the folder: " + error.message(), agent.folder.string());
+  std::filesystem::permissions(agent.folder, std::filesystem::perms::owner_all, error);
+  std::vector<std::string> command{(context.program_folder() / "moondb_agent").string(),
+                                   "--team",
+                                   std::filesystem::absolute(context.TeamPath()).string(),
+                                   "--agent",
+                                   agent.name,
+                                   "--data-dir",
+                                   agent.folder.string()};
+  if (!arguments.merge_backend.empty()) command.insert(command.end(), {"--merge-backend", arguments.merge_backend});
+  auto started = StartProcess(command, LogOf(agent));
+  if (!started) return tl::unexpected(started.error());
+  agent.pid = *started;
+  agent.is_ours = true;
+  return {};
+}
+
+// Ends what this command started, when one of them failed.
+void StopOurs(std::vector<LocalAgent>& agents) {
+  for (LocalAgent& agent : agents) {
+    if (!agent.is_ours || agent.is_failed) continue;
+    ::kill(agent.pid, SIGTERM);
+    if (!WaitUntil(SteadyClock::now() + kStopTimeout, [&] { return HasEnded(agent.pid); })) ::kill(agent.pid, SIGKILL);
+    agent.state = "stopped again";
+  }
+}
+
+void Shutdown(CommandContext& context, LocalAgent& agent) {
+  const auto is_gone = [&] { return OwnerOf(agent.folder) == 0 && !context.Connect(agent.name); };
+  auto connected = context.Connect(agent.name);
+  if (agent.pid == 0 && !connected) {
+    agent.state = "not running";
+    return;
+  }
+  if (connected) (void)connected->client->Stop();
+  agent.state = "stopped";
+  if (connected && WaitUntil(SteadyClock::now() + kStopTimeout, is_gone)) return;
+  const pid_t owner = OwnerOf(agent.folder);
+  if (owner > 0) ::kill(owner, SIGTERM);
+  if (WaitUntil(SteadyClock::now() + kStopTimeout, is_gone)) return;
+  agent.state = "does not stop";
+  agent.is_failed = true;
+}
+
+ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents) {
+  Table table({"AGENT", "PID", "STATE", "DATA"});
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  ExitCode code = ExitCode::kDone;
+  for (const LocalAgent& agent : agents) {
+    if (agent.is_failed) code = ExitCode::kFailed;
+    const std::string pid = agent.pid == 0 ? "-" : std::to_string(agent.pid);
+    table.Add({agent.name, pid, agent.state, agent.folder.string()});
+    json.BeginObject().Key("name").String(agent.name).Key("pid").Number(agent.pid);
+    json.Key("state").String(agent.state).Key("is_failed").Bool(agent.is_failed);
+    json.Key("data_folder").String(agent.folder.string()).EndObject();
+  }
+  json.EndArray().EndObject();
+  return context.Print(code, json.text(), table.Text());
+}
+
+ExitCode Up(CommandContext& context, const UpArguments& arguments) {
+  auto agents = LocalAgents(context, arguments);
+  if (!agents) return context.Report(agents.error());
+  for (LocalAgent& agent : *agents) {
+    if (agent.pid != 0) continue;
+    if (auto started = Start(context, arguments, agent); !started) {
+      StopOurs(*agents);
+      return context.Report(started.error());
+    }
+  }
+  const auto deadline = SteadyClock::now() + kStartTimeout;
+  bool is_failed = false;
+  for (LocalAgent& agent : *agents) {
+    bool has_ended = false;
+    const bool is_up = WaitUntil(deadline, [&] {
+      has_ended = agent.is_ours && HasEnded(agent.pid);
+      return has_ended || Answers(context, agent);
+    });
+    agent.state = agent.is_ours ? "started" : "was running";
+    if (is_up && !has_ended) continue;
+    is_failed = true;
+    agent.is_failed = has_ended;  // One that is still there is ended below.
+    agent.state = has_ended ? "failed: " + LastLine(LogOf(agent)) : "does not answer; see " + LogOf(agent).string();
+  }
+  if (is_failed) {
+    // Keep what each failure said.
+    for (LocalAgent& agent : *agents) {
+      if (!agent.is_failed && agent.state.starts_with("does not answer") && agent.is_ours) {
+        ::kill(agent.pid, SIGKILL);
+        agent.is_failed = true;
+      }
+    }
+    StopOurs(*agents);
+  }
+  return ShowOutcome(context, *agents);
+}
+
+ExitCode Down(CommandContext& context, const UpArguments& arguments) {
+  auto agents = LocalAgents(context, arguments);
+  if (!agents) return context.Report(agents.error());
+  for (LocalAgent& agent : *agents) Shutdown(context, agent);
+  return ShowOutcome(context, *agents);
+}
+
+}  // namespace
+
+void AddUpCommands(CLI::App& app, CommandContext& context) {
+  auto arguments = std::make_shared<UpArguments>();
+  CLI::App& up = *app.add_subcommand("up", "Start the whole team (or -a) on this machine");
+  up.add_option("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)");
+  up.add_option("--merge-backend", arguments->merge_backend, "auto, cpu or gl");
+  up.callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
+  CLI::App& down = *app.add_subcommand("down", "Stop the whole team (or -a) on this machine");
+  down.add_option("--data-dir", arguments->data_folder, "As given to up");
+  down.callback(
+      [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });
+}
+
+}  // namespace moondb
