@@ -1,0 +1,92 @@
+#include "actors/storage/have_ledger.h"
+
+#include <algorithm>
+#include <iterator>
+
+namespace moondb {
+
+namespace {
+
+Result<void> WriteIntervals(Database& database, const StreamKey& stream, bool is_dropped, const IntervalSet& old_set,
+                            const IntervalSet& new_set) {
+  // Both are sorted by `first` and disjoint, so comparing both ends is a total order that finds what changed.
+  const auto less = [](const IntervalSet::Interval& a, const IntervalSet::Interval& b) {
+    return a.first != b.first ? a.first < b.first : a.last < b.last;
+  };
+  const auto& olds = old_set.intervals();
+  const auto& news = new_set.intervals();
+  std::vector<IntervalSet::Interval> gone;
+  std::vector<IntervalSet::Interval> come;
+  std::set_difference(olds.begin(), olds.end(), news.begin(), news.end(), std::back_inserter(gone), less);
+  std::set_difference(news.begin(), news.end(), olds.begin(), olds.end(), std::back_inserter(come), less);
+  for (const IntervalSet::Interval& interval : gone) {
+    Query query = database.Prepare(
+        "DELETE FROM have_interval WHERE origin = ? AND epoch = ? AND data_type = ? AND is_dropped = ? AND first = ?");
+    query << stream.origin << stream.epoch << stream.type << is_dropped << interval.first;
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  for (const IntervalSet::Interval& interval : come) {
+    Query query = database.Prepare(
+        "INSERT INTO have_interval(origin, epoch, data_type, is_dropped, first, last) VALUES(?, ?, ?, ?, ?, ?)");
+    query << stream.origin << stream.epoch << stream.type << is_dropped << interval.first << interval.last;
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<void> HaveLedger::Load(Database& database) {
+  HaveSet have;
+  Query query = database.Prepare("SELECT origin, epoch, data_type, is_dropped, first, last FROM have_interval");
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) break;
+    const StreamKey key{static_cast<AgentId>(query.Integer(0)), query.Unsigned(1),
+                        static_cast<DataType>(query.Integer(2))};
+    StreamHave& stream = have[key];
+    (query.Integer(3) ? stream.dropped : stream.held).Add({query.Unsigned(4), query.Unsigned(5)});
+  }
+  have_ = std::move(have);
+  draft_.clear();
+  return {};
+}
+
+const StreamHave& HaveLedger::Get(const StreamKey& stream) const {
+  const auto drafted = draft_.find(stream);
+  return drafted == draft_.end() ? have_.Get(stream) : drafted->second;
+}
+
+StreamHave& HaveLedger::Edit(const StreamKey& stream) {
+  const auto drafted = draft_.find(stream);
+  return drafted != draft_.end() ? drafted->second : draft_.emplace(stream, have_.Get(stream)).first->second;
+}
+
+void HaveLedger::AddHeld(const StreamKey& stream, std::uint64_t seq) { Edit(stream).held.Add(seq); }
+
+void HaveLedger::AddDropped(const StreamKey& stream, IntervalSet::Interval interval) {
+  StreamHave& edited = Edit(stream);
+  edited.dropped.Add(interval);
+  if (interval.first == interval.last) {
+    edited.held.Remove(interval.first);
+  } else {
+    edited.held = edited.held.Minus(edited.dropped);
+  }
+}
+
+Result<void> HaveLedger::Write(Database& database) const {
+  for (const auto& [key, stream] : draft_) {
+    const StreamHave& old = have_.Get(key);
+    if (const Result<void> done = WriteIntervals(database, key, false, old.held, stream.held); !done) return done;
+    if (const Result<void> done = WriteIntervals(database, key, true, old.dropped, stream.dropped); !done) return done;
+  }
+  return {};
+}
+
+void HaveLedger::Keep() {
+  for (auto& [key, stream] : draft_) have_[key] = std::move(stream);
+  draft_.clear();
+}
+
+}  // namespace moondb

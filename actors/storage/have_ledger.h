@@ -1,0 +1,37 @@
+// HaveLedger: this agent's have-set, in memory and in the table have_interval, never one without the other.
+//
+// Edits go to a draft. Write puts the draft into the database inside the caller's transaction, and only after that
+// transaction's commit does Keep make it the have-set; after a failure Forget leaves all as it was.
+#pragma once
+
+#include <map>
+
+#include "actors/storage/sqlite_database.h"
+#include "model/have_set.h"
+
+namespace moondb {
+
+class HaveLedger {
+ public:
+  Result<void> Load(Database& database);
+
+  const HaveSet& have() const { return have_; }
+
+  // The draft's state of a stream, else the have-set's.
+  const StreamHave& Get(const StreamKey& stream) const;
+  void AddHeld(const StreamKey& stream, std::uint64_t seq);
+  // Had, but not held any more, or never.
+  void AddDropped(const StreamKey& stream, IntervalSet::Interval interval);
+
+  Result<void> Write(Database& database) const;
+  void Keep();
+  void Forget() { draft_.clear(); }
+
+ private:
+  StreamHave& Edit(const StreamKey& stream);
+
+  HaveSet have_;
+  std::map<StreamKey, StreamHave> draft_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,150 @@
+#include "actors/storage/missing_records.h"
+
+#include <algorithm>
+#include <tuple>
+#include <vector>
+
+#include "actors/storage/record_tables.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr std::size_t kDroppedIntervalBytes = 12;  // On the wire, about.
+constexpr std::size_t kDroppedIntervalsMin = 16;
+
+bool Contains(const google::protobuf::RepeatedField<std::uint32_t>& values, std::uint32_t value) {
+  return std::find(values.begin(), values.end(), value) != values.end();
+}
+
+proto::Policy PolicyFor(const Policies& policies, DataType type) {
+  const auto found = policies.find(type);
+  return found == policies.end() ? proto::POLICY_NONE : found->second;
+}
+
+class MissingFinder {
+ public:
+  MissingFinder(Database& database, const HaveSet& have, const Policies& policies, const proto::RecordFilter& filter,
+                const HaveSet& destination)
+      : database_(database), have_(have), policies_(policies), filter_(filter), destination_(destination) {}
+
+  Result<void> AddRecords(std::uint64_t bytes_max, std::uint64_t records_max, proto::MissingReply& reply) {
+    for (const StreamKey& stream : StreamsInOrder()) {
+      const IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
+      for (const IntervalSet::Interval& interval : lacking.intervals()) {
+        const Result<void> added = AddInterval(stream, interval, bytes_max, records_max, reply);
+        if (!added) return added;
+      }
+    }
+    return {};
+  }
+
+  void AddDropped(std::size_t intervals_max, proto::MissingReply& reply) const {
+    for (const StreamKey& stream : StreamsInOrder()) {
+      if (PolicyFor(policies_, stream.type) != proto::POLICY_LATEST || IsPartial(stream.type)) continue;
+      const IntervalSet unknown = have_.Get(stream).dropped.Minus(destination_.Get(stream).dropped);
+      if (unknown.is_empty() || intervals_max == 0) continue;
+      proto::StreamHave& added = *reply.add_dropped();
+      added.set_origin_agent(stream.origin);
+      added.set_epoch(stream.epoch);
+      added.set_data_type(stream.type);
+      for (const IntervalSet::Interval& interval : unknown.intervals()) {
+        if (intervals_max == 0) break;
+        --intervals_max;
+        added.add_dropped()->set_first(interval.first);
+        added.mutable_dropped()->rbegin()->set_last(interval.last);
+      }
+    }
+  }
+
+ private:
+  bool IsWanted(const StreamKey& stream) const {
+    if (PolicyFor(policies_, stream.type) == proto::POLICY_NONE || !FindRecordTable(stream.type)) return false;
+    if (!filter_.origin_agents().empty() && !Contains(filter_.origin_agents(), stream.origin)) return false;
+    if (Contains(filter_.not_origin_agents(), stream.origin)) return false;
+    return filter_.data_types().empty() || Contains(filter_.data_types(), stream.type);
+  }
+
+  // Only some of the type's records pass the filter.
+  bool IsPartial(DataType type) const {
+    return filter_.optimized_poses_of_agent() != 0 && FindRecordTable(type)->knows_agent();
+  }
+
+  std::vector<StreamKey> StreamsInOrder() const {
+    std::vector<StreamKey> streams;
+    for (const auto& [key, stream] : have_.streams()) {
+      if (IsWanted(key)) streams.push_back(key);
+    }
+    std::sort(streams.begin(), streams.end(), [](const StreamKey& a, const StreamKey& b) {
+      return std::tuple(SharingRank(a.type), a.epoch, a.type, a.origin) <
+             std::tuple(SharingRank(b.type), b.epoch, b.type, b.origin);
+    });
+    return streams;
+  }
+
+  // Takes rows until a limit is reached; what is left of the interval adds to `remaining`.
+  Result<void> AddInterval(const StreamKey& stream, const IntervalSet::Interval& interval, std::uint64_t bytes_max,
+                           std::uint64_t records_max, proto::MissingReply& reply) {
+    const RecordTable& table = *FindRecordTable(stream.type);
+    std::uint64_t next_seq = interval.first;
+    if (!is_full_) {
+      Query query =
+          table.ReadInterval(database_, stream, interval.first, interval.last, filter_.optimized_poses_of_agent());
+      while (true) {
+        const Result<bool> row = query.Step();
+        if (!row) return tl::unexpected(row.error());
+        if (!*row) return {};
+        proto::StoredRecord record = table.Read(query);
+        next_seq = record.key().seq();
+        const bool fits = bytes_ + record.content().size() <= bytes_max &&
+                          static_cast<std::uint64_t>(reply.records_size()) < records_max;
+        if (!fits && reply.records_size() > 0) break;
+        bytes_ += record.content().size();
+        *reply.add_records() = std::move(record);
+      }
+      is_full_ = true;
+    }
+    std::uint64_t left = interval.last - next_seq + 1;
+    if (IsPartial(stream.type)) {
+      const Result<std::uint64_t> count =
+          table.CountInterval(database_, stream, next_seq, interval.last, filter_.optimized_poses_of_agent());
+      if (!count) return tl::unexpected(count.error());
+      left = *count;
+    }
+    reply.set_remaining(reply.remaining() + left);
+    return {};
+  }
+
+  Database& database_;
+  const HaveSet& have_;
+  const Policies& policies_;
+  const proto::RecordFilter& filter_;
+  const HaveSet& destination_;
+  std::uint64_t bytes_ = 0;
+  bool is_full_ = false;
+};
+
+std::uint32_t Limit(std::uint32_t asked, std::uint32_t standard, std::uint32_t max) {
+  return asked == 0 ? standard : std::min(asked, max);
+}
+
+}  // namespace
+
+Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const Policies& policies,
+                                        const proto::MissingRequest& request) {
+  const Result<HaveSet> destination = FromProto(request.destination_have());
+  if (!destination) return tl::unexpected(destination.error());
+  const std::uint32_t bytes_max = Limit(request.content_bytes_max(), kMissingBytesDefault, kMissingBytesMax);
+  const std::uint32_t records_max = Limit(request.records_max(), kMissingRecordsDefault, kMissingRecordsMax);
+  MissingFinder finder(database, have, policies, request.filter(), *destination);
+  proto::MissingReply reply;
+  if (const Result<void> added = finder.AddRecords(bytes_max, records_max, reply); !added) {
+    return tl::unexpected(added.error());
+  }
+  if (reply.remaining() == 0) {
+    finder.AddDropped(std::max<std::size_t>(bytes_max / kDroppedIntervalBytes, kDroppedIntervalsMin), reply);
+  }
+  return reply;
+}
+
+}  // namespace moondb

@@ -1,0 +1,94 @@
+#include "actors/storage/peer_log.h"
+
+#include <utility>
+
+namespace moondb {
+
+namespace {
+
+Query& operator<<(Query& query, const StreamKey& stream) {
+  return query << stream.origin << stream.epoch << stream.type;
+}
+
+// Rows of `olds` that are not in `news` go.
+Result<void> WriteStream(Database& database, AgentId peer, const StreamKey& stream, const IntervalSet& old_set,
+                         const IntervalSet& new_set) {
+  if (old_set == new_set) return {};
+  std::map<std::uint64_t, std::uint64_t> olds;
+  for (const IntervalSet::Interval& interval : old_set.intervals()) olds[interval.first] = interval.last;
+  for (const IntervalSet::Interval& interval : new_set.intervals()) {
+    const auto old = olds.find(interval.first);
+    const bool is_same = old != olds.end() && old->second == interval.last;
+    if (old != olds.end()) olds.erase(old);
+    if (is_same) continue;
+    Query query = database.Prepare("INSERT OR REPLACE INTO peer_have VALUES(?, ?, ?, ?, ?, ?)");
+    query << peer << stream << interval.first << interval.last;
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  for (const auto& [first, last] : olds) {
+    Query query = database.Prepare(
+        "DELETE FROM peer_have WHERE peer = ? AND origin = ? AND epoch = ? AND data_type = ? AND first = ?");
+    query << peer << stream << first;
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  return {};
+}
+
+Result<void> WriteHandedOver(Database& database, const proto::PeerHave& note) {
+  if (note.is_session_closed()) {
+    Query query = database.Prepare("DELETE FROM handed_over WHERE peer = ?");
+    query << note.peer();
+    return query.Run();
+  }
+  for (const proto::RecordKey& key : note.handed_over()) {
+    Query query = database.Prepare("INSERT OR IGNORE INTO handed_over VALUES(?, ?, ?, ?, ?)");
+    query << note.peer() << FromProto(key).stream << key.seq();
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<void> PeerLog::Load(Database& database) {
+  if (const Result<void> done = database.Execute("DELETE FROM handed_over"); !done) return done;
+  had_.clear();
+  Query query = database.Prepare("SELECT peer, origin, epoch, data_type, first, last FROM peer_have");
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return {};
+    const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2),
+                           static_cast<DataType>(query.Integer(3))};
+    had_[static_cast<AgentId>(query.Integer(0))][stream].Add({query.Unsigned(4), query.Unsigned(5)});
+  }
+}
+
+Result<void> PeerLog::Note(Database& database, const proto::PeerHave& note) {
+  const Result<HaveSet> acknowledged = FromProto(note.acknowledged());
+  if (!acknowledged) return tl::unexpected(acknowledged.error());
+  const Had olds = had_[note.peer()];
+  Had news;
+  for (const auto& [stream, have] : acknowledged->streams()) news[stream] = have.Had();
+  if (news.empty()) news = olds;
+
+  Result<Transaction> transaction = Transaction::Begin(database, Database::Durability::kNormal);
+  if (!transaction) return tl::unexpected(transaction.error());
+  const IntervalSet nothing;
+  for (const auto& [stream, had] : news) {
+    const auto old = olds.find(stream);
+    const Result<void> done =
+        WriteStream(database, note.peer(), stream, old == olds.end() ? nothing : old->second, had);
+    if (!done) return done;
+  }
+  for (const auto& [stream, had] : olds) {
+    if (news.count(stream)) continue;
+    if (const Result<void> done = WriteStream(database, note.peer(), stream, had, nothing); !done) return done;
+  }
+  if (const Result<void> done = WriteHandedOver(database, note); !done) return done;
+  const Result<void> committed = transaction->Commit();
+  if (committed) had_[note.peer()] = std::move(news);
+  return committed;
+}
+
+}  // namespace moondb

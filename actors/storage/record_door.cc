@@ -1,0 +1,90 @@
+#include "actors/storage/record_door.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include <cstdint>
+#include <string>
+
+#include "actors/storage/record_tables.h"
+#include "model/record_check.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr std::uint64_t kSeqMax = INT64_MAX;
+
+Result<void> CheckAgent(AgentId agent, const std::set<AgentId>& team, const std::string& field) {
+  if (team.count(agent)) return {};
+  return Fail(ErrorCode::kInvalid, "agent " + std::to_string(agent) + " is not in the team", field);
+}
+
+Result<void> CheckOwnNode(const proto::NodeKey& node, AgentId origin, const std::string& field) {
+  if (node.agent_id() == origin) return {};
+  return Fail(ErrorCode::kInvalid,
+              "belongs to agent " + std::to_string(node.agent_id()) + "; only that agent inserts it", field);
+}
+
+Result<void> CheckEnds(const proto::NodeKey& from, const proto::NodeKey& to, const std::set<AgentId>& team,
+                       const std::string& field) {
+  const Result<void> checked = CheckAgent(from.agent_id(), team, field + ".from.agent_id");
+  return checked ? CheckAgent(to.agent_id(), team, field + ".to.agent_id") : checked;
+}
+
+}  // namespace
+
+Result<void> CheckOwnership(const proto::Record& record, AgentId origin, const std::set<AgentId>& team) {
+  if (const Result<void> checked = CheckRecord(record); !checked) return checked;
+  switch (record.body_case()) {
+    case proto::Record::kPoseGraphNode:
+      return CheckOwnNode(record.pose_graph_node().node(), origin, "pose_graph_node.node.agent_id");
+    case proto::Record::kLocalTraversabilityMap:
+      return CheckOwnNode(record.local_traversability_map().node(), origin, "local_traversability_map.node.agent_id");
+    case proto::Record::kPoseGraphEdge:
+      return CheckEnds(record.pose_graph_edge().from(), record.pose_graph_edge().to(), team, "pose_graph_edge");
+    case proto::Record::kEdgeVerdict:
+      return CheckEnds(record.edge_verdict().from(), record.edge_verdict().to(), team, "edge_verdict");
+    case proto::Record::kOptimizedPose:
+      return CheckAgent(record.optimized_pose().node().agent_id(), team, "optimized_pose.node.agent_id");
+    default:
+      return {};
+  }
+}
+
+Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::set<AgentId>& team) {
+  const RecordKey key = FromProto(stored.key());
+  if (const Result<void> known = CheckAgent(key.stream.origin, team, "key.origin_agent"); !known) {
+    return tl::unexpected(known.error());
+  }
+  if (key.stream.epoch == 0) return Fail(ErrorCode::kInvalid, "is missing", "key.epoch");
+  if (key.seq < 1 || key.seq > kSeqMax) return Fail(ErrorCode::kInvalid, "must be 1 to 2^63 - 1", "key.seq");
+  if (!FindRecordTable(key.stream.type)) {
+    return Fail(ErrorCode::kInvalid, "type " + std::to_string(key.stream.type) + " is unknown here", "key.data_type");
+  }
+  if (stored.content().size() > kRecordContentBytesMax) return Fail(ErrorCode::kCorrupt, "is too long", "content");
+  if (HashRecord(key, stored.content()) != stored.hash()) {
+    return Fail(ErrorCode::kCorrupt, "does not fit key and content", "hash");
+  }
+  proto::Record record;
+  if (!record.ParseFromString(stored.content())) return Fail(ErrorCode::kCorrupt, "does not parse", "content");
+  if (TypeOf(record) != key.stream.type) {
+    return Fail(ErrorCode::kInvalid, "content is of type " + DataTypeName(TypeOf(record)), "key.data_type");
+  }
+  if (const Result<void> checked = CheckOwnership(record, key.stream.origin, team); !checked) {
+    return tl::unexpected(checked.error());
+  }
+  return record;
+}
+
+std::string SerializeRecord(const proto::Record& record) {
+  std::string content;
+  google::protobuf::io::StringOutputStream stream(&content);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  (void)record.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return content;
+}
+
+}  // namespace moondb

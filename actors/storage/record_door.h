@@ -1,0 +1,26 @@
+// The door for records on their way into the store: whose they are, and whether key, content and hash fit together.
+// What a record may hold is model/record_check.h's.
+#pragma once
+
+#include <set>
+
+#include "model/error.h"
+#include "model/ids.h"
+#include "model/record_key.h"
+#include "proto/record.pb.h"
+
+namespace moondb {
+
+// CheckRecord, then: kInvalid with the field named for an agent that is not in `team`, and for a node or map whose
+// node is not `origin`'s own.
+Result<void> CheckOwnership(const proto::Record& record, AgentId origin, const std::set<AgentId>& team);
+
+// The record inside `stored`, which came from a peer. kInvalid: origin unknown, no epoch, seq outside 1 to 2^63 - 1, a
+// type without a table, content of another type, or as in CheckOwnership. kCorrupt: wrong hash, content that does not
+// parse or is longer than kRecordContentBytesMax.
+Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::set<AgentId>& team);
+
+// The one serialisation of a record that its origin makes.
+std::string SerializeRecord(const proto::Record& record);
+
+}  // namespace moondb

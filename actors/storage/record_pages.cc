@@ -1,0 +1,74 @@
+#include "actors/storage/record_pages.h"
+
+#include <algorithm>
+#include <optional>
+#include <vector>
+
+#include "actors/storage/record_tables.h"
+
+namespace moondb {
+
+namespace {
+
+// One table's rows, standing on the next one that the request wants.
+struct Cursor {
+  const RecordTable* table;
+  Query query;
+  bool is_at_end = false;
+
+  std::uint64_t row_id() const { return query.Unsigned(0); }
+};
+
+bool IsAskedFor(const google::protobuf::RepeatedField<std::uint32_t>& values, std::uint32_t value) {
+  return values.empty() || std::find(values.begin(), values.end(), value) != values.end();
+}
+
+Result<void> Advance(Cursor& cursor, const proto::ReadRequest& request) {
+  while (true) {
+    const Result<bool> row = cursor.query.Step();
+    if (!row) return tl::unexpected(row.error());
+    cursor.is_at_end = !*row;
+    if (cursor.is_at_end) return {};
+    if (IsAskedFor(request.origin_agents(), static_cast<AgentId>(cursor.query.Integer(1)))) return {};
+  }
+}
+
+Cursor* Next(std::vector<Cursor>& cursors, bool is_newest_first) {
+  Cursor* next = nullptr;
+  for (Cursor& cursor : cursors) {
+    if (cursor.is_at_end) continue;
+    if (!next || (cursor.row_id() < next->row_id()) != is_newest_first) next = &cursor;
+  }
+  return next;
+}
+
+}  // namespace
+
+Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& request) {
+  const std::uint32_t records_max =
+      request.records_max() == 0 ? kPageRecordsDefault : std::min(request.records_max(), kPageRecordsMax);
+  const std::uint32_t bytes_max =
+      request.content_bytes_max() == 0 ? kPageBytesDefault : std::min(request.content_bytes_max(), kPageBytesMax);
+  std::vector<Cursor> cursors;
+  for (const RecordTable& table : RecordTables()) {
+    if (!IsAskedFor(request.data_types(), table.type())) continue;
+    cursors.push_back(Cursor{&table, request.is_newest_first() ? table.ReadNewestFirst(database)
+                                                               : table.ReadAfter(database, request.after_row_id())});
+    if (const Result<void> done = Advance(cursors.back(), request); !done) return tl::unexpected(done.error());
+  }
+  proto::ReadReply reply;
+  std::uint64_t bytes = 0;
+  while (Cursor* next = Next(cursors, request.is_newest_first())) {
+    proto::StoredRecord record = next->table->Read(next->query);
+    bytes += record.content().size();
+    const bool fits = bytes <= bytes_max && static_cast<std::uint32_t>(reply.records_size()) < records_max;
+    if (!fits && reply.records_size() > 0) return reply;
+    reply.add_row_ids(next->row_id());
+    *reply.add_records() = std::move(record);
+    if (const Result<void> done = Advance(*next, request); !done) return tl::unexpected(done.error());
+  }
+  reply.set_is_complete(true);
+  return reply;
+}
+
+}  // namespace moondb

@@ -1,0 +1,417 @@
+#include "actors/storage/record_store.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "actors/storage/record_door.h"
+#include "actors/storage/record_pages.h"
+#include "actors/storage/role_history.h"
+#include "actors/storage/schema.h"
+#include "model/check.h"
+#include "model/record_check.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr std::size_t kRejectionsKept = 8;
+constexpr int kEpochRandomBits = 48;
+constexpr std::uint64_t kSeqMax = INT64_MAX;
+constexpr int kInsertRecordsMax = 65536;
+
+// The origin's own order of its records.
+std::pair<std::uint64_t, std::uint64_t> OrderOf(const RecordKey& key) { return {key.stream.epoch, key.seq}; }
+
+}  // namespace
+
+// Row numbers and have-set changes of one transaction become the store's only when it is committed.
+class RecordStore::Writing {
+ public:
+  static Result<Writing> Begin(RecordStore& store) {
+    Result<Transaction> transaction = Transaction::Begin(*store.database_);
+    if (!transaction) return tl::unexpected(transaction.error());
+    store.ledger_.Forget();
+    return Writing(store, *std::move(transaction));
+  }
+
+  std::uint64_t epoch = 0;  // Of own records.
+
+  Result<void> InsertRow(const RecordKey& key, const proto::Record& record, const std::string& content,
+                         std::uint64_t hash) {
+    const RecordTable& table = *FindRecordTable(key.stream.type);
+    const Result<void> done = table.Insert(*store_.database_, next_row_id_, key, record, content, hash);
+    if (!done) return done;
+    ++next_row_id_;
+    types_.insert(key.stream.type);
+    if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
+    return {};
+  }
+
+  Result<void> DeleteRow(const RecordTable& table, const RecordTable::Row& row) {
+    if (row.key.seq != 0) store_.ledger_.AddDropped(row.key.stream, {row.key.seq, row.key.seq});
+    return table.Delete(*store_.database_, row.row_id);
+  }
+
+  Result<void> Commit(proto::RecordsStored& stored) {
+    if (const Result<void> done = store_.ledger_.Write(*store_.database_); !done) return done;
+    if (next_row_id_ != store_.next_row_id_) {
+      Query query = store_.database_->Prepare("UPDATE meta SET value = ? WHERE name = 'next_row_id'");
+      query << next_row_id_;
+      if (const Result<void> done = query.Run(); !done) return done;
+    }
+    if (const Result<void> done = transaction_.Commit(); !done) return done;
+    store_.ledger_.Keep();
+    if (next_row_id_ != store_.next_row_id_) stored.set_last_row_id(next_row_id_ - 1);
+    for (const DataType type : types_) stored.add_data_types(type);
+    store_.next_row_id_ = next_row_id_;
+    if (epoch != 0) store_.epoch_ = epoch;
+    store_.own_epoch_highest_ = std::max(store_.own_epoch_highest_, store_.epoch_);
+    return {};
+  }
+
+ private:
+  Writing(RecordStore& store, Transaction transaction)
+      : epoch(store.epoch_), store_(store), transaction_(std::move(transaction)), next_row_id_(store.next_row_id_) {}
+
+  RecordStore& store_;
+  Transaction transaction_;
+  std::uint64_t next_row_id_;
+  std::set<DataType> types_;
+};
+
+Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
+  Check(options.team.count(options.self) == 1, "a store's agent is in its team");
+  Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max);
+  if (!database) return tl::unexpected(database.error());
+  std::unique_ptr<RecordStore> store(new RecordStore(std::move(options), *std::move(database)));
+  if (const Result<void> loaded = store->Load(); !loaded) return tl::unexpected(loaded.error());
+  return store;
+}
+
+Result<void> RecordStore::Load() {
+  if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
+  if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
+  if (const Result<void> checked = CheckOwner(); !checked) return checked;
+  if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
+  if (const Result<void> loaded = peer_log_.Load(*database_); !loaded) return loaded;
+  const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
+  if (!next_row_id) return tl::unexpected(next_row_id.error());
+  next_row_id_ = static_cast<std::uint64_t>(*next_row_id);
+  for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);
+  return {};
+}
+
+// Two agents numbering in one copied file would give two records one name.
+Result<void> RecordStore::CheckOwner() {
+  Result<Transaction> transaction = Transaction::Begin(*database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  const Result<std::int64_t> owner = database_->Number("SELECT value FROM meta WHERE name = 'own_agent'");
+  if (!owner && owner.error().code != ErrorCode::kNotFound) return tl::unexpected(owner.error());
+  if (owner && *owner != options_.self) {
+    return Fail(ErrorCode::kRefused, "database " + database_->path() + " belongs to agent " + std::to_string(*owner) +
+                                         ", not to agent " + std::to_string(options_.self));
+  }
+  std::string sql = "INSERT OR IGNORE INTO meta VALUES('own_agent', " + std::to_string(options_.self) + ");";
+  sql += "DELETE FROM team_agent;";
+  for (const AgentId agent : options_.team) sql += "INSERT INTO team_agent VALUES(" + std::to_string(agent) + ");";
+  if (const Result<void> done = database_->Execute(sql); !done) return done;
+  return transaction->Commit();
+}
+
+bool RecordStore::IsLatest(DataType type) const {
+  const auto policy = options_.policies.find(type);
+  return policy != options_.policies.end() && policy->second == proto::POLICY_LATEST;
+}
+
+void RecordStore::NoteOwnEpoch(const StreamKey& stream) {
+  if (stream.origin != options_.self) return;
+  own_epoch_highest_ = std::max(own_epoch_highest_, stream.epoch);
+  // New records under a lower epoch would count as older than those that peers already have.
+  if (epoch_ < own_epoch_highest_) epoch_ = 0;
+}
+
+Result<std::uint64_t> RecordStore::NextEpoch() {
+  const std::uint64_t counter = own_epoch_highest_ >> kEpochRandomBits;
+  const std::uint64_t random = random_() >> (64 - kEpochRandomBits);
+  if (counter < 0xFFFF) return ((counter + 1) << kEpochRandomBits) | random;
+  // The counter is used up: go on above the highest epoch, by random steps.
+  const std::uint64_t left = UINT64_MAX - own_epoch_highest_;
+  if (left == 0) return Fail(ErrorCode::kInternal, "no epochs are left for this agent's records");
+  return own_epoch_highest_ + 1 + random_() % std::min<std::uint64_t>(left, 0xFFFF'FFFF);
+}
+
+Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const {
+  if (request.records_size() > kInsertRecordsMax) {
+    return Fail(ErrorCode::kInvalid, "more than " + std::to_string(kInsertRecordsMax) + " records", "records");
+  }
+  for (int i = 0; i < request.records_size(); ++i) {
+    const Result<void> checked = CheckOwnership(request.records(i), options_.self, options_.team);
+    if (checked) continue;
+    const std::string place = "records[" + std::to_string(i) + "]";
+    return Fail(checked.error().code, checked.error().text,
+                checked.error().field.empty() ? place : place + "." + checked.error().field);
+  }
+  return {};
+}
+
+RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
+  Inserted result;
+  Result<void> done = CheckInsert(request);
+  std::vector<std::string> contents;
+  for (int i = 0; done && i < request.records_size(); ++i) {
+    contents.push_back(SerializeRecord(request.records(i)));
+    if (contents.back().size() <= kRecordContentBytesMax) continue;
+    done = Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRecordContentBytesMax) + " bytes",
+                "records[" + std::to_string(i) + "]");
+  }
+  if (done && request.records_size() > 0) done = InsertAll(request, contents, result);
+  if (!done) {
+    result = Inserted();
+    *result.reply.mutable_error() = ToProto(done.error());
+  }
+  return result;
+}
+
+Result<void> RecordStore::InsertAll(const proto::InsertRequest& request, const std::vector<std::string>& contents,
+                                    Inserted& result) {
+  Result<Writing> writing = Writing::Begin(*this);
+  if (!writing) return tl::unexpected(writing.error());
+  for (int i = 0; i < request.records_size(); ++i) {
+    const Result<void> done =
+        InsertOne(request.records(i), contents[i], request.is_local(), *writing, *result.reply.add_keys());
+    if (done) continue;
+    if (done.error().field.empty()) return done;
+    return Fail(done.error().code, done.error().text, "records[" + std::to_string(i) + "]." + done.error().field);
+  }
+  return writing->Commit(result.stored);
+}
+
+Result<void> RecordStore::InsertOne(const proto::Record& record, const std::string& content, bool is_local,
+                                    Writing& writing, proto::RecordKey& reply_key) {
+  const DataType type = TypeOf(record);
+  const RecordTable& table = *FindRecordTable(type);
+  if (const std::string name = NaturalKey(record); !name.empty()) {
+    const Result<std::optional<RecordTable::Named>> named = table.FindByNaturalKey(*database_, options_.self, name);
+    if (!named) return tl::unexpected(named.error());
+    if (*named && (*named)->content == content && ((*named)->key.seq == 0) == is_local) {
+      reply_key = ToProto((*named)->key);
+      return {};
+    }
+    if (*named) return Fail(ErrorCode::kInvalid, name + " already exists with other content", table.name());
+  }
+  RecordKey key{StreamKey{options_.self, 0, type}, 0};
+  if (!is_local) {
+    if (writing.epoch == 0) {
+      const Result<std::uint64_t> epoch = NextEpoch();
+      if (!epoch) return tl::unexpected(epoch.error());
+      writing.epoch = *epoch;
+    }
+    key.stream.epoch = writing.epoch;
+    const StreamHave& had = ledger_.Get(key.stream);
+    key.seq = std::max(had.held.Max(), had.dropped.Max()) + 1;
+  }
+  if (IsLatest(type)) {
+    const Result<std::vector<RecordTable::Row>> olds =
+        table.FindByLatestKey(*database_, options_.self, LatestKey(record));
+    if (!olds) return tl::unexpected(olds.error());
+    for (const RecordTable::Row& old : *olds) {
+      // What stays on this agent cannot supersede what peers are owed.
+      if (is_local && old.key.seq != 0) continue;
+      if (const Result<void> done = writing.DeleteRow(table, old); !done) return done;
+    }
+  }
+  reply_key = ToProto(key);
+  return writing.InsertRow(key, record, content, HashRecord(key, content));
+}
+
+void RecordStore::Reject(Error error, Stored& result) {
+  ++rejected_count_;
+  result.reply.set_rejected_count(result.reply.rejected_count() + 1);
+  if (result.rejections.size() < kRejectionsKept) result.rejections.push_back(std::move(error));
+}
+
+RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
+  Stored result;
+  std::vector<Opened> opened;
+  std::set<StreamKey> touched;
+  for (const proto::StoredRecord& stored : request.records()) {
+    const RecordKey key = FromProto(stored.key());
+    Result<proto::Record> record = OpenStored(stored, options_.team);
+    const bool is_forged = key.stream.origin == options_.self && key.stream.epoch == epoch_ && epoch_ != 0 &&
+                           key.seq > ledger_.have().Get(key.stream).Had().Max();
+    if (record && is_forged) record = Fail(ErrorCode::kInvalid, "was never given by this agent", "key.seq");
+    if (record) {
+      touched.insert(key.stream);
+      opened.push_back(Opened{key, *std::move(record), &stored});
+    } else {
+      Reject(Error{record.error().code, ToString(key) + ": " + record.error().text, record.error().field}, result);
+    }
+  }
+  HaveSet dropped;
+  for (const proto::StreamHave& stream : request.dropped()) {
+    const Result<void> checked = CheckDropped(stream, dropped);
+    if (!checked) Reject(checked.error(), result);
+  }
+  for (const auto& [stream, have] : dropped.streams()) touched.insert(stream);
+
+  if (const Result<void> done = StoreAll(opened, dropped, result); !done) {
+    result = Stored();
+    *result.reply.mutable_error() = ToProto(done.error());
+    return result;
+  }
+  HaveSet had;
+  for (const StreamKey& stream : touched) {
+    had[stream] = ledger_.have().Get(stream);
+    NoteOwnEpoch(stream);
+  }
+  *result.reply.mutable_had() = ToProto(had);
+  return result;
+}
+
+Result<void> RecordStore::StoreAll(const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result) {
+  if (opened.empty() && dropped.streams().empty()) return {};
+  Result<Writing> writing = Writing::Begin(*this);
+  if (!writing) return tl::unexpected(writing.error());
+  for (const Opened& record : opened) {
+    if (const Result<void> done = StoreOne(record, *writing, result); !done) return done;
+  }
+  for (const auto& [stream, have] : dropped.streams()) {
+    if (const Result<void> done = ApplyDropped(stream, have.dropped, *writing); !done) return done;
+  }
+  return writing->Commit(result.stored);
+}
+
+Result<void> RecordStore::StoreOne(const Opened& opened, Writing& writing, Stored& result) {
+  const RecordTable& table = *FindRecordTable(opened.key.stream.type);
+  const StreamHave& have = ledger_.Get(opened.key.stream);
+  if (have.dropped.Contains(opened.key.seq)) return {};
+  if (have.held.Contains(opened.key.seq)) {
+    const Result<std::optional<RecordTable::Row>> held = table.Find(*database_, opened.key);
+    if (!held) return tl::unexpected(held.error());
+    if (*held && (*held)->hash != opened.stored->hash()) {
+      Reject(Error{ErrorCode::kInvalid, ToString(opened.key) + ": is held with other content", "hash"}, result);
+    }
+    return {};
+  }
+  if (IsLatest(opened.key.stream.type)) {
+    const Result<std::vector<RecordTable::Row>> others =
+        table.FindByLatestKey(*database_, opened.key.stream.origin, LatestKey(opened.record));
+    if (!others) return tl::unexpected(others.error());
+    const bool is_late = std::any_of(others->begin(), others->end(), [&opened](const RecordTable::Row& other) {
+      return other.key.seq != 0 && OrderOf(other.key) > OrderOf(opened.key);
+    });
+    if (is_late) {
+      ledger_.AddDropped(opened.key.stream, {opened.key.seq, opened.key.seq});
+      return {};
+    }
+    for (const RecordTable::Row& other : *others) {
+      if (other.key.seq == 0) continue;
+      if (const Result<void> done = writing.DeleteRow(table, other); !done) return done;
+    }
+  }
+  result.reply.set_stored_count(result.reply.stored_count() + 1);
+  return writing.InsertRow(opened.key, opened.record, opened.stored->content(), opened.stored->hash());
+}
+
+Result<void> RecordStore::CheckDropped(const proto::StreamHave& dropped, HaveSet& accepted) const {
+  proto::HaveSet single;
+  *single.add_streams() = dropped;
+  single.mutable_streams(0)->clear_held();
+  const Result<HaveSet> read = FromProto(single);
+  if (!read) return tl::unexpected(read.error());
+  const StreamKey& stream = read->streams().begin()->first;
+  const IntervalSet& seqs = read->streams().begin()->second.dropped;
+  if (!options_.team.count(stream.origin))
+    return Fail(ErrorCode::kInvalid, "is not in the team", "dropped.origin_agent");
+  if (!FindRecordTable(stream.type) || !IsLatest(stream.type)) {
+    return Fail(ErrorCode::kInvalid, DataTypeName(stream.type) + " records are never dropped", "dropped.data_type");
+  }
+  if (stream.epoch == 0) return Fail(ErrorCode::kInvalid, "is missing", "dropped.epoch");
+  const bool is_present_own = stream.origin == options_.self && stream.epoch == epoch_;
+  const std::uint64_t seq_max = is_present_own ? ledger_.have().Get(stream).Had().Max() : kSeqMax;
+  if (seqs.Max() > seq_max) return Fail(ErrorCode::kInvalid, "names seqs that never were", "dropped.dropped");
+  accepted[stream].dropped.Add(seqs);
+  return {};
+}
+
+Result<bool> RecordStore::IsSuperseded(const RecordTable& table, const RecordTable::Row& row) {
+  const Result<std::vector<RecordTable::Row>> others =
+      table.FindByLatestKey(*database_, row.key.stream.origin, row.latest_key);
+  if (!others) return tl::unexpected(others.error());
+  return std::any_of(others->begin(), others->end(), [&row](const RecordTable::Row& other) {
+    return other.key.seq != 0 && OrderOf(other.key) > OrderOf(row.key);
+  });
+}
+
+Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing) {
+  const RecordTable& table = *FindRecordTable(stream.type);
+  const IntervalSet held = ledger_.Get(stream).held;
+  const IntervalSet never_held = dropped.Minus(held);
+  for (const IntervalSet::Interval& interval : never_held.intervals()) ledger_.AddDropped(stream, interval);
+  const IntervalSet held_and_dropped = dropped.Minus(never_held);
+  for (const IntervalSet::Interval& interval : held_and_dropped.intervals()) {
+    const Result<std::vector<RecordTable::Row>> rows =
+        table.FindInInterval(*database_, stream, interval.first, interval.last);
+    if (!rows) return tl::unexpected(rows.error());
+    for (const RecordTable::Row& row : *rows) {
+      const Result<bool> is_superseded = IsSuperseded(table, row);
+      if (!is_superseded) return tl::unexpected(is_superseded.error());
+      if (!*is_superseded) continue;
+      if (const Result<void> done = writing.DeleteRow(table, row); !done) return done;
+    }
+  }
+  return {};
+}
+
+proto::HaveReply RecordStore::GetHave() const {
+  proto::HaveReply reply;
+  *reply.mutable_have() = ToProto(ledger_.have());
+  reply.set_epoch(epoch_);
+  return reply;
+}
+
+Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
+  for (const proto::StreamHave& stream : request.destination_have().streams()) {
+    NoteOwnEpoch(StreamKey{stream.origin_agent(), stream.epoch(), stream.data_type()});
+  }
+  return FindMissing(*database_, ledger_.have(), options_.policies, request);
+}
+
+Result<proto::ReadReply> RecordStore::Read(const proto::ReadRequest& request) { return ReadPage(*database_, request); }
+
+Result<void> RecordStore::SaveRoles(const proto::RoleAssignment& roles) { return moondb::SaveRoles(*database_, roles); }
+
+Result<proto::LoadRolesReply> RecordStore::LoadRoles() { return moondb::LoadRoles(*database_); }
+
+Result<void> RecordStore::NotePeerHave(const proto::PeerHave& note) {
+  for (const proto::StreamHave& stream : note.acknowledged().streams()) {
+    NoteOwnEpoch(StreamKey{stream.origin_agent(), stream.epoch(), stream.data_type()});
+  }
+  return peer_log_.Note(*database_, note);
+}
+
+Result<proto::StorageStatus> RecordStore::GetStatus() {
+  std::map<std::pair<AgentId, DataType>, std::uint64_t> counts;
+  for (const auto& [stream, have] : ledger_.have().streams()) counts[{stream.origin, stream.type}] += have.held.Count();
+  for (const RecordTable& table : RecordTables()) {
+    const Result<std::uint64_t> local = table.CountNotShared(*database_, options_.self);
+    if (!local) return tl::unexpected(local.error());
+    counts[{options_.self, table.type()}] += *local;
+  }
+  proto::StorageStatus status;
+  for (const auto& [key, count] : counts) {
+    if (count == 0) continue;
+    proto::RecordCount& added = *status.add_counts();
+    added.set_origin_agent(key.first);
+    added.set_data_type(key.second);
+    added.set_count(static_cast<double>(count));
+  }
+  status.set_database_bytes(static_cast<double>(database_->BytesOnDisk()));
+  status.set_disk_free_bytes(static_cast<double>(database_->DiskFreeBytes()));
+  status.set_epoch(epoch_);
+  status.set_rejected_count(static_cast<double>(rejected_count_));
+  return status;
+}
+
+}  // namespace moondb

@@ -1,0 +1,120 @@
+// RecordStore: everything that an agent keeps, in one SQLite file: records, what was had of which stream, roles, and
+// what peers have (paper, Sections 3 and 4).
+//
+// Records are immutable and named by (origin, epoch, data type, seq). Each call that writes is one transaction; when
+// it fails, file and memory are as before and the store goes on. Rules:
+// - An epoch begins at the first shared insert of a process: 16 bits of a counter above every own epoch known here,
+//   then 48 random bits, so that a lost or restored disk never uses a name twice. Where a peer turns out to know a
+//   later own epoch (this disk was lost), the present one is closed and the next insert begins one above it.
+// - seqs have no gap within (epoch, type): they are allocated in the transaction that stores their rows.
+// - Under the policy `latest` only the newest record of (origin, type, latest key) is kept, newest by (epoch, seq); the
+//   older one's row goes and its seq becomes dropped in the transaction that stores the newer one. A record that
+//   comes after its superseder is dropped at once.
+// - A peer's drops are taken for `latest` types only, and a row that is the newest of its key here stays until its
+//   superseder comes: batches may overtake each other.
+//
+// From one thread at a time. Not moved, not copied: Open gives a pointer.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "actors/storage/have_ledger.h"
+#include "actors/storage/missing_records.h"
+#include "actors/storage/peer_log.h"
+#include "actors/storage/record_tables.h"
+#include "actors/storage/sqlite_database.h"
+#include "proto/storage.pb.h"
+
+namespace moondb {
+
+class RecordStore {
+ public:
+  struct Options {
+    std::string path;             // The file; its folder exists. ":memory:" for tests.
+    AgentId self = 0;             // Whose store this is. A file remembers it.
+    std::set<AgentId> team;       // All agents, this one too. Records from or about others are refused.
+    Policies policies;            // Of sharing; types without one are not shared.
+    std::uint64_t seed = 0;       // Of the epochs' random bits.
+    std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
+  };
+
+  // Opens, checks and where needed creates or migrates the file. kCorrupt: damaged. kRefused: of a newer version, of
+  // another program or another agent. kUnavailable: in use by another process. kFull, kInternal: as it says.
+  static Result<std::unique_ptr<RecordStore>> Open(Options options);
+
+  // Own records: all of them, or none and an error. A second record of one natural key (node, edge) with the same
+  // content gives the first one's key; with other content it is kInvalid.
+  struct Inserted {
+    proto::InsertReply reply;
+    proto::RecordsStored stored;  // last_row_id 0: no new row.
+  };
+  Inserted Insert(const proto::InsertRequest& request);
+
+  // Records of any origin, from a peer: each is checked and stored or rejected on its own; a failing transaction
+  // stores none. When this returns without error, what `reply.had` says survives a power cut.
+  struct Stored {
+    proto::StoreReply reply;
+    proto::RecordsStored stored;
+    std::vector<Error> rejections;  // The first few, for the log.
+  };
+  Stored Store(const proto::StoreRequest& request);
+
+  proto::HaveReply GetHave() const;
+
+  // Errors: kInvalid for a malformed have-set, else as Database.
+  Result<proto::MissingReply> GetMissing(const proto::MissingRequest& request);
+  Result<proto::ReadReply> Read(const proto::ReadRequest& request);
+  Result<void> SaveRoles(const proto::RoleAssignment& roles);
+  Result<proto::LoadRolesReply> LoadRoles();
+  Result<void> NotePeerHave(const proto::PeerHave& note);
+  Result<proto::StorageStatus> GetStatus();
+
+  // For tests and tools that look into the tables.
+  Database& database() { return *database_; }
+
+ private:
+  class Writing;  // One transaction with its drafts.
+
+  RecordStore(Options options, std::unique_ptr<Database> database)
+      : options_(std::move(options)), database_(std::move(database)), random_(options_.seed) {}
+  Result<void> Load();
+  Result<void> CheckOwner();
+  bool IsLatest(DataType type) const;
+  void NoteOwnEpoch(const StreamKey& stream);
+  Result<std::uint64_t> NextEpoch();
+
+  Result<void> InsertAll(const proto::InsertRequest& request, const std::vector<std::string>& contents,
+                         Inserted& result);
+  Result<void> CheckInsert(const proto::InsertRequest& request) const;
+  Result<void> InsertOne(const proto::Record& record, const std::string& content, bool is_local, Writing& writing,
+                         proto::RecordKey& key);
+
+  struct Opened {
+    RecordKey key;
+    proto::Record record;
+    const proto::StoredRecord* stored;
+  };
+  Result<void> StoreAll(const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
+  Result<void> StoreOne(const Opened& opened, Writing& writing, Stored& result);
+  Result<void> ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing);
+  Result<void> CheckDropped(const proto::StreamHave& dropped, HaveSet& accepted) const;
+  Result<bool> IsSuperseded(const RecordTable& table, const RecordTable::Row& row);
+  void Reject(Error error, Stored& result);
+
+  const Options options_;
+  std::unique_ptr<Database> database_;
+  HaveLedger ledger_;
+  PeerLog peer_log_;
+  std::mt19937_64 random_;
+  std::uint64_t epoch_ = 0;              // 0: the next shared insert begins one.
+  std::uint64_t own_epoch_highest_ = 0;  // Known anywhere.
+  std::uint64_t next_row_id_ = 1;
+  std::uint64_t rejected_count_ = 0;
+};
+
+}  // namespace moondb

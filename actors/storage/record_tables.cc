@@ -1,0 +1,263 @@
+#include "actors/storage/record_tables.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "model/record_check.h"
+
+namespace moondb {
+
+namespace {
+
+void BindPose(const proto::Pose& pose, Query& query) {
+  query << pose.position_m().x() << pose.position_m().y() << pose.position_m().z();
+  query << pose.orientation().x() << pose.orientation().y() << pose.orientation().z() << pose.orientation().w();
+}
+
+void BindNode(const proto::NodeKey& node, Query& query) { query << node.agent_id() << node.index(); }
+
+void BindVersion(const proto::Term& term, std::uint64_t run, Query& query) {
+  query << term.number() << term.issuer() << term.issuer_epoch() << run;
+}
+
+void BindTemperature(const proto::Record& record, Query& query) { query << record.temperature().celsius(); }
+
+void BindPower(const proto::Record& record, Query& query) {
+  query << record.power().battery_ratio() << record.power().draw_w();
+}
+
+void BindAwakeStatus(const proto::Record& record, Query& query) { query << record.awake_status().is_awake(); }
+
+void BindMode(const proto::Record& record, Query& query) { query << static_cast<int>(record.mode().activity()); }
+
+void BindHealth(const proto::Record& record, Query& query) {
+  query << static_cast<int>(record.health().level()) << std::string_view(record.health().text());
+}
+
+void BindExploration(const proto::Record& record, Query& query) { query << record.exploration().explored_ratio(); }
+
+void BindDistributedMeasurements(const proto::Record& record, Query& query) {
+  query << record.distributed_measurements().completed_ratio();
+}
+
+void BindPoseGraphNode(const proto::Record& record, Query& query) {
+  BindNode(record.pose_graph_node().node(), query);
+  BindPose(record.pose_graph_node().map_from_node(), query);
+}
+
+void BindPoseGraphEdge(const proto::Record& record, Query& query) {
+  const proto::PoseGraphEdge& edge = record.pose_graph_edge();
+  BindNode(edge.from(), query);
+  BindNode(edge.to(), query);
+  query << edge.has_range();
+  if (edge.has_range()) {
+    query << edge.range().range_m() << edge.range().variance_m2();
+  } else {
+    query << nullptr << nullptr;
+  }
+}
+
+void BindOptimizedPose(const proto::Record& record, Query& query) {
+  BindNode(record.optimized_pose().node(), query);
+  BindVersion(record.optimized_pose().term(), record.optimized_pose().run(), query);
+  BindPose(record.optimized_pose().map_from_node(), query);
+}
+
+void BindEdgeVerdict(const proto::Record& record, Query& query) {
+  const proto::EdgeVerdict& verdict = record.edge_verdict();
+  BindNode(verdict.from(), query);
+  BindNode(verdict.to(), query);
+  query << verdict.is_range() << verdict.is_inlier() << verdict.residual_sigmas();
+  BindVersion(verdict.term(), verdict.run(), query);
+}
+
+void BindLocalTraversabilityMap(const proto::Record& record, Query& query) {
+  const proto::LocalTraversabilityMap& map = record.local_traversability_map();
+  BindNode(map.node(), query);
+  // CheckRecord demands a layer; the finest stands first.
+  const proto::MapLayer& finest = map.layers(0);
+  query << map.layers_size() << finest.resolution_um() << finest.width_cells() << finest.height_cells();
+  BindPose(map.node_from_map(), query);
+}
+
+std::vector<RecordTable> MakeTables() {
+  const std::string pose = "x, y, z, qx, qy, qz, qw";
+  const std::string ends = "from_agent, from_index, to_agent, to_index, is_range, ";
+  const std::string version = "term_number, term_issuer, term_issuer_epoch, run";
+  std::vector<RecordTable> tables;
+  tables.emplace_back(proto::TEMPERATURE, "celsius", "", BindTemperature);
+  tables.emplace_back(proto::POWER, "battery_ratio, draw_w", "", BindPower);
+  tables.emplace_back(proto::AWAKE_STATUS, "is_awake", "", BindAwakeStatus);
+  tables.emplace_back(proto::MODE, "activity", "", BindMode);
+  tables.emplace_back(proto::HEALTH, "level, text", "", BindHealth);
+  tables.emplace_back(proto::EXPLORATION, "explored_ratio", "", BindExploration);
+  tables.emplace_back(proto::DISTRIBUTED_MEASUREMENTS, "completed_ratio", "", BindDistributedMeasurements);
+  tables.emplace_back(proto::POSE_GRAPH_NODE, "node_agent, node_index, " + pose, "", BindPoseGraphNode);
+  tables.emplace_back(proto::POSE_GRAPH_EDGE, ends + "range_m, variance_m2", "", BindPoseGraphEdge);
+  tables.emplace_back(proto::OPTIMIZED_POSE, "node_agent, node_index, " + version + ", " + pose, "node_agent = ?5",
+                      BindOptimizedPose);
+  tables.emplace_back(proto::EDGE_VERDICT, ends + "is_inlier, residual_sigmas, " + version,
+                      "(from_agent = ?5 OR to_agent = ?5)", BindEdgeVerdict);
+  tables.emplace_back(
+      proto::LOCAL_TRAVERSABILITY_MAP,
+      "node_agent, node_index, layer_count, finest_resolution_um, finest_width_cells, finest_height_cells, " + pose, "",
+      BindLocalTraversabilityMap);
+  return tables;
+}
+
+}  // namespace
+
+RecordTable::RecordTable(DataType data_type, const std::string& columns, const std::string& agent_condition,
+                         BindColumns bind)
+    : type_(data_type), name_(DataTypeName(data_type)), agent_condition_(agent_condition), bind_(bind) {
+  const auto column_count = std::count(columns.begin(), columns.end(), ',') + 1;
+  insert_ = "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content, " +
+            columns + ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
+  for (int i = 0; i < column_count; ++i) insert_ += ", ?";
+  insert_ += ")";
+  delete_ = "DELETE FROM " + name_ + " WHERE row_id = ?";
+  const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key FROM " + name_;
+  const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4";
+  find_ = row + " WHERE origin = ? AND epoch = ? AND seq = ?";
+  find_by_latest_key_ = row + " WHERE origin = ? AND latest_key = ?";
+  find_in_interval_ = row + in_interval;
+  find_by_natural_key_ =
+      "SELECT epoch, seq, content FROM " + name_ + " WHERE natural_key = ? AND origin = ? ORDER BY row_id LIMIT 1";
+  const std::string content = "SELECT row_id, origin, epoch, seq, hash, content FROM " + name_;
+  const std::string count = "SELECT count(*) FROM " + name_;
+  read_interval_ = content + in_interval + " ORDER BY seq";
+  count_interval_ = count + in_interval;
+  if (knows_agent()) {
+    read_interval_of_agent_ = content + in_interval + " AND " + agent_condition_ + " ORDER BY seq";
+    count_interval_of_agent_ = count + in_interval + " AND " + agent_condition_;
+  }
+  read_after_ = content + " WHERE row_id > ? ORDER BY row_id";
+  read_newest_first_ = content + " ORDER BY row_id DESC";
+  count_not_shared_ = count + " WHERE origin = ? AND epoch IS NULL";
+}
+
+Result<void> RecordTable::Insert(Database& database, std::uint64_t row_id, const RecordKey& key,
+                                 const proto::Record& record, std::string_view content, std::uint64_t hash) const {
+  const std::string latest_key = LatestKey(record);
+  const std::string natural_key = NaturalKey(record);
+  Query query = database.Prepare(insert_);
+  query << row_id << key.stream.origin;
+  if (key.seq == 0) {
+    query << nullptr << nullptr;
+  } else {
+    query << key.stream.epoch << key.seq;
+  }
+  query << record.stamp_ns() << std::string_view(latest_key) << std::string_view(natural_key) << hash << Blob{content};
+  bind_(record, query);
+  return query.Run();
+}
+
+Result<void> RecordTable::Delete(Database& database, std::uint64_t row_id) const {
+  return (database.Prepare(delete_) << row_id).Run();
+}
+
+Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
+  std::vector<Row> rows;
+  while (true) {
+    const Result<bool> step = query.Step();
+    if (!step) return tl::unexpected(step.error());
+    if (!*step) return rows;
+    const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2), type_};
+    rows.push_back(
+        Row{query.Unsigned(0), RecordKey{stream, query.Unsigned(3)}, query.Unsigned(4), std::string(query.Bytes(5))});
+  }
+}
+
+Result<std::optional<RecordTable::Row>> RecordTable::Find(Database& database, const RecordKey& key) const {
+  Query query = database.Prepare(find_);
+  query << key.stream.origin << key.stream.epoch << key.seq;
+  const Result<std::vector<Row>> rows = ReadRows(std::move(query));
+  if (!rows) return tl::unexpected(rows.error());
+  return rows->empty() ? std::nullopt : std::optional<Row>(rows->front());
+}
+
+Result<std::vector<RecordTable::Row>> RecordTable::FindByLatestKey(Database& database, AgentId origin,
+                                                                   std::string_view latest_key) const {
+  Query query = database.Prepare(find_by_latest_key_);
+  query << origin << latest_key;
+  return ReadRows(std::move(query));
+}
+
+Result<std::vector<RecordTable::Row>> RecordTable::FindInInterval(Database& database, const StreamKey& stream,
+                                                                  std::uint64_t first, std::uint64_t last) const {
+  Query query = database.Prepare(find_in_interval_);
+  query << stream.origin << stream.epoch << first << last;
+  return ReadRows(std::move(query));
+}
+
+Result<std::optional<RecordTable::Named>> RecordTable::FindByNaturalKey(Database& database, AgentId origin,
+                                                                        std::string_view natural_key) const {
+  Query query = database.Prepare(find_by_natural_key_);
+  query << natural_key << origin;
+  const Result<bool> row = query.Step();
+  if (!row) return tl::unexpected(row.error());
+  if (!*row) return std::optional<Named>();
+  const RecordKey key{StreamKey{origin, query.Unsigned(0), type_}, query.Unsigned(1)};
+  return std::optional<Named>(Named{key, std::string(query.Bytes(2))});
+}
+
+Query RecordTable::ReadInterval(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last,
+                                AgentId agent) const {
+  const bool is_filtered = agent != 0 && knows_agent();
+  Query query = database.Prepare(is_filtered ? read_interval_of_agent_ : read_interval_);
+  query << stream.origin << stream.epoch << first << last;
+  if (is_filtered) query << agent;
+  return query;
+}
+
+Result<std::uint64_t> RecordTable::CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
+                                                 std::uint64_t last, AgentId agent) const {
+  const bool is_filtered = agent != 0 && knows_agent();
+  Query query = database.Prepare(is_filtered ? count_interval_of_agent_ : count_interval_);
+  query << stream.origin << stream.epoch << first << last;
+  if (is_filtered) query << agent;
+  const Result<bool> row = query.Step();
+  if (!row) return tl::unexpected(row.error());
+  return query.Unsigned(0);
+}
+
+Query RecordTable::ReadAfter(Database& database, std::uint64_t row_id) const {
+  Query query = database.Prepare(read_after_);
+  query << row_id;
+  return query;
+}
+
+Query RecordTable::ReadNewestFirst(Database& database) const { return database.Prepare(read_newest_first_); }
+
+Result<std::uint64_t> RecordTable::CountNotShared(Database& database, AgentId origin) const {
+  Query query = database.Prepare(count_not_shared_);
+  query << origin;
+  const Result<bool> row = query.Step();
+  if (!row) return tl::unexpected(row.error());
+  return query.Unsigned(0);
+}
+
+proto::StoredRecord RecordTable::Read(const Query& query) const {
+  proto::StoredRecord record;
+  record.mutable_key()->set_origin_agent(static_cast<AgentId>(query.Integer(1)));
+  record.mutable_key()->set_epoch(query.Unsigned(2));
+  record.mutable_key()->set_data_type(type_);
+  record.mutable_key()->set_seq(query.Unsigned(3));
+  record.set_hash(query.Unsigned(4));
+  record.set_content(std::string(query.Bytes(5)));
+  return record;
+}
+
+const std::vector<RecordTable>& RecordTables() {
+  static const std::vector<RecordTable> kTables = MakeTables();
+  return kTables;
+}
+
+const RecordTable* FindRecordTable(DataType type) {
+  const std::vector<RecordTable>& tables = RecordTables();
+  const auto found =
+      std::find_if(tables.begin(), tables.end(), [type](const RecordTable& table) { return table.type() == type; });
+  return found == tables.end() ? nullptr : &*found;
+}
+
+}  // namespace moondb

@@ -1,0 +1,87 @@
+// RecordTable: where the records of one data type lie, and the SQL that stores and finds them there.
+//
+// Columns beside `content` are derived from it on the way in (schema.h). All functions run inside the caller's
+// transaction where they write, and fail as Database does.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "actors/storage/sqlite_database.h"
+#include "model/ids.h"
+#include "model/record_key.h"
+#include "proto/record.pb.h"
+
+namespace moondb {
+
+class RecordTable {
+ public:
+  // Binds a record's typed columns in the order of `columns`.
+  using BindColumns = void (*)(const proto::Record& record, Query& query);
+
+  RecordTable(DataType data_type, const std::string& columns, const std::string& agent_condition, BindColumns bind);
+
+  DataType type() const { return type_; }
+  const std::string& name() const { return name_; }
+
+  // `key.seq` 0 makes a row that is not shared. `content` is the serialised `record`.
+  Result<void> Insert(Database& database, std::uint64_t row_id, const RecordKey& key, const proto::Record& record,
+                      std::string_view content, std::uint64_t hash) const;
+  Result<void> Delete(Database& database, std::uint64_t row_id) const;
+
+  struct Row {
+    std::uint64_t row_id = 0;
+    RecordKey key;  // seq 0: not shared.
+    std::uint64_t hash = 0;
+    std::string latest_key;
+  };
+  Result<std::optional<Row>> Find(Database& database, const RecordKey& key) const;
+  // Shared or not, of one origin.
+  Result<std::vector<Row>> FindByLatestKey(Database& database, AgentId origin, std::string_view latest_key) const;
+  Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,
+                                          std::uint64_t last) const;
+  // The content of the first row under a natural key.
+  struct Named {
+    RecordKey key;
+    std::string content;
+  };
+  Result<std::optional<Named>> FindByNaturalKey(Database& database, AgentId origin, std::string_view natural_key) const;
+
+  // Columns 0 row_id, 1 origin, 2 epoch, 3 seq, 4 hash, 5 content. `agent` not 0: rows about this agent's nodes only,
+  // in the tables that know a node's agent by `agent_condition`.
+  Query ReadInterval(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last,
+                     AgentId agent) const;
+  Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
+                                      std::uint64_t last, AgentId agent) const;
+  // All rows: after `row_id` with rising row_id, or from the newest down.
+  Query ReadAfter(Database& database, std::uint64_t row_id) const;
+  Query ReadNewestFirst(Database& database) const;
+  Result<std::uint64_t> CountNotShared(Database& database, AgentId origin) const;
+
+  bool knows_agent() const { return !agent_condition_.empty(); }
+
+  // A record as ReadInterval, ReadAfter and ReadNewestFirst give it.
+  proto::StoredRecord Read(const Query& query) const;
+
+ private:
+  Result<std::vector<Row>> ReadRows(Query query) const;
+
+  DataType type_;
+  std::string name_;
+  std::string agent_condition_;
+  BindColumns bind_;
+  std::string insert_, delete_, find_, find_by_latest_key_, find_in_interval_, find_by_natural_key_;
+  std::string read_interval_, count_interval_, read_interval_of_agent_, count_interval_of_agent_;
+  std::string read_after_, read_newest_first_, count_not_shared_;
+};
+
+// One for each built-in type, in the order of the types' numbers.
+const std::vector<RecordTable>& RecordTables();
+
+// Null for a type without a table.
+const RecordTable* FindRecordTable(DataType type);
+
+}  // namespace moondb

@@ -1,0 +1,175 @@
+#include "actors/storage/schema.h"
+
+#include <array>
+#include <string>
+
+namespace moondb {
+
+namespace {
+
+struct TableV1 {
+  int data_type;
+  const char* name;
+  const char* columns;
+};
+
+// Version 1 as it was released. Written out, not taken from today's code: it must not change with it.
+constexpr char kPoseColumnsV1[] =
+    "x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL,"
+    "qx REAL NOT NULL, qy REAL NOT NULL, qz REAL NOT NULL, qw REAL NOT NULL";
+
+constexpr std::array<TableV1, 12> kTablesV1 = {{
+    {1, "temperature", "celsius REAL NOT NULL"},
+    {2, "power", "battery_ratio REAL NOT NULL, draw_w REAL NOT NULL"},
+    {3, "awake_status", "is_awake INTEGER NOT NULL"},
+    {4, "mode", "activity INTEGER NOT NULL"},
+    {5, "health", "level INTEGER NOT NULL, text TEXT NOT NULL"},
+    {10, "exploration", "explored_ratio REAL NOT NULL"},
+    {11, "distributed_measurements", "completed_ratio REAL NOT NULL"},
+    {20, "pose_graph_node", "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, $POSE"},
+    {21, "pose_graph_edge",
+     "from_agent INTEGER NOT NULL, from_index INTEGER NOT NULL, to_agent INTEGER NOT NULL, to_index INTEGER NOT NULL,"
+     "is_range INTEGER NOT NULL, range_m REAL, variance_m2 REAL"},
+    {22, "optimized_pose",
+     "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, term_number INTEGER NOT NULL,"
+     "term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL, run INTEGER NOT NULL, $POSE"},
+    {23, "edge_verdict",
+     "from_agent INTEGER NOT NULL, from_index INTEGER NOT NULL, to_agent INTEGER NOT NULL, to_index INTEGER NOT NULL,"
+     "is_range INTEGER NOT NULL, is_inlier INTEGER NOT NULL, residual_sigmas REAL NOT NULL,"
+     "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL,"
+     "run INTEGER NOT NULL"},
+    {30, "local_traversability_map",
+     "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, layer_count INTEGER NOT NULL,"
+     "finest_resolution_um INTEGER NOT NULL, finest_width_cells INTEGER NOT NULL,"
+     "finest_height_cells INTEGER NOT NULL, $POSE"},
+}};
+
+constexpr char kCommonTablesV1[] = R"sql(
+CREATE TABLE meta(name TEXT PRIMARY KEY, value INTEGER NOT NULL) STRICT, WITHOUT ROWID;
+CREATE TABLE team_agent(agent_id INTEGER PRIMARY KEY) STRICT;
+CREATE TABLE have_interval(
+  origin INTEGER NOT NULL, epoch INTEGER NOT NULL, data_type INTEGER NOT NULL, is_dropped INTEGER NOT NULL,
+  first INTEGER NOT NULL, last INTEGER NOT NULL,
+  PRIMARY KEY(origin, epoch, data_type, is_dropped, first)) STRICT, WITHOUT ROWID;
+CREATE TABLE peer_have(
+  peer INTEGER NOT NULL, origin INTEGER NOT NULL, epoch INTEGER NOT NULL, data_type INTEGER NOT NULL,
+  first INTEGER NOT NULL, last INTEGER NOT NULL,
+  PRIMARY KEY(peer, origin, epoch, data_type, first)) STRICT, WITHOUT ROWID;
+CREATE TABLE handed_over(
+  peer INTEGER NOT NULL, origin INTEGER NOT NULL, epoch INTEGER NOT NULL, data_type INTEGER NOT NULL,
+  seq INTEGER NOT NULL,
+  PRIMARY KEY(peer, origin, epoch, data_type, seq)) STRICT, WITHOUT ROWID;
+CREATE TABLE role_history(
+  row_id INTEGER PRIMARY KEY, term_number INTEGER NOT NULL, leader INTEGER NOT NULL, survivor INTEGER NOT NULL,
+  stamp_ns INTEGER NOT NULL, content BLOB NOT NULL) STRICT;
+INSERT INTO meta VALUES('next_row_id', 1);
+)sql";
+
+constexpr char kIndexesV1[] = R"sql(
+CREATE INDEX pose_graph_node_natural ON pose_graph_node(natural_key, origin);
+CREATE INDEX pose_graph_edge_natural ON pose_graph_edge(natural_key, origin);
+CREATE INDEX optimized_pose_latest ON optimized_pose(latest_key, origin);
+CREATE INDEX edge_verdict_latest ON edge_verdict(latest_key, origin);
+)sql";
+
+// A node's pose is the newest optimized one, else the raw one of the record that stands: of several under one natural
+// key the smallest record key. `(x < 0), x` orders unsigned numbers.
+constexpr char kViewsV1[] = R"sql(
+CREATE VIEW replica AS
+  SELECT printf('%d.%016x.%d.%d', origin, epoch, data_type, seq) AS replica_id, origin AS agent_id
+  FROM shared_record;
+
+CREATE VIEW replication_log AS
+  SELECT replica_id, agent_id, destination_id, sent_status, ack FROM (
+    SELECT printf('%d.%016x.%d.%d', r.origin, r.epoch, r.data_type, r.seq) AS replica_id, r.origin AS agent_id,
+      d.agent_id AS destination_id,
+      EXISTS(SELECT 1 FROM handed_over h WHERE h.peer = d.agent_id AND h.origin = r.origin AND h.epoch = r.epoch
+             AND h.data_type = r.data_type AND h.seq = r.seq) AS sent_status,
+      EXISTS(SELECT 1 FROM peer_have p WHERE p.peer = d.agent_id AND p.origin = r.origin AND p.epoch = r.epoch
+             AND p.data_type = r.data_type AND r.seq BETWEEN p.first AND p.last) AS ack
+    FROM shared_record r CROSS JOIN team_agent d
+    WHERE d.agent_id <> (SELECT value FROM meta WHERE name = 'own_agent'))
+  WHERE sent_status OR ack
+  UNION ALL
+  SELECT printf('%d.%016x.%d.%d', origin, epoch, data_type, seq), origin, own.value, 0, 1
+  FROM shared_record CROSS JOIN meta own
+  WHERE own.name = 'own_agent' AND origin <> own.value;
+
+CREATE VIEW v_node_pose AS
+  WITH raw AS (
+    SELECT *, row_number() OVER (PARTITION BY node_agent, node_index
+      ORDER BY epoch IS NULL, origin, epoch < 0, epoch, seq, row_id) AS place FROM pose_graph_node),
+  best AS (
+    SELECT *, row_number() OVER (PARTITION BY node_agent, node_index
+      ORDER BY term_number < 0 DESC, term_number DESC, term_issuer DESC, term_issuer_epoch < 0 DESC,
+        term_issuer_epoch DESC, run < 0 DESC, run DESC, row_id DESC) AS place FROM optimized_pose)
+  SELECT raw.node_agent, raw.node_index, raw.stamp_ns, best.row_id IS NOT NULL AS is_optimized,
+    COALESCE(best.x, raw.x) AS x, COALESCE(best.y, raw.y) AS y, COALESCE(best.z, raw.z) AS z,
+    COALESCE(best.qx, raw.qx) AS qx, COALESCE(best.qy, raw.qy) AS qy, COALESCE(best.qz, raw.qz) AS qz,
+    COALESCE(best.qw, raw.qw) AS qw
+  FROM raw LEFT JOIN best
+    ON best.node_agent = raw.node_agent AND best.node_index = raw.node_index AND best.place = 1
+  WHERE raw.place = 1;
+)sql";
+
+std::string TableSql(const TableV1& table) {
+  std::string columns = table.columns;
+  if (const auto at = columns.find("$POSE"); at != std::string::npos) columns.replace(at, 5, kPoseColumnsV1);
+  return std::string("CREATE TABLE ") + table.name +
+         "(row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,"
+         "latest_key TEXT NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL," +
+         columns +
+         ", content BLOB NOT NULL, CHECK((epoch IS NULL) = (seq IS NULL)), UNIQUE(origin, epoch, seq)) STRICT;";
+}
+
+std::string Version1() {
+  std::string sql = kCommonTablesV1;
+  std::string shared_record = "CREATE VIEW shared_record AS ";
+  const char* joint = "";
+  for (const TableV1& table : kTablesV1) {
+    sql += TableSql(table);
+    shared_record += std::string(joint) + "SELECT " + std::to_string(table.data_type) +
+                     " AS data_type, row_id, origin, epoch, seq, stamp_ns FROM " + table.name +
+                     " WHERE seq IS NOT NULL";
+    joint = " UNION ALL ";
+  }
+  return sql + kIndexesV1 + shared_record + ";" + kViewsV1;
+}
+
+// The step from version `from` to the next.
+std::string Step(int from) {
+  switch (from) {
+    case 0:
+      return Version1();
+    default:
+      return {};
+  }
+}
+
+}  // namespace
+
+Result<void> Migrate(Database& database) {
+  const Result<std::int64_t> version = database.Number("PRAGMA user_version");
+  if (!version) return tl::unexpected(version.error());
+  if (*version == kSchemaVersion) return {};
+  if (*version > kSchemaVersion) {
+    return Fail(ErrorCode::kRefused, "database " + database.path() + " has schema version " + std::to_string(*version) +
+                                         "; this program knows up to " + std::to_string(kSchemaVersion) +
+                                         ": start a newer moondb");
+  }
+  const Result<std::int64_t> table_count = database.Number("SELECT count(*) FROM sqlite_master");
+  if (!table_count) return tl::unexpected(table_count.error());
+  if (*version < 0 || (*version == 0 && *table_count != 0)) {
+    return Fail(ErrorCode::kRefused, "database " + database.path() + " is not one of moondb's");
+  }
+  Result<Transaction> transaction = Transaction::Begin(database);
+  if (!transaction) return tl::unexpected(transaction.error());
+  for (int from = static_cast<int>(*version); from < kSchemaVersion; ++from) {
+    if (const Result<void> done = database.Execute(Step(from)); !done) return done;
+  }
+  const Result<void> marked = database.Execute("PRAGMA user_version=" + std::to_string(kSchemaVersion));
+  if (!marked) return marked;
+  return transaction->Commit();
+}
+
+}  // namespace moondb

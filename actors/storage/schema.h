@@ -1,0 +1,21 @@
+// The tables and views of an agent's database, and how an older file becomes today's.
+//
+// One table per data type (paper, Table 1): typed columns for SQL, derived from `content`, which alone is kept for
+// ever and travels. row_id is one sequence over all of these tables, rising in the order of storing. epoch and seq are
+// NULL for a row that was not marked for sharing. have_interval says which seqs are held and which are dropped.
+// The views `replica` and `replication_log` are the paper's tables (Section 4), for people: the have-set decides.
+// 64-bit unsigned numbers stand as the signed ones of the same bits.
+#pragma once
+
+#include "actors/storage/sqlite_database.h"
+
+namespace moondb {
+
+// A change of tables or views is a new version with its own step; steps that were ever released stay as they are.
+inline constexpr int kSchemaVersion = 1;
+
+// Brings the file to kSchemaVersion in one transaction, so that a crash leaves it old or new. kRefused for a newer
+// file or one that is another program's.
+Result<void> Migrate(Database& database);
+
+}  // namespace moondb

@@ -1,0 +1,131 @@
+// Database, Transaction, Query: SQLite as values and scopes; the one file that calls sqlite3.
+//
+// Used from one thread at a time. Statements are prepared once and kept (4.7 times faster than SQL text). Unsigned
+// 64-bit numbers are stored as the signed number of the same bits: compare them in C++, or in SQL by
+// `(x < 0), x`.
+//
+// Errors of every call: kFull (disk or size limit), kCorrupt (damaged file, or none of SQLite's), kUnavailable (locked
+// by another process), kInternal (anything else: I/O, permissions). After an error inside a Transaction, let it go.
+#pragma once
+
+#include <concepts>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+
+#include "model/error.h"
+
+struct sqlite3;
+struct sqlite3_stmt;
+
+namespace moondb {
+
+struct Blob {
+  std::string_view bytes;
+};
+
+class Database;
+
+// One use of a prepared statement; gives it back when it goes out of scope. The same SQL cannot be in use twice.
+class Query {
+ public:
+  Query(Query&& other) noexcept;
+  Query& operator=(Query&&) = delete;
+  ~Query();
+
+  // Binds the next parameter, from the first on. Text and bytes must live until the last Step.
+  Query& operator<<(std::integral auto value) { return BindInteger(static_cast<std::int64_t>(value)); }
+  Query& operator<<(double value);
+  Query& operator<<(std::string_view text);
+  Query& operator<<(Blob blob);
+  Query& operator<<(std::nullptr_t);
+
+  // True: a row is there to be read. False: there are no more.
+  Result<bool> Step();
+  // Steps to the end.
+  Result<void> Run();
+
+  // Of the present row, columns from 0. The views live until the next Step.
+  std::int64_t Integer(int column) const;
+  std::uint64_t Unsigned(int column) const { return static_cast<std::uint64_t>(Integer(column)); }
+  double Real(int column) const;
+  std::string_view Bytes(int column) const;  // Text too; empty for NULL.
+  bool IsNull(int column) const;
+
+ private:
+  friend class Database;
+  struct Prepared {
+    sqlite3_stmt* statement = nullptr;
+    bool is_in_use = false;
+  };
+  Query(Database& database, Prepared* prepared, int code) : database_(&database), prepared_(prepared), code_(code) {}
+  Query& BindInteger(std::int64_t value);
+  void Note(int code);
+
+  Database* database_;
+  Prepared* prepared_;
+  int code_;           // The first failure of preparing or binding; Step reports it.
+  int parameter_ = 0;  // The last one bound.
+};
+
+class Database {
+ public:
+  // How much a commit survives: kFull even a power cut, kNormal a killed process.
+  enum class Durability { kFull, kNormal };
+
+  // Opens or creates `path` in WAL mode; ":memory:" gives one that goes with this object. A file is locked (PATH.lock)
+  // against a second writer, but other processes may read it. `bytes_max` bounds the file; 0: the disk does.
+  static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0);
+  ~Database();
+  Database(const Database&) = delete;
+  Database& operator=(const Database&) = delete;
+
+  // `sql` is one statement of ours.
+  Query Prepare(const std::string& sql);
+
+  // Any number of statements without parameters and results.
+  Result<void> Execute(const std::string& sql);
+
+  // The first column of the first row, as a number. kNotFound without a row.
+  Result<std::int64_t> Number(const std::string& sql);
+
+  // kCorrupt if the file is damaged. Reads the whole file.
+  Result<void> QuickCheck();
+
+  const std::string& path() const { return path_; }
+  std::uint64_t BytesOnDisk() const;    // File and write-ahead log; 0 in memory.
+  std::uint64_t DiskFreeBytes() const;  // Where the file lies; 0 in memory.
+
+ private:
+  friend class Query;
+  friend class Transaction;
+  explicit Database(std::string path) : path_(std::move(path)) {}
+  Result<void> Lock();
+  tl::unexpected<Error> FailWith(int code) const;
+  Result<void> SetDurability(Durability durability);
+
+  std::string path_;
+  int lock_file_ = -1;
+  sqlite3* connection_ = nullptr;
+  Durability durability_ = Durability::kFull;
+  std::unordered_map<std::string, Query::Prepared> statements_;
+};
+
+// All or nothing: what is not committed when this goes out of scope is rolled back.
+class Transaction {
+ public:
+  static Result<Transaction> Begin(Database& database, Database::Durability durability = Database::Durability::kFull);
+  Transaction(Transaction&& other) noexcept : database_(other.database_) { other.database_ = nullptr; }
+  Transaction& operator=(Transaction&&) = delete;
+  ~Transaction();
+
+  Result<void> Commit();
+
+ private:
+  explicit Transaction(Database& database) : database_(&database) {}
+  Database* database_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,162 @@
+#include "actors/storage/storage_actor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <utility>
+
+#include "runtime/team_config.h"
+
+namespace moondb {
+
+StorageActor::StorageActor(Options options) : options_(std::move(options)) {}
+
+StorageActor::~StorageActor() = default;
+
+RecordStore::Options StorageActor::StoreOptions(const Options& options) {
+  RecordStore::Options store;
+  store.path = options.path;
+  store.self = options.self;
+  store.bytes_max = options.bytes_max;
+  for (const proto::AgentConfig& agent : options.team.agents()) store.team.insert(agent.id());
+  for (const RecordTable& table : RecordTables()) {
+    store.policies[table.type()] = PolicyOf(options.team.share(), table.type());
+  }
+  return store;
+}
+
+void StorageActor::OnStart(Context& context) {
+  RecordStore::Options options = StoreOptions(options_);
+  options.seed = context.rng()();
+  Result<std::unique_ptr<RecordStore>> store = RecordStore::Open(std::move(options));
+  if (!store) {
+    spdlog::error("storage: {}", ToString(store.error()));
+    context.Fail(store.error());
+    return;
+  }
+  store_ = *std::move(store);
+}
+
+void StorageActor::OnMessage(Context& context, const proto::Message& message) {
+  if (!store_) return;
+  switch (message.body_case()) {
+    case proto::Message::kInsertRequest:
+      return OnInsert(context, message.insert_request());
+    case proto::Message::kStoreRequest:
+      return OnStore(context, message.store_request());
+    case proto::Message::kHaveRequest: {
+      proto::Message reply;
+      *reply.mutable_have_reply() = store_->GetHave();
+      return Answer(context, std::move(reply));
+    }
+    case proto::Message::kMissingRequest:
+      return OnMissing(context, message.missing_request());
+    case proto::Message::kReadRequest:
+      return OnRead(context, message.read_request());
+    case proto::Message::kSaveRolesRequest:
+      return OnSaveRoles(context, message.save_roles_request());
+    case proto::Message::kLoadRolesRequest:
+      return OnLoadRoles(context);
+    case proto::Message::kPeerHave: {
+      const Result<void> noted = store_->NotePeerHave(message.peer_have());
+      if (!noted) spdlog::warn("storage: replication log: {}", ToString(noted.error()));
+      return;
+    }
+    case proto::Message::kStorageStatusRequest:
+      return OnStatus(context);
+    default:
+      spdlog::debug("storage: ignored a message of kind {}", static_cast<int>(message.body_case()));
+  }
+}
+
+void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
+  RecordStore::Inserted inserted = store_->Insert(request);
+  proto::Message reply;
+  *reply.mutable_insert_reply() = std::move(inserted.reply);
+  Answer(context, std::move(reply));
+  Notify(context, inserted.stored);
+}
+
+void StorageActor::OnStore(Context& context, const proto::StoreRequest& request) {
+  RecordStore::Stored stored = store_->Store(request);
+  for (const Error& rejection : stored.rejections) {
+    spdlog::warn("storage: rejected from agent {}: {}", request.sender(), ToString(rejection));
+  }
+  if (IsError(stored.reply.error())) {
+    spdlog::error("storage: stored nothing from agent {}: {}", request.sender(), stored.reply.error().text());
+  }
+  proto::Message reply;
+  *reply.mutable_store_reply() = std::move(stored.reply);
+  Answer(context, std::move(reply));
+  Notify(context, stored.stored);
+}
+
+void StorageActor::OnMissing(Context& context, const proto::MissingRequest& request) {
+  proto::Message message;
+  Result<proto::MissingReply> reply = store_->GetMissing(request);
+  if (reply) {
+    *message.mutable_missing_reply() = *std::move(reply);
+  } else {
+    spdlog::error("storage: cannot say what is missing: {}", ToString(reply.error()));
+    // Nothing to send, yet not done: the session asks again.
+    message.mutable_missing_reply()->set_remaining(1);
+  }
+  Answer(context, std::move(message));
+}
+
+void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
+  proto::Message message;
+  Result<proto::ReadReply> reply = store_->Read(request);
+  if (reply) {
+    *message.mutable_read_reply() = *std::move(reply);
+  } else {
+    *message.mutable_read_reply()->mutable_error() = ToProto(reply.error());
+  }
+  Answer(context, std::move(message));
+}
+
+void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& request) {
+  proto::Message reply;
+  proto::SaveRolesReply& body = *reply.mutable_save_roles_reply();
+  const Result<void> saved = store_->SaveRoles(request.roles());
+  if (!saved) *body.mutable_error() = ToProto(saved.error());
+  Answer(context, std::move(reply));
+}
+
+void StorageActor::OnLoadRoles(Context& context) {
+  Result<proto::LoadRolesReply> loaded = store_->LoadRoles();
+  if (!loaded) {
+    // Acting without knowing one's roles would be worse than starting again.
+    context.Fail(loaded.error());
+    return;
+  }
+  proto::Message reply;
+  *reply.mutable_load_roles_reply() = *std::move(loaded);
+  Answer(context, std::move(reply));
+}
+
+void StorageActor::OnStatus(Context& context) {
+  Result<proto::StorageStatus> status = store_->GetStatus();
+  if (!status) spdlog::warn("storage: status: {}", ToString(status.error()));
+  proto::Message reply;
+  *reply.mutable_storage_status() = status ? *std::move(status) : proto::StorageStatus();
+  Answer(context, std::move(reply));
+}
+
+void StorageActor::Answer(Context& context, proto::Message reply) {
+  const SendResult sent = context.Reply(std::move(reply));
+  if (sent != SendResult::kAccepted) {
+    spdlog::warn("storage: reply to {}: {}", ToString(context.sender()), ToString(sent));
+  }
+}
+
+void StorageActor::Notify(Context& context, const proto::RecordsStored& stored) {
+  if (stored.last_row_id() == 0) return;
+  for (const std::string& actor : options_.notify) {
+    proto::Message message;
+    *message.mutable_records_stored() = stored;
+    // A full mailbox loses nothing: readers page by row id, and the next commit tells them again.
+    (void)context.Send({context.self().agent, actor}, std::move(message));
+  }
+}
+
+}  // namespace moondb

@@ -1,0 +1,52 @@
+// StorageActor: the one owner of an agent's database; answers what proto/storage.proto lets others ask.
+//
+// Thin: RecordStore does the work. Every reply comes after the commit that it speaks of. A failed write is an error in
+// its reply, and the actor goes on; a file that cannot be opened fails the actor. Spawn it with a thread of its own:
+// commits wait for the disk.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "actors/storage/record_store.h"
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class StorageActor final : public Actor {
+ public:
+  struct Options {
+    std::string path;                 // The database file; its folder exists. ":memory:" for tests.
+    AgentId self = 0;                 // This agent, which is in `team`.
+    proto::TeamConfig team;           // Checked; its agents and its policies `share` are read.
+    std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.
+    std::uint64_t bytes_max = 0;      // Of the file; 0: as the disk allows.
+  };
+
+  explicit StorageActor(Options options);
+  ~StorageActor() override;
+
+  // The same store as the actor's, for a check at a program's start: open it, show the error, close it again.
+  static RecordStore::Options StoreOptions(const Options& options);
+
+  void OnStart(Context& context) override;
+  void OnMessage(Context& context, const proto::Message& message) override;
+
+ private:
+  void OnInsert(Context& context, const proto::InsertRequest& request);
+  void OnStore(Context& context, const proto::StoreRequest& request);
+  void OnMissing(Context& context, const proto::MissingRequest& request);
+  void OnRead(Context& context, const proto::ReadRequest& request);
+  void OnSaveRoles(Context& context, const proto::SaveRolesRequest& request);
+  void OnLoadRoles(Context& context);
+  void OnStatus(Context& context);
+  void Answer(Context& context, proto::Message reply);
+  void Notify(Context& context, const proto::RecordsStored& stored);
+
+  const Options options_;
+  std::unique_ptr<RecordStore> store_;
+};
+
+}  // namespace moondb
