@@ -1,0 +1,214 @@
+#include "actors/pgo/cost_terms.h"
+
+#include <ceres/iteration_callback.h>
+#include <ceres/loss_function.h>
+#include <ceres/solver.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+namespace moondb {
+
+namespace {
+
+class StopCallback final : public ceres::IterationCallback {
+ public:
+  explicit StopCallback(const std::function<bool()>& stop_requested) : stop_requested_(stop_requested) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+    return stop_requested_() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const std::function<bool()>& stop_requested_;
+};
+
+ceres::Problem::Options ProblemOptions() {
+  ceres::Problem::Options options;
+  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  return options;
+}
+
+ceres::Solver::Options SolveOptions(const SolverOptions& options, bool is_warm, bool is_dogleg) {
+  ceres::Solver::Options result;
+  result.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+#ifdef MOONDB_EIGEN_SPARSE
+  result.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+#else
+  result.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
+#endif
+  result.num_threads = options.thread_count;
+  result.max_num_iterations = options.iterations_max;
+  // Nearly Gauss-Newton where the start is good; careful where it is bare odometry.
+  result.initial_trust_region_radius = is_warm ? 1e16 : 1e4;
+  if (is_dogleg) {
+    result.trust_region_strategy_type = ceres::DOGLEG;
+    result.initial_trust_region_radius = 1e4;
+  }
+  // Ranges leave shallow valleys along which the default tolerance of 1e-6 stops too early.
+  result.function_tolerance = 1e-9;
+  result.parameter_tolerance = 1e-9;
+  result.logging_type = ceres::SILENT;
+  return result;
+}
+
+bool IsFinite(const State& state) {
+  const auto is_finite = [](double value) { return std::isfinite(value); };
+  for (const PoseBlock& pose : state.poses) {
+    if (!std::all_of(pose.begin(), pose.end(), is_finite)) return false;
+  }
+  return std::all_of(state.numbers.begin(), state.numbers.end(), is_finite);
+}
+
+Eigen::Vector3d UpInBody(const CheckedNode& node, GravityReference reference) {
+  if (reference == GravityReference::kLevelGround) return Eigen::Vector3d::UnitZ();
+  return node.raw.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+}
+
+Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent) {
+  const auto facts = agents.find(agent);
+  return facts == agents.end() ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : facts->second.antenna_m;
+}
+
+}  // namespace
+
+CostTerms::CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
+                     const AgentFactsMap& agents, const InitialValues& initial, const SolverOptions& options)
+    : graph_(graph), options_(options), is_warm_(2 * initial.warm_count > graph.nodes.size()) {
+  for (const Pose& pose : initial.poses) initial_.poses.push_back(ToBlock(pose));
+  for (const double scale : initial.scales) AddNumber(scale, options.scale_sigma);
+  AddOdometry(rovers);
+  AddRanges(agents);
+  AddPriors(rovers, starts);
+}
+
+void CostTerms::AddNumber(double value, double sigma) {
+  initial_.numbers.push_back(value);
+  const int number = static_cast<int>(initial_.numbers.size()) - 1;
+  terms_.push_back(Term{MakeZeroPriorFactor(sigma), kNone, kNone, number, kNone});
+}
+
+void CostTerms::AddOdometry(const std::vector<Rover>& rovers) {
+  std::map<AgentId, int> scale_of;
+  for (std::size_t i = 0; i < rovers.size(); ++i) scale_of[rovers[i].agent] = static_cast<int>(i);
+  for (const CheckedOdometry& odometry : graph_.odometry) {
+    const auto scale = scale_of.find(graph_.nodes[odometry.from].key.agent);
+    if (scale == scale_of.end()) continue;  // A base station's: it stands still by configuration.
+    terms_.push_back(Term{MakeOdometryFactor(odometry.edge->from_from_to, odometry.edge->covariance),
+                          static_cast<int>(odometry.from), static_cast<int>(odometry.to), scale->second, kNone});
+  }
+}
+
+void CostTerms::AddRanges(const AgentFactsMap& agents) {
+  std::map<std::pair<AgentId, AgentId>, int> bias_of;
+  for (std::size_t i = 0; i < graph_.ranges.size(); ++i) {
+    const CheckedRange& range = graph_.ranges[i];
+    const AgentId a = graph_.nodes[range.from].key.agent;
+    const AgentId b = graph_.nodes[range.to].key.agent;
+    const auto [bias, is_new] = bias_of.try_emplace(std::minmax(a, b), static_cast<int>(initial_.numbers.size()));
+    if (is_new) AddNumber(0, options_.bias_sigma_m);
+    range_terms_.push_back(terms_.size());
+    terms_.push_back(Term{MakeRangeFactor(range.edge->range_m, std::sqrt(range.edge->variance_m2), AntennaOf(agents, a),
+                                          AntennaOf(agents, b)),
+                          static_cast<int>(range.from), static_cast<int>(range.to), bias->second, static_cast<int>(i)});
+  }
+}
+
+void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts) {
+  const auto add = [this](std::unique_ptr<ceres::CostFunction> factor, std::size_t node) {
+    terms_.push_back(Term{std::move(factor), static_cast<int>(node), kNone, kNone, kNone});
+  };
+  for (std::size_t i = 0; i < rovers.size(); ++i) {
+    const Rover& rover = rovers[i];
+    add(MakePosePriorFactor(starts[i].map_from_node, starts[i].sigma_m, starts[i].sigma_rad), rover.first);
+    for (const std::size_t head : rover.part_heads) {
+      if (head == rover.first) continue;
+      const Pose initial = FromBlock(initial_.poses[head]);
+      add(MakePosePriorFactor(initial, options_.loose_sigma_m, options_.loose_sigma_rad), head);
+    }
+    for (std::size_t node = rover.first; node < rover.first + rover.count; ++node) {
+      add(MakeGravityFactor(UpInBody(graph_.nodes[node], options_.gravity_reference), options_.gravity_sigma_rad),
+          node);
+    }
+  }
+}
+
+bool CostTerms::IsUsed(const Term& term, const std::vector<bool>& uses_range) const {
+  return term.range == kNone || uses_range[static_cast<std::size_t>(term.range)];
+}
+
+std::vector<double*> CostTerms::BlocksOf(const Term& term, State& state) {
+  std::vector<double*> blocks;
+  if (term.pose_a != kNone) blocks.push_back(state.poses[static_cast<std::size_t>(term.pose_a)].data());
+  if (term.pose_b != kNone) blocks.push_back(state.poses[static_cast<std::size_t>(term.pose_b)].data());
+  if (term.number != kNone) blocks.push_back(&state.numbers[static_cast<std::size_t>(term.number)]);
+  return blocks;
+}
+
+void CostTerms::AddTerms(const std::vector<bool>& uses_range, ceres::LossFunction* range_loss, State& state,
+                         ceres::Problem& problem) const {
+  for (const Term& term : terms_) {
+    if (!IsUsed(term, uses_range)) continue;
+    problem.AddResidualBlock(term.factor.get(), term.range == kNone ? nullptr : range_loss, BlocksOf(term, state));
+  }
+}
+
+StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, Loss loss, State& state) const {
+  const State begin = state;
+  StageResult first = Try(uses_range, loss, /*is_dogleg=*/false, state);
+  if (first.has_converged || (options_.stop_requested && options_.stop_requested())) return first;
+  state = begin;
+  StageResult second = Try(uses_range, loss, /*is_dogleg=*/true, state);
+  second.iterations += first.iterations;
+  return second;
+}
+
+StageResult CostTerms::Try(const std::vector<bool>& uses_range, Loss loss, bool is_dogleg, State& state) const {
+  PoseManifold manifold;
+  ceres::CauchyLoss cauchy(options_.cauchy_sigmas);
+  ceres::Problem problem(ProblemOptions());
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
+    if (graph_.nodes[node].is_fixed) problem.SetParameterBlockConstant(state.poses[node].data());
+  }
+  AddTerms(uses_range, loss == Loss::kCauchyOnRanges ? &cauchy : nullptr, state, problem);
+
+  ceres::Solver::Options solve_options = SolveOptions(options_, is_warm_, is_dogleg);
+  StopCallback stop(options_.stop_requested);
+  if (options_.stop_requested) solve_options.callbacks.push_back(&stop);
+  ceres::Solver::Summary summary;
+  ceres::Solve(solve_options, &problem, &summary);
+
+  StageResult result;
+  result.has_converged = summary.termination_type == ceres::CONVERGENCE && IsFinite(state);
+  result.iterations = static_cast<int>(summary.iterations.size());
+  if (!result.has_converged) result.text = summary.message;
+  return result;
+}
+
+double CostTerms::Cost(const std::vector<bool>& uses_range, const State& state) const {
+  State copy = state;  // Ceres' blocks are not const.
+  double square_sum = 0;
+  std::array<double, 6> residuals{};
+  for (const Term& term : terms_) {
+    if (!IsUsed(term, uses_range)) continue;
+    term.factor->Evaluate(BlocksOf(term, copy).data(), residuals.data(), nullptr);
+    for (int i = 0; i < term.factor->num_residuals(); ++i) square_sum += residuals[i] * residuals[i];
+  }
+  return square_sum / 2;
+}
+
+std::vector<double> CostTerms::RangeResiduals(const State& state) const {
+  State copy = state;
+  std::vector<double> residuals(range_terms_.size());
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    const Term& term = terms_[range_terms_[i]];
+    term.factor->Evaluate(BlocksOf(term, copy).data(), &residuals[i], nullptr);
+  }
+  return residuals;
+}
+
+}  // namespace moondb

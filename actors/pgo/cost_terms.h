@@ -1,0 +1,82 @@
+// CostTerms: the cost function of one pose graph, and its minimisation by Ceres with some ranges left out.
+//
+// One object serves all stages of a solve: factors are made once, a State holds the numbers they act on.
+// Single-threaded apart from Ceres' own threads.
+#pragma once
+
+#include <ceres/cost_function.h>
+#include <ceres/problem.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "actors/pgo/factors.h"
+#include "actors/pgo/graph_check.h"
+#include "actors/pgo/initial_values.h"
+#include "actors/pgo/pose_graph_solver.h"
+
+namespace moondb {
+
+// What a solve changes.
+struct State {
+  std::vector<PoseBlock> poses;  // Of CheckedGraph::nodes.
+  std::vector<double> numbers;   // Scales of the rovers, then biases of the pairs.
+};
+
+enum class Loss { kNone, kCauchyOnRanges };
+
+struct StageResult {
+  bool has_converged = false;
+  int iterations = 0;
+  std::string text;  // Why not.
+};
+
+class CostTerms {
+ public:
+  CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
+            const AgentFactsMap& agents, const InitialValues& initial, const SolverOptions& options);
+
+  const State& initial() const { return initial_; }
+
+  // Minimises from `state`, in place, over all terms but the ranges whose place in `uses_range` is false.
+  // A first try with Levenberg-Marquardt, a second with dogleg.
+  StageResult Minimise(const std::vector<bool>& uses_range, Loss loss, State& state) const;
+
+  // F without any loss, over the same terms.
+  double Cost(const std::vector<bool>& uses_range, const State& state) const;
+
+  // The residual of each range, in sigmas.
+  std::vector<double> RangeResiduals(const State& state) const;
+
+ private:
+  static constexpr int kNone = -1;
+
+  // One factor and the blocks that it acts on.
+  struct Term {
+    std::unique_ptr<ceres::CostFunction> factor;
+    int pose_a = kNone;
+    int pose_b = kNone;
+    int number = kNone;
+    int range = kNone;  // Its place in CheckedGraph::ranges.
+  };
+
+  void AddOdometry(const std::vector<Rover>& rovers);
+  void AddRanges(const AgentFactsMap& agents);
+  void AddPriors(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts);
+  void AddNumber(double value, double sigma);
+  bool IsUsed(const Term& term, const std::vector<bool>& uses_range) const;
+  static std::vector<double*> BlocksOf(const Term& term, State& state);
+  StageResult Try(const std::vector<bool>& uses_range, Loss loss, bool is_dogleg, State& state) const;
+  void AddTerms(const std::vector<bool>& uses_range, ceres::LossFunction* range_loss, State& state,
+                ceres::Problem& problem) const;
+
+  const CheckedGraph& graph_;
+  const SolverOptions& options_;
+  bool is_warm_;
+  State initial_;
+  std::vector<Term> terms_;
+  std::vector<std::size_t> range_terms_;  // Positions in terms_, in the order of CheckedGraph::ranges.
+};
+
+}  // namespace moondb

@@ -1,0 +1,66 @@
+// Factors: the terms of the pose graph's cost, 1/2 sum |residual|^2 (paper, Section 5.2), with analytic Jacobians.
+//
+// A node is one parameter block of seven numbers: position x y z (m), quaternion x y z w; map_from_node. PoseManifold
+// perturbs it by six: p + dp in the frame `map`, q * exp(dtheta) in the node's own frame.
+//
+// The Jacobian of a pose block has seven columns: the derivative by (dp, dtheta) in the first six, zeros in the last.
+// PoseManifold::PlusJacobian is the matching [I6; 0], so the product that Ceres forms is the derivative by the
+// perturbation itself. Hence these factors work with PoseManifold only.
+//
+// Every Make function returns an object that the caller (a ceres::Problem) owns. Values must be finite and sigmas
+// positive: GraphCheck has seen to it.
+#pragma once
+
+#include <ceres/cost_function.h>
+#include <ceres/manifold.h>
+
+#include <Eigen/Core>
+#include <array>
+#include <memory>
+
+#include "model/geometry.h"
+#include "model/pose_graph.h"
+
+namespace moondb {
+
+inline constexpr int kPoseSize = 7;
+inline constexpr int kPoseTangentSize = 6;
+
+using PoseBlock = std::array<double, kPoseSize>;
+
+PoseBlock ToBlock(const Pose& pose);
+Pose FromBlock(const PoseBlock& block);  // Normalises the quaternion.
+
+class PoseManifold final : public ceres::Manifold {
+ public:
+  int AmbientSize() const override { return kPoseSize; }
+  int TangentSize() const override { return kPoseTangentSize; }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  bool PlusJacobian(const double* x, double* jacobian) const override;
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
+  bool MinusJacobian(const double* x, double* jacobian) const override;
+};
+
+// One step of odometry. Blocks: pose i, pose j, scale s. Six residuals:
+//   W [ R_i^T (p_j - p_i) - (1 + s) t ;  2 vec(dq) ],   dq = q_measured^-1 q_i^-1 q_j with w >= 0,   W^T W =
+//   covariance^-1.
+// s is the rover's own odometry scale error: wheels and visual-inertial odometry are wrong by a constant factor.
+std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance);
+
+// One range. Blocks: pose a, pose b, bias. One residual:
+//   (|p_a + R_a l_a - p_b - R_b l_b| + bias - range) / sigma
+// with the antennas l in the bodies' frames. At zero distance the direction is undefined and counts as zero.
+std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigma_m, const Eigen::Vector3d& antenna_a_m,
+                                                     const Eigen::Vector3d& antenna_b_m);
+
+// Roll and pitch as gravity shows them, yaw free. Block: pose. Two residuals: x and y of
+//   (R^T e_z - up) / sigma,   up: the direction of the frame `map`'s z axis, in the body's frame, of unit length.
+std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad);
+
+// What is known of a node beforehand. Block: pose. Six residuals: (p - p_0) / sigma_m, 2 vec(q_0^-1 q) / sigma_rad.
+std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const Pose& map_from_node, double sigma_m, double sigma_rad);
+
+// A scale or a bias that is about zero. Block: the number. One residual: value / sigma.
+std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma);
+
+}  // namespace moondb

@@ -1,0 +1,121 @@
+#include "actors/pgo/initial_values.h"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+namespace moondb {
+
+namespace {
+
+constexpr double kScaleErrorMax = 0.1;  // More than five sigma of a rover's scale.
+constexpr double kWarmLengthMinM = 5;   // Less travelled distance says nothing about the scale.
+constexpr double kDefaultStartSigmaM = 0.05;
+constexpr double kDefaultStartSigmaRad = 0.01;
+
+// Raw poses are the start composed with odometry, so a first node's raw pose that lies far from the configured start
+// belongs to a later node, whose predecessors are not here.
+bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
+  if (first.key.index == 0) return true;
+  const double near_m = std::max(5 * facts.start_sigma_m, 0.5);
+  return (first.raw.position_m - facts.start->position_m).norm() < near_m &&
+         first.raw.orientation.angularDistance(facts.start->orientation) < 0.2;
+}
+
+using Poses = std::vector<std::optional<Pose>>;
+
+Pose Scaled(const Pose& step, double scale) { return Pose{(1 + scale) * step.position_m, step.orientation}; }
+
+// Which odometry touches each node, by position in graph.odometry.
+std::vector<std::vector<std::size_t>> FindTouching(const CheckedGraph& graph) {
+  std::vector<std::vector<std::size_t>> touching(graph.nodes.size());
+  for (std::size_t i = 0; i < graph.odometry.size(); ++i) {
+    touching[graph.odometry[i].from].push_back(i);
+    touching[graph.odometry[i].to].push_back(i);
+  }
+  return touching;
+}
+
+// Least squares over the steps whose ends the last solution holds: minimises sum |d - (1 + s) t|^2.
+double EstimateScale(const CheckedGraph& graph, const Rover& rover, const Poses& poses) {
+  double product_sum = 0;
+  double square_sum = 0;
+  double length_m = 0;
+  for (const CheckedOdometry& odometry : graph.odometry) {
+    if (odometry.from < rover.first || odometry.from >= rover.first + rover.count) continue;
+    if (!poses[odometry.from] || !poses[odometry.to]) continue;
+    const Eigen::Vector3d& step = odometry.edge->from_from_to.position_m;
+    product_sum += step.dot((poses[odometry.from]->Inverse() * *poses[odometry.to]).position_m);
+    square_sum += step.squaredNorm();
+    length_m += step.norm();
+  }
+  if (length_m < kWarmLengthMinM) return 0;
+  return std::clamp(product_sum / square_sum - 1, -kScaleErrorMax, kScaleErrorMax);
+}
+
+std::optional<Pose> FromNeighbour(const CheckedGraph& graph, const std::vector<std::size_t>& touching, std::size_t node,
+                                  const Poses& poses, double scale) {
+  for (const std::size_t i : touching) {
+    const CheckedOdometry& odometry = graph.odometry[i];
+    const Pose step = Scaled(odometry.edge->from_from_to, scale);
+    if (odometry.to == node && poses[odometry.from]) return *poses[odometry.from] * step;
+    if (odometry.from == node && poses[odometry.to]) return *poses[odometry.to] * step.Inverse();
+  }
+  return std::nullopt;
+}
+
+void FillByRawDifference(const CheckedGraph& graph, const Rover& rover, std::size_t node, const Pose& start,
+                         Poses& poses) {
+  const auto from = [&](std::size_t known) {
+    poses[node] = *poses[known] * (graph.nodes[known].raw.Inverse() * graph.nodes[node].raw);
+  };
+  if (node > rover.first) return from(node - 1);  // Filled before this one.
+  for (std::size_t known = node + 1; known < rover.first + rover.count; ++known) {
+    if (poses[known]) return from(known);
+  }
+  poses[node] = start;
+}
+
+void FillRover(const CheckedGraph& graph, const Rover& rover, const Pose& start,
+               const std::vector<std::vector<std::size_t>>& touching, double scale, Poses& poses) {
+  const std::size_t end = rover.first + rover.count;
+  for (std::size_t node = rover.first; node < end; ++node) {
+    if (!poses[node]) poses[node] = FromNeighbour(graph, touching[node], node, poses, scale);
+    if (!poses[node]) FillByRawDifference(graph, rover, node, start, poses);
+  }
+}
+
+}  // namespace
+
+StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents, const LoosePrior& loose) {
+  const auto facts = agents.find(first.key.agent);
+  if (facts == agents.end() || !facts->second.start || !IsAtStart(first, facts->second)) {
+    return StartPrior{first.raw, loose.sigma_m, loose.sigma_rad, false};
+  }
+  const AgentFacts& known = facts->second;
+  return StartPrior{*known.start, known.start_sigma_m > 0 ? known.start_sigma_m : kDefaultStartSigmaM,
+                    known.start_sigma_rad > 0 ? known.start_sigma_rad : kDefaultStartSigmaRad, true};
+}
+
+InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
+                                const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution) {
+  InitialValues result;
+  Poses poses(graph.nodes.size());
+  for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
+    if (graph.nodes[node].is_fixed) {
+      poses[node] = graph.nodes[node].raw;
+    } else if (const auto last = last_solution.find(graph.nodes[node].key); last != last_solution.end()) {
+      poses[node] = last->second;
+      ++result.warm_count;
+    }
+  }
+  const std::vector<std::vector<std::size_t>> touching = FindTouching(graph);
+  for (std::size_t i = 0; i < rovers.size(); ++i) {
+    result.scales.push_back(EstimateScale(graph, rovers[i], poses));
+    FillRover(graph, rovers[i], starts[i].map_from_node, touching, result.scales.back(), poses);
+  }
+  for (const std::optional<Pose>& pose : poses) result.poses.push_back(*pose);
+  return result;
+}
+
+}  // namespace moondb

@@ -1,0 +1,73 @@
+#include "actors/pgo/graph_check.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+
+namespace moondb {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+class GraphCheckTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (const NodeKey& key : {NodeKey{2, 0}, NodeKey{1, 1}, NodeKey{1, 0}, NodeKey{1, 2}}) {
+      graph_.nodes.push_back(GraphNode{key, 0, Pose{}});
+    }
+    agents_[4] = AgentFacts{4, true, Pose::FromPlanar(1, 2, 0), 0, 0, {0, 0, 1.5}};
+  }
+
+  OdometryEdge Step(std::uint64_t from, std::uint64_t to) {
+    return OdometryEdge{{1, from}, {1, to}, 0, {}, Matrix6d::Identity()};
+  }
+
+  CheckedGraph Checked() { return CheckGraph(graph_, agents_); }
+
+  PoseGraph graph_;
+  AgentFactsMap agents_;
+};
+
+TEST_F(GraphCheckTest, SortsNodesAndAddsTheBaseStation) {
+  const CheckedGraph checked = Checked();
+  ASSERT_EQ(checked.nodes.size(), 5u);
+  EXPECT_EQ(checked.nodes[0].key, (NodeKey{1, 0}));
+  EXPECT_EQ(checked.nodes[3].key, (NodeKey{2, 0}));
+  EXPECT_EQ(checked.nodes[4].key, (NodeKey{4, 0}));
+  EXPECT_TRUE(checked.nodes[4].is_fixed);
+  EXPECT_EQ(checked.nodes[4].raw.position_m, Eigen::Vector3d(1, 2, 0));
+  EXPECT_TRUE(checked.left_out.empty());
+}
+
+TEST_F(GraphCheckTest, LeavesOutWhatIsDamagedAndSaysWhy) {
+  graph_.nodes.push_back(GraphNode{{3, 0}, 0, Pose{{kNaN, 0, 0}, Eigen::Quaterniond::Identity()}});
+  graph_.odometry = {Step(0, 1), Step(1, 7), Step(1, 1), Step(1, 2), Step(1, 2), Step(0, 1)};
+  graph_.odometry[3].covariance(0, 0) = -1;
+  graph_.odometry[4].covariance(0, 1) = 0.5;  // Not symmetric.
+  graph_.odometry[5].from_from_to.position_m.x() = kNaN;
+  graph_.ranges = {{{1, 0}, {2, 0}, 0, 3, 0.01}, {{1, 0}, {2, 0}, 0, kNaN, 0.01}, {{1, 0}, {2, 0}, 0, 3, 0},
+                   {{1, 0}, {1, 1}, 0, 3, 0.01}, {{1, 0}, {9, 0}, 0, 3, 0.01},    {{1, 0}, {3, 0}, 0, 3, 0.01}};
+  const CheckedGraph checked = Checked();
+  EXPECT_EQ(checked.odometry.size(), 1u);
+  EXPECT_EQ(checked.ranges.size(), 1u);
+  ASSERT_EQ(checked.left_out.size(), 2u);
+  EXPECT_EQ(checked.left_out.at(1).count, 10u);
+  EXPECT_EQ(checked.left_out.at(1).first,
+            "odometry from agent 1, node 1 to agent 1, node 7: agent 1, node 7 is not known here");
+  EXPECT_EQ(checked.left_out.at(3).first, "agent 3, node 0: its pose is not finite or not a rotation");
+}
+
+TEST_F(GraphCheckTest, FindsTheGapsOfARoversOdometry) {
+  graph_.odometry = {Step(0, 1)};
+  const CheckedGraph checked = Checked();
+  const std::vector<Rover> rovers = FindRovers(checked);
+  ASSERT_EQ(rovers.size(), 2u);
+  EXPECT_EQ(rovers[0].agent, 1u);
+  EXPECT_EQ(rovers[0].count, 3u);
+  EXPECT_THAT(rovers[0].part_heads, testing::ElementsAre(0, 2));
+  EXPECT_THAT(rovers[1].part_heads, testing::ElementsAre(3));
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,40 @@
+// Scenario: a small team that drives over hills, drawn from a seed. What the solver is tested against.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include "actors/pgo/graph_check.h"
+#include "model/pose_graph.h"
+
+namespace moondb::simulation {
+
+struct ScenarioOptions {
+  std::uint64_t seed = 1;
+  int rover_count = 3;   // Agents 1 to rover_count; the base station is the next one.
+  int node_count = 100;  // Of each rover; steps of about 1 m.
+  int range_every = 4;   // Nodes.
+  double range_sigma_m = 0.10;
+  double outlier_ratio = 0;               // Too long by 1 to 5 m.
+  std::vector<double> scale_errors = {};  // s of each rover; missing: 0.
+  double yaw_noise_rad = 0.004;           // Per step.
+  double tilt_noise_rad = 0.002;          // Per step, in the odometry; raw poses' tilt follows gravity within 0.01.
+  double bias_sigma_m = 0;                // Of each pair.
+  Eigen::Vector3d antenna_m = Eigen::Vector3d(0.3, 0.2, 0.5);
+  bool has_base_station = true;
+};
+
+struct Scenario {
+  PoseGraph graph;
+  AgentFactsMap agents;
+  std::map<NodeKey, Pose> truth;  // Of the rovers.
+  std::vector<bool> is_outlier;   // One for each of graph.ranges.
+};
+
+Scenario MakeScenario(const ScenarioOptions& options);
+
+// Root of the mean squared distance to the truth, over all rovers' nodes.
+double TrajectoryErrorM(const Scenario& scenario, const std::map<NodeKey, Pose>& poses);
+
+}  // namespace moondb::simulation
