@@ -18,6 +18,20 @@ const char* KindName(proto::SharingKind kind) {
   return kind == proto::SHARING_KIND_REPLICATION ? "replication" : "sync";
 }
 
+// Whether the leader brings `destination` anything: a session without data types is never opened.
+bool HasRecordsFor(const proto::TeamConfig& team, AgentId destination) {
+  const auto is_shared = [](const proto::SharePolicies& policies, DataType type) {
+    return PolicyOf(policies, type) != proto::POLICY_NONE;
+  };
+  if (destination != BaseStationOf(team)) {
+    return is_shared(team.share(), proto::OPTIMIZED_POSE) || is_shared(team.share(), proto::EDGE_VERDICT);
+  }
+  for (DataType type = 1; type <= static_cast<DataType>(proto::DataType_MAX); ++type) {
+    if (is_shared(team.ground(), type)) return true;
+  }
+  return false;
+}
+
 // Which sessions a request at `target` starts (proto/sharing.proto): at the leader, from those asked and then from
 // itself to all; elsewhere from the agent to the leader.
 std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId target,
@@ -30,7 +44,7 @@ std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleA
   for (const proto::AgentConfig& agent : team.agents()) {
     if (agent.id() == target) continue;
     pairs.push_back({agent.id(), target, request.kind()});
-    pairs.push_back({target, agent.id(), request.kind()});
+    if (HasRecordsFor(team, agent.id())) pairs.push_back({target, agent.id(), request.kind()});
   }
   return pairs;
 }

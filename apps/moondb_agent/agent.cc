@@ -1,0 +1,167 @@
+#include "apps/moondb_agent/agent.h"
+
+#include <unistd.h>
+
+#include <atomic>
+#include <utility>
+
+#include "actors/gateway/gateway_actor.h"
+#include "actors/merge/merge_actor.h"
+#include "actors/pgo/pgo_actor.h"
+#include "actors/role/role_actor.h"
+#include "actors/sharing/replica_actor.h"
+#include "actors/sharing/sync_actor.h"
+#include "actors/storage/storage_actor.h"
+#include "apps/common/data_folder.h"
+#include "apps/common/team_clients.h"
+#include "runtime/actor_system.h"
+#include "runtime/zeromq_transport.h"
+
+namespace moondb {
+namespace {
+
+constexpr char kDatabaseFile[] = "moondb.sqlite";
+
+// What the operator should hear now and not from an actor's third restart.
+Result<void> CheckStore(const StorageActor::Options& options) {
+  auto store = RecordStore::Open(StorageActor::StoreOptions(options));
+  if (!store) return tl::unexpected(store.error());
+  return {};
+}
+
+template <typename ActorType, typename Options>
+void SpawnActor(ActorSystem& system, const char* name, Placement placement, Options options) {
+  SpawnOptions spawn;
+  spawn.placement = placement;
+  system.Spawn(name, spawn, [options = std::move(options)] { return std::make_unique<ActorType>(options); });
+}
+
+}  // namespace
+
+class Agent::Impl {
+ public:
+  Impl(const TeamFile& team, AgentOptions options, DataFolderLock lock)
+      : team_(team), options_(std::move(options)), lock_(std::move(lock)) {}
+
+  ~Impl() {
+    // Actors end while the transport still stands (they may send to it); then nothing calls the system any more.
+    if (system_ != nullptr) system_->Stop();
+    transport_.reset();
+  }
+
+  Result<void> Start() {
+    self_ = FindAgent(team_.config, options_.name)->id();
+    auto endpoint = ClientEndpoint(team_, options_.name);
+    if (!endpoint) return tl::unexpected(endpoint.error());
+    endpoint_ = *endpoint;
+    if (auto checked = CheckStore(StorageOptions()); !checked) return checked;
+    if (options_.merge_backend == MergeBackend::kGl) {
+      if (auto merger = CreateMerger(MergeBackend::kGl); !merger) return tl::unexpected(merger.error());
+    }
+    MakeSystem();
+    return Run();
+  }
+
+  const std::string& endpoint() const { return endpoint_; }
+
+ private:
+  StorageActor::Options StorageOptions() const {
+    StorageActor::Options storage;
+    storage.path = options_.data_folder / kDatabaseFile;
+    storage.self = self_;
+    storage.team = team_.config;
+    return storage;
+  }
+
+  void MakeSystem() {
+    ActorSystem::Options system;
+    system.self = self_;
+    system.base_station = BaseStationOf(team_.config);
+    system.on_fatal = options_.on_fatal;
+    system.on_stop_requested = options_.on_stop_requested;
+    system_ = std::make_unique<ActorSystem>(std::move(system));
+
+    const proto::TeamConfig& team = team_.config;
+    SpawnActor<StorageActor>(*system_, actor_name::kStorage, Placement::kOwnThread, StorageOptions());
+
+    RoleActor::Options role;
+    role.self = self_;
+    role.team = team;
+    SpawnActor<RoleActor>(*system_, actor_name::kRole, Placement::kPool, std::move(role));
+
+    SharingActor::Options sharing;
+    sharing.self = self_;
+    sharing.team = team;
+    sharing.config_hash = team_.hash;
+    SpawnActor<SyncActor>(*system_, actor_name::kSync, Placement::kPool, sharing);
+    SpawnActor<ReplicaActor>(*system_, actor_name::kReplica, Placement::kPool, std::move(sharing));
+
+    PgoActor::Options pgo;
+    pgo.self = self_;
+    pgo.team = team;
+    SpawnActor<PgoActor>(*system_, actor_name::kPgo, Placement::kOwnThread, std::move(pgo));
+
+    const MergeBackend backend = ResolveMergeBackend(options_.merge_backend);
+    MergeActor::Options merge;
+    merge.self = self_;
+    merge.team = team;
+    merge.backend = options_.merge_backend;
+    SpawnActor<MergeActor>(*system_, actor_name::kMerge, Placement::kOwnThread, std::move(merge));
+
+    GatewayActor::Options gateway;
+    gateway.self = self_;
+    gateway.team = team;
+    gateway.version = options_.version;
+    gateway.pid = static_cast<std::uint32_t>(::getpid());
+    gateway.merge_backend = ToString(backend);
+    SpawnActor<GatewayActor>(*system_, actor_name::kGateway, Placement::kPool, std::move(gateway));
+  }
+
+  // The transport must exist before the system starts, and may deliver only from then on: until then its messages are
+  // lost, which its contract allows.
+  Result<void> Run() {
+    ZeroMqTransport::Options options;
+    options.self = self_;
+    options.client_endpoint = endpoint_;
+    options.secret_key_file = options_.secret_key_file;
+    auto transport = ZeroMqTransport::Create(
+        team_.config, team_.folder.string(), std::move(options),
+        [this](MessagePtr message) {
+          if (is_running_) (void)system_->Deliver(std::move(message));
+        },
+        [this](AgentId peer, bool is_connected) {
+          if (is_running_) system_->OnPeerChanged(peer, is_connected);
+        });
+    if (!transport) return tl::unexpected(transport.error());
+    transport_ = std::move(*transport);
+    is_running_ = true;
+    system_->Start(transport_.get());
+    return {};
+  }
+
+  const TeamFile team_;
+  const AgentOptions options_;
+  DataFolderLock lock_;  // Freed last: the database is closed before.
+  AgentId self_ = 0;
+  std::string endpoint_;
+  std::atomic<bool> is_running_ = false;
+  std::unique_ptr<ActorSystem> system_;
+  std::unique_ptr<ZeroMqTransport> transport_;
+};
+
+Agent::Agent(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Agent::~Agent() = default;
+
+const std::string& Agent::client_endpoint() const { return impl_->endpoint(); }
+
+Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions options) {
+  if (auto named = AgentNamed(team.config, options.name); !named) return tl::unexpected(named.error());
+  auto lock = DataFolderLock::Take(options.data_folder);
+  if (!lock) return tl::unexpected(lock.error());
+  auto impl = std::make_unique<Impl>(team, std::move(options), std::move(*lock));
+  if (auto started = impl->Start(); !started) return tl::unexpected(started.error());
+  return std::unique_ptr<Agent>(new Agent(std::move(impl)));
+}
+
+}  // namespace moondb

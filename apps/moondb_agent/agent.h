@@ -1,0 +1,49 @@
+// Agent: one team member's whole runtime: data folder, actors, transport, put together and taken apart in order.
+//
+//   storage (own thread), role, sync, replica, pgo (own), merge (own), gateway; then the transport
+//
+// What can be wrong with the world (the folder, the database, keys, ports, a forced GL) is found before anything runs
+// and comes back as one error. Create and destroy it on one thread; the callbacks come on others.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "actors/merge/merger.h"
+#include "model/error.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+
+struct AgentOptions {
+  std::string name;                   // Of the team's agents.
+  std::filesystem::path data_folder;  // Made if it is missing; one process at a time.
+  MergeBackend merge_backend = MergeBackend::kAuto;
+  std::string secret_key_file;              // Empty: beside the public key.
+  std::string version;                      // Shown in status.
+  std::function<void()> on_stop_requested;  // A client asked; some thread. Destroy the Agent elsewhere.
+  std::function<void(Error)> on_fatal;      // An actor is beyond help; some thread.
+};
+
+class Agent {
+ public:
+  // Returns a running agent. kInvalid: no such agent, a bad key, a path too long for a socket. kRefused: the data
+  // folder is in use, the database belongs to another agent or a newer version. kUnavailable: an address in use, no GL
+  // where it is forced. Others as RecordStore::Open says.
+  static Result<std::unique_ptr<Agent>> Start(const TeamFile& team, AgentOptions options);
+
+  ~Agent();  // Stops it gracefully: no new messages, running handlers end, sockets close.
+  Agent(const Agent&) = delete;
+  Agent& operator=(const Agent&) = delete;
+
+  const std::string& client_endpoint() const;
+
+ private:
+  class Impl;
+  explicit Agent(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace moondb
