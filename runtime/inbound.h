@@ -1,0 +1,22 @@
+// The door: what comes in from peers and clients is parsed and checked here, once; behind it, it is trusted.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "model/error.h"
+#include "model/ids.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+// `authenticated`: the agent whose key the connection has; none without CURVE, where the claim has to do.
+// kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a message that only
+// actors of one agent send each other (timers, storage's own).
+Result<MessagePtr> ParsePeerFrame(const std::string& frame, std::optional<AgentId> authenticated);
+
+// Addressed to the gateway of `self`, from {kClients, connection}, whatever the client wrote there; its agent_id,
+// term, record_id and sql are not heard. Errors as above.
+Result<MessagePtr> ParseClientFrame(const std::string& frame, const std::string& connection, AgentId self);
+
+}  // namespace moondb

@@ -1,0 +1,44 @@
+// ZapHandler: says whose CURVE keys may come in, and under which name (ZeroMQ RFC 27).
+//
+// libzmq asks it by inproc messages during each handshake; without it, every key would be let in. A key that belongs to
+// an agent gets that agent's id as User-Id, which libzmq then attaches to each frame of the connection.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+#include "model/ids.h"
+#include "runtime/zmq_socket.h"
+
+namespace moondb {
+
+class ZapHandler {
+ public:
+  // Binds in `context`; before any socket that uses CURVE. `agents` is by public key in Z85.
+  static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents);
+
+  // Answers what waits.
+  void OnReadable();
+  void* socket() const { return socket_.get(); }
+
+  // Handshakes of unknown keys.
+  std::uint64_t refused() const { return refused_; }
+
+ private:
+  ZapHandler(ZmqSocket socket, std::map<std::string, AgentId> agents)
+      : socket_(std::move(socket)), agents_(std::move(agents)) {}
+
+  std::optional<AgentId> AgentOf(const std::vector<std::string>& request) const;
+
+  ZmqSocket socket_;
+  std::map<std::string, AgentId> agents_;
+  std::uint64_t refused_ = 0;
+};
+
+// The agent that a User-Id stands for; 0 for none.
+AgentId AgentOfUserId(const std::string& user_id);
+
+}  // namespace moondb

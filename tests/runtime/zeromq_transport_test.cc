@@ -1,0 +1,563 @@
+// Real transports in one process, over ipc:// in a temporary folder: libzmq's own behaviour is what is tested here.
+#include "runtime/zeromq_transport.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+#include <zmq.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdlib>
+#include <cstring>
+#include <deque>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "runtime/curve_keys.h"
+#include "runtime/listen_address.h"
+#include "runtime/private_folder.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Long, for a loaded machine; a test that passes never waits for it.
+constexpr std::chrono::seconds kPatience(60);
+
+// What a transport told, waited for with patience. Thread-safe.
+class Ear {
+ public:
+  ZeroMqTransport::Deliver deliver() {
+    return [this](MessagePtr message) {
+      const std::lock_guard lock(mutex_);
+      messages_.push_back(std::move(message));
+      changed_.notify_all();
+    };
+  }
+
+  ZeroMqTransport::PeerChanged peer_changed() {
+    return [this](AgentId peer, bool is_connected) {
+      const std::lock_guard lock(mutex_);
+      is_connected_[peer] = is_connected;
+      changed_.notify_all();
+    };
+  }
+
+  // Null if none comes.
+  MessagePtr Take() {
+    std::unique_lock lock(mutex_);
+    if (!changed_.wait_for(lock, kPatience, [&] { return !messages_.empty(); })) return nullptr;
+    MessagePtr message = std::move(messages_.front());
+    messages_.pop_front();
+    return message;
+  }
+
+  bool WaitForPeer(AgentId peer, bool is_connected) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, kPatience, [&] {
+      const auto known = is_connected_.find(peer);
+      return known != is_connected_.end() && known->second == is_connected;
+    });
+  }
+
+  std::size_t waiting() {
+    const std::lock_guard lock(mutex_);
+    return messages_.size();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<MessagePtr> messages_;
+  std::map<AgentId, bool> is_connected_;
+};
+
+// A DEALER without moondb: a client, or a peer that does not keep to the rules.
+class RawDealer {
+ public:
+  struct Keys {
+    std::string server_public;
+    CurveKeys own;
+  };
+
+  explicit RawDealer(const std::string& endpoint, const Keys* keys = nullptr)
+      : context_(zmq_ctx_new()), socket_(zmq_socket(context_, ZMQ_DEALER)) {
+    const int zero = 0;
+    zmq_setsockopt(socket_, ZMQ_LINGER, &zero, sizeof zero);
+    const int patience_ms = static_cast<int>(std::chrono::milliseconds(kPatience).count());
+    zmq_setsockopt(socket_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
+    zmq_setsockopt(socket_, ZMQ_SNDTIMEO, &patience_ms, sizeof patience_ms);
+    if (keys != nullptr) {
+      zmq_setsockopt(socket_, ZMQ_CURVE_SERVERKEY, keys->server_public.c_str(), 40);
+      zmq_setsockopt(socket_, ZMQ_CURVE_PUBLICKEY, keys->own.public_key.c_str(), 40);
+      zmq_setsockopt(socket_, ZMQ_CURVE_SECRETKEY, keys->own.secret_key.c_str(), 40);
+    }
+    zmq_socket_monitor(socket_, "inproc://raw",
+                       ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_DISCONNECTED);
+    monitor_ = zmq_socket(context_, ZMQ_PAIR);
+    zmq_setsockopt(monitor_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
+    zmq_setsockopt(monitor_, ZMQ_LINGER, &zero, sizeof zero);
+    zmq_connect(monitor_, "inproc://raw");
+    EXPECT_EQ(zmq_connect(socket_, endpoint.c_str()), 0);
+  }
+
+  ~RawDealer() {
+    zmq_close(socket_);
+    zmq_close(monitor_);
+    zmq_ctx_term(context_);
+  }
+
+  void Send(const std::string& frame, bool has_more = false) {
+    EXPECT_EQ(zmq_send(socket_, frame.data(), frame.size(), has_more ? ZMQ_SNDMORE : 0),
+              static_cast<int>(frame.size()));
+  }
+
+  std::string Receive() { return ReceiveFrom(socket_).value_or(""); }
+
+  // A ZMQ_EVENT_*; 0 if none comes.
+  int NextEvent() {
+    const std::optional<std::string> event = ReceiveFrom(monitor_);
+    if (!event || event->size() < 2) return 0;
+    (void)ReceiveFrom(monitor_);
+    std::uint16_t number = 0;
+    std::memcpy(&number, event->data(), sizeof number);
+    return number;
+  }
+
+ private:
+  static std::optional<std::string> ReceiveFrom(void* socket) {
+    zmq_msg_t part;
+    zmq_msg_init(&part);
+    std::optional<std::string> text;
+    if (zmq_msg_recv(&part, socket, 0) >= 0) {
+      text = std::string(static_cast<const char*>(zmq_msg_data(&part)), zmq_msg_size(&part));
+    }
+    zmq_msg_close(&part);
+    return text;
+  }
+
+  void* context_;
+  void* socket_;
+  void* monitor_ = nullptr;
+};
+
+class ZeroMqTransportTest : public ::testing::Test {
+ protected:
+  ZeroMqTransportTest() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "moondb-net-XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+    MakeTeam(/*is_insecure=*/false);
+  }
+  ~ZeroMqTransportTest() override {
+    transports_.clear();
+    std::filesystem::remove_all(folder_);
+  }
+
+  void MakeTeam(bool is_insecure) {
+    proto::TeamConfig team;
+    team.set_team("test");
+    team.set_insecure(is_insecure);
+    for (AgentId id = 1; id <= 3; ++id) {
+      proto::AgentConfig* agent = team.add_agents();
+      agent->set_id(id);
+      agent->set_name("rover" + std::to_string(id));
+      agent->set_address("ipc://" + (folder_ / ("agent" + std::to_string(id))).string());
+    }
+    const std::filesystem::path path = folder_ / (is_insecure ? "insecure.yaml" : "team.yaml");
+    const Result<void> written = WriteTeam(path, team);
+    ASSERT_TRUE(written) << ToString(written.error());
+    team_ = ReadTeamFile(path).value();
+  }
+
+  Result<std::unique_ptr<ZeroMqTransport>> Create(AgentId self, ZeroMqTransport::Options options = {}) {
+    options.self = self;
+    return ZeroMqTransport::Create(team_.config, team_.folder, options, ears_[self].deliver(),
+                                   ears_[self].peer_changed());
+  }
+
+  ZeroMqTransport& Start(AgentId self, ZeroMqTransport::Options options = {}) {
+    auto transport = Create(self, std::move(options));
+    EXPECT_TRUE(transport) << ToString(transport.error());
+    return *(transports_[self] = std::move(*transport));
+  }
+
+  static MessagePtr Message(AgentId hop_sender, AgentId to, std::size_t bytes = 10) {
+    auto message = std::make_shared<proto::Message>();
+    message->set_hop_sender(hop_sender);
+    message->set_destination_id(to);
+    message->set_destination_actor("sync");
+    message->set_record_id(std::string(bytes, 'x'));
+    return message;
+  }
+
+  proto::PeerStatus Peer(AgentId self, AgentId peer) {
+    for (const proto::PeerStatus& status : transports_[self]->Peers()) {
+      if (status.agent_id() == peer) return status;
+    }
+    ADD_FAILURE() << "no peer " << peer;
+    return {};
+  }
+
+  RawDealer::Keys KeysOf(AgentId agent, AgentId server) {
+    const auto public_path = [&](AgentId id) { return team_.folder / FindAgent(team_.config, id)->key(); };
+    return {ReadPublicKey(public_path(server)).value(),
+            {ReadPublicKey(public_path(agent)).value(), ReadSecretKey(SecretKeyPath(public_path(agent))).value()}};
+  }
+
+  std::string AddressOf(AgentId agent) { return FindAgent(team_.config, agent)->address(); }
+  std::string ClientEndpointHere() { return "ipc://" + (folder_ / "run" / "rover1.sock").string(); }
+
+  std::filesystem::path folder_;
+  TeamFile team_;
+  std::map<AgentId, Ear> ears_;
+  std::map<AgentId, std::unique_ptr<ZeroMqTransport>> transports_;
+};
+
+TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  const MessagePtr there = Message(1, 2);
+  ASSERT_EQ(transports_[1]->Send({2, "sync"}, there), SendResult::kAccepted);
+  const MessagePtr heard = ears_[2].Take();
+  ASSERT_NE(heard, nullptr);
+  EXPECT_EQ(heard->SerializeAsString(), there->SerializeAsString());
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+  ASSERT_NE(ears_[1].Take(), nullptr);
+
+  const proto::PeerStatus status = Peer(1, 2);
+  EXPECT_EQ(status.name(), "rover2");
+  EXPECT_TRUE(status.is_connected());
+  EXPECT_EQ(status.sent_messages(), 1);
+  EXPECT_EQ(status.sent_bytes(), static_cast<double>(there->ByteSizeLong()));
+  EXPECT_EQ(status.received_messages(), 1);
+  EXPECT_GE(status.seconds_since_heard(), 0);
+  EXPECT_LT(Peer(1, 3).seconds_since_heard(), 0);
+}
+
+TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndLargeOnes) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  constexpr std::size_t kLarge = 8 * 1024 * 1024;
+  ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2, kLarge)), SendResult::kAccepted);
+  ASSERT_EQ(ears_[2].Take()->record_id().size(), kLarge);
+  for (std::size_t i = 1; i <= 100; ++i) {
+    ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2, i)), SendResult::kAccepted);
+  }
+  for (std::size_t i = 1; i <= 100; ++i) ASSERT_EQ(ears_[2].Take()->record_id().size(), i);
+}
+
+TEST_F(ZeroMqTransportTest, TellsThatAPeerIsAbsentOrUnknown) {
+  Start(1);
+  EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
+  EXPECT_EQ(transports_[1]->Send({9, "sync"}, Message(1, 9)), SendResult::kNoPeer);
+  EXPECT_EQ(transports_[1]->Send({1, "sync"}, Message(1, 1)), SendResult::kNoPeer);
+  EXPECT_EQ(transports_[1]->Send({kClients, "1"}, Message(1, 1)), SendResult::kUnreachable);
+  EXPECT_FALSE(Peer(1, 2).is_connected());
+  EXPECT_EQ(Peer(1, 2).dropped_messages(), 1);
+}
+
+TEST_F(ZeroMqTransportTest, ReachesAPeerAgainAfterItsRestart) {
+  Start(1);
+  for (int life = 0; life < 3; ++life) {
+    SCOPED_TRACE(life);
+    Start(2);
+    ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+    ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+    ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kAccepted);
+    ASSERT_NE(ears_[2].Take(), nullptr);
+    ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+    ASSERT_NE(ears_[1].Take(), nullptr);
+    transports_.erase(2);
+    ears_.erase(2);
+    ASSERT_TRUE(ears_[1].WaitForPeer(2, false));
+    EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
+  }
+}
+
+TEST_F(ZeroMqTransportTest, RefusesAKeyThatIsNotTheTeams) {
+  Start(1);
+  RawDealer::Keys keys = KeysOf(2, 1);
+  keys.own = MakeCurveKeys().value();
+  RawDealer stranger(AddressOf(1), &keys);
+  EXPECT_EQ(stranger.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  EXPECT_EQ(ears_[1].waiting(), 0u);
+}
+
+TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
+  Start(1);
+  // Somebody else listens at rover2's address, with a key of their own.
+  std::filesystem::remove(team_.folder / "rover2.pub");
+  std::filesystem::remove(team_.folder / "rover2.sec");
+  const CurveKeys other = MakeCurveKeys().value();
+  std::ofstream(team_.folder / "rover2.pub") << other.public_key;
+  std::ofstream(team_.folder / "rover2.sec") << other.secret_key;
+  std::filesystem::permissions(team_.folder / "rover2.sec", std::filesystem::perms(0600));
+  Start(2);
+  Start(3);  // Reads the new key, so that it can tell when rover2 has had its chance.
+  ASSERT_TRUE(ears_[3].WaitForPeer(2, true));
+  ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
+  EXPECT_FALSE(Peer(1, 2).is_connected());
+  EXPECT_FALSE(Peer(2, 1).is_connected());
+  EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
+}
+
+TEST_F(ZeroMqTransportTest, DropsAndCountsWhatClaimsToBeAnother) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(/*hop_sender=*/3, 1)), SendResult::kAccepted);
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+  EXPECT_EQ(ears_[1].Take()->hop_sender(), 2u);
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 1);
+  EXPECT_EQ(Peer(1, 2).received_messages(), 1);
+  EXPECT_EQ(Peer(1, 3).received_messages(), 0);
+}
+
+TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
+  Start(1);
+  const RawDealer::Keys keys = KeysOf(2, 1);
+  RawDealer peer(AddressOf(1), &keys);
+  peer.Send("\xff\xff\xff");
+  peer.Send("one", /*has_more=*/true);
+  peer.Send("two");
+  peer.Send("");  // An empty Message, whose hop_sender is nobody.
+  peer.Send(Message(2, 1)->SerializeAsString());
+  ASSERT_NE(ears_[1].Take(), nullptr);
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 3);
+  EXPECT_EQ(Peer(1, 2).received_messages(), 1);
+}
+
+TEST_F(ZeroMqTransportTest, DropsWhatOnlyActorsOfOneAgentMaySay) {
+  Start(1);
+  const RawDealer::Keys keys = KeysOf(2, 1);
+  RawDealer peer(AddressOf(1), &keys);
+  proto::Message message = *Message(2, 1);
+  message.mutable_timer()->set_kind(1);
+  peer.Send(message.SerializeAsString());
+  message.mutable_save_roles_request();
+  peer.Send(message.SerializeAsString());
+  message.mutable_hello();
+  peer.Send(message.SerializeAsString());
+  EXPECT_TRUE(ears_[1].Take()->has_hello());
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 2);
+}
+
+TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
+  ZeroMqTransport::Options options;
+  options.message_bytes_max = 1000;
+  Start(1, options);
+  Start(2, options);
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  EXPECT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1, 1001)), SendResult::kFull);
+  EXPECT_EQ(Peer(2, 1).dropped_messages(), 1);
+
+  const RawDealer::Keys keys = KeysOf(3, 1);
+  RawDealer peer(AddressOf(1), &keys);
+  EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
+  peer.Send(Message(3, 1, 2000)->SerializeAsString());
+  EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_DISCONNECTED);
+  EXPECT_EQ(ears_[1].waiting(), 0u);
+}
+
+TEST_F(ZeroMqTransportTest, SaysWhenThePeerIsTooSlow) {
+  ZeroMqTransport::Options options;
+  options.outbox_bytes_max = 100'000;
+  Start(1, options);
+  // A peer that does not read: its transport's thread is held in a delivery.
+  std::mutex gate;
+  std::unique_lock closed(gate);
+  ZeroMqTransport::Options slow_options;
+  slow_options.self = 2;
+  auto slow = ZeroMqTransport::Create(
+      team_.config, team_.folder, slow_options, [&](MessagePtr) { const std::lock_guard lock(gate); },
+      [](AgentId, bool) {});
+  ASSERT_TRUE(slow);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  SendResult result = SendResult::kAccepted;
+  int accepted = 0;
+  for (; accepted < 10'000 && result == SendResult::kAccepted; ++accepted) {
+    result = transports_[1]->Send({2, "sync"}, Message(1, 2, 40'000));
+  }
+  EXPECT_EQ(result, SendResult::kFull);
+  EXPECT_GE(accepted, 3);
+  EXPECT_EQ(Peer(1, 2).dropped_messages(), 1);
+  closed.unlock();
+  slow->reset();
+}
+
+TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  RawDealer first(options.client_endpoint);
+  RawDealer second(options.client_endpoint);
+
+  // Whatever a client claims, it is a client that speaks to the gateway.
+  proto::Message request = *Message(/*hop_sender=*/2, /*to=*/3);
+  request.set_agent_id(2);
+  request.set_source_actor("storage");
+  request.set_sql("drop table records");
+  request.mutable_control_request()->mutable_status();
+  request.set_request_id(1);
+  first.Send(request.SerializeAsString());
+  const MessagePtr from_first = ears_[1].Take();
+  ASSERT_NE(from_first, nullptr);
+  EXPECT_EQ(from_first->hop_sender(), kClients);
+  EXPECT_EQ(from_first->agent_id(), 1u);
+  EXPECT_EQ(from_first->destination_id(), 1u);
+  EXPECT_EQ(from_first->destination_actor(), actor_name::kGateway);
+  EXPECT_EQ(from_first->request_id(), 1u);
+  EXPECT_EQ(from_first->sql(), "");
+  EXPECT_TRUE(from_first->control_request().has_status());
+
+  request.set_request_id(2);
+  second.Send(request.SerializeAsString());
+  const MessagePtr from_second = ears_[1].Take();
+  ASSERT_NE(from_second, nullptr);
+  EXPECT_NE(from_first->source_actor(), from_second->source_actor());
+
+  for (const MessagePtr& asked : {from_second, from_first}) {
+    proto::Message reply;
+    reply.set_request_id(asked->request_id());
+    ASSERT_EQ(transports_[1]->Send({kClients, asked->source_actor()}, std::make_shared<proto::Message>(reply)),
+              SendResult::kAccepted);
+  }
+  proto::Message heard;
+  ASSERT_TRUE(heard.ParseFromString(first.Receive()));
+  EXPECT_EQ(heard.request_id(), 1u);
+  ASSERT_TRUE(heard.ParseFromString(second.Receive()));
+  EXPECT_EQ(heard.request_id(), 2u);
+}
+
+TEST_F(ZeroMqTransportTest, AClientThatLeftHoldsUpNobody) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  std::string gone;
+  {
+    RawDealer client(options.client_endpoint);
+    client.Send(Message(0, 0)->SerializeAsString());
+    gone = ears_[1].Take()->source_actor();
+  }
+  RawDealer client(options.client_endpoint);
+  client.Send(Message(0, 0)->SerializeAsString());
+  const MessagePtr asked = ears_[1].Take();
+  (void)transports_[1]->Send({kClients, gone}, Message(1, 1));
+  ASSERT_EQ(transports_[1]->Send({kClients, asked->source_actor()}, Message(1, 1)), SendResult::kAccepted);
+  EXPECT_EQ(client.Receive(), Message(1, 1)->SerializeAsString());
+}
+
+TEST_F(ZeroMqTransportTest, TellsThatAnAddressIsInUse) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  const auto again = Create(1, options);
+  ASSERT_FALSE(again);
+  EXPECT_EQ(again.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(again.error().text, "cannot listen on " + AddressOf(1) + ": Address already in use");
+
+  options.client_endpoint = ClientEndpointHere();
+  const auto other = Create(2, options);
+  ASSERT_FALSE(other);
+  EXPECT_EQ(other.error().text, "cannot listen on " + options.client_endpoint + ": Address already in use");
+}
+
+TEST_F(ZeroMqTransportTest, TakesThePlaceOfASocketThatWasLeftBehind) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  ASSERT_TRUE(MakePrivateFolder(folder_ / "run"));
+  const std::string path = options.client_endpoint.substr(6);
+  {
+    // As kill -9 leaves it: bound, with nobody there.
+    void* context = zmq_ctx_new();
+    void* socket = zmq_socket(context, ZMQ_ROUTER);
+    ASSERT_EQ(zmq_bind(socket, options.client_endpoint.c_str()), 0);
+    std::filesystem::create_hard_link(path, path + ".kept");
+    zmq_close(socket);
+    zmq_ctx_term(context);
+    std::filesystem::rename(path + ".kept", path);
+  }
+  ASSERT_TRUE(std::filesystem::exists(path));
+  EXPECT_TRUE(Create(1, options));
+}
+
+TEST_F(ZeroMqTransportTest, RefusesAFolderOfClientsThatOthersCanReach) {
+  std::filesystem::create_directory(folder_ / "run");
+  std::filesystem::permissions(folder_ / "run", std::filesystem::perms(0755));
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  const auto transport = Create(1, options);
+  ASSERT_FALSE(transport);
+  EXPECT_EQ(transport.error().code, ErrorCode::kInvalid);
+}
+
+TEST_F(ZeroMqTransportTest, TellsWhatIsWrongWithItsOwnKeys) {
+  ZeroMqTransport::Options options;
+  options.secret_key_file = (team_.folder / "rover2.sec").string();
+  EXPECT_THAT(Create(1, options).error().text, HasSubstr("rover2.sec: does not fit the public key"));
+  options.secret_key_file = (team_.folder / "none.sec").string();
+  EXPECT_THAT(Create(1, options).error().text, HasSubstr("none.sec: no such file"));
+  std::filesystem::permissions(team_.folder / "rover1.sec", std::filesystem::perms(0644));
+  EXPECT_THAT(Create(1).error().text, HasSubstr("others can read this secret"));
+  EXPECT_EQ(Create(1).error().code, ErrorCode::kInvalid);
+}
+
+TEST_F(ZeroMqTransportTest, WithoutKeysStillKnowsItsTeam) {
+  MakeTeam(/*is_insecure=*/true);
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(/*hop_sender=*/9, 1)), SendResult::kAccepted);
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(/*hop_sender=*/1, 1)), SendResult::kAccepted);
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+  EXPECT_EQ(ears_[1].Take()->hop_sender(), 2u);
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 2);
+}
+
+TEST_F(ZeroMqTransportTest, SendsFromManyThreads) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  constexpr int kThreads = 4;
+  constexpr int kMessages = 200;
+  std::vector<std::thread> senders;
+  for (int i = 0; i < kThreads; ++i) {
+    senders.emplace_back([&] {
+      for (int j = 0; j < kMessages; ++j) (void)transports_[1]->Send({2, "sync"}, Message(1, 2));
+    });
+  }
+  for (std::thread& sender : senders) sender.join();
+  for (int i = 0; i < kThreads * kMessages; ++i) ASSERT_NE(ears_[2].Take(), nullptr);
+}
+
+TEST(ListenAddressTest, MakesNumbersOfNames) {
+  EXPECT_EQ(NumericEndpoint("tcp://localhost:7400").value(), "tcp://127.0.0.1:7400");
+  EXPECT_EQ(NumericEndpoint("tcp://[::1]:7400").value(), "tcp://[::1]:7400");
+  EXPECT_EQ(NumericEndpoint("ipc:///tmp/x").value(), "ipc:///tmp/x");
+}
+
+TEST(ListenAddressTest, LeavesAFileThatIsNoSocket) {
+  std::string pattern = (std::filesystem::temp_directory_path() / "moondb-file-XXXXXX").string();
+  const int file = mkstemp(pattern.data());
+  ASSERT_GE(file, 0);
+  close(file);
+  EXPECT_EQ(ClaimIpcPath("ipc://" + pattern).error().code, ErrorCode::kInvalid);
+  EXPECT_TRUE(std::filesystem::remove(pattern));
+}
+
+}  // namespace
+}  // namespace moondb
