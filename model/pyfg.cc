@@ -269,8 +269,8 @@ class Parser {
 // bits are not those of the angle that was read.
 double PlanarYaw(const Eigen::Quaterniond& q) {
   constexpr int kSteps = 8;
-  // q and -q are one turn; with w >= 0 the yaw lies between -pi and pi.
-  const double yaw_rad = 2 * std::atan2(q.w() < 0 ? -q.z() : q.z(), std::abs(q.w()));
+  // Files hold yaws beyond pi, too: the sign of w says so.
+  const double yaw_rad = 2 * std::atan2(q.z(), q.w());
   double above = yaw_rad;
   double below = yaw_rad;
   for (int step = 0; step < kSteps; ++step) {

@@ -1,0 +1,158 @@
+// Pictures and ROS maps: what is written is what others read.
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <iterator>
+#include <regex>
+
+#include "model/map_picture.h"
+#include "model/png.h"
+#include "model/ros_map.h"
+
+namespace moondb {
+namespace {
+
+using testing::HasSubstr;
+
+class MapFilesTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ =
+        std::filesystem::path(testing::TempDir()) / ("moondb_map_files_" + std::to_string(getpid()) + info->name());
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string Slurp(const std::string& name) const {
+    std::ifstream stream(folder_ / name, std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+
+  std::filesystem::path folder_;
+};
+
+MergedMap SmallMap() {
+  MergedMap map{Grid(3, 2, Cell::kFree), 12'500, -3, 7};
+  map.grid.At(0, 0) = Cell::kHazard;
+  map.grid.At(2, 1) = Cell::kUnknown;
+  return map;
+}
+
+double NumberAfter(const std::string& yaml, const std::string& key) {
+  std::smatch match;
+  EXPECT_TRUE(std::regex_search(yaml, match, std::regex(key + ": ([-0-9.e]+)"))) << key;
+  return std::stod(match[1]);
+}
+
+TEST_F(MapFilesTest, PngKeepsEveryByteOfEachKind) {
+  for (const int channels : {1, 3, 4}) {
+    Image image(31, 17, channels);
+    for (std::size_t i = 0; i < image.bytes.size(); ++i) image.bytes[i] = static_cast<std::uint8_t>(i * 7);
+    // Opaque: colour under full transparency need not survive.
+    if (channels == 4) {
+      for (std::size_t i = 3; i < image.bytes.size(); i += 4) image.bytes[i] = i % 8 == 3 ? 255 : 128;
+    }
+    ASSERT_TRUE(WritePng(image, folder_ / "x.png"));
+    const Result<Image> read = ReadPng(folder_ / "x.png");
+    ASSERT_TRUE(read) << ToString(read.error());
+    EXPECT_EQ(read->channels, channels);
+    EXPECT_EQ(read->width, 31);
+    EXPECT_EQ(read->height, 17);
+    EXPECT_EQ(read->bytes, image.bytes);
+  }
+}
+
+TEST_F(MapFilesTest, PngErrorsAreValues) {
+  EXPECT_EQ(ReadPng(folder_ / "none.png").error().code, ErrorCode::kNotFound);
+  std::ofstream(folder_ / "text.png") << "no picture at all";
+  EXPECT_EQ(ReadPng(folder_ / "text.png").error().code, ErrorCode::kCorrupt);
+  std::ofstream(folder_ / "empty.png").close();
+  EXPECT_EQ(ReadPng(folder_ / "empty.png").error().code, ErrorCode::kCorrupt);
+  ASSERT_TRUE(WritePng(Image(200, 200, 3, 9), folder_ / "cut.png"));
+  std::filesystem::resize_file(folder_ / "cut.png", std::filesystem::file_size(folder_ / "cut.png") / 2);
+  EXPECT_EQ(ReadPng(folder_ / "cut.png").error().code, ErrorCode::kCorrupt);
+  Image wrong(4, 4, 3);
+  wrong.bytes.pop_back();
+  EXPECT_EQ(WritePng(wrong, folder_ / "wrong.png").error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(WritePng(Image(4, 4, 2), folder_ / "wrong.png").error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(WritePng(Image(4, 4, 1), folder_ / "nowhere" / "x.png").error().code, ErrorCode::kInternal);
+}
+
+TEST_F(MapFilesTest, PngOfAHugePictureIsRefusedBeforeItIsRead) {
+  ASSERT_TRUE(WritePng(Image(8, 8, 1), folder_ / "x.png"));
+  std::string bytes = Slurp("x.png");
+  bytes[16] = 0x10;  // A width of 268 million; libpng or the limit stops it, never an allocation.
+  std::ofstream(folder_ / "x.png", std::ios::binary) << bytes;
+  EXPECT_FALSE(ReadPng(folder_ / "x.png"));
+}
+
+TEST_F(MapFilesTest, RosMapIsWrittenToTheByte) {
+  ASSERT_TRUE(WriteRosMap(SmallMap(), folder_ / "new", "map"));
+  EXPECT_EQ(Slurp("new/map.yaml"),
+            "image: map.pgm\nmode: trinary\nresolution: 0.0125\norigin: [-0.0375, 0.0875, 0]\nnegate: 0\n"
+            "occupied_thresh: 0.65\nfree_thresh: 0.196\n");
+  EXPECT_EQ(Slurp("new/map.pgm"), "P5\n3 2\n255\n\xfe\xfe\xcd" + std::string(1, '\0') + "\xfe\xfe");
+}
+
+// The map server's rule: p = (255 - pixel) / 255; occupied above occupied_thresh, free below free_thresh.
+TEST_F(MapFilesTest, RosMapLoadsAsWhatItWas) {
+  const MergedMap map = SmallMap();
+  const std::string yaml = RosMapYaml(map, "map.pgm");
+  const std::string pgm = RosMapPgm(map.grid);
+  const double occupied = NumberAfter(yaml, "occupied_thresh");
+  const double free_below = NumberAfter(yaml, "free_thresh");
+  const std::string pixels = pgm.substr(pgm.size() - map.grid.cells.size());
+  for (std::int32_t row = 0; row < map.grid.height; ++row) {
+    for (std::int32_t column = 0; column < map.grid.width; ++column) {
+      const auto pixel = static_cast<unsigned char>(pixels[(map.grid.height - 1 - row) * map.grid.width + column]);
+      const double p = (255.0 - pixel) / 255.0;
+      const Cell loaded = p > occupied ? Cell::kHazard : p < free_below ? Cell::kFree : Cell::kUnknown;
+      EXPECT_EQ(loaded, map.grid.At(column, row));
+    }
+  }
+}
+
+TEST_F(MapFilesTest, RosMapRefusesWhatHasNoName) {
+  EXPECT_EQ(WriteRosMap(SmallMap(), folder_, "").error().field, "basename");
+  EXPECT_EQ(WriteRosMap(SmallMap(), folder_, "../map").error().field, "basename");
+  EXPECT_EQ(WriteRosMap(MergedMap{}, folder_, "map").error().code, ErrorCode::kInvalid);
+}
+
+TEST_F(MapFilesTest, MapPictureHasNorthUpAndTracksOnTop) {
+  const MergedMap map = SmallMap();
+  const Image image = DrawMap(map, {}, {4, ""});
+  ASSERT_EQ(image.width, 12);
+  ASSERT_EQ(image.height, 8);
+  const std::uint8_t* hazard = image.At(0, 7);  // Column 0, row 0 of the grid: bottom left.
+  EXPECT_GT(hazard[0], 2 * hazard[1]);
+  EXPECT_GT(*image.At(0, 0), 200);
+  EXPECT_LT(*image.At(11, 0), 120);
+  Track track{{1, 2, 3}, {{-0.03, 0.09}, {-0.01, 0.09}, {1e12, 0}}};
+  const Image with_track = DrawMap(map, {track}, {4, ""});
+  EXPECT_NE(with_track.bytes, image.bytes);
+  EXPECT_EQ(DrawMap(map, {track}, {4, "a caption"}).height, 8 + 26);
+  EXPECT_EQ(DrawMap(MergedMap{}, {track}).bytes.size(), 3u);
+}
+
+TEST_F(MapFilesTest, TrajectoryPlotKeepsItsBounds) {
+  const std::vector<AgentId> agents = {1, 2};
+  std::map<NodeKey, Pose> poses;
+  for (int i = 0; i < 10; ++i) poses[{1, static_cast<std::uint64_t>(i)}] = Pose::FromPlanar(0.01 * i, 5.0 * i, 0);
+  const std::vector<Track> tracks = TracksOf(poses, agents);
+  ASSERT_EQ(tracks.size(), 2u);
+  EXPECT_EQ(tracks[0].points_m.size(), 10u);
+  EXPECT_TRUE(tracks[1].points_m.empty());
+  const Image plot = DrawTrajectories(tracks, tracks, tracks, {900, "before, after, truth"});
+  EXPECT_LE(plot.height, 1800 + 26);
+  EXPECT_EQ(plot.width, 900);
+  EXPECT_GT(DrawTrajectories({}, {}, {}).height, 0);
+  const Image both = SideBySide(plot, Image(10, 10, 1));
+  EXPECT_EQ(both.width, 918);
+  EXPECT_EQ(both.height, plot.height);
+}
+
+}  // namespace
+}  // namespace moondb

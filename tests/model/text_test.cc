@@ -1,0 +1,63 @@
+#include "model/text.h"
+
+#include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <limits>
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+
+TEST(TextTest, StampsPassWithoutADouble) {
+  EXPECT_EQ(ParseStampNs("1671300425.3106995"), 1671300425310699500);
+  EXPECT_EQ(ParseStampNs("1248362857.900000095"), 1248362857900000095);
+  EXPECT_EQ(ParseStampNs("-0.5"), -500000000);
+  EXPECT_EQ(ParseStampNs("0.9999999996"), 1000000000);
+  EXPECT_EQ(ParseStampNs("10."), 10000000000);
+  for (const char* bad : {"", "-", ".", "1e3", "nan", "1.5x", "1.2.3", "99999999999", "--1"}) {
+    EXPECT_FALSE(ParseStampNs(bad)) << bad;
+  }
+  for (const std::int64_t ns : {std::int64_t{0}, std::int64_t{-1}, std::int64_t{1671300425310699513},
+                                std::int64_t{10000000000}, std::int64_t{-1500000000}}) {
+    EXPECT_EQ(ParseStampNs(FormatStampNs(ns)), ns);
+  }
+  EXPECT_EQ(FormatStampNs(10'000'000'000), "10");
+  EXPECT_EQ(FormatStampNs(std::numeric_limits<std::int64_t>::min()), "-9223372036.854775808");
+}
+
+TEST(TextTest, NumbersPassExactly) {
+  for (const double value : {0.1, 1.0 / 3, 1e-300, -2.5e17, 0.1 + 0.2, std::numeric_limits<double>::denorm_min()}) {
+    EXPECT_EQ(ParseDouble(FormatDouble(value)), value);
+  }
+  EXPECT_EQ(ParseDouble("+1.5"), 1.5);
+  for (const char* bad : {"", " 1", "1 ", "nan", "inf", "1e999", "0x10", "1,5"}) EXPECT_FALSE(ParseDouble(bad)) << bad;
+  EXPECT_FALSE(ParseUnsigned("-1"));
+  EXPECT_FALSE(ParseUnsigned("18446744073709551616"));
+}
+
+TEST(TextTest, SplitsLinesAndFields) {
+  std::string_view text = "a\r\nb\n\nc";
+  EXPECT_EQ(TakeLine(text), "a");
+  EXPECT_EQ(TakeLine(text), "b");
+  EXPECT_EQ(TakeLine(text), "");
+  EXPECT_EQ(TakeLine(text), "c");
+  EXPECT_TRUE(text.empty());
+  EXPECT_THAT(Split("a,,b,", ','), ElementsAre("a", "", "b", ""));
+  EXPECT_THAT(Split("  a \t b ", ' '), ElementsAre("a", "b"));
+}
+
+TEST(TextTest, FilesBeyondTheLimitAreRefused) {
+  const std::filesystem::path file =
+      std::filesystem::path(testing::TempDir()) / ("moondb_text_test" + std::to_string(getpid()));
+  ASSERT_TRUE(WriteTextFile(file, "0123456789"));
+  EXPECT_EQ(*ReadTextFile(file), "0123456789");
+  EXPECT_EQ(ReadTextFile(file, 9).error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(ReadTextFile(testing::TempDir()).error().code, ErrorCode::kInvalid);
+  std::filesystem::remove(file);
+  EXPECT_EQ(ReadTextFile(file).error().code, ErrorCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace moondb
