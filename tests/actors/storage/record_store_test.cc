@@ -1,0 +1,615 @@
+#include "actors/storage/record_store.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+
+#include "tests/actors/storage/store_fixtures.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::uint64_t kEpoch = 77;
+
+RecordKey Key(AgentId origin, DataType type, std::uint64_t seq, std::uint64_t epoch = kEpoch) {
+  return RecordKey{StreamKey{origin, epoch, type}, seq};
+}
+
+std::int64_t Number(RecordStore& store, const std::string& sql) { return *store.database().Number(sql); }
+
+// What `store` would send to one that has nothing.
+proto::MissingReply AllOf(RecordStore& store, const proto::RecordFilter& filter = {}) {
+  proto::MissingRequest request;
+  *request.mutable_filter() = filter;
+  return *store.GetMissing(request);
+}
+
+proto::StreamHave Dropped(const StreamKey& stream, std::uint64_t first, std::uint64_t last) {
+  proto::StreamHave dropped;
+  dropped.set_origin_agent(stream.origin);
+  dropped.set_epoch(stream.epoch);
+  dropped.set_data_type(stream.type);
+  dropped.add_dropped()->set_first(first);
+  dropped.mutable_dropped(0)->set_last(last);
+  return dropped;
+}
+
+proto::StoreReply StoreDropped(RecordStore& store, const proto::StreamHave& dropped) {
+  proto::StoreRequest request;
+  *request.add_dropped() = dropped;
+  return store.Store(request).reply;
+}
+
+HaveSet HaveOf(const RecordStore& store) { return *FromProto(store.GetHave().have()); }
+
+TEST(RecordStoreTest, NumbersRecordsWithoutGapsWithinEpochAndType) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const proto::RecordKey a = InsertOne(*store, NodeRecord(2, 10));
+  const proto::RecordKey t = InsertOne(*store, TemperatureRecord(20));
+  const proto::RecordKey b = InsertOne(*store, NodeRecord(2, 11));
+  EXPECT_EQ(a.seq(), 1u);
+  EXPECT_EQ(b.seq(), 2u);
+  EXPECT_EQ(t.seq(), 1u);
+  EXPECT_EQ(a.epoch() >> 48, 1u);
+  EXPECT_EQ(a.epoch(), store->GetHave().epoch());
+  EXPECT_EQ(a.origin_agent(), 2u);
+}
+
+TEST(RecordStoreTest, HasNoEpochBeforeTheFirstSharedInsert) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  EXPECT_EQ(store->GetHave().epoch(), 0u);
+  EXPECT_EQ(InsertOne(*store, NodeRecord(2, 1), /*is_local=*/true).seq(), 0u);
+  EXPECT_EQ(store->GetHave().epoch(), 0u);
+  EXPECT_TRUE(store->GetHave().have().streams().empty());
+  EXPECT_EQ(Contents(*store).size(), 1u);
+}
+
+TEST(RecordStoreTest, FindsEverythingAfterARestartAndBeginsAHigherEpoch) {
+  TemporaryFolder folder;
+  const std::string path = folder.File("store.db");
+  std::vector<proto::StoredRecord> before;
+  proto::HaveSet have;
+  std::uint64_t epoch = 0;
+  {
+    auto store = OpenStore(StoreOptionsOf(2, path, 1));
+    InsertOne(*store, NodeRecord(2, 1));
+    InsertOne(*store, TemperatureRecord(1));
+    InsertOne(*store, TemperatureRecord(2));
+    InsertOne(*store, NodeRecord(2, 2), /*is_local=*/true);
+    StoreOne(*store, Packed(Key(3, proto::POSE_GRAPH_NODE, 4), NodeRecord(3, 4)));
+    before = Contents(*store);
+    have = store->GetHave().have();
+    epoch = store->GetHave().epoch();
+  }
+  // The same seed, as after a restored disk image: the counter alone must make the difference.
+  auto store = OpenStore(StoreOptionsOf(2, path, 1));
+  EXPECT_EQ(store->GetHave().have().SerializeAsString(), have.SerializeAsString());
+  const std::vector<proto::StoredRecord> after = Contents(*store);
+  ASSERT_EQ(after.size(), before.size());
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    EXPECT_EQ(after[i].SerializeAsString(), before[i].SerializeAsString());
+  }
+  const proto::RecordKey next = InsertOne(*store, NodeRecord(2, 3));
+  EXPECT_GT(next.epoch() >> 48, epoch >> 48);
+  EXPECT_EQ(next.seq(), 1u);
+}
+
+TEST(RecordStoreTest, NeverUsesARowNumberTwice) {
+  TemporaryFolder folder;
+  auto options = StoreOptionsOf(2, folder.File("store.db"));
+  auto store = OpenStore(options);
+  InsertOne(*store, TemperatureRecord(1));
+  const std::int64_t last = Number(*store, "SELECT max(row_id) FROM temperature");
+  ASSERT_TRUE(store->database().Execute("DELETE FROM temperature"));
+  store.reset();
+  store = OpenStore(options);
+  InsertOne(*store, NodeRecord(2, 1));
+  EXPECT_GT(Number(*store, "SELECT max(row_id) FROM pose_graph_node"), last);
+}
+
+TEST(RecordStoreTest, BeginsAboveAnEpochThatAPeerStillKnows) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const std::uint64_t first = InsertOne(*store, TemperatureRecord(1)).epoch();
+  // This disk was lost once: a peer has records of its ninth start.
+  const std::uint64_t forgotten = (9ull << 48) | 5;
+  StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 3, forgotten), TemperatureRecord(30)));
+  const proto::RecordKey next = InsertOne(*store, TemperatureRecord(2));
+  EXPECT_GT(next.epoch(), forgotten);
+  EXPECT_GT(forgotten, first);
+  // Else the newest record would count as older than the forgotten one.
+  EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
+
+  proto::MissingRequest question;
+  *question.mutable_destination_have()->add_streams() = Dropped({2, UINT64_MAX - 5, proto::TEMPERATURE}, 1, 1);
+  ASSERT_TRUE(store->GetMissing(question));
+  EXPECT_GT(InsertOne(*store, TemperatureRecord(3)).epoch(), UINT64_MAX - 5);
+}
+
+TEST(RecordStoreTest, InsertsAllOrNothing) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const proto::InsertReply bad =
+      InsertAll(*store, {NodeRecord(2, 1), TemperatureRecord(std::nan("")), NodeRecord(2, 2)});
+  EXPECT_EQ(bad.error().code(), proto::ERROR_CODE_INVALID);
+  EXPECT_EQ(bad.error().field(), "records[1].temperature.celsius");
+  EXPECT_EQ(bad.keys_size(), 0);
+  // Refused inside the transaction, after a row was already written.
+  const proto::InsertReply twice = InsertAll(*store, {NodeRecord(2, 1, 0), NodeRecord(2, 1, 5)});
+  EXPECT_EQ(twice.error().field(), "records[1].pose_graph_node");
+  EXPECT_TRUE(Contents(*store).empty());
+  EXPECT_TRUE(store->GetHave().have().streams().empty());
+  EXPECT_EQ(store->GetHave().epoch(), 0u);
+  EXPECT_EQ(InsertOne(*store, NodeRecord(2, 1)).seq(), 1u);
+}
+
+TEST(RecordStoreTest, RefusesNodesOfOthersAndAgentsOutsideTheTeam) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  EXPECT_EQ(InsertAll(*store, {NodeRecord(3, 1)}).error().field(), "records[0].pose_graph_node.node.agent_id");
+  EXPECT_EQ(InsertAll(*store, {MapRecord({3, 1})}).error().field(),
+            "records[0].local_traversability_map.node.agent_id");
+  EXPECT_EQ(InsertAll(*store, {RangeRecord({2, 1}, {5, 1}, 3)}).error().field(),
+            "records[0].pose_graph_edge.to.agent_id");
+  EXPECT_EQ(InsertAll(*store, {OptimizedPoseRecord({5, 1}, 1, 1, 0)}).error().field(),
+            "records[0].optimized_pose.node.agent_id");
+  EXPECT_EQ(InsertAll(*store, {proto::Record()}).error().code(), proto::ERROR_CODE_INVALID);
+}
+
+TEST(RecordStoreTest, GivesTheSameKeyWhenARobotRepeatsANode) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const proto::RecordKey first = InsertOne(*store, NodeRecord(2, 7, 1.0));
+  EXPECT_EQ(InsertOne(*store, NodeRecord(2, 7, 1.0)).SerializeAsString(), first.SerializeAsString());
+  EXPECT_EQ(Contents(*store).size(), 1u);
+  EXPECT_EQ(InsertAll(*store, {NodeRecord(2, 7, 1.5)}).error().code(), proto::ERROR_CODE_INVALID);
+  InsertOne(*store, RangeRecord({2, 7}, {3, 1}, 4));
+  EXPECT_NE(InsertAll(*store, {RangeRecord({2, 7}, {3, 1}, 5)}).error().text().find("already exists"),
+            std::string::npos);
+}
+
+TEST(RecordStoreTest, KeepsUnknownFieldsAsTheyCame) {
+  auto origin = OpenStore(StoreOptionsOf(2));
+  auto peer = OpenStore(StoreOptionsOf(1));
+  proto::Record record = TemperatureRecord(20);
+  record.GetReflection()->MutableUnknownFields(&record)->AddVarint(900, 42);
+  InsertOne(*origin, record);
+  while (Bring(*origin, *peer)) {
+  }
+  ASSERT_EQ(Contents(*peer).size(), 1u);
+  EXPECT_EQ(Contents(*peer)[0].content(), Contents(*origin)[0].content());
+  proto::Record read;
+  ASSERT_TRUE(read.ParseFromString(Contents(*peer)[0].content()));
+  EXPECT_EQ(read.GetReflection()->GetUnknownFields(read).field_count(), 1);
+}
+
+TEST(RecordStoreTest, KeepsOnlyTheNewestOfALatestType) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  for (int i = 1; i <= 3; ++i) InsertOne(*store, TemperatureRecord(i));
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 1);
+  EXPECT_EQ(Number(*store, "SELECT seq FROM temperature"), 3);
+  const StreamHave have = HaveOf(*store).Get({2, store->GetHave().epoch(), proto::TEMPERATURE});
+  EXPECT_TRUE(have.dropped.Contains(1) && have.dropped.Contains(2) && !have.dropped.Contains(3));
+  EXPECT_TRUE(have.held.Contains(3));
+
+  InsertOne(*store, OptimizedPoseRecord({2, 1}, 1, 1, 0));
+  InsertOne(*store, OptimizedPoseRecord({2, 2}, 1, 1, 0));
+  InsertOne(*store, OptimizedPoseRecord({2, 1}, 1, 2, 0));
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM optimized_pose"), 2);
+}
+
+TEST(RecordStoreTest, LetsALocalRecordSupersedeOnlyLocalOnes) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, TemperatureRecord(1));
+  InsertOne(*store, TemperatureRecord(2), /*is_local=*/true);
+  InsertOne(*store, TemperatureRecord(3), /*is_local=*/true);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 2);
+  EXPECT_EQ(AllOf(*store).records_size(), 1);
+  InsertOne(*store, TemperatureRecord(4));
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 1);
+}
+
+TEST(RecordStoreTest, OrdersAForeignLatestTypeByEpochAndSeqNotByArrival) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  const auto newest = Packed(Key(2, proto::TEMPERATURE, 1, 5), TemperatureRecord(51));
+  const auto older = Packed(Key(2, proto::TEMPERATURE, 9, 4), TemperatureRecord(49));
+  EXPECT_EQ(StoreOne(*store, newest).stored_count(), 1u);
+  const proto::StoreReply late = StoreOne(*store, older);
+  EXPECT_EQ(late.stored_count(), 0u);
+  EXPECT_EQ(late.rejected_count(), 0u);
+  ASSERT_EQ(late.had().streams_size(), 1);
+  EXPECT_EQ(late.had().streams(0).dropped(0).first(), 9u);
+  EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 51);
+  StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 2, 5), TemperatureRecord(52)));
+  EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 52);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 1);
+  // Another origin's state is another key.
+  StoreOne(*store, Packed(Key(3, proto::TEMPERATURE, 1, 1), TemperatureRecord(10)));
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 2);
+}
+
+TEST(RecordStoreTest, TakesADuplicateOnceAndRejectsAnotherContentUnderOneKey) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  const RecordKey key = Key(2, proto::POSE_GRAPH_NODE, 1);
+  EXPECT_EQ(StoreOne(*store, Packed(key, NodeRecord(2, 1, 1))).stored_count(), 1u);
+  const proto::StoreReply again = StoreOne(*store, Packed(key, NodeRecord(2, 1, 1)));
+  EXPECT_EQ(again.stored_count(), 0u);
+  EXPECT_EQ(again.rejected_count(), 0u);
+  EXPECT_EQ(again.had().streams_size(), 1);
+  const proto::StoreReply other = StoreOne(*store, Packed(key, NodeRecord(2, 1, 2)));
+  EXPECT_EQ(other.rejected_count(), 1u);
+  EXPECT_EQ(Number(*store, "SELECT x FROM pose_graph_node"), 1);
+  EXPECT_EQ(store->GetStatus()->rejected_count(), 1);
+}
+
+TEST(RecordStoreTest, RejectsWhatAPeerCannotHaveMadeRightly) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  const RecordKey key = Key(2, proto::TEMPERATURE, 1);
+  std::vector<proto::StoredRecord> bad;
+  bad.push_back(Packed(key, TemperatureRecord(std::numeric_limits<double>::infinity())));
+  bad.push_back(Packed(Key(4, proto::TEMPERATURE, 1), TemperatureRecord(1)));  // Not in the team.
+  bad.push_back(Packed(Key(2, proto::POWER, 1), TemperatureRecord(1)));        // Another type.
+  bad.push_back(Packed(Key(2, 1500, 1), TemperatureRecord(1)));                // No such table.
+  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 0), TemperatureRecord(1)));  // No seq.
+  bad.push_back(Packed(Key(2, proto::TEMPERATURE, UINT64_MAX), TemperatureRecord(1)));
+  bad.push_back(Packed(Key(2, proto::TEMPERATURE, 1, 0), TemperatureRecord(1)));  // No epoch.
+  bad.push_back(Packed(Key(2, proto::POSE_GRAPH_NODE, 1), NodeRecord(3, 1)));     // Another agent's node.
+  bad.push_back(Packed(Key(2, proto::POSE_GRAPH_EDGE, 1), RangeRecord({2, 1}, {7, 1}, 1)));
+  bad.push_back(Packed(key, TemperatureRecord(1)));
+  bad.back().set_hash(bad.back().hash() ^ 1);
+  bad.push_back(Packed(key, TemperatureRecord(1)));
+  bad.back().set_content("no record");
+  bad.back().set_hash(HashRecord(key, "no record"));
+  proto::StoreRequest request;
+  for (const proto::StoredRecord& record : bad) *request.add_records() = record;
+  *request.add_records() = Packed(Key(2, proto::TEMPERATURE, 2), TemperatureRecord(2));
+  const RecordStore::Stored stored = store->Store(request);
+  EXPECT_EQ(stored.reply.rejected_count(), bad.size());
+  EXPECT_EQ(stored.reply.stored_count(), 1u);
+  EXPECT_FALSE(stored.rejections.empty());
+  EXPECT_EQ(Contents(*store).size(), 1u);
+  EXPECT_EQ(HaveOf(*store).streams().size(), 1u);
+}
+
+TEST(RecordStoreTest, TakesItsOwnRecordsBackButNoneThatItNeverGave) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const proto::RecordKey own = InsertOne(*store, NodeRecord(2, 1));
+  const proto::StoreReply forged =
+      StoreOne(*store, Packed(Key(2, proto::POSE_GRAPH_NODE, 2, own.epoch()), NodeRecord(2, 2)));
+  EXPECT_EQ(forged.rejected_count(), 1u);
+  const proto::StoreReply drop = StoreDropped(*store, Dropped({2, own.epoch(), proto::TEMPERATURE}, 1, 5));
+  EXPECT_EQ(drop.rejected_count(), 1u);
+  const proto::StoreReply refill = StoreOne(*store, Packed(Key(2, proto::POSE_GRAPH_NODE, 8, 3), NodeRecord(2, 8)));
+  EXPECT_EQ(refill.stored_count(), 1u);
+}
+
+TEST(RecordStoreTest, NeverDropsWhatThePolicyKeeps) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  const RecordKey key = Key(2, proto::POSE_GRAPH_NODE, 1);
+  StoreOne(*store, Packed(key, NodeRecord(2, 1)));
+  EXPECT_EQ(StoreDropped(*store, Dropped(key.stream, 1, 10)).rejected_count(), 1u);
+  EXPECT_EQ(Contents(*store).size(), 1u);
+  proto::StreamHave reversed = Dropped({2, kEpoch, proto::TEMPERATURE}, 5, 2);
+  EXPECT_EQ(StoreDropped(*store, reversed).rejected_count(), 1u);
+}
+
+TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederComes) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  const StreamKey stream{2, kEpoch, proto::TEMPERATURE};
+  StoreOne(*store, Packed({stream, 2}, TemperatureRecord(2)));
+  // Its batch overtook the one that carries the superseder, seq 4.
+  const proto::StoreReply early = StoreDropped(*store, Dropped(stream, 1, 3));
+  EXPECT_EQ(early.rejected_count(), 0u);
+  EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
+  EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(3));
+  EXPECT_TRUE(HaveOf(*store).Get(stream).held.Contains(2));
+  // What was dropped before it came is had.
+  EXPECT_EQ(StoreOne(*store, Packed({stream, 3}, TemperatureRecord(3))).stored_count(), 0u);
+  StoreOne(*store, Packed({stream, 4}, TemperatureRecord(4)));
+  EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 4);
+  EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(2));
+}
+
+TEST(RecordStoreTest, DropsASupersededRowThatAnotherPolicyHadLeft) {
+  TemporaryFolder folder;
+  auto options = StoreOptionsOf(1, folder.File("store.db"));
+  options.policies[proto::TEMPERATURE] = proto::POLICY_ALL;
+  auto store = OpenStore(options);
+  const StreamKey stream{2, kEpoch, proto::TEMPERATURE};
+  for (std::uint64_t seq = 1; seq <= 3; ++seq) StoreOne(*store, Packed({stream, seq}, TemperatureRecord(1.0 * seq)));
+  store.reset();
+  options.policies[proto::TEMPERATURE] = proto::POLICY_LATEST;
+  store = OpenStore(options);
+  StoreDropped(*store, Dropped(stream, 1, 3));
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM temperature"), 1);
+  EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 3);
+}
+
+TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheDiskIsFull) {
+  TemporaryFolder folder;
+  auto options = StoreOptionsOf(1, folder.File("store.db"));
+  options.bytes_max = 400'000;
+  auto store = OpenStore(options);
+  InsertOne(*store, NodeRecord(1, 1));
+  const std::string have = store->GetHave().SerializeAsString();
+
+  proto::StoreRequest request;
+  *request.add_records() = Packed(Key(2, proto::POSE_GRAPH_NODE, 1), NodeRecord(2, 1));
+  proto::Record large = MapRecord({2, 1});
+  proto::MapLayer& layer = *large.mutable_local_traversability_map()->mutable_layers(0);
+  layer.set_width_cells(2000);
+  layer.set_height_cells(2000);
+  layer.set_cells(std::string(1'000'000, '\0'));
+  *request.add_records() = Packed(Key(2, proto::LOCAL_TRAVERSABILITY_MAP, 1), large);
+  const RecordStore::Stored stored = store->Store(request);
+  EXPECT_EQ(stored.reply.error().code(), proto::ERROR_CODE_FULL) << stored.reply.error().DebugString();
+  EXPECT_EQ(stored.reply.had().streams_size(), 0);
+  EXPECT_EQ(stored.stored.last_row_id(), 0u);
+  EXPECT_EQ(store->GetHave().SerializeAsString(), have);
+  EXPECT_EQ(Contents(*store).size(), 1u);
+
+  large.mutable_local_traversability_map()->mutable_node()->set_agent_id(1);
+  EXPECT_EQ(InsertAll(*store, {NodeRecord(1, 2), large}).error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_EQ(store->GetHave().SerializeAsString(), have);
+  // It goes on.
+  EXPECT_EQ(InsertOne(*store, NodeRecord(1, 2)).seq(), 2u);
+  store.reset();
+  EXPECT_EQ(Contents(*OpenStore(options)).size(), 2u);
+}
+
+TEST(RecordStoreTest, RefusesADamagedFileAndAnotherAgentsFile) {
+  TemporaryFolder folder;
+  const std::string path = folder.File("store.db");
+  {
+    auto store = OpenStore(StoreOptionsOf(2, path));
+    for (int i = 0; i < 200; ++i) InsertOne(*store, NodeRecord(2, i));
+    ASSERT_TRUE(store->database().Execute("PRAGMA wal_checkpoint(TRUNCATE)"));
+  }
+  const auto other = RecordStore::Open(StoreOptionsOf(3, path));
+  ASSERT_FALSE(other);
+  EXPECT_EQ(other.error().code, ErrorCode::kRefused);
+  EXPECT_NE(other.error().text.find("belongs to agent 2"), std::string::npos);
+
+  // The root of the first table that holds many rows.
+  std::int64_t page = 0;
+  {
+    auto store = OpenStore(StoreOptionsOf(2, path));
+    page = Number(*store, "SELECT rootpage FROM sqlite_master WHERE name = 'pose_graph_node'");
+  }
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  file.seekp((page - 1) * 4096);
+  file << std::string(4096, '\x5a');
+  file.close();
+  const auto damaged = RecordStore::Open(StoreOptionsOf(2, path));
+  ASSERT_FALSE(damaged);
+  EXPECT_EQ(damaged.error().code, ErrorCode::kCorrupt);
+  EXPECT_EQ(damaged.error().text.find('\n'), std::string::npos);
+}
+
+TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, MapRecord({2, 1}));
+  InsertOne(*store, RangeRecord({2, 1}, {3, 1}, 5));
+  InsertOne(*store, NodeRecord(2, 1));
+  InsertOne(*store, NodeRecord(2, 2));
+  InsertOne(*store, TemperatureRecord(1));
+  proto::Record mode;
+  mode.mutable_mode()->set_activity(proto::ACTIVITY_EXPLORING);
+  InsertOne(*store, mode);  // Policy none.
+
+  proto::MissingRequest request;
+  request.set_records_max(2);
+  std::vector<DataType> types;
+  HaveSet destination;
+  for (std::uint64_t remaining : {3u, 1u, 0u}) {
+    *request.mutable_destination_have() = ToProto(destination);
+    const proto::MissingReply reply = *store->GetMissing(request);
+    EXPECT_EQ(reply.remaining(), remaining);
+    for (const proto::StoredRecord& record : reply.records()) {
+      types.push_back(record.key().data_type());
+      destination[FromProto(record.key()).stream].held.Add(record.key().seq());
+    }
+  }
+  EXPECT_EQ(types, (std::vector<DataType>{proto::TEMPERATURE, proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_NODE,
+                                          proto::POSE_GRAPH_EDGE, proto::LOCAL_TRAVERSABILITY_MAP}));
+  // At least one record, however small the limit.
+  proto::MissingRequest tiny;
+  tiny.set_content_bytes_max(1);
+  const proto::MissingReply one = *store->GetMissing(tiny);
+  EXPECT_EQ(one.records_size(), 1);
+  EXPECT_EQ(one.remaining(), 4u);
+}
+
+TEST(RecordStoreTest, TellsOfDropsOnlyWhenNothingRemains) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, TemperatureRecord(1));
+  InsertOne(*store, TemperatureRecord(2));
+  InsertOne(*store, NodeRecord(2, 1));
+  proto::MissingRequest request;
+  request.set_records_max(1);
+  const proto::MissingReply part = *store->GetMissing(request);
+  EXPECT_EQ(part.remaining(), 1u);
+  EXPECT_EQ(part.dropped_size(), 0);
+  request.set_records_max(2);
+  const proto::MissingReply all = *store->GetMissing(request);
+  EXPECT_EQ(all.remaining(), 0u);
+  ASSERT_EQ(all.dropped_size(), 1);
+  EXPECT_EQ(all.dropped(0).data_type(), static_cast<DataType>(proto::TEMPERATURE));
+  *request.mutable_destination_have() = store->GetHave().have();
+  EXPECT_EQ(store->GetMissing(request)->dropped_size(), 0);
+}
+
+TEST(RecordStoreTest, FiltersByOriginTypeAndAgentOfPoses) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  InsertOne(*store, NodeRecord(1, 1));
+  StoreOne(*store, Packed(Key(2, proto::POSE_GRAPH_NODE, 1), NodeRecord(2, 1)));
+  InsertOne(*store, OptimizedPoseRecord({2, 1}, 1, 1, 0));
+  InsertOne(*store, OptimizedPoseRecord({3, 1}, 1, 1, 0));
+  InsertOne(*store, OptimizedPoseRecord({3, 1}, 1, 2, 0));
+  InsertOne(*store, OptimizedPoseRecord({2, 2}, 1, 1, 0));
+  EXPECT_EQ(AllOf(*store).records_size(), 5);
+  EXPECT_EQ(AllOf(*store).dropped_size(), 1);
+
+  proto::RecordFilter filter;
+  filter.add_origin_agents(1);
+  EXPECT_EQ(AllOf(*store, filter).records_size(), 4);
+  filter.add_data_types(proto::POSE_GRAPH_NODE);
+  EXPECT_EQ(AllOf(*store, filter).records_size(), 1);
+
+  proto::RecordFilter not_one;
+  not_one.add_not_origin_agents(1);
+  EXPECT_EQ(AllOf(*store, not_one).records_size(), 1);
+
+  proto::RecordFilter poses;
+  poses.add_data_types(proto::OPTIMIZED_POSE);
+  poses.set_optimized_poses_of_agent(2);
+  EXPECT_EQ(AllOf(*store, poses).records_size(), 2);
+  // A superseder of these drops might be filtered out.
+  EXPECT_EQ(AllOf(*store, poses).dropped_size(), 0);
+  proto::MissingRequest first;
+  *first.mutable_filter() = poses;
+  first.set_records_max(1);
+  EXPECT_EQ(store->GetMissing(first)->remaining(), 1u);
+}
+
+TEST(RecordStoreTest, PagesInTheOrderOfStoring) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, NodeRecord(2, 1));
+  InsertOne(*store, MapRecord({2, 1}));
+  StoreOne(*store, Packed(Key(3, proto::POSE_GRAPH_NODE, 1), NodeRecord(3, 1)));
+  InsertOne(*store, NodeRecord(2, 2));
+  proto::ReadRequest request;
+  request.set_records_max(3);
+  const proto::ReadReply first = *store->Read(request);
+  ASSERT_EQ(first.records_size(), 3);
+  EXPECT_FALSE(first.is_complete());
+  EXPECT_EQ(first.records(1).key().data_type(), static_cast<DataType>(proto::LOCAL_TRAVERSABILITY_MAP));
+  EXPECT_LT(first.row_ids(0), first.row_ids(1));
+  request.set_after_row_id(first.row_ids(2));
+  EXPECT_TRUE(store->Read(request)->is_complete());
+  EXPECT_EQ(store->Read(request)->records_size(), 1);
+
+  proto::ReadRequest newest;
+  newest.set_is_newest_first(true);
+  newest.add_data_types(proto::POSE_GRAPH_NODE);
+  newest.add_origin_agents(2);
+  const proto::ReadReply reply = *store->Read(newest);
+  ASSERT_EQ(reply.records_size(), 2);
+  EXPECT_GT(reply.row_ids(0), reply.row_ids(1));
+  EXPECT_TRUE(reply.is_complete());
+}
+
+TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperHasThem) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const proto::RecordKey first = InsertOne(*store, NodeRecord(2, 1));
+  const proto::RecordKey second = InsertOne(*store, NodeRecord(2, 2));
+  InsertOne(*store, NodeRecord(2, 3));
+  InsertOne(*store, NodeRecord(2, 4), /*is_local=*/true);
+  StoreOne(*store, Packed(Key(3, proto::POSE_GRAPH_NODE, 1, UINT64_MAX), NodeRecord(3, 1)));
+
+  const auto in_replica = [&store](const std::string& id, AgentId agent) {
+    return Number(
+        *store, "SELECT count(*) FROM replica WHERE replica_id = '" + id + "' AND agent_id = " + std::to_string(agent));
+  };
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM replica"), 4);
+  EXPECT_EQ(in_replica(ToString(FromProto(first)), 2), 1);
+  EXPECT_EQ(in_replica(ToString(Key(3, proto::POSE_GRAPH_NODE, 1, UINT64_MAX)), 3), 1);
+
+  proto::PeerHave note;
+  note.set_peer(1);
+  HaveSet acknowledged;
+  acknowledged[FromProto(first).stream].held.Add(first.seq());
+  *note.mutable_acknowledged() = ToProto(acknowledged);
+  *note.add_handed_over() = second;
+  ASSERT_TRUE(store->NotePeerHave(note));
+  const auto in_log = [&store](const proto::RecordKey& key, int sent_status, int ack) {
+    return Number(*store, "SELECT count(*) FROM replication_log WHERE replica_id = '" + ToString(FromProto(key)) +
+                              "' AND agent_id = 2 AND destination_id = 1 AND sent_status = " +
+                              std::to_string(sent_status) + " AND ack = " + std::to_string(ack));
+  };
+  EXPECT_EQ(in_log(first, 0, 1), 1);
+  EXPECT_EQ(in_log(second, 1, 0), 1);
+  // The third was neither sent nor acknowledged; the foreign one is logged with this agent as its destination.
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM replication_log"), 3);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM replication_log WHERE destination_id = 2 AND ack"), 1);
+
+  acknowledged[FromProto(second).stream].held.Add(second.seq());
+  *note.mutable_acknowledged() = ToProto(acknowledged);
+  note.clear_handed_over();
+  note.set_is_session_closed(true);
+  ASSERT_TRUE(store->NotePeerHave(note));
+  EXPECT_EQ(in_log(first, 0, 1), 1);
+  EXPECT_EQ(in_log(second, 0, 1), 1);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM peer_have"), 1);
+}
+
+TEST(RecordStoreTest, ShowsANodeAtItsNewestOptimizedPose) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  InsertOne(*store, NodeRecord(1, 1, 1.0));
+  InsertOne(*store, NodeRecord(1, 2, 2.0));
+  // A leader of the lower term was heard last, from another origin.
+  InsertOne(*store, OptimizedPoseRecord({1, 1}, 5, 1, 10.0));
+  StoreOne(*store, Packed(Key(3, proto::OPTIMIZED_POSE, 1), OptimizedPoseRecord({1, 1}, 4, 9, 20.0)));
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM v_node_pose"), 2);
+  EXPECT_EQ(Number(*store, "SELECT x FROM v_node_pose WHERE node_index = 1"), 10);
+  EXPECT_EQ(Number(*store, "SELECT x FROM v_node_pose WHERE node_index = 2"), 2);
+  EXPECT_EQ(Number(*store, "SELECT is_optimized FROM v_node_pose WHERE node_index = 2"), 0);
+  // Two records of one node: the smaller record key stands.
+  StoreOne(*store, Packed(Key(2, proto::POSE_GRAPH_NODE, 2, 9), NodeRecord(2, 1, 7.0)));
+  StoreOne(*store, Packed(Key(2, proto::POSE_GRAPH_NODE, 1, 8), NodeRecord(2, 1, 8.0)));
+  EXPECT_EQ(Number(*store, "SELECT x FROM v_node_pose WHERE node_agent = 2"), 8);
+}
+
+TEST(RecordStoreTest, DerivesTypedColumnsOfMapsAndRanges) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, MapRecord({2, 4}));
+  InsertOne(*store, RangeRecord({2, 4}, {3, 1}, 5));
+  EXPECT_EQ(Number(*store,
+                   "SELECT count(*) FROM local_traversability_map WHERE node_agent = 2 AND node_index = 4 AND "
+                   "layer_count = 1 AND finest_resolution_um = 50000 AND finest_width_cells = 4 AND qw = 1"),
+            1);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM pose_graph_edge WHERE is_range AND range_m = 5 AND to_agent = 3"), 1);
+}
+
+TEST(RecordStoreTest, KeepsTheNewestThousandRoleAssignments) {
+  TemporaryFolder folder;
+  const auto options = StoreOptionsOf(2, folder.File("store.db"));
+  {
+    auto store = OpenStore(StoreOptionsOf(2));
+    for (int i = 1; i <= 1003; ++i) {
+      proto::RoleAssignment roles;
+      roles.mutable_term()->set_number(i);
+      ASSERT_TRUE(store->SaveRoles(roles));
+      ASSERT_TRUE(store->SaveRoles(roles));
+    }
+    const proto::LoadRolesReply loaded = *store->LoadRoles();
+    ASSERT_EQ(loaded.history_size(), 1000);
+    EXPECT_EQ(loaded.history(0).term().number(), 4u);
+    EXPECT_EQ(loaded.history(999).term().number(), 1003u);
+  }
+  proto::RoleAssignment roles;
+  roles.set_leader(1);
+  ASSERT_TRUE(OpenStore(options)->SaveRoles(roles));
+  EXPECT_EQ(OpenStore(options)->LoadRoles()->history(0).leader(), 1u);
+}
+
+TEST(RecordStoreTest, CountsByOriginAndType) {
+  TemporaryFolder folder;
+  auto store = OpenStore(StoreOptionsOf(2, folder.File("store.db")));
+  InsertOne(*store, NodeRecord(2, 1));
+  InsertOne(*store, NodeRecord(2, 2), /*is_local=*/true);
+  InsertOne(*store, TemperatureRecord(1));
+  InsertOne(*store, TemperatureRecord(2));
+  StoreOne(*store, Packed(Key(3, proto::POSE_GRAPH_NODE, 1), NodeRecord(3, 1)));
+  const proto::StorageStatus status = *store->GetStatus();
+  std::map<std::pair<AgentId, DataType>, double> counts;
+  for (const proto::RecordCount& count : status.counts())
+    counts[{count.origin_agent(), count.data_type()}] = count.count();
+  EXPECT_EQ(counts,
+            (std::map<std::pair<AgentId, DataType>, double>{
+                {{2, proto::TEMPERATURE}, 1}, {{2, proto::POSE_GRAPH_NODE}, 2}, {{3, proto::POSE_GRAPH_NODE}, 1}}));
+  EXPECT_GT(status.database_bytes(), 0);
+  EXPECT_GT(status.disk_free_bytes(), 0);
+}
+
+}  // namespace
+}  // namespace moondb

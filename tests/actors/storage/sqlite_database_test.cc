@@ -1,0 +1,88 @@
+#include "actors/storage/sqlite_database.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "actors/storage/schema.h"
+#include "tests/actors/storage/store_fixtures.h"
+
+namespace moondb {
+namespace {
+
+TEST(SqliteDatabaseTest, KeepsUnsignedNumbersTextAndBytesBitForBit) {
+  auto database = *Database::Open(":memory:");
+  ASSERT_TRUE(database->Execute("CREATE TABLE t(a INTEGER, b TEXT, c BLOB, d REAL, e INTEGER)"));
+  const std::string bytes("\0\xff\0x", 4);
+  ASSERT_TRUE((database->Prepare("INSERT INTO t VALUES(?, ?, ?, ?, ?)")
+               << UINT64_MAX << std::string_view("") << Blob{bytes} << 0.1 << nullptr)
+                  .Run());
+  Query query = database->Prepare("SELECT a, b, c, d, e FROM t");
+  ASSERT_TRUE(*query.Step());
+  EXPECT_EQ(query.Unsigned(0), UINT64_MAX);
+  EXPECT_FALSE(query.IsNull(1));
+  EXPECT_EQ(query.Bytes(2), bytes);
+  EXPECT_EQ(query.Real(3), 0.1);
+  EXPECT_TRUE(query.IsNull(4));
+}
+
+TEST(SqliteDatabaseTest, RollsBackWhatIsNotCommitted) {
+  auto database = *Database::Open(":memory:");
+  ASSERT_TRUE(database->Execute("CREATE TABLE t(a INTEGER)"));
+  {
+    Result<Transaction> transaction = Transaction::Begin(*database);
+    ASSERT_TRUE(transaction);
+    ASSERT_TRUE(database->Execute("INSERT INTO t VALUES(1)"));
+  }
+  EXPECT_EQ(*database->Number("SELECT count(*) FROM t"), 0);
+}
+
+TEST(SqliteDatabaseTest, RefusesAFileThatAnotherHolds) {
+  TemporaryFolder folder;
+  auto first = *Database::Open(folder.File("a.db"));
+  const auto second = Database::Open(folder.File("a.db"));
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  first.reset();
+  EXPECT_TRUE(Database::Open(folder.File("a.db")));
+}
+
+TEST(SqliteDatabaseTest, SaysThatAFileIsNoDatabase) {
+  TemporaryFolder folder;
+  std::ofstream(folder.File("a.db")) << std::string(5000, 'x');
+  const auto database = Database::Open(folder.File("a.db"));
+  ASSERT_FALSE(database);
+  EXPECT_EQ(database.error().code, ErrorCode::kCorrupt);
+}
+
+TEST(SqliteDatabaseTest, SaysWhereAFolderIsMissing) {
+  const auto database = Database::Open("/nonexistent/folder/a.db");
+  ASSERT_FALSE(database);
+  EXPECT_NE(database.error().text.find("/nonexistent/folder/a.db"), std::string::npos);
+}
+
+TEST(SchemaTest, MigratesAnEmptyFileAndThenLeavesItAlone) {
+  auto database = *Database::Open(":memory:");
+  ASSERT_TRUE(Migrate(*database));
+  EXPECT_EQ(*database->Number("PRAGMA user_version"), kSchemaVersion);
+  EXPECT_EQ(*database->Number("SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = 'temperature'"), 1);
+  ASSERT_TRUE(Migrate(*database));
+}
+
+TEST(SchemaTest, RefusesANewerFileAndAForeignOne) {
+  auto newer = *Database::Open(":memory:");
+  ASSERT_TRUE(newer->Execute("PRAGMA user_version=" + std::to_string(kSchemaVersion + 1)));
+  const Result<void> refused = Migrate(*newer);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+  EXPECT_NE(refused.error().text.find("schema version"), std::string::npos);
+
+  auto foreign = *Database::Open(":memory:");
+  ASSERT_TRUE(foreign->Execute("CREATE TABLE notes(text TEXT)"));
+  EXPECT_EQ(Migrate(*foreign).error().code, ErrorCode::kRefused);
+  EXPECT_EQ(*foreign->Number("SELECT count(*) FROM sqlite_master"), 1);
+}
+
+}  // namespace
+}  // namespace moondb

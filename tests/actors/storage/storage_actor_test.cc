@@ -1,0 +1,147 @@
+#include "actors/storage/storage_actor.h"
+
+#include <gtest/gtest.h>
+
+#include "runtime/simulation/simulated_team.h"
+#include "tests/actors/storage/store_fixtures.h"
+
+namespace moondb {
+namespace {
+
+class StorageActorTest : public testing::Test {
+ protected:
+  StorageActorTest() {
+    for (const AgentId id : {1u, 2u}) {
+      proto::AgentConfig& agent = *options_.team.add_agents();
+      agent.set_id(id);
+      agent.set_name("agent-" + std::to_string(id));
+    }
+    options_.team.mutable_share()->set_temperature(proto::POLICY_LATEST);
+    options_.team.mutable_share()->set_pose_graph_node(proto::POLICY_ALL);
+    options_.self = 2;
+    options_.path = folder_.File("agent.db");
+    options_.notify = {"merge", "pgo"};
+    team_.AddAgent(2);
+  }
+
+  void Start() {
+    team_.Spawn(2, "storage", [this] { return std::make_unique<StorageActor>(options_); });
+  }
+
+  proto::Message Ask(proto::Message question) {
+    question.set_request_id(++request_id_);
+    EXPECT_EQ(team_.Post({2, "test"}, {2, "storage"}, std::move(question)), SendResult::kAccepted);
+    team_.RunUntilIdle();
+    const std::vector<proto::Message> replies = team_.Take({2, "test"});
+    EXPECT_EQ(replies.size(), 1u);
+    if (replies.empty()) return {};
+    EXPECT_EQ(replies[0].request_id(), request_id_);
+    return replies[0];
+  }
+
+  proto::InsertReply Insert(const proto::Record& record) {
+    proto::Message question;
+    *question.mutable_insert_request()->add_records() = record;
+    return Ask(std::move(question)).insert_reply();
+  }
+
+  proto::ReadReply ReadAll() {
+    proto::Message question;
+    question.mutable_read_request();
+    return Ask(std::move(question)).read_reply();
+  }
+
+  TemporaryFolder folder_;
+  StorageActor::Options options_;
+  std::uint64_t request_id_ = 0;
+  simulation::SimulatedTeam team_{/*seed=*/1};
+};
+
+TEST_F(StorageActorTest, AnswersInsertsAndTellsTheOthersOfNewRows) {
+  Start();
+  const proto::InsertReply reply = Insert(NodeRecord(2, 1));
+  ASSERT_EQ(reply.keys_size(), 1);
+  for (const char* actor : {"merge", "pgo"}) {
+    const std::vector<proto::Message> told = team_.Take({2, actor});
+    ASSERT_EQ(told.size(), 1u) << actor;
+    EXPECT_EQ(told[0].records_stored().last_row_id(), 1u);
+    ASSERT_EQ(told[0].records_stored().data_types_size(), 1);
+    EXPECT_EQ(told[0].records_stored().data_types(0), static_cast<DataType>(proto::POSE_GRAPH_NODE));
+  }
+  // No new row, no news.
+  Insert(NodeRecord(2, 1));
+  EXPECT_TRUE(IsError(Insert(NodeRecord(1, 1)).error()));
+  EXPECT_TRUE(team_.Take({2, "merge"}).empty());
+}
+
+TEST_F(StorageActorTest, FindsItsRecordsAndRolesAfterAKill) {
+  Start();
+  const proto::RecordKey before = Insert(NodeRecord(2, 1)).keys(0);
+  proto::Message save;
+  save.mutable_save_roles_request()->mutable_roles()->set_leader(1);
+  EXPECT_FALSE(IsError(Ask(save).save_roles_reply().error()));
+  team_.Crash(2);
+  team_.Restart(2);
+  EXPECT_EQ(ReadAll().records_size(), 1);
+  proto::Message load;
+  load.mutable_load_roles_request();
+  const proto::LoadRolesReply loaded = Ask(load).load_roles_reply();
+  ASSERT_EQ(loaded.history_size(), 1);
+  EXPECT_EQ(loaded.history(0).leader(), 1u);
+  const proto::RecordKey after = Insert(NodeRecord(2, 2)).keys(0);
+  EXPECT_GT(after.epoch(), before.epoch());
+}
+
+TEST_F(StorageActorTest, AnswersAPeersRecordsWithWhatItNowHas) {
+  Start();
+  proto::Message question;
+  *question.mutable_store_request()->add_records() =
+      Packed(RecordKey{StreamKey{1, 9, proto::POSE_GRAPH_NODE}, 2}, NodeRecord(1, 1));
+  const proto::StoreReply reply = Ask(question).store_reply();
+  EXPECT_EQ(reply.stored_count(), 1u);
+  ASSERT_EQ(reply.had().streams_size(), 1);
+  EXPECT_EQ(reply.had().streams(0).held(0).first(), 2u);
+  proto::Message have;
+  have.mutable_have_request();
+  EXPECT_EQ(Ask(have).have_reply().have().SerializeAsString(), reply.had().SerializeAsString());
+  proto::Message missing;
+  missing.mutable_missing_request();
+  EXPECT_EQ(Ask(missing).missing_reply().records_size(), 1);
+}
+
+TEST_F(StorageActorTest, ReportsAFullDiskAndGoesOn) {
+  options_.bytes_max = 300'000;
+  Start();
+  proto::Message question;
+  for (int i = 0; i < 5000; ++i) *question.mutable_insert_request()->add_records() = NodeRecord(2, i);
+  EXPECT_EQ(Ask(question).insert_reply().error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_TRUE(team_.Take({2, "merge"}).empty());
+  EXPECT_EQ(Insert(NodeRecord(2, 1)).keys_size(), 1);
+  proto::Message status;
+  status.mutable_storage_status_request();
+  const proto::StorageStatus shown = Ask(status).storage_status();
+  ASSERT_EQ(shown.counts_size(), 1);
+  EXPECT_EQ(shown.counts(0).count(), 1);
+  EXPECT_EQ(team_.restarts(2), 0u);
+}
+
+TEST_F(StorageActorTest, NotesWhatPeersHaveWithoutAnAnswer) {
+  Start();
+  const proto::RecordKey key = Insert(NodeRecord(2, 1)).keys(0);
+  proto::Message note;
+  note.mutable_peer_have()->set_peer(1);
+  *note.mutable_peer_have()->add_handed_over() = key;
+  EXPECT_EQ(team_.Post({2, "test"}, {2, "storage"}, note), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  EXPECT_TRUE(team_.Take({2, "test"}).empty());
+}
+
+TEST_F(StorageActorTest, FailsWhereTheFileCannotBeOpened) {
+  options_.path = "/nonexistent/folder/agent.db";
+  EXPECT_FALSE(RecordStore::Open(StorageActor::StoreOptions(options_)));
+  Start();
+  EXPECT_GE(team_.restarts(2), 1u);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,166 @@
+#include "tests/actors/storage/store_fixtures.h"
+
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include "actors/storage/record_door.h"
+
+namespace moondb {
+
+namespace {
+
+void SetPose(double x, proto::Pose& pose) {
+  pose.mutable_position_m()->set_x(x);
+  pose.mutable_position_m()->set_y(0);
+  pose.mutable_orientation()->set_w(1);
+}
+
+}  // namespace
+
+TemporaryFolder::TemporaryFolder() {
+  std::string name = (std::filesystem::temp_directory_path() / "moondb_store_XXXXXX").string();
+  if (mkdtemp(name.data())) path_ = name;
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
+}
+
+RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path, std::uint64_t seed) {
+  RecordStore::Options options;
+  options.path = path;
+  options.self = self;
+  options.team = {1, 2, 3, 9};
+  options.seed = seed * 1000 + self;
+  for (const RecordTable& table : RecordTables()) {
+    const bool is_state = table.type() < proto::POSE_GRAPH_NODE;
+    const bool is_derived = table.type() == proto::OPTIMIZED_POSE || table.type() == proto::EDGE_VERDICT;
+    options.policies[table.type()] = is_state || is_derived ? proto::POLICY_LATEST : proto::POLICY_ALL;
+  }
+  options.policies[proto::MODE] = proto::POLICY_NONE;
+  return options;
+}
+
+std::unique_ptr<RecordStore> OpenStore(const RecordStore::Options& options) {
+  Result<std::unique_ptr<RecordStore>> store = RecordStore::Open(options);
+  if (!store) {
+    ADD_FAILURE() << ToString(store.error());
+    return nullptr;
+  }
+  return *std::move(store);
+}
+
+proto::Record TemperatureRecord(double celsius) {
+  proto::Record record;
+  record.set_stamp_ns(1);
+  record.mutable_temperature()->set_celsius(celsius);
+  return record;
+}
+
+proto::Record NodeRecord(AgentId agent, std::uint64_t index, double x) {
+  proto::Record record;
+  record.set_stamp_ns(static_cast<std::int64_t>(index));
+  *record.mutable_pose_graph_node()->mutable_node() = ToProto(NodeKey{agent, index});
+  SetPose(x, *record.mutable_pose_graph_node()->mutable_map_from_node());
+  return record;
+}
+
+proto::Record RangeRecord(NodeKey from, NodeKey to, double range_m) {
+  proto::Record record;
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  *edge.mutable_from() = ToProto(from);
+  *edge.mutable_to() = ToProto(to);
+  edge.mutable_range()->set_range_m(range_m);
+  edge.mutable_range()->set_variance_m2(0.01);
+  return record;
+}
+
+proto::Record OptimizedPoseRecord(NodeKey node, std::uint64_t term, std::uint64_t run, double x) {
+  proto::Record record;
+  proto::OptimizedPose& pose = *record.mutable_optimized_pose();
+  *pose.mutable_node() = ToProto(node);
+  SetPose(x, *pose.mutable_map_from_node());
+  pose.mutable_term()->set_number(term);
+  pose.mutable_term()->set_issuer(1);
+  pose.set_run(run);
+  return record;
+}
+
+proto::Record MapRecord(NodeKey node) {
+  proto::Record record;
+  proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
+  *map.mutable_node() = ToProto(node);
+  SetPose(0, *map.mutable_node_from_map());
+  proto::MapLayer& layer = *map.add_layers();
+  layer.set_width_cells(4);
+  layer.set_height_cells(2);
+  layer.set_resolution_um(50'000);
+  layer.set_cells(std::string("\x12\x24", 2));
+  return record;
+}
+
+proto::RecordKey InsertOne(RecordStore& store, const proto::Record& record, bool is_local) {
+  proto::InsertRequest request;
+  *request.add_records() = record;
+  request.set_is_local(is_local);
+  const proto::InsertReply reply = store.Insert(request).reply;
+  EXPECT_FALSE(IsError(reply.error())) << reply.error().DebugString();
+  return reply.keys_size() == 1 ? reply.keys(0) : proto::RecordKey();
+}
+
+proto::InsertReply InsertAll(RecordStore& store, const std::vector<proto::Record>& records) {
+  proto::InsertRequest request;
+  for (const proto::Record& record : records) *request.add_records() = record;
+  return store.Insert(request).reply;
+}
+
+proto::StoredRecord Packed(const RecordKey& key, const proto::Record& record) {
+  proto::StoredRecord stored;
+  *stored.mutable_key() = ToProto(key);
+  stored.set_content(SerializeRecord(record));
+  stored.set_hash(HashRecord(key, stored.content()));
+  return stored;
+}
+
+proto::StoreReply StoreOne(RecordStore& store, const proto::StoredRecord& record) {
+  proto::StoreRequest request;
+  *request.add_records() = record;
+  return store.Store(request).reply;
+}
+
+std::vector<proto::StoredRecord> Contents(RecordStore& store) {
+  std::vector<proto::StoredRecord> all;
+  proto::ReadRequest request;
+  request.set_records_max(7);
+  while (true) {
+    const Result<proto::ReadReply> page = store.Read(request);
+    if (!page) {
+      ADD_FAILURE() << ToString(page.error());
+      return all;
+    }
+    all.insert(all.end(), page->records().begin(), page->records().end());
+    if (page->is_complete()) return all;
+    request.set_after_row_id(page->row_ids(page->row_ids_size() - 1));
+  }
+}
+
+bool Bring(RecordStore& from, RecordStore& to, std::uint32_t records_max) {
+  proto::MissingRequest question;
+  *question.mutable_destination_have() = to.GetHave().have();
+  question.set_records_max(records_max);
+  const Result<proto::MissingReply> missing = from.GetMissing(question);
+  if (!missing) {
+    ADD_FAILURE() << ToString(missing.error());
+    return false;
+  }
+  proto::StoreRequest store;
+  *store.mutable_records() = missing->records();
+  *store.mutable_dropped() = missing->dropped();
+  const proto::StoreReply reply = to.Store(store).reply;
+  EXPECT_FALSE(IsError(reply.error())) << reply.error().DebugString();
+  EXPECT_EQ(reply.rejected_count(), 0u);
+  return !missing->records().empty() || !missing->dropped().empty();
+}
+
+}  // namespace moondb

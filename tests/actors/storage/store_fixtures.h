@@ -1,0 +1,49 @@
+// Stores and records for the tests of this folder.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "actors/storage/record_store.h"
+
+namespace moondb {
+
+// A folder of its own that goes with the object.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  std::string File(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// Agents 1, 2, 3 and 9; states, optimized poses and verdicts by `latest`, mode by `none`, the rest by `all`.
+RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path = ":memory:", std::uint64_t seed = 1);
+
+// A failure to open is a failed test.
+std::unique_ptr<RecordStore> OpenStore(const RecordStore::Options& options);
+
+proto::Record TemperatureRecord(double celsius);
+proto::Record NodeRecord(AgentId agent, std::uint64_t index, double x = 0);
+proto::Record RangeRecord(NodeKey from, NodeKey to, double range_m);
+proto::Record OptimizedPoseRecord(NodeKey node, std::uint64_t term, std::uint64_t run, double x);
+proto::Record MapRecord(NodeKey node);
+
+// Inserts and expects no error.
+proto::RecordKey InsertOne(RecordStore& store, const proto::Record& record, bool is_local = false);
+proto::InsertReply InsertAll(RecordStore& store, const std::vector<proto::Record>& records);
+
+// A record as a peer would send it.
+proto::StoredRecord Packed(const RecordKey& key, const proto::Record& record);
+proto::StoreReply StoreOne(RecordStore& store, const proto::StoredRecord& record);
+
+// All that `store` holds, oldest first.
+std::vector<proto::StoredRecord> Contents(RecordStore& store);
+
+// One page of what `to` lacks goes from `from` to `to`; true when there was any.
+bool Bring(RecordStore& from, RecordStore& to, std::uint32_t records_max = 0);
+
+}  // namespace moondb
