@@ -1,0 +1,117 @@
+#include "apps/moondb_replay/score.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+MergeOptions OptionsOf(const proto::TeamConfig& team) {
+  MergeOptions options;
+  options.backend = MergeBackend::kCpu;  // Both give the same bytes.
+  options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
+  options.grid.footprint_length_m = team.map().footprint_m(0);
+  options.grid.footprint_width_m = team.map().footprint_m(1);
+  return options;
+}
+
+std::vector<AgentId> RoversOf(const proto::TeamConfig& team) {
+  std::vector<AgentId> rovers;
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (agent.kind() == proto::AGENT_KIND_ROVER) rovers.push_back(agent.id());
+  }
+  return rovers;
+}
+
+bool AreEqual(const MergedMap& a, const MergedMap& b) {
+  return a.resolution_um == b.resolution_um && a.origin_cell_x == b.origin_cell_x &&
+         a.origin_cell_y == b.origin_cell_y && a.grid == b.grid;
+}
+
+// The truth of the nodes that the agent holds.
+Poses TruePoses(const Mission& mission, const Poses& known) {
+  Poses poses;
+  for (const auto& [node, pose] : known) {
+    const auto found = mission.truth.find(node);
+    if (found != mission.truth.end()) poses.emplace(node, found->second);
+  }
+  return poses;
+}
+
+}  // namespace
+
+Result<Held> ReadHeld(Client& client) {
+  Held held;
+  auto graph = ReadGraphOf(client);
+  if (!graph) return tl::unexpected(graph.error());
+  held.graph = std::move(*graph);
+  proto::ReadRequest request;
+  request.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
+  request.set_content_bytes_max(4 * 1024 * 1024);
+  const auto read =
+      client.ReadAll(request, [&held](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
+        auto map = FromProto(record.local_traversability_map());
+        if (!map) return tl::unexpected(map.error());
+        held.maps.push_back({FromProto(stored.key()), record.stamp_ns(), std::move(*map)});
+        return {};
+      });
+  if (!read) return tl::unexpected(read.error());
+  return held;
+}
+
+Poses RawPoses(const Held& held) { return PosesOf(held.graph.graph); }
+
+Poses NewestPoses(const Held& held) {
+  Poses poses;
+  for (const GraphNode& node : held.graph.graph.nodes) poses[node.key] = held.graph.NewestPose(node);
+  return poses;
+}
+
+Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const Poses& poses, AgentId only) {
+  std::vector<MapAtPose> maps;
+  for (const HeldMap& map : held.maps) {
+    const auto pose = poses.find(map.map.node);
+    if (pose == poses.end() || (only != 0 && map.key.stream.origin != only)) continue;
+    maps.push_back({map.key, map.stamp_ns, pose->second, map.map});
+  }
+  const AgentId base = BaseStationOf(team);
+  std::vector<Pose> footprints;
+  for (const auto& [node, pose] : poses) {
+    if (node.agent != base && (only == 0 || node.agent == only)) footprints.push_back(pose);
+  }
+  return MergeMaps(maps, footprints, OptionsOf(team));
+}
+
+Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, const Held& held,
+                         const MergedMap& agents_map) {
+  const Poses raw = RawPoses(held);
+  const Poses newest = NewestPoses(held);
+  const Poses truth = TruePoses(mission, raw);
+  if (truth.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no node of this mission");
+  if (held.maps.empty()) return Fail(ErrorCode::kNotFound, "the agent holds no map");
+
+  auto before = MergeAt(team, held, raw);
+  auto after = MergeAt(team, held, newest);
+  auto at_truth = MergeAt(team, held, truth);
+  for (const auto* merged : {&before, &after, &at_truth}) {
+    if (!*merged) return tl::unexpected(merged->error());
+  }
+  auto agreement_before = CompareMaps(*before, *at_truth);
+  auto agreement_after = CompareMaps(*after, *at_truth);
+  if (!agreement_before || !agreement_after) return Fail(ErrorCode::kInternal, "the merged maps do not compare");
+
+  Scored scored;
+  scored.score.before = CompareTrajectories(raw, truth, RoversOf(team));
+  scored.score.after = CompareTrajectories(newest, truth, RoversOf(team));
+  scored.score.map_before = *agreement_before;
+  scored.score.map_after = *agreement_after;
+  scored.score.map_count = held.maps.size();
+  scored.score.optimized_count = held.graph.optimized.size();
+  scored.score.is_agents_map_equal = AreEqual(*after, agents_map);
+  scored.maps = {std::move(*before), std::move(*after), std::move(*at_truth)};
+  return scored;
+}
+
+}  // namespace moondb
