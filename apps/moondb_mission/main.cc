@@ -1,0 +1,98 @@
+// moondb_mission: makes simulated lunar missions.
+//
+//   moondb_mission generate --seed 7 --out missions/seven [--minutes 10] [--rovers 3] [--side-m 40] ...
+//
+// Exit codes: 0 done, 1 failed, 2 wrong usage. Errors are one line on standard error.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+
+#include "apps/moondb_mission/mission_maker.h"
+#include "model/metrics.h"
+
+namespace moondb {
+namespace {
+
+struct Request {
+  MissionOptions options;
+  std::string folder;
+  std::string picture;
+};
+
+int Complain(const std::string& text, int exit_code) {
+  std::fprintf(stderr, "moondb_mission: %s\n", text.c_str());
+  return exit_code;
+}
+
+double DrivenM(const Mission& mission) {
+  double driven_m = 0;
+  for (const OdometryEdge& edge : mission.graph.odometry) {
+    driven_m += (mission.truth.at(edge.to).position_m - mission.truth.at(edge.from).position_m).norm();
+  }
+  return driven_m;
+}
+
+void PrintSummary(const MadeMission& made, const Request& request) {
+  const Mission& mission = made.mission;
+  const TrajectoryError error = CompareTrajectories(PosesOf(mission.graph), mission.truth, RoverIds(mission));
+  std::printf("mission   %s (seed %llu)\n", request.folder.c_str(),
+              static_cast<unsigned long long>(request.options.seed));
+  std::printf("terrain   %g x %g m explored, %zu rocks from %g m, %zu craters from %g m\n",
+              made.terrain.options().side_m, made.terrain.options().side_m, made.terrain.rocks().size(),
+              made.terrain.options().rock_diameter_min_m, made.terrain.craters().size(),
+              made.terrain.options().crater_diameter_min_m);
+  std::printf("drives    %d rovers, %g min, %.0f m in all\n", request.options.rover_count, request.options.minutes,
+              DrivenM(mission));
+  std::printf("measured  %zu maps, %zu odometry steps, %zu ranges\n", mission.maps.size(),
+              mission.graph.odometry.size(), mission.graph.ranges.size());
+  std::printf("odometry  ATE %.2f m, at most %.2f m\n", error.rmse_m, error.max_m);
+}
+
+int Generate(const Request& request) {
+  const Result<MadeMission> made = MakeMission(request.options);
+  if (!made) return Complain(ToString(made.error()), made.error().code == ErrorCode::kInvalid ? 2 : 1);
+  Result<void> done = WriteMadeMission(*made, request.folder);
+  if (done && !request.picture.empty()) {
+    const std::string caption = "seed " + std::to_string(request.options.seed) + ": hazards and true ways";
+    done = WritePng(DrawMission(*made, caption), request.picture);
+  }
+  if (!done) return Complain(ToString(done.error()), 1);
+  PrintSummary(*made, request);
+  return 0;
+}
+
+void AddGenerate(CLI::App& app, Request& request) {
+  MissionOptions& options = request.options;
+  CLI::App* command = app.add_subcommand("generate", "Make a mission folder: agents.csv, graph.pyfg, maps.csv, maps/");
+  command->add_option("--seed", options.seed, "The same seed makes the same mission")->required();
+  command->add_option("--out", request.folder, "Folder to make; must be empty or absent")->required();
+  command->add_option("--minutes", options.minutes, "Length of the mission")->capture_default_str();
+  command->add_option("--period-s", options.node_period_s, "Time between nodes")->capture_default_str();
+  command->add_option("--rovers", options.rover_count, "Number of rovers, 1 to 8")->capture_default_str();
+  command->add_option("--side-m", options.terrain.side_m, "Side of the explored square")->capture_default_str();
+  command->add_option("--rock-share", options.terrain.rock_area_share, "Share of the ground that rocks cover")
+      ->capture_default_str();
+  command->add_option("--crater-share", options.terrain.crater_share, "Craters against the lunar equilibrium")
+      ->capture_default_str();
+  command->add_option("--picture", request.picture, "Also draw hazards and true ways into this PNG");
+}
+
+int Main(int argc, char** argv) {
+  CLI::App app("Makes simulated lunar missions for moondb.", "moondb_mission");
+  app.require_subcommand(1);
+  Request request;
+  AddGenerate(app, request);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {
+    return app.exit(success);  // --help.
+  } catch (const CLI::ParseError& error) {
+    return Complain(std::string(error.what()) + " (see --help)", 2);
+  }
+  return Generate(request);
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main(int argc, char** argv) { return moondb::Main(argc, argv); }
