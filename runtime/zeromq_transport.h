@@ -2,8 +2,8 @@
 //
 // Between agents: a ROUTER that only receives, one DEALER per peer that only sends; CURVE on all of them, and a ZAP
 // handler that admits the team file's keys alone and binds each to its agent: a frame whose hop_sender is not the
-// key's agent is counted and dropped. Clients talk to a ROUTER of their own on ipc:// (folder 0700), request and reply.
-// One frame is one serialised proto::Message.
+// key's agent is counted and dropped, and so is a body that only actors of one agent send each other. Clients talk to a
+// ROUTER of their own on ipc:// (folder 0700), request and reply. One frame is one serialised proto::Message.
 //
 // libzmq would queue silently for absent peers, so queues are bounded here: ZMQ_IMMEDIATE, SNDHWM 4, small socket
 // buffers, LINGER 0, ROUTER_HANDOVER, no ZMTP heartbeat. The thread sleeps until a socket or its eventfd wakes it.
@@ -24,15 +24,16 @@ class ZeroMqTransport final : public Transport {
  public:
   struct Options {
     AgentId self = 0;
-    std::string client_endpoint;                    // ipc://..., empty: no clients.
+    std::string client_endpoint;                       // ipc://..., empty: no clients.
     std::size_t message_bytes_max = 32 * 1024 * 1024;  // Larger frames from peers or clients close the connection.
-    std::size_t outbox_bytes_max = 256 * 1024;      // Per peer, waiting here; a larger single message fits alone.
-    std::string secret_key_file;                    // Empty: beside the public key, with the ending .sec.
+    std::size_t outbox_bytes_max = 256 * 1024;         // Per peer, waiting here; a larger single message fits alone.
+    std::string secret_key_file;                       // Empty: beside the public key, with the ending .sec.
   };
 
-  // Binds and starts. `team` is checked; `team_folder` is where relative key files lie. Errors: kUnavailable for an
-  // address in use, kInvalid for a key file that is missing, malformed, readable by others (secret) or does not fit
-  // the public key in the team file.
+  // Binds and starts: both callbacks may come before this returns, so that they have to wait until there is somebody to
+  // tell. `team` is checked; `team_folder` is where relative key files lie. Errors: kUnavailable for an address in use,
+  // kInvalid for a key file that is missing, malformed, readable by others (secret) or does not fit the public key in
+  // the team file, and for a folder of client_endpoint that is not this user's alone (it is made if it is missing).
   static Result<std::unique_ptr<ZeroMqTransport>> Create(const proto::TeamConfig& team, const std::string& team_folder,
                                                          Options options, Deliver deliver, PeerChanged peer_changed);
   ~ZeroMqTransport() override;  // Joins the thread; what waits in outboxes is dropped.
