@@ -71,7 +71,7 @@ class SimulatedTeam::Impl {
   void Spawn(AgentId id, SpawnedActor spawned);
   SendResult Post(const Address& from, const Address& to, proto::Message message);
   std::vector<proto::Message> Take(const Address& address);
-  void RunUntilIdle() { RunEventsUntil(now_); }
+  void RunUntilIdle();
   void AdvanceTime(Duration duration);
   bool RunUntil(const std::function<bool()>& condition, Duration limit);
   void Crash(Agent& agent);
@@ -435,6 +435,11 @@ bool SimulatedTeam::Impl::RunNextEvent(MonotonicTime end) {
 void SimulatedTeam::Impl::RunEventsUntil(MonotonicTime end) {
   while (RunNextEvent(end)) {
   }
+}
+
+void SimulatedTeam::Impl::RunUntilIdle() {
+  events_at_now_ = 0;
+  RunEventsUntil(now_);
 }
 
 void SimulatedTeam::Impl::AdvanceTime(Duration duration) {
