@@ -49,11 +49,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kHaveReply:
       return Perform(context, receiver_->OnHaveReply(message.request_id(), message.have_reply()));
     case proto::Message::kStoreReply:
-      if (message.store_reply().rejected_count() > 0) {
-        spdlog::warn("{}: storage refused {} records of a peer", ToString(context.self()),
-                     message.store_reply().rejected_count());
-      }
-      return Perform(context, receiver_->OnStoreReply(message.request_id(), message.store_reply()));
+      return OnStoreReply(context, message);
     case proto::Message::kMissingReply:
       // Only the session that asked takes it.
       for (auto& [destination, outgoing] : outgoing_) {
@@ -120,6 +116,20 @@ void SharingActor::OnBatch(Context& context, const proto::Message& message) {
     return;
   }
   Perform(context, *std::move(actions));
+}
+
+void SharingActor::OnStoreReply(Context& context, const proto::Message& message) {
+  const proto::StoreReply& reply = message.store_reply();
+  if (reply.rejected_count() > 0) {
+    spdlog::warn("{}: storage refused {} records of a peer", ToString(context.self()), reply.rejected_count());
+  }
+  SharingActions acknowledgments = receiver_->OnStoreReply(message.request_id(), reply);
+  std::vector<AgentId> ended;
+  for (const SharingAction& action : acknowledgments) {
+    if (action.message.has_have() && action.message.remaining() == 0) ended.push_back(action.to);
+  }
+  Perform(context, std::move(acknowledgments));
+  for (const AgentId sender : ended) OnReceivedAll(context, sender);
 }
 
 void SharingActor::OnShareRequest(Context& context, const proto::ShareRequest& request) {

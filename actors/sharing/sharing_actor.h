@@ -45,6 +45,8 @@ class SharingActor : public Actor {
   // Another agent's answer to an order of this actor.
   virtual void OnShareReply(Context&, AgentId, const proto::ShareReply&) {}
   virtual void OnPeerConnected(Context&, AgentId) {}
+  // The last records of a sender's cycle are stored here.
+  virtual void OnReceivedAll(Context&, AgentId) {}
   virtual void OnOrderTimer(Context&, AgentId) {}
 
   // Orders a session; `is_by_role` ones end when CloseByRole is called.
@@ -73,6 +75,7 @@ class SharingActor : public Actor {
   void OnPeer(Context& context, const proto::Message& message);
   void OnHello(Context& context, const proto::Hello& hello);
   void OnBatch(Context& context, const proto::Message& message);
+  void OnStoreReply(Context& context, const proto::Message& message);
   void OnShareRequest(Context& context, const proto::ShareRequest& request);
   void OnShareStatusRequest(Context& context);
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);

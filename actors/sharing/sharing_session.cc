@@ -121,6 +121,10 @@ SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now
 SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now) {
   SharingActions actions;
   if (phase_ != Phase::kSending || !is_asking_ || request_id != request_id_) return actions;
+  if (reply.records().empty() && reply.remaining() > 0) {
+    NoteError("storage cannot say what is missing");  // Still asking, so that the deadline starts over.
+    return actions;
+  }
   is_asking_ = false;
   if (reply.records().empty() && reply.dropped().empty()) {
     is_exhausted_ = true;
@@ -128,7 +132,8 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   } else {
     ready_ = Code(reply);
     missing_count_ = ready_->message.remaining();
-    is_exhausted_ = missing_count_ == 0;
+    // One reply does not always hold all that is dropped.
+    is_exhausted_ = missing_count_ == 0 && ready_->dropped.empty();
   }
   Fill(now, actions);
   return actions;
@@ -318,6 +323,7 @@ void SharingSession::Acknowledge(std::uint32_t batch_number) {
     for (const RecordKey& key : batch.keys) {
       if (!Has(have_, key)) refused_[key.stream].held.Add(key.seq);
     }
+    AddDropped(batch.dropped, refused_);  // Where the destination keeps one for now, it has its reason.
     acknowledged_records_ += static_cast<double>(had);
     unacked_bytes_ -= batch.bytes;
     it = under_way_.erase(it);

@@ -107,8 +107,9 @@ class SharingSession {
   bool is_asking_ = false;
   bool is_exhausted_ = false;  // Storage said that nothing more is missing.
   bool has_restarted_at_once_ = false;
-  HaveSet have_;     // Of the destination, as it said.
-  HaveSet refused_;  // Acknowledged batches' records that the destination did not take; not sent again in this session.
+  HaveSet have_;  // Of the destination, as it said.
+  HaveSet
+      refused_;  // What acknowledged batches carried and the destination did not take; not sent again before a restart.
   std::optional<CodedRecords> ready_;
   std::map<std::uint32_t, CodedRecords> under_way_;  // By batch number; without their messages.
   std::size_t unacked_bytes_ = 0;

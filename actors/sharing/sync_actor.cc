@@ -34,6 +34,7 @@ void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previo
   if (roles().leader() == previous.leader()) return;
   for (const auto& [peer, order] : orders_) context.Cancel(order.timer);
   orders_.clear();
+  is_bringing_to_base_ = false;
   const bool was_open = CloseByRole(context);
   const bool was_leading = previous.leader() == self();
   if (was_open && !was_leading && !is_leading() && roles().leader() != 0) {
@@ -63,11 +64,17 @@ void SyncActor::OnOrderTimer(Context& context, AgentId peer) {
   SendOrder(context, peer);
 }
 
+void SyncActor::OnReceivedAll(Context& context, AgentId sender) {
+  const AgentId base = BaseStationOf(team());
+  if (is_bringing_to_base_ && sender != base) OpenAsLeader(context, base, /*is_by_role=*/true);
+}
+
 int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
   const auto& from = request.from_agents();
   const auto is_meant = [&from](AgentId agent) {
     return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
   };
+  is_bringing_to_base_ = BaseStationOf(team()) != 0 && is_meant(self());
   int count = 0;
   for (const proto::AgentConfig& agent : team().agents()) {
     if (agent.id() == self()) continue;

@@ -4,7 +4,8 @@
 //   on a rover or the base station   a session of its own records to the leader, or to `destination`.
 //   on the leader, without another destination   "collect": the same order goes to every other agent (or to
 //       from_agents), again and again until each answers; and the leader brings each rover its newest optimized
-//       poses and edge verdicts, and the base station what the policy `ground` asks for.
+//       poses and edge verdicts, and the base station what the policy `ground` asks for, again as each agent's
+//       records have come in.
 // From another agent it always means: your own records to `destination`, or to who asks.
 #pragma once
 
@@ -30,6 +31,7 @@ class SyncActor final : public SharingActor {
   void OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply) override;
   void OnPeerConnected(Context& context, AgentId peer) override;
   void OnOrderTimer(Context& context, AgentId peer) override;
+  void OnReceivedAll(Context& context, AgentId sender) override;
 
   int Collect(Context& context, const proto::ShareRequest& request);
   bool OpenAsLeader(Context& context, AgentId destination, bool is_by_role);
@@ -41,6 +43,7 @@ class SyncActor final : public SharingActor {
   proto::RecordFilter LeadersRecordsFor(AgentId destination) const;
 
   std::map<AgentId, Order> orders_;
+  bool is_bringing_to_base_ = false;  // Since the last order to collect.
 };
 
 }  // namespace moondb

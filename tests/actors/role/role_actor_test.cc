@@ -1,0 +1,357 @@
+#include "actors/role/role_actor.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+
+#include "model/term.h"
+#include "runtime/simulation/simulated_team.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+// What StorageActor keeps of roles, on a disk that outlives a crash.
+struct Disk {
+  std::vector<proto::RoleAssignment> roles;
+  bool is_failing = false;
+  bool is_silent = false;
+};
+
+class FakeStorageActor final : public Actor {
+ public:
+  explicit FakeStorageActor(std::shared_ptr<Disk> disk) : disk_(std::move(disk)) {}
+
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (disk_->is_silent) return;
+    proto::Message reply;
+    if (message.has_load_roles_request()) {
+      reply.mutable_load_roles_reply()->mutable_history()->Assign(disk_->roles.begin(), disk_->roles.end());
+    } else if (message.has_save_roles_request()) {
+      reply.mutable_save_roles_reply();
+      if (disk_->is_failing) {
+        reply.mutable_save_roles_reply()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
+      } else {
+        disk_->roles.push_back(message.save_roles_request().roles());
+      }
+    }
+    (void)context.Reply(std::move(reply));
+  }
+
+ private:
+  std::shared_ptr<Disk> disk_;
+};
+
+// Rovers 1 (leader), 2 (survivor), 3 and base station 4. Their sync actors are probes.
+class RoleTeam {
+ public:
+  explicit RoleTeam(std::uint64_t seed) : team_(seed) {
+    config_.set_team("test");
+    for (AgentId agent = 1; agent <= 4; ++agent) {
+      proto::AgentConfig& added = *config_.add_agents();
+      added.set_id(agent);
+      added.set_name("agent" + std::to_string(agent));
+      added.set_kind(agent == 4 ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
+    }
+    config_.mutable_roles()->set_leader("agent1");
+    config_.mutable_roles()->set_survivor("agent2");
+  }
+
+  void Start() {
+    for (AgentId agent = 1; agent <= 4; ++agent) {
+      team_.AddAgent(agent);
+      disks_[agent] = std::make_shared<Disk>();
+    }
+    for (AgentId agent = 1; agent <= 4; ++agent) {
+      team_.Spawn(agent, actor_name::kStorage,
+                  [disk = disks_[agent]] { return std::make_unique<FakeStorageActor>(disk); });
+      RoleActor::Options options;
+      options.self = agent;
+      options.team = config_;
+      team_.Spawn(agent, actor_name::kRole, [options] { return std::make_unique<RoleActor>(options); });
+    }
+  }
+
+  void StartAndSettle() {
+    Start();
+    team_.AdvanceTime(seconds(10));
+  }
+
+  void Set(AgentId at, const proto::RoleSetRequest& request) {
+    proto::Message message;
+    message.set_request_id(42);
+    *message.mutable_role_set_request() = request;
+    (void)team_.Post({at, actor_name::kGateway}, {at, actor_name::kRole}, message);
+    team_.RunUntilIdle();
+  }
+
+  void Swap(AgentId at) {
+    proto::RoleSetRequest request;
+    request.set_is_swap(true);
+    Set(at, request);
+  }
+
+  // The last answer to `at`'s gateway; RolesChanged is none.
+  proto::Message Answer(AgentId at) {
+    proto::Message answer;
+    for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) {
+      if (!message.has_roles_changed()) answer = message;
+    }
+    return answer;
+  }
+
+  proto::RoleShowReply Show(AgentId at) {
+    proto::Message message;
+    message.mutable_role_show_request()->set_with_history(true);
+    (void)team_.Post({at, actor_name::kGateway}, {at, actor_name::kRole}, message);
+    team_.RunUntilIdle();
+    return Answer(at).role_show_reply();
+  }
+
+  bool AllAgree() {
+    const proto::RoleAssignment roles = Show(1).roles();
+    for (AgentId agent = 2; agent <= 4; ++agent) {
+      if (Show(agent).roles().SerializeAsString() != roles.SerializeAsString()) return false;
+    }
+    return true;
+  }
+
+  proto::TeamConfig config_;
+  std::map<AgentId, std::shared_ptr<Disk>> disks_;
+  simulation::SimulatedTeam team_;
+};
+
+class RoleActorTest : public testing::Test, protected RoleTeam {
+ protected:
+  RoleActorTest() : RoleTeam(/*seed=*/1) {}
+
+  // What `agent`'s sync actor was told, oldest first.
+  std::vector<proto::RolesChanged> Told(AgentId agent) {
+    std::vector<proto::RolesChanged> told;
+    for (const proto::Message& message : team_.Take({agent, actor_name::kSync}))
+      told.push_back(message.roles_changed());
+    return told;
+  }
+};
+
+TEST_F(RoleActorTest, AgreesOnTheTeamFilesRolesInTermOne) {
+  StartAndSettle();
+  EXPECT_TRUE(AllAgree());
+  const auto shown = Show(4);
+  EXPECT_EQ(shown.roles().leader(), 1u);
+  EXPECT_EQ(shown.roles().survivor(), 2u);
+  EXPECT_EQ(shown.roles().term().number(), 1u);
+  EXPECT_EQ(shown.roles().reason(), "start of the leader");
+  EXPECT_THAT(Show(1).confirmed_by(), testing::ElementsAre(1, 2, 3, 4));
+}
+
+TEST_F(RoleActorTest, TellsItsAgentsOtherActorsTheirRole) {
+  StartAndSettle();
+  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_LEADER);
+  EXPECT_EQ(Told(2).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+  EXPECT_EQ(Told(3).back().own_role(), proto::ROLE_ROVER);
+  EXPECT_EQ(Told(4).back().own_role(), proto::ROLE_BASE_STATION);
+}
+
+TEST_F(RoleActorTest, LeaderActsOnlyInANewTerm) {
+  Start();
+  team_.RunUntilIdle();
+  for (const auto& told : Told(1)) EXPECT_GT(told.roles().term().number(), 0u);
+}
+
+TEST_F(RoleActorTest, SwapsRolesOnTheWholeTeam) {
+  StartAndSettle();
+  Swap(3);
+  const proto::Message answer = Answer(3);
+  EXPECT_EQ(answer.request_id(), 42u);
+  EXPECT_EQ(answer.role_show_reply().roles().leader(), 2u);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(AllAgree());
+  EXPECT_EQ(Show(1).roles().leader(), 2u);
+  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+}
+
+TEST_F(RoleActorTest, AnswersWithTheErrorOfARefusedChange) {
+  StartAndSettle();
+  proto::RoleSetRequest request;
+  request.set_leader(4);
+  Set(1, request);
+  EXPECT_EQ(Answer(1).control_reply().error().field(), "leader");
+  EXPECT_EQ(Show(1).roles().leader(), 1u);
+}
+
+TEST_F(RoleActorTest, DryRunShowsAndChangesNothing) {
+  StartAndSettle();
+  proto::RoleSetRequest request;
+  request.set_is_swap(true);
+  request.set_is_dry_run(true);
+  Set(1, request);
+  EXPECT_EQ(Answer(1).role_show_reply().roles().leader(), 2u);
+  team_.AdvanceTime(seconds(10));
+  EXPECT_EQ(Show(1).roles().leader(), 1u);
+}
+
+TEST_F(RoleActorTest, DoesNotActOnWhatCannotBeStored) {
+  StartAndSettle();
+  disks_[1]->is_failing = true;
+  Swap(1);
+  EXPECT_EQ(Answer(1).control_reply().error().code(), proto::ERROR_CODE_FULL);
+  team_.AdvanceTime(seconds(10));
+  EXPECT_EQ(Show(2).roles().leader(), 1u);
+}
+
+TEST_F(RoleActorTest, AsksASilentStorageAgain) {
+  Start();
+  team_.AdvanceTime(seconds(10));
+  disks_[3]->is_silent = true;
+  Swap(3);
+  team_.AdvanceTime(seconds(12));
+  EXPECT_EQ(Show(3).roles().leader(), 1u);
+  disks_[3]->is_silent = false;
+  team_.AdvanceTime(seconds(6));
+  EXPECT_EQ(Show(3).roles().leader(), 2u);
+  EXPECT_TRUE(AllAgree());
+}
+
+TEST_F(RoleActorTest, ReachesAnAgentThatWasAway) {
+  StartAndSettle();
+  for (AgentId other : {1, 2, 4}) team_.SetLink(3, other, false);
+  Swap(1);
+  team_.AdvanceTime(minutes(5));
+  EXPECT_FALSE(AllAgree());
+  EXPECT_THAT(Show(1).confirmed_by(), testing::ElementsAre(1, 2, 4));
+  for (AgentId other : {1, 2, 4}) team_.SetLink(3, other, true);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(AllAgree());
+}
+
+TEST_F(RoleActorTest, CrashedLeaderStepsDownWhenItComesBack) {
+  StartAndSettle();
+  team_.Crash(1);
+  proto::RoleSetRequest request;
+  request.set_leader(2);
+  request.set_survivor(3);
+  Set(2, request);
+  team_.AdvanceTime(minutes(1));
+  Told(1);
+  team_.Restart(1);
+  team_.AdvanceTime(seconds(5));
+  EXPECT_TRUE(AllAgree());
+  for (const auto& told : Told(1)) EXPECT_EQ(told.roles().leader(), 2u) << "it never acted as leader again";
+}
+
+TEST_F(RoleActorTest, LeaderTakesANewTermAtEachStart) {
+  StartAndSettle();
+  team_.Crash(1);
+  team_.AdvanceTime(seconds(3));
+  team_.Restart(1);
+  team_.AdvanceTime(seconds(10));
+  EXPECT_TRUE(AllAgree());
+  EXPECT_EQ(Show(3).roles().term().number(), 2u);
+  EXPECT_EQ(Show(1).history_size(), 2);
+}
+
+TEST_F(RoleActorTest, TakesOrdersFromItsOwnAgentOnly) {
+  StartAndSettle();
+  proto::Message message;
+  message.mutable_role_set_request()->set_is_swap(true);
+  (void)team_.Post({2, actor_name::kRole}, {1, actor_name::kRole}, message);
+  team_.AdvanceTime(seconds(5));
+  EXPECT_EQ(Show(1).roles().leader(), 1u);
+}
+
+TEST_F(RoleActorTest, IsSilentWhenAllHaveConfirmed) {
+  StartAndSettle();
+  team_.AdvanceTime(minutes(5));
+  const std::uint64_t bytes = team_.radio_bytes();
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(team_.radio_bytes(), bytes);
+}
+
+TEST_F(RoleActorTest, HearsOfANewTermFromAHello) {
+  StartAndSettle();
+  proto::Message forwarded;
+  forwarded.set_agent_id(3);
+  proto::RoleAssignment& roles = *forwarded.mutable_role_announce()->mutable_roles();
+  roles.set_leader(3);
+  roles.mutable_term()->set_number(7);
+  roles.mutable_term()->set_issuer(3);
+  roles.mutable_term()->set_issuer_epoch(1);
+  (void)team_.Post({1, actor_name::kSync}, {1, actor_name::kRole}, forwarded);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(Show(1).roles().leader(), 3u);
+  EXPECT_TRUE(AllAgree());
+}
+
+// Random commands at random agents, crashes, cuts and a lossy radio; then quiet, in which all must agree on the newest
+// term, with at most one assignment a term ever seen.
+class RoleActorChaosTest : public testing::TestWithParam<int> {};
+
+TEST_P(RoleActorChaosTest, AgreesInTheEnd) {
+  for (int i = 0; i < 10; ++i) {
+    const auto seed = static_cast<std::uint64_t>(GetParam() * 10 + i);
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::mt19937_64 rng(seed);
+    RoleTeam team(seed);
+    team.Start();
+    team.team_.radio().loss_ratio = static_cast<double>(rng() % 40) / 100;
+    team.team_.radio().duplicate_ratio = 0.2;
+    team.team_.radio().latency_jitter = milliseconds(500);
+    for (int step = 0; step < 20; ++step) {
+      const auto agent = static_cast<AgentId>(1 + rng() % 4);
+      const auto other = static_cast<AgentId>(1 + rng() % 4);
+      switch (rng() % 5) {
+        case 0:
+          if (team.team_.is_running(agent)) team.Swap(agent);
+          break;
+        case 1:
+          team.team_.is_running(agent) ? team.team_.Crash(agent) : team.team_.Restart(agent);
+          break;
+        case 2:
+          if (agent != other) team.team_.SetLink(agent, other, rng() % 2 == 0, rng() % 2 == 0);
+          break;
+        case 3: {
+          proto::RoleSetRequest request;
+          request.set_leader(static_cast<AgentId>(1 + rng() % 3));
+          request.set_survivor(1 + request.leader() % 3);
+          if (team.team_.is_running(agent)) team.Set(agent, request);
+          break;
+        }
+        default:
+          break;
+      }
+      team.team_.AdvanceTime(milliseconds(rng() % 8000));
+    }
+    team.team_.radio() = simulation::RadioOptions();
+    for (AgentId agent = 1; agent <= 4; ++agent) {
+      if (!team.team_.is_running(agent)) team.team_.Restart(agent);
+      for (AgentId other = 1; other < agent; ++other) team.team_.SetLink(agent, other, true);
+    }
+    team.team_.AdvanceTime(minutes(5));
+    EXPECT_TRUE(team.AllAgree());
+    std::map<std::tuple<std::uint64_t, AgentId, std::uint64_t>, std::string> by_term;
+    for (const auto& [agent, disk] : team.disks_) {
+      for (const proto::RoleAssignment& roles : disk->roles) {
+        const std::string bytes = roles.SerializeAsString();
+        const auto& known = by_term.emplace(OrderOf(roles.term()), bytes).first->second;
+        EXPECT_EQ(known, bytes) << "two assignments in one term";
+      }
+    }
+    ASSERT_FALSE(by_term.empty());
+    EXPECT_EQ(OrderOf(team.Show(1).roles().term()), by_term.rbegin()->first) << "the newest term stands";
+    const std::uint64_t bytes = team.team_.radio_bytes();
+    team.team_.AdvanceTime(minutes(10));
+    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte goes on for ever";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, RoleActorChaosTest, testing::Range(0, 10));
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,258 @@
+#include "actors/role/role_logic.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "model/term.h"
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr AgentId kSelf = 2;
+
+proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t number, AgentId issuer,
+                            std::uint64_t epoch = 1) {
+  proto::RoleAssignment roles;
+  roles.set_leader(leader);
+  roles.set_survivor(survivor);
+  roles.mutable_term()->set_number(number);
+  roles.mutable_term()->set_issuer(issuer);
+  roles.mutable_term()->set_issuer_epoch(number == 0 ? 0 : epoch);
+  return roles;
+}
+
+// Agents 1 to 3 of a team that agent 1 leads; agent 9 does not exist.
+RoleLogic::Options Options(AgentId self) {
+  RoleLogic::Options options;
+  options.self = self;
+  options.agents = {1, 2, 3};
+  options.initial = Roles(1, 2, 0, 0);
+  options.check = [](const proto::RoleAssignment& roles) -> Result<void> {
+    if (roles.leader() < 1 || roles.leader() > 3) return Fail(ErrorCode::kRefused, "no such agent", "leader");
+    if (roles.survivor() > 3) return Fail(ErrorCode::kRefused, "no such agent", "survivor");
+    if (roles.survivor() == roles.leader()) return Fail(ErrorCode::kRefused, "is the leader", "survivor");
+    return {};
+  };
+  return options;
+}
+
+proto::RoleAnnounce Announce(const proto::RoleAssignment& roles, bool is_reply = false) {
+  proto::RoleAnnounce announce;
+  *announce.mutable_roles() = roles;
+  announce.set_is_reply(is_reply);
+  return announce;
+}
+
+std::vector<AgentId> Told(const RoleLogic::Actions& actions) {
+  std::vector<AgentId> agents;
+  for (const auto& announcement : actions.announcements) agents.push_back(announcement.to);
+  return agents;
+}
+
+class RoleLogicTest : public testing::Test {
+ protected:
+  RoleLogicTest() { logic_.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0); }
+
+  Result<proto::RoleAssignment> Propose(AgentId leader, AgentId survivor, bool is_swap = false) const {
+    proto::RoleSetRequest request;
+    request.set_leader(leader);
+    request.set_survivor(survivor);
+    request.set_is_swap(is_swap);
+    return logic_.Propose(request, 0);
+  }
+
+  RoleLogic logic_{Options(kSelf)};
+};
+
+TEST_F(RoleLogicTest, StartsWithTheNewestStoredAssignmentAndTellsTheOthers) {
+  RoleLogic logic(Options(kSelf));
+  const auto actions = logic.OnLoaded({Roles(1, 2, 4, 1), Roles(3, 2, 5, 1)}, 77, 0);
+  ASSERT_TRUE(actions.apply);
+  EXPECT_EQ(actions.apply->leader(), 3u);
+  EXPECT_THAT(Told(actions), ElementsAre(1, 3));
+  EXPECT_TRUE(actions.announce_timer);
+}
+
+TEST_F(RoleLogicTest, StartsWithTheTeamFileWhereNothingIsStored) {
+  RoleLogic logic(Options(kSelf));
+  EXPECT_EQ(logic.OnLoaded({}, 77, 0).apply->leader(), 1u);
+}
+
+TEST_F(RoleLogicTest, FallsBackToTheTeamFileWhenItForbidsWhatIsStored) {
+  RoleLogic logic(Options(kSelf));
+  EXPECT_EQ(logic.OnLoaded({Roles(9, 2, 5, 1)}, 77, 0).apply->leader(), 1u);
+  proto::RoleSetRequest request;
+  request.set_leader(3);
+  EXPECT_EQ(logic.Propose(request, 0)->term().number(), 6u);  // Number 5 stays taken.
+}
+
+TEST_F(RoleLogicTest, IsSilentBeforeStorageAnswered) {
+  RoleLogic logic(Options(kSelf));
+  EXPECT_EQ(logic.Propose({}, 0).error().code, ErrorCode::kUnavailable);
+  const auto actions = logic.OnAnnounce(1, Announce(Roles(3, 2, 9, 1)));
+  ASSERT_TRUE(actions);
+  EXPECT_FALSE(actions->save);
+}
+
+TEST_F(RoleLogicTest, KeepsWhatARequestDoesNotName) {
+  const auto roles = Propose(3, 0);
+  ASSERT_TRUE(roles);
+  EXPECT_EQ(roles->leader(), 3u);
+  EXPECT_EQ(roles->survivor(), 2u);
+  EXPECT_EQ(OrderOf(roles->term()), OrderOf(Roles(3, 2, 6, kSelf, 77).term()));
+}
+
+TEST_F(RoleLogicTest, ExchangesLeaderAndSurvivor) {
+  const auto roles = Propose(0, 0, /*is_swap=*/true);
+  ASSERT_TRUE(roles);
+  EXPECT_EQ(roles->leader(), 2u);
+  EXPECT_EQ(roles->survivor(), 1u);
+}
+
+TEST_F(RoleLogicTest, RefusesRolesThatCannotBe) {
+  EXPECT_EQ(Propose(2, 0).error().field, "survivor");  // The present survivor as leader, without a new survivor.
+  EXPECT_EQ(Propose(0, 1).error().code, ErrorCode::kRefused);
+  EXPECT_EQ(Propose(9, 0).error().field, "leader");
+  EXPECT_EQ(Propose(0, 0).error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(Propose(3, 0, /*is_swap=*/true).error().code, ErrorCode::kInvalid);
+  proto::RoleSetRequest wordy;
+  wordy.set_leader(3);
+  wordy.set_reason(std::string(257, 'x'));
+  EXPECT_EQ(logic_.Propose(wordy, 0).error().field, "reason");
+}
+
+TEST_F(RoleLogicTest, ActsAndTellsOnlyAfterTheAssignmentIsDurable) {
+  const auto begun = logic_.Adopt(*Propose(3, 0));
+  EXPECT_TRUE(begun.save);
+  EXPECT_FALSE(begun.apply);
+  EXPECT_TRUE(begun.announcements.empty());
+  EXPECT_EQ(logic_.current().leader(), 1u);
+  EXPECT_EQ(Propose(0, 3).error().code, ErrorCode::kUnavailable);  // One at a time.
+  const auto done = logic_.OnSaved();
+  EXPECT_EQ(done.apply->leader(), 3u);
+  EXPECT_THAT(Told(done), ElementsAre(1, 3));
+  EXPECT_EQ(logic_.current().leader(), 3u);
+}
+
+TEST_F(RoleLogicTest, StaysAsItWasWhenStoringFails) {
+  logic_.Adopt(*Propose(3, 0));
+  logic_.OnSaveFailed();
+  EXPECT_EQ(logic_.current().leader(), 1u);
+  EXPECT_TRUE(Propose(3, 0));
+}
+
+TEST_F(RoleLogicTest, AdoptsANewerTermAndConfirmsIt) {
+  const auto begun = logic_.OnAnnounce(3, Announce(Roles(3, 2, 6, 3)));
+  ASSERT_TRUE(begun);
+  EXPECT_EQ(begun->save->leader(), 3u);
+  EXPECT_TRUE(begun->announcements.empty());
+  const auto done = logic_.OnSaved();
+  EXPECT_EQ(done.apply->leader(), 3u);
+  EXPECT_THAT(Told(done), ElementsAre(3, 1));
+  EXPECT_TRUE(done.announcements[0].announce.is_reply());
+}
+
+TEST_F(RoleLogicTest, AnswersAnOlderTermWithItsOwn) {
+  const auto actions = logic_.OnAnnounce(3, Announce(Roles(3, 2, 4, 3)));
+  ASSERT_TRUE(actions);
+  EXPECT_FALSE(actions->save);
+  ASSERT_THAT(Told(*actions), ElementsAre(3));
+  EXPECT_EQ(actions->announcements[0].announce.roles().term().number(), 5u);
+}
+
+TEST_F(RoleLogicTest, OrdersTermsOfOneNumberByIssuerThenEpoch) {
+  EXPECT_TRUE(logic_.OnAnnounce(3, Announce(Roles(3, 2, 5, 3)))->save);
+  logic_.OnSaved();
+  EXPECT_FALSE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 2)))->save);
+  EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 3, /*epoch=*/2)))->save);
+}
+
+TEST_F(RoleLogicTest, RefusesAtTheDoor) {
+  const auto refused = [this](AgentId from, const proto::RoleAssignment& roles) {
+    return !logic_.OnAnnounce(from, Announce(roles)).has_value();
+  };
+  EXPECT_TRUE(refused(9, Roles(3, 2, 6, 3)));
+  EXPECT_TRUE(refused(3, Roles(3, 2, 6, 9)));
+  EXPECT_TRUE(refused(3, Roles(3, 3, 6, 3)));
+  EXPECT_TRUE(refused(3, Roles(9, 2, 6, 3)));
+  EXPECT_TRUE(refused(3, Roles(3, 2, 5 + 1'000'001, 3)));
+  EXPECT_FALSE(refused(3, Roles(3, 2, 5 + 1'000'000, 3)));
+  EXPECT_TRUE(refused(3, Roles(3, 2, 5, 1)));  // Another assignment in the term that stands.
+}
+
+TEST_F(RoleLogicTest, TellsAgainUntilAllConfirm) {
+  EXPECT_THAT(Told(logic_.OnAnnounceTimer()), ElementsAre(1, 3));
+  EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true))->announcements.empty());
+  const auto again = logic_.OnAnnounceTimer();
+  EXPECT_THAT(Told(again), ElementsAre(3));
+  EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // After 5 and 10.
+  EXPECT_THAT(Told(*logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1)))), ElementsAre(3));
+  EXPECT_FALSE(logic_.OnAnnounceTimer().announce_timer);
+  EXPECT_THAT(logic_.Show(false).confirmed_by(), ElementsAre(1, 2, 3));
+}
+
+TEST_F(RoleLogicTest, TellsAnUnconfirmedAgentAtOnceWhenItIsReached) {
+  EXPECT_THAT(Told(logic_.OnPeerConnected(3)), ElementsAre(3));
+  logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true));
+  EXPECT_TRUE(logic_.OnPeerConnected(3).announcements.empty());
+  EXPECT_TRUE(logic_.OnPeerConnected(9).announcements.empty());
+}
+
+TEST_F(RoleLogicTest, ShowsItsHistory) {
+  logic_.Adopt(*Propose(3, 0));
+  logic_.OnSaved();
+  EXPECT_EQ(logic_.Show(true).history_size(), 2);
+  EXPECT_EQ(logic_.Show(false).history_size(), 0);
+}
+
+// The agent that its stored roles name leader.
+class RoleLogicLeaderTest : public testing::Test {
+ protected:
+  RoleLogicLeaderTest() { started_ = logic_.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0); }
+
+  RoleLogic logic_{Options(1)};
+  RoleLogic::Actions started_;
+};
+
+TEST_F(RoleLogicLeaderTest, AsksAroundBeforeItActs) {
+  EXPECT_FALSE(started_.apply);
+  EXPECT_TRUE(started_.leader_timer);
+  EXPECT_THAT(Told(started_), ElementsAre(2, 3));
+}
+
+TEST_F(RoleLogicLeaderTest, TakesANewTermWithTheSameRolesWhenNobodyKnowsBetter) {
+  const auto begun = logic_.OnLeaderTimer(0);
+  ASSERT_TRUE(begun.save);
+  EXPECT_EQ(OrderOf(begun.save->term()), OrderOf(Roles(1, 2, 6, 1, 77).term()));
+  EXPECT_EQ(begun.save->reason(), "restart of the leader");
+  EXPECT_EQ(logic_.OnSaved().apply->leader(), 1u);
+  EXPECT_FALSE(logic_.OnLeaderTimer(0).save);
+}
+
+TEST_F(RoleLogicLeaderTest, TakesItAtOnceWhenAllAgree) {
+  EXPECT_FALSE(logic_.OnAnnounce(2, Announce(Roles(1, 2, 5, 1), true))->save);
+  EXPECT_TRUE(logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1), true))->save);
+}
+
+TEST_F(RoleLogicLeaderTest, StepsDownWhenItHearsANewerTerm) {
+  EXPECT_TRUE(logic_.OnAnnounce(2, Announce(Roles(2, 3, 6, 2), true))->save);
+  EXPECT_EQ(logic_.OnSaved().apply->leader(), 2u);
+  EXPECT_FALSE(logic_.OnLeaderTimer(0).save);
+}
+
+TEST_F(RoleLogicLeaderTest, WaitsAgainWhenItsNewTermCannotBeStored) {
+  logic_.OnLeaderTimer(0);
+  EXPECT_TRUE(logic_.OnSaveFailed().leader_timer);
+  EXPECT_TRUE(logic_.OnLeaderTimer(0).save);
+}
+
+TEST_F(RoleLogicLeaderTest, TakesTermOneWhereNothingIsStored) {
+  RoleLogic logic(Options(1));
+  logic.OnLoaded({}, 77, 0);
+  EXPECT_EQ(logic.OnLeaderTimer(0).save->term().number(), 1u);
+}
+
+}  // namespace
+}  // namespace moondb

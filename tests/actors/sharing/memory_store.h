@@ -1,0 +1,142 @@
+// MemoryStore: a small stand-in for StorageActor: records in memory, everything under the policy `all`.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "model/have_set.h"
+#include "model/record_key.h"
+#include "proto/storage.pb.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class MemoryStore {
+ public:
+  // The next record of (origin, epoch, type).
+  RecordKey Insert(AgentId origin, DataType type, std::string content, std::uint64_t epoch = 7) {
+    RecordKey key{{origin, epoch, type}, have_.Get({origin, epoch, type}).Had().Max() + 1};
+    have_[key.stream].held.Add(key.seq);
+    records_[key] = std::move(content);
+    return key;
+  }
+
+  void Drop(const RecordKey& key) {
+    records_.erase(key);
+    have_[key.stream].held.Remove(key.seq);
+    have_[key.stream].dropped.Add(key.seq);
+  }
+
+  // Records of this type are refused at the door.
+  void Reject(DataType type) { rejected_type_ = type; }
+
+  proto::HaveReply Have() const {
+    proto::HaveReply reply;
+    *reply.mutable_have() = ToProto(have_);
+    return reply;
+  }
+
+  proto::MissingReply Missing(const proto::MissingRequest& request) const {
+    const HaveSet theirs = *FromProto(request.destination_have());
+    proto::MissingReply reply;
+    std::size_t bytes = 0;
+    bool is_full = false;
+    for (const auto& [key, content] : records_) {
+      const StreamHave& had = theirs.Get(key.stream);
+      if (!IsWanted(request.filter(), key.stream) || had.held.Contains(key.seq) || had.dropped.Contains(key.seq)) {
+        continue;
+      }
+      is_full = is_full || (reply.records_size() > 0 && (bytes + content.size() > request.content_bytes_max() ||
+                                                         reply.records_size() >= int(request.records_max())));
+      if (is_full) {
+        reply.set_remaining(reply.remaining() + 1);
+        continue;
+      }
+      bytes += content.size();
+      proto::StoredRecord& record = *reply.add_records();
+      *record.mutable_key() = ToProto(key);
+      record.set_content(content);
+      record.set_hash(HashRecord(key, content));
+    }
+    if (reply.remaining() == 0) AddDropped(request.filter(), theirs, reply);
+    return reply;
+  }
+
+  proto::StoreReply Store(const proto::StoreRequest& request) {
+    proto::StoreReply reply;
+    HaveSet touched;
+    for (const proto::StoredRecord& record : request.records()) {
+      const RecordKey key = FromProto(record.key());
+      if (key.stream.type == rejected_type_ || HashRecord(key, record.content()) != record.hash()) {
+        reply.set_rejected_count(reply.rejected_count() + 1);
+        continue;
+      }
+      if (!have_.Get(key.stream).Had().Contains(key.seq)) {
+        records_[key] = record.content();
+        have_[key.stream].held.Add(key.seq);
+        reply.set_stored_count(reply.stored_count() + 1);
+      }
+      touched[key.stream] = have_.Get(key.stream);
+    }
+    for (const proto::StreamHave& stream : request.dropped()) {
+      const StreamKey key{stream.origin_agent(), stream.epoch(), stream.data_type()};
+      for (const proto::Interval& interval : stream.dropped()) {
+        for (std::uint64_t seq = interval.first(); seq <= interval.last(); ++seq) Drop({key, seq});
+      }
+      touched[key] = have_.Get(key);
+    }
+    *reply.mutable_had() = ToProto(touched);
+    return reply;
+  }
+
+  const std::map<RecordKey, std::string>& records() const { return records_; }
+  const HaveSet& have() const { return have_; }
+
+ private:
+  static bool IsWanted(const proto::RecordFilter& filter, const StreamKey& stream) {
+    const auto holds = [](const auto& list, std::uint32_t value) {
+      return list.empty() || std::find(list.begin(), list.end(), value) != list.end();
+    };
+    return holds(filter.origin_agents(), stream.origin) && holds(filter.data_types(), stream.type);
+  }
+
+  void AddDropped(const proto::RecordFilter& filter, const HaveSet& theirs, proto::MissingReply& reply) const {
+    HaveSet lacking;
+    for (const auto& [key, stream] : have_.streams()) {
+      const IntervalSet dropped = stream.dropped.Minus(theirs.Get(key).dropped);
+      if (IsWanted(filter, key) && !dropped.is_empty()) lacking[key].dropped = dropped;
+    }
+    *reply.mutable_dropped() = ToProto(lacking).streams();
+  }
+
+  std::map<RecordKey, std::string> records_;
+  HaveSet have_;
+  DataType rejected_type_ = 0;
+};
+
+// Answers as StorageActor does, from a store that outlives it.
+class MemoryStorageActor final : public Actor {
+ public:
+  explicit MemoryStorageActor(std::shared_ptr<MemoryStore> store) : store_(std::move(store)) {}
+
+  void OnMessage(Context& context, const proto::Message& message) override {
+    proto::Message reply;
+    if (message.has_have_request()) {
+      *reply.mutable_have_reply() = store_->Have();
+    } else if (message.has_missing_request()) {
+      *reply.mutable_missing_reply() = store_->Missing(message.missing_request());
+    } else if (message.has_store_request()) {
+      *reply.mutable_store_reply() = store_->Store(message.store_request());
+    } else {
+      return;
+    }
+    (void)context.Reply(std::move(reply));
+  }
+
+ private:
+  std::shared_ptr<MemoryStore> store_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,93 @@
+#include "actors/sharing/replica_actor.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/actors/sharing/memory_store.h"
+#include "tests/actors/sharing/sharing_team.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+class ReplicaActorTest : public testing::Test {
+ protected:
+  ReplicaActorTest() {
+    for (AgentId agent = 1; agent <= 4; ++agent) {
+      team_.AddAgent(agent);
+      stores_[agent] = std::make_shared<MemoryStore>();
+      team_.Spawn(agent, actor_name::kStorage,
+                  [store = stores_[agent]] { return std::make_unique<MemoryStorageActor>(store); });
+      SpawnSharing(team_, agent, config_);
+    }
+  }
+
+  void InsertAtLeader(int count_each) {
+    for (AgentId origin = 1; origin <= 3; ++origin) {
+      for (int i = 0; i < count_each; ++i) {
+        stores_[1]->Insert(origin, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
+      }
+    }
+  }
+
+  const proto::TeamConfig config_ = TestTeam(3);
+  std::map<AgentId, std::shared_ptr<MemoryStore>> stores_;
+  simulation::SimulatedTeam team_{1};
+};
+
+TEST_F(ReplicaActorTest, BringsAllThatTheLeaderHoldsToTheSurvivor) {
+  InsertAtLeader(100);
+  EXPECT_EQ(Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION)).session_count(), 1u);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[2]->records(), stores_[1]->records());
+  const auto status = ShareStatusOf(team_, 1, actor_name::kReplica);
+  ASSERT_EQ(status.sessions_size(), 1);
+  EXPECT_EQ(status.sessions(0).destination(), 2u);
+  EXPECT_EQ(status.sessions(0).acknowledged_records(), 300);
+  EXPECT_EQ(ShareStatusOf(team_, 2, actor_name::kReplica).received_records(), 300);
+}
+
+TEST_F(ReplicaActorTest, SendsNothingHomeThatItsAuthorStillHas) {
+  InsertAtLeader(10);
+  for (int i = 0; i < 10; ++i) stores_[2]->Insert(2, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
+  Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(ShareStatusOf(team_, 1, actor_name::kReplica).sessions(0).sent_records(), 20);
+  EXPECT_EQ(stores_[2]->records(), stores_[1]->records());
+}
+
+TEST_F(ReplicaActorTest, SaysWhoLeadsWhenTheOrderComesToAnotherAgent) {
+  const auto reply = Share(team_, 3, ShareOrder(proto::SHARING_KIND_REPLICATION));
+  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
+  EXPECT_EQ(reply.error().text(), "rover3 does not lead, rover1 does: give the command there");
+  EXPECT_EQ(Share(team_, 3, ShareOrder(proto::SHARING_KIND_REPLICATION, 2)).session_count(), 1u);
+}
+
+TEST_F(ReplicaActorTest, RefusesWithoutASurvivor) {
+  TellRoles(team_, config_, 1, Roles(1, 0, 3));
+  const auto reply = Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));
+  EXPECT_EQ(reply.error().text(), "no designated survivor is assigned");
+}
+
+TEST_F(ReplicaActorTest, TurnsAnUnfinishedReplicationToTheNewSurvivor) {
+  InsertAtLeader(10);
+  team_.SetLink(1, 2, false);
+  Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));
+  TellRoles(team_, config_, 1, Roles(1, 3, 3));
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[3]->records(), stores_[1]->records());
+  EXPECT_TRUE(stores_[2]->records().empty());
+}
+
+TEST_F(ReplicaActorTest, HandsOverToTheNewLeaderOnceWhenDeposed) {
+  InsertAtLeader(10);
+  TellRoles(team_, config_, 1, Roles(3, 2, 3));
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[3]->records(), stores_[1]->records());
+  InsertAtLeader(1);
+  team_.AdvanceTime(seconds(100));
+  EXPECT_EQ(stores_[3]->records().size(), 30u);
+}
+
+}  // namespace
+}  // namespace moondb

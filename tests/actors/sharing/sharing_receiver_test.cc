@@ -1,0 +1,193 @@
+#include "actors/sharing/sharing_receiver.h"
+
+#include <gtest/gtest.h>
+
+#include "actors/sharing/codec.h"
+#include "model/have_set.h"
+#include "model/record_key.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+class SharingReceiverTest : public testing::Test {
+ protected:
+  static SharingReceiver::Options Options() {
+    SharingReceiver::Options options;
+    options.team = "test";
+    options.config_hash = 77;
+    return options;
+  }
+
+  static proto::Hello Hello(std::uint64_t session_id) {
+    proto::Hello hello;
+    hello.set_protocol_version(1);
+    hello.set_team("test");
+    hello.set_config_hash(77);
+    hello.set_session_id(session_id);
+    hello.set_kind(proto::SHARING_KIND_SYNC);
+    return hello;
+  }
+
+  static proto::Message Batch(std::uint64_t session_id, std::uint32_t number) {
+    proto::RecordBatch records;
+    *records.add_records()->mutable_key() = ToProto(RecordKey{{2, 9, proto::POWER}, number});
+    CodedBatch coded = EncodeBatch(records);
+    proto::Message message;
+    message.set_ms_type(proto::DATA);
+    message.set_remaining(5);
+    message.mutable_batch()->set_session_id(session_id);
+    message.mutable_batch()->set_batch_number(number);
+    message.mutable_batch()->set_codec(coded.codec);
+    message.mutable_batch()->set_coded(coded.bytes);
+    message.mutable_batch()->set_record_count(1);
+    return message;
+  }
+
+  static ErrorCode RefusalOf(const SharingActions& actions) {
+    EXPECT_EQ(actions.size(), 1u);
+    if (actions.empty() || !actions[0].message.has_refusal()) return ErrorCode::kInternal;
+    return FromProto(actions[0].message.refusal().error()).code;
+  }
+
+  std::uint64_t OpenSession(AgentId sender, std::uint64_t session_id) {
+    const SharingActions asked = receiver_.OnHello(sender, Hello(session_id), now_);
+    EXPECT_EQ(asked.size(), 1u);
+    return asked.empty() ? 0 : asked[0].message.request_id();
+  }
+
+  SharingReceiver receiver_{Options(), 500};
+  SharingReceiver::Time now_{};
+};
+
+TEST_F(SharingReceiverTest, AnswersAHelloWithTheWholeHaveSet) {
+  const SharingActions asked = receiver_.OnHello(2, Hello(10), now_);
+  ASSERT_EQ(asked.size(), 1u);
+  EXPECT_EQ(asked[0].to, 0u);
+  ASSERT_TRUE(asked[0].message.has_have_request());
+  proto::HaveReply reply;
+  proto::StreamHave& stream = *reply.mutable_have()->add_streams();
+  stream.set_origin_agent(3);
+  const SharingActions answered = receiver_.OnHaveReply(asked[0].message.request_id(), reply);
+  ASSERT_EQ(answered.size(), 1u);
+  EXPECT_EQ(answered[0].to, 2u);
+  EXPECT_EQ(answered[0].message.ms_type(), proto::ACKNOWLEDGMENT);
+  const proto::Have& have = answered[0].message.have();
+  EXPECT_EQ(have.session_id(), 10u);
+  EXPECT_TRUE(have.is_whole());
+  EXPECT_EQ(have.unacked_bytes_max(), 8u * 1024);
+  EXPECT_EQ(have.have().streams(0).origin_agent(), 3u);
+}
+
+TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamVersionOrKind) {
+  proto::Hello hello = Hello(10);
+  hello.set_team("other");
+  EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
+  hello = Hello(10);
+  hello.set_protocol_version(2);
+  EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
+  hello = Hello(10);
+  hello.set_kind(proto::SHARING_KIND_REPLICATION);
+  EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
+}
+
+TEST_F(SharingReceiverTest, TakesAndCountsAnotherConfiguration) {
+  proto::Hello hello = Hello(10);
+  hello.set_config_hash(78);
+  EXPECT_TRUE(receiver_.OnHello(2, hello, now_).at(0).message.has_have_request());
+  EXPECT_EQ(receiver_.counts().foreign_configs, 1);
+}
+
+TEST_F(SharingReceiverTest, RefusesABatchOfASessionThatItDoesNotKnow) {
+  EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, Batch(10, 1), now_)), ErrorCode::kNotFound);
+  OpenSession(2, 10);
+  EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, Batch(11, 1), now_)), ErrorCode::kNotFound);
+  EXPECT_EQ(RefusalOf(*receiver_.OnBatch(3, Batch(10, 1), now_)), ErrorCode::kNotFound);
+}
+
+TEST_F(SharingReceiverTest, AcknowledgesABatchOnlyAfterItsCommit) {
+  OpenSession(2, 10);
+  const auto stored = receiver_.OnBatch(2, Batch(10, 4), now_);
+  ASSERT_TRUE(stored);
+  ASSERT_EQ(stored->size(), 1u);
+  EXPECT_EQ(stored->at(0).to, 0u);
+  EXPECT_EQ(stored->at(0).message.store_request().sender(), 2u);
+  proto::StoreReply reply;
+  reply.set_stored_count(1);
+  reply.mutable_had()->add_streams()->set_origin_agent(2);
+  const SharingActions acknowledged = receiver_.OnStoreReply(stored->at(0).message.request_id(), reply);
+  ASSERT_EQ(acknowledged.size(), 1u);
+  const proto::Message& message = acknowledged[0].message;
+  EXPECT_EQ(acknowledged[0].to, 2u);
+  EXPECT_EQ(message.ms_type(), proto::ACKNOWLEDGMENT);
+  EXPECT_EQ(message.agent_id(), 2u);
+  EXPECT_EQ(message.data_type(), static_cast<std::uint32_t>(proto::POWER));
+  EXPECT_EQ(message.record_id(), "2.0000000000000009.2.4");
+  EXPECT_EQ(message.remaining(), 5u);
+  EXPECT_EQ(message.have().batch_number(), 4u);
+  EXPECT_FALSE(message.have().is_whole());
+  EXPECT_EQ(receiver_.counts().received_records, 1);
+  EXPECT_TRUE(receiver_.OnStoreReply(stored->at(0).message.request_id(), reply).empty());
+}
+
+TEST_F(SharingReceiverTest, DoesNotAcknowledgeAFailedCommit) {
+  OpenSession(2, 10);
+  const auto stored = receiver_.OnBatch(2, Batch(10, 1), now_);
+  proto::StoreReply reply;
+  reply.mutable_error()->set_code(proto::ERROR_CODE_FULL);
+  EXPECT_EQ(RefusalOf(receiver_.OnStoreReply(stored->at(0).message.request_id(), reply)), ErrorCode::kUnavailable);
+}
+
+TEST_F(SharingReceiverTest, CountsAndDropsDamagedBatches) {
+  OpenSession(2, 10);
+  proto::Message damaged = Batch(10, 1);
+  damaged.mutable_batch()->mutable_coded()->resize(2);
+  EXPECT_FALSE(receiver_.OnBatch(2, damaged, now_));
+  damaged = Batch(10, 1);
+  damaged.mutable_batch()->add_dropped();
+  EXPECT_FALSE(receiver_.OnBatch(2, damaged, now_));
+  damaged = Batch(10, 1);
+  damaged.mutable_batch()->set_record_count(7);
+  EXPECT_FALSE(receiver_.OnBatch(2, damaged, now_));
+  EXPECT_EQ(receiver_.counts().damaged_messages, 3);
+}
+
+TEST_F(SharingReceiverTest, BoundsWhatWaitsForStorageUntilTheSenderStartsOver) {
+  OpenSession(2, 10);
+  for (std::uint32_t number = 1; number <= 16; ++number) {
+    EXPECT_EQ(receiver_.OnBatch(2, Batch(10, number), now_)->size(), 1u);
+  }
+  EXPECT_TRUE(receiver_.OnBatch(2, Batch(10, 17), now_)->empty());
+  EXPECT_EQ(receiver_.counts().dropped_messages, 1);
+  OpenSession(2, 11);
+  EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
+}
+
+TEST_F(SharingReceiverTest, IgnoresAHelloThatCameLate) {
+  OpenSession(2, 10);
+  OpenSession(2, 11);
+  EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
+  EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
+}
+
+TEST_F(SharingReceiverTest, AnswersOnlyTheNewestHello) {
+  const std::uint64_t first = OpenSession(2, 10);
+  const std::uint64_t second = OpenSession(2, 11);
+  EXPECT_TRUE(receiver_.OnHaveReply(first, proto::HaveReply()).empty());
+  EXPECT_EQ(receiver_.OnHaveReply(second, proto::HaveReply()).at(0).message.have().session_id(), 11u);
+}
+
+TEST_F(SharingReceiverTest, BoundsSessionsAndLetsSilentOnesGiveWay) {
+  for (AgentId sender = 1; sender <= 16; ++sender) OpenSession(sender, 10);
+  EXPECT_EQ(RefusalOf(receiver_.OnHello(17, Hello(10), now_)), ErrorCode::kFull);
+  now_ += seconds(59);
+  OpenSession(2, 11);
+  now_ += seconds(2);
+  EXPECT_TRUE(receiver_.OnHello(17, Hello(10), now_).at(0).message.has_have_request());
+  EXPECT_EQ(RefusalOf(*receiver_.OnBatch(1, Batch(10, 1), now_)), ErrorCode::kNotFound);
+  EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,463 @@
+#include "actors/sharing/sharing_session.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "tests/actors/sharing/memory_store.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr AgentId kSelf = 2;
+constexpr AgentId kDestination = 1;
+
+std::string Noise(std::size_t size) {
+  static std::mt19937_64 rng(1);
+  std::string bytes(size, '\0');
+  for (char& byte : bytes) byte = static_cast<char>(rng());
+  return bytes;
+}
+
+// A session with a store on each side. Storage answers at once; the destination answers when a test says so.
+class SharingSessionTest : public testing::Test {
+ protected:
+  void Order() { Take(session_.Order(proto::RecordFilter(), now_)); }
+
+  void Take(SharingActions actions) {
+    for (SharingAction& action : actions) {
+      if (action.to != 0) {
+        EXPECT_EQ(action.to, kDestination);
+        sent_.push_back(std::move(action.message));
+      } else if (action.message.has_missing_request()) {
+        Take(session_.OnMissingReply(action.message.request_id(), source_.Missing(action.message.missing_request()),
+                                     now_));
+      } else if (action.message.has_peer_have()) {
+        peer_haves_.push_back(action.message.peer_have());
+      }
+    }
+  }
+
+  std::vector<proto::Message> TakeSent() { return std::exchange(sent_, {}); }
+
+  // The session id of the last Hello; forgets all else that was sent before.
+  std::uint64_t TakeHello() {
+    const auto sent = TakeSent();
+    EXPECT_FALSE(sent.empty());
+    EXPECT_TRUE(sent.back().has_hello());
+    return sent.back().hello().session_id();
+  }
+
+  void AnswerHello(std::uint32_t credit = 8 * 1024) {
+    proto::Have have;
+    have.set_session_id(TakeHello());
+    *have.mutable_have() = destination_.Have().have();
+    have.set_is_whole(true);
+    have.set_unacked_bytes_max(credit);
+    Take(session_.OnHave(have, now_));
+  }
+
+  // The destination stores a batch; what it acknowledges.
+  proto::Have Store(const proto::Message& message) {
+    const proto::Batch& batch = message.batch();
+    proto::StoreRequest request;
+    *request.mutable_records() = DecodeBatch(batch.codec(), batch.coded(), batch.record_count())->records();
+    *request.mutable_dropped() = batch.dropped();
+    proto::Have have;
+    have.set_session_id(batch.session_id());
+    have.set_batch_number(batch.batch_number());
+    *have.mutable_have() = destination_.Store(request).had();
+    return have;
+  }
+
+  void Acknowledge(const proto::Message& batch) { Take(session_.OnHave(Store(batch), now_)); }
+
+  // Stores and acknowledges until nothing is sent any more; all batches.
+  std::vector<proto::Message> RunToEnd() {
+    std::vector<proto::Message> batches;
+    while (!sent_.empty()) {
+      for (proto::Message& message : TakeSent()) {
+        Acknowledge(message);
+        batches.push_back(std::move(message));
+      }
+    }
+    return batches;
+  }
+
+  // Time passes in small steps.
+  void Advance(std::chrono::nanoseconds duration) {
+    for (const auto end = now_ + duration; now_ < end;) {
+      now_ += std::chrono::milliseconds(100);
+      Take(session_.OnTimer(now_));
+    }
+  }
+
+  proto::ShareSession Status() const { return session_.Status(now_); }
+
+  SharingSession session_{SharingSession::Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
+  SharingSession::Time now_{};
+  MemoryStore source_;
+  MemoryStore destination_;
+  std::vector<proto::Message> sent_;
+  std::vector<proto::PeerHave> peer_haves_;
+};
+
+TEST_F(SharingSessionTest, IsSilentUntilOrdered) {
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_FALSE(session_.deadline());
+  Advance(seconds(100));
+  EXPECT_TRUE(TakeSent().empty());
+}
+
+TEST_F(SharingSessionTest, AsksForTheHaveSetBeforeAnythingIsSent) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  const auto sent = TakeSent();
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_TRUE(sent[0].has_hello());
+  EXPECT_EQ(sent[0].hello().kind(), proto::SHARING_KIND_SYNC);
+}
+
+TEST_F(SharingSessionTest, CompletesAtOnceWhenNothingIsMissing) {
+  Order();
+  AnswerHello();
+  EXPECT_TRUE(TakeSent().empty());
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(Status().completed_sessions(), 1);
+  EXPECT_TRUE(peer_haves_.back().is_session_closed());
+}
+
+TEST_F(SharingSessionTest, BringsWhatIsMissingAndNothingElse) {
+  for (int i = 0; i < 300; ++i) {
+    const RecordKey key = source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
+    if (i % 3 == 0) destination_.Insert(kSelf, proto::POSE_GRAPH_NODE, source_.records().at(key));
+  }
+  // The destination holds seqs 1 to 100 by now; 200 are missing.
+  for (const auto& [key, content] : destination_.records()) ASSERT_LE(key.seq, 100u);
+  Order();
+  AnswerHello();
+  std::uint32_t count = 0;
+  for (const auto& message : RunToEnd()) count += message.batch().record_count();
+  EXPECT_EQ(count, 200u);
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().sent_records(), 200);
+  EXPECT_EQ(Status().acknowledged_records(), 200);
+  EXPECT_EQ(Status().remaining(), 0);
+  EXPECT_EQ(Status().resends(), 0);
+}
+
+TEST_F(SharingSessionTest, FillsThePapersFieldsTruthfully) {
+  const RecordKey first = source_.Insert(3, proto::POSE_GRAPH_NODE, Noise(2000));
+  source_.Insert(3, proto::POSE_GRAPH_NODE, Noise(3900));
+  Order();
+  AnswerHello();
+  const auto batches = RunToEnd();
+  ASSERT_EQ(batches.size(), 2u);
+  EXPECT_EQ(batches[0].ms_type(), proto::DATA);
+  EXPECT_EQ(batches[0].agent_id(), 3u);
+  EXPECT_EQ(batches[0].destination_id(), kDestination);
+  EXPECT_EQ(batches[0].data_type(), static_cast<std::uint32_t>(proto::POSE_GRAPH_NODE));
+  EXPECT_EQ(batches[0].record_id(), ToString(first));
+  EXPECT_EQ(batches[0].remaining(), 1u);
+  EXPECT_EQ(batches[1].remaining(), 0u);
+}
+
+TEST_F(SharingSessionTest, CountsRemainingDownToZero) {
+  for (int i = 0; i < 500; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(90));
+  Order();
+  AnswerHello();
+  std::uint64_t left = 500;
+  for (const auto& message : RunToEnd()) {
+    left -= message.batch().record_count();
+    EXPECT_EQ(message.remaining(), left);
+  }
+  EXPECT_EQ(left, 0u);
+}
+
+TEST_F(SharingSessionTest, KeepsMessagesSmallAndUnacknowledgedBytesWithinTheCredit) {
+  for (int i = 0; i < 500; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  std::vector<proto::Message> under_way;
+  std::size_t most_under_way = 0;
+  while (session_.is_open()) {
+    for (proto::Message& message : TakeSent()) {
+      EXPECT_LE(message.batch().coded().size(), 4096u);
+      under_way.push_back(std::move(message));
+    }
+    std::size_t bytes = 0;
+    for (const auto& message : under_way) bytes += message.batch().ByteSizeLong();
+    EXPECT_LE(bytes, 8u * 1024);
+    most_under_way = std::max(most_under_way, under_way.size());
+    ASSERT_FALSE(under_way.empty());
+    Acknowledge(under_way.front());
+    under_way.erase(under_way.begin());
+  }
+  EXPECT_GE(most_under_way, 2u);  // The radio is never idle while an acknowledgment travels.
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, FillsMessagesWellWhateverTheContentIsLike) {
+  for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, std::string(90, 'x') + Noise(3));
+  Order();
+  AnswerHello();
+  const auto batches = RunToEnd();
+  std::size_t bytes = 0;
+  for (const auto& message : batches) bytes += message.batch().coded().size();
+  EXPECT_GT(static_cast<double>(bytes) / static_cast<double>(batches.size()), 2500.0);
+}
+
+TEST_F(SharingSessionTest, SendsALargeRecordAlone) {
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(100));
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100'000));
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100));
+  Order();
+  AnswerHello();
+  auto sent = TakeSent();
+  ASSERT_EQ(sent.size(), 1u);  // The large one waits until nothing else is under way.
+  EXPECT_LT(sent[0].batch().coded().size(), 4096u);
+  Acknowledge(sent[0]);
+  sent = TakeSent();
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_EQ(sent[0].batch().record_count(), 1u);
+  EXPECT_GT(sent[0].batch().coded().size(), 100'000u);
+  Acknowledge(sent[0]);
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, SendsOneMessageAtATimeWithoutCredit) {
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello(/*credit=*/0);
+  while (session_.is_open()) {
+    const auto sent = TakeSent();
+    ASSERT_EQ(sent.size(), 1u);
+    Acknowledge(sent[0]);
+  }
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, ResendsUntilAcknowledgedWithAGrowingDelay) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  std::vector<double> hellos_s;
+  for (int step = 0; step < 1400; ++step) {
+    for (const auto& message : TakeSent()) {
+      ASSERT_TRUE(message.has_hello());
+      hellos_s.push_back(std::chrono::duration<double>(now_.time_since_epoch()).count());
+    }
+    Advance(std::chrono::milliseconds(100));
+  }
+  const std::vector<double> expected_s = {0, 5, 15, 35, 65, 95, 125};
+  ASSERT_EQ(hellos_s.size(), expected_s.size());
+  for (std::size_t i = 0; i < expected_s.size(); ++i) EXPECT_NEAR(hellos_s[i], expected_s[i], 0.15);
+  EXPECT_EQ(Status().resends(), 6);
+  Take(session_.OnConnected(now_));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_FALSE(session_.is_open());
+  Advance(seconds(1000));
+  EXPECT_TRUE(TakeSent().empty());
+}
+
+TEST_F(SharingSessionTest, StartsOverFromTheHaveSetWhenAnAcknowledgmentIsLost) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  AnswerHello();
+  const auto sent = TakeSent();
+  ASSERT_EQ(sent.size(), 1u);
+  Store(sent[0]);  // Its acknowledgment does not arrive.
+  Advance(seconds(6));
+  AnswerHello();
+  EXPECT_TRUE(TakeSent().empty());
+  EXPECT_EQ(Status().completed_sessions(), 1);
+  EXPECT_EQ(Status().sent_records(), 1);
+}
+
+TEST_F(SharingSessionTest, SendsALostBatchAgainBeforeTheRestEnds) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  bool is_first = true;
+  while (session_.is_open()) {
+    const auto sent = TakeSent();
+    ASSERT_FALSE(sent.empty());
+    for (const auto& message : sent) {
+      if (!std::exchange(is_first, false)) Acknowledge(message);
+    }
+  }
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().resends(), 1);
+}
+
+TEST_F(SharingSessionTest, StartsOverAtOnceWhenTheDestinationIsReachedAgain) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  const std::uint64_t first = TakeHello();
+  Advance(seconds(1));
+  Take(session_.OnConnected(now_));
+  const std::uint64_t second = TakeHello();
+  EXPECT_NE(first, second);
+  Take(session_.OnConnected(now_));
+  AnswerHello();
+  RunToEnd();
+  Take(session_.OnConnected(now_));  // Nothing is unfinished.
+  EXPECT_TRUE(TakeSent().empty());
+}
+
+TEST_F(SharingSessionTest, IgnoresWhatBelongsToAnEarlierSession) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  proto::Have old;
+  old.set_session_id(TakeHello());
+  old.set_is_whole(true);
+  Advance(seconds(6));
+  Take(session_.OnHave(old, now_));
+  for (const auto& message : TakeSent()) EXPECT_TRUE(message.has_hello());
+  proto::Refusal refusal;
+  refusal.set_session_id(old.session_id());
+  refusal.mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
+  Take(session_.OnRefusal(refusal, now_));
+  EXPECT_TRUE(session_.is_open());
+}
+
+TEST_F(SharingSessionTest, StartsOverOnceWhenTheDestinationForgotTheSession) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  proto::Refusal refusal;
+  refusal.set_session_id(TakeHello());
+  refusal.mutable_error()->set_code(proto::ERROR_CODE_NOT_FOUND);
+  Take(session_.OnRefusal(refusal, now_));
+  refusal.set_session_id(TakeHello());
+  Take(session_.OnRefusal(refusal, now_));
+  EXPECT_TRUE(TakeSent().empty());  // No tight loop: the delay serves from here.
+  Advance(seconds(6));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, EndsWithTheReasonWhenItIsRefused) {
+  Order();
+  proto::Refusal refusal;
+  refusal.set_session_id(TakeHello());
+  refusal.mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
+  refusal.mutable_error()->set_text("this agent is of another team");
+  Take(session_.OnRefusal(refusal, now_));
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(Status().last_error(), "the destination refused: this agent is of another team");
+  Advance(seconds(100));
+  EXPECT_TRUE(TakeSent().empty());
+}
+
+TEST_F(SharingSessionTest, DoesNotRepeatWhatTheDestinationDoesNotTake) {
+  destination_.Reject(proto::POWER);
+  source_.Insert(kSelf, proto::POWER, "p");
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
+  Order();
+  AnswerHello();
+  EXPECT_EQ(RunToEnd().size(), 1u);
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(Status().acknowledged_records(), 1);
+  EXPECT_EQ(Status().last_error(), "the destination did not take 1 records");
+}
+
+TEST_F(SharingSessionTest, TellsWhatIsDroppedOnlyWithTheLastRecords) {
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  source_.Drop(source_.Insert(kSelf, proto::POWER, "old"));
+  Order();
+  AnswerHello();
+  const auto batches = RunToEnd();
+  ASSERT_GT(batches.size(), 2u);
+  for (const auto& message : batches) {
+    if (message.remaining() > 0) {
+      EXPECT_EQ(message.batch().dropped_size(), 0);
+    }
+  }
+  EXPECT_EQ(destination_.have(), source_.have());
+  Order();
+  AnswerHello();
+  EXPECT_TRUE(TakeSent().empty());  // Once is enough.
+}
+
+TEST_F(SharingSessionTest, TellsWhatIsDroppedWhenNoRecordIsMissing) {
+  source_.Drop(source_.Insert(kSelf, proto::POWER, "old"));
+  Order();
+  AnswerHello();
+  const auto batches = RunToEnd();
+  ASSERT_EQ(batches.size(), 1u);
+  EXPECT_EQ(batches[0].batch().record_count(), 0u);
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, IncludesWhatWasStoredBeforeALaterOrder) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  AnswerHello();
+  auto sent = TakeSent();
+  ASSERT_EQ(sent.size(), 1u);
+  source_.Insert(kSelf, proto::POWER, "q");
+  Order();
+  Acknowledge(sent[0]);
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().completed_sessions(), 1);
+}
+
+TEST_F(SharingSessionTest, TellsStorageWhatItHandedOverAndWhatCameOfIt) {
+  const RecordKey key = source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  AnswerHello();
+  const auto sent = TakeSent();
+  ASSERT_EQ(peer_haves_.back().handed_over_size(), 1);
+  EXPECT_EQ(FromProto(peer_haves_.back().handed_over(0)), key);
+  EXPECT_EQ(peer_haves_.back().peer(), kDestination);
+  Acknowledge(sent[0]);
+  EXPECT_TRUE(peer_haves_.back().is_session_closed());
+  EXPECT_TRUE(FromProto(peer_haves_.back().acknowledged())->Get(key.stream).held.Contains(key.seq));
+}
+
+TEST_F(SharingSessionTest, StaysOpenWhenStorageCannotSayWhatIsMissing) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  SharingActions actions = session_.Order(proto::RecordFilter(), now_);
+  proto::Have have;
+  have.set_session_id(actions.back().message.hello().session_id());
+  have.set_is_whole(true);
+  actions = session_.OnHave(have, now_);
+  ASSERT_TRUE(actions.back().message.has_missing_request());
+  proto::MissingReply failed;
+  failed.set_remaining(1);
+  EXPECT_TRUE(session_.OnMissingReply(actions.back().message.request_id(), failed, now_).empty());
+  EXPECT_TRUE(session_.is_open());
+  Advance(seconds(6));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, ForgetsTheOrderWhenClosed) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  TakeSent();
+  Take(session_.Close());
+  Advance(seconds(100));
+  EXPECT_TRUE(TakeSent().empty());
+  EXPECT_FALSE(session_.deadline());
+}
+
+TEST_F(SharingSessionTest, RefusesAMalformedHaveSet) {
+  Order();
+  proto::Have have;
+  have.set_session_id(TakeHello());
+  have.set_is_whole(true);
+  have.mutable_have()->add_streams()->set_origin_agent(0);
+  Take(session_.OnHave(have, now_));
+  EXPECT_TRUE(TakeSent().empty());
+  EXPECT_NE(Status().last_error(), "");
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,105 @@
+// A team of rovers and a base station for tests of the sharing actors.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "actors/sharing/replica_actor.h"
+#include "actors/sharing/sync_actor.h"
+#include "runtime/simulation/simulated_team.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+
+// Rovers 1 to `rover_count` ("rover1"...), then a base station ("base"); 1 leads, 2 is the designated survivor.
+// Everything is shared; the base station is sent nodes and maps.
+inline proto::TeamConfig TestTeam(int rover_count) {
+  proto::TeamConfig team;
+  team.set_team("test");
+  for (int id = 1; id <= rover_count + 1; ++id) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(static_cast<std::uint32_t>(id));
+    const bool is_base = id == rover_count + 1;
+    agent.set_name(is_base ? "base" : "rover" + std::to_string(id));
+    agent.set_kind(is_base ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
+  }
+  team.mutable_roles()->set_leader("rover1");
+  team.mutable_roles()->set_survivor("rover2");
+  proto::SharePolicies& share = *team.mutable_share();
+  share.set_power(proto::POLICY_LATEST);
+  share.set_pose_graph_node(proto::POLICY_ALL);
+  share.set_pose_graph_edge(proto::POLICY_ALL);
+  share.set_optimized_pose(proto::POLICY_LATEST);
+  share.set_edge_verdict(proto::POLICY_LATEST);
+  share.set_local_traversability_map(proto::POLICY_ALL);
+  team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
+  team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
+  return team;
+}
+
+inline SharingActor::Options SharingOptions(AgentId self, const proto::TeamConfig& team) {
+  SharingActor::Options options;
+  options.self = self;
+  options.team = team;
+  options.config_hash = 1;
+  return options;
+}
+
+inline void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::TeamConfig& config) {
+  const SharingActor::Options options = SharingOptions(agent, config);
+  team.Spawn(agent, actor_name::kSync, [options] { return std::make_unique<SyncActor>(options); });
+  team.Spawn(agent, actor_name::kReplica, [options] { return std::make_unique<ReplicaActor>(options); });
+}
+
+inline proto::Message ShareOrder(proto::SharingKind kind, AgentId destination = 0) {
+  proto::Message message;
+  message.mutable_share_request()->set_kind(kind);
+  message.mutable_share_request()->set_destination(destination);
+  return message;
+}
+
+// What an operator's order to `agent` is answered with; the team runs until it is idle.
+inline proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const proto::Message& order) {
+  const bool is_sync = order.share_request().kind() == proto::SHARING_KIND_SYNC;
+  (void)team.Post({agent, "operator"}, {agent, is_sync ? actor_name::kSync : actor_name::kReplica}, order);
+  team.RunUntilIdle();
+  proto::ShareReply reply;
+  for (const proto::Message& message : team.Take({agent, "operator"})) {
+    if (message.has_share_reply()) reply = message.share_reply();
+  }
+  return reply;
+}
+
+inline proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor) {
+  proto::Message question;
+  question.mutable_share_status_request();
+  (void)team.Post({agent, "status"}, {agent, actor}, question);
+  team.RunUntilIdle();
+  proto::ShareStatus status;
+  for (const proto::Message& message : team.Take({agent, "status"})) {
+    if (message.has_share_status()) status = message.share_status();
+  }
+  return status;
+}
+
+inline void TellRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
+                      const proto::RoleAssignment& roles) {
+  proto::Message message;
+  *message.mutable_roles_changed()->mutable_roles() = roles;
+  message.mutable_roles_changed()->set_own_role(RoleOf(config, roles, agent));
+  (void)team.Post({agent, actor_name::kRole}, {agent, actor_name::kSync}, message);
+  (void)team.Post({agent, actor_name::kRole}, {agent, actor_name::kReplica}, message);
+}
+
+inline proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t number) {
+  proto::RoleAssignment roles;
+  roles.set_leader(leader);
+  roles.set_survivor(survivor);
+  roles.mutable_term()->set_number(number);
+  roles.mutable_term()->set_issuer(leader);
+  roles.mutable_term()->set_issuer_epoch(1);
+  return roles;
+}
+
+}  // namespace moondb
