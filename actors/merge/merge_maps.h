@@ -2,8 +2,8 @@
 //
 //   std::vector<MapAtPose> maps;
 //   for (const MissionMap& map : mission.maps) {
-//     maps.push_back({NumberedMapKey(map.agent, maps.size() + 1), map.stamp_ns, mission.truth.at(map.node),
-//     *ReadMissionMap(mission, map)});
+//     const RecordKey key = NumberedMapKey(map.agent, maps.size() + 1);
+//     maps.push_back({key, map.stamp_ns, mission.truth.at(map.node), *ReadMissionMap(mission, map)});
 //   }
 //   const Result<MergedMap> merged = MergeMaps(maps, footprints, {});
 #pragma once

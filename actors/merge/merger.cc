@@ -16,6 +16,12 @@ Result<std::unique_ptr<Merger>> CreateMerger(MergeBackend backend) {
   return tl::unexpected(gl.error());
 }
 
+bool MergeResult::operator==(const MergeResult& other) const {
+  return merged.grid == other.merged.grid && merged.resolution_um == other.merged.resolution_um &&
+         merged.origin_cell_x == other.merged.origin_cell_x && merged.origin_cell_y == other.merged.origin_cell_y &&
+         slots == other.slots && levels == other.levels;
+}
+
 std::string ToString(MergeBackend backend) {
   switch (backend) {
     case MergeBackend::kAuto:

@@ -28,7 +28,7 @@ struct MergeResult {
   std::vector<std::uint16_t> slots;
   std::vector<std::uint8_t> levels;
 
-  bool operator==(const MergeResult&) const = default;
+  bool operator==(const MergeResult& other) const;
 };
 
 // Polled during a merge; true ends it early.

@@ -1,0 +1,105 @@
+#include "actors/merge/map_collection.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/actors/merge/merge_worlds.h"
+
+namespace moondb {
+namespace {
+
+RecordKey PoseKey(AgentId agent, std::uint64_t seq) { return {{agent, 7, proto::POSE_GRAPH_NODE}, seq}; }
+
+proto::Term MakeTerm(std::uint64_t number) {
+  proto::Term term;
+  term.set_number(number);
+  term.set_issuer(1);
+  return term;
+}
+
+class MapCollectionTest : public testing::Test {
+ protected:
+  // Where the only map's anchor lies, in cells of 5 cm.
+  std::int64_t PlacedX(bool use_raw_poses = false) {
+    const auto selected = collection_.Place({use_raw_poses, {}});
+    EXPECT_TRUE(selected.has_value());
+    return selected->placement.blocks.at(0).rectangle.anchor_x;
+  }
+
+  void PutMapOf(AgentId agent) {
+    ASSERT_TRUE(collection_.PutMap(MapKey(agent, 1), 5, DrawMap({"."}, 50'000, agent)).value());
+  }
+
+  MapCollection collection_{{}};
+};
+
+TEST_F(MapCollectionTest, AMapCountsOnce) {
+  PutMapOf(1);
+  EXPECT_FALSE(collection_.PutMap(MapKey(1, 1), 5, DrawMap({"."}, 50'000)).value());
+  EXPECT_EQ(collection_.map_count(), 1u);
+}
+
+TEST_F(MapCollectionTest, AMapWaitsForItsNode) {
+  PutMapOf(1);
+  EXPECT_EQ(collection_.Place({})->waiting_map_count, 1u);
+  ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose{}));
+  const auto selected = collection_.Place({});
+  EXPECT_EQ(selected->waiting_map_count, 0u);
+  EXPECT_EQ(selected->placement.slots.size(), 1u);
+  EXPECT_EQ(selected->node_count, 1u);
+}
+
+TEST_F(MapCollectionTest, TheNewestTermAndRunPlacesTheNodeInAnyOrder) {
+  PutMapOf(1);
+  ASSERT_TRUE(collection_.SetOptimizedPose(PoseKey(1, 3), {1, 1}, Pose::FromPlanar(3, 0, 0), MakeTerm(2), 1));
+  ASSERT_TRUE(collection_.SetOptimizedPose(PoseKey(1, 4), {1, 1}, Pose::FromPlanar(2, 0, 0), MakeTerm(1), 9));
+  EXPECT_EQ(PlacedX(), 60);
+  ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(1, 0, 0)));
+  EXPECT_EQ(PlacedX(), 60);
+  EXPECT_EQ(PlacedX(/*use_raw_poses=*/true), 20);
+  ASSERT_TRUE(collection_.SetOptimizedPose(PoseKey(1, 5), {1, 1}, Pose::FromPlanar(4, 0, 0), MakeTerm(2), 2));
+  EXPECT_EQ(PlacedX(), 80);
+}
+
+TEST_F(MapCollectionTest, ANodeRecordedTwiceHasThePoseOfTheLaterRecord) {
+  PutMapOf(1);
+  ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 2), {1, 1}, Pose::FromPlanar(2, 0, 0)));
+  ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(1, 0, 0)));
+  EXPECT_EQ(PlacedX(), 40);
+}
+
+TEST_F(MapCollectionTest, ASelectionTakesMapsAndFootprintsOfItsAgents) {
+  for (const AgentId agent : {1u, 2u}) {
+    PutMapOf(agent);
+    ASSERT_TRUE(collection_.SetRawPose(PoseKey(agent, 1), {agent, 1}, Pose::FromPlanar(agent, 0, 0)));
+  }
+  const auto selected = collection_.Place({false, {2}});
+  ASSERT_EQ(selected->placement.slots.size(), 1u);
+  EXPECT_EQ(selected->placement.slots[0].map->agent(), 2u);
+  EXPECT_EQ(selected->node_count, 1u);
+}
+
+TEST_F(MapCollectionTest, ABaseStationLeavesNoFootprint) {
+  MapCollection collection({.grid = {}, .without_footprint = {4}});
+  ASSERT_TRUE(collection.SetRawPose(PoseKey(4, 1), {4, 0}, Pose{}));
+  EXPECT_EQ(collection.Place({})->node_count, 0u);
+}
+
+TEST_F(MapCollectionTest, AWithdrawnMapIsGone) {
+  PutMapOf(1);
+  EXPECT_TRUE(collection_.WithdrawMap(MapKey(1, 1)));
+  EXPECT_FALSE(collection_.WithdrawMap(MapKey(1, 1)));
+  EXPECT_EQ(collection_.map_count(), 0u);
+}
+
+TEST_F(MapCollectionTest, HoldsNoMoreThanItsBounds) {
+  MapCollection collection({.grid = {}, .without_footprint = {}, .maps_max = 2, .cells_max = 3, .nodes_max = 1});
+  ASSERT_TRUE(collection.PutMap(MapKey(1, 1), 5, DrawMap({".."}, 50'000)));
+  EXPECT_EQ(collection.PutMap(MapKey(1, 2), 5, DrawMap({".."}, 50'000)).error().code, ErrorCode::kFull);
+  ASSERT_TRUE(collection.PutMap(MapKey(1, 3), 5, DrawMap({"."}, 50'000)));
+  EXPECT_EQ(collection.PutMap(MapKey(1, 4), 5, DrawMap({"."}, 50'000)).error().code, ErrorCode::kFull);
+  ASSERT_TRUE(collection.SetRawPose(PoseKey(1, 1), {1, 1}, Pose{}));
+  EXPECT_EQ(collection.SetRawPose(PoseKey(1, 2), {1, 2}, Pose{}).error().code, ErrorCode::kFull);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,343 @@
+#include "actors/merge/merge_actor.h"
+
+#include <gtest/gtest.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "runtime/simulation/simulated_team.h"
+#include "tests/actors/merge/merge_worlds.h"
+
+namespace moondb {
+namespace {
+
+using Rows = std::vector<std::string>;
+using simulation::SimulatedTeam;
+
+constexpr AgentId kSelf = 1;
+constexpr std::uint32_t kCellUm = 100'000;
+
+// What a StorageActor holds, and how it behaves.
+struct FakeStore {
+  std::vector<proto::StoredRecord> records;  // Row i + 1.
+  std::vector<proto::ReadRequest> reads;
+  int page_records_max = 2;
+  bool is_silent = false;
+  Error error{};
+  bool has_error = false;
+};
+
+class FakeStorageActor final : public Actor {
+ public:
+  explicit FakeStorageActor(std::shared_ptr<FakeStore> store) : store_(std::move(store)) {}
+
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (!message.has_read_request()) return;
+    store_->reads.push_back(message.read_request());
+    if (store_->is_silent) return;
+    proto::Message answer;
+    proto::ReadReply& reply = *answer.mutable_read_reply();
+    reply.set_is_complete(true);
+    if (store_->has_error) *reply.mutable_error() = ToProto(store_->error);
+    for (std::uint64_t row = message.read_request().after_row_id() + 1; row <= store_->records.size(); ++row) {
+      if (reply.records_size() == store_->page_records_max) {
+        reply.set_is_complete(false);
+        break;
+      }
+      *reply.add_records() = store_->records[row - 1];
+      reply.add_row_ids(row);
+    }
+    (void)context.Reply(std::move(answer));
+  }
+
+ private:
+  std::shared_ptr<FakeStore> store_;
+};
+
+Rows Decode(const proto::MergeReply& reply) {
+  MergedMap merged;
+  merged.grid = Grid(static_cast<std::int32_t>(reply.width_cells()), static_cast<std::int32_t>(reply.height_cells()));
+  const std::size_t size = ZSTD_decompress(merged.grid.cells.data(), merged.grid.cells.size(),
+                                           reply.zstd_cells().data(), reply.zstd_cells().size());
+  EXPECT_EQ(size, merged.grid.cells.size());
+  return Print(merged);
+}
+
+class MergeActorTest : public testing::Test {
+ protected:
+  MergeActorTest() : team_(/*seed=*/1) {
+    options_.self = kSelf;
+    options_.backend = MergeBackend::kCpu;
+    options_.team.mutable_map()->set_resolution_m(0.1);
+    options_.team.mutable_map()->add_footprint_m(0.12);
+    options_.team.mutable_map()->add_footprint_m(0.12);
+    for (const AgentId agent : {1u, 2u, 4u}) options_.team.add_agents()->set_id(agent);
+    options_.team.mutable_agents(2)->set_kind(proto::AGENT_KIND_BASE_STATION);
+    team_.AddAgent(kSelf);
+  }
+
+  void Start() {
+    team_.Spawn(kSelf, actor_name::kStorage, [store = store_] { return std::make_unique<FakeStorageActor>(store); });
+    team_.Spawn(kSelf, actor_name::kMerge, [options = options_] { return std::make_unique<MergeActor>(options); },
+                {.placement = Placement::kOwnThread});
+  }
+
+  void Store(AgentId origin, DataType type, const proto::Record& record) {
+    proto::StoredRecord stored;
+    const std::uint64_t seq = store_->records.size() + 1;
+    *stored.mutable_key() = ToProto(RecordKey{{origin, 7, type}, seq});
+    record.SerializeToString(stored.mutable_content());
+    store_->records.push_back(stored);
+  }
+
+  void StoreNode(AgentId agent, double x_m, double y_m = 0) {
+    proto::Record record;
+    *record.mutable_pose_graph_node()->mutable_node() = ToProto(NodeKey{agent, 1});
+    *record.mutable_pose_graph_node()->mutable_map_from_node() = ToProto(Pose::FromPlanar(x_m, y_m, 0));
+    Store(agent, proto::POSE_GRAPH_NODE, record);
+  }
+
+  void StoreOptimizedPose(AgentId agent, double x_m, std::uint64_t run) {
+    proto::Record record;
+    *record.mutable_optimized_pose()->mutable_node() = ToProto(NodeKey{agent, 1});
+    *record.mutable_optimized_pose()->mutable_map_from_node() = ToProto(Pose::FromPlanar(x_m, 0, 0));
+    record.mutable_optimized_pose()->mutable_term()->set_number(1);
+    record.mutable_optimized_pose()->set_run(run);
+    Store(agent, proto::OPTIMIZED_POSE, record);
+  }
+
+  void StoreMap(AgentId agent, const Rows& rows, std::uint32_t resolution_um = kCellUm) {
+    proto::Record record;
+    record.set_stamp_ns(static_cast<std::int64_t>(store_->records.size()));
+    *record.mutable_local_traversability_map() = ToProto(DrawMap(rows, resolution_um, agent));
+    Store(agent, proto::LOCAL_TRAVERSABILITY_MAP, record);
+  }
+
+  void Ask(std::uint64_t request_id, const proto::MergeRequest& request = {}) {
+    proto::Message message;
+    message.set_request_id(request_id);
+    *message.mutable_merge_request() = request;
+    ASSERT_EQ(team_.Post(kAsker, {kSelf, actor_name::kMerge}, std::move(message)), SendResult::kAccepted);
+  }
+
+  std::vector<proto::Message> TakeReplies() { return team_.Take(kAsker); }
+
+  proto::MergeReply Merge(const proto::MergeRequest& request = {}) {
+    Ask(77, request);
+    team_.RunUntilIdle();
+    const std::vector<proto::Message> replies = TakeReplies();
+    EXPECT_EQ(replies.size(), 1u);
+    if (replies.size() != 1) return {};
+    EXPECT_EQ(replies[0].request_id(), 77u);
+    return replies[0].merge_reply();
+  }
+
+  const Address kAsker{kSelf, "test"};
+  SimulatedTeam team_;
+  std::shared_ptr<FakeStore> store_ = std::make_shared<FakeStore>();
+  MergeActor::Options options_;
+};
+
+TEST_F(MergeActorTest, MergesWhatStorageHolds) {
+  StoreNode(1, 1, 1);
+  StoreNode(2, 1.2, 1);
+  StoreMap(1, {"##", ".."});
+  StoreMap(2, {"..", "##"});
+  Start();
+  const proto::MergeReply reply = Merge();
+  ASSERT_FALSE(IsError(reply.error())) << reply.error().text();
+  EXPECT_EQ(reply.resolution_um(), kCellUm);
+  EXPECT_EQ(reply.origin_cell_x(), 9);
+  EXPECT_EQ(reply.origin_cell_y(), 9);
+  // Footprints of two by two cells around the maps' lower left corners.
+  EXPECT_EQ(Decode(reply), (Rows{" ##..", "....#", ".... "}));
+  EXPECT_EQ(reply.map_count(), 2);
+  EXPECT_EQ(reply.waiting_map_count(), 0);
+  EXPECT_EQ(reply.node_count(), 2);
+  EXPECT_EQ(reply.backend(), "cpu");
+  EXPECT_GE(reply.seconds(), 0);
+}
+
+TEST_F(MergeActorTest, ReadsPageByPageAndOnlyWhatIsNew) {
+  for (int i = 0; i < 5; ++i) StoreMap(1, {"#"});
+  StoreNode(1, 1);
+  Start();
+  EXPECT_EQ(Merge().map_count(), 5);
+  EXPECT_EQ(store_->reads.size(), 3u);
+  StoreMap(1, {"."});
+  EXPECT_EQ(Merge().map_count(), 6);
+  ASSERT_EQ(store_->reads.size(), 4u);
+  EXPECT_EQ(store_->reads[3].after_row_id(), 6u);
+  EXPECT_GT(store_->reads[3].records_max(), 0u);
+  EXPECT_GT(store_->reads[3].content_bytes_max(), 0u);
+  EXPECT_EQ(store_->reads[3].data_types_size(), 3);
+}
+
+TEST_F(MergeActorTest, MapsWaitForTheirNodes) {
+  StoreMap(1, {"#"});
+  Start();
+  proto::MergeReply reply = Merge();
+  EXPECT_FALSE(IsError(reply.error()));
+  EXPECT_EQ(reply.map_count(), 0);
+  EXPECT_EQ(reply.waiting_map_count(), 1);
+  EXPECT_EQ(reply.width_cells(), 0u);
+  StoreNode(1, 1);
+  reply = Merge();
+  EXPECT_EQ(reply.map_count(), 1);
+  EXPECT_EQ(reply.waiting_map_count(), 0);
+}
+
+TEST_F(MergeActorTest, AMapThatArrivesTwiceCountsOnce) {
+  StoreNode(1, 1);
+  StoreMap(1, {"#"});
+  store_->records.push_back(store_->records.back());
+  Start();
+  EXPECT_EQ(Merge().map_count(), 1);
+}
+
+TEST_F(MergeActorTest, TheNewestOptimizedPosePlacesTheMap) {
+  StoreNode(4, 0);  // Of the base station: no footprint in the way.
+  StoreMap(4, {"##"});
+  StoreOptimizedPose(4, 2, /*run=*/2);
+  StoreOptimizedPose(4, 1, /*run=*/1);
+  Start();
+  proto::MergeReply reply = Merge();
+  EXPECT_EQ(reply.origin_cell_x(), 20);
+  EXPECT_EQ(Decode(reply), (Rows{"##"}));
+  EXPECT_EQ(reply.node_count(), 0);
+  proto::MergeRequest raw;
+  raw.set_use_raw_poses(true);
+  EXPECT_EQ(Merge(raw).origin_cell_x(), 0);
+}
+
+TEST_F(MergeActorTest, MergesMapsOfTheNamedAgentsOnly) {
+  StoreNode(1, 0);
+  StoreNode(2, 1);
+  StoreMap(1, {"#"});
+  StoreMap(2, {"#"});
+  Start();
+  proto::MergeRequest request;
+  request.add_agents(2);
+  const proto::MergeReply reply = Merge(request);
+  EXPECT_EQ(reply.map_count(), 1);
+  EXPECT_EQ(reply.node_count(), 1);
+  EXPECT_GE(reply.origin_cell_x(), 9);
+}
+
+TEST_F(MergeActorTest, AMapThatDoesNotFitTheGridIsLeftOut) {
+  StoreNode(1, 1);
+  StoreMap(1, {"#"}, /*resolution_um=*/1);
+  StoreMap(1, {"#"});
+  Start();
+  EXPECT_EQ(Merge().map_count(), 1);
+}
+
+TEST_F(MergeActorTest, MapsTooFarApartAreAClearError) {
+  StoreNode(1, 0);
+  StoreNode(2, 1e6);
+  StoreMap(1, {"#"});
+  StoreMap(2, {"#"});
+  Start();
+  const proto::MergeReply reply = Merge();
+  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
+  proto::MergeRequest request;
+  request.add_agents(2);
+  EXPECT_EQ(Merge(request).origin_cell_x(), 9'999'999) << "1,000 km away, alone";
+}
+
+TEST_F(MergeActorTest, RequestsQueueUpToABound) {
+  store_->is_silent = true;
+  Start();
+  for (std::uint64_t id = 1; id <= 17; ++id) Ask(id);
+  team_.RunUntilIdle();
+  const std::vector<proto::Message> replies = TakeReplies();
+  ASSERT_EQ(replies.size(), 1u);
+  EXPECT_EQ(replies[0].request_id(), 17u);
+  EXPECT_EQ(replies[0].merge_reply().error().code(), proto::ERROR_CODE_FULL);
+}
+
+TEST_F(MergeActorTest, EachRequestIsAnsweredByAReadThatBeganAfterIt) {
+  StoreNode(1, 1);
+  StoreMap(1, {"#"});
+  Start();
+  for (std::uint64_t id = 1; id <= 3; ++id) Ask(id);
+  team_.RunUntilIdle();
+  const std::vector<proto::Message> replies = TakeReplies();
+  ASSERT_EQ(replies.size(), 3u);
+  for (std::uint64_t id = 1; id <= 3; ++id) {
+    EXPECT_EQ(replies[id - 1].request_id(), id);
+    EXPECT_EQ(replies[id - 1].merge_reply().map_count(), 1);
+  }
+  EXPECT_EQ(store_->reads.size(), 2u) << "one for the first, one for those that came meanwhile";
+}
+
+TEST_F(MergeActorTest, ASilentStorageIsATimeoutAndTheNextRequestAsksAgain) {
+  store_->is_silent = true;
+  StoreNode(1, 1);
+  StoreMap(1, {"#"});
+  Start();
+  Ask(1);
+  Ask(2);
+  team_.AdvanceTime(std::chrono::seconds(29));
+  EXPECT_TRUE(TakeReplies().empty());
+  team_.AdvanceTime(std::chrono::seconds(2));
+  const std::vector<proto::Message> replies = TakeReplies();
+  ASSERT_EQ(replies.size(), 2u);
+  EXPECT_EQ(replies[0].merge_reply().error().code(), proto::ERROR_CODE_TIMED_OUT);
+  store_->is_silent = false;
+  EXPECT_EQ(Merge().map_count(), 1);
+}
+
+TEST_F(MergeActorTest, StoragesErrorIsPassedOn) {
+  store_->has_error = true;
+  store_->error = {ErrorCode::kInternal, "disk", {}};
+  Start();
+  EXPECT_EQ(Merge().error().code(), proto::ERROR_CODE_INTERNAL);
+}
+
+TEST_F(MergeActorTest, AReplyHasABound) {
+  options_.reply_bytes_max = 8;
+  StoreNode(1, 1);
+  StoreMap(1, {"#.#", ".#.", "#.#"});
+  Start();
+  EXPECT_EQ(Merge().error().code(), proto::ERROR_CODE_FULL);
+}
+
+TEST_F(MergeActorTest, ARestartedActorReadsEverythingAgain) {
+  StoreNode(1, 1);
+  StoreMap(1, {"#"});
+  Start();
+  const proto::MergeReply before = Merge();
+  team_.Crash(kSelf);
+  team_.Restart(kSelf);
+  const proto::MergeReply after = Merge();
+  EXPECT_EQ(after.map_count(), 1);
+  EXPECT_EQ(after.zstd_cells(), before.zstd_cells());
+}
+
+TEST_F(MergeActorTest, GlGivesTheSameReply) {
+  if (const auto gl = CreateMerger(MergeBackend::kGl); !gl) GTEST_SKIP() << ToString(gl.error());
+  for (const AgentId agent : {1u, 2u}) {
+    StoreNode(agent, agent * 0.11);
+    StoreMap(agent, {"#.#", ".#.", "#.#"});
+  }
+  Start();
+  const std::string cells = Merge().zstd_cells();
+  team_.AddAgent(2);
+  team_.Spawn(2, actor_name::kStorage, [store = store_] { return std::make_unique<FakeStorageActor>(store); });
+  options_.self = 2;
+  options_.backend = MergeBackend::kGl;
+  team_.Spawn(2, actor_name::kMerge, [options = options_] { return std::make_unique<MergeActor>(options); });
+  proto::Message message;
+  message.mutable_merge_request();
+  ASSERT_EQ(team_.Post({2, "test"}, {2, actor_name::kMerge}, std::move(message)), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  const std::vector<proto::Message> replies = team_.Take({2, "test"});
+  ASSERT_EQ(replies.size(), 1u);
+  EXPECT_EQ(replies[0].merge_reply().backend(), "gl");
+  EXPECT_EQ(replies[0].merge_reply().zstd_cells(), cells);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,134 @@
+// The paper's Section 5.1, case by case, in worlds small enough to see.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "actors/merge/cpu_merger.h"
+#include "actors/merge/merge_maps.h"
+#include "tests/actors/merge/merge_worlds.h"
+
+namespace moondb {
+namespace {
+
+using Rows = std::vector<std::string>;
+
+constexpr std::uint32_t kFine = 100'000;
+constexpr std::uint32_t kCoarse = 200'000;
+
+class MergePolicyTest : public testing::Test {
+ protected:
+  void Put(AgentId agent, std::int64_t stamp_ns, const Rows& rows, std::uint32_t resolution_um = kFine) {
+    const std::uint64_t seq = maps_.size() + 1;
+    maps_.push_back({MapKey(agent, seq), stamp_ns, Pose{}, DrawMap(rows, resolution_um, agent)});
+  }
+
+  Rows Merge() {
+    MergeOptions options;
+    options.grid = grid_;
+    options.backend = MergeBackend::kCpu;
+    const Result<MergedMap> merged = MergeMaps(maps_, footprints_, options);
+    EXPECT_TRUE(merged.has_value()) << ToString(merged.error());
+    return merged ? Print(*merged) : Rows{};
+  }
+
+  MergeGrid grid_{.resolution_um = kFine, .footprint_length_m = 0.2, .footprint_width_m = 0.1};
+  std::vector<MapAtPose> maps_;
+  std::vector<Pose> footprints_;
+};
+
+TEST_F(MergePolicyTest, ARoverSeenByAnotherIsClearedByANewerMap) {
+  Put(2, 10, {"....", ".##.", "...."});
+  Put(2, 20, {"    ", " .. ", "    "});
+  EXPECT_EQ(Merge(), (Rows{"....", "....", "...."}));
+}
+
+TEST_F(MergePolicyTest, ARoverSeenByAnotherIsClearedByItsFootprint) {
+  Put(2, 10, {"....", ".##.", "...."});
+  footprints_.push_back(Pose::FromPlanar(0.2, 0.15, 0));
+  EXPECT_EQ(Merge(), (Rows{"....", "....", "...."}));
+}
+
+TEST_F(MergePolicyTest, AFootprintStandsAboveNewerAndFinerHazards) {
+  grid_.resolution_um = kCoarse;
+  grid_.footprint_length_m = 0.4;
+  grid_.footprint_width_m = 0.2;
+  Put(2, 99, {"####", "####", "####", "####"});
+  footprints_.push_back(Pose::FromPlanar(0.2, 0.1, 0));
+  EXPECT_EQ(Merge(), (Rows{"##", ".."}));
+}
+
+TEST_F(MergePolicyTest, APhantomIsClearedByANewerMapOfTheSameOrFinerResolution) {
+  Put(1, 10, {"##", "##"}, kCoarse);
+  Put(1, 20, {". ", "  "}, kCoarse);
+  Put(2, 20, {"    ", "    ", "  ..", "  .."}, kFine);
+  EXPECT_EQ(Merge(), (Rows{"..##", "..##", "##..", "##.."}));
+}
+
+TEST_F(MergePolicyTest, AnOlderFinerFreeCellStandsAgainstANewerCoarserHazard) {
+  Put(1, 10, {"..", ".."}, kFine);
+  Put(1, 20, {"#"}, kCoarse);
+  EXPECT_EQ(Merge(), (Rows{"..", ".."}));
+}
+
+TEST_F(MergePolicyTest, ANewerCoarserFreeCellDoesNotFreeAFineHazard) {
+  Put(1, 10, {"# ", "  "}, kFine);
+  Put(2, 20, {"."}, kCoarse);
+  EXPECT_EQ(Merge(), (Rows{"#.", ".."}));
+}
+
+// "v_t' if v_t = v_t'" of Eq. (1), read to the letter, gives a fine hazard that a coarser map confirms the newer,
+// coarser tag, and the next coarse map frees it.
+TEST_F(MergePolicyTest, AnEqualValueDoesNotTakeTheCoarserTag) {
+  Put(1, 10, {"#"}, kFine);
+  Put(1, 20, {"#"}, kCoarse);
+  Put(1, 30, {"."}, kCoarse);
+  EXPECT_EQ(Merge(), (Rows{"..", "#."}));
+}
+
+TEST_F(MergePolicyTest, UnknownOverKnownKeepsWhatIsKnown) {
+  Put(1, 10, {"#."}, kCoarse);
+  Put(1, 20, {"    ", " .# "}, kFine);
+  Put(1, 30, {"  "}, kCoarse);
+  EXPECT_EQ(Merge(), (Rows{"##..", "#.#."}));
+}
+
+TEST_F(MergePolicyTest, AtEqualStampsTheLargerAgentThenTheLaterRecordDecides) {
+  Put(2, 10, {".."});
+  Put(1, 10, {"##"});
+  EXPECT_EQ(Merge(), (Rows{".."}));
+  Put(2, 10, {" #"});
+  EXPECT_EQ(Merge(), (Rows{".#"}));
+}
+
+TEST_F(MergePolicyTest, OfLayersOfOneResolutionTheEarlierDecides) {
+  Put(1, 10, {"#"});
+  TraversabilityMap second = DrawMap({".."}, kFine);
+  maps_[0].map.layers.push_back(second.layers[0]);
+  EXPECT_EQ(Merge(), (Rows{"#."}));
+}
+
+TEST_F(MergePolicyTest, NeitherOrderNorRepetitionMatters) {
+  constexpr std::uint64_t kSeed = 20'240'506;
+  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  std::mt19937_64 rng(kSeed);
+  for (int round = 0; round < 10; ++round) {
+    World world = MakeRandomWorld(rng);
+    const auto merge = [&] {
+      const Result<MapPlacement> placement = PlaceMaps(world.maps, world.footprints, world.grid);
+      EXPECT_TRUE(placement.has_value());
+      return *CpuMerger().Merge(*placement);
+    };
+    const MergeResult once = merge();
+    for (int again = 0; again < 5; ++again) {
+      world.maps.push_back(world.maps[rng() % world.maps.size()]);
+      if (!world.footprints.empty()) world.footprints.push_back(world.footprints[0]);
+      std::shuffle(world.maps.begin(), world.maps.end(), rng);
+      std::shuffle(world.footprints.begin(), world.footprints.end(), rng);
+      ASSERT_TRUE(merge() == once) << "round " << round;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace moondb
