@@ -273,7 +273,7 @@ TimerId SimulatedTeam::Impl::StartTimer(Host& host, Duration delay, proto::Messa
   const std::uint64_t incarnation = host.incarnation();
   return events_.Add(now_ + std::max(delay, Duration::zero()),
                      [this, &agent = host.agent, life = host.life, &host, incarnation, shared = std::move(shared)] {
-                       if (agent.life != life || host.incarnation() != incarnation) return;
+                       if (agent.life != life) return;
                        host.mailbox.PushSystem(shared, incarnation);
                        ScheduleStep(host);
                      });
@@ -299,7 +299,6 @@ void SimulatedTeam::Impl::Crash(Agent& agent) {
   agent.is_running = false;
   ++agent.life;
   agent.crashed = now_;
-  agent.roles.SetRoles({});
   radio_.ClearOutbox(agent.id);
   for (auto host = agent.hosts.rbegin(); host != agent.hosts.rend(); ++host) {
     (*host)->mailbox.Clear();

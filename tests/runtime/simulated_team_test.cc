@@ -312,6 +312,74 @@ TEST_F(SimulatedTeamTest, CrashDropsEverythingAndRestartMakesActorsInOrder) {
   EXPECT_THAT(log, ElementsAre("start storage", "start sync", "timer storage", "timer sync"));
 }
 
+TEST_F(SimulatedTeamTest, TimerThatWaitsWhenTheActorFailsIsDropped) {
+  std::vector<std::uint64_t> heard;
+  team_.Spawn(1, "fragile", OnEachMessage([&](Context& context, const proto::Message& message) {
+                if (message.has_timer()) {
+                  heard.push_back(message.timer().value());
+                } else if (message.request_id() == 1) {
+                  context.AfterTimer(Duration::zero(), 1, 1);
+                  context.Fail({ErrorCode::kInternal, "on purpose", {}});
+                } else {
+                  context.AfterTimer(Duration::zero(), 1, 2);
+                }
+              }));
+  for (int i = 1; i <= 2; ++i) ASSERT_EQ(team_.Post({1, "test"}, {1, "fragile"}, Numbered(i)), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  EXPECT_THAT(heard, ElementsAre(2));
+}
+
+TEST_F(SimulatedTeamTest, RestartedAgentKnowsOnlyTheRolesItWasGiven) {
+  team_.SetRoles(1, Roles(2, 3));
+  team_.Spawn(1, "role", OnEachMessage([](Context& context, const proto::Message&) { context.SetRoles(Roles(3, 2)); }));
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "role"}, {}), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  ASSERT_EQ(team_.Post({1, "test"}, {kLeaderAlias, "a"}, Numbered(1)), SendResult::kAccepted);
+  team_.Crash(1);
+  team_.Restart(1);
+  ASSERT_EQ(team_.Post({1, "test"}, {kLeaderAlias, "a"}, Numbered(2)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_THAT(NumbersOf(team_.Take({3, "a"})), ElementsAre(1));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(2));
+}
+
+TEST_F(SimulatedTeamTest, WhatIsInTheAirToACrashedAgentIsLostEvenIfItIsBackInTime) {
+  team_.radio().latency = seconds(10);
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(5));
+  team_.Crash(2);
+  team_.Restart(2);
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(2)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(20));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(2));
+}
+
+TEST_F(SimulatedTeamTest, CrashLosesTheSendersOutboxButNotWhatLeft) {
+  team_.radio().bytes_per_second = 1000;
+  for (int i = 1; i <= 3; ++i) {
+    proto::Message message = Numbered(i);
+    message.set_sql(std::string(1000, 'x'));
+    ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, message), SendResult::kAccepted);
+  }
+  team_.AdvanceTime(milliseconds(1500));
+  team_.Crash(1);
+  team_.Restart(1);
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(4)), SendResult::kAccepted);
+  team_.AdvanceTime(milliseconds(100));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1, 4));
+  team_.AdvanceTime(seconds(10));
+  EXPECT_THAT(team_.Take({2, "a"}), IsEmpty());
+}
+
+TEST_F(SimulatedTeamTest, MessageLargerThanTheOutboxFitsAlone) {
+  team_.radio().bytes_per_second = 1000;
+  team_.radio().outbox_bytes_max = 10;
+  proto::Message message;
+  message.set_sql(std::string(1000, 'x'));
+  EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, message), SendResult::kAccepted);
+  EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, message), SendResult::kFull);
+}
+
 TEST_F(SimulatedTeamTest, CrashInsideAHandlerEndsWhatItMaySend) {
   team_.Spawn(1, "sync", OnEachMessage([&](Context& context, const proto::Message&) {
                 EXPECT_EQ(context.Send({2, "a"}, Numbered(1)), SendResult::kAccepted);
