@@ -1,19 +1,23 @@
 #include <signal.h>
 
 #include <CLI/CLI.hpp>
+#include <set>
 #include <thread>
+#include <tuple>
 
 #include "apps/common/data_folder.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/agent_process.h"
 #include "apps/moonctl/commands.h"
+#include "model/term.h"
 
 namespace moondb {
 namespace {
 
 constexpr std::chrono::seconds kStartTimeout(20);
 constexpr std::chrono::seconds kStopTimeout(10);
+constexpr std::chrono::seconds kAgreementTimeout(8);
 constexpr std::chrono::milliseconds kPollPeriod(20);
 
 struct UpArguments {
@@ -27,6 +31,7 @@ struct LocalAgent {
   std::filesystem::path folder;
   pid_t pid = 0;
   std::string state;
+  std::string role = "-";
   bool is_ours = false;  // Started by this command.
   bool is_failed = false;
 };
@@ -62,9 +67,25 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
 
 std::filesystem::path LogOf(const LocalAgent& agent) { return agent.folder / "agent.log"; }
 
-bool Answers(CommandContext& context, const LocalAgent& agent) {
+Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& agent) {
   auto connected = context.Connect(agent.name);
-  return connected && connected->client->Status().has_value();
+  if (!connected) return tl::unexpected(connected.error());
+  return connected->client->Status();
+}
+
+bool Answers(CommandContext& context, const LocalAgent& agent) { return AskStatus(context, agent).has_value(); }
+
+// All of them know one and the same assignment, and its leader has taken a term of its own (actors/role). Fills in
+// what their roles are.
+bool IsAgreed(CommandContext& context, std::vector<LocalAgent>& agents) {
+  std::set<std::tuple<std::uint64_t, std::uint32_t, std::uint64_t>> terms;
+  for (LocalAgent& agent : agents) {
+    const auto status = AskStatus(context, agent);
+    if (!status) return false;
+    agent.role = RoleName(status->role());
+    terms.insert(OrderOf(status->roles().term()));
+  }
+  return terms.size() == 1 && std::get<0>(*terms.begin()) > 0;
 }
 
 Result<void> Start(const CommandContext& context, const UpArguments& arguments, LocalAgent& agent) {
@@ -115,16 +136,16 @@ void Shutdown(CommandContext& context, LocalAgent& agent) {
 }
 
 ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents) {
-  Table table({"AGENT", "PID", "STATE", "DATA"});
+  Table table({"AGENT", "PID", "STATE", "ROLE", "DATA"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
   ExitCode code = ExitCode::kDone;
   for (const LocalAgent& agent : agents) {
     if (agent.is_failed) code = ExitCode::kFailed;
     const std::string pid = agent.pid == 0 ? "-" : std::to_string(agent.pid);
-    table.Add({agent.name, pid, agent.state, agent.folder.string()});
+    table.Add({agent.name, pid, agent.state, agent.role, agent.folder.string()});
     json.BeginObject().Key("name").String(agent.name).Key("pid").Number(agent.pid);
-    json.Key("state").String(agent.state).Key("is_failed").Bool(agent.is_failed);
+    json.Key("state").String(agent.state).Key("role").String(agent.role).Key("is_failed").Bool(agent.is_failed);
     json.Key("data_folder").String(agent.folder.string()).EndObject();
   }
   json.EndArray().EndObject();
@@ -164,6 +185,9 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
       }
     }
     StopOurs(*agents);
+  } else {
+    // Of use at once, where the leader is among them; a team without its leader is up all the same.
+    WaitUntil(SteadyClock::now() + kAgreementTimeout, [&] { return IsAgreed(context, *agents); });
   }
   return ShowOutcome(context, *agents);
 }
