@@ -1,0 +1,284 @@
+"""Runs a mission through a team of real processes and reports what came of it (see tools/demo).
+
+The story, in mission order: feed the first half; sync, replicate, optimise; while the second half is fed, swap leader and
+designated survivor; sync, replicate and optimise again; kill the new leader with SIGKILL; let the survivor take over by
+command, name a new survivor, and carry on with everything. All that is reported is read back from the agents.
+"""
+import argparse
+import contextlib
+import json
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+AGENT_COUNT = 4
+STEP_LIMIT_S = 240
+MARK = ".moondb-demo"
+# proto/types.proto, DataType.
+TYPE_NAMES = {1: "temperature", 2: "power", 3: "awake_status", 4: "mode", 5: "health", 10: "exploration",
+              11: "distributed_measurements", 20: "pose_graph_node", 21: "pose_graph_edge", 22: "optimized_pose",
+              23: "edge_verdict", 30: "local_traversability_map"}
+
+
+class DemoError(Exception):
+    """One line that says what went wrong."""
+
+
+def free_port_run(count):
+    """The first of `count` loopback ports in a row that are free now."""
+    for first in range(17400, 60000, 50):
+        with contextlib.ExitStack() as stack:
+            try:
+                for port in range(first, first + count):
+                    stack.enter_context(socket.socket()).bind(("127.0.0.1", port))
+                return first
+            except OSError:
+                continue
+    raise DemoError("no free loopback ports")
+
+
+class Team:
+    """The programs, and one team that they run."""
+
+    def __init__(self, programs, team_file):
+        self.programs, self.team_file = pathlib.Path(programs), pathlib.Path(team_file)
+
+    def run(self, program, *arguments, check=True):
+        """Its standard output. moonctl's 3, "some agents unreachable", is a success: one is dead on purpose."""
+        command = [str(self.programs / program), *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=STEP_LIMIT_S, check=False)
+        if check and done.returncode not in (0, 3):
+            line = (done.stderr.strip() or done.stdout.strip() or "no output").splitlines()[-1]
+            raise DemoError(f"{program} {' '.join(map(str, arguments))}: {line} (exit {done.returncode})")
+        return done.stdout
+
+    def moonctl(self, *arguments, check=True):
+        return self.run("moonctl", "-t", self.team_file, *arguments, check=check)
+
+    def replay(self, verb, *arguments):
+        return self.run("moondb_replay", verb, "-t", self.team_file, *arguments)
+
+    def replay_beside(self, verb, *arguments):
+        """The same as a process that runs on."""
+        command = [self.programs / "moondb_replay", verb, "-t", self.team_file, *arguments]
+        return subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL)
+
+    def status(self):
+        """Per agent name the status that it answers, None for one that does not."""
+        answer = json.loads(self.moonctl("--json", "status"))
+        return {row["name"]: row.get("status") for row in answer["agents"]}
+
+
+def records_of(status):
+    """Records that an agent holds, of all origins, by the type's name."""
+    records = {}
+    for count in status["storage"]["counts"]:
+        kind = TYPE_NAMES.get(count["data_type"], str(count["data_type"]))
+        records[kind] = records.get(kind, 0) + int(count["count"])
+    return records
+
+
+class Story:
+    """The demo's steps, each of which says what it does and how long it took."""
+
+    def __init__(self, team, started):
+        self.team, self.started = team, started
+
+    @contextlib.contextmanager
+    def step(self, text):
+        before = time.monotonic()
+        print(f"[{before - self.started:6.1f} s] {text}", flush=True)
+        yield
+        self.show(f"done in {time.monotonic() - before:.1f} s")
+
+    def show(self, text):
+        for line in text.strip().splitlines():
+            print("           " + line, flush=True)
+
+    def gather(self):
+        """Brings all that the agents know to the leader, solves there, and copies everything to the survivor."""
+        with self.step("sync: every agent's records to the leader"):
+            self.team.moonctl("--timeout", f"{STEP_LIMIT_S}s", "sync", "now", "--wait")
+        with self.step("optimise: the leader solves the pose graph"):
+            self.show(self.team.moonctl("graph", "optimize"))
+        with self.step("replicate: all that the leader holds to the designated survivor"):
+            self.team.moonctl("--timeout", f"{STEP_LIMIT_S}s", "replicate", "now", "--wait")
+
+
+def mission_seconds(folder):
+    """The stamp of the mission's last map."""
+    with open(folder / "maps.csv", encoding="utf-8") as file:
+        header = file.readline().rstrip("\n").split(",")
+        column = header.index("stamp_s")
+        return max(float(line.split(",")[column]) for line in file if line.strip())
+
+
+def expected_records(folder):
+    """What a mission holds, by data type: all of it must reach leader and survivor."""
+    with open(folder / "maps.csv", encoding="utf-8") as file:
+        maps = sum(1 for line in file if line.strip()) - 1
+    tags = [line.split(" ", 1)[0] for line in open(folder / "graph.pyfg", encoding="utf-8")]
+    nodes = sum(tag in ("VERTEX_SE3:QUAT", "VERTEX_XYZ") for tag in tags)
+    edges = sum(tag.startswith("EDGE_") for tag in tags)
+    return {"pose_graph_node": nodes, "pose_graph_edge": edges, "local_traversability_map": maps}
+
+
+def check_complete(status, expected, who):
+    records = records_of(status)
+    for kind, count in expected.items():
+        if records.get(kind, 0) != count:
+            raise DemoError(f"{who} holds {records.get(kind, 0)} of {count} records of type {kind}")
+
+
+def tell(story, mission):
+    """The whole mission. Returns the statuses just before the kill and at the end."""
+    team, middle, expected = story.team, mission_seconds(mission) / 2, expected_records(mission)
+    with story.step("start four agents"):
+        story.show(team.moonctl("up"))
+    with story.step(f"the robots insert the first half of the mission (to {middle:.0f} s)"):
+        team.replay("feed", "--mission", mission, "--to", middle)
+    story.gather()
+
+    with story.step("the second half; meanwhile rover1 and rover2 swap leader and designated survivor, live"):
+        with team.replay_beside("feed", "--mission", mission, "--from", middle) as feed:
+            team.moonctl("sync", "now")
+            story.show(team.moonctl("role", "swap", "rover1", "rover2"))
+            if feed.wait(timeout=STEP_LIMIT_S) != 0:
+                raise DemoError("moondb_replay could not feed the second half")
+    story.gather()
+    before_kill = team.status()
+    check_complete(before_kill["rover2"], expected, "the leader rover2")
+    check_complete(before_kill["rover1"], expected, "the survivor rover1")
+
+    leader_pid = int(before_kill["rover2"]["pid"])
+    with story.step(f"kill the leader rover2 (process {leader_pid}) with SIGKILL; the survivor rover1 takes over"):
+        os.kill(leader_pid, signal.SIGKILL)
+        story.show(team.moonctl("-a", "rover1", "role", "set", "rover1", "leader", "rover3", "survivor"))
+    story.gather()
+    at_end = team.status()
+    check_complete(at_end["rover1"], expected, "the new leader rover1")
+    check_complete(at_end["rover3"], expected, "the new survivor rover3")
+    return before_kill, at_end
+
+
+def summarise(mission, before_kill, at_end, score, seconds):
+    """What out/summary.json holds. A dead agent's records and bytes are the last that it told."""
+    agents, wire_bytes = [], 0
+    for name, status in at_end.items():
+        last_known = status or before_kill[name]
+        agents.append({
+            "id": last_known["agent_id"],
+            "name": name,
+            "alive": status is not None,
+            "role": status["role"].removeprefix("ROLE_").lower() if status else "rover",
+            "records": records_of(last_known),
+        })
+        wire_bytes += sum(int(peer["sent_bytes"]) for peer in last_known["peers"])
+    return {
+        "mission": str(mission),
+        "agents": agents,
+        "wire_bytes": wire_bytes,
+        "ate_before_m": score["before"]["ate_m"],
+        "ate_after_m": score["after"]["ate_m"],
+        "hazard_iou_before": score["before"]["hazard_iou"],
+        "hazard_iou_after": score["after"]["hazard_iou"],
+        "kappa_before": score["before"]["kappa"],
+        "kappa_after": score["after"]["kappa"],
+        "merged_map_is_reproducible": score["is_agents_map_equal"],
+        "survivor_took_over": at_end["rover2"] is None and at_end["rover1"]["role"] == "ROLE_LEADER",
+        "seconds": round(seconds, 1),
+    }
+
+
+def print_table(summary):
+    types = sorted({kind for agent in summary["agents"] for kind in agent["records"]})
+    names = [agent["name"] + ("" if agent["alive"] else " (dead)") for agent in summary["agents"]]
+    print(f"\n{'records held':28}" + "".join(f"{name:>16}" for name in names))
+    for kind in types:
+        print(f"{kind:28}" + "".join(f"{agent['records'].get(kind, 0):16}" for agent in summary["agents"]))
+    print(f"{'role at the end':28}" + "".join(f"{agent['role'][:15]:>16}" for agent in summary["agents"]))
+    print(f"\n{'':28}{'before':>16}{'after':>16}")
+    for label, key, unit in (("trajectory error (ATE)", "ate", "m"), ("hazard IoU", "hazard_iou", ""),
+                             ("Cohen's kappa", "kappa", "")):
+        values = [summary[f"{key}_{when}_m" if unit else f"{key}_{when}"] for when in ("before", "after")]
+        print(f"{label:28}" + "".join(f"{value:14.3f} {unit:1}" for value in values))
+    print(f"\n{'bytes between agents':28}{summary['wire_bytes']:16,} (messages as handed to the sockets)")
+    print(f"{'survivor took over':28}{'yes' if summary['survivor_took_over'] else 'NO':>16}")
+    print(f"{'seconds':28}{summary['seconds']:16}")
+
+
+def run_demo(options, out):
+    started = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="moondb-") as run_folder:
+        # Sockets' paths are short by law of the operating system; a folder under out/ may be too deep.
+        os.environ["MOONDB_RUN_DIR"] = run_folder
+        team = Team(options.bin, out / "team" / "team.yaml")
+        story = Story(team, started)
+        mission = pathlib.Path(options.mission).resolve() if options.mission else out / "mission"
+        if not options.mission:
+            with story.step(f"make a lunar mission (seed {options.seed})"):
+                story.show(team.run("moondb_mission", "generate", "--seed", options.seed, "--out", mission))
+        (out / "team").mkdir()
+        team.moonctl("config", "init", "--mission", mission, team.team_file, "--first-port",
+                     free_port_run(AGENT_COUNT))
+        try:
+            before_kill, at_end = tell(story, mission)
+            with story.step("export the merged map, and score it against the truth"):
+                for form in ("png", "ros"):
+                    team.moonctl("-a", "rover1", "map", "export", out / "map", "--format", form)
+                team.moonctl("-a", "rover1", "graph", "export", out / "graph.pyfg")
+                story.show(team.replay("score", "--mission", mission, "-a", "rover1", "--out", out, "--json",
+                                       out / "score.json"))
+        finally:
+            team.moonctl("down", check=False)
+    score = json.loads((out / "score.json").read_text(encoding="utf-8"))
+    summary = summarise(mission, before_kill, at_end, score, time.monotonic() - started)
+    (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    print_table(summary)
+    print(f"\nLook at {out}/before_after.png, trajectories.png, map/; figures are in summary.json.")
+
+
+def parse_arguments():
+    parser = argparse.ArgumentParser(prog="tools/demo", description="Runs a mission through a team of real processes.")
+    parser.add_argument("--mission", help="a recorded mission's folder (docs/MISSIONS.md); default: make one")
+    parser.add_argument("--seed", type=int, default=7, help="of the mission that is made")
+    parser.add_argument("--out", default="out", help="folder for the results; emptied first (default: out)")
+    parser.add_argument("--bin", help=argparse.SUPPRESS, default=pathlib.Path(__file__).parent.parent / "build/release/bin")
+    return parser.parse_args()
+
+
+def make_empty(out):
+    """Empties a folder that an earlier run made; refuses one that holds other things."""
+    if out.exists() and any(out.iterdir()):
+        if not (out / MARK).exists():
+            raise DemoError(f"{out} is not empty and no earlier demo's; name another by --out")
+        shutil.rmtree(out)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / MARK).write_text("Made by tools/demo; the next run empties this folder.\n", encoding="utf-8")
+
+
+def main():
+    options = parse_arguments()
+    out = pathlib.Path(options.out).resolve()
+    try:
+        if options.mission and not (pathlib.Path(options.mission) / "maps.csv").exists():
+            raise DemoError(f"{options.mission} is no mission folder: it has no maps.csv")
+        make_empty(out)
+        run_demo(options, out)
+    except (DemoError, OSError, subprocess.TimeoutExpired) as error:
+        print(f"demo: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("demo: stopped", file=sys.stderr)
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
