@@ -22,6 +22,7 @@ constexpr int kFontScale = 2;
 constexpr int kBarMargin = 6;
 constexpr int kBarHeight = kGlyphHeight * kFontScale + 2 * kBarMargin;
 constexpr int kGap = 8;
+constexpr int kCropMarginCells = 20;
 constexpr int kPlotMargin = 30;
 constexpr int kPlotHeightMin = 200;
 constexpr int kPlotHeightMax = 1800;
@@ -91,6 +92,33 @@ Image WithCaption(Image image, const std::string& caption) {
   DrawText(result, kBarMargin, kBarMargin, caption, kInkColor);
   Paste(image, 0, kBarHeight, result);
   return result;
+}
+
+// The part of the map that holds its known cells, with a margin; the map itself where nothing is known.
+MergedMap CropToKnown(const MergedMap& map) {
+  std::int32_t left = map.grid.width, right = -1, bottom = map.grid.height, top = -1;
+  for (std::int32_t row = 0; row < map.grid.height; ++row) {
+    for (std::int32_t column = 0; column < map.grid.width; ++column) {
+      if (map.grid.At(column, row) == Cell::kUnknown) continue;
+      left = std::min(left, column);
+      right = std::max(right, column);
+      bottom = std::min(bottom, row);
+      top = std::max(top, row);
+    }
+  }
+  if (right < 0) return map;
+  left = std::max(0, left - kCropMarginCells);
+  bottom = std::max(0, bottom - kCropMarginCells);
+  right = std::min(map.grid.width - 1, right + kCropMarginCells);
+  top = std::min(map.grid.height - 1, top + kCropMarginCells);
+  MergedMap part{Grid(right - left + 1, top - bottom + 1), map.resolution_um, map.origin_cell_x + left,
+                 map.origin_cell_y + bottom};
+  for (std::int32_t row = bottom; row <= top; ++row) {
+    for (std::int32_t column = left; column <= right; ++column) {
+      part.grid.At(column - left, row - bottom) = map.grid.At(column, row);
+    }
+  }
+  return part;
 }
 
 const Color& ColorOf(Cell cell) {
@@ -168,7 +196,8 @@ std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vec
   return tracks;
 }
 
-Image DrawMap(const MergedMap& map, const std::vector<Track>& tracks, const MapPictureOptions& options) {
+Image DrawMap(const MergedMap& whole, const std::vector<Track>& tracks, const MapPictureOptions& options) {
+  const MergedMap map = options.is_cropped ? CropToKnown(whole) : whole;
   const Grid& grid = map.grid;
   const int side = std::max({grid.width, grid.height, 1});
   // A map wider than any picture is thinned out: one pixel every `stride` cells.

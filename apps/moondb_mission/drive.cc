@@ -14,7 +14,8 @@ constexpr double kCrowdDistanceM = 10;  // Goals nearer to each other than this 
 constexpr double kCrowdWeight = 1.5;
 constexpr double kGoalJitterM = 3;
 constexpr double kGoalLeastM = 1;
-constexpr double kDetourM = 0.4;  // Beyond the separation, when a way is sought around the others.
+constexpr double kLookAheadM = 4;  // How far along its route a rover looks for a straight way.
+constexpr double kDetourM = 0.4;   // Beyond the separation, when a way is sought around the others.
 
 double Wrap(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
 
@@ -79,26 +80,29 @@ class TeamDriver {
     RoverState& rover = rovers_[index];
     for (int attempt = 0; attempt < 2; ++attempt) {
       if (rover.route.empty()) PlanRoute(index);
-      const std::size_t reached = FarthestOnRoute(rover);
-      if (reached > 0 && IsApart(index, rover.route[reached - 1], ends)) {
-        const Eigen::Vector2d end = rover.route[reached - 1];
-        rover.route.erase(rover.route.begin(), rover.route.begin() + static_cast<std::ptrdiff_t>(reached));
-        return end;
-      }
+      const Eigen::Vector2d end_m = StepAlongRoute(rover);
+      if (IsApart(index, end_m, ends)) return end_m;
       rover.route.clear();
     }
     return rover.position_m();
   }
 
-  // How many points of the route one straight step covers.
-  std::size_t FarthestOnRoute(const RoverState& rover) {
+  // The end of one straight step towards the farthest point of the route that can be reached straight. Takes off the
+  // route what the step makes needless.
+  Eigen::Vector2d StepAlongRoute(RoverState& rover) {
+    if (rover.route.empty()) return rover.position_m();
     const double step_m = random_.Uniform(options_.step_min_m, options_.step_max_m);
-    std::size_t reached = 0;
-    for (std::size_t i = 0; i < rover.route.size(); ++i) {
-      if ((rover.route[i] - rover.position_m()).norm() > step_m) break;
-      if (routes_.IsOpenLine(rover.position_m(), rover.route[i])) reached = i + 1;
+    std::size_t target = 0;
+    for (std::size_t i = 1; i < rover.route.size(); ++i) {
+      if ((rover.route[i] - rover.position_m()).norm() > kLookAheadM) break;
+      if (routes_.IsOpenLine(rover.position_m(), rover.route[i])) target = i;
     }
-    return reached;
+    const Eigen::Vector2d way = rover.route[target] - rover.position_m();
+    const bool is_reached = way.norm() <= step_m;
+    const Eigen::Vector2d end_m = is_reached ? rover.route[target] : rover.position_m() + way * (step_m / way.norm());
+    rover.route.erase(rover.route.begin(),
+                      rover.route.begin() + static_cast<std::ptrdiff_t>(is_reached ? target + 1 : target));
+    return end_m;
   }
 
   bool IsApart(std::size_t index, const Eigen::Vector2d& end_m, const std::vector<Eigen::Vector2d>& ends) const {

@@ -123,13 +123,21 @@ void Terrain::AddSwells(Random& random) {
     const double direction = random.Uniform(0, 2 * std::numbers::pi);
     const double phase = random.Uniform(0, 2 * std::numbers::pi);
     const double height_m = random.Uniform(0.02, 0.005 * wavelength_m);
-    const Eigen::Vector2d wave =
-        Eigen::Vector2d(std::cos(direction), std::sin(direction)) * 2 * std::numbers::pi / wavelength_m;
+    const double along_x = std::cos(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCellM;
+    const double along_y = std::sin(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCellM;
+    // sin(x + y) from the sines and cosines of x and of y: two a column and two a row instead of one a cell.
+    std::vector<float> sine(side_cells_);
+    std::vector<float> cosine(side_cells_);
+    for (int column = 0; column < side_cells_; ++column) {
+      sine[column] = static_cast<float>(std::sin(along_x * column + phase));
+      cosine[column] = static_cast<float>(std::cos(along_x * column + phase));
+    }
     for (int row = 0; row < side_cells_; ++row) {
+      const float row_cosine = static_cast<float>(height_m * std::cos(along_y * row));
+      const float row_sine = static_cast<float>(height_m * std::sin(along_y * row));
+      float* heights = &ground_m_[static_cast<std::size_t>(row) * side_cells_];
       for (int column = 0; column < side_cells_; ++column) {
-        const Eigen::Vector2d point(column * kTerrainCellM - half_m_, row * kTerrainCellM - half_m_);
-        ground_m_[static_cast<std::size_t>(row) * side_cells_ + column] +=
-            static_cast<float>(height_m * std::sin(wave.dot(point) + phase));
+        heights[column] += sine[column] * row_cosine + cosine[column] * row_sine;
       }
     }
   }
@@ -171,7 +179,7 @@ void Terrain::MarkSlopes() {
       const std::size_t rows = static_cast<std::size_t>(kSlopeCells) * side_cells_;
       const double along_x = ground_m_[at + kSlopeCells] - ground_m_[at - kSlopeCells];
       const double along_y = ground_m_[at + rows] - ground_m_[at - rows];
-      if (std::hypot(along_x, along_y) >= steepest) is_hazard_[at] = 1;
+      if (along_x * along_x + along_y * along_y >= steepest * steepest) is_hazard_[at] = 1;
     }
   }
 }
