@@ -1,0 +1,388 @@
+// Sharing, roles and the real StorageActor together: a team of three rovers and a base station with SQLite files.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <random>
+#include <set>
+
+#include "actors/role/role_actor.h"
+#include "actors/storage/storage_actor.h"
+#include "model/have_set.h"
+#include "tests/actors/sharing/sharing_team.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+constexpr AgentId kAgents = 4;
+constexpr AgentId kBase = 4;
+
+proto::Pose PoseAt(double x_m) {
+  proto::Pose pose;
+  pose.mutable_position_m()->set_x(x_m);
+  pose.mutable_orientation()->set_w(1);
+  return pose;
+}
+
+proto::NodeKey Node(AgentId agent, std::uint64_t index) {
+  proto::NodeKey node;
+  node.set_agent_id(agent);
+  node.set_index(index);
+  return node;
+}
+
+class RealTeam {
+ public:
+  using Records = std::map<RecordKey, std::string>;
+
+  explicit RealTeam(std::uint64_t seed) : team_(seed) {
+    static int count = 0;
+    folder_ = std::filesystem::path(testing::TempDir()) /
+              ("moondb_real_team_" + std::to_string(::getpid()) + "_" + std::to_string(count++));
+    std::filesystem::create_directories(folder_);
+    team_.SetBaseStation(kBase);
+    for (AgentId agent = 1; agent <= kAgents; ++agent) team_.AddAgent(agent);
+    for (AgentId agent = 1; agent <= kAgents; ++agent) SpawnActors(agent);
+    team_.SetFilter([this](AgentId from, AgentId, const proto::Message& message) {
+      if (message.has_have()) claimed_[from].Merge(*FromProto(message.have().have()));
+      return true;
+    });
+  }
+
+  ~RealTeam() {
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      if (team_.is_running(agent)) team_.Crash(agent);
+    }
+    std::error_code ignored;
+    std::filesystem::remove_all(folder_, ignored);
+  }
+
+  void Settle() { team_.AdvanceTime(seconds(10)); }
+
+  void InsertNodes(AgentId agent, int count) {
+    proto::InsertRequest request;
+    for (int i = 0; i < count; ++i) {
+      proto::PoseGraphNode& node = *AddRecord(request).mutable_pose_graph_node();
+      *node.mutable_node() = Node(agent, next_index_[agent]++);
+      *node.mutable_map_from_node() = PoseAt(static_cast<double>(next_index_[agent]) * 0.7312345);
+    }
+    Insert(agent, request);
+  }
+
+  void InsertMap(AgentId agent, std::uint64_t pattern) {
+    proto::InsertRequest request;
+    proto::LocalTraversabilityMap& map = *AddRecord(request).mutable_local_traversability_map();
+    *map.mutable_node() = Node(agent, 0);
+    *map.mutable_node_from_map() = PoseAt(0);
+    proto::MapLayer& layer = *map.add_layers();
+    layer.set_width_cells(128);
+    layer.set_height_cells(128);
+    layer.set_resolution_um(100'000);
+    std::mt19937_64 rng(pattern);
+    for (int i = 0; i < 128 * 128 / 4; ++i) layer.mutable_cells()->push_back(rng() % 8 == 0 ? '\x19' : '\x55');
+    Insert(agent, request);
+  }
+
+  void InsertPower(AgentId agent, double ratio) {
+    proto::InsertRequest request;
+    AddRecord(request).mutable_power()->set_battery_ratio(ratio);
+    Insert(agent, request);
+  }
+
+  void InsertOptimizedPoses(AgentId leader, AgentId of_agent, int count, std::uint64_t run) {
+    proto::InsertRequest request;
+    for (int i = 0; i < count; ++i) {
+      proto::OptimizedPose& pose = *AddRecord(request).mutable_optimized_pose();
+      *pose.mutable_node() = Node(of_agent, static_cast<std::uint64_t>(i));
+      *pose.mutable_map_from_node() = PoseAt(static_cast<double>(run) + i);
+      pose.mutable_term()->set_number(1);
+      pose.mutable_term()->set_issuer(leader);
+      pose.set_run(run);
+    }
+    Insert(leader, request);
+  }
+
+  Records ReadAll(AgentId agent) {
+    Records records;
+    for (std::uint64_t after = 0;;) {
+      proto::Message question;
+      question.mutable_read_request()->set_after_row_id(after);
+      const proto::Message answer = Ask(agent, actor_name::kStorage, question);
+      const proto::ReadReply& reply = answer.read_reply();
+      for (const proto::StoredRecord& record : reply.records()) {
+        if (record.key().seq() != 0) records[FromProto(record.key())] = record.content();
+      }
+      if (reply.is_complete() || reply.row_ids().empty()) return records;
+      after = *reply.row_ids().rbegin();
+    }
+  }
+
+  HaveSet HaveOf(AgentId agent) {
+    proto::Message question;
+    question.mutable_have_request();
+    return *FromProto(Ask(agent, actor_name::kStorage, question).have_reply().have());
+  }
+
+  proto::RoleAssignment RolesAt(AgentId agent) {
+    proto::Message question;
+    question.mutable_role_show_request();
+    return Ask(agent, actor_name::kRole, question).role_show_reply().roles();
+  }
+
+  void Swap(AgentId agent) {
+    proto::Message question;
+    question.mutable_role_set_request()->set_is_swap(true);
+    Ask(agent, actor_name::kRole, question);
+  }
+
+  double SentRecords() {
+    double sent = 0;
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
+        const proto::ShareStatus status = ShareStatusOf(team_, agent, actor);
+        for (const proto::ShareSession& session : status.sessions()) {
+          sent += session.sent_records();
+          EXPECT_FALSE(session.is_open()) << session.ShortDebugString();
+          EXPECT_EQ(session.remaining(), 0) << session.ShortDebugString();
+        }
+      }
+    }
+    return sent;
+  }
+
+  // The leader's orders, and time enough on a quiet radio.
+  void SyncAndReplicate() {
+    const AgentId leader = RolesAt(1).leader();
+    EXPECT_EQ(Share(team_, leader, ShareOrder(proto::SHARING_KIND_SYNC)).error().code(), proto::ERROR_CODE_NONE);
+    team_.AdvanceTime(minutes(2));
+    EXPECT_EQ(Share(team_, leader, ShareOrder(proto::SHARING_KIND_REPLICATION)).error().code(), proto::ERROR_CODE_NONE);
+    team_.AdvanceTime(minutes(2));
+  }
+
+  // Everything that was ever acknowledged is there.
+  void ExpectNothingAcknowledgedIsLost() {
+    for (const auto& [agent, claimed] : claimed_) {
+      if (!team_.is_running(agent)) continue;
+      const HaveSet have = HaveOf(agent);
+      for (const auto& [key, stream] : claimed.streams()) {
+        EXPECT_TRUE(stream.Had().Minus(have.Get(key).Had()).is_empty()) << "agent " << agent;
+      }
+    }
+  }
+
+  void ExpectConverged() {
+    const proto::RoleAssignment roles = RolesAt(1);
+    for (AgentId agent = 2; agent <= kAgents; ++agent) EXPECT_EQ(RolesAt(agent).leader(), roles.leader());
+    const Records leader = ReadAll(roles.leader());
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      for (const auto& [key, content] : ReadAll(agent)) {
+        if (key.stream.origin != agent) continue;
+        const auto found = leader.find(key);
+        ASSERT_NE(found, leader.end()) << ToString(key) << " of agent " << agent;
+        EXPECT_EQ(found->second, content);
+      }
+    }
+    EXPECT_EQ(ReadAll(roles.survivor()), leader) << "the survivor has what the leader has";
+    EXPECT_EQ(HaveOf(roles.survivor()), HaveOf(roles.leader()));
+    // What the policy `ground` names.
+    const Records base = ReadAll(kBase);
+    for (const auto& [key, content] : leader) {
+      if (PolicyOf(config_.ground(), key.stream.type) != proto::POLICY_NONE) {
+        EXPECT_EQ(base.count(key), 1u) << ToString(key);
+      }
+    }
+    ExpectNothingAcknowledgedIsLost();
+  }
+
+  void ExpectNothingIsSentTwice() {
+    const double sent = SentRecords();
+    SyncAndReplicate();
+    EXPECT_EQ(SentRecords(), sent);
+    const std::uint64_t bytes = team_.radio_bytes();
+    team_.AdvanceTime(minutes(10));
+    EXPECT_EQ(team_.radio_bytes(), bytes) << "no byte goes on for ever";
+  }
+
+  simulation::SimulatedTeam& team() { return team_; }
+
+ private:
+  void SpawnActors(AgentId agent) {
+    StorageActor::Options storage;
+    storage.path = (folder_ / ("agent" + std::to_string(agent) + ".db")).string();
+    storage.self = agent;
+    storage.team = config_;
+    team_.Spawn(agent, actor_name::kStorage, [storage] { return std::make_unique<StorageActor>(storage); });
+    RoleActor::Options role;
+    role.self = agent;
+    role.team = config_;
+    team_.Spawn(agent, actor_name::kRole, [role] { return std::make_unique<RoleActor>(role); });
+    SpawnSharing(team_, agent, config_);
+  }
+
+  static proto::Record& AddRecord(proto::InsertRequest& request) {
+    proto::Record& record = *request.add_records();
+    record.set_stamp_ns(1);
+    return record;
+  }
+
+  void Insert(AgentId agent, const proto::InsertRequest& request) {
+    proto::Message question;
+    *question.mutable_insert_request() = request;
+    const proto::Message answer = Ask(agent, actor_name::kStorage, question);
+    if (team_.is_running(agent)) {
+      ASSERT_TRUE(answer.has_insert_reply());
+      ASSERT_FALSE(IsError(answer.insert_reply().error())) << answer.insert_reply().error().ShortDebugString();
+    }
+  }
+
+  // The answer to a client of `agent`; empty where there is none.
+  proto::Message Ask(AgentId agent, const char* actor, const proto::Message& question) {
+    (void)team_.Post({agent, "client"}, {agent, actor}, question);
+    team_.RunUntilIdle();
+    const auto answers = team_.Take({agent, "client"});
+    return answers.empty() ? proto::Message() : answers.back();
+  }
+
+  const proto::TeamConfig config_ = TestTeam(3);
+  std::filesystem::path folder_;
+  simulation::SimulatedTeam team_;
+  std::map<AgentId, std::uint64_t> next_index_;
+  std::map<AgentId, HaveSet> claimed_;  // By all have-sets that each agent ever sent.
+};
+
+TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingGoesTwice) {
+  RealTeam team(/*seed=*/1);
+  team.Settle();
+  for (AgentId agent = 1; agent <= 3; ++agent) {
+    team.InsertNodes(agent, 200);
+    for (std::uint64_t i = 0; i < 10; ++i) team.InsertMap(agent, 100 * agent + i);
+    for (int i = 0; i < 5; ++i) team.InsertPower(agent, 0.1 * i);
+  }
+  team.InsertOptimizedPoses(1, 2, 50, 1);
+  team.InsertOptimizedPoses(1, 2, 50, 2);
+  team.SyncAndReplicate();
+  team.ExpectConverged();
+  // Of the states only the newest one of each rover, of the poses only the newest run.
+  std::map<DataType, int> counts;
+  for (const auto& [key, content] : team.ReadAll(2)) ++counts[key.stream.type];
+  EXPECT_EQ(counts[proto::POWER], 3);
+  EXPECT_EQ(counts[proto::OPTIMIZED_POSE], 50);
+  EXPECT_EQ(counts[proto::POSE_GRAPH_NODE], 600);
+  EXPECT_EQ(counts[proto::LOCAL_TRAVERSABILITY_MAP], 30);
+  team.ExpectNothingIsSentTwice();
+}
+
+TEST(RealTeamTest, NewLeaderIsSentOnlyWhatItLacks) {
+  RealTeam team(/*seed=*/2);
+  team.Settle();
+  for (AgentId agent = 1; agent <= 3; ++agent) team.InsertNodes(agent, 100);
+  team.SyncAndReplicate();
+  const double sent = team.SentRecords();
+  team.Swap(1);
+  team.team().AdvanceTime(seconds(10));
+  ASSERT_EQ(team.RolesAt(3).leader(), 2u);
+  team.InsertNodes(3, 7);
+  team.SyncAndReplicate();
+  team.ExpectConverged();
+  EXPECT_EQ(team.SentRecords(), sent + 7 * 3);  // To the new leader, the new survivor and the base station.
+}
+
+TEST(RealTeamTest, CutOfTheLinkAndCrashOfTheLeaderLoseNothing) {
+  RealTeam team(/*seed=*/3);
+  team.Settle();
+  for (AgentId agent = 1; agent <= 3; ++agent) {
+    team.InsertNodes(agent, 300);
+    for (std::uint64_t i = 0; i < 10; ++i) team.InsertMap(agent, 100 * agent + i);
+  }
+  team.team().radio().bytes_per_second = 50'000;
+  Share(team.team(), 1, ShareOrder(proto::SHARING_KIND_SYNC));
+  team.team().AdvanceTime(milliseconds(200));
+  team.team().SetLink(1, 3, false);
+  team.team().AdvanceTime(milliseconds(100));
+  team.team().Crash(1);
+  team.team().AdvanceTime(seconds(20));
+  team.team().Restart(1);
+  team.team().SetLink(1, 3, true);
+  team.team().AdvanceTime(seconds(60));
+  team.ExpectNothingAcknowledgedIsLost();
+  team.SyncAndReplicate();
+  team.ExpectConverged();
+  team.ExpectNothingIsSentTwice();
+}
+
+int SeedCount() {
+  const char* text = std::getenv("MOONDB_SEEDS");
+  return text == nullptr ? 6 : std::max(1, std::atoi(text));
+}
+
+// A lossy radio that repeats and reorders, cuts, crashes at any moment, role changes and orders anywhere; then quiet,
+// in which everything must converge. MOONDB_SEEDS sets how many runs.
+TEST(RealTeamTest, ConvergesAfterAnything) {
+  const int seeds = SeedCount();
+  std::cout << "seeds 1 to " << seeds << "\n";
+  for (int seed = 1; seed <= seeds; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::mt19937_64 rng(static_cast<std::uint64_t>(seed));
+    RealTeam real(static_cast<std::uint64_t>(seed));
+    simulation::SimulatedTeam& team = real.team();
+    real.Settle();
+    team.radio().loss_ratio = static_cast<double>(rng() % 30) / 100;
+    team.radio().duplicate_ratio = static_cast<double>(rng() % 20) / 100;
+    team.radio().latency_jitter = milliseconds(rng() % 400);
+    team.radio().bytes_per_second = rng() % 2 == 0 ? 0 : 60'000;
+    for (int step = 0; step < 40; ++step) {
+      const auto agent = static_cast<AgentId>(1 + rng() % kAgents);
+      const auto other = static_cast<AgentId>(1 + rng() % kAgents);
+      const bool is_running = team.is_running(agent);
+      switch (rng() % 9) {
+        case 0:
+        case 1:
+          if (is_running && agent != kBase) real.InsertNodes(agent, 1 + static_cast<int>(rng() % 60));
+          break;
+        case 2:
+          if (is_running && agent != kBase) real.InsertMap(agent, rng());
+          if (is_running) real.InsertPower(agent, static_cast<double>(rng() % 100) / 100);
+          break;
+        case 3:
+        case 4:
+          if (is_running) Share(team, agent, ShareOrder(proto::SHARING_KIND_SYNC));
+          break;
+        case 5:
+          if (is_running) Share(team, agent, ShareOrder(proto::SHARING_KIND_REPLICATION));
+          break;
+        case 6:
+          is_running ? team.Crash(agent) : team.Restart(agent);
+          break;
+        case 7:
+          if (agent != other) team.SetLink(agent, other, rng() % 3 != 0, rng() % 2 == 0);
+          break;
+        default:
+          if (is_running && rng() % 3 == 0) real.Swap(agent);
+          if (is_running && agent != kBase) real.InsertOptimizedPoses(agent, 1 + other % 3, 20, rng() % 1000);
+          break;
+      }
+      team.AdvanceTime(milliseconds(rng() % 3000));
+    }
+    real.ExpectNothingAcknowledgedIsLost();
+    team.radio() = simulation::RadioOptions();
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      if (!team.is_running(agent)) team.Restart(agent);
+      for (AgentId other = 1; other < agent; ++other) team.SetLink(agent, other, true);
+    }
+    team.AdvanceTime(minutes(3));
+    real.SyncAndReplicate();
+    real.ExpectConverged();
+    real.ExpectNothingIsSentTwice();
+    if (testing::Test::HasFailure()) return;
+  }
+}
+
+}  // namespace
+}  // namespace moondb
