@@ -18,7 +18,6 @@ double Uniform(std::mt19937_64& rng, double low, double high) {
 int Dice(std::mt19937_64& rng, int sides) { return std::uniform_int_distribution<int>(0, sides - 1)(rng); }
 
 Pose RandomPose(std::mt19937_64& rng, double x_m, double y_m, double reach_m) {
-  // Right angles put cell centres exactly on borders: the case where rounding shows.
   const double yaw = Dice(rng, 3) == 0 ? Dice(rng, 4) * M_PI_2 : Uniform(rng, -4, 4);
   Pose pose = Pose::FromPlanar(x_m + Uniform(rng, -reach_m, reach_m), y_m + Uniform(rng, -reach_m, reach_m), yaw);
   if (Dice(rng, 2) == 0) {
@@ -27,6 +26,12 @@ Pose RandomPose(std::mt19937_64& rng, double x_m, double y_m, double reach_m) {
     pose.position_m.z() = Uniform(rng, -5, 5);
   }
   return pose;
+}
+
+// Right angles and half cells put cell centres exactly on borders, where half-open intervals show.
+Pose AlignedPose(std::mt19937_64& rng, double x_m, double y_m, double half_cell_m) {
+  const auto snap = [&](double around_m) { return (std::round(around_m / half_cell_m) + Dice(rng, 80)) * half_cell_m; };
+  return Pose::FromPlanar(snap(x_m), snap(y_m), Dice(rng, 4) * M_PI_2);
 }
 
 Grid RandomGrid(std::mt19937_64& rng) {
@@ -42,14 +47,15 @@ Grid RandomGrid(std::mt19937_64& rng) {
   return grid;
 }
 
-MapLayer RandomLayer(std::mt19937_64& rng, std::uint32_t grid_um) {
+MapLayer RandomLayer(std::mt19937_64& rng, std::uint32_t grid_um, bool is_aligned) {
   MapLayer layer;
   layer.grid = RandomGrid(rng);
   const double ratio = std::exp2(Uniform(rng, -3, 3));
-  layer.resolution_um = Dice(rng, 2) == 0 ? grid_um << Dice(rng, 4) : static_cast<std::uint32_t>(grid_um * ratio);
+  layer.resolution_um =
+      is_aligned || Dice(rng, 2) == 0 ? grid_um << Dice(rng, 4) : static_cast<std::uint32_t>(grid_um * ratio);
   // Large layers are fine ones, so that worlds stay small.
   if (layer.grid.height > 512) layer.resolution_um = grid_um / 4;
-  if (Dice(rng, 2) == 0) {
+  if (!is_aligned && Dice(rng, 2) == 0) {
     layer.center_x_m = Uniform(rng, -1, 1);
     layer.center_y_m = Uniform(rng, -1, 1);
   }
@@ -157,20 +163,25 @@ World MakeRandomWorld(std::mt19937_64& rng) {
   const double far_m = Dice(rng, 3) == 0 ? 1e6 : 0;
   const double x_m = far_m == 0 ? 0 : far_m + Uniform(rng, 0, 1);
   const double y_m = far_m == 0 ? 0 : -far_m + Uniform(rng, 0, 1);
+  const bool is_aligned = Dice(rng, 3) == 0;
+  const double half_cell_m = world.grid.resolution_um / 2e6;
+  const auto random_pose = [&] {
+    return is_aligned ? AlignedPose(rng, x_m, y_m, half_cell_m) : RandomPose(rng, x_m, y_m, 3);
+  };
   const int map_count = 1 + Dice(rng, 8);
   for (int i = 0; i < map_count; ++i) {
     TraversabilityMap map;
     const AgentId agent = 1 + static_cast<AgentId>(Dice(rng, 3));
     map.node = {agent, static_cast<std::uint64_t>(i)};
-    map.node_from_map = RandomPose(rng, 0, 0, 0.5);
+    if (!is_aligned) map.node_from_map = RandomPose(rng, 0, 0, 0.5);
     const int layer_count = 1 + Dice(rng, 4);
-    for (int k = 0; k < layer_count; ++k) map.layers.push_back(RandomLayer(rng, world.grid.resolution_um));
+    for (int k = 0; k < layer_count; ++k) map.layers.push_back(RandomLayer(rng, world.grid.resolution_um, is_aligned));
     auto local = MakeLocalMap(MapKey(agent, static_cast<std::uint64_t>(i + 1)), Dice(rng, 3), map, world.grid);
     Check(local.has_value(), "a random map is valid");
-    world.maps.push_back({*local, RandomPose(rng, x_m, y_m, 3)});
+    world.maps.push_back({*local, random_pose()});
   }
   const int footprint_count = Dice(rng, 6);
-  for (int i = 0; i < footprint_count; ++i) world.footprints.push_back(RandomPose(rng, x_m, y_m, 3));
+  for (int i = 0; i < footprint_count; ++i) world.footprints.push_back(random_pose());
   return world;
 }
 

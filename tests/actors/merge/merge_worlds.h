@@ -27,8 +27,8 @@ struct World {
   std::vector<Pose> footprints;
 };
 
-// Layers of any size (1 x N and larger than a block too), offset, resolution and turn; equal stamps; tilted poses; now
-// and then 1,000 km from the origin. A few hundred cells a side.
+// Layers of any size (1 x N and larger than a block too), offset, resolution and turn; equal stamps; tilted poses; one
+// in three has all cell centres on borders, one in three lies 1,000 km from the origin. A few hundred cells a side.
 World MakeRandomWorld(std::mt19937_64& rng);
 
 // Every cell of the extent asks every block, in 64-bit integers, and takes the largest key.
