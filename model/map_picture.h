@@ -34,8 +34,8 @@ std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vec
 
 struct MapPictureOptions {
   int pixels_per_cell = 1;  // 1 to 16; less where the picture would be too large.
-  bool is_cropped = true;   // To the known cells and a small margin; merged maps have wide unknown borders.
   std::string caption;      // In a bar above; empty: no bar. Letters (shown as capitals), digits and .,:;+-=%/()'_<>.
+  bool is_cropped = true;   // To the known cells and a small margin; merged maps have wide unknown borders.
 };
 
 // Unknown dark grey, free light, hazard dark red, tracks on top.

@@ -188,7 +188,7 @@ Result<void> WriteMadeMission(const MadeMission& made, const std::filesystem::pa
 
 Image DrawMission(const MadeMission& made, const std::string& caption) {
   return DrawMap(made.terrain.HazardMap(), TracksOf(made.mission.truth, RoverIds(made.mission)),
-                 MapPictureOptions{1, false, caption});
+                 MapPictureOptions{1, caption, false});
 }
 
 }  // namespace moondb

@@ -123,7 +123,7 @@ TEST_F(MapFilesTest, RosMapRefusesWhatHasNoName) {
 
 TEST_F(MapFilesTest, MapPictureHasNorthUpAndTracksOnTop) {
   const MergedMap map = SmallMap();
-  const Image image = DrawMap(map, {}, {4, true, ""});
+  const Image image = DrawMap(map, {}, {4, ""});
   ASSERT_EQ(image.width, 12);
   ASSERT_EQ(image.height, 8);
   const std::uint8_t* hazard = image.At(0, 7);  // Column 0, row 0 of the grid: bottom left.
@@ -131,9 +131,9 @@ TEST_F(MapFilesTest, MapPictureHasNorthUpAndTracksOnTop) {
   EXPECT_GT(*image.At(0, 0), 200);
   EXPECT_LT(*image.At(11, 0), 120);
   Track track{{1, 2, 3}, {{-0.03, 0.09}, {-0.01, 0.09}, {1e12, 0}}};
-  const Image with_track = DrawMap(map, {track}, {4, true, ""});
+  const Image with_track = DrawMap(map, {track}, {4, ""});
   EXPECT_NE(with_track.bytes, image.bytes);
-  EXPECT_EQ(DrawMap(map, {track}, {4, true, "a caption"}).height, 8 + 26);
+  EXPECT_EQ(DrawMap(map, {track}, {4, "a caption"}).height, 8 + 26);
   EXPECT_EQ(DrawMap(MergedMap{}, {track}).bytes.size(), 3u);
 }
 
@@ -145,7 +145,7 @@ TEST_F(MapFilesTest, MapPictureIsCroppedToWhatIsKnown) {
   EXPECT_EQ(image.width, 20 + 6 + 20);
   EXPECT_EQ(image.height, 20 + 1 + 20);
   EXPECT_GT(image.At(20, 20)[0], 2 * image.At(20, 20)[1]);
-  EXPECT_EQ(DrawMap(map, {}, {1, false, ""}).width, 200);
+  EXPECT_EQ(DrawMap(map, {}, {1, "", false}).width, 200);
 }
 
 TEST_F(MapFilesTest, TrajectoryPlotKeepsItsBounds) {
