@@ -356,6 +356,24 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheDiskIsFull) {
   EXPECT_EQ(Contents(*OpenStore(options)).size(), 2u);
 }
 
+TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheCommitItselfFails) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  InsertOne(*store, NodeRecord(1, 1));
+  const std::string have = store->GetHave().SerializeAsString();
+  // A constraint that SQLite looks at only when it commits.
+  ASSERT_TRUE(store->database().Execute(
+      "PRAGMA foreign_keys=ON; CREATE TABLE parent(id INTEGER PRIMARY KEY);"
+      "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"
+      "CREATE TRIGGER orphan AFTER INSERT ON temperature BEGIN INSERT INTO child VALUES(1); END;"));
+  const auto packed = Packed(Key(2, proto::TEMPERATURE, 1), TemperatureRecord(1));
+  EXPECT_EQ(StoreOne(*store, packed).error().code(), proto::ERROR_CODE_INTERNAL);
+  EXPECT_EQ(InsertAll(*store, {TemperatureRecord(1)}).error().code(), proto::ERROR_CODE_INTERNAL);
+  EXPECT_EQ(store->GetHave().SerializeAsString(), have);
+  EXPECT_EQ(Contents(*store).size(), 1u);
+  ASSERT_TRUE(store->database().Execute("DROP TRIGGER orphan"));
+  EXPECT_EQ(StoreOne(*store, packed).stored_count(), 1u);
+}
+
 TEST(RecordStoreTest, RefusesADamagedFileAndAnotherAgentsFile) {
   TemporaryFolder folder;
   const std::string path = folder.File("store.db");
