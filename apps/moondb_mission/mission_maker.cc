@@ -147,7 +147,9 @@ class Maker {
         if (static_cast<int>(other) != rover) others.push_back(tracks_[other][node].position_m);
       }
       const NodeKey key{IdOf(rover), node};
-      made.maps.push_back(Sense(made.terrain, key, made.mission.truth.at(key), tracks_[rover][node].turn_rad, others,
+      // A rover looks all around before it sets out, so that the team's maps meet at the base station.
+      made.maps.push_back(Sense(made.terrain, key, made.mission.truth.at(key),
+                                node == 0 ? 2 * std::numbers::pi : tracks_[rover][node].turn_rad, others,
                                 options_.camera, random));
       char file[32];
       std::snprintf(file, sizeof(file), "maps/%c%04zu.png", LetterOf(rover), node);
