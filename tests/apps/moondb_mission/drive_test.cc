@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "model/geometry.h"
@@ -63,6 +64,34 @@ TEST_P(DriveTest, RoversKeepApartAndOffHazardsAndExplore) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, DriveTest, testing::Values(1, 2, 3, 4));
+
+TEST(CrowdedDriveTest, RoversWaitRatherThanComeTooNear) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    TerrainOptions terrain_options;
+    terrain_options.side_m = 15;
+    terrain_options.crater_share = 0.3;
+    Random random(seed);
+    const Terrain terrain = Terrain::Make(terrain_options, random);
+    DriveOptions options;
+    options.rover_count = 8;
+    const auto tracks = DriveTeam(terrain, options, random);
+    double least_m = 1e9;
+    int steps = 0;
+    for (std::size_t a = 0; a < tracks.size(); ++a) {
+      for (std::size_t node = 1; node < tracks[a].size(); ++node) {
+        steps += tracks[a][node].position_m != tracks[a][node - 1].position_m;
+        for (std::size_t b = a + 1; b < tracks.size(); ++b) {
+          least_m = std::min(least_m, LeastDistance(tracks[a][node - 1].position_m, tracks[a][node].position_m,
+                                                    tracks[b][node - 1].position_m, tracks[b][node].position_m));
+        }
+      }
+    }
+    EXPECT_GE(least_m, options.separation_m - 1e-9);
+    EXPECT_LT(least_m, options.separation_m + 0.5);  // The test is crowded enough to mean something.
+    EXPECT_GT(steps, 100);
+  }
+}
 
 TEST(LeastDistanceTest, FindsTheInstantBetweenNodes) {
   // Two rovers cross the same place at the same time, though their ends lie far apart.
