@@ -19,8 +19,9 @@ namespace moondb {
 // What the team's configuration says of one agent.
 struct AgentFacts {
   AgentId agent = 0;
-  bool is_base_station = false;   // All its nodes stand fixed at `start`.
-  std::optional<Pose> start;      // map_from_body at the beginning; none: not configured.
+  bool is_base_station = false;  // All its nodes stand fixed at `start`.
+  // map_from_body at the beginning; none: not configured. Of a rover place and yaw count: its tilt is its raw pose's.
+  std::optional<Pose> start;
   double start_sigma_m = 0.05;    // Of each coordinate of a rover's start, one sigma. 0 or less: the default.
   double start_sigma_rad = 0.01;  // Of each angle likewise.
   Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Of the UWB radio, in the body's frame.

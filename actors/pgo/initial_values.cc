@@ -1,6 +1,7 @@
 #include "actors/pgo/initial_values.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -19,7 +20,13 @@ bool IsAtStart(const CheckedNode& first, const AgentFacts& facts) {
   if (first.key.index == 0) return true;
   const double near_m = std::max(5 * facts.start_sigma_m, 0.5);
   return (first.raw.position_m - facts.start->position_m).norm() < near_m &&
-         first.raw.orientation.angularDistance(facts.start->orientation) < 0.2;
+         std::abs(std::remainder(first.raw.Yaw() - facts.start->Yaw(), 2 * M_PI)) < 0.2;
+}
+
+// The configuration knows place and heading; which way the ground slopes there, the raw pose knows.
+Pose WithTiltOf(const Pose& start, const Pose& raw) {
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(start.Yaw() - raw.Yaw(), Eigen::Vector3d::UnitZ()));
+  return Pose{start.position_m, (turn * raw.orientation).normalized()};
 }
 
 using Poses = std::vector<std::optional<Pose>>;
@@ -93,7 +100,8 @@ StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents,
     return StartPrior{first.raw, loose.sigma_m, loose.sigma_rad, false};
   }
   const AgentFacts& known = facts->second;
-  return StartPrior{*known.start, known.start_sigma_m > 0 ? known.start_sigma_m : kDefaultStartSigmaM,
+  return StartPrior{WithTiltOf(*known.start, first.raw),
+                    known.start_sigma_m > 0 ? known.start_sigma_m : kDefaultStartSigmaM,
                     known.start_sigma_rad > 0 ? known.start_sigma_rad : kDefaultStartSigmaRad, true};
 }
 

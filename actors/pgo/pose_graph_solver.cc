@@ -182,6 +182,7 @@ Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents,
   solution.left_out = checked.left_out;
   solution.node_count = checked.nodes.size();
   solution.odometry_count = checked.odometry.size();
+  solution.range_count = checked.ranges.size();
 
   std::vector<StartPrior> starts;
   const LoosePrior loose{options.loose_sigma_m, options.loose_sigma_rad};

@@ -86,6 +86,7 @@ struct Solution {
   LeftOutMap left_out;               // What was not usable.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
+  std::size_t range_count = 0;  // Usable ones.
   std::size_t rejected_range_count = 0;
   double initial_cost = 0;  // F over the accepted ranges where the solve began,
   double final_cost = 0;    // and where it ended.

@@ -1,0 +1,58 @@
+// KnownGraph: the pose graph as this agent's storage holds it, and what leaders have said of it so far.
+//
+// Filled from records, in any order; grows with the mission as the storage does. What a leader published is read back
+// like any other record, so a new leader goes on exactly where the last one stopped, and so does one that restarted.
+// Single-threaded.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <tuple>
+#include <utility>
+
+#include "model/error.h"
+#include "model/pose_graph.h"
+#include "model/term.h"
+
+namespace moondb {
+
+using RangeKey = std::pair<NodeKey, NodeKey>;  // from, to
+
+class KnownGraph {
+ public:
+  // Takes nodes, edges, optimized poses and edge verdicts, and ignores other types. Of two poses of a node, or two
+  // verdicts of an edge, the newer (term, run) stays. kInvalid: a pose or covariance that is none; nothing changed.
+  Result<void> Add(const proto::Record& record);
+
+  const PoseGraph& graph() const { return graph_; }
+
+  // The newest published pose of each node.
+  std::map<NodeKey, Pose> LastSolution() const;
+  const Pose* FindPublished(const NodeKey& node) const;  // Null where there is none.
+
+  // What was last published of a range; one that nobody spoke of counts as good.
+  bool IsPublishedInlier(const RangeKey& range) const;
+
+  // The largest run of `term` seen; 0: none.
+  std::uint64_t LastRun(const proto::Term& term) const;
+
+ private:
+  using Version = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
+
+  template <typename T>
+  struct Versioned {
+    Version version;
+    T value;
+  };
+
+  Result<void> AddPose(const proto::OptimizedPose& pose);
+  void AddVerdict(const proto::EdgeVerdict& verdict);
+  void NoteRun(const Version& version);
+
+  PoseGraph graph_;
+  std::map<NodeKey, Versioned<Pose>> poses_;
+  std::map<RangeKey, Versioned<bool>> verdicts_;
+  Version newest_run_;
+};
+
+}  // namespace moondb

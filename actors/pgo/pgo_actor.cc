@@ -1,0 +1,204 @@
+#include "actors/pgo/pgo_actor.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "actors/pgo/team_facts.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr std::uint32_t kStorageTimeout = 1;
+constexpr std::uint32_t kPageBytesMax = 1024 * 1024;
+
+}  // namespace
+
+PgoActor::PgoActor(Options options) : options_(std::move(options)), agents_(FactsOf(options_.team)) {}
+
+void PgoActor::OnStart(Context& context) {
+  // A random start, so that storage's answer to a life before a restart meets no question of this one.
+  request_id_ = context.rng()() >> 1;
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.mutable_role_show_request();
+  // Without a RoleActor, RolesChanged is waited for.
+  (void)context.Send({options_.self, actor_name::kRole}, std::move(message));
+}
+
+void PgoActor::OnMessage(Context& context, const proto::Message& message) {
+  const bool is_own_agents = context.sender().agent == options_.self;
+  switch (message.body_case()) {
+    case proto::Message::kRolesChanged:
+      if (is_own_agents) OnRoles(context, message.roles_changed().roles());
+      return;
+    case proto::Message::kRoleShowReply:
+      if (is_own_agents) OnRoles(context, message.role_show_reply().roles());
+      return;
+    case proto::Message::kOptimizeRequest:
+      return OnOptimizeRequest(context, message);
+    case proto::Message::kGraphStatsRequest:
+      return OnGraphStatsRequest(context);
+    case proto::Message::kReadReply:
+      if (IsFromStorage(context, message) && phase_ == Phase::kReading) OnReadReply(context, message.read_reply());
+      return;
+    case proto::Message::kInsertReply:
+      if (IsFromStorage(context, message) && phase_ == Phase::kWriting) OnInsertReply(context, message.insert_reply());
+      return;
+    case proto::Message::kTimer:
+      if (is_own_agents && message.timer().kind() == kStorageTimeout) OnTimeout(context, message.timer().value());
+      return;
+    default:
+      return;
+  }
+}
+
+bool PgoActor::IsFromStorage(const Context& context, const proto::Message& message) const {
+  return context.sender() == Address{options_.self, actor_name::kStorage} && message.request_id() == request_id_;
+}
+
+void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
+  if (roles_ && IsNewer(roles_->term(), roles.term())) return;  // An old answer overtaken by a change.
+  if (!roles_ || OrderOf(roles_->term()) != OrderOf(roles.term())) last_run_ = 0;
+  roles_ = roles;
+  if (phase_ == Phase::kIdle) return;
+  if (const std::optional<Error> error = WhyNotLeader()) FinishWith(context, *error);
+}
+
+std::optional<Error> PgoActor::WhyNotLeader() const {
+  if (!roles_) return Error{ErrorCode::kRefused, "this agent does not know the team's roles yet; try again", {}};
+  if (roles_->leader() == options_.self) return std::nullopt;
+  if (roles_->leader() == 0) return Error{ErrorCode::kRefused, "nobody leads: the leader solves the pose graph", {}};
+  const proto::AgentConfig* leader = FindAgent(options_.team, roles_->leader());
+  const std::string name = leader != nullptr ? leader->name() : "agent " + std::to_string(roles_->leader());
+  return Error{ErrorCode::kRefused, "the leader solves the pose graph, and " + name + " leads; ask there", {}};
+}
+
+void PgoActor::OnOptimizeRequest(Context& context, const proto::Message& message) {
+  const Asker asker{context.sender(), message.request_id()};
+  proto::OptimizeReply refusal;
+  if (const std::optional<Error> error = WhyNotLeader()) {
+    *refusal.mutable_error() = ToProto(*error);
+    return Answer(context, asker, refusal);
+  }
+  if (askers_.size() >= options_.askers_max) {
+    *refusal.mutable_error() = ToProto(Error{ErrorCode::kFull, "too many wait for this solve; try again later", {}});
+    return Answer(context, asker, refusal);
+  }
+  askers_.push_back(asker);
+  if (phase_ != Phase::kIdle) return;
+  phase_ = Phase::kReading;
+  reply_.Clear();
+  ReadNextPage(context);
+}
+
+void PgoActor::OnGraphStatsRequest(Context& context) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_graph_stats_reply() = stats_;
+  (void)context.Reply(std::move(message));  // A client that left needs no answer.
+}
+
+void PgoActor::AskStorage(Context& context, proto::Message message) {
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(++request_id_);
+  const SendResult result = context.Send({options_.self, actor_name::kStorage}, std::move(message));
+  if (result != SendResult::kAccepted) {
+    const std::string text = std::string("storage cannot be asked: ") + ToString(result);
+    return FinishWith(context, Error{ErrorCode::kUnavailable, text, {}});
+  }
+  timeout_ = context.AfterTimer(options_.storage_timeout, kStorageTimeout, request_id_);
+}
+
+void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
+  if (phase_ == Phase::kIdle || request_id != request_id_) return;
+  FinishWith(context, Error{ErrorCode::kTimedOut, "storage did not answer", {}});
+}
+
+void PgoActor::ReadNextPage(Context& context) {
+  proto::Message message;
+  proto::ReadRequest& request = *message.mutable_read_request();
+  request.set_after_row_id(last_row_id_);
+  for (const proto::DataType type :
+       {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
+    request.add_data_types(type);
+  }
+  request.set_records_max(static_cast<std::uint32_t>(options_.read_records_max));
+  request.set_content_bytes_max(kPageBytesMax);
+  AskStorage(context, std::move(message));
+}
+
+void PgoActor::OnReadReply(Context& context, const proto::ReadReply& reply) {
+  context.Cancel(timeout_);
+  if (IsError(reply.error())) return FinishWith(context, FromProto(reply.error()));
+  for (int i = 0; i < reply.records_size(); ++i) {
+    proto::Record record;
+    // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
+    if (record.ParseFromString(reply.records(i).content())) (void)known_.Add(record);
+    if (i < reply.row_ids_size()) last_row_id_ = std::max<std::uint64_t>(last_row_id_, reply.row_ids(i));
+  }
+  if (reply.is_complete() || reply.records_size() == 0) return SolveNow(context);
+  ReadNextPage(context);
+}
+
+void PgoActor::SolveNow(Context& context) {
+  SolverOptions solver = options_.solver;
+  solver.stop_requested = [&context] { return context.stop_requested(); };
+  const MonotonicTime begin = context.now();
+  const Solution solution = SolvePoseGraph(known_.graph(), agents_, known_.LastSolution(), solver);
+  reply_ = ToReply(solution);
+  reply_.set_seconds(std::chrono::duration<double>(context.now() - begin).count());
+  stats_.set_solve_count(stats_.solve_count() + 1);
+
+  const std::uint64_t run = 1 + std::max(last_run_, known_.LastRun(roles_->term()));
+  publication_ =
+      MakePublication(solution, known_, agents_, options_.publication, roles_->term(), run, context.utc_now_ns());
+  if (!publication_.records.empty()) last_run_ = run;
+  reply_.set_updated_pose_count(static_cast<double>(publication_.pose_count));
+  phase_ = Phase::kWriting;
+  written_count_ = 0;
+  WriteNextChunk(context);
+}
+
+void PgoActor::WriteNextChunk(Context& context) {
+  const std::size_t left = publication_.records.size() - written_count_;
+  if (left == 0) return Finish(context);
+  const std::size_t count = std::min(left, options_.insert_records_max);
+  proto::Message message;
+  proto::InsertRequest& request = *message.mutable_insert_request();
+  for (std::size_t i = 0; i < count; ++i) *request.add_records() = publication_.records[written_count_ + i];
+  written_count_ += count;
+  AskStorage(context, std::move(message));
+}
+
+void PgoActor::OnInsertReply(Context& context, const proto::InsertReply& reply) {
+  context.Cancel(timeout_);
+  if (IsError(reply.error())) return FinishWith(context, FromProto(reply.error()));
+  WriteNextChunk(context);
+}
+
+void PgoActor::FinishWith(Context& context, const Error& error) {
+  *reply_.mutable_error() = ToProto(error);
+  Finish(context);
+}
+
+void PgoActor::Finish(Context& context) {
+  context.Cancel(timeout_);
+  ++request_id_;  // A late answer of storage meets no question.
+  phase_ = Phase::kIdle;
+  publication_ = {};
+  *stats_.mutable_last_solve() = reply_;
+  const std::vector<Asker> askers = std::exchange(askers_, {});
+  for (const Asker& asker : askers) Answer(context, asker, reply_);
+}
+
+void PgoActor::Answer(Context& context, const Asker& asker, const proto::OptimizeReply& reply) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(asker.request_id);
+  *message.mutable_optimize_reply() = reply;
+  (void)context.Send(asker.address, std::move(message));  // Who left needs no answer.
+}
+
+}  // namespace moondb

@@ -1,0 +1,90 @@
+// PgoActor: the leader solves the team's pose graph on request and publishes where everybody was (paper, Section 5.2).
+//
+//   OptimizeRequest -> reads what is new in its storage, page by page -> solves, in the handler -> inserts the poses
+//   that moved and the verdicts that changed, in chunks -> OptimizeReply, once all of them are committed.
+//
+// Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy, read back here,
+// so a new leader continues from the last one's solution. An agent that is not the leader refuses (kRefused, with the
+// leader's name). A request that comes while one is worked on waits for the same answer; at most `askers_max`, then
+// kFull. Storage that does not answer within `storage_timeout` gives kTimedOut; what it committed stays and is not
+// published again. A leader that loses its role meanwhile answers kRefused and writes no further chunk.
+//
+// Listens to RolesChanged (also asked of RoleActor at the start), OptimizeRequest, GraphStatsRequest. Spawn it under
+// actor_name::kPgo with a thread of its own: a solve takes up to seconds. Solves end early when the system stops.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "actors/pgo/known_graph.h"
+#include "actors/pgo/pose_graph_solver.h"
+#include "actors/pgo/publication.h"
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class PgoActor final : public Actor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    proto::TeamConfig team;  // Checked: start poses, antennas, the base station's place, names.
+    SolverOptions solver;    // thread_count: 1 in simulation. stop_requested is set by the actor.
+    PublicationOptions publication;
+    std::size_t askers_max = 16;           // Requests that wait for one answer.
+    std::size_t read_records_max = 1000;   // Of one page.
+    std::size_t insert_records_max = 200;  // Of one chunk.
+    Duration storage_timeout = std::chrono::seconds(30);
+  };
+
+  explicit PgoActor(Options options);
+
+  void OnStart(Context& context) override;
+  void OnMessage(Context& context, const proto::Message& message) override;
+
+ private:
+  enum class Phase { kIdle, kReading, kWriting };
+
+  struct Asker {
+    Address address;
+    std::uint64_t request_id = 0;
+  };
+
+  bool IsFromStorage(const Context& context, const proto::Message& message) const;
+  void OnRoles(Context& context, const proto::RoleAssignment& roles);
+  void OnOptimizeRequest(Context& context, const proto::Message& message);
+  void OnGraphStatsRequest(Context& context);
+  void OnReadReply(Context& context, const proto::ReadReply& reply);
+  void OnInsertReply(Context& context, const proto::InsertReply& reply);
+  void OnTimeout(Context& context, std::uint64_t request_id);
+
+  std::optional<Error> WhyNotLeader() const;
+  void AskStorage(Context& context, proto::Message message);
+  void ReadNextPage(Context& context);
+  void SolveNow(Context& context);
+  void WriteNextChunk(Context& context);
+  void FinishWith(Context& context, const Error& error);
+  void Finish(Context& context);
+  void Answer(Context& context, const Asker& asker, const proto::OptimizeReply& reply);
+
+  const Options options_;
+  const AgentFactsMap agents_;
+  std::optional<proto::RoleAssignment> roles_;
+  KnownGraph known_;
+  std::uint64_t last_row_id_ = 0;  // Of what known_ holds.
+
+  Phase phase_ = Phase::kIdle;
+  std::uint64_t request_id_ = 0;  // Of the question that storage has not answered yet.
+  TimerId timeout_ = 0;
+  std::vector<Asker> askers_;
+  Publication publication_;
+  std::size_t written_count_ = 0;
+  proto::OptimizeReply reply_;  // Of the solve in hand.
+
+  std::uint64_t last_run_ = 0;  // In the present term, of this actor's life.
+  proto::GraphStatsReply stats_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,83 @@
+#include "actors/pgo/publication.h"
+
+namespace moondb {
+
+namespace {
+
+bool HasMoved(const Pose& pose, const Pose* published, const PublicationOptions& options) {
+  if (published == nullptr) return true;
+  return (pose.position_m - published->position_m).norm() > options.move_threshold_m ||
+         pose.orientation.angularDistance(published->orientation) > options.move_threshold_rad;
+}
+
+bool IsRover(const AgentFactsMap& agents, AgentId agent) {
+  const auto facts = agents.find(agent);
+  return facts == agents.end() || !facts->second.is_base_station;
+}
+
+template <typename Body>
+void SetVersion(const proto::Term& term, std::uint64_t run, Body& body) {
+  *body.mutable_term() = term;
+  body.set_run(run);
+}
+
+}  // namespace
+
+Publication MakePublication(const Solution& solution, const KnownGraph& known, const AgentFactsMap& agents,
+                            const PublicationOptions& options, const proto::Term& term, std::uint64_t run,
+                            std::int64_t stamp_ns) {
+  Publication publication;
+  if (!solution.is_accepted) return publication;
+  const auto add = [&]() -> proto::Record& {
+    proto::Record& record = publication.records.emplace_back();
+    record.set_stamp_ns(stamp_ns);
+    return record;
+  };
+  for (const auto& [node, pose] : solution.poses) {
+    if (!IsRover(agents, node.agent) || !HasMoved(pose, known.FindPublished(node), options)) continue;
+    proto::OptimizedPose& body = *add().mutable_optimized_pose();
+    *body.mutable_node() = ToProto(node);
+    *body.mutable_map_from_node() = ToProto(pose);
+    SetVersion(term, run, body);
+    ++publication.pose_count;
+  }
+  for (const RangeVerdict& range : solution.ranges) {
+    if (range.is_inlier == known.IsPublishedInlier({range.from, range.to})) continue;
+    proto::EdgeVerdict& body = *add().mutable_edge_verdict();
+    *body.mutable_from() = ToProto(range.from);
+    *body.mutable_to() = ToProto(range.to);
+    body.set_is_range(true);
+    body.set_is_inlier(range.is_inlier);
+    body.set_residual_sigmas(range.residual_sigmas);
+    SetVersion(term, run, body);
+  }
+  return publication;
+}
+
+proto::OptimizeReply ToReply(const Solution& solution) {
+  proto::OptimizeReply reply;
+  if (!solution.is_accepted) {
+    const std::string text = "the solve was not accepted, the old poses stand: " + solution.text;
+    *reply.mutable_error() = ToProto(Error{ErrorCode::kInternal, text, {}});
+  } else if (solution.rovers.empty()) {
+    *reply.mutable_error() = ToProto(Error{ErrorCode::kNotFound, solution.text, {}});
+  }
+  reply.set_node_count(static_cast<double>(solution.node_count));
+  reply.set_odometry_count(static_cast<double>(solution.odometry_count));
+  reply.set_range_count(static_cast<double>(solution.range_count));
+  reply.set_rejected_range_count(static_cast<double>(solution.rejected_range_count));
+  reply.set_initial_cost(solution.initial_cost);
+  reply.set_final_cost(solution.final_cost);
+  reply.set_iterations(solution.iterations);
+  for (const RoverResult& rover : solution.rovers) {
+    proto::RoverSolution& out = *reply.add_rovers();
+    out.set_agent_id(rover.agent);
+    out.set_is_anchored(rover.anchoring == Anchoring::kAnchored);
+    out.set_odometry_scale(rover.odometry_scale);
+    out.set_node_count(static_cast<double>(rover.node_count));
+    out.set_text(rover.text);
+  }
+  return reply;
+}
+
+}  // namespace moondb

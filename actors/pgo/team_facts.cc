@@ -1,0 +1,38 @@
+#include "actors/pgo/team_facts.h"
+
+namespace moondb {
+
+namespace {
+
+std::optional<Eigen::Vector3d> ToVector(const google::protobuf::RepeatedField<double>& numbers) {
+  if (numbers.size() != 3) return std::nullopt;
+  return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
+}
+
+AgentFacts FactsOf(const proto::AgentConfig& agent) {
+  AgentFacts facts;
+  facts.agent = agent.id();
+  facts.is_base_station = agent.kind() == proto::AGENT_KIND_BASE_STATION;
+  facts.antenna_m = ToVector(agent.antenna_m()).value_or(Eigen::Vector3d::Zero());
+  if (facts.is_base_station) {
+    const std::optional<Eigen::Vector3d> position_m = ToVector(agent.position_m());
+    if (position_m) facts.start = Pose{*position_m, Eigen::Quaterniond::Identity()};
+  } else if (agent.has_start()) {
+    const proto::StartPose& start = agent.start();
+    facts.start = Pose::FromPlanar(start.x(), start.y(), start.yaw());
+    facts.start->position_m.z() = start.z();
+    facts.start_sigma_m = start.sigma_m();
+    facts.start_sigma_rad = start.sigma_rad();
+  }
+  return facts;
+}
+
+}  // namespace
+
+AgentFactsMap FactsOf(const proto::TeamConfig& team) {
+  AgentFactsMap facts;
+  for (const proto::AgentConfig& agent : team.agents()) facts[agent.id()] = FactsOf(agent);
+  return facts;
+}
+
+}  // namespace moondb

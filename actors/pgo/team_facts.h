@@ -1,0 +1,12 @@
+// FactsOf: what the solver is told of each agent, from the team's configuration.
+#pragma once
+
+#include "actors/pgo/graph_check.h"
+#include "proto/team.pb.h"
+
+namespace moondb {
+
+// A rover without `start`, or a base station without `position_m`, gets no start pose. `team` has been checked.
+AgentFactsMap FactsOf(const proto::TeamConfig& team);
+
+}  // namespace moondb
