@@ -324,6 +324,11 @@ void ActorSystem::Impl::Start(Transport* transport) {
   }
   is_flowing_ = true;
   for (const auto& cell : cells_) cell->Wake();
+  if (transport == nullptr) return;
+  // A peer that was reached before this is not told of again by the transport.
+  for (const proto::PeerStatus& peer : transport->Peers()) {
+    if (peer.is_connected()) OnPeerChanged(peer.agent_id(), true);
+  }
 }
 
 ActorSystem::Impl::Cell* ActorSystem::Impl::Find(const std::string& actor) {
