@@ -119,13 +119,13 @@ std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply&
   std::string text = FormatCount(solve.node_count()) + " nodes, " + FormatCount(solve.odometry_count()) +
                      " odometry edges, " + FormatCount(solve.range_count()) + " ranges (" +
                      FormatCount(solve.rejected_range_count()) + " rejected)\ncost " +
-                     FormatDouble(solve.initial_cost()) + " to " + FormatDouble(solve.final_cost()) + " in " +
-                     FormatCount(solve.iterations()) + " iterations, " + FormatDouble(solve.seconds()) + " s; " +
+                     FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
+                     FormatCount(solve.iterations()) + " iterations, " + FormatFixed(solve.seconds(), 3) + " s; " +
                      FormatCount(solve.updated_pose_count()) + " poses written\n";
   Table table({"ROVER", "NODES", "ANCHORED", "ODOMETRY SCALE", "NOTE"});
   for (const proto::RoverSolution& rover : solve.rovers()) {
     table.Add({AgentName(team, rover.agent_id()), FormatCount(rover.node_count()), rover.is_anchored() ? "yes" : "no",
-               FormatDouble(rover.odometry_scale()), rover.text()});
+               FormatFixed(rover.odometry_scale(), 4), rover.text()});
   }
   return text + table.Text();
 }

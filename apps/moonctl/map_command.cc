@@ -51,7 +51,7 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
 
   const Grid& grid = merged->map.grid;
   const std::string text = "wrote " + arguments.folder + ": " + std::to_string(grid.width) + " x " +
-                           std::to_string(grid.height) + " cells of " + FormatDouble(merged->map.resolution_um * 1e-6) +
+                           std::to_string(grid.height) + " cells of " + FormatDouble(merged->map.resolution_um / 1e6) +
                            " m, " + FormatCount(merged->reply.map_count()) + " maps merged by " +
                            merged->reply.backend() + " in " + FormatDouble(merged->reply.seconds()) + " s" +
                            (merged->reply.waiting_map_count() > 0

@@ -1,0 +1,97 @@
+#include "apps/moonctl/graph_import.h"
+
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+
+#include "apps/moonctl/mistyped.h"
+#include "apps/moonctl/team_letters.h"
+
+namespace moondb {
+namespace {
+
+proto::TeamConfig Team(int rovers, bool has_base) {
+  proto::TeamConfig team;
+  for (int i = 1; i <= rovers + (has_base ? 1 : 0); ++i) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(static_cast<std::uint32_t>(10 * i));
+    if (i > rovers) agent.set_kind(proto::AGENT_KIND_BASE_STATION);
+  }
+  return team;
+}
+
+// Two rovers a step apart each, a base station, a landmark that nobody knows, ranges among all.
+constexpr char kGraph[] =
+    "VERTEX_SE2 0 A0 1 2 0\n"
+    "VERTEX_SE2 10 A1 50 50 0\n"
+    "VERTEX_SE2 0 B0 5 5 1.5707963267948966\n"
+    "VERTEX_SE2 10 B1 60 60 0\n"
+    "VERTEX_XY L0 -1 -2\n"
+    "VERTEX_XY M0 9 9\n"
+    "EDGE_SE2 10 A0 A1 2 0 0 1 0 0 1 0 1\n"
+    "EDGE_SE2 10 B0 B1 2 0 0 1 0 0 1 0 1\n"
+    "EDGE_RANGE 10 A1 B1 4 0.01\n"
+    "EDGE_RANGE 10 B1 L0 4 0.01\n"
+    "EDGE_RANGE 10 A1 M0 4 0.01\n";
+
+TEST(TeamLettersTest, GivesRoversTheAlphabetWithoutTheBaseStationsLetter) {
+  const auto agents = AgentsByLetter(Team(13, true));
+  EXPECT_EQ(agents.at(AgentOfLetter('A')), 10u);
+  EXPECT_EQ(agents.at(AgentOfLetter('K')), 110u);
+  EXPECT_EQ(agents.at(AgentOfLetter('M')), 120u);
+  EXPECT_EQ(agents.at(AgentOfLetter('L')), 140u);
+}
+
+TEST(GraphImportTest, ComposesRawPosesFromOdometryAndNeverTakesLaterVertices) {
+  const auto pyfg = ParsePyfg(kGraph, "test");
+  ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
+  const auto import = PrepareImport(Team(2, true), *pyfg);
+  ASSERT_TRUE(import.has_value()) << ToString(import.error());
+  EXPECT_EQ(import->node_count, 5u);
+  EXPECT_EQ(import->odometry_count, 2u);
+  EXPECT_EQ(import->range_count, 2u);
+  EXPECT_EQ(import->left_out_count, 2u);  // The landmark M0 and its range.
+
+  const auto& rover2 = import->records.at(20);
+  ASSERT_EQ(rover2.size(), 4u);  // Two nodes, a step, the range to the base station.
+  const auto& node = rover2[1].pose_graph_node();
+  EXPECT_EQ(node.node().index(), 1u);
+  EXPECT_NEAR(node.map_from_node().position_m().x(), 5, 1e-12);
+  EXPECT_NEAR(node.map_from_node().position_m().y(), 7, 1e-12);
+  EXPECT_EQ(rover2[3].pose_graph_edge().to().agent_id(), 30u);
+  ASSERT_EQ(import->records.at(30).size(), 1u);
+  EXPECT_EQ(import->records.at(30)[0].pose_graph_node().map_from_node().position_m().y(), -2);
+}
+
+TEST(GraphImportTest, RefusesLettersThatStandForNobody) {
+  const auto pyfg = ParsePyfg(kGraph, "test");
+  const auto import = PrepareImport(Team(1, true), *pyfg);
+  ASSERT_FALSE(import.has_value());
+  EXPECT_NE(import.error().text.find("letter B"), std::string::npos);
+}
+
+TEST(GraphImportTest, RefusesANodeThatOdometryDoesNotReach) {
+  const auto pyfg = ParsePyfg("VERTEX_SE2 0 A0 0 0 0\nVERTEX_SE2 1 A1 1 0 0\n", "test");
+  ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
+  const auto import = PrepareImport(Team(1, false), *pyfg);
+  ASSERT_FALSE(import.has_value());
+  EXPECT_NE(import.error().text.find("A1"), std::string::npos);
+}
+
+TEST(MistypedTest, FindsTheWordAndItsNeighbour) {
+  CLI::App app;
+  bool is_json = false;
+  std::string agent;
+  app.add_flag("--json", is_json);
+  app.add_option("-a,--agent", agent);
+  CLI::App& role = *app.add_subcommand("role", "");
+  role.add_subcommand("show", "");
+  EXPECT_EQ(DescribeMistyped(app, {"rloe"}), "unknown command \"rloe\"; did you mean \"role\"?");
+  EXPECT_EQ(DescribeMistyped(app, {"--agent", "rloe", "role", "shwo"}),
+            "unknown command \"shwo\"; did you mean \"show\"?");
+  EXPECT_EQ(DescribeMistyped(app, {"role", "show", "--jsn"}), "unknown option --jsn; did you mean \"--json\"?");
+  EXPECT_EQ(DescribeMistyped(app, {"role", "show", "--json", "more"}), std::nullopt);
+}
+
+}  // namespace
+}  // namespace moondb

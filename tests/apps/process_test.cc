@@ -1,0 +1,211 @@
+// The programs as an operator runs them: real processes, real sockets, a real disk, kill -9.
+
+#include <gmock/gmock.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <fstream>
+#include <random>
+
+#include "model/text.h"
+#include "tests/apps/process_team.h"
+
+namespace moondb {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsSupersetOf;
+
+class ProcessTest : public ProcessTeam {};
+
+constexpr char kMapJson[] = R"({
+  "node": {"agent_id": 2, "index": 0},
+  "node_from_map": {"position_m": {}, "orientation": {"w": 1}},
+  "layers": [{"width_cells": 4, "height_cells": 4, "resolution_um": 50000, "cells": "VVVVVQ=="}]})";
+constexpr char kNodeJson[] = R"({
+  "node": {"agent_id": 2, "index": 0}, "map_from_node": {"position_m": {"x": 1}, "orientation": {"w": 1}}})";
+
+std::string KeyOf(const std::string& out) { return out.substr(0, out.find('\n')); }
+
+// Maps of noise, so that they are not coded to nothing.
+std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::vector<proto::Record> records;
+  for (int i = 0; i < count; ++i) {
+    proto::Record& record = records.emplace_back();
+    record.set_stamp_ns(i + 1);
+    proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
+    map.mutable_node()->set_agent_id(2);
+    map.mutable_node_from_map()->mutable_position_m();
+    map.mutable_node_from_map()->mutable_orientation()->set_w(1);
+    proto::MapLayer& layer = *map.add_layers();
+    layer.set_width_cells(100);
+    layer.set_height_cells(100);
+    layer.set_resolution_um(50000);
+    Grid grid(100, 100);
+    for (Cell& cell : grid.cells) cell = static_cast<Cell>(random() % 3);
+    layer.set_cells(PackCells(grid));
+  }
+  return records;
+}
+
+TEST_F(ProcessTest, BringsAMapFromARoverToTheLeaderAndOnToTheSurvivor) {
+  MoonctlExpecting(0, {"up"});
+  EXPECT_THAT(MoonctlExpecting(0, {"status"}), HasSubstr("designated_survivor"));
+  // The survivor replicates rover3's records too, so let rover3 have one.
+  const std::string state =
+      KeyOf(MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"}));
+  MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"});
+  const std::string map =
+      KeyOf(MoonctlExpecting(0, {"record", "insert", "local_traversability_map", kMapJson, "-a", "rover2"}));
+  MoonctlExpecting(1, {"record", "get", map, "-a", "rover1"});
+
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  const auto held = MoonctlJson(0, {"record", "get", map, "-a", "rover1"});
+  EXPECT_EQ(held.fields().at("type").string_value(), "local_traversability_map");
+  MoonctlExpecting(0, {"record", "get", state, "-a", "rover1"});
+  MoonctlExpecting(1, {"record", "get", state, "-a", "rover2"});
+  MoonctlExpecting(0, {"replicate", "now", "--wait"});
+  MoonctlExpecting(0, {"record", "get", state, "-a", "rover2"});
+
+  MoonctlExpecting(0, {"map", "export", folder_ / "map"});
+  EXPECT_THAT(*ReadTextFile(folder_ / "map" / "map.yaml"), HasSubstr("free_thresh: 0.196"));
+  MoonctlExpecting(0, {"down"});
+  for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
+}
+
+TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {
+  MoonctlExpecting(0, {"up"});
+  constexpr std::uint64_t kSeed = 20261121;
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  const auto rover2 = Connect("rover2");
+  ASSERT_NE(rover2, nullptr);
+  const auto inserted = rover2->Insert(NoisyMaps(600, kSeed));
+  ASSERT_TRUE(inserted.has_value()) << ToString(inserted.error());
+
+  MoonctlExpecting(0, {"sync", "now"});
+  double acknowledged = 0;
+  const auto update = [&] {
+    const auto status = rover2->ShareStatus();
+    if (!status) return;
+    for (const proto::ShareSession& session : status->sessions()) {
+      if (session.destination() == 1) acknowledged = session.acknowledged_records();
+    }
+  };
+  ASSERT_TRUE(Until([&] { return update(), acknowledged > 0; }));
+  Kill("rover1");
+  update();
+  std::cout << "acknowledged when the leader died: " << acknowledged << " of 600\n";
+
+  // The acknowledged ones are there as soon as it is back, whatever was in flight.
+  const auto leader = StartAgent("rover1");
+  ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
+  EXPECT_GE(static_cast<double>(KeysHeldBy("rover1").size()), acknowledged);
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  EXPECT_THAT(KeysHeldBy("rover1"), IsSupersetOf(*inserted));
+  leader->Signal(SIGTERM);
+  EXPECT_EQ(leader->Wait().exit_code, 0);
+}
+
+TEST_F(ProcessTest, LetsTheSurvivorLeadWhenTheLeaderIsDead) {
+  MoonctlExpecting(0, {"up"});
+  Kill("rover1");
+  const auto status = MoonctlJson(3, {"status"});
+  const auto& rows = status.fields().at("agents").list_value();
+  ASSERT_EQ(rows.values_size(), 4);
+  EXPECT_FALSE(rows.values(0).struct_value().fields().at("is_reachable").bool_value());
+  EXPECT_TRUE(rows.values(1).struct_value().fields().at("is_reachable").bool_value());
+
+  EXPECT_THAT(MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover3", "survivor", "--dry-run"}),
+              HasSubstr("would be"));
+  EXPECT_THAT(MoonctlExpecting(3, {"role", "show"}), testing::Not(HasSubstr("leader                  1  rover2")));
+  MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover3", "survivor"});
+  const std::string key =
+      KeyOf(MoonctlExpecting(0, {"record", "insert", "power", "{\"battery_ratio\": 0.5}", "-a", "rover3"}));
+  // rover1 is dead: what could be shared is, and the exit code says that something is missing.
+  MoonctlExpecting(3, {"sync", "now", "--wait"});
+  MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
+  MoonctlExpecting(0, {"replicate", "now", "--wait"});
+
+  // The deposed leader learns of it when it comes back.
+  const auto former = StartAgent("rover1");
+  EXPECT_TRUE(Until([&] {
+    return Moonctl({"role", "show", "-a", "rover1"}).out.find("rover1  rover ") == 0 ||
+           Moonctl({"role", "show", "-a", "rover1"}).out.find("\nrover1  rover ") != std::string::npos;
+  }));
+  MoonctlExpecting(4, {"graph", "optimize", "-a", "rover1"});
+}
+
+TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
+  const auto agent = StartAgent("rover1");
+  ASSERT_TRUE(Until([&] { return agent->Out().find("ready: rover1") == 0; }));
+  const auto start = std::chrono::steady_clock::now();
+  agent->Signal(SIGTERM);
+  const Outcome outcome = agent->Wait();
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
+  // One second is the promise; a machine under load gets three.
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+}
+
+TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
+  const auto agent = StartAgent("rover1");
+  ASSERT_TRUE(Until([&] { return agent->Out().find("ready: rover1") == 0; }));
+  const Outcome same_data = StartAgent("rover1")->Wait();
+  EXPECT_EQ(same_data.exit_code, 1);
+  EXPECT_THAT(same_data.error, HasSubstr("in use by another agent process (pid " + std::to_string(agent->pid())));
+  const Outcome same_address = StartAgent("rover1", {"--data-dir", folder_ / "other"})->Wait();
+  EXPECT_EQ(same_address.exit_code, 1) << same_address.error;
+  EXPECT_EQ(std::count(same_address.error.begin(), same_address.error.end(), '\n'), 1) << same_address.error;
+  // The first one is none the worse.
+  EXPECT_EQ(Moonctl({"status", "-a", "rover1"}).exit_code, 0);
+}
+
+TEST_F(ProcessTest, StartsNothingOnABadTeamFile) {
+  std::string text = *ReadTextFile(team_file_);
+  text.replace(text.find("name: rover2"), 12, "nmae: rover2");
+  ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
+  const Outcome checked = Moonctl({"config", "check"});
+  EXPECT_EQ(checked.exit_code, 2);
+  EXPECT_THAT(checked.error, HasSubstr("did you mean \"name\""));
+  EXPECT_EQ(Moonctl({"up"}).exit_code, 2);
+  const Outcome agent = StartAgent("rover1")->Wait();
+  EXPECT_EQ(agent.exit_code, 2);
+  EXPECT_THAT(agent.error, HasSubstr("did you mean \"name\""));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "moondb-data"));
+}
+
+TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
+  std::filesystem::create_directories(folder_ / "moondb-data" / "rover3");
+  std::ofstream(folder_ / "moondb-data" / "rover3" / "moondb.sqlite") << std::string(8192, 'x');
+  const auto up = MoonctlJson(1, {"up"});
+  const auto& rows = up.fields().at("agents").list_value();
+  ASSERT_EQ(rows.values_size(), 4);
+  EXPECT_THAT(rows.values(2).struct_value().fields().at("state").string_value(), HasSubstr("moondb.sqlite"));
+  EXPECT_EQ(rows.values(0).struct_value().fields().at("state").string_value(), "stopped again");
+  for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
+}
+
+TEST_F(ProcessTest, SaysWhatIsWrongWithWhatWasTyped) {
+  EXPECT_THAT(Moonctl({"statsu"}).error, HasSubstr("did you mean \"status\"?"));
+  EXPECT_EQ(Moonctl({"statsu"}).exit_code, 2);
+  EXPECT_THAT(Moonctl({"role", "set", "rovr2", "leader"}).error, HasSubstr("did you mean \"rover2\"?"));
+  EXPECT_THAT(Moonctl({"record", "insert", "temperture", "{}", "-a", "rover1"}).error,
+              HasSubstr("did you mean \"temperature\"?"));
+  EXPECT_THAT(Moonctl({"record", "insert", "temperature", "{\"celsiu\": 1}", "-a", "rover1"}).error,
+              HasSubstr("celsiu"));
+  const auto error = MoonctlJson(2, {"role", "set", "rovr2", "leader"});
+  EXPECT_EQ(error.fields().at("error").struct_value().fields().at("code").string_value(), "invalid");
+  EXPECT_EQ(MoonctlJson(3, {"record", "list", "-a", "rover1"})
+                .fields()
+                .at("error")
+                .struct_value()
+                .fields()
+                .at("code")
+                .string_value(),
+            "unavailable");
+  MoonctlJson(0, {"version"});
+  MoonctlJson(0, {"config", "show"});
+}
+
+}  // namespace
+}  // namespace moondb

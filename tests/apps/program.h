@@ -1,0 +1,43 @@
+// Runs real programs for tests: their exit code, what they printed, and an end in any case.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace moondb {
+
+struct Outcome {
+  int exit_code = -1;  // -1: it had to be killed, or ended by a signal.
+  std::string out;
+  std::string error;
+};
+
+// A child process; killed when this goes away.
+class Child {
+ public:
+  // `environment` is added to the test's own. Output goes to out.txt and error.txt in `folder`.
+  Child(std::vector<std::string> command, const std::map<std::string, std::string>& environment,
+        std::filesystem::path folder);
+  ~Child();
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  pid_t pid() const { return pid_; }
+  void Signal(int signal) const;
+  // Waits until it ends, or kills it after `limit`.
+  Outcome Wait(std::chrono::seconds limit = std::chrono::seconds(60));
+  std::string Out() const;
+
+ private:
+  std::filesystem::path folder_;
+  pid_t pid_ = -1;
+  int status_ = 0;
+  bool has_ended_ = false;
+};
+
+}  // namespace moondb

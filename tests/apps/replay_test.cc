@@ -1,0 +1,94 @@
+// A recorded mission through real processes, where the data are at hand (MOONDB_DATA).
+
+#include <gmock/gmock.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <cstdlib>
+
+#include "apps/common/proto_json.h"
+#include "model/text.h"
+#include "tests/apps/process_team.h"
+
+namespace moondb {
+namespace {
+
+using testing::HasSubstr;
+
+class ReplayTest : public ProcessTeam {
+ protected:
+  void SetUp() override {
+    const char* data = std::getenv("MOONDB_DATA");
+    if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no recorded mission to replay";
+    mission_ = std::filesystem::path(data) / "orebro_team";
+    ProcessTeam::SetUp();
+  }
+
+  // In place of the usual one: the mission's own agents.
+  void MakeTeam() {
+    std::filesystem::create_directories(folder_ / "m");
+    const std::string before = team_file_;
+    team_file_ = folder_ / "m" / "team.yaml";
+    environment_["MOONDB_TEAM"] = team_file_;
+    MoonctlExpecting(0, {"config", "init", "--mission", mission_, team_file_});
+    UseIpcAddresses(team_file_, folder_ / "m");
+  }
+
+  Outcome Replay(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), MOONDB_REPLAY_PROGRAM);
+    return Run(std::move(arguments));
+  }
+
+  std::filesystem::path mission_;
+};
+
+double Figure(const google::protobuf::Struct& figures, const std::string& part, const std::string& name) {
+  return figures.fields().at(part).struct_value().fields().at(name).number_value();
+}
+
+TEST_F(ReplayTest, MakesAMissionsTrajectoriesAndMapBetterOnTwoAgentsAlike) {
+  MakeTeam();
+  MoonctlExpecting(0, {"up", "--merge-backend", "cpu"});
+  // In two halves, and the second twice: nothing is stored twice.
+  for (const auto& span : {std::pair("--to", "200"), {"--from", "200"}, {"--from", "200"}}) {
+    const Outcome fed = Replay({"feed", "--mission", mission_, span.first, span.second});
+    ASSERT_EQ(fed.exit_code, 0) << fed.error;
+  }
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  MoonctlExpecting(0, {"graph", "optimize"});
+  MoonctlExpecting(0, {"replicate", "now", "--wait"});
+  for (const std::string agent : {"rover1", "rover2"}) {
+    const auto out = folder_ / ("score_" + agent);
+    const Outcome scored =
+        Replay({"score", "--mission", mission_, "-a", agent, "--out", out, "--json", out / "score.json"});
+    ASSERT_EQ(scored.exit_code, 0) << scored.error;
+    google::protobuf::Struct figures;
+    ASSERT_TRUE(google::protobuf::util::JsonStringToMessage(*ReadTextFile(out / "score.json"), &figures).ok());
+    EXPECT_EQ(figures.fields().at("map_count").number_value(), 117);
+    EXPECT_TRUE(figures.fields().at("is_agents_map_equal").bool_value());
+    EXPECT_LT(Figure(figures, "after", "ate_m"), Figure(figures, "before", "ate_m"));
+    EXPECT_GT(Figure(figures, "after", "hazard_iou"), Figure(figures, "before", "hazard_iou"));
+    for (const char* picture : {"merged_before.png", "merged_after.png", "merged_truth.png", "before_after.png",
+                                "trajectories.png", "rover1.png"}) {
+      EXPECT_TRUE(std::filesystem::exists(out / picture)) << picture;
+    }
+    RecordProperty("figures_" + agent, *ReadTextFile(out / "score.json"));
+    std::cout << scored.out;
+  }
+}
+
+TEST_F(ReplayTest, TakesAGraphInAndGivesItBack) {
+  MakeTeam();
+  MoonctlExpecting(0, {"up", "--merge-backend", "cpu"});
+  const auto imported = MoonctlJson(0, {"graph", "import", mission_ / "graph.pyfg"});
+  const auto exported = [&] {
+    MoonctlExpecting(0, {"sync", "now", "--wait"});
+    return MoonctlJson(0, {"graph", "export", folder_ / "out.pyfg", "--poses", "raw"});
+  }();
+  for (const char* count : {"nodes", "odometry", "ranges"}) {
+    EXPECT_EQ(exported.fields().at(count).number_value(), imported.fields().at(count).number_value()) << count;
+    EXPECT_GT(imported.fields().at(count).number_value(), 60) << count;
+  }
+}
+
+}  // namespace
+}  // namespace moondb
