@@ -185,7 +185,6 @@ void PgoActor::FinishWith(Context& context, const Error& error) {
 
 void PgoActor::Finish(Context& context) {
   context.Cancel(timeout_);
-  ++request_id_;  // A late answer of storage meets no question.
   phase_ = Phase::kIdle;
   publication_ = {};
   *stats_.mutable_last_solve() = reply_;

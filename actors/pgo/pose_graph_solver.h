@@ -15,7 +15,8 @@
 // than where the solve began. Otherwise `poses` are the initial values and `text` says why: never a crash.
 //
 // Deterministic: the same values in any order give the same solution, to the last bit for one thread count and binary.
-// A pure function of its arguments; may run on any thread. Takes 0.05 s for 450 nodes, about 0.5 s for 10,000.
+// A pure function of its arguments; may run on any thread. Measured on one thread from odometry: 0.06 s for 450 nodes
+// with 306 ranges, 2 s for 10,000 nodes with 5,000.
 //
 //   SolverOptions options;
 //   options.thread_count = 1;

@@ -1,0 +1,83 @@
+#include "actors/pgo/known_graph.h"
+
+#include <gtest/gtest.h>
+
+namespace moondb {
+namespace {
+
+proto::Term TermOf(std::uint64_t number) {
+  proto::Term term;
+  term.set_number(number);
+  return term;
+}
+
+proto::Record PoseAt(double x, std::uint64_t term, std::uint64_t run) {
+  proto::Record record;
+  proto::OptimizedPose& pose = *record.mutable_optimized_pose();
+  *pose.mutable_node() = ToProto(NodeKey{1, 2});
+  *pose.mutable_map_from_node() = ToProto(Pose::FromPlanar(x, 0, 0));
+  *pose.mutable_term() = TermOf(term);
+  pose.set_run(run);
+  return record;
+}
+
+proto::Record VerdictOf(bool is_inlier, std::uint64_t term, std::uint64_t run) {
+  proto::Record record;
+  proto::EdgeVerdict& verdict = *record.mutable_edge_verdict();
+  *verdict.mutable_from() = ToProto(NodeKey{1, 2});
+  *verdict.mutable_to() = ToProto(NodeKey{2, 2});
+  verdict.set_is_range(true);
+  verdict.set_is_inlier(is_inlier);
+  *verdict.mutable_term() = TermOf(term);
+  verdict.set_run(run);
+  return record;
+}
+
+TEST(KnownGraphTest, KeepsTheNewestPoseInAnyOrderOfArrival) {
+  for (const bool is_newest_first : {false, true}) {
+    KnownGraph known;
+    ASSERT_TRUE(known.Add(PoseAt(1, 1, 9)));
+    ASSERT_TRUE(known.Add(is_newest_first ? PoseAt(3, 2, 2) : PoseAt(2, 2, 1)));
+    ASSERT_TRUE(known.Add(is_newest_first ? PoseAt(2, 2, 1) : PoseAt(3, 2, 2)));
+    ASSERT_NE(known.FindPublished({1, 2}), nullptr);
+    EXPECT_EQ(known.FindPublished({1, 2})->position_m.x(), 3);
+    EXPECT_EQ(known.LastSolution().size(), 1u);
+  }
+}
+
+TEST(KnownGraphTest, KeepsTheNewestVerdictAndTrustsARangeNobodySpokeOf) {
+  KnownGraph known;
+  const RangeKey range{{1, 2}, {2, 2}};
+  EXPECT_TRUE(known.IsPublishedInlier(range));
+  ASSERT_TRUE(known.Add(VerdictOf(false, 2, 1)));
+  ASSERT_TRUE(known.Add(VerdictOf(true, 1, 7)));
+  EXPECT_FALSE(known.IsPublishedInlier(range));
+  ASSERT_TRUE(known.Add(VerdictOf(true, 2, 2)));
+  EXPECT_TRUE(known.IsPublishedInlier(range));
+}
+
+TEST(KnownGraphTest, CountsRunsWithinTheNewestTerm) {
+  KnownGraph known;
+  EXPECT_EQ(known.LastRun(TermOf(1)), 0u);
+  ASSERT_TRUE(known.Add(PoseAt(1, 1, 9)));
+  EXPECT_EQ(known.LastRun(TermOf(1)), 9u);
+  EXPECT_EQ(known.LastRun(TermOf(2)), 0u);
+  ASSERT_TRUE(known.Add(VerdictOf(true, 2, 4)));
+  EXPECT_EQ(known.LastRun(TermOf(2)), 4u);
+}
+
+TEST(KnownGraphTest, TakesNodesAndEdgesAndRefusesAPoseThatIsNone) {
+  KnownGraph known;
+  ASSERT_TRUE(known.Add(ToRecord(GraphNode{{1, 0}, 0, Pose{}})));
+  ASSERT_TRUE(known.Add(ToRecord(RangeEdge{{1, 0}, {2, 0}, 0, 3, 0.01})));
+  ASSERT_TRUE(known.Add(proto::Record()));
+  EXPECT_EQ(known.graph().nodes.size(), 1u);
+  EXPECT_EQ(known.graph().ranges.size(), 1u);
+  proto::Record damaged = PoseAt(1, 1, 1);
+  damaged.mutable_optimized_pose()->mutable_map_from_node()->mutable_orientation()->set_w(9);
+  EXPECT_FALSE(known.Add(damaged));
+  EXPECT_EQ(known.FindPublished({1, 2}), nullptr);
+}
+
+}  // namespace
+}  // namespace moondb
