@@ -1,16 +1,20 @@
 #include "apps/moondb_replay/score_command.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
+#include "apps/moondb_replay/map_frame.h"
 #include "apps/moondb_replay/score.h"
 #include "model/map_picture.h"
 #include "model/text.h"
 
 namespace moondb {
 namespace {
+
+constexpr std::int64_t kPictureMarginCells = 20;
 
 struct Setting {
   TeamFile team;
@@ -21,12 +25,6 @@ struct Setting {
   std::string agent_backend;
 };
 
-std::string Fixed(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof(text), "%.*f", digits, value);
-  return text;
-}
-
 std::vector<AgentId> AgentsOf(const proto::TeamConfig& team) {
   std::vector<AgentId> agents;
   for (const proto::AgentConfig& agent : team.agents()) agents.push_back(agent.id());
@@ -34,7 +32,7 @@ std::vector<AgentId> AgentsOf(const proto::TeamConfig& team) {
 }
 
 std::string Caption(const std::string& what, const TrajectoryError& error, const MapAgreement& agreement) {
-  return what + ": ATE " + Fixed(error.rmse_m, 2) + " m, hazard IoU " + Fixed(agreement.hazard_iou, 2);
+  return what + ": ATE " + FormatFixed(error.rmse_m, 2) + " m, hazard IoU " + FormatFixed(agreement.hazard_iou, 2);
 }
 
 // Tracks run through the rovers' nodes only.
@@ -49,10 +47,14 @@ Result<void> WriteRovers(const Setting& setting, const std::filesystem::path& ou
     if (agent.kind() != proto::AGENT_KIND_ROVER) continue;
     auto merged = MergeAt(setting.team.config, setting.held, NewestPoses(setting.held), agent.id());
     if (!merged) return tl::unexpected(merged.error());
-    if (merged->grid.cells.empty()) continue;
+    const bool has_map = std::any_of(setting.held.maps.begin(), setting.held.maps.end(),
+                                     [&agent](const HeldMap& map) { return map.key.stream.origin == agent.id(); });
+    if (!has_map) continue;
     MapPictureOptions options;
     options.caption = agent.name();
-    const Image image = DrawMap(*merged, {tracks[static_cast<std::size_t>(place)]}, options);
+    const MergedMap* own[] = {&*merged};
+    const MergedMap framed = InFrame(*merged, FrameOf(own, kPictureMarginCells));
+    const Image image = DrawMap(framed, {tracks[static_cast<std::size_t>(place)]}, options);
     if (auto written = WritePng(image, out / (agent.name() + ".png")); !written) return written;
   }
   return {};
@@ -67,13 +69,16 @@ Result<void> WritePictures(const Setting& setting, const std::filesystem::path& 
   const std::vector<Track> after = RoverTracks(setting, newest);
   const std::vector<Track> truth = RoverTracks(setting, setting.mission.truth);
 
+  // One frame, so that a place is at the same spot in each picture.
+  const MergedMap* all[] = {&maps.before, &maps.after, &maps.truth};
+  const MapFrame frame = FrameOf(all, kPictureMarginCells);
   MapPictureOptions options;
   options.caption = Caption("odometry", score.before, score.map_before);
-  const Image picture_before = DrawMap(maps.before, before, options);
+  const Image picture_before = DrawMap(InFrame(maps.before, frame), before, options);
   options.caption = Caption("optimized", score.after, score.map_after);
-  const Image picture_after = DrawMap(maps.after, after, options);
+  const Image picture_after = DrawMap(InFrame(maps.after, frame), after, options);
   options.caption = "truth";
-  const Image picture_truth = DrawMap(maps.truth, truth, options);
+  const Image picture_truth = DrawMap(InFrame(maps.truth, frame), truth, options);
   TrajectoryPlotOptions plot;
   plot.caption = "trajectories: truth pale, odometry grey, optimized coloured";
 
@@ -114,8 +119,8 @@ void PrintFigures(const Setting& setting, const std::string& agent) {
   const Score& score = setting.scored.score;
   Table table({"", "ATE M", "MAX M", "HAZARD IOU", "KAPPA"});
   const auto add = [&table](const char* name, const TrajectoryError& error, const MapAgreement& agreement) {
-    table.Add({name, Fixed(error.rmse_m, 3), Fixed(error.max_m, 3), Fixed(agreement.hazard_iou, 3),
-               Fixed(agreement.kappa, 3)});
+    table.Add({name, FormatFixed(error.rmse_m, 3), FormatFixed(error.max_m, 3), FormatFixed(agreement.hazard_iou, 3),
+               FormatFixed(agreement.kappa, 3)});
   };
   add("before (odometry)", score.before, score.map_before);
   add("after (optimized)", score.after, score.map_after);
