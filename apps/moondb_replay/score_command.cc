@@ -52,9 +52,7 @@ Result<void> WriteRovers(const Setting& setting, const std::filesystem::path& ou
     if (!has_map) continue;
     MapPictureOptions options;
     options.caption = agent.name();
-    const MergedMap* own[] = {&*merged};
-    const MergedMap framed = InFrame(*merged, FrameOf(own, kPictureMarginCells));
-    const Image image = DrawMap(framed, {tracks[static_cast<std::size_t>(place)]}, options);
+    const Image image = DrawMap(*merged, {tracks[static_cast<std::size_t>(place)]}, options);
     if (auto written = WritePng(image, out / (agent.name() + ".png")); !written) return written;
   }
   return {};
@@ -73,6 +71,7 @@ Result<void> WritePictures(const Setting& setting, const std::filesystem::path& 
   const MergedMap* all[] = {&maps.before, &maps.after, &maps.truth};
   const MapFrame frame = FrameOf(all, kPictureMarginCells);
   MapPictureOptions options;
+  options.is_cropped = false;
   options.caption = Caption("odometry", score.before, score.map_before);
   const Image picture_before = DrawMap(InFrame(maps.before, frame), before, options);
   options.caption = Caption("optimized", score.after, score.map_after);
