@@ -67,7 +67,7 @@ class Team:
     def replay_beside(self, verb, *arguments):
         """The same as a process that runs on."""
         command = [self.programs / "moondb_replay", verb, "-t", self.team_file, *arguments]
-        return subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL)
+        return subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     def status(self):
         """Per agent name the status that it answers, None for one that does not."""

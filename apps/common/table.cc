@@ -63,6 +63,12 @@ std::string FormatSeconds(double seconds) {
   return Format("%.1f %s", seconds / 3600, "h");
 }
 
+std::string FormatFixed(double value, int digits) {
+  char text[400];  // The largest double has 309 digits before the point.
+  std::snprintf(text, sizeof(text), "%.*f", digits, value);
+  return text;
+}
+
 std::string FormatCount(double count) { return Format("%.0f%s", count, ""); }
 
 }  // namespace moondb

@@ -24,6 +24,8 @@ class Table {
 std::string FormatBytes(double bytes);
 // "35 s", "4 min", "2.5 h".
 std::string FormatSeconds(double seconds);
+// With so many digits behind the point: "0.34".
+std::string FormatFixed(double value, int digits);
 // A count that came as a double: "12".
 std::string FormatCount(double count);
 
