@@ -47,15 +47,11 @@ Result<MapCollection::Node*> MapCollection::FindOrAddNode(const NodeKey& node) {
   return &nodes_[node];
 }
 
-void MapCollection::Update(VersionedPose& pose, const Version& version, const Pose& map_from_node) {
-  if (pose.is_known && version <= pose.version) return;
-  pose = {version, map_from_node, true};
-}
-
 Result<void> MapCollection::SetRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node) {
   Result<Node*> entry = FindOrAddNode(node);
   if (!entry) return tl::unexpected(entry.error());
-  Update((*entry)->raw, Version(0, 0, 0, 0, key), map_from_node);
+  auto& raw = (*entry)->raw;
+  if (!raw || key < raw->first) raw.emplace(key, map_from_node);
   return {};
 }
 
@@ -63,7 +59,9 @@ Result<void> MapCollection::SetOptimizedPose(const RecordKey& key, const NodeKey
                                              const proto::Term& term, std::uint64_t run) {
   Result<Node*> entry = FindOrAddNode(node);
   if (!entry) return tl::unexpected(entry.error());
-  Update((*entry)->optimized, std::tuple_cat(OrderOf(term), std::tuple(run, key)), map_from_node);
+  auto& optimized = (*entry)->optimized;
+  const Version version = std::tuple_cat(OrderOf(term), std::tuple(run, key));
+  if (!optimized || version > optimized->first) optimized.emplace(version, map_from_node);
   return {};
 }
 
@@ -71,8 +69,8 @@ const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) con
   const auto found = nodes_.find(node);
   if (found == nodes_.end()) return nullptr;
   const auto& [raw, optimized] = found->second;
-  if (!use_raw_poses && optimized.is_known) return &optimized.map_from_node;
-  return raw.is_known ? &raw.map_from_node : nullptr;
+  if (!use_raw_poses && optimized) return &optimized->second;
+  return raw ? &raw->second : nullptr;
 }
 
 Result<MapCollection::Selected> MapCollection::Place(const Selection& selection) const {

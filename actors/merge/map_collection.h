@@ -9,8 +9,10 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "actors/merge/placement.h"
@@ -53,8 +55,8 @@ class MapCollection {
   // False if there is none. Nothing remembers that it was there.
   bool WithdrawMap(const RecordKey& key);
 
-  // The pose as odometry has it. A node that was recorded twice has the pose of the larger key. kFull for more than
-  // nodes_max, here and below.
+  // The pose as odometry has it. Of two records of one node the smaller key stands, as everywhere. kFull for more
+  // than nodes_max, here and below.
   Result<void> SetRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
 
   // The newest (term, run) of a node wins.
@@ -71,19 +73,12 @@ class MapCollection {
   // Number, issuer and epoch of the term, run, and the record's key to decide between equal ones.
   using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
 
-  struct VersionedPose {
-    Version version;
-    Pose map_from_node;
-    bool is_known = false;
-  };
-
   struct Node {
-    VersionedPose raw;
-    VersionedPose optimized;
+    std::optional<std::pair<RecordKey, Pose>> raw;
+    std::optional<std::pair<Version, Pose>> optimized;
   };
 
   Result<Node*> FindOrAddNode(const NodeKey& node);
-  static void Update(VersionedPose& pose, const Version& version, const Pose& map_from_node);
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
 
   Options options_;

@@ -60,11 +60,12 @@ TEST_F(MapCollectionTest, TheNewestTermAndRunPlacesTheNodeInAnyOrder) {
   EXPECT_EQ(PlacedX(), 80);
 }
 
-TEST_F(MapCollectionTest, ANodeRecordedTwiceHasThePoseOfTheLaterRecord) {
+TEST_F(MapCollectionTest, OfTwoRecordsOfOneNodeTheSmallerKeyStands) {
   PutMapOf(1);
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 2), {1, 1}, Pose::FromPlanar(2, 0, 0)));
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(1, 0, 0)));
-  EXPECT_EQ(PlacedX(), 40);
+  ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 3), {1, 1}, Pose::FromPlanar(3, 0, 0)));
+  EXPECT_EQ(PlacedX(), 20);
 }
 
 TEST_F(MapCollectionTest, ASelectionTakesMapsAndFootprintsOfItsAgents) {
