@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netdb.h>
 #include <unistd.h>
 #include <zmq.h>
 
@@ -545,7 +546,11 @@ TEST_F(ZeroMqTransportTest, SendsFromManyThreads) {
 }
 
 TEST(ListenAddressTest, MakesNumbersOfNames) {
+  if (gethostbyname("localhost") == nullptr) GTEST_SKIP() << "this machine does not know the name localhost";
   EXPECT_EQ(NumericEndpoint("tcp://localhost:7400").value(), "tcp://127.0.0.1:7400");
+}
+
+TEST(ListenAddressTest, LeavesNumbersAndPathsAsTheyAre) {
   EXPECT_EQ(NumericEndpoint("tcp://[::1]:7400").value(), "tcp://[::1]:7400");
   EXPECT_EQ(NumericEndpoint("ipc:///tmp/x").value(), "ipc:///tmp/x");
 }
