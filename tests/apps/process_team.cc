@@ -24,9 +24,6 @@ void UseIpcAddresses(const std::filesystem::path& team_file, const std::filesyst
 }
 
 void ProcessTeam::SetUp() {
-  std::string pattern = "/tmp/moondb-XXXXXX";
-  folder_ = ::mkdtemp(pattern.data());
-  team_file_ = folder_ / "team.yaml";
   environment_ = {{"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}};
   const Outcome made = Run({MOONCTL_PROGRAM, "config", "init", "--agents", "4", team_file_});
   ASSERT_EQ(made.exit_code, 0) << made.error;
@@ -41,7 +38,6 @@ void ProcessTeam::TearDown() {
     }
     if (PidOf(name) > 0) Kill(name);
   }
-  std::filesystem::remove_all(folder_);
 }
 
 Outcome ProcessTeam::Run(std::vector<std::string> command) {

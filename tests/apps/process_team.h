@@ -14,6 +14,7 @@
 #include "google/protobuf/struct.pb.h"
 #include "runtime/team_config.h"
 #include "tests/apps/program.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
 
@@ -46,8 +47,9 @@ class ProcessTeam : public testing::Test {
 
   std::set<RecordKey> KeysHeldBy(const std::string& name);
 
-  std::filesystem::path folder_;
-  std::filesystem::path team_file_;
+  const TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
+  std::filesystem::path team_file_ = folder_ / "team.yaml";
   std::map<std::string, std::string> environment_;
 };
 

@@ -16,6 +16,7 @@
 #include <zmq.hpp>
 
 #include "proto/message.pb.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
 
@@ -25,18 +26,13 @@ class FakeAgent {
   using Answer = std::function<std::vector<std::string>(const proto::Message& request)>;
 
   explicit FakeAgent(Answer answer) : answer_(std::move(answer)) {
-    std::string pattern = "/tmp/moondb-test-XXXXXX";
-    folder_ = ::mkdtemp(pattern.data());
     router_.set(zmq::sockopt::linger, 0);
     router_.bind(endpoint());
     thread_ = std::thread([this] { Run(); });
   }
-  ~FakeAgent() {
-    Stop();
-    std::filesystem::remove_all(folder_);
-  }
+  ~FakeAgent() { Stop(); }
 
-  std::string endpoint() const { return "ipc://" + (folder_ / "agent").string(); }
+  std::string endpoint() const { return "ipc://" + temporary_.File("agent"); }
   int requests() const { return requests_; }
 
   // Closes the socket; the file stays where it was, as after a kill.
@@ -65,7 +61,7 @@ class FakeAgent {
   }
 
   Answer answer_;
-  std::filesystem::path folder_;
+  const TemporaryFolder temporary_;
   zmq::context_t context_;
   zmq::socket_t router_{context_, zmq::socket_type::router};
   std::atomic<bool> is_stopping_ = false;

@@ -11,15 +11,14 @@
 #include <sstream>
 #include <string>
 
+#include "tests/temporary_folder.h"
+
 namespace moondb {
 namespace {
 
 class LogTest : public ::testing::Test {
  protected:
-  ~LogTest() override {
-    spdlog::set_default_logger(before_);
-    std::filesystem::remove(path_);
-  }
+  ~LogTest() override { spdlog::set_default_logger(before_); }
 
   std::string Text() const {
     std::ostringstream text;
@@ -28,7 +27,8 @@ class LogTest : public ::testing::Test {
   }
 
   std::shared_ptr<spdlog::logger> before_ = spdlog::default_logger();
-  std::string path_ = (std::filesystem::temp_directory_path() / ("moondb-log-" + std::to_string(getpid()))).string();
+  const TemporaryFolder temporary_;
+  const std::string path_ = temporary_.File("agent.log");
 };
 
 TEST_F(LogTest, WritesALineAnEvent) {

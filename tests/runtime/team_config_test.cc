@@ -12,6 +12,7 @@
 #include <string>
 
 #include "runtime/curve_keys.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
 namespace {
@@ -230,12 +231,6 @@ TEST(TeamConfigTest, NamesTheRoleOfEachAgent) {
 
 class TeamFileTest : public ::testing::Test {
  protected:
-  TeamFileTest() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "moondb-team-XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-  }
-  ~TeamFileTest() override { std::filesystem::remove_all(folder_); }
-
   static mode_t ModeOf(const std::filesystem::path& path) {
     struct stat status {};
     EXPECT_EQ(stat(path.c_str(), &status), 0) << path;
@@ -250,7 +245,8 @@ class TeamFileTest : public ::testing::Test {
     return text.str();
   }
 
-  std::filesystem::path folder_;
+  const TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(TeamFileTest, InitialTeamIsReadBack) {

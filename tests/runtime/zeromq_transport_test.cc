@@ -27,6 +27,7 @@
 #include "runtime/listen_address.h"
 #include "runtime/private_folder.h"
 #include "runtime/team_config.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
 namespace {
@@ -155,15 +156,7 @@ class RawDealer {
 
 class ZeroMqTransportTest : public ::testing::Test {
  protected:
-  ZeroMqTransportTest() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "moondb-net-XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-    MakeTeam(/*is_insecure=*/false);
-  }
-  ~ZeroMqTransportTest() override {
-    transports_.clear();
-    std::filesystem::remove_all(folder_);
-  }
+  ZeroMqTransportTest() { MakeTeam(/*is_insecure=*/false); }
 
   void MakeTeam(bool is_insecure) {
     proto::TeamConfig team;
@@ -219,7 +212,8 @@ class ZeroMqTransportTest : public ::testing::Test {
   std::string AddressOf(AgentId agent) { return FindAgent(team_.config, agent)->address(); }
   std::string ClientEndpointHere() { return "ipc://" + (folder_ / "run" / "rover1.sock").string(); }
 
-  std::filesystem::path folder_;
+  const TemporaryFolder temporary_;  // Outlives the transports below.
+  const std::filesystem::path folder_ = temporary_.path();
   TeamFile team_;
   std::map<AgentId, Ear> ears_;
   std::map<AgentId, std::unique_ptr<ZeroMqTransport>> transports_;

@@ -140,7 +140,7 @@ TEST_F(RoleLogicTest, StaysAsItWasWhenStoringFails) {
   logic_.Adopt(*Propose(3, 0));
   logic_.OnSaveFailed();
   EXPECT_EQ(logic_.current().leader(), 1u);
-  EXPECT_TRUE(Propose(3, 0));
+  EXPECT_EQ(Propose(3, 0)->term().number(), 7u);  // What failed may lie on the disk all the same, under number 6.
 }
 
 TEST_F(RoleLogicTest, AdoptsANewerTermAndConfirmsIt) {
@@ -167,6 +167,20 @@ TEST_F(RoleLogicTest, OrdersTermsOfOneNumberByIssuerThenEpoch) {
   logic_.OnSaved();
   EXPECT_FALSE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 2)))->save);
   EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 3, /*epoch=*/2)))->save);
+}
+
+TEST_F(RoleLogicTest, TakesANewTermBeforeItLeadsUnderOneOfAnEarlierLife) {
+  logic_.OnAnnounce(3, Announce(Roles(kSelf, 1, 6, kSelf, /*epoch=*/76)));
+  const auto heard = logic_.OnSaved();
+  EXPECT_FALSE(heard.apply);
+  ASSERT_TRUE(heard.save);
+  EXPECT_EQ(OrderOf(heard.save->term()), OrderOf(Roles(kSelf, 1, 7, kSelf, 77).term()));
+  EXPECT_EQ(logic_.OnSaved().apply->term().number(), 7u);
+}
+
+TEST_F(RoleLogicTest, LeadsUnderTheTermInWhichAnotherAgentNamedIt) {
+  logic_.OnAnnounce(3, Announce(Roles(kSelf, 1, 6, 3)));
+  EXPECT_EQ(logic_.OnSaved().apply->term().number(), 6u);
 }
 
 TEST_F(RoleLogicTest, RefusesAtTheDoor) {
@@ -240,6 +254,17 @@ TEST_F(RoleLogicLeaderTest, StepsDownWhenItHearsANewerTerm) {
   EXPECT_TRUE(logic_.OnAnnounce(2, Announce(Roles(2, 3, 6, 2), true))->save);
   EXPECT_EQ(logic_.OnSaved().apply->leader(), 2u);
   EXPECT_FALSE(logic_.OnLeaderTimer(0).save);
+}
+
+TEST_F(RoleLogicLeaderTest, TakesANewTermAboveTheOneThatItsLostDiskHeld) {
+  logic_.OnAnnounce(2, Announce(Roles(1, 3, 8, 2), true));
+  const auto heard = logic_.OnSaved();
+  EXPECT_FALSE(heard.apply);
+  ASSERT_TRUE(heard.save);
+  EXPECT_EQ(OrderOf(heard.save->term()), OrderOf(Roles(1, 3, 9, 1, 77).term()));
+  EXPECT_TRUE(logic_.OnSaveFailed().leader_timer);
+  EXPECT_TRUE(logic_.OnLeaderTimer(0).save);
+  EXPECT_EQ(logic_.OnSaved().apply->survivor(), 3u);
 }
 
 TEST_F(RoleLogicLeaderTest, WaitsAgainWhenItsNewTermCannotBeStored) {

@@ -17,16 +17,6 @@ void SetPose(double x, proto::Pose& pose) {
 
 }  // namespace
 
-TemporaryFolder::TemporaryFolder() {
-  std::string name = (std::filesystem::temp_directory_path() / "moondb_store_XXXXXX").string();
-  if (mkdtemp(name.data())) path_ = name;
-}
-
-TemporaryFolder::~TemporaryFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
-
 RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path, std::uint64_t seed) {
   RecordStore::Options options;
   options.path = path;

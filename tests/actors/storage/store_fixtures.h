@@ -1,24 +1,13 @@
 // Stores and records for the tests of this folder.
 #pragma once
 
-#include <filesystem>
 #include <memory>
 #include <string>
 
 #include "actors/storage/record_store.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
-
-// A folder of its own that goes with the object.
-class TemporaryFolder {
- public:
-  TemporaryFolder();
-  ~TemporaryFolder();
-  std::string File(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  std::filesystem::path path_;
-};
 
 // Agents 1, 2, 3 and 9; states, optimized poses and verdicts by `latest`, mode by `none`, the rest by `all`.
 RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path = ":memory:", std::uint64_t seed = 1);

@@ -5,18 +5,15 @@
 
 #include <fstream>
 
+#include "tests/temporary_folder.h"
+
 namespace moondb {
 namespace {
 
 class DataFolderTest : public testing::Test {
  protected:
-  DataFolderTest() {
-    std::string pattern = "/tmp/moondb-test-XXXXXX";
-    folder_ = std::filesystem::path(::mkdtemp(pattern.data())) / "data";
-  }
-  ~DataFolderTest() override { std::filesystem::remove_all(folder_.parent_path()); }
-
-  std::filesystem::path folder_;
+  const TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path() / "data";
 };
 
 TEST_F(DataFolderTest, LiesBesideTheTeamFile) {

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
+#include "tests/temporary_folder.h"
+
 namespace moondb {
 namespace {
 
@@ -13,8 +15,7 @@ using testing::ElementsAre;
 class FeedPlanTest : public testing::Test {
  protected:
   FeedPlanTest() {
-    std::string pattern = "/tmp/moondb-test-XXXXXX";
-    mission_.folder = ::mkdtemp(pattern.data());
+    mission_.folder = temporary_.path();
     std::filesystem::create_directories(mission_.folder / "maps");
     MissionAgent rover{1, "rover1", false, 'A', {}, 0, 0, Eigen::Vector3d::Zero()};
     MissionAgent base{2, "base", true, 'L', {}, 0, 0, Eigen::Vector3d::Zero()};
@@ -24,8 +25,6 @@ class FeedPlanTest : public testing::Test {
     mission_.graph.ranges.push_back({{2, 0}, {1, 2}, Stamp(2), 4, 0.01});
     mission_.graph.nodes.push_back({{2, 0}, 0, Pose()});
   }
-  ~FeedPlanTest() override { std::filesystem::remove_all(mission_.folder); }
-
   static std::int64_t Stamp(std::uint64_t index) { return static_cast<std::int64_t>(index) * 10'000'000'000; }
 
   void AddNode(std::uint64_t index) {
@@ -64,6 +63,7 @@ class FeedPlanTest : public testing::Test {
     return bodies;
   }
 
+  const TemporaryFolder temporary_;
   Mission mission_;
   const TimeSpan all_{INT64_MIN, INT64_MAX};
 };

@@ -1,0 +1,36 @@
+// A folder of a test's own, which goes with the object.
+#pragma once
+
+#include <stdlib.h>
+
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#include "model/check.h"
+
+namespace moondb {
+
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    // Short: the paths of sockets below it may have 107 characters at most.
+    std::string pattern = (std::filesystem::temp_directory_path() / "moondb-XXXXXX").string();
+    Check(::mkdtemp(pattern.data()) != nullptr, "a test can make a temporary folder");
+    path_ = pattern;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  std::string File(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace moondb
