@@ -27,8 +27,8 @@ void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& pre
     if (was_open && roles().survivor() != 0) {
       Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true);
     }
-  } else if (previous.leader() == self() && roles().leader() != 0) {
-    Open(context, roles().leader(), proto::RecordFilter(), /*is_by_role=*/false);
+  } else if ((was_open || previous.leader() == self()) && roles().leader() != 0) {
+    Open(context, roles().leader(), proto::RecordFilter(), /*is_by_role=*/true);
   }
 }
 

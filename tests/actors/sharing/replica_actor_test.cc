@@ -89,5 +89,16 @@ TEST_F(ReplicaActorTest, HandsOverToTheNewLeaderOnceWhenDeposed) {
   EXPECT_EQ(stores_[3]->records().size(), 30u);
 }
 
+TEST_F(ReplicaActorTest, HandsOverToTheNextLeaderWhenTheNewOneIsDeposedBeforeItHasAll) {
+  InsertAtLeader(10);
+  team_.SetLink(1, 3, false);
+  TellRoles(team_, config_, 1, Roles(3, 2, 3));
+  team_.AdvanceTime(seconds(20));
+  TellRoles(team_, config_, 1, Roles(2, 3, 4));
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[2]->records(), stores_[1]->records());
+  EXPECT_FALSE(ShareStatusOf(team_, 1, actor_name::kReplica).sessions(1).is_open());  // Nobody asks for it any more.
+}
+
 }  // namespace
 }  // namespace moondb
