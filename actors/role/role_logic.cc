@@ -107,7 +107,11 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   history_.push_back(current_);
   if (history_.size() > kHistoryMax) history_.erase(history_.begin());
   confirmed_ = std::move(saving_holders_);
-  is_waiting_to_lead_ = false;
+  is_waiting_to_lead_ = IsFromEarlierLife(current_);
+  if (is_waiting_to_lead_) {
+    TakeNewTerm(actions);
+    return actions;
+  }
   actions.apply = current_;
   if (answer_to_ != 0) Tell(std::exchange(answer_to_, 0), /*is_reply=*/true, actions);
   announce_delay_ = options_.announce_after;
@@ -181,6 +185,11 @@ proto::Term RoleLogic::NextTerm() const {
 
 bool RoleLogic::IsMember(AgentId agent) const {
   return std::find(options_.agents.begin(), options_.agents.end(), agent) != options_.agents.end();
+}
+
+bool RoleLogic::IsFromEarlierLife(const proto::RoleAssignment& roles) const {
+  if (roles.leader() != options_.self || roles.term().issuer_epoch() == own_epoch_) return false;
+  return is_waiting_to_lead_ || roles.term().issuer() == options_.self;
 }
 
 void RoleLogic::Tell(AgentId to, bool is_reply, Actions& actions) const {

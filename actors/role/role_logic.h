@@ -8,7 +8,8 @@
 //
 // An agent that its stored roles name leader waits after its start: it announces what it has, and unless it hears of
 // a newer term within `leader_wait` (or everyone agrees before) it takes a new term with the same roles before it
-// acts, so that nothing of an earlier life of it shares a term with this one. Term 0 is the team file's.
+// acts, so that nothing of an earlier life of it shares a term with this one. So does one that lost its disk and hears
+// from the others that it leads. Term 0 is the team file's.
 //
 // A plain state machine: inputs return what is to be done. Not thread-safe.
 #pragma once
@@ -94,6 +95,8 @@ class RoleLogic {
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
   proto::Term NextTerm() const;
   bool IsMember(AgentId agent) const;
+  // Names this agent leader in a term in which it may have acted before it started.
+  bool IsFromEarlierLife(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const { return confirmed_.size() >= options_.agents.size(); }
   void Tell(AgentId to, bool is_reply, Actions& actions) const;
   void TellUnconfirmed(Actions& actions);
