@@ -68,6 +68,7 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
 RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
   Check(is_loaded_ && !saving_, "one assignment is stored at a time");
   saving_ = std::move(roles);
+  highest_number_ = std::max(highest_number_, saving_->term().number());  // Taken, even if storing fails.
   saving_holders_ = {options_.self};
   answer_to_ = 0;
   Actions actions;
@@ -103,7 +104,6 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   Actions actions;
   if (!saving_) return actions;
   current_ = *std::exchange(saving_, std::nullopt);
-  highest_number_ = std::max(highest_number_, current_.term().number());
   history_.push_back(current_);
   if (history_.size() > kHistoryMax) history_.erase(history_.begin());
   confirmed_ = std::move(saving_holders_);
