@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3 };
+enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kTell = 4 };
 
 RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   RoleLogic::Options logic;
@@ -81,6 +81,9 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
       return Perform(context, logic_.OnAnnounceTimer());
     case kLeader:
       return Perform(context, logic_.OnLeaderTimer(context.utc_now_ns()));
+    case kTell:
+      tell_timer_ = 0;
+      return TellOwnActors(context);
     default:
       return;
   }
@@ -170,15 +173,22 @@ void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
 
 void RoleActor::Apply(Context& context, const proto::RoleAssignment& roles) {
   context.SetRoles(roles);
-  proto::Message changed;
-  changed.set_ms_type(proto::EVENT);
-  *changed.mutable_term() = roles.term();
-  *changed.mutable_roles_changed()->mutable_roles() = roles;
-  changed.mutable_roles_changed()->set_own_role(RoleOf(options_.team, roles, options_.self));
-  for (const char* actor :
-       {actor_name::kSync, actor_name::kReplica, actor_name::kPgo, actor_name::kMerge, actor_name::kGateway}) {
-    (void)context.Send({options_.self, actor}, changed);  // Not every agent has all of them.
-  }
+  roles_changed_.Clear();
+  roles_changed_.set_ms_type(proto::EVENT);
+  *roles_changed_.mutable_term() = roles.term();
+  *roles_changed_.mutable_roles_changed()->mutable_roles() = roles;
+  roles_changed_.mutable_roles_changed()->set_own_role(RoleOf(options_.team, roles, options_.self));
+  untold_ = {actor_name::kSync, actor_name::kReplica, actor_name::kPgo, actor_name::kMerge, actor_name::kGateway};
+  TellOwnActors(context);
+}
+
+// One that missed a change would act on the old roles until the next.
+void RoleActor::TellOwnActors(Context& context) {
+  std::erase_if(untold_, [this, &context](const std::string& actor) {
+    return context.Send({options_.self, actor}, roles_changed_) != SendResult::kFull;  // Not every agent has all.
+  });
+  if (tell_timer_ != 0) context.Cancel(tell_timer_);
+  tell_timer_ = untold_.empty() ? 0 : context.AfterTimer(options_.tell_again, kTell);
 }
 
 void RoleActor::AskStorage(Context& context) {

@@ -1,12 +1,15 @@
 // RoleActor ("role"): holds this agent's role assignment and agrees on it with the other agents (RoleLogic).
 //
 // Stores an assignment through StorageActor before it acts: Context::SetRoles, RolesChanged to this agent's other
-// actors, RoleAnnounce to the other agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with RoleShowReply,
-// or with a ControlReply that holds nothing but an error. Both are taken from this agent's own actors only, as clients
-// come through the gateway. After a restart everything comes back from storage.
+// actors (again and again to one whose mailbox is full), RoleAnnounce to the other agents' RoleActors. Answers
+// RoleShowRequest and RoleSetRequest with RoleShowReply, or with a ControlReply that holds nothing but an error. Both
+// are taken from this agent's own actors only, as clients come through the gateway. After a restart everything comes
+// back from storage.
 #pragma once
 
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "actors/role/role_logic.h"
 #include "proto/team.pb.h"
@@ -23,6 +26,7 @@ class RoleActor final : public Actor {
     Duration announce_after = std::chrono::seconds(5);
     Duration announce_after_max = std::chrono::seconds(60);
     Duration storage_timeout = std::chrono::seconds(5);  // Then storage is asked again.
+    Duration tell_again = std::chrono::seconds(1);       // An own actor whose mailbox was full.
   };
 
   explicit RoleActor(Options options);
@@ -47,6 +51,7 @@ class RoleActor final : public Actor {
 
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);
+  void TellOwnActors(Context& context);
   void AskStorage(Context& context);  // To load at first, then to save what is to be stored.
   void AnswerAsker(Context& context, std::optional<Error> error);
 
@@ -55,6 +60,9 @@ class RoleActor final : public Actor {
   std::uint64_t storage_request_id_ = 0;
   TimerId storage_timer_ = 0;
   TimerId announce_timer_ = 0;
+  TimerId tell_timer_ = 0;
+  proto::Message roles_changed_;     // What stands.
+  std::vector<std::string> untold_;  // Own actors that do not know it yet.
   std::optional<Asker> asker_;
 };
 

@@ -22,6 +22,7 @@ struct Disk {
   std::vector<proto::RoleAssignment> roles;
   bool is_failing = false;
   bool is_silent = false;
+  bool is_flooding = false;  // Fills PgoActor's mailbox before RoleActor learns that its roles are stored.
 };
 
 class FakeStorageActor final : public Actor {
@@ -42,10 +43,24 @@ class FakeStorageActor final : public Actor {
       }
     }
     (void)context.Reply(std::move(reply));
+    if (disk_->is_flooding) (void)context.Send({context.self().agent, actor_name::kPgo}, proto::Message());
   }
 
  private:
   std::shared_ptr<Disk> disk_;
+};
+
+// A PgoActor that keeps the roles it was told.
+class FakePgoActor final : public Actor {
+ public:
+  explicit FakePgoActor(std::shared_ptr<std::vector<AgentId>> leaders) : leaders_(std::move(leaders)) {}
+
+  void OnMessage(Context&, const proto::Message& message) override {
+    if (message.has_roles_changed()) leaders_->push_back(message.roles_changed().roles().leader());
+  }
+
+ private:
+  std::shared_ptr<std::vector<AgentId>> leaders_;
 };
 
 // Rovers 1 (leader), 2 (survivor), 3 and base station 4. Their sync actors are probes.
@@ -157,6 +172,20 @@ TEST_F(RoleActorTest, TellsItsAgentsOtherActorsTheirRole) {
   EXPECT_EQ(Told(2).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
   EXPECT_EQ(Told(3).back().own_role(), proto::ROLE_ROVER);
   EXPECT_EQ(Told(4).back().own_role(), proto::ROLE_BASE_STATION);
+}
+
+TEST_F(RoleActorTest, TellsAnActorWhoseMailboxWasFullAgain) {
+  StartAndSettle();
+  const auto leaders = std::make_shared<std::vector<AgentId>>();
+  SpawnOptions narrow;
+  narrow.messages_max = 1;
+  team_.Spawn(
+      1, actor_name::kPgo, [leaders] { return std::make_unique<FakePgoActor>(leaders); }, narrow);
+  disks_[1]->is_flooding = true;
+  Swap(1);
+  EXPECT_TRUE(leaders->empty());
+  team_.AdvanceTime(seconds(10));
+  EXPECT_THAT(*leaders, testing::ElementsAre(2u));
 }
 
 TEST_F(RoleActorTest, LeaderActsOnlyInANewTerm) {
