@@ -34,6 +34,27 @@ CodedBatch EncodeFirst(const proto::MissingReply& reply, int count) {
   return EncodeBatch(batch);
 }
 
+// As many intervals as fit into `bytes_max`, at least one.
+std::vector<proto::StreamHave> FirstDropped(const proto::MissingReply& reply, std::size_t bytes_max) {
+  constexpr std::size_t kFieldBytes = 6;  // At most, around each of them.
+  std::vector<proto::StreamHave> first;
+  std::size_t bytes = 0;
+  for (const proto::StreamHave& stream : reply.dropped()) {
+    proto::StreamHave part = stream;
+    part.clear_dropped();
+    bytes += part.ByteSizeLong() + kFieldBytes;
+    for (const proto::Interval& interval : stream.dropped()) {
+      bytes += interval.ByteSizeLong() + kFieldBytes;
+      const bool is_first = first.empty() && part.dropped().empty();
+      if (bytes > bytes_max && !is_first) break;
+      *part.add_dropped() = interval;
+    }
+    if (part.dropped().empty()) break;
+    first.push_back(std::move(part));
+  }
+  return first;
+}
+
 }  // namespace
 
 SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id)
@@ -132,7 +153,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   } else {
     ready_ = Code(reply);
     missing_count_ = ready_->message.remaining();
-    // One reply does not always hold all that is dropped.
+    // One message does not always hold all that is dropped.
     is_exhausted_ = missing_count_ == 0 && ready_->dropped.empty();
   }
   Fill(now, actions);
@@ -277,8 +298,9 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   batch.set_record_count(static_cast<std::uint32_t>(count));
   // What is dropped never travels before what superseded it.
   if (remaining == 0) {
-    *batch.mutable_dropped() = reply.dropped();
-    result.dropped.assign(reply.dropped().begin(), reply.dropped().end());
+    const std::size_t coded_bytes = batch.coded().size();
+    result.dropped = FirstDropped(reply, options_.batch_bytes_max - std::min(options_.batch_bytes_max, coded_bytes));
+    batch.mutable_dropped()->Assign(result.dropped.begin(), result.dropped.end());
   }
   result.bytes = batch.ByteSizeLong();
   result.message.set_ms_type(proto::DATA);

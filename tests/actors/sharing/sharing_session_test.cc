@@ -365,6 +365,18 @@ TEST_F(SharingSessionTest, DoesNotRepeatWhatTheDestinationDoesNotTake) {
   EXPECT_EQ(Status().last_error(), "the destination did not take 1 records");
 }
 
+TEST_F(SharingSessionTest, TellsInSmallMessagesWhatIsDropped) {
+  for (int i = 0; i < 4000; ++i) {
+    const RecordKey key = source_.Insert(kSelf, proto::OPTIMIZED_POSE, "p");
+    if (i % 2 == 1) source_.Drop(key);
+  }
+  Order();
+  AnswerHello();
+  for (const auto& message : RunToEnd()) EXPECT_LE(message.batch().ByteSizeLong(), 4u * 1024 + 64);
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
 TEST_F(SharingSessionTest, TellsWhatIsDroppedOnlyWithTheLastRecords) {
   // What packs well comes first, so that more records than fit are asked for when the noise comes.
   for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, std::string(90, 'x'));
