@@ -198,7 +198,12 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
       reply_key = ToProto((*named)->key);
       return {};
     }
-    if (*named) return Fail(ErrorCode::kInvalid, name + " already exists with other content", table.name());
+    if (*named) {
+      const char* as = (*named)->content != content ? "with other content"
+                       : is_local                   ? "and is shared"
+                                                    : "and is local";
+      return Fail(ErrorCode::kInvalid, name + " already exists " + as, table.name());
+    }
   }
   RecordKey key{StreamKey{options_.self, 0, type}, 0};
   if (!is_local) {

@@ -165,6 +165,10 @@ TEST(RecordStoreTest, GivesTheSameKeyWhenARobotRepeatsANode) {
   InsertOne(*store, RangeRecord({2, 7}, {3, 1}, 4));
   EXPECT_NE(InsertAll(*store, {RangeRecord({2, 7}, {3, 1}, 5)}).error().text().find("already exists"),
             std::string::npos);
+  proto::InsertRequest local;
+  *local.add_records() = NodeRecord(2, 7, 1.0);
+  local.set_is_local(true);
+  EXPECT_EQ(store->Insert(local).reply.error().text(), "2:7 already exists and is shared");
 }
 
 TEST(RecordStoreTest, KeepsUnknownFieldsAsTheyCame) {
