@@ -19,6 +19,7 @@ void SharingActor::OnStart(Context& context) {
   receiver.team = options_.team.team();
   receiver.config_hash = options_.config_hash;
   receiver.kind = kind_;
+  receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
   receiver_.emplace(std::move(receiver), context.rng()());
   // After a restart of this actor alone nobody else would say what the roles are.

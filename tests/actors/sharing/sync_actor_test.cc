@@ -72,6 +72,23 @@ TEST_F(SyncActorTest, BringsARoversOwnRecordsToTheLeader) {
   EXPECT_EQ(stores_[kLeader]->records().begin()->second, "own");
 }
 
+TEST(SyncActorLargeTeamTest, CollectsFromAllAtOnce) {
+  constexpr int kRoverCount = 63;  // And the base station: the most that a team file may name.
+  const proto::TeamConfig config = TestTeam(kRoverCount);
+  simulation::SimulatedTeam team(1);
+  const auto leaders = std::make_shared<MemoryStore>();
+  for (AgentId agent = 1; agent <= kRoverCount + 1; ++agent) {
+    team.AddAgent(agent);
+    const auto store = agent == kLeader ? leaders : std::make_shared<MemoryStore>();
+    if (agent != kLeader) store->Insert(agent, proto::POSE_GRAPH_NODE, "node");
+    team.Spawn(agent, actor_name::kStorage, [store] { return std::make_unique<MemoryStorageActor>(store); });
+    SpawnSharing(team, agent, config);
+  }
+  Share(team, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
+  team.AdvanceTime(seconds(4));
+  EXPECT_EQ(leaders->records().size(), std::size_t{kRoverCount});
+}
+
 TEST_F(SyncActorTest, CollectsFromTheWholeTeamAtTheLeadersOrder) {
   InsertAll(50);
   const auto reply = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
