@@ -14,12 +14,20 @@ std::string ToJson(const google::protobuf::Message& message) {
 }
 
 Result<proto::Record> RecordFromJson(const std::string& type, const std::string& json) {
+  const google::protobuf::FieldDescriptor* field = proto::Record::descriptor()->FindFieldByName(type);
+  if (field == nullptr || field->containing_oneof() == nullptr) {
+    return Fail(ErrorCode::kInvalid, "is no data type with a body", type);
+  }
   proto::Record record;
-  // The type is one of the record's own field names; what stands behind a complete value would not parse.
-  const auto status = google::protobuf::util::JsonStringToMessage("{\"" + type + "\":" + json + "}", &record);
-  if (!status.ok()) return Fail(ErrorCode::kInvalid, std::string(status.message()), type);
-  if (record.body_case() == proto::Record::BODY_NOT_SET) {
+  google::protobuf::Message* body = record.GetReflection()->MutableMessage(&record, field);
+  if (json.find_first_not_of(" \t\r\n") == std::string::npos) {
     return Fail(ErrorCode::kInvalid, "expected a JSON object", type);
+  }
+  const auto status = google::protobuf::util::JsonStringToMessage(json, body);
+  if (!status.ok()) {
+    // The first line says what; the others show where, in the text as it was read.
+    const std::string message(status.message());
+    return Fail(ErrorCode::kInvalid, message.substr(0, message.find('\n')), type);
   }
   return record;
 }

@@ -75,7 +75,11 @@ Result<AgentClient> CommandContext::ConnectToChosenOrLeader() {
   auto roles = NewestRoles(**team, ClientOptions());
   if (!roles) return tl::unexpected(roles.error());
   if (roles->leader() == 0) return Fail(ErrorCode::kRefused, "nobody leads the team; see moonctl role set");
-  return Connect(AgentName((*team)->config, roles->leader()));
+  auto leader = Connect(AgentName((*team)->config, roles->leader()));
+  if (!leader) {
+    leader.error().text += "; it leads the team: if it is lost, let the survivor lead by moonctl role set";
+  }
+  return leader;
 }
 
 ExitCode CommandContext::Report(const Error& error) const {

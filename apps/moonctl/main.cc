@@ -28,6 +28,7 @@ void AddEverything(CLI::App& app, CommandContext& context) {
   app.add_option("-a,--agent", context.agent, "Ask this agent");
   app.add_flag("--json", context.is_json, "One JSON document on stdout");
   app.add_option("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m");
+  app.set_version_flag("--version", "moonctl " MOONDB_VERSION);
   AddUpCommands(app, context);
   AddStatusCommand(app, context);
   AddRoleCommands(app, context);

@@ -1,6 +1,7 @@
 #include <signal.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <set>
 #include <thread>
 #include <tuple>
@@ -47,6 +48,18 @@ bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& co
   return true;
 }
 
+Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& agent) {
+  auto connected = context.Connect(agent.name);
+  if (!connected) return tl::unexpected(connected.error());
+  return connected->client->Status();
+}
+
+// The process that answers for the agent; 0: nobody.
+pid_t AnsweringProcess(CommandContext& context, const LocalAgent& agent) {
+  const auto status = AskStatus(context, agent);
+  return status ? static_cast<pid_t>(status->pid()) : 0;
+}
+
 Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArguments& arguments) {
   auto team = context.Team();
   if (!team) return tl::unexpected(team.error());
@@ -61,19 +74,16 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     local.folder = arguments.data_folder.empty() ? DefaultDataFolder(context.TeamPath(), agent.name())
                                                  : std::filesystem::absolute(arguments.data_folder) / agent.name();
     local.pid = OwnerOf(local.folder);
+    const pid_t answering = AnsweringProcess(context, local);
+    if (answering == 0 || answering == local.pid) continue;
+    // Not the one that was asked for: neither started beside it nor stopped in its place.
+    local.is_failed = true;
+    local.state = "process " + std::to_string(answering) + " runs this agent from another data folder";
   }
   return agents;
 }
 
 std::filesystem::path LogOf(const LocalAgent& agent) { return agent.folder / "agent.log"; }
-
-Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& agent) {
-  auto connected = context.Connect(agent.name);
-  if (!connected) return tl::unexpected(connected.error());
-  return connected->client->Status();
-}
-
-bool Answers(CommandContext& context, const LocalAgent& agent) { return AskStatus(context, agent).has_value(); }
 
 // All of them know one and the same assignment, and its leader has taken a term of its own (actors/role). Fills in
 // what their roles are.
@@ -155,6 +165,8 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
 ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   auto agents = LocalAgents(context, arguments);
   if (!agents) return context.Report(agents.error());
+  const auto has_failed = [](const LocalAgent& agent) { return agent.is_failed; };
+  if (std::any_of(agents->begin(), agents->end(), has_failed)) return ShowOutcome(context, *agents);
   for (LocalAgent& agent : *agents) {
     if (agent.pid != 0) continue;
     if (auto started = Start(context, arguments, agent); !started) {
@@ -163,27 +175,22 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     }
   }
   const auto deadline = SteadyClock::now() + kStartTimeout;
-  bool is_failed = false;
   for (LocalAgent& agent : *agents) {
     bool has_ended = false;
-    const bool is_up = WaitUntil(deadline, [&] {
+    const bool is_decided = WaitUntil(deadline, [&] {
       has_ended = agent.is_ours && HasEnded(agent.pid);
-      return has_ended || Answers(context, agent);
+      return has_ended || AnsweringProcess(context, agent) == agent.pid;
     });
     agent.state = agent.is_ours ? "started" : "was running";
-    if (is_up && !has_ended) continue;
-    is_failed = true;
-    agent.is_failed = has_ended;  // One that is still there is ended below.
-    agent.state = has_ended ? "failed: " + LastLine(LogOf(agent)) : "does not answer; see " + LogOf(agent).string();
-  }
-  if (is_failed) {
-    // Keep what each failure said.
-    for (LocalAgent& agent : *agents) {
-      if (!agent.is_failed && agent.state.starts_with("does not answer") && agent.is_ours) {
-        ::kill(agent.pid, SIGKILL);
-        agent.is_failed = true;
-      }
+    agent.is_failed = has_ended || !is_decided;
+    if (has_ended) {
+      agent.state = "failed: " + LastLine(LogOf(agent));
+    } else if (!is_decided) {
+      agent.state = "does not answer; see " + LogOf(agent).string();
+      if (agent.is_ours) ::kill(agent.pid, SIGKILL);
     }
+  }
+  if (std::any_of(agents->begin(), agents->end(), has_failed)) {
     StopOurs(*agents);
   } else {
     // Of use at once, where the leader is among them; a team without its leader is up all the same.
@@ -195,7 +202,9 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
 ExitCode Down(CommandContext& context, const UpArguments& arguments) {
   auto agents = LocalAgents(context, arguments);
   if (!agents) return context.Report(agents.error());
-  for (LocalAgent& agent : *agents) Shutdown(context, agent);
+  for (LocalAgent& agent : *agents) {
+    if (!agent.is_failed) Shutdown(context, agent);
+  }
   return ShowOutcome(context, *agents);
 }
 

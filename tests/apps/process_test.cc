@@ -185,6 +185,20 @@ TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
 }
 
+TEST_F(ProcessTest, LeavesATeamAloneThatRunsFromAnotherDataFolder) {
+  MoonctlExpecting(0, {"up"});
+  const pid_t leader = PidOf("rover1");
+  const std::string elsewhere = folder_ / "elsewhere";
+  for (const char* command : {"up", "down"}) {
+    const std::string said = MoonctlExpecting(1, {command, "--data-dir", elsewhere});
+    EXPECT_THAT(said, testing::HasSubstr("process " + std::to_string(leader) + " runs this agent"));
+  }
+  EXPECT_EQ(PidOf("rover1"), leader);
+  EXPECT_FALSE(std::filesystem::exists(elsewhere + "/rover1/moondb.sqlite"));
+  MoonctlExpecting(0, {"status"});
+  MoonctlExpecting(0, {"down"});
+}
+
 TEST_F(ProcessTest, SaysWhatIsWrongWithWhatWasTyped) {
   EXPECT_THAT(Moonctl({"statsu"}).error, HasSubstr("did you mean \"status\"?"));
   EXPECT_EQ(Moonctl({"statsu"}).exit_code, 2);
