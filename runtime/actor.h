@@ -108,8 +108,8 @@ enum class Placement {
 
 struct SpawnOptions {
   Placement placement = Placement::kPool;
-  std::size_t messages_max = 4096;                    // Waiting in the mailbox; at least 1.
-  std::size_t bytes_max = 64 * 1024 * 1024;           // Of these, as serialised; one larger message fits alone.
+  std::size_t messages_max = 4096;           // Waiting in the mailbox; at least 1.
+  std::size_t bytes_max = 64 * 1024 * 1024;  // Of these, as serialised; one larger message fits alone.
 };
 
 }  // namespace moondb
