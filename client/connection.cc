@@ -60,9 +60,15 @@ struct Client::Connection::Sockets {
   zmq::socket_t dealer{context, zmq::socket_type::dealer};
 
   bool is_writable() { return (dealer.get(zmq::sockopt::events) & ZMQ_POLLOUT) != 0; }
+  // A signal of the user's program does not end the wait.
   bool Poll(short events, std::chrono::milliseconds timeout) {
-    zmq::pollitem_t item{dealer.handle(), 0, events, 0};
-    return zmq::poll(&item, 1, timeout) > 0;
+    const auto deadline = SteadyClock::now() + timeout;
+    while (true) {
+      zmq::pollitem_t item{dealer.handle(), 0, events, 0};
+      const int ready = zmq_poll(&item, 1, static_cast<long>(Until(deadline).count()));
+      if (ready >= 0) return ready > 0;
+      if (zmq_errno() != EINTR) throw zmq::error_t();
+    }
   }
 };
 

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <pthread.h>
+
+#include <csignal>
 
 #include "tests/client/fake_agent.h"
 
@@ -110,6 +113,23 @@ TEST(ClientTest, NoticesThatTheAgentWentAwayDuringACall) {
   ASSERT_FALSE(status.has_value());
   EXPECT_EQ(status.error().code, ErrorCode::kUnavailable);
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10));
+}
+
+TEST(ClientTest, WaitsOnWhenASignalInterruptsACall) {
+  std::signal(SIGUSR1, [](int) {});
+  const pthread_t caller = ::pthread_self();
+  FakeAgent agent([caller](const proto::Message& request) {
+    for (int i = 0; i < 5; ++i) {
+      std::this_thread::sleep_for(milliseconds(10));
+      ::pthread_kill(caller, SIGUSR1);
+    }
+    proto::ControlReply reply;
+    reply.mutable_status()->set_name("rover1");
+    return std::vector{Frame(request, reply)};
+  });
+  auto client = ConnectTo(agent);
+  const auto status = client->Status();
+  ASSERT_TRUE(status.has_value()) << ToString(status.error());
 }
 
 TEST(ClientTest, RefusesARequestThatIsTooLarge) {
