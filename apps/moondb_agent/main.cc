@@ -162,4 +162,7 @@ int Run(int argc, char** argv) {
 }  // namespace
 }  // namespace moondb
 
-int main(int argc, char** argv) { return moondb::Run(argc, argv); }
+int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);  // Whoever reads the log may leave; the agent stays.
+  return moondb::Run(argc, argv);
+}
