@@ -1,7 +1,6 @@
 #include "apps/common/data_folder.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -15,6 +14,15 @@ namespace moondb {
 namespace {
 
 constexpr char kPidFile[] = "agent.pid";
+
+// Over the whole file; unlike flock it can be asked about without being taken for a moment, in which an agent that
+// starts would find it taken. The kernel's answer is in the type.
+struct flock LockOf(short type) {
+  struct flock lock {};
+  lock.l_type = type;
+  lock.l_whence = SEEK_SET;
+  return lock;
+}
 
 std::string ErrnoText() { return std::strerror(errno); }
 
@@ -36,9 +44,10 @@ std::filesystem::path DefaultDataFolder(const std::filesystem::path& team_file, 
 pid_t OwnerOf(const std::filesystem::path& folder) {
   const int descriptor = ::open((folder / kPidFile).c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor < 0) return 0;
-  const bool is_free = ::flock(descriptor, LOCK_SH | LOCK_NB) == 0;
+  struct flock lock = LockOf(F_RDLCK);
+  const bool is_free = ::fcntl(descriptor, F_OFD_GETLK, &lock) == 0 && lock.l_type == F_UNLCK;
   const pid_t pid = is_free ? 0 : ReadPid(descriptor);
-  ::close(descriptor);  // Frees a lock taken by the question.
+  ::close(descriptor);
   return pid;
 }
 
@@ -52,8 +61,9 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
   const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
   if (descriptor < 0) return Fail(ErrorCode::kInternal, ErrnoText(), file);
   DataFolderLock lock(descriptor);
-  if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) return Fail(ErrorCode::kInternal, ErrnoText(), file);
+  struct flock wanted = LockOf(F_WRLCK);
+  if (::fcntl(descriptor, F_OFD_SETLK, &wanted) != 0) {
+    if (errno != EAGAIN && errno != EACCES) return Fail(ErrorCode::kInternal, ErrnoText(), file);
     return Fail(ErrorCode::kRefused,
                 "the data folder is in use by another agent process (pid " + std::to_string(ReadPid(descriptor)) + ")",
                 folder.string());

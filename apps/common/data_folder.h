@@ -1,7 +1,7 @@
 // Where an agent keeps its data on this machine, and the lock that lets only one process have them.
 //
-// The lock is flock on `agent.pid` in the folder, which holds the owner's process id: the kernel frees it when the
-// process dies, however it dies, so a file that is left behind means nothing.
+// The lock is one of an open file (F_OFD_SETLK) on `agent.pid` in the folder, which holds the owner's process id: the
+// kernel frees it when the process dies, however it dies, so a file that is left behind means nothing.
 #pragma once
 
 #include <sys/types.h>
