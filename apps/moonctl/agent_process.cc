@@ -17,11 +17,12 @@ constexpr std::int64_t kTailBytes = 4096;
 
 class SpawnSettings {
  public:
-  SpawnSettings(const std::string& log) {
+  explicit SpawnSettings(int log) {
     ::posix_spawn_file_actions_init(&actions);
+    ::posix_spawn_file_actions_adddup2(&actions, log, STDOUT_FILENO);
+    ::posix_spawn_file_actions_adddup2(&actions, log, STDERR_FILENO);
+    // Last: `log` itself may be 0, where nothing else was open there.
     ::posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    ::posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
-    ::posix_spawn_file_actions_adddup2(&actions, STDOUT_FILENO, STDERR_FILENO);
     ::posix_spawnattr_init(&attributes);
     sigset_t none;
     sigemptyset(&none);
@@ -46,13 +47,18 @@ class SpawnSettings {
 }  // namespace
 
 Result<pid_t> StartProcess(const std::vector<std::string>& command, const std::filesystem::path& log) {
-  const SpawnSettings settings(log.string());
+  // Opened here and not by the child: a log that cannot be opened is told apart from a program that cannot be started.
+  const int log_file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+  if (log_file < 0)
+    return Fail(ErrorCode::kInternal, std::string("cannot open: ") + std::strerror(errno), log.string());
+  const SpawnSettings settings(log_file);
   std::vector<char*> arguments;
   for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
   pid_t child = 0;
   const int error = ::posix_spawn(&child, command.front().c_str(), &settings.actions, &settings.attributes,
                                   arguments.data(), environ);
+  ::close(log_file);
   if (error != 0)
     return Fail(ErrorCode::kInternal, std::string("cannot start: ") + std::strerror(error), command.front());
   return child;
