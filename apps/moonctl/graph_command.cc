@@ -157,26 +157,22 @@ void AddGraphCommands(CLI::App& app, CommandContext& context) {
   group.require_subcommand(1);
   auto arguments = std::make_shared<GraphArguments>();
 
-  CLI::App& import = *group.add_subcommand("import", "Insert a PyFG file, each rover's part at its own agent");
-  import.add_option("file", arguments->file, "PyFG file")->required();
-  import.callback([&context, arguments] {
-    context.action = [&context, arguments] { return ImportGraph(context, *arguments);
-};
-}  // namespace moondb
-);
-CLI::App& exported = *group.add_subcommand("export", "Write the graph that the leader (or -a) holds as PyFG");
-exported.add_option("file", arguments->file, "PyFG file")->required();
-exported.add_option("--poses", arguments->poses, "optimized (where there are any) or raw")
-    ->check(CLI::IsMember({"optimized", "raw"}));
-exported.callback([&context, arguments] {
-  context.action = [&context, arguments] { return ExportGraph(context, *arguments); };
-});
-group.add_subcommand("optimize", "Solve it now, at the leader (or -a)")->callback([&context] {
-  context.action = [&context] { return OptimizeGraph(context); };
-});
-group.add_subcommand("stats", "The last solve")->callback([&context] {
-  context.action = [&context] { return ShowGraphStats(context); };
-});
+  CLI::App& imported = *group.add_subcommand("import", "Insert a PyFG file, each rover's part at its own agent");
+  imported.add_option("file", arguments->file, "PyFG file")->required();
+  imported.callback(
+      [&context, arguments] { context.action = [&context, arguments] { return ImportGraph(context, *arguments); }; });
+  CLI::App& exported = *group.add_subcommand("export", "Write the graph that the leader (or -a) holds as PyFG");
+  exported.add_option("file", arguments->file, "PyFG file")->required();
+  exported.add_option("--poses", arguments->poses, "optimized (where there are any) or raw")
+      ->check(CLI::IsMember({"optimized", "raw"}));
+  exported.callback(
+      [&context, arguments] { context.action = [&context, arguments] { return ExportGraph(context, *arguments); }; });
+  group.add_subcommand("optimize", "Solve it now, at the leader (or -a)")->callback([&context] {
+    context.action = [&context] { return OptimizeGraph(context); };
+  });
+  group.add_subcommand("stats", "The last solve")->callback([&context] {
+    context.action = [&context] { return ShowGraphStats(context); };
+  });
 }
 
 }  // namespace moondb
