@@ -4,8 +4,6 @@
 // file is, 70 an actor was beyond help.
 
 #include <poll.h>
-#include <spdlog/sinks/basic_file_sink.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
 #include <sys/signalfd.h>
@@ -19,6 +17,7 @@
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
 #include "apps/moondb_agent/agent.h"
+#include "runtime/log.h"
 
 namespace moondb {
 namespace {
@@ -44,7 +43,7 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--data-dir", arguments.data_folder, "Data folder (moondb-data/AGENT beside the team file)");
   app.add_option("--log-level", arguments.log_level, "From this level on")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
-  app.add_option("--log-file", arguments.log_file, "Append the log to this file (stderr)");
+  app.add_option("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (stderr alone)");
   app.add_option("--merge-backend", arguments.merge_backend, "What merges maps")
       ->check(CLI::IsMember({"auto", "cpu", "gl"}));
   app.add_option("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
@@ -54,21 +53,6 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
 int Complain(int code, const std::string& text) {
   std::fprintf(stderr, "moondb_agent: %s\n", text.c_str());
   return code;
-}
-
-// spdlog throws where a file cannot be opened.
-Result<void> SetUpLog(const Arguments& arguments) {
-  try {
-    auto log = arguments.log_file.empty() ? spdlog::stderr_logger_mt("agent")
-                                          : spdlog::basic_logger_mt("agent", arguments.log_file);
-    log->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l " + arguments.agent + ": %v");
-    log->flush_on(spdlog::level::info);
-    spdlog::set_default_logger(std::move(log));
-    spdlog::set_level(spdlog::level::from_str(arguments.log_level));
-    return {};
-  } catch (const spdlog::spdlog_ex& error) {
-    return Fail(ErrorCode::kInternal, error.what(), "--log-file");
-  }
 }
 
 // Waits for a signal or for a word from the agent's threads; no work is done in a signal handler.
@@ -144,7 +128,9 @@ int Run(int argc, char** argv) {
   const auto team = ReadTeamFile(arguments.team);
   if (!team) return Complain(kUsage, ToString(team.error()));
   if (auto named = AgentNamed(team->config, arguments.agent); !named) return Complain(kUsage, ToString(named.error()));
-  if (auto log = SetUpLog(arguments); !log) return Complain(kFailed, ToString(log.error()));
+  if (auto log = InitLog(arguments.log_level, arguments.agent, arguments.log_file); !log) {
+    return Complain(kFailed, ToString(log.error()));
+  }
 
   StopWaiter waiter;
   auto agent = Agent::Start(*team, MakeOptions(arguments, waiter));
