@@ -12,10 +12,16 @@ namespace {
 constexpr std::size_t kKeyLength = 40;  // Z85 of 32 bytes.
 constexpr std::size_t kKeyFileBytesMax = 64;
 
-Result<std::string> ReadKey(const std::filesystem::path& path) {
+Result<void> CheckIsFile(const std::filesystem::path& path) {
   std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error))
-    return Fail(ErrorCode::kInvalid, path.string() + ": no such file");
+  if (std::filesystem::is_regular_file(path, error)) return {};
+  if (std::filesystem::exists(path, error)) return Fail(ErrorCode::kInvalid, path.string() + ": not a regular file");
+  // A folder that may not be entered hides whether the file is there.
+  return Fail(ErrorCode::kInvalid, path.string() + ": " + (error ? error.message() : "no such file"));
+}
+
+Result<std::string> ReadKey(const std::filesystem::path& path) {
+  if (const Result<void> is_file = CheckIsFile(path); !is_file) return tl::unexpected(is_file.error());
   std::ifstream file(path, std::ios::binary);
   if (!file) return Fail(ErrorCode::kInvalid, path.string() + ": cannot be read");
   std::string text(kKeyFileBytesMax + 1, '\0');
@@ -43,8 +49,9 @@ Result<CurveKeys> MakeCurveKeys() {
 Result<std::string> ReadPublicKey(const std::filesystem::path& path) { return ReadKey(path); }
 
 Result<std::string> ReadSecretKey(const std::filesystem::path& path) {
+  if (const Result<void> is_file = CheckIsFile(path); !is_file) return tl::unexpected(is_file.error());
   struct stat status {};
-  if (stat(path.c_str(), &status) != 0) return Fail(ErrorCode::kInvalid, path.string() + ": no such file");
+  if (stat(path.c_str(), &status) != 0) return Fail(ErrorCode::kInvalid, path.string() + ": cannot be read");
   if ((status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
     return Fail(ErrorCode::kInvalid, path.string() + ": others can read this secret; run chmod 600 on it");
   }

@@ -34,7 +34,10 @@ Result<void> ClaimIpcPath(const std::string& endpoint) {
   if (!endpoint.starts_with("ipc://")) return {};
   const std::string path = endpoint.substr(6);
   struct stat status {};
-  if (lstat(path.c_str(), &status) != 0 && errno == ENOENT) return {};
+  if (lstat(path.c_str(), &status) != 0) {
+    if (errno == ENOENT) return {};
+    return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": " + std::strerror(errno));
+  }
   if (!S_ISSOCK(status.st_mode)) return Fail(ErrorCode::kInvalid, path + ": is there already and is not a socket");
   switch (const int error = Probe(path)) {
     case ENOENT:

@@ -55,7 +55,11 @@ Result<TeamFile> Parse(const std::string& yaml, const std::string& name, const s
 
 Result<TeamFile> ReadTeamFile(const std::filesystem::path& path) {
   std::error_code error;
-  if (!std::filesystem::exists(path, error)) return Fail(ErrorCode::kNotFound, path.string() + ": no such file");
+  if (!std::filesystem::exists(path, error)) {
+    // A folder that may not be entered hides whether the file is there.
+    if (error) return Fail(ErrorCode::kInvalid, path.string() + ": " + error.message());
+    return Fail(ErrorCode::kNotFound, path.string() + ": no such file");
+  }
   if (!std::filesystem::is_regular_file(path, error)) {
     return Fail(ErrorCode::kInvalid, path.string() + ": not a regular file");
   }

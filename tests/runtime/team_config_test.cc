@@ -328,6 +328,9 @@ TEST_F(TeamFileTest, SecretsThatOthersCanReadAreRefused) {
 TEST_F(TeamFileTest, FilesThatAreNotThereOrTooLargeAreErrors) {
   EXPECT_EQ(ReadTeamFile(folder_ / "none.yaml").error().code, ErrorCode::kNotFound);
   EXPECT_THAT(ReadTeamFile(folder_).error().text, HasSubstr("not a regular file"));
+  // Nobody can tell whether it is there.
+  std::filesystem::create_symlink("loop.yaml", folder_ / "loop.yaml");
+  EXPECT_THAT(ReadTeamFile(folder_ / "loop.yaml").error().text, HasSubstr("symbolic links"));
   Write(folder_ / "large.yaml", kGood + std::string(1'000'000, '#'));
   EXPECT_THAT(ReadTeamFile(folder_ / "large.yaml").error().text, HasSubstr("larger than 1 MB"));
 }
