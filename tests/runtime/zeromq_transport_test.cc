@@ -550,12 +550,11 @@ TEST(ListenAddressTest, LeavesNumbersAndPathsAsTheyAre) {
 }
 
 TEST(ListenAddressTest, LeavesAFileThatIsNoSocket) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "moondb-file-XXXXXX").string();
-  const int file = mkstemp(pattern.data());
-  ASSERT_GE(file, 0);
-  close(file);
-  EXPECT_EQ(ClaimIpcPath("ipc://" + pattern).error().code, ErrorCode::kInvalid);
-  EXPECT_TRUE(std::filesystem::remove(pattern));
+  const TemporaryFolder folder;
+  const std::string path = folder.File("file");
+  std::ofstream(path) << "precious";
+  EXPECT_EQ(ClaimIpcPath("ipc://" + path).error().code, ErrorCode::kInvalid);
+  EXPECT_TRUE(std::filesystem::remove(path));
 }
 
 }  // namespace

@@ -14,11 +14,7 @@ class ReplicaActorTest : public testing::Test {
  protected:
   ReplicaActorTest() {
     for (AgentId agent = 1; agent <= 4; ++agent) {
-      team_.AddAgent(agent);
-      stores_[agent] = std::make_shared<MemoryStore>();
-      team_.Spawn(agent, actor_name::kStorage,
-                  [store = stores_[agent]] { return std::make_unique<MemoryStorageActor>(store); });
-      SpawnSharing(team_, agent, config_);
+      stores_[agent] = AddMemoryAgent(team_, agent, config_);
     }
   }
 

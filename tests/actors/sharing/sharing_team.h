@@ -9,6 +9,7 @@
 #include "actors/sharing/sync_actor.h"
 #include "runtime/simulation/simulated_team.h"
 #include "runtime/team_config.h"
+#include "tests/actors/sharing/memory_store.h"
 
 namespace moondb {
 
@@ -50,6 +51,16 @@ inline void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const p
   const SharingActor::Options options = SharingOptions(agent, config);
   team.Spawn(agent, actor_name::kSync, [options] { return std::make_unique<SyncActor>(options); });
   team.Spawn(agent, actor_name::kReplica, [options] { return std::make_unique<ReplicaActor>(options); });
+}
+
+// An agent with its sharing actors, whose records are in the store that this gives back.
+inline std::shared_ptr<MemoryStore> AddMemoryAgent(simulation::SimulatedTeam& team, AgentId agent,
+                                                   const proto::TeamConfig& config) {
+  const auto store = std::make_shared<MemoryStore>();
+  team.AddAgent(agent);
+  team.Spawn(agent, actor_name::kStorage, [store] { return std::make_unique<MemoryStorageActor>(store); });
+  SpawnSharing(team, agent, config);
+  return store;
 }
 
 inline proto::Message ShareOrder(proto::SharingKind kind, AgentId destination = 0) {

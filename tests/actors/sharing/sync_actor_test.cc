@@ -23,11 +23,7 @@ class MemoryTeam {
  public:
   explicit MemoryTeam(std::uint64_t seed) : team_(seed) {
     for (AgentId agent = 1; agent <= 4; ++agent) {
-      team_.AddAgent(agent);
-      stores_[agent] = std::make_shared<MemoryStore>();
-      team_.Spawn(agent, actor_name::kStorage,
-                  [store = stores_[agent]] { return std::make_unique<MemoryStorageActor>(store); });
-      SpawnSharing(team_, agent, config_);
+      stores_[agent] = AddMemoryAgent(team_, agent, config_);
     }
   }
 
