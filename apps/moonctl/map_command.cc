@@ -53,7 +53,7 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
   const std::string text = "wrote " + arguments.folder + ": " + std::to_string(grid.width) + " x " +
                            std::to_string(grid.height) + " cells of " + FormatDouble(merged->map.resolution_um / 1e6) +
                            " m, " + FormatCount(merged->reply.map_count()) + " maps merged by " +
-                           merged->reply.backend() + " in " + FormatDouble(merged->reply.seconds()) + " s" +
+                           merged->reply.backend() + " in " + FormatFixed(merged->reply.seconds(), 3) + " s" +
                            (merged->reply.waiting_map_count() > 0
                                 ? ", " + FormatCount(merged->reply.waiting_map_count()) + " wait for their nodes"
                                 : "");
