@@ -22,6 +22,7 @@ class RoleActor final : public Actor {
   struct Options {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked.
+    std::vector<std::string> tell;  // Own actors that get RolesChanged beside the standard ones.
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);
     Duration announce_after_max = std::chrono::seconds(60);

@@ -2,7 +2,9 @@
 
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
+#include <set>
 #include <utility>
 
 #include "actors/gateway/gateway_actor.h"
@@ -14,6 +16,7 @@
 #include "actors/storage/storage_actor.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
+#include "model/check.h"
 #include "runtime/actor_system.h"
 #include "runtime/zeromq_transport.h"
 
@@ -21,11 +24,31 @@ namespace moondb {
 namespace {
 
 constexpr char kDatabaseFile[] = "moondb.sqlite";
+constexpr std::array kStandardActors = {actor_name::kStorage, actor_name::kSync, actor_name::kReplica, actor_name::kPgo,
+                                        actor_name::kMerge,   actor_name::kRole, actor_name::kGateway};
+constexpr std::size_t kActorNameMax = 32;
+constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
 // What the operator should hear now and not from an actor's third restart.
 Result<void> CheckStore(const StorageActor::Options& options) {
   auto store = RecordStore::Open(StorageActor::StoreOptions(options));
   if (!store) return tl::unexpected(store.error());
+  return {};
+}
+
+Result<void> CheckOwnActors(const std::vector<OwnActor>& actors) {
+  if (actors.size() > kOwnActorsMax) return Fail(ErrorCode::kInvalid, "too many own actors", "own_actors");
+  std::set<std::string> names(kStandardActors.begin(), kStandardActors.end());
+  for (const OwnActor& actor : actors) {
+    Check(actor.factory != nullptr, "an own actor has a factory");
+    if (actor.name.empty() || actor.name.size() > kActorNameMax ||
+        actor.name.find_first_not_of(kActorNameLetters) != std::string::npos) {
+      return Fail(ErrorCode::kInvalid, "\"" + actor.name + "\" is no actor's name", "own_actors");
+    }
+    if (!names.insert(actor.name).second) {
+      return Fail(ErrorCode::kInvalid, "an actor " + actor.name + " runs already", "own_actors");
+    }
+  }
   return {};
 }
 
@@ -70,7 +93,14 @@ class Agent::Impl {
     storage.path = options_.data_folder / kDatabaseFile;
     storage.self = self_;
     storage.team = team_.config;
+    storage.notify = OwnActorNames();
     return storage;
+  }
+
+  std::vector<std::string> OwnActorNames() const {
+    std::vector<std::string> names;
+    for (const OwnActor& actor : options_.own_actors) names.push_back(actor.name);
+    return names;
   }
 
   void MakeSystem() {
@@ -87,6 +117,7 @@ class Agent::Impl {
     RoleActor::Options role;
     role.self = self_;
     role.team = team;
+    role.tell = OwnActorNames();
     SpawnActor<RoleActor>(*system_, actor_name::kRole, Placement::kPool, std::move(role));
 
     SharingActor::Options sharing;
@@ -115,6 +146,8 @@ class Agent::Impl {
     gateway.pid = static_cast<std::uint32_t>(::getpid());
     gateway.merge_backend = ToString(backend);
     SpawnActor<GatewayActor>(*system_, actor_name::kGateway, Placement::kPool, std::move(gateway));
+
+    for (const OwnActor& actor : options_.own_actors) system_->Spawn(actor.name, actor.spawn, actor.factory);
   }
 
   // The transport must exist before the system starts, and may deliver only from then on: until then its messages are
@@ -157,6 +190,7 @@ const std::string& Agent::client_endpoint() const { return impl_->endpoint(); }
 
 Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions options) {
   if (auto named = AgentNamed(team.config, options.name); !named) return tl::unexpected(named.error());
+  if (auto checked = CheckOwnActors(options.own_actors); !checked) return tl::unexpected(checked.error());
   auto lock = DataFolderLock::Take(options.data_folder);
   if (!lock) return tl::unexpected(lock.error());
   auto impl = std::make_unique<Impl>(team, std::move(options), std::move(*lock));

@@ -1,6 +1,6 @@
 // Agent: one team member's whole runtime: data folder, actors, transport, put together and taken apart in order.
 //
-//   storage (own thread), role, sync, replica, pgo (own), merge (own), gateway; then the transport
+//   storage (own thread), role, sync, replica, pgo (own), merge (own), gateway, your own; then the transport
 //
 // What can be wrong with the world (the folder, the database, keys, ports, a forced GL) is found before anything runs
 // and comes back as one error. Create and destroy it on one thread; the callbacks come on others.
@@ -10,12 +10,23 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "actors/merge/merger.h"
 #include "model/error.h"
+#include "runtime/actor.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
+
+// An actor of the user's, supervised like the standard ones. Others reach it by its name: actors of this agent and of
+// others with Message.custom (or any body that may leave an agent), clients with Client::Ask. It is told, as it may
+// ignore, RecordsStored after each commit of new rows and RolesChanged after each change of roles.
+struct OwnActor {
+  std::string name;  // 1 to 32 lower-case letters, digits, - and _; none of the standard actors'.
+  ActorFactory factory;
+  SpawnOptions spawn;
+};
 
 struct AgentOptions {
   std::string name;                   // Of the team's agents.
@@ -23,15 +34,18 @@ struct AgentOptions {
   MergeBackend merge_backend = MergeBackend::kAuto;
   std::string secret_key_file;              // Empty: beside the public key.
   std::string version;                      // Shown in status.
+  std::vector<OwnActor> own_actors;         // At most kOwnActorsMax. Started after the standard ones, ended before.
   std::function<void()> on_stop_requested;  // A client asked; some thread. Destroy the Agent elsewhere.
   std::function<void(Error)> on_fatal;      // An actor is beyond help; some thread.
 };
 
+inline constexpr std::size_t kOwnActorsMax = 64;
+
 class Agent {
  public:
-  // Returns a running agent. kInvalid: no such agent, a bad key, a path too long for a socket. kRefused: the data
-  // folder is in use, the database belongs to another agent or a newer version. kUnavailable: an address in use, no GL
-  // where it is forced. Others as RecordStore::Open says.
+  // Returns a running agent. kInvalid: no such agent, an own actor's name, a bad key, a path too long for a socket.
+  // kRefused: the data folder is in use, the database belongs to another agent or a newer version. kUnavailable: an
+  // address in use, no GL where it is forced. Others as RecordStore::Open says.
   static Result<std::unique_ptr<Agent>> Start(const TeamFile& team, AgentOptions options);
 
   ~Agent();  // Stops it gracefully: no new messages, running handlers end, sockets close.

@@ -1,0 +1,162 @@
+#include "apps/moondb_agent/agent_program.h"
+
+#include <poll.h>
+#include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <optional>
+
+#include "apps/common/data_folder.h"
+#include "apps/common/team_clients.h"
+#include "runtime/log.h"
+
+namespace moondb {
+namespace {
+
+enum ExitCode : int { kStopped = 0, kFailed = 1, kUsage = 2, kBeyondHelp = 70 };
+
+// A stop that takes longer is ended by SIGALRM: nothing acknowledged is lost by that.
+constexpr unsigned kStopSecondsMax = 5;
+
+struct Arguments {
+  std::string team;
+  std::string agent;
+  std::string data_folder;
+  std::string log_level = "info";
+  std::string log_file;
+  std::string merge_backend = "auto";
+  std::string secret_key;
+};
+
+void AddOptions(CLI::App& app, Arguments& arguments) {
+  app.add_option("-t,--team", arguments.team, "Team file")->required();
+  app.add_option("-a,--agent", arguments.agent, "Which of its agents this is")->required();
+  app.add_option("--data-dir", arguments.data_folder, "Data folder (moondb-data/AGENT beside the team file)");
+  app.add_option("--log-level", arguments.log_level, "From this level on")
+      ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
+  app.add_option("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (stderr alone)");
+  app.add_option("--merge-backend", arguments.merge_backend, "What merges maps")
+      ->check(CLI::IsMember({"auto", "cpu", "gl"}));
+  app.add_option("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
+}
+
+int Complain(const AgentProgram& program, int code, const std::string& text) {
+  std::fprintf(stderr, "%s: %s\n", program.name.c_str(), text.c_str());
+  return code;
+}
+
+// Waits for a signal or for a word from the agent's threads; no work is done in a signal handler.
+class StopWaiter {
+ public:
+  // To be made before any thread starts: they inherit the blocked signals.
+  StopWaiter() {
+    sigset_t signals;
+    sigemptyset(&signals);
+    sigaddset(&signals, SIGTERM);
+    sigaddset(&signals, SIGINT);
+    ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+    signal_descriptor_ = ::signalfd(-1, &signals, SFD_CLOEXEC);
+    event_descriptor_ = ::eventfd(0, EFD_CLOEXEC);
+  }
+  ~StopWaiter() {
+    ::close(signal_descriptor_);
+    ::close(event_descriptor_);
+  }
+  StopWaiter(const StopWaiter&) = delete;
+  StopWaiter& operator=(const StopWaiter&) = delete;
+
+  // Any thread.
+  void Wake(int exit_code) {
+    int expected = kStopped;
+    if (exit_code != kStopped) exit_code_.compare_exchange_strong(expected, exit_code);
+    const std::uint64_t one = 1;
+    (void)!::write(event_descriptor_, &one, sizeof(one));
+  }
+
+  // The exit code.
+  int Wait() {
+    pollfd descriptors[] = {{signal_descriptor_, POLLIN, 0}, {event_descriptor_, POLLIN, 0}};
+    while (::poll(descriptors, 2, -1) <= 0) {
+    }
+    return exit_code_;
+  }
+
+  int exit_code() const { return exit_code_; }
+
+ private:
+  int signal_descriptor_ = -1;
+  int event_descriptor_ = -1;
+  std::atomic<int> exit_code_ = kStopped;
+};
+
+AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program, StopWaiter& waiter) {
+  AgentOptions options;
+  options.name = arguments.agent;
+  options.data_folder = arguments.data_folder.empty() ? DefaultDataFolder(arguments.team, arguments.agent)
+                                                      : std::filesystem::path(arguments.data_folder);
+  options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // Checked by the command line.
+  options.secret_key_file = arguments.secret_key;
+  options.version = program.version;
+  options.on_stop_requested = [&waiter] { waiter.Wake(kStopped); };
+  options.on_fatal = [&waiter](const Error& error) {
+    spdlog::critical("{}", ToString(error));
+    waiter.Wake(kBeyondHelp);
+  };
+  return options;
+}
+
+// Reads the command line; the exit code if the program is done with that.
+std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& program, Arguments& arguments) {
+  CLI::App app("Runs one agent of a moondb team.", program.name);
+  AddOptions(app, arguments);
+  app.set_version_flag("--version", program.name + " " + program.version);
+  if (program.add_options) program.add_options(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);
+    return Complain(program, kUsage, error.what());
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
+  std::signal(SIGPIPE, SIG_IGN);  // Whoever reads the log may leave; the agent stays.
+  Arguments arguments;
+  if (auto exit_code = ReadCommandLine(argc, argv, program, arguments)) return *exit_code;
+  const auto team = ReadTeamFile(arguments.team);
+  if (!team) return Complain(program, kUsage, ToString(team.error()));
+  const auto named = AgentNamed(team->config, arguments.agent);
+  if (!named) return Complain(program, kUsage, ToString(named.error()));
+  if (auto log = InitLog(arguments.log_level, arguments.agent, arguments.log_file); !log) {
+    return Complain(program, kFailed, ToString(log.error()));
+  }
+
+  StopWaiter waiter;
+  AgentOptions options = MakeOptions(arguments, program, waiter);
+  if (program.make_actors) {
+    auto actors = program.make_actors((*named)->id(), team->config);
+    if (!actors) return Complain(program, kUsage, ToString(actors.error()));
+    options.own_actors = *std::move(actors);
+  }
+  auto agent = Agent::Start(*team, std::move(options));
+  if (!agent) return Complain(program, kFailed, arguments.agent + ": " + ToString(agent.error()));
+  std::printf("ready: %s of team %s, clients at %s\n", arguments.agent.c_str(), team->config.team().c_str(),
+              (*agent)->client_endpoint().c_str());
+  std::fflush(stdout);
+  waiter.Wait();
+  spdlog::info("stopping");
+  ::alarm(kStopSecondsMax);
+  agent->reset();
+  return waiter.exit_code();
+}
+
+}  // namespace moondb

@@ -1,0 +1,48 @@
+# What an install tree holds, and the package `find_package(moondb)` that goes with it (cmake/moondbConfig.cmake.in):
+#
+#   bin/            the programs
+#   lib/            static libraries, each a target moondb::NAME
+#   include/moondb/ public headers, under the paths that they have here: #include "runtime/actor.h"
+#   share/moondb/   .proto files, the commented team file, the examples
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(MOONDB_INCLUDE_DIR ${CMAKE_INSTALL_INCLUDEDIR}/moondb)
+set(MOONDB_SHARE_DIR ${CMAKE_INSTALL_DATADIR}/moondb)
+set(MOONDB_PACKAGE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/moondb)
+
+# moondb_install_library(TARGET [NAME name] [HEADERS public headers of this folder...]): installs the library `TARGET`
+# (moondb_NAME, or with NAME) as moondb::NAME. Whatever a public header includes must be public too.
+function(moondb_install_library target)
+  cmake_parse_arguments(ARG "" "NAME" "HEADERS" ${ARGN})
+  if(NOT ARG_NAME)
+    string(REGEX REPLACE "^moondb_" "" ARG_NAME ${target})
+  endif()
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${ARG_NAME})
+  add_library(moondb::${ARG_NAME} ALIAS ${target})
+  install(TARGETS ${target} EXPORT moondb ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+  file(RELATIVE_PATH folder ${PROJECT_SOURCE_DIR} ${CMAKE_CURRENT_SOURCE_DIR})
+  install(FILES ${ARG_HEADERS} DESTINATION ${MOONDB_INCLUDE_DIR}/${folder} COMPONENT development)
+endfunction()
+
+# moondb_install_program(TARGET)
+function(moondb_install_program target)
+  install(TARGETS ${target} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+endfunction()
+
+# Called once, when all libraries are known.
+function(moondb_install_package)
+  install(EXPORT moondb NAMESPACE moondb:: FILE moondbTargets.cmake DESTINATION ${MOONDB_PACKAGE_DIR}
+          COMPONENT development)
+  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/moondbConfig.cmake.in
+    ${PROJECT_BINARY_DIR}/moondbConfig.cmake INSTALL_DESTINATION ${MOONDB_PACKAGE_DIR}
+    PATH_VARS MOONDB_INCLUDE_DIR MOONDB_SHARE_DIR)
+  write_basic_package_version_file(${PROJECT_BINARY_DIR}/moondbConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+  install(FILES ${PROJECT_BINARY_DIR}/moondbConfig.cmake ${PROJECT_BINARY_DIR}/moondbConfigVersion.cmake
+          DESTINATION ${MOONDB_PACKAGE_DIR} COMPONENT development)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/examples DESTINATION ${MOONDB_SHARE_DIR} COMPONENT development)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/configs DESTINATION ${MOONDB_SHARE_DIR} COMPONENT programs)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT programs)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT development
+          FILES_MATCHING PATTERN "*.md")
+endfunction()
