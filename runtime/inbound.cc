@@ -14,16 +14,17 @@ bool IsWithinAgent(const proto::Message& message) {
   return message.body_case() >= proto::Message::kTimer && message.body_case() < proto::Message::kHello;
 }
 
-Result<std::shared_ptr<proto::Message>> Parse(const std::string& frame) {
+Result<std::shared_ptr<proto::Message>> Parse(std::string_view frame) {
   auto message = std::make_shared<proto::Message>();
-  if (!message->ParseFromString(frame)) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+  if (!message->ParseFromArray(frame.data(), static_cast<int>(frame.size())))
+    return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
   if (IsWithinAgent(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
   return message;
 }
 
 }  // namespace
 
-Result<MessagePtr> ParsePeerFrame(const std::string& frame, std::optional<AgentId> authenticated) {
+Result<MessagePtr> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated) {
   Result<std::shared_ptr<proto::Message>> message = Parse(frame);
   if (!message) return tl::unexpected(message.error());
   const AgentId claimed = (*message)->hop_sender();
@@ -33,10 +34,11 @@ Result<MessagePtr> ParsePeerFrame(const std::string& frame, std::optional<AgentI
   return MessagePtr(std::move(*message));
 }
 
-Result<MessagePtr> ParseClientFrame(const std::string& frame, const std::string& connection, AgentId self) {
+Result<MessagePtr> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self) {
   Result<std::shared_ptr<proto::Message>> parsed = Parse(frame);
   if (!parsed) return tl::unexpected(parsed.error());
   proto::Message& message = **parsed;
+  if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");
   message.set_agent_id(self);
   message.set_hop_sender(kClients);
   message.set_source_actor(connection);

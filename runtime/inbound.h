@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "model/error.h"
 #include "model/ids.h"
@@ -13,10 +14,10 @@ namespace moondb {
 // `authenticated`: the agent whose key the connection has; none without CURVE, where the claim has to do.
 // kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a message that only
 // actors of one agent send each other (timers, storage's own).
-Result<MessagePtr> ParsePeerFrame(const std::string& frame, std::optional<AgentId> authenticated);
+Result<MessagePtr> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated);
 
 // Addressed to the gateway of `self`, from {kClients, connection}, whatever the client wrote there; its agent_id,
-// term, record_id and sql are not heard. Errors as above.
-Result<MessagePtr> ParseClientFrame(const std::string& frame, const std::string& connection, AgentId self);
+// term, record_id and sql are not heard. Errors as above; kRefused for what transports say to each other, too.
+Result<MessagePtr> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self);
 
 }  // namespace moondb

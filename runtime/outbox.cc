@@ -1,53 +1,75 @@
 #include "runtime/outbox.h"
 
+#include <algorithm>
 #include <utility>
+
+#include "model/check.h"
 
 namespace moondb {
 
-SendResult Outbox::Push(Entry entry) {
-  const std::lock_guard lock(mutex_);
-  if (!is_open_) return SendResult::kUnreachable;
-  const bool is_full = entries_.size() >= frames_max_ || bytes_ + entry.frame.size() > bytes_max_;
-  if (is_full && !entries_.empty()) return SendResult::kFull;
-  bytes_ += entry.frame.size();
-  entries_.push_back(std::move(entry));
+bool Outbox::HasRoomFor(const Entry& entry) const {
+  if (empty()) return true;
+  if (frames_ < options_.frames_max && bytes_ + entry.bytes <= options_.bytes_max) return true;
+  return entry.outbound_class == kControlClass && classes_[kControlClass].size() < options_.reserve_frames &&
+         control_bytes_ + entry.bytes <= options_.reserve_bytes;
+}
+
+void Outbox::CountIn(const Entry& entry) {
+  ++frames_;
+  bytes_ += entry.bytes;
+  if (entry.outbound_class == kControlClass) control_bytes_ += entry.bytes;
+}
+
+void Outbox::CountOut(const Entry& entry) {
+  --frames_;
+  bytes_ -= entry.bytes;
+  if (entry.outbound_class == kControlClass) control_bytes_ -= entry.bytes;
+}
+
+// Few of the messages that wait have a key, and none waits long while bulk data flow: no index is kept for them.
+Outbox::Entry* Outbox::FindWaiting(const Entry& entry) {
+  if (entry.key.empty()) return nullptr;
+  std::deque<Entry>& waiting = classes_[entry.outbound_class];
+  const auto found = std::ranges::find(waiting, entry.key, &Entry::key);
+  return found == waiting.end() ? nullptr : &*found;
+}
+
+SendResult Outbox::Push(Entry&& entry) {
+  Check(entry.outbound_class < kOutboundClasses, "an outbox knows the class");
+  if (Entry* waiting = FindWaiting(entry)) {
+    CountOut(*waiting);
+    CountIn(entry);
+    *waiting = std::move(entry);
+    ++replaced_;
+    return SendResult::kAccepted;
+  }
+  if (!HasRoomFor(entry)) return SendResult::kFull;
+  CountIn(entry);
+  classes_[entry.outbound_class].push_back(std::move(entry));
   return SendResult::kAccepted;
 }
 
-bool Outbox::is_open() const {
-  const std::lock_guard lock(mutex_);
-  return is_open_;
-}
-
-bool Outbox::empty() const {
-  const std::lock_guard lock(mutex_);
-  return entries_.empty();
-}
-
-void Outbox::Open() {
-  const std::lock_guard lock(mutex_);
-  is_open_ = true;
-}
-
-std::size_t Outbox::Close() {
-  const std::lock_guard lock(mutex_);
-  is_open_ = false;
-  const std::size_t dropped = entries_.size();
-  entries_.clear();
-  bytes_ = 0;
-  return dropped;
-}
-
-const Outbox::Entry* Outbox::Front() const {
-  const std::lock_guard lock(mutex_);
-  // Pushing does not move a deque's elements, and only the caller's thread removes them.
-  return entries_.empty() ? nullptr : &entries_.front();
+Outbox::Entry* Outbox::Front() {
+  for (std::deque<Entry>& waiting : classes_) {
+    if (!waiting.empty()) return &waiting.front();
+  }
+  return nullptr;
 }
 
 void Outbox::PopFront() {
-  const std::lock_guard lock(mutex_);
-  bytes_ -= entries_.front().frame.size();
-  entries_.pop_front();
+  const Entry* front = Front();
+  Check(front != nullptr, "an outbox that something is taken from is not empty");
+  CountOut(*front);
+  classes_[front->outbound_class].pop_front();
+}
+
+std::size_t Outbox::Clear() {
+  const std::size_t dropped = frames_;
+  for (std::deque<Entry>& waiting : classes_) waiting.clear();
+  frames_ = 0;
+  bytes_ = 0;
+  control_bytes_ = 0;
+  return dropped;
 }
 
 }  // namespace moondb

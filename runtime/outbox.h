@@ -1,47 +1,64 @@
-// Outbox: frames that wait for one socket, bounded. Any thread pushes, the transport's thread takes.
+// Outbox: frames that wait for one socket, bounded, in the order of their classes and within a class as they came.
 //
-// A closed outbox takes nothing: its peer is not connected. What waits when it closes is dropped, since whoever sent it
-// will send it again (runtime/transport.h), and stale frames would only delay that.
+// A frame with a key takes the place of the waiting one with that key. When it is full, frames of the control class
+// still enter through a small reserve, so that bulk data never keep a role change or an acknowledgment out. Not
+// thread-safe: its owner guards it.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <deque>
-#include <mutex>
 #include <string>
 
 #include "runtime/actor.h"
+#include "runtime/outbound.h"
+#include "runtime/zmq_socket.h"
 
 namespace moondb {
 
 class Outbox {
  public:
-  struct Entry {
-    std::string route;  // The client's connection; empty to a peer.
-    std::string frame;
+  struct Options {
+    std::size_t bytes_max = 256 * 1024;  // A larger frame fits alone.
+    std::size_t frames_max = 4096;
+    std::size_t reserve_bytes = 32 * 1024;  // Frames of the control class have so much whatever else waits.
+    std::size_t reserve_frames = 256;
   };
 
-  // A frame larger than `bytes_max` fits alone.
-  Outbox(std::size_t bytes_max, std::size_t frames_max, bool is_open)
-      : bytes_max_(bytes_max), frames_max_(frames_max), is_open_(is_open) {}
+  struct Entry {
+    ZmqFrame frame;
+    std::size_t bytes = 0;                       // Of the frame.
+    std::size_t outbound_class = kControlClass;  // Below kOutboundClasses.
+    std::string key;                             // Empty: replaces nothing.
+  };
 
-  // Any thread. kAccepted, kFull or kUnreachable.
-  SendResult Push(Entry entry);
-  bool is_open() const;
-  bool empty() const;
+  explicit Outbox(const Options& options) : options_(options) {}
 
-  // The transport's thread only.
-  void Open();
-  std::size_t Close();         // How many were dropped.
-  const Entry* Front() const;  // Null if empty. Valid until PopFront or Close.
+  // kAccepted or kFull; an entry that is refused is left as it was.
+  SendResult Push(Entry&& entry);
+
+  Entry* Front();  // Of the first class that has any; null if empty. Valid until anything else is called.
   void PopFront();
+  std::size_t Clear();  // How many were dropped.
+
+  bool empty() const { return frames_ == 0; }
+  std::size_t frames() const { return frames_; }
+  std::size_t bytes() const { return bytes_; }
+  std::uint64_t replaced() const { return replaced_; }
 
  private:
-  const std::size_t bytes_max_;
-  const std::size_t frames_max_;
-  mutable std::mutex mutex_;
-  bool is_open_;
+  bool HasRoomFor(const Entry& entry) const;
+  void CountIn(const Entry& entry);
+  void CountOut(const Entry& entry);
+  Entry* FindWaiting(const Entry& entry);
+
+  Options options_;
+  std::array<std::deque<Entry>, kOutboundClasses> classes_;
+  std::size_t frames_ = 0;
   std::size_t bytes_ = 0;
-  std::deque<Entry> entries_;
+  std::size_t control_bytes_ = 0;  // Of these.
+  std::uint64_t replaced_ = 0;
 };
 
 }  // namespace moondb

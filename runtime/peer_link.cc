@@ -3,31 +3,36 @@
 #include <spdlog/spdlog.h>
 #include <zmq.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <random>
 #include <utility>
 
 namespace moondb {
 namespace {
 
-// What libzmq and the kernel may hold of a peer's messages is lost without an error when the connection breaks, so it
-// is kept small (measured: HWM 4 and 16 kB lose 12 of 200 messages, the defaults 137).
-constexpr int kSendQueueMessages = 4;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+// The credit bounds what waits in libzmq; its own mark must not be what does, however small the frames are.
+constexpr int kSendQueueMessages = 2000;
 constexpr int kSocketBufferBytes = 16 * 1024;
 constexpr int kReconnectFirst_ms = 100;
-constexpr int kReconnectLast_ms = 2000;
+constexpr int kReconnectLast_ms = 4000;
 constexpr int kConnectTimeout_ms = 5000;
 // A peer whose kernel acknowledges nothing for so long is gone; costs nothing on an idle link.
 constexpr int kUnacknowledgedMax_ms = 15000;
-constexpr std::size_t kOutboxFramesMax = 4096;
+// A connection that breaks is made anew after the first delay; one over which nothing was heard after a longer one.
+constexpr Duration kConnectDelayFirst = milliseconds(100);
+constexpr Duration kConnectDelayLast = seconds(30);
+// A radio that brings less is as good as none. For how long one large frame may keep everything else silent.
+constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
 
 constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
                         ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL;
 
-std::int64_t SteadyNow_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
+MonotonicTime SteadyNow() { return std::chrono::steady_clock::now(); }
 
 void SetUp(const PeerLink::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_IMMEDIATE, 1);
@@ -49,78 +54,181 @@ void SetUp(const PeerLink::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_CURVE_SECRETKEY, options.own_keys->secret_key);
 }
 
+Duration TimeFor(std::uint64_t bytes) { return seconds(bytes / kBytesPerSecondMin); }
+
 }  // namespace
 
-Result<std::unique_ptr<PeerLink>> PeerLink::Make(const ZmqContext& context, Options options) {
-  Result<ZmqSocket> dealer = ZmqSocket::Make(context, ZMQ_DEALER);
-  if (!dealer) return tl::unexpected(dealer.error());
-  SetUp(options, &*dealer);
-  Result<ZmqSocket> monitor = ZmqSocket::Make(context, ZMQ_PAIR);
-  if (!monitor) return tl::unexpected(monitor.error());
-  const std::string endpoint = "inproc://monitor-" + std::to_string(options.peer);
-  if (const auto watched = dealer->Monitor(endpoint, kEvents); !watched) return tl::unexpected(watched.error());
-  if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
-  if (const auto begun = dealer->Connect(options.address); !begun) return tl::unexpected(begun.error());
-  return std::unique_ptr<PeerLink>(new PeerLink(std::move(options), std::move(*dealer), std::move(*monitor)));
+Result<std::unique_ptr<PeerLink>> PeerLink::Make(const ZmqContext& context, WakeUp& wake_up, Options options) {
+  std::unique_ptr<PeerLink> link(new PeerLink(context, wake_up, std::move(options)));
+  const std::lock_guard lock(link->mutex_);
+  if (const auto begun = link->Connect(SteadyNow()); !begun) return tl::unexpected(begun.error());
+  return link;
 }
 
-PeerLink::PeerLink(Options options, ZmqSocket dealer, ZmqSocket monitor)
-    : options_(std::move(options)),
-      monitor_(std::move(monitor)),
-      dealer_(std::move(dealer)),
-      outbox_(options_.outbox_bytes_max, kOutboxFramesMax, /*is_open=*/false) {}
+// Numbers of connections begin at random: a report to an earlier life of this agent fits none of this one's.
+PeerLink::PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options)
+    : context_(context),
+      wake_up_(wake_up),
+      options_(std::move(options)),
+      link_number_(std::random_device{}()),
+      credit_(options_.credit_bytes),
+      health_(options_.health),
+      outbox_(options_.outbox) {}
+
+Result<void> PeerLink::Connect(MonotonicTime now) {
+  connect_at_ = now + kConnectDelayLast;  // If no sockets can be made now.
+  Result<ZmqSocket> dealer = ZmqSocket::Make(context_, ZMQ_DEALER);
+  if (!dealer) return tl::unexpected(dealer.error());
+  SetUp(options_, &*dealer);
+  Result<ZmqSocket> monitor = ZmqSocket::Make(context_, ZMQ_PAIR);
+  if (!monitor) return tl::unexpected(monitor.error());
+  const std::string endpoint =
+      "inproc://monitor-" + std::to_string(options_.peer) + "-" + std::to_string(++connections_begun_);
+  if (const auto watched = dealer->Monitor(endpoint, kEvents); !watched) return tl::unexpected(watched.error());
+  if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
+  // Its file tells of news only once it was found empty.
+  std::vector<ZmqFrame> none;
+  (void)monitor->Receive(&none);
+  if (const auto begun = dealer->Connect(options_.address); !begun) return tl::unexpected(begun.error());
+  dealer_ = std::move(*dealer);
+  monitor_ = std::move(*monitor);
+  connect_at_.reset();
+  return {};
+}
+
+void PeerLink::Disconnect(MonotonicTime now) {
+  dealer_.reset();
+  monitor_.reset();
+  if (std::exchange(is_open_, false)) {
+    dropped_messages_ += outbox_.Clear();
+    changes_.push_back(false);
+  }
+  connect_delay_ = std::clamp(connect_delay_, kConnectDelayFirst, kConnectDelayLast);
+  connect_at_ = now + connect_delay_;
+  connect_delay_ *= 2;
+}
 
 SendResult PeerLink::Send(const proto::Message& message) {
-  SendResult result = SendResult::kUnreachable;
-  if (outbox_.is_open()) {
-    const std::size_t bytes = message.ByteSizeLong();
-    result = bytes > options_.message_bytes_max ? SendResult::kFull : outbox_.Push({"", message.SerializeAsString()});
+  Outbox::Entry entry;
+  entry.bytes = message.ByteSizeLong();
+  SendResult result = SendResult::kFull;
+  MonotonicTime deadline = MonotonicTime::max();
+  std::unique_lock lock(mutex_);
+  if (!is_open_) {
+    result = SendResult::kUnreachable;
+  } else if (entry.bytes <= options_.message_bytes_max) {
+    // Without the lock: others may send meanwhile.
+    lock.unlock();
+    entry.frame = ToFrame(message, entry.bytes);
+    entry.outbound_class = OutboundClassOf(message);
+    entry.key = ReplaceKeyOf(message);
+    const MonotonicTime now = SteadyNow();
+    lock.lock();
+    const bool is_next = is_open_ && outbox_.empty() && !is_opening_due_ && entry.bytes <= credit_.credit_bytes();
+    if (is_next && credit_.HasRoomFor(entry.bytes) && SendFrame(&entry.frame, entry.bytes)) {
+      result = SendResult::kAccepted;
+    } else {
+      result = is_open_ ? outbox_.Push(std::move(entry)) : SendResult::kUnreachable;
+    }
+    UpdateExpectation(now);
+    // What waits although it may go out is the transport's thread's to send.
+    const Outbox::Entry* front = outbox_.Front();
+    const bool is_due = front != nullptr && credit_.HasRoomFor(front->bytes);
+    deadline = is_due ? MonotonicTime::min() : Deadline();
   }
   if (result != SendResult::kAccepted) ++dropped_messages_;
+  lock.unlock();
+  if (result == SendResult::kAccepted) wake_up_.RingFor(deadline);
   return result;
 }
 
 proto::PeerStatus PeerLink::Status() const {
-  const std::int64_t heard_ns = heard_ns_;
   proto::PeerStatus status;
+  const std::int64_t heard_ns = heard_ns_;
+  const std::int64_t now_ns = SteadyNow().time_since_epoch().count();
   status.set_agent_id(options_.peer);
   status.set_name(options_.name);
-  status.set_is_connected(outbox_.is_open());
-  status.set_seconds_since_heard(heard_ns < 0 ? -1.0 : static_cast<double>(SteadyNow_ns() - heard_ns) * 1e-9);
-  status.set_sent_messages(static_cast<double>(sent_messages_));
-  status.set_sent_bytes(static_cast<double>(sent_bytes_));
+  status.set_seconds_since_heard(heard_ns < 0 ? -1.0 : static_cast<double>(now_ns - heard_ns) * 1e-9);
   status.set_received_messages(static_cast<double>(received_messages_));
   status.set_received_bytes(static_cast<double>(received_bytes_));
-  status.set_dropped_messages(static_cast<double>(dropped_messages_));
   status.set_rejected_messages(static_cast<double>(rejected_messages_));
+  const std::lock_guard lock(mutex_);
+  status.set_is_connected(is_open_);
+  status.set_sent_messages(static_cast<double>(sent_messages_));
+  status.set_sent_bytes(static_cast<double>(sent_bytes_));
+  status.set_dropped_messages(static_cast<double>(dropped_messages_));
+  status.set_queued_messages(static_cast<double>(outbox_.frames()));
+  status.set_queued_bytes(static_cast<double>(outbox_.bytes()));
+  status.set_unreported_bytes(static_cast<double>(is_open_ ? credit_.unreported_bytes() : 0));
+  status.set_replaced_messages(static_cast<double>(outbox_.replaced()));
+  status.set_connects(static_cast<double>(connects_));
+  status.set_lost_by_deadline(static_cast<double>(lost_by_deadline_));
+  status.set_sent_reports(static_cast<double>(sent_reports_));
+  status.set_refused_reports(static_cast<double>(refused_reports_));
   return status;
 }
 
-void PeerLink::OnMonitorReadable(const Transport::PeerChanged& peer_changed) {
-  bool has_changed = false;
-  for (ZmqParts parts; monitor_.Receive(&parts); has_changed = true) {
-    std::uint16_t event = 0;
-    if (parts.parts.empty() || parts.parts[0].size() < sizeof event) continue;
-    std::memcpy(&event, parts.parts[0].data(), sizeof event);
-    OnEvent(event, peer_changed);
-  }
-  // A socket that is only written to would otherwise pile up the commands of connections that came and went.
-  if (has_changed) dealer_.Process();
+void PeerLink::OnMessageFrame(std::size_t frame_bytes, bool is_on_link) {
+  is_heard_ = true;
+  if (coming_bytes_.load(std::memory_order_relaxed) != 0) coming_bytes_ = 0;
+  received_messages_.fetch_add(1, std::memory_order_relaxed);
+  received_bytes_.fetch_add(frame_bytes, std::memory_order_relaxed);
+  if (is_on_link) received_.OnReceived(frame_bytes);
 }
 
-void PeerLink::OnEvent(int event, const Transport::PeerChanged& peer_changed) {
+void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
+  is_heard_ = true;
+  const std::lock_guard lock(mutex_);
+  if (!is_on_link) {
+    ++refused_reports_;
+    return;
+  }
+  // Whoever reached us can be reached, and waits for our reports.
+  if (received_.OnLink(report.link()) && !is_open_) is_hurried_ = true;
+  if (report.report_after_bytes() != 0) received_.SetReportAfter(report.report_after_bytes());
+  if (report.is_asking()) is_report_due_ = true;
+  coming_bytes_ = std::min<std::uint64_t>(report.coming_bytes(), options_.message_bytes_max);
+  if (report.reported_link() == 0 || !is_open_) return;
+  const std::uint64_t unreported_before = credit_.unreported_bytes();
+  if (!credit_.OnReport(report.reported_link(), report.received_bytes())) {
+    ++refused_reports_;
+    return;
+  }
+  if (credit_.unreported_bytes() < unreported_before) health_.OnProgress(SteadyNow());
+}
+
+void PeerLink::OnMonitorReadable() {
+  const std::lock_guard lock(mutex_);
+  for (std::vector<ZmqFrame> parts; monitor_ && monitor_->Receive(&parts);) {
+    std::uint16_t event = 0;
+    if (parts.empty() || parts[0].size() < sizeof event) continue;
+    std::memcpy(&event, parts[0].data(), sizeof event);
+    OnEvent(event, SteadyNow());
+  }
+}
+
+void PeerLink::OnSocketReadable() {
+  const std::lock_guard lock(mutex_);
+  if (dealer_) dealer_->Process();
+}
+
+void PeerLink::OnEvent(int event, MonotonicTime now) {
   switch (event) {
     case ZMQ_EVENT_HANDSHAKE_SUCCEEDED:
-      if (outbox_.is_open()) return;
-      outbox_.Open();
-      spdlog::info("transport: {} is connected", options_.name);
-      peer_changed(options_.peer, true);
+      if (is_open_) return;
+      is_open_ = true;
+      ++connects_;
+      link_number_ += link_number_ == UINT32_MAX ? 2 : 1;  // 0 means none.
+      credit_.Open(link_number_);
+      health_.OnOpened(now);
+      is_opening_due_ = true;
+      is_asking_ = false;
+      is_large_announced_ = false;
+      changes_.push_back(true);
       return;
     case ZMQ_EVENT_DISCONNECTED:
-      if (!outbox_.is_open()) return;
-      dropped_messages_ += outbox_.Close();
-      spdlog::info("transport: {} is lost", options_.name);
-      peer_changed(options_.peer, false);
+      // Before the handshake libzmq tries again by itself.
+      if (is_open_) Disconnect(now);
       return;
     default:
       log_.Warn("transport: " + options_.name + " at " + options_.address +
@@ -128,19 +236,122 @@ void PeerLink::OnEvent(int event, const Transport::PeerChanged& peer_changed) {
   }
 }
 
-void PeerLink::Flush() {
-  while (const Outbox::Entry* entry = outbox_.Front()) {
-    if (dealer_.Send({&entry->frame}) != ZmqSend::kSent) return;
-    ++sent_messages_;
-    sent_bytes_ += entry->frame.size();
-    outbox_.PopFront();
+void PeerLink::OnHeard(MonotonicTime now) {
+  heard_ns_ = now.time_since_epoch().count();
+  health_.OnHeard(now);
+  connect_delay_ = kConnectDelayFirst;
+  // Not yet made anew, or libzmq waits to try again.
+  if (!dealer_ || is_hurried_) connect_at_ = now;
+}
+
+void PeerLink::CheckHealth(MonotonicTime now) {
+  switch (health_.Check(now, Patience())) {
+    case LinkHealth::Step::kNone:
+      return;
+    case LinkHealth::Step::kAsk:
+      is_asking_ = true;
+      return;
+    case LinkHealth::Step::kStalled:
+      if (!credit_.has_report()) {
+        credit_.Renew();
+        health_.OnProgress(now);
+        return;
+      }
+      [[fallthrough]];
+    case LinkHealth::Step::kLost:
+      ++lost_by_deadline_;
+      Disconnect(now);
+      return;
   }
 }
 
-void PeerLink::CountReceived(std::size_t frame_bytes) {
-  heard_ns_ = SteadyNow_ns();
-  ++received_messages_;
-  received_bytes_ += frame_bytes;
+void PeerLink::Work(MonotonicTime now, const Transport::PeerChanged& peer_changed) {
+  std::vector<bool> changes;
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(is_heard_, false)) OnHeard(now);
+    if (connect_at_ && now >= *connect_at_) {
+      dealer_.reset();
+      monitor_.reset();
+      if (const auto begun = Connect(now); !begun) log_.Warn("transport: " + ToString(begun.error()));
+    }
+    is_hurried_ = false;
+    if (is_open_) CheckHealth(now);
+    if (is_open_) Flush(now);
+    changes.swap(changes_);
+  }
+  for (const bool is_connected : changes) {
+    spdlog::info("transport: {} is {}", options_.name, is_connected ? "connected" : "lost");
+    peer_changed(options_.peer, is_connected);
+  }
+}
+
+MonotonicTime PeerLink::deadline() const {
+  const std::lock_guard lock(mutex_);
+  return Deadline();
+}
+
+MonotonicTime PeerLink::Deadline() const {
+  if (connect_at_) return *connect_at_;
+  return is_open_ ? health_.deadline(Patience()) : MonotonicTime::max();
+}
+
+// What libzmq does not take now is tried again when its file tells of news.
+void PeerLink::Flush(MonotonicTime now) {
+  if (is_opening_due_ || is_asking_ || is_report_due_ || received_.is_report_due()) {
+    if (!SendReport(0)) return;
+  }
+  while (Outbox::Entry* front = outbox_.Front()) {
+    if (!credit_.HasRoomFor(front->bytes)) break;
+    if (front->bytes > credit_.credit_bytes() && !std::exchange(is_large_announced_, true)) {
+      if (!SendReport(front->bytes)) break;
+    }
+    if (!SendFrame(&front->frame, front->bytes)) break;
+    is_large_announced_ = false;
+    outbox_.PopFront();
+  }
+  UpdateExpectation(now);
+}
+
+bool PeerLink::SendReport(std::uint64_t coming_bytes) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_hop_sender(options_.self);
+  proto::LinkReport& report = *message.mutable_link_report();
+  report.set_link(credit_.link());
+  report.set_reported_link(received_.link());
+  report.set_received_bytes(received_.received_bytes());
+  report.set_is_asking(is_asking_);
+  if (is_opening_due_) report.set_report_after_bytes(static_cast<std::uint32_t>(credit_.credit_bytes() / 4));
+  report.set_coming_bytes(coming_bytes);
+  ZmqFrame frame = ToFrame(message, message.ByteSizeLong());
+  if (dealer_->Send(&frame) != ZmqSend::kSent) return false;
+  ++sent_reports_;
+  received_.OnReported();
+  is_opening_due_ = false;
+  is_asking_ = false;
+  is_report_due_ = false;
+  return true;
+}
+
+bool PeerLink::SendFrame(ZmqFrame* frame, std::size_t bytes) {
+  if (dealer_->Send(frame) != ZmqSend::kSent) return false;
+  credit_.OnSent(bytes);
+  ++sent_messages_;
+  sent_bytes_ += bytes;
+  return true;
+}
+
+void PeerLink::UpdateExpectation(MonotonicTime now) {
+  if (!is_open_) return;
+  const bool is_blocked = !outbox_.empty() && credit_.unreported_bytes() > 0;
+  health_.Expect(now, credit_.unreported_bytes() > 0, is_blocked);
+}
+
+Duration PeerLink::Patience() const {
+  const std::uint64_t unreported = credit_.unreported_bytes();
+  const std::uint64_t beyond = unreported > credit_.credit_bytes() ? unreported - credit_.credit_bytes() : 0;
+  return TimeFor(beyond) + TimeFor(coming_bytes_);
 }
 
 }  // namespace moondb

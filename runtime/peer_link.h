@@ -1,21 +1,34 @@
 // PeerLink: the way to one peer: a DEALER that only sends, its outbox, and what is counted about the peer.
 //
-// Lives on the transport's thread, but for Send and Status. libzmq connects by itself, again and again, from 100 ms to
-// 2 s apart; the link counts as connected from the end of the handshake on, in which CURVE has shown that the other end
-// holds the peer's secret key.
+// A DEALER lives for one connection: when that breaks, or its peer is silent for too long (runtime/link_health.h), the
+// socket is closed, with all that libzmq and the kernel still hold for it, and a new one made. Until a connection
+// stands libzmq tries again and again by itself, from 100 ms to 4 s apart; a peer that reaches us is tried at once. The
+// link counts as connected from the end of the handshake on, in which CURVE has shown that the other end holds the
+// peer's secret key.
+//
+// No more than the credit is under way (runtime/link_credit.h); the rest waits in the outbox, which drops what it has
+// when the connection is lost: whoever sent it will send it again, and stale frames would only delay that.
+//
+// Send and Status: any thread; a sender hands its frame to the socket itself if nothing waits. All else: the
+// transport's thread. A lock guards the socket and what belongs to it.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "proto/control.pb.h"
 #include "runtime/curve_keys.h"
+#include "runtime/link_credit.h"
+#include "runtime/link_health.h"
 #include "runtime/outbox.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/transport.h"
+#include "runtime/wake_up.h"
 #include "runtime/zmq_socket.h"
 
 namespace moondb {
@@ -30,47 +43,96 @@ class PeerLink {
     std::optional<CurveKeys> own_keys;  // None: without CURVE.
     std::string peer_key;               // Public.
     std::size_t message_bytes_max = 0;
-    std::size_t outbox_bytes_max = 0;
+    std::size_t credit_bytes = 0;
+    Outbox::Options outbox;
+    LinkHealth::Options health;
   };
 
-  // Begins to connect. kUnavailable if sockets cannot be made.
-  static Result<std::unique_ptr<PeerLink>> Make(const ZmqContext& context, Options options);
+  // Begins to connect. `context` and `wake_up` (the transport's) outlive the link. kUnavailable if sockets cannot be
+  // made.
+  static Result<std::unique_ptr<PeerLink>> Make(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // Any thread. A message too large for the peer is kFull.
+  // A message too large for the peer is kFull.
   SendResult Send(const proto::Message& message);
-  // Any thread.
   proto::PeerStatus Status() const;
 
-  // Hears what became of the connection; tells each change.
-  void OnMonitorReadable(const Transport::PeerChanged& peer_changed);
-  // Hands over what the socket takes now.
-  void Flush();
-  // Something is left: call Flush when the socket can be written to.
-  bool is_waiting() const { return !outbox_.empty(); }
-
-  void CountReceived(std::size_t frame_bytes);
+  // A frame of this peer came in. `is_on_link`: over the connection that the peer's reports speak of, not over one that
+  // it replaced.
+  void OnMessageFrame(std::size_t frame_bytes, bool is_on_link);
+  void OnReport(const proto::LinkReport& report, bool is_on_link);
   void CountRejected() { ++rejected_messages_; }
 
-  void* socket() const { return dealer_.get(); }
-  void* monitor() const { return monitor_.get(); }
+  // What libzmq has to say of the connection, if anything.
+  void OnMonitorReadable();
+  void OnSocketReadable();
+
+  // After all that came in was told: gives up or makes connections, sends reports and what waits. Then tells the
+  // changes since the last time.
+  void Work(MonotonicTime now, const Transport::PeerChanged& peer_changed);
+  MonotonicTime deadline() const;  // Of the next Work, if nothing comes in.
+
+  int socket_file() const { return dealer_ ? dealer_->file() : -1; }  // -1: none now.
+  int monitor_file() const { return monitor_ ? monitor_->file() : -1; }
   const std::string& name() const { return options_.name; }
 
  private:
-  PeerLink(Options options, ZmqSocket dealer, ZmqSocket monitor);
-  void OnEvent(int event, const Transport::PeerChanged& peer_changed);
+  PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  Options options_;
-  ZmqSocket monitor_;
-  ZmqSocket dealer_;
-  Outbox outbox_;
+  // With mutex_ held.
+  Result<void> Connect(MonotonicTime now);
+  void Disconnect(MonotonicTime now);
+  void OnEvent(int event, MonotonicTime now);
+  void OnHeard(MonotonicTime now);
+  void CheckHealth(MonotonicTime now);
+  void Flush(MonotonicTime now);
+  bool SendReport(std::uint64_t coming_bytes);
+  bool SendFrame(ZmqFrame* frame, std::size_t bytes);
+  bool IsBlocked() const;
+  void UpdateExpectation(MonotonicTime now);
+  Duration Patience() const;
+  MonotonicTime Deadline() const;
+
+  const ZmqContext& context_;
+  WakeUp& wake_up_;
+  const Options options_;
   RateLimitedLog log_;
-  std::atomic<std::int64_t> heard_ns_{-1};  // Of the steady clock; negative: never.
-  std::atomic<std::uint64_t> sent_messages_{0};
-  std::atomic<std::uint64_t> sent_bytes_{0};
+
+  mutable std::mutex mutex_;
+  std::optional<ZmqSocket> monitor_;
+  std::optional<ZmqSocket> dealer_;
+  bool is_open_ = false;
+  std::uint32_t link_number_;            // Of the present or last connection.
+  std::uint64_t connections_begun_ = 0;  // Names the monitors.
+  std::optional<MonotonicTime> connect_at_;
+  Duration connect_delay_{};  // Grows while nothing is heard.
+  LinkCredit credit_;
+  LinkHealth health_;
+  Outbox outbox_;
+
+  // Reports: what is due, and what was said.
+  ReceivedCount received_;
+  bool is_report_due_ = false;
+  bool is_asking_ = false;
+  bool is_opening_due_ = false;      // Nothing goes out over a connection before its first report.
+  bool is_large_announced_ = false;  // The outbox's front is, in a report.
+
+  // Of the transport's thread, since the last Work.
+  bool is_heard_ = false;
+  bool is_hurried_ = false;
+  std::vector<bool> changes_;
+
+  std::atomic<std::uint64_t> coming_bytes_{0};  // The peer announced so large a frame.
+  std::atomic<std::int64_t> heard_ns_{-1};      // Of the steady clock; negative: never.
   std::atomic<std::uint64_t> received_messages_{0};
   std::atomic<std::uint64_t> received_bytes_{0};
-  std::atomic<std::uint64_t> dropped_messages_{0};
   std::atomic<std::uint64_t> rejected_messages_{0};
+  std::uint64_t sent_messages_ = 0;
+  std::uint64_t sent_bytes_ = 0;
+  std::uint64_t dropped_messages_ = 0;
+  std::uint64_t connects_ = 0;
+  std::uint64_t lost_by_deadline_ = 0;
+  std::uint64_t sent_reports_ = 0;
+  std::uint64_t refused_reports_ = 0;
 };
 
 }  // namespace moondb

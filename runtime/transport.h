@@ -24,6 +24,9 @@ class Transport {
   // Any thread; never blocks. `to` is an agent or kClients.
   [[nodiscard]] virtual SendResult Send(const Address& to, MessagePtr message) = 0;
   virtual std::vector<proto::PeerStatus> Peers() const = 0;
+  // Any thread: PeerChanged comes again, in order with the changes, for each peer that is connected. For whoever begins
+  // to listen late: Peers() may be out of date by the time it is read.
+  virtual void TellPeers() {}
 };
 
 }  // namespace moondb

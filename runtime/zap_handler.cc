@@ -23,29 +23,36 @@ Result<ZapHandler> ZapHandler::Make(const ZmqContext& context, std::map<std::str
 }
 
 void ZapHandler::OnReadable() {
-  for (ZmqParts request; socket_.Receive(&request);) {
-    const std::optional<AgentId> agent = AgentOf(request.parts);
+  for (std::vector<ZmqFrame> request; socket_.Receive(&request);) {
+    const std::optional<AgentId> agent = AgentOf(request);
     if (!agent) ++refused_;
-    const std::string version = "1.0";
-    const std::string request_id = request.parts.size() > kRequestId ? request.parts[kRequestId] : "";
-    const std::string code = agent ? "200" : "400";
-    const std::string text = agent ? "OK" : "no agent of the team has this key";
-    const std::string user_id = agent ? std::to_string(*agent) : "";
-    const std::string metadata;
-    (void)socket_.Send({&version, &request_id, &code, &text, &user_id, &metadata});
+    const std::array<std::string, 6> reply = {
+        "1.0",
+        std::string(request.size() > kRequestId ? request[kRequestId].text() : ""),
+        agent ? "200" : "400",
+        agent ? "OK" : "no agent of the team has this key",
+        agent ? std::to_string(*agent) : "",
+        /*metadata=*/""};
+    for (std::size_t i = 0; i < reply.size(); ++i) {
+      ZmqFrame frame(reply[i]);
+      (void)socket_.Send(&frame, /*has_more=*/i + 1 < reply.size());
+    }
   }
 }
 
-std::optional<AgentId> ZapHandler::AgentOf(const std::vector<std::string>& request) const {
-  if (request.size() != kPartCount || request[kVersion] != "1.0" || request[kMechanism] != "CURVE") return std::nullopt;
+std::optional<AgentId> ZapHandler::AgentOf(const std::vector<ZmqFrame>& request) const {
+  if (request.size() != kPartCount || request[kVersion].text() != "1.0" || request[kMechanism].text() != "CURVE") {
+    return std::nullopt;
+  }
   std::array<char, 41> text{};
-  if (request[kKey].size() != 32) return std::nullopt;
-  zmq_z85_encode(text.data(), reinterpret_cast<const std::uint8_t*>(request[kKey].data()), request[kKey].size());
+  const std::string_view key = request[kKey].text();
+  if (key.size() != 32) return std::nullopt;
+  zmq_z85_encode(text.data(), reinterpret_cast<const std::uint8_t*>(key.data()), key.size());
   const auto agent = agents_.find(text.data());
   return agent == agents_.end() ? std::nullopt : std::optional(agent->second);
 }
 
-AgentId AgentOfUserId(const std::string& user_id) {
+AgentId AgentOfUserId(std::string_view user_id) {
   AgentId agent = 0;
   const auto [end, error] = std::from_chars(user_id.data(), user_id.data() + user_id.size(), agent);
   return error == std::errc() && end == user_id.data() + user_id.size() ? agent : 0;

@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "model/error.h"
@@ -22,7 +23,7 @@ class ZapHandler {
 
   // Answers what waits.
   void OnReadable();
-  void* socket() const { return socket_.get(); }
+  int file() const { return socket_.file(); }
 
   // Handshakes of unknown keys.
   std::uint64_t refused() const { return refused_; }
@@ -31,7 +32,7 @@ class ZapHandler {
   ZapHandler(ZmqSocket socket, std::map<std::string, AgentId> agents)
       : socket_(std::move(socket)), agents_(std::move(agents)) {}
 
-  std::optional<AgentId> AgentOf(const std::vector<std::string>& request) const;
+  std::optional<AgentId> AgentOf(const std::vector<ZmqFrame>& request) const;
 
   ZmqSocket socket_;
   std::map<std::string, AgentId> agents_;
@@ -39,6 +40,6 @@ class ZapHandler {
 };
 
 // The agent that a User-Id stands for; 0 for none.
-AgentId AgentOfUserId(const std::string& user_id);
+AgentId AgentOfUserId(std::string_view user_id);
 
 }  // namespace moondb

@@ -1,13 +1,12 @@
 #include "runtime/zeromq_transport.h"
 
+#include <poll.h>
 #include <pthread.h>
-#include <spdlog/spdlog.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
-#include <zmq.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -15,80 +14,31 @@
 #include <utility>
 
 #include "model/check.h"
-#include "runtime/client_table.h"
-#include "runtime/curve_keys.h"
+#include "runtime/client_door.h"
 #include "runtime/inbound.h"
 #include "runtime/listen_address.h"
-#include "runtime/outbox.h"
 #include "runtime/peer_link.h"
-#include "runtime/private_folder.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/team_config.h"
+#include "runtime/team_keys.h"
+#include "runtime/wake_up.h"
 #include "runtime/zap_handler.h"
 #include "runtime/zmq_socket.h"
 
 namespace moondb {
 namespace {
 
-constexpr int kPeerQueueMessages = 16;  // Received from one peer and not yet delivered.
-constexpr int kClientQueueMessages = 16;
+constexpr int kPeerQueueMessages = 256;  // Received from one peer and not yet delivered; its credit bounds their bytes.
 constexpr int kSocketBufferBytes = 16 * 1024;
 constexpr int kBatchMessages = 64;  // Of one socket before the others have their turn.
-constexpr std::size_t kClientsMax = 256;
-constexpr std::size_t kClientRepliesMax = 1024;
 
-struct TeamKeys {
-  CurveKeys own;
-  std::map<AgentId, std::string> public_keys;  // Of the whole team.
-};
-
-Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesystem::path& folder,
-                              const ZeroMqTransport::Options& options) {
-  TeamKeys keys;
-  for (const proto::AgentConfig& agent : team.agents()) {
-    const Result<std::string> key = ReadPublicKey(folder / agent.key());
-    if (!key) return tl::unexpected(key.error());
-    keys.public_keys[agent.id()] = *key;
-  }
-  const std::filesystem::path public_path = folder / FindAgent(team, options.self)->key();
-  const std::filesystem::path secret_path =
-      options.secret_key_file.empty() ? SecretKeyPath(public_path) : std::filesystem::path(options.secret_key_file);
-  const Result<std::string> secret = ReadSecretKey(secret_path);
-  if (!secret) return tl::unexpected(secret.error());
-  keys.own = {keys.public_keys[options.self], *secret};
-  if (const Result<std::string> fitting = PublicKeyOf(*secret); !fitting || *fitting != keys.own.public_key) {
-    return Fail(ErrorCode::kInvalid, secret_path.string() + ": does not fit the public key " + public_path.string());
-  }
-  return keys;
+// For poll: not before `time`, and not longer than it can take.
+int MillisecondsUntil(MonotonicTime time) {
+  if (time == MonotonicTime::max()) return -1;
+  const Duration left =
+      std::clamp<Duration>(time - std::chrono::steady_clock::now(), Duration::zero(), std::chrono::hours(1));
+  return static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(left).count());
 }
-
-// Closed on destruction; any thread wakes, one sleeps on it.
-class WakeUp {
- public:
-  WakeUp() : file_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) { Check(file_ >= 0, "the system gives an eventfd"); }
-  ~WakeUp() { close(file_); }
-  WakeUp(const WakeUp&) = delete;
-  WakeUp& operator=(const WakeUp&) = delete;
-
-  void Ring() {
-    if (is_ringing_.exchange(true)) return;
-    const std::uint64_t one = 1;
-    (void)!write(file_, &one, sizeof one);
-  }
-
-  // Before looking for work: what is pushed from now on rings again.
-  void Quiet() {
-    std::uint64_t count = 0;
-    (void)!read(file_, &count, sizeof count);
-    is_ringing_ = false;
-  }
-
-  int file() const { return file_; }
-
- private:
-  const int file_;
-  std::atomic<bool> is_ringing_{false};
-};
 
 }  // namespace
 
@@ -99,13 +49,12 @@ class ZeroMqTransport::Impl {
         options_(std::move(options)),
         deliver_(std::move(deliver)),
         peer_changed_(std::move(peer_changed)),
-        context_(MakeZmqContext(/*io_threads=*/1)),
-        client_outbox_(options_.message_bytes_max, kClientRepliesMax, /*is_open=*/true) {}
+        context_(MakeZmqContext(/*io_threads=*/1)) {}
 
   ~Impl() {
     if (!thread_.joinable()) return;
     is_stopping_ = true;
-    wake_up_.Ring();
+    wake_up_.RingFor();
     thread_.join();
   }
 
@@ -113,7 +62,7 @@ class ZeroMqTransport::Impl {
   Result<void> Start(const std::string& team_folder) {
     Check(FindAgent(team_, options_.self) != nullptr, "the agent itself is in the team");
     if (!team_.insecure()) {
-      Result<TeamKeys> keys = ReadTeamKeys(team_, team_folder, options_);
+      Result<TeamKeys> keys = ReadTeamKeys(team_, team_folder, options_.self, options_.secret_key_file);
       if (!keys) return tl::unexpected(keys.error());
       keys_ = std::move(*keys);
     }
@@ -126,20 +75,21 @@ class ZeroMqTransport::Impl {
   }
 
   SendResult Send(const Address& to, const proto::Message& message) {
-    SendResult result = SendResult::kNoPeer;
-    if (to.agent == kClients) {
-      result = SendToClient(to.actor, message);
-    } else if (const auto peer = peers_.find(to.agent); peer != peers_.end()) {
-      result = peer->second->Send(message);
-    }
-    if (result == SendResult::kAccepted) wake_up_.Ring();
-    return result;
+    Check(!message.has_link_report(), "only transports send link reports");
+    if (to.agent == kClients) return clients_ ? clients_->Send(to.actor, message) : SendResult::kUnreachable;
+    const auto peer = peers_.find(to.agent);
+    return peer == peers_.end() ? SendResult::kNoPeer : peer->second->Send(message);
   }
 
   std::vector<proto::PeerStatus> Peers() const {
     std::vector<proto::PeerStatus> statuses;
     for (const auto& [id, peer] : peers_) statuses.push_back(peer->Status());
     return statuses;
+  }
+
+  void TellPeers() {
+    is_telling_ = true;
+    wake_up_.RingFor();
   }
 
  private:
@@ -180,19 +130,13 @@ class ZeroMqTransport::Impl {
 
   Result<void> OpenClients() {
     if (options_.client_endpoint.empty()) return {};
-    Check(options_.client_endpoint.starts_with("ipc://"), "clients come over ipc");
-    const std::filesystem::path path = options_.client_endpoint.substr(6);
-    if (const auto made = MakePrivateFolder(path.parent_path()); !made) return made;
-    if (const auto claimed = ClaimIpcPath(options_.client_endpoint); !claimed) return claimed;
-    Result<ZmqSocket> clients = ZmqSocket::Make(context_, ZMQ_ROUTER);
-    if (!clients) return tl::unexpected(clients.error());
-    // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
-    clients->Set(ZMQ_ROUTER_MANDATORY, 1);
-    clients->Set(ZMQ_RCVHWM, kClientQueueMessages);
-    clients->Set(ZMQ_SNDHWM, kClientQueueMessages);
-    clients->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.message_bytes_max));
-    if (const auto bound = clients->Bind(options_.client_endpoint); !bound) return bound;
-    clients_ = std::move(*clients);
+    ClientDoor::Options options;
+    options.self = options_.self;
+    options.endpoint = options_.client_endpoint;
+    options.message_bytes_max = options_.message_bytes_max;
+    Result<std::unique_ptr<ClientDoor>> door = ClientDoor::Open(context_, wake_up_, std::move(options));
+    if (!door) return tl::unexpected(door.error());
+    clients_ = std::move(*door);
     return {};
   }
 
@@ -209,52 +153,68 @@ class ZeroMqTransport::Impl {
         options.peer_key = keys_->public_keys[agent.id()];
       }
       options.message_bytes_max = options_.message_bytes_max;
-      options.outbox_bytes_max = options_.outbox_bytes_max;
-      Result<std::unique_ptr<PeerLink>> link = PeerLink::Make(context_, std::move(options));
+      options.credit_bytes = options_.credit_bytes;
+      options.outbox = options_.outbox;
+      options.health = options_.health;
+      Result<std::unique_ptr<PeerLink>> link = PeerLink::Make(context_, wake_up_, std::move(options));
       if (!link) return tl::unexpected(link.error());
       peers_[agent.id()] = std::move(*link);
     }
     return {};
   }
 
-  SendResult SendToClient(const std::string& name, const proto::Message& message) {
-    const std::optional<std::string> routing_id = client_table_.RoutingIdOf(name);
-    if (!routing_id) return SendResult::kUnreachable;
-    if (message.ByteSizeLong() > options_.message_bytes_max) return SendResult::kFull;
-    return client_outbox_.Push({*routing_id, message.SerializeAsString()});
-  }
-
   void Run() {
     pthread_setname_np(pthread_self(), "transport");
-    std::vector<zmq_pollitem_t> items;
     while (!is_stopping_) {
-      CollectPollItems(&items);
-      // Without a timeout: an idle agent must use no battery.
-      if (zmq_poll(items.data(), static_cast<int>(items.size()), -1) < 0) {
-        Check(zmq_errno() == EINTR, "libzmq polls the transport's sockets");
-        continue;
-      }
-      wake_up_.Quiet();
+      Sleep();
       if (zap_handler_) OnHandshakes();
-      for (const auto& [id, peer] : peers_) peer->OnMonitorReadable(peer_changed_);
-      ReceiveFromPeers();
-      if (clients_) ReceiveFromClients();
-      for (const auto& [id, peer] : peers_) peer->Flush();
-      FlushClients();
+      has_more_ = ReceiveFromPeers();
+      if (clients_) has_more_ = clients_->Work(deliver_) || has_more_;
+      const MonotonicTime now = std::chrono::steady_clock::now();
+      for (const auto& [id, peer] : peers_) peer->Work(now, peer_changed_);
+      if (is_telling_.exchange(false)) TellConnected();
     }
   }
 
-  void CollectPollItems(std::vector<zmq_pollitem_t>* items) const {
-    items->clear();
-    items->push_back({nullptr, wake_up_.file(), ZMQ_POLLIN, 0});
-    items->push_back({router_->get(), 0, ZMQ_POLLIN, 0});
-    if (zap_handler_) items->push_back({zap_handler_->socket(), 0, ZMQ_POLLIN, 0});
-    if (clients_) items->push_back({clients_->get(), 0, ZMQ_POLLIN, 0});
+  // Until a socket, a sender or a deadline wants something. libzmq's own poll would ask each socket for its news, which
+  // costs several system calls each; their files tell of news by themselves, since all sockets are read from until
+  // nothing waits.
+  void Sleep() {
+    wake_up_.IsLooking();
+    MonotonicTime deadline = MonotonicTime::max();
+    for (const auto& [id, peer] : peers_) deadline = std::min(deadline, peer->deadline());
+    if (has_more_ || is_telling_ || is_stopping_ || (clients_ && clients_->has_replies())) {
+      deadline = MonotonicTime::min();
+    }
+    wake_up_.SleepsUntil(deadline);
+    CollectFiles();
+    const int timeout_ms = deadline == MonotonicTime::min() ? 0 : MillisecondsUntil(deadline);
+    if (poll(files_.data(), files_.size(), timeout_ms) < 0) {
+      Check(errno == EINTR, "the system waits for the transport's files");
+      for (pollfd& file : files_) file.revents = 0;
+    }
+    wake_up_.IsAwake(/*by_file=*/files_[0].revents != 0);
+    std::size_t next = kOtherFiles;
     for (const auto& [id, peer] : peers_) {
-      items->push_back({peer->monitor(), 0, ZMQ_POLLIN, 0});
-      if (peer->is_waiting()) items->push_back({peer->socket(), 0, ZMQ_POLLOUT, 0});
+      if (files_[next++].revents != 0) peer->OnSocketReadable();
+      if (files_[next++].revents != 0) peer->OnMonitorReadable();
     }
   }
+
+  // A negative file is passed over.
+  void CollectFiles() {
+    files_.clear();
+    const auto add = [this](int file) { files_.push_back({file, POLLIN, 0}); };
+    add(wake_up_.file());
+    add(router_->file());
+    add(zap_handler_ ? zap_handler_->file() : -1);
+    add(clients_ ? clients_->file() : -1);
+    for (const auto& [id, peer] : peers_) {
+      add(peer->socket_file());
+      add(peer->monitor_file());
+    }
+  }
+  static constexpr std::size_t kOtherFiles = 4;  // Before those of peers.
 
   void OnHandshakes() {
     const std::uint64_t refused_before = zap_handler_->refused();
@@ -264,23 +224,32 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  void ReceiveFromPeers() {
-    ZmqParts parts;
-    for (int i = 0; i < kBatchMessages && router_->Receive(&parts); ++i) OnPeerFrame(parts);
+  // libzmq takes frames of all peers in turn. True if more wait.
+  bool ReceiveFromPeers() {
+    ZmqRoutedFrame received;
+    for (int i = 0; i < kBatchMessages; ++i) {
+      if (!router_->Receive(&received)) return false;
+      OnPeerFrame(received);
+    }
+    return true;
   }
 
-  void OnPeerFrame(const ZmqParts& parts) {
+  void OnPeerFrame(const ZmqRoutedFrame& received) {
     std::optional<AgentId> authenticated;
-    if (keys_) authenticated = AgentOfUserId(parts.user_id);
+    if (keys_) authenticated = AgentOfUserId(received.frame.user_id());
+    const AgentId route = AgentOfUserId(received.route.text());
     // Without keys the connection's own word has to do for whom to blame.
-    const AgentId blamed = authenticated.value_or(AgentOfUserId(parts.parts[0]));
-    if (parts.count != 2) return Reject(blamed, "sent a frame of several parts");
-    const std::string& frame = parts.parts[1];
-    Result<MessagePtr> message = ParsePeerFrame(frame, authenticated);
+    const AgentId blamed = authenticated.value_or(route);
+    if (received.parts != 2) return Reject(blamed, "sent a frame of several parts");
+    Result<MessagePtr> message = ParsePeerFrame(received.frame.text(), authenticated);
     if (!message) return Reject(blamed, message.error().text);
-    const auto peer = peers_.find((*message)->hop_sender());
+    const AgentId sender = (*message)->hop_sender();
+    const auto peer = peers_.find(sender);
     if (peer == peers_.end()) return Reject(blamed, "claimed to be an agent that the team does not have");
-    peer->second->CountReceived(frame.size());
+    // libzmq gives a connection that was replaced another routing id.
+    const bool is_on_link = route == sender;
+    if ((*message)->has_link_report()) return peer->second->OnReport((*message)->link_report(), is_on_link);
+    peer->second->OnMessageFrame(received.frame.size(), is_on_link);
     deliver_(std::move(*message));
   }
 
@@ -290,24 +259,9 @@ class ZeroMqTransport::Impl {
     rejected_log_.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
   }
 
-  void ReceiveFromClients() {
-    ZmqParts parts;
-    for (int i = 0; i < kBatchMessages && clients_->Receive(&parts); ++i) OnClientFrame(parts);
-  }
-
-  void OnClientFrame(const ZmqParts& parts) {
-    if (parts.count != 2) return client_log_.Warn("transport: a client sent a frame of several parts");
-    Result<MessagePtr> message = ParseClientFrame(parts.parts[1], client_table_.NameOf(parts.parts[0]), options_.self);
-    if (!message) return client_log_.Warn("transport: a client " + message.error().text);
-    deliver_(std::move(*message));
-  }
-
-  void FlushClients() {
-    while (const Outbox::Entry* entry = client_outbox_.Front()) {
-      const ZmqSend sent = clients_->Send({&entry->route, &entry->frame});
-      if (sent == ZmqSend::kNoRoute) client_table_.Forget(entry->route);
-      if (sent == ZmqSend::kWouldBlock) client_log_.Warn("transport: dropped a reply; its client does not read");
-      client_outbox_.PopFront();
+  void TellConnected() {
+    for (const auto& [id, peer] : peers_) {
+      if (peer->Status().is_connected()) peer_changed_(id, true);
     }
   }
 
@@ -318,18 +272,18 @@ class ZeroMqTransport::Impl {
   std::optional<TeamKeys> keys_;  // None without CURVE.
 
   ZmqContext context_;  // Before all sockets: it outlives them.
+  WakeUp wake_up_;
   std::optional<ZapHandler> zap_handler_;
   std::optional<ZmqSocket> router_;
-  std::optional<ZmqSocket> clients_;
+  std::unique_ptr<ClientDoor> clients_;
   std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
-  ClientTable client_table_{kClientsMax};
-  Outbox client_outbox_;
-  WakeUp wake_up_;
 
+  std::vector<pollfd> files_;
+  bool has_more_ = false;  // A socket was not read from until nothing waits.
   RateLimitedLog refused_log_;
   RateLimitedLog rejected_log_;
-  RateLimitedLog client_log_;
 
+  std::atomic<bool> is_telling_{false};
   std::atomic<bool> is_stopping_{false};
   std::thread thread_;
 };
@@ -349,5 +303,7 @@ ZeroMqTransport::~ZeroMqTransport() = default;
 SendResult ZeroMqTransport::Send(const Address& to, MessagePtr message) { return impl_->Send(to, *message); }
 
 std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
+
+void ZeroMqTransport::TellPeers() { impl_->TellPeers(); }
 
 }  // namespace moondb

@@ -1,12 +1,14 @@
 // ZeroMqTransport: one thread that owns every socket of an agent.
 //
-// Between agents: a ROUTER that only receives, one DEALER per peer that only sends; CURVE on all of them, and a ZAP
-// handler that admits the team file's keys alone and binds each to its agent: a frame whose hop_sender is not the
-// key's agent is counted and dropped, and so is a body that only actors of one agent send each other. Clients talk to a
-// ROUTER of their own on ipc:// (folder 0700), request and reply. One frame is one serialised proto::Message.
+// Between agents: a ROUTER that only receives, one DEALER per peer that only sends (runtime/peer_link.h); CURVE on all
+// of them, and a ZAP handler that admits the team file's keys alone and binds each to its agent: a frame whose
+// hop_sender is not the key's agent is counted and dropped, and so is a body that only actors of one agent send each
+// other. Clients talk to a ROUTER of their own (runtime/client_door.h), request and reply. One frame is one serialised
+// proto::Message.
 //
-// libzmq would queue silently for absent peers, so queues are bounded here: ZMQ_IMMEDIATE, SNDHWM 4, small socket
-// buffers, LINGER 0, ROUTER_HANDOVER, no ZMTP heartbeat. The thread sleeps until a socket or its eventfd wakes it.
+// libzmq would queue silently for absent peers and let megabytes in for frozen ones, so queues are bounded here: byte
+// credit per connection, ZMQ_IMMEDIATE, small socket buffers, LINGER 0, ROUTER_HANDOVER; peers that fall silent are
+// noticed by deadlines, without ZMTP's heartbeat. The thread sleeps until a socket, a sender or a deadline wakes it.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +18,8 @@
 
 #include "model/error.h"
 #include "proto/team.pb.h"
+#include "runtime/link_health.h"
+#include "runtime/outbox.h"
 #include "runtime/transport.h"
 
 namespace moondb {
@@ -26,7 +30,9 @@ class ZeroMqTransport final : public Transport {
     AgentId self = 0;
     std::string client_endpoint;                       // ipc://..., empty: no clients.
     std::size_t message_bytes_max = 32 * 1024 * 1024;  // Larger frames from peers or clients close the connection.
-    std::size_t outbox_bytes_max = 256 * 1024;         // Per peer, waiting here; a larger single message fits alone.
+    Outbox::Options outbox;                            // Per peer, waiting for credit.
+    std::size_t credit_bytes = 64 * 1024;              // Per peer, under way. 0.5 s of a 1 Mbps radio.
+    LinkHealth::Options health;                        // When a silent peer is asked, and given up.
     std::string secret_key_file;                       // Empty: beside the public key, with the ending .sec.
   };
 
@@ -38,8 +44,10 @@ class ZeroMqTransport final : public Transport {
                                                          Options options, Deliver deliver, PeerChanged peer_changed);
   ~ZeroMqTransport() override;  // Joins the thread; what waits in outboxes is dropped.
 
+  // A link_report is the transport's own word: to send one is a mistake in the program.
   [[nodiscard]] SendResult Send(const Address& to, MessagePtr message) override;
   std::vector<proto::PeerStatus> Peers() const override;
+  void TellPeers() override;
 
  private:
   class Impl;

@@ -1,28 +1,13 @@
 #include "runtime/zmq_socket.h"
 
-#include <zmq.h>
-
 #include <cerrno>
 #include <cstdint>
+#include <cstring>
 
 #include "model/check.h"
 
 namespace moondb {
 namespace {
-
-// A message that is closed on every way out.
-class Part {
- public:
-  Part() { zmq_msg_init(&message_); }
-  ~Part() { zmq_msg_close(&message_); }
-  Part(const Part&) = delete;
-  Part& operator=(const Part&) = delete;
-  zmq_msg_t* get() { return &message_; }
-  std::string Text() { return {static_cast<const char*>(zmq_msg_data(&message_)), zmq_msg_size(&message_)}; }
-
- private:
-  zmq_msg_t message_;
-};
 
 // A signal interrupts a call before it has done anything.
 template <typename Call>
@@ -45,6 +30,19 @@ ZmqContext MakeZmqContext(int io_threads) {
   return context;
 }
 
+ZmqFrame::ZmqFrame(std::size_t size) {
+  Check(zmq_msg_init_size(&message_, size) == 0, "the system gives memory for a frame");
+}
+
+ZmqFrame::ZmqFrame(std::string_view text) : ZmqFrame(text.size()) { std::memcpy(data(), text.data(), text.size()); }
+
+std::string_view ZmqFrame::text() const { return {static_cast<const char*>(zmq_msg_data(&message_)), size()}; }
+
+std::string_view ZmqFrame::user_id() const {
+  const char* user_id = zmq_msg_gets(&message_, "User-Id");
+  return user_id == nullptr ? std::string_view() : std::string_view(user_id);
+}
+
 void ZmqSocket::Closer::operator()(void* socket) const { (void)zmq_close(socket); }
 
 Result<ZmqSocket> ZmqSocket::Make(const ZmqContext& context, int type) {
@@ -55,6 +53,8 @@ Result<ZmqSocket> ZmqSocket::Make(const ZmqContext& context, int type) {
   }
   // What has not left when a socket closes is lost; sharing sends it again.
   socket.Set(ZMQ_LINGER, 0);
+  std::size_t size = sizeof socket.file_;
+  Check(zmq_getsockopt(socket.get(), ZMQ_FD, &socket.file_, &size) == 0, "a socket has a file to wait for");
   return socket;
 }
 
@@ -85,30 +85,42 @@ Result<void> ZmqSocket::Monitor(const std::string& endpoint, int events) {
   return Fail(ErrorCode::kUnavailable, std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
 }
 
-bool ZmqSocket::Receive(ZmqParts* message) {
-  *message = {};
+bool ZmqSocket::ReceiveFrame(ZmqFrame* frame, int flags) {
+  return Uninterrupted([&] { return zmq_msg_recv(&frame->message_, get(), flags); }) >= 0;
+}
+
+// The parts of a message come together, so that only the first one can be missing.
+bool ZmqSocket::Receive(std::vector<ZmqFrame>* parts) {
+  parts->clear();
+  ZmqFrame frame;
+  if (!ReceiveFrame(&frame, ZMQ_DONTWAIT)) return false;
   bool has_more = true;
   while (has_more) {
-    Part part;
-    const int flags = message->count == 0 ? ZMQ_DONTWAIT : 0;  // The parts of a message come together.
-    if (Uninterrupted([&] { return zmq_msg_recv(part.get(), get(), flags); }) < 0) return false;
-    if (message->count < kZmqPartsMax) message->parts.push_back(part.Text());
-    ++message->count;
-    has_more = zmq_msg_more(part.get()) != 0;
-    if (has_more) continue;
-    const char* user_id = zmq_msg_gets(part.get(), "User-Id");
-    if (user_id != nullptr) message->user_id = user_id;
+    has_more = zmq_msg_more(&frame.message_) != 0;
+    if (parts->size() < kPartsMax) parts->push_back(std::move(frame));
+    if (has_more && !ReceiveFrame(&frame, 0)) return false;
   }
   return true;
 }
 
-ZmqSend ZmqSocket::Send(const std::vector<const std::string*>& parts) {
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    const int flags = ZMQ_DONTWAIT | (i + 1 < parts.size() ? ZMQ_SNDMORE : 0);
-    const int sent = Uninterrupted([&] { return zmq_send(get(), parts[i]->data(), parts[i]->size(), flags); });
-    if (sent < 0) return zmq_errno() == EAGAIN ? ZmqSend::kWouldBlock : ZmqSend::kNoRoute;
+bool ZmqSocket::Receive(ZmqRoutedFrame* message) {
+  if (!ReceiveFrame(&message->route, ZMQ_DONTWAIT)) return false;
+  message->parts = 1;
+  if (zmq_msg_more(&message->route.message_) == 0) return true;
+  if (!ReceiveFrame(&message->frame, 0)) return false;
+  message->parts = 2;
+  for (bool has_more = zmq_msg_more(&message->frame.message_) != 0; has_more; ++message->parts) {
+    ZmqFrame further;
+    if (!ReceiveFrame(&further, 0)) return false;
+    has_more = zmq_msg_more(&further.message_) != 0;
   }
-  return ZmqSend::kSent;
+  return true;
+}
+
+ZmqSend ZmqSocket::Send(ZmqFrame* frame, bool has_more) {
+  const int flags = ZMQ_DONTWAIT | (has_more ? ZMQ_SNDMORE : 0);
+  if (Uninterrupted([&] { return zmq_msg_send(&frame->message_, get(), flags); }) >= 0) return ZmqSend::kSent;
+  return zmq_errno() == EAGAIN ? ZmqSend::kWouldBlock : ZmqSend::kNoRoute;
 }
 
 void ZmqSocket::Process() {

@@ -1,10 +1,13 @@
-// ZmqSocket: one libzmq socket, owned. libzmq's context and socket calls, without exceptions.
+// ZmqSocket, ZmqFrame: one libzmq socket and one of its messages, owned. libzmq's calls, without exceptions.
 //
-// Not thread-safe: one thread at a time.
+// Not thread-safe: one thread at a time, with a lock between two of them.
 #pragma once
+
+#include <zmq.h>
 
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "model/error.h"
@@ -19,12 +22,36 @@ using ZmqContext = std::unique_ptr<void, ZmqContextDeleter>;
 
 ZmqContext MakeZmqContext(int io_threads);
 
-struct ZmqParts {
-  std::vector<std::string> parts;  // At most kZmqPartsMax; further ones are read and forgotten.
-  std::size_t count = 0;           // As received.
-  std::string user_id;             // What the ZAP handler gave the sender; empty without CURVE.
+// Bytes in libzmq's own memory, so that they are copied neither into a socket nor out of it.
+class ZmqFrame {
+ public:
+  ZmqFrame() { zmq_msg_init(&message_); }
+  explicit ZmqFrame(std::size_t size);  // To be written by data().
+  explicit ZmqFrame(std::string_view text);
+  ZmqFrame(ZmqFrame&& other) noexcept : ZmqFrame() { zmq_msg_move(&message_, &other.message_); }
+  ZmqFrame& operator=(ZmqFrame&& other) noexcept {
+    if (this != &other) zmq_msg_move(&message_, &other.message_);
+    return *this;
+  }
+  ~ZmqFrame() { zmq_msg_close(&message_); }
+
+  char* data() { return static_cast<char*>(zmq_msg_data(&message_)); }
+  std::size_t size() const { return zmq_msg_size(&message_); }
+  std::string_view text() const;
+  // What the ZAP handler called the sender; empty without CURVE.
+  std::string_view user_id() const;
+
+ private:
+  friend class ZmqSocket;
+  mutable zmq_msg_t message_;  // libzmq reads it through pointers to non-const.
 };
-inline constexpr std::size_t kZmqPartsMax = 8;
+
+// A message with the frame that a ROUTER puts before it.
+struct ZmqRoutedFrame {
+  ZmqFrame route;
+  ZmqFrame frame;         // The first part; further ones are read and forgotten.
+  std::size_t parts = 0;  // As received, with the route.
+};
 
 enum class ZmqSend { kSent, kWouldBlock, kNoRoute };
 
@@ -45,21 +72,30 @@ class ZmqSocket {
   // ZMQ_EVENT_* to inproc `endpoint`, for a PAIR socket of the same context.
   Result<void> Monitor(const std::string& endpoint, int events);
 
-  // False if nothing waits. Never blocks.
-  bool Receive(ZmqParts* message);
-  // Never blocks.
-  ZmqSend Send(const std::vector<const std::string*>& parts);
+  // Never block; false if nothing waits. Of the parts of a message, at most kPartsMax are kept.
+  bool Receive(std::vector<ZmqFrame>* parts);
+  bool Receive(ZmqRoutedFrame* message);
+  static constexpr std::size_t kPartsMax = 8;
 
-  // Handles libzmq's own commands to this socket; for one that is not polled.
+  // Never blocks. What was sent is empty afterwards; kWouldBlock and kNoRoute leave the (first) frame as it was.
+  ZmqSend Send(ZmqFrame* frame, bool has_more = false);
+
+  // Handles libzmq's own commands to this socket; for one that is not read from.
   void Process();
 
-  void* get() const { return socket_.get(); }
+  // Readable when libzmq has something new for this socket: then it has to be received from until nothing waits, or
+  // Process; only after that does the file tell of anything newer.
+  int file() const { return file_; }
 
  private:
   struct Closer {
     void operator()(void* socket) const;
   };
+  void* get() const { return socket_.get(); }
+  bool ReceiveFrame(ZmqFrame* frame, int flags);
+
   std::unique_ptr<void, Closer> socket_;
+  int file_ = -1;
 };
 
 }  // namespace moondb

@@ -2,39 +2,101 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+#include <string_view>
+#include <vector>
+
 #include "runtime/client_table.h"
 
 namespace moondb {
 namespace {
 
+Outbox::Options Bounds(std::size_t bytes_max, std::size_t frames_max) {
+  return {.bytes_max = bytes_max, .frames_max = frames_max, .reserve_bytes = 4, .reserve_frames = 2};
+}
+
+constexpr std::size_t kMapClass = kOutboundClasses - 1;
+
+Outbox::Entry Entry(std::string_view text, std::size_t outbound_class = kMapClass, std::string key = "") {
+  return {ZmqFrame(text), text.size(), outbound_class, std::move(key)};
+}
+
+std::vector<std::string> TakeAll(Outbox& outbox) {
+  std::vector<std::string> taken;
+  for (; !outbox.empty(); outbox.PopFront()) taken.emplace_back(outbox.Front()->frame.text());
+  return taken;
+}
+
 TEST(OutboxTest, BoundsBytesAndFrames) {
-  Outbox outbox(/*bytes_max=*/10, /*frames_max=*/3, /*is_open=*/true);
-  EXPECT_EQ(outbox.Push({"", "123456"}), SendResult::kAccepted);
-  EXPECT_EQ(outbox.Push({"", "12345"}), SendResult::kFull);
-  EXPECT_EQ(outbox.Push({"", "1234"}), SendResult::kAccepted);
+  Outbox outbox(Bounds(/*bytes_max=*/10, /*frames_max=*/3));
+  EXPECT_EQ(outbox.Push(Entry("123456")), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("12345")), SendResult::kFull);
+  EXPECT_EQ(outbox.Push(Entry("1234")), SendResult::kAccepted);
   outbox.PopFront();
-  EXPECT_EQ(outbox.Push({"", "1"}), SendResult::kAccepted);
-  EXPECT_EQ(outbox.Push({"", "2"}), SendResult::kAccepted);
-  EXPECT_EQ(outbox.Push({"", "3"}), SendResult::kFull);
-  EXPECT_EQ(outbox.Front()->frame, "1234");
+  EXPECT_EQ(outbox.Push(Entry("1")), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("2")), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("3")), SendResult::kFull);
+  EXPECT_EQ(outbox.bytes(), 6u);
+  EXPECT_EQ(TakeAll(outbox), (std::vector<std::string>{"1234", "1", "2"}));
+  EXPECT_EQ(outbox.bytes(), 0u);
+  EXPECT_EQ(outbox.Front(), nullptr);
 }
 
 TEST(OutboxTest, TakesOneThatIsTooLargeAlone) {
-  Outbox outbox(/*bytes_max=*/2, /*frames_max=*/3, /*is_open=*/true);
-  EXPECT_EQ(outbox.Push({"", "large"}), SendResult::kAccepted);
-  EXPECT_EQ(outbox.Push({"", "1"}), SendResult::kFull);
+  Outbox outbox(Bounds(/*bytes_max=*/2, /*frames_max=*/3));
+  EXPECT_EQ(outbox.Push(Entry("large")), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("1")), SendResult::kFull);
   outbox.PopFront();
-  EXPECT_EQ(outbox.Push({"", "1"}), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("1")), SendResult::kAccepted);
 }
 
-TEST(OutboxTest, ClosedTakesNothingAndForgets) {
-  Outbox outbox(/*bytes_max=*/10, /*frames_max=*/3, /*is_open=*/false);
-  EXPECT_EQ(outbox.Push({"", "1"}), SendResult::kUnreachable);
-  outbox.Open();
-  EXPECT_EQ(outbox.Push({"", "1"}), SendResult::kAccepted);
-  EXPECT_EQ(outbox.Close(), 1u);
-  EXPECT_EQ(outbox.Front(), nullptr);
-  EXPECT_EQ(outbox.Push({"", "1"}), SendResult::kUnreachable);
+TEST(OutboxTest, GivesControlFirstAndMapsLastAndKeepsTheOrderWithinAClass) {
+  Outbox outbox(Bounds(/*bytes_max=*/100, /*frames_max=*/100));
+  (void)outbox.Push(Entry("map 1", kMapClass));
+  (void)outbox.Push(Entry("state 1", 1));
+  (void)outbox.Push(Entry("map 2", kMapClass));
+  (void)outbox.Push(Entry("control 1", kControlClass));
+  (void)outbox.Push(Entry("state 2", 1));
+  (void)outbox.Push(Entry("control 2", kControlClass));
+  EXPECT_EQ(TakeAll(outbox),
+            (std::vector<std::string>{"control 1", "control 2", "state 1", "state 2", "map 1", "map 2"}));
+}
+
+TEST(OutboxTest, PutsANewerOneOfTheSameKeyInTheOldOnesPlace) {
+  Outbox outbox(Bounds(/*bytes_max=*/10, /*frames_max=*/3));
+  (void)outbox.Push(Entry("old", kControlClass, "roles"));
+  (void)outbox.Push(Entry("other", kControlClass));
+  // Even when it is full, since it takes no more place.
+  EXPECT_EQ(outbox.Push(Entry("newer", kControlClass, "roles")), SendResult::kAccepted);
+  EXPECT_EQ(outbox.replaced(), 1u);
+  EXPECT_EQ(outbox.frames(), 2u);
+  EXPECT_EQ(outbox.bytes(), 10u);
+  EXPECT_EQ(TakeAll(outbox), (std::vector<std::string>{"newer", "other"}));
+  // One that has left is not waiting any more.
+  (void)outbox.Push(Entry("next", kControlClass, "roles"));
+  EXPECT_EQ(outbox.replaced(), 1u);
+}
+
+TEST(OutboxTest, KeepsAReserveForControlWhenBulkDataFillIt) {
+  Outbox outbox(Bounds(/*bytes_max=*/10, /*frames_max=*/2));
+  (void)outbox.Push(Entry("far more than its bound"));
+  EXPECT_EQ(outbox.Push(Entry("bulk")), SendResult::kFull);
+  EXPECT_EQ(outbox.Push(Entry("1234", kControlClass)), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("5", kControlClass)), SendResult::kFull) << "more bytes than the reserve has";
+  outbox.PopFront();
+  EXPECT_EQ(outbox.Push(Entry("1", kControlClass)), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("2", kControlClass)), SendResult::kAccepted);
+  EXPECT_EQ(outbox.Push(Entry("3", kControlClass)), SendResult::kFull) << "more frames than the reserve has";
+}
+
+TEST(OutboxTest, ForgetsWhatWaits) {
+  Outbox outbox(Bounds(/*bytes_max=*/10, /*frames_max=*/3));
+  (void)outbox.Push(Entry("1"));
+  (void)outbox.Push(Entry("2", kControlClass));
+  EXPECT_EQ(outbox.Clear(), 2u);
+  EXPECT_TRUE(outbox.empty());
+  EXPECT_EQ(outbox.bytes(), 0u);
+  EXPECT_EQ(outbox.Push(Entry("1234", kControlClass)), SendResult::kAccepted);
 }
 
 TEST(ClientTableTest, KeepsThoseHeardFromMostRecently) {

@@ -370,7 +370,7 @@ TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
 
 TEST_F(ZeroMqTransportTest, SaysWhenThePeerIsTooSlow) {
   ZeroMqTransport::Options options;
-  options.outbox_bytes_max = 100'000;
+  options.outbox.bytes_max = 100'000;
   Start(1, options);
   // A peer that does not read: its transport's thread is held in a delivery.
   std::mutex gate;

@@ -1,0 +1,127 @@
+#include "runtime/client_door.h"
+
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "model/check.h"
+#include "runtime/inbound.h"
+#include "runtime/listen_address.h"
+#include "runtime/outbound.h"
+#include "runtime/private_folder.h"
+
+namespace moondb {
+namespace {
+
+constexpr int kQueueMessages = 16;  // Of one client, each way.
+constexpr int kBatchMessages = 64;
+constexpr std::size_t kClientsMax = 256;
+constexpr std::size_t kRepliesMax = 1024;
+constexpr char kIpc[] = "ipc://";
+
+// What the client is told instead of a reply that it could not be sent.
+proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_agent_id(reply.agent_id());
+  message.set_hop_sender(reply.hop_sender());
+  message.set_request_id(reply.request_id());
+  *message.mutable_control_reply()->mutable_error() =
+      ToProto(Error{ErrorCode::kFull,
+                    "the reply has " + std::to_string(bytes) + " bytes, more than the " + std::to_string(bytes_max) +
+                        " of a message; ask for less at a time",
+                    ""});
+  return message;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, WakeUp& wake_up, Options options) {
+  Check(options.endpoint.starts_with(kIpc), "clients come over ipc");
+  const std::filesystem::path path = options.endpoint.substr(std::string_view(kIpc).size());
+  if (const auto made = MakePrivateFolder(path.parent_path()); !made) return tl::unexpected(made.error());
+  if (const auto claimed = ClaimIpcPath(options.endpoint); !claimed) return tl::unexpected(claimed.error());
+  Result<ZmqSocket> router = ZmqSocket::Make(context, ZMQ_ROUTER);
+  if (!router) return tl::unexpected(router.error());
+  // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
+  router->Set(ZMQ_ROUTER_MANDATORY, 1);
+  router->Set(ZMQ_RCVHWM, kQueueMessages);
+  router->Set(ZMQ_SNDHWM, kQueueMessages);
+  router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
+  if (const auto bound = router->Bind(options.endpoint); !bound) return tl::unexpected(bound.error());
+  return std::unique_ptr<ClientDoor>(new ClientDoor(std::move(*router), wake_up, std::move(options)));
+}
+
+ClientDoor::ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options)
+    : options_(std::move(options)), router_(std::move(router)), wake_up_(wake_up), table_(kClientsMax) {}
+
+SendResult ClientDoor::Send(const std::string& name, const proto::Message& message) {
+  const std::optional<std::string> routing_id = table_.RoutingIdOf(name);
+  if (!routing_id) return SendResult::kUnreachable;
+  const std::size_t bytes = message.ByteSizeLong();
+  SendResult result = SendResult::kFull;
+  if (bytes <= options_.message_bytes_max) {
+    result = Push(*routing_id, message, bytes);
+  } else {
+    const proto::Message error = TooLarge(message, bytes, options_.message_bytes_max);
+    (void)Push(*routing_id, error, error.ByteSizeLong());
+  }
+  wake_up_.RingFor();
+  return result;
+}
+
+SendResult ClientDoor::Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes) {
+  Reply reply{ZmqFrame(routing_id), ToFrame(message, bytes)};
+  const std::lock_guard lock(mutex_);
+  const bool is_full = replies_.size() >= kRepliesMax || reply_bytes_ + bytes > options_.message_bytes_max;
+  if (is_full && !replies_.empty()) return SendResult::kFull;
+  reply_bytes_ += bytes;
+  replies_.push_back(std::move(reply));
+  return SendResult::kAccepted;
+}
+
+bool ClientDoor::has_replies() const {
+  const std::lock_guard lock(mutex_);
+  return !replies_.empty();
+}
+
+// Sending may take in libzmq's news of requests, so that receiving comes last.
+bool ClientDoor::Work(const Transport::Deliver& deliver) {
+  Flush();
+  return Receive(deliver) || has_replies();
+}
+
+bool ClientDoor::Receive(const Transport::Deliver& deliver) {
+  ZmqRoutedFrame received;
+  for (int i = 0; i < kBatchMessages; ++i) {
+    if (!router_.Receive(&received)) return false;
+    OnFrame(received, deliver);
+  }
+  return true;
+}
+
+void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
+  if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
+  const std::string name = table_.NameOf(std::string(received.route.text()));
+  Result<MessagePtr> message = ParseClientFrame(received.frame.text(), name, options_.self);
+  if (!message) return log_.Warn("transport: a client " + message.error().text);
+  deliver(std::move(*message));
+}
+
+void ClientDoor::Flush() {
+  std::deque<Reply> replies;
+  {
+    const std::lock_guard lock(mutex_);
+    replies.swap(replies_);
+    reply_bytes_ = 0;
+  }
+  for (Reply& reply : replies) {
+    const std::string routing_id(reply.route.text());
+    ZmqSend sent = router_.Send(&reply.route, /*has_more=*/true);
+    if (sent == ZmqSend::kSent) sent = router_.Send(&reply.frame);
+    if (sent == ZmqSend::kNoRoute) table_.Forget(routing_id);
+    if (sent == ZmqSend::kWouldBlock) log_.Warn("transport: dropped a reply; its client does not read");
+  }
+}
+
+}  // namespace moondb

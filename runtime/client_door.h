@@ -1,0 +1,68 @@
+// ClientDoor: the ROUTER at which an agent's clients ask and are answered, on ipc:// in a folder that only this user
+// can enter.
+//
+// Send: any thread. All else: the transport's thread.
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "model/error.h"
+#include "runtime/client_table.h"
+#include "runtime/rate_limited_log.h"
+#include "runtime/transport.h"
+#include "runtime/wake_up.h"
+#include "runtime/zmq_socket.h"
+
+namespace moondb {
+
+class ClientDoor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    std::string endpoint;               // ipc://...
+    std::size_t message_bytes_max = 0;  // Of requests and replies.
+  };
+
+  // `wake_up` outlives the door. kUnavailable for an address in use, kInvalid for a folder that is not this user's
+  // alone (it is made if it is missing).
+  static Result<std::unique_ptr<ClientDoor>> Open(const ZmqContext& context, WakeUp& wake_up, Options options);
+
+  // To the client that is named so (runtime/client_table.h). kUnreachable if it is not known; kFull if too much waits,
+  // and for a message that is too large: its client is then answered with an error of the same request_id.
+  SendResult Send(const std::string& name, const proto::Message& message);
+
+  // Hands in requests and hands out replies, at most so many that others have their turn. True if more wait.
+  bool Work(const Transport::Deliver& deliver);
+  bool has_replies() const;
+
+  int file() const { return router_.file(); }
+
+ private:
+  struct Reply {
+    ZmqFrame route;
+    ZmqFrame frame;
+  };
+
+  ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options);
+
+  SendResult Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes);
+  bool Receive(const Transport::Deliver& deliver);
+  void OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver);
+  void Flush();
+
+  const Options options_;
+  ZmqSocket router_;
+  WakeUp& wake_up_;
+  ClientTable table_;
+  RateLimitedLog log_;
+
+  mutable std::mutex mutex_;
+  std::deque<Reply> replies_;
+  std::size_t reply_bytes_ = 0;  // Of their frames.
+};
+
+}  // namespace moondb

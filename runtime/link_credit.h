@@ -1,0 +1,72 @@
+// LinkCredit, ReceivedCount: how much may be under way to a peer, by what the peer says has arrived.
+//
+// A high-water mark counts messages on this side alone: a peer that does not read still lets megabytes into libzmq and
+// the two kernels, which then are stale, late and lost with the connection. So each end tells the other how many bytes
+// have arrived (proto::LinkReport), and no more than `credit_bytes` go out beyond that; the rest waits in the outbox,
+// where control messages overtake it. Each direction is a connection of its own; its sender numbers it, so that a
+// report about an earlier one is known as such. Plain accounting; its owner guards it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace moondb {
+
+// The sending end of one connection after another.
+class LinkCredit {
+ public:
+  explicit LinkCredit(std::size_t credit_bytes) : credit_bytes_(credit_bytes) {}
+
+  // A new connection, numbered `link` (not 0): nothing has been sent over it.
+  void Open(std::uint32_t link);
+
+  // A frame may go out now. One that is larger than the credit goes alone.
+  bool HasRoomFor(std::size_t frame_bytes) const {
+    return unreported_bytes() == 0 || unreported_bytes() + frame_bytes <= credit_bytes_;
+  }
+  void OnSent(std::size_t frame_bytes) { sent_bytes_ += frame_bytes; }
+
+  // False, and nothing happens, for a report about another connection than the present one, one that goes back behind
+  // an earlier one, and one about more than was sent.
+  bool OnReport(std::uint32_t link, std::uint64_t received_bytes);
+
+  // For a peer that does not know reports: what is under way is taken to have arrived.
+  void Renew() { reported_bytes_ = sent_bytes_; }
+
+  std::uint32_t link() const { return link_; }
+  bool has_report() const { return has_report_; }  // About this connection.
+  std::uint64_t unreported_bytes() const { return sent_bytes_ - reported_bytes_; }
+  std::size_t credit_bytes() const { return credit_bytes_; }
+
+ private:
+  std::size_t credit_bytes_;
+  std::uint32_t link_ = 0;
+  bool has_report_ = false;
+  std::uint64_t sent_bytes_ = 0;
+  std::uint64_t reported_bytes_ = 0;
+};
+
+// The receiving end.
+class ReceivedCount {
+ public:
+  // The connection over which frames come in now, as its sender numbers it. True if it is a new one: counting begins.
+  bool OnLink(std::uint32_t link);
+  void SetReportAfter(std::size_t bytes) { report_after_bytes_ = bytes; }
+
+  void OnReceived(std::size_t frame_bytes) { received_bytes_ += frame_bytes; }
+  void OnReported() { reported_bytes_ = received_bytes_; }
+
+  bool is_report_due() const {
+    return link_ != 0 && received_bytes_ > reported_bytes_ && received_bytes_ - reported_bytes_ >= report_after_bytes_;
+  }
+  std::uint32_t link() const { return link_; }
+  std::uint64_t received_bytes() const { return received_bytes_; }
+
+ private:
+  std::uint32_t link_ = 0;
+  std::size_t report_after_bytes_ = 0;
+  std::uint64_t received_bytes_ = 0;
+  std::uint64_t reported_bytes_ = 0;
+};
+
+}  // namespace moondb
