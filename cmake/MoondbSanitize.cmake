@@ -1,0 +1,17 @@
+# Everything here, and in projects that use an install tree of this build, is compiled with -fsanitize=MOONDB_SANITIZE;
+# what it finds ends the program. suppressions.txt: see tools/sanitizers.supp.
+set(MOONDB_SANITIZE_OPTIONS -fsanitize=${MOONDB_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
+add_compile_options(${MOONDB_SANITIZE_OPTIONS})
+add_link_options(-fsanitize=${MOONDB_SANITIZE})
+target_compile_options(moondb_options INTERFACE "$<INSTALL_INTERFACE:${MOONDB_SANITIZE_OPTIONS}>")
+target_link_options(moondb_options INTERFACE $<INSTALL_INTERFACE:-fsanitize=${MOONDB_SANITIZE}>)
+
+# Each sanitizer refuses a file with kinds of suppressions that it does not know.
+set(KINDS_thread "race|deadlock|mutex|thread|signal|called_from_lib")
+set(KINDS_address "leak")
+set(KINDS_undefined "undefined|alignment|vptr|null|bounds|shift|signed-integer-overflow|float-cast-overflow")
+set_property(DIRECTORY ${PROJECT_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS
+  ${PROJECT_SOURCE_DIR}/tools/sanitizers.supp)
+file(STRINGS ${PROJECT_SOURCE_DIR}/tools/sanitizers.supp SUPPRESSIONS REGEX "^(${KINDS_${MOONDB_SANITIZE}}):")
+list(JOIN SUPPRESSIONS "\n" SUPPRESSIONS)
+file(WRITE ${PROJECT_BINARY_DIR}/suppressions.txt "${SUPPRESSIONS}\n")
