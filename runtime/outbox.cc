@@ -49,12 +49,14 @@ SendResult Outbox::Push(Entry&& entry) {
   return SendResult::kAccepted;
 }
 
-Outbox::Entry* Outbox::Front() {
-  for (std::deque<Entry>& waiting : classes_) {
+const Outbox::Entry* Outbox::Front() const {
+  for (const std::deque<Entry>& waiting : classes_) {
     if (!waiting.empty()) return &waiting.front();
   }
   return nullptr;
 }
+
+Outbox::Entry* Outbox::Front() { return const_cast<Entry*>(std::as_const(*this).Front()); }
 
 void Outbox::PopFront() {
   const Entry* front = Front();

@@ -38,7 +38,8 @@ class Outbox {
   // kAccepted or kFull; an entry that is refused is left as it was.
   SendResult Push(Entry&& entry);
 
-  Entry* Front();  // Of the first class that has any; null if empty. Valid until anything else is called.
+  const Entry* Front() const;  // Of the first class that has any; null if empty. Valid until anything else is called.
+  Entry* Front();
   void PopFront();
   std::size_t Clear();  // How many were dropped.
 

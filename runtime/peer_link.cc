@@ -17,7 +17,6 @@ using std::chrono::seconds;
 
 // The credit bounds what waits in libzmq; its own mark must not be what does, however small the frames are.
 constexpr int kSendQueueMessages = 2000;
-constexpr int kSocketBufferBytes = 16 * 1024;
 constexpr int kReconnectFirst_ms = 100;
 constexpr int kReconnectLast_ms = 4000;
 constexpr int kConnectTimeout_ms = 5000;
@@ -38,8 +37,6 @@ void SetUp(const PeerLink::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_IMMEDIATE, 1);
   dealer->Set(ZMQ_SNDHWM, kSendQueueMessages);
   dealer->Set(ZMQ_RCVHWM, 1);  // Nothing is to come this way.
-  dealer->Set(ZMQ_SNDBUF, kSocketBufferBytes);
-  dealer->Set(ZMQ_RCVBUF, kSocketBufferBytes);
   dealer->Set(ZMQ_RECONNECT_IVL, kReconnectFirst_ms);
   dealer->Set(ZMQ_RECONNECT_IVL_MAX, kReconnectLast_ms);
   dealer->Set(ZMQ_CONNECT_TIMEOUT, kConnectTimeout_ms);
@@ -52,6 +49,11 @@ void SetUp(const PeerLink::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_CURVE_SERVERKEY, options.peer_key);
   dealer->Set(ZMQ_CURVE_PUBLICKEY, options.own_keys->public_key);
   dealer->Set(ZMQ_CURVE_SECRETKEY, options.own_keys->secret_key);
+}
+
+// To a counter that this thread alone writes.
+void Add(std::atomic<std::uint64_t>& counter, std::uint64_t value) {
+  counter.store(counter.load(std::memory_order_relaxed) + value, std::memory_order_relaxed);
 }
 
 Duration TimeFor(std::uint64_t bytes) { return seconds(bytes / kBytesPerSecondMin); }
@@ -71,7 +73,7 @@ PeerLink::PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options)
       wake_up_(wake_up),
       options_(std::move(options)),
       link_number_(std::random_device{}()),
-      credit_(options_.credit_bytes),
+      credit_(options_.credit),
       health_(options_.health),
       outbox_(options_.outbox) {}
 
@@ -99,7 +101,7 @@ Result<void> PeerLink::Connect(MonotonicTime now) {
 void PeerLink::Disconnect(MonotonicTime now) {
   dealer_.reset();
   monitor_.reset();
-  if (std::exchange(is_open_, false)) {
+  if (is_open_.exchange(false)) {
     dropped_messages_ += outbox_.Clear();
     changes_.push_back(false);
   }
@@ -111,35 +113,37 @@ void PeerLink::Disconnect(MonotonicTime now) {
 SendResult PeerLink::Send(const proto::Message& message) {
   Outbox::Entry entry;
   entry.bytes = message.ByteSizeLong();
-  SendResult result = SendResult::kFull;
-  MonotonicTime deadline = MonotonicTime::max();
-  std::unique_lock lock(mutex_);
-  if (!is_open_) {
-    result = SendResult::kUnreachable;
-  } else if (entry.bytes <= options_.message_bytes_max) {
-    // Without the lock: others may send meanwhile.
-    lock.unlock();
+  const bool is_small_enough = entry.bytes <= options_.message_bytes_max;
+  if (is_open_ && is_small_enough) {
     entry.frame = ToFrame(message, entry.bytes);
     entry.outbound_class = OutboundClassOf(message);
     entry.key = ReplaceKeyOf(message);
-    const MonotonicTime now = SteadyNow();
-    lock.lock();
-    const bool is_next = is_open_ && outbox_.empty() && !is_opening_due_ && entry.bytes <= credit_.credit_bytes();
-    if (is_next && credit_.HasRoomFor(entry.bytes) && SendFrame(&entry.frame, entry.bytes)) {
-      result = SendResult::kAccepted;
-    } else {
-      result = is_open_ ? outbox_.Push(std::move(entry)) : SendResult::kUnreachable;
+  }
+  const MonotonicTime now = SteadyNow();
+  MonotonicTime due = MonotonicTime::max();
+  {
+    const std::lock_guard lock(mutex_);
+    SendResult result = is_small_enough ? SendResult::kAccepted : SendResult::kFull;
+    // It may have opened only just now, with the frame not made.
+    if (!is_open_ || entry.frame.size() != entry.bytes) result = is_open_ ? result : SendResult::kUnreachable;
+    if (result == SendResult::kAccepted && !TrySend(now, &entry)) result = outbox_.Push(std::move(entry));
+    if (result != SendResult::kAccepted) {
+      ++dropped_messages_;
+      return result;
     }
     UpdateExpectation(now);
-    // What waits although it may go out is the transport's thread's to send.
-    const Outbox::Entry* front = outbox_.Front();
-    const bool is_due = front != nullptr && credit_.HasRoomFor(front->bytes);
-    deadline = is_due ? MonotonicTime::min() : Deadline();
+    due = Deadline();
   }
-  if (result != SendResult::kAccepted) ++dropped_messages_;
-  lock.unlock();
-  if (result == SendResult::kAccepted) wake_up_.RingFor(deadline);
-  return result;
+  wake_up_.RingFor(due);
+  return SendResult::kAccepted;
+}
+
+// Without a detour through the outbox and the transport's thread. Large frames are announced first, by that thread.
+bool PeerLink::TrySend(MonotonicTime now, Outbox::Entry* entry) {
+  if (is_opening_due_ || !outbox_.empty() || entry->bytes > credit_.credit_bytes()) return false;
+  if (credit_.HasRoomFor(entry->bytes)) return SendFrame(now, &entry->frame, entry->bytes);
+  credit_.OnBlocked();
+  return false;
 }
 
 proto::PeerStatus PeerLink::Status() const {
@@ -171,8 +175,8 @@ proto::PeerStatus PeerLink::Status() const {
 void PeerLink::OnMessageFrame(std::size_t frame_bytes, bool is_on_link) {
   is_heard_ = true;
   if (coming_bytes_.load(std::memory_order_relaxed) != 0) coming_bytes_ = 0;
-  received_messages_.fetch_add(1, std::memory_order_relaxed);
-  received_bytes_.fetch_add(frame_bytes, std::memory_order_relaxed);
+  Add(received_messages_, 1);
+  Add(received_bytes_, frame_bytes);
   if (is_on_link) received_.OnReceived(frame_bytes);
 }
 
@@ -189,12 +193,13 @@ void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
   if (report.is_asking()) is_report_due_ = true;
   coming_bytes_ = std::min<std::uint64_t>(report.coming_bytes(), options_.message_bytes_max);
   if (report.reported_link() == 0 || !is_open_) return;
+  const MonotonicTime now = SteadyNow();
   const std::uint64_t unreported_before = credit_.unreported_bytes();
-  if (!credit_.OnReport(report.reported_link(), report.received_bytes())) {
+  if (!credit_.OnReport(now, report.reported_link(), report.received_bytes())) {
     ++refused_reports_;
     return;
   }
-  if (credit_.unreported_bytes() < unreported_before) health_.OnProgress(SteadyNow());
+  if (credit_.unreported_bytes() < unreported_before) health_.OnProgress(now);
 }
 
 void PeerLink::OnMonitorReadable() {
@@ -210,6 +215,7 @@ void PeerLink::OnMonitorReadable() {
 void PeerLink::OnSocketReadable() {
   const std::lock_guard lock(mutex_);
   if (dealer_) dealer_->Process();
+  is_socket_full_ = false;
 }
 
 void PeerLink::OnEvent(int event, MonotonicTime now) {
@@ -224,6 +230,7 @@ void PeerLink::OnEvent(int event, MonotonicTime now) {
       is_opening_due_ = true;
       is_asking_ = false;
       is_large_announced_ = false;
+      is_socket_full_ = false;
       changes_.push_back(true);
       return;
     case ZMQ_EVENT_DISCONNECTED:
@@ -293,20 +300,30 @@ MonotonicTime PeerLink::deadline() const {
 
 MonotonicTime PeerLink::Deadline() const {
   if (connect_at_) return *connect_at_;
-  return is_open_ ? health_.deadline(Patience()) : MonotonicTime::max();
+  if (!is_open_) return MonotonicTime::max();
+  return IsFlushDue() ? MonotonicTime::min() : health_.deadline(Patience());
 }
 
-// What libzmq does not take now is tried again when its file tells of news.
+bool PeerLink::HasReportDue() const {
+  return is_opening_due_ || is_asking_ || is_report_due_ || told_credit_bytes_ != credit_.credit_bytes();
+}
+
+bool PeerLink::IsFlushDue() const {
+  if (is_socket_full_) return false;
+  return HasReportDue() || (!outbox_.empty() && credit_.HasRoomFor(outbox_.Front()->bytes));
+}
+
 void PeerLink::Flush(MonotonicTime now) {
-  if (is_opening_due_ || is_asking_ || is_report_due_ || received_.is_report_due()) {
-    if (!SendReport(0)) return;
-  }
-  while (Outbox::Entry* front = outbox_.Front()) {
-    if (!credit_.HasRoomFor(front->bytes)) break;
-    if (front->bytes > credit_.credit_bytes() && !std::exchange(is_large_announced_, true)) {
-      if (!SendReport(front->bytes)) break;
+  if ((HasReportDue() || received_.is_report_due()) && !SendReport(0)) return;
+  while (const Outbox::Entry* front = outbox_.Front()) {
+    if (!credit_.HasRoomFor(front->bytes)) {
+      credit_.OnBlocked();
+      break;
     }
-    if (!SendFrame(&front->frame, front->bytes)) break;
+    const bool is_large = front->bytes > credit_.credit_bytes();
+    if (is_large && !is_large_announced_ && !SendReport(front->bytes)) break;
+    is_large_announced_ = is_large;
+    if (!SendFrame(now, &outbox_.Front()->frame, front->bytes)) break;
     is_large_announced_ = false;
     outbox_.PopFront();
   }
@@ -322,24 +339,33 @@ bool PeerLink::SendReport(std::uint64_t coming_bytes) {
   report.set_reported_link(received_.link());
   report.set_received_bytes(received_.received_bytes());
   report.set_is_asking(is_asking_);
-  if (is_opening_due_) report.set_report_after_bytes(static_cast<std::uint32_t>(credit_.credit_bytes() / 4));
+  const std::size_t credit_bytes = credit_.credit_bytes();
+  if (is_opening_due_ || told_credit_bytes_ != credit_bytes) {
+    report.set_report_after_bytes(static_cast<std::uint32_t>(std::max<std::size_t>(credit_bytes / 4, 1)));
+  }
   report.set_coming_bytes(coming_bytes);
   ZmqFrame frame = ToFrame(message, message.ByteSizeLong());
-  if (dealer_->Send(&frame) != ZmqSend::kSent) return false;
+  if (!HandOver(&frame)) return false;
   ++sent_reports_;
   received_.OnReported();
+  told_credit_bytes_ = credit_bytes;
   is_opening_due_ = false;
   is_asking_ = false;
   is_report_due_ = false;
   return true;
 }
 
-bool PeerLink::SendFrame(ZmqFrame* frame, std::size_t bytes) {
-  if (dealer_->Send(frame) != ZmqSend::kSent) return false;
-  credit_.OnSent(bytes);
+bool PeerLink::SendFrame(MonotonicTime now, ZmqFrame* frame, std::size_t bytes) {
+  if (!HandOver(frame)) return false;
+  credit_.OnSent(now, bytes);
   ++sent_messages_;
   sent_bytes_ += bytes;
   return true;
+}
+
+bool PeerLink::HandOver(ZmqFrame* frame) {
+  is_socket_full_ = dealer_->Send(frame) != ZmqSend::kSent;
+  return !is_socket_full_;
 }
 
 void PeerLink::UpdateExpectation(MonotonicTime now) {

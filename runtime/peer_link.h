@@ -43,7 +43,7 @@ class PeerLink {
     std::optional<CurveKeys> own_keys;  // None: without CURVE.
     std::string peer_key;               // Public.
     std::size_t message_bytes_max = 0;
-    std::size_t credit_bytes = 0;
+    LinkCredit::Options credit;
     Outbox::Options outbox;
     LinkHealth::Options health;
   };
@@ -86,10 +86,13 @@ class PeerLink {
   void CheckHealth(MonotonicTime now);
   void Flush(MonotonicTime now);
   bool SendReport(std::uint64_t coming_bytes);
-  bool SendFrame(ZmqFrame* frame, std::size_t bytes);
-  bool IsBlocked() const;
+  bool HandOver(ZmqFrame* frame);
+  bool SendFrame(MonotonicTime now, ZmqFrame* frame, std::size_t bytes);
+  bool TrySend(MonotonicTime now, Outbox::Entry* entry);
   void UpdateExpectation(MonotonicTime now);
   Duration Patience() const;
+  bool HasReportDue() const;
+  bool IsFlushDue() const;
   MonotonicTime Deadline() const;
 
   const ZmqContext& context_;
@@ -100,7 +103,7 @@ class PeerLink {
   mutable std::mutex mutex_;
   std::optional<ZmqSocket> monitor_;
   std::optional<ZmqSocket> dealer_;
-  bool is_open_ = false;
+  std::atomic<bool> is_open_{false};     // Read without the lock for a first look.
   std::uint32_t link_number_;            // Of the present or last connection.
   std::uint64_t connections_begun_ = 0;  // Names the monitors.
   std::optional<MonotonicTime> connect_at_;
@@ -113,8 +116,10 @@ class PeerLink {
   ReceivedCount received_;
   bool is_report_due_ = false;
   bool is_asking_ = false;
-  bool is_opening_due_ = false;      // Nothing goes out over a connection before its first report.
-  bool is_large_announced_ = false;  // The outbox's front is, in a report.
+  bool is_opening_due_ = false;        // Nothing goes out over a connection before its first report.
+  std::size_t told_credit_bytes_ = 0;  // By which the peer reports.
+  bool is_socket_full_ = false;        // Until its file tells of news.
+  bool is_large_announced_ = false;    // The outbox's front is, in a report.
 
   // Of the transport's thread, since the last Work.
   bool is_heard_ = false;

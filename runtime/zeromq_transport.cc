@@ -29,8 +29,7 @@ namespace moondb {
 namespace {
 
 constexpr int kPeerQueueMessages = 256;  // Received from one peer and not yet delivered; its credit bounds their bytes.
-constexpr int kSocketBufferBytes = 16 * 1024;
-constexpr int kBatchMessages = 64;  // Of one socket before the others have their turn.
+constexpr int kBatchMessages = 64;       // Of one socket before the others have their turn.
 
 // For poll: not before `time`, and not longer than it can take.
 int MillisecondsUntil(MonotonicTime time) {
@@ -111,7 +110,6 @@ class ZeroMqTransport::Impl {
     router->Set(ZMQ_ROUTER_HANDOVER, 1);
     router->Set(ZMQ_RCVHWM, kPeerQueueMessages);
     router->Set(ZMQ_SNDHWM, 1);
-    router->Set(ZMQ_RCVBUF, kSocketBufferBytes);
     router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.message_bytes_max));
     if (keys_) {
       router->Set(ZMQ_CURVE_SERVER, 1);
@@ -153,7 +151,7 @@ class ZeroMqTransport::Impl {
         options.peer_key = keys_->public_keys[agent.id()];
       }
       options.message_bytes_max = options_.message_bytes_max;
-      options.credit_bytes = options_.credit_bytes;
+      options.credit = options_.credit;
       options.outbox = options_.outbox;
       options.health = options_.health;
       Result<std::unique_ptr<PeerLink>> link = PeerLink::Make(context_, wake_up_, std::move(options));

@@ -7,7 +7,7 @@
 // proto::Message.
 //
 // libzmq would queue silently for absent peers and let megabytes in for frozen ones, so queues are bounded here: byte
-// credit per connection, ZMQ_IMMEDIATE, small socket buffers, LINGER 0, ROUTER_HANDOVER; peers that fall silent are
+// credit per connection, ZMQ_IMMEDIATE, LINGER 0, ROUTER_HANDOVER; peers that fall silent are
 // noticed by deadlines, without ZMTP's heartbeat. The thread sleeps until a socket, a sender or a deadline wakes it.
 #pragma once
 
@@ -18,6 +18,7 @@
 
 #include "model/error.h"
 #include "proto/team.pb.h"
+#include "runtime/link_credit.h"
 #include "runtime/link_health.h"
 #include "runtime/outbox.h"
 #include "runtime/transport.h"
@@ -31,7 +32,7 @@ class ZeroMqTransport final : public Transport {
     std::string client_endpoint;                       // ipc://..., empty: no clients.
     std::size_t message_bytes_max = 32 * 1024 * 1024;  // Larger frames from peers or clients close the connection.
     Outbox::Options outbox;                            // Per peer, waiting for credit.
-    std::size_t credit_bytes = 64 * 1024;              // Per peer, under way. 0.5 s of a 1 Mbps radio.
+    LinkCredit::Options credit;                        // Per peer, under way.
     LinkHealth::Options health;                        // When a silent peer is asked, and given up.
     std::string secret_key_file;                       // Empty: beside the public key, with the ending .sec.
   };

@@ -43,7 +43,11 @@ std::string_view ZmqFrame::user_id() const {
   return user_id == nullptr ? std::string_view() : std::string_view(user_id);
 }
 
-void ZmqSocket::Closer::operator()(void* socket) const { (void)zmq_close(socket); }
+void ZmqSocket::Closer::operator()(void* socket) const {
+  // Else a last event could wait for ever, on libzmq's own thread, for a reader that is closed too.
+  (void)zmq_socket_monitor(socket, nullptr, 0);
+  (void)zmq_close(socket);
+}
 
 Result<ZmqSocket> ZmqSocket::Make(const ZmqContext& context, int type) {
   ZmqSocket socket;

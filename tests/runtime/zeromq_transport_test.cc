@@ -1,4 +1,3 @@
-// Real transports in one process, over ipc:// in a temporary folder: libzmq's own behaviour is what is tested here.
 #include "runtime/zeromq_transport.h"
 
 #include <gmock/gmock.h>
@@ -7,15 +6,9 @@
 #include <unistd.h>
 #include <zmq.h>
 
-#include <chrono>
-#include <condition_variable>
 #include <cstdlib>
-#include <cstring>
-#include <deque>
 #include <filesystem>
 #include <fstream>
-#include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -27,6 +20,7 @@
 #include "runtime/listen_address.h"
 #include "runtime/private_folder.h"
 #include "runtime/team_config.h"
+#include "tests/runtime/transport_fixture.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -34,190 +28,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-// Long, for a loaded machine; a test that passes never waits for it.
-constexpr std::chrono::seconds kPatience(60);
-
-// What a transport told, waited for with patience. Thread-safe.
-class Ear {
- public:
-  ZeroMqTransport::Deliver deliver() {
-    return [this](MessagePtr message) {
-      const std::lock_guard lock(mutex_);
-      messages_.push_back(std::move(message));
-      changed_.notify_all();
-    };
-  }
-
-  ZeroMqTransport::PeerChanged peer_changed() {
-    return [this](AgentId peer, bool is_connected) {
-      const std::lock_guard lock(mutex_);
-      is_connected_[peer] = is_connected;
-      changed_.notify_all();
-    };
-  }
-
-  // Null if none comes.
-  MessagePtr Take() {
-    std::unique_lock lock(mutex_);
-    if (!changed_.wait_for(lock, kPatience, [&] { return !messages_.empty(); })) return nullptr;
-    MessagePtr message = std::move(messages_.front());
-    messages_.pop_front();
-    return message;
-  }
-
-  bool WaitForPeer(AgentId peer, bool is_connected) {
-    std::unique_lock lock(mutex_);
-    return changed_.wait_for(lock, kPatience, [&] {
-      const auto known = is_connected_.find(peer);
-      return known != is_connected_.end() && known->second == is_connected;
-    });
-  }
-
-  std::size_t waiting() {
-    const std::lock_guard lock(mutex_);
-    return messages_.size();
-  }
-
- private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<MessagePtr> messages_;
-  std::map<AgentId, bool> is_connected_;
-};
-
-// A DEALER without moondb: a client, or a peer that does not keep to the rules.
-class RawDealer {
- public:
-  struct Keys {
-    std::string server_public;
-    CurveKeys own;
-  };
-
-  explicit RawDealer(const std::string& endpoint, const Keys* keys = nullptr)
-      : context_(zmq_ctx_new()), socket_(zmq_socket(context_, ZMQ_DEALER)) {
-    const int zero = 0;
-    zmq_setsockopt(socket_, ZMQ_LINGER, &zero, sizeof zero);
-    const int patience_ms = static_cast<int>(std::chrono::milliseconds(kPatience).count());
-    zmq_setsockopt(socket_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
-    zmq_setsockopt(socket_, ZMQ_SNDTIMEO, &patience_ms, sizeof patience_ms);
-    if (keys != nullptr) {
-      zmq_setsockopt(socket_, ZMQ_CURVE_SERVERKEY, keys->server_public.c_str(), 40);
-      zmq_setsockopt(socket_, ZMQ_CURVE_PUBLICKEY, keys->own.public_key.c_str(), 40);
-      zmq_setsockopt(socket_, ZMQ_CURVE_SECRETKEY, keys->own.secret_key.c_str(), 40);
-    }
-    zmq_socket_monitor(socket_, "inproc://raw",
-                       ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_DISCONNECTED);
-    monitor_ = zmq_socket(context_, ZMQ_PAIR);
-    zmq_setsockopt(monitor_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
-    zmq_setsockopt(monitor_, ZMQ_LINGER, &zero, sizeof zero);
-    zmq_connect(monitor_, "inproc://raw");
-    EXPECT_EQ(zmq_connect(socket_, endpoint.c_str()), 0);
-  }
-
-  ~RawDealer() {
-    zmq_close(socket_);
-    zmq_close(monitor_);
-    zmq_ctx_term(context_);
-  }
-
-  void Send(const std::string& frame, bool has_more = false) {
-    EXPECT_EQ(zmq_send(socket_, frame.data(), frame.size(), has_more ? ZMQ_SNDMORE : 0),
-              static_cast<int>(frame.size()));
-  }
-
-  std::string Receive() { return ReceiveFrom(socket_).value_or(""); }
-
-  // A ZMQ_EVENT_*; 0 if none comes.
-  int NextEvent() {
-    const std::optional<std::string> event = ReceiveFrom(monitor_);
-    if (!event || event->size() < 2) return 0;
-    (void)ReceiveFrom(monitor_);
-    std::uint16_t number = 0;
-    std::memcpy(&number, event->data(), sizeof number);
-    return number;
-  }
-
- private:
-  static std::optional<std::string> ReceiveFrom(void* socket) {
-    zmq_msg_t part;
-    zmq_msg_init(&part);
-    std::optional<std::string> text;
-    if (zmq_msg_recv(&part, socket, 0) >= 0) {
-      text = std::string(static_cast<const char*>(zmq_msg_data(&part)), zmq_msg_size(&part));
-    }
-    zmq_msg_close(&part);
-    return text;
-  }
-
-  void* context_;
-  void* socket_;
-  void* monitor_ = nullptr;
-};
-
-class ZeroMqTransportTest : public ::testing::Test {
- protected:
-  ZeroMqTransportTest() { MakeTeam(/*is_insecure=*/false); }
-
-  void MakeTeam(bool is_insecure) {
-    proto::TeamConfig team;
-    team.set_team("test");
-    team.set_insecure(is_insecure);
-    for (AgentId id = 1; id <= 3; ++id) {
-      proto::AgentConfig* agent = team.add_agents();
-      agent->set_id(id);
-      agent->set_name("rover" + std::to_string(id));
-      agent->set_address("ipc://" + (folder_ / ("agent" + std::to_string(id))).string());
-    }
-    const std::filesystem::path path = folder_ / (is_insecure ? "insecure.yaml" : "team.yaml");
-    const Result<void> written = WriteTeam(path, team);
-    ASSERT_TRUE(written) << ToString(written.error());
-    team_ = ReadTeamFile(path).value();
-  }
-
-  Result<std::unique_ptr<ZeroMqTransport>> Create(AgentId self, ZeroMqTransport::Options options = {}) {
-    options.self = self;
-    return ZeroMqTransport::Create(team_.config, team_.folder, options, ears_[self].deliver(),
-                                   ears_[self].peer_changed());
-  }
-
-  ZeroMqTransport& Start(AgentId self, ZeroMqTransport::Options options = {}) {
-    auto transport = Create(self, std::move(options));
-    EXPECT_TRUE(transport) << ToString(transport.error());
-    return *(transports_[self] = std::move(*transport));
-  }
-
-  static MessagePtr Message(AgentId hop_sender, AgentId to, std::size_t bytes = 10) {
-    auto message = std::make_shared<proto::Message>();
-    message->set_hop_sender(hop_sender);
-    message->set_destination_id(to);
-    message->set_destination_actor("sync");
-    message->set_record_id(std::string(bytes, 'x'));
-    return message;
-  }
-
-  proto::PeerStatus Peer(AgentId self, AgentId peer) {
-    for (const proto::PeerStatus& status : transports_[self]->Peers()) {
-      if (status.agent_id() == peer) return status;
-    }
-    ADD_FAILURE() << "no peer " << peer;
-    return {};
-  }
-
-  RawDealer::Keys KeysOf(AgentId agent, AgentId server) {
-    const auto public_path = [&](AgentId id) { return team_.folder / FindAgent(team_.config, id)->key(); };
-    return {ReadPublicKey(public_path(server)).value(),
-            {ReadPublicKey(public_path(agent)).value(), ReadSecretKey(SecretKeyPath(public_path(agent))).value()}};
-  }
-
-  std::string AddressOf(AgentId agent) { return FindAgent(team_.config, agent)->address(); }
-  std::string ClientEndpointHere() { return "ipc://" + (folder_ / "run" / "rover1.sock").string(); }
-
-  const TemporaryFolder temporary_;  // Outlives the transports below.
-  const std::filesystem::path folder_ = temporary_.path();
-  TeamFile team_;
-  std::map<AgentId, Ear> ears_;
-  std::map<AgentId, std::unique_ptr<ZeroMqTransport>> transports_;
-};
+using ZeroMqTransportTest = TransportFixture;
 
 TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
   Start(1);
@@ -436,6 +247,46 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   EXPECT_EQ(heard.request_id(), 1u);
   ASSERT_TRUE(heard.ParseFromString(second.Receive()));
   EXPECT_EQ(heard.request_id(), 2u);
+}
+
+TEST_F(ZeroMqTransportTest, TellsAClientThatItsReplyIsTooLarge) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  options.message_bytes_max = 1000;
+  Start(1, options);
+  RawDealer client(options.client_endpoint);
+  proto::Message request = *Message(0, 0);
+  request.set_request_id(7);
+  client.Send(request.SerializeAsString());
+  proto::Message reply = *Message(1, 1, 2000);
+  reply.set_request_id(7);
+  EXPECT_EQ(transports_[1]->Send({kClients, ears_[1].Take()->source_actor()}, std::make_shared<proto::Message>(reply)),
+            SendResult::kFull);
+  proto::Message heard;
+  ASSERT_TRUE(heard.ParseFromString(client.Receive()));
+  EXPECT_EQ(heard.request_id(), 7u);
+  EXPECT_EQ(heard.control_reply().error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_THAT(heard.control_reply().error().text(), HasSubstr("more than the 1000 of a message"));
+}
+
+TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  RawDealer client(options.client_endpoint);
+  proto::Message report = *Message(2, 1);
+  report.mutable_link_report()->set_link(1);
+  client.Send(report.SerializeAsString());
+  client.Send(Message(0, 0)->SerializeAsString());
+  EXPECT_FALSE(ears_[1].Take()->has_link_report());
+}
+
+TEST_F(ZeroMqTransportTest, TellsAgainWhoIsConnected) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[1].WaitUntilConnected(2, 1));
+  transports_[1]->TellPeers();
+  EXPECT_TRUE(ears_[1].WaitUntilConnected(2, 2));
 }
 
 TEST_F(ZeroMqTransportTest, AClientThatLeftHoldsUpNobody) {
