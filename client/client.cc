@@ -131,6 +131,12 @@ Result<proto::GraphStatsReply> Client::GraphStats() {
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_graph_stats()); });
 }
 
+Result<proto::TraceReply> Client::Trace(const proto::TraceRequest& trace) {
+  proto::ControlRequest request;
+  *request.mutable_trace() = trace;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_trace()); });
+}
+
 Result<Client::Merged> Client::Merge(const proto::MergeRequest& merge) {
   proto::ControlRequest request;
   *request.mutable_merge() = merge;

@@ -72,6 +72,8 @@ class Client {
   Result<proto::ShareStatus> ShareStatus();
   Result<proto::OptimizeReply> Optimize();
   Result<proto::GraphStatsReply> GraphStats();
+  // What the agent's actors did last, and what they failed at.
+  Result<proto::TraceReply> Trace(const proto::TraceRequest& request);
   Result<Merged> Merge(const proto::MergeRequest& request);
   // The agent has agreed to stop; it ends shortly after.
   Result<void> Stop();

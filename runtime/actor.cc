@@ -20,6 +20,20 @@ const char* ToString(SendResult result) {
   return "unknown";
 }
 
+bool IsControl(const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kPeerEvent:
+    case proto::Message::kRolesChanged:
+    case proto::Message::kStop:
+    case proto::Message::kDown:
+    case proto::Message::kPing:
+    case proto::Message::kStepDown:
+      return true;
+    default:
+      return false;
+  }
+}
+
 TimerId Context::AfterTimer(Duration delay, std::uint32_t kind, std::uint64_t value) {
   proto::Message message;
   message.mutable_timer()->set_kind(kind);

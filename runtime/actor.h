@@ -34,12 +34,12 @@ using MonotonicTime = std::chrono::time_point<std::chrono::steady_clock, Duratio
 using TimerId = std::uint64_t;
 using MessagePtr = std::shared_ptr<const proto::Message>;
 
-enum class SendResult {
-  kAccepted,     // In the mailbox or the peer's outbox. Not yet handled, and to a peer not yet sent.
-  kFull,         // The mailbox's or outbox's bound is reached; the message is dropped and counted.
-  kNoActor,      // This agent has no actor of that name.
-  kNoPeer,       // No such agent in the team, or an alias that stands for nobody now.
-  kUnreachable,  // The peer or client is not connected.
+enum class [[nodiscard]] SendResult{
+    kAccepted,     // In the mailbox or the peer's outbox. Not yet handled, and to a peer not yet sent.
+    kFull,         // The mailbox's or outbox's bound is reached; the message is dropped and counted.
+    kNoActor,      // This agent has no actor of that name.
+    kNoPeer,       // No such agent in the team, or an alias that stands for nobody now.
+    kUnreachable,  // The peer or client is not connected.
 };
 
 const char* ToString(SendResult result);
@@ -64,14 +64,15 @@ class Context {
   virtual std::int64_t utc_now_ns() const = 0;
   virtual std::mt19937_64& rng() = 0;
 
-  // Fills in hop_sender, source_actor, destination_id and destination_actor; agent_id too where it is 0.
+  // Fills in hop_sender and destination_id; agent_id too where it is 0; and, for the way to another agent,
+  // source_actor and destination_actor (within an agent the names do not travel: the receiver asks sender()).
   // Never blocks. A refused message has no further effect.
   [[nodiscard]] virtual SendResult Send(const Address& to, proto::Message message) = 0;
 
   // Sends to sender() with the request_id of the message in hand.
   [[nodiscard]] virtual SendResult Reply(proto::Message message) = 0;
 
-  // Sends `message` to this actor itself after `delay`. Timers die with the actor.
+  // Sends `message` to this actor itself after `delay`, past its mailbox's bound. Timers die with the actor.
   virtual TimerId After(Duration delay, proto::Message message) = 0;
   virtual void Cancel(TimerId timer) = 0;  // Of one that already came due: nothing happens.
 
@@ -81,6 +82,16 @@ class Context {
   // This actor cannot go on: after the handler it is destroyed and made anew by its factory (OnStart again).
   virtual void Fail(Error error) = 0;
 
+  // From now on PeerEvents come, on the control lane: first one for each peer that is connected, then each change.
+  virtual void WatchPeers() = 0;
+
+  // A Down comes, on the control lane, each time that `target` is lost: an actor of this agent whose incarnation ended
+  // (the next one has the same address), or an agent to which the connection broke (with or without an actor's name: of
+  // a remote actor alone nothing is heard). At once if there is no such actor or no connection now. Aliases are
+  // resolved now. Ends with this incarnation or with Demonitor.
+  virtual void Monitor(const Address& target) = 0;
+  virtual void Demonitor(const Address& target) = 0;
+
   // Polled by long work: the system is stopping.
   virtual bool stop_requested() const = 0;
 
@@ -89,6 +100,8 @@ class Context {
   // GatewayActor only: the process should end (exit code 0), after this handler.
   virtual void RequestStop() = 0;
   virtual SystemStatus GetSystemStatus() const = 0;
+  // What the agent's actors did last, and the messages that they failed at.
+  virtual proto::TraceReply GetTrace(const proto::TraceRequest& request) const = 0;
 };
 
 class Actor {
@@ -106,10 +119,31 @@ enum class Placement {
   kOwnThread,  // Handlers may take long, or belong to one thread (fsync, EGL, a solver).
 };
 
+// What becomes of a message for which the mailbox has no room.
+enum class Overflow {
+  kReject,       // The send returns kFull.
+  kLatestByKey,  // A message takes the place of the waiting one that has its key (kAccepted); others as with kReject.
+  kBlock,        // ActorSystem::Post waits for room; actors and the transport, which never wait, are refused.
+};
+
+// A mailbox has two lanes. On the control lane comes what the runtime itself and RoleActor say (IsControl): before all
+// waiting data, and without counting towards the bounds below; its own bound is kControlMessagesMax.
 struct SpawnOptions {
   Placement placement = Placement::kPool;
-  std::size_t messages_max = 4096;           // Waiting in the mailbox; at least 1.
+  std::size_t messages_max = 4096;           // Waiting in the data lane; at least 1.
   std::size_t bytes_max = 64 * 1024 * 1024;  // Of these, as serialised; one larger message fits alone.
+  Overflow overflow = Overflow::kReject;
+  // For kLatestByKey: a message's key; with an empty one it replaces nothing. Runs on the sender's thread.
+  std::function<std::string(const proto::Message&)> key = nullptr;
+  // A handler that takes longer is logged and counted. Nothing interrupts it.
+  Duration handler_limit = std::chrono::seconds(1);
 };
+
+// Past this the newest control message of the same kind gives way to the next (a peer that comes and goes while a
+// handler takes minutes).
+inline constexpr std::size_t kControlMessagesMax = 256;
+
+// PeerEvent, RolesChanged, Stop, Down, Ping, StepDown. None of them is taken from peers or clients.
+bool IsControl(const proto::Message& message);
 
 }  // namespace moondb

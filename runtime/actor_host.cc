@@ -22,12 +22,12 @@ std::mt19937_64 MakeRng(const Address& self, std::uint64_t seed) {
 }  // namespace
 
 ActorHost::ActorHost(Address self, ActorFactory factory, std::uint64_t seed)
-    : self_(std::move(self)), factory_(std::move(factory)), rng_(MakeRng(self_, seed)), sender_(self_) {}
+    : self_(std::move(self)), factory_(std::move(factory)), rng_(MakeRng(self_, seed)), sender_(&self_) {}
 
 std::optional<Error> ActorHost::Start() {
   Check(!actor_, "an actor is started once an incarnation");
   ++incarnation_;
-  sender_ = self_;
+  sender_ = &self_;
   request_id_ = 0;
   return Run([this] {
     actor_ = factory_();
@@ -36,10 +36,14 @@ std::optional<Error> ActorHost::Start() {
   });
 }
 
-std::optional<Error> ActorHost::Handle(const proto::Message& message) {
-  sender_ = SenderOf(message);
+std::optional<Error> ActorHost::Handle(const proto::Message& message, const Address* sender) {
+  if (sender == nullptr) {
+    remote_sender_ = SenderOf(message);
+    sender = &remote_sender_;
+  }
+  sender_ = sender;
   request_id_ = message.request_id();
-  ++handled_;
+  handled_.store(handled_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);  // One writer at a time.
   return Run([&] { actor_->OnMessage(*this, message); });
 }
 
@@ -62,7 +66,7 @@ std::optional<Error> ActorHost::Run(Handler handler) {
 
 SendResult ActorHost::Reply(proto::Message message) {
   message.set_request_id(request_id_);
-  return Send(sender_, std::move(message));
+  return Send(*sender_, std::move(message));
 }
 
 void ActorHost::Fail(Error error) {

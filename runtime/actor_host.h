@@ -25,8 +25,9 @@ class ActorHost : public Context {
   // Makes the actor, a new incarnation, and runs OnStart. Why it failed, if it did: it is then destroyed already.
   std::optional<Error> Start();
 
-  // Runs OnMessage; likewise. Only while there is an actor.
-  std::optional<Error> Handle(const proto::Message& message);
+  // Runs OnMessage; likewise. Only while there is an actor. `sender` lives until this returns; null: the message's
+  // envelope says who it is.
+  std::optional<Error> Handle(const proto::Message& message, const Address* sender);
 
   // Destroys the actor; not from inside its handler.
   void End() { actor_.reset(); }
@@ -40,7 +41,7 @@ class ActorHost : public Context {
 
   // Context.
   const Address& self() const override { return self_; }
-  const Address& sender() const override { return sender_; }
+  const Address& sender() const override { return *sender_; }
   std::mt19937_64& rng() override { return rng_; }
   SendResult Reply(proto::Message message) override;
   void Fail(Error error) override;
@@ -54,7 +55,8 @@ class ActorHost : public Context {
   const ActorFactory factory_;
   std::mt19937_64 rng_;
   std::unique_ptr<Actor> actor_;
-  Address sender_;
+  Address remote_sender_;
+  const Address* sender_;         // Of the message in hand, self_ in OnStart.
   std::uint64_t request_id_ = 0;  // Of the message in hand.
   std::optional<Error> failure_;
   bool is_in_handler_ = false;

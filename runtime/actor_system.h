@@ -1,10 +1,15 @@
 // ActorSystem: runs one agent's actors on a small worker pool and on threads of their own.
 //
 // Threads sleep when there is nothing to do. An actor's messages are handled one at a time, in the order in which each
-// sender sent them. Supervision is one for one: an exception that leaves a handler, or Context::Fail, destroys the
-// actor and makes it anew by its factory, at once the first time, then with a growing delay; its mailbox survives, the
-// message that killed it does not. More than `restarts_max` in `restart_period` end the process by on_fatal. An actor
-// is made, run and destroyed on its own thread, if it has one (an EGL context belongs to its thread).
+// sender sent them, control messages first (runtime/actor.h). Supervision is one for one: an exception that leaves a
+// handler, or Context::Fail, destroys the actor and makes it anew by its factory, at once the first time, then with a
+// growing delay (Supervisor); its mailbox survives, the message that killed it goes to the dead letters. One that fails
+// too often makes the agent give up its role (a StepDown to the actor `role`); if that does not help, it is beyond
+// help, which ends the process by on_fatal. An actor is made, run and destroyed on its own thread, if it has one (an
+// EGL context belongs to its thread).
+//
+// A watchdog looks at actors that have work each `health_period`: a handler over its limit is logged, an actor that
+// gets no turn for `stuck_after` is fatal, since nothing but a new process can help it.
 //
 // A message to an actor that is beyond help, or after Stop, is kUnreachable.
 #pragma once
@@ -14,6 +19,7 @@
 #include <string>
 
 #include "runtime/actor.h"
+#include "runtime/trace_book.h"
 #include "runtime/transport.h"
 
 namespace moondb {
@@ -26,8 +32,10 @@ class ActorSystem {
     int worker_count = 2;
     int restarts_max = 5;
     Duration restart_period = std::chrono::minutes(1);
+    Duration health_period = std::chrono::seconds(10);
+    Duration stuck_after = std::chrono::minutes(15);
     std::uint64_t seed = 0;  // Of the actors' rng(); 0: from the system's entropy.
-    // An actor is beyond help. Called once, on some actor's thread: must not Stop there. Default: abort.
+    // An actor is beyond help. Called once, on one of the system's threads: must not Stop there. Default: abort.
     std::function<void(Error)> on_fatal;
     // Context::RequestStop. Called on some actor's thread: must not Stop there. Default: nothing happens.
     std::function<void()> on_stop_requested;
@@ -47,15 +55,21 @@ class ActorSystem {
   // what it received.
   SendResult Deliver(MessagePtr message);
 
-  // Any thread: tells the actors `role`, `sync` and `replica`, where they exist, with a PeerEvent.
+  // Any thread, before Start too: a peer was reached or lost. Told to actors that watch peers or monitor that agent.
   void OnPeerChanged(AgentId peer, bool is_connected);
 
-  // Sends from outside any actor; the sender is {self, "outside"}. For tests and composition.
+  // Sends from outside any actor, not from a handler; the sender is {self, "outside"}. For tests and composition. Waits
+  // for room in a full mailbox of an Overflow::kBlock actor, until Stop if need be.
   SendResult Post(const std::string& actor, proto::Message message);
 
   // Idempotent; not from a handler. Sets stop_requested, lets running handlers end, destroys the actors, joins all
   // threads. Waiting messages are dropped.
   void Stop();
+
+  // Any thread: what the agent's actors did last.
+  proto::TraceReply Trace(const proto::TraceRequest& request) const;
+  // The same as it is kept, for DumpTraceOnCrash. Lives as long as the system.
+  const TraceBook& trace_book() const;
 
  private:
   class Impl;

@@ -3,11 +3,15 @@
 namespace moondb {
 
 void WriteEnvelope(const Address& from, const Address& to, proto::Message& message) {
-  message.set_hop_sender(from.agent);
+  WriteLocalEnvelope(from.agent, to.agent, message);
   message.set_source_actor(from.actor);
-  message.set_destination_id(to.agent);
   message.set_destination_actor(to.actor);
-  if (message.agent_id() == 0) message.set_agent_id(from.agent);
+}
+
+void WriteLocalEnvelope(AgentId from, AgentId to, proto::Message& message) {
+  message.set_hop_sender(from);
+  message.set_destination_id(to);
+  if (message.agent_id() == 0) message.set_agent_id(from);
 }
 
 Address SenderOf(const proto::Message& message) { return {message.hop_sender(), message.source_actor()}; }

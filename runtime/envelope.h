@@ -11,6 +11,9 @@ namespace moondb {
 // the data originate). `to` holds no alias any more.
 void WriteEnvelope(const Address& from, const Address& to, proto::Message& message);
 
+// The same for a way within one agent, where the actors' names do not travel: hop_sender, destination_id, agent_id.
+void WriteLocalEnvelope(AgentId from, AgentId to, proto::Message& message);
+
 // Who handed the message over: hop_sender and source_actor.
 Address SenderOf(const proto::Message& message);
 

@@ -4,13 +4,28 @@
 
 namespace moondb {
 
-std::optional<Duration> Supervisor::OnFailure(MonotonicTime now) {
+Supervisor::Verdict Supervisor::OnFailure(MonotonicTime now, double jitter) {
   while (!failures_.empty() && now - failures_.front() >= options_.restart_period) failures_.pop_front();
-  if (static_cast<int>(failures_.size()) >= options_.restarts_max) return std::nullopt;
-  Duration delay{};
-  if (!failures_.empty()) delay = options_.first_delay;
-  for (std::size_t i = 1; i < failures_.size() && delay < options_.delay_max; ++i) delay *= 2;
+  if (failures_.empty()) has_stepped_down_ = false;
+  Verdict verdict;
+  if (static_cast<int>(failures_.size()) >= options_.restarts_max) {
+    if (has_stepped_down_ || !options_.can_step_down) return {Action::kBeyondHelp, {}};
+    has_stepped_down_ = true;
+    failures_.clear();
+    verdict.action = Action::kStepDown;
+  }
+  const double factor = 1 + options_.jitter_ratio * (2 * jitter - 1);
+  verdict.delay = std::chrono::duration_cast<Duration>(NextDelay() * factor);
   failures_.push_back(now);
+  return verdict;
+}
+
+Duration Supervisor::NextDelay() const {
+  // Slow, but so that as many restarts again fall into the period.
+  if (has_stepped_down_) return std::min(options_.delay_max, options_.restart_period / (2 * options_.restarts_max));
+  if (failures_.empty()) return Duration::zero();
+  Duration delay = options_.first_delay;
+  for (std::size_t i = 1; i < failures_.size() && delay < options_.delay_max; ++i) delay *= 2;
   return std::min(delay, options_.delay_max);
 }
 

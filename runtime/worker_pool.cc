@@ -7,8 +7,26 @@
 #include "model/check.h"
 
 namespace moondb {
+namespace {
 
-WorkerPool::WorkerPool(const std::string& name, int thread_count) {
+// Turns from the next slot in a row, then what waits in the queue is served.
+constexpr int kSlotTurnsMax = 64;
+
+}  // namespace
+
+struct WorkerPool::Worker {
+  static thread_local Worker* current;  // Null on threads of no pool.
+
+  const WorkerPool* pool = nullptr;
+  Runnable* next = nullptr;
+  int slot_turns = 0;
+  bool has_slept = false;  // Since the clock was last read.
+};
+
+thread_local WorkerPool::Worker* WorkerPool::Worker::current = nullptr;
+
+WorkerPool::WorkerPool(const std::string& name, int thread_count, std::function<void()> on_thread_start)
+    : on_thread_start_(std::move(on_thread_start)) {
   Check(thread_count >= 1, "a pool has at least one thread");
   for (int i = 0; i < thread_count; ++i) {
     threads_.emplace_back([this] { Run(); });
@@ -16,11 +34,20 @@ WorkerPool::WorkerPool(const std::string& name, int thread_count) {
   }
 }
 
-void WorkerPool::Submit(Task task) {
+void WorkerPool::Submit(Runnable* task) {
+  Worker* worker = Worker::current;
+  if (worker != nullptr && worker->pool == this && worker->next == nullptr) {
+    worker->next = task;
+  } else {
+    SubmitLast(task);
+  }
+}
+
+void WorkerPool::SubmitLast(Runnable* task) {
   {
     const std::lock_guard lock(mutex_);
     if (is_joining_) return;
-    tasks_.push_back(std::move(task));
+    tasks_.push_back(task);
   }
   changed_.notify_one();
 }
@@ -40,16 +67,35 @@ void WorkerPool::Join() {
 }
 
 void WorkerPool::Run() {
-  std::unique_lock lock(mutex_);
-  while (true) {
-    changed_.wait(lock, [this] { return is_joining_ || !tasks_.empty(); });
-    if (is_joining_) return;
-    const Task task = std::move(tasks_.front());
-    tasks_.pop_front();
-    lock.unlock();
-    task();
-    lock.lock();
+  if (on_thread_start_) on_thread_start_();
+  Worker worker;
+  worker.pool = this;
+  Worker::current = &worker;
+  MonotonicTime now = std::chrono::steady_clock::now();
+  while (Runnable* task = Next(worker)) {
+    if (std::exchange(worker.has_slept, false)) now = std::chrono::steady_clock::now();
+    now = task->RunTurn(now);
   }
+  Worker::current = nullptr;
+}
+
+Runnable* WorkerPool::Next(Worker& worker) {
+  if (worker.next != nullptr && ++worker.slot_turns <= kSlotTurnsMax) return std::exchange(worker.next, nullptr);
+  worker.slot_turns = 0;
+  std::unique_lock lock(mutex_);
+  if (is_joining_) return nullptr;
+  if (worker.next != nullptr) {
+    tasks_.push_back(std::exchange(worker.next, nullptr));
+    if (tasks_.size() > 1) changed_.notify_one();
+  }
+  while (tasks_.empty()) {
+    worker.has_slept = true;
+    changed_.wait(lock);
+    if (is_joining_) return nullptr;
+  }
+  Runnable* task = tasks_.front();
+  tasks_.pop_front();
+  return task;
 }
 
 }  // namespace moondb

@@ -1,7 +1,10 @@
-// WorkerPool: threads that run tasks in the order in which they were submitted, and sleep when there are none.
+// WorkerPool: threads that run what was submitted, in that order, and sleep when there is nothing.
 //
-// One queue under one mutex: with a handful of actors and short handlers the lock is rarely contended, and an idle
-// agent uses no battery. With one thread it is that thread's queue. Any thread may call Submit.
+// One queue under one mutex, no stealing and no polling: with a handful of actors and short turns the lock is rarely
+// contended, and an idle agent uses no battery. What one of the pool's own threads submits first in a turn waits in
+// that thread's next slot instead and runs right after the turn, so that request and reply stay on one thread, in its
+// cache, without a lock and without waking another. So a turn that submits and then goes on for long delays what it
+// submitted: long turns belong on a thread of their own. With one thread the pool is that thread's queue.
 #pragma once
 
 #include <condition_variable>
@@ -12,30 +15,44 @@
 #include <thread>
 #include <vector>
 
+#include "runtime/actor.h"
+
 namespace moondb {
+
+class Runnable {
+ public:
+  virtual ~Runnable() = default;
+  // `now` is the time at its start; returns the time at its end, which saves a look at the clock between two turns.
+  virtual MonotonicTime RunTurn(MonotonicTime now) = 0;
+};
 
 class WorkerPool {
  public:
-  using Task = std::function<void()>;
-
-  // `name` is what tools like top show; its first 15 bytes count.
-  WorkerPool(const std::string& name, int thread_count);
+  // `name` is what tools like top show; its first 15 bytes count. `on_thread_start` runs first on each thread.
+  WorkerPool(const std::string& name, int thread_count, std::function<void()> on_thread_start = {});
   ~WorkerPool() { Join(); }
 
-  // The number of waiting tasks is the caller's to bound. After Join: nothing happens.
-  void Submit(Task task);
+  // Any thread. The caller submits one thing once until its turn began, which bounds the queue, and keeps it until its
+  // turn ended. After Join: nothing happens.
+  void Submit(Runnable* task);
+  // As Submit, but behind all that waits: for what had its turn already.
+  void SubmitLast(Runnable* task);
 
-  // Lets running tasks end, drops waiting ones. Not from one of its own threads. Idempotent.
+  // Lets running turns end, drops waiting ones. Not from one of its own threads. Idempotent.
   void Join();
 
  private:
+  struct Worker;
+
   void Run();
+  Runnable* Next(Worker& worker);
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<Task> tasks_;
+  std::deque<Runnable*> tasks_;
   bool is_joining_ = false;
   std::vector<std::thread> threads_;
+  const std::function<void()> on_thread_start_;
 };
 
 }  // namespace moondb

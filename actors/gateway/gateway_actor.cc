@@ -61,6 +61,11 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
     return Answer(context, client, message.request_id(), ErrorReply(checked.error()));
   }
   if (request.has_stop()) return OnStop(context, message);
+  if (request.has_trace()) {
+    proto::ControlReply reply;
+    *reply.mutable_trace() = context.GetTrace(request.trace());
+    return Answer(context, client, message.request_id(), std::move(reply));
+  }
   if (pending_.size() >= options_.pending_max) {
     const Error error{ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later", {}};
     return Answer(context, client, message.request_id(), ErrorReply(error));
@@ -125,7 +130,8 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kMerge:
       *message.mutable_merge_request() = request.merge();
       return Ask(context, actor_name::kMerge, std::move(message), id, pending);
-    case proto::ControlRequest::kStop:
+    case proto::ControlRequest::kStop:   // Answered without the
+    case proto::ControlRequest::kTrace:  // help of other actors.
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }

@@ -122,6 +122,7 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     case proto::ControlRequest::kOptimize:
     case proto::ControlRequest::kStop:
     case proto::ControlRequest::kGraphStats:
+    case proto::ControlRequest::kTrace:
       return {};
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;

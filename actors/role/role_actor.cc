@@ -37,6 +37,7 @@ RoleActor::RoleActor(Options options) : options_(std::move(options)), logic_(Log
 void RoleActor::OnStart(Context& context) {
   // A random start, so that an answer to a question of an earlier life fits none of this one's.
   storage_request_id_ = context.rng()();
+  context.WatchPeers();
   AskStorage(context);
 }
 
@@ -53,8 +54,10 @@ void RoleActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kTimer:
       return OnTimer(context, message.timer());
     case proto::Message::kPeerEvent:
-      if (message.peer_event().is_connected()) Perform(context, logic_.OnPeerConnected(message.peer_event().peer()));
-      return;
+      return OnPeerEvent(context, message.peer_event());
+    case proto::Message::kStepDown:
+      step_down_reason_ = "actor " + message.step_down().actor() + " fails: " + message.step_down().reason();
+      return StepDownIfDue(context);
     case proto::Message::kLoadRolesReply:
       return OnLoadRolesReply(context, message.load_roles_reply());
     case proto::Message::kSaveRolesReply:
@@ -89,6 +92,16 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
   }
 }
 
+void RoleActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
+  if (!event.is_connected()) {
+    connected_.erase(event.peer());
+    return;
+  }
+  connected_.insert(event.peer());
+  Perform(context, logic_.OnPeerConnected(event.peer()));
+  StepDownIfDue(context);
+}
+
 void RoleActor::OnLoadRolesReply(Context& context, const proto::LoadRolesReply& reply) {
   if (logic_.is_loaded()) return;
   context.Cancel(storage_timer_);
@@ -109,6 +122,7 @@ void RoleActor::OnSaveRolesReply(Context& context, const proto::Message& message
   }
   Perform(context, logic_.OnSaved());
   AnswerAsker(context, std::nullopt);
+  StepDownIfDue(context);
 }
 
 void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message) {
@@ -149,6 +163,17 @@ void RoleActor::OnRoleAnnounce(Context& context, AgentId from, const proto::Role
     return;
   }
   Perform(context, *std::move(actions));
+}
+
+void RoleActor::StepDownIfDue(Context& context) {
+  if (!step_down_reason_) return;
+  Result<proto::RoleAssignment> roles = logic_.ProposeStepDown(connected_, *step_down_reason_, context.utc_now_ns());
+  if (roles) {
+    spdlog::warn("{}: gives up its role, {}", ToString(context.self()), *step_down_reason_);
+    Perform(context, logic_.Adopt(*std::move(roles)));
+  } else if (roles.error().code == ErrorCode::kNotFound) {
+    step_down_reason_.reset();
+  }
 }
 
 void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {

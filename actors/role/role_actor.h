@@ -5,9 +5,13 @@
 // RoleShowRequest and RoleSetRequest with RoleShowReply, or with a ControlReply that holds nothing but an error. Both
 // are taken from this agent's own actors only, as clients come through the gateway. After a restart everything comes
 // back from storage.
+//
+// On StepDown (an actor of this agent fails again and again) it gives up the agent's role to an agent that is
+// connected, now or as soon as there is one.
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -21,7 +25,7 @@ class RoleActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked.
+    proto::TeamConfig team;         // Complete and checked.
     std::vector<std::string> tell;  // Own actors that get RolesChanged beside the standard ones.
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);
@@ -44,12 +48,14 @@ class RoleActor final : public Actor {
 
   void OnLocal(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
+  void OnPeerEvent(Context& context, const proto::PeerEvent& event);
   void OnLoadRolesReply(Context& context, const proto::LoadRolesReply& reply);
   void OnSaveRolesReply(Context& context, const proto::Message& message);
   void OnRoleSetRequest(Context& context, const proto::Message& message);
   void OnRoleShowRequest(Context& context, const proto::RoleShowRequest& request);
   void OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce);
 
+  void StepDownIfDue(Context& context);
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);
   void TellOwnActors(Context& context);
@@ -65,6 +71,8 @@ class RoleActor final : public Actor {
   proto::Message roles_changed_;     // What stands.
   std::vector<std::string> untold_;  // Own actors that do not know it yet.
   std::optional<Asker> asker_;
+  std::set<AgentId> connected_;
+  std::optional<std::string> step_down_reason_;  // Until the role is given up.
 };
 
 }  // namespace moondb

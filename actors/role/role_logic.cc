@@ -65,6 +65,39 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
   return roles;
 }
 
+Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
+                                                         std::int64_t now_ns) const {
+  if (!is_loaded_ || saving_) return Fail(ErrorCode::kUnavailable, "the roles are being read or stored");
+  if (current_.leader() != options_.self && current_.survivor() != options_.self) {
+    return Fail(ErrorCode::kNotFound, "this agent has no role to give up");
+  }
+  std::optional<proto::RoleAssignment> roles = WithoutOwnRole(connected);
+  if (!roles) return Fail(ErrorCode::kUnavailable, "nobody who could take the role is connected");
+  *roles->mutable_term() = NextTerm();
+  roles->set_stamp_ns(now_ns);
+  roles->set_reason(reason.substr(0, kReasonBytesMax));
+  return *std::move(roles);
+}
+
+std::optional<proto::RoleAssignment> RoleLogic::WithoutOwnRole(const std::set<AgentId>& connected) const {
+  // The survivor first, since it holds the most; this agent itself last.
+  std::vector<AgentId> candidates = {current_.survivor()};
+  candidates.insert(candidates.end(), options_.agents.begin(), options_.agents.end());
+  std::erase_if(candidates, [&](AgentId agent) { return !connected.contains(agent); });
+  candidates.push_back(options_.self);
+  const bool is_leader = current_.leader() == options_.self;
+  for (const AgentId leader : is_leader ? candidates : std::vector<AgentId>{current_.leader()}) {
+    for (const AgentId survivor : candidates) {
+      proto::RoleAssignment roles;
+      roles.set_leader(leader);
+      roles.set_survivor(survivor);
+      const bool is_change = leader != current_.leader() || survivor != current_.survivor();
+      if ((is_leader ? leader : survivor) != options_.self && is_change && options_.check(roles)) return roles;
+    }
+  }
+  return std::nullopt;
+}
+
 RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
   Check(is_loaded_ && !saving_, "one assignment is stored at a time");
   saving_ = std::move(roles);

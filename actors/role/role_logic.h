@@ -73,7 +73,12 @@ class RoleLogic {
   // The assignment that `request` means, not stored yet. kUnavailable before OnLoaded and while another one is being
   // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named.
   Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
-  // Begins to store what Propose returned.
+  // The assignment by which this agent gives up its role to those that are `connected`: a leader to the designated
+  // survivor, else to another that may lead; it becomes the survivor itself only where nobody else can. kNotFound if
+  // it has no role, kUnavailable as above and while nobody fit is connected.
+  Result<proto::RoleAssignment> ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
+                                                std::int64_t now_ns) const;
+  // Begins to store what one of these returned.
   Actions Adopt(proto::RoleAssignment roles);
 
   // From another agent, or forwarded for it. kRefused, with nothing done, where it does not pass the door.
@@ -92,6 +97,7 @@ class RoleLogic {
   proto::RoleShowReply Show(bool with_history) const;
 
  private:
+  std::optional<proto::RoleAssignment> WithoutOwnRole(const std::set<AgentId>& connected) const;
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
   proto::Term NextTerm() const;
   bool IsMember(AgentId agent) const;

@@ -14,6 +14,7 @@ enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2 };
 }  // namespace
 
 void SharingActor::OnStart(Context& context) {
+  context.WatchPeers();
   roles_ = InitialRoles(options_.team);
   SharingReceiver::Options receiver;
   receiver.team = options_.team.team();

@@ -56,6 +56,8 @@ template <typename ActorType, typename Options>
 void SpawnActor(ActorSystem& system, const char* name, Placement placement, Options options) {
   SpawnOptions spawn;
   spawn.placement = placement;
+  // Solving and merging take as long as the mission is large.
+  if (placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
   system.Spawn(name, spawn, [options = std::move(options)] { return std::make_unique<ActorType>(options); });
 }
 
@@ -67,6 +69,7 @@ class Agent::Impl {
       : team_(team), options_(std::move(options)), lock_(std::move(lock)) {}
 
   ~Impl() {
+    if (dumps_on_crash_) DumpTraceOnCrash(nullptr, "");
     // Actors end while the transport still stands (they may send to it); then nothing calls the system any more.
     if (system_ != nullptr) system_->Stop();
     transport_.reset();
@@ -87,7 +90,15 @@ class Agent::Impl {
 
   const std::string& endpoint() const { return endpoint_; }
 
+  void WriteTrace() const { system_->trace_book().WriteFile(TracePath().c_str()); }
+  void WriteTraceOnCrash() {
+    dumps_on_crash_ = true;
+    DumpTraceOnCrash(&system_->trace_book(), TracePath());
+  }
+
  private:
+  std::string TracePath() const { return options_.data_folder / "trace.txt"; }
+
   StorageActor::Options StorageOptions() const {
     StorageActor::Options storage;
     storage.path = options_.data_folder / kDatabaseFile;
@@ -162,9 +173,7 @@ class Agent::Impl {
         [this](MessagePtr message) {
           if (is_running_) (void)system_->Deliver(std::move(message));
         },
-        [this](AgentId peer, bool is_connected) {
-          if (is_running_) system_->OnPeerChanged(peer, is_connected);
-        });
+        [this](AgentId peer, bool is_connected) { system_->OnPeerChanged(peer, is_connected); });
     if (!transport) return tl::unexpected(transport.error());
     transport_ = std::move(*transport);
     is_running_ = true;
@@ -177,6 +186,7 @@ class Agent::Impl {
   DataFolderLock lock_;  // Freed last: the database is closed before.
   AgentId self_ = 0;
   std::string endpoint_;
+  bool dumps_on_crash_ = false;
   std::atomic<bool> is_running_ = false;
   std::unique_ptr<ActorSystem> system_;
   std::unique_ptr<ZeroMqTransport> transport_;
@@ -187,6 +197,8 @@ Agent::Agent(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Agent::~Agent() = default;
 
 const std::string& Agent::client_endpoint() const { return impl_->endpoint(); }
+void Agent::WriteTrace() const { impl_->WriteTrace(); }
+void Agent::WriteTraceOnCrash() const { impl_->WriteTraceOnCrash(); }
 
 Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions options) {
   if (auto named = AgentNamed(team.config, options.name); !named) return tl::unexpected(named.error());

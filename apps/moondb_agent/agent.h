@@ -54,6 +54,11 @@ class Agent {
 
   const std::string& client_endpoint() const;
 
+  // Writes what the actors did last to trace.txt in the data folder, for whoever looks for the cause of a failure.
+  void WriteTrace() const;
+  // From now on a fatal signal does that, as long as the agent lives. One agent a process.
+  void WriteTraceOnCrash() const;
+
  private:
   class Impl;
   explicit Agent(std::unique_ptr<Impl> impl);

@@ -149,10 +149,11 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   }
   auto agent = Agent::Start(*team, std::move(options));
   if (!agent) return Complain(program, kFailed, arguments.agent + ": " + ToString(agent.error()));
+  (*agent)->WriteTraceOnCrash();
   std::printf("ready: %s of team %s, clients at %s\n", arguments.agent.c_str(), team->config.team().c_str(),
               (*agent)->client_endpoint().c_str());
   std::fflush(stdout);
-  waiter.Wait();
+  if (waiter.Wait() == kBeyondHelp) (*agent)->WriteTrace();
   spdlog::info("stopping");
   ::alarm(kStopSecondsMax);
   agent->reset();

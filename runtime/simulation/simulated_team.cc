@@ -4,17 +4,21 @@
 #include <xxhash.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
+#include <set>
+#include <stdexcept>
 #include <utility>
 
 #include "model/check.h"
 #include "runtime/actor_host.h"
+#include "runtime/dead_letters.h"
 #include "runtime/envelope.h"
 #include "runtime/mailbox.h"
+#include "runtime/monitors.h"
 #include "runtime/role_table.h"
 #include "runtime/supervisor.h"
 #include "runtime/timer_queue.h"
+#include "runtime/trace_book.h"
 
 namespace moondb::simulation {
 namespace {
@@ -24,7 +28,6 @@ constexpr std::int64_t kUtcStartNs = 1'767'225'600'000'000'000;  // 2026-01-01.
 constexpr MonotonicTime kStart(std::chrono::seconds(1000));
 constexpr std::size_t kKeptMax = 100'000;
 constexpr std::uint64_t kEventsAtOnceMax = 1'000'000;
-constexpr std::array kToldOfPeers = {actor_name::kRole, actor_name::kSync, actor_name::kReplica};
 
 }  // namespace
 
@@ -41,6 +44,7 @@ class SimulatedTeam::Impl {
     std::string name;
     ActorFactory factory;
     SpawnOptions options;
+    std::uint16_t trace_name = 0;
   };
 
   struct PeerCounters {
@@ -52,7 +56,9 @@ class SimulatedTeam::Impl {
   };
 
   struct Agent {
-    AgentId id = 0;
+    explicit Agent(AgentId agent) : id(agent), monitors(agent), trace(agent) {}
+
+    const AgentId id;
     bool is_running = true;
     std::uint64_t life = 1;  // Ends with each crash.
     MonotonicTime started;
@@ -63,6 +69,9 @@ class SimulatedTeam::Impl {
     std::vector<std::unique_ptr<Host>> hosts;  // One for each of spawned.
     std::uint64_t restarts = 0;
     std::map<AgentId, PeerCounters> peers;
+    Monitors monitors;
+    TraceBook trace;  // Of all lives, as are the dead letters.
+    DeadLetters dead_letters;
   };
 
   void AddAgent(AgentId id);
@@ -77,6 +86,11 @@ class SimulatedTeam::Impl {
   void Crash(Agent& agent);
   void Restart(Agent& agent);
   void SetLink(AgentId a, AgentId b, bool is_up, bool tell);
+  void Partition(const std::vector<std::vector<AgentId>>& groups);
+  void CrashActor(const Address& actor);
+  std::optional<proto::Message> Expect(const Address& probe, proto::Message::BodyCase body, Duration limit);
+  void RecordSent(const Address& actor) { sent_[actor]; }
+  std::vector<proto::Message> TakeSent(const Address& actor);
 
   Agent& Find(AgentId id);
 
@@ -85,6 +99,8 @@ class SimulatedTeam::Impl {
   TimerId StartTimer(Host& host, Duration delay, proto::Message message);
   void CancelTimer(TimerId timer) { events_.Cancel(timer); }
   SystemStatus StatusOf(const Agent& agent) const;
+  proto::TraceReply TraceOf(const Agent& agent, const proto::TraceRequest& request) const;
+  void Notify(Agent& agent, const Monitors::Notices& notices);
 
   MonotonicTime now() const { return now_; }
   std::int64_t utc_now_ns() const { return kUtcStartNs + Duration(now_ - kStart).count(); }
@@ -93,23 +109,32 @@ class SimulatedTeam::Impl {
   std::uint64_t trace_hash() const { return trace_hash_; }
 
   std::function<bool(AgentId, AgentId, const proto::Message&)> filter;
+  std::function<Fault(const Address&, const proto::Message&)> fault;
 
  private:
   using Event = std::function<void()>;
 
   void MakeHost(Agent& agent, const SpawnedActor& spawned);
   void StartHost(Host& host);
-  // What a handler left behind; true if the actor is to be started again at once.
-  bool SettleHandler(Host& host, const std::optional<Error>& failure);
+  // What a handler left behind; true if the actor is to be started again at once. `item` is what it handled; null in
+  // OnStart and between messages.
+  bool SettleHandler(Host& host, const Mailbox::Item* item, const std::optional<Error>& failure);
+  bool Recover(Host& host, const Mailbox::Item* item, const Error& failure);
+  void StepDown(Agent& agent, const Host& failed, const Error& failure);
+  std::optional<Error> Handle(Host& host, const Mailbox::Item& item);
+  void Connect(Agent& agent);  // What its Monitors know at the start.
   void ScheduleStep(Host& host);
   void Step(Host& host);
   void Tell(Agent& agent, AgentId peer, bool is_connected);
+  Host* FindHost(Agent& agent, const std::string& actor);
 
-  SendResult HandOver(const Address& to, MessagePtr message);
+  // `sender` as in Mailbox::Item.
+  SendResult HandOver(const Address& to, MessagePtr message, const Address* sender);
+  SendResult Route(const Address& from, const Address& resolved, proto::Message&& message);
   SendResult Transmit(const Address& from, const Address& to, const proto::Message& message);
   void Arrive(AgentId from, AgentId to, const std::string& bytes);
   void Keep(const Address& address, const proto::Message& message);
-  void Trace(const Address& to, const proto::Message& message);
+  void Trace(const Address& to, const Address& sender, const proto::Message& message);
 
   bool RunNextEvent(MonotonicTime end);
   void RunEventsUntil(MonotonicTime end);
@@ -123,6 +148,9 @@ class SimulatedTeam::Impl {
   std::map<AgentId, std::unique_ptr<Agent>> agents_;
   std::map<Address, std::vector<proto::Message>> kept_;
   std::size_t kept_count_ = 0;
+  std::set<Address> senders_;                            // Of messages within an agent, for as long as any may wait.
+  std::map<Address, std::vector<proto::Message>> sent_;  // Of those that are recorded.
+  std::size_t sent_count_ = 0;
   std::uint64_t trace_hash_ = 0;
 };
 
@@ -131,9 +159,10 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
   Host(Impl& team, Agent& owner, const SpawnedActor& spawned, std::uint64_t seed)
       : ActorHost({owner.id, spawned.name}, spawned.factory, seed),
         mailbox(spawned.options),
-        supervisor(Supervisor::Options{}),
+        supervisor(Supervision(owner, spawned.name)),
         agent(owner),
         life(owner.life),
+        trace_name(spawned.trace_name),
         team_(team) {}
 
   bool is_alive() const { return agent.life == life; }
@@ -141,27 +170,54 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
   MonotonicTime now() const override { return team_.now(); }
   std::int64_t utc_now_ns() const override { return team_.utc_now_ns(); }
   SendResult Send(const Address& to, proto::Message message) override {
+    if (fails_at_send) throw std::runtime_error("crashed by the test at its first send");
     return is_alive() ? team_.Send(self(), to, std::move(message)) : SendResult::kUnreachable;
   }
   TimerId After(Duration delay, proto::Message message) override {
     return team_.StartTimer(*this, delay, std::move(message));
   }
   void Cancel(TimerId timer) override { team_.CancelTimer(timer); }
+  void WatchPeers() override {
+    if (is_alive()) team_.Notify(agent, agent.monitors.WatchPeers(self().actor));
+  }
+  void Monitor(const Address& target) override;
+  void Demonitor(const Address& target) override {
+    if (is_alive()) agent.monitors.Demonitor(self().actor, {agent.roles.Resolve(target.agent), target.actor});
+  }
   bool stop_requested() const override { return !is_alive(); }
   void SetRoles(const proto::RoleAssignment& roles) override {
     if (is_alive()) agent.roles.SetRoles(roles);
   }
   SystemStatus GetSystemStatus() const override { return team_.StatusOf(agent); }
+  proto::TraceReply GetTrace(const proto::TraceRequest& request) const override {
+    return team_.TraceOf(agent, request);
+  }
 
   Mailbox mailbox;
   Supervisor supervisor;
   std::uint64_t restarts = 0;
+  bool fails_at_send = false;
   Agent& agent;
   const std::uint64_t life;
+  const std::uint16_t trace_name;
 
  private:
+  static Supervisor::Options Supervision(const Agent& owner, const std::string& name) {
+    Supervisor::Options options;
+    for (const SpawnedActor& other : owner.spawned) options.can_step_down |= other.name == actor_name::kRole;
+    options.can_step_down &= name != actor_name::kRole;
+    return options;
+  }
+
   Impl& team_;
 };
+
+void SimulatedTeam::Impl::Host::Monitor(const Address& target) {
+  if (!is_alive()) return;
+  const Address resolved{agent.roles.Resolve(target.agent), target.actor};
+  const bool is_lost = team_.FindHost(agent, target.actor) == nullptr;
+  team_.Notify(agent, agent.monitors.Monitor(self().actor, resolved, is_lost));
+}
 
 SimulatedTeam::Impl::~Impl() {
   for (const auto& [id, agent] : agents_) Crash(*agent);
@@ -177,12 +233,21 @@ SimulatedTeam::Impl::Agent& SimulatedTeam::Impl::Find(AgentId id) {
 
 void SimulatedTeam::Impl::AddAgent(AgentId id) {
   Check(id >= 1 && id <= kAgentIdMax, "an agent's id is from 1 to 65535");
-  auto agent = std::make_unique<Agent>();
-  agent->id = id;
+  auto agent = std::make_unique<Agent>(id);
   agent->started = now_;
   agent->roles.SetBaseStation(base_station_);
-  const bool is_new = agents_.emplace(id, std::move(agent)).second;
+  const auto [added, is_new] = agents_.emplace(id, std::move(agent));
   Check(is_new, "an agent is added once");
+  Connect(*added->second);
+  for (const auto& [other_id, other] : agents_) {
+    if (other_id != id && radio_.is_up(id, other_id)) Tell(*other, id, true);
+  }
+}
+
+void SimulatedTeam::Impl::Connect(Agent& agent) {
+  for (const auto& [id, other] : agents_) {
+    if (id != agent.id && radio_.is_up(agent.id, id)) (void)agent.monitors.OnPeerChanged(id, true);
+  }
 }
 
 void SimulatedTeam::Impl::SetBaseStation(AgentId base_station) {
@@ -204,12 +269,29 @@ void SimulatedTeam::Impl::SetLink(AgentId a, AgentId b, bool is_up, bool tell) {
   }
 }
 
+void SimulatedTeam::Impl::Partition(const std::vector<std::vector<AgentId>>& groups) {
+  const auto group_of = [&](AgentId agent) {
+    std::size_t group = 0;
+    while (group < groups.size() &&
+           std::find(groups[group].begin(), groups[group].end(), agent) == groups[group].end()) {
+      ++group;
+    }
+    return group;
+  };
+  for (auto a = agents_.begin(); a != agents_.end(); ++a) {
+    for (auto b = std::next(a); b != agents_.end(); ++b) {
+      SetLink(a->first, b->first, group_of(a->first) == group_of(b->first), /*tell=*/true);
+    }
+  }
+}
+
 // --- Actors ---
 
 void SimulatedTeam::Impl::Spawn(AgentId id, SpawnedActor spawned) {
   Agent& agent = Find(id);
   Check(agent.is_running, "an actor is spawned on a running agent");
   for (const SpawnedActor& other : agent.spawned) Check(other.name != spawned.name, "names of actors are unique");
+  spawned.trace_name = agent.trace.AddName(spawned.name);
   agent.spawned.push_back(std::move(spawned));
   MakeHost(agent, agent.spawned.back());
   StartHost(*agent.hosts.back());
@@ -221,13 +303,13 @@ void SimulatedTeam::Impl::MakeHost(Agent& agent, const SpawnedActor& spawned) {
 }
 
 void SimulatedTeam::Impl::StartHost(Host& host) {
-  while (SettleHandler(host, host.Start())) {
+  while (SettleHandler(host, nullptr, host.Start())) {
   }
   // What came while the actor was away.
   for (std::size_t i = 0; host.has_actor() && i < host.mailbox.size(); ++i) ScheduleStep(host);
 }
 
-bool SimulatedTeam::Impl::SettleHandler(Host& host, const std::optional<Error>& failure) {
+bool SimulatedTeam::Impl::SettleHandler(Host& host, const Mailbox::Item* item, const std::optional<Error>& failure) {
   if (!host.is_alive()) {  // Crashed while it ran.
     host.End();
     return false;
@@ -236,20 +318,43 @@ bool SimulatedTeam::Impl::SettleHandler(Host& host, const std::optional<Error>& 
     Crash(host.agent);
     return false;
   }
-  if (!failure) return false;
-  const std::optional<Duration> delay = host.supervisor.OnFailure(now_);
-  if (!delay) {
-    spdlog::warn("actor {} is beyond help, agent {} crashes", ToString(host.self()), host.agent.id);
-    Crash(host.agent);
+  return failure && Recover(host, item, *failure);
+}
+
+bool SimulatedTeam::Impl::Recover(Host& host, const Mailbox::Item* item, const Error& failure) {
+  Agent& agent = host.agent;
+  agent.dead_letters.Add(now_, host.self().actor, item, failure);
+  const double jitter = static_cast<double>(host.rng()() >> 11) * 0x1.0p-53;
+  const Supervisor::Verdict verdict = host.supervisor.OnFailure(now_, jitter);
+  const bool is_final = verdict.action == Supervisor::Action::kBeyondHelp;
+  Notify(agent, agent.monitors.OnActorDown(host.self().actor, ToString(failure), is_final));
+  if (is_final) {
+    spdlog::warn("actor {} is beyond help, agent {} crashes", ToString(host.self()), agent.id);
+    Crash(agent);
     return false;
   }
+  if (verdict.action == Supervisor::Action::kStepDown) StepDown(agent, host, failure);
   ++host.restarts;
-  ++host.agent.restarts;
-  if (*delay == Duration::zero()) return true;
-  events_.Add(now_ + *delay, [this, &agent = host.agent, life = host.life, &host] {
+  ++agent.restarts;
+  if (verdict.delay == Duration::zero()) return true;
+  events_.Add(now_ + verdict.delay, [this, &agent, life = host.life, &host] {
     if (agent.life == life) StartHost(host);
   });
   return false;
+}
+
+void SimulatedTeam::Impl::StepDown(Agent& agent, const Host& failed, const Error& failure) {
+  proto::Message message;
+  message.mutable_step_down()->set_actor(failed.self().actor);
+  message.mutable_step_down()->set_reason(ToString(failure));
+  (void)Route({agent.id, "outside"}, {agent.id, actor_name::kRole}, std::move(message));
+}
+
+void SimulatedTeam::Impl::CrashActor(const Address& actor) {
+  Host* host = FindHost(Find(actor.agent), actor.actor);
+  Check(host != nullptr && host->has_actor() && !host->is_in_handler(), "an actor that is there and at rest");
+  host->End();
+  if (SettleHandler(*host, nullptr, Error{ErrorCode::kInternal, "crashed by the test", {}})) StartHost(*host);
 }
 
 void SimulatedTeam::Impl::ScheduleStep(Host& host) {
@@ -262,35 +367,64 @@ void SimulatedTeam::Impl::Step(Host& host) {
   if (!host.has_actor()) return;  // Waits to be made anew; the mailbox is kept, StartHost schedules again.
   const std::optional<Mailbox::Item> item = host.mailbox.Pop();
   if (!item) return;
-  if (item->incarnation != 0 && item->incarnation != host.incarnation()) return;  // The timer of one that died.
-  Trace(host.self(), *item->message);
-  if (SettleHandler(host, host.Handle(*item->message))) StartHost(host);
+  if (item->is_timer && item->incarnation != host.incarnation()) return;  // Of one that died.
+  Trace(host.self(), item->sender != nullptr ? *item->sender : SenderOf(*item->message), *item->message);
+  if (SettleHandler(host, &*item, Handle(host, *item))) StartHost(host);
+}
+
+std::optional<Error> SimulatedTeam::Impl::Handle(Host& host, const Mailbox::Item& item) {
+  const Fault injected = fault ? fault(host.self(), *item.message) : Fault::kNone;
+  const Error crashed{ErrorCode::kInternal, "crashed by the test", {}};
+  if (injected == Fault::kBeforeHandler) {
+    host.End();
+    return crashed;
+  }
+  host.fails_at_send = injected == Fault::kAtFirstSend;
+  std::optional<Error> failure = host.Handle(*item.message, item.sender);
+  host.fails_at_send = false;
+  TraceRecord record;
+  record.time_ns = now_.time_since_epoch().count();
+  record.kind = failure ? proto::TRACE_FAILED : proto::TRACE_HANDLED;
+  record.actor = host.trace_name;
+  record.body = static_cast<std::uint16_t>(item.message->body_case());
+  record.other_agent = item.message->hop_sender();
+  record.bytes = static_cast<std::uint32_t>(item.bytes);
+  record.request_id = item.message->request_id();
+  host.agent.trace.Add(record);
+  if (failure || injected == Fault::kNone) return failure;
+  host.End();
+  return crashed;
+}
+
+SimulatedTeam::Impl::Host* SimulatedTeam::Impl::FindHost(Agent& agent, const std::string& actor) {
+  for (const auto& host : agent.hosts) {
+    if (host->self().actor == actor) return host.get();
+  }
+  return nullptr;
 }
 
 TimerId SimulatedTeam::Impl::StartTimer(Host& host, Duration delay, proto::Message message) {
-  WriteEnvelope(host.self(), host.self(), message);
-  auto shared = std::make_shared<const proto::Message>(std::move(message));
-  const std::uint64_t incarnation = host.incarnation();
+  WriteLocalEnvelope(host.self().agent, host.self().agent, message);
+  Mailbox::Item item;
+  item.message = std::make_shared<const proto::Message>(std::move(message));
+  item.sender = &*senders_.insert(host.self()).first;
+  item.is_timer = true;
+  item.incarnation = host.incarnation();
   return events_.Add(now_ + std::max(delay, Duration::zero()),
-                     [this, &agent = host.agent, life = host.life, &host, incarnation, shared = std::move(shared)] {
+                     [this, &agent = host.agent, life = host.life, &host, item = std::move(item)] {
                        if (agent.life != life) return;
-                       host.mailbox.PushSystem(shared, incarnation);
+                       (void)host.mailbox.Push(item);
                        ScheduleStep(host);
                      });
 }
 
 void SimulatedTeam::Impl::Tell(Agent& agent, AgentId peer, bool is_connected) {
-  if (!agent.is_running) return;
-  for (const char* name : kToldOfPeers) {
-    for (const auto& host : agent.hosts) {
-      if (host->self().actor != name) continue;
-      proto::Message message;
-      message.mutable_peer_event()->set_peer(peer);
-      message.mutable_peer_event()->set_is_connected(is_connected);
-      WriteEnvelope({agent.id, "radio"}, host->self(), message);
-      host->mailbox.PushSystem(std::make_shared<const proto::Message>(std::move(message)));
-      ScheduleStep(*host);
-    }
+  if (agent.is_running) Notify(agent, agent.monitors.OnPeerChanged(peer, is_connected));
+}
+
+void SimulatedTeam::Impl::Notify(Agent& agent, const Monitors::Notices& notices) {
+  for (const Monitors::Notice& notice : notices) {
+    (void)HandOver({agent.id, notice.watcher}, notice.message, /*sender=*/nullptr);
   }
 }
 
@@ -314,6 +448,8 @@ void SimulatedTeam::Impl::Restart(Agent& agent) {
   agent.started = now_;
   agent.roles.SetRoles(agent.given_roles);
   agent.peers.clear();
+  agent.monitors = Monitors(agent.id);
+  Connect(agent);
   // All mailboxes exist before the first OnStart sends.
   for (const SpawnedActor& spawned : agent.spawned) MakeHost(agent, spawned);
   for (const auto& host : agent.hosts) {
@@ -333,28 +469,49 @@ SendResult SimulatedTeam::Impl::Send(const Address& from, const Address& to, pro
   const auto sender = agents_.find(from.agent);
   Address resolved = to;
   if (sender != agents_.end()) resolved.agent = sender->second->roles.Resolve(to.agent);
-  if (resolved.agent != kClients && !agents_.contains(resolved.agent)) return SendResult::kNoPeer;
-  WriteEnvelope(from, resolved, message);
-  // A client is on its agent's own machine.
-  const bool is_local = from.agent == kClients || resolved.agent == kClients || from.agent == resolved.agent;
-  if (!is_local) return Transmit(from, resolved, message);
-  return HandOver(resolved, std::make_shared<const proto::Message>(std::move(message)));
+  const auto recorded = sent_.find(from);
+  if (recorded == sent_.end() || sent_count_ >= kKeptMax) return Route(from, resolved, std::move(message));
+  proto::Message copy = message;
+  WriteEnvelope(from, resolved, copy);
+  const SendResult result = Route(from, resolved, std::move(message));
+  if (result == SendResult::kAccepted) {
+    recorded->second.push_back(std::move(copy));
+    ++sent_count_;
+  }
+  return result;
 }
 
-SendResult SimulatedTeam::Impl::HandOver(const Address& to, MessagePtr message) {
+SendResult SimulatedTeam::Impl::Route(const Address& from, const Address& resolved, proto::Message&& message) {
+  if (resolved.agent != kClients && !agents_.contains(resolved.agent)) return SendResult::kNoPeer;
+  // A client is on its agent's own machine.
+  const bool is_local = from.agent == kClients || resolved.agent == kClients || from.agent == resolved.agent;
+  if (is_local) {
+    WriteLocalEnvelope(from.agent, resolved.agent, message);
+    return HandOver(resolved, std::make_shared<const proto::Message>(std::move(message)),
+                    &*senders_.insert(from).first);
+  }
+  WriteEnvelope(from, resolved, message);
+  return Transmit(from, resolved, message);
+}
+
+SendResult SimulatedTeam::Impl::HandOver(const Address& to, MessagePtr message, const Address* sender) {
   const auto found = agents_.find(to.agent);
   if (found != agents_.end()) {
     Agent& agent = *found->second;
     if (!agent.is_running) return SendResult::kUnreachable;
-    for (const auto& host : agent.hosts) {
-      if (host->self().actor != to.actor) continue;
-      const std::size_t bytes = message->ByteSizeLong();
-      if (!host->mailbox.Push(std::move(message), bytes)) return SendResult::kFull;
-      ScheduleStep(*host);
-      return SendResult::kAccepted;
+    if (Host* host = FindHost(agent, to.actor)) {
+      Mailbox::Item item;
+      item.bytes = message->ByteSizeLong();
+      item.message = std::move(message);
+      item.sender = sender;
+      const SendResult result = host->mailbox.Push(std::move(item));
+      if (result == SendResult::kAccepted) ScheduleStep(*host);
+      return result;
     }
   }
-  events_.Add(now_, [this, to, message = std::move(message)] { Keep(to, *message); });
+  proto::Message kept = *message;
+  if (sender != nullptr) WriteEnvelope(*sender, to, kept);
+  events_.Add(now_, [this, to, kept = std::move(kept)] { Keep(to, kept); });
   return SendResult::kAccepted;
 }
 
@@ -392,11 +549,11 @@ void SimulatedTeam::Impl::Arrive(AgentId from, AgentId to, const std::string& by
   Check(message->ParseFromString(bytes), "what was serialised can be parsed");
   const std::string actor = message->destination_actor();
   trace_hash_ = XXH64(bytes.data(), bytes.size(), trace_hash_);
-  (void)HandOver({to, actor}, std::move(message));  // Full: counted by the mailbox.
+  (void)HandOver({to, actor}, std::move(message), /*sender=*/nullptr);  // Full: counted by the mailbox.
 }
 
 void SimulatedTeam::Impl::Keep(const Address& address, const proto::Message& message) {
-  Trace(address, message);
+  Trace(address, SenderOf(message), message);
   if (kept_count_ >= kKeptMax) return;
   ++kept_count_;
   kept_[address].push_back(message);
@@ -408,13 +565,35 @@ std::vector<proto::Message> SimulatedTeam::Impl::Take(const Address& address) {
   return messages;
 }
 
-void SimulatedTeam::Impl::Trace(const Address& to, const proto::Message& message) {
+void SimulatedTeam::Impl::Trace(const Address& to, const Address& sender, const proto::Message& message) {
   // Bodies count where they cross the radio (Arrive): between an agent's own actors they may hold what no seed rules,
   // such as a file's size or a solver's seconds.
-  const std::string line = std::to_string(Duration(now_.time_since_epoch()).count()) + " " +
-                           ToString(SenderOf(message)) + " " + ToString(to) + " " +
-                           std::to_string(message.body_case()) + " " + std::to_string(message.request_id());
+  const std::string line = std::to_string(Duration(now_.time_since_epoch()).count()) + " " + ToString(sender) + " " +
+                           ToString(to) + " " + std::to_string(message.body_case()) + " " +
+                           std::to_string(message.request_id());
   trace_hash_ = XXH64(line.data(), line.size(), trace_hash_);
+}
+
+std::vector<proto::Message> SimulatedTeam::Impl::TakeSent(const Address& actor) {
+  const auto recorded = sent_.find(actor);
+  Check(recorded != sent_.end(), "RecordSent was called for the actor before");
+  std::vector<proto::Message> messages = std::exchange(recorded->second, {});
+  sent_count_ -= messages.size();
+  return messages;
+}
+
+std::optional<proto::Message> SimulatedTeam::Impl::Expect(const Address& probe, proto::Message::BodyCase body,
+                                                          Duration limit) {
+  std::vector<proto::Message>& kept = kept_[probe];
+  const auto find = [&] {
+    return std::find_if(kept.begin(), kept.end(), [&](const proto::Message& m) { return m.body_case() == body; });
+  };
+  if (!RunUntil([&] { return find() != kept.end(); }, limit)) return std::nullopt;
+  const auto found = find();
+  proto::Message message = std::move(*found);
+  kept_count_ -= static_cast<std::size_t>(found - kept.begin()) + 1;
+  kept.erase(kept.begin(), found + 1);
+  return message;
 }
 
 // --- Time ---
@@ -494,6 +673,13 @@ SystemStatus SimulatedTeam::Impl::StatusOf(const Agent& agent) const {
   return status;
 }
 
+proto::TraceReply SimulatedTeam::Impl::TraceOf(const Agent& agent, const proto::TraceRequest& request) const {
+  proto::TraceReply reply;
+  agent.trace.Report(request, now_, &reply);
+  agent.dead_letters.Report(request, now_, &reply);
+  return reply;
+}
+
 // --- SimulatedTeam ---
 
 SimulatedTeam::SimulatedTeam(std::uint64_t seed) : impl_(std::make_unique<Impl>(seed)) {}
@@ -503,11 +689,22 @@ void SimulatedTeam::AddAgent(AgentId agent) { impl_->AddAgent(agent); }
 void SimulatedTeam::SetBaseStation(AgentId agent) { impl_->SetBaseStation(agent); }
 void SimulatedTeam::SetRoles(AgentId agent, const proto::RoleAssignment& roles) { impl_->SetRoles(agent, roles); }
 void SimulatedTeam::Spawn(AgentId agent, std::string name, ActorFactory factory, SpawnOptions options) {
-  impl_->Spawn(agent, {std::move(name), std::move(factory), options});
+  impl_->Spawn(agent, {std::move(name), std::move(factory), std::move(options)});
 }
 SendResult SimulatedTeam::Post(const Address& from, const Address& to, proto::Message message) {
   return impl_->Post(from, to, std::move(message));
 }
+std::optional<proto::Message> SimulatedTeam::Expect(const Address& probe, proto::Message::BodyCase body,
+                                                    Duration limit) {
+  return impl_->Expect(probe, body, limit);
+}
+void SimulatedTeam::RecordSent(const Address& actor) { impl_->RecordSent(actor); }
+std::vector<proto::Message> SimulatedTeam::TakeSent(const Address& actor) { return impl_->TakeSent(actor); }
+void SimulatedTeam::CrashActor(const Address& actor) { impl_->CrashActor(actor); }
+void SimulatedTeam::SetFault(std::function<Fault(const Address&, const proto::Message&)> fault) {
+  impl_->fault = std::move(fault);
+}
+void SimulatedTeam::Partition(const std::vector<std::vector<AgentId>>& groups) { impl_->Partition(groups); }
 std::vector<proto::Message> SimulatedTeam::Take(const Address& address) { return impl_->Take(address); }
 void SimulatedTeam::RunUntilIdle() { impl_->RunUntilIdle(); }
 void SimulatedTeam::AdvanceTime(Duration duration) { impl_->AdvanceTime(duration); }

@@ -7,17 +7,23 @@
 //   SimulatedTeam team(/*seed=*/1);
 //   team.AddAgent(1);
 //   team.Spawn(1, "sync", [] { return std::make_unique<SyncActor>(...); });
-//   team.Post({1, "test"}, {1, "sync"}, share_request);       // Answers to 1/test wait in Take.
+//   team.AddAgent(2);
+//   (void)team.Post({1, "test"}, {1, "sync"}, share_request); // Answers to 1/test wait in Take.
 //   team.AdvanceTime(seconds(6));
 //   EXPECT_EQ(team.Take({2, "sync"}).size(), 2u);             // 2/sync is not spawned, so it is a probe.
 //
 // Supervision is ActorSystem's: a failed actor is made anew at once, again within a minute only after a delay of
-// virtual time; one that is beyond help crashes its agent. Context::RequestStop ends the agent after the handler.
+// virtual time; one that is beyond help crashes its agent. Context::RequestStop ends the agent after the handler. All
+// agents of the team count as connected until SetLink or Partition says otherwise.
+//
+// Different from ActorSystem: nothing waits for room (Overflow::kBlock refuses as kReject does), and there is no
+// watchdog, as a handler takes no virtual time.
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,6 +31,14 @@
 #include "runtime/simulation/simulated_radio.h"
 
 namespace moondb::simulation {
+
+// What SetFault makes of a message that an actor is about to handle. The actor is then made anew as after Fail.
+enum class Fault {
+  kNone,
+  kBeforeHandler,  // It fails in place of handling the message.
+  kAtFirstSend,    // Its first Send does not return (if it sends nothing: as kAfterHandler).
+  kAfterHandler,   // It fails when all is done and sent.
+};
 
 class SimulatedTeam {
  public:
@@ -44,9 +58,18 @@ class SimulatedTeam {
   // running.
   SendResult Post(const Address& from, const Address& to, proto::Message message);
 
+  // Advances event by event until a message with that body comes to `probe`, takes it and all before it. Nothing if
+  // `limit` of virtual time passes first.
+  std::optional<proto::Message> Expect(const Address& probe, proto::Message::BodyCase body, Duration limit);
+
   // Messages that came to an address where no actor is, of an agent of the team or of {kClients, connection}, oldest
   // first; empties it. At most 100,000 are kept in all, later ones dropped.
   std::vector<proto::Message> Take(const Address& address);
+
+  // From now on what `actor` sends is kept for TakeSent, wherever it goes, if it was not refused; at most 100,000
+  // messages.
+  void RecordSent(const Address& actor);
+  std::vector<proto::Message> TakeSent(const Address& actor);  // Oldest first; empties it.
 
   // Handles everything that is due now; time stands still. Fails a Check after 1,000,000 messages: a loop.
   void RunUntilIdle();
@@ -65,10 +88,18 @@ class SimulatedTeam {
   void Restart(AgentId agent);
   bool is_running(AgentId agent) const;
 
+  // The actor fails now, between two messages, as if by Context::Fail.
+  void CrashActor(const Address& actor);
+  // Asked before each message that an actor handles, until another function or an empty one is set.
+  void SetFault(std::function<Fault(const Address& actor, const proto::Message&)> fault);
+
   RadioOptions& radio();
-  // Cuts or joins the link in both directions and tells both ends (PeerEvent to role, sync, replica) where `tell`. What
+  // Cuts or joins the link in both directions and tells both ends (those who watch peers) where `tell`. What
   // is in the air when it is cut is lost. An end that was not told loses what it sends; one that was gets kUnreachable.
   void SetLink(AgentId a, AgentId b, bool is_up, bool tell = true);
+  // Cuts (and tells) all links between agents of different groups, joins all others; agents in no group are one more.
+  void Partition(const std::vector<std::vector<AgentId>>& groups);
+  void Heal() { Partition({}); }
   // Sees each message on its way between agents; returning false loses it.
   void SetFilter(std::function<bool(AgentId from, AgentId to, const proto::Message&)> filter);
 

@@ -7,6 +7,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -17,8 +18,12 @@ namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::seconds;
+using testing::AllOf;
 using testing::ElementsAre;
+using testing::Ge;
 using testing::IsEmpty;
+using testing::Le;
+using testing::Ne;
 using testing::SizeIs;
 
 std::vector<std::uint64_t> NumbersOf(const std::vector<proto::Message>& messages) {
@@ -171,12 +176,18 @@ TEST_F(SimulatedTeamTest, JitterLetsMessagesOvertake) {
 TEST_F(SimulatedTeamTest, CutLinkLosesWhatIsInTheAirAndTellsBothEnds) {
   std::vector<std::string> heard;
   for (AgentId agent : {1, 2}) {
-    team_.Spawn(agent, "sync", OnEachMessage([&](Context& context, const proto::Message& message) {
-                  ASSERT_TRUE(message.has_peer_event());
-                  heard.push_back(ToString(context.self()) + (message.peer_event().is_connected() ? "+" : "-") +
-                                  std::to_string(message.peer_event().peer()));
-                }));
+    team_.Spawn(agent, "sync",
+                Scripted([](Context& context) { context.WatchPeers(); },
+                         [&](Context& context, const proto::Message& message) {
+                           ASSERT_TRUE(message.has_peer_event());
+                           heard.push_back(ToString(context.self()) +
+                                           (message.peer_event().is_connected() ? "+" : "-") +
+                                           std::to_string(message.peer_event().peer()));
+                         }));
   }
+  team_.RunUntilIdle();
+  EXPECT_THAT(heard, ElementsAre("1/sync+2", "1/sync+3", "2/sync+1", "2/sync+3"));  // All are connected at first.
+  heard.clear();
   ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kAccepted);
   team_.SetLink(1, 2, false);
   EXPECT_EQ(team_.Post({1, "test"}, {2, "a"}, {}), SendResult::kUnreachable);
@@ -269,7 +280,144 @@ TEST_F(SimulatedTeamTest, ExceptionsAreFailuresAndTheSecondRestartWaits) {
   const MonotonicTime start = team_.now();
   for (int i = 1; i <= 3; ++i) ASSERT_EQ(team_.Post({1, "test"}, {1, "fragile"}, Numbered(i)), SendResult::kAccepted);
   team_.AdvanceTime(seconds(5));
-  EXPECT_THAT(started, ElementsAre(start, start, start + milliseconds(100), start + milliseconds(300)));
+  // 100 and 200 ms later, with a fifth of it as jitter.
+  ASSERT_THAT(started, SizeIs(4));
+  EXPECT_EQ(started[0], start);
+  EXPECT_EQ(started[1], start);
+  EXPECT_THAT(started[2] - start, AllOf(Ge(milliseconds(80)), Le(milliseconds(120)), Ne(milliseconds(100))));
+  EXPECT_THAT(started[3] - started[2], AllOf(Ge(milliseconds(160)), Le(milliseconds(240))));
+}
+
+TEST_F(SimulatedTeamTest, AgentGivesUpItsRoleBeforeAnActorIsBeyondHelp) {
+  std::vector<std::string> stepped_down;
+  team_.Spawn(1, "role", OnEachMessage([&](Context&, const proto::Message& message) {
+                stepped_down.push_back(message.step_down().actor());
+              }));
+  team_.Spawn(1, "hopeless", Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
+  team_.AdvanceTime(seconds(20));
+  EXPECT_THAT(stepped_down, ElementsAre("hopeless"));
+  EXPECT_TRUE(team_.is_running(1));
+  team_.AdvanceTime(seconds(60));
+  EXPECT_FALSE(team_.is_running(1));
+  EXPECT_THAT(stepped_down, SizeIs(1));
+}
+
+TEST_F(SimulatedTeamTest, CrashedActorIsMadeAnewAndMonitorsHearOfIt) {
+  int made = 0;
+  std::vector<std::string> downs;
+  team_.Spawn(1, "victim", Scripted([&](Context&) { ++made; }, nullptr));
+  team_.Spawn(1, "watcher",
+              Scripted(
+                  [](Context& context) {
+                    context.Monitor({1, "victim"});
+                    context.Monitor({2, "sync"});
+                  },
+                  [&](Context&, const proto::Message& message) { downs.push_back(message.down().actor()); }));
+  team_.CrashActor({1, "victim"});
+  team_.RunUntilIdle();
+  EXPECT_EQ(made, 2);
+  EXPECT_THAT(downs, ElementsAre("victim"));
+  team_.SetLink(1, 2, false);
+  team_.RunUntilIdle();
+  EXPECT_THAT(downs, ElementsAre("victim", "sync"));
+}
+
+TEST_F(SimulatedTeamTest, FaultsStrikeBeforeInAndAfterAHandler) {
+  for (const auto& [fault, handled, sent] :
+       {std::tuple(Fault::kNone, 1, 2u), std::tuple(Fault::kBeforeHandler, 0, 0u),
+        std::tuple(Fault::kAtFirstSend, 1, 0u), std::tuple(Fault::kAfterHandler, 1, 2u)}) {
+    SimulatedTeam team(/*seed=*/1);
+    team.AddAgent(1);
+    int handlers = 0;
+    team.Spawn(1, "victim", OnEachMessage([&](Context& context, const proto::Message&) {
+                 ++handlers;
+                 (void)context.Send({1, "probe"}, {});
+                 (void)context.Send({1, "probe"}, {});
+               }));
+    team.SetFault([fault = fault](const Address& actor, const proto::Message& message) {
+      EXPECT_EQ(actor, (Address{1, "victim"}));
+      return message.request_id() == 5 ? fault : Fault::kNone;
+    });
+    ASSERT_EQ(team.Post({1, "test"}, {1, "victim"}, Numbered(5)), SendResult::kAccepted);
+    team.RunUntilIdle();
+    EXPECT_EQ(handlers, handled);
+    EXPECT_THAT(team.Take({1, "probe"}), SizeIs(sent));
+    EXPECT_EQ(team.restarts(1), fault == Fault::kNone ? 0u : 1u);
+  }
+}
+
+TEST_F(SimulatedTeamTest, ExpectWaitsForABodyAndTakesWhatCameBefore) {
+  const Address probe{1, "probe"};
+  proto::Message hello;
+  hello.mutable_hello();
+  ASSERT_EQ(team_.Post({2, "a"}, probe, Numbered(1)), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({2, "a"}, probe, hello), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({2, "a"}, probe, Numbered(3)), SendResult::kAccepted);
+  const auto expected = team_.Expect(probe, proto::Message::kHello, seconds(1));
+  ASSERT_TRUE(expected);
+  EXPECT_EQ(expected->hop_sender(), 2u);
+  EXPECT_FALSE(team_.Expect(probe, proto::Message::kHello, seconds(1)));
+  EXPECT_THAT(NumbersOf(team_.Take(probe)), ElementsAre(3));
+}
+
+TEST_F(SimulatedTeamTest, TakeSentShowsWhatAnActorSentToOthers) {
+  team_.RecordSent({1, "relay"});
+  team_.Spawn(2, "sync", OnEachMessage(nullptr));
+  EXPECT_EQ(RelayOnce({2, "sync"}), SendResult::kAccepted);
+  const std::vector<proto::Message> sent = team_.TakeSent({1, "relay"});
+  ASSERT_THAT(sent, SizeIs(1));
+  EXPECT_EQ(sent[0].destination_id(), 2u);
+  EXPECT_EQ(sent[0].destination_actor(), "sync");
+  EXPECT_THAT(team_.TakeSent({1, "relay"}), IsEmpty());
+}
+
+TEST_F(SimulatedTeamTest, PartitionCutsBetweenGroupsUntilHealed) {
+  const auto reach = [this](AgentId from, AgentId to) {
+    return team_.Post({from, "test"}, {to, "a"}, {}) == SendResult::kAccepted;
+  };
+  team_.Partition({{1, 3}});
+  EXPECT_TRUE(reach(1, 3));
+  EXPECT_FALSE(reach(1, 2));
+  EXPECT_FALSE(reach(2, 3));
+  team_.Partition({{1}, {2, 3}});
+  EXPECT_FALSE(reach(1, 3));
+  EXPECT_TRUE(reach(2, 3));
+  team_.Heal();
+  EXPECT_TRUE(reach(1, 2));
+  EXPECT_TRUE(reach(1, 3));
+}
+
+TEST_F(SimulatedTeamTest, NamesTravelBetweenAgentsOnly) {
+  std::string source = "unset";
+  Address sender;
+  team_.Spawn(1, "ear", OnEachMessage([&](Context& context, const proto::Message& message) {
+                source = message.source_actor();
+                sender = context.sender();
+              }));
+  ASSERT_EQ(team_.Post({1, "test"}, {1, "ear"}, {}), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  EXPECT_EQ(source, "");
+  EXPECT_EQ(sender, (Address{1, "test"}));
+  ASSERT_EQ(team_.Post({2, "test"}, {1, "ear"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_EQ(source, "test");
+  EXPECT_EQ(sender, (Address{2, "test"}));
+}
+
+TEST_F(SimulatedTeamTest, TraceAndDeadLettersAreKept) {
+  proto::TraceReply reply;
+  team_.Spawn(1, "a", OnEachMessage([&](Context& context, const proto::Message& message) {
+                if (message.request_id() == 7) throw std::runtime_error("seven");
+                reply = context.GetTrace({});
+              }));
+  ASSERT_EQ(team_.Post({2, "test"}, {1, "a"}, Numbered(7)), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({2, "test"}, {1, "a"}, Numbered(8)), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  ASSERT_THAT(reply.dead_letters(), SizeIs(1));
+  EXPECT_EQ(reply.dead_letters(0).error().text(), "seven");
+  EXPECT_EQ(reply.dead_letters(0).from_agent(), 2u);
+  ASSERT_THAT(reply.events(), SizeIs(1));
+  EXPECT_EQ(reply.events(0).kind(), proto::TRACE_FAILED);
 }
 
 TEST_F(SimulatedTeamTest, ActorBeyondHelpCrashesItsAgent) {

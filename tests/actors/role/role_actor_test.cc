@@ -5,6 +5,7 @@
 
 #include <map>
 #include <random>
+#include <stdexcept>
 
 #include "model/term.h"
 #include "runtime/simulation/simulated_team.h"
@@ -22,7 +23,7 @@ struct Disk {
   std::vector<proto::RoleAssignment> roles;
   bool is_failing = false;
   bool is_silent = false;
-  bool is_flooding = false;  // Fills PgoActor's mailbox before RoleActor learns that its roles are stored.
+  bool is_flooding = false;  // Fills PgoActor's control lane before RoleActor learns that its roles are stored.
 };
 
 class FakeStorageActor final : public Actor {
@@ -43,7 +44,12 @@ class FakeStorageActor final : public Actor {
       }
     }
     (void)context.Reply(std::move(reply));
-    if (disk_->is_flooding) (void)context.Send({context.self().agent, actor_name::kPgo}, proto::Message());
+    if (!disk_->is_flooding) return;
+    proto::Message control;
+    control.mutable_peer_event();
+    for (std::size_t i = 0; i < kControlMessagesMax; ++i) {
+      (void)context.Send({context.self().agent, actor_name::kPgo}, control);
+    }
   }
 
  private:
@@ -177,10 +183,7 @@ TEST_F(RoleActorTest, TellsItsAgentsOtherActorsTheirRole) {
 TEST_F(RoleActorTest, TellsAnActorWhoseMailboxWasFullAgain) {
   StartAndSettle();
   const auto leaders = std::make_shared<std::vector<AgentId>>();
-  SpawnOptions narrow;
-  narrow.messages_max = 1;
-  team_.Spawn(
-      1, actor_name::kPgo, [leaders] { return std::make_unique<FakePgoActor>(leaders); }, narrow);
+  team_.Spawn(1, actor_name::kPgo, [leaders] { return std::make_unique<FakePgoActor>(leaders); });
   disks_[1]->is_flooding = true;
   Swap(1);
   EXPECT_TRUE(leaders->empty());
@@ -273,6 +276,31 @@ TEST_F(RoleActorTest, CrashedLeaderStepsDownWhenItComesBack) {
   team_.AdvanceTime(seconds(5));
   EXPECT_TRUE(AllAgree());
   for (const auto& told : Told(1)) EXPECT_EQ(told.roles().leader(), 2u) << "it never acted as leader again";
+}
+
+TEST_F(RoleActorTest, GivesUpItsRoleWhenAnActorFailsAgainAndAgain) {
+  StartAndSettle();
+  team_.Spawn(1, actor_name::kMerge, []() -> std::unique_ptr<Actor> { throw std::runtime_error("no GL"); });
+  team_.AdvanceTime(seconds(10));
+  EXPECT_TRUE(AllAgree());
+  const auto roles = Show(1).roles();
+  EXPECT_EQ(roles.leader(), 2u);
+  EXPECT_EQ(roles.survivor(), 3u);
+  EXPECT_EQ(roles.reason(), "actor merge fails: no GL");
+}
+
+TEST_F(RoleActorTest, GivesUpItsRoleOnceSomebodyCanTakeIt) {
+  StartAndSettle();
+  team_.Partition({{1}});
+  proto::Message message;
+  message.mutable_step_down()->set_actor(actor_name::kPgo);
+  (void)team_.Post({1, "outside"}, {1, actor_name::kRole}, message);
+  team_.AdvanceTime(minutes(1));
+  EXPECT_EQ(Show(1).roles().leader(), 1u);
+  team_.Heal();
+  team_.AdvanceTime(seconds(10));
+  EXPECT_TRUE(AllAgree());
+  EXPECT_EQ(Show(1).roles().leader(), 2u);
 }
 
 TEST_F(RoleActorTest, LeaderTakesANewTermAtEachStart) {

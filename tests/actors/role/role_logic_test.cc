@@ -279,5 +279,41 @@ TEST_F(RoleLogicLeaderTest, TakesTermOneWhereNothingIsStored) {
   EXPECT_EQ(logic.OnLeaderTimer(0).save->term().number(), 1u);
 }
 
+TEST_F(RoleLogicTest, LeaderStepsDownInFavourOfTheSurvivor) {
+  RoleLogic logic(Options(1));
+  logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0);
+  const auto roles = logic.ProposeStepDown({2, 3}, "merge fails", 9);
+  ASSERT_TRUE(roles);
+  EXPECT_EQ(roles->leader(), 2u);
+  EXPECT_EQ(roles->survivor(), 3u);
+  EXPECT_EQ(roles->term().number(), 6u);
+  EXPECT_EQ(roles->reason(), "merge fails");
+}
+
+TEST_F(RoleLogicTest, SteppingDownNamesOnlyConnectedAgents) {
+  RoleLogic logic(Options(1));
+  logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0);
+  EXPECT_EQ(logic.ProposeStepDown({}, "", 0).error().code, ErrorCode::kUnavailable);
+  const auto to_third = logic.ProposeStepDown({3}, "", 0);  // The survivor is away.
+  ASSERT_TRUE(to_third);
+  EXPECT_EQ(to_third->leader(), 3u);
+  EXPECT_EQ(to_third->survivor(), 1u);  // Rather this agent than nobody.
+}
+
+TEST_F(RoleLogicTest, SurvivorStepsDownInFavourOfAThird) {
+  const auto roles = logic_.ProposeStepDown({1, 3}, "", 0);
+  ASSERT_TRUE(roles);
+  EXPECT_EQ(roles->leader(), 1u);
+  EXPECT_EQ(roles->survivor(), 3u);
+  EXPECT_EQ(logic_.ProposeStepDown({1}, "", 0).error().code, ErrorCode::kUnavailable);
+}
+
+TEST_F(RoleLogicTest, WhoHasNoRoleGivesUpNone) {
+  RoleLogic logic(Options(3));
+  EXPECT_EQ(logic.ProposeStepDown({1, 2}, "", 0).error().code, ErrorCode::kUnavailable);  // Not loaded yet.
+  logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0);
+  EXPECT_EQ(logic.ProposeStepDown({1, 2}, "", 0).error().code, ErrorCode::kNotFound);
+}
+
 }  // namespace
 }  // namespace moondb

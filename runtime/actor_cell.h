@@ -1,0 +1,151 @@
+// ActorCell: one actor of an ActorSystem: its ActorHost, its mailbox, its place to run, its supervisor.
+//
+// At most one turn of it is submitted at any time, so that the ActorHost part is used by one thread at a time; a mutex
+// guards the rest, and hands the actor from thread to thread. What the cells of a system share comes from CellSystem.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "runtime/actor_host.h"
+#include "runtime/mailbox.h"
+#include "runtime/supervisor.h"
+#include "runtime/timer_thread.h"
+#include "runtime/trace_book.h"
+#include "runtime/worker_pool.h"
+
+namespace moondb {
+
+class ActorCell;
+
+// What a cell needs of its system. Called on the actor's thread, but for the first two.
+class CellSystem {
+ public:
+  virtual ~CellSystem() = default;
+  virtual bool is_flowing() const = 0;   // Messages are handled: all actors are started.
+  virtual bool is_stopping() const = 0;  // No further message is handled.
+
+  virtual TimerThread& timers() = 0;
+  virtual TraceBook& trace() = 0;
+  virtual SendResult SendFrom(ActorCell& sender, const Address& to, proto::Message&& message) = 0;
+  virtual void SetRoles(const proto::RoleAssignment& roles) = 0;
+  virtual void WatchPeers(const std::string& watcher) = 0;
+  virtual void Monitor(const std::string& watcher, const Address& target) = 0;
+  virtual void Demonitor(const std::string& watcher, const Address& target) = 0;
+  virtual SystemStatus Status() const = 0;
+  virtual proto::TraceReply Trace(const proto::TraceRequest& request) const = 0;
+  virtual void OnStopRequested() = 0;
+
+  // The actor failed; its incarnation is gone. `item` is what it failed at, null in OnStart.
+  virtual void OnFailed(const ActorCell& cell, const Mailbox::Item* item, const Error& error, bool is_final) = 0;
+  virtual void OnStepDown(const Address& actor, const Error& error) = 0;
+  virtual void OnBeyondHelp(const Address& actor, const Error& error) = 0;
+};
+
+class ActorCell final : public ActorHost, private Runnable {
+ public:
+  // `pool` serves Placement::kPool; it, like `system`, outlives the cell.
+  ActorCell(CellSystem& system, Address self, SpawnOptions options, ActorFactory factory, WorkerPool& pool,
+            Supervisor::Options supervision, std::uint64_t seed);
+
+  // Any thread. kUnreachable where the actor is beyond help or ended. `sender` and `sender_name`: see Mailbox::Item.
+  // `may_wait`: for room in a full kBlock mailbox, as long as it takes.
+  SendResult Push(MessagePtr message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);
+  void Wake();
+  void BeginStart();
+  void WaitUntilStarted();  // Or beyond help, or ended.
+  void EndAndWait();        // Destroys the actor where it runs.
+  void Join();              // Its own thread.
+  proto::ActorStatus Status() const;
+  bool is_lost() const;  // Beyond help or ended.
+  std::uint16_t trace_name() const { return trace_name_; }
+
+  // For the watchdog, from one thread: since when the present handler runs, if one does, and the last Ping waits. Ping
+  // asks whether the actor gets its turn, if it has work and no earlier Ping waits.
+  std::optional<MonotonicTime> HandlerSince() const;
+  std::optional<MonotonicTime> PingedSince() const;
+  void Ping(MonotonicTime now);
+  const SpawnOptions& options() const { return options_; }
+
+  // Context.
+  MonotonicTime now() const override { return std::chrono::steady_clock::now(); }
+  std::int64_t utc_now_ns() const override;
+  SendResult Send(const Address& to, proto::Message message) override {
+    return system_.SendFrom(*this, to, std::move(message));
+  }
+  TimerId After(Duration delay, proto::Message message) override;
+  void Cancel(TimerId timer) override { system_.timers().Cancel(timer); }
+  void WatchPeers() override { system_.WatchPeers(self().actor); }
+  void Monitor(const Address& target) override { system_.Monitor(self().actor, target); }
+  void Demonitor(const Address& target) override { system_.Demonitor(self().actor, target); }
+  bool stop_requested() const override { return system_.is_stopping(); }
+  void SetRoles(const proto::RoleAssignment& roles) override { system_.SetRoles(roles); }
+  SystemStatus GetSystemStatus() const override { return system_.Status(); }
+  proto::TraceReply GetTrace(const proto::TraceRequest& request) const override { return system_.Trace(request); }
+
+  // The actor's thread, in a handler: when it began.
+  MonotonicTime handler_started() const { return handler_started_; }
+
+ private:
+  enum class State { kAway, kReady, kBeyondHelp, kEnded };
+
+  // With mutex_ held.
+  bool HasMessageDue() const;
+  bool HasWork() const { return state_ != State::kEnded && (is_end_due_ || is_start_due_ || HasMessageDue()); }
+  bool IsLost() const { return state_ == State::kBeyondHelp || state_ == State::kEnded; }
+  bool MarkSubmitted();  // True if the caller is to submit a turn.
+  void WaitForRoom(std::unique_lock<std::mutex>& lock, std::size_t bytes);
+
+  MonotonicTime RunTurn(MonotonicTime now) override;
+  // What the turn does next; kNothing also marks the turn as over.
+  enum class Step { kNothing, kStart, kEnd, kMessages };
+  Step NextStep();
+  MonotonicTime StartActor(MonotonicTime now);
+  MonotonicTime HandleBatch(MonotonicTime now);
+  MonotonicTime HandleItem(const Mailbox::Item& item, MonotonicTime now, bool* has_actor);
+  void CountHandler(const Mailbox::Item& item, MonotonicTime start, MonotonicTime end);
+  // `item` is what was handled; null in OnStart.
+  void SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure, MonotonicTime now);
+  void Recover(const Mailbox::Item* item, const Error& failure, MonotonicTime now);
+  TraceRecord MakeRecord(proto::TraceKind kind, MonotonicTime time) const;
+  void EnterState(State state);
+
+  CellSystem& system_;
+  const SpawnOptions options_;
+  const bool takes_one_by_one_;
+  const std::uint16_t trace_name_;
+  const std::unique_ptr<WorkerPool> own_pool_;  // Of one thread, for kOwnThread.
+  WorkerPool& pool_;
+
+  // The actor's thread only.
+  Supervisor supervisor_;
+  std::vector<Mailbox::Item> batch_;
+  MonotonicTime handler_started_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable state_changed_;
+  std::condition_variable has_room_;
+  Mailbox mailbox_;
+  State state_ = State::kAway;
+  int waiters_ = 0;  // For room.
+  bool is_submitted_ = false;
+  bool is_start_due_ = false;
+  bool is_end_due_ = false;
+  std::uint64_t restarts_ = 0;
+
+  // Written on the actor's thread, read on any.
+  std::atomic<bool> is_control_waiting_ = false;
+  std::atomic<std::int64_t> handler_since_ns_ = 0;  // 0: in no handler.
+  std::atomic<std::int64_t> handling_ns_ = 0;
+  std::atomic<std::int64_t> longest_handler_ns_ = 0;
+  std::atomic<std::uint64_t> overruns_ = 0;
+  std::atomic<std::int64_t> pinged_ns_ = 0;  // When the Ping that waits was sent; 0: none waits.
+  std::atomic<std::int64_t> ping_ns_ = -1;   // How long the last one waited.
+};
+
+}  // namespace moondb
