@@ -148,6 +148,13 @@ Result<Client::Merged> Client::Merge(const proto::MergeRequest& merge) {
   return Merged{std::move(*map), std::move(*reply->mutable_merge())};
 }
 
+Result<google::protobuf::Any> Client::Ask(const std::string& actor, const google::protobuf::Any& question) {
+  proto::ControlRequest request;
+  request.mutable_custom()->set_actor(actor);
+  *request.mutable_custom()->mutable_body() = question;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_custom()); });
+}
+
 Result<void> Client::Stop() {
   proto::ControlRequest request;
   request.mutable_stop();

@@ -75,6 +75,8 @@ class Client {
   // What the agent's actors did last, and what they failed at.
   Result<proto::TraceReply> Trace(const proto::TraceRequest& request);
   Result<Merged> Merge(const proto::MergeRequest& request);
+  // Asks an actor of the user's own on the agent; its answer. kNotFound: the agent has none of that name.
+  Result<google::protobuf::Any> Ask(const std::string& actor, const google::protobuf::Any& question);
   // The agent has agreed to stop; it ends shortly after.
   Result<void> Stop();
 

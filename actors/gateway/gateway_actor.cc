@@ -130,6 +130,14 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kMerge:
       *message.mutable_merge_request() = request.merge();
       return Ask(context, actor_name::kMerge, std::move(message), id, pending);
+    case proto::ControlRequest::kCustom: {
+      const std::string& actor = request.custom().actor();
+      if (!options_.own_actors.contains(actor)) {
+        return Fail(ErrorCode::kNotFound, "this agent has no actor of its own named \"" + actor + "\"", "custom.actor");
+      }
+      *message.mutable_custom() = request.custom().body();
+      return Ask(context, actor, std::move(message), id, pending);
+    }
     case proto::ControlRequest::kStop:   // Answered without the
     case proto::ControlRequest::kTrace:  // help of other actors.
     case proto::ControlRequest::REQUEST_NOT_SET:
@@ -138,7 +146,7 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
   return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
 }
 
-Result<void> GatewayActor::Ask(Context& context, const char* actor, proto::Message message, std::uint64_t id,
+Result<void> GatewayActor::Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
                                Pending& pending) {
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(id);
@@ -147,9 +155,9 @@ Result<void> GatewayActor::Ask(Context& context, const char* actor, proto::Messa
       pending.waiting_for.insert(actor);
       return {};
     case SendResult::kFull:
-      return Fail(ErrorCode::kFull, std::string(actor) + " is busy; try again later");
+      return Fail(ErrorCode::kFull, actor + " is busy; try again later");
     default:
-      return Fail(ErrorCode::kUnavailable, "this agent runs without " + std::string(actor));
+      return Fail(ErrorCode::kUnavailable, "this agent runs without " + actor);
   }
 }
 
@@ -174,6 +182,9 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
   switch (message.body_case()) {
     case proto::Message::kControlReply:
       reply = message.control_reply();
+      return true;
+    case proto::Message::kCustom:
+      *reply.mutable_custom() = message.custom();
       return true;
     case proto::Message::kInsertReply:
       *reply.mutable_insert() = message.insert_reply();

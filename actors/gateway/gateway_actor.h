@@ -7,8 +7,9 @@
 //
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
 // kInvalid (actors/gateway/request_check.h), kRefused (a request that another agent sent), kFull (too much waits, here
-// or at the actor), kUnavailable (no such actor), kTimedOut (the actor did not answer). After a restart of this actor
-// what waited is forgotten; the clients' own timeouts tell them.
+// or at the actor), kUnavailable (no such actor), kNotFound (a
+// custom request to what is no actor of the user's), kTimedOut (the actor did not answer). After a restart of this
+// actor what waited is forgotten; the clients' own timeouts tell them.
 #pragma once
 
 #include <map>
@@ -24,10 +25,11 @@ class GatewayActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;     // Complete and checked.
-    std::string version;        // Shown in status.
-    std::uint32_t pid = 0;      // Likewise.
-    std::string merge_backend;  // Likewise: "cpu" or "gl".
+    proto::TeamConfig team;            // Complete and checked.
+    std::string version;               // Shown in status.
+    std::uint32_t pid = 0;             // Likewise.
+    std::string merge_backend;         // Likewise: "cpu" or "gl".
+    std::set<std::string> own_actors;  // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Optimize and merge.
@@ -56,7 +58,8 @@ class GatewayActor final : public Actor {
 
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
-  Result<void> Ask(Context& context, const char* actor, proto::Message message, std::uint64_t id, Pending& pending);
+  Result<void> Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
+                   Pending& pending);
   // Puts one actor's answer into the reply; false for a body that is no answer.
   bool TakePart(const proto::Message& message, proto::ControlReply& reply) const;
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;

@@ -156,6 +156,7 @@ class Agent::Impl {
     gateway.version = options_.version;
     gateway.pid = static_cast<std::uint32_t>(::getpid());
     gateway.merge_backend = ToString(backend);
+    for (const OwnActor& actor : options_.own_actors) gateway.own_actors.insert(actor.name);
     SpawnActor<GatewayActor>(*system_, actor_name::kGateway, Placement::kPool, std::move(gateway));
 
     for (const OwnActor& actor : options_.own_actors) system_->Spawn(actor.name, actor.spawn, actor.factory);

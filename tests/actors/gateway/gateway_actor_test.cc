@@ -27,6 +27,7 @@ class GatewayActorTest : public testing::Test {
     options.pid = 77;
     options.merge_backend = "cpu";
     options.pending_max = 4;
+    options.own_actors = {"soil"};
     team_.Spawn(1, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
   }
 
@@ -95,6 +96,31 @@ TEST_F(GatewayActorTest, LiftsTheErrorOfAReplyToWhereClientsLook) {
   answer.mutable_optimize_reply()->mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
   AnswerAs(actor_name::kPgo, Asked(actor_name::kPgo), answer);
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_REFUSED);
+}
+
+TEST_F(GatewayActorTest, PassesACustomQuestionToTheUsersActorAndItsAnswerBack) {
+  proto::ControlRequest request;
+  request.mutable_custom()->set_actor("soil");
+  request.mutable_custom()->mutable_body()->set_value("question");
+  Request(request, 42);
+  const proto::Message asked = Asked("soil");
+  EXPECT_EQ(asked.custom().value(), "question");
+
+  proto::Message answer;
+  answer.mutable_custom()->set_value("answer");
+  AnswerAs("soil", asked, answer);
+  EXPECT_EQ(OnlyAnswer(42).custom().value(), "answer");
+}
+
+TEST_F(GatewayActorTest, LetsNoCustomQuestionReachAStandardActor) {
+  for (const char* actor : {actor_name::kStorage, actor_name::kGateway, "nobody", ""}) {
+    proto::ControlRequest request;
+    request.mutable_custom()->set_actor(actor);
+    request.mutable_custom()->mutable_body();
+    Request(request);
+    EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_NOT_FOUND) << actor;
+    EXPECT_TRUE(team_.Take({1, actor}).empty()) << actor;
+  }
 }
 
 TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesAndTheSystem) {
