@@ -15,8 +15,8 @@ namespace {
 
 constexpr int kQueueMessages = 16;  // Of one client, each way.
 constexpr int kBatchMessages = 64;
-constexpr std::size_t kClientsMax = 256;
 constexpr std::size_t kRepliesMax = 1024;
+constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
 constexpr char kIpc[] = "ipc://";
 
 // What the client is told instead of a reply that it could not be sent.

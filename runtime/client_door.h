@@ -1,6 +1,9 @@
 // ClientDoor: the ROUTER at which an agent's clients ask and are answered, on ipc:// in a folder that only this user
 // can enter.
 //
+// libzmq ends the process when a client connects and the process may open no more files, and cannot be told how many
+// clients to let in: the limit on open files has to be well above the number of clients.
+//
 // Send: any thread. All else: the transport's thread.
 #pragma once
 

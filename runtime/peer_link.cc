@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstring>
 #include <random>
 #include <utility>
 
@@ -82,15 +81,10 @@ Result<void> PeerLink::Connect(MonotonicTime now) {
   Result<ZmqSocket> dealer = ZmqSocket::Make(context_, ZMQ_DEALER);
   if (!dealer) return tl::unexpected(dealer.error());
   SetUp(options_, &*dealer);
-  Result<ZmqSocket> monitor = ZmqSocket::Make(context_, ZMQ_PAIR);
+  Result<ZmqSocket> monitor = dealer->MakeMonitor(
+      context_, "inproc://monitor-" + std::to_string(options_.peer) + "-" + std::to_string(++connections_begun_),
+      kEvents);
   if (!monitor) return tl::unexpected(monitor.error());
-  const std::string endpoint =
-      "inproc://monitor-" + std::to_string(options_.peer) + "-" + std::to_string(++connections_begun_);
-  if (const auto watched = dealer->Monitor(endpoint, kEvents); !watched) return tl::unexpected(watched.error());
-  if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
-  // Its file tells of news only once it was found empty.
-  std::vector<ZmqFrame> none;
-  (void)monitor->Receive(&none);
   if (const auto begun = dealer->Connect(options_.address); !begun) return tl::unexpected(begun.error());
   dealer_ = std::move(*dealer);
   monitor_ = std::move(*monitor);
@@ -204,11 +198,10 @@ void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
 
 void PeerLink::OnMonitorReadable() {
   const std::lock_guard lock(mutex_);
-  for (std::vector<ZmqFrame> parts; monitor_ && monitor_->Receive(&parts);) {
-    std::uint16_t event = 0;
-    if (parts.empty() || parts[0].size() < sizeof event) continue;
-    std::memcpy(&event, parts[0].data(), sizeof event);
-    OnEvent(event, SteadyNow());
+  while (monitor_) {
+    const std::optional<int> event = monitor_->ReceiveEvent();
+    if (!event) return;
+    OnEvent(*event, SteadyNow());
   }
 }
 

@@ -84,9 +84,26 @@ Result<void> ZmqSocket::Connect(const std::string& endpoint) {
   return Fail(ErrorCode::kUnavailable, "cannot connect to " + endpoint + ": " + zmq_strerror(zmq_errno()));
 }
 
-Result<void> ZmqSocket::Monitor(const std::string& endpoint, int events) {
-  if (zmq_socket_monitor(get(), endpoint.c_str(), events) == 0) return {};
-  return Fail(ErrorCode::kUnavailable, std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
+Result<ZmqSocket> ZmqSocket::MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events) {
+  Result<ZmqSocket> monitor = Make(context, ZMQ_PAIR);
+  if (!monitor) return monitor;
+  if (zmq_socket_monitor(get(), endpoint.c_str(), events) != 0) {
+    return Fail(ErrorCode::kUnavailable, std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
+  }
+  if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
+  // Its file tells of news only once it was found empty.
+  (void)monitor->ReceiveEvent();
+  return monitor;
+}
+
+// Two frames: the event's number with a value, and the address.
+std::optional<int> ZmqSocket::ReceiveEvent() {
+  std::vector<ZmqFrame> parts;
+  if (!Receive(&parts)) return std::nullopt;
+  std::uint16_t event = 0;
+  if (parts[0].size() < sizeof event) return 0;
+  std::memcpy(&event, parts[0].data(), sizeof event);
+  return event;
 }
 
 bool ZmqSocket::ReceiveFrame(ZmqFrame* frame, int flags) {

@@ -6,6 +6,7 @@
 #include <zmq.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -69,8 +70,11 @@ class ZmqSocket {
   Result<void> Bind(const std::string& endpoint);
   Result<void> Connect(const std::string& endpoint);
 
-  // ZMQ_EVENT_* to inproc `endpoint`, for a PAIR socket of the same context.
-  Result<void> Monitor(const std::string& endpoint, int events);
+  // A socket that tells what becomes of this one's connections, from now on: ZMQ_EVENT_* of `events`. `endpoint` is
+  // inproc and not used before. Close it after this one.
+  Result<ZmqSocket> MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events);
+  // Of a monitor: the next ZMQ_EVENT_*; none if nothing waits.
+  std::optional<int> ReceiveEvent();
 
   // Never block; false if nothing waits. Of the parts of a message, at most kPartsMax are kept.
   bool Receive(std::vector<ZmqFrame>* parts);
