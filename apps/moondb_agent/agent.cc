@@ -89,6 +89,7 @@ class Agent::Impl {
   }
 
   const std::string& endpoint() const { return endpoint_; }
+  SendResult Post(const std::string& actor, proto::Message message) { return system_->Post(actor, std::move(message)); }
 
   void WriteTrace() const { system_->trace_book().WriteFile(TracePath().c_str()); }
   void WriteTraceOnCrash() {
@@ -198,6 +199,9 @@ Agent::Agent(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Agent::~Agent() = default;
 
 const std::string& Agent::client_endpoint() const { return impl_->endpoint(); }
+SendResult Agent::Post(const std::string& actor, proto::Message message) {
+  return impl_->Post(actor, std::move(message));
+}
 void Agent::WriteTrace() const { impl_->WriteTrace(); }
 void Agent::WriteTraceOnCrash() const { impl_->WriteTraceOnCrash(); }
 

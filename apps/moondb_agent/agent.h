@@ -54,6 +54,10 @@ class Agent {
 
   const std::string& client_endpoint() const;
 
+  // Any thread, while the agent lives: sends to an actor of this agent; the sender is {self, "outside"}, which nobody
+  // can answer. Waits for room where the actor's mailbox is full and Overflow::kBlock.
+  SendResult Post(const std::string& actor, proto::Message message);
+
   // Writes what the actors did last to trace.txt in the data folder, for whoever looks for the cause of a failure.
   void WriteTrace() const;
   // From now on a fatal signal does that, as long as the agent lives. One agent a process.

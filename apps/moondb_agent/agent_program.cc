@@ -150,12 +150,14 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   auto agent = Agent::Start(*team, std::move(options));
   if (!agent) return Complain(program, kFailed, arguments.agent + ": " + ToString(agent.error()));
   (*agent)->WriteTraceOnCrash();
+  if (program.on_running) program.on_running(**agent);
   std::printf("ready: %s of team %s, clients at %s\n", arguments.agent.c_str(), team->config.team().c_str(),
               (*agent)->client_endpoint().c_str());
   std::fflush(stdout);
   if (waiter.Wait() == kBeyondHelp) (*agent)->WriteTrace();
   spdlog::info("stopping");
   ::alarm(kStopSecondsMax);
+  if (program.on_stopping) program.on_stopping();
   agent->reset();
   return waiter.exit_code();
 }

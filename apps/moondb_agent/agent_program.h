@@ -32,6 +32,12 @@ struct AgentProgram {
   // May be empty. Makes what AgentOptions::own_actors says, once command line and team file are read. An error is
   // printed and ends the program with exit code 2.
   std::function<Result<std::vector<OwnActor>>(AgentId self, const proto::TeamConfig& team)> make_actors;
+
+  // May be empty. For threads of the program's own, such as a sensor's driver that calls Agent::Post: on_running,
+  // called on the main thread once the agent runs, may start them; on_stopping, called before it ends, has to join
+  // them.
+  std::function<void(Agent&)> on_running;
+  std::function<void()> on_stopping;
 };
 
 // Runs one agent until SIGTERM, SIGINT or a client's stop. Once it runs, prints a line that begins with "ready:".
