@@ -1,10 +1,7 @@
-#include "bench/caf_cases.h"
-
 #include <caf/all.hpp>
 #include <vector>
 
-#include "bench/measure.h"
-#include "bench/moondb_cases.h"
+#include "bench/in_process.h"
 #include "bench/tally.h"
 
 namespace moondb {
@@ -74,9 +71,7 @@ Result<double> PingPong(const caf::actor& ping, const caf::actor& pong, Tally& t
   return MicrosecondsEach(count, *took);
 }
 
-}  // namespace
-
-Result<double> CafFanIn(int sender_count, std::uint64_t count) {
+Result<double> FanIn(int sender_count, std::uint64_t count) {
   const std::uint64_t per_sender = count / static_cast<std::uint64_t>(sender_count);
   Tally tally(sender_count, per_sender);
   caf::actor_system_config config;
@@ -93,7 +88,7 @@ Result<double> CafFanIn(int sender_count, std::uint64_t count) {
   return PerSecond(per_sender * static_cast<std::uint64_t>(sender_count), took);
 }
 
-Result<double> CafActorToActor(std::uint64_t count) {
+Result<double> ActorToActor(std::uint64_t count) {
   Tally tally(/*sender_count=*/1, count);
   caf::actor_system_config config;
   caf::actor_system system(config);
@@ -105,7 +100,7 @@ Result<double> CafActorToActor(std::uint64_t count) {
   return PerSecond(count, *took);
 }
 
-Result<double> CafPingPongSameWorker(std::uint64_t count) {
+Result<double> PingPongSameWorker(std::uint64_t count) {
   Tally tally(/*sender_count=*/1, count);
   caf::actor_system_config config;
   config.set("scheduler.max-threads", 1);
@@ -114,7 +109,7 @@ Result<double> CafPingPongSameWorker(std::uint64_t count) {
   return PingPong(system.spawn(Ping, &tally, pong), pong, tally, count);
 }
 
-Result<double> CafPingPongAcrossThreads(std::uint64_t count) {
+Result<double> PingPongAcrossThreads(std::uint64_t count) {
   Tally tally(/*sender_count=*/1, count);
   caf::actor_system_config config;
   caf::actor_system system(config);
@@ -122,7 +117,7 @@ Result<double> CafPingPongAcrossThreads(std::uint64_t count) {
   return PingPong(system.spawn<caf::detached>(Ping, &tally, pong), pong, tally, count);
 }
 
-Result<double> CafRing(std::uint64_t count) {
+Result<double> Ring(std::uint64_t count) {
   Tally tally(/*sender_count=*/1, count);
   caf::actor_system_config config;
   caf::actor_system system(config);
@@ -134,5 +129,9 @@ Result<double> CafRing(std::uint64_t count) {
   if (!took) return tl::unexpected(took.error());
   return PerSecond(count, *took);
 }
+
+}  // namespace
+
+InProcess CafInProcess() { return {FanIn, ActorToActor, Ring, PingPongSameWorker, PingPongAcrossThreads}; }
 
 }  // namespace moondb

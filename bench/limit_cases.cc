@@ -1,5 +1,3 @@
-#include "bench/limit_cases.h"
-
 #include <condition_variable>
 #include <deque>
 #include <memory>
@@ -7,7 +5,7 @@
 #include <thread>
 #include <vector>
 
-#include "bench/measure.h"
+#include "bench/in_process.h"
 #include "bench/tally.h"
 #include "runtime/actor.h"
 
@@ -52,7 +50,7 @@ class RingNode final : public Node {
   Node* next = nullptr;
 };
 
-class Handover {
+class Signal {
  public:
   void Give() {
     const std::lock_guard lock(mutex_);
@@ -72,9 +70,7 @@ class Handover {
   bool is_given_ = false;
 };
 
-}  // namespace
-
-Result<double> LimitFanIn(int sender_count, std::uint64_t count) {
+Result<double> FanIn(int sender_count, std::uint64_t count) {
   const std::uint64_t per_sender = count / static_cast<std::uint64_t>(sender_count);
   const std::uint64_t total = per_sender * static_cast<std::uint64_t>(sender_count);
   Tally tally(sender_count, per_sender);
@@ -98,7 +94,8 @@ Result<double> LimitFanIn(int sender_count, std::uint64_t count) {
   return PerSecond(total, took);
 }
 
-double LimitCalls(int object_count, std::uint64_t count) {
+// Hops a second around objects that lie anywhere in memory.
+double Calls(int object_count, std::uint64_t count) {
   std::vector<std::unique_ptr<RingNode>> nodes;
   for (int i = 0; i < object_count; ++i) nodes.push_back(std::make_unique<RingNode>());
   for (std::size_t i = 0; i < nodes.size(); ++i) nodes[i]->next = nodes[(i + 1) % nodes.size()].get();
@@ -111,9 +108,10 @@ double LimitCalls(int object_count, std::uint64_t count) {
   return PerSecond(count, BenchClock::now() - start);
 }
 
-double LimitHandover(std::uint64_t count) {
-  Handover there;
-  Handover back;
+// A mutex and a condition variable for each way.
+Result<double> Handover(std::uint64_t count) {
+  Signal there;
+  Signal back;
   std::thread other([&] {
     for (std::uint64_t i = 0; i < count; ++i) {
       there.Take();
@@ -128,6 +126,14 @@ double LimitHandover(std::uint64_t count) {
   const auto took = BenchClock::now() - start;
   other.join();
   return MicrosecondsEach(count, took);
+}
+
+}  // namespace
+
+InProcess LimitInProcess() {
+  return {FanIn, [](std::uint64_t count) { return Result<double>(Calls(2, count)); },
+          [](std::uint64_t count) { return Result<double>(Calls(kRingActors, count)); },
+          [](std::uint64_t count) { return Result<double>(2e6 / Calls(2, 2 * count)); }, Handover};
 }
 
 }  // namespace moondb

@@ -1,9 +1,16 @@
 #include "bench/measure.h"
 
 #include <algorithm>
+#include <thread>
 #include <utility>
 
 namespace moondb {
+namespace {
+
+// However few messages were asked for.
+constexpr std::uint64_t kCountMin = 8;
+
+}  // namespace
 
 double Figure::median() const {
   std::vector<double> sorted = samples;
@@ -12,20 +19,29 @@ double Figure::median() const {
   return sorted.size() % 2 == 1 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
 }
 
-Result<std::vector<Figure>> MeasureInTurn(const std::vector<Contender>& contenders, int repetitions,
-                                          std::uint64_t count) {
-  std::vector<Figure> figures;
-  for (const Contender& contender : contenders) figures.push_back({contender.name, {}});
-  for (int repetition = 0; repetition < repetitions; ++repetition) {
+Result<Section> Measured(const Contest& contest, const BenchOptions& options) {
+  Section section{contest.name, contest.unit, contest.target, {}};
+  std::vector<const Contender*> contenders;
+  for (const Contender& contender : contest.contenders) {
+    if (!contender.measure || !IsAskedFor(contender.name, options)) continue;
+    contenders.push_back(&contender);
+    section.figures.push_back({contender.name, {}});
+  }
+  const std::uint64_t count = std::max(options.messages / contest.share, kCountMin);
+  for (int repetition = 0; repetition < options.repetitions; ++repetition) {
     for (std::size_t i = 0; i < contenders.size(); ++i) {
-      const Result<double> sample = contenders[i].measure(count);
+      const Result<double> sample = contenders[i]->measure(count);
       if (!sample) {
-        return tl::unexpected(Error{sample.error().code, contenders[i].name + ": " + sample.error().text, {}});
+        return tl::unexpected(Error{sample.error().code, contenders[i]->name + ": " + sample.error().text, {}});
       }
-      figures[i].samples.push_back(*sample);
+      section.figures[i].samples.push_back(*sample);
     }
   }
-  return figures;
+  return section;
+}
+
+bool IsAskedFor(const std::string& contender, const BenchOptions& options) {
+  return options.contender.empty() || options.contender == contender;
 }
 
 double PerSecond(std::uint64_t count, BenchClock::duration took) {

@@ -6,21 +6,29 @@
 #include <cstdint>
 #include <functional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "bench/options.h"
 #include "model/error.h"
 
 namespace moondb {
 
 using BenchClock = std::chrono::steady_clock;
 
-// Runs one repetition with so many messages (hops, round trips) and returns its figure in the section's unit.
+// Runs one repetition with so many messages (hops, round trips) and returns its figure in the contest's unit.
 using Measure = std::function<Result<double>(std::uint64_t count)>;
 
 struct Contender {
   std::string name;
-  Measure measure;
+  Measure measure;  // Empty: not in this build.
+};
+
+struct Contest {
+  std::string name;
+  std::string unit;
+  std::string target;
+  std::uint64_t share;  // One repetition has one in so many of BenchOptions::messages.
+  std::vector<Contender> contenders;
 };
 
 struct Figure {
@@ -30,7 +38,7 @@ struct Figure {
   double median() const;
 };
 
-// One line of the report: one case, or one number of a case that has several.
+// One number of the report, of each contender.
 struct Section {
   std::string name;  // Its key in the JSON report.
   std::string unit;
@@ -38,9 +46,11 @@ struct Section {
   std::vector<Figure> figures;  // moondb's first.
 };
 
-// Measures all contenders `repetitions` times. The first error ends it.
-Result<std::vector<Figure>> MeasureInTurn(const std::vector<Contender>& contenders, int repetitions,
-                                          std::uint64_t count);
+// The contenders that are in this build and that the options ask for, in turn, as often as the options say. The first
+// error ends it.
+Result<Section> Measured(const Contest& contest, const BenchOptions& options);
+
+bool IsAskedFor(const std::string& contender, const BenchOptions& options);
 
 double PerSecond(std::uint64_t count, BenchClock::duration took);
 double MicrosecondsEach(std::uint64_t count, BenchClock::duration took);

@@ -1,10 +1,8 @@
-#include "bench/moondb_cases.h"
-
 #include <memory>
 #include <string>
-#include <thread>
 #include <utility>
 
+#include "bench/in_process.h"
 #include "bench/measure.h"
 #include "bench/tally.h"
 #include "runtime/actor_system.h"
@@ -132,19 +130,19 @@ Result<double> PingPong(ActorSystem& system, Placement placement, std::uint64_t 
   return MicrosecondsEach(count, *took);
 }
 
-}  // namespace
-
-Result<double> MoondbFanIn(int sender_count, std::uint64_t count) {
+Result<double> FanIn(int sender_count, std::uint64_t count) {
   const std::uint64_t per_sender = count / static_cast<std::uint64_t>(sender_count);
   Tally tally(sender_count, per_sender);
   ActorSystem system(Defaults());
-  system.Spawn("sink", {}, [&] { return std::make_unique<Sink>(tally); });
+  SpawnOptions options;
+  options.overflow = Overflow::kBlock;
+  system.Spawn("sink", options, [&] { return std::make_unique<Sink>(tally); });
   system.Start(nullptr);
   const auto start = BenchClock::now();
   RunSenders(sender_count, [&](int sender) {
     for (std::uint64_t number = 0; number < per_sender; ++number) {
       const std::uint64_t id = Tally::IdOf(sender, number);
-      while (system.Post("sink", Small(id)) == SendResult::kFull) std::this_thread::yield();
+      if (system.Post("sink", Small(id)) != SendResult::kAccepted) return tally.Fail("a message was refused");
     }
   });
   const Result<void> done = tally.Wait();
@@ -154,7 +152,7 @@ Result<double> MoondbFanIn(int sender_count, std::uint64_t count) {
   return PerSecond(per_sender * static_cast<std::uint64_t>(sender_count), took);
 }
 
-Result<double> MoondbActorToActor(std::uint64_t count) {
+Result<double> ActorToActor(std::uint64_t count) {
   Tally tally(/*sender_count=*/1, count);
   ActorSystem system(Defaults());
   system.Spawn("source", {}, [&] { return std::make_unique<BurstSource>(tally, count); });
@@ -166,17 +164,17 @@ Result<double> MoondbActorToActor(std::uint64_t count) {
   return PerSecond(count, *took);
 }
 
-Result<double> MoondbPingPongSameWorker(std::uint64_t count) {
+Result<double> PingPongSameWorker(std::uint64_t count) {
   ActorSystem system(OneWorker());
   return PingPong(system, Placement::kPool, count);
 }
 
-Result<double> MoondbPingPongAcrossThreads(std::uint64_t count) {
+Result<double> PingPongAcrossThreads(std::uint64_t count) {
   ActorSystem system(Defaults());
   return PingPong(system, Placement::kOwnThread, count);
 }
 
-Result<double> MoondbRing(std::uint64_t count) {
+Result<double> Ring(std::uint64_t count) {
   Tally tally(/*sender_count=*/1, count);
   ActorSystem system(Defaults());
   for (int i = 0; i < kRingActors; ++i) {
@@ -189,5 +187,9 @@ Result<double> MoondbRing(std::uint64_t count) {
   if (!took) return tl::unexpected(took.error());
   return PerSecond(count, *took);
 }
+
+}  // namespace
+
+InProcess MoondbInProcess() { return {FanIn, ActorToActor, Ring, PingPongSameWorker, PingPongAcrossThreads}; }
 
 }  // namespace moondb

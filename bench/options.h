@@ -9,7 +9,8 @@ namespace moondb {
 
 struct BenchOptions {
   std::vector<std::string> only;     // Names of cases; empty: all.
-  std::uint64_t messages = 5000000;  // Of one repetition of the cheapest cases; the others have their share of it.
+  std::string contender;             // Only this one, for a profiler; empty: all.
+  std::uint64_t messages = 5000000;  // Of one repetition of the cheapest cases; the others have a share of it.
   int repetitions = 5;
   int idle_seconds = 10;
   bool is_json = false;

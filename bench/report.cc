@@ -1,12 +1,12 @@
 #include "bench/report.h"
 
-#include <spdlog/fmt/fmt.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 
 namespace moondb {
 
-std::string TableLine(const Section& section) {
+std::string TableOf(const Section& section) {
   const Figure& ours = section.figures.front();
   std::string text = fmt::format("{} ({}{}{})\n", section.name, section.unit,
                                  section.target.empty() ? "" : "; target: ", section.target);
@@ -27,7 +27,12 @@ std::string Json(const std::vector<Section>& sections) {
     text += fmt::format("{}\n  \"{}\": {{\"unit\": \"{}\"", &section == &sections.front() ? "" : ",", section.name,
                         section.unit);
     for (const Figure& figure : section.figures) text += fmt::format(", \"{}\": {:.6g}", figure.name, figure.median());
-    text += "}";
+    text += ", \"samples\": {";
+    for (const Figure& figure : section.figures) {
+      text += fmt::format("{}\"{}\": [{:.6g}]", &figure == &section.figures.front() ? "" : ", ", figure.name,
+                          fmt::join(figure.samples, ", "));
+    }
+    text += "}}";
   }
   return text + "\n}\n";
 }

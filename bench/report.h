@@ -8,10 +8,10 @@
 
 namespace moondb {
 
-// One line a section: medians, the least and the greatest, and moondb's ratio to each of the others.
-std::string TableLine(const Section& section);
+// Medians, the least and the greatest, and moondb's ratio to each of the others.
+std::string TableOf(const Section& section);
 
-// One object with an object for each section: its unit, and each contender's median under its name.
+// One object with an object for each section: its unit, each contender's median under its name, and its samples.
 std::string Json(const std::vector<Section>& sections);
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// runtime_bench: moondb's actor runtime against the C++ Actor Framework and against what the machine itself can do, in
-// one run. What each case is and how to read it: docs/benchmarks/runtime.md.
+// runtime_bench: moondb's actor runtime against the C++ Actor Framework, libzmq alone and what the machine itself can
+// do, in one run. What each case is and how to read it: docs/benchmarks/runtime.md.
 //
 // Exit code 0: all was measured; 1: a case failed, as when a message was lost; other: wrong arguments.
 #include <fmt/core.h>
@@ -11,27 +11,39 @@
 #include <string>
 #include <vector>
 
-#include "bench/in_process.h"
+#include "bench/cases.h"
 #include "bench/report.h"
 
 namespace moondb {
 namespace {
 
+std::vector<std::string> CaseNames() {
+  std::vector<std::string> names;
+  for (const BenchCase& one : AllCases()) names.push_back(one.name);
+  return names;
+}
+
+bool IsWanted(const std::string& name, const BenchOptions& options) {
+  return options.only.empty() || std::count(options.only.begin(), options.only.end(), name) > 0;
+}
+
 int RunBench(const BenchOptions& options) {
-  std::vector<Section> sections;
-  for (const std::string& name : InProcessCases()) {
-    const bool is_wanted = options.only.empty() || std::count(options.only.begin(), options.only.end(), name) > 0;
-    if (!is_wanted) continue;
-    const Result<Section> section = RunInProcessCase(name, options);
-    if (!section) {
-      fmt::print(stderr, "runtime_bench: {}: {}\n", name, section.error().text);
+  std::vector<Section> measured;
+  for (const BenchCase& one : AllCases()) {
+    if (!IsWanted(one.name, options)) continue;
+    const Result<std::vector<Section>> sections = one.run(options);
+    if (!sections) {
+      fmt::print(stderr, "runtime_bench: {}: {}\n", one.name, sections.error().text);
       return 1;
     }
-    sections.push_back(*section);
-    if (!options.is_json) fmt::print("{}\n", TableLine(*section));
+    for (const Section& section : *sections) {
+      if (section.figures.empty()) continue;
+      measured.push_back(section);
+      if (!options.is_json) fmt::print("{}\n", TableOf(section));
+    }
     std::fflush(stdout);
   }
-  if (options.is_json) fmt::print("{}", Json(sections));
+  if (options.is_json) fmt::print("{}", Json(measured));
   return 0;
 }
 
@@ -41,13 +53,16 @@ int RunBench(const BenchOptions& options) {
 int main(int argc, char** argv) {
   moondb::BenchOptions options;
   CLI::App app("Measures moondb's actor runtime beside other ways to do the same.", "runtime_bench");
-  app.add_option("--only", options.only, "Only these cases")->check(CLI::IsMember(moondb::InProcessCases()));
+  app.option_defaults()->always_capture_default();
+  app.add_option("--only", options.only, "Only these cases")->check(CLI::IsMember(moondb::CaseNames()));
+  app.add_option("--contender", options.contender, "Only this contender, for a profiler")
+      ->check(CLI::IsMember({"moondb", "caf", "limit", "raw", "raw_defaults"}));
   app.add_option("--messages", options.messages, "Messages of a repetition of the cheapest cases; others have a share")
-      ->check(CLI::Range(1000, 1000000000))
-      ->capture_default_str();
-  app.add_option("--repeat", options.repetitions, "Repetitions; medians count")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
+      ->check(CLI::Range(1000, 1000000000));
+  app.add_option("--repeat", options.repetitions, "Repetitions, of which the median counts")
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--idle-seconds", options.idle_seconds, "How long to watch an idle system")
+      ->check(CLI::Range(1, 3600));
   app.add_flag("--json", options.is_json, "One JSON object instead of a table");
   CLI11_PARSE(app, argc, argv);
   spdlog::set_level(spdlog::level::err);
