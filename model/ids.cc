@@ -36,6 +36,19 @@ std::optional<DataType> DataTypeFromName(std::string_view name) {
   return static_cast<DataType>(type);
 }
 
+const std::vector<DataType>& BuiltInDataTypes() {
+  static const std::vector<DataType> kTypes = [] {
+    std::vector<DataType> types;
+    const auto* known = proto::DataType_descriptor();
+    for (int i = 0; i < known->value_count(); ++i) {
+      if (known->value(i)->number() != 0) types.push_back(static_cast<DataType>(known->value(i)->number()));
+    }
+    std::sort(types.begin(), types.end());
+    return types;
+  }();
+  return kTypes;
+}
+
 int SharingRank(DataType type) {
   if (type < proto::POSE_GRAPH_NODE) return 0;
   switch (type) {

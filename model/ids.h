@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "proto/types.pb.h"
 
@@ -30,11 +31,16 @@ using DataType = std::uint32_t;
 inline constexpr DataType kCustomDataTypeMin = 1000;
 inline constexpr DataType kCustomDataTypeMax = 1999;
 
+constexpr bool IsCustom(DataType type) { return type >= kCustomDataTypeMin && type <= kCustomDataTypeMax; }
+
 // "local_traversability_map"; "type_1007" for a type without a name here.
 std::string DataTypeName(DataType type);
 
 // The inverse, for the built-in types.
 std::optional<DataType> DataTypeFromName(std::string_view name);
+
+// In the order of their numbers.
+const std::vector<DataType>& BuiltInDataTypes();
 
 // The built-in types, in the order in which they are shared: states, nodes, edges, optimized poses and verdicts, maps.
 // A smaller rank goes first; custom types rank before maps.

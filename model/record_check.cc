@@ -5,6 +5,7 @@
 
 #include "model/geometry.h"
 #include "model/record_key.h"
+#include "model/text.h"
 #include "model/traversability_map.h"
 
 namespace moondb {
@@ -22,6 +23,9 @@ class Checker {
     if (!is_met && result_) result_ = Fail(ErrorCode::kInvalid, text, field);
   }
   void Finite(double value, const std::string& field) { Require(std::isfinite(value), field, "is not finite"); }
+  void Size(const std::string& bytes, std::size_t bytes_max, const std::string& field) {
+    Require(bytes.size() <= bytes_max, field, "is longer than " + std::to_string(bytes_max) + " bytes");
+  }
   void Ratio(double value, const std::string& field) {
     Require(value >= 0 && value <= 1, field, "must lie between 0 and 1");
   }
@@ -77,6 +81,15 @@ void CheckEdge(const proto::PoseGraphEdge& edge, Checker& check) {
   }
 }
 
+void CheckCustom(const proto::CustomRecord& custom, Checker& check) {
+  check.Require(IsCustom(custom.data_type()), "custom.data_type",
+                "must be " + std::to_string(kCustomDataTypeMin) + " to " + std::to_string(kCustomDataTypeMax));
+  check.Size(custom.latest_key(), kCustomKeyBytesMax, "custom.latest_key");
+  check.Size(custom.payload(), kCustomPayloadBytesMax, "custom.payload");
+  check.Size(custom.metadata(), kCustomMetadataBytesMax, "custom.metadata");
+  check.Require(IsUtf8(custom.metadata()), "custom.metadata", "is not UTF-8");
+}
+
 std::string NodeText(const proto::NodeKey& node) {
   return std::to_string(node.agent_id()) + ":" + std::to_string(node.index());
 }
@@ -113,6 +126,9 @@ DataType TypeOf(const proto::Record& record) {
       return proto::EDGE_VERDICT;
     case proto::Record::kLocalTraversabilityMap:
       return proto::LOCAL_TRAVERSABILITY_MAP;
+    case proto::Record::kCustom:
+      if (IsCustom(record.custom().data_type())) return record.custom().data_type();
+      return proto::DATA_TYPE_UNSPECIFIED;
     case proto::Record::BODY_NOT_SET:
       return proto::DATA_TYPE_UNSPECIFIED;
   }
@@ -136,7 +152,7 @@ Result<void> CheckRecord(const proto::Record& record) {
       break;
     case proto::Record::kHealth:
       check.Require(proto::HealthLevel_IsValid(record.health().level()), "health.level", "is unknown");
-      check.Require(record.health().text().size() <= kHealthTextBytesMax, "health.text", "is longer than 1024 bytes");
+      check.Size(record.health().text(), kHealthTextBytesMax, "health.text");
       break;
     case proto::Record::kExploration:
       check.Ratio(record.exploration().explored_ratio(), "exploration.explored_ratio");
@@ -167,6 +183,9 @@ Result<void> CheckRecord(const proto::Record& record) {
       if (!map) check.Stop(map.error(), "local_traversability_map");
       break;
     }
+    case proto::Record::kCustom:
+      CheckCustom(record.custom(), check);
+      break;
     case proto::Record::BODY_NOT_SET:
       check.Require(false, "body", "is missing or of an unknown type");
   }
@@ -174,6 +193,7 @@ Result<void> CheckRecord(const proto::Record& record) {
 }
 
 std::string LatestKey(const proto::Record& record) {
+  if (record.has_custom()) return record.custom().latest_key();
   if (record.has_optimized_pose()) return NodeText(record.optimized_pose().node());
   if (record.has_edge_verdict()) {
     const proto::EdgeVerdict& verdict = record.edge_verdict();

@@ -43,6 +43,11 @@ std::string FormatDouble(double value);
 // Seconds, exact: "10", "1671300425.3106995".
 std::string FormatStampNs(std::int64_t stamp_ns);
 
+// Bytes of the UTF-8 character at the front of `text`, which is not empty; 0 if it is none: overlong forms, surrogates
+// and what lies beyond U+10FFFF are none.
+std::size_t Utf8CharacterBytes(std::string_view text);
+bool IsUtf8(std::string_view text);
+
 // "graph.pyfg:12", the field of an error in a file.
 std::string FileLine(const std::string& file, std::size_t line);
 

@@ -1,12 +1,15 @@
 #include "runtime/team_check.h"
 
 #include <algorithm>
+#include <cctype>
 #include <charconv>
 #include <cstdio>
 #include <functional>
 #include <vector>
 
+#include "model/custom_types.h"
 #include "model/ids.h"
+#include "model/record_check.h"
 #include "runtime/did_you_mean.h"
 
 namespace moondb {
@@ -28,6 +31,11 @@ bool IsName(const std::string& name) {
   return !name.empty() && name.size() <= kNameLengthMax && std::all_of(name.begin(), name.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
   });
+}
+
+// Of a custom type: it stands beside the built-in ones' names in commands and JSON.
+bool IsTypeName(const std::string& name) {
+  return IsName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
 }
 
 bool IsHost(const std::string& host) {
@@ -84,6 +92,7 @@ class Checker {
     CheckRange("site.lon_deg", team_.site().lon_deg(), -180, 360);
     CheckRange("site.north_yaw_rad", team_.site().north_yaw_rad(), -kAngleMax_rad, kAngleMax_rad);
     CheckRange("map.resolution_m", team_.map().resolution_m(), 0.001, 10);
+    CheckCustomTypes();
     CheckNumbers("map.footprint_m", team_.map().footprint_m(), "2 numbers (length and width)", 2, 0.01, 10);
   }
 
@@ -132,7 +141,10 @@ class Checker {
     }
   }
 
-  static std::string AgentPath(std::ptrdiff_t index) { return "agents[" + std::to_string(index) + "]"; }
+  static std::string ElementPath(const std::string& list, std::ptrdiff_t index) {
+    return list + "[" + std::to_string(index) + "]";
+  }
+  static std::string AgentPath(std::ptrdiff_t index) { return ElementPath("agents", index); }
 
   void CheckAgent(int index) {
     const proto::AgentConfig& agent = team_.agents(index);
@@ -171,21 +183,51 @@ class Checker {
   }
 
   void CheckDuplicates() {
-    CheckUnique("id", [](const proto::AgentConfig& agent) { return std::to_string(agent.id()); });
-    CheckUnique("name", [](const proto::AgentConfig& agent) { return agent.name(); });
-    CheckUnique("address", [](const proto::AgentConfig& agent) { return agent.address(); });
-    CheckUnique("key", [](const proto::AgentConfig& agent) { return agent.key(); });
+    const auto check = [this](const char* field, const std::function<std::string(const proto::AgentConfig&)>& value) {
+      CheckUnique("agents", team_.agents_size(), field, [&](int i) { return value(team_.agents(i)); });
+    };
+    check("id", [](const proto::AgentConfig& agent) { return std::to_string(agent.id()); });
+    check("name", [](const proto::AgentConfig& agent) { return agent.name(); });
+    check("address", [](const proto::AgentConfig& agent) { return agent.address(); });
+    check("key", [](const proto::AgentConfig& agent) { return agent.key(); });
   }
 
-  void CheckUnique(const std::string& field, const std::function<std::string(const proto::AgentConfig&)>& value_of) {
+  // No two elements of `list` may have the same value of `field`.
+  void CheckUnique(const std::string& list, int count, const std::string& field,
+                   const std::function<std::string(int)>& value_of) {
     std::map<std::string, int> owners;
-    for (int i = 0; i < team_.agents_size(); ++i) {
-      const std::string path = AgentPath(i) + "." + field;
+    for (int i = 0; i < count; ++i) {
+      const std::string path = ElementPath(list, i) + "." + field;
       if (!IsGiven(path) || errors_.Has(path)) continue;
-      const std::string value = value_of(team_.agents(i));
+      const std::string value = value_of(i);
       const auto [owner, is_new] = owners.emplace(value, i);
-      if (!is_new) Add(path, value + " is already that of " + AgentPath(owner->second));
+      if (!is_new) Add(path, value + " is already that of " + ElementPath(list, owner->second));
     }
+  }
+
+  void CheckCustomTypes() {
+    const int count = team_.custom_types_size();
+    if (count > kCustomTypeCountMax) {
+      Add("custom_types",
+          "at most " + std::to_string(kCustomTypeCountMax) + " are allowed, got " + std::to_string(count));
+    }
+    for (int i = 0; i < count; ++i) CheckCustomType(team_.custom_types(i), ElementPath("custom_types", i));
+    CheckUnique("custom_types", count, "id", [this](int i) { return std::to_string(team_.custom_types(i).id()); });
+    CheckUnique("custom_types", count, "name", [this](int i) { return team_.custom_types(i).name(); });
+  }
+
+  void CheckCustomType(const proto::CustomType& type, const std::string& path) {
+    if (Require(path + ".id")) CheckRange(path + ".id", type.id(), kCustomDataTypeMin, kCustomDataTypeMax);
+    if (Require(path + ".name")) {
+      if (!IsTypeName(type.name())) {
+        Add(path + ".name",
+            "expected at most 32 lower-case letters, digits and _, from a letter on, got " + Quoted(type.name()));
+      } else if (DataTypeFromName(type.name(), {})) {
+        Add(path + ".name", type.name() + " is a name of moondb's own");
+      }
+    }
+    CheckRange(path + ".priority", type.priority(), 1, 9);
+    CheckRange(path + ".bytes_max", type.bytes_max(), 1, kCustomPayloadBytesMax);
   }
 
   void CheckRoles() {
@@ -257,6 +299,18 @@ void FillRoles(proto::TeamConfig* team) {
   if (roles->survivor().empty()) roles->set_survivor(first_rover_except(roles->leader()));
 }
 
+void FillCustomTypes(proto::TeamConfig* team) {
+  auto& types = *team->mutable_custom_types();
+  for (proto::CustomType& type : types) {
+    if (type.share() == proto::POLICY_UNSPECIFIED) type.set_share(proto::POLICY_ALL);
+    if (type.ground() == proto::POLICY_UNSPECIFIED) type.set_ground(proto::POLICY_NONE);
+    if (type.priority() == 0) type.set_priority(5);
+    if (type.bytes_max() == 0) type.set_bytes_max(4096);
+  }
+  std::sort(types.begin(), types.end(),
+            [](const proto::CustomType& a, const proto::CustomType& b) { return a.id() < b.id(); });
+}
+
 void FillZeros(google::protobuf::RepeatedField<double>* numbers) {
   if (numbers->empty()) numbers->Resize(3, 0.0);
 }
@@ -292,6 +346,7 @@ void FillDefaults(const Places& places, proto::TeamConfig* team) {
   share.set_edge_verdict(proto::POLICY_LATEST);
   share.set_local_traversability_map(proto::POLICY_ALL);
   FillPolicies(share, team->mutable_share());
+  FillCustomTypes(team);
 }
 
 }  // namespace moondb

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <map>
 
+#include "model/custom_types.h"
 #include "runtime/curve_keys.h"
 #include "runtime/team_check.h"
 #include "runtime/yaml_reader.h"
@@ -49,6 +50,15 @@ Result<TeamFile> Parse(const std::string& yaml, const std::string& name, const s
   const std::string bytes = team.config.SerializeAsString();
   team.hash = XXH64(bytes.data(), bytes.size(), 0);
   return team;
+}
+
+proto::Policy BuiltInPolicyOf(const proto::SharePolicies& policies, DataType type) {
+  // The policies' fields have the numbers of the data types.
+  if (type > static_cast<DataType>(proto::DataType_MAX)) return proto::POLICY_NONE;
+  const auto* field = proto::SharePolicies::descriptor()->FindFieldByNumber(static_cast<int>(type));
+  if (field == nullptr) return proto::POLICY_NONE;
+  const int policy = policies.GetReflection()->GetEnumValue(policies, field);
+  return policy == proto::POLICY_UNSPECIFIED ? proto::POLICY_NONE : static_cast<proto::Policy>(policy);
 }
 
 }  // namespace
@@ -97,13 +107,20 @@ AgentId BaseStationOf(const proto::TeamConfig& team) {
   return 0;
 }
 
-proto::Policy PolicyOf(const proto::SharePolicies& policies, DataType type) {
-  // The policies' fields have the numbers of the data types.
-  if (type > static_cast<DataType>(proto::DataType_MAX)) return proto::POLICY_NONE;
-  const auto* field = proto::SharePolicies::descriptor()->FindFieldByNumber(static_cast<int>(type));
-  if (field == nullptr) return proto::POLICY_NONE;
-  const int policy = policies.GetReflection()->GetEnumValue(policies, field);
-  return policy == proto::POLICY_UNSPECIFIED ? proto::POLICY_NONE : static_cast<proto::Policy>(policy);
+std::vector<DataType> DataTypesOf(const proto::TeamConfig& team) {
+  std::vector<DataType> types = BuiltInDataTypes();
+  for (const proto::CustomType& type : team.custom_types()) types.push_back(type.id());
+  return types;
+}
+
+proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type) {
+  const proto::CustomType* custom = FindCustomType(team.custom_types(), type);
+  return custom == nullptr ? BuiltInPolicyOf(team.share(), type) : custom->share();
+}
+
+proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type) {
+  const proto::CustomType* custom = FindCustomType(team.custom_types(), type);
+  return custom == nullptr ? BuiltInPolicyOf(team.ground(), type) : custom->ground();
 }
 
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team) {

@@ -33,8 +33,13 @@ const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::st
 
 AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none.
 
-// The policy of a type; POLICY_NONE for one that `policies` does not name.
-proto::Policy PolicyOf(const proto::SharePolicies& policies, DataType type);
+// Built-in and declared ones, in the order of their numbers.
+std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);
+
+// What rovers send to the leader and the leader to the survivor, or the base station is sent, of a type; POLICY_NONE
+// for one that the team does not know.
+proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type);
+proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type);
 
 // The assignment of the file, as term 0.
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "model/custom_types.h"
 #include "runtime/curve_keys.h"
 #include "runtime/new_files.h"
 #include "runtime/team_check.h"
@@ -75,6 +76,21 @@ std::string AgentText(const proto::AgentConfig& agent) {
   return text;
 }
 
+std::string CustomTypesText(const CustomTypes& types) {
+  if (types.empty()) return "";
+  std::string text = "\n# Data types of the team's own.\ncustom_types:\n";
+  for (const proto::CustomType& type : types) {
+    const auto policy_name = [](proto::Policy policy) {
+      return YamlName(*proto::Policy_descriptor()->FindValueByNumber(policy));
+    };
+    text += "  - {id: " + std::to_string(type.id()) + ", name: " + type.name() +
+            ", share: " + policy_name(type.share()) + ", ground: " + policy_name(type.ground()) +
+            ", priority: " + std::to_string(type.priority()) + ", bytes_max: " + std::to_string(type.bytes_max()) +
+            "}\n";
+  }
+  return text;
+}
+
 std::string PoliciesText(const proto::SharePolicies& policies) {
   std::string text;
   const auto* descriptor = proto::SharePolicies::descriptor();
@@ -119,7 +135,7 @@ std::string TeamText(const proto::TeamConfig& team) {
             ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
             "}\n";
   }
-  return text;
+  return text + CustomTypesText(team.custom_types());
 }
 
 // What a caller set counts as given; proto3 cannot tell a zero from nothing.

@@ -121,15 +121,21 @@ proto::RecordFilter SyncActor::OwnRecords() const {
 proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
   proto::RecordFilter filter;
   if (destination == BaseStationOf(team())) {
-    for (DataType type = 1; type <= static_cast<DataType>(proto::DataType_MAX); ++type) {
-      if (PolicyOf(team().ground(), type) != proto::POLICY_NONE) filter.add_data_types(type);
+    for (const DataType type : DataTypesOf(team())) {
+      const proto::Policy policy = GroundPolicyOf(team(), type);
+      if (policy == proto::POLICY_NONE) continue;
+      filter.add_data_types(type);
+      // Where rovers share all, the leader holds more than the base station wants.
+      if (policy == proto::POLICY_LATEST && SharePolicyOf(team(), type) == proto::POLICY_ALL) {
+        filter.add_newest_only_types(type);
+      }
     }
     return filter;
   }
   filter.add_origin_agents(self());
   filter.set_optimized_poses_of_agent(destination);
   for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
-    if (PolicyOf(team().share(), type) != proto::POLICY_NONE) filter.add_data_types(type);
+    if (SharePolicyOf(team(), type) != proto::POLICY_NONE) filter.add_data_types(type);
   }
   return filter;
 }

@@ -1,6 +1,7 @@
 #include "actors/storage/missing_records.h"
 
 #include <algorithm>
+#include <map>
 #include <tuple>
 #include <vector>
 
@@ -17,21 +18,17 @@ bool Contains(const google::protobuf::RepeatedField<std::uint32_t>& values, std:
   return std::find(values.begin(), values.end(), value) != values.end();
 }
 
-proto::Policy PolicyFor(const Policies& policies, DataType type) {
-  const auto found = policies.find(type);
-  return found == policies.end() ? proto::POLICY_NONE : found->second;
-}
-
 class MissingFinder {
  public:
-  MissingFinder(Database& database, const HaveSet& have, const Policies& policies, const proto::RecordFilter& filter,
+  MissingFinder(Database& database, const HaveSet& have, const SharingRules& rules, const proto::RecordFilter& filter,
                 const HaveSet& destination)
-      : database_(database), have_(have), policies_(policies), filter_(filter), destination_(destination) {}
+      : database_(database), have_(have), rules_(rules), filter_(filter), destination_(destination) {}
 
   Result<void> AddRecords(std::uint64_t bytes_max, std::uint64_t records_max, proto::MissingReply& reply) {
     for (const StreamKey& stream : StreamsInOrder()) {
-      const IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
-      for (const IntervalSet::Interval& interval : lacking.intervals()) {
+      const Result<IntervalSet> lacking = Lacking(stream);
+      if (!lacking) return tl::unexpected(lacking.error());
+      for (const IntervalSet::Interval& interval : lacking->intervals()) {
         const Result<void> added = AddInterval(stream, interval, bytes_max, records_max, reply);
         if (!added) return added;
       }
@@ -41,7 +38,7 @@ class MissingFinder {
 
   void AddDropped(std::size_t intervals_max, proto::MissingReply& reply) const {
     for (const StreamKey& stream : StreamsInOrder()) {
-      if (PolicyFor(policies_, stream.type) != proto::POLICY_LATEST || IsPartial(stream.type)) continue;
+      if (!rules_.MayBeDropped(stream.type) || IsPartial(stream.type) || IsNewestOnly(stream.type)) continue;
       const IntervalSet unknown = have_.Get(stream).dropped.Minus(destination_.Get(stream).dropped);
       if (unknown.is_empty() || intervals_max == 0) continue;
       proto::StreamHave& added = *reply.add_dropped();
@@ -59,10 +56,26 @@ class MissingFinder {
 
  private:
   bool IsWanted(const StreamKey& stream) const {
-    if (PolicyFor(policies_, stream.type) == proto::POLICY_NONE || !FindRecordTable(stream.type)) return false;
+    if (!rules_.IsShared(stream) || !FindRecordTable(stream.type)) return false;
     if (!filter_.origin_agents().empty() && !Contains(filter_.origin_agents(), stream.origin)) return false;
     if (Contains(filter_.not_origin_agents(), stream.origin)) return false;
     return filter_.data_types().empty() || Contains(filter_.data_types(), stream.type);
+  }
+
+  bool IsNewestOnly(DataType type) const { return Contains(filter_.newest_only_types(), type); }
+
+  // What is meant for the destination and is not there.
+  Result<IntervalSet> Lacking(const StreamKey& stream) {
+    const IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
+    if (lacking.is_empty() || !IsNewestOnly(stream.type)) return lacking;
+    const std::pair<AgentId, DataType> series(stream.origin, stream.type);
+    auto found = newest_.find(series);
+    if (found == newest_.end()) {
+      auto newest = FindRecordTable(stream.type)->FindNewest(database_, stream.origin, stream.type);
+      if (!newest) return tl::unexpected(newest.error());
+      found = newest_.emplace(series, *std::move(newest)).first;
+    }
+    return lacking.Minus(lacking.Minus(found->second[stream.epoch]));
   }
 
   // Only some of the type's records pass the filter.
@@ -75,9 +88,9 @@ class MissingFinder {
     for (const auto& [key, stream] : have_.streams()) {
       if (IsWanted(key)) streams.push_back(key);
     }
-    std::sort(streams.begin(), streams.end(), [](const StreamKey& a, const StreamKey& b) {
-      return std::tuple(SharingRank(a.type), a.epoch, a.type, a.origin) <
-             std::tuple(SharingRank(b.type), b.epoch, b.type, b.origin);
+    std::sort(streams.begin(), streams.end(), [this](const StreamKey& a, const StreamKey& b) {
+      return std::tuple(rules_.RankOf(a.type), a.epoch, a.type, a.origin) <
+             std::tuple(rules_.RankOf(b.type), b.epoch, b.type, b.origin);
     });
     return streams;
   }
@@ -117,9 +130,10 @@ class MissingFinder {
 
   Database& database_;
   const HaveSet& have_;
-  const Policies& policies_;
+  const SharingRules& rules_;
   const proto::RecordFilter& filter_;
   const HaveSet& destination_;
+  std::map<std::pair<AgentId, DataType>, std::map<std::uint64_t, IntervalSet>> newest_;  // By origin and type, epoch.
   std::uint64_t bytes_ = 0;
   bool is_full_ = false;
 };
@@ -130,13 +144,13 @@ std::uint32_t Limit(std::uint32_t asked, std::uint32_t standard, std::uint32_t m
 
 }  // namespace
 
-Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const Policies& policies,
+Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
                                         const proto::MissingRequest& request) {
   const Result<HaveSet> destination = FromProto(request.destination_have());
   if (!destination) return tl::unexpected(destination.error());
   const std::uint32_t bytes_max = Limit(request.content_bytes_max(), kMissingBytesDefault, kMissingBytesMax);
   const std::uint32_t records_max = Limit(request.records_max(), kMissingRecordsDefault, kMissingRecordsMax);
-  MissingFinder finder(database, have, policies, request.filter(), *destination);
+  MissingFinder finder(database, have, rules, request.filter(), *destination);
   proto::MissingReply reply;
   if (const Result<void> added = finder.AddRecords(bytes_max, records_max, reply); !added) {
     return tl::unexpected(added.error());

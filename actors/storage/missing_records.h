@@ -1,19 +1,17 @@
 // FindMissing: what a destination lacks of what is held here, and the facts about dropped records that may follow.
 //
-// Order: sharing class first (SharingRank), then epoch, then seq. `dropped` is filled only when nothing remains beyond
-// the returned records: what is superseded must not go before its superseder arrives. Optimized poses and verdicts
-// under `optimized_poses_of_agent` give no drops at all, because their superseders may be filtered out.
+// Order: sharing class first (SharingRules::RankOf), then epoch, then seq. `dropped` is filled only when nothing
+// remains beyond the returned records: what is superseded must not go before its superseder arrives. Optimized poses
+// and verdicts under `optimized_poses_of_agent` give no drops at all, because their superseders may be filtered out;
+// nor do types under `newest_only_types`, whose older records are still held here.
 #pragma once
 
-#include <map>
-
+#include "actors/storage/sharing_rules.h"
 #include "actors/storage/sqlite_database.h"
 #include "model/have_set.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {
-
-using Policies = std::map<DataType, proto::Policy>;
 
 // Limits of one reply; what a request leaves at 0 or sets higher becomes the first or the last of a pair.
 inline constexpr std::uint32_t kMissingBytesDefault = 64 * 1024;
@@ -22,7 +20,7 @@ inline constexpr std::uint32_t kMissingRecordsDefault = 256;
 inline constexpr std::uint32_t kMissingRecordsMax = 4096;
 
 // `have` is this agent's own. Fails as Database does; kInvalid where destination_have is malformed.
-Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const Policies& policies,
+Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
                                         const proto::MissingRequest& request);
 
 }  // namespace moondb

@@ -29,7 +29,10 @@ Result<void> Advance(Cursor& cursor, const proto::ReadRequest& request) {
     if (!row) return tl::unexpected(row.error());
     cursor.is_at_end = !*row;
     if (cursor.is_at_end) return {};
-    if (IsAskedFor(request.origin_agents(), static_cast<AgentId>(cursor.query.Integer(1)))) return {};
+    if (IsAskedFor(request.origin_agents(), static_cast<AgentId>(cursor.query.Integer(1))) &&
+        IsAskedFor(request.data_types(), static_cast<DataType>(cursor.query.Integer(6)))) {
+      return {};
+    }
   }
 }
 
@@ -51,7 +54,9 @@ Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& 
       request.content_bytes_max() == 0 ? kPageBytesDefault : std::min(request.content_bytes_max(), kPageBytesMax);
   std::vector<Cursor> cursors;
   for (const RecordTable& table : RecordTables()) {
-    if (!IsAskedFor(request.data_types(), table.type())) continue;
+    const auto is_held = [&table](DataType type) { return table.Holds(type); };
+    const auto& types = request.data_types();
+    if (!types.empty() && std::none_of(types.begin(), types.end(), is_held)) continue;
     cursors.push_back(Cursor{&table, request.is_newest_first() ? table.ReadNewestFirst(database)
                                                                : table.ReadAfter(database, request.after_row_id())});
     if (const Result<void> done = Advance(cursors.back(), request); !done) return tl::unexpected(done.error());

@@ -115,13 +115,19 @@ Result<void> RecordStore::CheckOwner() {
   std::string sql = "INSERT OR IGNORE INTO meta VALUES('own_agent', " + std::to_string(options_.self) + ");";
   sql += "DELETE FROM team_agent;";
   for (const AgentId agent : options_.team) sql += "INSERT INTO team_agent VALUES(" + std::to_string(agent) + ");";
+  sql += "DELETE FROM custom_type;";
   if (const Result<void> done = database_->Execute(sql); !done) return done;
+  for (const proto::CustomType& type : options_.custom_types) {
+    Query query = database_->Prepare("INSERT INTO custom_type VALUES(?, ?)");
+    query << type.id() << std::string_view(type.name());
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
   return transaction->Commit();
 }
 
-bool RecordStore::IsLatest(DataType type) const {
-  const auto policy = options_.policies.find(type);
-  return policy != options_.policies.end() && policy->second == proto::POLICY_LATEST;
+Result<void> RecordStore::CheckOwnRecord(const proto::Record& record) const {
+  const Result<void> checked = CheckOwnership(record, options_.self, options_.team);
+  return checked && record.has_custom() ? CheckDeclared(record.custom(), options_.custom_types) : checked;
 }
 
 void RecordStore::NoteOwnEpoch(const StreamKey& stream) {
@@ -146,7 +152,7 @@ Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const
     return Fail(ErrorCode::kInvalid, "more than " + std::to_string(kInsertRecordsMax) + " records", "records");
   }
   for (int i = 0; i < request.records_size(); ++i) {
-    const Result<void> checked = CheckOwnership(request.records(i), options_.self, options_.team);
+    const Result<void> checked = CheckOwnRecord(request.records(i));
     if (checked) continue;
     const std::string place = "records[" + std::to_string(i) + "]";
     return Fail(checked.error().code, checked.error().text,
@@ -192,7 +198,8 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
   const DataType type = TypeOf(record);
   const RecordTable& table = *FindRecordTable(type);
   if (const std::string name = NaturalKey(record); !name.empty()) {
-    const Result<std::optional<RecordTable::Named>> named = table.FindByNaturalKey(*database_, options_.self, name);
+    const Result<std::optional<RecordTable::Named>> named =
+        table.FindByNaturalKey(*database_, options_.self, type, name);
     if (!named) return tl::unexpected(named.error());
     if (*named && (*named)->content == content && ((*named)->key.seq == 0) == is_local) {
       reply_key = ToProto((*named)->key);
@@ -216,9 +223,9 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
     const StreamHave& had = ledger_.Get(key.stream);
     key.seq = std::max(had.held.Max(), had.dropped.Max()) + 1;
   }
-  if (IsLatest(type)) {
+  if (rules_.IsLatest(type)) {
     const Result<std::vector<RecordTable::Row>> olds =
-        table.FindByLatestKey(*database_, options_.self, LatestKey(record));
+        table.FindByLatestKey(*database_, options_.self, type, LatestKey(record));
     if (!olds) return tl::unexpected(olds.error());
     for (const RecordTable::Row& old : *olds) {
       // What stays on this agent cannot supersede what peers are owed.
@@ -299,9 +306,9 @@ Result<void> RecordStore::StoreOne(const Opened& opened, Writing& writing, Store
     }
     return {};
   }
-  if (IsLatest(opened.key.stream.type)) {
+  if (rules_.IsLatest(opened.key.stream.type)) {
     const Result<std::vector<RecordTable::Row>> others =
-        table.FindByLatestKey(*database_, opened.key.stream.origin, LatestKey(opened.record));
+        table.FindByLatestKey(*database_, opened.key.stream.origin, opened.key.stream.type, LatestKey(opened.record));
     if (!others) return tl::unexpected(others.error());
     const bool is_late = std::any_of(others->begin(), others->end(), [&opened](const RecordTable::Row& other) {
       return other.key.seq != 0 && OrderOf(other.key) > OrderOf(opened.key);
@@ -329,7 +336,7 @@ Result<void> RecordStore::CheckDropped(const proto::StreamHave& dropped, HaveSet
   const IntervalSet& seqs = read->streams().begin()->second.dropped;
   if (!options_.team.count(stream.origin))
     return Fail(ErrorCode::kInvalid, "is not in the team", "dropped.origin_agent");
-  if (!FindRecordTable(stream.type) || !IsLatest(stream.type)) {
+  if (!rules_.MayBeDropped(stream.type)) {
     return Fail(ErrorCode::kInvalid, DataTypeName(stream.type) + " records are never dropped", "dropped.data_type");
   }
   if (stream.epoch == 0) return Fail(ErrorCode::kInvalid, "is missing", "dropped.epoch");
@@ -342,7 +349,7 @@ Result<void> RecordStore::CheckDropped(const proto::StreamHave& dropped, HaveSet
 
 Result<bool> RecordStore::IsSuperseded(const RecordTable& table, const RecordTable::Row& row) {
   const Result<std::vector<RecordTable::Row>> others =
-      table.FindByLatestKey(*database_, row.key.stream.origin, row.latest_key);
+      table.FindByLatestKey(*database_, row.key.stream.origin, row.key.stream.type, row.latest_key);
   if (!others) return tl::unexpected(others.error());
   return std::any_of(others->begin(), others->end(), [&row](const RecordTable::Row& other) {
     return other.key.seq != 0 && OrderOf(other.key) > OrderOf(row.key);
@@ -380,7 +387,7 @@ Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest&
   for (const proto::StreamHave& stream : request.destination_have().streams()) {
     NoteOwnEpoch(StreamKey{stream.origin_agent(), stream.epoch(), stream.data_type()});
   }
-  return FindMissing(*database_, ledger_.have(), options_.policies, request);
+  return FindMissing(*database_, ledger_.have(), rules_, request);
 }
 
 Result<proto::ReadReply> RecordStore::Read(const proto::ReadRequest& request) { return ReadPage(*database_, request); }
@@ -400,9 +407,9 @@ Result<proto::StorageStatus> RecordStore::GetStatus() {
   std::map<std::pair<AgentId, DataType>, std::uint64_t> counts;
   for (const auto& [stream, have] : ledger_.have().streams()) counts[{stream.origin, stream.type}] += have.held.Count();
   for (const RecordTable& table : RecordTables()) {
-    const Result<std::uint64_t> local = table.CountNotShared(*database_, options_.self);
+    const auto local = table.CountNotShared(*database_, options_.self);
     if (!local) return tl::unexpected(local.error());
-    counts[{options_.self, table.type()}] += *local;
+    for (const auto& [type, count] : *local) counts[{options_.self, type}] += count;
   }
   proto::StorageStatus status;
   for (const auto& [key, count] : counts) {

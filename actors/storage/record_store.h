@@ -10,7 +10,10 @@
 // - Under the policy `latest` only the newest record of (origin, type, latest key) is kept, newest by (epoch, seq); the
 //   older one's row goes and its seq becomes dropped in the transaction that stores the newer one. A record that
 //   comes after its superseder is dropped at once.
-// - A peer's drops are taken for `latest` types only, and a row that is the newest of its key here stays until its
+// - A custom type must be declared for own inserts alone: peers' records of any custom type are carried
+//   (actors/storage/sharing_rules.h), and a type that is no longer declared keeps its rows.
+// - A peer's drops are taken for `latest` and carried types only, and a row that is the newest of its key here stays
+// until its
 //   superseder comes: batches may overtake each other.
 //
 // From one thread at a time. Not moved, not copied: Open gives a pointer.
@@ -27,6 +30,7 @@
 #include "actors/storage/missing_records.h"
 #include "actors/storage/peer_log.h"
 #include "actors/storage/record_tables.h"
+#include "actors/storage/sharing_rules.h"
 #include "actors/storage/sqlite_database.h"
 #include "proto/storage.pb.h"
 
@@ -35,10 +39,12 @@ namespace moondb {
 class RecordStore {
  public:
   struct Options {
-    std::string path;             // The file; its folder exists. ":memory:" for tests.
-    AgentId self = 0;             // Whose store this is. A file remembers it.
-    std::set<AgentId> team;       // All agents, this one too. Records from or about others are refused.
-    Policies policies;            // Of sharing; types without one are not shared.
+    std::string path;        // The file; its folder exists. ":memory:" for tests.
+    AgentId self = 0;        // Whose store this is. A file remembers it.
+    std::set<AgentId> team;  // All agents, this one too. Records from or about others are refused.
+    // Of sharing, by built-in type; those without one are not shared.
+    SharingRules::Policies policies;
+    CustomTypes custom_types;     // Of the team file, complete.
     std::uint64_t seed = 0;       // Of the epochs' random bits.
     std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
   };
@@ -81,10 +87,13 @@ class RecordStore {
   class Writing;  // One transaction with its drafts.
 
   RecordStore(Options options, std::unique_ptr<Database> database)
-      : options_(std::move(options)), database_(std::move(database)), random_(options_.seed) {}
+      : options_(std::move(options)),
+        rules_{options_.self, options_.policies, options_.custom_types},
+        database_(std::move(database)),
+        random_(options_.seed) {}
   Result<void> Load();
   Result<void> CheckOwner();
-  bool IsLatest(DataType type) const;
+  Result<void> CheckOwnRecord(const proto::Record& record) const;
   void NoteOwnEpoch(const StreamKey& stream);
   Result<std::uint64_t> NextEpoch();
 
@@ -107,6 +116,7 @@ class RecordStore {
   void Reject(Error error, Stored& result);
 
   const Options options_;
+  const SharingRules rules_;
   std::unique_ptr<Database> database_;
   HaveLedger ledger_;
   PeerLog peer_log_;

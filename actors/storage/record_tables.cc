@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/check.h"
 #include "model/record_check.h"
 
 namespace moondb {
@@ -80,28 +81,42 @@ void BindLocalTraversabilityMap(const proto::Record& record, Query& query) {
   BindPose(map.node_from_map(), query);
 }
 
+void BindCustom(const proto::Record& record, std::string_view content, Query& query) {
+  const proto::CustomRecord& custom = record.custom();
+  // Equal bytes are as good wherever they stand first.
+  const std::size_t payload_at = content.find(custom.payload());
+  Check(payload_at != std::string_view::npos, "a custom record's content holds its payload");
+  query << custom.data_type() << std::string_view(custom.metadata()) << payload_at << custom.payload().size();
+}
+
+template <void (*kBind)(const proto::Record&, Query&)>
+void FromRecord(const proto::Record& record, std::string_view, Query& query) {
+  kBind(record, query);
+}
+
 std::vector<RecordTable> MakeTables() {
   const std::string pose = "x, y, z, qx, qy, qz, qw";
   const std::string ends = "from_agent, from_index, to_agent, to_index, is_range, ";
   const std::string version = "term_number, term_issuer, term_issuer_epoch, run";
   std::vector<RecordTable> tables;
-  tables.emplace_back(proto::TEMPERATURE, "celsius", "", BindTemperature);
-  tables.emplace_back(proto::POWER, "battery_ratio, draw_w", "", BindPower);
-  tables.emplace_back(proto::AWAKE_STATUS, "is_awake", "", BindAwakeStatus);
-  tables.emplace_back(proto::MODE, "activity", "", BindMode);
-  tables.emplace_back(proto::HEALTH, "level, text", "", BindHealth);
-  tables.emplace_back(proto::EXPLORATION, "explored_ratio", "", BindExploration);
-  tables.emplace_back(proto::DISTRIBUTED_MEASUREMENTS, "completed_ratio", "", BindDistributedMeasurements);
-  tables.emplace_back(proto::POSE_GRAPH_NODE, "node_agent, node_index, " + pose, "", BindPoseGraphNode);
-  tables.emplace_back(proto::POSE_GRAPH_EDGE, ends + "range_m, variance_m2", "", BindPoseGraphEdge);
-  tables.emplace_back(proto::OPTIMIZED_POSE, "node_agent, node_index, " + version + ", " + pose, "node_agent = ?5",
-                      BindOptimizedPose);
+  tables.emplace_back(proto::TEMPERATURE, "celsius", "", FromRecord<BindTemperature>);
+  tables.emplace_back(proto::POWER, "battery_ratio, draw_w", "", FromRecord<BindPower>);
+  tables.emplace_back(proto::AWAKE_STATUS, "is_awake", "", FromRecord<BindAwakeStatus>);
+  tables.emplace_back(proto::MODE, "activity", "", FromRecord<BindMode>);
+  tables.emplace_back(proto::HEALTH, "level, text", "", FromRecord<BindHealth>);
+  tables.emplace_back(proto::EXPLORATION, "explored_ratio", "", FromRecord<BindExploration>);
+  tables.emplace_back(proto::DISTRIBUTED_MEASUREMENTS, "completed_ratio", "", FromRecord<BindDistributedMeasurements>);
+  tables.emplace_back(proto::POSE_GRAPH_NODE, "node_agent, node_index, " + pose, "", FromRecord<BindPoseGraphNode>);
+  tables.emplace_back(proto::POSE_GRAPH_EDGE, ends + "range_m, variance_m2", "", FromRecord<BindPoseGraphEdge>);
+  tables.emplace_back(proto::OPTIMIZED_POSE, "node_agent, node_index, " + version + ", " + pose, "node_agent = ?6",
+                      FromRecord<BindOptimizedPose>);
   tables.emplace_back(proto::EDGE_VERDICT, ends + "is_inlier, residual_sigmas, " + version,
-                      "(from_agent = ?5 OR to_agent = ?5)", BindEdgeVerdict);
+                      "(from_agent = ?6 OR to_agent = ?6)", FromRecord<BindEdgeVerdict>);
   tables.emplace_back(
       proto::LOCAL_TRAVERSABILITY_MAP,
       "node_agent, node_index, layer_count, finest_resolution_um, finest_width_cells, finest_height_cells, " + pose, "",
-      BindLocalTraversabilityMap);
+      FromRecord<BindLocalTraversabilityMap>);
+  tables.emplace_back("data_type, metadata, payload_at, payload_bytes", BindCustom);
   return tables;
 }
 
@@ -110,20 +125,34 @@ std::vector<RecordTable> MakeTables() {
 RecordTable::RecordTable(DataType data_type, const std::string& columns, const std::string& agent_condition,
                          BindColumns bind)
     : type_(data_type), name_(DataTypeName(data_type)), agent_condition_(agent_condition), bind_(bind) {
+  MakeSql(std::to_string(data_type), columns);
+}
+
+RecordTable::RecordTable(const std::string& columns, BindColumns bind) : type_(0), name_("custom_record"), bind_(bind) {
+  MakeSql("data_type", columns);
+}
+
+void RecordTable::MakeSql(const std::string& type, const std::string& columns) {
   const auto column_count = std::count(columns.begin(), columns.end(), ',') + 1;
   insert_ = "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content, " +
             columns + ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
   for (int i = 0; i < column_count; ++i) insert_ += ", ?";
   insert_ += ")";
   delete_ = "DELETE FROM " + name_ + " WHERE row_id = ?";
-  const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key FROM " + name_;
-  const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4";
-  find_ = row + " WHERE origin = ? AND epoch = ? AND seq = ?";
-  find_by_latest_key_ = row + " WHERE origin = ? AND latest_key = ?";
+  const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + " FROM " + name_;
+  // For a built-in type `20 = ?5`: true of every row, found once.
+  const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4 AND " + type + " = ?5";
+  find_ = row + " WHERE origin = ? AND epoch = ? AND seq = ? AND " + type + " = ?";
+  find_by_latest_key_ = row + " WHERE origin = ? AND " + type + " = ? AND latest_key = ?";
+  // `(x < 0), x` orders unsigned numbers.
+  find_newest_ =
+      "SELECT epoch, seq FROM (SELECT epoch, seq, row_number() OVER (PARTITION BY latest_key ORDER BY epoch < 0 DESC, "
+      "epoch DESC, seq DESC) AS place FROM " +
+      name_ + " WHERE origin = ? AND " + type + " = ? AND seq IS NOT NULL) WHERE place = 1";
   find_in_interval_ = row + in_interval;
-  find_by_natural_key_ =
-      "SELECT epoch, seq, content FROM " + name_ + " WHERE natural_key = ? AND origin = ? ORDER BY row_id LIMIT 1";
-  const std::string content = "SELECT row_id, origin, epoch, seq, hash, content FROM " + name_;
+  find_by_natural_key_ = "SELECT epoch, seq, content FROM " + name_ + " WHERE natural_key = ? AND origin = ? AND " +
+                         type + " = ? ORDER BY row_id LIMIT 1";
+  const std::string content = "SELECT row_id, origin, epoch, seq, hash, content, " + type + " FROM " + name_;
   const std::string count = "SELECT count(*) FROM " + name_;
   read_interval_ = content + in_interval + " ORDER BY seq";
   count_interval_ = count + in_interval;
@@ -133,7 +162,8 @@ RecordTable::RecordTable(DataType data_type, const std::string& columns, const s
   }
   read_after_ = content + " WHERE row_id > ? ORDER BY row_id";
   read_newest_first_ = content + " ORDER BY row_id DESC";
-  count_not_shared_ = count + " WHERE origin = ? AND epoch IS NULL";
+  count_not_shared_ =
+      "SELECT " + type + " AS type, count(*) FROM " + name_ + " WHERE origin = ? AND epoch IS NULL GROUP BY type";
 }
 
 Result<void> RecordTable::Insert(Database& database, std::uint64_t row_id, const RecordKey& key,
@@ -147,13 +177,23 @@ Result<void> RecordTable::Insert(Database& database, std::uint64_t row_id, const
   } else {
     query << key.stream.epoch << key.seq;
   }
-  query << record.stamp_ns() << std::string_view(latest_key) << std::string_view(natural_key) << hash << Blob{content};
-  bind_(record, query);
+  query << record.stamp_ns();
+  BindLatestKey(latest_key, query);
+  query << std::string_view(natural_key) << hash << Blob{content};
+  bind_(record, content, query);
   return query.Run();
 }
 
 Result<void> RecordTable::Delete(Database& database, std::uint64_t row_id) const {
   return (database.Prepare(delete_) << row_id).Run();
+}
+
+void RecordTable::BindLatestKey(std::string_view latest_key, Query& query) const {
+  if (type_ == 0) {
+    query << Blob{latest_key};
+  } else {
+    query << latest_key;
+  }
 }
 
 Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
@@ -162,7 +202,8 @@ Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
     const Result<bool> step = query.Step();
     if (!step) return tl::unexpected(step.error());
     if (!*step) return rows;
-    const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2), type_};
+    const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2),
+                           static_cast<DataType>(query.Integer(6))};
     rows.push_back(
         Row{query.Unsigned(0), RecordKey{stream, query.Unsigned(3)}, query.Unsigned(4), std::string(query.Bytes(5))});
   }
@@ -170,34 +211,49 @@ Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
 
 Result<std::optional<RecordTable::Row>> RecordTable::Find(Database& database, const RecordKey& key) const {
   Query query = database.Prepare(find_);
-  query << key.stream.origin << key.stream.epoch << key.seq;
+  query << key.stream.origin << key.stream.epoch << key.seq << key.stream.type;
   const Result<std::vector<Row>> rows = ReadRows(std::move(query));
   if (!rows) return tl::unexpected(rows.error());
   return rows->empty() ? std::nullopt : std::optional<Row>(rows->front());
 }
 
-Result<std::vector<RecordTable::Row>> RecordTable::FindByLatestKey(Database& database, AgentId origin,
+Result<std::vector<RecordTable::Row>> RecordTable::FindByLatestKey(Database& database, AgentId origin, DataType type,
                                                                    std::string_view latest_key) const {
   Query query = database.Prepare(find_by_latest_key_);
-  query << origin << latest_key;
+  query << origin << type;
+  BindLatestKey(latest_key, query);
   return ReadRows(std::move(query));
+}
+
+Result<std::map<std::uint64_t, IntervalSet>> RecordTable::FindNewest(Database& database, AgentId origin,
+                                                                     DataType type) const {
+  Query query = database.Prepare(find_newest_);
+  query << origin << type;
+  std::map<std::uint64_t, IntervalSet> newest;
+  while (true) {
+    const Result<bool> step = query.Step();
+    if (!step) return tl::unexpected(step.error());
+    if (!*step) return newest;
+    newest[query.Unsigned(0)].Add(query.Unsigned(1));
+  }
 }
 
 Result<std::vector<RecordTable::Row>> RecordTable::FindInInterval(Database& database, const StreamKey& stream,
                                                                   std::uint64_t first, std::uint64_t last) const {
   Query query = database.Prepare(find_in_interval_);
-  query << stream.origin << stream.epoch << first << last;
+  query << stream.origin << stream.epoch << first << last << stream.type;
   return ReadRows(std::move(query));
 }
 
 Result<std::optional<RecordTable::Named>> RecordTable::FindByNaturalKey(Database& database, AgentId origin,
+                                                                        DataType type,
                                                                         std::string_view natural_key) const {
   Query query = database.Prepare(find_by_natural_key_);
-  query << natural_key << origin;
+  query << natural_key << origin << type;
   const Result<bool> row = query.Step();
   if (!row) return tl::unexpected(row.error());
   if (!*row) return std::optional<Named>();
-  const RecordKey key{StreamKey{origin, query.Unsigned(0), type_}, query.Unsigned(1)};
+  const RecordKey key{StreamKey{origin, query.Unsigned(0), type}, query.Unsigned(1)};
   return std::optional<Named>(Named{key, std::string(query.Bytes(2))});
 }
 
@@ -205,7 +261,7 @@ Query RecordTable::ReadInterval(Database& database, const StreamKey& stream, std
                                 AgentId agent) const {
   const bool is_filtered = agent != 0 && knows_agent();
   Query query = database.Prepare(is_filtered ? read_interval_of_agent_ : read_interval_);
-  query << stream.origin << stream.epoch << first << last;
+  query << stream.origin << stream.epoch << first << last << stream.type;
   if (is_filtered) query << agent;
   return query;
 }
@@ -214,7 +270,7 @@ Result<std::uint64_t> RecordTable::CountInterval(Database& database, const Strea
                                                  std::uint64_t last, AgentId agent) const {
   const bool is_filtered = agent != 0 && knows_agent();
   Query query = database.Prepare(is_filtered ? count_interval_of_agent_ : count_interval_);
-  query << stream.origin << stream.epoch << first << last;
+  query << stream.origin << stream.epoch << first << last << stream.type;
   if (is_filtered) query << agent;
   const Result<bool> row = query.Step();
   if (!row) return tl::unexpected(row.error());
@@ -229,19 +285,23 @@ Query RecordTable::ReadAfter(Database& database, std::uint64_t row_id) const {
 
 Query RecordTable::ReadNewestFirst(Database& database) const { return database.Prepare(read_newest_first_); }
 
-Result<std::uint64_t> RecordTable::CountNotShared(Database& database, AgentId origin) const {
+Result<std::map<DataType, std::uint64_t>> RecordTable::CountNotShared(Database& database, AgentId origin) const {
   Query query = database.Prepare(count_not_shared_);
   query << origin;
-  const Result<bool> row = query.Step();
-  if (!row) return tl::unexpected(row.error());
-  return query.Unsigned(0);
+  std::map<DataType, std::uint64_t> counts;
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return counts;
+    counts[static_cast<DataType>(query.Integer(0))] = query.Unsigned(1);
+  }
 }
 
 proto::StoredRecord RecordTable::Read(const Query& query) const {
   proto::StoredRecord record;
   record.mutable_key()->set_origin_agent(static_cast<AgentId>(query.Integer(1)));
   record.mutable_key()->set_epoch(query.Unsigned(2));
-  record.mutable_key()->set_data_type(type_);
+  record.mutable_key()->set_data_type(static_cast<DataType>(query.Integer(6)));
   record.mutable_key()->set_seq(query.Unsigned(3));
   record.set_hash(query.Unsigned(4));
   record.set_content(std::string(query.Bytes(5)));
@@ -256,7 +316,7 @@ const std::vector<RecordTable>& RecordTables() {
 const RecordTable* FindRecordTable(DataType type) {
   const std::vector<RecordTable>& tables = RecordTables();
   const auto found =
-      std::find_if(tables.begin(), tables.end(), [type](const RecordTable& table) { return table.type() == type; });
+      std::find_if(tables.begin(), tables.end(), [type](const RecordTable& table) { return table.Holds(type); });
   return found == tables.end() ? nullptr : &*found;
 }
 

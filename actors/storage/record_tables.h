@@ -1,16 +1,19 @@
-// RecordTable: where the records of one data type lie, and the SQL that stores and finds them there.
+// RecordTable: where the records of one data type, or of all custom ones, lie, and the SQL that stores and finds them
+// there.
 //
 // Columns beside `content` are derived from it on the way in (schema.h). All functions run inside the caller's
 // transaction where they write, and fail as Database does.
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "actors/storage/sqlite_database.h"
+#include "model/have_set.h"
 #include "model/ids.h"
 #include "model/record_key.h"
 #include "proto/record.pb.h"
@@ -20,11 +23,14 @@ namespace moondb {
 class RecordTable {
  public:
   // Binds a record's typed columns in the order of `columns`.
-  using BindColumns = void (*)(const proto::Record& record, Query& query);
+  using BindColumns = void (*)(const proto::Record& record, std::string_view content, Query& query);
 
+  // Of one built-in type.
   RecordTable(DataType data_type, const std::string& columns, const std::string& agent_condition, BindColumns bind);
+  // Of all custom types.
+  RecordTable(const std::string& columns, BindColumns bind);
 
-  DataType type() const { return type_; }
+  bool Holds(DataType type) const { return type_ == 0 ? IsCustom(type) : type == type_; }
   const std::string& name() const { return name_; }
 
   // `key.seq` 0 makes a row that is not shared. `content` is the serialised `record`.
@@ -39,8 +45,11 @@ class RecordTable {
     std::string latest_key;
   };
   Result<std::optional<Row>> Find(Database& database, const RecordKey& key) const;
-  // Shared or not, of one origin.
-  Result<std::vector<Row>> FindByLatestKey(Database& database, AgentId origin, std::string_view latest_key) const;
+  // Shared or not, of one origin and type.
+  Result<std::vector<Row>> FindByLatestKey(Database& database, AgentId origin, DataType type,
+                                           std::string_view latest_key) const;
+  // The shared records of one origin and type that are each the newest of their latest key, by epoch.
+  Result<std::map<std::uint64_t, IntervalSet>> FindNewest(Database& database, AgentId origin, DataType type) const;
   Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                           std::uint64_t last) const;
   // The content of the first row under a natural key.
@@ -48,10 +57,11 @@ class RecordTable {
     RecordKey key;
     std::string content;
   };
-  Result<std::optional<Named>> FindByNaturalKey(Database& database, AgentId origin, std::string_view natural_key) const;
+  Result<std::optional<Named>> FindByNaturalKey(Database& database, AgentId origin, DataType type,
+                                                std::string_view natural_key) const;
 
-  // Columns 0 row_id, 1 origin, 2 epoch, 3 seq, 4 hash, 5 content. `agent` not 0: rows about this agent's nodes only,
-  // in the tables that know a node's agent by `agent_condition`.
+  // Columns 0 row_id, 1 origin, 2 epoch, 3 seq, 4 hash, 5 content, 6 data type. `agent` not 0: rows about this agent's
+  // nodes only, in the tables that know a node's agent by `agent_condition`.
   Query ReadInterval(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last,
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
@@ -59,7 +69,8 @@ class RecordTable {
   // All rows: after `row_id` with rising row_id, or from the newest down.
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
-  Result<std::uint64_t> CountNotShared(Database& database, AgentId origin) const;
+  // By data type.
+  Result<std::map<DataType, std::uint64_t>> CountNotShared(Database& database, AgentId origin) const;
 
   bool knows_agent() const { return !agent_condition_.empty(); }
 
@@ -67,18 +78,21 @@ class RecordTable {
   proto::StoredRecord Read(const Query& query) const;
 
  private:
+  // `type` is SQL for a row's data type.
+  void MakeSql(const std::string& type, const std::string& columns);
+  void BindLatestKey(std::string_view latest_key, Query& query) const;
   Result<std::vector<Row>> ReadRows(Query query) const;
 
-  DataType type_;
+  DataType type_;  // 0: all custom ones.
   std::string name_;
   std::string agent_condition_;
   BindColumns bind_;
-  std::string insert_, delete_, find_, find_by_latest_key_, find_in_interval_, find_by_natural_key_;
+  std::string insert_, delete_, find_, find_by_latest_key_, find_newest_, find_in_interval_, find_by_natural_key_;
   std::string read_interval_, count_interval_, read_interval_of_agent_, count_interval_of_agent_;
   std::string read_after_, read_newest_first_, count_not_shared_;
 };
 
-// One for each built-in type, in the order of the types' numbers.
+// One for each built-in type, in the order of the types' numbers, then the custom types'.
 const std::vector<RecordTable>& RecordTables();
 
 // Null for a type without a table.

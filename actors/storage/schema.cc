@@ -122,18 +122,47 @@ std::string TableSql(const TableV1& table) {
          ", content BLOB NOT NULL, CHECK((epoch IS NULL) = (seq IS NULL)), UNIQUE(origin, epoch, seq)) STRICT;";
 }
 
-std::string Version1() {
-  std::string sql = kCommonTablesV1;
-  std::string shared_record = "CREATE VIEW shared_record AS ";
+std::string SharedRecordV1() {
+  std::string sql = "CREATE VIEW shared_record AS ";
   const char* joint = "";
   for (const TableV1& table : kTablesV1) {
-    sql += TableSql(table);
-    shared_record += std::string(joint) + "SELECT " + std::to_string(table.data_type) +
-                     " AS data_type, row_id, origin, epoch, seq, stamp_ns FROM " + table.name +
-                     " WHERE seq IS NOT NULL";
+    sql += std::string(joint) + "SELECT " + std::to_string(table.data_type) +
+           " AS data_type, row_id, origin, epoch, seq, stamp_ns FROM " + table.name + " WHERE seq IS NOT NULL";
     joint = " UNION ALL ";
   }
-  return sql + kIndexesV1 + shared_record + ";" + kViewsV1;
+  return sql;
+}
+
+std::string Version1() {
+  std::string sql = kCommonTablesV1;
+  for (const TableV1& table : kTablesV1) sql += TableSql(table);
+  return sql + kIndexesV1 + SharedRecordV1() + ";" + kViewsV1;
+}
+
+// Version 2: custom data types. A key may be any bytes, so it is no TEXT. The payload lies once in the file, in
+// `content`.
+constexpr char kCustomV2[] = R"sql(
+CREATE TABLE custom_type(data_type INTEGER PRIMARY KEY, name TEXT NOT NULL) STRICT;
+CREATE TABLE custom_record(
+  row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
+  latest_key BLOB NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL,
+  data_type INTEGER NOT NULL, metadata TEXT NOT NULL, payload_at INTEGER NOT NULL, payload_bytes INTEGER NOT NULL,
+  content BLOB NOT NULL,
+  payload BLOB GENERATED ALWAYS AS (substr(content, payload_at + 1, payload_bytes)) VIRTUAL,
+  CHECK((epoch IS NULL) = (seq IS NULL)), UNIQUE(origin, epoch, data_type, seq)) STRICT;
+CREATE INDEX custom_record_latest ON custom_record(latest_key, data_type, origin);
+CREATE VIEW v_custom_record AS
+  SELECT r.row_id, r.data_type, COALESCE(t.name, 'type_' || r.data_type) AS type, r.origin AS agent_id,
+    CASE WHEN r.seq IS NOT NULL THEN printf('%d.%016x.%d.%d', r.origin, r.epoch, r.data_type, r.seq) END AS record_id,
+    r.stamp_ns, r.latest_key, r.metadata, r.payload
+  FROM custom_record r LEFT JOIN custom_type t ON t.data_type = r.data_type;
+DROP VIEW shared_record;
+)sql";
+
+std::string Version2() {
+  return kCustomV2 + SharedRecordV1() +
+         " UNION ALL SELECT data_type, row_id, origin, epoch, seq, stamp_ns FROM custom_record"
+         " WHERE seq IS NOT NULL;";
 }
 
 // The step from version `from` to the next.
@@ -141,6 +170,8 @@ std::string Step(int from) {
   switch (from) {
     case 0:
       return Version1();
+    case 1:
+      return Version2();
     default:
       return {};
   }

@@ -4,7 +4,9 @@
 // ever and travels. row_id is one sequence over all of these tables, rising in the order of storing. epoch and seq are
 // NULL for a row that was not marked for sharing. have_interval says which seqs are held and which are dropped.
 // The views `replica` and `replication_log` are the paper's tables (Section 4), for people: the have-set decides.
-// 64-bit unsigned numbers stand as the signed ones of the same bits.
+// All custom data types (proto/team.proto) share the table custom_record, whose payload is a part of `content`; the
+// view v_custom_record shows them by name, as far as the team file of the last start names them. 64-bit unsigned
+// numbers stand as the signed ones of the same bits.
 #pragma once
 
 #include "actors/storage/sqlite_database.h"
@@ -12,7 +14,7 @@
 namespace moondb {
 
 // A change of tables or views is a new version with its own step; steps that were ever released stay as they are.
-inline constexpr int kSchemaVersion = 1;
+inline constexpr int kSchemaVersion = 2;
 
 // Brings the file to kSchemaVersion in one transaction, so that a crash leaves it old or new. kRefused for a newer
 // file or one that is another program's.

@@ -18,9 +18,8 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   store.self = options.self;
   store.bytes_max = options.bytes_max;
   for (const proto::AgentConfig& agent : options.team.agents()) store.team.insert(agent.id());
-  for (const RecordTable& table : RecordTables()) {
-    store.policies[table.type()] = PolicyOf(options.team.share(), table.type());
-  }
+  for (const DataType type : BuiltInDataTypes()) store.policies[type] = SharePolicyOf(options.team, type);
+  store.custom_types = options.team.custom_types();
   return store;
 }
 

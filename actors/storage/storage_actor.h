@@ -20,7 +20,7 @@ class StorageActor final : public Actor {
   struct Options {
     std::string path;                 // The database file; its folder exists. ":memory:" for tests.
     AgentId self = 0;                 // This agent, which is in `team`.
-    proto::TeamConfig team;           // Checked; its agents and its policies `share` are read.
+    proto::TeamConfig team;           // Checked; its agents, policies `share` and custom types are read.
     std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.
     std::uint64_t bytes_max = 0;      // Of the file; 0: as the disk allows.
   };

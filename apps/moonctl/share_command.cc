@@ -1,4 +1,5 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -20,16 +21,13 @@ const char* KindName(proto::SharingKind kind) {
 
 // Whether the leader brings `destination` anything: a session without data types is never opened.
 bool HasRecordsFor(const proto::TeamConfig& team, AgentId destination) {
-  const auto is_shared = [](const proto::SharePolicies& policies, DataType type) {
-    return PolicyOf(policies, type) != proto::POLICY_NONE;
-  };
   if (destination != BaseStationOf(team)) {
-    return is_shared(team.share(), proto::OPTIMIZED_POSE) || is_shared(team.share(), proto::EDGE_VERDICT);
+    return SharePolicyOf(team, proto::OPTIMIZED_POSE) != proto::POLICY_NONE ||
+           SharePolicyOf(team, proto::EDGE_VERDICT) != proto::POLICY_NONE;
   }
-  for (DataType type = 1; type <= static_cast<DataType>(proto::DataType_MAX); ++type) {
-    if (is_shared(team.ground(), type)) return true;
-  }
-  return false;
+  const std::vector<DataType> types = DataTypesOf(team);
+  return std::any_of(types.begin(), types.end(),
+                     [&team](DataType type) { return GroundPolicyOf(team, type) != proto::POLICY_NONE; });
 }
 
 // Which sessions a request at `target` starts (proto/sharing.proto): at the leader, from those asked and then from

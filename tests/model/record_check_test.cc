@@ -130,5 +130,31 @@ TEST(RecordCheckTest, TellsNodesAndEdgesApartByTheirNaturalKeys) {
   EXPECT_EQ(NaturalKey(MapRecord()), "");
 }
 
+TEST(RecordCheckTest, BoundsCustomRecords) {
+  proto::Record record;
+  proto::CustomRecord& custom = *record.mutable_custom();
+  custom.set_data_type(1000);
+  custom.set_latest_key(std::string(256, '\0'));
+  custom.set_metadata(std::string(1024, 'x'));
+  EXPECT_TRUE(CheckRecord(record));
+  EXPECT_EQ(TypeOf(record), 1000u);
+  EXPECT_EQ(LatestKey(record), custom.latest_key());
+
+  custom.set_metadata("\xFF");
+  EXPECT_EQ(CheckRecord(record).error().field, "custom.metadata");
+  custom.set_metadata(std::string(1025, 'x'));
+  EXPECT_EQ(CheckRecord(record).error().field, "custom.metadata");
+  custom.set_payload(std::string(8 * 1024 * 1024 + 1, 'x'));
+  EXPECT_EQ(CheckRecord(record).error().field, "custom.payload");
+  custom.set_latest_key(std::string(257, 'x'));
+  EXPECT_EQ(ToString(CheckRecord(record).error()), "custom.latest_key: is longer than 256 bytes");
+  // No custom record passes for one of another kind.
+  for (const DataType type : {0u, static_cast<DataType>(proto::TEMPERATURE), 999u, 2000u}) {
+    custom.set_data_type(type);
+    EXPECT_EQ(ToString(CheckRecord(record).error()), "custom.data_type: must be 1000 to 1999");
+    EXPECT_EQ(TypeOf(record), proto::DATA_TYPE_UNSPECIFIED);
+  }
+}
+
 }  // namespace
 }  // namespace moondb

@@ -59,5 +59,10 @@ TEST(TextTest, FilesBeyondTheLimitAreRefused) {
   EXPECT_EQ(ReadTextFile(file).error().code, ErrorCode::kNotFound);
 }
 
+TEST(TextTest, KnowsUtf8) {
+  for (const char* text : {"", "regolith", "m\u00b3", "\xF0\x9F\x8C\x99"}) EXPECT_TRUE(IsUtf8(text)) << text;
+  for (const char* text : {"\xFF", "a\xC3", "\xC0\xAF", "\xED\xA0\x80", "\xF4\x90\x80\x80"}) EXPECT_FALSE(IsUtf8(text));
+}
+
 }  // namespace
 }  // namespace moondb

@@ -127,6 +127,26 @@ const BadFile kBadFiles[] = {
     {"NoMessage", GoodAnd("map: 5"), "t:7:6: map: expected fields such as \"resolution_m: ...\", got \"5\""},
     {"Latitude", GoodAnd("site: {lat_deg: 91}"), "t:7:17: site.lat_deg: expected -90 to 90, got 91"},
     {"Missing", "insecure: true\n", "t:1:1: team: missing\nt:1:1: agents: missing"},
+    {"CustomIdOutOfRange", GoodAnd("custom_types: [{id: 999, name: soil}]"),
+     "t:7:21: custom_types[0].id: expected 1000 to 1999, got 999"},
+    {"CustomWithoutNames", GoodAnd("custom_types: [{}]"),
+     "t:7:16: custom_types[0].id: missing\nt:7:16: custom_types[0].name: missing"},
+    {"CustomMisspelt", GoodAnd("custom_types: [{id: 1000, nmae: soil}]"),
+     "t:7:27: custom_types[0].nmae: no such field; did you mean \"name\"?"},
+    {"CustomPolicy", GoodAnd("custom_types: [{id: 1000, name: soil, share: lastest}]"),
+     "t:7:46: custom_types[0].share: expected none, latest or all, got \"lastest\"; did you mean \"latest\"?"},
+    {"CustomBadName", GoodAnd("custom_types: [{id: 1000, name: 3-soil}]"),
+     "t:7:33: custom_types[0].name: expected at most 32 lower-case letters, digits and _, from a letter on, got "
+     "\"3-soil\""},
+    {"CustomBuiltInName", GoodAnd("custom_types: [{id: 1000, name: temperature}, {id: 1001, name: type_1000}]"),
+     "t:7:33: custom_types[0].name: temperature is a name of moondb's own\n"
+     "t:7:64: custom_types[1].name: type_1000 is a name of moondb's own"},
+    {"CustomDoubled", GoodAnd("custom_types: [{id: 1000, name: soil}, {id: 1000, name: soil}]"),
+     "t:7:45: custom_types[1].id: 1000 is already that of custom_types[0]\n"
+     "t:7:57: custom_types[1].name: soil is already that of custom_types[0]"},
+    {"CustomBounds", GoodAnd("custom_types: [{id: 1000, name: soil, priority: 0, bytes_max: 8388609}]"),
+     "t:7:49: custom_types[0].priority: expected 1 to 9, got 0\n"
+     "t:7:63: custom_types[0].bytes_max: expected 1 to 8388608, got 8388609"},
     {"AliasLoop", GoodAnd("map: &m {footprint_m: [*m, *m]}"),
      "t:7:6: map.footprint_m[0]: expected a number, got fields\n"
      "t:7:6: map.footprint_m[1]: expected a number, got fields"},
@@ -175,15 +195,42 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(config.map().resolution_m(), 0.05);
   EXPECT_THAT(config.map().footprint_m(), ::testing::ElementsAre(0.75, 0.5));
   EXPECT_THAT(config.agents(0).antenna_m(), ::testing::ElementsAre(0, 0, 0));
-  EXPECT_EQ(PolicyOf(config.share(), proto::TEMPERATURE), proto::POLICY_LATEST);
-  EXPECT_EQ(PolicyOf(config.share(), proto::POSE_GRAPH_EDGE), proto::POLICY_ALL);
-  EXPECT_EQ(PolicyOf(config.share(), proto::EDGE_VERDICT), proto::POLICY_LATEST);
-  EXPECT_EQ(PolicyOf(config.share(), proto::LOCAL_TRAVERSABILITY_MAP), proto::POLICY_ALL);
-  EXPECT_EQ(PolicyOf(config.ground(), proto::POSE_GRAPH_NODE), proto::POLICY_ALL);
-  EXPECT_EQ(PolicyOf(config.ground(), proto::OPTIMIZED_POSE), proto::POLICY_LATEST);
-  EXPECT_EQ(PolicyOf(config.ground(), proto::POSE_GRAPH_EDGE), proto::POLICY_NONE);
-  EXPECT_EQ(PolicyOf(config.share(), 1007), proto::POLICY_NONE);
-  EXPECT_EQ(PolicyOf(config.share(), 0xFFFF'FFFF), proto::POLICY_NONE);
+  EXPECT_EQ(SharePolicyOf(config, proto::TEMPERATURE), proto::POLICY_LATEST);
+  EXPECT_EQ(SharePolicyOf(config, proto::POSE_GRAPH_EDGE), proto::POLICY_ALL);
+  EXPECT_EQ(SharePolicyOf(config, proto::EDGE_VERDICT), proto::POLICY_LATEST);
+  EXPECT_EQ(SharePolicyOf(config, proto::LOCAL_TRAVERSABILITY_MAP), proto::POLICY_ALL);
+  EXPECT_EQ(GroundPolicyOf(config, proto::POSE_GRAPH_NODE), proto::POLICY_ALL);
+  EXPECT_EQ(GroundPolicyOf(config, proto::OPTIMIZED_POSE), proto::POLICY_LATEST);
+  EXPECT_EQ(GroundPolicyOf(config, proto::POSE_GRAPH_EDGE), proto::POLICY_NONE);
+  EXPECT_EQ(SharePolicyOf(config, 1007), proto::POLICY_NONE);
+  EXPECT_EQ(SharePolicyOf(config, 0xFFFF'FFFF), proto::POLICY_NONE);
+}
+
+TEST(TeamConfigTest, DeclaresCustomTypes) {
+  const Result<TeamFile> team = ParseTeamFile(
+      GoodAnd("custom_types: [{id: 1999, name: core, ground: latest, share: none, priority: 1, bytes_max: 8388608}, "
+              "{id: 1000, name: soil_moisture}]"),
+      "t");
+  ASSERT_TRUE(team) << team.error().text;
+  const proto::CustomType& soil = team->config.custom_types(0);
+  EXPECT_EQ(soil.id(), 1000u) << "sorted by id";
+  EXPECT_EQ(soil.priority(), 5u);
+  EXPECT_EQ(soil.bytes_max(), 4096u);
+  EXPECT_EQ(SharePolicyOf(team->config, 1000), proto::POLICY_ALL);
+  EXPECT_EQ(GroundPolicyOf(team->config, 1000), proto::POLICY_NONE);
+  EXPECT_EQ(SharePolicyOf(team->config, 1999), proto::POLICY_NONE);
+  EXPECT_EQ(GroundPolicyOf(team->config, 1999), proto::POLICY_LATEST);
+  EXPECT_EQ(SharePolicyOf(team->config, 1001), proto::POLICY_NONE);
+  EXPECT_EQ(DataTypesOf(team->config).size(), 14u);
+  EXPECT_EQ(DataTypesOf(team->config).back(), 1999u);
+}
+
+TEST(TeamConfigTest, BoundsTheNumberOfCustomTypes) {
+  std::string yaml = std::string(kGood) + "custom_types:\n";
+  for (int i = 0; i < 65; ++i) {
+    yaml += "  - {id: " + std::to_string(1000 + i) + ", name: t" + std::to_string(i) + "}\n";
+  }
+  EXPECT_EQ(ParseTeamFile(yaml, "t").error().text, "t:8:3: custom_types: at most 64 are allowed, got 65");
 }
 
 TEST(TeamConfigTest, NeedsNeitherBaseStationNorSurvivor) {
@@ -200,6 +247,10 @@ TEST(TeamConfigTest, HashesTheMeaningNotTheText) {
   const auto hash = [](const std::string& yaml) { return ParseTeamFile(yaml, "t").value().hash; };
   EXPECT_EQ(hash(kGood), hash("# Another comment.\n" + GoodAnd("roles: {survivor: rover2}")));
   EXPECT_NE(hash(kGood), hash(GoodAnd("radio: {budget_kbps: 999}")));
+  const std::string soil = "{id: 1000, name: soil}", core = "{id: 1001, name: core}";
+  EXPECT_EQ(hash(GoodAnd("custom_types: [" + soil + ", " + core + "]")),
+            hash(GoodAnd("custom_types: [" + core + ", " + soil + "]")));
+  EXPECT_NE(hash(GoodAnd("custom_types: [" + soil + "]")), hash(kGood));
 }
 
 TEST(TeamConfigTest, RefusesRolesThatCannotBe) {
@@ -280,11 +331,17 @@ TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
                                  .value()
                                  .config;
   config.mutable_agents(0)->mutable_start()->set_yaw(1.0 / 3.0);
+  config.add_custom_types()->set_id(1000);
+  config.mutable_custom_types(0)->set_name("soil");
   config.mutable_agents(0)->mutable_start()->set_sigma_m(0.2);
   ASSERT_TRUE(WriteTeam(folder_ / "team.yaml", config));
   const Result<TeamFile> team = ReadTeamFile(folder_ / "team.yaml");
   ASSERT_TRUE(team) << team.error().text;
   config.mutable_agents(0)->mutable_start()->set_sigma_rad(0.01);  // The default.
+  config.mutable_custom_types(0)->set_share(proto::POLICY_ALL);    // Likewise.
+  config.mutable_custom_types(0)->set_ground(proto::POLICY_NONE);
+  config.mutable_custom_types(0)->set_priority(5);
+  config.mutable_custom_types(0)->set_bytes_max(4096);
   EXPECT_EQ(team->config.DebugString(), config.DebugString());
 }
 

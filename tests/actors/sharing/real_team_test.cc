@@ -194,7 +194,7 @@ class RealTeam {
     // What the policy `ground` names.
     const Records base = ReadAll(kBase);
     for (const auto& [key, content] : leader) {
-      if (PolicyOf(config_.ground(), key.stream.type) != proto::POLICY_NONE) {
+      if (GroundPolicyOf(config_, key.stream.type) != proto::POLICY_NONE) {
         EXPECT_EQ(base.count(key), 1u) << ToString(key);
       }
     }

@@ -66,12 +66,18 @@ class Exchange {
 
   void InsertSomething(AgentId agent) {
     ++counter_;
-    switch (Draw(4)) {
+    switch (Draw(6)) {
       case 0:
         InsertOne(*stores_[agent], NodeRecord(agent, counter_));
         break;
       case 1:
         InsertOne(*stores_[agent], OptimizedPoseRecord({1 + static_cast<AgentId>(Draw(3)), Draw(4)}, 1, counter_, 0));
+        break;
+      case 2:
+        InsertOne(*stores_[agent], CustomRecordOf(1000, std::to_string(counter_)));
+        break;
+      case 3:
+        InsertOne(*stores_[agent], CustomRecordOf(1001, std::to_string(counter_), std::to_string(Draw(3))));
         break;
       default:
         InsertOne(*stores_[agent], TemperatureRecord(static_cast<double>(counter_)));

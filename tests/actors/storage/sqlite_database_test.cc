@@ -6,10 +6,19 @@
 #include <fstream>
 
 #include "actors/storage/schema.h"
+#include "model/text.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {
 namespace {
+
+// All that the database declares, one statement a line.
+std::string SchemaOf(Database& database) {
+  std::string schema;
+  Query query = database.Prepare("SELECT name || ': ' || sql FROM sqlite_master WHERE sql IS NOT NULL ORDER BY name");
+  for (Result<bool> row = query.Step(); row && *row; row = query.Step()) schema += std::string(query.Bytes(0)) + "\n";
+  return schema;
+}
 
 TEST(SqliteDatabaseTest, KeepsUnsignedNumbersTextAndBytesBitForBit) {
   auto database = *Database::Open(":memory:");
@@ -68,6 +77,24 @@ TEST(SchemaTest, MigratesAnEmptyFileAndThenLeavesItAlone) {
   EXPECT_EQ(*database->Number("PRAGMA user_version"), kSchemaVersion);
   EXPECT_EQ(*database->Number("SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = 'temperature'"), 1);
   ASSERT_TRUE(Migrate(*database));
+}
+
+TEST(SchemaTest, UpgradesADatabaseOfVersion1AndKeepsItsRows) {
+  auto database = *Database::Open(":memory:");
+  const auto made = ReadTextFile(std::string(MOONDB_SOURCE_DIR) + "/tests/actors/storage/golden/schema_v1.sql");
+  ASSERT_TRUE(made) << ToString(made.error());
+  ASSERT_TRUE(database->Execute(*made));
+  ASSERT_EQ(*database->Number("PRAGMA user_version"), 1);
+  const Result<void> migrated = Migrate(*database);
+  ASSERT_TRUE(migrated) << ToString(migrated.error());
+  EXPECT_EQ(*database->Number("PRAGMA user_version"), kSchemaVersion);
+  EXPECT_EQ(*database->Number("SELECT celsius FROM temperature"), -41);
+  EXPECT_EQ(*database->Number("SELECT count(*) FROM replica"), 2);
+
+  // Tables, indexes and views are now those of a new file.
+  auto fresh = *Database::Open(":memory:");
+  ASSERT_TRUE(Migrate(*fresh));
+  EXPECT_EQ(SchemaOf(*database), SchemaOf(*fresh));
 }
 
 TEST(SchemaTest, RefusesANewerFileAndAForeignOne) {

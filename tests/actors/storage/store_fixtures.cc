@@ -17,18 +17,31 @@ void SetPose(double x, proto::Pose& pose) {
 
 }  // namespace
 
+proto::CustomType CustomTypeOf(DataType id, const std::string& name, proto::Policy share) {
+  proto::CustomType type;
+  type.set_id(id);
+  type.set_name(name);
+  type.set_share(share);
+  type.set_ground(proto::POLICY_NONE);
+  type.set_priority(5);
+  type.set_bytes_max(64);
+  return type;
+}
+
 RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path, std::uint64_t seed) {
   RecordStore::Options options;
   options.path = path;
   options.self = self;
   options.team = {1, 2, 3, 9};
   options.seed = seed * 1000 + self;
-  for (const RecordTable& table : RecordTables()) {
-    const bool is_state = table.type() < proto::POSE_GRAPH_NODE;
-    const bool is_derived = table.type() == proto::OPTIMIZED_POSE || table.type() == proto::EDGE_VERDICT;
-    options.policies[table.type()] = is_state || is_derived ? proto::POLICY_LATEST : proto::POLICY_ALL;
+  for (const DataType type : BuiltInDataTypes()) {
+    const bool is_state = type < proto::POSE_GRAPH_NODE;
+    const bool is_derived = type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT;
+    options.policies[type] = is_state || is_derived ? proto::POLICY_LATEST : proto::POLICY_ALL;
   }
   options.policies[proto::MODE] = proto::POLICY_NONE;
+  *options.custom_types.Add() = CustomTypeOf(1000, "soil", proto::POLICY_ALL);
+  *options.custom_types.Add() = CustomTypeOf(1001, "beacon", proto::POLICY_LATEST);
   return options;
 }
 
@@ -87,6 +100,15 @@ proto::Record MapRecord(NodeKey node) {
   layer.set_height_cells(2);
   layer.set_resolution_um(50'000);
   layer.set_cells(std::string("\x12\x24", 2));
+  return record;
+}
+
+proto::Record CustomRecordOf(DataType type, const std::string& payload, const std::string& latest_key) {
+  proto::Record record;
+  record.set_stamp_ns(5);
+  record.mutable_custom()->set_data_type(type);
+  record.mutable_custom()->set_payload(payload);
+  record.mutable_custom()->set_latest_key(latest_key);
   return record;
 }
 

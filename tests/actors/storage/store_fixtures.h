@@ -9,7 +9,11 @@
 
 namespace moondb {
 
-// Agents 1, 2, 3 and 9; states, optimized poses and verdicts by `latest`, mode by `none`, the rest by `all`.
+// A type as the team file declares it: priority 5, at most 64 bytes.
+proto::CustomType CustomTypeOf(DataType id, const std::string& name, proto::Policy share);
+
+// Agents 1, 2, 3 and 9; states, optimized poses and verdicts by `latest`, mode by `none`, the rest by `all`. The custom
+// types soil (1000, all) and beacon (1001, latest).
 RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path = ":memory:", std::uint64_t seed = 1);
 
 // A failure to open is a failed test.
@@ -20,6 +24,7 @@ proto::Record NodeRecord(AgentId agent, std::uint64_t index, double x = 0);
 proto::Record RangeRecord(NodeKey from, NodeKey to, double range_m);
 proto::Record OptimizedPoseRecord(NodeKey node, std::uint64_t term, std::uint64_t run, double x);
 proto::Record MapRecord(NodeKey node);
+proto::Record CustomRecordOf(DataType type, const std::string& payload, const std::string& latest_key = {});
 
 // Inserts and expects no error.
 proto::RecordKey InsertOne(RecordStore& store, const proto::Record& record, bool is_local = false);
