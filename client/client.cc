@@ -9,7 +9,7 @@
 namespace moondb {
 
 Client::Client(std::unique_ptr<Connection> connection, Options options)
-    : connection_(std::move(connection)), options_(options) {}
+    : connection_(std::move(connection)), options_(std::move(options)) {}
 
 Client::~Client() = default;
 
@@ -18,7 +18,7 @@ Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::strin
   if (auto opened = connection->Open(options.connect_timeout); !opened) {
     return tl::unexpected(opened.error());
   }
-  return std::unique_ptr<Client>(new Client(std::move(connection), options));
+  return std::unique_ptr<Client>(new Client(std::move(connection), std::move(options)));
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
@@ -68,6 +68,28 @@ Result<std::vector<RecordKey>> Client::Insert(const std::vector<proto::Record>& 
     for (const proto::RecordKey& key : reply.insert().keys()) keys.push_back(FromProto(key));
     return keys;
   });
+}
+
+Result<RecordKey> Client::InsertCustom(Custom custom, bool is_local) {
+  const Result<DataType> type = TypeNamed(custom.type);
+  if (!type) return tl::unexpected(type.error());
+  if (!IsCustom(*type)) return Fail(ErrorCode::kInvalid, custom.type + " is no custom type", "type");
+  proto::Record record;
+  record.set_stamp_ns(custom.stamp_ns);
+  proto::CustomRecord& body = *record.mutable_custom();
+  body.set_data_type(*type);
+  body.set_latest_key(std::move(custom.latest_key));
+  body.set_payload(std::move(custom.payload));
+  body.set_metadata(std::move(custom.metadata));
+  const Result<std::vector<RecordKey>> keys = Insert({record}, is_local);
+  if (!keys) return tl::unexpected(keys.error());
+  if (keys->size() != 1) return Fail(ErrorCode::kCorrupt, "the agent's answer has not one key for each record");
+  return keys->front();
+}
+
+Result<DataType> Client::TypeNamed(const std::string& name) const {
+  if (const auto type = DataTypeFromName(name, options_.custom_types)) return *type;
+  return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"", "type");
 }
 
 Result<proto::ReadReply> Client::Read(const proto::ReadRequest& read) {

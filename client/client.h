@@ -21,6 +21,7 @@
 #include <string>
 #include <vector>
 
+#include "model/custom_types.h"
 #include "model/error.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
@@ -37,6 +38,7 @@ class Client {
     Duration timeout = std::chrono::seconds(10);        // Of a call, once connected.
     Duration long_timeout = std::chrono::seconds(600);  // Of Optimize and Merge.
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
+    CustomTypes custom_types = {};                      // The team file's (TeamConfig::custom_types): for their names.
   };
 
   // What Merge gives back: the map and how it came about. The cells are in `map`, no longer in `reply`.
@@ -60,6 +62,19 @@ class Client {
 
   // All or none; stored durably when this returns. One key each, in order.
   Result<std::vector<RecordKey>> Insert(const std::vector<proto::Record>& records, bool is_local = false);
+
+  // A record of a type that the team file declares: bytes that only the team's own programs understand.
+  struct Custom {
+    std::string type;           // Its name, as in Options::custom_types.
+    std::int64_t stamp_ns = 0;  // UTC.
+    std::string payload;        // At most the type's bytes_max.
+    std::string latest_key;     // Under the policy `latest` the newest of each key is kept; at most 256 bytes.
+    std::string metadata;       // UTF-8, at most 1024 bytes.
+  };
+  // As Insert. kInvalid for a name that the options do not have.
+  Result<RecordKey> InsertCustom(Custom custom, bool is_local = false);
+  // A built-in or declared type, for ReadRequest::data_types; kInvalid for no such name.
+  Result<DataType> TypeNamed(const std::string& name) const;
 
   // One page.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);

@@ -30,7 +30,8 @@ Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::Age
                                           Client::Options options) {
   auto endpoint = ClientEndpoint(team, agent.name());
   if (!endpoint) return tl::unexpected(endpoint.error());
-  return Client::Connect(*endpoint, agent.name(), options);
+  options.custom_types = team.config.custom_types();
+  return Client::Connect(*endpoint, agent.name(), std::move(options));
 }
 
 Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options) {

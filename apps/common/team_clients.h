@@ -16,6 +16,7 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
 // "rover2"; "agent 9" for one that the team does not have, "nobody" for 0.
 std::string AgentName(const proto::TeamConfig& team, AgentId agent);
 
+// The client knows the team's custom types.
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options);
 

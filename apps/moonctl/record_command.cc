@@ -5,6 +5,8 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "model/custom_types.h"
+#include "model/record_check.h"
 #include "model/text.h"
 #include "runtime/did_you_mean.h"
 
@@ -17,21 +19,16 @@ constexpr std::size_t kJsonBytesMax = 16 * 1024 * 1024;
 struct RecordArguments {
   std::string type;
   std::string json;
+  std::string payload_file;
   std::string key;
   std::string origin;
   std::uint32_t limit = 20;
   bool is_local = false;
 };
 
-Result<DataType> TypeNamed(const std::string& name) {
-  if (const auto type = DataTypeFromName(name)) return *type;
-  std::vector<std::string> names;
-  const auto* known = proto::DataType_descriptor();
-  for (int i = 0; i < known->value_count(); ++i) {
-    const auto number = static_cast<DataType>(known->value(i)->number());
-    if (number != 0) names.push_back(DataTypeName(number));
-  }
-  return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"" + DidYouMean(name, names));
+Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_types) {
+  if (const auto type = DataTypeFromName(name, custom_types)) return *type;
+  return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"" + DidYouMean(name, DataTypeNames(custom_types)));
 }
 
 std::int64_t UtcNowNs() {
@@ -45,15 +42,37 @@ Result<AgentClient> ConnectToChosen(CommandContext& context) {
   return Fail(ErrorCode::kInvalid, "which agent? Give -a rover1");
 }
 
-ExitCode InsertRecord(CommandContext& context, const RecordArguments& arguments) {
-  if (auto type = TypeNamed(arguments.type); !type) return context.Report(type.error());
-  std::string body = arguments.json;
-  if (body.starts_with("@")) {
-    auto read = ReadTextFile(body.substr(1), kJsonBytesMax);
-    if (!read) return context.Report(read.error());
-    body = std::move(*read);
+// What stands behind "@", or the text itself.
+Result<std::string> TextOrFile(const std::string& text) {
+  if (!text.starts_with("@")) return text;
+  return ReadTextFile(text.substr(1), kJsonBytesMax);
+}
+
+Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& arguments) {
+  const Result<DataType> type = TypeNamed(arguments.type, team.config.custom_types());
+  if (!type) return tl::unexpected(type.error());
+  const Result<std::string> body = TextOrFile(arguments.json);
+  if (!body) return tl::unexpected(body.error());
+  const bool has_file = !arguments.payload_file.empty();
+  if (!IsCustom(*type)) {
+    if (has_file) return Fail(ErrorCode::kInvalid, "only custom types have a payload", "--payload-file");
+    return RecordFromJson(arguments.type, *body);
   }
-  auto record = RecordFromJson(arguments.type, body);
+  Result<proto::Record> record = CustomRecordFromJson(arguments.type, *type, has_file && body->empty() ? "{}" : *body);
+  if (!record || !has_file) return record;
+  if (!record->custom().payload().empty()) {
+    return Fail(ErrorCode::kInvalid, "the JSON object has a payload too", "--payload-file");
+  }
+  Result<std::string> payload = ReadTextFile(arguments.payload_file, kCustomPayloadBytesMax);
+  if (!payload) return tl::unexpected(payload.error());
+  record->mutable_custom()->set_payload(*std::move(payload));
+  return record;
+}
+
+ExitCode InsertRecord(CommandContext& context, const RecordArguments& arguments) {
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  auto record = MakeRecord(**team, arguments);
   if (!record) return context.Report(record.error());
   record->set_stamp_ns(UtcNowNs());
   auto target = ConnectToChosen(context);
@@ -66,10 +85,20 @@ ExitCode InsertRecord(CommandContext& context, const RecordArguments& arguments)
   return context.Done(json.text(), arguments.is_local ? "stored, local" : key);
 }
 
-void WriteRecord(const proto::StoredRecord& stored, const proto::Record& record, JsonWriter& json) {
+// Protobuf's JSON shows bytes as base64; people can read most keys and some payloads.
+void WriteTextOf(const std::string& name, const std::string& bytes, JsonWriter& json) {
+  if (!bytes.empty() && IsUtf8(bytes)) json.Key(name + "_text").String(bytes);
+}
+
+void WriteRecord(const proto::StoredRecord& stored, const proto::Record& record, const CustomTypes& custom_types,
+                 JsonWriter& json) {
   json.BeginObject().Key("key").String(stored.key().seq() == 0 ? "" : ToString(FromProto(stored.key())));
-  json.Key("type").String(DataTypeName(stored.key().data_type()));
+  json.Key("type").String(DataTypeName(stored.key().data_type(), custom_types));
   json.Key("bytes").Number(static_cast<double>(stored.content().size()));
+  if (record.has_custom()) {
+    WriteTextOf("latest_key", record.custom().latest_key(), json);
+    WriteTextOf("payload", record.custom().payload(), json);
+  }
   json.Key("record").Raw(ToJson(record)).EndObject();
 }
 
@@ -78,6 +107,7 @@ ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
   if (!key) return context.Report(key.error());
   auto target = ConnectToChosen(context);
   if (!target) return context.Report(target.error());
+  const CustomTypes& custom_types = (*context.Team())->config.custom_types();
   proto::ReadRequest request;
   request.add_data_types(key->stream.type);
   request.add_origin_agents(key->stream.origin);
@@ -86,7 +116,7 @@ ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
       request, [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
         if (FromProto(stored.key()) != *key) return {};
         JsonWriter json;
-        WriteRecord(stored, record, json);
+        WriteRecord(stored, record, custom_types, json);
         found = json.text();
         return Fail(ErrorCode::kNotFound, "no further");  // Ends the reading.
       });
@@ -100,13 +130,14 @@ ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) 
   request.set_is_newest_first(true);
   request.set_records_max(arguments.limit);
   request.set_content_bytes_max(8 * 1024 * 1024);
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  const CustomTypes& custom_types = (*team)->config.custom_types();
   if (!arguments.type.empty()) {
-    auto type = TypeNamed(arguments.type);
+    auto type = TypeNamed(arguments.type, custom_types);
     if (!type) return context.Report(type.error());
     request.add_data_types(*type);
   }
-  auto team = context.Team();
-  if (!team) return context.Report(team.error());
   if (!arguments.origin.empty()) {
     auto origin = AgentNamed((*team)->config, arguments.origin);
     if (!origin) return context.Report(origin.error());
@@ -125,10 +156,11 @@ ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) 
     if (!record.ParseFromString(stored.content())) {
       return context.Report({ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " does not decode", {}});
     }
-    WriteRecord(stored, record, json);
+    WriteRecord(stored, record, custom_types, json);
     table.Add({stored.key().seq() == 0 ? "(local)" : ToString(FromProto(stored.key())),
-               DataTypeName(stored.key().data_type()), AgentName((*team)->config, stored.key().origin_agent()),
-               FormatStampNs(record.stamp_ns()), std::to_string(stored.content().size())});
+               DataTypeName(stored.key().data_type(), custom_types),
+               AgentName((*team)->config, stored.key().origin_agent()), FormatStampNs(record.stamp_ns()),
+               std::to_string(stored.content().size())});
   }
   json.EndArray().EndObject();
   return context.Done(json.text(), table.Text());
@@ -142,8 +174,11 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<RecordArguments>();
 
   CLI::App& insert = *group.add_subcommand("insert", "Insert one record, as the agent's own");
-  insert.add_option("type", arguments->type, "Such as temperature")->required();
-  insert.add_option("json", arguments->json, "Its body, such as {\"celsius\": -20}; @FILE reads it")->required();
+  insert.add_option("type", arguments->type, "Such as temperature, or a custom type of the team file")->required();
+  insert.add_option("json", arguments->json,
+                    "Its body, such as {\"celsius\": -20}; @FILE reads it. Of a custom type {\"payload\": BASE64, "
+                    "\"latest_key\": BASE64, \"metadata\": TEXT}, or payload_text and latest_key_text");
+  insert.add_option("--payload-file", arguments->payload_file, "A custom type's payload is this file");
   insert.add_flag("--local", arguments->is_local, "Keep it on this agent");
   insert.callback(
       [&context, arguments] { context.action = [&context, arguments] { return InsertRecord(context, *arguments); }; });

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "apps/common/data_folder.h"
+#include "apps/common/team_clients.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -75,7 +76,7 @@ std::unique_ptr<Client> ProcessTeam::Connect(const std::string& name) {
   const auto team = ReadTeamFile(team_file_);
   EXPECT_TRUE(team.has_value());
   ::setenv("MOONDB_RUN_DIR", environment_.at("MOONDB_RUN_DIR").c_str(), 1);
-  auto client = Client::Connect(*ClientEndpoint(*team, name), name, {.timeout = std::chrono::seconds(30)});
+  auto client = ConnectTo(*team, *FindAgent(team->config, name), {.timeout = std::chrono::seconds(30)});
   EXPECT_TRUE(client.has_value()) << ToString(client.error());
   return client ? std::move(*client) : nullptr;
 }

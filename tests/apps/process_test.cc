@@ -199,6 +199,51 @@ TEST_F(ProcessTest, LeavesATeamAloneThatRunsFromAnotherDataFolder) {
   MoonctlExpecting(0, {"down"});
 }
 
+TEST_F(ProcessTest, CarriesADataTypeOfTheTeamsOwn) {
+  std::ofstream(team_file_, std::ios::app)
+      << "custom_types:\n  - {id: 1000, name: soil_moisture, share: all, ground: latest, bytes_max: 64}\n";
+  MoonctlExpecting(0, {"up"});
+  const std::vector<std::string> insert = {"record", "insert", "-a", "rover3", "soil_moisture"};
+  const auto with = [&insert](std::vector<std::string> more) {
+    more.insert(more.begin(), insert.begin(), insert.end());
+    return more;
+  };
+  const std::string text = KeyOf(
+      MoonctlExpecting(0, with({R"({"payload_text": "wet", "latest_key_text": "hole 3", "metadata": "by eye"})"})));
+  ASSERT_TRUE(WriteTextFile(folder_ / "scan.bin", std::string("\xFF\x00\x01", 3)).has_value());
+  const std::string file = KeyOf(MoonctlExpecting(0, with({"--payload-file", folder_ / "scan.bin"})));
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+
+  const auto shown = MoonctlJson(0, {"record", "get", text, "-a", "rover1"}).fields();
+  EXPECT_EQ(shown.at("type").string_value(), "soil_moisture");
+  EXPECT_EQ(shown.at("payload_text").string_value(), "wet");
+  EXPECT_EQ(shown.at("latest_key_text").string_value(), "hole 3");
+  const auto custom = shown.at("record").struct_value().fields().at("custom").struct_value().fields();
+  EXPECT_EQ(custom.at("metadata").string_value(), "by eye");
+  const auto binary = MoonctlJson(0, {"record", "get", file, "-a", "rover1"}).fields();
+  EXPECT_EQ(binary.count("payload_text"), 0u);
+  EXPECT_EQ(
+      binary.at("record").struct_value().fields().at("custom").struct_value().fields().at("payload").string_value(),
+      "/wAB");
+  EXPECT_THAT(MoonctlExpecting(0, {"record", "list", "soil_moisture", "-a", "rover1"}),
+              testing::AllOf(HasSubstr(text), HasSubstr(file), HasSubstr("soil_moisture")));
+  EXPECT_THAT(MoonctlExpecting(0, {"record", "list", "type_1500", "-a", "rover1"}), testing::Not(HasSubstr(text)));
+
+  const std::string large = R"({"payload_text": ")" + std::string(65, 'x') + "\"}";
+  EXPECT_THAT(Moonctl(with({large})).error, HasSubstr("has 65 bytes; soil_moisture allows 64"));
+  EXPECT_THAT(Moonctl({"record", "insert", "-a", "rover3", "soil_moistur", "{}"}).error,
+              HasSubstr("did you mean \"soil_moisture\"?"));
+
+  const auto rover = Connect("rover3");
+  ASSERT_NE(rover, nullptr);
+  Client::Custom value;
+  value.type = "soil_moisture";
+  value.payload = "from C++";
+  const auto key = rover->InsertCustom(value);
+  ASSERT_TRUE(key.has_value()) << ToString(key.error());
+  EXPECT_EQ(ToString(*key), "3." + text.substr(2, 16) + ".1000.3");
+}
+
 TEST_F(ProcessTest, SaysWhatIsWrongWithWhatWasTyped) {
   EXPECT_THAT(Moonctl({"statsu"}).error, HasSubstr("did you mean \"status\"?"));
   EXPECT_EQ(Moonctl({"statsu"}).exit_code, 2);

@@ -76,6 +76,42 @@ TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
   EXPECT_EQ(optimized.error().text, "not the leader");
 }
 
+TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
+  proto::Record received;
+  FakeAgent agent([&received](const proto::Message& request) {
+    received = request.control_request().insert().records(0);
+    proto::ControlReply reply;
+    reply.mutable_insert()->add_keys()->set_data_type(1000);
+    return std::vector{Frame(request, reply)};
+  });
+  Client::Options options;
+  options.custom_types.Add()->set_id(1000);
+  options.custom_types.Mutable(0)->set_name("soil");
+  auto client = ConnectTo(agent, options);
+  Client::Custom custom;
+  custom.type = "soil";
+  custom.stamp_ns = 7;
+  custom.payload = std::string("\0\xFF", 2);
+  custom.latest_key = "hole 3";
+  custom.metadata = "percent";
+  const auto key = client->InsertCustom(custom);
+  ASSERT_TRUE(key.has_value()) << ToString(key.error());
+  EXPECT_EQ(key->stream.type, 1000u);
+  agent.Stop();
+  EXPECT_EQ(received.stamp_ns(), 7);
+  EXPECT_EQ(received.custom().data_type(), 1000u);
+  EXPECT_EQ(received.custom().payload(), custom.payload);
+  EXPECT_EQ(received.custom().latest_key(), "hole 3");
+  EXPECT_EQ(received.custom().metadata(), "percent");
+
+  // Names are looked up before anything is sent.
+  EXPECT_EQ(client->TypeNamed("soil"), DataType{1000});
+  custom.type = "sol";
+  EXPECT_EQ(client->InsertCustom(custom).error().text, "no data type \"sol\"");
+  custom.type = "power";
+  EXPECT_EQ(client->InsertCustom(custom).error().text, "power is no custom type");
+}
+
 TEST(ClientTest, TimesOutAndDropsTheAnswerThatComesTooLate) {
   std::string late;
   FakeAgent agent([&late](const proto::Message& request) {
