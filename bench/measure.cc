@@ -4,6 +4,8 @@
 #include <thread>
 #include <utility>
 
+#include "bench/process_status.h"
+
 namespace moondb {
 namespace {
 
@@ -12,11 +14,10 @@ constexpr std::uint64_t kCountMin = 8;
 
 }  // namespace
 
-double Figure::median() const {
-  std::vector<double> sorted = samples;
-  std::sort(sorted.begin(), sorted.end());
-  const std::size_t middle = sorted.size() / 2;
-  return sorted.size() % 2 == 1 ? sorted[middle] : (sorted[middle - 1] + sorted[middle]) / 2;
+double Median(std::vector<double> samples) {
+  std::sort(samples.begin(), samples.end());
+  const std::size_t middle = samples.size() / 2;
+  return samples.size() % 2 == 1 ? samples[middle] : (samples[middle - 1] + samples[middle]) / 2;
 }
 
 Result<Section> Measured(const Contest& contest, const BenchOptions& options) {
@@ -30,11 +31,13 @@ Result<Section> Measured(const Contest& contest, const BenchOptions& options) {
   const std::uint64_t count = std::max(options.messages / contest.share, kCountMin);
   for (int repetition = 0; repetition < options.repetitions; ++repetition) {
     for (std::size_t i = 0; i < contenders.size(); ++i) {
+      const double cpu_before_s = CpuSeconds();
       const Result<double> sample = contenders[i]->measure(count);
       if (!sample) {
         return tl::unexpected(Error{sample.error().code, contenders[i]->name + ": " + sample.error().text, {}});
       }
       section.figures[i].samples.push_back(*sample);
+      section.figures[i].cpu_ns.push_back((CpuSeconds() - cpu_before_s) * 1e9 / static_cast<double>(count));
     }
   }
   return section;

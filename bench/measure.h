@@ -31,11 +31,16 @@ struct Contest {
   std::vector<Contender> contenders;
 };
 
+double Median(std::vector<double> samples);
+
 struct Figure {
   std::string name;
   std::vector<double> samples;  // In the order in which they were measured; at least one.
+  // Nanoseconds of all threads together on a processor, for one message; with what it takes to start and stop. Empty
+  // where nothing is counted.
+  std::vector<double> cpu_ns = {};
 
-  double median() const;
+  double median() const { return Median(samples); }
 };
 
 // One number of the report, of each contender.
