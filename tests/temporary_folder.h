@@ -13,9 +13,9 @@ namespace moondb {
 
 class TemporaryFolder {
  public:
-  TemporaryFolder() {
+  explicit TemporaryFolder(const std::filesystem::path& parent = std::filesystem::temp_directory_path()) {
     // Short: the paths of sockets below it may have 107 characters at most.
-    std::string pattern = (std::filesystem::temp_directory_path() / "moondb-XXXXXX").string();
+    std::string pattern = (parent / "moondb-XXXXXX").string();
     Check(::mkdtemp(pattern.data()) != nullptr, "a test can make a temporary folder");
     path_ = pattern;
   }

@@ -170,8 +170,10 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
   MonotonicTime now() const override { return team_.now(); }
   std::int64_t utc_now_ns() const override { return team_.utc_now_ns(); }
   SendResult Send(const Address& to, proto::Message message) override {
-    if (fails_at_send) throw std::runtime_error("crashed by the test at its first send");
-    return is_alive() ? team_.Send(self(), to, std::move(message)) : SendResult::kUnreachable;
+    if (injected == Fault::kAtFirstSend) throw std::runtime_error("crashed by the test at its first send");
+    const SendResult result = is_alive() ? team_.Send(self(), to, std::move(message)) : SendResult::kUnreachable;
+    if (injected == Fault::kAfterFirstSend) throw std::runtime_error("crashed by the test after its first send");
+    return result;
   }
   TimerId After(Duration delay, proto::Message message) override {
     return team_.StartTimer(*this, delay, std::move(message));
@@ -196,7 +198,7 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
   Mailbox mailbox;
   Supervisor supervisor;
   std::uint64_t restarts = 0;
-  bool fails_at_send = false;
+  Fault injected = Fault::kNone;  // Into the handler that runs.
   Agent& agent;
   const std::uint64_t life;
   const std::uint16_t trace_name;
@@ -379,9 +381,9 @@ std::optional<Error> SimulatedTeam::Impl::Handle(Host& host, const Mailbox::Item
     host.End();
     return crashed;
   }
-  host.fails_at_send = injected == Fault::kAtFirstSend;
+  host.injected = injected;
   std::optional<Error> failure = host.Handle(*item.message, item.sender);
-  host.fails_at_send = false;
+  host.injected = Fault::kNone;
   TraceRecord record;
   record.time_ns = now_.time_since_epoch().count();
   record.kind = failure ? proto::TRACE_FAILED : proto::TRACE_HANDLED;

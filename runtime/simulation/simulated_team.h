@@ -35,9 +35,10 @@ namespace moondb::simulation {
 // What SetFault makes of a message that an actor is about to handle. The actor is then made anew as after Fail.
 enum class Fault {
   kNone,
-  kBeforeHandler,  // It fails in place of handling the message.
-  kAtFirstSend,    // Its first Send does not return (if it sends nothing: as kAfterHandler).
-  kAfterHandler,   // It fails when all is done and sent.
+  kBeforeHandler,   // It fails in place of handling the message.
+  kAtFirstSend,     // Its first Send has no effect and does not return (if it sends nothing: as kAfterHandler).
+  kAfterFirstSend,  // Its first Send is carried out and does not return (likewise).
+  kAfterHandler,    // It fails when all is done and sent.
 };
 
 class SimulatedTeam {

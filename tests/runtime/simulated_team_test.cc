@@ -325,7 +325,8 @@ TEST_F(SimulatedTeamTest, CrashedActorIsMadeAnewAndMonitorsHearOfIt) {
 TEST_F(SimulatedTeamTest, FaultsStrikeBeforeInAndAfterAHandler) {
   for (const auto& [fault, handled, sent] :
        {std::tuple(Fault::kNone, 1, 2u), std::tuple(Fault::kBeforeHandler, 0, 0u),
-        std::tuple(Fault::kAtFirstSend, 1, 0u), std::tuple(Fault::kAfterHandler, 1, 2u)}) {
+        std::tuple(Fault::kAtFirstSend, 1, 0u), std::tuple(Fault::kAfterFirstSend, 1, 1u),
+        std::tuple(Fault::kAfterHandler, 1, 2u)}) {
     SimulatedTeam team(/*seed=*/1);
     team.AddAgent(1);
     int handlers = 0;

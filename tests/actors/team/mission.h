@@ -1,0 +1,36 @@
+// A small mission of three rovers and a base station with all standard actors, in which one fault strikes; and what
+// must hold of it afterwards.
+//
+// Robots insert states, nodes, edges and maps at their gateways; an operator collects them at the leader, replicates,
+// optimizes, merges, and swaps the roles of leader and survivor half-way. Robots and operator behave as Client's users
+// do: who gets no answer in time asks again. Then it is quiet, the operator shares once more, and all is checked.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "runtime/simulation/simulated_team.h"
+
+namespace moondb {
+
+struct Strike {
+  std::uint64_t message = 0;  // Which of all that actors handle, from 1; 0: none.
+  simulation::Fault fault = simulation::Fault::kNone;
+  bool kills_agent = false;  // The agent's process ends, to start again 3 s later; else the actor alone fails.
+};
+
+struct MissionReport {
+  std::uint64_t message_count = 0;                // Handled before it was quiet.
+  std::map<std::string, std::uint64_t> by_actor;  // Of these, by name of actor.
+  std::string struck;                             // Who, by which message, when.
+  std::vector<std::string> faults;                // What does not hold; empty: all is well.
+};
+
+// Runs it to the end, in a folder of its own. Equal arguments give equal runs.
+MissionReport RunMission(std::uint64_t seed, const Strike& strike);
+
+std::string ToString(const Strike& strike);
+
+}  // namespace moondb
