@@ -64,13 +64,13 @@ class Context {
   virtual std::int64_t utc_now_ns() const = 0;
   virtual std::mt19937_64& rng() = 0;
 
-  // Fills in hop_sender and destination_id; agent_id too where it is 0; and, for the way to another agent,
-  // source_actor and destination_actor (within an agent the names do not travel: the receiver asks sender()).
+  // Takes the message. Fills in hop_sender and destination_id; agent_id too where it is 0; and, for the way to another
+  // agent, source_actor and destination_actor (within an agent the names do not travel: the receiver asks sender()).
   // Never blocks. A refused message has no further effect.
-  [[nodiscard]] virtual SendResult Send(const Address& to, proto::Message message) = 0;
+  [[nodiscard]] virtual SendResult Send(const Address& to, proto::Message&& message) = 0;
 
   // Sends to sender() with the request_id of the message in hand.
-  [[nodiscard]] virtual SendResult Reply(proto::Message message) = 0;
+  [[nodiscard]] virtual SendResult Reply(proto::Message&& message) = 0;
 
   // Sends `message` to this actor itself after `delay`, past its mailbox's bound. Timers die with the actor.
   virtual TimerId After(Duration delay, proto::Message message) = 0;

@@ -1,8 +1,11 @@
 #include "runtime/actor_cell.h"
 
+#include <algorithm>
 #include <utility>
 
+#include "runtime/adaptive_mutex.h"
 #include "runtime/envelope.h"
+#include "runtime/message_pool.h"
 
 namespace moondb {
 namespace {
@@ -10,7 +13,7 @@ namespace {
 // Messages that one actor handles before the others of its pool have their turn.
 constexpr int kTurnMessages = 64;
 
-double Seconds(std::int64_t nanoseconds) { return static_cast<double>(nanoseconds) * 1e-9; }
+double Seconds(Ticks ticks) { return std::chrono::duration<double>(TickClock::ToDuration(ticks)).count(); }
 
 // For counters with one writer at a time.
 template <typename T>
@@ -25,6 +28,7 @@ ActorCell::ActorCell(CellSystem& system, Address self, SpawnOptions options, Act
     : ActorHost(self, std::move(factory), seed),
       system_(system),
       options_(std::move(options)),
+      handler_limit_(TickClock::FromDuration(options_.handler_limit)),
       takes_one_by_one_(options_.placement == Placement::kOwnThread),
       trace_name_(system.trace().AddName(self.actor)),
       own_pool_(options_.placement == Placement::kOwnThread
@@ -32,7 +36,9 @@ ActorCell::ActorCell(CellSystem& system, Address self, SpawnOptions options, Act
                     : nullptr),
       pool_(own_pool_ ? *own_pool_ : pool),
       supervisor_(supervision),
-      mailbox_(options_) {}
+      mailbox_(options_) {
+  MakeAdaptive(mutex_);
+}
 
 // --- Any thread ---
 
@@ -102,10 +108,10 @@ proto::ActorStatus ActorCell::Status() const {
   proto::ActorStatus status;
   status.set_name(self().actor);
   status.set_handled(static_cast<double>(handled()));
-  status.set_handling_s(Seconds(handling_ns_));
-  status.set_longest_handler_s(Seconds(longest_handler_ns_));
+  status.set_handling_s(Seconds(handling_));
+  status.set_longest_handler_s(Seconds(longest_handler_));
   status.set_overruns(static_cast<double>(overruns_));
-  status.set_ping_s(ping_ns_ < 0 ? -1 : Seconds(ping_ns_));
+  status.set_ping_s(ping_ < 0 ? -1 : Seconds(ping_));
   const std::lock_guard lock(mutex_);
   status.set_queued(static_cast<double>(mailbox_.size()));
   status.set_queued_max(static_cast<double>(mailbox_.size_max()));
@@ -117,29 +123,27 @@ proto::ActorStatus ActorCell::Status() const {
   return status;
 }
 
-std::optional<MonotonicTime> ActorCell::HandlerSince() const {
-  const std::int64_t since = handler_since_ns_.load(std::memory_order_relaxed);
-  if (since == 0) return std::nullopt;
-  return MonotonicTime(Duration(since));
+Duration ActorCell::HandlerTime() const {
+  const Ticks since = handler_since_.load(std::memory_order_relaxed);
+  return since == 0 ? Duration::zero() : TickClock::ToDuration(TickClock::Now() - since);
 }
 
-std::optional<MonotonicTime> ActorCell::PingedSince() const {
-  const std::int64_t since = pinged_ns_;
-  if (since == 0) return std::nullopt;
-  return MonotonicTime(Duration(since));
+Duration ActorCell::PingTime() const {
+  const Ticks since = pinged_;
+  return since == 0 ? Duration::zero() : TickClock::ToDuration(TickClock::Now() - since);
 }
 
-void ActorCell::Ping(MonotonicTime now) {
+void ActorCell::Ping() {
   {
     // Who waits for nothing is well: an idle agent stays asleep.
     const std::lock_guard lock(mutex_);
-    if (pinged_ns_ != 0 || (mailbox_.empty() && !HandlerSince())) return;
+    if (pinged_ != 0 || (mailbox_.empty() && handler_since_ == 0)) return;
   }
-  pinged_ns_ = now.time_since_epoch().count();
+  pinged_ = TickClock::Now();
   proto::Message ping;
   ping.mutable_ping();
   WriteLocalEnvelope(self().agent, self().agent, ping);
-  (void)Push(std::make_shared<const proto::Message>(std::move(ping)), &self(), trace_name_);
+  (void)Push(MakeMessage(std::move(ping)), &self(), trace_name_);
 }
 
 // --- Context ---
@@ -150,7 +154,7 @@ std::int64_t ActorCell::utc_now_ns() const {
 
 TimerId ActorCell::After(Duration delay, proto::Message message) {
   WriteLocalEnvelope(self().agent, self().agent, message);
-  auto shared = std::make_shared<const proto::Message>(std::move(message));
+  auto shared = MakeMessage(std::move(message));
   return system_.timers().Add(now() + delay, [this, shared = std::move(shared), incarnation = incarnation()] {
     {
       const std::lock_guard lock(mutex_);
@@ -174,15 +178,11 @@ bool ActorCell::HasMessageDue() const {
   return state_ == State::kReady && system_.is_flowing() && !system_.is_stopping() && !mailbox_.empty();
 }
 
-bool ActorCell::MarkSubmitted() {
-  if (is_submitted_ || !HasWork()) return false;
-  is_submitted_ = true;
-  return true;
-}
+bool ActorCell::MarkSubmitted() { return HasWork() && turn_.exchange(Turn::kNews) == Turn::kIdle; }
 
 // --- The actor's thread ---
 
-MonotonicTime ActorCell::RunTurn(MonotonicTime now) {
+Ticks ActorCell::RunTurn(Ticks now) {
   for (int handled = 0; handled < kTurnMessages;) {
     switch (NextStep()) {
       case Step::kNothing:
@@ -198,13 +198,14 @@ MonotonicTime ActorCell::RunTurn(MonotonicTime now) {
       case Step::kMessages:
         handled += static_cast<int>(batch_.size());
         now = HandleBatch(now);
+        if (EndTurnUnlessNews()) return now;
         break;
     }
   }
   {
     const std::lock_guard lock(mutex_);
-    is_submitted_ = false;
-    if (!MarkSubmitted()) return now;
+    turn_ = HasWork() ? Turn::kSubmitted : Turn::kIdle;
+    if (turn_ == Turn::kIdle) return now;
   }
   pool_.SubmitLast(this);
   return now;
@@ -213,30 +214,37 @@ MonotonicTime ActorCell::RunTurn(MonotonicTime now) {
 ActorCell::Step ActorCell::NextStep() {
   const std::lock_guard lock(mutex_);
   if (!HasWork()) {
-    is_submitted_ = false;
+    turn_ = Turn::kIdle;
     return Step::kNothing;
   }
+  turn_ = Turn::kSubmitted;
   if (is_end_due_) return Step::kEnd;
   if (std::exchange(is_start_due_, false)) return Step::kStart;
   mailbox_.Take(takes_one_by_one_, &batch_);
+  is_more_waiting_ = !mailbox_.empty();
   is_control_waiting_.store(mailbox_.has_control(), std::memory_order_relaxed);
   if (waiters_ > 0 && mailbox_.is_half_free()) has_room_.notify_all();
   return Step::kMessages;
 }
 
-MonotonicTime ActorCell::StartActor(MonotonicTime now) {
+// Nothing of the cell may be touched after true: another thread may be in its next turn already.
+bool ActorCell::EndTurnUnlessNews() {
+  Turn expected = Turn::kSubmitted;
+  return !is_more_waiting_ && has_actor() && turn_.compare_exchange_strong(expected, Turn::kIdle);
+}
+
+Ticks ActorCell::StartActor(Ticks now) {
   handler_started_ = now;
   const std::optional<Error> failure = ActorHost::Start();
   TraceRecord record = MakeRecord(proto::TRACE_STARTED, now);
   record.request_id = incarnation();
   system_.trace().Add(record);
   if (!failure) EnterState(State::kReady);
-  const MonotonicTime end = std::chrono::steady_clock::now();
-  SettleHandler(nullptr, failure, end);
-  return end;
+  SettleHandler(nullptr, failure);
+  return TickClock::Now();
 }
 
-MonotonicTime ActorCell::HandleBatch(MonotonicTime now) {
+Ticks ActorCell::HandleBatch(Ticks now) {
   std::size_t next = 0;
   bool has_actor = true;
   const bool is_control = IsControl(*batch_.front().message);
@@ -250,59 +258,61 @@ MonotonicTime ActorCell::HandleBatch(MonotonicTime now) {
   if (next < batch_.size()) {
     const std::lock_guard lock(mutex_);
     if (!IsLost()) mailbox_.PutBack(&batch_, next);
+    is_more_waiting_ = true;
   }
   batch_.clear();
   return now;
 }
 
-MonotonicTime ActorCell::HandleItem(const Mailbox::Item& item, MonotonicTime now, bool* has_actor) {
+Ticks ActorCell::HandleItem(const Mailbox::Item& item, Ticks now, bool* has_actor) {
   if (item.message->has_ping()) {
-    ping_ns_ = now.time_since_epoch().count() - pinged_ns_.exchange(0);
+    ping_ = std::max<Ticks>(0, now - pinged_.exchange(0));
     return now;
   }
   handler_started_ = now;
-  handler_since_ns_.store(now.time_since_epoch().count(), std::memory_order_relaxed);
+  handler_since_.store(now, std::memory_order_relaxed);
   const std::optional<Error> failure = Handle(*item.message, item.sender);
-  const MonotonicTime end = std::chrono::steady_clock::now();
-  handler_since_ns_.store(0, std::memory_order_relaxed);
+  const Ticks end = TickClock::Now();
+  handler_since_.store(0, std::memory_order_relaxed);
   CountHandler(item, now, end);
-  SettleHandler(&item, failure, end);
+  SettleHandler(&item, failure);
   *has_actor = !failure;
   return end;
 }
 
-void ActorCell::CountHandler(const Mailbox::Item& item, MonotonicTime start, MonotonicTime end) {
-  const std::int64_t took_ns = (end - start).count();
-  Increase(handling_ns_, took_ns);
-  if (took_ns > longest_handler_ns_.load(std::memory_order_relaxed)) longest_handler_ns_ = took_ns;
+void ActorCell::CountHandler(const Mailbox::Item& item, Ticks start, Ticks end) {
+  const Ticks took = std::max<Ticks>(0, end - start);
+  Increase(handling_, took);
+  if (took > longest_handler_.load(std::memory_order_relaxed)) longest_handler_ = took;
   TraceRecord record = MakeRecord(proto::TRACE_HANDLED, start);
   record.body = static_cast<std::uint16_t>(item.message->body_case());
   record.other_actor = item.sender_name;
   record.other_agent = sender().agent;
   record.bytes = static_cast<std::uint32_t>(item.bytes);
   record.request_id = item.message->request_id();
-  record.duration_ns = took_ns;
+  record.duration = took;
   system_.trace().Add(record);
-  if (end - start <= options_.handler_limit) return;
+  if (took <= handler_limit_) return;
   Increase(overruns_, std::uint64_t{1});
   record.kind = proto::TRACE_OVERRAN;
   system_.trace().Add(record);
 }
 
-void ActorCell::SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure, MonotonicTime now) {
-  if (failure) Recover(item, *failure, now);
+void ActorCell::SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure) {
+  if (failure) Recover(item, *failure);
   if (TakeStopRequest()) system_.OnStopRequested();
 }
 
-void ActorCell::Recover(const Mailbox::Item* item, const Error& failure, MonotonicTime now) {
-  const Supervisor::Verdict verdict = supervisor_.OnFailure(now, static_cast<double>(rng()() >> 11) * 0x1.0p-53);
+void ActorCell::Recover(const Mailbox::Item* item, const Error& failure) {
+  const MonotonicTime failed = now();
+  const Supervisor::Verdict verdict = supervisor_.OnFailure(failed, static_cast<double>(rng()() >> 11) * 0x1.0p-53);
   const bool is_final = verdict.action == Supervisor::Action::kBeyondHelp;
-  system_.trace().Add(MakeRecord(is_final ? proto::TRACE_BEYOND_HELP : proto::TRACE_FAILED, now));
+  system_.trace().Add(MakeRecord(is_final ? proto::TRACE_BEYOND_HELP : proto::TRACE_FAILED, TickClock::Now()));
   EnterState(is_final ? State::kBeyondHelp : State::kAway);
   system_.OnFailed(*this, item, failure, is_final);
   if (is_final) return system_.OnBeyondHelp(self(), failure);
   if (verdict.action == Supervisor::Action::kStepDown) {
-    system_.trace().Add(MakeRecord(proto::TRACE_STEPPED_DOWN, now));
+    system_.trace().Add(MakeRecord(proto::TRACE_STEPPED_DOWN, TickClock::Now()));
     system_.OnStepDown(self(), failure);
   }
   {
@@ -310,12 +320,12 @@ void ActorCell::Recover(const Mailbox::Item* item, const Error& failure, Monoton
     ++restarts_;
     is_start_due_ = verdict.delay == Duration::zero();
   }
-  if (verdict.delay > Duration::zero()) system_.timers().Add(now + verdict.delay, [this] { BeginStart(); });
+  if (verdict.delay > Duration::zero()) system_.timers().Add(failed + verdict.delay, [this] { BeginStart(); });
 }
 
-TraceRecord ActorCell::MakeRecord(proto::TraceKind kind, MonotonicTime time) const {
+TraceRecord ActorCell::MakeRecord(proto::TraceKind kind, Ticks time) const {
   TraceRecord record;
-  record.time_ns = time.time_since_epoch().count();
+  record.time = time;
   record.kind = kind;
   record.actor = trace_name_;
   return record;

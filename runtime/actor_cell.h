@@ -65,17 +65,17 @@ class ActorCell final : public ActorHost, private Runnable {
   bool is_lost() const;  // Beyond help or ended.
   std::uint16_t trace_name() const { return trace_name_; }
 
-  // For the watchdog, from one thread: since when the present handler runs, if one does, and the last Ping waits. Ping
-  // asks whether the actor gets its turn, if it has work and no earlier Ping waits.
-  std::optional<MonotonicTime> HandlerSince() const;
-  std::optional<MonotonicTime> PingedSince() const;
-  void Ping(MonotonicTime now);
+  // For the watchdog, from one thread: how long the present handler runs already and the last Ping waits; zero if there
+  // is none. Ping asks whether the actor gets its turn, if it has work and no earlier Ping waits.
+  Duration HandlerTime() const;
+  Duration PingTime() const;
+  void Ping();
   const SpawnOptions& options() const { return options_; }
 
   // Context.
   MonotonicTime now() const override { return std::chrono::steady_clock::now(); }
   std::int64_t utc_now_ns() const override;
-  SendResult Send(const Address& to, proto::Message message) override {
+  SendResult Send(const Address& to, proto::Message&& message) override {
     return system_.SendFrom(*this, to, std::move(message));
   }
   TimerId After(Duration delay, proto::Message message) override;
@@ -88,8 +88,14 @@ class ActorCell final : public ActorHost, private Runnable {
   SystemStatus GetSystemStatus() const override { return system_.Status(); }
   proto::TraceReply GetTrace(const proto::TraceRequest& request) const override { return system_.Trace(request); }
 
+  // The actor's thread: the actor of that name if it was remembered last; null: not that one. Mostly an actor sends
+  // where it sent before.
+  ActorCell* LastTarget(const std::string& actor) const {
+    return last_target_ != nullptr && last_target_->self().actor == actor ? last_target_ : nullptr;
+  }
+  void RememberTarget(ActorCell* target) { last_target_ = target; }
   // The actor's thread, in a handler: when it began.
-  MonotonicTime handler_started() const { return handler_started_; }
+  Ticks handler_started() const { return handler_started_; }
 
  private:
   enum class State { kAway, kReady, kBeyondHelp, kEnded };
@@ -101,22 +107,24 @@ class ActorCell final : public ActorHost, private Runnable {
   bool MarkSubmitted();  // True if the caller is to submit a turn.
   void WaitForRoom(std::unique_lock<std::mutex>& lock, std::size_t bytes);
 
-  MonotonicTime RunTurn(MonotonicTime now) override;
+  Ticks RunTurn(Ticks now) override;
   // What the turn does next; kNothing also marks the turn as over.
   enum class Step { kNothing, kStart, kEnd, kMessages };
   Step NextStep();
-  MonotonicTime StartActor(MonotonicTime now);
-  MonotonicTime HandleBatch(MonotonicTime now);
-  MonotonicTime HandleItem(const Mailbox::Item& item, MonotonicTime now, bool* has_actor);
-  void CountHandler(const Mailbox::Item& item, MonotonicTime start, MonotonicTime end);
+  bool EndTurnUnlessNews();  // After a batch.
+  Ticks StartActor(Ticks now);
+  Ticks HandleBatch(Ticks now);
+  Ticks HandleItem(const Mailbox::Item& item, Ticks now, bool* has_actor);
+  void CountHandler(const Mailbox::Item& item, Ticks start, Ticks end);
   // `item` is what was handled; null in OnStart.
-  void SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure, MonotonicTime now);
-  void Recover(const Mailbox::Item* item, const Error& failure, MonotonicTime now);
-  TraceRecord MakeRecord(proto::TraceKind kind, MonotonicTime time) const;
+  void SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure);
+  void Recover(const Mailbox::Item* item, const Error& failure);
+  TraceRecord MakeRecord(proto::TraceKind kind, Ticks time) const;
   void EnterState(State state);
 
   CellSystem& system_;
   const SpawnOptions options_;
+  const Ticks handler_limit_;
   const bool takes_one_by_one_;
   const std::uint16_t trace_name_;
   const std::unique_ptr<WorkerPool> own_pool_;  // Of one thread, for kOwnThread.
@@ -125,27 +133,33 @@ class ActorCell final : public ActorHost, private Runnable {
   // The actor's thread only.
   Supervisor supervisor_;
   std::vector<Mailbox::Item> batch_;
-  MonotonicTime handler_started_;
+  Ticks handler_started_ = 0;
+  ActorCell* last_target_ = nullptr;
 
   mutable std::mutex mutex_;
   std::condition_variable state_changed_;
   std::condition_variable has_room_;
   Mailbox mailbox_;
   State state_ = State::kAway;
-  int waiters_ = 0;  // For room.
-  bool is_submitted_ = false;
+  int waiters_ = 0;               // For room.
+  bool is_more_waiting_ = false;  // Than the batch in hand.
   bool is_start_due_ = false;
   bool is_end_due_ = false;
   std::uint64_t restarts_ = 0;
 
+  // A turn of kIdle is begun by whoever makes it kNews, with mutex_ held. The actor's thread makes it kSubmitted as it
+  // looks for work, and without the mutex kIdle again if nothing was added since.
+  enum class Turn { kIdle, kSubmitted, kNews };
+  std::atomic<Turn> turn_ = Turn::kIdle;
+
   // Written on the actor's thread, read on any.
   std::atomic<bool> is_control_waiting_ = false;
-  std::atomic<std::int64_t> handler_since_ns_ = 0;  // 0: in no handler.
-  std::atomic<std::int64_t> handling_ns_ = 0;
-  std::atomic<std::int64_t> longest_handler_ns_ = 0;
+  std::atomic<Ticks> handler_since_ = 0;  // 0: in no handler.
+  std::atomic<Ticks> handling_ = 0;
+  std::atomic<Ticks> longest_handler_ = 0;
   std::atomic<std::uint64_t> overruns_ = 0;
-  std::atomic<std::int64_t> pinged_ns_ = 0;  // When the Ping that waits was sent; 0: none waits.
-  std::atomic<std::int64_t> ping_ns_ = -1;   // How long the last one waited.
+  std::atomic<Ticks> pinged_ = 0;  // When the Ping that waits was sent; 0: none waits.
+  std::atomic<Ticks> ping_ = -1;   // How long the last one waited.
 };
 
 }  // namespace moondb

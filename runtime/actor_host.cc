@@ -64,7 +64,7 @@ std::optional<Error> ActorHost::Run(Handler handler) {
   return std::exchange(failure_, std::nullopt);
 }
 
-SendResult ActorHost::Reply(proto::Message message) {
+SendResult ActorHost::Reply(proto::Message&& message) {
   message.set_request_id(request_id_);
   return Send(*sender_, std::move(message));
 }

@@ -14,6 +14,7 @@
 #include "runtime/actor_cell.h"
 #include "runtime/dead_letters.h"
 #include "runtime/envelope.h"
+#include "runtime/message_pool.h"
 #include "runtime/monitors.h"
 #include "runtime/role_table.h"
 
@@ -97,7 +98,7 @@ ActorSystem::Impl::Impl(Options options)
       outside_{options_.self, "outside"},
       seed_(SeedOf(options_.seed)),
       roles_(options_.base_station),
-      trace_(options_.self),
+      trace_(options_.self, TickClock::NanosecondsPerTick()),
       monitors_(options_.self),
       pool_("workers", options_.worker_count, [this] { trace_.JoinThread(); }) {
   Check(options_.self >= 1 && options_.self <= kAgentIdMax, "an agent's id is from 1 to 65535");
@@ -135,7 +136,7 @@ SendResult ActorSystem::Impl::Post(const std::string& actor, proto::Message&& me
   ActorCell* cell = Find(actor);
   if (cell == nullptr) return SendResult::kNoActor;
   WriteLocalEnvelope(options_.self, options_.self, message);
-  return cell->Push(std::make_shared<const proto::Message>(std::move(message)), &outside_, TraceRecord::kNobody,
+  return cell->Push(MakeMessage(std::move(message)), &outside_, TraceRecord::kNobody,
                     /*may_wait=*/true);
 }
 
@@ -151,7 +152,7 @@ SendResult ActorSystem::Impl::Deliver(MessagePtr message) {
     result = cell->Push(std::move(message), /*sender=*/nullptr, TraceRecord::kNobody);
   }
   if (result != SendResult::kAccepted) {
-    record.time_ns = std::chrono::steady_clock::now().time_since_epoch().count();
+    record.time = TickClock::Now();
     TraceRefused(record, result);
   }
   return result;
@@ -180,20 +181,23 @@ ActorCell* ActorSystem::Impl::Find(const std::string& actor) const {
 
 SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, proto::Message&& message) {
   TraceRecord record;
-  record.time_ns = sender.handler_started().time_since_epoch().count();
+  record.time = sender.handler_started();
   record.actor = sender.trace_name();
   record.body = static_cast<std::uint16_t>(message.body_case());
   record.request_id = message.request_id();
   record.other_agent = roles_.Resolve(to.agent);
-  ActorCell* cell = Find(to.actor);  // Of another agent's actors the same names are known.
+  ActorCell* cell = sender.LastTarget(to.actor);
+  if (cell == nullptr) {
+    cell = Find(to.actor);  // Of another agent's actors the same names are known.
+    sender.RememberTarget(cell);
+  }
   if (cell != nullptr) record.other_actor = cell->trace_name();
   SendResult result = SendResult::kNoActor;
   if (record.other_agent != options_.self) {
     result = SendAway(sender.self(), {record.other_agent, to.actor}, std::move(message));
   } else if (cell != nullptr) {
     WriteLocalEnvelope(options_.self, options_.self, message);
-    result =
-        cell->Push(std::make_shared<const proto::Message>(std::move(message)), &sender.self(), sender.trace_name());
+    result = cell->Push(MakeMessage(std::move(message)), &sender.self(), sender.trace_name());
   }
   if (result != SendResult::kAccepted) {
     TraceRefused(record, result);
@@ -208,7 +212,7 @@ SendResult ActorSystem::Impl::SendAway(const Address& from, const Address& to, p
   Transport* transport = transport_;
   if (transport == nullptr) return to.agent == kClients ? SendResult::kUnreachable : SendResult::kNoPeer;
   WriteEnvelope(from, to, message);
-  return transport->Send(to, std::make_shared<const proto::Message>(std::move(message)));
+  return transport->Send(to, MakeMessage(std::move(message)));
 }
 
 void ActorSystem::Impl::TraceRefused(TraceRecord record, SendResult result) {
@@ -249,11 +253,10 @@ SystemStatus ActorSystem::Impl::Status() const {
 }
 
 proto::TraceReply ActorSystem::Impl::Trace(const proto::TraceRequest& request) const {
-  const MonotonicTime now = std::chrono::steady_clock::now();
   proto::TraceReply reply;
-  trace_.Report(request, now, &reply);
+  trace_.Report(request, TickClock::Now(), &reply);
   const std::lock_guard lock(dead_letters_mutex_);
-  dead_letters_.Report(request, now, &reply);
+  dead_letters_.Report(request, std::chrono::steady_clock::now(), &reply);
   return reply;
 }
 
@@ -280,7 +283,7 @@ void ActorSystem::Impl::OnStepDown(const Address& actor, const Error& error) {
   message.mutable_step_down()->set_actor(actor.actor);
   message.mutable_step_down()->set_reason(ToString(error));
   WriteLocalEnvelope(options_.self, options_.self, message);
-  (void)role->Push(std::make_shared<const proto::Message>(std::move(message)), &outside_, TraceRecord::kNobody);
+  (void)role->Push(MakeMessage(std::move(message)), &outside_, TraceRecord::kNobody);
 }
 
 void ActorSystem::Impl::OnBeyondHelp(const Address& actor, const Error& error) {
@@ -298,18 +301,16 @@ void ActorSystem::Impl::ScheduleHealthCheck() {
 }
 
 void ActorSystem::Impl::CheckHealth() {
-  const MonotonicTime now = std::chrono::steady_clock::now();
   for (const auto& cell : cells_) {
-    const auto handler = cell->HandlerSince();
-    if (handler && now - *handler > cell->options().handler_limit) {
+    const Duration handler_time = cell->HandlerTime();
+    if (handler_time > cell->options().handler_limit) {
       spdlog::warn("actor {} has been in one handler for {:.1f} s", ToString(cell->self()),
-                   std::chrono::duration<double>(now - *handler).count());
+                   std::chrono::duration<double>(handler_time).count());
     }
-    const auto pinged = cell->PingedSince();
-    if (pinged && now - *pinged > options_.stuck_after) {
+    if (cell->PingTime() > options_.stuck_after) {
       OnBeyondHelp(cell->self(), {ErrorCode::kTimedOut, "it got no turn for too long", {}});
     }
-    cell->Ping(now);
+    cell->Ping();
   }
   ScheduleHealthCheck();
 }
@@ -325,7 +326,7 @@ void ActorSystem::Spawn(std::string name, SpawnOptions options, ActorFactory fac
 void ActorSystem::Start(Transport* transport) { impl_->Start(transport); }
 SendResult ActorSystem::Deliver(MessagePtr message) { return impl_->Deliver(std::move(message)); }
 void ActorSystem::OnPeerChanged(AgentId peer, bool is_connected) { impl_->OnPeerChanged(peer, is_connected); }
-SendResult ActorSystem::Post(const std::string& actor, proto::Message message) {
+SendResult ActorSystem::Post(const std::string& actor, proto::Message&& message) {
   return impl_->Post(actor, std::move(message));
 }
 void ActorSystem::Stop() { impl_->Stop(); }

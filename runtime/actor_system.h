@@ -60,7 +60,7 @@ class ActorSystem {
 
   // Sends from outside any actor, not from a handler; the sender is {self, "outside"}. For tests and composition. Waits
   // for room in a full mailbox of an Overflow::kBlock actor, until Stop if need be.
-  SendResult Post(const std::string& actor, proto::Message message);
+  SendResult Post(const std::string& actor, proto::Message&& message);
 
   // Idempotent; not from a handler. Sets stop_requested, lets running handlers end, destroys the actors, joins all
   // threads. Waiting messages are dropped.

@@ -83,6 +83,7 @@ void Mailbox::Take(bool one_by_one, std::vector<Item>* batch) {
     return;
   }
   const std::size_t count = one_by_one || key_ ? 1 : kBatchMessages;
+  if (data_.size() <= count && bytes_ <= kBatchBytes && !key_) return TakeAllData(batch);
   std::size_t bytes = 0;
   for (std::size_t i = 0; i < count && !data_.empty(); ++i) {
     bytes += data_.front().bytes;
@@ -91,9 +92,15 @@ void Mailbox::Take(bool one_by_one, std::vector<Item>* batch) {
   }
 }
 
+void Mailbox::TakeAllData(std::vector<Item>* batch) {
+  taken_ += data_.size();
+  timer_count_ = 0;
+  bytes_ = 0;
+  data_.MoveAllTo(batch);
+}
+
 Mailbox::Item Mailbox::TakeFront() {
-  Item item = std::move(data_.front());
-  data_.pop_front();
+  Item item = data_.pop_front();
   if (key_) {
     const auto same = place_of_.find(key_(*item.message));
     if (same != place_of_.end() && same->second == taken_) place_of_.erase(same);

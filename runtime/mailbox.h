@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "runtime/actor.h"
+#include "runtime/fifo.h"
 
 namespace moondb {
 
@@ -41,7 +42,7 @@ class Mailbox {
   // The next message, if any.
   std::optional<Item> Pop();
   // The next messages: the control messages alone if there are any, else a batch of data. Of a kLatestByKey mailbox
-  // and of `one_by_one` a single one: what is in a batch can be replaced no more. Appends to `batch`.
+  // and of `one_by_one` a single one: what is in a batch can be replaced no more. `batch` is empty.
   void Take(bool one_by_one, std::vector<Item>* batch);
   // Items of a batch from `first` on were not handled: back to where they were.
   void PutBack(std::vector<Item>* batch, std::size_t first);
@@ -66,13 +67,14 @@ class Mailbox {
   SendResult PushControl(Item item);
   void Append(Item item);
   Item TakeFront();
+  void TakeAllData(std::vector<Item>* batch);
 
   const std::size_t messages_limit_;
   const std::size_t bytes_limit_;
   const std::function<std::string(const proto::Message&)> key_;  // Empty: not kLatestByKey.
 
   std::deque<Item> control_;
-  std::deque<Item> data_;
+  Fifo<Item> data_;
   std::uint64_t taken_ = 0;                                  // Items that ever left the front of data_.
   std::unordered_map<std::string, std::uint64_t> place_of_;  // Key to the waiting item: taken_ + index.
   std::size_t timer_count_ = 0;                              // Of data_.

@@ -5,6 +5,7 @@
 
 #include "model/check.h"
 #include "runtime/envelope.h"
+#include "runtime/message_pool.h"
 
 namespace moondb {
 namespace {
@@ -13,7 +14,7 @@ constexpr char kRuntime[] = "runtime";
 
 Monitors::Notice MakeNotice(AgentId self, const std::string& watcher, proto::Message message) {
   WriteEnvelope({self, kRuntime}, {self, watcher}, message);
-  return {watcher, std::make_shared<const proto::Message>(std::move(message))};
+  return {watcher, MakeMessage(std::move(message))};
 }
 
 }  // namespace

@@ -91,13 +91,13 @@ class Line {
   std::size_t size_ = 0;
 };
 
-std::int64_t Nanoseconds(MonotonicTime time) { return time.time_since_epoch().count(); }
-
 }  // namespace
 
 const char* BodyName(std::uint16_t body) { return GetBodyNames().Of(body); }
 
-TraceBook::TraceBook(AgentId self) : self_(self) { (void)GetBodyNames(); }
+TraceBook::TraceBook(AgentId self, double ns_per_tick) : self_(self), ns_per_tick_(ns_per_tick) {
+  (void)GetBodyNames();
+}
 
 std::uint16_t TraceBook::AddName(std::string name) {
   Check(names_.size() < kNamesMax, "an agent has no more actors than a trace can name");
@@ -127,11 +127,11 @@ std::vector<TraceRecord> TraceBook::ReadAll() const {
     records.insert(records.end(), more.begin(), more.end());
   }
   std::stable_sort(records.begin(), records.end(),
-                   [](const TraceRecord& a, const TraceRecord& b) { return a.time_ns < b.time_ns; });
+                   [](const TraceRecord& a, const TraceRecord& b) { return a.time < b.time; });
   return records;
 }
 
-void TraceBook::Report(const proto::TraceRequest& request, MonotonicTime now, proto::TraceReply* reply) const {
+void TraceBook::Report(const proto::TraceRequest& request, Ticks now, proto::TraceReply* reply) const {
   std::vector<TraceRecord> records = ReadAll();
   if (!request.actor().empty()) {
     std::erase_if(records, [&](const TraceRecord& record) {
@@ -143,7 +143,7 @@ void TraceBook::Report(const proto::TraceRequest& request, MonotonicTime now, pr
   for (std::size_t i = records.size() - std::min(wanted, records.size()); i < records.size(); ++i) {
     const TraceRecord& record = records[i];
     proto::TraceEvent& event = *reply->add_events();
-    event.set_age_s(static_cast<double>(Nanoseconds(now) - record.time_ns) * 1e-9);
+    event.set_age_s(static_cast<double>(now - record.time) * ns_per_tick_ * 1e-9);
     event.set_kind(record.kind);
     event.set_actor(NameOf(record.actor));
     event.set_other_agent(record.other_agent);
@@ -151,33 +151,35 @@ void TraceBook::Report(const proto::TraceRequest& request, MonotonicTime now, pr
     event.set_body(BodyName(record.body));
     event.set_request_id(static_cast<double>(record.request_id));
     event.set_bytes(record.bytes);
-    event.set_seconds(static_cast<double>(record.duration_ns) * 1e-9);
+    event.set_seconds(static_cast<double>(record.duration) * ns_per_tick_ * 1e-9);
     if (record.kind == proto::TRACE_REFUSED) event.set_result(ToString(record.result));
   }
+}
+
+std::uint64_t TraceBook::Microseconds(Ticks ticks) const {
+  return static_cast<std::uint64_t>(static_cast<double>(std::max<Ticks>(0, ticks)) * ns_per_tick_ * 1e-3);
 }
 
 void TraceBook::WriteFile(const char* path, const char* headline) const {
   const int file = ::open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
   if (file < 0) return;
   (Line() << headline).Write(file);
-  const MonotonicTime now = std::chrono::steady_clock::now();
+  const Ticks now = TickClock::Now();
   WriteRing(file, shared_ring_, 0, now);
   for (std::size_t i = 0; i < ring_count_; ++i) WriteRing(file, *rings_[i], i + 1, now);
   ::close(file);
 }
 
-void TraceBook::WriteRing(int file, const TraceRing& ring, std::uint64_t thread, MonotonicTime now) const {
+void TraceBook::WriteRing(int file, const TraceRing& ring, std::uint64_t thread, Ticks now) const {
   const std::uint64_t count = ring.count();
   for (std::uint64_t i = count - std::min<std::uint64_t>(count, TraceRing::kRecords); i < count; ++i) {
     TraceRecord record;
     if (!ring.Read(i, &record)) continue;
-    const std::int64_t age_ns = std::max<std::int64_t>(0, Nanoseconds(now) - record.time_ns);
     Line line;
-    line << "thread " << thread << " age_us " << static_cast<std::uint64_t>(age_ns) / 1000 << " "
-         << NameOf(record.actor) << " " << WordFor(record.kind) << " " << BodyName(record.body) << " other "
-         << std::uint64_t{record.other_agent} << "/" << NameOf(record.other_actor) << " request " << record.request_id
-         << " bytes " << std::uint64_t{record.bytes} << " took_us "
-         << static_cast<std::uint64_t>(record.duration_ns) / 1000;
+    line << "thread " << thread << " age_us " << Microseconds(now - record.time) << " " << NameOf(record.actor) << " "
+         << WordFor(record.kind) << " " << BodyName(record.body) << " other " << std::uint64_t{record.other_agent}
+         << "/" << NameOf(record.other_actor) << " request " << record.request_id << " bytes "
+         << std::uint64_t{record.bytes} << " took_us " << Microseconds(record.duration);
     if (record.kind == proto::TRACE_REFUSED) line << " " << ToString(record.result);
     line.Write(file);
   }

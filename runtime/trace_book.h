@@ -21,7 +21,8 @@ class TraceBook {
   static constexpr std::size_t kThreadsMax = 64;  // With a ring of their own; further ones share.
   static constexpr std::size_t kNamesMax = 60'000;
 
-  explicit TraceBook(AgentId self);
+  // `ns_per_tick`: of the records' times; TickClock's, or 1 in simulation.
+  TraceBook(AgentId self, double ns_per_tick);
 
   // An actor of this agent; what records call it.
   std::uint16_t AddName(std::string name);
@@ -31,18 +32,20 @@ class TraceBook {
   void Add(const TraceRecord& record);
 
   // The events that `request` asks for, oldest first.
-  void Report(const proto::TraceRequest& request, MonotonicTime now, proto::TraceReply* reply) const;
+  void Report(const proto::TraceRequest& request, Ticks now, proto::TraceReply* reply) const;
 
   // All events as text, a line each, thread by thread, to a file made anew, below `headline`. For signal handlers too;
-  // a file that cannot be made is left alone.
+  // a file that cannot be made is left alone. Not in simulation.
   void WriteFile(const char* path, const char* headline = "trace") const;
 
  private:
   std::vector<TraceRecord> ReadAll() const;  // In order of time.
-  void WriteRing(int file, const TraceRing& ring, std::uint64_t thread, MonotonicTime now) const;
+  void WriteRing(int file, const TraceRing& ring, std::uint64_t thread, Ticks now) const;
+  std::uint64_t Microseconds(Ticks ticks) const;
   const char* NameOf(std::uint16_t name) const { return name < names_.size() ? names_[name].c_str() : ""; }
 
   const AgentId self_;
+  const double ns_per_tick_;
   std::vector<std::string> names_;
   std::array<std::unique_ptr<TraceRing>, kThreadsMax> rings_;
   std::atomic<std::size_t> ring_count_ = 0;

@@ -11,21 +11,21 @@ void TraceRing::Add(const TraceRecord& record) {
                              static_cast<std::uint64_t>(record.result) << 48 | std::uint64_t{record.body} << 32 |
                              std::uint64_t{record.actor} << 16 | record.other_actor;
   // A reader that sees one of these words sees the count before it too, and knows which slot is being written.
-  words[0].store(static_cast<std::uint64_t>(record.time_ns), std::memory_order_release);
+  words[0].store(static_cast<std::uint64_t>(record.time), std::memory_order_release);
   words[1].store(what, std::memory_order_release);
   words[2].store(std::uint64_t{record.other_agent} << 32 | record.bytes, std::memory_order_release);
   words[3].store(record.request_id, std::memory_order_release);
-  words[4].store(static_cast<std::uint64_t>(record.duration_ns), std::memory_order_release);
+  words[4].store(static_cast<std::uint64_t>(record.duration), std::memory_order_release);
   count_.store(number + 1, std::memory_order_release);
 }
 
 bool TraceRing::Read(std::uint64_t number, TraceRecord* record) const {
   const Words& words = slots_[number % kRecords];
-  record->time_ns = static_cast<std::int64_t>(words[0].load(std::memory_order_acquire));
+  record->time = static_cast<Ticks>(words[0].load(std::memory_order_acquire));
   const std::uint64_t what = words[1].load(std::memory_order_acquire);
   const std::uint64_t agent_and_bytes = words[2].load(std::memory_order_acquire);
   record->request_id = words[3].load(std::memory_order_acquire);
-  record->duration_ns = static_cast<std::int64_t>(words[4].load(std::memory_order_acquire));
+  record->duration = static_cast<Ticks>(words[4].load(std::memory_order_acquire));
   record->kind = static_cast<proto::TraceKind>(what >> 56);
   record->result = static_cast<SendResult>(what >> 48 & 0xFF);
   record->body = static_cast<std::uint16_t>(what >> 32);

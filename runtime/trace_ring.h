@@ -11,13 +11,14 @@
 
 #include "proto/control.pb.h"
 #include "runtime/actor.h"
+#include "runtime/tick_clock.h"
 
 namespace moondb {
 
 struct TraceRecord {
   static constexpr std::uint16_t kNobody = 0xFFFF;  // As a name: none of this agent's actors.
 
-  std::int64_t time_ns = 0;  // Monotonic.
+  Ticks time = 0;  // The simulation's are nanoseconds.
   proto::TraceKind kind = proto::TRACE_SENT;
   SendResult result = SendResult::kAccepted;
   std::uint16_t body = 0;  // proto::Message::BodyCase.
@@ -26,7 +27,7 @@ struct TraceRecord {
   AgentId other_agent = 0;
   std::uint32_t bytes = 0;  // 0 for what was not counted.
   std::uint64_t request_id = 0;
-  std::int64_t duration_ns = 0;
+  Ticks duration = 0;
 };
 
 class TraceRing {

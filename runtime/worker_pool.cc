@@ -2,15 +2,29 @@
 
 #include <pthread.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "model/check.h"
+#include "runtime/adaptive_mutex.h"
 
 namespace moondb {
 namespace {
 
 // Turns from the next slot in a row, then what waits in the queue is served.
 constexpr int kSlotTurnsMax = 64;
+constexpr Duration kLingerMax = std::chrono::microseconds(20);
+constexpr Duration kShortGap = std::chrono::microseconds(50);
+// Between two looks, so that what comes one by one is taken in batches.
+constexpr Duration kLingerStep = std::chrono::microseconds(1);
+
+void PauseProcessor() {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
 
 }  // namespace
 
@@ -20,7 +34,8 @@ struct WorkerPool::Worker {
   const WorkerPool* pool = nullptr;
   Runnable* next = nullptr;
   int slot_turns = 0;
-  bool has_slept = false;  // Since the clock was last read.
+  Ticks now = 0;         // When the last turn ended.
+  bool lingers = false;  // The last time without work was short.
 };
 
 thread_local WorkerPool::Worker* WorkerPool::Worker::current = nullptr;
@@ -28,6 +43,7 @@ thread_local WorkerPool::Worker* WorkerPool::Worker::current = nullptr;
 WorkerPool::WorkerPool(const std::string& name, int thread_count, std::function<void()> on_thread_start)
     : on_thread_start_(std::move(on_thread_start)) {
   Check(thread_count >= 1, "a pool has at least one thread");
+  MakeAdaptive(mutex_);
   for (int i = 0; i < thread_count; ++i) {
     threads_.emplace_back([this] { Run(); });
     pthread_setname_np(threads_.back().native_handle(), name.substr(0, 15).c_str());
@@ -48,6 +64,7 @@ void WorkerPool::SubmitLast(Runnable* task) {
     const std::lock_guard lock(mutex_);
     if (is_joining_) return;
     tasks_.push_back(task);
+    has_tasks_.store(true, std::memory_order_relaxed);
   }
   changed_.notify_one();
 }
@@ -71,31 +88,42 @@ void WorkerPool::Run() {
   Worker worker;
   worker.pool = this;
   Worker::current = &worker;
-  MonotonicTime now = std::chrono::steady_clock::now();
-  while (Runnable* task = Next(worker)) {
-    if (std::exchange(worker.has_slept, false)) now = std::chrono::steady_clock::now();
-    now = task->RunTurn(now);
-  }
+  worker.now = TickClock::Now();
+  while (Runnable* task = Next(worker)) worker.now = task->RunTurn(worker.now);
   Worker::current = nullptr;
 }
 
 Runnable* WorkerPool::Next(Worker& worker) {
   if (worker.next != nullptr && ++worker.slot_turns <= kSlotTurnsMax) return std::exchange(worker.next, nullptr);
   worker.slot_turns = 0;
+  if (worker.next == nullptr && worker.lingers) Linger(worker.now);
   std::unique_lock lock(mutex_);
   if (is_joining_) return nullptr;
   if (worker.next != nullptr) {
     tasks_.push_back(std::exchange(worker.next, nullptr));
     if (tasks_.size() > 1) changed_.notify_one();
   }
-  while (tasks_.empty()) {
-    worker.has_slept = true;
-    changed_.wait(lock);
-    if (is_joining_) return nullptr;
-  }
+  changed_.wait(lock, [this] { return is_joining_ || !tasks_.empty(); });
+  if (is_joining_) return nullptr;
   Runnable* task = tasks_.front();
   tasks_.pop_front();
+  has_tasks_.store(!tasks_.empty(), std::memory_order_relaxed);
+  const Ticks now = TickClock::Now();
+  static const Ticks short_gap = TickClock::FromDuration(kShortGap);
+  worker.lingers = now - std::exchange(worker.now, now) < short_gap;
   return task;
+}
+
+void WorkerPool::Linger(Ticks since) const {
+  static const Ticks longest = TickClock::FromDuration(kLingerMax);
+  static const Ticks step = TickClock::FromDuration(kLingerStep);
+  for (Ticks now = since; now < since + longest && !has_tasks_.load(std::memory_order_relaxed);) {
+    const Ticks look = now + step;
+    while (now < look) {
+      PauseProcessor();
+      now = TickClock::Now();
+    }
+  }
 }
 
 }  // namespace moondb

@@ -14,6 +14,7 @@
 #include "runtime/dead_letters.h"
 #include "runtime/envelope.h"
 #include "runtime/mailbox.h"
+#include "runtime/message_pool.h"
 #include "runtime/monitors.h"
 #include "runtime/role_table.h"
 #include "runtime/supervisor.h"
@@ -56,7 +57,7 @@ class SimulatedTeam::Impl {
   };
 
   struct Agent {
-    explicit Agent(AgentId agent) : id(agent), monitors(agent), trace(agent) {}
+    explicit Agent(AgentId agent) : id(agent), monitors(agent), trace(agent, /*ns_per_tick=*/1) {}
 
     const AgentId id;
     bool is_running = true;
@@ -169,7 +170,7 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
 
   MonotonicTime now() const override { return team_.now(); }
   std::int64_t utc_now_ns() const override { return team_.utc_now_ns(); }
-  SendResult Send(const Address& to, proto::Message message) override {
+  SendResult Send(const Address& to, proto::Message&& message) override {
     if (injected == Fault::kAtFirstSend) throw std::runtime_error("crashed by the test at its first send");
     const SendResult result = is_alive() ? team_.Send(self(), to, std::move(message)) : SendResult::kUnreachable;
     if (injected == Fault::kAfterFirstSend) throw std::runtime_error("crashed by the test after its first send");
@@ -385,7 +386,7 @@ std::optional<Error> SimulatedTeam::Impl::Handle(Host& host, const Mailbox::Item
   std::optional<Error> failure = host.Handle(*item.message, item.sender);
   host.injected = Fault::kNone;
   TraceRecord record;
-  record.time_ns = now_.time_since_epoch().count();
+  record.time = now_.time_since_epoch().count();
   record.kind = failure ? proto::TRACE_FAILED : proto::TRACE_HANDLED;
   record.actor = host.trace_name;
   record.body = static_cast<std::uint16_t>(item.message->body_case());
@@ -408,7 +409,7 @@ SimulatedTeam::Impl::Host* SimulatedTeam::Impl::FindHost(Agent& agent, const std
 TimerId SimulatedTeam::Impl::StartTimer(Host& host, Duration delay, proto::Message message) {
   WriteLocalEnvelope(host.self().agent, host.self().agent, message);
   Mailbox::Item item;
-  item.message = std::make_shared<const proto::Message>(std::move(message));
+  item.message = MakeMessage(std::move(message));
   item.sender = &*senders_.insert(host.self()).first;
   item.is_timer = true;
   item.incarnation = host.incarnation();
@@ -489,8 +490,7 @@ SendResult SimulatedTeam::Impl::Route(const Address& from, const Address& resolv
   const bool is_local = from.agent == kClients || resolved.agent == kClients || from.agent == resolved.agent;
   if (is_local) {
     WriteLocalEnvelope(from.agent, resolved.agent, message);
-    return HandOver(resolved, std::make_shared<const proto::Message>(std::move(message)),
-                    &*senders_.insert(from).first);
+    return HandOver(resolved, MakeMessage(std::move(message)), &*senders_.insert(from).first);
   }
   WriteEnvelope(from, resolved, message);
   return Transmit(from, resolved, message);
@@ -677,7 +677,7 @@ SystemStatus SimulatedTeam::Impl::StatusOf(const Agent& agent) const {
 
 proto::TraceReply SimulatedTeam::Impl::TraceOf(const Agent& agent, const proto::TraceRequest& request) const {
   proto::TraceReply reply;
-  agent.trace.Report(request, now_, &reply);
+  agent.trace.Report(request, now_.time_since_epoch().count(), &reply);
   agent.dead_letters.Report(request, now_, &reply);
   return reply;
 }

@@ -48,7 +48,7 @@ class FakeStorageActor final : public Actor {
     proto::Message control;
     control.mutable_peer_event();
     for (std::size_t i = 0; i < kControlMessagesMax; ++i) {
-      (void)context.Send({context.self().agent, actor_name::kPgo}, control);
+      (void)context.Send({context.self().agent, actor_name::kPgo}, proto::Message(control));
     }
   }
 
