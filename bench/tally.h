@@ -23,7 +23,9 @@ class Tally {
   static std::uint64_t IdOf(int sender, std::uint64_t number) { return std::uint64_t(sender) << kNumberBits | number; }
 
   void Count(std::uint64_t id) {
-    if (id != next_id_[id >> kNumberBits]++) return Fail("message " + std::to_string(id) + " is not the next one");
+    const std::uint64_t sender = id >> kNumberBits;
+    if (sender >= next_id_.size() || id != next_id_[sender]++)
+      return Fail("message " + std::to_string(id) + " is not the next one");
     if (++counted_ == total_) Finish();
   }
 
