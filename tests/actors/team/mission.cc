@@ -1,5 +1,6 @@
 #include "tests/actors/team/mission.h"
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <functional>
@@ -94,10 +95,10 @@ std::string BodyName(const proto::Message& message) {
 
 class Mission {
  public:
-  Mission(std::uint64_t seed, const Strike& strike)
+  Mission(std::uint64_t seed, const std::vector<Strike>& strikes)
       : scenario_(simulation::MakeScenario({.seed = seed, .node_count = kNodesOfARover, .range_every = 2})),
         config_(MissionTeam(scenario_)),
-        strike_(strike),
+        strikes_(strikes),
         folder_(FolderOfFolders()),
         team_(seed) {
     team_.SetBaseStation(kBase);
@@ -113,7 +114,7 @@ class Mission {
   MissionReport Run() {
     Advance(seconds(1));
     for (AgentId rover = 1; rover <= 3; ++rover) InsertDrive(rover, 0, kNodesOfARover / 2);
-    Insert(kBase, {Power(0.9)});
+    Insert(kBase, {{Power(0.9)}, {Power(0.8)}});
     Share(proto::SHARING_KIND_SYNC);
     Advance(milliseconds(3));
     InsertDrive(2, kNodesOfARover / 2, kNodesOfARover);  // While the leader collects.
@@ -132,7 +133,6 @@ class Mission {
     Share(proto::SHARING_KIND_REPLICATION);
     Advance(seconds(1));
     is_quiet_ = true;
-    if (strike_.message > report_.message_count) Complain("no such message came");
     Settle();
     CheckAll();
     return std::move(report_);
@@ -147,7 +147,7 @@ class Mission {
     options.team = config_;
     team_.Spawn(agent, name, [this, agent, options = std::move(options)] {
       return std::make_unique<MortalActor>(std::make_unique<ActorType>(options), [this, agent] {
-        if (is_killing_ && agent == killed_) Kill();
+        if (agent == dying_) Kill(agent);
       });
     });
   }
@@ -186,49 +186,53 @@ class Mission {
     if (is_quiet_) return Fault::kNone;
     ++report_.message_count;
     ++report_.by_actor[actor.actor];
-    if (report_.message_count != strike_.message) return Fault::kNone;
-    report_.struck = ToString(actor) + " at " + BodyName(message) + ", " +
-                     std::to_string(std::chrono::duration<double>(team_.now().time_since_epoch()).count() - 1000) +
-                     " s";
-    if (strike_.kills_agent) {
-      killed_ = actor.agent;
-      is_killing_ = true;
-      if (strike_.fault == Fault::kBeforeHandler) Kill();
+    const auto strike = std::find_if(strikes_.begin(), strikes_.end(), [this](const Strike& candidate) {
+      return candidate.message == report_.message_count;
+    });
+    if (strike == strikes_.end()) return Fault::kNone;
+    const double time_s = std::chrono::duration<double>(team_.now() - start_).count();
+    report_.struck.push_back(ToString(actor) + " at " + BodyName(message) + ", " + std::to_string(time_s) + " s");
+    if (strike->kills_agent) {
+      dying_ = actor.agent;
+      if (strike->fault == Fault::kBeforeHandler) Kill(actor.agent);
     }
-    return strike_.fault;
+    return strike->fault;
   }
 
-  void Kill() {
-    is_killing_ = false;
-    team_.Crash(killed_);
-    restart_at_ = team_.now() + kDownTime;
+  void Kill(AgentId agent) {
+    dying_ = 0;
+    team_.Crash(agent);
+    restart_at_[agent] = team_.now() + kDownTime;
   }
 
-  // Half of the times the others notice, as the transport tells them; else their own timers have to do.
-  void Restart() {
-    team_.Restart(killed_);
-    for (AgentId other = 1; other <= kAgents && strike_.message % 2 == 0; ++other) {
-      if (other == killed_) continue;
-      team_.SetLink(killed_, other, false);
-      team_.SetLink(killed_, other, true);
+  // Half of the agents' restarts are noticed by the others, as the transport tells them; else their timers have to do.
+  void Restart(AgentId agent) {
+    restart_at_.erase(agent);
+    team_.Restart(agent);
+    for (AgentId other = 1; other <= kAgents && report_.message_count % 2 == 0; ++other) {
+      if (other == agent) continue;
+      team_.SetLink(agent, other, false);
+      team_.SetLink(agent, other, true);
     }
   }
 
   // --- Time ---
 
-  // Until `condition`; false if `limit` passes first. Starts a killed agent again when its time has come.
+  // Until `condition`; false if `limit` passes first. Starts killed agents again when their time has come.
   bool RunUntil(const std::function<bool()>& condition, Duration limit) {
     const MonotonicTime end = team_.now() + limit;
     while (true) {
-      const MonotonicTime stop = std::min(end, restart_at_.value_or(end));
-      const auto is_restart_nearer = [&] { return restart_at_ && *restart_at_ < stop; };
-      (void)team_.RunUntil([&] { return condition() || is_restart_nearer(); }, stop - team_.now());
+      const std::size_t down_count = restart_at_.size();
+      MonotonicTime stop = end;
+      for (const auto& [agent, time] : restart_at_) stop = std::min(stop, time);
+      (void)team_.RunUntil([&] { return condition() || restart_at_.size() > down_count; }, stop - team_.now());
       if (condition()) return true;
-      if (is_restart_nearer()) continue;
+      if (restart_at_.size() > down_count) continue;
       if (team_.now() < stop) team_.AdvanceTime(stop - team_.now());
-      if (restart_at_ && team_.now() >= *restart_at_) {
-        restart_at_.reset();
-        Restart();
+      const auto due = std::find_if(restart_at_.begin(), restart_at_.end(),
+                                    [this](const auto& entry) { return entry.second <= team_.now(); });
+      if (due != restart_at_.end()) {
+        Restart(due->first);
       } else if (team_.now() >= end) {
         return condition();
       }
@@ -241,43 +245,84 @@ class Mission {
 
   // --- Robots and the operator ---
 
-  // One call of a client; nothing if no answer comes in time.
-  std::optional<proto::ControlReply> Call(AgentId agent, const proto::ControlRequest& request) {
-    // A connection of its own each, as an answer that comes too late reaches nobody.
-    const Address client{kClients, std::to_string(++call_count_)};
-    proto::Message message;
-    *message.mutable_control_request() = request;
-    if (team_.Post(client, {agent, actor_name::kGateway}, std::move(message)) != SendResult::kAccepted) {
-      return std::nullopt;
+  // Calls of as many clients at once: an answer each, or nothing where none comes in time.
+  std::vector<std::optional<proto::ControlReply>> Call(AgentId agent,
+                                                       const std::vector<proto::ControlRequest>& requests) {
+    std::vector<std::optional<proto::ControlReply>> replies(requests.size());
+    std::map<std::size_t, Address> waiting;
+    for (std::size_t i = 0; i < requests.size(); ++i) {
+      // A connection of its own each, as an answer that comes too late reaches nobody.
+      const Address client{kClients, std::to_string(++call_count_)};
+      proto::Message message;
+      message.set_ms_type(proto::CONTROL);
+      *message.mutable_control_request() = requests[i];
+      const SendResult sent = team_.Post(client, {agent, actor_name::kGateway}, std::move(message));
+      if (sent == SendResult::kAccepted) waiting[i] = client;
     }
-    std::vector<proto::Message> answers;
-    const auto is_answered = [&] { return !(answers = team_.Take(client)).empty(); };
-    if (!RunUntil([&] { return !answers.empty() || is_answered(); }, kClientPatience)) return std::nullopt;
-    return answers.front().control_reply();
+    const auto take = [&] {
+      std::erase_if(waiting, [&](const auto& entry) {
+        const std::vector<proto::Message> answers = team_.Take(entry.second);
+        if (answers.size() > 1) Complain("more than one answer to " + requests[entry.first].ShortDebugString());
+        if (!answers.empty()) replies[entry.first] = answers.front().control_reply();
+        return !answers.empty();
+      });
+      return waiting.empty();
+    };
+    (void)RunUntil(take, kClientPatience);
+    return replies;
   }
 
-  // Calls until the answer is no error.
-  std::optional<proto::ControlReply> Ask(AgentId agent, const proto::ControlRequest& request) {
-    std::string last = "no answer";
+  // Calls until no answer is an error.
+  std::vector<std::optional<proto::ControlReply>> AskAll(AgentId agent,
+                                                         const std::vector<proto::ControlRequest>& requests) {
+    std::vector<std::optional<proto::ControlReply>> replies(requests.size());
     for (int i = 0; i < kTriesMax; ++i) {
-      const auto reply = Call(agent, request);
-      if (reply && !IsError(reply->error())) return reply;
-      if (reply) last = reply->error().text();
-      Advance(seconds(1));
+      std::vector<proto::ControlRequest> open;
+      std::vector<std::size_t> places;
+      for (std::size_t j = 0; j < requests.size(); ++j) {
+        if (replies[j] && !IsError(replies[j]->error())) continue;
+        open.push_back(requests[j]);
+        places.push_back(j);
+      }
+      if (open.empty()) return replies;
+      if (i > 0) Advance(seconds(1));
+      std::vector<std::optional<proto::ControlReply>> more = Call(agent, open);
+      for (std::size_t j = 0; j < open.size(); ++j) replies[places[j]] = std::move(more[j]);
     }
-    Complain("agent " + std::to_string(agent) + " does not help with " + request.ShortDebugString().substr(0, 80) +
-             ": " + last);
-    return std::nullopt;
+    for (std::size_t j = 0; j < requests.size(); ++j) {
+      if (replies[j] && !IsError(replies[j]->error())) continue;
+      Complain("agent " + std::to_string(agent) + " does not help with " +
+               requests[j].ShortDebugString().substr(0, 80) + ": " +
+               (replies[j] ? replies[j]->error().text() : "no answer"));
+      replies[j].reset();
+    }
+    return replies;
   }
 
-  void Insert(AgentId agent, const std::vector<proto::Record>& records) {
-    proto::ControlRequest request;
-    for (const proto::Record& record : records) *request.mutable_insert()->add_records() = record;
-    const auto reply = Ask(agent, request);
-    if (!reply) return;
-    if (reply->insert().keys_size() != static_cast<int>(records.size())) return Complain("an insert without keys");
+  std::optional<proto::ControlReply> Ask(AgentId agent, const proto::ControlRequest& request) {
+    return AskAll(agent, {request}).front();
+  }
+
+  // Each batch by a client of its own, all at once, while another looks at the status.
+  void Insert(AgentId agent, const std::vector<std::vector<proto::Record>>& batches) {
+    std::vector<proto::ControlRequest> requests;
+    for (const std::vector<proto::Record>& batch : batches) {
+      requests.emplace_back();
+      for (const proto::Record& record : batch) *requests.back().mutable_insert()->add_records() = record;
+    }
+    requests.emplace_back().mutable_status();
+    const auto replies = AskAll(agent, requests);
+    for (std::size_t i = 0; i < batches.size(); ++i) {
+      if (replies[i]) NoteInserted(agent, batches[i], replies[i]->insert());
+    }
+  }
+
+  void NoteInserted(AgentId agent, const std::vector<proto::Record>& records, const proto::InsertReply& reply) {
+    if (reply.keys_size() != static_cast<int>(records.size())) return Complain("an insert without keys");
     for (std::size_t i = 0; i < records.size(); ++i) {
-      acknowledged_[FromProto(reply->insert().keys(static_cast<int>(i)))] = records[i].SerializeAsString();
+      const RecordKey key = FromProto(reply.keys(static_cast<int>(i)));
+      if (key.stream.origin != agent) Complain("a record of " + ToString(key) + " inserted at another agent");
+      if (!acknowledged_.emplace(key, records[i].SerializeAsString()).second) Complain("two have " + ToString(key));
     }
   }
 
@@ -319,9 +364,7 @@ class Mission {
     for (const RangeEdge& edge : scenario_.graph.ranges) {
       if (is_due(edge.from)) graph.push_back(ToRecord(edge));
     }
-    Insert(rover, {Power(0.5 + static_cast<double>(first) / 100)});
-    Insert(rover, graph);
-    Insert(rover, maps);
+    Insert(rover, {{Power(0.5 + static_cast<double>(first) / 100)}, graph, maps});
   }
 
   proto::RoleAssignment RolesAt(AgentId agent) {
@@ -381,7 +424,7 @@ class Mission {
     proto::ControlRequest request;
     request.mutable_role_set()->set_is_swap(true);
     for (int i = 0; i < kTriesMax && Leader() != 2; ++i) {
-      (void)Call(1, request);
+      (void)Call(1, {request});
       Advance(milliseconds(100));
     }
   }
@@ -436,6 +479,7 @@ class Mission {
         Complain("agent " + std::to_string(agent) + " has other roles than agent 1");
       }
     }
+    for (AgentId agent = 1; agent <= kAgents; ++agent) CheckStoredRoles(agent, roles);
     if (roles.leader() != 2 || roles.survivor() != 1) Complain("the swap of roles is undone");
 
     std::map<AgentId, Records> records;
@@ -455,8 +499,29 @@ class Mission {
         Complain("the base station lacks " + ToString(key));
       }
     }
+    CheckPowerCut(records);
     CheckQuiet();
-    CheckServices(roles);
+    CheckServices(RolesAt(1));
+  }
+
+  void CheckStoredRoles(AgentId agent, const proto::RoleAssignment& roles) {
+    proto::Message question;
+    question.mutable_load_roles_request();
+    const proto::Message answer = AskStorage(agent, std::move(question));
+    const auto& history = answer.load_roles_reply().history();
+    if (history.empty() || history.rbegin()->SerializeAsString() != roles.SerializeAsString()) {
+      Complain("agent " + std::to_string(agent) + " acts on roles that it has not stored");
+    }
+  }
+
+  // What was checked was on the disks.
+  void CheckPowerCut(const std::map<AgentId, Records>& records) {
+    for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Crash(agent);
+    for (AgentId agent = 1; agent <= kAgents; ++agent) team_.Restart(agent);
+    Advance(seconds(20));
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      if (ReadAll(agent) != records.at(agent)) Complain("agent " + std::to_string(agent) + " holds other records");
+    }
   }
 
   void CheckContents(const std::map<AgentId, Records>& records) {
@@ -531,22 +596,24 @@ class Mission {
 
   const simulation::Scenario scenario_;
   const proto::TeamConfig config_;
-  const Strike strike_;
+  const std::vector<Strike> strikes_;
   const TemporaryFolder folder_;
   MissionReport report_;
   bool is_quiet_ = false;
-  AgentId killed_ = 0;
-  bool is_killing_ = false;  // As soon as the handler that runs is left.
-  std::optional<MonotonicTime> restart_at_;
+  AgentId dying_ = 0;                            // As soon as its handler that runs is left.
+  std::map<AgentId, MonotonicTime> restart_at_;  // Of killed agents.
   std::uint64_t call_count_ = 0;
   Records acknowledged_;                // To robots.
   std::map<AgentId, HaveSet> claimed_;  // By all have-sets that each agent ever sent.
   SimulatedTeam team_;
+  const MonotonicTime start_ = team_.now();
 };
 
 }  // namespace
 
-MissionReport RunMission(std::uint64_t seed, const Strike& strike) { return Mission(seed, strike).Run(); }
+MissionReport RunMission(std::uint64_t seed, const std::vector<Strike>& strikes) {
+  return Mission(seed, strikes).Run();
+}
 
 std::string ToString(const Strike& strike) {
   static const std::map<Fault, std::string> kNames = {{Fault::kNone, "nothing"},

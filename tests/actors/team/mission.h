@@ -1,5 +1,5 @@
-// A small mission of three rovers and a base station with all standard actors, in which one fault strikes; and what
-// must hold of it afterwards.
+// A small mission of three rovers and a base station with all standard actors, in which faults strike; and what must
+// hold of it afterwards.
 //
 // Robots insert states, nodes, edges and maps at their gateways; an operator collects them at the leader, replicates,
 // optimizes, merges, and swaps the roles of leader and survivor half-way. Robots and operator behave as Client's users
@@ -16,7 +16,7 @@
 namespace moondb {
 
 struct Strike {
-  std::uint64_t message = 0;  // Which of all that actors handle, from 1; 0: none.
+  std::uint64_t message = 0;  // Which of all that actors handle, from 1.
   simulation::Fault fault = simulation::Fault::kNone;
   bool kills_agent = false;  // The agent's process ends, to start again 3 s later; else the actor alone fails.
 };
@@ -24,12 +24,12 @@ struct Strike {
 struct MissionReport {
   std::uint64_t message_count = 0;                // Handled before it was quiet.
   std::map<std::string, std::uint64_t> by_actor;  // Of these, by name of actor.
-  std::string struck;                             // Who, by which message, when.
+  std::vector<std::string> struck;                // Who, at which message, when.
   std::vector<std::string> faults;                // What does not hold; empty: all is well.
 };
 
 // Runs it to the end, in a folder of its own. Equal arguments give equal runs.
-MissionReport RunMission(std::uint64_t seed, const Strike& strike);
+MissionReport RunMission(std::uint64_t seed, const std::vector<Strike>& strikes);
 
 std::string ToString(const Strike& strike);
 
