@@ -62,6 +62,9 @@ MergeActor::~MergeActor() = default;
 
 // Here and not in the constructor: a GL context is best made on the thread that will use it.
 void MergeActor::OnStart(Context& context) {
+  // A random start, so that storage's answer to a life before a restart, which a newer request may overtake, is not
+  // taken for one of this life's.
+  read_id_ = context.rng()();
   Result<std::unique_ptr<Merger>> merger = CreateMerger(options_.backend);
   if (merger) {
     merger_ = std::move(*merger);
@@ -77,9 +80,11 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kMergeRequest:
       return OnMergeRequest(context, message);
     case proto::Message::kReadReply:
-      return OnReadReply(context, message);
+      if (context.sender() == Address{options_.self, actor_name::kStorage}) OnReadReply(context, message);
+      return;
     case proto::Message::kTimer:
-      return OnTimer(context, message.timer());
+      if (context.sender().agent == options_.self) OnTimer(context, message.timer());
+      return;
     default:
       return;
   }

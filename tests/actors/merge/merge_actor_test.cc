@@ -14,6 +14,7 @@ namespace {
 
 using Rows = std::vector<std::string>;
 using simulation::SimulatedTeam;
+using std::chrono::seconds;
 
 constexpr AgentId kSelf = 1;
 constexpr std::uint32_t kCellUm = 100'000;
@@ -314,6 +315,36 @@ TEST_F(MergeActorTest, ARestartedActorReadsEverythingAgain) {
   const proto::MergeReply after = Merge();
   EXPECT_EQ(after.map_count(), 1);
   EXPECT_EQ(after.zstd_cells(), before.zstd_cells());
+}
+
+// Storage is a probe here.
+TEST_F(MergeActorTest, OnlyTheAnswerOfOwnStorageToThisLifesQuestionCounts) {
+  const Address storage{kSelf, actor_name::kStorage};
+  const Address merge{kSelf, actor_name::kMerge};
+  team_.AddAgent(2);
+  team_.Spawn(kSelf, merge.actor, [options = options_] { return std::make_unique<MergeActor>(options); });
+  proto::Message answer;
+  answer.mutable_read_reply()->set_is_complete(true);
+  const auto ask = [&](std::uint64_t request_id) {
+    Ask(request_id);
+    team_.RunUntilIdle();
+    const std::vector<proto::Message> reads = team_.Take(storage);
+    ASSERT_EQ(reads.size(), 1u);
+    answer.set_request_id(reads[0].request_id());
+  };
+  ask(1);
+  team_.CrashActor(merge);
+  const proto::Message stale = answer;
+  ask(2);
+  ASSERT_EQ(team_.Post(storage, merge, stale), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({2, actor_name::kStorage}, merge, answer), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(TakeReplies().empty());
+  ASSERT_EQ(team_.Post(storage, merge, answer), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  const std::vector<proto::Message> replies = TakeReplies();
+  ASSERT_EQ(replies.size(), 1u);
+  EXPECT_EQ(replies[0].request_id(), 2u);
 }
 
 TEST_F(MergeActorTest, GlGivesTheSameReply) {
