@@ -90,7 +90,9 @@ Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
 }
 
 Result<void> RecordStore::Load() {
-  if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
+  if (!options_.is_checked) {
+    if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
+  }
   if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
   if (const Result<void> checked = CheckOwner(); !checked) return checked;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;

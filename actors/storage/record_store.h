@@ -47,10 +47,12 @@ class RecordStore {
     CustomTypes custom_types;     // Of the team file, complete.
     std::uint64_t seed = 0;       // Of the epochs' random bits.
     std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
+    bool is_checked = false;      // This process opened it before: it is not read through again (1 ms a MB).
   };
 
-  // Opens, checks and where needed creates or migrates the file. kCorrupt: damaged. kRefused: of a newer version, of
-  // another program or another agent. kUnavailable: in use by another process. kFull, kInternal: as it says.
+  // Opens, reads through and where needed creates or migrates the file. kCorrupt: damaged. kRefused: of a newer
+  // version, of another program or another agent. kUnavailable: in use by another process. kFull, kInternal: as it
+  // says.
   static Result<std::unique_ptr<RecordStore>> Open(Options options);
 
   // Own records: all of them, or none and an error. A second record of one natural key (node, edge) with the same

@@ -17,6 +17,7 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   store.path = options.path;
   store.self = options.self;
   store.bytes_max = options.bytes_max;
+  store.is_checked = options.is_checked;
   for (const proto::AgentConfig& agent : options.team.agents()) store.team.insert(agent.id());
   for (const DataType type : BuiltInDataTypes()) store.policies[type] = SharePolicyOf(options.team, type);
   store.custom_types = options.team.custom_types();

@@ -23,6 +23,7 @@ class StorageActor final : public Actor {
     proto::TeamConfig team;           // Checked; its agents, policies `share` and custom types are read.
     std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.
     std::uint64_t bytes_max = 0;      // Of the file; 0: as the disk allows.
+    bool is_checked = false;          // As RecordStore::Options: the actor's restarts take no longer for a large file.
   };
 
   explicit StorageActor(Options options);

@@ -124,7 +124,9 @@ class Agent::Impl {
     system_ = std::make_unique<ActorSystem>(std::move(system));
 
     const proto::TeamConfig& team = team_.config;
-    SpawnActor<StorageActor>(*system_, actor_name::kStorage, Placement::kOwnThread, StorageOptions());
+    StorageActor::Options storage = StorageOptions();
+    storage.is_checked = true;  // By CheckStore.
+    SpawnActor<StorageActor>(*system_, actor_name::kStorage, Placement::kOwnThread, std::move(storage));
 
     RoleActor::Options role;
     role.self = self_;

@@ -405,6 +405,10 @@ TEST(RecordStoreTest, RefusesADamagedFileAndAnotherAgentsFile) {
   ASSERT_FALSE(damaged);
   EXPECT_EQ(damaged.error().code, ErrorCode::kCorrupt);
   EXPECT_EQ(damaged.error().text.find('\n'), std::string::npos);
+
+  RecordStore::Options checked = StoreOptionsOf(2, path);
+  checked.is_checked = true;
+  EXPECT_TRUE(RecordStore::Open(checked)) << "not read through a second time";
 }
 
 TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
