@@ -223,7 +223,8 @@ ActorCell::Step ActorCell::NextStep() {
   mailbox_.Take(takes_one_by_one_, &batch_);
   is_more_waiting_ = !mailbox_.empty();
   is_control_waiting_.store(mailbox_.has_control(), std::memory_order_relaxed);
-  if (waiters_ > 0 && mailbox_.is_half_free()) has_room_.notify_all();
+  // One at each step: all at once would only queue up at the mutex.
+  if (waiters_ > 0 && mailbox_.is_half_free()) has_room_.notify_one();
   return Step::kMessages;
 }
 

@@ -22,7 +22,7 @@ std::mt19937_64 MakeRng(const Address& self, std::uint64_t seed) {
 }  // namespace
 
 ActorHost::ActorHost(Address self, ActorFactory factory, std::uint64_t seed)
-    : self_(std::move(self)), factory_(std::move(factory)), rng_(MakeRng(self_, seed)), sender_(&self_) {}
+    : self_(std::move(self)), factory_(std::move(factory)), seed_(seed), sender_(&self_) {}
 
 std::optional<Error> ActorHost::Start() {
   Check(!actor_, "an actor is started once an incarnation");
@@ -62,6 +62,11 @@ std::optional<Error> ActorHost::Run(Handler handler) {
   spdlog::warn("actor {} failed: {}", ToString(self_), ToString(*failure_));
   End();
   return std::exchange(failure_, std::nullopt);
+}
+
+std::mt19937_64& ActorHost::rng() {
+  if (!rng_) rng_ = std::make_unique<std::mt19937_64>(MakeRng(self_, seed_));
+  return *rng_;
 }
 
 SendResult ActorHost::Reply(proto::Message&& message) {

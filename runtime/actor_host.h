@@ -42,7 +42,7 @@ class ActorHost : public Context {
   // Context.
   const Address& self() const override { return self_; }
   const Address& sender() const override { return *sender_; }
-  std::mt19937_64& rng() override { return rng_; }
+  std::mt19937_64& rng() override;
   SendResult Reply(proto::Message&& message) override;
   void Fail(Error error) override;
   void RequestStop() override { is_stop_requested_ = true; }
@@ -53,7 +53,8 @@ class ActorHost : public Context {
 
   const Address self_;
   const ActorFactory factory_;
-  std::mt19937_64 rng_;
+  const std::uint64_t seed_;
+  std::unique_ptr<std::mt19937_64> rng_;  // Made when first asked for: it is large.
   std::unique_ptr<Actor> actor_;
   Address remote_sender_;
   const Address* sender_;         // Of the message in hand, self_ in OnStart.
