@@ -17,6 +17,7 @@
 #include "actors/storage/storage_actor.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
+#include "model/term.h"
 #include "tests/actors/pgo/scenario.h"
 #include "tests/actors/sharing/sharing_team.h"
 #include "tests/temporary_folder.h"
@@ -163,6 +164,8 @@ class Mission {
     sharing.config_hash = 1;
     sharing.session.resend_after = seconds(1);
     sharing.session.resend_after_max = seconds(4);
+    sharing.session.batch_bytes_max = 256;  // Small, for many batches.
+    sharing.session.unacked_bytes_max = 512;
     Spawn<SyncActor>(agent, actor_name::kSync, sharing);
     Spawn<ReplicaActor>(agent, actor_name::kReplica, sharing);
     PgoActor::Options pgo;
@@ -184,10 +187,9 @@ class Mission {
 
   Fault OnHandle(const Address& actor, const proto::Message& message) {
     if (is_quiet_) return Fault::kNone;
-    ++report_.message_count;
-    ++report_.by_actor[actor.actor];
+    report_.handled.push_back(actor.actor + " " + BodyName(message));
     const auto strike = std::find_if(strikes_.begin(), strikes_.end(), [this](const Strike& candidate) {
-      return candidate.message == report_.message_count;
+      return candidate.message == report_.handled.size();
     });
     if (strike == strikes_.end()) return Fault::kNone;
     const double time_s = std::chrono::duration<double>(team_.now() - start_).count();
@@ -209,7 +211,7 @@ class Mission {
   void Restart(AgentId agent) {
     restart_at_.erase(agent);
     team_.Restart(agent);
-    for (AgentId other = 1; other <= kAgents && report_.message_count % 2 == 0; ++other) {
+    for (AgentId other = 1; other <= kAgents && report_.handled.size() % 2 == 0; ++other) {
       if (other == agent) continue;
       team_.SetLink(agent, other, false);
       team_.SetLink(agent, other, true);
@@ -382,25 +384,25 @@ class Mission {
     (void)Ask(Leader(), request);
   }
 
-  std::optional<proto::OptimizeReply> OptimizeOnce() {
+  // As many poses of the newest run are stored as were said to be.
+  void Optimize() {
+    const AgentId leader = Leader();
     proto::ControlRequest request;
     request.mutable_optimize();
-    const auto reply = Ask(Leader(), request);
-    return reply ? std::optional(reply->optimize()) : std::nullopt;
-  }
-
-  // What was published is stored: solving the same again moves nothing.
-  void Optimize() {
-    const auto first = OptimizeOnce();
-    const auto second = OptimizeOnce();
-    if (!first || !second) return;
-    if (first->node_count() == 0) Complain("a pose graph of no nodes was solved");
-    const auto size = [](const proto::OptimizeReply& reply) {
-      return std::tuple(reply.node_count(), reply.odometry_count(), reply.range_count());
-    };
-    if (size(*first) == size(*second) && second->updated_pose_count() > 0) {
-      Complain("optimized poses are not stored that were said to be");
+    const auto reply = Ask(leader, request);
+    if (!reply) return;
+    if (reply->optimize().node_count() == 0) Complain("a pose graph of no nodes was solved");
+    request.mutable_read()->add_data_types(proto::OPTIMIZED_POSE);
+    const auto poses = Ask(leader, request);
+    if (!poses) return;
+    std::map<std::tuple<decltype(OrderOf(proto::Term())), std::uint64_t>, double> counts;
+    for (const proto::StoredRecord& stored : poses->read().records()) {
+      proto::Record record;
+      if (!record.ParseFromString(stored.content())) continue;
+      ++counts[{OrderOf(record.optimized_pose().term()), record.optimized_pose().run()}];
     }
+    const double newest_count = counts.empty() ? 0 : counts.rbegin()->second;
+    if (reply->optimize().updated_pose_count() > newest_count) Complain("optimized poses are not stored");
   }
 
   // The merged map shows at least what robots of `agent` were told is stored.

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -22,10 +21,9 @@ struct Strike {
 };
 
 struct MissionReport {
-  std::uint64_t message_count = 0;                // Handled before it was quiet.
-  std::map<std::string, std::uint64_t> by_actor;  // Of these, by name of actor.
-  std::vector<std::string> struck;                // Who, at which message, when.
-  std::vector<std::string> faults;                // What does not hold; empty: all is well.
+  std::vector<std::string> handled;  // Each message before it was quiet: "storage insert_request".
+  std::vector<std::string> struck;   // Who, at which message, when.
+  std::vector<std::string> faults;   // What does not hold; empty: all is well.
 };
 
 // Runs it to the end, in a folder of its own. Equal arguments give equal runs.
