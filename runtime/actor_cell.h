@@ -1,7 +1,8 @@
 // ActorCell: one actor of an ActorSystem: its ActorHost, its mailbox, its place to run, its supervisor.
 //
-// At most one turn of it is submitted at any time, so that the ActorHost part is used by one thread at a time; a mutex
-// guards the rest, and hands the actor from thread to thread. What the cells of a system share comes from CellSystem.
+// At most one turn of it is submitted at any time, the mailbox's reader, so that the ActorHost part is used by one
+// thread at a time; the mailbox hands the actor from thread to thread. What the cells of a system share comes from
+// CellSystem.
 #pragma once
 
 #include <atomic>
@@ -23,12 +24,13 @@ namespace moondb {
 
 class ActorCell;
 
-// What a cell needs of its system. Called on the actor's thread, but for the first two.
+// What a cell needs of its system. What is virtual is called on the actor's thread.
 class CellSystem {
  public:
   virtual ~CellSystem() = default;
-  virtual bool is_flowing() const = 0;   // Messages are handled: all actors are started.
-  virtual bool is_stopping() const = 0;  // No further message is handled.
+  // Messages are handled: all actors are started, and none is to end yet.
+  bool is_flowing() const { return is_started_ && !is_stopping_; }
+  bool is_stopping() const { return is_stopping_; }  // No further message is handled.
 
   virtual TimerThread& timers() = 0;
   virtual TraceBook& trace() = 0;
@@ -45,6 +47,10 @@ class CellSystem {
   virtual void OnFailed(const ActorCell& cell, const Mailbox::Item* item, const Error& error, bool is_final) = 0;
   virtual void OnStepDown(const Address& actor, const Error& error) = 0;
   virtual void OnBeyondHelp(const Address& actor, const Error& error) = 0;
+
+ protected:
+  std::atomic<bool> is_started_ = false;
+  std::atomic<bool> is_stopping_ = false;
 };
 
 class ActorCell final : public ActorHost, private Runnable {
@@ -100,66 +106,55 @@ class ActorCell final : public ActorHost, private Runnable {
  private:
   enum class State { kAway, kReady, kBeyondHelp, kEnded };
 
-  // With mutex_ held.
-  bool HasMessageDue() const;
-  bool HasWork() const { return state_ != State::kEnded && (is_end_due_ || is_start_due_ || HasMessageDue()); }
   bool IsLost() const { return state_ == State::kBeyondHelp || state_ == State::kEnded; }
-  bool MarkSubmitted();  // True if the caller is to submit a turn.
-  void WaitForRoom(std::unique_lock<std::mutex>& lock, std::size_t bytes);
+  SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if the reader is to be called.
+  SendResult PushWaiting(Mailbox::Item item);
 
+  // The actor's thread.
   Ticks RunTurn(Ticks now) override;
-  // What the turn does next; kNothing also marks the turn as over.
-  enum class Step { kNothing, kStart, kEnd, kMessages };
-  Step NextStep();
-  bool EndTurnUnlessNews();  // After a batch.
-  Ticks StartActor(Ticks now);
-  Ticks HandleBatch(Ticks now);
-  Ticks HandleItem(const Mailbox::Item& item, Ticks now, bool* has_actor);
+  bool EndIfDue();
+  Ticks StartIfDue(Ticks now);
+  Ticks HandleItem(const Mailbox::Item& item, Ticks now);
   void CountHandler(const Mailbox::Item& item, Ticks start, Ticks end);
+  void LetWaitersTry();
   // `item` is what was handled; null in OnStart.
   void SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure);
   void Recover(const Mailbox::Item* item, const Error& failure);
   TraceRecord MakeRecord(proto::TraceKind kind, Ticks time) const;
   void EnterState(State state);
 
-  CellSystem& system_;
-  const SpawnOptions options_;
-  const Ticks handler_limit_;
-  const bool takes_one_by_one_;
-  const std::uint16_t trace_name_;
-  const std::unique_ptr<WorkerPool> own_pool_;  // Of one thread, for kOwnThread.
-  WorkerPool& pool_;
-
-  // The actor's thread only.
-  Supervisor supervisor_;
-  std::vector<Mailbox::Item> batch_;
+  // What each message writes, beside ActorHost's. Written on the actor's thread; the atomics are read on any.
   Ticks handler_started_ = 0;
   ActorCell* last_target_ = nullptr;
-
-  mutable std::mutex mutex_;
-  std::condition_variable state_changed_;
-  std::condition_variable has_room_;
-  Mailbox mailbox_;
-  State state_ = State::kAway;
-  int waiters_ = 0;               // For room.
-  bool is_more_waiting_ = false;  // Than the batch in hand.
-  bool is_start_due_ = false;
-  bool is_end_due_ = false;
-  std::uint64_t restarts_ = 0;
-
-  // A turn of kIdle is begun by whoever makes it kNews, with mutex_ held. The actor's thread makes it kSubmitted as it
-  // looks for work, and without the mutex kIdle again if nothing was added since.
-  enum class Turn { kIdle, kSubmitted, kNews };
-  std::atomic<Turn> turn_ = Turn::kIdle;
-
-  // Written on the actor's thread, read on any.
-  std::atomic<bool> is_control_waiting_ = false;
   std::atomic<Ticks> handler_since_ = 0;  // 0: in no handler.
   std::atomic<Ticks> handling_ = 0;
   std::atomic<Ticks> longest_handler_ = 0;
   std::atomic<std::uint64_t> overruns_ = 0;
   std::atomic<Ticks> pinged_ = 0;  // When the Ping that waits was sent; 0: none waits.
   std::atomic<Ticks> ping_ = -1;   // How long the last one waited.
+
+  // What senders read, on another cache line.
+  alignas(64) CellSystem& system_;
+  const std::unique_ptr<WorkerPool> own_pool_;  // Of one thread, for kOwnThread.
+  WorkerPool& pool_;
+  const Ticks handler_limit_;
+  const std::uint16_t trace_name_;
+  const bool may_senders_wait_;
+  std::atomic<bool> is_order_waiting_ = false;  // is_start_due_ or is_end_due_.
+  State state_ = State::kAway;                  // Written on the actor's thread with mutex_ held, read there without.
+
+  Mailbox mailbox_;
+
+  const SpawnOptions options_;
+  Supervisor supervisor_;  // The actor's thread only.
+
+  mutable std::mutex mutex_;
+  std::condition_variable state_changed_;
+  std::condition_variable has_room_;
+  bool is_start_due_ = false;
+  bool is_end_due_ = false;
+  std::uint64_t restarts_ = 0;
+  std::atomic<int> waiters_ = 0;  // For room.
 };
 
 }  // namespace moondb

@@ -58,7 +58,7 @@ std::optional<Error> ActorHost::Run(Handler handler) {
     Fail({ErrorCode::kInternal, "an exception of unknown type left a handler", {}});
   }
   is_in_handler_ = false;
-  if (!failure_) return std::nullopt;
+  if (!std::exchange(has_failed_, false)) return std::nullopt;
   spdlog::warn("actor {} failed: {}", ToString(self_), ToString(*failure_));
   End();
   return std::exchange(failure_, std::nullopt);
@@ -75,7 +75,7 @@ SendResult ActorHost::Reply(proto::Message&& message) {
 }
 
 void ActorHost::Fail(Error error) {
-  if (!failure_) failure_ = std::move(error);  // What came first is the likelier cause.
+  if (!std::exchange(has_failed_, true)) failure_ = std::move(error);  // What came first is the likelier cause.
 }
 
 }  // namespace moondb

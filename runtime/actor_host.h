@@ -34,7 +34,7 @@ class ActorHost : public Context {
 
   bool has_actor() const { return actor_ != nullptr; }
   bool is_in_handler() const { return is_in_handler_; }
-  std::uint64_t incarnation() const { return incarnation_; }  // Counts from 1; 0 before the first Start.
+  std::uint32_t incarnation() const { return incarnation_; }  // Counts from 1; 0 before the first Start.
   std::uint64_t handled() const { return handled_; }          // Messages, those that it failed at too.
   // Whether RequestStop was called since this was last asked.
   bool TakeStopRequest() { return std::exchange(is_stop_requested_, false); }
@@ -55,14 +55,17 @@ class ActorHost : public Context {
   const ActorFactory factory_;
   const std::uint64_t seed_;
   std::unique_ptr<std::mt19937_64> rng_;  // Made when first asked for: it is large.
-  std::unique_ptr<Actor> actor_;
   Address remote_sender_;
+  std::optional<Error> failure_;
+
+  // What each message writes, on a cache line that no other thread reads often.
+  alignas(64) std::unique_ptr<Actor> actor_;
   const Address* sender_;         // Of the message in hand, self_ in OnStart.
   std::uint64_t request_id_ = 0;  // Of the message in hand.
-  std::optional<Error> failure_;
+  bool has_failed_ = false;       // failure_ says why.
   bool is_in_handler_ = false;
   bool is_stop_requested_ = false;
-  std::uint64_t incarnation_ = 0;
+  std::uint32_t incarnation_ = 0;
   std::atomic<std::uint64_t> handled_ = 0;
 };
 

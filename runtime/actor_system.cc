@@ -45,8 +45,6 @@ class ActorSystem::Impl final : public CellSystem {
 
  private:
   // CellSystem.
-  bool is_flowing() const override { return is_flowing_; }
-  bool is_stopping() const override { return is_stopping_; }
   TimerThread& timers() override { return timers_; }
   TraceBook& trace() override { return trace_; }
   SendResult SendFrom(ActorCell& sender, const Address& to, proto::Message&& message) override;
@@ -73,12 +71,10 @@ class ActorSystem::Impl final : public CellSystem {
   RoleTable roles_;
   TraceBook trace_;
   std::atomic<Transport*> transport_ = nullptr;
-  std::atomic<bool> is_flowing_ = false;
-  std::atomic<bool> is_stopping_ = false;
   std::atomic<bool> is_fatal_ = false;
   const MonotonicTime created_ = std::chrono::steady_clock::now();
   std::mutex stop_mutex_;
-  bool is_started_ = false;
+  bool was_started_ = false;
 
   // Held while notices are delivered, so that they come in the order of what they tell. Taken before a cell's mutex.
   std::mutex monitors_mutex_;
@@ -89,7 +85,7 @@ class ActorSystem::Impl final : public CellSystem {
   // From here on the order matters: threads end before what they use.
   std::vector<std::unique_ptr<ActorCell>> cells_;  // Fixed from Start on, in the order of spawning.
   std::unordered_map<std::string, ActorCell*> cell_of_;
-  WorkerPool pool_;
+  alignas(64) WorkerPool pool_;  // Written at each hand-over, what is before it read at each send.
   TimerThread timers_;
 };
 
@@ -107,7 +103,7 @@ ActorSystem::Impl::Impl(Options options)
 // --- From outside ---
 
 void ActorSystem::Impl::Spawn(std::string name, SpawnOptions options, ActorFactory factory) {
-  Check(!is_started_, "actors are spawned before Start");
+  Check(!was_started_, "actors are spawned before Start");
   Check(!cell_of_.contains(name), "names of actors are unique");
   Supervisor::Options supervision;
   supervision.restarts_max = options_.restarts_max;
@@ -120,14 +116,14 @@ void ActorSystem::Impl::Spawn(std::string name, SpawnOptions options, ActorFacto
 }
 
 void ActorSystem::Impl::Start(Transport* transport) {
-  Check(!std::exchange(is_started_, true), "a system is started once");
+  Check(!std::exchange(was_started_, true), "a system is started once");
   transport_ = transport;
   for (const auto& cell : cells_) {
     if (is_stopping_) return;
     cell->BeginStart();
     cell->WaitUntilStarted();
   }
-  is_flowing_ = true;
+  is_started_ = true;
   for (const auto& cell : cells_) cell->Wake();
   ScheduleHealthCheck();
 }

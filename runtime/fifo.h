@@ -1,7 +1,7 @@
 // Fifo: a queue in a vector. Where it mostly runs empty between uses, as an actor's mailbox does, it begins anew at the
 // same place, in the cache, and all of it can change hands at once; a std::deque wanders through memory.
 //
-// Amortised constant time for all but push_front beyond what was popped. Not thread-safe.
+// Amortised constant time. Not thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -18,15 +18,7 @@ class Fifo {
   T& front() { return items_[first_]; }
   T& operator[](std::size_t index) { return items_[first_ + index]; }
 
-  void push_back(T item) { items_.push_back(std::move(item)); }
-
-  void push_front(T item) {
-    if (first_ > 0) {
-      items_[--first_] = std::move(item);
-    } else {
-      items_.insert(items_.begin(), std::move(item));
-    }
-  }
+  void push_back(T&& item) { items_.push_back(std::move(item)); }
 
   T pop_front() {
     T item = std::move(items_[first_]);
@@ -39,11 +31,9 @@ class Fifo {
     return item;
   }
 
-  // To an empty `to`.
-  void MoveAllTo(std::vector<T>* to) {
-    if (first_ > 0) items_.erase(items_.begin(), items_.begin() + static_cast<std::ptrdiff_t>(first_));
-    first_ = 0;
-    items_.swap(*to);
+  void swap(Fifo& other) {
+    items_.swap(other.items_);
+    std::swap(first_, other.first_);
   }
 
   void clear() {

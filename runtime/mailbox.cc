@@ -1,11 +1,20 @@
 #include "runtime/mailbox.h"
 
 #include <algorithm>
+#include <mutex>
 #include <utility>
 
 #include "model/check.h"
 
 namespace moondb {
+namespace {
+
+// For counters that one thread writes.
+void Add(std::atomic<std::uint64_t>& counter, std::uint64_t by) {
+  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
+}
+
+}  // namespace
 
 Mailbox::Mailbox(const SpawnOptions& options)
     : messages_limit_(options.messages_max),
@@ -15,128 +24,197 @@ Mailbox::Mailbox(const SpawnOptions& options)
   Check(options.overflow != Overflow::kLatestByKey || options.key != nullptr, "kLatestByKey says what the key is");
 }
 
-SendResult Mailbox::Push(Item item) {
-  if (IsControl(*item.message)) return PushControl(std::move(item));
-  std::string key;
-  if (key_) key = key_(*item.message);
-  const auto same = key.empty() ? place_of_.end() : place_of_.find(key);
-  if (same != place_of_.end()) {
-    Item& waiting = data_[same->second - taken_];
-    // The newer one may be larger; it is taken all the same, since refusing it would leave the reader with the older.
-    bytes_ += item.bytes - waiting.bytes;
-    bytes_max_ = std::max(bytes_max_, bytes_);
-    waiting = std::move(item);
-    ++replaced_;
-    return SendResult::kAccepted;
-  }
-  if (!item.is_timer && !HasRoom(item.bytes)) {
+// --- Any thread ---
+
+Mailbox::Pushed Mailbox::Push(Item&& item) {
+  const Pushed pushed = TryPush(item);
+  if (pushed.result == SendResult::kFull) {
+    const std::lock_guard lock(lock_);
     ++dropped_;
-    return SendResult::kFull;
   }
-  if (!key.empty()) place_of_.emplace(std::move(key), taken_ + data_.size());
-  Append(std::move(item));
-  return SendResult::kAccepted;
+  return pushed;
 }
 
-SendResult Mailbox::PushControl(Item item) {
+Mailbox::Pushed Mailbox::TryPush(Item& item) {
+  const bool is_control = IsControl(*item.message);
+  std::string key;
+  if (key_ && !is_control && !item.is_timer) key = key_(*item.message);
+  const std::lock_guard lock(lock_);
+  if (is_closed_) return {SendResult::kUnreachable};
+  const SendResult result = is_control    ? PushControl(item)
+                            : key.empty() ? PushData(item)
+                                          : PushKeyed(item, std::move(key));
+  return {result, result == SendResult::kAccepted && std::exchange(is_reader_away_, false)};
+}
+
+bool Mailbox::Nudge() {
+  const std::lock_guard lock(lock_);
+  is_nudged_ = true;
+  return std::exchange(is_reader_away_, false);
+}
+
+Mailbox::Counts Mailbox::counts() const {
+  const std::lock_guard lock(lock_);
+  const Totals taken = this->taken();
+  Counts counts;
+  counts.waiting = pushed_.items - taken.items;
+  counts.waiting_max = waiting_max_;
+  counts.bytes = pushed_.bytes - taken.bytes;
+  counts.bytes_max = bytes_max_;
+  counts.dropped = dropped_;
+  counts.replaced = replaced_;
+  return counts;
+}
+
+bool Mailbox::is_half_free() const {
+  const std::lock_guard lock(lock_);
+  const Totals taken = this->taken();
+  return pushed_.messages - taken.messages <= messages_limit_ / 2 && pushed_.bytes - taken.bytes <= bytes_limit_ / 2;
+}
+
+// --- With lock_ held ---
+
+SendResult Mailbox::PushControl(Item& item) {
   if (control_.size() >= kControlMessagesMax) {
     const auto body = item.message->body_case();
     const auto newest = std::find_if(control_.rbegin(), control_.rend(),
                                      [body](const Item& waiting) { return waiting.message->body_case() == body; });
-    ++dropped_;
     if (newest == control_.rend()) return SendResult::kFull;
+    ++dropped_;
     control_.erase(std::next(newest).base());
+    --pushed_.items;
   }
+  ++pushed_.items;
   control_.push_back(std::move(item));
-  size_max_ = std::max(size_max_, size());
+  has_control_.store(true, std::memory_order_relaxed);
   return SendResult::kAccepted;
 }
 
-bool Mailbox::HasRoom(std::size_t bytes) const {
-  if (data_.size() - timer_count_ >= messages_limit_) return false;
-  // bytes_ may lie above the limit while one larger message waits alone.
-  return bytes_ == 0 || (bytes_ < bytes_limit_ && bytes <= bytes_limit_ - bytes_);
+SendResult Mailbox::PushKeyed(Item& item, std::string key) {
+  const auto same = place_of_.find(key);
+  if (same == place_of_.end()) {
+    const SendResult result = PushData(item);
+    if (result == SendResult::kAccepted) place_of_.emplace(std::move(key), keyed_taken_ + pushed_items_.size() - 1);
+    return result;
+  }
+  Item& waiting = pushed_items_[same->second - keyed_taken_];
+  // The newer one may be larger; it is taken all the same, since refusing it would leave the reader with the older.
+  pushed_.bytes += item.bytes - waiting.bytes;
+  bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken().bytes);
+  waiting = std::move(item);
+  ++replaced_;
+  return SendResult::kAccepted;
 }
 
-void Mailbox::Append(Item item) {
+SendResult Mailbox::PushData(Item& item) {
   if (item.is_timer) {
     item.bytes = 0;
-    ++timer_count_;
+  } else if (!HasRoom(item.bytes)) {
+    return SendResult::kFull;
   }
-  bytes_ += item.bytes;
-  data_.push_back(std::move(item));
-  size_max_ = std::max(size_max_, size());
-  bytes_max_ = std::max(bytes_max_, bytes_);
+  Count(item);
+  pushed_items_.push_back(std::move(item));
+  return SendResult::kAccepted;
 }
 
-std::optional<Mailbox::Item> Mailbox::Pop() {
-  if (control_.empty()) return data_.empty() ? std::nullopt : std::optional(TakeFront());
-  Item item = std::move(control_.front());
-  control_.pop_front();
+bool Mailbox::HasRoom(std::size_t bytes) {
+  if (Fits(bytes)) return true;
+  SeeTaken();
+  return Fits(bytes);
+}
+
+bool Mailbox::Fits(std::size_t bytes) const {
+  if (pushed_.messages - seen_.messages >= messages_limit_) return false;
+  // What waits may lie above the limit while one larger message waits alone.
+  const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
+  return waiting == 0 || (waiting < bytes_limit_ && bytes <= bytes_limit_ - waiting);
+}
+
+void Mailbox::SeeTaken() { seen_ = taken(); }
+
+void Mailbox::Count(const Item& item) {
+  ++pushed_.items;
+  pushed_.bytes += item.bytes;
+  if (!item.is_timer) ++pushed_.messages;
+  // Only a new maximum is worth a look at the reader's counters.
+  if (pushed_.items - seen_.items <= waiting_max_ && pushed_.bytes - seen_.bytes <= bytes_max_) return;
+  SeeTaken();
+  waiting_max_ = std::max(waiting_max_, pushed_.items - seen_.items);
+  bytes_max_ = std::max(bytes_max_, pushed_.bytes - seen_.bytes);
+}
+
+Mailbox::Item Mailbox::TakeKeyed() {
+  Item item = pushed_items_.pop_front();
+  const auto same = item.is_timer ? place_of_.end() : place_of_.find(key_(*item.message));
+  if (same != place_of_.end() && same->second == keyed_taken_) place_of_.erase(same);
+  ++keyed_taken_;
   return item;
 }
 
-void Mailbox::Take(bool one_by_one, std::vector<Item>* batch) {
-  if (!control_.empty()) {
-    std::move(control_.begin(), control_.end(), std::back_inserter(*batch));
-    control_.clear();
-    return;
-  }
-  const std::size_t count = one_by_one || key_ ? 1 : kBatchMessages;
-  if (data_.size() <= count && bytes_ <= kBatchBytes && !key_) return TakeAllData(batch);
-  std::size_t bytes = 0;
-  for (std::size_t i = 0; i < count && !data_.empty(); ++i) {
-    bytes += data_.front().bytes;
-    if (i > 0 && bytes > kBatchBytes) return;
-    batch->push_back(TakeFront());
-  }
-}
+// --- The reader ---
 
-void Mailbox::TakeAllData(std::vector<Item>* batch) {
-  taken_ += data_.size();
-  timer_count_ = 0;
-  bytes_ = 0;
-  data_.MoveAllTo(batch);
-}
-
-Mailbox::Item Mailbox::TakeFront() {
-  Item item = data_.pop_front();
-  if (key_) {
-    const auto same = place_of_.find(key_(*item.message));
-    if (same != place_of_.end() && same->second == taken_) place_of_.erase(same);
+std::optional<Mailbox::Item> Mailbox::Take() {
+  std::optional<Item> item;
+  if (has_control_.load(std::memory_order_relaxed)) {
+    const std::lock_guard lock(lock_);
+    item = std::move(control_.front());
+    control_.pop_front();
+    if (control_.empty()) has_control_.store(false, std::memory_order_relaxed);
+    Add(taken_items_, 1);
+    return item;
   }
-  ++taken_;
-  if (item.is_timer) --timer_count_;
-  bytes_ -= item.bytes;
-  return item;
-}
-
-void Mailbox::PutBack(std::vector<Item>* batch, std::size_t first) {
-  for (std::size_t i = batch->size(); i > first; --i) {
-    Item& item = (*batch)[i - 1];
-    if (IsControl(*item.message)) {
-      control_.push_front(std::move(item));
-      continue;
+  if (!items_.empty()) {
+    item = items_.pop_front();
+  } else {
+    const std::lock_guard lock(lock_);
+    if (pushed_items_.empty()) return std::nullopt;
+    if (key_) {
+      item = TakeKeyed();  // One by one: what was taken over can be replaced no more.
+    } else {
+      if (pushed_items_.size() > 1) items_.swap(pushed_items_);
+      item = items_.empty() ? pushed_items_.pop_front() : items_.pop_front();
     }
-    if (item.is_timer) ++timer_count_;
-    bytes_ += item.bytes;
-    data_.push_front(std::move(item));
-    --taken_;
   }
-  batch->resize(std::min(first, batch->size()));
+  CountTaken(*item);
+  // Another core may have written it: the next one comes while this one is handled.
+  if (!items_.empty()) __builtin_prefetch(items_.front().message.get());
+  return item;
 }
 
-void Mailbox::Clear() {
-  taken_ += data_.size();
-  control_.clear();
-  data_.clear();
-  place_of_.clear();
-  timer_count_ = 0;
-  bytes_ = 0;
+void Mailbox::CountTaken(const Item& item) {
+  Add(taken_items_, 1);
+  Add(taken_bytes_, item.bytes);
+  if (!item.is_timer) Add(taken_messages_, 1);
 }
 
-bool Mailbox::is_half_free() const {
-  return data_.size() - timer_count_ <= messages_limit_ / 2 && bytes_ <= bytes_limit_ / 2;
+Mailbox::Totals Mailbox::taken() const {
+  return {taken_items_.load(std::memory_order_relaxed), taken_messages_.load(std::memory_order_relaxed),
+          taken_bytes_.load(std::memory_order_relaxed)};
+}
+
+bool Mailbox::GoAway(bool for_messages) {
+  const std::lock_guard lock(lock_);
+  if (std::exchange(is_nudged_, false)) return false;
+  if (for_messages && pushed_.items != taken_items_.load(std::memory_order_relaxed)) return false;
+  is_reader_away_ = true;
+  return true;
+}
+
+void Mailbox::Close() {
+  Fifo<Item> unread;  // Let go without the lock: messages may be large.
+  std::deque<Item> control;
+  {
+    const std::lock_guard lock(lock_);
+    is_closed_ = true;
+    unread.swap(pushed_items_);
+    control.swap(control_);
+    has_control_.store(false, std::memory_order_relaxed);
+    place_of_.clear();
+    taken_items_.store(pushed_.items, std::memory_order_relaxed);
+    taken_messages_.store(pushed_.messages, std::memory_order_relaxed);
+    taken_bytes_.store(pushed_.bytes, std::memory_order_relaxed);
+  }
+  items_.clear();
 }
 
 }  // namespace moondb

@@ -1,9 +1,12 @@
 // Mailbox: the messages that wait for one actor, bounded in number and bytes, in the order in which they came; control
 // messages before data.
 //
-// Not thread-safe: its owner guards it.
+// Any thread pushes; one thread at a time, the reader, takes. The senders' lock is held for one push, or while the
+// reader takes over all that came since it last did. A reader without work goes away; the push that it has to be called
+// back for says so, and no other.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -11,10 +14,10 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
-#include <vector>
 
 #include "runtime/actor.h"
 #include "runtime/fifo.h"
+#include "runtime/spin_lock.h"
 
 namespace moondb {
 
@@ -24,63 +27,101 @@ class Mailbox {
     MessagePtr message;
     const Address* sender = nullptr;     // Outlives the item; null: the envelope says who it is.
     std::size_t bytes = 0;               // Towards the bound, as serialised.
-    std::uint64_t incarnation = 0;       // Of the actor whose timer this is.
+    std::uint32_t incarnation = 0;       // Of the actor whose timer this is.
     std::uint16_t sender_name = 0xFFFF;  // In traces; 0xFFFF: not one of this agent's actors.
     bool is_timer = false;               // Past the bounds.
   };
 
-  // Items of one batch count no longer towards the bounds: at most so many messages and, if more than one, bytes.
-  static constexpr std::size_t kBatchMessages = 64;
-  static constexpr std::size_t kBatchBytes = 64 * 1024;
+  struct Pushed {
+    SendResult result;
+    bool must_call_reader = false;  // It is away; it has been told nothing yet.
+  };
+
+  struct Counts {
+    std::size_t waiting = 0;  // On both lanes.
+    std::size_t waiting_max = 0;
+    std::size_t bytes = 0;  // On the data lane.
+    std::size_t bytes_max = 0;
+    std::uint64_t dropped = 0;
+    std::uint64_t replaced = 0;
+  };
 
   explicit Mailbox(const SpawnOptions& options);
 
-  // To the lane that IsControl says. kAccepted, or kFull: dropped and counted. A message larger than bytes_max is taken
-  // when no other counts towards the bytes.
-  SendResult Push(Item item);
+  // --- Any thread ---
+
+  // To the lane that IsControl says. kAccepted; kFull: dropped and counted; kUnreachable after Close. A message larger
+  // than bytes_max is taken when no other counts towards the bytes.
+  Pushed Push(Item&& item);
+  // Likewise, but `item` is left alone, and not counted, unless accepted.
+  Pushed TryPush(Item& item);
+  // The reader is to look for work that is not a message. Whether it has to be called back.
+  bool Nudge();
+
+  Counts counts() const;
+  bool empty() const { return counts().waiting == 0; }
+  // Whether a sender that found no room should try again: half of the bound is free.
+  bool is_half_free() const;
+
+  // --- The reader ---
 
   // The next message, if any.
-  std::optional<Item> Pop();
-  // The next messages: the control messages alone if there are any, else a batch of data. Of a kLatestByKey mailbox
-  // and of `one_by_one` a single one: what is in a batch can be replaced no more. `batch` is empty.
-  void Take(bool one_by_one, std::vector<Item>* batch);
-  // Items of a batch from `first` on were not handled: back to where they were.
-  void PutBack(std::vector<Item>* batch, std::size_t first);
-
-  // Whether Push would take a data message of so many bytes, no key considered.
-  bool HasRoom(std::size_t bytes) const;
-
-  void Clear();  // Not counted as dropped.
-
-  bool empty() const { return control_.empty() && data_.empty(); }
-  bool has_control() const { return !control_.empty(); }
-  // Whether a kBlock sender that found no room should try again: half of the bound is free.
-  bool is_half_free() const;
-  std::size_t size() const { return control_.size() + data_.size(); }
-  std::size_t bytes() const { return bytes_; }
-  std::size_t size_max() const { return size_max_; }    // The most that ever waited.
-  std::size_t bytes_max() const { return bytes_max_; }  // Likewise.
-  std::uint64_t dropped() const { return dropped_; }
-  std::uint64_t replaced() const { return replaced_; }
+  std::optional<Item> Take();
+  // Take will look at what was pushed since it last did.
+  bool must_look() const { return items_.empty(); }
+  // Goes away: true. False: it was nudged since, or `for_messages` and there are some. It is away from the beginning.
+  // Once away, the mailbox may have another reader already.
+  bool GoAway(bool for_messages);
+  // Drops all, not counted as dropped, and refuses whatever comes.
+  void Close();
 
  private:
-  SendResult PushControl(Item item);
-  void Append(Item item);
-  Item TakeFront();
-  void TakeAllData(std::vector<Item>* batch);
+  // What counts towards the bounds, and all there is; of what was ever pushed or taken.
+  struct Totals {
+    std::uint64_t items = 0;
+    std::uint64_t messages = 0;  // Of the data lane, without timers.
+    std::uint64_t bytes = 0;     // Of these.
+  };
 
-  const std::size_t messages_limit_;
-  const std::size_t bytes_limit_;
+  // With lock_ held.
+  SendResult PushControl(Item& item);
+  SendResult PushKeyed(Item& item, std::string key);
+  SendResult PushData(Item& item);
+  bool HasRoom(std::size_t bytes);
+  bool Fits(std::size_t bytes) const;
+  void SeeTaken();
+  void Count(const Item& item);
+  Item TakeKeyed();
+
+  Totals taken() const;
+  void CountTaken(const Item& item);
+
+  const std::uint64_t messages_limit_;
+  const std::uint64_t bytes_limit_;
+
+  mutable SpinLock lock_;
+  bool is_reader_away_ = true;
+  bool is_nudged_ = false;
+  bool is_closed_ = false;
+  Fifo<Item> pushed_items_;
+  Totals pushed_;
+  Totals seen_;  // taken() as last looked at: the reader's cache line is left alone while there is room.
+  std::uint64_t waiting_max_ = 0;
+  std::uint64_t bytes_max_ = 0;
+
+  // The reader's; on a cache line of their own, as is what the senders write.
+  alignas(64) Fifo<Item> items_;
+  std::atomic<std::uint64_t> taken_items_ = 0;
+  std::atomic<std::uint64_t> taken_messages_ = 0;
+  std::atomic<std::uint64_t> taken_bytes_ = 0;
+
+  std::atomic<bool> has_control_ = false;
+
+  // Seldom used. With lock_ held, but for key_.
   const std::function<std::string(const proto::Message&)> key_;  // Empty: not kLatestByKey.
-
   std::deque<Item> control_;
-  Fifo<Item> data_;
-  std::uint64_t taken_ = 0;                                  // Items that ever left the front of data_.
-  std::unordered_map<std::string, std::uint64_t> place_of_;  // Key to the waiting item: taken_ + index.
-  std::size_t timer_count_ = 0;                              // Of data_.
-  std::size_t bytes_ = 0;
-  std::size_t size_max_ = 0;
-  std::size_t bytes_max_ = 0;
+  std::unordered_map<std::string, std::uint64_t> place_of_;  // Key to the waiting item: keyed_taken_ + index.
+  std::uint64_t keyed_taken_ = 0;                            // Items that ever left the front of pushed_items_.
   std::uint64_t dropped_ = 0;
   std::uint64_t replaced_ = 0;
 };

@@ -1,13 +1,12 @@
 // WorkerPool: threads that run what was submitted, in that order, and sleep when there is nothing.
 //
 // One queue under one mutex, no stealing and no polling: with a handful of actors and short turns the lock is rarely
-// contended, and an idle agent uses no battery. Before a thread that
-// has worked sleeps, it yields the processor a few times (1 to 3 us in all): in a steady stream nobody pays for putting
-// to sleep and waking, and what comes one by one is taken in batches. What one of the pool's own threads submits first
-// in a turn waits in that thread's next slot instead and runs right after the turn, so that request and reply stay on
-// one thread, in its cache, without a lock and without waking another. So a turn that submits and then goes on for long
-// delays what it submitted: long turns belong on a thread of their own. With one thread the pool is that thread's
-// queue.
+// contended, and an idle agent uses no battery. Before a thread that has worked sleeps, it yields the processor a few
+// times (1 to 3 us in all): in a steady stream nobody pays for putting to sleep and waking. What one of the pool's own
+// threads submits first in a turn waits in that thread's next slot instead and runs right after the turn, so that
+// request and reply stay on one thread, in its cache, without a lock and without waking another. So a turn that submits
+// and then goes on for long delays what it submitted: long turns belong on a thread of their own. With one thread the
+// pool is that thread's queue.
 #pragma once
 
 #include <atomic>
@@ -42,6 +41,9 @@ class WorkerPool {
   // As Submit, but behind all that waits: for what had its turn already.
   void SubmitLast(Runnable* task);
 
+  // In a turn: lets others have the processor, up to so many times, unless other work waits in the pool.
+  void YieldWithoutWork(int times) const;
+
   // Lets running turns end, drops waiting ones. Not from one of its own threads. Idempotent.
   void Join();
 
@@ -50,7 +52,6 @@ class WorkerPool {
 
   void Run();
   Runnable* Next(Worker& worker);
-  void Linger() const;
 
   std::mutex mutex_;
   std::condition_variable changed_;

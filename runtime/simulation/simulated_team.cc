@@ -309,7 +309,8 @@ void SimulatedTeam::Impl::StartHost(Host& host) {
   while (SettleHandler(host, nullptr, host.Start())) {
   }
   // What came while the actor was away.
-  for (std::size_t i = 0; host.has_actor() && i < host.mailbox.size(); ++i) ScheduleStep(host);
+  const std::size_t waiting = host.mailbox.counts().waiting;
+  for (std::size_t i = 0; host.has_actor() && i < waiting; ++i) ScheduleStep(host);
 }
 
 bool SimulatedTeam::Impl::SettleHandler(Host& host, const Mailbox::Item* item, const std::optional<Error>& failure) {
@@ -368,7 +369,7 @@ void SimulatedTeam::Impl::ScheduleStep(Host& host) {
 
 void SimulatedTeam::Impl::Step(Host& host) {
   if (!host.has_actor()) return;  // Waits to be made anew; the mailbox is kept, StartHost schedules again.
-  const std::optional<Mailbox::Item> item = host.mailbox.Pop();
+  const std::optional<Mailbox::Item> item = host.mailbox.Take();
   if (!item) return;
   if (item->is_timer && item->incarnation != host.incarnation()) return;  // Of one that died.
   Trace(host.self(), item->sender != nullptr ? *item->sender : SenderOf(*item->message), *item->message);
@@ -416,7 +417,7 @@ TimerId SimulatedTeam::Impl::StartTimer(Host& host, Duration delay, proto::Messa
   return events_.Add(now_ + std::max(delay, Duration::zero()),
                      [this, &agent = host.agent, life = host.life, &host, item = std::move(item)] {
                        if (agent.life != life) return;
-                       (void)host.mailbox.Push(item);
+                       (void)host.mailbox.Push(Mailbox::Item(item));
                        ScheduleStep(host);
                      });
 }
@@ -438,7 +439,7 @@ void SimulatedTeam::Impl::Crash(Agent& agent) {
   agent.crashed = now_;
   radio_.ClearOutbox(agent.id);
   for (auto host = agent.hosts.rbegin(); host != agent.hosts.rend(); ++host) {
-    (*host)->mailbox.Clear();
+    (*host)->mailbox.Close();
     if (!(*host)->is_in_handler()) (*host)->End();  // Else SettleHandler ends it.
   }
 }
@@ -506,7 +507,7 @@ SendResult SimulatedTeam::Impl::HandOver(const Address& to, MessagePtr message, 
       item.bytes = message->ByteSizeLong();
       item.message = std::move(message);
       item.sender = sender;
-      const SendResult result = host->mailbox.Push(std::move(item));
+      const SendResult result = host->mailbox.Push(std::move(item)).result;
       if (result == SendResult::kAccepted) ScheduleStep(*host);
       return result;
     }
@@ -650,9 +651,10 @@ SystemStatus SimulatedTeam::Impl::StatusOf(const Agent& agent) const {
     proto::ActorStatus& actor = status.actors.emplace_back();
     actor.set_name(host->self().actor);
     actor.set_handled(static_cast<double>(host->handled()));
-    actor.set_queued(static_cast<double>(host->mailbox.size()));
-    actor.set_queued_max(static_cast<double>(host->mailbox.size_max()));
-    actor.set_dropped(static_cast<double>(host->mailbox.dropped()));
+    const Mailbox::Counts counts = host->mailbox.counts();
+    actor.set_queued(static_cast<double>(counts.waiting));
+    actor.set_queued_max(static_cast<double>(counts.waiting_max));
+    actor.set_dropped(static_cast<double>(counts.dropped));
     actor.set_restarts(static_cast<double>(host->restarts));
   }
   for (const auto& [id, other] : agents_) {

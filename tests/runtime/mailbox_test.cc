@@ -7,7 +7,10 @@
 #include <map>
 #include <memory>
 #include <random>
+#include <semaphore>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "tests/runtime/scripted_actor.h"
@@ -57,97 +60,97 @@ SpawnOptions LatestByKey(std::size_t messages_max) {
   return options;
 }
 
-std::vector<std::uint64_t> PopAll(Mailbox& mailbox) {
-  std::vector<std::uint64_t> numbers;
-  while (const auto item = mailbox.Pop()) numbers.push_back(item->message->request_id());
-  return numbers;
-}
+SendResult Push(Mailbox& mailbox, Mailbox::Item item) { return mailbox.Push(std::move(item)).result; }
 
-std::vector<std::uint64_t> NumbersOf(const std::vector<Mailbox::Item>& items) {
+std::vector<std::uint64_t> TakeAll(Mailbox& mailbox) {
   std::vector<std::uint64_t> numbers;
-  for (const Mailbox::Item& item : items) numbers.push_back(item.message->request_id());
+  while (const auto item = mailbox.Take()) numbers.push_back(item->message->request_id());
   return numbers;
 }
 
 TEST(MailboxTest, FirstInFirstOut) {
   Mailbox mailbox({});
-  EXPECT_EQ(mailbox.Push(Data(1, 10)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Timer(2, 7)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Data(3, 10)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Pop()->message->request_id(), 1u);
-  const Mailbox::Item timer = *mailbox.Pop();
+  EXPECT_EQ(Push(mailbox, Data(1, 10)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Timer(2, 7)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(3, 10)), SendResult::kAccepted);
+  EXPECT_EQ(mailbox.Take()->message->request_id(), 1u);
+  const Mailbox::Item timer = *mailbox.Take();
   EXPECT_EQ(timer.message->request_id(), 2u);
   EXPECT_EQ(timer.incarnation, 7u);
-  EXPECT_EQ(mailbox.Pop()->message->request_id(), 3u);
-  EXPECT_FALSE(mailbox.Pop());
-  EXPECT_EQ(mailbox.size_max(), 3u);
-  EXPECT_EQ(mailbox.bytes_max(), 20u);
+  EXPECT_EQ(mailbox.Take()->message->request_id(), 3u);
+  EXPECT_FALSE(mailbox.Take());
+  EXPECT_EQ(mailbox.counts().waiting_max, 3u);
+  EXPECT_EQ(mailbox.counts().bytes_max, 20u);
 }
 
 TEST(MailboxTest, CountIsBoundedAndRefusalsCounted) {
   Mailbox mailbox({.messages_max = 2});
-  EXPECT_EQ(mailbox.Push(Data(1)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Data(2)), SendResult::kAccepted);
-  EXPECT_FALSE(mailbox.HasRoom(0));
-  EXPECT_EQ(mailbox.Push(Data(3)), SendResult::kFull);
-  EXPECT_EQ(mailbox.dropped(), 1u);
-  mailbox.Pop();
-  EXPECT_TRUE(mailbox.HasRoom(0));
-  EXPECT_EQ(mailbox.Push(Data(4)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(2)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(3)), SendResult::kFull);
+  EXPECT_EQ(mailbox.counts().dropped, 1u);
+  mailbox.Take();
+  EXPECT_EQ(Push(mailbox, Data(4)), SendResult::kAccepted);
 }
 
 TEST(MailboxTest, BytesAreBoundedAndGivenBack) {
   Mailbox mailbox({.bytes_max = 100});
-  EXPECT_EQ(mailbox.Push(Data(1, 60)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Data(2, 41)), SendResult::kFull);
-  EXPECT_EQ(mailbox.Push(Data(3, 40)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.bytes(), 100u);
-  mailbox.Pop();
-  EXPECT_EQ(mailbox.bytes(), 40u);
-  EXPECT_EQ(mailbox.Push(Data(4, 60)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(1, 60)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(2, 41)), SendResult::kFull);
+  EXPECT_EQ(Push(mailbox, Data(3, 40)), SendResult::kAccepted);
+  EXPECT_EQ(mailbox.counts().bytes, 100u);
+  mailbox.Take();
+  EXPECT_EQ(mailbox.counts().bytes, 40u);
+  EXPECT_EQ(Push(mailbox, Data(4, 60)), SendResult::kAccepted);
 }
 
 TEST(MailboxTest, OneMessageLargerThanTheBoundFitsAlone) {
   Mailbox mailbox({.bytes_max = 100});
-  EXPECT_EQ(mailbox.Push(Data(1, 5000)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Data(2, 1)), SendResult::kFull);
-  mailbox.Pop();
-  EXPECT_EQ(mailbox.Push(Data(3, 1)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Data(4, 5000)), SendResult::kFull);
+  EXPECT_EQ(Push(mailbox, Data(1, 5000)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(2, 1)), SendResult::kFull);
+  mailbox.Take();
+  EXPECT_EQ(Push(mailbox, Data(3, 1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(4, 5000)), SendResult::kFull);
 }
 
 TEST(MailboxTest, TimersPassTheBoundsAndTakeNoRoom) {
   Mailbox mailbox({.messages_max = 1, .bytes_max = 1});
-  for (int i = 0; i < 10; ++i) EXPECT_EQ(mailbox.Push(Timer(i)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Data(10, 1)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Timer(11)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.size(), 12u);
-  EXPECT_EQ(mailbox.dropped(), 0u);
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(Push(mailbox, Timer(i)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(10, 1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Timer(11)), SendResult::kAccepted);
+  EXPECT_EQ(mailbox.counts().waiting, 12u);
+  EXPECT_EQ(mailbox.counts().dropped, 0u);
 }
 
 TEST(MailboxTest, ControlGoesBeforeDataAndTakesNoRoom) {
   Mailbox mailbox({.messages_max = 1});
-  EXPECT_EQ(mailbox.Push(Data(1)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(PeerEvent(2)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(PeerEvent(3)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Data(4)), SendResult::kFull);
-  std::vector<Mailbox::Item> batch;
-  mailbox.Take(/*one_by_one=*/false, &batch);
-  EXPECT_THAT(NumbersOf(batch), ElementsAre(2, 3));
-  EXPECT_THAT(PopAll(mailbox), ElementsAre(1));
+  EXPECT_EQ(Push(mailbox, Data(1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, PeerEvent(2)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, PeerEvent(3)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(4)), SendResult::kFull);
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(2, 3, 1));
+}
+
+TEST(MailboxTest, ControlGoesBeforeDataThatTheReaderTookOver) {
+  Mailbox mailbox({});
+  for (int i = 1; i <= 3; ++i) EXPECT_EQ(Push(mailbox, Data(i)), SendResult::kAccepted);
+  EXPECT_EQ(mailbox.Take()->message->request_id(), 1u);
+  EXPECT_EQ(Push(mailbox, Data(4)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, PeerEvent(5)), SendResult::kAccepted);
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(5, 2, 3, 4));
 }
 
 TEST(MailboxTest, FullControlLaneKeepsTheNewestOfAKind) {
   Mailbox mailbox({});
-  for (std::size_t i = 0; i < kControlMessagesMax; ++i) ASSERT_EQ(mailbox.Push(PeerEvent(i)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(PeerEvent(1000)), SendResult::kAccepted);
+  for (std::size_t i = 0; i < kControlMessagesMax; ++i) ASSERT_EQ(Push(mailbox, PeerEvent(i)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, PeerEvent(1000)), SendResult::kAccepted);
   proto::Message ping;
   ping.mutable_ping();
   Mailbox::Item other;
   other.message = std::make_shared<proto::Message>(ping);
-  EXPECT_EQ(mailbox.Push(other), SendResult::kFull);
-  EXPECT_EQ(mailbox.dropped(), 2u);
-  const auto numbers = PopAll(mailbox);
+  EXPECT_EQ(Push(mailbox, other), SendResult::kFull);
+  EXPECT_EQ(mailbox.counts().dropped, 2u);
+  const auto numbers = TakeAll(mailbox);
   ASSERT_EQ(numbers.size(), kControlMessagesMax);
   EXPECT_EQ(numbers.front(), 0u);
   EXPECT_EQ(numbers[kControlMessagesMax - 2], kControlMessagesMax - 2);
@@ -156,67 +159,118 @@ TEST(MailboxTest, FullControlLaneKeepsTheNewestOfAKind) {
 
 TEST(MailboxTest, LatestOfAKeyTakesThePlaceOfTheWaitingOne) {
   Mailbox mailbox(LatestByKey(2));
-  EXPECT_EQ(mailbox.Push(Keyed("a", 1, 10)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Keyed("b", 2, 10)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Keyed("a", 3, 15)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Keyed("c", 4, 10)), SendResult::kFull);
-  EXPECT_EQ(mailbox.replaced(), 1u);
-  EXPECT_EQ(mailbox.dropped(), 1u);
-  EXPECT_EQ(mailbox.bytes(), 25u);
-  EXPECT_THAT(PopAll(mailbox), ElementsAre(3, 2));
-  EXPECT_EQ(mailbox.Push(Keyed("a", 5)), SendResult::kAccepted);  // What left is replaced no more.
-  EXPECT_THAT(PopAll(mailbox), ElementsAre(5));
+  EXPECT_EQ(Push(mailbox, Keyed("a", 1, 10)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Keyed("b", 2, 10)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Keyed("a", 3, 15)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Keyed("c", 4, 10)), SendResult::kFull);
+  EXPECT_EQ(mailbox.counts().replaced, 1u);
+  EXPECT_EQ(mailbox.counts().dropped, 1u);
+  EXPECT_EQ(mailbox.counts().bytes, 25u);
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(3, 2));
+  EXPECT_EQ(Push(mailbox, Keyed("a", 5)), SendResult::kAccepted);  // What left is replaced no more.
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(5));
 }
 
 TEST(MailboxTest, WithoutAKeyNothingIsReplaced) {
   Mailbox mailbox(LatestByKey(3));
-  EXPECT_EQ(mailbox.Push(Keyed("", 1)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.Push(Keyed("", 2)), SendResult::kAccepted);
-  EXPECT_THAT(PopAll(mailbox), ElementsAre(1, 2));
+  EXPECT_EQ(Push(mailbox, Keyed("", 1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Keyed("", 2)), SendResult::kAccepted);
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(1, 2));
 }
 
-TEST(MailboxTest, BatchesEndAtABoundAndALargeMessageGoesAlone) {
+TEST(MailboxTest, WhatTheReaderTookOverCountsUntilItIsTaken) {
+  Mailbox mailbox({.messages_max = 3});
+  for (int i = 1; i <= 3; ++i) EXPECT_EQ(Push(mailbox, Data(i, 10)), SendResult::kAccepted);
+  (void)mailbox.Take();
+  EXPECT_EQ(mailbox.counts().waiting, 2u);
+  EXPECT_EQ(mailbox.counts().bytes, 20u);
+  EXPECT_FALSE(mailbox.is_half_free());
+  EXPECT_EQ(Push(mailbox, Data(4, 10)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Data(5, 10)), SendResult::kFull);
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(2, 3, 4));
+  EXPECT_EQ(mailbox.counts().bytes, 0u);
+  EXPECT_EQ(mailbox.counts().waiting_max, 3u);
+  EXPECT_TRUE(mailbox.is_half_free());
+}
+
+TEST(MailboxTest, TryPushLeavesWhatItRefusesAndCountsItNot) {
+  Mailbox mailbox({.messages_max = 1});
+  Mailbox::Item item = Data(1);
+  EXPECT_EQ(mailbox.TryPush(item).result, SendResult::kAccepted);
+  EXPECT_EQ(item.message, nullptr);
+  item = Data(2);
+  EXPECT_EQ(mailbox.TryPush(item).result, SendResult::kFull);
+  ASSERT_NE(item.message, nullptr);
+  EXPECT_EQ(mailbox.counts().dropped, 0u);
+}
+
+TEST(MailboxTest, ReaderThatIsAwayIsCalledOnce) {
+  Mailbox mailbox({.messages_max = 2});
+  EXPECT_TRUE(mailbox.Push(Data(1)).must_call_reader);
+  EXPECT_FALSE(mailbox.Push(Data(2)).must_call_reader);
+  EXPECT_FALSE(mailbox.Push(Data(3)).must_call_reader);  // Full.
+  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));   // There are some.
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(1, 2));
+  EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/true));
+  EXPECT_TRUE(mailbox.Push(PeerEvent(4)).must_call_reader);
+  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/true));
+  EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));  // It cannot handle any now.
+  EXPECT_TRUE(mailbox.Push(Data(5)).must_call_reader);
+}
+
+TEST(MailboxTest, NudgeIsNotMissed) {
   Mailbox mailbox({});
-  for (std::size_t i = 0; i < Mailbox::kBatchMessages + 1; ++i) (void)mailbox.Push(Data(i, 1));
-  std::vector<Mailbox::Item> batch;
-  mailbox.Take(/*one_by_one=*/false, &batch);
-  EXPECT_EQ(batch.size(), Mailbox::kBatchMessages);
-  mailbox.Clear();
-  (void)mailbox.Push(Data(1, 2 * Mailbox::kBatchBytes));
-  (void)mailbox.Push(Data(2, 1));
-  batch.clear();
-  mailbox.Take(/*one_by_one=*/false, &batch);
-  EXPECT_THAT(NumbersOf(batch), ElementsAre(1));
-  batch.clear();
-  (void)mailbox.Push(Data(3, 1));
-  mailbox.Take(/*one_by_one=*/true, &batch);
-  EXPECT_THAT(NumbersOf(batch), ElementsAre(2));
+  EXPECT_TRUE(mailbox.Nudge());
+  EXPECT_FALSE(mailbox.Nudge());
+  EXPECT_FALSE(mailbox.GoAway(/*for_messages=*/false));  // It came while the reader was there, and perhaps past it.
+  EXPECT_TRUE(mailbox.GoAway(/*for_messages=*/false));
 }
 
-TEST(MailboxTest, WhatIsPutBackComesFirstAgain) {
-  Mailbox mailbox({.messages_max = 4});
-  for (int i = 1; i <= 3; ++i) (void)mailbox.Push(Data(i, 10));
-  (void)mailbox.Push(Timer(4));
-  std::vector<Mailbox::Item> batch;
-  mailbox.Take(/*one_by_one=*/false, &batch);
-  (void)mailbox.Push(Data(5, 10));
-  mailbox.PutBack(&batch, 1);
-  EXPECT_EQ(mailbox.bytes(), 30u);
-  EXPECT_THAT(NumbersOf(batch), testing::SizeIs(1));
-  EXPECT_THAT(PopAll(mailbox), ElementsAre(2, 3, 4, 5));
-  EXPECT_EQ(mailbox.bytes(), 0u);
-}
-
-TEST(MailboxTest, ClearLeavesRoomForAll) {
-  Mailbox mailbox(LatestByKey(1));
-  (void)mailbox.Push(Timer(1));
-  ASSERT_EQ(mailbox.Push(Keyed("a", 2, 10)), SendResult::kAccepted);
-  mailbox.Clear();
+TEST(MailboxTest, ClosedItHoldsNothingAndRefuses) {
+  Mailbox mailbox(LatestByKey(3));
+  (void)Push(mailbox, Timer(1));
+  ASSERT_EQ(Push(mailbox, Keyed("a", 2, 10)), SendResult::kAccepted);
+  (void)Push(mailbox, PeerEvent(3));
+  mailbox.Close();
   EXPECT_TRUE(mailbox.empty());
-  EXPECT_EQ(mailbox.bytes(), 0u);
-  EXPECT_EQ(mailbox.Push(Keyed("a", 3, 10)), SendResult::kAccepted);
-  EXPECT_EQ(mailbox.dropped(), 0u);
-  EXPECT_EQ(mailbox.replaced(), 0u);
+  EXPECT_EQ(mailbox.counts().bytes, 0u);
+  EXPECT_EQ(mailbox.counts().dropped, 0u);
+  EXPECT_FALSE(mailbox.Take());
+  EXPECT_EQ(Push(mailbox, Keyed("a", 4, 10)), SendResult::kUnreachable);
+  EXPECT_EQ(Push(mailbox, PeerEvent(5)), SendResult::kUnreachable);
+}
+
+// Nothing is lost, doubled or out of order, and the reader sleeps only when there is nothing.
+TEST(MailboxTest, SendersAndAReaderThatComesAndGoes) {
+  constexpr std::uint64_t kSenders = 3;
+  constexpr std::uint64_t kEach = 20'000;
+  Mailbox mailbox({.messages_max = 50});
+  std::counting_semaphore calls(0);
+  std::vector<std::thread> senders;
+  for (std::uint64_t sender = 0; sender < kSenders; ++sender) {
+    senders.emplace_back([&, sender] {
+      for (std::uint64_t i = 0; i < kEach; ++i) {
+        Mailbox::Item item = Data(i * kSenders + sender, 1);
+        Mailbox::Pushed pushed = mailbox.TryPush(item);
+        for (; pushed.result == SendResult::kFull; pushed = mailbox.TryPush(item)) std::this_thread::yield();
+        if (pushed.must_call_reader) calls.release();
+      }
+    });
+  }
+  std::vector<std::uint64_t> next(kSenders, 0);
+  for (std::uint64_t taken = 0; taken < kSenders * kEach;) {
+    const auto item = mailbox.Take();
+    if (!item) {
+      if (mailbox.GoAway(/*for_messages=*/true)) calls.acquire();
+      continue;
+    }
+    const std::uint64_t number = item->message->request_id();
+    ASSERT_EQ(number / kSenders, next[number % kSenders]++);
+    ++taken;
+  }
+  for (std::thread& sender : senders) sender.join();
+  EXPECT_TRUE(mailbox.empty());
+  EXPECT_LE(mailbox.counts().waiting_max, 50u);
 }
 
 // Against a plain model: a list in which the newest of a key stands where the oldest waiting one did.
@@ -226,14 +280,13 @@ TEST(MailboxTest, RandomUseAgreesWithAModel) {
   std::mt19937_64 rng(seed);
   Mailbox mailbox(LatestByKey(8));
   std::vector<std::pair<std::string, std::uint64_t>> model;
-  std::vector<Mailbox::Item> batch;
   for (std::uint64_t number = 1; number <= 20'000; ++number) {
     if (rng() % 3 != 0) {
       const std::string key = rng() % 4 == 0 ? "" : std::string(1, static_cast<char>('a' + rng() % 12));
       const auto same =
           std::find_if(model.begin(), model.end(), [&](const auto& item) { return !key.empty() && item.first == key; });
       const bool has_room = model.size() < 8;
-      const SendResult result = mailbox.Push(Keyed(key, number, 1));
+      const SendResult result = Push(mailbox, Keyed(key, number, 1));
       if (same != model.end()) {
         same->second = number;
       } else if (has_room) {
@@ -241,13 +294,11 @@ TEST(MailboxTest, RandomUseAgreesWithAModel) {
       }
       ASSERT_EQ(result, same != model.end() || has_room ? SendResult::kAccepted : SendResult::kFull);
     } else if (!model.empty()) {
-      batch.clear();
-      mailbox.Take(/*one_by_one=*/false, &batch);
-      ASSERT_THAT(NumbersOf(batch), ElementsAre(model.front().second));
+      ASSERT_EQ(mailbox.Take()->message->request_id(), model.front().second);
       model.erase(model.begin());
     }
-    ASSERT_EQ(mailbox.size(), model.size());
-    ASSERT_EQ(mailbox.bytes(), model.size());
+    ASSERT_EQ(mailbox.counts().waiting, model.size());
+    ASSERT_EQ(mailbox.counts().bytes, model.size());
   }
 }
 
