@@ -12,6 +12,7 @@
 
 #include "model/check.h"
 #include "runtime/actor_cell.h"
+#include "runtime/address_book.h"
 #include "runtime/dead_letters.h"
 #include "runtime/envelope.h"
 #include "runtime/message_pool.h"
@@ -37,7 +38,7 @@ class ActorSystem::Impl final : public CellSystem {
   void Spawn(std::string name, SpawnOptions options, ActorFactory factory);
   void Start(Transport* transport);
   SendResult Post(const std::string& actor, proto::Message&& message);
-  SendResult Deliver(MessagePtr message);
+  SendResult Deliver(ReceivedMessage message);
   void OnPeerChanged(AgentId peer, bool is_connected);
   void Stop();
   proto::TraceReply Trace(const proto::TraceRequest& request) const override;
@@ -59,6 +60,7 @@ class ActorSystem::Impl final : public CellSystem {
   void OnBeyondHelp(const Address& actor, const Error& error) override;
 
   ActorCell* Find(const std::string& actor) const;
+  const Address* TakeSender(proto::Message& message);
   SendResult SendAway(const Address& from, const Address& to, proto::Message&& message);
   void Notify(const Monitors::Notices& notices);
   void TraceRefused(TraceRecord record, SendResult result);
@@ -69,6 +71,7 @@ class ActorSystem::Impl final : public CellSystem {
   const Address outside_;
   const std::uint64_t seed_;
   RoleTable roles_;
+  AddressBook remote_senders_;
   TraceBook trace_;
   std::atomic<Transport*> transport_ = nullptr;
   std::atomic<bool> is_fatal_ = false;
@@ -136,7 +139,7 @@ SendResult ActorSystem::Impl::Post(const std::string& actor, proto::Message&& me
                     /*may_wait=*/true);
 }
 
-SendResult ActorSystem::Impl::Deliver(MessagePtr message) {
+SendResult ActorSystem::Impl::Deliver(ReceivedMessage message) {
   TraceRecord record;
   record.other_agent = message->hop_sender();
   record.body = static_cast<std::uint16_t>(message->body_case());
@@ -145,13 +148,23 @@ SendResult ActorSystem::Impl::Deliver(MessagePtr message) {
   SendResult result = SendResult::kNoActor;
   if (cell != nullptr) {
     record.actor = cell->trace_name();
-    result = cell->Push(std::move(message), /*sender=*/nullptr, TraceRecord::kNobody);
+    const Address* sender = TakeSender(*message);
+    result = cell->Push(std::move(message), sender, TraceRecord::kNobody);
   }
   if (result != SendResult::kAccepted) {
     record.time = TickClock::Now();
     TraceRefused(record, result);
   }
   return result;
+}
+
+// Null: it stays in the message. The names were memory of this thread's, which the actor's would have to give back.
+const Address* ActorSystem::Impl::TakeSender(proto::Message& message) {
+  delete message.release_destination_actor();  // To clear it would keep its memory.
+  if (message.hop_sender() == kClients) return nullptr;  // They come and go.
+  const Address* sender = remote_senders_.Keep(SenderOf(message));
+  if (sender != nullptr) delete message.release_source_actor();
+  return sender;
 }
 
 void ActorSystem::Impl::OnPeerChanged(AgentId peer, bool is_connected) {
@@ -320,7 +333,7 @@ void ActorSystem::Spawn(std::string name, SpawnOptions options, ActorFactory fac
   impl_->Spawn(std::move(name), std::move(options), std::move(factory));
 }
 void ActorSystem::Start(Transport* transport) { impl_->Start(transport); }
-SendResult ActorSystem::Deliver(MessagePtr message) { return impl_->Deliver(std::move(message)); }
+SendResult ActorSystem::Deliver(ReceivedMessage message) { return impl_->Deliver(std::move(message)); }
 void ActorSystem::OnPeerChanged(AgentId peer, bool is_connected) { impl_->OnPeerChanged(peer, is_connected); }
 SendResult ActorSystem::Post(const std::string& actor, proto::Message&& message) {
   return impl_->Post(actor, std::move(message));

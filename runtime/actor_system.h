@@ -52,8 +52,8 @@ class ActorSystem {
   void Start(Transport* transport);
 
   // Any thread. Delivers to the actor that message.destination_actor names on this agent; how the transport hands in
-  // what it received.
-  SendResult Deliver(MessagePtr message);
+  // what it received. The actor learns from Context::sender who sent it; the message itself need no longer say so.
+  SendResult Deliver(ReceivedMessage message);
 
   // Any thread, before Start too: a peer was reached or lost. Told to actors that watch peers or monitor that agent.
   void OnPeerChanged(AgentId peer, bool is_connected);

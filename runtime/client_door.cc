@@ -71,7 +71,7 @@ SendResult ClientDoor::Send(const std::string& name, const proto::Message& messa
 }
 
 SendResult ClientDoor::Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes) {
-  Reply reply{ZmqFrame(routing_id), ToFrame(message, bytes)};
+  Reply reply{ZmqFrame(routing_id), ToClientFrame(message, bytes)};
   const std::lock_guard lock(mutex_);
   const bool is_full = replies_.size() >= kRepliesMax || reply_bytes_ + bytes > options_.message_bytes_max;
   if (is_full && !replies_.empty()) return SendResult::kFull;
@@ -103,7 +103,7 @@ bool ClientDoor::Receive(const Transport::Deliver& deliver) {
 void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
   if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
   const std::string name = table_.NameOf(std::string(received.route.text()));
-  Result<MessagePtr> message = ParseClientFrame(received.frame.text(), name, options_.self);
+  Result<ReceivedMessage> message = ParseClientFrame(received.frame.text(), name, options_.self);
   if (!message) return log_.Warn("transport: a client " + message.error().text);
   deliver(std::move(*message));
 }

@@ -1,9 +1,12 @@
 #include "runtime/inbound.h"
 
-#include <memory>
+#include <google/protobuf/io/coded_stream.h>
+
 #include <utility>
 
 #include "runtime/address.h"
+#include "runtime/message_pool.h"
+#include "runtime/outbound.h"
 
 namespace moondb {
 namespace {
@@ -14,30 +17,51 @@ bool IsWithinAgent(const proto::Message& message) {
   return message.body_case() >= proto::Message::kTimer && message.body_case() < proto::Message::kHello;
 }
 
-Result<std::shared_ptr<proto::Message>> Parse(std::string_view frame) {
-  auto message = std::make_shared<proto::Message>();
-  if (!message->ParseFromArray(frame.data(), static_cast<int>(frame.size())))
+Result<void> Parse(std::string_view bytes, proto::Message* message) {
+  if (!message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
     return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
   if (IsWithinAgent(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
-  return message;
+  return {};
+}
+
+// The next message's bytes of a PeerFrame, taken from its front; none: that is no PeerFrame.
+std::optional<std::string_view> TakeMessage(std::string_view* frame) {
+  google::protobuf::io::CodedInputStream stream(reinterpret_cast<const std::uint8_t*>(frame->data()),
+                                                static_cast<int>(frame->size()));
+  std::uint32_t length = 0;
+  if (stream.ReadTag() != kPeerFrameTag || !stream.ReadVarint32(&length)) return std::nullopt;
+  const std::string_view rest = frame->substr(static_cast<std::size_t>(stream.CurrentPosition()));
+  if (length > rest.size()) return std::nullopt;
+  *frame = rest.substr(length);
+  return rest.substr(0, length);
 }
 
 }  // namespace
 
-Result<MessagePtr> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated) {
-  Result<std::shared_ptr<proto::Message>> message = Parse(frame);
-  if (!message) return tl::unexpected(message.error());
-  const AgentId claimed = (*message)->hop_sender();
-  if (authenticated && claimed != *authenticated) {
-    return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(claimed));
-  }
-  return MessagePtr(std::move(*message));
+Result<std::vector<ReceivedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated) {
+  const bool may_be_shared = frame.size() <= kSharedFrameBytesMax;
+  std::vector<ReceivedMessage> messages;
+  do {
+    const std::optional<std::string_view> bytes = TakeMessage(&frame);
+    if (!bytes || (!frame.empty() && !may_be_shared)) {
+      return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+    }
+    proto::Message message;
+    if (const auto parsed = Parse(*bytes, &message); !parsed) return tl::unexpected(parsed.error());
+    if (authenticated && message.hop_sender() != *authenticated) {
+      return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message.hop_sender()));
+    }
+    if (message.has_link_report() && !(messages.empty() && frame.empty())) {
+      return Fail(ErrorCode::kCorrupt, "sent a report among other messages");
+    }
+    messages.push_back(MakeMessage(std::move(message)));
+  } while (!frame.empty());
+  return messages;
 }
 
-Result<MessagePtr> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self) {
-  Result<std::shared_ptr<proto::Message>> parsed = Parse(frame);
-  if (!parsed) return tl::unexpected(parsed.error());
-  proto::Message& message = **parsed;
+Result<ReceivedMessage> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self) {
+  proto::Message message;
+  if (const auto parsed = Parse(frame, &message); !parsed) return tl::unexpected(parsed.error());
   if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");
   message.set_agent_id(self);
   message.set_hop_sender(kClients);
@@ -47,7 +71,7 @@ Result<MessagePtr> ParseClientFrame(std::string_view frame, const std::string& c
   message.clear_term();
   message.clear_record_id();
   message.clear_sql();
-  return MessagePtr(std::move(*parsed));
+  return MakeMessage(std::move(message));
 }
 
 }  // namespace moondb

@@ -121,12 +121,12 @@ struct BlockAllocator {
 
 }  // namespace
 
-MessagePtr MakeMessage(proto::Message&& message) {
+std::shared_ptr<proto::Message> MakeMessage(proto::Message&& message) {
 #if defined(__SANITIZE_ADDRESS__)
   // Each in memory of its own, so that the sanitizer sees whoever uses one too long.
-  return std::make_shared<const proto::Message>(std::move(message));
+  return std::make_shared<proto::Message>(std::move(message));
 #else
-  return std::allocate_shared<const proto::Message>(BlockAllocator<proto::Message>(), std::move(message));
+  return std::allocate_shared<proto::Message>(BlockAllocator<proto::Message>(), std::move(message));
 #endif
 }
 

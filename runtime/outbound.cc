@@ -1,5 +1,7 @@
 #include "runtime/outbound.h"
 
+#include <google/protobuf/io/coded_stream.h>
+
 #include "model/ids.h"
 
 namespace moondb {
@@ -28,7 +30,18 @@ std::string ReplaceKeyOf(const proto::Message& message) {
   }
 }
 
-ZmqFrame ToFrame(const proto::Message& message, std::size_t bytes) {
+std::string ToPeerFrame(const proto::Message& message) {
+  using google::protobuf::io::CodedOutputStream;
+  const auto bytes = static_cast<std::uint32_t>(message.ByteSizeLong());
+  std::string frame(kPeerFrameTagBytes + CodedOutputStream::VarintSize32(bytes) + bytes, '\0');
+  auto* end = reinterpret_cast<std::uint8_t*>(frame.data());
+  end = CodedOutputStream::WriteTagToArray(kPeerFrameTag, end);
+  end = CodedOutputStream::WriteVarint32ToArray(bytes, end);
+  message.SerializeWithCachedSizesToArray(end);
+  return frame;
+}
+
+ZmqFrame ToClientFrame(const proto::Message& message, std::size_t bytes) {
   ZmqFrame frame(bytes);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(frame.data()));
   return frame;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 
 #include "proto/message.pb.h"
@@ -20,7 +21,17 @@ std::size_t OutboundClassOf(const proto::Message& message);
 // the session that the Hello before it began. An acknowledgment (Have) tells of one batch and replaces nothing.
 std::string ReplaceKeyOf(const proto::Message& message);
 
-// Serialised; `bytes` is message.ByteSizeLong(), just computed.
-ZmqFrame ToFrame(const proto::Message& message, std::size_t bytes);
+// Several messages share a frame up to this size; a larger one has its own.
+inline constexpr std::size_t kSharedFrameBytesMax = 32 * 1024;
+
+// proto::PeerFrame's one field, as protobuf writes it.
+inline constexpr std::uint32_t kPeerFrameTag = proto::PeerFrame::kMessagesFieldNumber << 3 | 2;
+inline constexpr std::size_t kPeerFrameTagBytes = 1;
+inline constexpr std::size_t kPeerFrameBytesMore = kPeerFrameTagBytes + 5;  // At most, than the message in it.
+
+// For a peer: a proto::PeerFrame of this message alone.
+std::string ToPeerFrame(const proto::Message& message);
+// For a client; `bytes` is message.ByteSizeLong(), just computed.
+ZmqFrame ToClientFrame(const proto::Message& message, std::size_t bytes);
 
 }  // namespace moondb

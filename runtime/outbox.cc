@@ -9,21 +9,25 @@ namespace moondb {
 
 bool Outbox::HasRoomFor(const Entry& entry) const {
   if (empty()) return true;
-  if (frames_ < options_.frames_max && bytes_ + entry.bytes <= options_.bytes_max) return true;
-  return entry.outbound_class == kControlClass && classes_[kControlClass].size() < options_.reserve_frames &&
-         control_bytes_ + entry.bytes <= options_.reserve_bytes;
+  if (messages_ < options_.messages_max && bytes_ + entry.frame.size() <= options_.bytes_max) return true;
+  return entry.outbound_class == kControlClass && control_messages_ < options_.reserve_messages &&
+         control_bytes_ + entry.frame.size() <= options_.reserve_bytes;
 }
 
 void Outbox::CountIn(const Entry& entry) {
-  ++frames_;
-  bytes_ += entry.bytes;
-  if (entry.outbound_class == kControlClass) control_bytes_ += entry.bytes;
+  messages_ += entry.messages;
+  bytes_ += entry.frame.size();
+  if (entry.outbound_class != kControlClass) return;
+  control_messages_ += entry.messages;
+  control_bytes_ += entry.frame.size();
 }
 
 void Outbox::CountOut(const Entry& entry) {
-  --frames_;
-  bytes_ -= entry.bytes;
-  if (entry.outbound_class == kControlClass) control_bytes_ -= entry.bytes;
+  messages_ -= entry.messages;
+  bytes_ -= entry.frame.size();
+  if (entry.outbound_class != kControlClass) return;
+  control_messages_ -= entry.messages;
+  control_bytes_ -= entry.frame.size();
 }
 
 // Few of the messages that wait have a key, and none waits long while bulk data flow: no index is kept for them.
@@ -32,6 +36,13 @@ Outbox::Entry* Outbox::FindWaiting(const Entry& entry) {
   std::deque<Entry>& waiting = classes_[entry.outbound_class];
   const auto found = std::ranges::find(waiting, entry.key, &Entry::key);
   return found == waiting.end() ? nullptr : &*found;
+}
+
+// The last one, so that the order stays.
+Outbox::Entry* Outbox::FrameToShare(const Entry& entry) {
+  std::deque<Entry>& waiting = classes_[entry.outbound_class];
+  if (waiting.empty() || !entry.key.empty() || !waiting.back().key.empty()) return nullptr;
+  return waiting.back().frame.size() + entry.frame.size() <= shared_frame_bytes_max_ ? &waiting.back() : nullptr;
 }
 
 SendResult Outbox::Push(Entry&& entry) {
@@ -45,7 +56,12 @@ SendResult Outbox::Push(Entry&& entry) {
   }
   if (!HasRoomFor(entry)) return SendResult::kFull;
   CountIn(entry);
-  classes_[entry.outbound_class].push_back(std::move(entry));
+  if (Entry* shared = FrameToShare(entry)) {
+    shared->frame += entry.frame;
+    shared->messages += entry.messages;
+  } else {
+    classes_[entry.outbound_class].push_back(std::move(entry));
+  }
   return SendResult::kAccepted;
 }
 
@@ -66,10 +82,11 @@ void Outbox::PopFront() {
 }
 
 std::size_t Outbox::Clear() {
-  const std::size_t dropped = frames_;
+  const std::size_t dropped = messages_;
   for (std::deque<Entry>& waiting : classes_) waiting.clear();
-  frames_ = 0;
+  messages_ = 0;
   bytes_ = 0;
+  control_messages_ = 0;
   control_bytes_ = 0;
   return dropped;
 }

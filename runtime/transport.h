@@ -5,17 +5,21 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "runtime/actor.h"
 
 namespace moondb {
 
+// As it came in; nobody else has it yet.
+using ReceivedMessage = std::shared_ptr<proto::Message>;
+
 class Transport {
  public:
   // Takes a message that came in (hop_sender is checked; from clients it is kClients and source_actor names the
   // connection). Called on the transport's thread; must not block.
-  using Deliver = std::function<void(MessagePtr)>;
+  using Deliver = std::function<void(ReceivedMessage)>;
   // A peer was reached or lost. Called on the transport's thread.
   using PeerChanged = std::function<void(AgentId peer, bool is_connected)>;
 
@@ -24,9 +28,6 @@ class Transport {
   // Any thread; never blocks. `to` is an agent or kClients.
   [[nodiscard]] virtual SendResult Send(const Address& to, MessagePtr message) = 0;
   virtual std::vector<proto::PeerStatus> Peers() const = 0;
-  // Any thread: PeerChanged comes again, in order with the changes, for each peer that is connected. For whoever begins
-  // to listen late: Peers() may be out of date by the time it is read.
-  virtual void TellPeers() {}
 };
 
 }  // namespace moondb

@@ -31,12 +31,13 @@ namespace {
 constexpr int kPeerQueueMessages = 256;  // Received from one peer and not yet delivered; its credit bounds their bytes.
 constexpr int kBatchMessages = 64;       // Of one socket before the others have their turn.
 
-// For poll: not before `time`, and not longer than it can take.
-int MillisecondsUntil(MonotonicTime time) {
-  if (time == MonotonicTime::max()) return -1;
+// For ppoll.
+timespec TimeUntil(MonotonicTime time) {
+  if (time == MonotonicTime::min()) return {};
   const Duration left =
       std::clamp<Duration>(time - std::chrono::steady_clock::now(), Duration::zero(), std::chrono::hours(1));
-  return static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(left).count());
+  const auto whole = std::chrono::floor<std::chrono::seconds>(left);
+  return {.tv_sec = whole.count(), .tv_nsec = (left - whole).count()};
 }
 
 }  // namespace
@@ -84,11 +85,6 @@ class ZeroMqTransport::Impl {
     std::vector<proto::PeerStatus> statuses;
     for (const auto& [id, peer] : peers_) statuses.push_back(peer->Status());
     return statuses;
-  }
-
-  void TellPeers() {
-    is_telling_ = true;
-    wake_up_.RingFor();
   }
 
  private:
@@ -170,7 +166,6 @@ class ZeroMqTransport::Impl {
       if (clients_) has_more_ = clients_->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
       for (const auto& [id, peer] : peers_) peer->Work(now, peer_changed_);
-      if (is_telling_.exchange(false)) TellConnected();
     }
   }
 
@@ -181,13 +176,13 @@ class ZeroMqTransport::Impl {
     wake_up_.IsLooking();
     MonotonicTime deadline = MonotonicTime::max();
     for (const auto& [id, peer] : peers_) deadline = std::min(deadline, peer->deadline());
-    if (has_more_ || is_telling_ || is_stopping_ || (clients_ && clients_->has_replies())) {
+    if (has_more_ || is_stopping_ || (clients_ && clients_->has_replies())) {
       deadline = MonotonicTime::min();
     }
     wake_up_.SleepsUntil(deadline);
     CollectFiles();
-    const int timeout_ms = deadline == MonotonicTime::min() ? 0 : MillisecondsUntil(deadline);
-    if (poll(files_.data(), files_.size(), timeout_ms) < 0) {
+    const timespec timeout = TimeUntil(deadline);
+    if (ppoll(files_.data(), files_.size(), deadline == MonotonicTime::max() ? nullptr : &timeout, nullptr) < 0) {
       Check(errno == EINTR, "the system waits for the transport's files");
       for (pollfd& file : files_) file.revents = 0;
     }
@@ -239,28 +234,24 @@ class ZeroMqTransport::Impl {
     // Without keys the connection's own word has to do for whom to blame.
     const AgentId blamed = authenticated.value_or(route);
     if (received.parts != 2) return Reject(blamed, "sent a frame of several parts");
-    Result<MessagePtr> message = ParsePeerFrame(received.frame.text(), authenticated);
-    if (!message) return Reject(blamed, message.error().text);
-    const AgentId sender = (*message)->hop_sender();
+    Result<std::vector<ReceivedMessage>> messages = ParsePeerFrame(received.frame.text(), authenticated);
+    if (!messages) return Reject(blamed, messages.error().text);
+    const AgentId sender = messages->front()->hop_sender();
     const auto peer = peers_.find(sender);
     if (peer == peers_.end()) return Reject(blamed, "claimed to be an agent that the team does not have");
     // libzmq gives a connection that was replaced another routing id.
     const bool is_on_link = route == sender;
-    if ((*message)->has_link_report()) return peer->second->OnReport((*message)->link_report(), is_on_link);
-    peer->second->OnMessageFrame(received.frame.size(), is_on_link);
-    deliver_(std::move(*message));
+    if (messages->front()->has_link_report()) {
+      return peer->second->OnReport(messages->front()->link_report(), is_on_link);
+    }
+    peer->second->OnMessages(messages->size(), received.frame.size(), is_on_link);
+    for (ReceivedMessage& message : *messages) deliver_(std::move(message));
   }
 
   void Reject(AgentId blamed, const std::string& what) {
     const auto peer = peers_.find(blamed);
     if (peer != peers_.end()) peer->second->CountRejected();
     rejected_log_.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
-  }
-
-  void TellConnected() {
-    for (const auto& [id, peer] : peers_) {
-      if (peer->Status().is_connected()) peer_changed_(id, true);
-    }
   }
 
   const proto::TeamConfig team_;
@@ -281,7 +272,6 @@ class ZeroMqTransport::Impl {
   RateLimitedLog refused_log_;
   RateLimitedLog rejected_log_;
 
-  std::atomic<bool> is_telling_{false};
   std::atomic<bool> is_stopping_{false};
   std::thread thread_;
 };
@@ -301,7 +291,5 @@ ZeroMqTransport::~ZeroMqTransport() = default;
 SendResult ZeroMqTransport::Send(const Address& to, MessagePtr message) { return impl_->Send(to, *message); }
 
 std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
-
-void ZeroMqTransport::TellPeers() { impl_->TellPeers(); }
 
 }  // namespace moondb

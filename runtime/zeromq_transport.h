@@ -3,8 +3,8 @@
 // Between agents: a ROUTER that only receives, one DEALER per peer that only sends (runtime/peer_link.h); CURVE on all
 // of them, and a ZAP handler that admits the team file's keys alone and binds each to its agent: a frame whose
 // hop_sender is not the key's agent is counted and dropped, and so is a body that only actors of one agent send each
-// other. Clients talk to a ROUTER of their own (runtime/client_door.h), request and reply. One frame is one serialised
-// proto::Message.
+// other. A frame between agents is a proto::PeerFrame: small messages that come one upon the other share one. Clients
+// talk to a ROUTER of their own (runtime/client_door.h), request and reply, a proto::Message a frame.
 //
 // libzmq would queue silently for absent peers and let megabytes in for frozen ones, so queues are bounded here: byte
 // credit per connection, ZMQ_IMMEDIATE, LINGER 0, ROUTER_HANDOVER; peers that fall silent are
@@ -48,7 +48,6 @@ class ZeroMqTransport final : public Transport {
   // A link_report is the transport's own word: to send one is a mistake in the program.
   [[nodiscard]] SendResult Send(const Address& to, MessagePtr message) override;
   std::vector<proto::PeerStatus> Peers() const override;
-  void TellPeers() override;
 
  private:
   class Impl;

@@ -325,7 +325,7 @@ TEST_F(ActorSystemTest, ActorBeyondHelpIsReportedOnce) {
   for (const char* name : {"a", "b"}) {
     system.Spawn(name, {}, Scripted([](Context&) { throw std::runtime_error("never works"); }, nullptr));
   }
-  system.Start(nullptr);  // Returns all the same.
+  system.Start(nullptr);                                                             // Returns all the same.
   EXPECT_THAT(heard_.Next(), ContainsRegex("1/(a|b) is beyond help: never works"));  // Restarts are jittered.
   EXPECT_EQ(system.Post("a", {}), SendResult::kUnreachable);
   EXPECT_EQ(system.Post("b", {}), SendResult::kUnreachable);
@@ -409,6 +409,24 @@ TEST_F(ActorSystemTest, NobodyIsNoPeer) {
   system_.Start(nullptr);
   ASSERT_EQ(system_.Post("a", {}), SendResult::kAccepted);
   EXPECT_EQ(done.get_future().wait_for(kPatience), std::future_status::ready);
+  system_.Stop();
+}
+
+TEST_F(ActorSystemTest, WhatPeersSendNamesItsSender) {
+  system_.Spawn("sync", {}, OnEachMessage([&](Context& context, const proto::Message&) {
+                  heard_.Add(ToString(context.sender()));
+                  EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
+                }));
+  system_.Start(&transport_);
+  for (const AgentId from : {2u, 3u, 2u}) {
+    auto message = std::make_shared<proto::Message>();
+    message->set_hop_sender(from);
+    message->set_source_actor("other");
+    message->set_destination_actor("sync");
+    EXPECT_EQ(system_.Deliver(message), SendResult::kAccepted);
+    EXPECT_EQ(heard_.Next(), std::to_string(from) + "/other");
+    EXPECT_EQ(transport_.sent.Next().first, (Address{from, "other"}));
+  }
   system_.Stop();
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "runtime/address_book.h"
 #include "runtime/envelope.h"
 #include "runtime/role_table.h"
 
@@ -40,6 +41,18 @@ TEST(EnvelopeTest, OriginIsFilledInOnlyWhereThereIsNone) {
   EXPECT_EQ(message.destination_id(), 3u);
   EXPECT_EQ(message.destination_actor(), "c");
   EXPECT_EQ(SenderOf(message), (Address{2, "b"}));
+}
+
+TEST(AddressBookTest, KeepsEachAddressOnceAndNotEndlessly) {
+  AddressBook book;
+  const Address* first = book.Keep({2, "sync"});
+  ASSERT_NE(first, nullptr);
+  EXPECT_EQ(*first, (Address{2, "sync"}));
+  for (std::size_t i = 1; i < AddressBook::kAddressesMax; ++i) {
+    ASSERT_NE(book.Keep({3, "actor" + std::to_string(i)}), nullptr);
+  }
+  EXPECT_EQ(book.Keep({4, "sync"}), nullptr);
+  EXPECT_EQ(book.Keep({2, "sync"}), first);
 }
 
 }  // namespace

@@ -2,7 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+#include <string>
+#include <string_view>
+
 #include "runtime/address.h"
+#include "runtime/outbound.h"
 
 namespace moondb {
 namespace {
@@ -19,10 +24,46 @@ proto::Message From(AgentId agent) {
 TEST(InboundTest, LetsTheWordsOfUsersActorsThrough) {
   proto::Message message = From(2);
   message.mutable_custom()->set_value("question");
-  const auto parsed = ParsePeerFrame(message.SerializeAsString(), 2);
+  const auto parsed = ParsePeerFrame(ToPeerFrame(message), 2);
   ASSERT_TRUE(parsed.has_value()) << ToString(parsed.error());
-  EXPECT_EQ((*parsed)->custom().value(), "question");
-  EXPECT_EQ((*parsed)->destination_actor(), "soil");
+  ASSERT_EQ(parsed->size(), 1u);
+  EXPECT_EQ(parsed->front()->custom().value(), "question");
+  EXPECT_EQ(parsed->front()->destination_actor(), "soil");
+}
+
+TEST(InboundTest, TakesTheMessagesOfAFrameInTheirOrderOrNone) {
+  std::string frame;
+  std::set<std::size_t> ends;
+  for (int i = 0; i < 3; ++i) {
+    proto::Message message = From(2);
+    message.set_request_id(i);
+    frame += ToPeerFrame(message);
+    ends.insert(frame.size());
+  }
+  const auto parsed = ParsePeerFrame(frame, 2);
+  ASSERT_TRUE(parsed.has_value()) << ToString(parsed.error());
+  ASSERT_EQ(parsed->size(), 3u);
+  for (std::uint64_t i = 0; i < 3; ++i) EXPECT_EQ((*parsed)[i]->request_id(), i);
+  EXPECT_EQ(ParsePeerFrame(frame + ToPeerFrame(From(3)), 2).error().code, ErrorCode::kRefused);
+  EXPECT_EQ(ParsePeerFrame(frame + "garbage", 2).error().code, ErrorCode::kCorrupt);
+  for (std::size_t cut = 0; cut < frame.size(); ++cut) {
+    const auto part = ParsePeerFrame(std::string_view(frame).substr(0, cut), 2);
+    EXPECT_EQ(part.has_value(), ends.contains(cut)) << cut;
+  }
+}
+
+TEST(InboundTest, RefusesFramesThatNoTransportMakes) {
+  const std::string small = ToPeerFrame(From(2));
+  std::string many;
+  while (many.size() <= kSharedFrameBytesMax) many += small;
+  EXPECT_EQ(ParsePeerFrame(many, 2).error().code, ErrorCode::kCorrupt) << "too large to be shared";
+  EXPECT_TRUE(ParsePeerFrame(std::string_view(many).substr(small.size()), 2).has_value());
+  proto::Message report = From(2);
+  report.mutable_link_report();
+  EXPECT_TRUE(ParsePeerFrame(ToPeerFrame(report), 2).has_value());
+  EXPECT_EQ(ParsePeerFrame(ToPeerFrame(report) + small, 2).error().code, ErrorCode::kCorrupt);
+  EXPECT_EQ(ParsePeerFrame(small + ToPeerFrame(report), 2).error().code, ErrorCode::kCorrupt);
+  EXPECT_EQ(ParsePeerFrame("", 2).error().code, ErrorCode::kCorrupt);
 }
 
 TEST(InboundTest, RefusesWhatMustNotLeaveItsAgent) {
@@ -31,14 +72,14 @@ TEST(InboundTest, RefusesWhatMustNotLeaveItsAgent) {
     const auto* field = proto::Message::descriptor()->FindFieldByNumber(body);
     ASSERT_NE(field, nullptr) << body;
     message.GetReflection()->MutableMessage(&message, field);
-    const std::string frame = message.SerializeAsString();
-    EXPECT_EQ(ParsePeerFrame(frame, 2).error().code, ErrorCode::kRefused) << field->name();
-    EXPECT_EQ(ParseClientFrame(frame, "robot", 1).error().code, ErrorCode::kRefused) << field->name();
+    EXPECT_EQ(ParsePeerFrame(ToPeerFrame(message), 2).error().code, ErrorCode::kRefused) << field->name();
+    EXPECT_EQ(ParseClientFrame(message.SerializeAsString(), "robot", 1).error().code, ErrorCode::kRefused)
+        << field->name();
   }
 }
 
 TEST(InboundTest, RefusesAnAgentThatClaimsToBeAnother) {
-  const std::string frame = From(3).SerializeAsString();
+  const std::string frame = ToPeerFrame(From(3));
   EXPECT_EQ(ParsePeerFrame(frame, 2).error().code, ErrorCode::kRefused);
   EXPECT_TRUE(ParsePeerFrame(frame, 3).has_value());
 }

@@ -64,8 +64,15 @@ TEST(OutboundTest, ReplacesOnlyWhereTheNewestSaysAll) {
 }
 
 TEST(OutboundTest, SerialisesIntoTheFrame) {
-  const proto::Message message = Data(proto::POWER);
-  EXPECT_EQ(ToFrame(message, message.ByteSizeLong()).text(), message.SerializeAsString());
+  proto::Message message = Data(proto::POWER);
+  EXPECT_EQ(ToClientFrame(message, message.ByteSizeLong()).text(), message.SerializeAsString());
+  for (const std::size_t bytes : {0, 1, 100, 20'000, 3'000'000}) {
+    message.set_record_id(std::string(bytes, 'x'));
+    proto::PeerFrame frame;
+    *frame.add_messages() = message;
+    EXPECT_EQ(ToPeerFrame(message), frame.SerializeAsString()) << bytes;
+    EXPECT_LE(ToPeerFrame(message).size(), message.ByteSizeLong() + kPeerFrameBytesMore);
+  }
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "runtime/outbound.h"
 #include "tests/runtime/transport_fixture.h"
 
 namespace moondb {
@@ -48,7 +49,7 @@ class TransportFaultsTest : public TransportFixture {
     message.mutable_link_report()->set_link(link);
     message.mutable_link_report()->set_reported_link(reported_link);
     message.mutable_link_report()->set_received_bytes(received_bytes);
-    return message.SerializeAsString();
+    return ToPeerFrame(message);
   }
 
   static proto::Message Marked(const std::string& mark, std::size_t bytes = 1000) {
@@ -203,22 +204,22 @@ TEST_F(TransportFaultsTest, ARestartedPeerTakesTheOldOnesPlaceUnderTheSameIdenti
   RawRouter router(AddressOf(2));
   RawDealer earlier(AddressOf(1), nullptr, "2");
   earlier.Send(Report(/*link=*/7, 0, 0));
-  earlier.Send(Message(2, 1, 100)->SerializeAsString());
+  earlier.Send(ToPeerFrame(*Message(2, 1, 100)));
   ASSERT_NE(ears_[1].Take(), nullptr);
   // Its earlier connection still stands.
   RawDealer later(AddressOf(1), nullptr, "2");
   later.Send(Report(/*link=*/8, 0, 0));
-  const std::string frame = Message(2, 1, 200)->SerializeAsString();
+  const std::string frame = ToPeerFrame(*Message(2, 1, 200));
   later.Send(frame);
   ASSERT_NE(ears_[1].Take(), nullptr);
   // What comes over another connection is heard, but counts for nothing.
   RawDealer nameless(AddressOf(1));
   nameless.Send(Report(/*link=*/9, 0, 0));
-  nameless.Send(Message(2, 1, 300)->SerializeAsString());
+  nameless.Send(ToPeerFrame(*Message(2, 1, 300)));
   ASSERT_NE(ears_[1].Take(), nullptr);
-  proto::Message asking;
+  proto::PeerFrame asking;
   ASSERT_TRUE(asking.ParseFromString(Report(/*link=*/8, 0, 0)));
-  asking.mutable_link_report()->set_is_asking(true);
+  asking.mutable_messages(0)->mutable_link_report()->set_is_asking(true);
   later.Send(asking.SerializeAsString());
   const proto::LinkReport report = router.ReceiveReport(
       [&](const proto::LinkReport& r) { return r.reported_link() == 8 && r.received_bytes() > 0; });
@@ -238,11 +239,11 @@ TEST_F(TransportFaultsTest, SendsOnAsThePeerReportsAndNotBefore) {
   while (count < 50) {
     const proto::PeerStatus status = Peer(1, 2);
     EXPECT_LE(status.sent_bytes() - static_cast<double>(bytes), kCreditBytes);
-    for (; count < status.sent_messages(); ++count) bytes += router.ReceiveMessage().ByteSizeLong();
+    for (; count < status.sent_messages(); ++count) bytes += ToPeerFrame(router.ReceiveMessage()).size();
     dealer.Send(Report(/*link=*/7, router.last_report().link(), bytes));
     if (count < 50) {
       // The next one comes because of the report.
-      bytes += router.ReceiveMessage().ByteSizeLong();
+      bytes += ToPeerFrame(router.ReceiveMessage()).size();
       ++count;
     }
   }
@@ -259,7 +260,7 @@ TEST_F(TransportFaultsTest, ControlOvertakesBulkThatWaitsAndTheNewestRolesReplac
   map.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
   const int accepted = Fill(map);
   for (const char* reason : {"first", "second", "third"}) {
-    proto::Message roles = Marked("roles", 10);
+    proto::Message roles = Marked("roles", 1100);  // More than what is left of the credit.
     roles.set_ms_type(proto::CONTROL);
     roles.mutable_role_announce()->mutable_roles()->set_reason(reason);
     EXPECT_EQ(SendToPeer(roles), SendResult::kAccepted) << "although the outbox is full of maps";
@@ -267,11 +268,22 @@ TEST_F(TransportFaultsTest, ControlOvertakesBulkThatWaitsAndTheNewestRolesReplac
   const int sent = static_cast<int>(Peer(1, 2).sent_messages());
   ASSERT_LT(sent, accepted);
   std::uint64_t bytes = 0;
-  for (int i = 0; i < sent; ++i) bytes += router.ReceiveMessage().ByteSizeLong();
+  for (int i = 0; i < sent; ++i) bytes += ToPeerFrame(router.ReceiveMessage()).size();
   dealer.Send(Report(/*link=*/7, router.last_report().link(), bytes));
   EXPECT_EQ(router.ReceiveMessage().role_announce().roles().reason(), "third");
   EXPECT_EQ(router.ReceiveMessage().sql(), "map");
   EXPECT_EQ(Peer(1, 2).replaced_messages(), 2);
+}
+
+TEST_F(TransportFaultsTest, SmallMessagesInABurstShareFramesAndKeepTheirOrder) {
+  Start(1, options_);
+  RawRouter router(AddressOf(2));
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  constexpr int kMessages = 60;
+  for (int i = 0; i < kMessages; ++i) ASSERT_EQ(SendToPeer(Marked(std::to_string(i), 10)), SendResult::kAccepted);
+  for (int i = 0; i < kMessages; ++i) EXPECT_EQ(router.ReceiveMessage().sql(), std::to_string(i));
+  EXPECT_EQ(Peer(1, 2).sent_messages(), kMessages);
+  EXPECT_LT(router.frames(), kMessages);
 }
 
 TEST_F(TransportFaultsTest, ALargerMessageGoesAloneAndIsAnnounced) {
@@ -282,7 +294,7 @@ TEST_F(TransportFaultsTest, ALargerMessageGoesAloneAndIsAnnounced) {
   ASSERT_EQ(SendToPeer(large), SendResult::kAccepted);
   ASSERT_EQ(SendToPeer(Marked("next")), SendResult::kAccepted);
   EXPECT_EQ(router.ReceiveMessage().sql(), "large");
-  EXPECT_EQ(router.last_report().coming_bytes(), large.ByteSizeLong());
+  EXPECT_EQ(router.last_report().coming_bytes(), ToPeerFrame(large).size());
   EXPECT_EQ(Peer(1, 2).queued_messages(), 1);
 }
 
@@ -292,13 +304,13 @@ TEST_F(TransportFaultsTest, RefusesReportsThatCannotBe) {
   RawDealer dealer(AddressOf(1), nullptr, "2");
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
   ASSERT_EQ(SendToPeer(Marked("one")), SendResult::kAccepted);
-  const std::uint64_t bytes = router.ReceiveMessage().ByteSizeLong();
+  const std::uint64_t bytes = ToPeerFrame(router.ReceiveMessage()).size();
   const std::uint32_t link = router.last_report().link();
   dealer.Send(Report(/*link=*/7, link, bytes + 1));  // More than was sent.
   dealer.Send(Report(/*link=*/7, link - 1, bytes));  // Of an earlier connection.
   dealer.Send(Report(/*link=*/7, link, bytes));
   dealer.Send(Report(/*link=*/7, link, bytes - 1));  // Backwards.
-  dealer.Send(Message(2, 1)->SerializeAsString());
+  dealer.Send(ToPeerFrame(*Message(2, 1)));
   ASSERT_FALSE(ears_[1].Take()->has_link_report()) << "actors do not hear of reports";
   EXPECT_EQ(Peer(1, 2).refused_reports(), 3);
   EXPECT_EQ(Peer(1, 2).unreported_bytes(), 0);
@@ -314,7 +326,7 @@ TEST_F(TransportFaultsTest, APeerThatKnowsNoReportsIsStillServed) {
   std::atomic<bool> is_over = false;
   std::thread talk([&] {
     while (!is_over) {
-      dealer.Send(Message(2, 1)->SerializeAsString());
+      dealer.Send(ToPeerFrame(*Message(2, 1)));
       EXPECT_NE(ears_[1].Take(), nullptr);
     }
   });
@@ -337,7 +349,7 @@ TEST_F(TransportFaultsTest, APeerThatStopsReportingIsGivenUpAlthoughItTalks) {
   std::atomic<bool> is_over = false;
   std::thread talk([&] {
     while (!is_over) {
-      dealer.Send(Message(2, 1)->SerializeAsString());
+      dealer.Send(ToPeerFrame(*Message(2, 1)));
       EXPECT_NE(ears_[1].Take(), nullptr);
     }
   });

@@ -183,13 +183,19 @@ class RawRouter {
     zmq_ctx_term(context_);
   }
 
-  // An empty message if none comes.
+  // The next message; an empty one if none comes.
   Frame Receive(int flags = 0) {
-    Frame frame;
-    frame.route = ReceiveFrom(socket_, flags).value_or("");
-    if (frame.route.empty()) return frame;
-    EXPECT_TRUE(frame.message.ParseFromString(ReceiveFrom(socket_).value_or("")));
-    return frame;
+    if (waiting_.empty()) {
+      const std::string route = ReceiveFrom(socket_, flags).value_or("");
+      if (route.empty()) return {};
+      ++frames_;
+      proto::PeerFrame frame;
+      EXPECT_TRUE(frame.ParseFromString(ReceiveFrom(socket_).value_or("")));
+      for (const proto::Message& message : frame.messages()) waiting_.push_back({route, message});
+    }
+    Frame next = std::move(waiting_.front());
+    waiting_.pop_front();
+    return next;
   }
 
   // The next one that is not a report of the transport's.
@@ -213,11 +219,14 @@ class RawRouter {
     return {};
   }
 
+  int frames() const { return frames_; }  // Received so far.
   const proto::LinkReport& last_report() const { return last_report_; }
 
  private:
   void* context_;
   void* socket_;
+  int frames_ = 0;
+  std::deque<Frame> waiting_;  // Of the last frame.
   proto::LinkReport last_report_;
 };
 

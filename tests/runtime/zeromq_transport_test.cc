@@ -18,6 +18,7 @@
 
 #include "runtime/curve_keys.h"
 #include "runtime/listen_address.h"
+#include "runtime/outbound.h"
 #include "runtime/private_folder.h"
 #include "runtime/team_config.h"
 #include "tests/runtime/transport_fixture.h"
@@ -47,7 +48,7 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
   EXPECT_EQ(status.name(), "rover2");
   EXPECT_TRUE(status.is_connected());
   EXPECT_EQ(status.sent_messages(), 1);
-  EXPECT_EQ(status.sent_bytes(), static_cast<double>(there->ByteSizeLong()));
+  EXPECT_EQ(status.sent_bytes(), static_cast<double>(ToPeerFrame(*there).size()));
   EXPECT_EQ(status.received_messages(), 1);
   EXPECT_GE(status.seconds_since_heard(), 0);
   EXPECT_LT(Peer(1, 3).seconds_since_heard(), 0);
@@ -140,10 +141,11 @@ TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
   peer.Send("\xff\xff\xff");
   peer.Send("one", /*has_more=*/true);
   peer.Send("two");
-  peer.Send("");  // An empty Message, whose hop_sender is nobody.
-  peer.Send(Message(2, 1)->SerializeAsString());
+  peer.Send("");
+  peer.Send(ToPeerFrame({}));  // An empty Message, whose hop_sender is nobody.
+  peer.Send(ToPeerFrame(*Message(2, 1)));
   ASSERT_NE(ears_[1].Take(), nullptr);
-  EXPECT_EQ(Peer(1, 2).rejected_messages(), 3);
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 4);
   EXPECT_EQ(Peer(1, 2).received_messages(), 1);
 }
 
@@ -153,11 +155,11 @@ TEST_F(ZeroMqTransportTest, DropsWhatOnlyActorsOfOneAgentMaySay) {
   RawDealer peer(AddressOf(1), &keys);
   proto::Message message = *Message(2, 1);
   message.mutable_timer()->set_kind(1);
-  peer.Send(message.SerializeAsString());
+  peer.Send(ToPeerFrame(message));
   message.mutable_save_roles_request();
-  peer.Send(message.SerializeAsString());
+  peer.Send(ToPeerFrame(message));
   message.mutable_hello();
-  peer.Send(message.SerializeAsString());
+  peer.Send(ToPeerFrame(message));
   EXPECT_TRUE(ears_[1].Take()->has_hello());
   EXPECT_EQ(Peer(1, 2).rejected_messages(), 2);
 }
@@ -174,7 +176,7 @@ TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
   const RawDealer::Keys keys = KeysOf(3, 1);
   RawDealer peer(AddressOf(1), &keys);
   EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
-  peer.Send(Message(3, 1, 2000)->SerializeAsString());
+  peer.Send(ToPeerFrame(*Message(3, 1, 2000)));
   EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_DISCONNECTED);
   EXPECT_EQ(ears_[1].waiting(), 0u);
 }
@@ -279,14 +281,6 @@ TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {
   client.Send(report.SerializeAsString());
   client.Send(Message(0, 0)->SerializeAsString());
   EXPECT_FALSE(ears_[1].Take()->has_link_report());
-}
-
-TEST_F(ZeroMqTransportTest, TellsAgainWhoIsConnected) {
-  Start(1);
-  Start(2);
-  ASSERT_TRUE(ears_[1].WaitUntilConnected(2, 1));
-  transports_[1]->TellPeers();
-  EXPECT_TRUE(ears_[1].WaitUntilConnected(2, 2));
 }
 
 TEST_F(ZeroMqTransportTest, AClientThatLeftHoldsUpNobody) {
