@@ -30,6 +30,9 @@ namespace {
 
 constexpr int kPeerQueueMessages = 256;  // Received from one peer and not yet delivered; its credit bounds their bytes.
 constexpr int kBatchMessages = 64;       // Of one socket before the others have their turn.
+// After peers sent something the thread stays awake for so long, in case an answer follows: to put a processor to sleep
+// and to wake it takes tens of microseconds, and as much processor time (measured: a round trip takes 0.6 of the time).
+constexpr Duration kLingerTime = std::chrono::microseconds(60);
 
 // For ppoll.
 timespec TimeUntil(MonotonicTime time) {
@@ -173,6 +176,7 @@ class ZeroMqTransport::Impl {
   // costs several system calls each; their files tell of news by themselves, since all sockets are read from until
   // nothing waits.
   void Sleep() {
+    Linger();
     wake_up_.IsLooking();
     MonotonicTime deadline = MonotonicTime::max();
     for (const auto& [id, peer] : peers_) deadline = std::min(deadline, peer->deadline());
@@ -187,10 +191,22 @@ class ZeroMqTransport::Impl {
       for (pollfd& file : files_) file.revents = 0;
     }
     wake_up_.IsAwake(/*by_file=*/files_[0].revents != 0);
+    is_busy_ = files_[kRouterFile].revents != 0;
     std::size_t next = kOtherFiles;
     for (const auto& [id, peer] : peers_) {
       if (files_[next++].revents != 0) peer->OnSocketReadable();
       if (files_[next++].revents != 0) peer->OnMonitorReadable();
+    }
+  }
+
+  // Others that want the processor have it meanwhile.
+  void Linger() {
+    if (!std::exchange(is_busy_, false) || has_more_) return;
+    CollectFiles();
+    constexpr timespec kAtOnce = {};
+    const MonotonicTime end = std::chrono::steady_clock::now() + kLingerTime;
+    while (ppoll(files_.data(), files_.size(), &kAtOnce, nullptr) == 0 && std::chrono::steady_clock::now() < end) {
+      std::this_thread::yield();
     }
   }
 
@@ -207,6 +223,7 @@ class ZeroMqTransport::Impl {
       add(peer->monitor_file());
     }
   }
+  static constexpr std::size_t kRouterFile = 1;
   static constexpr std::size_t kOtherFiles = 4;  // Before those of peers.
 
   void OnHandshakes() {
@@ -268,6 +285,7 @@ class ZeroMqTransport::Impl {
   std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
 
   std::vector<pollfd> files_;
+  bool is_busy_ = false;   // Peers sent something just now.
   bool has_more_ = false;  // A socket was not read from until nothing waits.
   RateLimitedLog refused_log_;
   RateLimitedLog rejected_log_;
