@@ -46,21 +46,22 @@ Result<std::vector<ReceivedMessage>> ParsePeerFrame(std::string_view frame, std:
     if (!bytes || (!frame.empty() && !may_be_shared)) {
       return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
     }
-    proto::Message message;
-    if (const auto parsed = Parse(*bytes, &message); !parsed) return tl::unexpected(parsed.error());
-    if (authenticated && message.hop_sender() != *authenticated) {
-      return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message.hop_sender()));
+    ReceivedMessage message = MakeMessage();
+    if (const auto parsed = Parse(*bytes, message.get()); !parsed) return tl::unexpected(parsed.error());
+    if (authenticated && message->hop_sender() != *authenticated) {
+      return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message->hop_sender()));
     }
-    if (message.has_link_report() && !(messages.empty() && frame.empty())) {
+    if (message->has_link_report() && !(messages.empty() && frame.empty())) {
       return Fail(ErrorCode::kCorrupt, "sent a report among other messages");
     }
-    messages.push_back(MakeMessage(std::move(message)));
+    messages.push_back(std::move(message));
   } while (!frame.empty());
   return messages;
 }
 
 Result<ReceivedMessage> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self) {
-  proto::Message message;
+  ReceivedMessage received = MakeMessage();
+  proto::Message& message = *received;
   if (const auto parsed = Parse(frame, &message); !parsed) return tl::unexpected(parsed.error());
   if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");
   message.set_agent_id(self);
@@ -71,7 +72,7 @@ Result<ReceivedMessage> ParseClientFrame(std::string_view frame, const std::stri
   message.clear_term();
   message.clear_record_id();
   message.clear_sql();
-  return MakeMessage(std::move(message));
+  return received;
 }
 
 }  // namespace moondb

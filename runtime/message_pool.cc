@@ -119,15 +119,20 @@ struct BlockAllocator {
   friend bool operator==(const BlockAllocator&, const BlockAllocator&) { return true; }
 };
 
-}  // namespace
-
-std::shared_ptr<proto::Message> MakeMessage(proto::Message&& message) {
+template <typename... Parts>
+std::shared_ptr<proto::Message> Make(Parts&&... parts) {
 #if defined(__SANITIZE_ADDRESS__)
   // Each in memory of its own, so that the sanitizer sees whoever uses one too long.
-  return std::make_shared<proto::Message>(std::move(message));
+  return std::make_shared<proto::Message>(std::forward<Parts>(parts)...);
 #else
-  return std::allocate_shared<proto::Message>(BlockAllocator<proto::Message>(), std::move(message));
+  return std::allocate_shared<proto::Message>(BlockAllocator<proto::Message>(), std::forward<Parts>(parts)...);
 #endif
 }
+
+}  // namespace
+
+std::shared_ptr<proto::Message> MakeMessage(proto::Message&& message) { return Make(std::move(message)); }
+
+std::shared_ptr<proto::Message> MakeMessage() { return Make(); }
 
 }  // namespace moondb

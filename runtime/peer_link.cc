@@ -129,6 +129,8 @@ SendResult PeerLink::Send(const proto::Message& message) {
       ++dropped_messages_;
       return result;
     }
+    // The transport's thread knows from the first that waits when to look.
+    if (outbox_.messages() > 1 && flush_at_ > now && credit_.HasRoomFor(outbox_.bytes())) return result;
     UpdateExpectation(now);
     due = Deadline();
   }
