@@ -3,6 +3,9 @@
 set(MOONDB_SANITIZE_OPTIONS -fsanitize=${MOONDB_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer)
 add_compile_options(${MOONDB_SANITIZE_OPTIONS})
 add_link_options(-fsanitize=${MOONDB_SANITIZE})
+if(MOONDB_SANITIZE STREQUAL thread)
+  add_compile_options("SHELL:-include ${PROJECT_SOURCE_DIR}/cmake/protobuf_without_tsan.h")
+endif()
 target_compile_options(moondb_options INTERFACE "$<INSTALL_INTERFACE:${MOONDB_SANITIZE_OPTIONS}>")
 target_link_options(moondb_options INTERFACE $<INSTALL_INTERFACE:-fsanitize=${MOONDB_SANITIZE}>)
 
