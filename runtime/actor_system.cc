@@ -160,7 +160,7 @@ SendResult ActorSystem::Impl::Deliver(ReceivedMessage message) {
 
 // Null: it stays in the message. The names were memory of this thread's, which the actor's would have to give back.
 const Address* ActorSystem::Impl::TakeSender(proto::Message& message) {
-  delete message.release_destination_actor();  // To clear it would keep its memory.
+  delete message.release_destination_actor();            // To clear it would keep its memory.
   if (message.hop_sender() == kClients) return nullptr;  // They come and go.
   const Address* sender = remote_senders_.Keep(SenderOf(message));
   if (sender != nullptr) delete message.release_source_actor();

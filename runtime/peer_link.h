@@ -9,9 +9,9 @@
 // No more than the credit is under way (runtime/link_credit.h); the rest waits in the outbox, which drops what it has
 // when the connection is lost: whoever sent it will send it again, and stale frames would only delay that.
 //
-// Send and Status: any thread; a sender hands its frame to the socket itself if nothing waits. In a burst small messages
-// wait up to 0.1 ms for others that share their frame. All else: the transport's thread. A lock guards the socket and
-// what belongs to it.
+// Send and Status: any thread; a sender hands its frame to the socket itself if nothing waits. In a burst small
+// messages wait up to 0.1 ms for others that share their frame. All else: the transport's thread. A lock guards the
+// socket and what belongs to it.
 #pragma once
 
 #include <atomic>
