@@ -139,7 +139,7 @@ void ActorCell::Ping() {
   proto::Message ping;
   ping.mutable_ping();
   WriteLocalEnvelope(self().agent, self().agent, ping);
-  (void)Push(MakeMessage(std::move(ping)), &self(), trace_name_);
+  if (Push(MakeMessage(std::move(ping)), &self(), trace_name_) != SendResult::kAccepted) pinged_ = 0;
 }
 
 // --- Context ---
@@ -282,6 +282,7 @@ void ActorCell::Recover(const Mailbox::Item* item, const Error& failure) {
     is_start_due_ = verdict.delay == Duration::zero();
     if (is_start_due_) is_order_waiting_ = true;
   }
+  (void)mailbox_.Nudge();  // This turn goes on; it must not end before it looked again.
   if (verdict.delay > Duration::zero()) system_.timers().Add(failed + verdict.delay, [this] { BeginStart(); });
 }
 

@@ -12,8 +12,10 @@ namespace moondb {
 class AddressBook {
  public:
   static constexpr std::size_t kAddressesMax = 4096;
+  static constexpr std::size_t kNameBytesMax = 64;
 
-  // Any thread. The kept one, for as long as the book lives; null for a new one when the book is full.
+  // Any thread. The kept one, for as long as the book lives; null for a longer name, and for a new one when the book is
+  // full.
   const Address* Keep(const Address& address);
 
  private:

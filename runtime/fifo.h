@@ -16,6 +16,7 @@ class Fifo {
   bool empty() const { return items_.empty(); }
   std::size_t size() const { return items_.size() - first_; }
   T& front() { return items_[first_]; }
+  T& back() { return items_.back(); }
   T& operator[](std::size_t index) { return items_[first_ + index]; }
 
   void push_back(T&& item) { items_.push_back(std::move(item)); }

@@ -51,6 +51,9 @@ Result<std::vector<ReceivedMessage>> ParsePeerFrame(std::string_view frame, std:
     if (authenticated && message->hop_sender() != *authenticated) {
       return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message->hop_sender()));
     }
+    if (!messages.empty() && message->hop_sender() != messages.front()->hop_sender()) {
+      return Fail(ErrorCode::kRefused, "sent a frame with messages of several senders");
+    }
     if (message->has_link_report() && !(messages.empty() && frame.empty())) {
       return Fail(ErrorCode::kCorrupt, "sent a report among other messages");
     }

@@ -12,10 +12,10 @@
 
 namespace moondb {
 
-// A proto::PeerFrame; all of its messages or none. Several share only a frame of at most kSharedFrameBytesMax.
-// `authenticated`: the agent whose key the connection has; none without CURVE, where the claim has to do.
-// kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a message that only
-// actors of one agent send each other (timers, storage's own).
+// A proto::PeerFrame; all of its messages, which one agent sent, or none. Several share only a frame of at most
+// kSharedFrameBytesMax. `authenticated`: the agent whose key the connection has; none without CURVE, where the claim
+// has to do. kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a message
+// that only actors of one agent send each other (timers, storage's own).
 Result<std::vector<ReceivedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated);
 
 // Addressed to the gateway of `self`, from {kClients, connection}, whatever the client wrote there; its agent_id,

@@ -37,14 +37,21 @@ Mailbox::Pushed Mailbox::Push(Item&& item) {
 
 Mailbox::Pushed Mailbox::TryPush(Item& item) {
   const bool is_control = IsControl(*item.message);
-  std::string key;
-  if (key_ && !is_control && !item.is_timer) key = key_(*item.message);
+  const std::string key = is_control || item.is_timer ? std::string() : KeyOf(*item.message);
   const std::lock_guard lock(lock_);
   if (is_closed_) return {SendResult::kUnreachable};
-  const SendResult result = is_control    ? PushControl(item)
-                            : key.empty() ? PushData(item)
-                                          : PushKeyed(item, std::move(key));
+  const SendResult result = is_control ? PushControl(item) : key.empty() ? PushData(item) : PushKeyed(item, key);
   return {result, result == SendResult::kAccepted && std::exchange(is_reader_away_, false)};
+}
+
+// A key function that throws is its author's mistake: not one for which the sender, or the transport, should fail.
+std::string Mailbox::KeyOf(const proto::Message& message) const {
+  if (!key_) return {};
+  try {
+    return key_(message);
+  } catch (...) {
+    return {};
+  }
 }
 
 bool Mailbox::Nudge() {
@@ -84,24 +91,28 @@ SendResult Mailbox::PushControl(Item& item) {
     control_.erase(std::next(newest).base());
     --pushed_.items;
   }
-  ++pushed_.items;
   control_.push_back(std::move(item));
+  ++pushed_.items;
+  SeeTaken();
+  waiting_max_ = std::max(waiting_max_, pushed_.items - seen_.items);
   has_control_.store(true, std::memory_order_relaxed);
   return SendResult::kAccepted;
 }
 
-SendResult Mailbox::PushKeyed(Item& item, std::string key) {
+SendResult Mailbox::PushKeyed(Item& item, const std::string& key) {
   const auto same = place_of_.find(key);
   if (same == place_of_.end()) {
-    const SendResult result = PushData(item);
-    if (result == SendResult::kAccepted) place_of_.emplace(std::move(key), keyed_taken_ + pushed_items_.size() - 1);
-    return result;
+    if (PushData(item) != SendResult::kAccepted) return SendResult::kFull;
+    const auto added = place_of_.emplace(key, keyed_taken_ + pushed_items_.size() - 1).first;
+    pushed_items_.back().key = &added->first;
+    return SendResult::kAccepted;
   }
   Item& waiting = pushed_items_[same->second - keyed_taken_];
-  // The newer one may be larger; it is taken all the same, since refusing it would leave the reader with the older.
+  if (item.bytes > waiting.bytes && !HasRoomInBytes(item.bytes - waiting.bytes)) return SendResult::kFull;
   pushed_.bytes += item.bytes - waiting.bytes;
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken().bytes);
-  waiting = std::move(item);
+  item.key = waiting.key;
+  std::swap(waiting, item);  // The older one is let go by the sender, without the lock.
   ++replaced_;
   return SendResult::kAccepted;
 }
@@ -112,19 +123,24 @@ SendResult Mailbox::PushData(Item& item) {
   } else if (!HasRoom(item.bytes)) {
     return SendResult::kFull;
   }
-  Count(item);
   pushed_items_.push_back(std::move(item));
+  Count(pushed_items_.back());  // If there was memory for it.
   return SendResult::kAccepted;
 }
 
 bool Mailbox::HasRoom(std::size_t bytes) {
-  if (Fits(bytes)) return true;
+  const auto fits = [&] { return pushed_.messages - seen_.messages < messages_limit_ && FitsInBytes(bytes); };
+  if (fits()) return true;
   SeeTaken();
-  return Fits(bytes);
+  return fits();
 }
 
-bool Mailbox::Fits(std::size_t bytes) const {
-  if (pushed_.messages - seen_.messages >= messages_limit_) return false;
+bool Mailbox::HasRoomInBytes(std::size_t bytes) {
+  SeeTaken();
+  return FitsInBytes(bytes);
+}
+
+bool Mailbox::FitsInBytes(std::size_t bytes) const {
   // What waits may lie above the limit while one larger message waits alone.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
   return waiting == 0 || (waiting < bytes_limit_ && bytes <= bytes_limit_ - waiting);
@@ -143,10 +159,17 @@ void Mailbox::Count(const Item& item) {
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - seen_.bytes);
 }
 
+Mailbox::Item Mailbox::TakeControl() {
+  Item item = std::move(control_.front());
+  control_.pop_front();
+  if (control_.empty()) has_control_.store(false, std::memory_order_relaxed);
+  Add(taken_items_, 1);
+  return item;
+}
+
 Mailbox::Item Mailbox::TakeKeyed() {
   Item item = pushed_items_.pop_front();
-  const auto same = item.is_timer ? place_of_.end() : place_of_.find(key_(*item.message));
-  if (same != place_of_.end() && same->second == keyed_taken_) place_of_.erase(same);
+  if (item.key != nullptr) place_of_.erase(place_of_.find(*std::exchange(item.key, nullptr)));
   ++keyed_taken_;
   return item;
 }
@@ -155,24 +178,18 @@ Mailbox::Item Mailbox::TakeKeyed() {
 
 std::optional<Mailbox::Item> Mailbox::Take() {
   std::optional<Item> item;
-  if (has_control_.load(std::memory_order_relaxed)) {
-    const std::lock_guard lock(lock_);
-    item = std::move(control_.front());
-    control_.pop_front();
-    if (control_.empty()) has_control_.store(false, std::memory_order_relaxed);
-    Add(taken_items_, 1);
-    return item;
-  }
-  if (!items_.empty()) {
+  if (!items_.empty() && !has_control_.load(std::memory_order_relaxed)) {
     item = items_.pop_front();
   } else {
     const std::lock_guard lock(lock_);
-    if (pushed_items_.empty()) return std::nullopt;
-    if (key_) {
-      item = TakeKeyed();  // One by one: what was taken over can be replaced no more.
+    if (!control_.empty()) return TakeControl();
+    if (items_.empty() && !key_) items_.swap(pushed_items_);  // One by one with keys: what left is replaced no more.
+    if (!items_.empty()) {
+      item = items_.pop_front();
+    } else if (!pushed_items_.empty()) {
+      item = TakeKeyed();
     } else {
-      if (pushed_items_.size() > 1) items_.swap(pushed_items_);
-      item = items_.empty() ? pushed_items_.pop_front() : items_.pop_front();
+      return std::nullopt;
     }
   }
   CountTaken(*item);

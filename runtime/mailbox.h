@@ -30,6 +30,7 @@ class Mailbox {
     std::uint32_t incarnation = 0;       // Of the actor whose timer this is.
     std::uint16_t sender_name = 0xFFFF;  // In traces; 0xFFFF: not one of this agent's actors.
     bool is_timer = false;               // Past the bounds.
+    const std::string* key = nullptr;    // The mailbox's own: in place_of_, while it waits there.
   };
 
   struct Pushed {
@@ -85,14 +86,17 @@ class Mailbox {
 
   // With lock_ held.
   SendResult PushControl(Item& item);
-  SendResult PushKeyed(Item& item, std::string key);
+  SendResult PushKeyed(Item& item, const std::string& key);
   SendResult PushData(Item& item);
   bool HasRoom(std::size_t bytes);
-  bool Fits(std::size_t bytes) const;
+  bool HasRoomInBytes(std::size_t bytes);
+  bool FitsInBytes(std::size_t bytes) const;
   void SeeTaken();
   void Count(const Item& item);
+  Item TakeControl();
   Item TakeKeyed();
 
+  std::string KeyOf(const proto::Message& message) const;
   Totals taken() const;
   void CountTaken(const Item& item);
 

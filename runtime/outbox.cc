@@ -55,12 +55,13 @@ SendResult Outbox::Push(Entry&& entry) {
     return SendResult::kAccepted;
   }
   if (!HasRoomFor(entry)) return SendResult::kFull;
-  CountIn(entry);
   if (Entry* shared = FrameToShare(entry)) {
     shared->frame += entry.frame;
     shared->messages += entry.messages;
+    CountIn(entry);
   } else {
     classes_[entry.outbound_class].push_back(std::move(entry));
+    CountIn(classes_[entry.outbound_class].back());
   }
   return SendResult::kAccepted;
 }

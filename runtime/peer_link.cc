@@ -123,7 +123,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
     const std::lock_guard lock(mutex_);
     SendResult result = is_small_enough ? SendResult::kAccepted : SendResult::kFull;
     // It may have opened only just now, with the frame not made.
-    if (!is_open_ || entry.frame.empty()) result = is_open_ ? result : SendResult::kUnreachable;
+    if (!is_open_ || (is_small_enough && entry.frame.empty())) result = SendResult::kUnreachable;
     if (result == SendResult::kAccepted) result = SendOrKeep(now, std::move(entry));
     if (result != SendResult::kAccepted) {
       ++dropped_messages_;
@@ -201,6 +201,11 @@ void PeerLink::OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on
   if (coming_bytes_.load(std::memory_order_relaxed) != 0) coming_bytes_ = 0;
   Add(received_messages_, count);
   Add(received_bytes_, frame_bytes);
+  if (is_on_link) received_.OnReceived(frame_bytes);
+}
+
+void PeerLink::OnRejected(std::size_t frame_bytes, bool is_on_link) {
+  Add(rejected_messages_, 1);
   if (is_on_link) received_.OnReceived(frame_bytes);
 }
 
@@ -338,7 +343,10 @@ bool PeerLink::CanSendWaiting() const {
 }
 
 void PeerLink::Flush(MonotonicTime now) {
-  if ((HasReportDue() || received_.is_report_due()) && !SendReport(0)) return;
+  if (HasReportDue() || received_.is_report_due()) {
+    is_report_due_ = true;  // If it cannot go out now.
+    if (!SendReport(0)) return;
+  }
   if (now >= flush_at_) SendWaiting(now);
   while (const Outbox::Entry* front = outbox_.Front()) {
     const std::size_t bytes = front->frame.size();

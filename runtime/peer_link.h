@@ -61,7 +61,8 @@ class PeerLink {
   // speak of, not over one that it replaced.
   void OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link);
   void OnReport(const proto::LinkReport& report, bool is_on_link);
-  void CountRejected() { ++rejected_messages_; }
+  // A frame that was not taken. Its bytes have arrived all the same.
+  void OnRejected(std::size_t frame_bytes, bool is_on_link);
 
   // What libzmq has to say of the connection, if anything.
   void OnMonitorReadable();

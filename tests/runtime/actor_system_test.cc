@@ -333,6 +333,24 @@ TEST_F(ActorSystemTest, ActorBeyondHelpIsReportedOnce) {
   EXPECT_TRUE(heard_.empty());
 }
 
+TEST_F(ActorSystemTest, StartThatFailsMoreSeldomThanAPeriodIsTriedAgainAtOnce) {
+  ActorSystem::Options options = DefaultOptions();
+  options.restart_period = milliseconds(1);
+  ActorSystem system(options);
+  int made = 0;
+  system.Spawn("late", {},
+               Scripted(
+                   [&](Context& context) {
+                     const MonotonicTime end = context.now() + milliseconds(2);
+                     while (context.now() < end) std::this_thread::yield();
+                     if (++made < 4) throw std::runtime_error("not yet");
+                   },
+                   nullptr));
+  system.Start(nullptr);  // Returns.
+  EXPECT_EQ(made, 4);
+  system.Stop();
+}
+
 TEST_F(ActorSystemTest, SecondRestartComesLater) {
   std::atomic<int> made = 0;
   std::vector<MonotonicTime> started;  // Of the one actor alone.

@@ -52,6 +52,7 @@ TEST(AddressBookTest, KeepsEachAddressOnceAndNotEndlessly) {
     ASSERT_NE(book.Keep({3, "actor" + std::to_string(i)}), nullptr);
   }
   EXPECT_EQ(book.Keep({4, "sync"}), nullptr);
+  EXPECT_EQ(AddressBook().Keep({2, std::string(AddressBook::kNameBytesMax + 1, 'x')}), nullptr);
   EXPECT_EQ(book.Keep({2, "sync"}), first);
 }
 

@@ -45,6 +45,7 @@ TEST(InboundTest, TakesTheMessagesOfAFrameInTheirOrderOrNone) {
   ASSERT_EQ(parsed->size(), 3u);
   for (std::uint64_t i = 0; i < 3; ++i) EXPECT_EQ((*parsed)[i]->request_id(), i);
   EXPECT_EQ(ParsePeerFrame(frame + ToPeerFrame(From(3)), 2).error().code, ErrorCode::kRefused);
+  EXPECT_EQ(ParsePeerFrame(frame + ToPeerFrame(From(3)), std::nullopt).error().code, ErrorCode::kRefused);
   EXPECT_EQ(ParsePeerFrame(frame + "garbage", 2).error().code, ErrorCode::kCorrupt);
   for (std::size_t cut = 0; cut < frame.size(); ++cut) {
     const auto part = ParsePeerFrame(std::string_view(frame).substr(0, cut), 2);

@@ -8,6 +8,7 @@
 #include <memory>
 #include <random>
 #include <semaphore>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -137,6 +138,7 @@ TEST(MailboxTest, ControlGoesBeforeDataThatTheReaderTookOver) {
   EXPECT_EQ(mailbox.Take()->message->request_id(), 1u);
   EXPECT_EQ(Push(mailbox, Data(4)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, PeerEvent(5)), SendResult::kAccepted);
+  EXPECT_EQ(mailbox.counts().waiting_max, 4u);
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(5, 2, 3, 4));
 }
 
@@ -169,6 +171,26 @@ TEST(MailboxTest, LatestOfAKeyTakesThePlaceOfTheWaitingOne) {
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(3, 2));
   EXPECT_EQ(Push(mailbox, Keyed("a", 5)), SendResult::kAccepted);  // What left is replaced no more.
   EXPECT_THAT(TakeAll(mailbox), ElementsAre(5));
+}
+
+TEST(MailboxTest, AReplacementMayNotPassTheBoundInBytes) {
+  SpawnOptions options = LatestByKey(4);
+  options.bytes_max = 100;
+  Mailbox mailbox(options);
+  EXPECT_EQ(Push(mailbox, Keyed("a", 1, 40)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Keyed("b", 2, 40)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Keyed("a", 3, 61)), SendResult::kFull);
+  EXPECT_EQ(Push(mailbox, Keyed("a", 4, 60)), SendResult::kAccepted);
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(4, 2));
+}
+
+TEST(MailboxTest, AKeyFunctionThatThrowsGivesNoKey) {
+  SpawnOptions options = LatestByKey(4);
+  options.key = [](const proto::Message&) -> std::string { throw std::runtime_error("odd"); };
+  Mailbox mailbox(options);
+  EXPECT_EQ(Push(mailbox, Keyed("a", 1)), SendResult::kAccepted);
+  EXPECT_EQ(Push(mailbox, Keyed("a", 2)), SendResult::kAccepted);
+  EXPECT_THAT(TakeAll(mailbox), ElementsAre(1, 2));
 }
 
 TEST(MailboxTest, WithoutAKeyNothingIsReplaced) {
