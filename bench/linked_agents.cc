@@ -78,7 +78,7 @@ Result<void> LinkedAgents::WriteTeamFile() {
 
 Result<void> LinkedAgents::StartAgent(AgentId id) {
   Agent& agent = *agents_[id - 1];
-  const auto deliver = [this, &agent](ReceivedMessage message) {
+  const auto deliver = [this, &agent](OwnedMessage message) {
     agent.is_up.wait();
     if (agent.system->Deliver(std::move(message)) != SendResult::kAccepted) {
       tally_.Fail("a message that had arrived was refused");

@@ -12,9 +12,9 @@ namespace {
 
 constexpr AgentId kSelf = 1;
 
-proto::Message Small(std::uint64_t id) {
-  proto::Message message;
-  message.set_request_id(id);
+OwnedMessage Small(std::uint64_t id) {
+  OwnedMessage message;
+  message->set_request_id(id);
   return message;
 }
 
@@ -46,7 +46,7 @@ class BurstSink final : public Actor {
   void OnMessage(Context& context, const proto::Message& message) override {
     tally_.Count(message.request_id());
     if ((message.request_id() + 1) % kBurstMessages != 0) return;
-    if (context.Reply({}) != SendResult::kAccepted) tally_.Fail("an acknowledgment was refused");
+    if (context.Reply(OwnedMessage()) != SendResult::kAccepted) tally_.Fail("an acknowledgment was refused");
   }
 
  private:
@@ -87,7 +87,7 @@ class Pong final : public Actor {
  public:
   explicit Pong(Tally& tally) : tally_(tally) {}
   void OnMessage(Context& context, const proto::Message&) override {
-    if (context.Reply({}) != SendResult::kAccepted) tally_.Fail("a pong was refused");
+    if (context.Reply(OwnedMessage()) != SendResult::kAccepted) tally_.Fail("a pong was refused");
   }
 
  private:

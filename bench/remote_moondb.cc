@@ -27,17 +27,17 @@ class MessageMaker {
     for (padding_ = bytes; padding_ > 0 && Make(/*id=*/1U << 30)->ByteSizeLong() > bytes; --padding_) continue;
   }
 
-  std::shared_ptr<proto::Message> Make(std::uint64_t id) const {
-    auto message = std::make_shared<proto::Message>(Body(id));
+  OwnedMessage Make(std::uint64_t id) const {
+    OwnedMessage message = Body(id);
     WriteEnvelope(from_, to_, *message);
     return message;
   }
 
   // Without the addresses, which the system writes.
-  proto::Message Body(std::uint64_t id) const {
-    proto::Message message;
-    message.set_request_id(id);
-    message.mutable_record_id()->assign(padding_, 'x');
+  OwnedMessage Body(std::uint64_t id) const {
+    OwnedMessage message;
+    message->set_request_id(id);
+    message->mutable_record_id()->assign(padding_, 'x');
     return message;
   }
 
@@ -101,9 +101,9 @@ Result<double> MoondbRemoteThroughput(bool is_curve, std::size_t bytes, std::uin
   const auto start = BenchClock::now();
   RunSenders(1, [&](int) {
     for (std::uint64_t number = 0; number < count; ++number) {
-      const MessagePtr message = maker.Make(number);
-      SendResult result = transport.Send(maker.to(), message);
-      for (; result == SendResult::kFull; result = transport.Send(maker.to(), message)) {
+      const OwnedMessage message = maker.Make(number);
+      SendResult result = transport.Send(maker.to(), *message);
+      for (; result == SendResult::kFull; result = transport.Send(maker.to(), *message)) {
         std::this_thread::sleep_for(kRetryAfter);
       }
       if (result != SendResult::kAccepted) return tally.Fail(ToString(result));

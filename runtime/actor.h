@@ -25,6 +25,7 @@
 #include "model/error.h"
 #include "proto/message.pb.h"
 #include "runtime/address.h"
+#include "runtime/owned_message.h"
 
 namespace moondb {
 
@@ -32,7 +33,6 @@ using Duration = std::chrono::nanoseconds;
 // Monotonic, from an arbitrary start.
 using MonotonicTime = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 using TimerId = std::uint64_t;
-using MessagePtr = std::shared_ptr<const proto::Message>;
 
 enum class [[nodiscard]] SendResult{
     kAccepted,     // In the mailbox or the peer's outbox. Not yet handled, and to a peer not yet sent.
@@ -64,13 +64,13 @@ class Context {
   virtual std::int64_t utc_now_ns() const = 0;
   virtual std::mt19937_64& rng() = 0;
 
-  // Takes the message. Fills in hop_sender and destination_id; agent_id too where it is 0; and, for the way to another
-  // agent, source_actor and destination_actor (within an agent the names do not travel: the receiver asks sender()).
-  // Never blocks. A refused message has no further effect.
-  [[nodiscard]] virtual SendResult Send(const Address& to, proto::Message&& message) = 0;
+  // Takes the message, which may also be a proto::Message, moved. Fills in hop_sender and destination_id; agent_id too
+  // where it is 0; and, for the way to another agent, source_actor and destination_actor (within an agent the names do
+  // not travel: the receiver asks sender()). Never blocks. A refused message has no further effect.
+  [[nodiscard]] virtual SendResult Send(const Address& to, OwnedMessage message) = 0;
 
   // Sends to sender() with the request_id of the message in hand.
-  [[nodiscard]] virtual SendResult Reply(proto::Message&& message) = 0;
+  [[nodiscard]] virtual SendResult Reply(OwnedMessage message) = 0;
 
   // Sends `message` to this actor itself after `delay`, past its mailbox's bound. Timers die with the actor.
   virtual TimerId After(Duration delay, proto::Message message) = 0;

@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "runtime/envelope.h"
-#include "runtime/message_pool.h"
 
 namespace moondb {
 namespace {
@@ -39,7 +38,7 @@ ActorCell::ActorCell(CellSystem& system, Address self, SpawnOptions options, Act
 
 // --- Any thread ---
 
-SendResult ActorCell::Push(MessagePtr message, const Address* sender, std::uint16_t sender_name, bool may_wait) {
+SendResult ActorCell::Push(OwnedMessage message, const Address* sender, std::uint16_t sender_name, bool may_wait) {
   Mailbox::Item item;
   item.bytes = message->ByteSizeLong();
   item.message = std::move(message);
@@ -136,10 +135,10 @@ void ActorCell::Ping() {
   // Who waits for nothing is well: an idle agent stays asleep.
   if (pinged_ != 0 || (mailbox_.empty() && handler_since_ == 0)) return;
   pinged_ = TickClock::Now();
-  proto::Message ping;
-  ping.mutable_ping();
-  WriteLocalEnvelope(self().agent, self().agent, ping);
-  if (Push(MakeMessage(std::move(ping)), &self(), trace_name_) != SendResult::kAccepted) pinged_ = 0;
+  OwnedMessage ping;
+  ping->mutable_ping();
+  WriteLocalEnvelope(self().agent, self().agent, *ping);
+  if (Push(std::move(ping), &self(), trace_name_) != SendResult::kAccepted) pinged_ = 0;
 }
 
 // --- Context ---
@@ -150,10 +149,10 @@ std::int64_t ActorCell::utc_now_ns() const {
 
 TimerId ActorCell::After(Duration delay, proto::Message message) {
   WriteLocalEnvelope(self().agent, self().agent, message);
-  auto shared = MakeMessage(std::move(message));
+  auto shared = std::make_shared<proto::Message>(std::move(message));  // A std::function can be copied.
   return system_.timers().Add(now() + delay, [this, shared = std::move(shared), incarnation = incarnation()] {
     Mailbox::Item item;
-    item.message = shared;
+    item.message = std::move(*shared);
     item.sender = &self();
     item.sender_name = trace_name_;
     item.is_timer = true;
@@ -171,21 +170,21 @@ Ticks ActorCell::RunTurn(Ticks now) {
       if (EndIfDue()) return now;
       now = StartIfDue(now);
     }
-    // A reader faster than its senders would meet them at the lock for each message; so more come at a time (measured:
-    // 1.5 times the throughput).
     const bool handles_messages = state_ == State::kReady && system_.is_flowing();
-    std::optional<Mailbox::Item> item;
-    if (handles_messages) {
-      if (handled > 0 && mailbox_.must_look()) pool_.YieldWithoutWork(1);
-      item = mailbox_.Take();
-    }
-    if (item) {
-      // Else the timer of an incarnation that died.
-      if (!item->is_timer || item->incarnation == incarnation()) now = HandleItem(*item, now);
-    } else {
+    // At first there is something: it was called.
+    if (!handles_messages || (handled > 0 && mailbox_.must_look())) {
+      // A reader faster than its senders would meet them at the lock for each message; so more come at a time
+      // (measured: 1.5 times the throughput).
+      if (handles_messages) pool_.YieldWithoutWork(1);
       LetWaitersTry();
       if (mailbox_.GoAway(/*for_messages=*/handles_messages)) return now;
+      if (!handles_messages) continue;
     }
+    Mailbox::Item* item = mailbox_.Take();
+    if (item == nullptr) continue;
+    // Else the timer of an incarnation that died.
+    if (!item->is_timer || item->incarnation == incarnation()) now = HandleItem(*item, now);
+    item->message = nullptr;
   }
   LetWaitersTry();
   pool_.SubmitLast(this);
@@ -226,7 +225,7 @@ void ActorCell::LetWaitersTry() {
   has_room_.notify_one();
 }
 
-Ticks ActorCell::HandleItem(const Mailbox::Item& item, Ticks now) {
+Ticks ActorCell::HandleItem(Mailbox::Item& item, Ticks now) {
   if (item.message->has_ping()) {
     ping_ = std::max<Ticks>(0, now - pinged_.exchange(0));
     return now;
@@ -259,12 +258,12 @@ void ActorCell::CountHandler(const Mailbox::Item& item, Ticks start, Ticks end) 
   system_.trace().Add(record);
 }
 
-void ActorCell::SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure) {
+void ActorCell::SettleHandler(Mailbox::Item* item, const std::optional<Error>& failure) {
   if (failure) Recover(item, *failure);
   if (TakeStopRequest()) system_.OnStopRequested();
 }
 
-void ActorCell::Recover(const Mailbox::Item* item, const Error& failure) {
+void ActorCell::Recover(Mailbox::Item* item, const Error& failure) {
   const MonotonicTime failed = now();
   const Supervisor::Verdict verdict = supervisor_.OnFailure(failed, static_cast<double>(rng()() >> 11) * 0x1.0p-53);
   const bool is_final = verdict.action == Supervisor::Action::kBeyondHelp;

@@ -34,7 +34,7 @@ class CellSystem {
 
   virtual TimerThread& timers() = 0;
   virtual TraceBook& trace() = 0;
-  virtual SendResult SendFrom(ActorCell& sender, const Address& to, proto::Message&& message) = 0;
+  virtual SendResult SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) = 0;
   virtual void SetRoles(const proto::RoleAssignment& roles) = 0;
   virtual void WatchPeers(const std::string& watcher) = 0;
   virtual void Monitor(const std::string& watcher, const Address& target) = 0;
@@ -43,8 +43,8 @@ class CellSystem {
   virtual proto::TraceReply Trace(const proto::TraceRequest& request) const = 0;
   virtual void OnStopRequested() = 0;
 
-  // The actor failed; its incarnation is gone. `item` is what it failed at, null in OnStart.
-  virtual void OnFailed(const ActorCell& cell, const Mailbox::Item* item, const Error& error, bool is_final) = 0;
+  // The actor failed; its incarnation is gone. `item` is what it failed at, to keep; null in OnStart.
+  virtual void OnFailed(const ActorCell& cell, Mailbox::Item* item, const Error& error, bool is_final) = 0;
   virtual void OnStepDown(const Address& actor, const Error& error) = 0;
   virtual void OnBeyondHelp(const Address& actor, const Error& error) = 0;
 
@@ -61,7 +61,7 @@ class ActorCell final : public ActorHost, private Runnable {
 
   // Any thread. kUnreachable where the actor is beyond help or ended. `sender` and `sender_name`: see Mailbox::Item.
   // `may_wait`: for room in a full kBlock mailbox, as long as it takes.
-  SendResult Push(MessagePtr message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);
+  SendResult Push(OwnedMessage message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);
   void Wake();
   void BeginStart();
   void WaitUntilStarted();  // Or beyond help, or ended.
@@ -81,7 +81,7 @@ class ActorCell final : public ActorHost, private Runnable {
   // Context.
   MonotonicTime now() const override { return std::chrono::steady_clock::now(); }
   std::int64_t utc_now_ns() const override;
-  SendResult Send(const Address& to, proto::Message&& message) override {
+  SendResult Send(const Address& to, OwnedMessage message) override {
     return system_.SendFrom(*this, to, std::move(message));
   }
   TimerId After(Duration delay, proto::Message message) override;
@@ -114,12 +114,12 @@ class ActorCell final : public ActorHost, private Runnable {
   Ticks RunTurn(Ticks now) override;
   bool EndIfDue();
   Ticks StartIfDue(Ticks now);
-  Ticks HandleItem(const Mailbox::Item& item, Ticks now);
+  Ticks HandleItem(Mailbox::Item& item, Ticks now);
   void CountHandler(const Mailbox::Item& item, Ticks start, Ticks end);
   void LetWaitersTry();
   // `item` is what was handled; null in OnStart.
-  void SettleHandler(const Mailbox::Item* item, const std::optional<Error>& failure);
-  void Recover(const Mailbox::Item* item, const Error& failure);
+  void SettleHandler(Mailbox::Item* item, const std::optional<Error>& failure);
+  void Recover(Mailbox::Item* item, const Error& failure);
   TraceRecord MakeRecord(proto::TraceKind kind, Ticks time) const;
   void EnterState(State state);
 

@@ -69,8 +69,8 @@ std::mt19937_64& ActorHost::rng() {
   return *rng_;
 }
 
-SendResult ActorHost::Reply(proto::Message&& message) {
-  message.set_request_id(request_id_);
+SendResult ActorHost::Reply(OwnedMessage message) {
+  message->set_request_id(request_id_);
   return Send(*sender_, std::move(message));
 }
 

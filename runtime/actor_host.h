@@ -43,7 +43,7 @@ class ActorHost : public Context {
   const Address& self() const override { return self_; }
   const Address& sender() const override { return *sender_; }
   std::mt19937_64& rng() override;
-  SendResult Reply(proto::Message&& message) override;
+  SendResult Reply(OwnedMessage message) override;
   void Fail(Error error) override;
   void RequestStop() override { is_stop_requested_ = true; }
 

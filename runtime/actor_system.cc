@@ -15,7 +15,6 @@
 #include "runtime/address_book.h"
 #include "runtime/dead_letters.h"
 #include "runtime/envelope.h"
-#include "runtime/message_pool.h"
 #include "runtime/monitors.h"
 #include "runtime/role_table.h"
 
@@ -28,6 +27,15 @@ std::uint64_t SeedOf(std::uint64_t seed) {
   return std::uint64_t{entropy()} << 32 | entropy();
 }
 
+// Of this thread: who was found last. Mostly a thread sends where it sent before.
+struct LastFound {
+  std::uint64_t system_number = 0;  // 0: nobody yet.
+  ActorCell* cell = nullptr;
+};
+thread_local LastFound last_found;
+
+std::atomic<std::uint64_t> system_count = 0;
+
 }  // namespace
 
 class ActorSystem::Impl final : public CellSystem {
@@ -37,8 +45,8 @@ class ActorSystem::Impl final : public CellSystem {
 
   void Spawn(std::string name, SpawnOptions options, ActorFactory factory);
   void Start(Transport* transport);
-  SendResult Post(const std::string& actor, proto::Message&& message);
-  SendResult Deliver(ReceivedMessage message);
+  SendResult Post(const std::string& actor, OwnedMessage message);
+  SendResult Deliver(OwnedMessage message);
   void OnPeerChanged(AgentId peer, bool is_connected);
   void Stop();
   proto::TraceReply Trace(const proto::TraceRequest& request) const override;
@@ -48,26 +56,28 @@ class ActorSystem::Impl final : public CellSystem {
   // CellSystem.
   TimerThread& timers() override { return timers_; }
   TraceBook& trace() override { return trace_; }
-  SendResult SendFrom(ActorCell& sender, const Address& to, proto::Message&& message) override;
+  SendResult SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) override;
   void SetRoles(const proto::RoleAssignment& roles) override { roles_.SetRoles(roles); }
   void WatchPeers(const std::string& watcher) override;
   void Monitor(const std::string& watcher, const Address& target) override;
   void Demonitor(const std::string& watcher, const Address& target) override;
   SystemStatus Status() const override;
   void OnStopRequested() override;
-  void OnFailed(const ActorCell& cell, const Mailbox::Item* item, const Error& error, bool is_final) override;
+  void OnFailed(const ActorCell& cell, Mailbox::Item* item, const Error& error, bool is_final) override;
   void OnStepDown(const Address& actor, const Error& error) override;
   void OnBeyondHelp(const Address& actor, const Error& error) override;
 
   ActorCell* Find(const std::string& actor) const;
+  ActorCell* FindFromOutside(const std::string& actor) const;  // On threads that are no actor's.
   const Address* TakeSender(proto::Message& message);
-  SendResult SendAway(const Address& from, const Address& to, proto::Message&& message);
-  void Notify(const Monitors::Notices& notices);
+  SendResult SendAway(const Address& from, const Address& to, proto::Message& message);
+  void Notify(Monitors::Notices notices);
   void TraceRefused(TraceRecord record, SendResult result);
   void ScheduleHealthCheck();
   void CheckHealth();
 
   const Options options_;
+  const std::uint64_t system_number_ = ++system_count;  // From 1 on, in this process.
   const Address outside_;
   const std::uint64_t seed_;
   RoleTable roles_;
@@ -131,20 +141,19 @@ void ActorSystem::Impl::Start(Transport* transport) {
   ScheduleHealthCheck();
 }
 
-SendResult ActorSystem::Impl::Post(const std::string& actor, proto::Message&& message) {
-  ActorCell* cell = Find(actor);
+SendResult ActorSystem::Impl::Post(const std::string& actor, OwnedMessage message) {
+  ActorCell* cell = FindFromOutside(actor);
   if (cell == nullptr) return SendResult::kNoActor;
-  WriteLocalEnvelope(options_.self, options_.self, message);
-  return cell->Push(MakeMessage(std::move(message)), &outside_, TraceRecord::kNobody,
-                    /*may_wait=*/true);
+  WriteLocalEnvelope(options_.self, options_.self, *message);
+  return cell->Push(std::move(message), &outside_, TraceRecord::kNobody, /*may_wait=*/true);
 }
 
-SendResult ActorSystem::Impl::Deliver(ReceivedMessage message) {
+SendResult ActorSystem::Impl::Deliver(OwnedMessage message) {
   TraceRecord record;
   record.other_agent = message->hop_sender();
   record.body = static_cast<std::uint16_t>(message->body_case());
   record.request_id = message->request_id();
-  ActorCell* cell = Find(message->destination_actor());
+  ActorCell* cell = FindFromOutside(message->destination_actor());
   SendResult result = SendResult::kNoActor;
   if (cell != nullptr) {
     record.actor = cell->trace_name();
@@ -186,14 +195,23 @@ ActorCell* ActorSystem::Impl::Find(const std::string& actor) const {
   return found == cell_of_.end() ? nullptr : found->second;
 }
 
+ActorCell* ActorSystem::Impl::FindFromOutside(const std::string& actor) const {
+  if (last_found.system_number != system_number_ || last_found.cell->self().actor != actor) {
+    ActorCell* cell = Find(actor);
+    if (cell == nullptr) return nullptr;
+    last_found = {system_number_, cell};
+  }
+  return last_found.cell;
+}
+
 // --- From actors ---
 
-SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, proto::Message&& message) {
+SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) {
   TraceRecord record;
   record.time = sender.handler_started();
   record.actor = sender.trace_name();
-  record.body = static_cast<std::uint16_t>(message.body_case());
-  record.request_id = message.request_id();
+  record.body = static_cast<std::uint16_t>(message->body_case());
+  record.request_id = message->request_id();
   record.other_agent = roles_.Resolve(to.agent);
   ActorCell* cell = sender.LastTarget(to.actor);
   if (cell == nullptr) {
@@ -203,10 +221,10 @@ SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, pro
   if (cell != nullptr) record.other_actor = cell->trace_name();
   SendResult result = SendResult::kNoActor;
   if (record.other_agent != options_.self) {
-    result = SendAway(sender.self(), {record.other_agent, to.actor}, std::move(message));
+    result = SendAway(sender.self(), {record.other_agent, to.actor}, *message);
   } else if (cell != nullptr) {
-    WriteLocalEnvelope(options_.self, options_.self, message);
-    result = cell->Push(MakeMessage(std::move(message)), &sender.self(), sender.trace_name());
+    WriteLocalEnvelope(options_.self, options_.self, *message);
+    result = cell->Push(std::move(message), &sender.self(), sender.trace_name());
   }
   if (result != SendResult::kAccepted) {
     TraceRefused(record, result);
@@ -216,12 +234,12 @@ SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, pro
   return result;
 }
 
-SendResult ActorSystem::Impl::SendAway(const Address& from, const Address& to, proto::Message&& message) {
+SendResult ActorSystem::Impl::SendAway(const Address& from, const Address& to, proto::Message& message) {
   if (to.agent == 0) return SendResult::kNoPeer;
   Transport* transport = transport_;
   if (transport == nullptr) return to.agent == kClients ? SendResult::kUnreachable : SendResult::kNoPeer;
   WriteEnvelope(from, to, message);
-  return transport->Send(to, MakeMessage(std::move(message)));
+  return transport->Send(to, message);
 }
 
 void ActorSystem::Impl::TraceRefused(TraceRecord record, SendResult result) {
@@ -247,9 +265,10 @@ void ActorSystem::Impl::Demonitor(const std::string& watcher, const Address& tar
   monitors_.Demonitor(watcher, {roles_.Resolve(target.agent), target.actor});
 }
 
-void ActorSystem::Impl::Notify(const Monitors::Notices& notices) {
-  for (const Monitors::Notice& notice : notices) {
-    if (ActorCell* cell = Find(notice.watcher)) (void)cell->Push(notice.message, nullptr, TraceRecord::kNobody);
+void ActorSystem::Impl::Notify(Monitors::Notices notices) {
+  for (Monitors::Notice& notice : notices) {
+    ActorCell* cell = Find(notice.watcher);
+    if (cell != nullptr) (void)cell->Push(std::move(notice.message), nullptr, TraceRecord::kNobody);
   }
 }
 
@@ -275,7 +294,7 @@ void ActorSystem::Impl::OnStopRequested() {
 
 // --- Supervision ---
 
-void ActorSystem::Impl::OnFailed(const ActorCell& cell, const Mailbox::Item* item, const Error& error, bool is_final) {
+void ActorSystem::Impl::OnFailed(const ActorCell& cell, Mailbox::Item* item, const Error& error, bool is_final) {
   {
     const std::lock_guard lock(dead_letters_mutex_);
     dead_letters_.Add(std::chrono::steady_clock::now(), cell.self().actor, item, error);
@@ -288,11 +307,11 @@ void ActorSystem::Impl::OnStepDown(const Address& actor, const Error& error) {
   spdlog::error("actor {} fails again and again, the agent gives up its role: {}", ToString(actor), ToString(error));
   ActorCell* role = Find(actor_name::kRole);
   if (role == nullptr) return;
-  proto::Message message;
-  message.mutable_step_down()->set_actor(actor.actor);
-  message.mutable_step_down()->set_reason(ToString(error));
-  WriteLocalEnvelope(options_.self, options_.self, message);
-  (void)role->Push(MakeMessage(std::move(message)), &outside_, TraceRecord::kNobody);
+  OwnedMessage message;
+  message->mutable_step_down()->set_actor(actor.actor);
+  message->mutable_step_down()->set_reason(ToString(error));
+  WriteLocalEnvelope(options_.self, options_.self, *message);
+  (void)role->Push(std::move(message), &outside_, TraceRecord::kNobody);
 }
 
 void ActorSystem::Impl::OnBeyondHelp(const Address& actor, const Error& error) {
@@ -333,9 +352,9 @@ void ActorSystem::Spawn(std::string name, SpawnOptions options, ActorFactory fac
   impl_->Spawn(std::move(name), std::move(options), std::move(factory));
 }
 void ActorSystem::Start(Transport* transport) { impl_->Start(transport); }
-SendResult ActorSystem::Deliver(ReceivedMessage message) { return impl_->Deliver(std::move(message)); }
+SendResult ActorSystem::Deliver(OwnedMessage message) { return impl_->Deliver(std::move(message)); }
 void ActorSystem::OnPeerChanged(AgentId peer, bool is_connected) { impl_->OnPeerChanged(peer, is_connected); }
-SendResult ActorSystem::Post(const std::string& actor, proto::Message&& message) {
+SendResult ActorSystem::Post(const std::string& actor, OwnedMessage message) {
   return impl_->Post(actor, std::move(message));
 }
 void ActorSystem::Stop() { impl_->Stop(); }

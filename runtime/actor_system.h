@@ -53,14 +53,14 @@ class ActorSystem {
 
   // Any thread. Delivers to the actor that message.destination_actor names on this agent; how the transport hands in
   // what it received. The actor learns from Context::sender who sent it; the message itself need no longer say so.
-  SendResult Deliver(ReceivedMessage message);
+  SendResult Deliver(OwnedMessage message);
 
   // Any thread, before Start too: a peer was reached or lost. Told to actors that watch peers or monitor that agent.
   void OnPeerChanged(AgentId peer, bool is_connected);
 
   // Sends from outside any actor, not from a handler; the sender is {self, "outside"}. For tests and composition. Waits
   // for room in a full mailbox of an Overflow::kBlock actor, until Stop if need be.
-  SendResult Post(const std::string& actor, proto::Message&& message);
+  SendResult Post(const std::string& actor, OwnedMessage message);
 
   // Idempotent; not from a handler. Sets stop_requested, lets running handlers end, destroys the actors, joins all
   // threads. Waiting messages are dropped.

@@ -103,7 +103,7 @@ bool ClientDoor::Receive(const Transport::Deliver& deliver) {
 void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
   if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
   const std::string name = table_.NameOf(std::string(received.route.text()));
-  Result<ReceivedMessage> message = ParseClientFrame(received.frame.text(), name, options_.self);
+  Result<OwnedMessage> message = ParseClientFrame(received.frame.text(), name, options_.self);
   if (!message) return log_.Warn("transport: a client " + message.error().text);
   deliver(std::move(*message));
 }

@@ -17,7 +17,7 @@ std::string Printable(const std::string& name) {
 
 }  // namespace
 
-void DeadLetters::Add(MonotonicTime time, const std::string& actor, const Mailbox::Item* item, Error error) {
+void DeadLetters::Add(MonotonicTime time, const std::string& actor, Mailbox::Item* item, Error error) {
   ++count_;
   Letter letter;
   letter.time = time;
@@ -27,12 +27,12 @@ void DeadLetters::Add(MonotonicTime time, const std::string& actor, const Mailbo
     letter.sender = item->sender != nullptr ? *item->sender : SenderOf(*item->message);
     letter.body = static_cast<std::uint16_t>(item->message->body_case());
     letter.bytes = item->message->ByteSizeLong();
-    if (letter.bytes <= kBytesMax) letter.message = item->message;
+    if (letter.bytes <= kBytesMax) letter.message = std::move(item->message);
   }
-  if (letter.message != nullptr) bytes_ += letter.bytes;
+  if (letter.message) bytes_ += letter.bytes;
   letters_.push_back(std::move(letter));
   while (letters_.size() > kLettersMax || bytes_ > kBytesMax) {
-    if (letters_.front().message != nullptr) bytes_ -= letters_.front().bytes;
+    if (letters_.front().message) bytes_ -= letters_.front().bytes;
     letters_.pop_front();
   }
 }

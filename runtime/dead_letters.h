@@ -21,14 +21,14 @@ class DeadLetters {
     MonotonicTime time;
     std::string actor;  // That failed.
     Address sender;
-    MessagePtr message;      // Null for one that alone passes kBytesMax, and for a failure in OnStart.
-    std::uint16_t body = 0;  // proto::Message::BodyCase.
+    OwnedMessage message = nullptr;  // None for one that alone passes kBytesMax, and for a failure in OnStart.
+    std::uint16_t body = 0;          // proto::Message::BodyCase.
     std::size_t bytes = 0;
     Error error;
   };
 
-  // `item` is what `actor` failed at; null in OnStart.
-  void Add(MonotonicTime time, const std::string& actor, const Mailbox::Item* item, Error error);
+  // `item` is what `actor` failed at, whose message is taken; null in OnStart.
+  void Add(MonotonicTime time, const std::string& actor, Mailbox::Item* item, Error error);
 
   // Those of request.actor, or all; oldest first.
   void Report(const proto::TraceRequest& request, MonotonicTime now, proto::TraceReply* reply) const;

@@ -1,11 +1,11 @@
 #include "runtime/inbound.h"
 
 #include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/unknown_field_set.h>
 
 #include <utility>
 
 #include "runtime/address.h"
-#include "runtime/message_pool.h"
 #include "runtime/outbound.h"
 
 namespace moondb {
@@ -17,9 +17,18 @@ bool IsWithinAgent(const proto::Message& message) {
   return message.body_case() >= proto::Message::kTimer && message.body_case() < proto::Message::kHello;
 }
 
+// Nobody would read them; their memory would stay with a message that is used again (OwnedMessage).
+void DropUnknownFields(proto::Message* message) {
+  const auto* reflection = message->GetReflection();
+  if (reflection->GetUnknownFields(*message).empty()) return;
+  google::protobuf::UnknownFieldSet dropped;
+  reflection->MutableUnknownFields(message)->Swap(&dropped);
+}
+
 Result<void> Parse(std::string_view bytes, proto::Message* message) {
   if (!message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
     return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+  DropUnknownFields(message);
   if (IsWithinAgent(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
   return {};
 }
@@ -38,16 +47,16 @@ std::optional<std::string_view> TakeMessage(std::string_view* frame) {
 
 }  // namespace
 
-Result<std::vector<ReceivedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated) {
+Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated) {
   const bool may_be_shared = frame.size() <= kSharedFrameBytesMax;
-  std::vector<ReceivedMessage> messages;
+  std::vector<OwnedMessage> messages;
   do {
     const std::optional<std::string_view> bytes = TakeMessage(&frame);
     if (!bytes || (!frame.empty() && !may_be_shared)) {
       return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
     }
-    ReceivedMessage message = MakeMessage();
-    if (const auto parsed = Parse(*bytes, message.get()); !parsed) return tl::unexpected(parsed.error());
+    OwnedMessage message;
+    if (const auto parsed = Parse(*bytes, &*message); !parsed) return tl::unexpected(parsed.error());
     if (authenticated && message->hop_sender() != *authenticated) {
       return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message->hop_sender()));
     }
@@ -62,8 +71,8 @@ Result<std::vector<ReceivedMessage>> ParsePeerFrame(std::string_view frame, std:
   return messages;
 }
 
-Result<ReceivedMessage> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self) {
-  ReceivedMessage received = MakeMessage();
+Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self) {
+  OwnedMessage received;
   proto::Message& message = *received;
   if (const auto parsed = Parse(frame, &message); !parsed) return tl::unexpected(parsed.error());
   if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");

@@ -16,10 +16,10 @@ namespace moondb {
 // kSharedFrameBytesMax. `authenticated`: the agent whose key the connection has; none without CURVE, where the claim
 // has to do. kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a message
 // that only actors of one agent send each other (timers, storage's own).
-Result<std::vector<ReceivedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated);
+Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated);
 
 // Addressed to the gateway of `self`, from {kClients, connection}, whatever the client wrote there; its agent_id,
 // term, record_id and sql are not heard. Errors as above; kRefused for what transports say to each other, too.
-Result<ReceivedMessage> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self);
+Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self);
 
 }  // namespace moondb

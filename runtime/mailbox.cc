@@ -103,11 +103,11 @@ SendResult Mailbox::PushKeyed(Item& item, const std::string& key) {
   const auto same = place_of_.find(key);
   if (same == place_of_.end()) {
     if (PushData(item) != SendResult::kAccepted) return SendResult::kFull;
-    const auto added = place_of_.emplace(key, keyed_taken_ + pushed_items_.size() - 1).first;
-    pushed_items_.back().key = &added->first;
+    const auto added = place_of_.emplace(key, keyed_taken_ + keyed_items_.size() - 1).first;
+    keyed_items_.back().key = &added->first;
     return SendResult::kAccepted;
   }
-  Item& waiting = pushed_items_[same->second - keyed_taken_];
+  Item& waiting = keyed_items_[same->second - keyed_taken_];
   if (item.bytes > waiting.bytes && !HasRoomInBytes(item.bytes - waiting.bytes)) return SendResult::kFull;
   pushed_.bytes += item.bytes - waiting.bytes;
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken().bytes);
@@ -123,8 +123,8 @@ SendResult Mailbox::PushData(Item& item) {
   } else if (!HasRoom(item.bytes)) {
     return SendResult::kFull;
   }
-  pushed_items_.push_back(std::move(item));
-  Count(pushed_items_.back());  // If there was memory for it.
+  // Counted if there was memory for it.
+  Count(key_ ? keyed_items_.emplace_back(std::move(item)) : pushed_items_.emplace_back(std::move(item)));
   return SendResult::kAccepted;
 }
 
@@ -159,43 +159,42 @@ void Mailbox::Count(const Item& item) {
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - seen_.bytes);
 }
 
-Mailbox::Item Mailbox::TakeControl() {
-  Item item = std::move(control_.front());
+Mailbox::Item* Mailbox::TakeControl() {
+  single_ = std::move(control_.front());
   control_.pop_front();
   if (control_.empty()) has_control_.store(false, std::memory_order_relaxed);
   Add(taken_items_, 1);
-  return item;
+  return &single_;
 }
 
-Mailbox::Item Mailbox::TakeKeyed() {
-  Item item = pushed_items_.pop_front();
-  if (item.key != nullptr) place_of_.erase(place_of_.find(*std::exchange(item.key, nullptr)));
+Mailbox::Item* Mailbox::TakeKeyed() {
+  single_ = std::move(keyed_items_.front());
+  keyed_items_.pop_front();
+  if (single_.key != nullptr) place_of_.erase(place_of_.find(*std::exchange(single_.key, nullptr)));
   ++keyed_taken_;
-  return item;
+  CountTaken(single_);
+  return &single_;
 }
 
 // --- The reader ---
 
-std::optional<Mailbox::Item> Mailbox::Take() {
-  std::optional<Item> item;
-  if (!items_.empty() && !has_control_.load(std::memory_order_relaxed)) {
-    item = items_.pop_front();
-  } else {
+Mailbox::Item* Mailbox::Take() {
+  if (must_look() || has_control_.load(std::memory_order_relaxed)) {
+    if (must_look()) {
+      items_.clear();
+      next_ = 0;
+    }
     const std::lock_guard lock(lock_);
     if (!control_.empty()) return TakeControl();
-    if (items_.empty() && !key_) items_.swap(pushed_items_);  // One by one with keys: what left is replaced no more.
-    if (!items_.empty()) {
-      item = items_.pop_front();
-    } else if (!pushed_items_.empty()) {
-      item = TakeKeyed();
-    } else {
-      return std::nullopt;
-    }
+    if (!keyed_items_.empty()) return TakeKeyed();
+    if (items_.empty()) items_.swap(pushed_items_);
+    if (items_.empty()) return nullptr;
   }
-  CountTaken(*item);
+  Item& item = items_[next_++];
+  CountTaken(item);
   // Another core may have written it: the next one comes while this one is handled.
-  if (!items_.empty()) __builtin_prefetch(items_.front().message.get());
-  return item;
+  if (!must_look()) __builtin_prefetch(&*items_[next_].message);
+  return &item;
 }
 
 void Mailbox::CountTaken(const Item& item) {
@@ -218,20 +217,22 @@ bool Mailbox::GoAway(bool for_messages) {
 }
 
 void Mailbox::Close() {
-  Fifo<Item> unread;  // Let go without the lock: messages may be large.
+  std::vector<Item> pushed;  // Let go without the lock: messages may be large.
   std::deque<Item> control;
+  std::deque<Item> keyed;
   {
     const std::lock_guard lock(lock_);
     is_closed_ = true;
-    unread.swap(pushed_items_);
+    pushed.swap(pushed_items_);
     control.swap(control_);
+    keyed.swap(keyed_items_);
     has_control_.store(false, std::memory_order_relaxed);
     place_of_.clear();
     taken_items_.store(pushed_.items, std::memory_order_relaxed);
     taken_messages_.store(pushed_.messages, std::memory_order_relaxed);
     taken_bytes_.store(pushed_.bytes, std::memory_order_relaxed);
   }
-  items_.clear();
+  items_.erase(items_.begin() + static_cast<std::ptrdiff_t>(next_), items_.end());
 }
 
 }  // namespace moondb

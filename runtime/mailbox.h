@@ -11,12 +11,12 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
-#include <optional>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "runtime/actor.h"
-#include "runtime/fifo.h"
+#include "runtime/owned_message.h"
 #include "runtime/spin_lock.h"
 
 namespace moondb {
@@ -24,7 +24,7 @@ namespace moondb {
 class Mailbox {
  public:
   struct Item {
-    MessagePtr message;
+    OwnedMessage message = nullptr;
     const Address* sender = nullptr;     // Outlives the item; null: the envelope says who it is.
     std::size_t bytes = 0;               // Towards the bound, as serialised.
     std::uint32_t incarnation = 0;       // Of the actor whose timer this is.
@@ -66,14 +66,15 @@ class Mailbox {
 
   // --- The reader ---
 
-  // The next message, if any.
-  std::optional<Item> Take();
+  // The next message, or null. The item stays where it is until Take is called again; its message is the reader's, to
+  // let go at once.
+  Item* Take();
   // Take will look at what was pushed since it last did.
-  bool must_look() const { return items_.empty(); }
+  bool must_look() const { return next_ == items_.size(); }
   // Goes away: true. False: it was nudged since, or `for_messages` and there are some. It is away from the beginning.
   // Once away, the mailbox may have another reader already.
   bool GoAway(bool for_messages);
-  // Drops all, not counted as dropped, and refuses whatever comes.
+  // Drops all that waits, not counted as dropped, and refuses whatever comes.
   void Close();
 
  private:
@@ -93,8 +94,8 @@ class Mailbox {
   bool FitsInBytes(std::size_t bytes) const;
   void SeeTaken();
   void Count(const Item& item);
-  Item TakeControl();
-  Item TakeKeyed();
+  Item* TakeControl();
+  Item* TakeKeyed();
 
   std::string KeyOf(const proto::Message& message) const;
   Totals taken() const;
@@ -107,14 +108,15 @@ class Mailbox {
   bool is_reader_away_ = true;
   bool is_nudged_ = false;
   bool is_closed_ = false;
-  Fifo<Item> pushed_items_;
+  std::vector<Item> pushed_items_;  // Empty with keys.
   Totals pushed_;
   Totals seen_;  // taken() as last looked at: the reader's cache line is left alone while there is room.
   std::uint64_t waiting_max_ = 0;
   std::uint64_t bytes_max_ = 0;
 
   // The reader's; on a cache line of their own, as is what the senders write.
-  alignas(64) Fifo<Item> items_;
+  alignas(64) std::vector<Item> items_;  // Taken over from pushed_items_; those before next_ were taken.
+  std::size_t next_ = 0;
   std::atomic<std::uint64_t> taken_items_ = 0;
   std::atomic<std::uint64_t> taken_messages_ = 0;
   std::atomic<std::uint64_t> taken_bytes_ = 0;
@@ -124,10 +126,12 @@ class Mailbox {
   // Seldom used. With lock_ held, but for key_.
   const std::function<std::string(const proto::Message&)> key_;  // Empty: not kLatestByKey.
   std::deque<Item> control_;
+  std::deque<Item> keyed_items_;  // All of the data lane, with keys: taken one by one, what left is replaced no more.
   std::unordered_map<std::string, std::uint64_t> place_of_;  // Key to the waiting item: keyed_taken_ + index.
-  std::uint64_t keyed_taken_ = 0;                            // Items that ever left the front of pushed_items_.
+  std::uint64_t keyed_taken_ = 0;                            // Items that ever left the front of keyed_items_.
   std::uint64_t dropped_ = 0;
   std::uint64_t replaced_ = 0;
+  Item single_;  // The reader's: taken from one of these.
 };
 
 }  // namespace moondb

@@ -5,7 +5,6 @@
 
 #include "model/check.h"
 #include "runtime/envelope.h"
-#include "runtime/message_pool.h"
 
 namespace moondb {
 namespace {
@@ -14,7 +13,7 @@ constexpr char kRuntime[] = "runtime";
 
 Monitors::Notice MakeNotice(AgentId self, const std::string& watcher, proto::Message message) {
   WriteEnvelope({self, kRuntime}, {self, watcher}, message);
-  return {watcher, MakeMessage(std::move(message))};
+  return {watcher, std::move(message)};
 }
 
 }  // namespace

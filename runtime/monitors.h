@@ -16,8 +16,8 @@ namespace moondb {
 class Monitors {
  public:
   struct Notice {
-    std::string watcher;  // An actor of this agent.
-    MessagePtr message;   // A PeerEvent or a Down.
+    std::string watcher;     // An actor of this agent.
+    proto::Message message;  // A PeerEvent or a Down.
   };
   using Notices = std::vector<Notice>;
 

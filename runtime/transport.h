@@ -12,21 +12,18 @@
 
 namespace moondb {
 
-// As it came in; nobody else has it yet.
-using ReceivedMessage = std::shared_ptr<proto::Message>;
-
 class Transport {
  public:
   // Takes a message that came in (hop_sender is checked; from clients it is kClients and source_actor names the
   // connection). Called on the transport's thread; must not block.
-  using Deliver = std::function<void(ReceivedMessage)>;
+  using Deliver = std::function<void(OwnedMessage)>;
   // A peer was reached or lost. Called on the transport's thread.
   using PeerChanged = std::function<void(AgentId peer, bool is_connected)>;
 
   virtual ~Transport() = default;
 
   // Any thread; never blocks. `to` is an agent or kClients.
-  [[nodiscard]] virtual SendResult Send(const Address& to, MessagePtr message) = 0;
+  [[nodiscard]] virtual SendResult Send(const Address& to, const proto::Message& message) = 0;
   virtual std::vector<proto::PeerStatus> Peers() const = 0;
 };
 

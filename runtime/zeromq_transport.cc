@@ -250,9 +250,9 @@ class ZeroMqTransport::Impl {
     std::optional<AgentId> authenticated;
     if (keys_) authenticated = AgentOfUserId(received.frame.user_id());
     const AgentId route = AgentOfUserId(received.route.text());
-    Result<std::vector<ReceivedMessage>> messages = received.parts == 2
-                                                        ? ParsePeerFrame(received.frame.text(), authenticated)
-                                                        : Fail(ErrorCode::kCorrupt, "sent a frame of several parts");
+    Result<std::vector<OwnedMessage>> messages = received.parts == 2
+                                                     ? ParsePeerFrame(received.frame.text(), authenticated)
+                                                     : Fail(ErrorCode::kCorrupt, "sent a frame of several parts");
     if (messages && !peers_.contains(messages->front()->hop_sender())) {
       messages = Fail(ErrorCode::kRefused, "claimed to be an agent that the team does not have");
     }
@@ -270,7 +270,7 @@ class ZeroMqTransport::Impl {
       return 1;
     }
     peer.OnMessages(messages->size(), received.frame.size(), is_on_link);
-    for (ReceivedMessage& message : *messages) deliver_(std::move(message));
+    for (OwnedMessage& message : *messages) deliver_(std::move(message));
     return messages->size();
   }
 
@@ -315,7 +315,7 @@ ZeroMqTransport::ZeroMqTransport(std::unique_ptr<Impl> impl) : impl_(std::move(i
 
 ZeroMqTransport::~ZeroMqTransport() = default;
 
-SendResult ZeroMqTransport::Send(const Address& to, MessagePtr message) { return impl_->Send(to, *message); }
+SendResult ZeroMqTransport::Send(const Address& to, const proto::Message& message) { return impl_->Send(to, message); }
 
 std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
 

@@ -46,7 +46,7 @@ class ZeroMqTransport final : public Transport {
   ~ZeroMqTransport() override;  // Joins the thread; what waits in outboxes is dropped.
 
   // A link_report is the transport's own word: to send one is a mistake in the program.
-  [[nodiscard]] SendResult Send(const Address& to, MessagePtr message) override;
+  [[nodiscard]] SendResult Send(const Address& to, const proto::Message& message) override;
   std::vector<proto::PeerStatus> Peers() const override;
 
  private:

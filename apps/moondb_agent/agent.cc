@@ -174,7 +174,7 @@ class Agent::Impl {
     options.secret_key_file = options_.secret_key_file;
     auto transport = ZeroMqTransport::Create(
         team_.config, team_.folder.string(), std::move(options),
-        [this](ReceivedMessage message) {
+        [this](OwnedMessage message) {
           if (is_running_) (void)system_->Deliver(std::move(message));
         },
         [this](AgentId peer, bool is_connected) { system_->OnPeerChanged(peer, is_connected); });

@@ -14,7 +14,6 @@
 #include "runtime/dead_letters.h"
 #include "runtime/envelope.h"
 #include "runtime/mailbox.h"
-#include "runtime/message_pool.h"
 #include "runtime/monitors.h"
 #include "runtime/role_table.h"
 #include "runtime/supervisor.h"
@@ -101,7 +100,7 @@ class SimulatedTeam::Impl {
   void CancelTimer(TimerId timer) { events_.Cancel(timer); }
   SystemStatus StatusOf(const Agent& agent) const;
   proto::TraceReply TraceOf(const Agent& agent, const proto::TraceRequest& request) const;
-  void Notify(Agent& agent, const Monitors::Notices& notices);
+  void Notify(Agent& agent, Monitors::Notices notices);
 
   MonotonicTime now() const { return now_; }
   std::int64_t utc_now_ns() const { return kUtcStartNs + Duration(now_ - kStart).count(); }
@@ -119,8 +118,8 @@ class SimulatedTeam::Impl {
   void StartHost(Host& host);
   // What a handler left behind; true if the actor is to be started again at once. `item` is what it handled; null in
   // OnStart and between messages.
-  bool SettleHandler(Host& host, const Mailbox::Item* item, const std::optional<Error>& failure);
-  bool Recover(Host& host, const Mailbox::Item* item, const Error& failure);
+  bool SettleHandler(Host& host, Mailbox::Item* item, const std::optional<Error>& failure);
+  bool Recover(Host& host, Mailbox::Item* item, const Error& failure);
   void StepDown(Agent& agent, const Host& failed, const Error& failure);
   std::optional<Error> Handle(Host& host, const Mailbox::Item& item);
   void Connect(Agent& agent);  // What its Monitors know at the start.
@@ -130,7 +129,7 @@ class SimulatedTeam::Impl {
   Host* FindHost(Agent& agent, const std::string& actor);
 
   // `sender` as in Mailbox::Item.
-  SendResult HandOver(const Address& to, MessagePtr message, const Address* sender);
+  SendResult HandOver(const Address& to, OwnedMessage message, const Address* sender);
   SendResult Route(const Address& from, const Address& resolved, proto::Message&& message);
   SendResult Transmit(const Address& from, const Address& to, const proto::Message& message);
   void Arrive(AgentId from, AgentId to, const std::string& bytes);
@@ -170,9 +169,9 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
 
   MonotonicTime now() const override { return team_.now(); }
   std::int64_t utc_now_ns() const override { return team_.utc_now_ns(); }
-  SendResult Send(const Address& to, proto::Message&& message) override {
+  SendResult Send(const Address& to, OwnedMessage message) override {
     if (injected == Fault::kAtFirstSend) throw std::runtime_error("crashed by the test at its first send");
-    const SendResult result = is_alive() ? team_.Send(self(), to, std::move(message)) : SendResult::kUnreachable;
+    const SendResult result = is_alive() ? team_.Send(self(), to, std::move(*message)) : SendResult::kUnreachable;
     if (injected == Fault::kAfterFirstSend) throw std::runtime_error("crashed by the test after its first send");
     return result;
   }
@@ -313,7 +312,7 @@ void SimulatedTeam::Impl::StartHost(Host& host) {
   for (std::size_t i = 0; host.has_actor() && i < waiting; ++i) ScheduleStep(host);
 }
 
-bool SimulatedTeam::Impl::SettleHandler(Host& host, const Mailbox::Item* item, const std::optional<Error>& failure) {
+bool SimulatedTeam::Impl::SettleHandler(Host& host, Mailbox::Item* item, const std::optional<Error>& failure) {
   if (!host.is_alive()) {  // Crashed while it ran.
     host.End();
     return false;
@@ -325,7 +324,7 @@ bool SimulatedTeam::Impl::SettleHandler(Host& host, const Mailbox::Item* item, c
   return failure && Recover(host, item, *failure);
 }
 
-bool SimulatedTeam::Impl::Recover(Host& host, const Mailbox::Item* item, const Error& failure) {
+bool SimulatedTeam::Impl::Recover(Host& host, Mailbox::Item* item, const Error& failure) {
   Agent& agent = host.agent;
   agent.dead_letters.Add(now_, host.self().actor, item, failure);
   const double jitter = static_cast<double>(host.rng()() >> 11) * 0x1.0p-53;
@@ -369,11 +368,12 @@ void SimulatedTeam::Impl::ScheduleStep(Host& host) {
 
 void SimulatedTeam::Impl::Step(Host& host) {
   if (!host.has_actor()) return;  // Waits to be made anew; the mailbox is kept, StartHost schedules again.
-  const std::optional<Mailbox::Item> item = host.mailbox.Take();
-  if (!item) return;
-  if (item->is_timer && item->incarnation != host.incarnation()) return;  // Of one that died.
-  Trace(host.self(), item->sender != nullptr ? *item->sender : SenderOf(*item->message), *item->message);
-  if (SettleHandler(host, &*item, Handle(host, *item))) StartHost(host);
+  Mailbox::Item* taken = host.mailbox.Take();
+  if (taken == nullptr) return;
+  Mailbox::Item item = std::move(*taken);
+  if (item.is_timer && item.incarnation != host.incarnation()) return;  // Of one that died.
+  Trace(host.self(), item.sender != nullptr ? *item.sender : SenderOf(*item.message), *item.message);
+  if (SettleHandler(host, &item, Handle(host, item))) StartHost(host);
 }
 
 std::optional<Error> SimulatedTeam::Impl::Handle(Host& host, const Mailbox::Item& item) {
@@ -409,15 +409,17 @@ SimulatedTeam::Impl::Host* SimulatedTeam::Impl::FindHost(Agent& agent, const std
 
 TimerId SimulatedTeam::Impl::StartTimer(Host& host, Duration delay, proto::Message message) {
   WriteLocalEnvelope(host.self().agent, host.self().agent, message);
-  Mailbox::Item item;
-  item.message = MakeMessage(std::move(message));
-  item.sender = &*senders_.insert(host.self()).first;
-  item.is_timer = true;
-  item.incarnation = host.incarnation();
+  const Address* sender = &*senders_.insert(host.self()).first;
   return events_.Add(now_ + std::max(delay, Duration::zero()),
-                     [this, &agent = host.agent, life = host.life, &host, item = std::move(item)] {
+                     [this, &agent = host.agent, life = host.life, &host, incarnation = host.incarnation(), sender,
+                      message = std::move(message)] {
                        if (agent.life != life) return;
-                       (void)host.mailbox.Push(Mailbox::Item(item));
+                       Mailbox::Item item;
+                       item.message = proto::Message(message);
+                       item.sender = sender;
+                       item.is_timer = true;
+                       item.incarnation = incarnation;
+                       (void)host.mailbox.Push(std::move(item));
                        ScheduleStep(host);
                      });
 }
@@ -426,9 +428,9 @@ void SimulatedTeam::Impl::Tell(Agent& agent, AgentId peer, bool is_connected) {
   if (agent.is_running) Notify(agent, agent.monitors.OnPeerChanged(peer, is_connected));
 }
 
-void SimulatedTeam::Impl::Notify(Agent& agent, const Monitors::Notices& notices) {
-  for (const Monitors::Notice& notice : notices) {
-    (void)HandOver({agent.id, notice.watcher}, notice.message, /*sender=*/nullptr);
+void SimulatedTeam::Impl::Notify(Agent& agent, Monitors::Notices notices) {
+  for (Monitors::Notice& notice : notices) {
+    (void)HandOver({agent.id, notice.watcher}, std::move(notice.message), /*sender=*/nullptr);
   }
 }
 
@@ -491,13 +493,13 @@ SendResult SimulatedTeam::Impl::Route(const Address& from, const Address& resolv
   const bool is_local = from.agent == kClients || resolved.agent == kClients || from.agent == resolved.agent;
   if (is_local) {
     WriteLocalEnvelope(from.agent, resolved.agent, message);
-    return HandOver(resolved, MakeMessage(std::move(message)), &*senders_.insert(from).first);
+    return HandOver(resolved, std::move(message), &*senders_.insert(from).first);
   }
   WriteEnvelope(from, resolved, message);
   return Transmit(from, resolved, message);
 }
 
-SendResult SimulatedTeam::Impl::HandOver(const Address& to, MessagePtr message, const Address* sender) {
+SendResult SimulatedTeam::Impl::HandOver(const Address& to, OwnedMessage message, const Address* sender) {
   const auto found = agents_.find(to.agent);
   if (found != agents_.end()) {
     Agent& agent = *found->second;
@@ -512,7 +514,7 @@ SendResult SimulatedTeam::Impl::HandOver(const Address& to, MessagePtr message, 
       return result;
     }
   }
-  proto::Message kept = *message;
+  proto::Message kept = std::move(*message);
   if (sender != nullptr) WriteEnvelope(*sender, to, kept);
   events_.Add(now_, [this, to, kept = std::move(kept)] { Keep(to, kept); });
   return SendResult::kAccepted;
@@ -548,7 +550,7 @@ void SimulatedTeam::Impl::Arrive(AgentId from, AgentId to, const std::string& by
   ++counters.received_messages;
   counters.received_bytes += bytes.size();
   counters.heard = now_;
-  auto message = std::make_shared<proto::Message>();
+  OwnedMessage message;
   Check(message->ParseFromString(bytes), "what was serialised can be parsed");
   const std::string actor = message->destination_actor();
   trace_hash_ = XXH64(bytes.data(), bytes.size(), trace_hash_);

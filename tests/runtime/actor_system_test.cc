@@ -81,8 +81,8 @@ class Gate {
 
 class FakeTransport final : public Transport {
  public:
-  SendResult Send(const Address& to, MessagePtr message) override {
-    sent.Add({to, std::move(message)});
+  SendResult Send(const Address& to, const proto::Message& message) override {
+    sent.Add({to, message});
     return SendResult::kAccepted;
   }
   std::vector<proto::PeerStatus> Peers() const override {
@@ -91,7 +91,7 @@ class FakeTransport final : public Transport {
     return {peer};
   }
 
-  Heard<std::pair<Address, MessagePtr>> sent;
+  Heard<std::pair<Address, proto::Message>> sent;
 };
 
 class ActorSystemTest : public testing::Test {
@@ -405,11 +405,11 @@ TEST_F(ActorSystemTest, OthersAreReachedByTheTransport) {
   ASSERT_EQ(system_.Post("a", {}), SendResult::kAccepted);
   const auto [leader, to_leader] = transport_.sent.Next();
   EXPECT_EQ(leader, (Address{2, "sync"}));
-  EXPECT_EQ(to_leader->destination_id(), 2u);
-  EXPECT_EQ(to_leader->destination_actor(), "sync");
-  EXPECT_EQ(to_leader->hop_sender(), 1u);
-  EXPECT_EQ(to_leader->source_actor(), "a");
-  EXPECT_EQ(to_leader->agent_id(), 1u);
+  EXPECT_EQ(to_leader.destination_id(), 2u);
+  EXPECT_EQ(to_leader.destination_actor(), "sync");
+  EXPECT_EQ(to_leader.hop_sender(), 1u);
+  EXPECT_EQ(to_leader.source_actor(), "a");
+  EXPECT_EQ(to_leader.agent_id(), 1u);
   EXPECT_EQ(transport_.sent.Next().first, (Address{3, "sync"}));
   EXPECT_EQ(transport_.sent.Next().first, (Address{kClients, "c1"}));
   system_.Stop();
@@ -437,11 +437,11 @@ TEST_F(ActorSystemTest, WhatPeersSendNamesItsSender) {
                 }));
   system_.Start(&transport_);
   for (const AgentId from : {2u, 3u, 2u}) {
-    auto message = std::make_shared<proto::Message>();
+    OwnedMessage message;
     message->set_hop_sender(from);
     message->set_source_actor("other");
     message->set_destination_actor("sync");
-    EXPECT_EQ(system_.Deliver(message), SendResult::kAccepted);
+    EXPECT_EQ(system_.Deliver(std::move(message)), SendResult::kAccepted);
     EXPECT_EQ(heard_.Next(), std::to_string(from) + "/other");
     EXPECT_EQ(transport_.sent.Next().first, (Address{from, "other"}));
   }
@@ -453,17 +453,17 @@ TEST_F(ActorSystemTest, WhatComesInIsAnsweredToWhereItCameFrom) {
                   EXPECT_EQ(context.Reply({}), SendResult::kAccepted);
                 }));
   system_.Start(&transport_);
-  auto message = std::make_shared<proto::Message>(Numbered(8));
+  OwnedMessage message = Numbered(8);
   message->set_hop_sender(kClients);
   message->set_source_actor("c7");
   message->set_destination_actor("gateway");
-  EXPECT_EQ(system_.Deliver(message), SendResult::kAccepted);
+  EXPECT_EQ(system_.Deliver(std::move(message)), SendResult::kAccepted);
   const auto [to, reply] = transport_.sent.Next();
   EXPECT_EQ(to, (Address{kClients, "c7"}));
-  EXPECT_EQ(reply->request_id(), 8u);
-  auto lost = std::make_shared<proto::Message>();
+  EXPECT_EQ(reply.request_id(), 8u);
+  OwnedMessage lost;
   lost->set_destination_actor("nobody");
-  EXPECT_EQ(system_.Deliver(lost), SendResult::kNoActor);
+  EXPECT_EQ(system_.Deliver(std::move(lost)), SendResult::kNoActor);
   system_.Stop();
 }
 

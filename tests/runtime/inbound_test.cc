@@ -1,5 +1,6 @@
 #include "runtime/inbound.h"
 
+#include <google/protobuf/unknown_field_set.h>
 #include <gtest/gtest.h>
 
 #include <set>
@@ -29,6 +30,16 @@ TEST(InboundTest, LetsTheWordsOfUsersActorsThrough) {
   ASSERT_EQ(parsed->size(), 1u);
   EXPECT_EQ(parsed->front()->custom().value(), "question");
   EXPECT_EQ(parsed->front()->destination_actor(), "soil");
+}
+
+// A later version's fields.
+TEST(InboundTest, LeavesOutWhatItDoesNotKnow) {
+  proto::Message message = From(2);
+  message.GetReflection()->MutableUnknownFields(&message)->AddVarint(900, 1);
+  const auto parsed = ParsePeerFrame(ToPeerFrame(message), 2);
+  ASSERT_TRUE(parsed.has_value()) << ToString(parsed.error());
+  EXPECT_EQ(parsed->front()->SerializeAsString(), From(2).SerializeAsString());
+  EXPECT_EQ(parsed->front()->SpaceUsedLong(), From(2).SpaceUsedLong());
 }
 
 TEST(InboundTest, TakesTheMessagesOfAFrameInTheirOrderOrNone) {

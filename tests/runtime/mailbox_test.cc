@@ -23,7 +23,7 @@ using testing::ElementsAre;
 
 Mailbox::Item Data(std::uint64_t number, std::size_t bytes = 0) {
   Mailbox::Item item;
-  item.message = std::make_shared<proto::Message>(Numbered(number));
+  item.message = Numbered(number);
   item.bytes = bytes;
   return item;
 }
@@ -39,7 +39,7 @@ Mailbox::Item PeerEvent(std::uint64_t number) {
   proto::Message message = Numbered(number);
   message.mutable_peer_event();
   Mailbox::Item item;
-  item.message = std::make_shared<proto::Message>(std::move(message));
+  item.message = std::move(message);
   return item;
 }
 
@@ -48,7 +48,7 @@ Mailbox::Item Keyed(const std::string& key, std::uint64_t number, std::size_t by
   proto::Message message = Numbered(number);
   message.set_record_id(key);
   Mailbox::Item item;
-  item.message = std::make_shared<proto::Message>(std::move(message));
+  item.message = std::move(message);
   item.bytes = bytes;
   return item;
 }
@@ -65,7 +65,7 @@ SendResult Push(Mailbox& mailbox, Mailbox::Item item) { return mailbox.Push(std:
 
 std::vector<std::uint64_t> TakeAll(Mailbox& mailbox) {
   std::vector<std::uint64_t> numbers;
-  while (const auto item = mailbox.Take()) numbers.push_back(item->message->request_id());
+  while (const Mailbox::Item* item = mailbox.Take()) numbers.push_back(item->message->request_id());
   return numbers;
 }
 
@@ -75,11 +75,11 @@ TEST(MailboxTest, FirstInFirstOut) {
   EXPECT_EQ(Push(mailbox, Timer(2, 7)), SendResult::kAccepted);
   EXPECT_EQ(Push(mailbox, Data(3, 10)), SendResult::kAccepted);
   EXPECT_EQ(mailbox.Take()->message->request_id(), 1u);
-  const Mailbox::Item timer = *mailbox.Take();
+  const Mailbox::Item& timer = *mailbox.Take();
   EXPECT_EQ(timer.message->request_id(), 2u);
   EXPECT_EQ(timer.incarnation, 7u);
   EXPECT_EQ(mailbox.Take()->message->request_id(), 3u);
-  EXPECT_FALSE(mailbox.Take());
+  EXPECT_EQ(mailbox.Take(), nullptr);
   EXPECT_EQ(mailbox.counts().waiting_max, 3u);
   EXPECT_EQ(mailbox.counts().bytes_max, 20u);
 }
@@ -149,8 +149,8 @@ TEST(MailboxTest, FullControlLaneKeepsTheNewestOfAKind) {
   proto::Message ping;
   ping.mutable_ping();
   Mailbox::Item other;
-  other.message = std::make_shared<proto::Message>(ping);
-  EXPECT_EQ(Push(mailbox, other), SendResult::kFull);
+  other.message = std::move(ping);
+  EXPECT_EQ(Push(mailbox, std::move(other)), SendResult::kFull);
   EXPECT_EQ(mailbox.counts().dropped, 2u);
   const auto numbers = TakeAll(mailbox);
   ASSERT_EQ(numbers.size(), kControlMessagesMax);
@@ -219,10 +219,10 @@ TEST(MailboxTest, TryPushLeavesWhatItRefusesAndCountsItNot) {
   Mailbox mailbox({.messages_max = 1});
   Mailbox::Item item = Data(1);
   EXPECT_EQ(mailbox.TryPush(item).result, SendResult::kAccepted);
-  EXPECT_EQ(item.message, nullptr);
+  EXPECT_FALSE(item.message);
   item = Data(2);
   EXPECT_EQ(mailbox.TryPush(item).result, SendResult::kFull);
-  ASSERT_NE(item.message, nullptr);
+  EXPECT_TRUE(item.message);
   EXPECT_EQ(mailbox.counts().dropped, 0u);
 }
 
@@ -257,9 +257,18 @@ TEST(MailboxTest, ClosedItHoldsNothingAndRefuses) {
   EXPECT_TRUE(mailbox.empty());
   EXPECT_EQ(mailbox.counts().bytes, 0u);
   EXPECT_EQ(mailbox.counts().dropped, 0u);
-  EXPECT_FALSE(mailbox.Take());
+  EXPECT_EQ(mailbox.Take(), nullptr);
   EXPECT_EQ(Push(mailbox, Keyed("a", 4, 10)), SendResult::kUnreachable);
   EXPECT_EQ(Push(mailbox, PeerEvent(5)), SendResult::kUnreachable);
+}
+
+TEST(MailboxTest, WhatWasTakenOutlivesTheMailboxsClosing) {
+  Mailbox mailbox({});
+  for (int i = 1; i <= 2; ++i) ASSERT_EQ(Push(mailbox, Data(i)), SendResult::kAccepted);
+  const Mailbox::Item* item = mailbox.Take();
+  mailbox.Close();
+  EXPECT_EQ(item->message->request_id(), 1u);
+  EXPECT_EQ(mailbox.Take(), nullptr);
 }
 
 // Nothing is lost, doubled or out of order, and the reader sleeps only when there is nothing.
@@ -281,8 +290,8 @@ TEST(MailboxTest, SendersAndAReaderThatComesAndGoes) {
   }
   std::vector<std::uint64_t> next(kSenders, 0);
   for (std::uint64_t taken = 0; taken < kSenders * kEach;) {
-    const auto item = mailbox.Take();
-    if (!item) {
+    const Mailbox::Item* item = mailbox.Take();
+    if (item == nullptr) {
       if (mailbox.GoAway(/*for_messages=*/true)) calls.acquire();
       continue;
     }

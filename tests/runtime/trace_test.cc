@@ -159,14 +159,16 @@ TEST(DeadLettersTest, KeepsTheLastWithinBounds) {
   proto::Message message;
   message.set_sql(std::string(DeadLetters::kBytesMax / 2, 'x'));
   message.set_source_actor("\xff");
-  item.message = std::make_shared<const proto::Message>(message);
-  for (int i = 0; i < 3; ++i) letters.Add({}, "a", &item, {ErrorCode::kInternal, "large", {}});
+  for (int i = 0; i < 3; ++i) {
+    item.message = proto::Message(message);
+    letters.Add({}, "a", &item, {ErrorCode::kInternal, "large", {}});
+  }
   EXPECT_THAT(letters.letters(), SizeIs(1));
   for (std::size_t i = 0; i < 2 * DeadLetters::kLettersMax; ++i) letters.Add({}, "b", nullptr, {});
   EXPECT_THAT(letters.letters(), SizeIs(DeadLetters::kLettersMax));
   EXPECT_EQ(letters.count(), 3 + 2 * DeadLetters::kLettersMax);
   message.set_sql(std::string(DeadLetters::kBytesMax, 'x'));
-  item.message = std::make_shared<const proto::Message>(message);
+  item.message = std::move(message);
   letters.Add({}, "c", &item, {});
   EXPECT_EQ(letters.letters().back().message, nullptr);  // Too large to keep; that it was is kept.
   EXPECT_GT(letters.letters().back().bytes, DeadLetters::kBytesMax);

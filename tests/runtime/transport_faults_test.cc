@@ -36,7 +36,7 @@ class TransportFaultsTest : public TransportFixture {
   // Sends until one is refused; how many were accepted.
   int Fill(const proto::Message& message) {
     int accepted = 0;
-    while (transports_[1]->Send({2, "sync"}, std::make_shared<proto::Message>(message)) == SendResult::kAccepted) {
+    while (transports_[1]->Send({2, "sync"}, message) == SendResult::kAccepted) {
       ++accepted;
     }
     return accepted;
@@ -44,7 +44,7 @@ class TransportFaultsTest : public TransportFixture {
 
   // As agent 2's transport would say: `received_bytes` of `reported_link` have come in.
   static std::string Report(std::uint32_t link, std::uint32_t reported_link, std::uint64_t received_bytes) {
-    proto::Message message = *Message(2, 1);
+    proto::Message message = Message(2, 1);
     message.clear_record_id();
     message.mutable_link_report()->set_link(link);
     message.mutable_link_report()->set_reported_link(reported_link);
@@ -53,14 +53,12 @@ class TransportFaultsTest : public TransportFixture {
   }
 
   static proto::Message Marked(const std::string& mark, std::size_t bytes = 1000) {
-    proto::Message message = *Message(1, 2, bytes);
+    proto::Message message = Message(1, 2, bytes);
     message.set_sql(mark);
     return message;
   }
 
-  SendResult SendToPeer(const proto::Message& message) {
-    return transports_[1]->Send({2, "sync"}, std::make_shared<proto::Message>(message));
-  }
+  SendResult SendToPeer(const proto::Message& message) { return transports_[1]->Send({2, "sync"}, message); }
 
   ZeroMqTransport::Options options_;
 };
@@ -173,13 +171,13 @@ TEST_F(TransportFaultsTest, APeerThatFloodsLeavesOthersTheirShare) {
   ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
   std::atomic<bool> is_over = false;
   std::thread flood([&] {
-    const MessagePtr bulk = Message(2, 1, 1000);
+    const proto::Message bulk = Message(2, 1, 1000);
     while (!is_over) {
       if (transports_[2]->Send({1, "sync"}, bulk) != SendResult::kAccepted) std::this_thread::yield();
     }
   });
   const auto take_from = [&](AgentId sender) {
-    MessagePtr message = ears_[1].Take();
+    OwnedMessage message = ears_[1].Take();
     while (message != nullptr && message->hop_sender() != sender) message = ears_[1].Take();
     return message;
   };
@@ -188,7 +186,7 @@ TEST_F(TransportFaultsTest, APeerThatFloodsLeavesOthersTheirShare) {
   for (int i = 0; i < 20; ++i) {
     ASSERT_EQ(transports_[3]->Send({1, "sync"}, Message(3, 1)), SendResult::kAccepted);
     EXPECT_NE(take_from(3), nullptr);
-    client.Send(Message(0, 0)->SerializeAsString());
+    client.Send(Message(0, 0).SerializeAsString());
     EXPECT_NE(take_from(kClients), nullptr);
     for (const proto::PeerStatus& status : transports_[2]->Peers()) {
       EXPECT_LE(status.unreported_bytes(), kCreditBytes);
@@ -204,18 +202,18 @@ TEST_F(TransportFaultsTest, ARestartedPeerTakesTheOldOnesPlaceUnderTheSameIdenti
   RawRouter router(AddressOf(2));
   RawDealer earlier(AddressOf(1), nullptr, "2");
   earlier.Send(Report(/*link=*/7, 0, 0));
-  earlier.Send(ToPeerFrame(*Message(2, 1, 100)));
+  earlier.Send(ToPeerFrame(Message(2, 1, 100)));
   ASSERT_NE(ears_[1].Take(), nullptr);
   // Its earlier connection still stands.
   RawDealer later(AddressOf(1), nullptr, "2");
   later.Send(Report(/*link=*/8, 0, 0));
-  const std::string frame = ToPeerFrame(*Message(2, 1, 200));
+  const std::string frame = ToPeerFrame(Message(2, 1, 200));
   later.Send(frame);
   ASSERT_NE(ears_[1].Take(), nullptr);
   // What comes over another connection is heard, but counts for nothing.
   RawDealer nameless(AddressOf(1));
   nameless.Send(Report(/*link=*/9, 0, 0));
-  nameless.Send(ToPeerFrame(*Message(2, 1, 300)));
+  nameless.Send(ToPeerFrame(Message(2, 1, 300)));
   ASSERT_NE(ears_[1].Take(), nullptr);
   proto::PeerFrame asking;
   ASSERT_TRUE(asking.ParseFromString(Report(/*link=*/8, 0, 0)));
@@ -310,7 +308,7 @@ TEST_F(TransportFaultsTest, RefusesReportsThatCannotBe) {
   dealer.Send(Report(/*link=*/7, link - 1, bytes));  // Of an earlier connection.
   dealer.Send(Report(/*link=*/7, link, bytes));
   dealer.Send(Report(/*link=*/7, link, bytes - 1));  // Backwards.
-  dealer.Send(ToPeerFrame(*Message(2, 1)));
+  dealer.Send(ToPeerFrame(Message(2, 1)));
   ASSERT_FALSE(ears_[1].Take()->has_link_report()) << "actors do not hear of reports";
   EXPECT_EQ(Peer(1, 2).refused_reports(), 3);
   EXPECT_EQ(Peer(1, 2).unreported_bytes(), 0);
@@ -326,7 +324,7 @@ TEST_F(TransportFaultsTest, APeerThatKnowsNoReportsIsStillServed) {
   std::atomic<bool> is_over = false;
   std::thread talk([&] {
     while (!is_over) {
-      dealer.Send(ToPeerFrame(*Message(2, 1)));
+      dealer.Send(ToPeerFrame(Message(2, 1)));
       EXPECT_NE(ears_[1].Take(), nullptr);
     }
   });
@@ -349,7 +347,7 @@ TEST_F(TransportFaultsTest, APeerThatStopsReportingIsGivenUpAlthoughItTalks) {
   std::atomic<bool> is_over = false;
   std::thread talk([&] {
     while (!is_over) {
-      dealer.Send(ToPeerFrame(*Message(2, 1)));
+      dealer.Send(ToPeerFrame(Message(2, 1)));
       EXPECT_NE(ears_[1].Take(), nullptr);
     }
   });

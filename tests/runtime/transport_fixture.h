@@ -32,7 +32,7 @@ inline constexpr std::chrono::seconds kPatience(60);
 class Ear {
  public:
   ZeroMqTransport::Deliver deliver() {
-    return [this](MessagePtr message) {
+    return [this](OwnedMessage message) {
       const std::lock_guard lock(mutex_);
       messages_.push_back(std::move(message));
       changed_.notify_all();
@@ -49,10 +49,10 @@ class Ear {
   }
 
   // Null if none comes.
-  MessagePtr Take() {
+  OwnedMessage Take() {
     std::unique_lock lock(mutex_);
     if (!changed_.wait_for(lock, kPatience, [&] { return !messages_.empty(); })) return nullptr;
-    MessagePtr message = std::move(messages_.front());
+    OwnedMessage message = std::move(messages_.front());
     messages_.pop_front();
     return message;
   }
@@ -78,7 +78,7 @@ class Ear {
  private:
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<MessagePtr> messages_;
+  std::deque<OwnedMessage> messages_;
   std::map<AgentId, bool> is_connected_;
   std::map<AgentId, int> times_connected_;
 };
@@ -262,12 +262,12 @@ class TransportFixture : public ::testing::Test {
     return *(transports_[self] = std::move(*transport));
   }
 
-  static MessagePtr Message(AgentId hop_sender, AgentId to, std::size_t bytes = 10) {
-    auto message = std::make_shared<proto::Message>();
-    message->set_hop_sender(hop_sender);
-    message->set_destination_id(to);
-    message->set_destination_actor("sync");
-    message->set_record_id(std::string(bytes, 'x'));
+  static proto::Message Message(AgentId hop_sender, AgentId to, std::size_t bytes = 10) {
+    proto::Message message;
+    message.set_hop_sender(hop_sender);
+    message.set_destination_id(to);
+    message.set_destination_actor("sync");
+    message.set_record_id(std::string(bytes, 'x'));
     return message;
   }
 

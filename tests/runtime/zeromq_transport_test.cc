@@ -36,11 +36,11 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
   Start(2);
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
   ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
-  const MessagePtr there = Message(1, 2);
+  const proto::Message there = Message(1, 2);
   ASSERT_EQ(transports_[1]->Send({2, "sync"}, there), SendResult::kAccepted);
-  const MessagePtr heard = ears_[2].Take();
+  const OwnedMessage heard = ears_[2].Take();
   ASSERT_NE(heard, nullptr);
-  EXPECT_EQ(heard->SerializeAsString(), there->SerializeAsString());
+  EXPECT_EQ(heard->SerializeAsString(), there.SerializeAsString());
   ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
   ASSERT_NE(ears_[1].Take(), nullptr);
 
@@ -48,7 +48,7 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
   EXPECT_EQ(status.name(), "rover2");
   EXPECT_TRUE(status.is_connected());
   EXPECT_EQ(status.sent_messages(), 1);
-  EXPECT_EQ(status.sent_bytes(), static_cast<double>(ToPeerFrame(*there).size()));
+  EXPECT_EQ(status.sent_bytes(), static_cast<double>(ToPeerFrame(there).size()));
   EXPECT_EQ(status.received_messages(), 1);
   EXPECT_GE(status.seconds_since_heard(), 0);
   EXPECT_LT(Peer(1, 3).seconds_since_heard(), 0);
@@ -143,7 +143,7 @@ TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
   peer.Send("two");
   peer.Send("");
   peer.Send(ToPeerFrame({}));  // An empty Message, whose hop_sender is nobody.
-  peer.Send(ToPeerFrame(*Message(2, 1)));
+  peer.Send(ToPeerFrame(Message(2, 1)));
   ASSERT_NE(ears_[1].Take(), nullptr);
   EXPECT_EQ(Peer(1, 2).rejected_messages(), 4);
   EXPECT_EQ(Peer(1, 2).received_messages(), 1);
@@ -153,7 +153,7 @@ TEST_F(ZeroMqTransportTest, DropsWhatOnlyActorsOfOneAgentMaySay) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
   RawDealer peer(AddressOf(1), &keys);
-  proto::Message message = *Message(2, 1);
+  proto::Message message = Message(2, 1);
   message.mutable_timer()->set_kind(1);
   peer.Send(ToPeerFrame(message));
   message.mutable_save_roles_request();
@@ -176,7 +176,7 @@ TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
   const RawDealer::Keys keys = KeysOf(3, 1);
   RawDealer peer(AddressOf(1), &keys);
   EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
-  peer.Send(ToPeerFrame(*Message(3, 1, 2000)));
+  peer.Send(ToPeerFrame(Message(3, 1, 2000)));
   EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_DISCONNECTED);
   EXPECT_EQ(ears_[1].waiting(), 0u);
 }
@@ -191,7 +191,7 @@ TEST_F(ZeroMqTransportTest, SaysWhenThePeerIsTooSlow) {
   ZeroMqTransport::Options slow_options;
   slow_options.self = 2;
   auto slow = ZeroMqTransport::Create(
-      team_.config, team_.folder, slow_options, [&](MessagePtr) { const std::lock_guard lock(gate); },
+      team_.config, team_.folder, slow_options, [&](OwnedMessage) { const std::lock_guard lock(gate); },
       [](AgentId, bool) {});
   ASSERT_TRUE(slow);
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
@@ -215,14 +215,14 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   RawDealer second(options.client_endpoint);
 
   // Whatever a client claims, it is a client that speaks to the gateway.
-  proto::Message request = *Message(/*hop_sender=*/2, /*to=*/3);
+  proto::Message request = Message(/*hop_sender=*/2, /*to=*/3);
   request.set_agent_id(2);
   request.set_source_actor("storage");
   request.set_sql("drop table records");
   request.mutable_control_request()->mutable_status();
   request.set_request_id(1);
   first.Send(request.SerializeAsString());
-  const MessagePtr from_first = ears_[1].Take();
+  const OwnedMessage from_first = ears_[1].Take();
   ASSERT_NE(from_first, nullptr);
   EXPECT_EQ(from_first->hop_sender(), kClients);
   EXPECT_EQ(from_first->agent_id(), 1u);
@@ -234,15 +234,14 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
 
   request.set_request_id(2);
   second.Send(request.SerializeAsString());
-  const MessagePtr from_second = ears_[1].Take();
+  const OwnedMessage from_second = ears_[1].Take();
   ASSERT_NE(from_second, nullptr);
   EXPECT_NE(from_first->source_actor(), from_second->source_actor());
 
-  for (const MessagePtr& asked : {from_second, from_first}) {
+  for (const OwnedMessage* asked : {&from_second, &from_first}) {
     proto::Message reply;
-    reply.set_request_id(asked->request_id());
-    ASSERT_EQ(transports_[1]->Send({kClients, asked->source_actor()}, std::make_shared<proto::Message>(reply)),
-              SendResult::kAccepted);
+    reply.set_request_id((*asked)->request_id());
+    ASSERT_EQ(transports_[1]->Send({kClients, (*asked)->source_actor()}, reply), SendResult::kAccepted);
   }
   proto::Message heard;
   ASSERT_TRUE(heard.ParseFromString(first.Receive()));
@@ -257,13 +256,12 @@ TEST_F(ZeroMqTransportTest, TellsAClientThatItsReplyIsTooLarge) {
   options.message_bytes_max = 1000;
   Start(1, options);
   RawDealer client(options.client_endpoint);
-  proto::Message request = *Message(0, 0);
+  proto::Message request = Message(0, 0);
   request.set_request_id(7);
   client.Send(request.SerializeAsString());
-  proto::Message reply = *Message(1, 1, 2000);
+  proto::Message reply = Message(1, 1, 2000);
   reply.set_request_id(7);
-  EXPECT_EQ(transports_[1]->Send({kClients, ears_[1].Take()->source_actor()}, std::make_shared<proto::Message>(reply)),
-            SendResult::kFull);
+  EXPECT_EQ(transports_[1]->Send({kClients, ears_[1].Take()->source_actor()}, reply), SendResult::kFull);
   proto::Message heard;
   ASSERT_TRUE(heard.ParseFromString(client.Receive()));
   EXPECT_EQ(heard.request_id(), 7u);
@@ -276,10 +274,10 @@ TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {
   options.client_endpoint = ClientEndpointHere();
   Start(1, options);
   RawDealer client(options.client_endpoint);
-  proto::Message report = *Message(2, 1);
+  proto::Message report = Message(2, 1);
   report.mutable_link_report()->set_link(1);
   client.Send(report.SerializeAsString());
-  client.Send(Message(0, 0)->SerializeAsString());
+  client.Send(Message(0, 0).SerializeAsString());
   EXPECT_FALSE(ears_[1].Take()->has_link_report());
 }
 
@@ -290,15 +288,15 @@ TEST_F(ZeroMqTransportTest, AClientThatLeftHoldsUpNobody) {
   std::string gone;
   {
     RawDealer client(options.client_endpoint);
-    client.Send(Message(0, 0)->SerializeAsString());
+    client.Send(Message(0, 0).SerializeAsString());
     gone = ears_[1].Take()->source_actor();
   }
   RawDealer client(options.client_endpoint);
-  client.Send(Message(0, 0)->SerializeAsString());
-  const MessagePtr asked = ears_[1].Take();
+  client.Send(Message(0, 0).SerializeAsString());
+  const OwnedMessage asked = ears_[1].Take();
   (void)transports_[1]->Send({kClients, gone}, Message(1, 1));
   ASSERT_EQ(transports_[1]->Send({kClients, asked->source_actor()}, Message(1, 1)), SendResult::kAccepted);
-  EXPECT_EQ(client.Receive(), Message(1, 1)->SerializeAsString());
+  EXPECT_EQ(client.Receive(), Message(1, 1).SerializeAsString());
 }
 
 TEST_F(ZeroMqTransportTest, TellsThatAnAddressIsInUse) {

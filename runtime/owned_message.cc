@@ -1,0 +1,130 @@
+#include "runtime/owned_message.h"
+
+#include <array>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <utility>
+#include <vector>
+
+namespace moondb {
+namespace {
+
+constexpr std::size_t kCacheLine = 64;
+constexpr std::size_t kPackMessages = 63;  // What changes hands at once.
+constexpr std::size_t kSharedPacks = 128;  // Kept for all threads, 1 MB; further ones are freed.
+constexpr std::size_t kAhead = 4;          // So far before its use a message is called into the cache.
+
+// Each begins a cache line, which no other core's message shares.
+proto::Message* New() { return ::new (std::align_val_t(kCacheLine)) proto::Message; }
+
+void Delete(proto::Message* message) {
+  std::destroy_at(message);
+  ::operator delete(message, std::align_val_t(kCacheLine));
+}
+
+// Leaves an empty message that holds no memory. One without body and text holds none; fields that this version does not
+// know, inbound.cc leaves out.
+void Empty(proto::Message& message) {
+  const bool may_hold_memory = message.body_case() != proto::Message::BODY_NOT_SET || message.has_term() ||
+                               !message.record_id().empty() || !message.sql().empty() ||
+                               !message.source_actor().empty() || !message.destination_actor().empty();
+  if (!may_hold_memory) return message.Clear();
+  std::destroy_at(&message);
+  std::construct_at(&message);
+}
+
+// Empty messages. It says where they are, and leaves them alone: another core may have them in its cache.
+struct Pack {
+  std::size_t count = 0;
+  std::array<proto::Message*, kPackMessages> messages;
+
+  ~Pack() {
+    while (count > 0) Delete(messages[--count]);
+  }
+};
+
+class SharedPacks {
+ public:
+  void Put(std::unique_ptr<Pack> pack) {
+    const std::lock_guard lock(mutex_);
+    if (packs_.size() < kSharedPacks) packs_.push_back(std::move(pack));
+  }
+  std::unique_ptr<Pack> Take() {
+    const std::lock_guard lock(mutex_);
+    if (packs_.empty()) return nullptr;
+    std::unique_ptr<Pack> pack = std::move(packs_.back());
+    packs_.pop_back();
+    return pack;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Pack>> packs_;
+};
+
+SharedPacks& Shared() {
+  // Never destroyed: threads may let messages go to the very end.
+  static SharedPacks& packs = *new SharedPacks;
+  return packs;
+}
+
+// One thread's: up to two packs, so that neither giving nor taking one changes hands each time.
+class ThreadMessages {
+ public:
+  ~ThreadMessages() { is_over = true; }
+
+  proto::Message* Take() {
+    if (used_->count == 0) std::swap(used_, spare_);
+    if (used_->count == 0) {
+      if (std::unique_ptr<Pack> pack = Shared().Take()) used_ = std::move(pack);
+    }
+    if (used_->count == 0) return New();
+    proto::Message* message = used_->messages[--used_->count];
+    if (used_->count >= kAhead) PrefetchForWriting(used_->messages[used_->count - kAhead]);
+    return message;
+  }
+
+  void Put(proto::Message* message) {
+    if (used_->count == kPackMessages) {
+      std::swap(used_, spare_);
+      if (used_->count == kPackMessages) {
+        Shared().Put(std::move(used_));
+        used_ = std::make_unique<Pack>();
+      }
+    }
+    used_->messages[used_->count++] = message;
+  }
+
+  static thread_local bool is_over;  // This thread's have been destroyed: it is ending.
+
+ private:
+  static void PrefetchForWriting(const proto::Message* message) {
+    __builtin_prefetch(message, 1);
+    __builtin_prefetch(reinterpret_cast<const char*>(message) + kCacheLine, 1);
+  }
+
+  std::unique_ptr<Pack> used_ = std::make_unique<Pack>();
+  std::unique_ptr<Pack> spare_ = std::make_unique<Pack>();
+};
+
+thread_local bool ThreadMessages::is_over = false;
+thread_local ThreadMessages thread_messages;
+
+}  // namespace
+
+#if defined(__SANITIZE_ADDRESS__)
+// Each in memory of its own, so that the sanitizer sees whoever uses one too long.
+OwnedMessage::OwnedMessage() : message_(new proto::Message) {}
+void OwnedMessage::LetGo(proto::Message* message) { delete message; }
+#else
+OwnedMessage::OwnedMessage() : message_(ThreadMessages::is_over ? New() : thread_messages.Take()) {}
+
+void OwnedMessage::LetGo(proto::Message* message) {
+  if (ThreadMessages::is_over) return Delete(message);
+  Empty(*message);
+  thread_messages.Put(message);
+}
+#endif
+
+}  // namespace moondb

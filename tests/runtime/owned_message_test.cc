@@ -1,0 +1,81 @@
+#include "runtime/owned_message.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "tests/runtime/scripted_actor.h"
+
+namespace moondb {
+namespace {
+
+// Gives the field some value that takes memory where it can.
+void Fill(proto::Message* message, const google::protobuf::FieldDescriptor& field) {
+  const auto& reflection = *message->GetReflection();
+  switch (field.cpp_type()) {
+    case google::protobuf::FieldDescriptor::CPPTYPE_UINT32:
+      return reflection.SetUInt32(message, &field, 7);
+    case google::protobuf::FieldDescriptor::CPPTYPE_UINT64:
+      return reflection.SetUInt64(message, &field, 7);
+    case google::protobuf::FieldDescriptor::CPPTYPE_ENUM:
+      return reflection.SetEnumValue(message, &field, 1);
+    case google::protobuf::FieldDescriptor::CPPTYPE_STRING:
+      return reflection.SetString(message, &field, std::string(10'000, 'x'));
+    case google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE:
+      (void)reflection.MutableMessage(message, &field);
+      return;
+    default:
+      FAIL() << "a field of a new kind: " << field.full_name();
+  }
+}
+
+TEST(OwnedMessageTest, NothingOfAMessageIsLeftToTheNext) {
+  const auto& type = *proto::Message::descriptor();
+  for (int i = 0; i < type.field_count(); ++i) {
+    const auto& field = *type.field(i);
+    SCOPED_TRACE(field.full_name());
+    {
+      OwnedMessage message;
+      Fill(&*message, field);
+      EXPECT_NE(message->SerializeAsString(), "");
+    }
+    const OwnedMessage next;
+    EXPECT_EQ(next->SerializeAsString(), "");
+    EXPECT_EQ(next->SpaceUsedLong(), proto::Message().SpaceUsedLong());
+  }
+}
+
+TEST(OwnedMessageTest, HasOneOwner) {
+  OwnedMessage first = Numbered(1);
+  OwnedMessage second = std::move(first);
+  EXPECT_TRUE(first == nullptr);  // NOLINT(bugprone-use-after-move): as with std::unique_ptr.
+  EXPECT_EQ(second->request_id(), 1u);
+  second = Numbered(2);
+  EXPECT_EQ(second->request_id(), 2u);
+  second = nullptr;
+  EXPECT_FALSE(second);
+}
+
+// More than change hands at once, both ways: each message has its own memory, and none is lost.
+TEST(OwnedMessageTest, ManyGoFromThreadToThread) {
+  constexpr std::uint64_t kCount = 1000;
+  for (int round = 0; round < 3; ++round) {
+    std::vector<OwnedMessage> messages;
+    std::thread([&] {
+      for (std::uint64_t i = 0; i < kCount; ++i) messages.push_back(Numbered(i));
+    }).join();
+    std::set<const proto::Message*> places;
+    for (std::uint64_t i = 0; i < kCount; ++i) {
+      EXPECT_EQ(messages[i]->request_id(), i);
+      places.insert(&*messages[i]);
+    }
+    EXPECT_EQ(places.size(), kCount);
+  }
+}
+
+}  // namespace
+}  // namespace moondb
