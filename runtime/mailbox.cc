@@ -19,9 +19,10 @@ void Add(std::atomic<std::uint64_t>& counter, std::uint64_t by) {
 Mailbox::Mailbox(const SpawnOptions& options)
     : messages_limit_(options.messages_max),
       bytes_limit_(options.bytes_max),
-      key_(options.overflow == Overflow::kLatestByKey ? options.key : nullptr) {
+      is_keyed_(options.overflow == Overflow::kLatestByKey),
+      key_(options.key) {
   Check(messages_limit_ >= 1, "a mailbox holds at least one message");
-  Check(options.overflow != Overflow::kLatestByKey || options.key != nullptr, "kLatestByKey says what the key is");
+  Check(!is_keyed_ || key_ != nullptr, "kLatestByKey says what the key is");
 }
 
 // --- Any thread ---
@@ -46,7 +47,7 @@ Mailbox::Pushed Mailbox::TryPush(Item& item) {
 
 // A key function that throws is its author's mistake: not one for which the sender, or the transport, should fail.
 std::string Mailbox::KeyOf(const proto::Message& message) const {
-  if (!key_) return {};
+  if (!is_keyed_) return {};
   try {
     return key_(message);
   } catch (...) {
@@ -124,7 +125,7 @@ SendResult Mailbox::PushData(Item& item) {
     return SendResult::kFull;
   }
   // Counted if there was memory for it.
-  Count(key_ ? keyed_items_.emplace_back(std::move(item)) : pushed_items_.emplace_back(std::move(item)));
+  Count(is_keyed_ ? keyed_items_.emplace_back(std::move(item)) : pushed_items_.emplace_back(std::move(item)));
   return SendResult::kAccepted;
 }
 
@@ -168,6 +169,7 @@ Mailbox::Item* Mailbox::TakeControl() {
 }
 
 Mailbox::Item* Mailbox::TakeKeyed() {
+  if (keyed_items_.empty()) return nullptr;
   single_ = std::move(keyed_items_.front());
   keyed_items_.pop_front();
   if (single_.key != nullptr) place_of_.erase(place_of_.find(*std::exchange(single_.key, nullptr)));
@@ -185,8 +187,8 @@ Mailbox::Item* Mailbox::Take() {
       next_ = 0;
     }
     const std::lock_guard lock(lock_);
-    if (!control_.empty()) return TakeControl();
-    if (!keyed_items_.empty()) return TakeKeyed();
+    if (has_control_.load(std::memory_order_relaxed)) return TakeControl();
+    if (is_keyed_) return TakeKeyed();
     if (items_.empty()) items_.swap(pushed_items_);
     if (items_.empty()) return nullptr;
   }

@@ -103,12 +103,13 @@ class Mailbox {
 
   const std::uint64_t messages_limit_;
   const std::uint64_t bytes_limit_;
+  const bool is_keyed_;  // kLatestByKey.
 
   mutable SpinLock lock_;
   bool is_reader_away_ = true;
   bool is_nudged_ = false;
   bool is_closed_ = false;
-  std::vector<Item> pushed_items_;  // Empty with keys.
+  std::vector<Item> pushed_items_;  // Empty if is_keyed_.
   Totals pushed_;
   Totals seen_;  // taken() as last looked at: the reader's cache line is left alone while there is room.
   std::uint64_t waiting_max_ = 0;
@@ -124,9 +125,9 @@ class Mailbox {
   std::atomic<bool> has_control_ = false;
 
   // Seldom used. With lock_ held, but for key_.
-  const std::function<std::string(const proto::Message&)> key_;  // Empty: not kLatestByKey.
+  const std::function<std::string(const proto::Message&)> key_;
   std::deque<Item> control_;
-  std::deque<Item> keyed_items_;  // All of the data lane, with keys: taken one by one, what left is replaced no more.
+  std::deque<Item> keyed_items_;  // The data lane if is_keyed_: taken one by one, as what left is replaced no more.
   std::unordered_map<std::string, std::uint64_t> place_of_;  // Key to the waiting item: keyed_taken_ + index.
   std::uint64_t keyed_taken_ = 0;                            // Items that ever left the front of keyed_items_.
   std::uint64_t dropped_ = 0;
