@@ -11,6 +11,11 @@ namespace moondb {
 namespace {
 
 constexpr std::size_t kCacheLine = 64;
+#if defined(__SANITIZE_ADDRESS__)
+constexpr bool kUsesAgain = false;  // So that the sanitizer sees whoever uses a message too long.
+#else
+constexpr bool kUsesAgain = true;
+#endif
 constexpr std::size_t kPackMessages = 63;  // What changes hands at once.
 constexpr std::size_t kSharedPacks = 128;  // Kept for all threads, 1 MB; further ones are freed.
 constexpr std::size_t kAhead = 4;          // So far before its use a message is called into the cache.
@@ -113,18 +118,12 @@ thread_local ThreadMessages thread_messages;
 
 }  // namespace
 
-#if defined(__SANITIZE_ADDRESS__)
-// Each in memory of its own, so that the sanitizer sees whoever uses one too long.
-OwnedMessage::OwnedMessage() : message_(new proto::Message) {}
-void OwnedMessage::LetGo(proto::Message* message) { delete message; }
-#else
-OwnedMessage::OwnedMessage() : message_(ThreadMessages::is_over ? New() : thread_messages.Take()) {}
+OwnedMessage::OwnedMessage() : message_(kUsesAgain && !ThreadMessages::is_over ? thread_messages.Take() : New()) {}
 
 void OwnedMessage::LetGo(proto::Message* message) {
-  if (ThreadMessages::is_over) return Delete(message);
+  if (!kUsesAgain || ThreadMessages::is_over) return Delete(message);
   Empty(*message);
   thread_messages.Put(message);
 }
-#endif
 
 }  // namespace moondb
