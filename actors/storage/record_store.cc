@@ -82,7 +82,7 @@ class RecordStore::Writing {
 
 Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
   Check(options.team.count(options.self) == 1, "a store's agent is in its team");
-  Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max);
+  Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max, options.vfs);
   if (!database) return tl::unexpected(database.error());
   std::unique_ptr<RecordStore> store(new RecordStore(std::move(options), *std::move(database)));
   if (const Result<void> loaded = store->Load(); !loaded) return tl::unexpected(loaded.error());

@@ -40,6 +40,7 @@ class RecordStore {
  public:
   struct Options {
     std::string path;        // The file; its folder exists. ":memory:" for tests.
+    std::string vfs;         // As of Database::Open.
     AgentId self = 0;        // Whose store this is. A file remembers it.
     std::set<AgentId> team;  // All agents, this one too. Records from or about others are refused.
     // Of sharing, by built-in type; those without one are not shared.

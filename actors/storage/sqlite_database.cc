@@ -115,14 +115,24 @@ std::string_view Query::Bytes(int column) const {
 
 bool Query::IsNull(int column) const { return sqlite3_column_type(prepared_->statement, column) == SQLITE_NULL; }
 
-Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::uint64_t bytes_max) {
+Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::uint64_t bytes_max,
+                                                 const std::string& vfs) {
   std::unique_ptr<Database> database(new Database(path));
-  if (const Result<void> locked = database->Lock(); !locked) return tl::unexpected(locked.error());
+  if (vfs.empty()) {
+    if (const Result<void> locked = database->Lock(); !locked) return tl::unexpected(locked.error());
+  }
   const int code = sqlite3_open_v2(path.c_str(), &database->connection_,
-                                   SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, nullptr);
+                                   SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX,
+                                   vfs.empty() ? nullptr : vfs.c_str());
   if (code != SQLITE_OK) return database->FailWith(code);
   sqlite3_extended_result_codes(database->connection_, 1);
   sqlite3_busy_timeout(database->connection_, kBusyTimeoutMs);
+  // Then WAL needs no shared memory, which other file systems need not have.
+  if (!vfs.empty()) {
+    if (const Result<void> done = database->Execute("PRAGMA locking_mode=EXCLUSIVE"); !done) {
+      return tl::unexpected(done.error());
+    }
+  }
   Result<void> done = database->Execute(
       "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA journal_size_limit=16777216;"
       "PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;");

@@ -76,8 +76,10 @@ class Database {
   enum class Durability { kFull, kNormal };
 
   // Opens or creates `path` in WAL mode; ":memory:" gives one that goes with this object. A file is locked (PATH.lock)
-  // against a second writer, but other processes may read it. `bytes_max` bounds the file; 0: the disk does.
-  static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0);
+  // against a second writer, but other processes may read it. `bytes_max` bounds the file; 0: the disk does. `vfs`:
+  // another file system that is registered with SQLite, for simulations; nobody else uses it.
+  static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0,
+                                                const std::string& vfs = {});
   ~Database();
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;

@@ -15,6 +15,7 @@ StorageActor::~StorageActor() = default;
 RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   RecordStore::Options store;
   store.path = options.path;
+  store.vfs = options.vfs;
   store.self = options.self;
   store.bytes_max = options.bytes_max;
   store.is_checked = options.is_checked;

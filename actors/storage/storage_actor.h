@@ -19,6 +19,7 @@ class StorageActor final : public Actor {
  public:
   struct Options {
     std::string path;                 // The database file; its folder exists. ":memory:" for tests.
+    std::string vfs;                  // Empty: the system's files. Else as of Database::Open.
     AgentId self = 0;                 // This agent, which is in `team`.
     proto::TeamConfig team;           // Checked; its agents, policies `share` and custom types are read.
     std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.

@@ -63,6 +63,7 @@ class SimulatedTeam::Impl {
     std::uint64_t life = 1;  // Ends with each crash.
     MonotonicTime started;
     MonotonicTime crashed;
+    Duration utc_offset{};
     RoleTable roles;
     proto::RoleAssignment given_roles;  // By SetRoles; what the agent's process knows when it starts.
     std::vector<SpawnedActor> spawned;
@@ -168,7 +169,7 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
   bool is_alive() const { return agent.life == life; }
 
   MonotonicTime now() const override { return team_.now(); }
-  std::int64_t utc_now_ns() const override { return team_.utc_now_ns(); }
+  std::int64_t utc_now_ns() const override { return team_.utc_now_ns() + agent.utc_offset.count(); }
   SendResult Send(const Address& to, OwnedMessage message) override {
     if (injected == Fault::kAtFirstSend) throw std::runtime_error("crashed by the test at its first send");
     const SendResult result = is_alive() ? team_.Send(self(), to, std::move(*message)) : SendResult::kUnreachable;
@@ -719,6 +720,7 @@ bool SimulatedTeam::RunUntil(const std::function<bool()>& condition, Duration li
 }
 MonotonicTime SimulatedTeam::now() const { return impl_->now(); }
 std::int64_t SimulatedTeam::utc_now_ns() const { return impl_->utc_now_ns(); }
+void SimulatedTeam::SetUtcOffset(AgentId agent, Duration offset) { impl_->Find(agent).utc_offset = offset; }
 void SimulatedTeam::Crash(AgentId agent) { impl_->Crash(impl_->Find(agent)); }
 void SimulatedTeam::Restart(AgentId agent) { impl_->Restart(impl_->Find(agent)); }
 bool SimulatedTeam::is_running(AgentId agent) const { return impl_->Find(agent).is_running; }

@@ -81,6 +81,8 @@ class SimulatedTeam {
 
   MonotonicTime now() const;
   std::int64_t utc_now_ns() const;  // Starts at 2026-01-01.
+  // From now on the clock of `agent` is off by so much; its monotonic one is not.
+  void SetUtcOffset(AgentId agent, Duration offset);
 
   // Drops the agent's actors, timers, mailboxes, roles, outbox and what is in the air to it, as kill -9 does. Nobody is
   // told (SetLink does that). Called while one of its handlers runs: what the handler still sends is refused.

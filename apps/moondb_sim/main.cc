@@ -1,0 +1,147 @@
+// moondb_sim: a whole team in one process, for hours of simulated time, with everything going wrong that can.
+//
+//   moondb_sim --seed 7                      one run; what happened
+//   moondb_sim --seeds 1..2000 [--jobs 2]    many; the first that breaks a rule is told with its last events
+//   moondb_sim --list                        the faults and how often they strike
+//
+// Exit codes: 0 no rule broken, 1 a rule broken, 2 wrong usage.
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <string>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/progress.h"
+#include "apps/moondb_sim/simulated_mission.h"
+#include "model/text.h"
+
+namespace moondb::simulation {
+namespace {
+
+struct Request {
+  SimOptions options;
+  std::string seeds;
+  std::vector<std::string> faults;
+  bool is_json = false;
+  bool is_list = false;
+};
+
+struct Sweep {
+  std::uint64_t first = 1;
+  std::uint64_t last = 1;
+};
+
+Result<Sweep> ParseSeeds(const std::string& text) {
+  const std::size_t dots = text.find("..");
+  const std::optional<std::uint64_t> first = ParseUnsigned(text.substr(0, dots));
+  const std::optional<std::uint64_t> last = dots == std::string::npos ? first : ParseUnsigned(text.substr(dots + 2));
+  if (!first || !last || *first > *last || *last - *first >= 1'000'000) {
+    return Fail(ErrorCode::kInvalid, "'" + text + "' is no range of seeds such as 1..300", "seeds");
+  }
+  return Sweep{*first, *last};
+}
+
+int Complain(const std::string& text, int exit_code) {
+  std::fprintf(stderr, "moondb_sim: %s\n", text.c_str());
+  return exit_code;
+}
+
+void PrintList() {
+  std::printf("%-14s %8s  %s\n", "FAULT", "AN HOUR", "WHAT HAPPENS");
+  for (const FaultKind& kind : FaultKinds()) {
+    std::printf("%-14s %8g  %s\n", kind.name.c_str(), kind.per_hour, kind.what.c_str());
+  }
+}
+
+void PrintRun(const SimReport& report) {
+  std::printf("%llu records, %llu messages handled, %.2f MB on the radio, trace %016llx\n",
+              static_cast<unsigned long long>(report.records), static_cast<unsigned long long>(report.messages),
+              static_cast<double>(report.radio_bytes) / 1e6, static_cast<unsigned long long>(report.trace_hash));
+  for (const auto& [fault, count] : report.faults) std::printf("  %-14s %d times\n", fault.c_str(), count);
+}
+
+void PrintViolations(std::uint64_t seed, const SimReport& report) {
+  for (const std::string& event : report.last_events) std::printf("  %s\n", event.c_str());
+  for (const Violation& violation : report.violations) {
+    std::printf("seed %llu breaks %s at %.3f s: %s\n", static_cast<unsigned long long>(seed), violation.rule.c_str(),
+                violation.time_s, violation.text.c_str());
+  }
+}
+
+int Run(const Request& request) {
+  const Result<Sweep> sweep =
+      request.seeds.empty() ? Sweep{request.options.seed, request.options.seed} : ParseSeeds(request.seeds);
+  if (!sweep) return Complain(ToString(sweep.error()), 2);
+  const auto start = std::chrono::steady_clock::now();
+  const double count = static_cast<double>(sweep->last - sweep->first + 1);
+  std::uint64_t broken = 0;
+  double done = 0;
+  {
+    std::optional<Progress> progress;
+    if (!request.is_json && count > 1) progress.emplace("seeds");
+    for (std::uint64_t seed = sweep->first; seed <= sweep->last; ++seed) {
+      SimOptions options = request.options;
+      options.seed = seed;
+      const SimReport report = RunSimulatedMission(options);
+      ++done;
+      if (!report.violations.empty()) {
+        progress.reset();
+        if (!request.is_json) PrintViolations(seed, report);
+        ++broken;
+      } else if (count == 1 && !request.is_json) {
+        PrintRun(report);
+      }
+      if (progress) progress->Show(done, count, std::to_string(broken) + " broken");
+    }
+  }
+  const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double speed = done * request.options.hours / took_s;
+  if (request.is_json) {
+    JsonWriter json;
+    json.BeginObject().Key("seeds").Number(done).Key("violations").Number(static_cast<double>(broken));
+    json.Key("sim_hours_per_second").Number(speed).EndObject();
+    std::printf("%s\n", json.text().c_str());
+  } else {
+    std::printf("%.0f seeds of %g h, %llu of them break a rule, %.2f simulated hours a second\n", done,
+                request.options.hours, static_cast<unsigned long long>(broken), speed);
+  }
+  return broken == 0 ? 0 : 1;
+}
+
+int Main(int argc, char** argv) {
+  spdlog::set_level(spdlog::level::off);  // Failures are on purpose here.
+  Request request;
+  CLI::App app("Simulates a team for hours, breaks what can break, and checks the rules of sharing", "moondb_sim");
+  app.add_option("--seed", request.options.seed, "One run")->capture_default_str();
+  app.add_option("--seeds", request.seeds, "Many runs: FIRST..LAST");
+  app.add_option("--hours", request.options.hours, "Simulated time of a run")
+      ->check(CLI::Range(0.2, 1000.0))
+      ->capture_default_str();
+  app.add_option("--rovers", request.options.rovers, "Beside the base station")
+      ->check(CLI::Range(2, 63))
+      ->capture_default_str();
+  app.add_option("--fault", request.faults, "NAME=RATE an hour; may be given several times");
+  app.add_flag("--no-faults", request.options.is_faultless, "None but those that --fault names");
+  app.add_flag("--json", request.is_json, "One JSON object at the end");
+  app.add_flag("--list", request.is_list, "The faults there are");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  if (request.is_list) {
+    PrintList();
+    return 0;
+  }
+  for (const std::string& fault : request.faults) {
+    if (const Result<void> set = SetFault(fault, request.options); !set) return Complain(ToString(set.error()), 2);
+  }
+  return Run(request);
+}
+
+}  // namespace
+}  // namespace moondb::simulation
+
+int main(int argc, char** argv) { return moondb::simulation::Main(argc, argv); }

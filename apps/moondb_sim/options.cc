@@ -1,0 +1,51 @@
+#include "apps/moondb_sim/options.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "model/text.h"
+
+namespace moondb::simulation {
+
+const std::vector<FaultKind>& FaultKinds() {
+  static const std::vector<FaultKind> kinds = {
+      {"weather", 6, "loss up to 30 %, repeats, latency and order of the radio change"},
+      {"cut", 12, "the link of two agents is down for a while; every other time the ends are not told"},
+      {"one_way", 4, "one agent is not heard by another for a while"},
+      {"partition", 2, "the team is in two parts for a while"},
+      {"kill", 6, "an agent loses power: what its disk had not synced is lost"},
+      {"kill_in_write", 4, "likewise, in the middle of a write"},
+      {"fail", 12, "an actor fails at a message"},
+      {"wipe", 0.5, "an agent comes back with an empty disk"},
+      {"old_disk", 0.5, "an agent comes back with an older copy of its disk"},
+      {"clock", 1, "an agent's clock jumps, to 1970 or by hours"},
+      {"swap", 4, "the operator swaps leader and survivor"},
+      {"reassign", 2, "the operator names another leader and survivor, of an agent that may be cut off"},
+  };
+  return kinds;
+}
+
+double SimOptions::FaultsPerHour(const FaultKind& kind) const {
+  const auto set = faults_per_hour.find(kind.name);
+  if (set != faults_per_hour.end()) return set->second;
+  return is_faultless ? 0 : kind.per_hour;
+}
+
+Result<void> SetFault(const std::string& text, SimOptions& options) {
+  const std::size_t equals = text.find('=');
+  const std::string name = text.substr(0, equals);
+  std::string names;
+  for (const FaultKind& kind : FaultKinds()) names += (names.empty() ? "" : ", ") + kind.name;
+  const auto is_it = [&](const FaultKind& kind) { return kind.name == name; };
+  if (std::none_of(FaultKinds().begin(), FaultKinds().end(), is_it)) {
+    return Fail(ErrorCode::kInvalid, "there is no fault '" + name + "'; there are " + names, "fault");
+  }
+  const std::optional<double> rate = equals == std::string::npos ? std::nullopt : ParseDouble(text.substr(equals + 1));
+  if (!rate || !(*rate >= 0) || *rate > 3600) {
+    return Fail(ErrorCode::kInvalid, "'" + text + "' is not NAME=RATE with a rate from 0 to 3600 an hour", "fault");
+  }
+  options.faults_per_hour[name] = *rate;
+  return {};
+}
+
+}  // namespace moondb::simulation

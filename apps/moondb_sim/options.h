@@ -1,0 +1,35 @@
+// What one run of the simulator does, and what may go wrong in it.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+
+namespace moondb::simulation {
+
+struct FaultKind {
+  std::string name;
+  double per_hour;  // By default, in the whole team.
+  std::string what;
+};
+
+// All that can go wrong, in the order in which `--faults` lists them.
+const std::vector<FaultKind>& FaultKinds();
+
+struct SimOptions {
+  std::uint64_t seed = 1;
+  double hours = 2;  // Of simulated time: five parts in six with faults, the rest quiet.
+  int rovers = 3;    // Beside the base station, the last agent.
+  std::map<std::string, double> faults_per_hour;  // Others: their default.
+  bool is_faultless = false;
+
+  double FaultsPerHour(const FaultKind& kind) const;
+};
+
+// NAME=RATE, RATE an hour; kInvalid with the names that there are.
+Result<void> SetFault(const std::string& text, SimOptions& options);
+
+}  // namespace moondb::simulation

@@ -1,0 +1,28 @@
+// A whole team for some hours of simulated time: real actors on real SQLite, over a simulated radio and disks, with
+// robots that insert, an operator that shares and assigns roles, and faults; then quiet, and a check of all the rules.
+//
+// One thread. Equal options give equal runs, which trace_hash shows.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "apps/moondb_sim/options.h"
+#include "apps/moondb_sim/rules.h"
+
+namespace moondb::simulation {
+
+struct SimReport {
+  std::vector<Violation> violations;      // The first few.
+  std::vector<std::string> last_events;   // Before the first violation.
+  std::map<std::string, int> faults;      // How often each struck.
+  std::uint64_t records = 0;              // Inserted by robots.
+  std::uint64_t messages = 0;             // Handled by actors.
+  std::uint64_t radio_bytes = 0;
+  std::uint64_t trace_hash = 0;
+};
+
+SimReport RunSimulatedMission(const SimOptions& options);
+
+}  // namespace moondb::simulation
