@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "model/term.h"
@@ -9,7 +10,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2 };
+enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2, kStep = 3 };
 
 }  // namespace
 
@@ -166,12 +167,14 @@ void SharingActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
   if (Outgoing* outgoing = FindOutgoing(event.peer())) {
     Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
   }
+  if (orders_.contains(event.peer())) OrderFrom(context, event.peer());
   OnPeerConnected(context, event.peer());
 }
 
 void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
   const auto peer = static_cast<AgentId>(timer.value());
   if (timer.kind() == kOrder) return OnOrderTimer(context, peer);
+  if (timer.kind() == kStep) return OnStepTimer(context);
   Outgoing* outgoing = FindOutgoing(peer);
   if (outgoing == nullptr) return;
   outgoing->armed.reset();
@@ -217,9 +220,48 @@ bool SharingActor::CloseByRole(Context& context) {
   return was_open;
 }
 
-TimerId SharingActor::ArmOrderTimer(Context& context, AgentId peer, Duration delay) {
-  return context.AfterTimer(delay, kOrder, peer);
+void SharingActor::OrderFrom(Context& context, AgentId peer) {
+  ShareOrder& order = orders_[peer];
+  if (order.timer != 0) context.Cancel(order.timer);
+  order.delay = options_.session.resend_after;
+  SendOrder(context, peer);
 }
+
+void SharingActor::SendOrder(Context& context, AgentId peer) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_term() = roles_.term();
+  message.mutable_share_request()->set_kind(kind_);
+  message.mutable_share_request()->set_destination(options_.self);
+  (void)context.Send({peer, context.self().actor}, std::move(message));  // Sent again when the timer comes.
+  ShareOrder& order = orders_[peer];
+  order.timer = context.AfterTimer(order.delay, kOrder, peer);
+}
+
+void SharingActor::OnOrderTimer(Context& context, AgentId peer) {
+  const auto it = orders_.find(peer);
+  if (it == orders_.end()) return;
+  it->second.delay = std::min(2 * it->second.delay, options_.session.resend_after_max);
+  SendOrder(context, peer);
+}
+
+void SharingActor::OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply) {
+  const auto it = orders_.find(peer);
+  if (it == orders_.end()) return;
+  if (IsError(reply.error())) {
+    spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
+                 ToString(FromProto(reply.error())));
+  }
+  context.Cancel(it->second.timer);
+  orders_.erase(it);
+}
+
+void SharingActor::CancelOrders(Context& context) {
+  for (const auto& [peer, order] : orders_) context.Cancel(order.timer);
+  orders_.clear();
+}
+
+TimerId SharingActor::StartStepTimer(Context& context, Duration delay) { return context.AfterTimer(delay, kStep); }
 
 std::string SharingActor::NameOf(AgentId agent) const {
   const proto::AgentConfig* config = FindAgent(options_.team, agent);

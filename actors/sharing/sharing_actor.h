@@ -42,18 +42,20 @@ class SharingActor : public Actor {
   virtual Result<int> Share(Context& context, const proto::ShareRequest& request) = 0;
   // roles() are new. At first, and until RoleActor speaks, they are those of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
-  // Another agent's answer to an order of this actor.
-  virtual void OnShareReply(Context&, AgentId, const proto::ShareReply&) {}
   virtual void OnPeerConnected(Context&, AgentId) {}
-  // The last records of a sender's cycle are stored here.
+  // All that a sender had for this agent, when it was ordered to share, is stored here.
   virtual void OnReceivedAll(Context&, AgentId) {}
-  virtual void OnOrderTimer(Context&, AgentId) {}
+  // The timer that StartStepTimer started.
+  virtual void OnStepTimer(Context&) {}
 
   // Orders a session; `is_by_role` ones end when CloseByRole is called.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role);
   // Whether any was open.
   bool CloseByRole(Context& context);
-  TimerId ArmOrderTimer(Context& context, AgentId peer, Duration delay);
+  // "Share with me", to that agent, again and again until it answers.
+  void OrderFrom(Context& context, AgentId peer);
+  void CancelOrders(Context& context);
+  TimerId StartStepTimer(Context& context, Duration delay);
 
   const proto::TeamConfig& team() const { return options_.team; }
   const SharingSession::Options& session_options() const { return options_.session; }
@@ -64,6 +66,12 @@ class SharingActor : public Actor {
   std::string NameOf(AgentId agent) const;
 
  private:
+  // To an agent that has not answered yet.
+  struct ShareOrder {
+    Duration delay{};
+    TimerId timer = 0;
+  };
+
   struct Outgoing {
     SharingSession session;
     bool is_by_role = false;
@@ -77,6 +85,9 @@ class SharingActor : public Actor {
   void OnBatch(Context& context, const proto::Message& message);
   void OnStoreReply(Context& context, const proto::Message& message);
   void OnShareRequest(Context& context, const proto::ShareRequest& request);
+  void OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply);
+  void OnOrderTimer(Context& context, AgentId peer);
+  void SendOrder(Context& context, AgentId peer);
   void OnShareStatusRequest(Context& context);
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);
   void OnTimer(Context& context, const proto::Timer& timer);
@@ -92,6 +103,7 @@ class SharingActor : public Actor {
   const proto::SharingKind kind_;
   proto::RoleAssignment roles_;
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
+  std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
   std::optional<SharingReceiver> receiver_;
 };
 

@@ -78,6 +78,7 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now) {
   } else {
     is_asking_ = false;
     is_exhausted_ = false;
+    is_end_told_ = false;
     Fill(now, actions);
   }
   return actions;
@@ -147,7 +148,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
     return actions;
   }
   is_asking_ = false;
-  if (reply.records().empty() && reply.dropped().empty()) {
+  if (reply.records().empty() && reply.dropped().empty() && is_end_told_) {
     is_exhausted_ = true;
     missing_count_ = 0;
   } else {
@@ -155,6 +156,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
     missing_count_ = ready_->message.remaining();
     // One message does not always hold all that is dropped.
     is_exhausted_ = missing_count_ == 0 && ready_->dropped.empty();
+    if (missing_count_ == 0) is_end_told_ = true;
   }
   Fill(now, actions);
   return actions;
@@ -360,12 +362,14 @@ void SharingSession::GiveUpBatchesBefore(std::uint32_t batch_number) {
     under_way_.erase(under_way_.begin());
     is_asking_ = false;
     is_exhausted_ = false;
+    is_end_told_ = false;
   }
 }
 
 void SharingSession::ForgetUnderWay() {
   is_asking_ = false;
   is_exhausted_ = false;
+  is_end_told_ = false;
   ready_.reset();
   under_way_.clear();
   unacked_bytes_ = 0;

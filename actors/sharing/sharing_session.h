@@ -6,11 +6,12 @@
 //
 //   Order -> Hello -> (Have, whole) -> MissingRequest -> (MissingReply) -> Batch -> (Have: acknowledgment) ... done
 //
-// Several batches may be under way. What they carry counts as had while the next one is chosen, and only there: when
-// a batch is given up, or the session starts again, its records are missing again. Un-acknowledged bytes stay within
-// `unacked_bytes_max` and what the receiver grants; one message that is larger travels when nothing else is under way.
-// Without progress for `resend_after` the session starts again under a new id, with a growing delay, for as long as it
-// takes: an order stands until all is acknowledged or Close is called.
+// The last batch says that none remain, and holds nothing where nothing was missing: the receiver hears the end of each
+// order. Several batches may be under way. What they carry counts as had while the next one is chosen, and only there:
+// when a batch is given up, or the session starts again, its records are missing again. Un-acknowledged bytes stay
+// within `unacked_bytes_max` and what the receiver grants; one message that is larger travels when nothing else is
+// under way. Without progress for `resend_after` the session starts again under a new id, with a growing delay, for as
+// long as it takes: an order stands until all is acknowledged or Close is called.
 //
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
@@ -106,6 +107,7 @@ class SharingSession {
   std::uint64_t request_id_;
   bool is_asking_ = false;
   bool is_exhausted_ = false;  // Storage said that nothing more is missing.
+  bool is_end_told_ = false;   // A batch with remaining 0 is under way or acknowledged since.
   bool has_restarted_at_once_ = false;
   HaveSet have_;  // Of the destination, as it said.
   HaveSet

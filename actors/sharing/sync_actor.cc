@@ -1,7 +1,5 @@
 #include "actors/sharing/sync_actor.h"
 
-#include <spdlog/spdlog.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -17,7 +15,8 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
   }
   if (is_leading()) {
     if (request.destination() == 0 || request.destination() == self()) return Collect(context, request);
-    return OpenAsLeader(context, request.destination(), /*is_by_role=*/false) ? 1 : 0;
+    OpenAsLeader(context, request.destination(), /*is_by_role=*/false);
+    return 1;
   }
   if (!request.from_agents().empty()) {
     return Fail(ErrorCode::kRefused, "only the leader, " + NameOf(roles().leader()) + ", asks other agents",
@@ -32,36 +31,13 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
 
 void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previous) {
   if (roles().leader() == previous.leader()) return;
-  for (const auto& [peer, order] : orders_) context.Cancel(order.timer);
-  orders_.clear();
+  CancelOrders(context);
   is_bringing_to_base_ = false;
   const bool was_open = CloseByRole(context);
   const bool was_leading = previous.leader() == self();
   if (was_open && !was_leading && !is_leading() && roles().leader() != 0) {
     Open(context, roles().leader(), OwnRecords(), /*is_by_role=*/true);
   }
-}
-
-void SyncActor::OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply) {
-  const auto it = orders_.find(peer);
-  if (it == orders_.end()) return;
-  if (IsError(reply.error())) {
-    spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
-                 ToString(FromProto(reply.error())));
-  }
-  context.Cancel(it->second.timer);
-  orders_.erase(it);
-}
-
-void SyncActor::OnPeerConnected(Context& context, AgentId peer) {
-  if (orders_.count(peer)) StartOrder(context, peer);
-}
-
-void SyncActor::OnOrderTimer(Context& context, AgentId peer) {
-  const auto it = orders_.find(peer);
-  if (it == orders_.end()) return;
-  it->second.delay = std::min(2 * it->second.delay, session_options().resend_after_max);
-  SendOrder(context, peer);
 }
 
 void SyncActor::OnReceivedAll(Context& context, AgentId sender) {
@@ -79,37 +55,19 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
   for (const proto::AgentConfig& agent : team().agents()) {
     if (agent.id() == self()) continue;
     if (is_meant(agent.id())) {
-      StartOrder(context, agent.id());
+      OrderFrom(context, agent.id());
       ++count;
     }
-    if (is_meant(self()) && OpenAsLeader(context, agent.id(), /*is_by_role=*/true)) ++count;
+    if (is_meant(self())) {
+      OpenAsLeader(context, agent.id(), /*is_by_role=*/true);
+      ++count;
+    }
   }
   return count;
 }
 
-bool SyncActor::OpenAsLeader(Context& context, AgentId destination, bool is_by_role) {
-  proto::RecordFilter filter = LeadersRecordsFor(destination);
-  if (filter.data_types().empty()) return false;
-  Open(context, destination, std::move(filter), is_by_role);
-  return true;
-}
-
-void SyncActor::StartOrder(Context& context, AgentId peer) {
-  Order& order = orders_[peer];
-  if (order.timer != 0) context.Cancel(order.timer);
-  order.delay = session_options().resend_after;
-  SendOrder(context, peer);
-}
-
-void SyncActor::SendOrder(Context& context, AgentId peer) {
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  *message.mutable_term() = roles().term();
-  message.mutable_share_request()->set_kind(proto::SHARING_KIND_SYNC);
-  message.mutable_share_request()->set_destination(self());
-  (void)context.Send({peer, context.self().actor}, std::move(message));  // Sent again when the timer comes.
-  Order& order = orders_[peer];
-  order.timer = ArmOrderTimer(context, peer, order.delay);
+void SyncActor::OpenAsLeader(Context& context, AgentId destination, bool is_by_role) {
+  Open(context, destination, LeadersRecordsFor(destination), is_by_role);
 }
 
 proto::RecordFilter SyncActor::OwnRecords() const {
@@ -120,6 +78,7 @@ proto::RecordFilter SyncActor::OwnRecords() const {
 
 proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
   proto::RecordFilter filter;
+  filter.set_own_records_of(destination);
   if (destination == BaseStationOf(team())) {
     for (const DataType type : DataTypesOf(team())) {
       const proto::Policy policy = GroundPolicyOf(team(), type);
@@ -130,12 +89,16 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
         filter.add_newest_only_types(type);
       }
     }
-    return filter;
+  } else {
+    filter.add_origin_agents(self());
+    filter.set_optimized_poses_of_agent(destination);
+    for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
+      if (SharePolicyOf(team(), type) != proto::POLICY_NONE) filter.add_data_types(type);
+    }
   }
-  filter.add_origin_agents(self());
-  filter.set_optimized_poses_of_agent(destination);
-  for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
-    if (SharePolicyOf(team(), type) != proto::POLICY_NONE) filter.add_data_types(type);
+  if (filter.data_types().empty()) {  // Of others nothing, then; without types it would be all.
+    filter.clear_origin_agents();
+    filter.add_origin_agents(destination);
   }
   return filter;
 }

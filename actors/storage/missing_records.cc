@@ -38,7 +38,7 @@ class MissingFinder {
 
   void AddDropped(std::size_t intervals_max, proto::MissingReply& reply) const {
     for (const StreamKey& stream : StreamsInOrder()) {
-      if (!rules_.MayBeDropped(stream.type) || IsPartial(stream.type) || IsNewestOnly(stream.type)) continue;
+      if (!rules_.MayBeDropped(stream.type) || IsPartial(stream) || IsNewestOnly(stream)) continue;
       const IntervalSet unknown = have_.Get(stream).dropped.Minus(destination_.Get(stream).dropped);
       if (unknown.is_empty() || intervals_max == 0) continue;
       proto::StreamHave& added = *reply.add_dropped();
@@ -57,17 +57,22 @@ class MissingFinder {
  private:
   bool IsWanted(const StreamKey& stream) const {
     if (!rules_.IsShared(stream) || !FindRecordTable(stream.type)) return false;
+    if (IsOwn(stream)) return true;
     if (!filter_.origin_agents().empty() && !Contains(filter_.origin_agents(), stream.origin)) return false;
     if (Contains(filter_.not_origin_agents(), stream.origin)) return false;
     return filter_.data_types().empty() || Contains(filter_.data_types(), stream.type);
   }
 
-  bool IsNewestOnly(DataType type) const { return Contains(filter_.newest_only_types(), type); }
+  bool IsOwn(const StreamKey& stream) const { return stream.origin == filter_.own_records_of(); }
+
+  bool IsNewestOnly(const StreamKey& stream) const {
+    return Contains(filter_.newest_only_types(), stream.type) && !IsOwn(stream);
+  }
 
   // What is meant for the destination and is not there.
   Result<IntervalSet> Lacking(const StreamKey& stream) {
     const IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
-    if (lacking.is_empty() || !IsNewestOnly(stream.type)) return lacking;
+    if (lacking.is_empty() || !IsNewestOnly(stream)) return lacking;
     const std::pair<AgentId, DataType> series(stream.origin, stream.type);
     auto found = newest_.find(series);
     if (found == newest_.end()) {
@@ -78,9 +83,12 @@ class MissingFinder {
     return lacking.Minus(lacking.Minus(found->second[stream.epoch]));
   }
 
-  // Only some of the type's records pass the filter.
-  bool IsPartial(DataType type) const {
-    return filter_.optimized_poses_of_agent() != 0 && FindRecordTable(type)->knows_agent();
+  // Only some of the stream's records pass the filter.
+  bool IsPartial(const StreamKey& stream) const { return AgentMeant(stream) != 0; }
+
+  // Whose poses and verdicts the filter lets pass; 0: all.
+  AgentId AgentMeant(const StreamKey& stream) const {
+    return FindRecordTable(stream.type)->knows_agent() && !IsOwn(stream) ? filter_.optimized_poses_of_agent() : 0;
   }
 
   std::vector<StreamKey> StreamsInOrder() const {
@@ -101,8 +109,7 @@ class MissingFinder {
     const RecordTable& table = *FindRecordTable(stream.type);
     std::uint64_t next_seq = interval.first;
     if (!is_full_) {
-      Query query =
-          table.ReadInterval(database_, stream, interval.first, interval.last, filter_.optimized_poses_of_agent());
+      Query query = table.ReadInterval(database_, stream, interval.first, interval.last, AgentMeant(stream));
       while (true) {
         const Result<bool> row = query.Step();
         if (!row) return tl::unexpected(row.error());
@@ -118,9 +125,9 @@ class MissingFinder {
       is_full_ = true;
     }
     std::uint64_t left = interval.last - next_seq + 1;
-    if (IsPartial(stream.type)) {
+    if (IsPartial(stream)) {
       const Result<std::uint64_t> count =
-          table.CountInterval(database_, stream, next_seq, interval.last, filter_.optimized_poses_of_agent());
+          table.CountInterval(database_, stream, next_seq, interval.last, AgentMeant(stream));
       if (!count) return tl::unexpected(count.error());
       left = *count;
     }

@@ -75,25 +75,58 @@ TEST_F(ReplicaActorTest, TurnsAnUnfinishedReplicationToTheNewSurvivor) {
   EXPECT_TRUE(stores_[2]->records().empty());
 }
 
-TEST_F(ReplicaActorTest, HandsOverToTheNewLeaderOnceWhenDeposed) {
+TEST_F(ReplicaActorTest, ANewLeaderGathersOnceAllThatTheTeamHolds) {
   InsertAtLeader(10);
-  TellRoles(team_, config_, 1, Roles(3, 2, 3));
+  stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
+  TellRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(2));
-  EXPECT_EQ(stores_[3]->records(), stores_[1]->records());
+  EXPECT_EQ(stores_[3]->records().size(), 31u);
   InsertAtLeader(1);
   team_.AdvanceTime(seconds(100));
-  EXPECT_EQ(stores_[3]->records().size(), 30u);
+  EXPECT_EQ(stores_[3]->records().size(), 31u);
+  TellRoles(team_, config_, 3, Roles(3, 2, 4));  // As after a start, perhaps with an empty disk.
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[3]->records().size(), 34u);
 }
 
-TEST_F(ReplicaActorTest, HandsOverToTheNextLeaderWhenTheNewOneIsDeposedBeforeItHasAll) {
+// Nobody sends what another one is sending.
+TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNothingTwice) {
+  InsertAtLeader(10);
+  for (const AgentId agent : {2u, 3u}) Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION, agent));
+  team_.AdvanceTime(seconds(2));
+  *stores_[1] = MemoryStore();  // Its disk is lost.
+  TellRoles(team_, config_, 1, Roles(1, 2, 3));
+  team_.AdvanceTime(seconds(10));
+  EXPECT_EQ(stores_[1]->records().size(), 30u);
+  EXPECT_EQ(ShareStatusOf(team_, 2, actor_name::kReplica).sessions(0).sent_records(), 30);
+  EXPECT_EQ(ShareStatusOf(team_, 3, actor_name::kReplica).sessions(0).sent_records(), 0);
+}
+
+TEST_F(ReplicaActorTest, GoesOnGatheringWhileOneDoesNotAnswer) {
+  InsertAtLeader(10);
+  stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
+  team_.SetLink(3, 2, false, /*tell=*/false);  // The survivor, which is asked first.
+  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  team_.AdvanceTime(seconds(50));
+  EXPECT_TRUE(stores_[3]->records().empty());
+  team_.AdvanceTime(seconds(20));
+  EXPECT_EQ(stores_[3]->records().size(), 31u);
+  stores_[2]->Insert(2, proto::POWER, "of the survivor");
+  team_.SetLink(3, 2, true);
+  team_.AdvanceTime(seconds(30));  // Neither had noticed.
+  EXPECT_EQ(stores_[3]->records().size(), 32u);
+}
+
+TEST_F(ReplicaActorTest, ADeposedLeaderGathersNoMore) {
   InsertAtLeader(10);
   team_.SetLink(1, 3, false);
-  TellRoles(team_, config_, 1, Roles(3, 2, 3));
-  team_.AdvanceTime(seconds(20));
-  TellRoles(team_, config_, 1, Roles(2, 3, 4));
-  team_.AdvanceTime(seconds(2));
-  EXPECT_EQ(stores_[2]->records(), stores_[1]->records());
-  EXPECT_FALSE(ShareStatusOf(team_, 1, actor_name::kReplica).sessions(1).is_open());  // Nobody asks for it any more.
+  team_.SetLink(2, 3, false);
+  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  team_.AdvanceTime(seconds(5));
+  TellRoles(team_, config_, 3, Roles(2, 1, 4));
+  team_.SetLink(1, 3, true);
+  team_.AdvanceTime(seconds(100));
+  EXPECT_TRUE(stores_[3]->records().empty());
 }
 
 }  // namespace

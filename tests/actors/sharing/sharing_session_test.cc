@@ -120,10 +120,13 @@ TEST_F(SharingSessionTest, AsksForTheHaveSetBeforeAnythingIsSent) {
   EXPECT_EQ(sent[0].hello().kind(), proto::SHARING_KIND_SYNC);
 }
 
-TEST_F(SharingSessionTest, CompletesAtOnceWhenNothingIsMissing) {
+TEST_F(SharingSessionTest, SaysThatNothingIsMissingAndCompletes) {
   Order();
   AnswerHello();
-  EXPECT_TRUE(TakeSent().empty());
+  const auto batches = RunToEnd();
+  ASSERT_EQ(batches.size(), 1u);
+  EXPECT_EQ(batches[0].remaining(), 0u);
+  EXPECT_EQ(batches[0].batch().record_count(), 0u);
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().completed_sessions(), 1);
   EXPECT_TRUE(peer_haves_.back().is_session_closed());
@@ -272,7 +275,7 @@ TEST_F(SharingSessionTest, StartsOverFromTheHaveSetWhenAnAcknowledgmentIsLost) {
   Store(sent[0]);  // Its acknowledgment does not arrive.
   Advance(seconds(6));
   AnswerHello();
-  EXPECT_TRUE(TakeSent().empty());
+  for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().record_count(), 0u);
   EXPECT_EQ(Status().completed_sessions(), 1);
   EXPECT_EQ(Status().sent_records(), 1);
 }
@@ -394,7 +397,7 @@ TEST_F(SharingSessionTest, TellsWhatIsDroppedOnlyWithTheLastRecords) {
   EXPECT_EQ(destination_.have(), source_.have());
   Order();
   AnswerHello();
-  EXPECT_TRUE(TakeSent().empty());  // Once is enough.
+  for (const auto& batch : RunToEnd()) EXPECT_EQ(batch.batch().dropped_size(), 0);  // Once is enough.
 }
 
 TEST_F(SharingSessionTest, TellsWhatIsDroppedWhenNoRecordIsMissing) {
