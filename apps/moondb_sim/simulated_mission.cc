@@ -491,7 +491,15 @@ class Mission {
     }
     team_.Restart(agent);
     TellOthers(agent, true);
-    if (team_.is_running(agent)) rules_.CheckHeld(agent, HaveOf(agent));
+    CheckHeld(agent);
+  }
+
+  // As soon as its storage answers: it may have failed just now.
+  void CheckHeld(AgentId agent) {
+    if (!team_.is_running(agent)) return;
+    const std::optional<HaveSet> have = HaveOf(agent);
+    if (have) return rules_.CheckHeld(agent, *have);
+    In(seconds(10), [this, agent] { CheckHeld(agent); });
   }
 
   void BecomeQuiet() {
@@ -516,10 +524,11 @@ class Mission {
     return answers.empty() ? proto::Message() : std::move(answers.back());
   }
 
-  HaveSet HaveOf(AgentId agent) {
+  std::optional<HaveSet> HaveOf(AgentId agent) {
     proto::Message question;
     question.mutable_have_request();
     const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
+    if (!answer.has_have_reply()) return std::nullopt;
     return *FromProto(answer.have_reply().have());
   }
 
@@ -552,7 +561,9 @@ class Mission {
     std::map<AgentId, HaveSet> have;
     std::map<AgentId, Records> records;
     for (AgentId agent = 1; agent <= base_; ++agent) {
-      have[agent] = HaveOf(agent);
+      const std::optional<HaveSet> had = HaveOf(agent);
+      if (!had) return Violate("starts", "storage of agent " + std::to_string(agent) + " does not answer");
+      have[agent] = *had;
       records[agent] = ReadAll(agent);
       rules_.CheckHeld(agent, have[agent]);
     }
