@@ -89,6 +89,7 @@ SharingActions SharingSession::Close() {
   if (!is_open()) return actions;
   phase_ = Phase::kClosed;
   ForgetUnderWay();
+  missing_count_ = 0;  // Nobody asks for them any more.
   TellStorage({}, /*is_closed=*/true, actions);
   return actions;
 }

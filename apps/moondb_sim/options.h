@@ -2,11 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "model/error.h"
+#include "runtime/actor.h"
 
 namespace moondb::simulation {
 
@@ -21,10 +24,12 @@ const std::vector<FaultKind>& FaultKinds();
 
 struct SimOptions {
   std::uint64_t seed = 1;
-  double hours = 2;  // Of simulated time: five parts in six with faults, the rest quiet.
-  int rovers = 3;    // Beside the base station, the last agent.
+  double hours = 2;                               // Of simulated time: five parts in six with faults, the rest quiet.
+  int rovers = 3;                                 // Beside the base station, the last agent.
   std::map<std::string, double> faults_per_hour;  // Others: their default.
   bool is_faultless = false;
+  // Put around each actor as it is made: for tests that break a rule on purpose.
+  std::function<std::unique_ptr<Actor>(AgentId agent, const std::string& name, std::unique_ptr<Actor> actor)> wrap;
 
   double FaultsPerHour(const FaultKind& kind) const;
 };

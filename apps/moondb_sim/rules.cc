@@ -24,14 +24,21 @@ void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
   const std::string who = std::to_string(roles.leader()) + "/" + std::to_string(roles.survivor());
   const auto assignment = assignment_of_.emplace(roles.term().SerializeAsString(), who).first;
   if (assignment->second != who) {
-    report_("one_assignment", "term " + roles.term().ShortDebugString() + " is " + assignment->second + " and, at agent " +
-                                  std::to_string(agent) + ", " + who);
+    report_("one_assignment", "term " + roles.term().ShortDebugString() + " is " + assignment->second +
+                                  " and, at agent " + std::to_string(agent) + ", " + who);
   }
 }
 
-void Rules::SeeInserted(AgentId agent, const RecordKey& key) {
+void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record) {
   inserted_[key.stream].held.Add(key.seq);
   held_[agent][key.stream].held.Add(key.seq);
+  if (!record.has_optimized_pose()) return;
+  proto::OptimizedPose version = record.optimized_pose();
+  version.clear_map_from_node();
+  const std::string pose = record.optimized_pose().map_from_node().SerializeAsString();
+  if (pose_of_.emplace(version.SerializeAsString(), pose).first->second != pose) {
+    report_("one_pose_a_run", "agent " + std::to_string(agent) + " gives " + version.ShortDebugString() + " twice");
+  }
 }
 
 void Rules::SeeHave(AgentId agent, const HaveSet& have) { held_[agent].Merge(have); }
@@ -60,6 +67,22 @@ void Rules::CheckHeld(AgentId agent, const HaveSet& have) const {
                                      ToString(RecordKey{key, lacking.intervals().front().first}) + " and lacks " +
                                      std::to_string(lacking.Count()) + " of that stream");
     return;
+  }
+}
+
+// Of what is kept of each origin's states, the last in the origin's own order must be among the leader's rows.
+void Rules::CheckStates(AgentId leader, const HaveSet& have, const std::map<RecordKey, std::string>& records) const {
+  std::map<AgentId, RecordKey> newest;
+  for (const auto& [key, stream] : have.streams()) {
+    if (key.type != proto::POWER || stream.Had().is_empty()) continue;
+    const RecordKey last{key, stream.Had().Max()};
+    RecordKey& known = newest[key.origin];
+    if (std::pair(last.stream.epoch, last.seq) > std::pair(known.stream.epoch, known.seq)) known = last;
+  }
+  for (const auto& [origin, key] : newest) {
+    if (records.contains(key)) continue;
+    report_("newest_state", "the leader, agent " + std::to_string(leader) + ", dropped the newest state " +
+                                ToString(key) + " of agent " + std::to_string(origin));
   }
 }
 

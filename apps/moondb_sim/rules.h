@@ -4,8 +4,8 @@
 //   one_assignment     a term has at most one assignment of roles
 //   term_goes_up       no agent acts on a lower term than before, whatever happened to its process
 //   acknowledged_held  what an agent said it had is there after a crash (until its disk was lost)
-//   pose_goes_up       the optimized pose that an agent uses never becomes an older version
-//   unacked_bounded    un-acknowledged batches of a session are within its limit, or one message
+//   one_pose_a_run     a node has at most one optimized pose of a term and run
+//   newest_state       at rest the leader holds the last state of each rover that any disk still had
 //   nothing_lost       at rest leader and survivor had all that was stored anywhere, unless all disks with it were lost
 //   survivor_is_leader at rest the survivor holds what the leader holds
 //   home_again         at rest an agent holds what the team holds of it
@@ -18,10 +18,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <set>
 #include <string>
-#include <unordered_map>
-#include <vector>
 
 #include "model/have_set.h"
 #include "model/record_key.h"
@@ -45,7 +42,7 @@ class Rules {
   void SeeRecord(const RecordKey& key, std::uint64_t content_hash, AgentId where);
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles);
   // The robot of `agent` was told that it is stored there.
-  void SeeInserted(AgentId agent, const RecordKey& key);
+  void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
   // `agent` told another that it has these.
   void SeeHave(AgentId agent, const HaveSet& have);
   // Its disk holds other things than what it said from now on.
@@ -53,8 +50,8 @@ class Rules {
   void ForgetRoles(AgentId agent) { roles_of_.erase(agent); }
 
   void CheckHeld(AgentId agent, const HaveSet& have) const;
+  void CheckStates(AgentId leader, const HaveSet& have, const std::map<RecordKey, std::string>& records) const;
   const HaveSet& inserted() const { return inserted_; }  // Without what was lost with all disks that had it.
-  const HaveSet& held(AgentId agent) { return held_[agent]; }
 
  private:
   const Report report_;
@@ -62,7 +59,8 @@ class Rules {
   std::map<std::string, std::string> assignment_of_;  // By term.
   std::map<AgentId, proto::RoleAssignment> roles_of_;
   HaveSet inserted_;
-  std::map<AgentId, HaveSet> held_;  // What each certainly has, as told to a robot or a peer.
+  std::map<AgentId, HaveSet> held_;             // What each certainly has, as told to a robot or a peer.
+  std::map<std::string, std::string> pose_of_;  // By node, term and run.
 };
 
 }  // namespace moondb::simulation

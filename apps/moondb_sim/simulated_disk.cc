@@ -24,7 +24,7 @@ struct SimulatedDisk::File {
   struct Change {
     std::size_t offset = 0;
     std::string now;
-    std::string before;         // Of the bytes that there were.
+    std::string before;  // Of the bytes that there were.
     std::size_t size_before = 0;
     bool is_truncation = false;  // To `offset`.
   };
@@ -265,7 +265,8 @@ void SimulatedDisk::CutPower(const std::string& prefix) {
       if (how == 2 && rng_() % 2 == 0) continue;
       File::Change change = unsynced[i];
       if (i + 1 == unsynced.size() && !change.now.empty()) {
-        change.now.resize(std::min(change.now.size(), kSectorBytes * (rng_() % (change.now.size() / kSectorBytes + 2))));
+        change.now.resize(
+            std::min(change.now.size(), kSectorBytes * (rng_() % (change.now.size() / kSectorBytes + 2))));
       }
       kept.Apply(change);
     }

@@ -30,6 +30,7 @@ using std::chrono::seconds;
 
 constexpr std::size_t kViolationsMax = 10;
 constexpr std::size_t kLastEvents = 60;
+constexpr double kMessagesMaxPerHour = 50'000;  // Of each agent; a hundredth of it is usual.
 constexpr Duration kInsertPeriod = seconds(10);
 constexpr int kInsertsPerMap = 6;
 constexpr Duration kSharePeriod = seconds(60);
@@ -67,6 +68,7 @@ class Mission {
       : options_(options),
         config_(MakeTeam(options.rovers)),
         base_(static_cast<AgentId>(options.rovers + 1)),
+        messages_max_(static_cast<std::uint64_t>(kMessagesMaxPerHour * options.hours * base_)),
         rng_(options.seed),
         disk_(options.seed),
         rules_([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); }),
@@ -74,9 +76,8 @@ class Mission {
     disk_.on_cut = [this](const std::string& prefix) { OnPowerCut(prefix); };
     team_.SetBaseStation(base_);
     team_.SetFault([this](const Address& actor, const proto::Message& message) { return OnHandle(actor, message); });
-    team_.SetFilter([this](AgentId from, AgentId to, const proto::Message& message) {
-      return OnRadio(from, to, message);
-    });
+    team_.SetFilter(
+        [this](AgentId from, AgentId to, const proto::Message& message) { return OnRadio(from, to, message); });
     for (AgentId agent = 1; agent <= base_; ++agent) {
       team_.AddAgent(agent);
     }
@@ -90,7 +91,8 @@ class Mission {
   }
 
   SimReport Run() {
-    const Duration length = std::chrono::duration_cast<Duration>(std::chrono::duration<double, std::ratio<3600>>(options_.hours));
+    const Duration length =
+        std::chrono::duration_cast<Duration>(std::chrono::duration<double, std::ratio<3600>>(options_.hours));
     end_ = start_ + length;
     quiet_from_ = end_ - Duration(static_cast<Duration::rep>(kQuietRatio * static_cast<double>(length.count())));
     for (AgentId rover = 1; rover < base_; ++rover) {
@@ -100,7 +102,7 @@ class Mission {
     At(start_ + kOptimizePeriod, [this] { Optimize(); });
     for (const FaultKind& kind : FaultKinds()) ScheduleFault(kind);
     At(quiet_from_, [this] { BecomeQuiet(); });
-    while (!schedule_.empty() && report_.violations.size() < kViolationsMax) {
+    while (!schedule_.empty() && report_.violations.size() < kViolationsMax && !is_stormy_) {
       const auto next = schedule_.begin();
       if (next->first > end_) break;
       const auto action = std::move(next->second);
@@ -143,7 +145,10 @@ class Mission {
   void Spawn(AgentId agent, const char* name, Options options) {
     options.self = agent;
     options.team = config_;
-    team_.Spawn(agent, name, [options = std::move(options)] { return std::make_unique<ActorType>(options); });
+    team_.Spawn(agent, name, [this, agent, name, options = std::move(options)]() -> std::unique_ptr<Actor> {
+      std::unique_ptr<Actor> actor = std::make_unique<ActorType>(options);
+      return options_.wrap ? options_.wrap(agent, name, std::move(actor)) : std::move(actor);
+    });
   }
 
   void SpawnActors(AgentId agent) {
@@ -169,7 +174,10 @@ class Mission {
   };
 
   Fault OnHandle(const Address& actor, const proto::Message& message) {
-    ++report_.messages;
+    if (++report_.messages == messages_max_) {
+      Violate("comes_to_rest", std::to_string(messages_max_) + " messages and no end");
+      is_stormy_ = true;
+    }
     const std::array<std::uint64_t, 4> step = {actor.agent, static_cast<std::uint64_t>(message.body_case()),
                                                message.request_id(),
                                                static_cast<std::uint64_t>(team_.now().time_since_epoch().count())};
@@ -200,7 +208,7 @@ class Mission {
       if (have) rules_.SeeHave(from, *have);
       if (!have) Violate("nothing_refused", "agent " + std::to_string(from) + " sends a malformed have-set");
     }
-    return !deaf_.contains({from, to});
+    return !is_stormy_ && !deaf_.contains({from, to});
   }
 
   void SeeRecord(const proto::StoredRecord& record, AgentId where) {
@@ -228,11 +236,11 @@ class Mission {
     if (is_quiet_) return;
     Robot& robot = robots_[rover];
     proto::Record state;
-    state.set_stamp_ns(team_.utc_now_ns());
+    state.set_stamp_ns(ClockOf(rover));
     state.mutable_power()->set_battery_ratio(0.5 + 0.5 * Draw());
     Insert(rover, {std::move(state)});
     proto::Record node;
-    node.set_stamp_ns(team_.utc_now_ns());
+    node.set_stamp_ns(ClockOf(rover));
     *node.mutable_pose_graph_node()->mutable_node() = Node(rover, robot.next_node);
     SetPose(*node.mutable_pose_graph_node()->mutable_map_from_node());
     robot.open.push_back({std::move(node)});
@@ -243,6 +251,8 @@ class Mission {
     for (const proto::Record& record : robot.open) Insert(rover, {record});
     robot.open.clear();
   }
+
+  std::int64_t ClockOf(AgentId agent) { return team_.utc_now_ns() + clock_offset_[agent].count(); }
 
   static proto::NodeKey Node(AgentId agent, std::uint64_t index) {
     proto::NodeKey key;
@@ -259,7 +269,7 @@ class Mission {
 
   proto::Record MapAt(AgentId rover, std::uint64_t index) {
     proto::Record record;
-    record.set_stamp_ns(team_.utc_now_ns());
+    record.set_stamp_ns(ClockOf(rover));
     proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
     *map.mutable_node() = Node(rover, index);
     map.mutable_node_from_map()->mutable_position_m();
@@ -305,10 +315,11 @@ class Mission {
     }
     for (int i = 0; i < reply.keys_size(); ++i) {
       const RecordKey key = FromProto(reply.keys(i));
-      if (key.stream.origin != agent) Violate("one_content", "agent " + std::to_string(agent) + " names " + ToString(key));
+      if (key.stream.origin != agent)
+        Violate("one_content", "agent " + std::to_string(agent) + " names " + ToString(key));
       const std::string content = records[static_cast<std::size_t>(i)].SerializeAsString();
       rules_.SeeRecord(key, XXH64(content.data(), content.size(), 0), agent);
-      rules_.SeeInserted(agent, key);
+      rules_.SeeInserted(agent, key, records[static_cast<std::size_t>(i)]);
       ++report_.records;
     }
   }
@@ -345,12 +356,12 @@ class Mission {
     for (const AgentId leader : Leaders()) {
       TakeInsertReplies(leader);
       std::vector<proto::Record> poses;
-      const std::uint64_t run = ++run_;
+      const std::uint64_t run = ++run_[{leader, roles_[leader].term().number()}];
       for (AgentId rover = 1; rover < base_; ++rover) {
         const std::uint64_t nodes = robots_[rover].next_node;
         for (std::uint64_t index = nodes - std::min<std::uint64_t>(nodes, 5); index < nodes; ++index) {
           proto::Record& record = poses.emplace_back();
-          record.set_stamp_ns(team_.utc_now_ns());
+          record.set_stamp_ns(ClockOf(leader));
           proto::OptimizedPose& pose = *record.mutable_optimized_pose();
           *pose.mutable_node() = Node(rover, index);
           SetPose(*pose.mutable_map_from_node());
@@ -396,8 +407,9 @@ class Mission {
     if (fault == "wipe") return LoseDisk(DrawAgent(), /*with_old_copy=*/false);
     if (fault == "old_disk") return LoseDisk(DrawAgent(), /*with_old_copy=*/true);
     if (fault == "clock") {
-      const Duration jump = rng_() % 2 == 0 ? std::chrono::hours(6) : -std::chrono::hours(24 * 365 * 56);
-      return team_.SetUtcOffset(DrawAgent(), jump);
+      const AgentId agent = DrawAgent();
+      clock_offset_[agent] = rng_() % 2 == 0 ? std::chrono::hours(6) : -std::chrono::hours(24 * 365 * 56);
+      return team_.SetUtcOffset(agent, clock_offset_[agent]);
     }
     if (fault == "swap") {
       proto::RoleSetRequest request;
@@ -457,6 +469,7 @@ class Mission {
       robots_[agent].asked.clear();
       (void)team_.Take({agent, "robot"});
       roles_.erase(agent);
+      std::erase_if(run_, [agent](const auto& entry) { return entry.first.first == agent; });
       if (rng_() % 2 == 0) TellOthers(agent, false);
       In(seconds(1) + DrawDuration(minutes(2)), [this, agent] { Restart(agent); });
     }
@@ -570,6 +583,7 @@ class Mission {
     const AgentId leader = roles.leader();
     const AgentId survivor = roles.survivor();
     CheckLost(leader, have[leader]);
+    rules_.CheckStates(leader, have[leader], records[leader]);
     if (records[leader] != records[survivor] || !(have[leader] == have[survivor])) {
       Violate("survivor_is_leader", "leader " + std::to_string(leader) + " holds " +
                                         std::to_string(records[leader].size()) + " records, survivor " +
@@ -637,18 +651,21 @@ class Mission {
   const SimOptions options_;
   const proto::TeamConfig config_;
   const AgentId base_;
+  const std::uint64_t messages_max_;
   std::mt19937_64 rng_;
   SimReport report_;
   bool is_quiet_ = false;
   bool is_over_ = false;
+  bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
   MonotonicTime end_;
   MonotonicTime quiet_from_;
   std::multimap<MonotonicTime, Action> schedule_;
   std::uint64_t request_id_ = 0;
-  std::uint64_t run_ = 0;
+  std::map<std::pair<AgentId, std::uint64_t>, std::uint64_t> run_;  // Of a leader in a term, in its present life.
   std::uint64_t hash_ = 0;
   AgentId fail_next_ = 0;  // An actor of that agent, at its next message.
   std::map<AgentId, Robot> robots_;
+  std::map<AgentId, Duration> clock_offset_;
   std::map<AgentId, proto::RoleAssignment> roles_;  // What each running agent acts on.
   std::set<std::pair<AgentId, AgentId>> deaf_;      // What the first sends, the second does not hear.
   std::set<AgentId> lost_disk_;                     // At its next restart.

@@ -14,11 +14,11 @@
 namespace moondb::simulation {
 
 struct SimReport {
-  std::vector<Violation> violations;      // The first few.
-  std::vector<std::string> last_events;   // Before the first violation.
-  std::map<std::string, int> faults;      // How often each struck.
-  std::uint64_t records = 0;              // Inserted by robots.
-  std::uint64_t messages = 0;             // Handled by actors.
+  std::vector<Violation> violations;     // The first few.
+  std::vector<std::string> last_events;  // Before the first violation.
+  std::map<std::string, int> faults;     // How often each struck.
+  std::uint64_t records = 0;             // Inserted by robots.
+  std::uint64_t messages = 0;            // Handled by actors.
   std::uint64_t radio_bytes = 0;
   std::uint64_t trace_hash = 0;
 };

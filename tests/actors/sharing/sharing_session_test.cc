@@ -465,6 +465,15 @@ TEST_F(SharingSessionTest, ForgetsTheOrderWhenClosed) {
   EXPECT_FALSE(session_.deadline());
 }
 
+TEST_F(SharingSessionTest, ClosedItHasNothingLeftToDo) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  EXPECT_GT(Status().remaining(), 0);
+  Take(session_.Close());
+  EXPECT_EQ(Status().remaining(), 0);
+}
+
 TEST_F(SharingSessionTest, RefusesAMalformedHaveSet) {
   Order();
   proto::Have have;

@@ -1,0 +1,97 @@
+// The rules of sharing hold in simulated missions with all faults, and the simulator notices where they do not.
+#include "apps/moondb_sim/simulated_mission.h"
+
+#include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
+
+#include <cstdlib>
+#include <iostream>
+
+#include "tests/apps/moondb_sim/mutants.h"
+
+namespace moondb::simulation {
+namespace {
+
+constexpr std::uint64_t kShards = 10;
+
+// MOONDB_SEEDS sets how many in all.
+std::uint64_t SeedCount() {
+  const char* text = std::getenv("MOONDB_SEEDS");
+  return text == nullptr ? 300 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));
+}
+
+class Quiet : public testing::Environment {
+  void SetUp() override { spdlog::set_level(spdlog::level::off); }
+};
+const auto* const quiet = testing::AddGlobalTestEnvironment(new Quiet);
+
+void PrintTo(const SimReport& report, std::ostream& out) {
+  for (const std::string& event : report.last_events) out << event << "\n";
+  for (const Violation& violation : report.violations) {
+    out << violation.rule << " at " << violation.time_s << " s: " << violation.text << "\n";
+  }
+}
+
+class SweepTest : public testing::TestWithParam<std::uint64_t> {};
+
+TEST_P(SweepTest, NoRuleIsBroken) {
+  for (std::uint64_t seed = 1 + GetParam(); seed <= SeedCount(); seed += kShards) {
+    SimOptions options;
+    options.seed = seed;
+    const SimReport report = RunSimulatedMission(options);
+    EXPECT_GT(report.records, 100u);
+    if (report.violations.empty()) continue;
+    PrintTo(report, std::cout);
+    FAIL() << "seed " << seed << " breaks " << report.violations.front().rule << "; moondb_sim --seed " << seed
+           << " shows it";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Shards, SweepTest, testing::Range(std::uint64_t{0}, kShards));
+
+TEST(SimulatedMissionTest, EqualSeedsGiveEqualRuns) {
+  SimOptions options;
+  options.seed = 5;
+  const SimReport first = RunSimulatedMission(options);
+  const SimReport again = RunSimulatedMission(options);
+  EXPECT_EQ(first.trace_hash, again.trace_hash);
+  EXPECT_EQ(first.messages, again.messages);
+  EXPECT_FALSE(first.faults.empty());
+  options.seed = 6;
+  EXPECT_NE(RunSimulatedMission(options).trace_hash, first.trace_hash);
+}
+
+TEST(SimulatedMissionTest, WithoutFaultsAllIsWell) {
+  SimOptions options;
+  options.is_faultless = true;
+  const SimReport report = RunSimulatedMission(options);
+  PrintTo(report, std::cout);
+  EXPECT_TRUE(report.violations.empty());
+  EXPECT_TRUE(report.faults.empty());
+  EXPECT_GT(report.records, 4000u);
+}
+
+// Each is caught within so many seeds.
+constexpr std::uint64_t kMutantSeedsMax = 40;
+
+class MutantTest : public testing::TestWithParam<Mutant> {};
+
+TEST_P(MutantTest, IsCaught) {
+  for (std::uint64_t seed = 1; seed <= kMutantSeedsMax; ++seed) {
+    SimOptions options;
+    options.seed = seed;
+    options.wrap = GetParam().make();
+    const SimReport report = RunSimulatedMission(options);
+    if (report.violations.empty()) continue;
+    std::cout << GetParam().what << ": caught at seed " << seed << " by " << report.violations.front().rule << ": "
+              << report.violations.front().text << "\n";
+    return;
+  }
+  FAIL() << GetParam().what << ": not caught in " << kMutantSeedsMax << " seeds";
+}
+
+INSTANTIATE_TEST_SUITE_P(All, MutantTest, testing::ValuesIn(Mutants()),
+                         [](const auto& param) { return param.param.name; });
+
+}  // namespace
+}  // namespace moondb::simulation
