@@ -20,6 +20,7 @@ class HaveLedger {
   // The draft's state of a stream, else the have-set's.
   const StreamHave& Get(const StreamKey& stream) const;
   void AddHeld(const StreamKey& stream, std::uint64_t seq);
+  void RemoveHeld(const StreamKey& stream, std::uint64_t seq) { Edit(stream).held.Remove(seq); }
   // Had, but not held any more, or never.
   void AddDropped(const StreamKey& stream, IntervalSet::Interval interval);
 

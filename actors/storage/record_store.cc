@@ -1,5 +1,7 @@
 #include "actors/storage/record_store.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -82,15 +84,27 @@ class RecordStore::Writing {
 
 Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
   Check(options.team.count(options.self) == 1, "a store's agent is in its team");
+  Result<std::unique_ptr<RecordStore>> store = OpenFile(options);
+  if (store || store.error().code != ErrorCode::kCorrupt) return store;
+  const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
+  if (!aside) return tl::unexpected(aside.error());
+  spdlog::error("storage: {}; it is set aside as {}, and an empty one begun", ToString(store.error()), *aside);
+  store = OpenFile(options);
+  if (store) (*store)->set_aside_ = *aside;
+  return store;
+}
+
+Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& options) {
   Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max, options.vfs);
   if (!database) return tl::unexpected(database.error());
-  std::unique_ptr<RecordStore> store(new RecordStore(std::move(options), *std::move(database)));
+  std::unique_ptr<RecordStore> store(new RecordStore(options, *std::move(database)));
   if (const Result<void> loaded = store->Load(); !loaded) return tl::unexpected(loaded.error());
   return store;
 }
 
 Result<void> RecordStore::Load() {
   if (!options_.is_checked) {
+    if (const Result<void> checked = CheckSchema(*database_); !checked) return checked;
     if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
   }
   if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
@@ -101,6 +115,50 @@ Result<void> RecordStore::Load() {
   if (!next_row_id) return tl::unexpected(next_row_id.error());
   next_row_id_ = static_cast<std::uint64_t>(*next_row_id);
   for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);
+  return options_.is_checked ? Result<void>() : LetGoOfDamagedRows();
+}
+
+// SQLite's own check sees a broken tree, not a changed byte within a record.
+Result<void> RecordStore::LetGoOfDamagedRows() {
+  HaveSet sound;
+  std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged;  // Row ids.
+  for (const RecordTable& table : RecordTables()) {
+    Query query = table.ReadAfter(*database_, 0);
+    while (true) {
+      const Result<bool> row = query.Step();
+      if (!row) return tl::unexpected(row.error());
+      if (!*row) break;
+      const proto::StoredRecord record = table.Read(query);
+      if (record.key().seq() == 0) continue;  // Nobody else has it.
+      const RecordKey key = FromProto(record.key());
+      if (HashRecord(key, record.content()) == record.hash() && ledger_.Get(key.stream).held.Contains(key.seq)) {
+        sound[key.stream].held.Add(key.seq);
+      } else {
+        damaged.emplace_back(&table, query.Unsigned(0));
+      }
+    }
+  }
+  Result<Transaction> transaction = Transaction::Begin(*database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  ledger_.Forget();
+  std::uint64_t gone_count = 0;
+  const HaveSet had = ledger_.have();
+  for (const auto& [stream, have] : had.streams()) {
+    const IntervalSet gone = have.held.Minus(sound.Get(stream).held);
+    for (const IntervalSet::Interval& interval : gone.intervals()) {
+      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) ledger_.RemoveHeld(stream, seq);
+      gone_count += interval.last - interval.first + 1;
+    }
+  }
+  if (gone_count == 0 && damaged.empty()) return {};
+  for (const auto& [table, row_id] : damaged) {
+    if (const Result<void> done = table->Delete(*database_, row_id); !done) return done;
+  }
+  if (const Result<void> done = ledger_.Write(*database_); !done) return done;
+  if (const Result<void> done = transaction->Commit(); !done) return done;
+  ledger_.Keep();
+  spdlog::error("storage: {} records in {} were damaged; peers that have them will be asked for them again", gone_count,
+                database_->path());
   return {};
 }
 

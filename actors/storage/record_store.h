@@ -51,10 +51,13 @@ class RecordStore {
     bool is_checked = false;      // This process opened it before: it is not read through again (1 ms a MB).
   };
 
-  // Opens, reads through and where needed creates or migrates the file. kCorrupt: damaged. kRefused: of a newer
-  // version, of another program or another agent. kUnavailable: in use by another process. kFull, kInternal: as it
-  // says.
+  // Opens, reads through and where needed creates or migrates the file. A damaged one is set aside and an empty one
+  // begun, in a new epoch: peers fill it again with what they have. A shared record whose content is not what its hash
+  // says, or that is gone, is had no more, so that peers send it again. kRefused: of a newer version, of another
+  // program or another agent. kUnavailable: in use by another process. kFull, kInternal, kCorrupt: as it says.
   static Result<std::unique_ptr<RecordStore>> Open(Options options);
+  // Where a damaged file was set aside when this one was opened; else empty.
+  const std::string& set_aside() const { return set_aside_; }
 
   // Own records: all of them, or none and an error. A second record of one natural key (node, edge) with the same
   // content gives the first one's key; with other content it is kInvalid.
@@ -95,6 +98,7 @@ class RecordStore {
         database_(std::move(database)),
         random_(options_.seed) {}
   Result<void> Load();
+  Result<void> LetGoOfDamagedRows();
   Result<void> CheckOwner();
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   void NoteOwnEpoch(const StreamKey& stream);
@@ -118,6 +122,8 @@ class RecordStore {
   Result<bool> IsSuperseded(const RecordTable& table, const RecordTable::Row& row);
   void Reject(Error error, Stored& result);
 
+  static Result<std::unique_ptr<RecordStore>> OpenFile(const Options& options);
+
   const Options options_;
   const SharingRules rules_;
   std::unique_ptr<Database> database_;
@@ -128,6 +134,7 @@ class RecordStore {
   std::uint64_t own_epoch_highest_ = 0;  // Known anywhere.
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;
+  std::string set_aside_;
 };
 
 }  // namespace moondb

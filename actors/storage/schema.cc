@@ -1,6 +1,8 @@
 #include "actors/storage/schema.h"
 
+#include <algorithm>
 #include <array>
+#include <set>
 #include <string>
 
 namespace moondb {
@@ -177,7 +179,49 @@ std::string Step(int from) {
   }
 }
 
+// No version of moondb will ever have that number: it is damage.
+constexpr std::int64_t kVersionMax = 10'000;
+
+Result<void> Upgrade(Database& database, int from, int to) {
+  for (int version = from; version < to; ++version) {
+    if (const Result<void> done = database.Execute(Step(version)); !done) return done;
+  }
+  return database.Execute("PRAGMA user_version=" + std::to_string(to));
+}
+
+Result<std::set<std::string>> StatementsOf(Database& database) {
+  std::set<std::string> statements;
+  Query query =
+      database.Prepare("SELECT type || ' ' || name || ' ' || tbl_name || ' ' || coalesce(sql, '') FROM sqlite_master");
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return statements;
+    statements.emplace(query.Bytes(0));
+  }
+}
+
 }  // namespace
+
+Result<void> CheckSchema(Database& database) {
+  const Result<std::int64_t> version = database.Number("PRAGMA user_version");
+  if (!version) return tl::unexpected(version.error());
+  if (*version < 0 || *version > kVersionMax) {
+    return Fail(ErrorCode::kCorrupt,
+                "database " + database.path() + " is damaged: its version is " + std::to_string(*version));
+  }
+  if (*version == 0 || *version > kSchemaVersion) return {};
+  Result<std::unique_ptr<Database>> intact = Database::Open(":memory:");
+  if (!intact) return tl::unexpected(intact.error());
+  if (const Result<void> made = Upgrade(**intact, 0, static_cast<int>(*version)); !made) return made;
+  const Result<std::set<std::string>> expected = StatementsOf(**intact);
+  if (!expected) return tl::unexpected(expected.error());
+  const Result<std::set<std::string>> present = StatementsOf(database);
+  if (!present) return tl::unexpected(present.error());
+  if (std::includes(present->begin(), present->end(), expected->begin(), expected->end())) return {};
+  return Fail(ErrorCode::kCorrupt, "database " + database.path() + " is damaged: its schema is not that of version " +
+                                       std::to_string(*version));
+}
 
 Result<void> Migrate(Database& database) {
   const Result<std::int64_t> version = database.Number("PRAGMA user_version");
@@ -190,17 +234,13 @@ Result<void> Migrate(Database& database) {
   }
   const Result<std::int64_t> table_count = database.Number("SELECT count(*) FROM sqlite_master");
   if (!table_count) return tl::unexpected(table_count.error());
-  if (*version < 0 || (*version == 0 && *table_count != 0)) {
+  if (*version == 0 && *table_count != 0) {
     return Fail(ErrorCode::kRefused, "database " + database.path() + " is not one of moondb's");
   }
   Result<Transaction> transaction = Transaction::Begin(database);
   if (!transaction) return tl::unexpected(transaction.error());
-  for (int from = static_cast<int>(*version); from < kSchemaVersion; ++from) {
-    if (const Result<void> done = database.Execute(Step(from)); !done) return done;
-  }
-  const Result<void> marked = database.Execute("PRAGMA user_version=" + std::to_string(kSchemaVersion));
-  if (!marked) return marked;
-  return transaction->Commit();
+  const Result<void> done = Upgrade(database, static_cast<int>(*version), kSchemaVersion);
+  return done ? transaction->Commit() : done;
 }
 
 }  // namespace moondb

@@ -145,6 +145,33 @@ Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::u
   return database;
 }
 
+Result<std::string> Database::SetAside(const std::string& path, const std::string& vfs) {
+  if (!vfs.empty()) {
+    sqlite3_vfs* files = sqlite3_vfs_find(vfs.c_str());
+    Check(files != nullptr, "a file system is registered before it is used");
+    for (const char* ending : {"", "-wal"}) (void)files->xDelete(files, (path + ending).c_str(), /*syncDir=*/1);
+    return path;
+  }
+  std::string aside;
+  for (int number = 1; aside.empty(); ++number) {
+    if (number > kDamagedMax) {
+      return Fail(ErrorCode::kFull, "database " + path + " is damaged, and " + std::to_string(kDamagedMax) +
+                                        " damaged ones lie beside it already: look at the disk");
+    }
+    const std::string candidate = path + ".damaged-" + std::to_string(number);
+    if (!std::filesystem::exists(candidate)) aside = candidate;
+  }
+  for (const char* ending : {"", "-wal"}) {
+    std::error_code error;
+    if (!std::filesystem::exists(path + ending, error)) continue;
+    std::filesystem::rename(path + ending, aside + ending, error);
+    if (error) return Fail(ErrorCode::kInternal, "cannot rename " + path + ending + ": " + error.message());
+  }
+  std::error_code ignored;
+  std::filesystem::remove(path + "-shm", ignored);  // Of the file that is gone.
+  return aside;
+}
+
 Database::~Database() {
   for (auto& [sql, prepared] : statements_) {
     Check(!prepared.is_in_use, "no query outlives its database");

@@ -80,6 +80,10 @@ class Database {
   // another file system that is registered with SQLite, for simulations; nobody else uses it.
   static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0,
                                                 const std::string& vfs = {});
+  // Renames a damaged file that is not open, with its write-ahead log, to PATH.damaged-1 or the next number that is
+  // free; the new path. kFull when there are kDamagedMax already: the disk needs a person. In a `vfs`: deletes it.
+  static Result<std::string> SetAside(const std::string& path, const std::string& vfs = {});
+  static constexpr int kDamagedMax = 10;
   ~Database();
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;

@@ -71,6 +71,7 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
 
 void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
   RecordStore::Inserted inserted = store_->Insert(request);
+  FailIfDamaged(context, inserted.reply.error());
   proto::Message reply;
   *reply.mutable_insert_reply() = std::move(inserted.reply);
   Answer(context, std::move(reply));
@@ -85,6 +86,7 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   if (IsError(stored.reply.error())) {
     spdlog::error("storage: stored nothing from agent {}: {}", request.sender(), stored.reply.error().text());
   }
+  FailIfDamaged(context, stored.reply.error());
   proto::Message reply;
   *reply.mutable_store_reply() = std::move(stored.reply);
   Answer(context, std::move(reply));
@@ -148,6 +150,12 @@ void StorageActor::Answer(Context& context, proto::Message reply) {
   if (sent != SendResult::kAccepted) {
     spdlog::warn("storage: reply to {}: {}", ToString(context.sender()), ToString(sent));
   }
+}
+
+// If it fails so again and again, the process ends; the next one reads the file through and sets it aside. Not here:
+// other actors have read on from rows that an empty file would not have.
+void StorageActor::FailIfDamaged(Context& context, const proto::Error& error) {
+  if (error.code() == proto::ERROR_CODE_CORRUPT) context.Fail(FromProto(error));
 }
 
 void StorageActor::Notify(Context& context, const proto::RecordsStored& stored) {

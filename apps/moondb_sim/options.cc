@@ -18,6 +18,7 @@ const std::vector<FaultKind>& FaultKinds() {
       {"fail", 12, "an actor fails at a message"},
       {"wipe", 0.5, "an agent comes back with an empty disk"},
       {"old_disk", 0.5, "an agent comes back with an older copy of its disk"},
+      {"damage", 0.5, "an agent comes back with a disk that is damaged somewhere"},
       {"clock", 1, "an agent's clock jumps, to 1970 or by hours"},
       {"swap", 4, "the operator swaps leader and survivor"},
       {"reassign", 2, "the operator names another leader and survivor, of an agent that may be cut off"},

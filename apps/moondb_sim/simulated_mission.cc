@@ -404,8 +404,12 @@ class Mission {
       fail_next_ = DrawAgent();
       return;
     }
-    if (fault == "wipe") return LoseDisk(DrawAgent(), /*with_old_copy=*/false);
-    if (fault == "old_disk") return LoseDisk(DrawAgent(), /*with_old_copy=*/true);
+    if (fault == "wipe" || fault == "old_disk" || fault == "damage") {
+      const AgentId agent = DrawAgent();
+      Kill(agent);
+      disk_fault_[agent] = fault;
+      return;
+    }
     if (fault == "clock") {
       const AgentId agent = DrawAgent();
       clock_offset_[agent] = rng_() % 2 == 0 ? std::chrono::hours(6) : -std::chrono::hours(24 * 365 * 56);
@@ -482,29 +486,31 @@ class Mission {
     }
   }
 
-  void LoseDisk(AgentId agent, bool with_old_copy) {
-    Kill(agent);
-    lost_disk_.insert(agent);
-    if (!with_old_copy) old_disks_.erase(agent);
-  }
-
   void Restart(AgentId agent) {
     if (team_.is_running(agent)) return;
-    if (lost_disk_.erase(agent) > 0) {
-      const auto old = old_disks_.find(agent);
-      if (old == old_disks_.end()) {
-        disk_.Wipe(Prefix(agent));
-      } else {
-        disk_.Restore(Prefix(agent), old->second);
-      }
-      rules_.ForgetDisk(agent);
-      rules_.ForgetRoles(agent);
+    const auto fault = disk_fault_.find(agent);
+    if (fault != disk_fault_.end()) {
+      BreakDisk(agent, fault->second);
+      disk_fault_.erase(fault);
     } else if (rng_() % 4 == 0) {
       old_disks_[agent] = disk_.Save(Prefix(agent));
     }
     team_.Restart(agent);
     TellOthers(agent, true);
     CheckHeld(agent);
+  }
+
+  void BreakDisk(AgentId agent, const std::string& fault) {
+    const auto old = old_disks_.find(agent);
+    if (fault == "damage") {
+      disk_.Damage(Prefix(agent));
+    } else if (fault == "old_disk" && old != old_disks_.end()) {
+      disk_.Restore(Prefix(agent), old->second);
+    } else {
+      disk_.Wipe(Prefix(agent));
+    }
+    rules_.ForgetDisk(agent);
+    rules_.ForgetRoles(agent);
   }
 
   // As soon as its storage answers: it may have failed just now.
@@ -668,7 +674,7 @@ class Mission {
   std::map<AgentId, Duration> clock_offset_;
   std::map<AgentId, proto::RoleAssignment> roles_;  // What each running agent acts on.
   std::set<std::pair<AgentId, AgentId>> deaf_;      // What the first sends, the second does not hear.
-  std::set<AgentId> lost_disk_;                     // At its next restart.
+  std::map<AgentId, std::string> disk_fault_;       // At its next restart.
   std::map<AgentId, SimulatedDisk::Image> old_disks_;
   std::deque<Event> events_;
   SimulatedDisk disk_;

@@ -378,7 +378,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheCommitItselfFails) {
   EXPECT_EQ(StoreOne(*store, packed).stored_count(), 1u);
 }
 
-TEST(RecordStoreTest, RefusesADamagedFileAndAnotherAgentsFile) {
+TEST(RecordStoreTest, SetsADamagedFileAsideAndRefusesAnotherAgentsFile) {
   TemporaryFolder folder;
   const std::string path = folder.File("store.db");
   {
@@ -401,14 +401,43 @@ TEST(RecordStoreTest, RefusesADamagedFileAndAnotherAgentsFile) {
   file.seekp((page - 1) * 4096);
   file << std::string(4096, '\x5a');
   file.close();
-  const auto damaged = RecordStore::Open(StoreOptionsOf(2, path));
-  ASSERT_FALSE(damaged);
-  EXPECT_EQ(damaged.error().code, ErrorCode::kCorrupt);
-  EXPECT_EQ(damaged.error().text.find('\n'), std::string::npos);
-
   RecordStore::Options checked = StoreOptionsOf(2, path);
   checked.is_checked = true;
-  EXPECT_TRUE(RecordStore::Open(checked)) << "not read through a second time";
+  EXPECT_EQ((*RecordStore::Open(checked))->set_aside(), "") << "not read through a second time";
+
+  auto store = OpenStore(StoreOptionsOf(2, path));
+  EXPECT_EQ(store->set_aside(), path + ".damaged-1");
+  EXPECT_TRUE(std::filesystem::exists(store->set_aside()));
+  EXPECT_EQ(store->GetHave().have().streams_size(), 0);
+  EXPECT_EQ(InsertOne(*store, NodeRecord(2, 0)).seq(), 1u);
+  store.reset();
+  EXPECT_EQ(OpenStore(StoreOptionsOf(2, path))->set_aside(), "");
+}
+
+// One changed byte in a record's content, and one row that is gone.
+TEST(RecordStoreTest, HasNoMoreWhatIsDamagedInItsFile) {
+  TemporaryFolder folder;
+  const std::string path = folder.File("store.db");
+  {
+    auto store = OpenStore(StoreOptionsOf(2, path));
+    for (int i = 0; i < 10; ++i) InsertOne(*store, NodeRecord(2, i));
+    ASSERT_TRUE(
+        store->database().Execute("UPDATE pose_graph_node SET content = CAST(content || x'00' AS BLOB) WHERE seq = 4"));
+    ASSERT_TRUE(store->database().Execute("DELETE FROM pose_graph_node WHERE seq = 7"));
+  }
+  RecordStore::Options checked = StoreOptionsOf(2, path);
+  checked.is_checked = true;
+  EXPECT_EQ((*RecordStore::Open(checked))->GetHave().have().streams(0).held_size(), 1) << "not read through";
+  for (int i = 0; i < 2; ++i) {
+    auto store = OpenStore(StoreOptionsOf(2, path));
+    const proto::HaveReply have = store->GetHave();
+    const proto::StreamHave& stream = have.have().streams(0);
+    ASSERT_EQ(stream.held_size(), 3);
+    EXPECT_EQ(stream.held(0).last(), 3u);
+    EXPECT_EQ(stream.held(1).first(), 5u);
+    EXPECT_EQ(stream.held(2).first(), 8u);
+    EXPECT_EQ(Contents(*store).size(), 8u);
+  }
 }
 
 TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {

@@ -71,6 +71,23 @@ TEST(SqliteDatabaseTest, SaysThatAFileIsNoDatabase) {
   EXPECT_EQ(database.error().code, ErrorCode::kCorrupt);
 }
 
+TEST(SqliteDatabaseTest, SetsDamagedFilesAsideUpToALimit) {
+  TemporaryFolder folder;
+  const std::string path = folder.File("a.db");
+  for (int number = 1; number <= Database::kDamagedMax; ++number) {
+    std::ofstream(path) << "file " << number;
+    std::ofstream(path + "-wal") << "log";
+    const Result<std::string> aside = Database::SetAside(path);
+    ASSERT_TRUE(aside) << ToString(aside.error());
+    EXPECT_EQ(*aside, path + ".damaged-" + std::to_string(number));
+    EXPECT_FALSE(std::filesystem::exists(path));
+    EXPECT_TRUE(std::filesystem::exists(*aside + "-wal"));
+  }
+  std::ofstream(path) << "one too many";
+  EXPECT_EQ(Database::SetAside(path).error().code, ErrorCode::kFull);
+  EXPECT_TRUE(std::filesystem::exists(path));
+}
+
 TEST(SqliteDatabaseTest, SaysWhereAFolderIsMissing) {
   const auto database = Database::Open("/nonexistent/folder/a.db");
   ASSERT_FALSE(database);
@@ -107,6 +124,20 @@ TEST(SchemaTest, UpgradesADatabaseOfVersion1AndKeepsItsRows) {
   auto fresh = *Database::Open(":memory:");
   ASSERT_TRUE(Migrate(*fresh));
   EXPECT_EQ(SchemaOf(*database), SchemaOf(*fresh));
+}
+
+TEST(SchemaTest, NoticesADamagedStatement) {
+  auto database = *Database::Open(":memory:");
+  ASSERT_TRUE(Migrate(*database));
+  ASSERT_TRUE(database->Execute("CREATE VIEW my_own AS SELECT 1"));
+  EXPECT_TRUE(CheckSchema(*database));
+  ASSERT_TRUE(
+      database->Execute("PRAGMA writable_schema=ON; UPDATE sqlite_master SET sql = replace(sql, 'substr', 'sub\x7f') "
+                        "WHERE name = 'custom_record'; PRAGMA writable_schema=OFF"));
+  EXPECT_EQ(CheckSchema(*database).error().code, ErrorCode::kCorrupt);
+  auto odd = *Database::Open(":memory:");
+  ASSERT_TRUE(odd->Execute("PRAGMA user_version=-7"));
+  EXPECT_EQ(CheckSchema(*odd).error().code, ErrorCode::kCorrupt);
 }
 
 TEST(SchemaTest, RefusesANewerFileAndAForeignOne) {
