@@ -215,6 +215,7 @@ bool SharingActor::CloseByRole(Context& context) {
   for (auto& [destination, outgoing] : outgoing_) {
     if (!outgoing.is_by_role || !outgoing.session.is_open()) continue;
     was_open = true;
+    outgoing.session.NoteError("ended as the roles changed");
     Perform(context, outgoing, outgoing.session.Close());
   }
   return was_open;

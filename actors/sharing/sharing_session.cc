@@ -88,6 +88,7 @@ SharingActions SharingSession::Close() {
   SharingActions actions;
   if (!is_open()) return actions;
   phase_ = Phase::kClosed;
+  ++closed_sessions_;
   ForgetUnderWay();
   missing_count_ = 0;  // Nobody asks for them any more.
   TellStorage({}, /*is_closed=*/true, actions);
@@ -194,6 +195,7 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_acknowledged_records(acknowledged_records_);
   status.set_coded_bytes(coded_bytes_);
   status.set_completed_sessions(completed_sessions_);
+  status.set_closed_sessions(closed_sessions_);
   status.set_resends(resends_);
   status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
   status.set_last_error(last_error_);

@@ -127,6 +127,7 @@ class SharingSession {
   double acknowledged_records_ = 0;
   double coded_bytes_ = 0;
   double completed_sessions_ = 0;
+  double closed_sessions_ = 0;
   double resends_ = 0;
   std::string last_error_;
 };

@@ -19,17 +19,6 @@ const char* KindName(proto::SharingKind kind) {
   return kind == proto::SHARING_KIND_REPLICATION ? "replication" : "sync";
 }
 
-// Whether the leader brings `destination` anything: a session without data types is never opened.
-bool HasRecordsFor(const proto::TeamConfig& team, AgentId destination) {
-  if (destination != BaseStationOf(team)) {
-    return SharePolicyOf(team, proto::OPTIMIZED_POSE) != proto::POLICY_NONE ||
-           SharePolicyOf(team, proto::EDGE_VERDICT) != proto::POLICY_NONE;
-  }
-  const std::vector<DataType> types = DataTypesOf(team);
-  return std::any_of(types.begin(), types.end(),
-                     [&team](DataType type) { return GroundPolicyOf(team, type) != proto::POLICY_NONE; });
-}
-
 // Which sessions a request at `target` starts (proto/sharing.proto): at the leader, from those asked and then from
 // itself to all; elsewhere from the agent to the leader.
 std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId target,
@@ -42,7 +31,7 @@ std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleA
   for (const proto::AgentConfig& agent : team.agents()) {
     if (agent.id() == target) continue;
     pairs.push_back({agent.id(), target, request.kind()});
-    if (HasRecordsFor(team, agent.id())) pairs.push_back({target, agent.id(), request.kind()});
+    pairs.push_back({target, agent.id(), request.kind()});
   }
   return pairs;
 }

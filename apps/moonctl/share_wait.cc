@@ -39,11 +39,16 @@ void ShareWait::Poll(AgentId sender, bool is_baseline) {
     const auto found = pairs_.find({sender, session.destination(), session.kind()});
     if (found == pairs_.end()) continue;
     Progressing& pair = found->second;
-    if (is_baseline) pair.completed_before = session.completed_sessions();
+    if (is_baseline) {
+      pair.completed_before = session.completed_sessions();
+      pair.closed_before = session.closed_sessions();
+    }
     pair.remaining = session.remaining();
     pair.acknowledged = session.acknowledged_records();
     pair.last_error = session.last_error();
-    pair.is_done = !is_baseline && session.completed_sessions() > pair.completed_before && !session.is_open();
+    if (is_baseline || session.is_open()) continue;
+    pair.is_done = session.completed_sessions() > pair.completed_before;
+    pair.is_closed = !pair.is_done && session.closed_sessions() > pair.closed_before;
   }
 }
 
@@ -78,6 +83,9 @@ Result<void> ShareWait::Wait(std::chrono::milliseconds timeout) {
                   FormatCount(remaining) + " records left, " + std::to_string(done) + " of " +
                       std::to_string(pairs_.size()) + " sessions complete");
     if (static_cast<std::size_t>(done) == pairs_.size()) return {};
+    if (std::any_of(pairs_.begin(), pairs_.end(), [](const auto& pair) { return pair.second.is_closed; })) {
+      return Fail(ErrorCode::kUnavailable, "ended before all was acknowledged: " + Missing() + "; order it again");
+    }
     if (std::chrono::steady_clock::now() >= deadline) {
       return Fail(ErrorCode::kTimedOut, "not acknowledged in time: " + Missing());
     }

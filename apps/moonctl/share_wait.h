@@ -28,7 +28,8 @@ class ShareWait {
   // and named by unreachable().
   ShareWait(CommandContext& context, std::vector<SharePair> pairs);
 
-  // Shows progress on stderr until all pairs are done. kTimedOut with what was still missing.
+  // Shows progress on stderr until all pairs are done. kTimedOut with what was still missing; kUnavailable where a
+  // session ended before all was acknowledged.
   Result<void> Wait(std::chrono::milliseconds timeout);
 
   const std::vector<std::string>& unreachable() const { return unreachable_; }
@@ -36,9 +37,11 @@ class ShareWait {
  private:
   struct Progressing {
     double completed_before = 0;
+    double closed_before = 0;
     double remaining = 0;
     double acknowledged = 0;
     bool is_done = false;
+    bool is_closed = false;  // Without being done.
     std::string last_error;
   };
 

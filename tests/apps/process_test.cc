@@ -176,14 +176,33 @@ TEST_F(ProcessTest, StartsNothingOnABadTeamFile) {
 }
 
 TEST_F(ProcessTest, StopsTheOthersWhenOneCannotStart) {
-  std::filesystem::create_directories(folder_ / "moondb-data" / "rover3");
-  std::ofstream(folder_ / "moondb-data" / "rover3" / "moondb.sqlite") << std::string(8192, 'x');
+  std::filesystem::create_directories(folder_ / "moondb-data" / "rover3" / "moondb.sqlite");  // No file.
   const auto up = MoonctlJson(1, {"up"});
   const auto& rows = up.fields().at("agents").list_value();
   ASSERT_EQ(rows.values_size(), 4);
   EXPECT_THAT(rows.values(2).struct_value().fields().at("state").string_value(), HasSubstr("moondb.sqlite"));
   EXPECT_EQ(rows.values(0).struct_value().fields().at("state").string_value(), "stopped again");
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
+}
+
+// What the team holds of it comes back.
+TEST_F(ProcessTest, SetsADamagedDatabaseAsideAndIsFilledAgain) {
+  MoonctlExpecting(0, {"up"});
+  std::string key = MoonctlExpecting(0, {"-a", "rover3", "record", "insert", "temperature", R"({"celsius": -40.5})"});
+  key.resize(key.find('\n'));
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  MoonctlExpecting(0, {"down"});
+  const std::filesystem::path database = folder_ / "moondb-data" / "rover3" / "moondb.sqlite";
+  std::filesystem::remove(database.string() + "-wal");
+  std::ofstream(database) << std::string(8192, 'x');
+  MoonctlExpecting(0, {"up"});
+  EXPECT_TRUE(std::filesystem::exists(database.string() + ".damaged-1"));
+  // The leader comes to know that it leads again first.
+  EXPECT_TRUE(Until([&] {
+    (void)Moonctl({"sync", "now", "--wait"});
+    return MoonctlExpecting(0, {"-a", "rover3", "record", "list", "temperature"}).find(key) != std::string::npos;
+  }));
+  MoonctlExpecting(0, {"down"});
 }
 
 TEST_F(ProcessTest, LeavesATeamAloneThatRunsFromAnotherDataFolder) {
