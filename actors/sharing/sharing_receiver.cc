@@ -67,6 +67,7 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   if (incoming.session_id != hello.session_id()) incoming = Incoming();
   incoming.session_id = hello.session_id();
   incoming.last_heard = now;
+  incoming.origins = {hello.origin_agents().begin(), hello.origin_agents().end()};
   if (++next_request_id_ == 0) ++next_request_id_;
   incoming.have_request_id = next_request_id_;
   SharingAction action;
@@ -116,7 +117,10 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     action.message.set_ms_type(proto::ACKNOWLEDGMENT);
     proto::Have& have = *action.message.mutable_have();
     have.set_session_id(incoming.session_id);
-    *have.mutable_have() = reply.have();
+    for (const proto::StreamHave& stream : reply.have().streams()) {
+      const bool is_asked = incoming.origins.empty() || incoming.origins.contains(stream.origin_agent());
+      if (is_asked) *have.mutable_have()->add_streams() = stream;
+    }
     have.set_is_whole(true);
     have.set_unacked_bytes_max(options_.unacked_bytes_max);
     return {std::move(action)};
@@ -149,6 +153,8 @@ Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
   if (hello.team() != options_.team) return Fail(ErrorCode::kRefused, "this agent is of another team", "team");
   if (hello.kind() != options_.kind) return Fail(ErrorCode::kRefused, "is not this actor's", "kind");
   if (hello.session_id() == 0) return Fail(ErrorCode::kRefused, "is missing", "session_id");
+  if (hello.origin_agents().size() > static_cast<int>(kAgentIdMax))
+    return Fail(ErrorCode::kRefused, "are too many", "origin_agents");
   return {};
 }
 

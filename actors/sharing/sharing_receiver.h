@@ -15,6 +15,7 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 
 #include "actors/sharing/sharing_action.h"
@@ -65,6 +66,7 @@ class SharingReceiver {
   struct Incoming {
     std::uint64_t session_id = 0;
     std::uint64_t have_request_id = 0;                       // 0: none waits.
+    std::set<AgentId> origins;                               // That the Hello asks for; empty: all.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};
   };

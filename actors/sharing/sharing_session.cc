@@ -72,6 +72,8 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now) {
     last_error_.clear();
     last_progress_ = now;
     Start(now, actions);
+  } else if (!IsAsked(OriginsMeant())) {
+    Start(now, actions);  // The destination has not said what it has of these.
   } else if (phase_ == Phase::kAwaitingHave) {
     // Whoever asks again while the destination is silent does not wait for a delay that has grown.
     if (backoff_ > options_.resend_after) Start(now, actions);
@@ -202,6 +204,17 @@ proto::ShareSession SharingSession::Status(Time now) const {
   return status;
 }
 
+std::set<AgentId> SharingSession::OriginsMeant() const {
+  std::set<AgentId> origins(filter_.origin_agents().begin(), filter_.origin_agents().end());
+  if (!origins.empty() && filter_.own_records_of() != 0) origins.insert(filter_.own_records_of());
+  return origins;
+}
+
+bool SharingSession::IsAsked(const std::set<AgentId>& origins) const {
+  if (asked_.empty()) return true;
+  return !origins.empty() && std::includes(asked_.begin(), asked_.end(), origins.begin(), origins.end());
+}
+
 void SharingSession::Start(Time now, SharingActions& actions) {
   has_restarted_at_once_ = false;
   backoff_ = options_.resend_after;
@@ -221,6 +234,8 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   proto::Hello& hello = *action.message.mutable_hello();
   hello.set_session_id(session_id_);
   hello.set_kind(kind_);
+  asked_ = OriginsMeant();
+  hello.mutable_origin_agents()->Assign(asked_.begin(), asked_.end());
   actions.push_back(std::move(action));
 }
 
@@ -386,6 +401,7 @@ void SharingSession::TellStorage(const std::vector<RecordKey>& handed_over, bool
   proto::PeerHave& peer_have = *action.message.mutable_peer_have();
   peer_have.set_peer(destination_);
   *peer_have.mutable_acknowledged() = ToProto(have_);
+  peer_have.mutable_origin_agents()->Assign(asked_.begin(), asked_.end());
   for (const RecordKey& key : handed_over) *peer_have.add_handed_over() = ToProto(key);
   peer_have.set_is_session_closed(is_closed);
   actions.push_back(std::move(action));

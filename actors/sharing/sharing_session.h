@@ -21,6 +21,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -80,6 +81,9 @@ class SharingSession {
     std::size_t bytes = 0;
   };
 
+  // Whose streams the filter is about; empty: everybody's.
+  std::set<AgentId> OriginsMeant() const;
+  bool IsAsked(const std::set<AgentId>& origins) const;
   void Start(Time now, SharingActions& actions);    // Restart with the shortest delay.
   void Restart(Time now, SharingActions& actions);  // A new id and Hello; nothing is under way any more.
   void Complete(SharingActions& actions);
@@ -109,7 +113,8 @@ class SharingSession {
   bool is_exhausted_ = false;  // Storage said that nothing more is missing.
   bool is_end_told_ = false;   // A batch with remaining 0 is under way or acknowledged since.
   bool has_restarted_at_once_ = false;
-  HaveSet have_;  // Of the destination, as it said.
+  std::set<AgentId> asked_;  // Of whose streams have_ speaks; empty: of all.
+  HaveSet have_;             // Of the destination, as it said.
   HaveSet
       refused_;  // What acknowledged batches carried and the destination did not take; not sent again before a restart.
   std::optional<CodedRecords> ready_;

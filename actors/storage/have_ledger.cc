@@ -58,6 +58,17 @@ const StreamHave& HaveLedger::Get(const StreamKey& stream) const {
   return drafted == draft_.end() ? have_.Get(stream) : drafted->second;
 }
 
+RecordKey HaveLedger::NewestHeld(AgentId origin, DataType type) const {
+  RecordKey newest{{origin, 0, type}, 0};
+  const auto look = [&](const StreamKey& stream, const StreamHave& have) {
+    if (stream.origin != origin || stream.type != type || have.held.is_empty()) return;
+    if (newest.seq == 0 || stream.epoch >= newest.stream.epoch) newest = {stream, have.held.Max()};
+  };
+  for (const auto& [stream, have] : have_.streams()) look(stream, Get(stream));
+  for (const auto& [stream, have] : draft_) look(stream, have);
+  return newest;
+}
+
 StreamHave& HaveLedger::Edit(const StreamKey& stream) {
   const auto drafted = draft_.find(stream);
   return drafted != draft_.end() ? drafted->second : draft_.emplace(stream, have_.Get(stream)).first->second;

@@ -20,6 +20,8 @@ class HaveLedger {
   // The draft's state of a stream, else the have-set's.
   const StreamHave& Get(const StreamKey& stream) const;
   void AddHeld(const StreamKey& stream, std::uint64_t seq);
+  // The last, in its origin's order, of an origin's records of a type that is held; seq 0: none is.
+  RecordKey NewestHeld(AgentId origin, DataType type) const;
   void RemoveHeld(const StreamKey& stream, std::uint64_t seq) { Edit(stream).held.Remove(seq); }
   // Had, but not held any more, or never.
   void AddDropped(const StreamKey& stream, IntervalSet::Interval interval);

@@ -1,5 +1,6 @@
 #include "actors/storage/peer_log.h"
 
+#include <set>
 #include <utility>
 
 namespace moondb {
@@ -68,9 +69,13 @@ Result<void> PeerLog::Note(Database& database, const proto::PeerHave& note) {
   const Result<HaveSet> acknowledged = FromProto(note.acknowledged());
   if (!acknowledged) return tl::unexpected(acknowledged.error());
   const Had olds = had_[note.peer()];
+  const std::set<AgentId> origins(note.origin_agents().begin(), note.origin_agents().end());
   Had news;
+  for (const auto& [stream, had] : olds) {
+    if (!origins.empty() && !origins.contains(stream.origin)) news[stream] = had;
+  }
   for (const auto& [stream, have] : acknowledged->streams()) news[stream] = have.Had();
-  if (news.empty()) news = olds;
+  if (acknowledged->streams().empty()) news = olds;
 
   Result<Transaction> transaction = Transaction::Begin(database, Database::Durability::kNormal);
   if (!transaction) return tl::unexpected(transaction.error());

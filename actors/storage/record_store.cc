@@ -420,7 +420,16 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   const RecordTable& table = *FindRecordTable(stream.type);
   const IntervalSet held = ledger_.Get(stream).held;
   const IntervalSet never_held = dropped.Minus(held);
-  for (const IntervalSet::Interval& interval : never_held.intervals()) ledger_.AddDropped(stream, interval);
+  IntervalSet superseded = never_held;
+  const RecordKey newest = ledger_.NewestHeld(stream.origin, stream.type);
+  if (newest.seq == 0 || newest.stream.epoch < stream.epoch) {
+    superseded = IntervalSet();
+  } else if (newest.stream.epoch == stream.epoch) {
+    IntervalSet not_older;
+    not_older.Add({newest.seq, kSeqMax});
+    superseded = never_held.Minus(not_older);
+  }
+  for (const IntervalSet::Interval& interval : superseded.intervals()) ledger_.AddDropped(stream, interval);
   const IntervalSet held_and_dropped = dropped.Minus(never_held);
   for (const IntervalSet::Interval& interval : held_and_dropped.intervals()) {
     const Result<std::vector<RecordTable::Row>> rows =

@@ -12,9 +12,9 @@
 //   comes after its superseder is dropped at once.
 // - A custom type must be declared for own inserts alone: peers' records of any custom type are carried
 //   (actors/storage/sharing_rules.h), and a type that is no longer declared keeps its rows.
-// - A peer's drops are taken for `latest` and carried types only, and a row that is the newest of its key here stays
-// until its
-//   superseder comes: batches may overtake each other.
+// - A peer's drops are taken for `latest` and carried types only, and only where something newer of that origin
+//   and type is held here; a row that is the newest of its key stays until its superseder comes. Batches may
+//   overtake each other, and what would have replaced it may be lost for ever with its only disk.
 //
 // From one thread at a time. Not moved, not copied: Open gives a pointer.
 #pragma once

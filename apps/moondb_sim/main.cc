@@ -56,9 +56,11 @@ void PrintList() {
 }
 
 void PrintRun(const SimReport& report) {
-  std::printf("%llu records, %llu messages handled, %.2f MB on the radio, trace %016llx\n",
-              static_cast<unsigned long long>(report.records), static_cast<unsigned long long>(report.messages),
-              static_cast<double>(report.radio_bytes) / 1e6, static_cast<unsigned long long>(report.trace_hash));
+  std::printf("%llu records, %llu messages handled, trace %016llx\n", static_cast<unsigned long long>(report.records),
+              static_cast<unsigned long long>(report.messages), static_cast<unsigned long long>(report.trace_hash));
+  std::printf("%.2f MB on the radio: %.2f MB batches, %.2f MB have-sets\n",
+              static_cast<double>(report.radio_bytes) / 1e6, static_cast<double>(report.batch_bytes) / 1e6,
+              static_cast<double>(report.have_bytes) / 1e6);
   for (const auto& [fault, count] : report.faults) std::printf("  %-14s %d times\n", fault.c_str(), count);
 }
 

@@ -203,7 +203,9 @@ class Mission {
   }
 
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message) {
+    if (message.has_batch()) report_.batch_bytes += message.ByteSizeLong();
     if (message.has_have()) {
+      report_.have_bytes += message.ByteSizeLong();
       const Result<HaveSet> have = FromProto(message.have().have());
       if (have) rules_.SeeHave(from, *have);
       if (!have) Violate("nothing_refused", "agent " + std::to_string(from) + " sends a malformed have-set");

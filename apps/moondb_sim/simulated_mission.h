@@ -20,6 +20,8 @@ struct SimReport {
   std::uint64_t records = 0;             // Inserted by robots.
   std::uint64_t messages = 0;            // Handled by actors.
   std::uint64_t radio_bytes = 0;
+  std::uint64_t have_bytes = 0;   // Of these, messages with have-sets.
+  std::uint64_t batch_bytes = 0;  // And those with records.
   std::uint64_t trace_hash = 0;
 };
 

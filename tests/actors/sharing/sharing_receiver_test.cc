@@ -80,6 +80,19 @@ TEST_F(SharingReceiverTest, AnswersAHelloWithTheWholeHaveSet) {
   EXPECT_EQ(have.have().streams(0).origin_agent(), 3u);
 }
 
+TEST_F(SharingReceiverTest, SpeaksOfTheOriginsThatTheHelloAsksFor) {
+  proto::Hello hello = Hello(10);
+  hello.add_origin_agents(3);
+  hello.add_origin_agents(5);
+  const SharingActions asked = receiver_.OnHello(2, hello, now_);
+  proto::HaveReply reply;
+  for (const AgentId origin : {2u, 3u, 4u}) reply.mutable_have()->add_streams()->set_origin_agent(origin);
+  const SharingActions answered = receiver_.OnHaveReply(asked[0].message.request_id(), reply);
+  ASSERT_EQ(answered.size(), 1u);
+  ASSERT_EQ(answered[0].message.have().have().streams_size(), 1);
+  EXPECT_EQ(answered[0].message.have().have().streams(0).origin_agent(), 3u);
+}
+
 TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamVersionOrKind) {
   proto::Hello hello = Hello(10);
   hello.set_team("other");

@@ -465,6 +465,36 @@ TEST_F(SharingSessionTest, ForgetsTheOrderWhenClosed) {
   EXPECT_FALSE(session_.deadline());
 }
 
+// What the destination has not been asked for, it has not said that it lacks.
+TEST_F(SharingSessionTest, AsksOnlyForTheOriginsThatItsFilterMeansAndAgainForOthers) {
+  for (int i = 0; i < 20; ++i) {
+    const RecordKey other = source_.Insert(kSelf + 1, proto::POSE_GRAPH_NODE, Noise(60));
+    destination_.Insert(kSelf + 1, proto::POSE_GRAPH_NODE, source_.records().at(other));
+    source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
+  }
+  proto::RecordFilter own;
+  own.add_origin_agents(kSelf);
+  Take(session_.Order(own, now_));
+  ASSERT_EQ(sent_.size(), 1u);
+  ASSERT_EQ(sent_[0].hello().origin_agents_size(), 1);
+  EXPECT_EQ(sent_[0].hello().origin_agents(0), kSelf);
+  proto::Have have;
+  have.set_session_id(TakeHello());
+  have.set_is_whole(true);
+  have.set_unacked_bytes_max(8 * 1024);
+  Take(session_.OnHave(have, now_));
+  Take(session_.Order(proto::RecordFilter(), now_));  // While the first batch is under way: now everybody's.
+  EXPECT_TRUE(sent_.back().has_hello());
+  EXPECT_EQ(sent_.back().hello().origin_agents_size(), 0);
+  AnswerHello();
+  for (const auto& message : RunToEnd()) {
+    const proto::Batch& batch = message.batch();
+    const auto records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
+    for (const proto::StoredRecord& record : records->records()) EXPECT_EQ(record.key().origin_agent(), kSelf);
+  }
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
 TEST_F(SharingSessionTest, ClosedItHasNothingLeftToDo) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   Order();

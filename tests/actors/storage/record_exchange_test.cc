@@ -133,6 +133,25 @@ TEST(RecordExchangeTest, ConvergesUnderLossRepetitionReorderAndLostDisks) {
   }
 }
 
+// Of three, one was told that a state is superseded; what superseded it was lost with the only disk that had it.
+TEST(RecordExchangeTest, AStateIsNotSupersededByOneThatIsLost) {
+  auto origin = OpenStore(StoreOptionsOf(1));
+  auto first = OpenStore(StoreOptionsOf(2));
+  auto second = OpenStore(StoreOptionsOf(3));
+  InsertOne(*origin, TemperatureRecord(1));
+  while (Bring(*origin, *first)) {
+  }
+  InsertOne(*origin, TemperatureRecord(2));
+  proto::StoreRequest told;
+  *told.mutable_dropped() = origin->GetMissing({})->dropped();  // Its batch overtook the one with the second state.
+  ASSERT_EQ(told.dropped_size(), 1);
+  EXPECT_FALSE(IsError(second->Store(told).reply.error()));
+  origin.reset();
+  while (Bring(*first, *second)) {
+  }
+  EXPECT_EQ(*second->database().Number("SELECT celsius FROM temperature"), 1);
+}
+
 TEST(RecordExchangeTest, KeepsTheNewestStateOfEachAgentInSight) {
   auto origin = OpenStore(StoreOptionsOf(2));
   auto leader = OpenStore(StoreOptionsOf(1));

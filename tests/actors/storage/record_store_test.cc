@@ -304,10 +304,13 @@ TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederComes) {
   const proto::StoreReply early = StoreDropped(*store, Dropped(stream, 1, 3));
   EXPECT_EQ(early.rejected_count(), 0u);
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
-  EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(3));
+  EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(1));
   EXPECT_TRUE(HaveOf(*store).Get(stream).held.Contains(2));
   // What was dropped before it came is had.
-  EXPECT_EQ(StoreOne(*store, Packed({stream, 3}, TemperatureRecord(3))).stored_count(), 0u);
+  EXPECT_EQ(StoreOne(*store, Packed({stream, 1}, TemperatureRecord(1))).stored_count(), 0u);
+  // Nothing here is newer than the third: its superseder may be lost, and it is the newest then.
+  EXPECT_FALSE(HaveOf(*store).Get(stream).Had().Contains(3));
+  EXPECT_EQ(StoreOne(*store, Packed({stream, 3}, TemperatureRecord(3))).stored_count(), 1u);
   StoreOne(*store, Packed({stream, 4}, TemperatureRecord(4)));
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 4);
   EXPECT_TRUE(HaveOf(*store).Get(stream).dropped.Contains(2));
@@ -595,6 +598,15 @@ TEST(RecordStoreTest, ShowsReplicaAndReplicationLogAsThePaperHasThem) {
   EXPECT_EQ(in_log(first, 0, 1), 1);
   EXPECT_EQ(in_log(second, 0, 1), 1);
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM peer_have"), 1);
+
+  // A have-set that speaks of others' streams leaves these as they are.
+  acknowledged = HaveSet();
+  acknowledged[Key(3, proto::POSE_GRAPH_NODE, 1).stream].held.Add(1);
+  *note.mutable_acknowledged() = ToProto(acknowledged);
+  note.add_origin_agents(3);
+  ASSERT_TRUE(store->NotePeerHave(note));
+  EXPECT_EQ(in_log(first, 0, 1), 1);
+  EXPECT_EQ(Number(*store, "SELECT count(*) FROM peer_have"), 2);
 }
 
 TEST(RecordStoreTest, ShowsANodeAtItsNewestOptimizedPose) {
