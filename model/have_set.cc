@@ -8,7 +8,7 @@
 namespace moondb {
 
 void IntervalSet::Add(Interval interval) {
-  Check(interval.first >= 1 && interval.first <= interval.last, "an interval of seqs has first <= last, from 1");
+  Check(interval.IsValid(), "an interval of seqs has first <= last, from 1");
   // The first interval that overlaps or touches the new one from below.
   auto begin = std::lower_bound(intervals_.begin(), intervals_.end(), interval.first,
                                 [](const Interval& i, std::uint64_t first) { return i.last + 1 < first; });
@@ -117,13 +117,13 @@ Result<IntervalSet> FromProto(const google::protobuf::RepeatedPtrField<proto::In
   IntervalSet set;
   std::uint64_t previous_last = 0;
   for (const proto::Interval& interval : intervals) {
-    // From the second interval on, a gap of at least one seq must lie between; seqs end one below 2^64.
-    const bool is_apart = set.is_empty() ? interval.first() >= 1 : interval.first() > previous_last + 1;
-    if (!is_apart || interval.last() < interval.first() || interval.last() == UINT64_MAX) {
+    const IntervalSet::Interval added{interval.first(), interval.last()};
+    const bool is_apart = set.is_empty() || added.first > previous_last + 1;  // A gap of at least one seq between.
+    if (!added.IsValid() || !is_apart) {
       return Fail(ErrorCode::kInvalid, "intervals are reversed, overlapping, touching or out of order", field);
     }
-    set.Add(IntervalSet::Interval{interval.first(), interval.last()});
-    previous_last = interval.last();
+    set.Add(added);
+    previous_last = added.last;
   }
   return set;
 }

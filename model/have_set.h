@@ -20,6 +20,8 @@ class IntervalSet {
   struct Interval {
     std::uint64_t first = 0;
     std::uint64_t last = 0;
+    // Seqs begin at 1 and end one below 2^64.
+    bool IsValid() const { return first >= 1 && first <= last && last < UINT64_MAX; }
     bool operator==(const Interval&) const = default;
   };
 

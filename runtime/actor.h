@@ -79,7 +79,8 @@ class Context {
   // A timer whose message is Timer{kind, value}.
   TimerId AfterTimer(Duration delay, std::uint32_t kind, std::uint64_t value = 0);
 
-  // This actor cannot go on: after the handler it is destroyed and made anew by its factory (OnStart again).
+  // This actor cannot go on: after the handler it is destroyed and made anew by its factory (OnStart again). With
+  // kCorrupt nothing is made anew: the process ends.
   virtual void Fail(Error error) = 0;
 
   // From now on PeerEvents come, on the control lane: first one for each peer that is connected, then each change.

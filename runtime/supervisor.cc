@@ -4,7 +4,8 @@
 
 namespace moondb {
 
-Supervisor::Verdict Supervisor::OnFailure(MonotonicTime now, double jitter) {
+Supervisor::Verdict Supervisor::OnFailure(const Error& failure, MonotonicTime now, double jitter) {
+  if (failure.code == ErrorCode::kCorrupt) return {Action::kBeyondHelp, {}};
   while (!failures_.empty() && now - failures_.front() >= options_.restart_period) failures_.pop_front();
   if (failures_.empty()) has_stepped_down_ = false;
   Verdict verdict;

@@ -4,7 +4,8 @@
 // The first restart is immediate, for the failure that will not come again; each further one within `restart_period`
 // waits twice as long as the one before it, for the cause that has to go away first (a full disk). More than
 // `restarts_max` in that time: the agent gives up its role first, so that another leads, and the actor has as many
-// restarts again, a long delay apart; then it is beyond help. Not thread-safe.
+// restarts again, a long delay apart; then it is beyond help. So it is at once where it fails with kCorrupt: what it
+// keeps on disk is damaged, which no restart mends. Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -38,7 +39,7 @@ class Supervisor {
   explicit Supervisor(Options options) : options_(options) {}
 
   // The actor failed at `now`. `jitter` is random, from 0 to 1.
-  Verdict OnFailure(MonotonicTime now, double jitter);
+  Verdict OnFailure(const Error& failure, MonotonicTime now, double jitter);
 
  private:
   Duration NextDelay() const;

@@ -7,19 +7,20 @@
 namespace moondb {
 namespace {
 
-// An agent that is not through by then lets the others go first; it goes on nevertheless.
-constexpr Duration kStep = std::chrono::minutes(1);
+// How long an agent may bring nothing before the next one's turn comes; twice as long after each turn in vain.
+constexpr Duration kPatienceMin = std::chrono::minutes(1);
+constexpr Duration kPatienceMax = std::chrono::hours(1);
 
 }  // namespace
 
-Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& request) {
+Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& request, bool is_leaders) {
   if (!request.from_agents().empty()) {
     return Fail(ErrorCode::kInvalid, "is for sync; replication goes from the leader to the survivor", "from_agents");
   }
   if (request.destination() == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
   if (request.destination() != 0) {
     Open(context, request.destination(), proto::RecordFilter(),
-         /*is_by_role=*/!is_from_here(context) && request.destination() == roles().leader());
+         /*is_by_role=*/is_leaders && request.destination() == context.sender().agent);
     return 1;
   }
   if (!is_leading()) {
@@ -45,48 +46,65 @@ void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& pre
 
 void ReplicaActor::BeginGathering(Context& context) {
   CancelOrders(context);
-  if (step_timer_ != 0) context.Cancel(std::exchange(step_timer_, 0));
   to_ask_.clear();
-  if (!is_leading()) return;
-  for (const proto::AgentConfig& agent : team().agents()) {
-    if (agent.id() == self()) continue;
-    if (agent.id() == roles().survivor()) {
-      to_ask_.push_front(agent.id());
-    } else {
-      to_ask_.push_back(agent.id());
+  patience_ = kPatienceMin;
+  if (is_leading()) {
+    for (const proto::AgentConfig& agent : team().agents()) {
+      if (agent.id() == self()) continue;
+      if (agent.id() == roles().survivor()) {
+        to_ask_.push_front(agent.id());
+      } else {
+        to_ask_.push_back(agent.id());
+      }
     }
   }
   AskNext(context);
 }
 
 void ReplicaActor::AskNext(Context& context) {
-  if (step_timer_ != 0) context.Cancel(std::exchange(step_timer_, 0));
-  if (to_ask_.empty()) return;
-  OrderFrom(context, to_ask_.front());
-  step_timer_ = StartStepTimer(context, kStep);
+  ++step_;
+  const auto next = std::find_if(to_ask_.begin(), to_ask_.end(), [this](AgentId agent) { return is_connected(agent); });
+  asked_ = next == to_ask_.end() ? 0 : *next;
+  if (asked_ == 0) return;
+  OrderFrom(context, asked_);
+  last_progress_ = context.now();
+  (void)StartStepTimer(context, patience_, step_);
 }
 
-void ReplicaActor::OnReceivedAll(Context& context, AgentId sender) {
-  const auto asked = std::find(to_ask_.begin(), to_ask_.end(), sender);
-  if (asked == to_ask_.end()) return;
-  const bool is_turn = asked == to_ask_.begin();
-  to_ask_.erase(asked);
-  if (is_turn) AskNext(context);
-}
-
-void ReplicaActor::OnStepTimer(Context& context) {
-  step_timer_ = 0;
-  to_ask_.push_back(to_ask_.front());
-  to_ask_.pop_front();
+void ReplicaActor::PassOver(Context& context) {
+  CancelOrder(context, asked_);
+  std::erase(to_ask_, asked_);
+  to_ask_.push_back(asked_);
   AskNext(context);
 }
 
-void ReplicaActor::OnPeerConnected(Context& context, AgentId peer) {
-  const auto asked = std::find(to_ask_.begin(), to_ask_.end(), peer);
-  if (asked == to_ask_.end() || asked == to_ask_.begin()) return;
-  to_ask_.erase(asked);
-  to_ask_.push_front(peer);
-  AskNext(context);
+void ReplicaActor::CrossOff(Context& context, AgentId agent) {
+  std::erase(to_ask_, agent);
+  if (agent == asked_) AskNext(context);
+}
+
+void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
+  patience_ = kPatienceMin;
+  if (sender == asked_) last_progress_ = context.now();
+  if (is_all) CrossOff(context, sender);
+}
+
+void ReplicaActor::OnOrderRefused(Context& context, AgentId peer) { CrossOff(context, peer); }
+
+void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
+  if (step != step_ || asked_ == 0) return;
+  const Duration quiet = context.now() - last_progress_;
+  if (quiet < patience_) {
+    (void)StartStepTimer(context, patience_ - quiet, step_);
+    return;
+  }
+  patience_ = std::min(2 * patience_, kPatienceMax);
+  PassOver(context);
+}
+
+void ReplicaActor::OnPeerEvent(Context& context, AgentId peer) {
+  if (asked_ == 0) return AskNext(context);
+  if (peer == asked_ && !is_connected(peer)) PassOver(context);
 }
 
 }  // namespace moondb

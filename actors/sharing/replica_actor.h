@@ -7,8 +7,8 @@
 //
 // In each term of its own a leader asks every other agent once for all that it holds: what a deposed leader alone had
 // collected, what was lost with the leader's disk. It asks one after another, the survivor first, so that nobody sends
-// what another has just sent; who does not answer is asked again when the others are through or it is reached again.
-// Where nothing is missing this costs a have-set each.
+// what another has just sent: those that are connected, and the others when they are. Who brings nothing for a while
+// lets the next one go first, and is asked again later and later. Where nothing is missing this costs a have-set each.
 #pragma once
 
 #include <deque>
@@ -22,17 +22,23 @@ class ReplicaActor final : public SharingActor {
   explicit ReplicaActor(Options options) : SharingActor(std::move(options), proto::SHARING_KIND_REPLICATION) {}
 
  private:
-  Result<int> Share(Context& context, const proto::ShareRequest& request) override;
+  Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) override;
   void OnNewRoles(Context& context, const proto::RoleAssignment& previous) override;
-  void OnPeerConnected(Context& context, AgentId peer) override;
-  void OnReceivedAll(Context& context, AgentId sender) override;
-  void OnStepTimer(Context& context) override;
+  void OnPeerEvent(Context& context, AgentId peer) override;
+  void OnReceived(Context& context, AgentId sender, bool is_all) override;
+  void OnOrderRefused(Context& context, AgentId peer) override;
+  void OnStepTimer(Context& context, std::uint64_t step) override;
 
   void BeginGathering(Context& context);
   void AskNext(Context& context);
+  void PassOver(Context& context);
+  void CrossOff(Context& context, AgentId agent);
 
-  std::deque<AgentId> to_ask_;  // The first one is being asked.
-  TimerId step_timer_ = 0;      // Runs while it has not given all. 0: nobody is being asked.
+  std::deque<AgentId> to_ask_;  // In turn.
+  AgentId asked_ = 0;           // Of to_ask_, the one whose turn it is. 0: none of them is connected.
+  MonotonicTime last_progress_{};
+  Duration patience_{};     // That it is given without progress.
+  std::uint64_t step_ = 0;  // A timer of an earlier one is late.
 };
 
 }  // namespace moondb

@@ -44,7 +44,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kTimer:
       return OnTimer(context, message.timer());
     case proto::Message::kPeerEvent:
-      return OnPeerEvent(context, message.peer_event());
+      return OnLink(context, message.peer_event());
     case proto::Message::kRolesChanged:
       return SetRoles(context, message.roles_changed().roles());
     case proto::Message::kRoleShowReply:
@@ -61,7 +61,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       }
       return;
     case proto::Message::kShareRequest:
-      return OnShareRequest(context, message.share_request());
+      return OnShareRequest(context, message);
     case proto::Message::kShareStatusRequest:
       return OnShareStatusRequest(context);
     default:
@@ -87,7 +87,7 @@ void SharingActor::OnPeer(Context& context, const proto::Message& message) {
       }
       return;
     case proto::Message::kShareRequest:
-      return OnShareRequest(context, message.share_request());
+      return OnShareRequest(context, message);
     case proto::Message::kShareReply:
       return OnShareReply(context, peer, message.share_reply());
     default:
@@ -127,17 +127,21 @@ void SharingActor::OnStoreReply(Context& context, const proto::Message& message)
     spdlog::warn("{}: storage refused {} records of a peer", ToString(context.self()), reply.rejected_count());
   }
   SharingActions acknowledgments = receiver_->OnStoreReply(message.request_id(), reply);
-  std::vector<AgentId> ended;
+  std::vector<std::pair<AgentId, bool>> received;
   for (const SharingAction& action : acknowledgments) {
-    if (action.message.has_have() && action.message.remaining() == 0) ended.push_back(action.to);
+    if (action.message.has_have()) received.emplace_back(action.to, action.message.remaining() == 0);
   }
   Perform(context, std::move(acknowledgments));
-  for (const AgentId sender : ended) OnReceivedAll(context, sender);
+  for (const auto& [sender, is_all] : received) OnReceived(context, sender, is_all);
 }
 
-void SharingActor::OnShareRequest(Context& context, const proto::ShareRequest& request) {
+void SharingActor::OnShareRequest(Context& context, const proto::Message& message) {
+  const proto::ShareRequest& request = message.share_request();
+  const bool is_leaders =
+      !is_from_here(context) && (context.sender().agent == roles_.leader() || IsNewer(message.term(), roles_.term()));
   const Result<void> checked = CheckShareRequest(request);
-  const Result<int> started = checked ? Share(context, request) : Result<int>(tl::unexpected(checked.error()));
+  const Result<int> started =
+      checked ? Share(context, request, is_leaders) : Result<int>(tl::unexpected(checked.error()));
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
   proto::ShareReply& body = *reply.mutable_share_reply();
@@ -162,19 +166,23 @@ void SharingActor::OnShareStatusRequest(Context& context) {
   (void)context.Reply(std::move(reply));
 }
 
-void SharingActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
-  if (!event.is_connected()) return;
-  if (Outgoing* outgoing = FindOutgoing(event.peer())) {
-    Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
+void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
+  if (event.is_connected()) {
+    connected_.insert(event.peer());
+    if (Outgoing* outgoing = FindOutgoing(event.peer())) {
+      Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
+    }
+    if (orders_.contains(event.peer())) OrderFrom(context, event.peer());
+  } else {
+    connected_.erase(event.peer());
   }
-  if (orders_.contains(event.peer())) OrderFrom(context, event.peer());
-  OnPeerConnected(context, event.peer());
+  OnPeerEvent(context, event.peer());
 }
 
 void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
   const auto peer = static_cast<AgentId>(timer.value());
   if (timer.kind() == kOrder) return OnOrderTimer(context, peer);
-  if (timer.kind() == kStep) return OnStepTimer(context);
+  if (timer.kind() == kStep) return OnStepTimer(context, timer.value());
   Outgoing* outgoing = FindOutgoing(peer);
   if (outgoing == nullptr) return;
   outgoing->armed.reset();
@@ -213,7 +221,7 @@ void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilt
 bool SharingActor::CloseByRole(Context& context) {
   bool was_open = false;
   for (auto& [destination, outgoing] : outgoing_) {
-    if (!outgoing.is_by_role || !outgoing.session.is_open()) continue;
+    if (!outgoing.is_by_role || !outgoing.session.is_open() || destination == roles_.leader()) continue;
     was_open = true;
     outgoing.session.NoteError("ended as the roles changed");
     Perform(context, outgoing, outgoing.session.Close());
@@ -247,12 +255,16 @@ void SharingActor::OnOrderTimer(Context& context, AgentId peer) {
 }
 
 void SharingActor::OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply) {
+  if (!orders_.contains(peer)) return;
+  CancelOrder(context, peer);
+  if (!IsError(reply.error())) return;
+  spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer), ToString(FromProto(reply.error())));
+  OnOrderRefused(context, peer);
+}
+
+void SharingActor::CancelOrder(Context& context, AgentId peer) {
   const auto it = orders_.find(peer);
   if (it == orders_.end()) return;
-  if (IsError(reply.error())) {
-    spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
-                 ToString(FromProto(reply.error())));
-  }
   context.Cancel(it->second.timer);
   orders_.erase(it);
 }
@@ -262,7 +274,9 @@ void SharingActor::CancelOrders(Context& context) {
   orders_.clear();
 }
 
-TimerId SharingActor::StartStepTimer(Context& context, Duration delay) { return context.AfterTimer(delay, kStep); }
+TimerId SharingActor::StartStepTimer(Context& context, Duration delay, std::uint64_t step) {
+  return context.AfterTimer(delay, kStep, step);
+}
 
 std::string SharingActor::NameOf(AgentId agent) const {
   const proto::AgentConfig* config = FindAgent(options_.team, agent);

@@ -11,6 +11,7 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -39,29 +40,34 @@ class SharingActor : public Actor {
 
   // How many sessions were started, asked for or already open because of this. kRefused where the roles do not allow
   // it, kInvalid for a request that cannot be meant for this agent. Kind, destination and from_agents are checked.
-  virtual Result<int> Share(Context& context, const proto::ShareRequest& request) = 0;
+  // `is_leaders`: from the agent that leads, perhaps in a term that this agent will only hear of.
+  virtual Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) = 0;
   // roles() are new. At first, and until RoleActor speaks, they are those of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
-  virtual void OnPeerConnected(Context&, AgentId) {}
-  // All that a sender had for this agent, when it was ordered to share, is stored here.
-  virtual void OnReceivedAll(Context&, AgentId) {}
-  // The timer that StartStepTimer started.
-  virtual void OnStepTimer(Context&) {}
+  virtual void OnPeerEvent(Context&, AgentId) {}
+  // What a sender sent is stored here; `is_all`: all that it had for this agent when it was ordered to share.
+  virtual void OnReceived(Context&, AgentId, bool /*is_all*/) {}
+  // An order was answered with an error.
+  virtual void OnOrderRefused(Context&, AgentId) {}
+  // A timer that StartStepTimer started.
+  virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
   // Orders a session; `is_by_role` ones end when CloseByRole is called.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role);
-  // Whether any was open.
+  // Those to the leader of now stay. Whether any other was open.
   bool CloseByRole(Context& context);
   // "Share with me", to that agent, again and again until it answers.
   void OrderFrom(Context& context, AgentId peer);
+  void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
-  TimerId StartStepTimer(Context& context, Duration delay);
+  TimerId StartStepTimer(Context& context, Duration delay, std::uint64_t step);
 
   const proto::TeamConfig& team() const { return options_.team; }
   const SharingSession::Options& session_options() const { return options_.session; }
   const proto::RoleAssignment& roles() const { return roles_; }
   AgentId self() const { return options_.self; }
   bool is_leading() const { return roles_.leader() == options_.self; }
+  bool is_connected(AgentId peer) const { return connected_.contains(peer); }
   bool is_from_here(const Context& context) const { return context.sender().agent == options_.self; }
   std::string NameOf(AgentId agent) const;
 
@@ -84,12 +90,12 @@ class SharingActor : public Actor {
   void OnHello(Context& context, const proto::Hello& hello);
   void OnBatch(Context& context, const proto::Message& message);
   void OnStoreReply(Context& context, const proto::Message& message);
-  void OnShareRequest(Context& context, const proto::ShareRequest& request);
+  void OnShareRequest(Context& context, const proto::Message& message);
   void OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply);
   void OnOrderTimer(Context& context, AgentId peer);
   void SendOrder(Context& context, AgentId peer);
   void OnShareStatusRequest(Context& context);
-  void OnPeerEvent(Context& context, const proto::PeerEvent& event);
+  void OnLink(Context& context, const proto::PeerEvent& event);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
@@ -102,6 +108,7 @@ class SharingActor : public Actor {
   const Options options_;
   const proto::SharingKind kind_;
   proto::RoleAssignment roles_;
+  std::set<AgentId> connected_;
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
   std::optional<SharingReceiver> receiver_;

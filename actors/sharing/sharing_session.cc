@@ -78,9 +78,7 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now) {
     // Whoever asks again while the destination is silent does not wait for a delay that has grown.
     if (backoff_ > options_.resend_after) Start(now, actions);
   } else {
-    is_asking_ = false;
-    is_exhausted_ = false;
-    is_end_told_ = false;
+    AskAnew();
     Fill(now, actions);
   }
   return actions;
@@ -250,7 +248,7 @@ void SharingSession::Complete(SharingActions& actions) {
 
 void SharingSession::Fill(Time now, SharingActions& actions) {
   if (phase_ != Phase::kSending) return;
-  if (ready_ && FitsCredit(ready_->bytes)) SendReady(now, actions);
+  if (ready_ && MayLeave(*ready_)) SendReady(now, actions);
   if (!ready_ && !is_asking_ && !is_exhausted_) AskForMissing(actions);
   if (!ready_ && !is_asking_ && under_way_.empty()) Complete(actions);
 }
@@ -288,8 +286,10 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   SetDeadline(now);
 }
 
-bool SharingSession::FitsCredit(std::size_t bytes) const {
-  return under_way_.empty() || unacked_bytes_ + bytes <= credit_bytes_;
+bool SharingSession::MayLeave(const CodedRecords& batch) const {
+  if (under_way_.empty()) return true;
+  // The last one says that all is there: so all before it is.
+  return batch.message.remaining() > 0 && unacked_bytes_ + batch.bytes <= credit_bytes_;
 }
 
 SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& reply) {
@@ -378,16 +378,20 @@ void SharingSession::GiveUpBatchesBefore(std::uint32_t batch_number) {
     ++resends_;
     unacked_bytes_ -= under_way_.begin()->second.bytes;
     under_way_.erase(under_way_.begin());
-    is_asking_ = false;
-    is_exhausted_ = false;
-    is_end_told_ = false;
+    AskAnew();
   }
 }
 
-void SharingSession::ForgetUnderWay() {
+// What storage said is missing is no longer all.
+void SharingSession::AskAnew() {
   is_asking_ = false;
   is_exhausted_ = false;
   is_end_told_ = false;
+  if (ready_ && ready_->message.remaining() == 0) ready_.reset();
+}
+
+void SharingSession::ForgetUnderWay() {
+  AskAnew();
   ready_.reset();
   under_way_.clear();
   unacked_bytes_ = 0;

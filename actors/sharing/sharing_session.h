@@ -90,13 +90,14 @@ class SharingSession {
   void Fill(Time now, SharingActions& actions);
   void AskForMissing(SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
-  bool FitsCredit(std::size_t bytes) const;
+  bool MayLeave(const CodedRecords& batch) const;
   // As many of the records as fit into one message; learns the ratio.
   CodedRecords Code(const proto::MissingReply& reply);
   // What the destination has or will have once everything under way arrives.
   HaveSet ExpectedHave() const;
   void Acknowledge(std::uint32_t batch_number);
   void GiveUpBatchesBefore(std::uint32_t batch_number);
+  void AskAnew();
   void ForgetUnderWay();
   void TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed, SharingActions& actions) const;
   void SetDeadline(Time now);

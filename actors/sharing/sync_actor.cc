@@ -5,12 +5,12 @@
 
 namespace moondb {
 
-Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& request) {
+Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& request, bool is_leaders) {
   if (!is_from_here(context)) {
     const AgentId asker = context.sender().agent;
     const AgentId destination = request.destination() == 0 ? asker : request.destination();
     if (destination == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
-    Open(context, destination, OwnRecords(), destination == roles().leader());
+    Open(context, destination, OwnRecords(), /*is_by_role=*/is_leaders && destination == asker);
     return 1;
   }
   if (is_leading()) {
@@ -33,16 +33,16 @@ void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previo
   if (roles().leader() == previous.leader()) return;
   CancelOrders(context);
   is_bringing_to_base_ = false;
-  const bool was_open = CloseByRole(context);
   const bool was_leading = previous.leader() == self();
+  const bool was_open = CloseByRole(context);
   if (was_open && !was_leading && !is_leading() && roles().leader() != 0) {
     Open(context, roles().leader(), OwnRecords(), /*is_by_role=*/true);
   }
 }
 
-void SyncActor::OnReceivedAll(Context& context, AgentId sender) {
+void SyncActor::OnReceived(Context& context, AgentId sender, bool is_all) {
   const AgentId base = BaseStationOf(team());
-  if (is_bringing_to_base_ && sender != base) OpenAsLeader(context, base, /*is_by_role=*/true);
+  if (is_all && is_bringing_to_base_ && sender != base) OpenAsLeader(context, base, /*is_by_role=*/true);
 }
 
 int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {

@@ -18,9 +18,9 @@ class SyncActor final : public SharingActor {
   explicit SyncActor(Options options) : SharingActor(std::move(options), proto::SHARING_KIND_SYNC) {}
 
  private:
-  Result<int> Share(Context& context, const proto::ShareRequest& request) override;
+  Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) override;
   void OnNewRoles(Context& context, const proto::RoleAssignment& previous) override;
-  void OnReceivedAll(Context& context, AgentId sender) override;
+  void OnReceived(Context& context, AgentId sender, bool is_all) override;
 
   int Collect(Context& context, const proto::ShareRequest& request);
   void OpenAsLeader(Context& context, AgentId destination, bool is_by_role);

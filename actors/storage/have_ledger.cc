@@ -2,10 +2,15 @@
 
 #include <algorithm>
 #include <iterator>
+#include <string>
 
 namespace moondb {
 
 namespace {
+
+std::uint64_t HashOf(const StreamKey& stream, bool is_dropped, const IntervalSet::Interval& interval) {
+  return HashRecord({stream, interval.first}, (is_dropped ? "dropped " : "held ") + std::to_string(interval.last));
+}
 
 Result<void> WriteIntervals(Database& database, const StreamKey& stream, bool is_dropped, const IntervalSet& old_set,
                             const IntervalSet& new_set) {
@@ -27,8 +32,10 @@ Result<void> WriteIntervals(Database& database, const StreamKey& stream, bool is
   }
   for (const IntervalSet::Interval& interval : come) {
     Query query = database.Prepare(
-        "INSERT INTO have_interval(origin, epoch, data_type, is_dropped, first, last) VALUES(?, ?, ?, ?, ?, ?)");
-    query << stream.origin << stream.epoch << stream.type << is_dropped << interval.first << interval.last;
+        "INSERT INTO have_interval(origin, epoch, data_type, is_dropped, first, last, hash)"
+        " VALUES(?, ?, ?, ?, ?, ?, ?)");
+    query << stream.origin << stream.epoch << stream.type << is_dropped << interval.first << interval.last
+          << HashOf(stream, is_dropped, interval);
     if (const Result<void> done = query.Run(); !done) return done;
   }
   return {};
@@ -37,20 +44,34 @@ Result<void> WriteIntervals(Database& database, const StreamKey& stream, bool is
 }  // namespace
 
 Result<void> HaveLedger::Load(Database& database) {
+  is_sound_ = true;
   HaveSet have;
-  Query query = database.Prepare("SELECT origin, epoch, data_type, is_dropped, first, last FROM have_interval");
+  Query query = database.Prepare("SELECT origin, epoch, data_type, is_dropped, first, last, hash FROM have_interval");
   while (true) {
     const Result<bool> row = query.Step();
     if (!row) return tl::unexpected(row.error());
     if (!*row) break;
     const StreamKey key{static_cast<AgentId>(query.Integer(0)), query.Unsigned(1),
                         static_cast<DataType>(query.Integer(2))};
-    StreamHave& stream = have[key];
-    (query.Integer(3) ? stream.dropped : stream.held).Add({query.Unsigned(4), query.Unsigned(5)});
+    const bool is_dropped = query.Integer(3) != 0;
+    const IntervalSet::Interval interval{query.Unsigned(4), query.Unsigned(5)};
+    const bool is_hashed = query.IsNull(6) || query.Unsigned(6) == HashOf(key, is_dropped, interval);
+    if (is_hashed && interval.IsValid()) {
+      (is_dropped ? have[key].dropped : have[key].held).Add(interval);
+    } else {
+      is_sound_ = false;
+    }
   }
   have_ = std::move(have);
   draft_.clear();
   return {};
+}
+
+Result<void> HaveLedger::Replace(Database& database, const HaveSet& have) {
+  if (const Result<void> done = database.Execute("DELETE FROM have_interval"); !done) return done;
+  have_ = HaveSet();
+  draft_ = have.streams();
+  return Write(database);
 }
 
 const StreamHave& HaveLedger::Get(const StreamKey& stream) const {

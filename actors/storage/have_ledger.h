@@ -13,7 +13,12 @@ namespace moondb {
 
 class HaveLedger {
  public:
+  // Rows that are damaged are left out.
   Result<void> Load(Database& database);
+  // No row was damaged.
+  bool is_sound() const { return is_sound_; }
+  // Instead of all that the table holds, inside the caller's transaction; then Keep.
+  Result<void> Replace(Database& database, const HaveSet& have);
 
   const HaveSet& have() const { return have_; }
 
@@ -22,7 +27,6 @@ class HaveLedger {
   void AddHeld(const StreamKey& stream, std::uint64_t seq);
   // The last, in its origin's order, of an origin's records of a type that is held; seq 0: none is.
   RecordKey NewestHeld(AgentId origin, DataType type) const;
-  void RemoveHeld(const StreamKey& stream, std::uint64_t seq) { Edit(stream).held.Remove(seq); }
   // Had, but not held any more, or never.
   void AddDropped(const StreamKey& stream, IntervalSet::Interval interval);
 
@@ -34,6 +38,7 @@ class HaveLedger {
   StreamHave& Edit(const StreamKey& stream);
 
   HaveSet have_;
+  bool is_sound_ = true;
   std::map<StreamKey, StreamHave> draft_;
 };
 

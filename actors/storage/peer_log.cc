@@ -51,18 +51,29 @@ Result<void> WriteHandedOver(Database& database, const proto::PeerHave& note) {
 
 }  // namespace
 
-Result<void> PeerLog::Load(Database& database) {
-  if (const Result<void> done = database.Execute("DELETE FROM handed_over"); !done) return done;
-  had_.clear();
+// False where the table is damaged.
+Result<bool> PeerLog::ReadAll(Database& database) {
   Query query = database.Prepare("SELECT peer, origin, epoch, data_type, first, last FROM peer_have");
   while (true) {
     const Result<bool> row = query.Step();
-    if (!row) return tl::unexpected(row.error());
-    if (!*row) return {};
+    if (!row) return row;
+    if (!*row) return true;
     const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2),
                            static_cast<DataType>(query.Integer(3))};
-    had_[static_cast<AgentId>(query.Integer(0))][stream].Add({query.Unsigned(4), query.Unsigned(5)});
+    const IntervalSet::Interval interval{query.Unsigned(4), query.Unsigned(5)};
+    if (!interval.IsValid()) return false;
+    had_[static_cast<AgentId>(query.Integer(0))][stream].Add(interval);
   }
+}
+
+Result<void> PeerLog::Load(Database& database) {
+  if (const Result<void> done = database.Execute("DELETE FROM handed_over"); !done) return done;
+  had_.clear();
+  const Result<bool> is_sound = ReadAll(database);
+  if (!is_sound) return tl::unexpected(is_sound.error());
+  if (*is_sound) return {};
+  had_.clear();  // It only shows: begin anew.
+  return database.Execute("DELETE FROM peer_have");
 }
 
 Result<void> PeerLog::Note(Database& database, const proto::PeerHave& note) {

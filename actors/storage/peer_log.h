@@ -24,6 +24,8 @@ class PeerLog {
  private:
   using Had = std::map<StreamKey, IntervalSet>;
 
+  Result<bool> ReadAll(Database& database);
+
   std::map<AgentId, Had> had_;  // As in the table peer_have.
 };
 

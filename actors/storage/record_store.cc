@@ -20,6 +20,7 @@ namespace {
 constexpr std::size_t kRejectionsKept = 8;
 constexpr int kEpochRandomBits = 48;
 constexpr std::uint64_t kSeqMax = INT64_MAX;
+constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
 
 // The origin's own order of its records.
@@ -58,9 +59,7 @@ class RecordStore::Writing {
   Result<void> Commit(proto::RecordsStored& stored) {
     if (const Result<void> done = store_.ledger_.Write(*store_.database_); !done) return done;
     if (next_row_id_ != store_.next_row_id_) {
-      Query query = store_.database_->Prepare("UPDATE meta SET value = ? WHERE name = 'next_row_id'");
-      query << next_row_id_;
-      if (const Result<void> done = query.Run(); !done) return done;
+      if (const Result<void> done = store_.WriteNextRowId(next_row_id_); !done) return done;
     }
     if (const Result<void> done = transaction_.Commit(); !done) return done;
     store_.ledger_.Keep();
@@ -85,7 +84,8 @@ class RecordStore::Writing {
 Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
   Check(options.team.count(options.self) == 1, "a store's agent is in its team");
   Result<std::unique_ptr<RecordStore>> store = OpenFile(options);
-  if (store || store.error().code != ErrorCode::kCorrupt) return store;
+  // Of a file that was checked before others read on from its rows, and may miss them: only a new process begins anew.
+  if (store || store.error().code != ErrorCode::kCorrupt || options.is_checked) return store;
   const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
   if (!aside) return tl::unexpected(aside.error());
   spdlog::error("storage: {}; it is set aside as {}, and an empty one begun", ToString(store.error()), *aside);
@@ -98,8 +98,10 @@ Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& option
   Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max, options.vfs);
   if (!database) return tl::unexpected(database.error());
   std::unique_ptr<RecordStore> store(new RecordStore(options, *std::move(database)));
-  if (const Result<void> loaded = store->Load(); !loaded) return tl::unexpected(loaded.error());
-  return store;
+  const Result<void> loaded = store->Load();
+  if (loaded) return store;
+  if (loaded.error().code == ErrorCode::kCorrupt) store->database_->LeaveAsItIs();
+  return tl::unexpected(loaded.error());
 }
 
 Result<void> RecordStore::Load() {
@@ -114,13 +116,20 @@ Result<void> RecordStore::Load() {
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
   if (!next_row_id) return tl::unexpected(next_row_id.error());
   next_row_id_ = static_cast<std::uint64_t>(*next_row_id);
+  if (!options_.is_checked) {
+    if (const Result<void> mended = MendFromRows(); !mended) return mended;
+  } else if (!ledger_.is_sound()) {
+    return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
+  }
   for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);
-  return options_.is_checked ? Result<void>() : LetGoOfDamagedRows();
+  return {};
 }
 
-// SQLite's own check sees a broken tree, not a changed byte within a record.
-Result<void> RecordStore::LetGoOfDamagedRows() {
-  HaveSet sound;
+// SQLite's own check sees a broken tree, not a changed byte. A row whose hash is right is there, whatever the ledger
+// says; one whose hash is wrong is not.
+Result<void> RecordStore::MendFromRows() {
+  HaveSet mended;
+  std::uint64_t row_id_max = 0;
   std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged;  // Row ids.
   for (const RecordTable& table : RecordTables()) {
     Query query = table.ReadAfter(*database_, 0);
@@ -128,38 +137,47 @@ Result<void> RecordStore::LetGoOfDamagedRows() {
       const Result<bool> row = query.Step();
       if (!row) return tl::unexpected(row.error());
       if (!*row) break;
+      const std::uint64_t row_id = query.Unsigned(0);
+      row_id_max = std::max(row_id_max, row_id);
       const proto::StoredRecord record = table.Read(query);
-      if (record.key().seq() == 0) continue;  // Nobody else has it.
       const RecordKey key = FromProto(record.key());
-      if (HashRecord(key, record.content()) == record.hash() && ledger_.Get(key.stream).held.Contains(key.seq)) {
-        sound[key.stream].held.Add(key.seq);
+      if (key.seq == 0) continue;  // Nobody else has it.
+      if (HashRecord(key, record.content()) == record.hash() && key.seq <= kSeqMax) {
+        mended[key.stream].held.Add(key.seq);
       } else {
-        damaged.emplace_back(&table, query.Unsigned(0));
+        damaged.emplace_back(&table, row_id);
       }
     }
   }
+  for (const auto& [stream, have] : ledger_.have().streams()) {
+    const IntervalSet dropped = have.dropped.Minus(mended.Get(stream).held);
+    if (!dropped.is_empty()) mended[stream].dropped = dropped;
+  }
+  const bool is_row_id_sound = next_row_id_ > row_id_max && next_row_id_ <= kRowIdMax;
+  if (!is_row_id_sound) next_row_id_ = row_id_max + 1;
+  const bool is_ledger_sound = ledger_.is_sound() && mended == ledger_.have();
+  if (is_ledger_sound && damaged.empty() && is_row_id_sound) return {};
+
   Result<Transaction> transaction = Transaction::Begin(*database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  ledger_.Forget();
-  std::uint64_t gone_count = 0;
-  const HaveSet had = ledger_.have();
-  for (const auto& [stream, have] : had.streams()) {
-    const IntervalSet gone = have.held.Minus(sound.Get(stream).held);
-    for (const IntervalSet::Interval& interval : gone.intervals()) {
-      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) ledger_.RemoveHeld(stream, seq);
-      gone_count += interval.last - interval.first + 1;
-    }
-  }
-  if (gone_count == 0 && damaged.empty()) return {};
   for (const auto& [table, row_id] : damaged) {
     if (const Result<void> done = table->Delete(*database_, row_id); !done) return done;
   }
-  if (const Result<void> done = ledger_.Write(*database_); !done) return done;
+  if (const Result<void> done = ledger_.Replace(*database_, mended); !done) return done;
+  if (const Result<void> done = WriteNextRowId(next_row_id_); !done) return done;
   if (const Result<void> done = transaction->Commit(); !done) return done;
   ledger_.Keep();
-  spdlog::error("storage: {} records in {} were damaged; peers that have them will be asked for them again", gone_count,
-                database_->path());
+  spdlog::error(
+      "storage: {} was damaged within: {} records were wrong, and its have-set {}; peers will be asked for what it "
+      "lacks",
+      database_->path(), damaged.size(), is_ledger_sound ? "right" : "too");
   return {};
+}
+
+Result<void> RecordStore::WriteNextRowId(std::uint64_t row_id) {
+  Query query = database_->Prepare("UPDATE meta SET value = ? WHERE name = 'next_row_id'");
+  query << row_id;
+  return query.Run();
 }
 
 // Two agents numbering in one copied file would give two records one name.

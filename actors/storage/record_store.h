@@ -98,7 +98,8 @@ class RecordStore {
         database_(std::move(database)),
         random_(options_.seed) {}
   Result<void> Load();
-  Result<void> LetGoOfDamagedRows();
+  Result<void> MendFromRows();
+  Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<void> CheckOwner();
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   void NoteOwnEpoch(const StreamKey& stream);

@@ -1,10 +1,17 @@
 #include "actors/storage/role_history.h"
 
+#include <spdlog/spdlog.h>
+#include <xxhash.h>
+
+#include <cstdint>
 #include <string>
+#include <utility>
 
 namespace moondb {
 
 namespace {
+
+std::uint64_t HashOf(const std::string& content) { return XXH64(content.data(), content.size(), 0); }
 
 Result<bool> IsNewest(Database& database, const std::string& content) {
   Query query = database.Prepare("SELECT content FROM role_history ORDER BY row_id DESC LIMIT 1");
@@ -24,8 +31,9 @@ Result<void> SaveRoles(Database& database, const proto::RoleAssignment& roles) {
   if (!transaction) return tl::unexpected(transaction.error());
   {
     Query insert = database.Prepare(
-        "INSERT INTO role_history(term_number, leader, survivor, stamp_ns, content) VALUES(?, ?, ?, ?, ?)");
-    insert << roles.term().number() << roles.leader() << roles.survivor() << roles.stamp_ns() << Blob{content};
+        "INSERT INTO role_history(term_number, leader, survivor, stamp_ns, content, hash) VALUES(?, ?, ?, ?, ?, ?)");
+    insert << roles.term().number() << roles.leader() << roles.survivor() << roles.stamp_ns() << Blob{content}
+           << HashOf(content);
     if (const Result<void> done = insert.Run(); !done) return done;
     Query forget =
         database.Prepare("DELETE FROM role_history WHERE row_id <= (SELECT max(row_id) FROM role_history) - ?");
@@ -37,13 +45,18 @@ Result<void> SaveRoles(Database& database, const proto::RoleAssignment& roles) {
 
 Result<proto::LoadRolesReply> LoadRoles(Database& database) {
   proto::LoadRolesReply reply;
-  Query query = database.Prepare("SELECT content FROM role_history ORDER BY row_id");
+  Query query = database.Prepare("SELECT content, hash FROM role_history ORDER BY row_id");
   while (true) {
     const Result<bool> row = query.Step();
     if (!row) return tl::unexpected(row.error());
     if (!*row) return reply;
-    if (!reply.add_history()->ParseFromString(std::string(query.Bytes(0)))) {
-      return Fail(ErrorCode::kCorrupt, "database " + database.path() + ": a role assignment does not parse");
+    const std::string content(query.Bytes(0));
+    proto::RoleAssignment roles;
+    const bool is_sound = query.IsNull(1) || query.Unsigned(1) == HashOf(content);
+    if (is_sound && roles.ParseFromString(content)) {
+      *reply.add_history() = std::move(roles);
+    } else {
+      spdlog::error("storage: a role assignment in {} is damaged and left out", database.path());
     }
   }
 }

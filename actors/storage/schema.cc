@@ -167,6 +167,9 @@ std::string Version2() {
          " WHERE seq IS NOT NULL;";
 }
 
+constexpr char kVersion3[] =
+    "ALTER TABLE have_interval ADD COLUMN hash INTEGER; ALTER TABLE role_history ADD COLUMN hash INTEGER;";
+
 // The step from version `from` to the next.
 std::string Step(int from) {
   switch (from) {
@@ -174,6 +177,8 @@ std::string Step(int from) {
       return Version1();
     case 1:
       return Version2();
+    case 2:
+      return kVersion3;
     default:
       return {};
   }
@@ -210,15 +215,18 @@ Result<void> CheckSchema(Database& database) {
     return Fail(ErrorCode::kCorrupt,
                 "database " + database.path() + " is damaged: its version is " + std::to_string(*version));
   }
-  if (*version == 0 || *version > kSchemaVersion) return {};
-  Result<std::unique_ptr<Database>> intact = Database::Open(":memory:");
-  if (!intact) return tl::unexpected(intact.error());
-  if (const Result<void> made = Upgrade(**intact, 0, static_cast<int>(*version)); !made) return made;
-  const Result<std::set<std::string>> expected = StatementsOf(**intact);
-  if (!expected) return tl::unexpected(expected.error());
+  if (*version > kSchemaVersion) return {};
   const Result<std::set<std::string>> present = StatementsOf(database);
   if (!present) return tl::unexpected(present.error());
-  if (std::includes(present->begin(), present->end(), expected->begin(), expected->end())) return {};
+  // A file without a version is new or another program's, unless it holds all that ours hold.
+  const int expected_version = *version == 0 ? kSchemaVersion : static_cast<int>(*version);
+  Result<std::unique_ptr<Database>> intact = Database::Open(":memory:");
+  if (!intact) return tl::unexpected(intact.error());
+  if (const Result<void> made = Upgrade(**intact, 0, expected_version); !made) return made;
+  const Result<std::set<std::string>> expected = StatementsOf(**intact);
+  if (!expected) return tl::unexpected(expected.error());
+  const bool is_ours = std::includes(present->begin(), present->end(), expected->begin(), expected->end());
+  if (is_ours == (*version != 0)) return {};
   return Fail(ErrorCode::kCorrupt, "database " + database.path() + " is damaged: its schema is not that of version " +
                                        std::to_string(*version));
 }

@@ -2,7 +2,8 @@
 //
 // One table per data type (paper, Table 1): typed columns for SQL, derived from `content`, which alone is kept for
 // ever and travels. row_id is one sequence over all of these tables, rising in the order of storing. epoch and seq are
-// NULL for a row that was not marked for sharing. have_interval says which seqs are held and which are dropped.
+// NULL for a row that was not marked for sharing. have_interval says which seqs are held and which are dropped; its
+// hashes, and those of role_history, tell a damaged row (NULL: as an older version wrote it).
 // The views `replica` and `replication_log` are the paper's tables (Section 4), for people: the have-set decides.
 // All custom data types (proto/team.proto) share the table custom_record, whose payload is a part of `content`; the
 // view v_custom_record shows them by name, as far as the team file of the last start names them. 64-bit unsigned
@@ -14,7 +15,7 @@
 namespace moondb {
 
 // A change of tables or views is a new version with its own step; steps that were ever released stay as they are.
-inline constexpr int kSchemaVersion = 2;
+inline constexpr int kSchemaVersion = 3;
 
 // Whether tables, indexes and views are still those of the file's version; others beside them are the user's own.
 // kCorrupt where not: a damaged statement of the schema would make SQLite fail in ways that look like something else.

@@ -161,7 +161,8 @@ Result<std::string> Database::SetAside(const std::string& path, const std::strin
     const std::string candidate = path + ".damaged-" + std::to_string(number);
     if (!std::filesystem::exists(candidate)) aside = candidate;
   }
-  for (const char* ending : {"", "-wal"}) {
+  // The log first: if this process ends in between, it must not be taken for a log of the next file.
+  for (const char* ending : {"-wal", ""}) {
     std::error_code error;
     if (!std::filesystem::exists(path + ending, error)) continue;
     std::filesystem::rename(path + ending, aside + ending, error);
@@ -239,6 +240,8 @@ Result<void> Database::QuickCheck() {
   }
   return Fail(ErrorCode::kCorrupt, "database " + path_ + " is damaged: " + line);
 }
+
+void Database::LeaveAsItIs() { (void)sqlite3_db_config(connection_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr); }
 
 std::uint64_t Database::BytesOnDisk() const {
   if (path_ == kInMemory) return 0;

@@ -100,6 +100,9 @@ class Database {
   // kCorrupt if the file is damaged. Reads the whole file.
   Result<void> QuickCheck();
 
+  // Closing moves nothing from the write-ahead log into a file that is damaged.
+  void LeaveAsItIs();
+
   const std::string& path() const { return path_; }
   std::uint64_t BytesOnDisk() const;    // File and write-ahead log; 0 in memory.
   std::uint64_t DiskFreeBytes() const;  // Where the file lies; 0 in memory.

@@ -59,7 +59,7 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return OnLoadRoles(context);
     case proto::Message::kPeerHave: {
       const Result<void> noted = store_->NotePeerHave(message.peer_have());
-      if (!noted) spdlog::warn("storage: replication log: {}", ToString(noted.error()));
+      if (!noted) Note(context, "replication log", noted.error());
       return;
     }
     case proto::Message::kStorageStatusRequest:
@@ -71,7 +71,7 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
 
 void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
   RecordStore::Inserted inserted = store_->Insert(request);
-  FailIfDamaged(context, inserted.reply.error());
+  if (IsError(inserted.reply.error())) FailIfDamaged(context, FromProto(inserted.reply.error()));
   proto::Message reply;
   *reply.mutable_insert_reply() = std::move(inserted.reply);
   Answer(context, std::move(reply));
@@ -85,8 +85,8 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   }
   if (IsError(stored.reply.error())) {
     spdlog::error("storage: stored nothing from agent {}: {}", request.sender(), stored.reply.error().text());
+    FailIfDamaged(context, FromProto(stored.reply.error()));
   }
-  FailIfDamaged(context, stored.reply.error());
   proto::Message reply;
   *reply.mutable_store_reply() = std::move(stored.reply);
   Answer(context, std::move(reply));
@@ -99,7 +99,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
   if (reply) {
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
-    spdlog::error("storage: cannot say what is missing: {}", ToString(reply.error()));
+    Note(context, "what is missing", reply.error());
     // Nothing to send, yet not done: the session asks again.
     message.mutable_missing_reply()->set_remaining(1);
   }
@@ -112,6 +112,7 @@ void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
   if (reply) {
     *message.mutable_read_reply() = *std::move(reply);
   } else {
+    FailIfDamaged(context, reply.error());
     *message.mutable_read_reply()->mutable_error() = ToProto(reply.error());
   }
   Answer(context, std::move(message));
@@ -121,7 +122,10 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
   proto::Message reply;
   proto::SaveRolesReply& body = *reply.mutable_save_roles_reply();
   const Result<void> saved = store_->SaveRoles(request.roles());
-  if (!saved) *body.mutable_error() = ToProto(saved.error());
+  if (!saved) {
+    FailIfDamaged(context, saved.error());
+    *body.mutable_error() = ToProto(saved.error());
+  }
   Answer(context, std::move(reply));
 }
 
@@ -139,7 +143,7 @@ void StorageActor::OnLoadRoles(Context& context) {
 
 void StorageActor::OnStatus(Context& context) {
   Result<proto::StorageStatus> status = store_->GetStatus();
-  if (!status) spdlog::warn("storage: status: {}", ToString(status.error()));
+  if (!status) Note(context, "status", status.error());
   proto::Message reply;
   *reply.mutable_storage_status() = status ? *std::move(status) : proto::StorageStatus();
   Answer(context, std::move(reply));
@@ -152,10 +156,15 @@ void StorageActor::Answer(Context& context, proto::Message reply) {
   }
 }
 
-// If it fails so again and again, the process ends; the next one reads the file through and sets it aside. Not here:
-// other actors have read on from rows that an empty file would not have.
-void StorageActor::FailIfDamaged(Context& context, const proto::Error& error) {
-  if (error.code() == proto::ERROR_CODE_CORRUPT) context.Fail(FromProto(error));
+void StorageActor::Note(Context& context, const char* what, const Error& error) {
+  spdlog::error("storage: {}: {}", what, ToString(error));
+  FailIfDamaged(context, error);
+}
+
+// Which ends the process (Supervisor): the next one reads the file through and mends it or sets it aside. Not here:
+// other actors have read on from rows that would not be there any more.
+void StorageActor::FailIfDamaged(Context& context, const Error& error) {
+  if (error.code == ErrorCode::kCorrupt) context.Fail(error);
 }
 
 void StorageActor::Notify(Context& context, const proto::RecordsStored& stored) {

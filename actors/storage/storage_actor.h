@@ -1,8 +1,8 @@
 // StorageActor: the one owner of an agent's database; answers what proto/storage.proto lets others ask.
 //
 // Thin: RecordStore does the work. Every reply comes after the commit that it speaks of. A failed write is an error in
-// its reply, and the actor goes on; a file that cannot be opened, or turns out to be damaged, fails the actor. Spawn it
-// with a thread of its own: commits wait for the disk.
+// its reply, and the actor goes on; a file that cannot be opened fails the actor, and one that turns out to be damaged
+// ends the process. Spawn it with a thread of its own: commits wait for the disk.
 #pragma once
 
 #include <memory>
@@ -45,7 +45,8 @@ class StorageActor final : public Actor {
   void OnLoadRoles(Context& context);
   void OnStatus(Context& context);
   void Answer(Context& context, proto::Message reply);
-  void FailIfDamaged(Context& context, const proto::Error& error);
+  void Note(Context& context, const char* what, const Error& error);
+  void FailIfDamaged(Context& context, const Error& error);
   void Notify(Context& context, const proto::RecordsStored& stored);
 
   const Options options_;

@@ -329,7 +329,7 @@ bool SimulatedTeam::Impl::Recover(Host& host, Mailbox::Item* item, const Error& 
   Agent& agent = host.agent;
   agent.dead_letters.Add(now_, host.self().actor, item, failure);
   const double jitter = static_cast<double>(host.rng()() >> 11) * 0x1.0p-53;
-  const Supervisor::Verdict verdict = host.supervisor.OnFailure(now_, jitter);
+  const Supervisor::Verdict verdict = host.supervisor.OnFailure(failure, now_, jitter);
   const bool is_final = verdict.action == Supervisor::Action::kBeyondHelp;
   Notify(agent, agent.monitors.OnActorDown(host.self().actor, ToString(failure), is_final));
   if (is_final) {

@@ -10,71 +10,77 @@ using std::chrono::seconds;
 using Action = Supervisor::Action;
 
 constexpr double kNoJitter = 0.5;
+const Error kFailure{ErrorCode::kInternal, "on purpose", {}};
 
 TEST(SupervisorTest, FirstRestartIsImmediateAndFurtherOnesBackOff) {
   Supervisor supervisor({.restarts_max = 5});
   const MonotonicTime now{};
   for (const int delay_ms : {0, 100, 200, 400, 800}) {
-    const Supervisor::Verdict verdict = supervisor.OnFailure(now, kNoJitter);
+    const Supervisor::Verdict verdict = supervisor.OnFailure(kFailure, now, kNoJitter);
     EXPECT_EQ(verdict.action, Action::kRestart);
     EXPECT_EQ(verdict.delay, milliseconds(delay_ms));
   }
-  EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).action, Action::kBeyondHelp);
+  EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kBeyondHelp);
 }
 
 TEST(SupervisorTest, DelayHasALimit) {
   Supervisor supervisor({.restarts_max = 100, .delay_max = milliseconds(500)});
-  for (int i = 0; i < 99; ++i) supervisor.OnFailure({}, kNoJitter);
-  EXPECT_EQ(supervisor.OnFailure({}, kNoJitter).delay, milliseconds(500));
+  for (int i = 0; i < 99; ++i) supervisor.OnFailure(kFailure, {}, kNoJitter);
+  EXPECT_EQ(supervisor.OnFailure(kFailure, {}, kNoJitter).delay, milliseconds(500));
 }
 
 TEST(SupervisorTest, JitterSpreadsDelays) {
   for (const auto& [jitter, delay] : {std::pair(0.0, 80), std::pair(0.5, 100), std::pair(1.0, 120)}) {
     Supervisor supervisor({.jitter_ratio = 0.2});
-    EXPECT_EQ(supervisor.OnFailure({}, jitter).delay, Duration::zero());
-    EXPECT_EQ(supervisor.OnFailure({}, jitter).delay, milliseconds(delay));
+    EXPECT_EQ(supervisor.OnFailure(kFailure, {}, jitter).delay, Duration::zero());
+    EXPECT_EQ(supervisor.OnFailure(kFailure, {}, jitter).delay, milliseconds(delay));
   }
 }
 
 TEST(SupervisorTest, FailuresAreForgottenAfterThePeriod) {
   Supervisor supervisor({.restarts_max = 1, .restart_period = seconds(60)});
   MonotonicTime now{};
-  EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).delay, Duration::zero());
+  EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).delay, Duration::zero());
   now += seconds(59);
-  EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).action, Action::kBeyondHelp);
+  EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kBeyondHelp);
   now += seconds(1);
-  EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).delay, Duration::zero());
+  EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).delay, Duration::zero());
 }
 
 TEST(SupervisorTest, NoRestartsMeansNone) {
   Supervisor supervisor({.restarts_max = 0});
-  EXPECT_EQ(supervisor.OnFailure({}, kNoJitter).action, Action::kBeyondHelp);
+  EXPECT_EQ(supervisor.OnFailure(kFailure, {}, kNoJitter).action, Action::kBeyondHelp);
 }
 
 TEST(SupervisorTest, StepsDownBeforeItGivesUp) {
   Supervisor supervisor({.restarts_max = 3, .restart_period = seconds(60), .can_step_down = true});
   MonotonicTime now{};
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).action, Action::kRestart);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kRestart);
   // As fast as the restarts let it fail, it gets as many again, and no more.
-  Supervisor::Verdict verdict = supervisor.OnFailure(now, kNoJitter);
+  Supervisor::Verdict verdict = supervisor.OnFailure(kFailure, now, kNoJitter);
   EXPECT_EQ(verdict.action, Action::kStepDown);
   int restarts = 1;
   for (; verdict.action != Action::kBeyondHelp && restarts < 100; ++restarts) {
     EXPECT_EQ(verdict.delay, seconds(10));
     now += verdict.delay;
-    verdict = supervisor.OnFailure(now, /*jitter=*/1);
+    verdict = supervisor.OnFailure(kFailure, now, /*jitter=*/1);
     if (verdict.action == Action::kRestart) verdict.delay = seconds(10);
   }
   EXPECT_EQ(restarts, 4);
+}
+
+TEST(SupervisorTest, NoRestartMendsWhatIsDamagedOnDisk) {
+  Supervisor supervisor({.can_step_down = true});
+  EXPECT_EQ(supervisor.OnFailure({ErrorCode::kCorrupt, "on purpose", {}}, {}, kNoJitter).action, Action::kBeyondHelp);
 }
 
 TEST(SupervisorTest, AQuietPeriodEarnsAnotherStepDown) {
   Supervisor supervisor({.restarts_max = 1, .restart_period = seconds(60), .can_step_down = true});
   MonotonicTime now{};
   for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).action, Action::kRestart);
-    EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).action, Action::kStepDown);
-    EXPECT_EQ(supervisor.OnFailure(now, kNoJitter).action, Action::kBeyondHelp);
+    EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kRestart);
+    EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kStepDown);
+    EXPECT_EQ(supervisor.OnFailure(kFailure, now, kNoJitter).action, Action::kBeyondHelp);
     now += seconds(60);
   }
 }

@@ -117,6 +117,51 @@ TEST_F(ReplicaActorTest, GoesOnGatheringWhileOneDoesNotAnswer) {
   EXPECT_EQ(stores_[3]->records().size(), 32u);
 }
 
+// Who is away is not waited for: the next one's turn comes at once, and its own when it is back.
+TEST_F(ReplicaActorTest, GathersFromThoseThatAreThere) {
+  InsertAtLeader(10);
+  stores_[2]->Insert(2, proto::POWER, "of the survivor");
+  team_.SetLink(3, 2, false);
+  team_.SetLink(3, 4, false);
+  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[3]->records().size(), 30u);
+  const std::uint64_t bytes = team_.radio_bytes();
+  team_.AdvanceTime(std::chrono::hours(2));
+  EXPECT_EQ(team_.radio_bytes(), bytes) << "nothing is sent to nobody";
+  team_.SetLink(3, 2, true);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores_[3]->records().size(), 31u);
+}
+
+TEST_F(ReplicaActorTest, AFlappingAgentDoesNotKeepOthersWaiting) {
+  InsertAtLeader(10);
+  team_.radio().bytes_per_second = 2'000;
+  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  for (int i = 0; i < 30; ++i) {
+    team_.SetLink(3, 2, i % 2 != 0);
+    team_.AdvanceTime(std::chrono::milliseconds(500));
+  }
+  EXPECT_EQ(stores_[3]->records().size(), 30u);
+}
+
+// Its order comes before word of the term in which it leads.
+TEST_F(ReplicaActorTest, GivesTheNewLeaderAllThoughItHearsOfItsTermLater) {
+  InsertAtLeader(10);
+  team_.radio().bytes_per_second = 2'000;
+  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  team_.AdvanceTime(std::chrono::milliseconds(300));
+  ASSERT_LT(stores_[3]->records().size(), 30u);
+  for (const AgentId agent : {1u, 2u, 4u}) TellRoles(team_, config_, agent, Roles(3, 2, 3));
+  team_.AdvanceTime(seconds(30));
+  EXPECT_EQ(stores_[3]->records().size(), 30u);
+  for (const AgentId agent : {1u, 2u, 4u}) {
+    const proto::ShareStatus status = ShareStatusOf(team_, agent, actor_name::kReplica);
+    ASSERT_EQ(status.sessions_size(), 1);
+    EXPECT_EQ(status.sessions(0).closed_sessions(), 0u);
+  }
+}
+
 TEST_F(ReplicaActorTest, ADeposedLeaderGathersNoMore) {
   InsertAtLeader(10);
   team_.SetLink(1, 3, false);

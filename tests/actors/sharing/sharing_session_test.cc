@@ -296,6 +296,40 @@ TEST_F(SharingSessionTest, SendsALostBatchAgainBeforeTheRestEnds) {
   EXPECT_EQ(Status().resends(), 1);
 }
 
+// Whoever gets a batch with nothing remaining has all: so nothing that comes before it is still open.
+TEST_F(SharingSessionTest, SaysTheEndOnlyWhenAllBeforeItIsAcknowledged) {
+  for (int i = 0; i < 3; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(3000));
+  Order();
+  AnswerHello();
+  std::vector<proto::Message> sent = TakeSent();
+  ASSERT_EQ(sent.size(), 2u) << "the last one waits for these";
+  EXPECT_EQ(sent[1].remaining(), 1u);
+  Acknowledge(sent[1]);
+  EXPECT_TRUE(TakeSent().empty()) << "the first one is still open";
+  const proto::Have late = Store(sent[0]);
+  Take(session_.OnHave(late, now_));
+  sent = TakeSent();
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_EQ(sent[0].remaining(), 0u);
+  EXPECT_EQ(destination_.records().size() + sent[0].batch().record_count(), 3u);
+}
+
+TEST_F(SharingSessionTest, GivesUpALostBatchBeforeItSaysTheEnd) {
+  for (int i = 0; i < 4; ++i) source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(3000));
+  Order();
+  AnswerHello();
+  const std::vector<proto::Message> sent = TakeSent();
+  ASSERT_EQ(sent.size(), 2u);
+  Acknowledge(sent[1]);  // The first one was lost.
+  std::uint64_t had = 1;
+  for (const proto::Message& message : RunToEnd()) {
+    had += message.batch().record_count();
+    EXPECT_EQ(message.remaining() == 0, had == 4u);
+  }
+  EXPECT_EQ(destination_.records().size(), 4u);
+  EXPECT_FALSE(session_.is_open());
+}
+
 TEST_F(SharingSessionTest, StartsOverAtOnceWhenTheDestinationIsReachedAgain) {
   source_.Insert(kSelf, proto::POWER, "p");
   Order();

@@ -443,6 +443,68 @@ TEST(RecordStoreTest, HasNoMoreWhatIsDamagedInItsFile) {
   }
 }
 
+// Whatever becomes of the have-set on disk: what its rows hold is had, and nothing else for sure.
+TEST(RecordStoreTest, BelievesItsRowsMoreThanADamagedHaveSet) {
+  for (const char* damage : {
+           "UPDATE have_interval SET last = last + 1 WHERE data_type = 20",
+           "UPDATE have_interval SET last = 4 WHERE data_type = 20",
+           "UPDATE have_interval SET first = 4611686018427387904, last = 5 WHERE data_type = 20",
+           "UPDATE have_interval SET last = -1 WHERE data_type = 20",
+           "UPDATE have_interval SET last = 4611686018427387904 WHERE data_type = 20",
+           "UPDATE have_interval SET is_dropped = 1 WHERE data_type = 20",
+           "UPDATE have_interval SET origin = 3 WHERE data_type = 20",
+           "UPDATE have_interval SET epoch = epoch + 1 WHERE data_type = 20",
+           "UPDATE have_interval SET last = 4611686018427387904 WHERE data_type = 1 AND is_dropped = 1",
+           "UPDATE have_interval SET first = 3 WHERE data_type = 1 AND is_dropped = 1",
+           "DELETE FROM have_interval",
+           "UPDATE meta SET value = 3 WHERE name = 'next_row_id'",
+           "UPDATE meta SET value = -1 WHERE name = 'next_row_id'",
+       }) {
+    SCOPED_TRACE(damage);
+    TemporaryFolder folder;
+    const std::string path = folder.File("store.db");
+    HaveSet had;
+    std::size_t count = 0;
+    {
+      auto store = OpenStore(StoreOptionsOf(2, path));
+      for (int i = 0; i < 10; ++i) InsertOne(*store, NodeRecord(2, i));
+      for (int i = 0; i < 5; ++i) InsertOne(*store, TemperatureRecord(i));
+      had = HaveOf(*store);
+      count = Contents(*store).size();
+      ASSERT_TRUE(store->database().Execute(damage));
+    }
+    auto store = OpenStore(StoreOptionsOf(2, path));
+    EXPECT_EQ(store->set_aside(), "");
+    EXPECT_EQ(Contents(*store).size(), count);
+    const HaveSet had_after = HaveOf(*store);
+    for (const auto& [stream, have] : had.streams()) {
+      EXPECT_EQ(had_after.Get(stream).held, have.held);
+      EXPECT_TRUE(had_after.Get(stream).dropped.Minus(have.dropped).is_empty()) << "what never was is not had";
+    }
+    const proto::RecordKey next = InsertOne(*store, NodeRecord(2, 10));
+    EXPECT_GT(next.epoch(), had.streams().begin()->first.epoch);
+    store.reset();
+    store = OpenStore(StoreOptionsOf(2, path));
+    const HaveSet once_more = HaveOf(*store);
+    for (const auto& [stream, have] : had_after.streams()) EXPECT_EQ(once_more.Get(stream), have);
+  }
+}
+
+TEST(RecordStoreTest, LeavesADamagedHaveSetToANewProcess) {
+  TemporaryFolder folder;
+  RecordStore::Options options = StoreOptionsOf(2, folder.File("store.db"));
+  {
+    auto store = OpenStore(StoreOptionsOf(2, options.path));
+    InsertOne(*store, NodeRecord(2, 1));
+    ASSERT_TRUE(store->database().Execute("UPDATE have_interval SET last = 7"));
+  }
+  options.is_checked = true;
+  const auto opened = RecordStore::Open(options);
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().code, ErrorCode::kCorrupt);
+  EXPECT_FALSE(std::filesystem::exists(options.path + ".damaged-1"));
+}
+
 TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
   auto store = OpenStore(StoreOptionsOf(2));
   InsertOne(*store, MapRecord({2, 1}));
@@ -657,6 +719,19 @@ TEST(RecordStoreTest, KeepsTheNewestThousandRoleAssignments) {
   roles.set_leader(1);
   ASSERT_TRUE(OpenStore(options)->SaveRoles(roles));
   EXPECT_EQ(OpenStore(options)->LoadRoles()->history(0).leader(), 1u);
+}
+
+TEST(RecordStoreTest, LeavesOutADamagedRoleAssignment) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  for (int number = 1; number <= 3; ++number) {
+    proto::RoleAssignment roles;
+    roles.mutable_term()->set_number(number);
+    ASSERT_TRUE(store->SaveRoles(roles));
+  }
+  ASSERT_TRUE(store->database().Execute("UPDATE role_history SET content = x'0a02087f' WHERE row_id = 2"));
+  const proto::LoadRolesReply loaded = *store->LoadRoles();
+  ASSERT_EQ(loaded.history_size(), 2);
+  EXPECT_EQ(loaded.history(1).term().number(), 3u);
 }
 
 TEST(RecordStoreTest, CountsByOriginAndType) {

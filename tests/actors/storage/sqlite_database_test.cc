@@ -95,11 +95,11 @@ TEST(SqliteDatabaseTest, SaysWhereAFolderIsMissing) {
 }
 
 // Databases of released versions lie on robots' disks: a change is a new version, with a new file here.
-TEST(SchemaTest, DeclaresWhatVersion2Declares) {
+TEST(SchemaTest, DeclaresWhatVersion3Declares) {
   auto database = *Database::Open(":memory:");
   ASSERT_TRUE(Migrate(*database));
-  ASSERT_EQ(kSchemaVersion, 2);
-  EXPECT_EQ(SchemaOf(*database), Golden("schema_v2.txt"));
+  ASSERT_EQ(kSchemaVersion, 3);
+  EXPECT_EQ(SchemaOf(*database), Golden("schema_v3.txt"));
 }
 
 TEST(SchemaTest, MigratesAnEmptyFileAndThenLeavesItAlone) {
@@ -138,6 +138,11 @@ TEST(SchemaTest, NoticesADamagedStatement) {
   auto odd = *Database::Open(":memory:");
   ASSERT_TRUE(odd->Execute("PRAGMA user_version=-7"));
   EXPECT_EQ(CheckSchema(*odd).error().code, ErrorCode::kCorrupt);
+  auto without = *Database::Open(":memory:");
+  EXPECT_TRUE(CheckSchema(*without)) << "a new file";
+  ASSERT_TRUE(Migrate(*without));
+  ASSERT_TRUE(without->Execute("PRAGMA user_version=0"));
+  EXPECT_EQ(CheckSchema(*without).error().code, ErrorCode::kCorrupt);
 }
 
 TEST(SchemaTest, RefusesANewerFileAndAForeignOne) {

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+
 #include "runtime/simulation/simulated_team.h"
 #include "tests/actors/storage/store_fixtures.h"
 
@@ -134,6 +137,36 @@ TEST_F(StorageActorTest, NotesWhatPeersHaveWithoutAnAnswer) {
   EXPECT_EQ(team_.Post({2, "test"}, {2, "storage"}, note), SendResult::kAccepted);
   team_.RunUntilIdle();
   EXPECT_TRUE(team_.Take({2, "test"}).empty());
+}
+
+// A page in the middle of what is only read: a restart would find the same.
+TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
+  {
+    auto store = OpenStore(StorageActor::StoreOptions(options_));
+    for (int i = 0; i < 200; ++i) InsertOne(*store, NodeRecord(2, i));
+    ASSERT_TRUE(store->database().Execute("PRAGMA wal_checkpoint(TRUNCATE)"));
+    const std::int64_t page =
+        *store->database().Number("SELECT rootpage FROM sqlite_master WHERE name = 'pose_graph_node'");
+    store.reset();
+    std::fstream file(options_.path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp((page - 1) * 4096);
+    file << std::string(4096, '\x5a');
+  }
+  options_.is_checked = true;
+  Start();
+  ASSERT_TRUE(team_.is_running(2));
+  proto::Message question;
+  question.mutable_read_request();
+  (void)team_.Post({2, "test"}, {2, "storage"}, std::move(question));
+  team_.RunUntilIdle();
+  EXPECT_FALSE(team_.is_running(2));
+  EXPECT_EQ(team_.Take({2, "test"}).at(0).read_reply().error().code(), proto::ERROR_CODE_CORRUPT);
+  EXPECT_FALSE(std::filesystem::exists(options_.path + ".damaged-1"));
+
+  options_.is_checked = false;
+  team_.Restart(2);
+  EXPECT_EQ(ReadAll().records_size(), 0);
+  EXPECT_TRUE(std::filesystem::exists(options_.path + ".damaged-1"));
 }
 
 TEST_F(StorageActorTest, FailsWhereTheFileCannotBeOpened) {
