@@ -26,7 +26,7 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
   if (current_.leader() == options_.self) {
     is_waiting_to_lead_ = true;
     actions.leader_timer = options_.leader_wait;
-    if (IsConfirmedByAll()) TakeNewTerm(actions);  // A team of one.
+    if (IsConfirmedByAll()) TakeNewTerm(/*is_start=*/true, actions);  // A team of one.
   } else {
     actions.apply = current_;
   }
@@ -142,7 +142,7 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   confirmed_ = std::move(saving_holders_);
   is_waiting_to_lead_ = IsFromEarlierLife(current_);
   if (is_waiting_to_lead_) {
-    TakeNewTerm(actions);
+    TakeNewTerm(/*is_start=*/current_.term().issuer() == options_.self, actions);
     return actions;
   }
   actions.apply = current_;
@@ -170,7 +170,7 @@ RoleLogic::Actions RoleLogic::OnLeaderTimer(std::int64_t now_ns) {
   Actions actions;
   if (!is_waiting_to_lead_) return actions;
   started_ns_ = now_ns;  // What is being stored already ends the wait too.
-  if (!saving_) TakeNewTerm(actions);
+  if (!saving_) TakeNewTerm(/*is_start=*/true, actions);
   return actions;
 }
 
@@ -221,8 +221,7 @@ bool RoleLogic::IsMember(AgentId agent) const {
 }
 
 bool RoleLogic::IsFromEarlierLife(const proto::RoleAssignment& roles) const {
-  if (roles.leader() != options_.self || roles.term().issuer_epoch() == own_epoch_) return false;
-  return is_waiting_to_lead_ || roles.term().issuer() == options_.self;
+  return roles.leader() == options_.self && roles.term().issuer_epoch() != own_epoch_;
 }
 
 void RoleLogic::Tell(AgentId to, bool is_reply, Actions& actions) const {
@@ -242,14 +241,16 @@ void RoleLogic::TellUnconfirmed(Actions& actions) {
 
 void RoleLogic::Confirm(AgentId agent, Actions& actions) {
   confirmed_.insert(agent);
-  if (is_waiting_to_lead_ && IsConfirmedByAll() && !saving_) TakeNewTerm(actions);
+  if (is_waiting_to_lead_ && IsConfirmedByAll() && !saving_) TakeNewTerm(/*is_start=*/true, actions);
 }
 
-void RoleLogic::TakeNewTerm(Actions& actions) {
+void RoleLogic::TakeNewTerm(bool is_start, Actions& actions) {
   proto::RoleAssignment roles = current_;
   *roles.mutable_term() = NextTerm();
-  roles.set_stamp_ns(started_ns_);
-  roles.set_reason(current_.term().number() == 0 ? "start of the leader" : "restart of the leader");
+  if (is_start) {
+    roles.set_stamp_ns(started_ns_);
+    roles.set_reason(current_.term().number() == 0 ? "start of the leader" : "restart of the leader");
+  }
   actions.save = Adopt(std::move(roles)).save;
 }
 

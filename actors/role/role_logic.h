@@ -101,13 +101,15 @@ class RoleLogic {
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
   proto::Term NextTerm() const;
   bool IsMember(AgentId agent) const;
-  // Names this agent leader in a term in which it may have acted before it started.
+  // Names this agent leader in a term in which it may have led before it started: any that it did not issue since. It
+  // need not remember, if its disk was lost or is an old copy.
   bool IsFromEarlierLife(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const { return confirmed_.size() >= options_.agents.size(); }
   void Tell(AgentId to, bool is_reply, Actions& actions) const;
   void TellUnconfirmed(Actions& actions);
   void Confirm(AgentId agent, Actions& actions);
-  void TakeNewTerm(Actions& actions);
+  // Of the present assignment; `is_start`: for this agent's start, else for what another agent decided.
+  void TakeNewTerm(bool is_start, Actions& actions);
 
   Options options_;
   bool is_loaded_ = false;

@@ -275,8 +275,6 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   const std::uint32_t number = next_batch_number_++;
   proto::Message message = std::move(batch.message);
   batch.message.Clear();
-  message.mutable_batch()->set_session_id(session_id_);
-  message.mutable_batch()->set_batch_number(number);
   unacked_bytes_ += batch.bytes;
   sent_records_ += static_cast<double>(batch.keys.size());
   coded_bytes_ += static_cast<double>(batch.bytes);
@@ -313,6 +311,8 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   }
   const std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
   proto::Batch& batch = *result.message.mutable_batch();
+  batch.set_session_id(session_id_);
+  batch.set_batch_number(next_batch_number_);
   batch.set_codec(coded.codec);
   batch.set_coded(std::move(coded.bytes));
   batch.set_record_count(static_cast<std::uint32_t>(count));

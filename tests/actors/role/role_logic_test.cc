@@ -178,9 +178,17 @@ TEST_F(RoleLogicTest, TakesANewTermBeforeItLeadsUnderOneOfAnEarlierLife) {
   EXPECT_EQ(logic_.OnSaved().apply->term().number(), 7u);
 }
 
-TEST_F(RoleLogicTest, LeadsUnderTheTermInWhichAnotherAgentNamedIt) {
-  logic_.OnAnnounce(3, Announce(Roles(kSelf, 1, 6, 3)));
-  EXPECT_EQ(logic_.OnSaved().apply->term().number(), 6u);
+// It may have led in that one before, if its disk was lost since.
+TEST_F(RoleLogicTest, LeadsOnlyInTermsOfItsOwnWhoeverNamesIt) {
+  proto::RoleAssignment named = Roles(kSelf, 1, 6, 3);
+  named.set_reason("as the operator said");
+  logic_.OnAnnounce(3, Announce(named));
+  const auto heard = logic_.OnSaved();
+  EXPECT_FALSE(heard.apply);
+  ASSERT_TRUE(heard.save);
+  EXPECT_EQ(OrderOf(heard.save->term()), OrderOf(Roles(kSelf, 1, 7, kSelf, 77).term()));
+  EXPECT_EQ(heard.save->reason(), "as the operator said");
+  EXPECT_EQ(logic_.OnSaved().apply->term().number(), 7u);
 }
 
 TEST_F(RoleLogicTest, RefusesAtTheDoor) {
