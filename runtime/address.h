@@ -33,6 +33,7 @@ inline constexpr char kPgo[] = "pgo";
 inline constexpr char kMerge[] = "merge";
 inline constexpr char kRole[] = "role";
 inline constexpr char kGateway[] = "gateway";
+inline constexpr char kClock[] = "clock";
 }  // namespace actor_name
 
 }  // namespace moondb

@@ -181,7 +181,9 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
     case proto::Record::kLocalTraversabilityMap: {
       Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
       if (!map) return tl::unexpected(map.error());
-      const Result<bool> put = collection_.PutMap(key, record.stamp_ns(), std::move(*map));
+      // A doubtful stamp wins nothing.
+      const std::int64_t stamp_ns = record.is_clock_suspect() ? INT64_MIN : record.stamp_ns();
+      const Result<bool> put = collection_.PutMap(key, stamp_ns, std::move(*map));
       if (!put) return tl::unexpected(put.error());
       return {};
     }

@@ -8,7 +8,8 @@
 
 namespace moondb {
 
-StorageActor::StorageActor(Options options) : options_(std::move(options)) {}
+StorageActor::StorageActor(Options options)
+    : options_(std::move(options)), clock_judge_(BaseStationOf(options_.team)) {}
 
 StorageActor::~StorageActor() = default;
 
@@ -35,6 +36,7 @@ void StorageActor::OnStart(Context& context) {
     return;
   }
   store_ = *std::move(store);
+  (void)IsClockSuspect(context);  // From here on a jump is seen.
 }
 
 void StorageActor::OnMessage(Context& context, const proto::Message& message) {
@@ -64,13 +66,22 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
     }
     case proto::Message::kStorageStatusRequest:
       return OnStatus(context);
+    case proto::Message::kPeerClock:
+      return clock_judge_.NotePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
     default:
       spdlog::debug("storage: ignored a message of kind {}", static_cast<int>(message.body_case()));
   }
 }
 
 void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
-  RecordStore::Inserted inserted = store_->Insert(request);
+  RecordStore::Inserted inserted;
+  if (IsClockSuspect(context)) {
+    proto::InsertRequest marked = request;
+    for (proto::Record& record : *marked.mutable_records()) record.set_is_clock_suspect(true);
+    inserted = store_->Insert(marked);
+  } else {
+    inserted = store_->Insert(request);
+  }
   if (IsError(inserted.reply.error())) FailIfDamaged(context, FromProto(inserted.reply.error()));
   proto::Message reply;
   *reply.mutable_insert_reply() = std::move(inserted.reply);
@@ -144,9 +155,27 @@ void StorageActor::OnLoadRoles(Context& context) {
 void StorageActor::OnStatus(Context& context) {
   Result<proto::StorageStatus> status = store_->GetStatus();
   if (!status) Note(context, "status", status.error());
+  (void)IsClockSuspect(context);
   proto::Message reply;
   *reply.mutable_storage_status() = status ? *std::move(status) : proto::StorageStatus();
+  reply.mutable_storage_status()->set_clock_suspect(clock_suspect_);
   Answer(context, std::move(reply));
+}
+
+bool StorageActor::IsClockSuspect(Context& context) {
+  ClockJudge::Verdict verdict = clock_judge_.Judge(context.utc_now_ns(), context.now());
+  if (verdict.has_jumped) {
+    proto::Message jumped;
+    jumped.set_ms_type(proto::CONTROL);
+    jumped.mutable_clock_jumped();
+    (void)context.Send({options_.self, actor_name::kClock}, std::move(jumped));
+  }
+  if (verdict.suspect.empty() != clock_suspect_.empty()) {
+    spdlog::warn("storage: this agent's clock is {}",
+                 verdict.suspect.empty() ? "not suspect any more" : "suspect: " + verdict.suspect);
+  }
+  clock_suspect_ = std::move(verdict.suspect);
+  return !clock_suspect_.empty();
 }
 
 void StorageActor::Answer(Context& context, proto::Message reply) {

@@ -2,13 +2,15 @@
 //
 // Thin: RecordStore does the work. Every reply comes after the commit that it speaks of. A failed write is an error in
 // its reply, and the actor goes on; a file that cannot be opened fails the actor, and one that turns out to be damaged
-// ends the process. Spawn it with a thread of its own: commits wait for the disk.
+// ends the process. Marks what is inserted while this agent's clock is suspect. Spawn it with a thread of its own:
+// commits wait for the disk.
 #pragma once
 
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "actors/storage/clock_judge.h"
 #include "actors/storage/record_store.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
@@ -48,8 +50,12 @@ class StorageActor final : public Actor {
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);
   void Notify(Context& context, const proto::RecordsStored& stored);
+  // Whether what is inserted now must be marked.
+  bool IsClockSuspect(Context& context);
 
   const Options options_;
+  ClockJudge clock_judge_;
+  std::string clock_suspect_;  // The last verdict.
   std::unique_ptr<RecordStore> store_;
 };
 

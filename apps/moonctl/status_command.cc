@@ -39,6 +39,12 @@ std::vector<std::string> Row(const proto::AgentConfig& agent, const proto::Agent
           status.merge_backend()};
 }
 
+// A line for each thing that a person should know.
+std::string RemarksOn(const proto::AgentConfig& agent, const proto::AgentStatus& status) {
+  const std::string& clock = status.storage().clock_suspect();
+  return clock.empty() ? "" : agent.name() + ": clock suspect: " + clock + "\n";
+}
+
 ExitCode ShowStatus(CommandContext& context) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
@@ -50,6 +56,7 @@ ExitCode ShowStatus(CommandContext& context) {
   JsonWriter json;
   json.BeginObject().Key("team").String((*team)->config.team()).Key("agents").BeginArray();
   ExitCode code = ExitCode::kDone;
+  std::string remarks;
   for (const proto::AgentConfig& agent : (*team)->config.agents()) {
     if (!context.agent.empty() && agent.name() != context.agent) continue;
     const auto status = AskStatus(context, agent.name());
@@ -57,6 +64,7 @@ ExitCode ShowStatus(CommandContext& context) {
     json.Key("is_reachable").Bool(status.has_value());
     if (status) {
       table.Add(Row(agent, *status));
+      remarks += RemarksOn(agent, *status);
       json.Key("status").Raw(ToJson(*status));
     } else {
       code = ExitCode::kUnreachable;
@@ -66,7 +74,7 @@ ExitCode ShowStatus(CommandContext& context) {
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text());
+  return context.Print(code, json.text(), table.Text() + remarks);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "actors/clock/clock_actor.h"
 #include "actors/gateway/gateway_actor.h"
 #include "actors/merge/merge_actor.h"
 #include "actors/pgo/pgo_actor.h"
@@ -25,7 +26,8 @@ namespace {
 
 constexpr char kDatabaseFile[] = "moondb.sqlite";
 constexpr std::array kStandardActors = {actor_name::kStorage, actor_name::kSync, actor_name::kReplica, actor_name::kPgo,
-                                        actor_name::kMerge,   actor_name::kRole, actor_name::kGateway};
+                                        actor_name::kMerge,   actor_name::kRole, actor_name::kGateway,
+                                        actor_name::kClock};
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
@@ -127,6 +129,11 @@ class Agent::Impl {
     StorageActor::Options storage = StorageOptions();
     storage.is_checked = true;  // By CheckStore.
     SpawnActor<StorageActor>(*system_, actor_name::kStorage, Placement::kOwnThread, std::move(storage));
+
+    ClockActor::Options clock;
+    clock.self = self_;
+    clock.team = team;
+    SpawnActor<ClockActor>(*system_, actor_name::kClock, Placement::kPool, std::move(clock));
 
     RoleActor::Options role;
     role.self = self_;

@@ -108,9 +108,10 @@ class MergeActorTest : public testing::Test {
     Store(agent, proto::OPTIMIZED_POSE, record);
   }
 
-  void StoreMap(AgentId agent, const Rows& rows, std::uint32_t resolution_um = kCellUm) {
+  void StoreMap(AgentId agent, const Rows& rows, std::uint32_t resolution_um = kCellUm, bool is_clock_suspect = false) {
     proto::Record record;
     record.set_stamp_ns(static_cast<std::int64_t>(store_->records.size()));
+    record.set_is_clock_suspect(is_clock_suspect);
     *record.mutable_local_traversability_map() = ToProto(DrawMap(rows, resolution_um, agent));
     Store(agent, proto::LOCAL_TRAVERSABILITY_MAP, record);
   }
@@ -158,6 +159,15 @@ TEST_F(MergeActorTest, MergesWhatStorageHolds) {
   EXPECT_EQ(reply.node_count(), 2);
   EXPECT_EQ(reply.backend(), "cpu");
   EXPECT_GE(reply.seconds(), 0);
+}
+
+TEST_F(MergeActorTest, AMapWithADoubtfulStampWinsNothingByIt) {
+  StoreNode(1, 0);
+  StoreNode(2, 0);
+  StoreMap(1, {"###", "###", "###"});
+  StoreMap(2, {"...", "...", "..."}, kCellUm, /*is_clock_suspect=*/true);  // Newer, as it says.
+  Start();
+  EXPECT_NE(Decode(Merge()).front().find('#'), std::string::npos);
 }
 
 TEST_F(MergeActorTest, ReadsPageByPageAndOnlyWhatIsNew) {

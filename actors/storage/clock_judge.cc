@@ -1,0 +1,65 @@
+#include "actors/storage/clock_judge.h"
+
+#include <cmath>
+#include <cstdio>
+
+namespace moondb {
+namespace {
+
+constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kToleranceNs = 60 * kSecondNs;
+constexpr std::int64_t kUtcMinNs = 1'704'067'200 * kSecondNs;  // 2024-01-01.
+constexpr std::int64_t kUtcMaxNs = 7'258'118'400 * kSecondNs;  // 2200-01-01: differences do not overflow.
+
+bool IsPlausible(std::int64_t utc_ns) { return utc_ns >= kUtcMinNs && utc_ns < kUtcMaxNs; }
+
+bool Agree(std::int64_t offset_a_ns, std::int64_t offset_b_ns) {
+  return std::llabs(offset_a_ns - offset_b_ns) <= kToleranceNs;
+}
+
+}  // namespace
+
+void ClockJudge::NotePeer(AgentId peer, std::int64_t utc_ns, Time now) {
+  if (IsPlausible(utc_ns)) {
+    peer_offsets_ns_[peer] = utc_ns - now.time_since_epoch().count();
+  } else {
+    peer_offsets_ns_.erase(peer);
+  }
+}
+
+ClockJudge::Verdict ClockJudge::Judge(std::int64_t utc_ns, Time now) {
+  Verdict verdict;
+  if (!IsPlausible(utc_ns)) {
+    verdict.has_jumped = offset_ns_.has_value();
+    offset_ns_.reset();
+    unproven_jump_s_ = 0;
+    verdict.suspect = "it was never set";
+    return verdict;
+  }
+  const std::int64_t offset_ns = utc_ns - now.time_since_epoch().count();
+  if (offset_ns_ && !Agree(offset_ns, *offset_ns_)) {
+    verdict.has_jumped = true;
+    unproven_jump_s_ += static_cast<double>(offset_ns - *offset_ns_) / kSecondNs;
+  }
+  offset_ns_ = offset_ns;
+
+  int agreeing = 1;  // This one.
+  int differing = 0;
+  for (const auto& [peer, peer_offset_ns] : peer_offsets_ns_) {
+    ++(Agree(offset_ns, peer_offset_ns) ? agreeing : differing);
+  }
+  const auto base = peer_offsets_ns_.find(base_station_);
+  const bool is_off_base = base != peer_offsets_ns_.end() && !Agree(offset_ns, base->second);
+  const bool is_off = differing > agreeing || (differing == agreeing && is_off_base);
+  if (!is_off && agreeing > 1) unproven_jump_s_ = 0;
+  if (is_off) {
+    verdict.suspect = "it is more than a minute off the clocks of " + std::to_string(differing) + " other agents";
+  } else if (std::abs(unproven_jump_s_) * kSecondNs > kToleranceNs) {
+    char text[80];
+    std::snprintf(text, sizeof(text), "it jumped by %.0f s, and no other agent's clock agrees", unproven_jump_s_);
+    verdict.suspect = text;
+  }
+  return verdict;
+}
+
+}  // namespace moondb
