@@ -137,6 +137,7 @@ Result<void> RecordStore::MendFromRows() {
   HaveSet mended;
   std::uint64_t row_id_max = 0;
   std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged;  // Row ids.
+  std::set<std::pair<AgentId, DataType>> gone;                        // Whose rows are not all there.
   for (const RecordTable& table : RecordTables()) {
     Query query = table.ReadAfter(*database_, 0);
     while (true) {
@@ -152,10 +153,16 @@ Result<void> RecordStore::MendFromRows() {
         mended[key.stream].held.Add(key.seq);
       } else {
         damaged.emplace_back(&table, row_id);
+        gone.emplace(key.stream.origin, key.stream.type);
       }
     }
   }
   for (const auto& [stream, have] : ledger_.have().streams()) {
+    if (!have.held.Minus(mended.Get(stream).held).is_empty()) gone.emplace(stream.origin, stream.type);
+  }
+  for (const auto& [stream, have] : ledger_.have().streams()) {
+    // What a lost row had replaced may be the newest that is left with a peer, which is to send it.
+    if (gone.contains({stream.origin, stream.type})) continue;
     const IntervalSet dropped = have.dropped.Minus(mended.Get(stream).held);
     if (!dropped.is_empty()) mended[stream].dropped = dropped;
   }

@@ -443,6 +443,27 @@ TEST(RecordStoreTest, HasNoMoreWhatIsDamagedInItsFile) {
   }
 }
 
+// A peer may still have the one before it, which is then the newest that is left.
+TEST(RecordStoreTest, TakesBackWhatADamagedStateHadReplaced) {
+  TemporaryFolder folder;
+  const RecordStore::Options options = StoreOptionsOf(2, folder.File("store.db"));
+  auto other = OpenStore(StoreOptionsOf(3));
+  auto store = OpenStore(options);
+  for (const double celsius : {1.0, 2.0}) {
+    InsertOne(*store, TemperatureRecord(celsius));
+    if (celsius == 1.0) {
+      for (const proto::StoredRecord& record : Contents(*store)) StoreOne(*other, record);
+    }
+  }
+  ASSERT_TRUE(store->database().Execute("UPDATE temperature SET content = CAST(content || x'00' AS BLOB)"));
+  store.reset();
+  store = OpenStore(options);
+  EXPECT_TRUE(Contents(*store).empty());
+  for (const proto::StoredRecord& record : Contents(*other)) StoreOne(*store, record);
+  ASSERT_EQ(Contents(*store).size(), 1u);
+  EXPECT_EQ(Contents(*store)[0].key().seq(), 1u);
+}
+
 // Whatever becomes of the have-set on disk: what its rows hold is had, and nothing else for sure.
 TEST(RecordStoreTest, BelievesItsRowsMoreThanADamagedHaveSet) {
   for (const char* damage : {
