@@ -119,6 +119,7 @@ void SharingActor::OnBatch(Context& context, const proto::Message& message) {
     return;
   }
   Perform(context, *std::move(actions));
+  OnReceived(context, context.sender().agent, /*is_all=*/false);
 }
 
 void SharingActor::OnStoreReply(Context& context, const proto::Message& message) {
@@ -127,12 +128,12 @@ void SharingActor::OnStoreReply(Context& context, const proto::Message& message)
     spdlog::warn("{}: storage refused {} records of a peer", ToString(context.self()), reply.rejected_count());
   }
   SharingActions acknowledgments = receiver_->OnStoreReply(message.request_id(), reply);
-  std::vector<std::pair<AgentId, bool>> received;
+  std::vector<AgentId> ended;
   for (const SharingAction& action : acknowledgments) {
-    if (action.message.has_have()) received.emplace_back(action.to, action.message.remaining() == 0);
+    if (action.message.has_have() && action.message.remaining() == 0) ended.push_back(action.to);
   }
   Perform(context, std::move(acknowledgments));
-  for (const auto& [sender, is_all] : received) OnReceived(context, sender, is_all);
+  for (const AgentId sender : ended) OnReceived(context, sender, /*is_all=*/true);
 }
 
 void SharingActor::OnShareRequest(Context& context, const proto::Message& message) {

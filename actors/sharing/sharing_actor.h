@@ -45,7 +45,7 @@ class SharingActor : public Actor {
   // roles() are new. At first, and until RoleActor speaks, they are those of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
   virtual void OnPeerEvent(Context&, AgentId) {}
-  // What a sender sent is stored here; `is_all`: all that it had for this agent when it was ordered to share.
+  // A batch came; `is_all`: all that its sender had for this agent, when it was ordered to share, is stored here.
   virtual void OnReceived(Context&, AgentId, bool /*is_all*/) {}
   // An order was answered with an error.
   virtual void OnOrderRefused(Context&, AgentId) {}

@@ -89,7 +89,23 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     ++counts_.dropped_messages;
     return SharingActions();
   }
-  Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
+  std::string whole;
+  if (batch.has_piece()) {
+    Result<std::optional<std::string>> taken = pieces_.Take(sender, batch);
+    if (!taken && taken.error().code == ErrorCode::kNotFound) return Refuse(sender, batch.session_id(), taken.error());
+    if (!taken) {
+      ++counts_.damaged_messages;
+      return tl::unexpected(taken.error());
+    }
+    if (!*taken) {
+      SharingAction acknowledgment{sender, AcknowledgmentOf(message, proto::RecordBatch())};
+      acknowledgment.message.mutable_have()->set_unacked_bytes_max(options_.unacked_bytes_max);
+      return SharingActions{std::move(acknowledgment)};
+    }
+    whole = **std::move(taken);
+  }
+  Result<proto::RecordBatch> records =
+      DecodeBatch(batch.codec(), batch.has_piece() ? whole : batch.coded(), batch.record_count());
   const Result<void> dropped = CheckDropped(batch);
   if (!records || !dropped) {
     ++counts_.damaged_messages;
@@ -122,6 +138,9 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
       if (is_asked) *have.mutable_have()->add_streams() = stream;
     }
     have.set_is_whole(true);
+    const PartOfWhole part = pieces_.PartFrom(sender);
+    have.set_part_hash(part.hash);
+    have.set_part_bytes(part.bytes);
     have.set_unacked_bytes_max(options_.unacked_bytes_max);
     return {std::move(action)};
   }

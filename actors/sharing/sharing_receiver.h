@@ -18,6 +18,7 @@
 #include <set>
 #include <string>
 
+#include "actors/sharing/pieces.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/error.h"
 #include "proto/message.pb.h"
@@ -77,6 +78,7 @@ class SharingReceiver {
   Options options_;
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
+  PieceCollector pieces_{kCodedBytesMax};
   Counts counts_;
 };
 

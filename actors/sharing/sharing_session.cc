@@ -106,6 +106,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   }
   if (phase_ == Phase::kAwaitingHave) {
     have_ = *std::move(heard);
+    part_ = {have.part_hash(), have.part_bytes()};
     phase_ = Phase::kSending;
     credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
     last_progress_ = now;
@@ -248,7 +249,10 @@ void SharingSession::Complete(SharingActions& actions) {
 
 void SharingSession::Fill(Time now, SharingActions& actions) {
   if (phase_ != Phase::kSending) return;
-  if (ready_ && MayLeave(*ready_)) SendReady(now, actions);
+  while (ready_ && MayLeave(*ready_)) {
+    SendReady(now, actions);
+    if (large_) ready_ = NextPiece();
+  }
   if (!ready_ && !is_asking_ && !is_exhausted_) AskForMissing(actions);
   if (!ready_ && !is_asking_ && under_way_.empty()) Complete(actions);
 }
@@ -310,9 +314,11 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
     coded_ratio_ = std::max(kRatioMin, 0.5 * (coded_ratio_ + ratio));
   }
   const std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
+  if (coded.bytes.size() > options_.batch_bytes_max && count == 1) {
+    large_ = Large{result.keys.front(), remaining, PieceCutter(std::move(coded), 1, part_)};
+    return NextPiece();
+  }
   proto::Batch& batch = *result.message.mutable_batch();
-  batch.set_session_id(session_id_);
-  batch.set_batch_number(next_batch_number_);
   batch.set_codec(coded.codec);
   batch.set_coded(std::move(coded.bytes));
   batch.set_record_count(static_cast<std::uint32_t>(count));
@@ -322,19 +328,41 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
     result.dropped = FirstDropped(reply, options_.batch_bytes_max - std::min(options_.batch_bytes_max, coded_bytes));
     batch.mutable_dropped()->Assign(result.dropped.begin(), result.dropped.end());
   }
-  result.bytes = batch.ByteSizeLong();
-  result.message.set_ms_type(proto::DATA);
-  result.message.set_remaining(remaining);
-  result.message.set_destination_id(destination_);
-  if (!result.keys.empty()) {
-    result.message.set_agent_id(result.keys.front().stream.origin);
-    result.message.set_data_type(result.keys.front().stream.type);
-    result.message.set_record_id(ToString(result.keys.front()));
-  } else if (!result.dropped.empty()) {
-    result.message.set_agent_id(result.dropped.front().origin_agent());
-    result.message.set_data_type(result.dropped.front().data_type());
-  }
+  Address(result, remaining);
   return result;
+}
+
+SharingSession::CodedRecords SharingSession::NextPiece() {
+  CodedRecords piece;
+  *piece.message.mutable_batch() = large_->cutter.Next(options_.batch_bytes_max);
+  if (!large_->cutter.is_done()) {
+    Address(piece, large_->remaining + 1);
+    return piece;
+  }
+  piece.keys = {large_->key};
+  missing_count_ = large_->remaining;
+  is_end_told_ = missing_count_ == 0;
+  large_.reset();
+  Address(piece, missing_count_);
+  return piece;
+}
+
+void SharingSession::Address(CodedRecords& batch, std::uint64_t remaining) const {
+  batch.message.mutable_batch()->set_session_id(session_id_);
+  batch.message.mutable_batch()->set_batch_number(next_batch_number_);
+  batch.bytes = batch.message.batch().ByteSizeLong();
+  batch.message.set_ms_type(proto::DATA);
+  batch.message.set_remaining(remaining);
+  batch.message.set_destination_id(destination_);
+  if (!batch.keys.empty() || large_) {
+    const RecordKey& first = batch.keys.empty() ? large_->key : batch.keys.front();
+    batch.message.set_agent_id(first.stream.origin);
+    batch.message.set_data_type(first.stream.type);
+    batch.message.set_record_id(ToString(first));
+  } else if (!batch.dropped.empty()) {
+    batch.message.set_agent_id(batch.dropped.front().origin_agent());
+    batch.message.set_data_type(batch.dropped.front().data_type());
+  }
 }
 
 HaveSet SharingSession::ExpectedHave() const {
@@ -346,6 +374,7 @@ HaveSet SharingSession::ExpectedHave() const {
   };
   for (const auto& [number, batch] : under_way_) add(batch);
   if (ready_) add(*ready_);
+  if (large_) AddHeld({large_->key}, expected);
   // Held and dropped stay apart, whatever overlapped above.
   HaveSet apart;
   apart.Merge(expected);
@@ -393,6 +422,7 @@ void SharingSession::AskAnew() {
 void SharingSession::ForgetUnderWay() {
   AskAnew();
   ready_.reset();
+  large_.reset();
   under_way_.clear();
   unacked_bytes_ = 0;
   next_batch_number_ = 1;

@@ -26,6 +26,7 @@
 #include <vector>
 
 #include "actors/sharing/codec.h"
+#include "actors/sharing/pieces.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/have_set.h"
 #include "proto/message.pb.h"
@@ -41,7 +42,7 @@ class SharingSession {
     Duration resend_after = std::chrono::seconds(5);       // Longer than one round trip of the radio.
     Duration resend_after_max = std::chrono::seconds(30);  // The delay doubles up to this.
     std::size_t unacked_bytes_max = 8 * 1024;              // 65 ms of a 1 Mbps radio.
-    std::size_t batch_bytes_max = 4 * 1024;                // Coded. A single larger record travels alone.
+    std::size_t batch_bytes_max = 4 * 1024;                // Coded. A larger record travels in pieces of this size.
     std::size_t bytes_per_second_min = 16 * 1024;          // A slower radio is given up on and tried again.
   };
 
@@ -91,8 +92,11 @@ class SharingSession {
   void AskForMissing(SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
   bool MayLeave(const CodedRecords& batch) const;
-  // As many of the records as fit into one message; learns the ratio.
+  // As many of the records as fit into one message, or the first piece of one that does not; learns the ratio.
   CodedRecords Code(const proto::MissingReply& reply);
+  CodedRecords NextPiece();
+  // Fills in all of the message but codec, coded bytes and what is dropped.
+  void Address(CodedRecords& batch, std::uint64_t remaining) const;
   // What the destination has or will have once everything under way arrives.
   HaveSet ExpectedHave() const;
   void Acknowledge(std::uint32_t batch_number);
@@ -119,6 +123,14 @@ class SharingSession {
   HaveSet
       refused_;  // What acknowledged batches carried and the destination did not take; not sent again before a restart.
   std::optional<CodedRecords> ready_;
+  // One record on its way in pieces, those behind what is ready.
+  struct Large {
+    RecordKey key;
+    std::uint64_t remaining = 0;  // Behind it.
+    PieceCutter cutter;
+  };
+  std::optional<Large> large_;
+  PartOfWhole part_;                                 // That the destination has, as it said.
   std::map<std::uint32_t, CodedRecords> under_way_;  // By batch number; without their messages.
   std::size_t unacked_bytes_ = 0;
   std::size_t credit_bytes_ = 0;

@@ -166,6 +166,39 @@ TEST_F(SharingReceiverTest, CountsAndDropsDamagedBatches) {
   EXPECT_EQ(receiver_.counts().damaged_messages, 3);
 }
 
+TEST_F(SharingReceiverTest, StoresWhatCameInPiecesAndSaysHowMuchOfItIsHere) {
+  const proto::Message whole = Batch(11, 1);
+  PieceCutter cutter({whole.batch().codec(), whole.batch().coded()}, 1, {});
+  std::vector<proto::Message> pieces;
+  while (!cutter.is_done()) {
+    proto::Message& piece = pieces.emplace_back(whole);
+    *piece.mutable_batch() = cutter.Next(8);
+    piece.mutable_batch()->set_session_id(11);
+    piece.mutable_batch()->set_batch_number(static_cast<std::uint32_t>(pieces.size()));
+  }
+  ASSERT_GT(pieces.size(), 1u);
+  OpenSession(2, 10);
+  const std::uint64_t question = OpenSession(2, 11);
+  for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
+    const SharingActions acknowledged = *receiver_.OnBatch(2, pieces[i], now_);
+    ASSERT_EQ(acknowledged.size(), 1u);
+    EXPECT_EQ(acknowledged[0].to, 2u);
+    EXPECT_EQ(acknowledged[0].message.have().batch_number(), i + 1);
+    EXPECT_FALSE(acknowledged[0].message.have().is_whole());
+  }
+  const proto::Have have = receiver_.OnHaveReply(question, {})[0].message.have();
+  EXPECT_EQ(have.part_hash(), pieces[0].batch().piece().hash());
+  EXPECT_EQ(have.part_bytes(), 8 * (pieces.size() - 1));
+  const SharingActions asked = *receiver_.OnBatch(2, pieces.back(), now_);
+  ASSERT_EQ(asked.size(), 1u);
+  EXPECT_EQ(asked[0].message.store_request().records_size(), 1);
+  EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, pieces.back(), now_)), ErrorCode::kNotFound) << "its beginning is gone";
+  proto::Message impossible = pieces[0];
+  impossible.mutable_batch()->mutable_piece()->set_whole_bytes(UINT64_MAX);
+  EXPECT_FALSE(receiver_.OnBatch(2, impossible, now_));
+  EXPECT_EQ(receiver_.counts().damaged_messages, 1);
+}
+
 TEST_F(SharingReceiverTest, BoundsWhatWaitsForStorageUntilTheSenderStartsOver) {
   OpenSession(2, 10);
   for (std::uint32_t number = 1; number <= 16; ++number) {

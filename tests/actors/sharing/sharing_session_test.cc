@@ -56,19 +56,32 @@ class SharingSessionTest : public testing::Test {
     *have.mutable_have() = destination_.Have().have();
     have.set_is_whole(true);
     have.set_unacked_bytes_max(credit);
+    have.set_part_hash(pieces_.PartFrom(kSelf).hash);
+    have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
     Take(session_.OnHave(have, now_));
   }
 
   // The destination stores a batch; what it acknowledges.
   proto::Have Store(const proto::Message& message) {
     const proto::Batch& batch = message.batch();
+    std::string coded = batch.coded();
+    if (batch.has_piece()) {
+      const auto whole = *pieces_.Take(kSelf, batch);
+      if (!whole) return AcknowledgmentOf(batch);
+      coded = *whole;
+    }
     proto::StoreRequest request;
-    *request.mutable_records() = DecodeBatch(batch.codec(), batch.coded(), batch.record_count())->records();
+    *request.mutable_records() = DecodeBatch(batch.codec(), coded, batch.record_count())->records();
     *request.mutable_dropped() = batch.dropped();
+    proto::Have have = AcknowledgmentOf(batch);
+    *have.mutable_have() = destination_.Store(request).had();
+    return have;
+  }
+
+  static proto::Have AcknowledgmentOf(const proto::Batch& batch) {
     proto::Have have;
     have.set_session_id(batch.session_id());
     have.set_batch_number(batch.batch_number());
-    *have.mutable_have() = destination_.Store(request).had();
     return have;
   }
 
@@ -100,6 +113,7 @@ class SharingSessionTest : public testing::Test {
   SharingSession::Time now_{};
   MemoryStore source_;
   MemoryStore destination_;
+  PieceCollector pieces_{1'000'000};  // The destination's.
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
 };
@@ -212,22 +226,49 @@ TEST_F(SharingSessionTest, FillsMessagesWellWhateverTheContentIsLike) {
   EXPECT_GT(static_cast<double>(bytes) / static_cast<double>(batches.size()), 2500.0);
 }
 
-TEST_F(SharingSessionTest, SendsALargeRecordAlone) {
+TEST_F(SharingSessionTest, SendsALargeRecordInPieces) {
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(100));
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100'000));
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100));
   Order();
   AnswerHello();
-  auto sent = TakeSent();
-  ASSERT_EQ(sent.size(), 1u);  // The large one waits until nothing else is under way.
-  EXPECT_LT(sent[0].batch().coded().size(), 4096u);
-  Acknowledge(sent[0]);
-  sent = TakeSent();
-  ASSERT_EQ(sent.size(), 1u);
-  EXPECT_EQ(sent[0].batch().record_count(), 1u);
-  EXPECT_GT(sent[0].batch().coded().size(), 100'000u);
-  Acknowledge(sent[0]);
-  RunToEnd();
+  std::size_t pieces = 0;
+  std::uint64_t remaining = 3;
+  while (!sent_.empty()) {
+    std::size_t unacked = 0;
+    for (const proto::Message& message : sent_) unacked += message.batch().ByteSizeLong();
+    EXPECT_LE(unacked, 8 * 1024u);
+    for (const proto::Message& message : TakeSent()) {
+      pieces += message.batch().has_piece() ? 1 : 0;
+      EXPECT_LE(message.batch().coded().size(), 4096u);
+      EXPECT_LE(message.remaining(), remaining);
+      remaining = message.remaining();
+      Acknowledge(message);
+    }
+  }
+  EXPECT_EQ(pieces, 25u);
+  EXPECT_EQ(remaining, 0u);
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().acknowledged_records(), 3);
+  EXPECT_EQ(Status().remaining(), 0);
+}
+
+TEST_F(SharingSessionTest, GoesOnInALargeRecordWhereACutEndedIt) {
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100'000));
+  Order();
+  AnswerHello();
+  std::size_t pieces = 0;
+  for (; pieces < 10; ++pieces) {
+    const proto::Message piece = sent_.front();
+    sent_.erase(sent_.begin());
+    Acknowledge(piece);
+  }
+  TakeSent();  // Lost.
+  Take(session_.OnConnected(now_));
+  AnswerHello();
+  pieces += RunToEnd().size();
+  EXPECT_EQ(pieces, 25u) << "what had arrived was not sent again";
   EXPECT_EQ(destination_.have(), source_.have());
 }
 

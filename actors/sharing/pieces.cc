@@ -1,0 +1,81 @@
+#include "actors/sharing/pieces.h"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace moondb {
+namespace {
+
+// Never 0, which stands for none.
+std::uint64_t HashOf(const std::string& bytes) {
+  return std::max<std::uint64_t>(XXH64(bytes.data(), bytes.size(), 0), 1);
+}
+
+}  // namespace
+
+PieceCutter::PieceCutter(CodedBatch whole, std::uint32_t record_count, const PartOfWhole& had)
+    : whole_(std::move(whole)), record_count_(record_count), hash_(HashOf(whole_.bytes)) {
+  if (had.hash == hash_ && had.bytes < whole_.bytes.size()) next_ = had.bytes;
+}
+
+proto::Batch PieceCutter::Next(std::size_t bytes_max) {
+  proto::Batch batch;
+  batch.set_codec(whole_.codec);
+  batch.set_record_count(record_count_);
+  batch.set_coded(whole_.bytes.substr(next_, bytes_max));
+  batch.mutable_piece()->set_hash(hash_);
+  batch.mutable_piece()->set_first_byte(next_);
+  batch.mutable_piece()->set_whole_bytes(whole_.bytes.size());
+  next_ += batch.coded().size();
+  return batch;
+}
+
+Result<std::optional<std::string>> PieceCollector::Take(AgentId sender, const proto::Batch& batch) {
+  const proto::Piece& piece = batch.piece();
+  const std::uint64_t end = piece.first_byte() + batch.coded().size();
+  const bool is_piece = piece.hash() != 0 && piece.whole_bytes() <= bytes_max_ &&
+                        piece.first_byte() < piece.whole_bytes() && end <= piece.whole_bytes() &&
+                        !batch.coded().empty();
+  if (!is_piece) return Fail(ErrorCode::kCorrupt, "cannot be", "piece");
+  Part* part = Find(sender);
+  const bool is_known = part != nullptr && part->hash == piece.hash() && part->size == piece.whole_bytes();
+  if (!is_known && piece.first_byte() == 0) {
+    Forget(sender);
+    parts_.push_back({sender, piece.hash(), piece.whole_bytes(), {}});
+    part = &parts_.back();
+  } else if (!is_known || piece.first_byte() > part->bytes.size()) {
+    return Fail(ErrorCode::kNotFound, "what comes before this piece is not here", "piece");
+  }
+  if (end <= part->bytes.size()) return std::optional<std::string>();
+  part->bytes.append(batch.coded(), part->bytes.size() - piece.first_byte());
+  if (part->bytes.size() < part->size) {
+    std::size_t bytes = 0;
+    for (const Part& other : parts_) bytes += other.bytes.size();
+    if (bytes > bytes_max_) parts_.pop_front();
+    return std::optional<std::string>();
+  }
+  std::string whole = std::move(part->bytes);
+  Forget(sender);
+  if (HashOf(whole) != piece.hash()) return Fail(ErrorCode::kCorrupt, "the whole is not what its hash says", "piece");
+  return std::optional<std::string>(std::move(whole));
+}
+
+PartOfWhole PieceCollector::PartFrom(AgentId sender) const {
+  for (const Part& part : parts_) {
+    if (part.sender == sender) return {part.hash, part.bytes.size()};
+  }
+  return {};
+}
+
+PieceCollector::Part* PieceCollector::Find(AgentId sender) {
+  const auto found = std::find_if(parts_.begin(), parts_.end(), [sender](const Part& p) { return p.sender == sender; });
+  return found == parts_.end() ? nullptr : &*found;
+}
+
+void PieceCollector::Forget(AgentId sender) {
+  std::erase_if(parts_, [sender](const Part& part) { return part.sender == sender; });
+}
+
+}  // namespace moondb
