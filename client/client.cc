@@ -129,6 +129,13 @@ Result<proto::RoleShowReply> Client::SetRoles(const proto::RoleSetRequest& set) 
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_roles()); });
 }
 
+Result<proto::LeaseReply> Client::SetLease(proto::LeaseKind kind, Duration duration) {
+  proto::ControlRequest request;
+  request.mutable_lease()->set_kind(kind);
+  request.mutable_lease()->set_seconds(std::chrono::duration<double>(duration).count());
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_lease()); });
+}
+
 Result<proto::ShareReply> Client::Share(const proto::ShareRequest& share) {
   proto::ControlRequest request;
   *request.mutable_share() = share;

@@ -28,6 +28,7 @@ bool IsControl(const proto::Message& message) {
     case proto::Message::kDown:
     case proto::Message::kPing:
     case proto::Message::kStepDown:
+    case proto::Message::kLeasesChanged:
       return true;
     default:
       return false;

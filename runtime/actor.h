@@ -127,8 +127,8 @@ enum class Overflow {
   kBlock,        // ActorSystem::Post waits for room; actors and the transport, which never wait, are refused.
 };
 
-// A mailbox has two lanes. On the control lane comes what the runtime itself and RoleActor say (IsControl): before all
-// waiting data, and without counting towards the bounds below; its own bound is kControlMessagesMax.
+// A mailbox has two lanes. On the control lane comes what the runtime itself, RoleActor and LeaseActor say (IsControl):
+// before all waiting data, and without counting towards the bounds below; its own bound is kControlMessagesMax.
 struct SpawnOptions {
   Placement placement = Placement::kPool;
   std::size_t messages_max = 4096;           // Waiting in the data lane; at least 1.
@@ -144,7 +144,7 @@ struct SpawnOptions {
 // handler takes minutes).
 inline constexpr std::size_t kControlMessagesMax = 256;
 
-// PeerEvent, RolesChanged, Stop, Down, Ping, StepDown. None of them is taken from peers or clients.
+// PeerEvent, RolesChanged, Stop, Down, Ping, StepDown, LeasesChanged. None of them is taken from peers or clients.
 bool IsControl(const proto::Message& message);
 
 }  // namespace moondb

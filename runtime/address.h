@@ -32,6 +32,8 @@ inline constexpr char kReplica[] = "replica";
 inline constexpr char kPgo[] = "pgo";
 inline constexpr char kMerge[] = "merge";
 inline constexpr char kRole[] = "role";
+inline constexpr char kFailover[] = "failover";
+inline constexpr char kLease[] = "lease";
 inline constexpr char kGateway[] = "gateway";
 inline constexpr char kClock[] = "clock";
 }  // namespace actor_name

@@ -25,6 +25,8 @@ std::string ReplaceKeyOf(const proto::Message& message) {
       return KeyOf(message, message.role_announce().is_reply() ? 1 : 0);
     case proto::Message::kHello:
       return KeyOf(message, message.hello().kind());
+    case proto::Message::kLeaseAnnounce:
+      return KeyOf(message, message.lease_announce().is_reply() ? 1 : 0);
     default:
       return "";
   }

@@ -17,8 +17,9 @@ inline constexpr std::size_t kControlClass = 0;
 std::size_t OutboundClassOf(const proto::Message& message);
 
 // A message takes the place of a waiting one with the same key; with an empty key, of none. Only messages have a key
-// whose newest one says all that an older one said: a role announcement carries the whole assignment, and a Hello ends
-// the session that the Hello before it began. An acknowledgment (Have) tells of one batch and replaces nothing.
+// whose newest one says all that an older one said: a role announcement carries the whole assignment, a lease
+// announcement both leases, and a Hello ends the session that the Hello before it began. An acknowledgment (Have) tells
+// of one batch and replaces nothing.
 std::string ReplaceKeyOf(const proto::Message& message);
 
 // Several messages share a frame up to this size; a larger one has its own.

@@ -24,7 +24,7 @@ constexpr char kKeyNote[] =
 constexpr char kTail[] =
     R"(
 # Who leads and who survives at the very beginning (term 0); roles that were set later win.
-roles: {leader: %s, %sfailover: manual, leader_timeout_s: %s}
+roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
 # What all agents together may send a second.
 radio: {budget_kbps: %s, quiet_while_driving: %s}
@@ -126,9 +126,10 @@ std::string TeamText(const proto::TeamConfig& team) {
   for (const proto::AgentConfig& agent : team.agents()) text += AgentText(agent);
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
-  text += Format(kTail, {roles.leader(), survivor, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
-                         team.radio().quiet_while_driving() ? "true" : "false", PoliciesText(team.share()),
-                         PoliciesText(team.ground()), Number(team.map().resolution_m()),
+  const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
+  text += Format(kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()),
+                         Number(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
+                         PoliciesText(team.share()), PoliciesText(team.ground()), Number(team.map().resolution_m()),
                          Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +

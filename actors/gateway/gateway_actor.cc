@@ -96,7 +96,9 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
       message.mutable_storage_status_request();
       if (auto asked = Ask(context, actor_name::kStorage, message, id, pending); !asked) return asked;
       message.mutable_role_show_request();
-      return Ask(context, actor_name::kRole, std::move(message), id, pending);
+      if (auto asked = Ask(context, actor_name::kRole, message, id, pending); !asked) return asked;
+      message.mutable_lease_show_request();
+      return Ask(context, actor_name::kLease, std::move(message), id, pending);
     }
     case proto::ControlRequest::kInsert:
       *message.mutable_insert_request() = request.insert();
@@ -111,6 +113,9 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kRoleSet:
       *message.mutable_role_set_request() = request.role_set();
       return Ask(context, actor_name::kRole, std::move(message), id, pending);
+    case proto::ControlRequest::kLease:
+      *message.mutable_lease_request() = request.lease();
+      return Ask(context, actor_name::kLease, std::move(message), id, pending);
     case proto::ControlRequest::kShare: {
       const bool is_sync = request.share().kind() == proto::SHARING_KIND_SYNC;
       *message.mutable_share_request() = request.share();
@@ -209,6 +214,12 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
       return true;
     case proto::Message::kStorageStatus:
       *reply.mutable_status()->mutable_storage() = message.storage_status();
+      return true;
+    case proto::Message::kLeaseReply:
+      *reply.mutable_lease() = message.lease_reply();
+      return copy_error(message.lease_reply().error());
+    case proto::Message::kLeasesChanged:
+      *reply.mutable_status()->mutable_leases() = message.leases_changed().leases();
       return true;
     case proto::Message::kRoleShowReply:
       if (reply.has_status()) {

@@ -2,8 +2,8 @@
 //
 // Takes Message{control_request} from clients, checks it, hands it to the actor whose duty it is under a request id of
 // its own, and answers with Message{control_reply} under the client's. An error of the reply inside is copied to
-// ControlReply.error, so that a client has one place to look. Status is put together here from StorageActor, RoleActor
-// and the system.
+// ControlReply.error, so that a client has one place to look. Status is put together here from StorageActor, RoleActor,
+// LeaseActor and the system.
 //
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
 // kInvalid (actors/gateway/request_check.h), kRefused (a request that another agent sent), kFull (too much waits, here

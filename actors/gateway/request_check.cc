@@ -119,6 +119,7 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     case proto::ControlRequest::kStatus:
     case proto::ControlRequest::kRoleShow:
     case proto::ControlRequest::kShareStatus:
+    case proto::ControlRequest::kLease:
     case proto::ControlRequest::kOptimize:
     case proto::ControlRequest::kStop:
     case proto::ControlRequest::kGraphStats:

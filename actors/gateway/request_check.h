@@ -1,7 +1,7 @@
 // The door for clients: what a ControlRequest may hold before any actor sees it.
 //
-// Records' own fields are StorageActor's to check (model/record_check.h); here stand the rules that need the team:
-// that the agents that a request names are members. Plain functions, any thread.
+// Records' own fields are StorageActor's to check (model/record_check.h), a lease's LeaseActor's; here stand the rules
+// that need the team: that the agents that a request names are members. Plain functions, any thread.
 #pragma once
 
 #include "model/error.h"

@@ -12,17 +12,23 @@ namespace {
 constexpr std::chrono::milliseconds kShortTimeout(3000);
 constexpr std::chrono::milliseconds kLongTimeout(600'000);
 
-// "3s", "500ms", "2m", "1.5" (seconds).
-std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text) {
-  const std::size_t unit_at = text.find_first_not_of("0123456789.");
-  const std::string_view unit = unit_at == std::string_view::npos ? "s" : text.substr(unit_at);
-  const auto number = ParseDouble(text.substr(0, unit_at));
-  const double scale = unit == "ms" ? 1 : unit == "s" ? 1000 : unit == "m" || unit == "min" ? 60'000 : 0;
-  if (!number || scale == 0 || *number <= 0 || *number * scale > 86'400'000) return std::nullopt;
-  return std::chrono::milliseconds(static_cast<std::int64_t>(*number * scale));
+// Of a unit in milliseconds; 0: no such unit.
+double ScaleOf(std::string_view unit) {
+  if (unit == "ms") return 1;
+  if (unit == "s") return 1000;
+  if (unit == "m" || unit == "min") return 60'000;
+  return unit == "h" ? 3'600'000 : 0;
 }
 
 }  // namespace
+
+std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text) {
+  const std::size_t unit_at = text.find_first_not_of("0123456789.");
+  const double scale = ScaleOf(unit_at == std::string_view::npos ? "s" : text.substr(unit_at));
+  const auto number = ParseDouble(text.substr(0, unit_at));
+  if (!number || scale == 0 || *number <= 0 || *number * scale > 86'400'000) return std::nullopt;
+  return std::chrono::milliseconds(static_cast<std::int64_t>(*number * scale));
+}
 
 Result<void> CommandContext::ParseTimeout() {
   if (timeout.empty()) return {};

@@ -4,6 +4,7 @@
 // errors and progress to stderr. One thread.
 #pragma once
 
+#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -23,6 +24,9 @@ struct AgentClient {
   const proto::AgentConfig* agent = nullptr;
   std::unique_ptr<Client> client;
 };
+
+// "3s", "500ms", "2m", "8h", "1.5" (seconds). Nothing for anything else, 0, less, and more than 24 h.
+std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text);
 
 class CommandContext {
  public:

@@ -14,6 +14,7 @@ void AddUpCommands(CLI::App& app, CommandContext& context);
 void AddStatusCommand(CLI::App& app, CommandContext& context);
 void AddRoleCommands(CLI::App& app, CommandContext& context);
 void AddShareCommands(CLI::App& app, CommandContext& context);
+void AddLeaseCommands(CLI::App& app, CommandContext& context);
 void AddGraphCommands(CLI::App& app, CommandContext& context);
 void AddMapCommands(CLI::App& app, CommandContext& context);
 void AddRecordCommands(CLI::App& app, CommandContext& context);

@@ -33,6 +33,7 @@ void AddEverything(CLI::App& app, CommandContext& context) {
   AddStatusCommand(app, context);
   AddRoleCommands(app, context);
   AddShareCommands(app, context);
+  AddLeaseCommands(app, context);
   AddGraphCommands(app, context);
   AddMapCommands(app, context);
   AddRecordCommands(app, context);

@@ -1,9 +1,11 @@
 #include <CLI/CLI.hpp>
+#include <map>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "model/leases.h"
 
 namespace moondb {
 namespace {
@@ -45,6 +47,23 @@ std::string RemarksOn(const proto::AgentConfig& agent, const proto::AgentStatus&
   return clock.empty() ? "" : agent.name() + ": clock suspect: " + clock + "\n";
 }
 
+// Who drives or sleeps: an agent's own word, and of agents that do not answer what others know.
+std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
+  std::map<AgentId, proto::AgentLease> known;
+  for (const proto::AgentStatus& status : statuses) {
+    for (const proto::AgentLease& lease : status.leases()) known[lease.agent_id()] = lease;
+  }
+  for (const proto::AgentStatus& status : statuses) {
+    known.erase(status.agent_id());
+    for (const proto::AgentLease& lease : status.leases()) {
+      if (lease.agent_id() == status.agent_id()) known[lease.agent_id()] = lease;
+    }
+  }
+  std::string text;
+  for (const auto& [agent, lease] : known) text += AgentName(team, agent) + " " + ToString(lease) + "\n";
+  return text;
+}
+
 ExitCode ShowStatus(CommandContext& context) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
@@ -57,6 +76,7 @@ ExitCode ShowStatus(CommandContext& context) {
   json.BeginObject().Key("team").String((*team)->config.team()).Key("agents").BeginArray();
   ExitCode code = ExitCode::kDone;
   std::string remarks;
+  std::vector<proto::AgentStatus> statuses;
   for (const proto::AgentConfig& agent : (*team)->config.agents()) {
     if (!context.agent.empty() && agent.name() != context.agent) continue;
     const auto status = AskStatus(context, agent.name());
@@ -66,6 +86,7 @@ ExitCode ShowStatus(CommandContext& context) {
       table.Add(Row(agent, *status));
       remarks += RemarksOn(agent, *status);
       json.Key("status").Raw(ToJson(*status));
+      statuses.push_back(*status);
     } else {
       code = ExitCode::kUnreachable;
       table.Add({agent.name(), std::to_string(agent.id()), "unreachable: " + ToString(status.error())});
@@ -74,7 +95,8 @@ ExitCode ShowStatus(CommandContext& context) {
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text() + remarks);
+  const std::string leases = LeasesText((*team)->config, statuses);
+  return context.Print(code, json.text(), table.Text() + leases + remarks);
 }
 
 }  // namespace

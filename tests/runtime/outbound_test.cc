@@ -43,6 +43,10 @@ TEST(OutboundTest, ReplacesOnlyWhereTheNewestSaysAll) {
   EXPECT_NE(ReplaceKeyOf(announce), "");
   EXPECT_NE(ReplaceKeyOf(announce), ReplaceKeyOf(reply));
 
+  proto::Message lease;
+  lease.mutable_lease_announce();
+  EXPECT_NE(ReplaceKeyOf(lease), "");
+
   proto::Message sync;
   sync.set_source_actor("sync");
   sync.mutable_hello()->set_kind(proto::SHARING_KIND_SYNC);

@@ -113,6 +113,8 @@ const BadFile kBadFiles[] = {
      "t:7:19: roles.survivor: base is a base station; only a rover can hold this role"},
     {"ZeroTimeout", GoodAnd("roles: {leader_timeout_s: 0}"),
      "t:7:27: roles.leader_timeout_s: expected 1 to 86400, got 0"},
+    {"Failover", GoodAnd("roles: {failover: automatik}"),
+     "t:7:19: roles.failover: expected manual or automatic, got \"automatik\"; did you mean \"automatic\"?"},
     {"Budget", GoodAnd("radio: {budget_kbps: -1}"), "t:7:22: radio.budget_kbps: expected 1 to 1000000, got -1"},
     {"NotBool", GoodAnd("radio: {quiet_while_driving: yes}"),
      "t:7:30: radio.quiet_while_driving: expected true or false, got \"yes\""},
@@ -323,7 +325,8 @@ TEST_F(TeamFileTest, InitialTeamIsReadBack) {
 }
 
 TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
-  proto::TeamConfig config = ParseTeamFile(GoodAnd("share: {power: none}\n"
+  proto::TeamConfig config = ParseTeamFile(GoodAnd("roles: {failover: automatic}\n"
+                                                   "share: {power: none}\n"
                                                    "radio: {quiet_while_driving: false}\n"
                                                    "site: {lat_deg: 7.4, lon_deg: -59.123456789, north_yaw_rad: 0.1}\n"
                                                    "map: {resolution_m: 0.0125}"),

@@ -123,7 +123,7 @@ TEST_F(GatewayActorTest, LetsNoCustomQuestionReachAStandardActor) {
   }
 }
 
-TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesAndTheSystem) {
+TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesLeasesAndTheSystem) {
   proto::ControlRequest request;
   request.mutable_status();
   Request(request);
@@ -134,12 +134,18 @@ TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesAndTheSystem) {
   proto::Message storage;
   storage.mutable_storage_status()->set_database_bytes(4096);
   AnswerAs(actor_name::kStorage, Asked(actor_name::kStorage), storage);
+  EXPECT_TRUE(Answers().empty());
+  proto::Message leases;
+  leases.mutable_leases_changed()->add_leases()->set_agent_id(2);
+  AnswerAs(actor_name::kLease, Asked(actor_name::kLease), leases);
 
   const proto::AgentStatus status = OnlyAnswer().status();
   EXPECT_EQ(status.name(), "rover1");
   EXPECT_EQ(status.team(), "test");
   EXPECT_EQ(status.role(), proto::ROLE_LEADER);
   EXPECT_EQ(status.roles().leader(), 1u);
+  ASSERT_EQ(status.leases_size(), 1);
+  EXPECT_EQ(status.leases(0).agent_id(), 2u);
   EXPECT_EQ(status.storage().database_bytes(), 4096);
   EXPECT_EQ(status.merge_backend(), "cpu");
   EXPECT_EQ(status.version(), "1.2.3");
@@ -168,6 +174,20 @@ TEST_F(GatewayActorTest, SendsAShareToTheActorOfItsKind) {
   EXPECT_TRUE(Asked(actor_name::kReplica).has_share_request());
 }
 
+TEST_F(GatewayActorTest, PassesALeaseOnAndItsErrorBack) {
+  proto::ControlRequest request;
+  request.mutable_lease()->set_kind(proto::LEASE_KIND_DRIVING);
+  request.mutable_lease()->set_seconds(-5);
+  Request(request);
+  const proto::Message asked = Asked(actor_name::kLease);
+  EXPECT_EQ(asked.lease_request().kind(), proto::LEASE_KIND_DRIVING);
+  EXPECT_EQ(asked.lease_request().seconds(), -5);
+  proto::Message answer;
+  answer.mutable_lease_reply()->mutable_error()->set_code(proto::ERROR_CODE_INVALID);
+  AnswerAs(actor_name::kLease, asked, answer);
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
+}
+
 TEST_F(GatewayActorTest, AnswersWhatIsNoRequestAtOnce) {
   Request({});
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
@@ -183,7 +203,7 @@ TEST_F(GatewayActorTest, AnswersForAnActorThatKeepsSilentInTime) {
   team_.AdvanceTime(seconds(2));
   const proto::ControlReply status = OnlyAnswer();
   EXPECT_EQ(status.error().code(), proto::ERROR_CODE_TIMED_OUT);
-  EXPECT_EQ(status.error().text(), "role and storage did not answer in time");
+  EXPECT_EQ(status.error().text(), "lease and role and storage did not answer in time");
   // Solving may take ten minutes.
   team_.AdvanceTime(seconds(535));
   EXPECT_TRUE(Answers().empty());

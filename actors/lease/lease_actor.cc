@@ -1,0 +1,196 @@
+#include "actors/lease/lease_actor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+enum TimerKind : std::uint32_t { kAnnounce = 1, kLapse = 2, kTell = 3 };
+
+// An agent's numbers count up: one a little below the present one is an old announcement that came late, one further
+// away is of another life of that agent.
+constexpr std::uint64_t kNumbersOfOneLife = 1 << 20;
+
+Result<void> Check(const proto::LeaseAnnounce& announce) {
+  if (auto checked = CheckLeaseSeconds(announce.driving_s(), "driving_s"); !checked) return checked;
+  return CheckLeaseSeconds(announce.sleeping_s(), "sleeping_s");
+}
+
+}  // namespace
+
+LeaseActor::LeaseActor(Options options)
+    : options_(std::move(options)), leases_(options_.team.radio().quiet_while_driving()) {}
+
+void LeaseActor::OnStart(Context& context) {
+  number_ = context.rng()();
+  context.WatchPeers();
+  OnChange(context);  // What an earlier life told the own actors may no longer be so.
+}
+
+void LeaseActor::OnMessage(Context& context, const proto::Message& message) {
+  const AgentId from = context.sender().agent;
+  if (from == options_.self) return OnLocal(context, message);
+  if (FindAgent(options_.team, from) == nullptr) return;
+  if (message.has_lease_announce()) OnLeaseAnnounce(context, from, message.lease_announce());
+}
+
+void LeaseActor::OnLocal(Context& context, const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kTimer:
+      return OnTimer(context, message.timer());
+    case proto::Message::kPeerEvent:
+      return OnPeerEvent(context, message.peer_event());
+    case proto::Message::kLeaseRequest:
+      return OnLeaseRequest(context, message.lease_request());
+    case proto::Message::kLeaseShowRequest:
+      return OnLeaseShowRequest(context);
+    default:
+      return;
+  }
+}
+
+void LeaseActor::OnTimer(Context& context, const proto::Timer& timer) {
+  switch (timer.kind()) {
+    case kAnnounce:
+      announce_timer_ = 0;
+      announce_delay_ = std::min(2 * announce_delay_, options_.announce_after_max);
+      return AnnounceToUnknowing(context);
+    case kLapse:
+      lapse_timer_ = 0;
+      return OnChange(context);
+    case kTell:
+      tell_timer_ = 0;
+      return TellOwnActors(context);
+    default:
+      return;
+  }
+}
+
+void LeaseActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
+  Peer& peer = peers_[event.peer()];
+  peer.is_connected = event.is_connected();
+  peer.knows_ours = false;  // It may have forgotten.
+  if (peer.is_connected) RestartAnnouncing(context);
+}
+
+void LeaseActor::OnLeaseRequest(Context& context, const proto::LeaseRequest& request) {
+  const Result<void> taken = Take(context, request);
+  proto::Message reply;
+  reply.set_ms_type(proto::CONTROL);
+  if (!taken) *reply.mutable_lease_reply()->mutable_error() = ToProto(taken.error());
+  *reply.mutable_lease_reply()->mutable_leases() = leases_.Left(context.now());
+  (void)context.Reply(std::move(reply));
+  if (!taken) return;
+  ++number_;
+  for (auto& [agent, peer] : peers_) peer.knows_ours = false;
+  RestartAnnouncing(context);
+  OnChange(context);
+}
+
+Result<void> LeaseActor::Take(Context& context, const proto::LeaseRequest& request) {
+  if (auto checked = CheckLeaseSeconds(request.seconds(), "lease.seconds"); !checked) return checked;
+  proto::AgentLease lease = leases_.LeftOf(options_.self, context.now());
+  switch (request.kind()) {
+    case proto::LEASE_KIND_DRIVING:
+      lease.set_driving_s(request.seconds());
+      break;
+    case proto::LEASE_KIND_SLEEPING:
+      lease.set_sleeping_s(request.seconds());
+      break;
+    default:
+      return Fail(ErrorCode::kInvalid, "must be driving or sleeping", "lease.kind");
+  }
+  leases_.Set(lease, context.now());
+  return {};
+}
+
+void LeaseActor::OnLeaseShowRequest(Context& context) {
+  proto::Message reply;
+  reply.set_ms_type(proto::CONTROL);
+  *reply.mutable_leases_changed()->mutable_leases() = leases_.Left(context.now());
+  (void)context.Reply(std::move(reply));
+}
+
+void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::LeaseAnnounce& announce) {
+  if (auto checked = Check(announce); !checked) {
+    spdlog::warn("{}: refused what agent {} announced: {}", ToString(context.self()), from, ToString(checked.error()));
+    return;
+  }
+  Peer& peer = peers_[from];
+  const std::uint64_t ahead = announce.number() - peer.heard.value_or(announce.number());
+  if (-ahead - 1 < kNumbersOfOneLife) return;  // Late.
+  if (announce.known_number() == number_) peer.knows_ours = true;
+  if (!peer.heard || ahead != 0) {
+    peer.heard = announce.number();
+    proto::AgentLease lease;
+    lease.set_agent_id(from);
+    lease.set_driving_s(announce.driving_s());
+    lease.set_sleeping_s(announce.sleeping_s());
+    leases_.Set(lease, context.now());
+    OnChange(context);
+  }
+  if (!announce.is_reply()) Announce(context, from, /*is_reply=*/true);
+  if (ahead <= kNumbersOfOneLife) return;
+  // It was made anew, or this is late and of an earlier life: its answer says how it is now.
+  peer.knows_ours = false;
+  RestartAnnouncing(context);
+}
+
+void LeaseActor::Announce(Context& context, AgentId to, bool is_reply) {
+  const proto::AgentLease lease = leases_.LeftOf(options_.self, context.now());
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  proto::LeaseAnnounce& announce = *message.mutable_lease_announce();
+  announce.set_number(number_);
+  announce.set_driving_s(lease.driving_s());
+  announce.set_sleeping_s(lease.sleeping_s());
+  announce.set_known_number(peers_[to].heard.value_or(0));
+  announce.set_is_reply(is_reply);
+  (void)context.Send({to, actor_name::kLease}, std::move(message));  // Told again until it is known there.
+}
+
+void LeaseActor::AnnounceToUnknowing(Context& context) {
+  bool is_known_to_all = true;
+  for (const auto& [agent, peer] : peers_) {
+    if (!peer.is_connected || peer.knows_ours) continue;
+    Announce(context, agent, /*is_reply=*/false);
+    is_known_to_all = false;
+  }
+  if (!is_known_to_all) announce_timer_ = context.AfterTimer(announce_delay_, kAnnounce);
+}
+
+void LeaseActor::RestartAnnouncing(Context& context) {
+  if (announce_timer_ != 0) context.Cancel(std::exchange(announce_timer_, 0));
+  announce_delay_ = options_.announce_after;
+  AnnounceToUnknowing(context);
+}
+
+void LeaseActor::OnChange(Context& context) {
+  if (lapse_timer_ != 0) context.Cancel(std::exchange(lapse_timer_, 0));
+  if (const auto lapse = leases_.NextLapse(context.now())) {
+    lapse_timer_ = context.AfterTimer(*lapse - context.now(), kLapse);
+  }
+  untold_ = {actor_name::kSync, actor_name::kReplica, actor_name::kFailover};
+  untold_.insert(untold_.end(), options_.tell.begin(), options_.tell.end());
+  TellOwnActors(context);
+}
+
+// One that missed a change would keep a window shut, or open, until the next.
+void LeaseActor::TellOwnActors(Context& context) {
+  proto::Message message;
+  message.set_ms_type(proto::EVENT);
+  *message.mutable_leases_changed()->mutable_leases() = leases_.Left(context.now());
+  std::erase_if(untold_, [this, &context, &message](const std::string& actor) {
+    return context.Send({options_.self, actor}, proto::Message(message)) !=
+           SendResult::kFull;  // Not every agent has all.
+  });
+  if (tell_timer_ != 0) context.Cancel(std::exchange(tell_timer_, 0));
+  if (!untold_.empty()) tell_timer_ = context.AfterTimer(options_.tell_again, kTell);
+}
+
+}  // namespace moondb

@@ -1,0 +1,108 @@
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+
+#include "apps/common/proto_json.h"
+#include "apps/moonctl/commands.h"
+#include "model/leases.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+
+struct LeaseArguments {
+  std::string duration;  // "40", "10m".
+  std::string until;     // "2026-11-22T06:00Z".
+};
+
+// UTC, to the minute or the second.
+std::optional<std::chrono::sys_seconds> ParseUtc(const std::string& text) {
+  int year = 0, month = 0, day = 0, hour = 0, minute = 0, second = 0, end = 0;
+  if (std::sscanf(text.c_str(), "%4d-%2d-%2dT%2d:%2d%n", &year, &month, &day, &hour, &minute, &end) != 5) return {};
+  std::string rest = text.substr(static_cast<std::size_t>(end));
+  if (std::sscanf(rest.c_str(), ":%2d%n", &second, &end) == 1) rest = rest.substr(static_cast<std::size_t>(end));
+  const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
+                                         std::chrono::day(static_cast<unsigned>(day))};
+  const bool is_time = hour >= 0 && hour < 24 && minute >= 0 && minute < 60 && second >= 0 && second < 60;
+  if (rest != "Z" || !date.ok() || !is_time) return {};
+  return std::chrono::sys_days(date) + std::chrono::hours(hour) + std::chrono::minutes(minute) +
+         std::chrono::seconds(second);
+}
+
+Result<milliseconds> DurationUntil(const std::string& time) {
+  const auto until = ParseUtc(time);
+  if (!until) {
+    return Fail(ErrorCode::kInvalid, "expected a time in UTC such as 2026-11-22T06:00Z, got \"" + time + "\"",
+                "--until");
+  }
+  const auto left = std::chrono::ceil<milliseconds>(*until - std::chrono::system_clock::now());
+  if (left > milliseconds(0) && left <= std::chrono::hours(24)) return left;
+  return Fail(ErrorCode::kInvalid, "\"" + time + "\" is not within the next 24 h", "--until");
+}
+
+Result<milliseconds> DurationOf(const LeaseArguments& arguments) {
+  if (!arguments.until.empty()) return DurationUntil(arguments.until);
+  if (const auto duration = ParseDuration(arguments.duration)) return *duration;
+  const std::string expected = "expected a duration of at most 24 h such as 40, 10m or 8h";
+  return Fail(ErrorCode::kInvalid, expected + ", got \"" + arguments.duration + "\"", "--for");
+}
+
+ExitCode SetLease(CommandContext& context, proto::LeaseKind kind, const Result<milliseconds>& duration) {
+  if (!duration) return context.Report(duration.error());
+  if (context.agent.empty()) {
+    return context.Report({ErrorCode::kInvalid, "which robot? Give its agent with -a", "--agent"});
+  }
+  auto chosen = context.Connect(context.agent);
+  if (!chosen) return context.Report(chosen.error());
+  auto reply = chosen->client->SetLease(kind, *duration);
+  if (!reply) return context.Report(reply.error());
+  std::string text = context.agent + " neither drives nor sleeps";
+  for (const proto::AgentLease& lease : reply->leases()) {
+    if (lease.agent_id() == chosen->agent->id()) text = context.agent + " " + ToString(lease);
+  }
+  return context.Done(ToJson(*reply), text);
+}
+
+void AddOff(CLI::App& group, CommandContext& context, proto::LeaseKind kind, const std::string& description) {
+  group.add_subcommand("off", description)->callback([&context, kind] {
+    context.action = [&context, kind] { return SetLease(context, kind, milliseconds(0)); };
+  });
+}
+
+}  // namespace
+
+void AddLeaseCommands(CLI::App& app, CommandContext& context) {
+  auto arguments = std::make_shared<LeaseArguments>();
+  const auto act = [&context, arguments](proto::LeaseKind kind) {
+    context.action = [&context, arguments, kind] { return SetLease(context, kind, DurationOf(*arguments)); };
+  };
+
+  CLI::App& drive =
+      *app.add_subcommand("drive", "Tell an agent (-a) that its robot drives: nothing bulky is shared then");
+  drive.require_subcommand(1);
+  CLI::App& on = *drive.add_subcommand("on", "From now on, for so long at most");
+  on.add_option("--for", arguments->duration, "Lapses by itself then: 40 (seconds), 10m, 2h")->required();
+  on.callback([act] { act(proto::LEASE_KIND_DRIVING); });
+  AddOff(drive, context, proto::LEASE_KIND_DRIVING, "It stands still");
+
+  CLI::App& sleep = *app.add_subcommand("sleep", "Tell an agent (-a) that its robot sleeps: nothing is shared then");
+  sleep.require_subcommand(0, 1);
+  CLI::Option* duration = sleep.add_option("--for", arguments->duration, "For so long: 40 (seconds), 10m, 8h");
+  sleep.add_option("--until", arguments->until, "Until then, in UTC: 2026-11-22T06:00Z")->excludes(duration);
+  AddOff(sleep, context, proto::LEASE_KIND_SLEEPING, "It is awake");
+  sleep.callback([&context, &sleep, arguments, act] {
+    const bool is_on = !arguments->duration.empty() || !arguments->until.empty();
+    const bool is_off = !sleep.get_subcommands().empty();
+    if (is_on == is_off) {
+      context.action = [&context] {
+        return context.Report(
+            {ErrorCode::kInvalid, "expected sleep --for DURATION, sleep --until TIME or sleep off", {}});
+      };
+    } else if (is_on) {
+      act(proto::LEASE_KIND_SLEEPING);
+    }
+  });
+}
+
+}  // namespace moondb

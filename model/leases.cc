@@ -1,0 +1,77 @@
+#include "model/leases.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace moondb {
+namespace {
+
+Leases::Duration FromSeconds(double seconds) {
+  return std::chrono::duration_cast<Leases::Duration>(std::chrono::duration<double>(seconds));
+}
+
+double SecondsUntil(Leases::Time end, Leases::Time now) {
+  return end > now ? std::chrono::duration<double>(end - now).count() : 0;
+}
+
+std::string WholeSeconds(double seconds) { return std::to_string(static_cast<int>(std::ceil(seconds))) + " s"; }
+
+}  // namespace
+
+Result<void> CheckLeaseSeconds(double seconds, const std::string& field) {
+  if (seconds >= 0 && seconds <= kLeaseSecondsMax) return {};  // Not so for NaN.
+  return Fail(ErrorCode::kInvalid, "expected 0 to 86400 seconds", field);
+}
+
+std::string ToString(const proto::AgentLease& lease) {
+  std::string text;
+  if (lease.driving_s() > 0) text = "drives for " + WholeSeconds(lease.driving_s());
+  if (lease.sleeping_s() > 0)
+    text += (text.empty() ? "" : " and ") + ("sleeps for " + WholeSeconds(lease.sleeping_s()));
+  return text + " more";
+}
+
+void Leases::Set(const proto::AgentLease& lease, Time now) {
+  until_[lease.agent_id()] = {now + FromSeconds(lease.driving_s()), now + FromSeconds(lease.sleeping_s())};
+}
+
+void Leases::SetAll(const List& leases, Time now) {
+  until_.clear();
+  for (const proto::AgentLease& lease : leases) Set(lease, now);
+}
+
+proto::AgentLease Leases::LeftOf(AgentId agent, Time now) const {
+  proto::AgentLease left;
+  left.set_agent_id(agent);
+  if (const auto found = until_.find(agent); found != until_.end()) {
+    left.set_driving_s(SecondsUntil(found->second.driving, now));
+    left.set_sleeping_s(SecondsUntil(found->second.sleeping, now));
+  }
+  return left;
+}
+
+Leases::List Leases::Left(Time now) const {
+  List leases;
+  for (const auto& [agent, until] : until_) {
+    if (until.driving > now || until.sleeping > now) *leases.Add() = LeftOf(agent, now);
+  }
+  return leases;
+}
+
+std::optional<Leases::Time> Leases::NextLapse(Time now) const {
+  std::optional<Time> next;
+  for (const auto& [agent, until] : until_) {
+    for (const Time end : {until.driving, until.sleeping}) {
+      if (end > now) next = std::min(next.value_or(end), end);
+    }
+  }
+  return next;
+}
+
+bool Leases::IsQuiet(AgentId agent, Time now) const {
+  const auto found = until_.find(agent);
+  if (found == until_.end()) return false;
+  return found->second.sleeping > now || (is_quiet_while_driving_ && found->second.driving > now);
+}
+
+}  // namespace moondb

@@ -1,0 +1,264 @@
+#include "actors/lease/lease_actor.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "runtime/simulation/simulated_team.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+constexpr AgentId kAgents = 3;
+constexpr auto kDriving = proto::LEASE_KIND_DRIVING;
+constexpr auto kSleeping = proto::LEASE_KIND_SLEEPING;
+
+// Rovers 1 to 3; their other actors are probes.
+class LeaseTeam {
+ public:
+  explicit LeaseTeam(std::uint64_t seed) : team_(seed) {
+    config_.set_team("test");
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      config_.add_agents()->set_id(agent);
+      team_.AddAgent(agent);
+    }
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      LeaseActor::Options options;
+      options.self = agent;
+      options.team = config_;
+      options.tell = {"planner"};
+      team_.Spawn(agent, actor_name::kLease, [options] { return std::make_unique<LeaseActor>(options); });
+    }
+    team_.AdvanceTime(seconds(1));
+  }
+
+  proto::LeaseReply Set(AgentId agent, proto::LeaseKind kind, double duration_s) {
+    proto::Message message;
+    message.mutable_lease_request()->set_kind(kind);
+    message.mutable_lease_request()->set_seconds(duration_s);
+    (void)team_.Post({agent, actor_name::kGateway}, {agent, actor_name::kLease}, message);
+    const auto answer = team_.Expect({agent, actor_name::kGateway}, proto::Message::kLeaseReply, milliseconds(1));
+    return answer ? answer->lease_reply() : proto::LeaseReply();
+  }
+
+  // What `agent` knows of `other`, in whole seconds.
+  std::pair<long, long> Known(AgentId agent, AgentId other) {
+    proto::Message question;
+    question.mutable_lease_show_request();
+    (void)team_.Post({agent, "asker"}, {agent, actor_name::kLease}, question);
+    const auto answer = team_.Expect({agent, "asker"}, proto::Message::kLeasesChanged, milliseconds(1));
+    if (!answer) return {-1, -1};
+    for (const proto::AgentLease& lease : answer->leases_changed().leases()) {
+      if (lease.agent_id() == other) return {std::lround(lease.driving_s()), std::lround(lease.sleeping_s())};
+    }
+    return {0, 0};
+  }
+
+  bool AllKnow(AgentId agent, std::pair<long, long> lease) {
+    for (AgentId other = 1; other <= kAgents; ++other) {
+      if (Known(other, agent) != lease) return false;
+    }
+    return true;
+  }
+
+  proto::TeamConfig config_;
+  simulation::SimulatedTeam team_;
+};
+
+class LeaseActorTest : public testing::Test, protected LeaseTeam {
+ protected:
+  LeaseActorTest() : LeaseTeam(/*seed=*/1) {}
+
+  void Announce(AgentId from, AgentId to, std::uint64_t number, double driving_s, double sleeping_s = 0) {
+    proto::Message message;
+    message.mutable_lease_announce()->set_number(number);
+    message.mutable_lease_announce()->set_driving_s(driving_s);
+    message.mutable_lease_announce()->set_sleeping_s(sleeping_s);
+    (void)team_.Post({from, actor_name::kLease}, {to, actor_name::kLease}, message);
+    team_.AdvanceTime(milliseconds(10));
+  }
+};
+
+TEST_F(LeaseActorTest, TellsTheWholeTeamAtOnceAndCountsDownEverywhere) {
+  const auto reply = Set(2, kDriving, 40);
+  ASSERT_EQ(reply.leases_size(), 1);
+  EXPECT_EQ(reply.leases(0).agent_id(), 2u);
+  EXPECT_EQ(reply.leases(0).driving_s(), 40);
+  team_.AdvanceTime(milliseconds(10));
+  EXPECT_TRUE(AllKnow(2, {40, 0}));
+  Set(2, kSleeping, 3600);
+  team_.AdvanceTime(seconds(30));
+  EXPECT_TRUE(AllKnow(2, {10, 3570}));
+  team_.AdvanceTime(seconds(11));
+  EXPECT_TRUE(AllKnow(2, {0, 3559}));
+  EXPECT_TRUE(AllKnow(1, {0, 0}));
+}
+
+TEST_F(LeaseActorTest, EndsEarlyOnItsRobotsWord) {
+  Set(2, kDriving, 3600);
+  team_.AdvanceTime(seconds(5));
+  EXPECT_EQ(Set(2, kDriving, 0).leases_size(), 0);
+  team_.AdvanceTime(milliseconds(10));
+  EXPECT_TRUE(AllKnow(2, {0, 0}));
+}
+
+TEST_F(LeaseActorTest, RefusesBadDurationsAndKinds) {
+  for (const double bad : {-1., 86401., std::nan("")}) {
+    const proto::LeaseReply reply = Set(2, kDriving, bad);
+    EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_INVALID) << bad;
+    EXPECT_EQ(reply.error().field(), "lease.seconds") << bad;
+  }
+  EXPECT_EQ(Set(2, proto::LEASE_KIND_UNSPECIFIED, 5).error().field(), "lease.kind");
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(AllKnow(2, {0, 0}));
+}
+
+TEST_F(LeaseActorTest, TellsItsOwnActorsAtEachChangeAndLapse) {
+  for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kFailover, "planner"}) {
+    SCOPED_TRACE(actor);
+    team_.AdvanceTime(seconds(1));
+    team_.Take({1, actor});
+    Set(2, kDriving, 40);
+    const auto begun = team_.Expect({1, actor}, proto::Message::kLeasesChanged, seconds(1));
+    ASSERT_TRUE(begun);
+    EXPECT_EQ(begun->leases_changed().leases(0).agent_id(), 2u);
+    const MonotonicTime start = team_.now();
+    const auto lapsed = team_.Expect({1, actor}, proto::Message::kLeasesChanged, minutes(1));
+    ASSERT_TRUE(lapsed);
+    EXPECT_TRUE(lapsed->leases_changed().leases().empty());
+    EXPECT_EQ(team_.now() - start, seconds(40));
+  }
+}
+
+TEST_F(LeaseActorTest, TellsAnAgentThatWasAwayWhenItIsReached) {
+  team_.SetLink(1, 2, false);
+  Set(2, kDriving, 600);
+  team_.AdvanceTime(seconds(100));
+  EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
+  team_.SetLink(1, 2, true);
+  team_.AdvanceTime(milliseconds(10));
+  EXPECT_EQ(Known(1, 2), std::pair(500L, 0L));
+}
+
+TEST_F(LeaseActorTest, TellsAgainWhatWasLost) {
+  team_.SetLink(1, 2, false, /*tell=*/false);
+  Set(2, kDriving, 600);
+  team_.AdvanceTime(seconds(3));
+  team_.SetLink(1, 2, true, /*tell=*/false);
+  team_.AdvanceTime(seconds(3));
+  EXPECT_TRUE(AllKnow(2, {594, 0}));
+}
+
+TEST_F(LeaseActorTest, IsSilentWhenAllKnow) {
+  Set(2, kDriving, 600);
+  team_.AdvanceTime(seconds(1));
+  const std::uint64_t bytes = team_.radio_bytes();
+  team_.AdvanceTime(minutes(30));  // The lapse costs nothing either.
+  EXPECT_EQ(team_.radio_bytes(), bytes);
+}
+
+TEST_F(LeaseActorTest, RefusesAnnouncementsOutOfBounds) {
+  for (const double bad : {-1., 86401., std::nan("")}) {
+    Announce(2, 1, 7, bad);
+    Announce(2, 1, 7, 5, bad);
+  }
+  Announce(9, 1, 7, 5);  // Not of the team.
+  EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
+  EXPECT_EQ(Known(1, 9), std::pair(0L, 0L));
+}
+
+TEST_F(LeaseActorTest, TakesRequestsAndEventsFromItsOwnAgentOnly) {
+  proto::Message request;
+  request.mutable_lease_request()->set_kind(kDriving);
+  request.mutable_lease_request()->set_seconds(50);
+  (void)team_.Post({2, actor_name::kLease}, {1, actor_name::kLease}, request);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_EQ(Known(1, 1), std::pair(0L, 0L));
+}
+
+TEST_F(LeaseActorTest, IgnoresAnAnnouncementThatComesLate) {
+  // Only this test speaks for agent 2.
+  team_.SetFilter([](AgentId, AgentId to, const proto::Message&) { return to != 2; });
+  Announce(2, 1, 500, 100);
+  Announce(2, 1, 501, 0);
+  Announce(2, 1, 500, 100);
+  EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
+  Announce(2, 1, 502, 60);
+  team_.AdvanceTime(seconds(20));
+  Announce(2, 1, 502, 60);  // Told again: counts from its first coming.
+  EXPECT_EQ(Known(1, 2), std::pair(40L, 0L));
+}
+
+TEST_F(LeaseActorTest, ARestartedAgentIsAwakeAndHearsWhatOthersDo) {
+  Set(2, kSleeping, 3600);
+  Set(3, kDriving, 600);
+  team_.AdvanceTime(seconds(1));
+  team_.CrashActor({2, actor_name::kLease});
+  team_.AdvanceTime(seconds(9));
+  EXPECT_TRUE(AllKnow(2, {0, 0}));
+  EXPECT_TRUE(AllKnow(3, {590, 0}));
+}
+
+TEST_F(LeaseActorTest, CorrectsWhatALateAnnouncementOfAnEarlierLifeSays) {
+  Announce(2, 1, 12345, 3600);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
+}
+
+// Random leases over a radio that loses, repeats and cuts, with crashes; then quiet, in which all must agree.
+class LeaseActorChaosTest : public testing::TestWithParam<int> {};
+
+TEST_P(LeaseActorChaosTest, AgreesInTheEnd) {
+  for (int i = 0; i < 10; ++i) {
+    const auto seed = static_cast<std::uint64_t>(GetParam() * 10 + i);
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::mt19937_64 rng(seed);
+    LeaseTeam team(seed);
+    team.team_.radio().loss_ratio = static_cast<double>(rng() % 40) / 100;
+    team.team_.radio().duplicate_ratio = 0.2;
+    team.team_.radio().latency_jitter = milliseconds(500);
+    for (int step = 0; step < 30; ++step) {
+      const auto agent = static_cast<AgentId>(1 + rng() % kAgents);
+      const auto other = static_cast<AgentId>(1 + rng() % kAgents);
+      switch (rng() % 4) {
+        case 0:
+          if (agent != other) team.team_.SetLink(agent, other, rng() % 2 == 0);
+          break;
+        case 1:
+          team.team_.CrashActor({agent, actor_name::kLease});
+          break;
+        default:
+          team.Set(agent, rng() % 2 == 0 ? kDriving : kSleeping, rng() % 3 == 0 ? 0 : 20'000);
+      }
+      team.team_.AdvanceTime(milliseconds(rng() % 8000));
+    }
+    team.team_.radio() = simulation::RadioOptions();
+    team.team_.Heal();
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      if (!team.team_.is_running(agent)) team.team_.Restart(agent);  // Its LeaseActor failed too often.
+    }
+    team.team_.AdvanceTime(minutes(5));
+    for (AgentId agent = 1; agent <= kAgents; ++agent) {
+      const auto own = team.Known(agent, agent);
+      for (AgentId other = 1; other <= kAgents; ++other) {
+        const auto known = team.Known(other, agent);
+        // What was told first counts; telling took some seconds.
+        EXPECT_NEAR(known.first, own.first, 400) << agent << " as " << other << " knows it";
+        EXPECT_NEAR(known.second, own.second, 400) << agent << " as " << other << " knows it";
+      }
+    }
+    const std::uint64_t bytes = team.team_.radio_bytes();
+    team.team_.AdvanceTime(minutes(10));
+    EXPECT_EQ(team.team_.radio_bytes(), bytes) << "no byte goes on for ever";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, LeaseActorChaosTest, testing::Range(0, 10));
+
+}  // namespace
+}  // namespace moondb

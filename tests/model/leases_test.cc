@@ -1,0 +1,77 @@
+#include "model/leases.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr Leases::Time kStart{std::chrono::hours(5)};
+
+proto::AgentLease Lease(AgentId agent, double driving_s, double sleeping_s) {
+  proto::AgentLease lease;
+  lease.set_agent_id(agent);
+  lease.set_driving_s(driving_s);
+  lease.set_sleeping_s(sleeping_s);
+  return lease;
+}
+
+TEST(LeasesTest, CountsDownAndLapses) {
+  Leases leases(/*is_quiet_while_driving=*/true);
+  EXPECT_TRUE(leases.Left(kStart).empty());
+  EXPECT_FALSE(leases.NextLapse(kStart));
+  leases.Set(Lease(2, 40, 0), kStart);
+  leases.Set(Lease(3, 10, 60), kStart);
+  EXPECT_EQ(leases.NextLapse(kStart), kStart + seconds(10));
+  EXPECT_EQ(leases.LeftOf(2, kStart + seconds(15)).driving_s(), 25);
+  EXPECT_EQ(leases.LeftOf(3, kStart + seconds(15)).driving_s(), 0);
+  EXPECT_EQ(leases.Left(kStart + seconds(15)).size(), 2);
+  EXPECT_EQ(leases.NextLapse(kStart + seconds(15)), kStart + seconds(40));
+  EXPECT_EQ(leases.Left(kStart + seconds(40)).size(), 1);
+  EXPECT_TRUE(leases.Left(kStart + seconds(60)).empty());
+  EXPECT_FALSE(leases.NextLapse(kStart + seconds(60)));
+}
+
+TEST(LeasesTest, WindowIsOpenWhenNeitherEndDrivesOrSleeps) {
+  Leases leases(/*is_quiet_while_driving=*/true);
+  leases.Set(Lease(2, 40, 0), kStart);
+  leases.Set(Lease(3, 0, 60), kStart);
+  EXPECT_FALSE(leases.IsOpen(1, 2, kStart));
+  EXPECT_FALSE(leases.IsOpen(2, 1, kStart));
+  EXPECT_FALSE(leases.IsOpen(1, 3, kStart));
+  EXPECT_TRUE(leases.IsOpen(1, 4, kStart));
+  EXPECT_TRUE(leases.IsOpen(1, 2, kStart + seconds(40)));
+  EXPECT_FALSE(leases.IsOpen(2, 3, kStart + seconds(40)));
+  leases.SetAll(Leases::List(), kStart);
+  EXPECT_TRUE(leases.IsOpen(2, 3, kStart));
+}
+
+TEST(LeasesTest, ATeamThatTalksWhileDrivingIsQuietForSleepersOnly) {
+  Leases leases(/*is_quiet_while_driving=*/false);
+  leases.Set(Lease(2, 40, 0), kStart);
+  leases.Set(Lease(3, 0, 60), kStart);
+  EXPECT_TRUE(leases.IsOpen(1, 2, kStart));
+  EXPECT_FALSE(leases.IsOpen(1, 3, kStart));
+}
+
+TEST(LeasesTest, ChecksSeconds) {
+  for (const double good : {0., 0.5, 86400.}) EXPECT_TRUE(CheckLeaseSeconds(good, "seconds")) << good;
+  for (const double bad : {-0.1, 86400.1, std::nan(""), std::numeric_limits<double>::infinity()}) {
+    const auto checked = CheckLeaseSeconds(bad, "seconds");
+    ASSERT_FALSE(checked) << bad;
+    EXPECT_EQ(ToString(checked.error()), "seconds: expected 0 to 86400 seconds") << bad;
+  }
+}
+
+TEST(LeasesTest, SaysWhoDoesWhat) {
+  EXPECT_EQ(ToString(Lease(2, 39.2, 0)), "drives for 40 s more");
+  EXPECT_EQ(ToString(Lease(2, 0, 3600)), "sleeps for 3600 s more");
+  EXPECT_EQ(ToString(Lease(2, 5, 7)), "drives for 5 s and sleeps for 7 s more");
+}
+
+}  // namespace
+}  // namespace moondb
