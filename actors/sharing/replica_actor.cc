@@ -63,7 +63,9 @@ void ReplicaActor::BeginGathering(Context& context) {
 
 void ReplicaActor::AskNext(Context& context) {
   ++step_;
-  const auto next = std::find_if(to_ask_.begin(), to_ask_.end(), [this](AgentId agent) { return is_connected(agent); });
+  const auto next = std::find_if(to_ask_.begin(), to_ask_.end(), [this, &context](AgentId agent) {
+    return is_connected(agent) && IsWindowOpen(context, agent);
+  });
   asked_ = next == to_ask_.end() ? 0 : *next;
   if (asked_ == 0) return;
   OrderFrom(context, asked_);
@@ -105,6 +107,11 @@ void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
 void ReplicaActor::OnPeerEvent(Context& context, AgentId peer) {
   if (asked_ == 0) return AskNext(context);
   if (peer == asked_ && !is_connected(peer)) PassOver(context);
+}
+
+void ReplicaActor::OnWindowsChanged(Context& context) {
+  if (asked_ == 0) return AskNext(context);
+  if (!IsWindowOpen(context, asked_)) PassOver(context);
 }
 
 }  // namespace moondb

@@ -7,8 +7,9 @@
 //
 // In each term of its own a leader asks every other agent once for all that it holds: what a deposed leader alone had
 // collected, what was lost with the leader's disk. It asks one after another, the survivor first, so that nobody sends
-// what another has just sent: those that are connected, and the others when they are. Who brings nothing for a while
-// lets the next one go first, and is asked again later and later. Where nothing is missing this costs a have-set each.
+// what another has just sent: those that are connected in an open window, and the others when they are. Who brings
+// nothing for a while lets the next one go first, and is asked again later and later. Where nothing is missing this
+// costs a have-set each.
 #pragma once
 
 #include <deque>
@@ -25,6 +26,7 @@ class ReplicaActor final : public SharingActor {
   Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) override;
   void OnNewRoles(Context& context, const proto::RoleAssignment& previous) override;
   void OnPeerEvent(Context& context, AgentId peer) override;
+  void OnWindowsChanged(Context& context) override;
   void OnReceived(Context& context, AgentId sender, bool is_all) override;
   void OnOrderRefused(Context& context, AgentId peer) override;
   void OnStepTimer(Context& context, std::uint64_t step) override;
@@ -35,7 +37,7 @@ class ReplicaActor final : public SharingActor {
   void CrossOff(Context& context, AgentId agent);
 
   std::deque<AgentId> to_ask_;  // In turn.
-  AgentId asked_ = 0;           // Of to_ask_, the one whose turn it is. 0: none of them is connected.
+  AgentId asked_ = 0;           // Of to_ask_, the one whose turn it is. 0: none of them is connected in an open window.
   MonotonicTime last_progress_{};
   Duration patience_{};     // That it is given without progress.
   std::uint64_t step_ = 0;  // A timer of an earlier one is late.

@@ -12,6 +12,15 @@ namespace {
 
 enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2, kStep = 3 };
 
+// Small, and of each agent one at most: what passes a window that driving shuts.
+std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
+  std::vector<DataType> types;
+  for (const DataType type : BuiltInDataTypes()) {
+    if (SharingRank(type) == 0 && SharePolicyOf(team, type) == proto::POLICY_LATEST) types.push_back(type);
+  }
+  return types;
+}
+
 }  // namespace
 
 void SharingActor::OnStart(Context& context) {
@@ -24,11 +33,13 @@ void SharingActor::OnStart(Context& context) {
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
   receiver_.emplace(std::move(receiver), context.rng()());
-  // After a restart of this actor alone nobody else would say what the roles are.
+  // After a restart of this actor alone nobody else would say what the roles and leases are.
   proto::Message question;
   question.set_ms_type(proto::CONTROL);
   question.mutable_role_show_request();
-  (void)context.Send({options_.self, actor_name::kRole}, std::move(question));
+  (void)context.Send({options_.self, actor_name::kRole}, proto::Message(question));
+  question.mutable_lease_show_request();
+  (void)context.Send({options_.self, actor_name::kLease}, std::move(question));
 }
 
 void SharingActor::OnMessage(Context& context, const proto::Message& message) {
@@ -49,6 +60,8 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       return SetRoles(context, message.roles_changed().roles());
     case proto::Message::kRoleShowReply:
       return SetRoles(context, message.role_show_reply().roles());
+    case proto::Message::kLeasesChanged:
+      return OnLeasesChanged(context, message.leases_changed());
     case proto::Message::kHaveReply:
       return Perform(context, receiver_->OnHaveReply(message.request_id(), message.have_reply()));
     case proto::Message::kStoreReply:
@@ -159,7 +172,9 @@ void SharingActor::OnShareStatusRequest(Context& context) {
   reply.set_ms_type(proto::CONTROL);
   proto::ShareStatus& status = *reply.mutable_share_status();
   for (const auto& [destination, outgoing] : outgoing_) {
-    *status.add_sessions() = outgoing.session.Status(context.now());
+    proto::ShareSession& session = *status.add_sessions();
+    session = outgoing.session.Status(context.now());
+    if (session.is_open()) session.set_waits_for(WhyWindowIsShut(context, destination));
   }
   status.set_received_records(receiver_->counts().received_records);
   status.set_rejected_records(receiver_->counts().rejected_records);
@@ -178,6 +193,14 @@ void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
     connected_.erase(event.peer());
   }
   OnPeerEvent(context, event.peer());
+}
+
+void SharingActor::OnLeasesChanged(Context& context, const proto::LeasesChanged& changed) {
+  leases_.SetAll(changed.leases(), context.now());
+  for (auto& [destination, outgoing] : outgoing_) {
+    Perform(context, outgoing, outgoing.session.SetWindow(WindowTo(context, destination), context.now()));
+  }
+  OnWindowsChanged(context);
 }
 
 void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
@@ -212,7 +235,10 @@ Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request)
 void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role) {
   auto it = outgoing_.find(destination);
   if (it == outgoing_.end()) {
-    SharingSession session(options_.session, kind_, destination, context.rng()());
+    SharingSession::Options session_options = options_.session;
+    session_options.state_types = StateTypesOf(options_.team);
+    SharingSession session(std::move(session_options), kind_, destination, context.rng()());
+    (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
     it = outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first;
   }
   it->second.is_by_role = is_by_role;
@@ -282,6 +308,26 @@ TimerId SharingActor::StartStepTimer(Context& context, Duration delay, std::uint
 std::string SharingActor::NameOf(AgentId agent) const {
   const proto::AgentConfig* config = FindAgent(options_.team, agent);
   return config == nullptr ? "agent " + std::to_string(agent) : config->name();
+}
+
+bool SharingActor::IsWindowOpen(const Context& context, AgentId peer) const {
+  return leases_.IsOpen(options_.self, peer, context.now());
+}
+
+SharingSession::Window SharingActor::WindowTo(const Context& context, AgentId peer) const {
+  if (IsWindowOpen(context, peer)) return SharingSession::Window::kOpen;
+  for (const AgentId end : {options_.self, peer}) {
+    if (leases_.LeftOf(end, context.now()).sleeping_s() > 0) return SharingSession::Window::kShut;
+  }
+  return SharingSession::Window::kStatesOnly;
+}
+
+std::string SharingActor::WhyWindowIsShut(const Context& context, AgentId peer) const {
+  for (const AgentId end : {options_.self, peer}) {
+    if (!leases_.IsQuiet(end, context.now())) continue;
+    return NameOf(end) + " " + ToString(leases_.LeftOf(end, context.now()));
+  }
+  return "";
 }
 
 SharingActor::Outgoing* SharingActor::FindOutgoing(AgentId destination) {

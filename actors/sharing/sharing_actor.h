@@ -3,7 +3,8 @@
 // The conversation with peers goes to the actor of the same name there. Sessions and receiver are plain state
 // machines (SharingSession, SharingReceiver); this actor only carries their messages, timers and roles. One outgoing
 // session per destination, several at a time; after a restart of this actor orders are forgotten (whoever wants the
-// records asks again) but nothing that was acknowledged is.
+// records asks again) but nothing that was acknowledged is. Where an end of a session drives or sleeps (LeasesChanged)
+// the session waits until neither does; past one that drives states may go.
 //
 // Bodies that belong to this agent (timers, roles, storage's answers) are taken from this agent only, sharing's own
 // from agents of the team only; everything else is ignored.
@@ -17,6 +18,7 @@
 
 #include "actors/sharing/sharing_receiver.h"
 #include "actors/sharing/sharing_session.h"
+#include "model/leases.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/team_config.h"
@@ -36,7 +38,8 @@ class SharingActor : public Actor {
   void OnMessage(Context& context, const proto::Message& message) final;
 
  protected:
-  SharingActor(Options options, proto::SharingKind kind) : options_(std::move(options)), kind_(kind) {}
+  SharingActor(Options options, proto::SharingKind kind)
+      : options_(std::move(options)), kind_(kind), leases_(options_.team.radio().quiet_while_driving()) {}
 
   // How many sessions were started, asked for or already open because of this. kRefused where the roles do not allow
   // it, kInvalid for a request that cannot be meant for this agent. Kind, destination and from_agents are checked.
@@ -45,6 +48,8 @@ class SharingActor : public Actor {
   // roles() are new. At first, and until RoleActor speaks, they are those of the team file.
   virtual void OnNewRoles(Context& context, const proto::RoleAssignment& previous) = 0;
   virtual void OnPeerEvent(Context&, AgentId) {}
+  // Any agent may have begun or ended to be quiet (IsWindowOpen).
+  virtual void OnWindowsChanged(Context&) {}
   // A batch came; `is_all`: all that its sender had for this agent, when it was ordered to share, is stored here.
   virtual void OnReceived(Context&, AgentId, bool /*is_all*/) {}
   // An order was answered with an error.
@@ -61,6 +66,8 @@ class SharingActor : public Actor {
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
   TimerId StartStepTimer(Context& context, Duration delay, std::uint64_t step);
+  // Neither this agent nor that one drives or sleeps.
+  bool IsWindowOpen(const Context& context, AgentId peer) const;
 
   const proto::TeamConfig& team() const { return options_.team; }
   const SharingSession::Options& session_options() const { return options_.session; }
@@ -96,10 +103,13 @@ class SharingActor : public Actor {
   void SendOrder(Context& context, AgentId peer);
   void OnShareStatusRequest(Context& context);
   void OnLink(Context& context, const proto::PeerEvent& event);
+  void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
 
+  SharingSession::Window WindowTo(const Context& context, AgentId peer) const;
+  std::string WhyWindowIsShut(const Context& context, AgentId peer) const;  // Empty: it is open.
   Outgoing* FindOutgoing(AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
   void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.
@@ -109,6 +119,7 @@ class SharingActor : public Actor {
   const proto::SharingKind kind_;
   proto::RoleAssignment roles_;
   std::set<AgentId> connected_;
+  Leases leases_;
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
   std::optional<SharingReceiver> receiver_;

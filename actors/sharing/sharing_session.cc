@@ -68,9 +68,13 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now) {
   SharingActions actions;
   filter_ = std::move(filter);
+  const bool was_waiting = is_waiting_;
+  if (window_ == Window::kStatesOnly) is_waiting_ = StatesMeant().data_types().empty();
   if (!is_open()) {
     last_error_.clear();
     last_progress_ = now;
+    Start(now, actions);
+  } else if (was_waiting) {
     Start(now, actions);
   } else if (!IsAsked(OriginsMeant())) {
     Start(now, actions);  // The destination has not said what it has of these.
@@ -151,7 +155,8 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
     return actions;
   }
   is_asking_ = false;
-  if (reply.records().empty() && reply.dropped().empty() && is_end_told_) {
+  const bool is_end_known = is_for_states_ || (reply.dropped().empty() && is_end_told_);
+  if (reply.records().empty() && is_end_known) {
     is_exhausted_ = true;
     missing_count_ = 0;
   } else {
@@ -165,6 +170,15 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   return actions;
 }
 
+SharingActions SharingSession::SetWindow(Window window, Time now) {
+  SharingActions actions;
+  if (window == window_) return actions;
+  window_ = window;
+  is_waiting_ = window != Window::kOpen;
+  if (is_open() && !is_waiting_) Start(now, actions);
+  return actions;
+}
+
 SharingActions SharingSession::OnConnected(Time now) {
   SharingActions actions;
   if (is_open()) Start(now, actions);
@@ -173,14 +187,14 @@ SharingActions SharingSession::OnConnected(Time now) {
 
 SharingActions SharingSession::OnTimer(Time now) {
   SharingActions actions;
-  if (!is_open() || now < deadline_) return actions;
+  if (!is_open() || is_waiting_ || now < deadline_) return actions;
   backoff_ = std::min(2 * backoff_, options_.resend_after_max);
   Restart(now, actions);
   return actions;
 }
 
 std::optional<SharingSession::Time> SharingSession::deadline() const {
-  if (!is_open()) return std::nullopt;
+  if (!is_open() || is_waiting_) return std::nullopt;
   return deadline_;
 }
 
@@ -214,6 +228,17 @@ bool SharingSession::IsAsked(const std::set<AgentId>& origins) const {
   return !origins.empty() && std::includes(asked_.begin(), asked_.end(), origins.begin(), origins.end());
 }
 
+proto::RecordFilter SharingSession::StatesMeant() const {
+  proto::RecordFilter states = filter_;
+  states.clear_data_types();
+  states.clear_own_records_of();
+  for (const DataType type : options_.state_types) {
+    const auto& meant = filter_.data_types();
+    if (meant.empty() || std::find(meant.begin(), meant.end(), type) != meant.end()) states.add_data_types(type);
+  }
+  return states;
+}
+
 void SharingSession::Start(Time now, SharingActions& actions) {
   has_restarted_at_once_ = false;
   backoff_ = options_.resend_after;
@@ -228,6 +253,8 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   if (session_id_ == 0) ++session_id_;
   refused_ = HaveSet();
   SetDeadline(now);
+  is_for_states_ = window_ == Window::kStatesOnly;
+  if (is_waiting_) return;
   SharingAction action{destination_, {}};
   action.message.set_ms_type(proto::CONTROL);
   proto::Hello& hello = *action.message.mutable_hello();
@@ -239,6 +266,10 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
 }
 
 void SharingSession::Complete(SharingActions& actions) {
+  if (is_for_states_) {
+    is_waiting_ = true;  // The rest of the order.
+    return;
+  }
   phase_ = Phase::kClosed;
   ++completed_sessions_;
   std::uint64_t refused_count = 0;
@@ -249,7 +280,7 @@ void SharingSession::Complete(SharingActions& actions) {
 
 void SharingSession::Fill(Time now, SharingActions& actions) {
   if (phase_ != Phase::kSending) return;
-  while (ready_ && MayLeave(*ready_)) {
+  while (!is_waiting_ && ready_ && MayLeave(*ready_)) {
     SendReady(now, actions);
     if (large_) ready_ = NextPiece();
   }
@@ -264,7 +295,7 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   action.message.set_request_id(++request_id_);
   proto::MissingRequest& request = *action.message.mutable_missing_request();
   *request.mutable_destination_have() = ToProto(ExpectedHave());
-  *request.mutable_filter() = filter_;
+  *request.mutable_filter() = is_for_states_ ? StatesMeant() : filter_;
   // A little less than what should fit: coding a batch again to cut it costs more than the spare bytes.
   const double content_bytes = 0.9 * static_cast<double>(options_.batch_bytes_max) / coded_ratio_;
   request.set_content_bytes_max(
@@ -313,7 +344,8 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
     const double ratio = static_cast<double>(coded.bytes.size()) / static_cast<double>(content_bytes);
     coded_ratio_ = std::max(kRatioMin, 0.5 * (coded_ratio_ + ratio));
   }
-  const std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
+  std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
+  if (is_for_states_) ++remaining;  // The end is not told before the rest of the order has gone.
   if (coded.bytes.size() > options_.batch_bytes_max && count == 1) {
     large_ = Large{result.keys.front(), remaining, PieceCutter(std::move(coded), 1, part_)};
     return NextPiece();

@@ -13,6 +13,10 @@
 // under way. Without progress for `resend_after` the session starts again under a new id, with a growing delay, for as
 // long as it takes: an order stands until all is acknowledged or Close is called.
 //
+// While the window to the destination is not open (SetWindow) it sends nothing there and waits for nothing; what was
+// handed over before may be acknowledged. When the window opens, an open session starts over at once. In between, where
+// states pass, each order brings the destination the states that it lacks, and the rest of it waits.
+//
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
 
@@ -44,7 +48,10 @@ class SharingSession {
     std::size_t unacked_bytes_max = 8 * 1024;              // 65 ms of a 1 Mbps radio.
     std::size_t batch_bytes_max = 4 * 1024;                // Coded. A larger record travels in pieces of this size.
     std::size_t bytes_per_second_min = 16 * 1024;          // A slower radio is given up on and tried again.
+    std::vector<DataType> state_types;                     // What may pass a window of kStatesOnly.
   };
+
+  enum class Window { kOpen, kStatesOnly, kShut };
 
   // `first_id` is random: the ids of this session count from it, so that they differ from those of an earlier process.
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
@@ -59,6 +66,8 @@ class SharingSession {
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
   // From storage; an answer to another question than the last one is ignored.
   SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
+  // Open at first.
+  SharingActions SetWindow(Window window, Time now);
   // The destination was reached again: an open session starts over at once.
   SharingActions OnConnected(Time now);
   // To be called when deadline() has come; earlier calls do nothing.
@@ -67,7 +76,7 @@ class SharingSession {
   // The actor could not hand over a message; shown in status.
   void NoteError(std::string text) { last_error_ = std::move(text); }
 
-  std::optional<Time> deadline() const;  // None while closed.
+  std::optional<Time> deadline() const;  // None while closed, and while it waits for the window.
   bool is_open() const { return phase_ != Phase::kClosed; }
   AgentId destination() const { return destination_; }
   proto::ShareSession Status(Time now) const;
@@ -85,8 +94,10 @@ class SharingSession {
   // Whose streams the filter is about; empty: everybody's.
   std::set<AgentId> OriginsMeant() const;
   bool IsAsked(const std::set<AgentId>& origins) const;
-  void Start(Time now, SharingActions& actions);    // Restart with the shortest delay.
-  void Restart(Time now, SharingActions& actions);  // A new id and Hello; nothing is under way any more.
+  proto::RecordFilter StatesMeant() const;        // The part of the order that passes a window of kStatesOnly.
+  void Start(Time now, SharingActions& actions);  // Restart with the shortest delay.
+  // A new id and Hello, unless it waits for the window; nothing is under way any more.
+  void Restart(Time now, SharingActions& actions);
   void Complete(SharingActions& actions);
   void Fill(Time now, SharingActions& actions);
   void AskForMissing(SharingActions& actions);
@@ -111,6 +122,9 @@ class SharingSession {
   AgentId destination_;
 
   Phase phase_ = Phase::kClosed;
+  Window window_ = Window::kOpen;
+  bool is_waiting_ = false;     // For the window to open; nothing is sent.
+  bool is_for_states_ = false;  // Since the last Hello, only states are sent.
   proto::RecordFilter filter_;
   std::uint64_t session_id_;
   std::uint64_t request_id_;

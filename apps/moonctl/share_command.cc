@@ -88,11 +88,16 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, json.text(), text);
 }
 
+std::string StateText(const proto::ShareSession& session) {
+  if (!session.waits_for().empty()) return "waits: " + session.waits_for();
+  return session.is_open() ? "open" : "idle";
+}
+
 std::vector<std::string> Row(const proto::TeamConfig& team, const std::string& sender,
                              const proto::ShareSession& session) {
   return {sender,
           AgentName(team, session.destination()),
-          session.is_open() ? "open" : "idle",
+          StateText(session),
           FormatCount(session.sent_records()),
           FormatCount(session.acknowledged_records()),
           FormatCount(session.remaining()),

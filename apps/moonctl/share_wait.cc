@@ -45,7 +45,7 @@ void ShareWait::Poll(AgentId sender, bool is_baseline) {
     }
     pair.remaining = session.remaining();
     pair.acknowledged = session.acknowledged_records();
-    pair.last_error = session.last_error();
+    pair.last_error = session.waits_for().empty() ? session.last_error() : session.waits_for();
     if (is_baseline || session.is_open()) continue;
     pair.is_done = session.completed_sessions() > pair.completed_before;
     pair.is_closed = !pair.is_done && session.closed_sessions() > pair.closed_before;

@@ -11,6 +11,8 @@ namespace {
 
 using std::chrono::seconds;
 
+using Window = SharingSession::Window;
+
 constexpr AgentId kSelf = 2;
 constexpr AgentId kDestination = 1;
 
@@ -32,6 +34,7 @@ class SharingSessionTest : public testing::Test {
         EXPECT_EQ(action.to, kDestination);
         sent_.push_back(std::move(action.message));
       } else if (action.message.has_missing_request()) {
+        asked_for_ = action.message.missing_request().filter();
         Take(session_.OnMissingReply(action.message.request_id(), source_.Missing(action.message.missing_request()),
                                      now_));
       } else if (action.message.has_peer_have()) {
@@ -109,13 +112,20 @@ class SharingSessionTest : public testing::Test {
 
   proto::ShareSession Status() const { return session_.Status(now_); }
 
-  SharingSession session_{SharingSession::Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
+  static SharingSession::Options Options() {
+    SharingSession::Options options;
+    options.state_types = {proto::POWER, proto::MODE};
+    return options;
+  }
+
+  SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
   SharingSession::Time now_{};
   MemoryStore source_;
   MemoryStore destination_;
   PieceCollector pieces_{1'000'000};  // The destination's.
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
+  proto::RecordFilter asked_for_;  // The last filter that storage was given.
 };
 
 TEST_F(SharingSessionTest, IsSilentUntilOrdered) {
@@ -144,6 +154,139 @@ TEST_F(SharingSessionTest, SaysThatNothingIsMissingAndCompletes) {
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().completed_sessions(), 1);
   EXPECT_TRUE(peer_haves_.back().is_session_closed());
+}
+
+TEST_F(SharingSessionTest, AnOrderInAShutWindowWaitsForItToOpen) {
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
+  Take(session_.SetWindow(Window::kShut, now_));
+  Order();
+  Take(session_.OnConnected(now_));
+  EXPECT_FALSE(session_.deadline());
+  Advance(seconds(100));
+  EXPECT_TRUE(session_.is_open());
+  EXPECT_TRUE(TakeSent().empty());
+  Take(session_.SetWindow(Window::kOpen, now_));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, TakesAcknowledgmentsInAShutWindowAndGoesOnWhereItStopped) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  const auto first = TakeSent();
+  ASSERT_GE(first.size(), 2u);
+  Take(session_.SetWindow(Window::kShut, now_));
+  Advance(seconds(100));
+  for (const proto::Message& batch : first) Acknowledge(batch);
+  proto::Refusal restarted;
+  restarted.set_session_id(first[0].batch().session_id());
+  restarted.mutable_error()->set_code(proto::ERROR_CODE_NOT_FOUND);
+  Take(session_.OnRefusal(restarted, now_));
+  Advance(seconds(100));
+  EXPECT_TRUE(TakeSent().empty());
+  const double acknowledged = Status().acknowledged_records();
+  EXPECT_EQ(acknowledged, Status().sent_records());
+  Take(session_.SetWindow(Window::kOpen, now_));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().sent_records(), 300);
+}
+
+TEST_F(SharingSessionTest, CompletesInAShutWindowWhenAllIsAcknowledged) {
+  Order();
+  AnswerHello();
+  const auto end = TakeSent();
+  Take(session_.SetWindow(Window::kShut, now_));
+  for (const proto::Message& batch : end) Acknowledge(batch);
+  EXPECT_FALSE(session_.is_open());
+  Take(session_.SetWindow(Window::kOpen, now_));
+  EXPECT_TRUE(TakeSent().empty());
+}
+
+TEST_F(SharingSessionTest, StatesPassAWindowForStatesAndTheRestWaits) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Take(session_.SetWindow(Window::kStatesOnly, now_));
+  Order();
+  AnswerHello();
+  auto batches = RunToEnd();
+  ASSERT_EQ(batches.size(), 1u);
+  EXPECT_EQ(batches[0].data_type(), static_cast<std::uint32_t>(proto::POWER));
+  EXPECT_EQ(batches[0].batch().record_count(), 1u);
+  EXPECT_GT(batches[0].remaining(), 0u) << "it is not the end of the order";
+  EXPECT_TRUE(session_.is_open());
+  EXPECT_FALSE(session_.deadline());
+  Acknowledge(batches[0]);  // Once more.
+  Advance(seconds(100));
+  EXPECT_TRUE(TakeSent().empty());
+
+  Order();  // Nothing new: a Hello, and no batch.
+  AnswerHello();
+  EXPECT_TRUE(TakeSent().empty());
+
+  Take(session_.SetWindow(Window::kOpen, now_));
+  AnswerHello();
+  batches = RunToEnd();
+  EXPECT_EQ(batches.back().remaining(), 0u);
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().sent_records(), 101);
+}
+
+TEST_F(SharingSessionTest, ADriveThatBeginsStopsStatesTooUntilTheNextOrder) {
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  TakeSent();
+  Take(session_.SetWindow(Window::kStatesOnly, now_));
+  EXPECT_TRUE(TakeSent().empty());
+  source_.Insert(kSelf, proto::MODE, "m");
+  Order();
+  AnswerHello();
+  const auto sent = TakeSent();
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_EQ(sent[0].data_type(), static_cast<std::uint32_t>(proto::MODE));
+  Take(session_.SetWindow(Window::kShut, now_));
+  Acknowledge(sent[0]);
+  EXPECT_TRUE(session_.is_open()) << "what is not a state was not sent";
+  EXPECT_TRUE(TakeSent().empty());
+  Take(session_.SetWindow(Window::kOpen, now_));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, AsksForStatesOnlyInAWindowForStates) {
+  proto::RecordFilter filter;
+  filter.add_origin_agents(kSelf);
+  filter.add_data_types(proto::POWER);
+  filter.add_data_types(proto::POSE_GRAPH_NODE);
+  filter.set_own_records_of(kDestination);
+  Take(session_.SetWindow(Window::kStatesOnly, now_));
+  Take(session_.Order(filter, now_));
+  AnswerHello();
+  proto::RecordFilter states;
+  states.add_origin_agents(kSelf);
+  states.add_data_types(proto::POWER);
+  EXPECT_EQ(asked_for_.DebugString(), states.DebugString());
+  Take(session_.SetWindow(Window::kOpen, now_));
+  AnswerHello();
+  EXPECT_EQ(asked_for_.DebugString(), filter.DebugString());
+}
+
+TEST_F(SharingSessionTest, AnOrderWithoutStatesWaits) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  proto::RecordFilter filter;
+  filter.add_data_types(proto::POSE_GRAPH_NODE);
+  filter.set_own_records_of(kDestination);
+  Take(session_.SetWindow(Window::kStatesOnly, now_));
+  Take(session_.Order(filter, now_));
+  EXPECT_TRUE(session_.is_open());
+  EXPECT_TRUE(TakeSent().empty());
 }
 
 TEST_F(SharingSessionTest, BringsWhatIsMissingAndNothingElse) {
