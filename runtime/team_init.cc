@@ -23,7 +23,8 @@ constexpr char kKeyNote[] =
 
 constexpr char kTail[] =
     R"(
-# Who leads and who survives at the very beginning (term 0); roles that were set later win.
+# Who leads and who survives at the very beginning (term 0); roles that were set later win. failover: manual or
+# automatic (the survivor takes the lead of a leader that is silent for leader_timeout_s).
 roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
 # What all agents together may send a second.

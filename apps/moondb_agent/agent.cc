@@ -9,8 +9,10 @@
 
 #include "actors/clock/clock_actor.h"
 #include "actors/gateway/gateway_actor.h"
+#include "actors/lease/lease_actor.h"
 #include "actors/merge/merge_actor.h"
 #include "actors/pgo/pgo_actor.h"
+#include "actors/role/failover_actor.h"
 #include "actors/role/role_actor.h"
 #include "actors/sharing/replica_actor.h"
 #include "actors/sharing/sync_actor.h"
@@ -25,9 +27,9 @@ namespace moondb {
 namespace {
 
 constexpr char kDatabaseFile[] = "moondb.sqlite";
-constexpr std::array kStandardActors = {actor_name::kStorage, actor_name::kSync, actor_name::kReplica, actor_name::kPgo,
-                                        actor_name::kMerge,   actor_name::kRole, actor_name::kGateway,
-                                        actor_name::kClock};
+constexpr std::array kStandardActors = {
+    actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kFailover, actor_name::kSync,
+    actor_name::kReplica, actor_name::kPgo,  actor_name::kMerge, actor_name::kGateway,  actor_name::kClock};
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
@@ -140,6 +142,17 @@ class Agent::Impl {
     role.team = team;
     role.tell = OwnActorNames();
     SpawnActor<RoleActor>(*system_, actor_name::kRole, Placement::kPool, std::move(role));
+
+    LeaseActor::Options lease;
+    lease.self = self_;
+    lease.team = team;
+    lease.tell = OwnActorNames();
+    SpawnActor<LeaseActor>(*system_, actor_name::kLease, Placement::kPool, std::move(lease));
+
+    FailoverActor::Options failover;
+    failover.self = self_;
+    failover.team = team;
+    SpawnActor<FailoverActor>(*system_, actor_name::kFailover, Placement::kPool, std::move(failover));
 
     SharingActor::Options sharing;
     sharing.self = self_;

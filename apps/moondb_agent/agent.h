@@ -1,6 +1,7 @@
 // Agent: one team member's whole runtime: data folder, actors, transport, put together and taken apart in order.
 //
-//   storage (own thread), role, sync, replica, pgo (own), merge (own), gateway, your own; then the transport
+//   storage (own thread), clock, role, lease, failover, sync, replica, pgo (own), merge (own), gateway, your own; then
+//   the transport
 //
 // What can be wrong with the world (the folder, the database, keys, ports, a forced GL) is found before anything runs
 // and comes back as one error. Create and destroy it on one thread; the callbacks come on others.
@@ -21,7 +22,7 @@ namespace moondb {
 
 // An actor of the user's, supervised like the standard ones. Others reach it by its name: actors of this agent and of
 // others with Message.custom (or any body that may leave an agent), clients with Client::Ask. It is told, as it may
-// ignore, RecordsStored after each commit of new rows and RolesChanged after each change of roles.
+// ignore, RecordsStored after each commit of new rows, RolesChanged and LeasesChanged after each change of these.
 struct OwnActor {
   std::string name;  // 1 to 32 lower-case letters, digits, - and _; none of the standard actors'.
   ActorFactory factory;

@@ -264,6 +264,78 @@ TEST_F(ProcessTest, CarriesADataTypeOfTheTeamsOwn) {
   EXPECT_EQ(ToString(*key), "3." + text.substr(2, 16) + ".1000.3");
 }
 
+TEST_F(ProcessTest, SharingWaitsWhileARoverDrives) {
+  MoonctlExpecting(0, {"up"});
+  const std::string state =
+      KeyOf(MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover2"}));
+  const std::string node =
+      KeyOf(MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"}));
+  EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "drive", "on", "--for", "10m"}),
+              HasSubstr("rover2 drives for 600 s"));
+  EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover3", "sleep", "--for", "1h"}), HasSubstr("rover3 sleeps for 3600 s"));
+  EXPECT_TRUE(Until([&] {
+    const std::string known_to_leader = MoonctlExpecting(0, {"status", "-a", "rover1"});
+    return known_to_leader.find("rover2 drives for") != std::string::npos &&
+           known_to_leader.find("rover3 sleeps for") != std::string::npos;
+  }));
+  MoonctlExpecting(0, {"sync", "now", "--from", "rover2"});
+  EXPECT_TRUE(Until([&] {
+    return MoonctlExpecting(0, {"sync", "status"}).find("waits: rover2 drives for") != std::string::npos;
+  }));
+  const Outcome late = Moonctl({"sync", "now", "--from", "rover2", "--wait", "--timeout", "1s"});
+  EXPECT_EQ(late.exit_code, 5);
+  EXPECT_THAT(late.error, HasSubstr("rover2 to rover1 (rover2 drives for"));
+  MoonctlExpecting(0, {"record", "get", state, "-a", "rover1"});
+  MoonctlExpecting(1, {"record", "get", node, "-a", "rover1"});
+
+  EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "drive", "off"}), HasSubstr("rover2 neither drives nor sleeps"));
+  EXPECT_TRUE(Until([&] { return Moonctl({"record", "get", node, "-a", "rover1"}).exit_code == 0; }));
+  MoonctlExpecting(0, {"-a", "rover3", "sleep", "off"});
+  EXPECT_TRUE(Until([&] { return MoonctlExpecting(0, {"status"}).find("sleeps") == std::string::npos; }));
+  MoonctlExpecting(0, {"down"});
+}
+
+TEST_F(ProcessTest, SaysWhatIsWrongWithALease) {
+  const auto error = [this](std::vector<std::string> command) {
+    const Outcome outcome = Moonctl(std::move(command));
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.error;
+    return outcome.error;
+  };
+  for (const char* bad : {"-5", "0", "soon", "25h", "1e9", "nan", ""}) {
+    EXPECT_THAT(error({"-a", "rover2", "drive", "on", "--for", bad}), HasSubstr("--for"));
+    EXPECT_THAT(error({"-a", "rover2", "sleep", "--for", bad}), HasSubstr("--for")) << bad;
+  }
+  EXPECT_THAT(error({"-a", "rover2", "drive", "on"}), HasSubstr("--for is required"));
+  EXPECT_THAT(error({"-a", "rover2", "drive", "onn", "--for", "5"}), HasSubstr("did you mean \"on\"?"));
+  EXPECT_THAT(error({"drive", "on", "--for", "5"}), HasSubstr("which robot? Give its agent with -a"));
+  EXPECT_THAT(error({"-a", "rover2", "sleep"}), HasSubstr("expected sleep --for DURATION"));
+  EXPECT_THAT(error({"-a", "rover2", "sleep", "off", "--for", "5"}), HasSubstr("expected sleep --for DURATION"));
+  for (const char* bad : {"2026-13-01T00:00Z", "2026-11-22T06:00", "2026-11-22T24:00Z", "tomorrow"}) {
+    EXPECT_THAT(error({"-a", "rover2", "sleep", "--until", bad}), HasSubstr("expected a time in UTC")) << bad;
+  }
+  EXPECT_THAT(error({"-a", "rover2", "sleep", "--until", "2020-01-01T00:00:30Z"}),
+              HasSubstr("not within the next 24 h"));
+}
+
+TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfAKilledLeader) {
+  std::string text = *ReadTextFile(team_file_);
+  const std::string manual = "failover: manual, leader_timeout_s: 120";
+  text.replace(text.find(manual), manual.size(), "failover: automatic, leader_timeout_s: 2");
+  ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
+  MoonctlExpecting(0, {"up"});
+  ASSERT_TRUE(Until([&] { return MoonctlExpecting(0, {"status", "-a", "rover2"}).find("3/3") != std::string::npos; }));
+  Kill("rover1");
+  const auto role_of = [this](const std::string& name) {
+    const auto shown = MoonctlJson(0, {"role", "show", "-a", name}).fields();
+    return shown.at("agents").list_value().values(0).struct_value().fields().at("role").string_value();
+  };
+  EXPECT_TRUE(Until([&] { return role_of("rover2") == "leader" && role_of("rover3") == "designated_survivor"; }));
+  const auto former = StartAgent("rover1");
+  EXPECT_TRUE(Until([&] {
+    return Moonctl({"status", "-a", "rover1"}).exit_code == 0 && role_of("rover1") == "rover";
+  }));
+}
+
 TEST_F(ProcessTest, SaysWhatIsWrongWithWhatWasTyped) {
   EXPECT_THAT(Moonctl({"statsu"}).error, HasSubstr("did you mean \"status\"?"));
   EXPECT_EQ(Moonctl({"statsu"}).exit_code, 2);

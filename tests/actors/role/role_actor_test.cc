@@ -8,8 +8,7 @@
 #include <stdexcept>
 
 #include "model/term.h"
-#include "runtime/simulation/simulated_team.h"
-#include "runtime/team_config.h"
+#include "tests/actors/role/role_team.h"
 
 namespace moondb {
 namespace {
@@ -17,44 +16,6 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::minutes;
 using std::chrono::seconds;
-
-// What StorageActor keeps of roles, on a disk that outlives a crash.
-struct Disk {
-  std::vector<proto::RoleAssignment> roles;
-  bool is_failing = false;
-  bool is_silent = false;
-  bool is_flooding = false;  // Fills PgoActor's control lane before RoleActor learns that its roles are stored.
-};
-
-class FakeStorageActor final : public Actor {
- public:
-  explicit FakeStorageActor(std::shared_ptr<Disk> disk) : disk_(std::move(disk)) {}
-
-  void OnMessage(Context& context, const proto::Message& message) override {
-    if (disk_->is_silent) return;
-    proto::Message reply;
-    if (message.has_load_roles_request()) {
-      reply.mutable_load_roles_reply()->mutable_history()->Assign(disk_->roles.begin(), disk_->roles.end());
-    } else if (message.has_save_roles_request()) {
-      reply.mutable_save_roles_reply();
-      if (disk_->is_failing) {
-        reply.mutable_save_roles_reply()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
-      } else {
-        disk_->roles.push_back(message.save_roles_request().roles());
-      }
-    }
-    (void)context.Reply(std::move(reply));
-    if (!disk_->is_flooding) return;
-    proto::Message control;
-    control.mutable_peer_event();
-    for (std::size_t i = 0; i < kControlMessagesMax; ++i) {
-      (void)context.Send({context.self().agent, actor_name::kPgo}, proto::Message(control));
-    }
-  }
-
- private:
-  std::shared_ptr<Disk> disk_;
-};
 
 // A PgoActor that keeps the roles it was told.
 class FakePgoActor final : public Actor {
@@ -67,85 +28,6 @@ class FakePgoActor final : public Actor {
 
  private:
   std::shared_ptr<std::vector<AgentId>> leaders_;
-};
-
-// Rovers 1 (leader), 2 (survivor), 3 and base station 4. Their sync actors are probes.
-class RoleTeam {
- public:
-  explicit RoleTeam(std::uint64_t seed) : team_(seed) {
-    config_.set_team("test");
-    for (AgentId agent = 1; agent <= 4; ++agent) {
-      proto::AgentConfig& added = *config_.add_agents();
-      added.set_id(agent);
-      added.set_name("agent" + std::to_string(agent));
-      added.set_kind(agent == 4 ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
-    }
-    config_.mutable_roles()->set_leader("agent1");
-    config_.mutable_roles()->set_survivor("agent2");
-  }
-
-  void Start() {
-    for (AgentId agent = 1; agent <= 4; ++agent) {
-      team_.AddAgent(agent);
-      disks_[agent] = std::make_shared<Disk>();
-    }
-    for (AgentId agent = 1; agent <= 4; ++agent) {
-      team_.Spawn(agent, actor_name::kStorage,
-                  [disk = disks_[agent]] { return std::make_unique<FakeStorageActor>(disk); });
-      RoleActor::Options options;
-      options.self = agent;
-      options.team = config_;
-      team_.Spawn(agent, actor_name::kRole, [options] { return std::make_unique<RoleActor>(options); });
-    }
-  }
-
-  void StartAndSettle() {
-    Start();
-    team_.AdvanceTime(seconds(10));
-  }
-
-  void Set(AgentId at, const proto::RoleSetRequest& request) {
-    proto::Message message;
-    message.set_request_id(42);
-    *message.mutable_role_set_request() = request;
-    (void)team_.Post({at, actor_name::kGateway}, {at, actor_name::kRole}, message);
-    team_.RunUntilIdle();
-  }
-
-  void Swap(AgentId at) {
-    proto::RoleSetRequest request;
-    request.set_is_swap(true);
-    Set(at, request);
-  }
-
-  // The last answer to `at`'s gateway; RolesChanged is none.
-  proto::Message Answer(AgentId at) {
-    proto::Message answer;
-    for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) {
-      if (!message.has_roles_changed()) answer = message;
-    }
-    return answer;
-  }
-
-  proto::RoleShowReply Show(AgentId at) {
-    proto::Message message;
-    message.mutable_role_show_request()->set_with_history(true);
-    (void)team_.Post({at, actor_name::kGateway}, {at, actor_name::kRole}, message);
-    team_.RunUntilIdle();
-    return Answer(at).role_show_reply();
-  }
-
-  bool AllAgree() {
-    const proto::RoleAssignment roles = Show(1).roles();
-    for (AgentId agent = 2; agent <= 4; ++agent) {
-      if (Show(agent).roles().SerializeAsString() != roles.SerializeAsString()) return false;
-    }
-    return true;
-  }
-
-  proto::TeamConfig config_;
-  std::map<AgentId, std::shared_ptr<Disk>> disks_;
-  simulation::SimulatedTeam team_;
 };
 
 class RoleActorTest : public testing::Test, protected RoleTeam {

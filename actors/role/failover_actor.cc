@@ -1,0 +1,130 @@
+#include "actors/role/failover_actor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "model/term.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::uint64_t kTakeLead = 1;  // The request's id; its answer tells nothing that RolesChanged does not.
+
+}  // namespace
+
+FailoverActor::FailoverActor(Options options)
+    : options_(std::move(options)),
+      leader_timeout_(std::chrono::duration_cast<Duration>(
+          std::chrono::duration<double>(options_.team.roles().leader_timeout_s()))),
+      roles_(InitialRoles(options_.team)),
+      leases_(options_.team.radio().quiet_while_driving()) {}
+
+void FailoverActor::OnStart(Context& context) {
+  context.WatchPeers();
+  context.Monitor({options_.self, actor_name::kLease});
+  // After a restart of this actor alone nobody else would say what stands.
+  proto::Message question;
+  question.set_ms_type(proto::CONTROL);
+  question.mutable_role_show_request();
+  (void)context.Send({options_.self, actor_name::kRole}, proto::Message(question));
+  question.mutable_lease_show_request();
+  (void)context.Send({options_.self, actor_name::kLease}, std::move(question));
+}
+
+void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
+  if (context.sender().agent != options_.self) return;
+  switch (message.body_case()) {
+    case proto::Message::kTimer:
+      return OnTimer(context);
+    case proto::Message::kPeerEvent:
+      OnPeerEvent(message.peer_event());
+      break;
+    case proto::Message::kRolesChanged:
+      OnRoles(context, message.roles_changed().roles());
+      break;
+    case proto::Message::kRoleShowReply:
+      OnRoles(context, message.role_show_reply().roles());
+      break;
+    case proto::Message::kLeasesChanged:
+      leases_.SetAll(message.leases_changed().leases(), context.now());
+      break;
+    case proto::Message::kDown:
+      known_ = connected_;  // LeaseActor has forgotten what others said; those who are connected say it again.
+      break;
+    case proto::Message::kControlReply:
+      if (message.request_id() == kTakeLead) {
+        spdlog::warn("{}: could not take the lead: {}", ToString(context.self()),
+                     ToString(FromProto(message.control_reply().error())));
+      }
+      return;
+    default:
+      return;
+  }
+  Review(context);
+}
+
+void FailoverActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
+  if (!IsNewer(roles.term(), roles_.term())) return;
+  StopCounting(context);  // It may be another leader.
+  roles_ = roles;
+}
+
+void FailoverActor::OnPeerEvent(const proto::PeerEvent& event) {
+  if (event.is_connected()) {
+    connected_.insert(event.peer());
+    known_.insert(event.peer());
+  } else {
+    connected_.erase(event.peer());
+  }
+}
+
+void FailoverActor::OnTimer(Context& context) {
+  timer_ = 0;
+  const std::string leader = FindAgent(options_.team, roles_.leader())->name();
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(kTakeLead);
+  proto::RoleSetRequest& request = *message.mutable_role_set_request();
+  request.set_leader(options_.self);
+  request.set_survivor(NextSurvivor());
+  request.set_reason("failover: " + leader + " was silent for " +
+                     std::to_string(std::chrono::duration_cast<std::chrono::seconds>(leader_timeout_).count()) + " s");
+  spdlog::warn("{}: takes the lead, {}", ToString(context.self()), request.reason());
+  (void)context.Send({options_.self, actor_name::kRole}, std::move(message));
+  Review(context);  // Counts anew until RoleActor says that this agent leads.
+}
+
+bool FailoverActor::IsLeaderMissed(Context& context) const {
+  return options_.team.roles().failover() == proto::FAILOVER_AUTOMATIC && roles_.survivor() == options_.self &&
+         known_.contains(roles_.leader()) && !connected_.contains(roles_.leader()) &&
+         leases_.IsOpen(options_.self, roles_.leader(), context.now()) && ReachesAnyOther();
+}
+
+bool FailoverActor::ReachesAnyOther() const {
+  constexpr int kLeaderAndSurvivor = 2;
+  return !connected_.empty() || options_.team.agents_size() == kLeaderAndSurvivor;
+}
+
+AgentId FailoverActor::NextSurvivor() const {
+  const auto rank = [this](AgentId agent) { return connected_.contains(agent) ? 0 : agent != roles_.leader() ? 1 : 2; };
+  AgentId next = 0;
+  for (const proto::AgentConfig& agent : options_.team.agents()) {
+    if (agent.id() == options_.self || agent.kind() != proto::AGENT_KIND_ROVER) continue;
+    if (next == 0 || rank(agent.id()) < rank(next)) next = agent.id();
+  }
+  return next;
+}
+
+void FailoverActor::Review(Context& context) {
+  if (!IsLeaderMissed(context)) return StopCounting(context);
+  if (timer_ == 0) timer_ = context.AfterTimer(leader_timeout_, 0);
+}
+
+void FailoverActor::StopCounting(Context& context) {
+  if (timer_ != 0) context.Cancel(std::exchange(timer_, 0));
+}
+
+}  // namespace moondb

@@ -1,0 +1,247 @@
+#include "actors/role/failover_actor.h"
+
+#include <gtest/gtest.h>
+
+#include "actors/lease/lease_actor.h"
+#include "tests/actors/role/role_team.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+// Rovers 1 (leader), 2 (survivor), 3 and base station 4; a leader silent for 120 s is replaced.
+class FailoverActorTest : public testing::Test, protected RoleTeam {
+ protected:
+  FailoverActorTest() : RoleTeam(/*seed=*/1) {
+    config_.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
+    config_.mutable_roles()->set_leader_timeout_s(120);
+    config_.mutable_radio()->set_quiet_while_driving(true);
+  }
+
+  void StartWithFailover() {
+    Start();
+    for (const AgentId agent : Agents()) {
+      LeaseActor::Options lease;
+      lease.self = agent;
+      lease.team = config_;
+      team_.Spawn(agent, actor_name::kLease, [lease] { return std::make_unique<LeaseActor>(lease); });
+      FailoverActor::Options failover;
+      failover.self = agent;
+      failover.team = config_;
+      team_.Spawn(agent, actor_name::kFailover, [failover] { return std::make_unique<FailoverActor>(failover); });
+    }
+    team_.AdvanceTime(seconds(10));
+  }
+
+  void SetLease(AgentId agent, proto::LeaseKind kind, double duration_s) {
+    proto::Message message;
+    message.mutable_lease_request()->set_kind(kind);
+    message.mutable_lease_request()->set_seconds(duration_s);
+    (void)team_.Post({agent, actor_name::kGateway}, {agent, actor_name::kLease}, message);
+    team_.AdvanceTime(std::chrono::milliseconds(10));
+  }
+
+  // Out of everybody's reach, and the others notice.
+  void Lose(AgentId agent) {
+    for (const AgentId other : Agents()) {
+      if (other != agent) team_.SetLink(agent, other, false);
+    }
+  }
+
+  AgentId LeaderAsKnownTo(AgentId agent) { return Show(agent).roles().leader(); }
+};
+
+TEST_F(FailoverActorTest, OnlyTheSurvivorTakesTheLeadAndNamesAConnectedRover) {
+  StartWithFailover();
+  Lose(1);
+  team_.AdvanceTime(seconds(119));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  team_.AdvanceTime(seconds(2));
+  for (const AgentId agent : {2, 3, 4}) {
+    SCOPED_TRACE(agent);
+    const proto::RoleAssignment roles = Show(agent).roles();
+    EXPECT_EQ(roles.leader(), 2u);
+    EXPECT_EQ(roles.survivor(), 3u);
+    EXPECT_EQ(roles.term().issuer(), 2u);
+    EXPECT_EQ(roles.reason(), "failover: agent1 was silent for 120 s");
+  }
+}
+
+TEST_F(FailoverActorTest, TheDeposedLeaderStepsDownWhenItIsReachedAgain) {
+  StartWithFailover();
+  Lose(1);
+  team_.AdvanceTime(minutes(10));
+  EXPECT_EQ(LeaderAsKnownTo(1), 1u) << "two leaders, in two parts of the team";
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+  team_.Heal();
+  team_.AdvanceTime(seconds(2));
+  EXPECT_TRUE(AllAgree());
+  EXPECT_EQ(LeaderAsKnownTo(1), 2u);
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(LeaderAsKnownTo(1), 2u) << "nobody changes it again";
+}
+
+TEST_F(FailoverActorTest, TheNextSurvivorReplacesTheNextLeader) {
+  StartWithFailover();
+  Lose(1);
+  team_.AdvanceTime(minutes(10));
+  Lose(2);
+  team_.AdvanceTime(minutes(10));
+  EXPECT_EQ(LeaderAsKnownTo(3), 3u);
+}
+
+TEST_F(FailoverActorTest, NamesNoLostRoverSurvivorWhereAnotherIsConnected) {
+  config_.mutable_agents(3)->set_kind(proto::AGENT_KIND_ROVER);
+  StartWithFailover();
+  Lose(3);
+  Lose(1);
+  team_.AdvanceTime(minutes(3));
+  EXPECT_EQ(Show(2).roles().survivor(), 4u);
+}
+
+TEST_F(FailoverActorTest, NamesTheLostLeaderSurvivorWhereThereIsNobodyElse) {
+  config_.mutable_agents(2)->set_kind(proto::AGENT_KIND_BASE_STATION);
+  config_.mutable_agents()->RemoveLast();
+  StartWithFailover();
+  Lose(1);
+  team_.AdvanceTime(minutes(10));
+  EXPECT_EQ(Show(2).roles().leader(), 2u);
+  EXPECT_EQ(Show(2).roles().survivor(), 1u);
+}
+
+TEST_F(FailoverActorTest, DoesNothingWhenFailoverIsManual) {
+  config_.mutable_roles()->set_failover(proto::FAILOVER_MANUAL);
+  StartWithFailover();
+  Lose(1);
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+}
+
+TEST_F(FailoverActorTest, WaitsWhileTheLeaderSleepsAndAWholeTimeoutMore) {
+  StartWithFailover();
+  SetLease(1, proto::LEASE_KIND_SLEEPING, 3600);
+  Lose(1);
+  team_.AdvanceTime(seconds(3600 + 119));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, WaitsWhileEitherDrives) {
+  StartWithFailover();
+  SetLease(1, proto::LEASE_KIND_DRIVING, 300);
+  Lose(1);
+  team_.AdvanceTime(seconds(200));
+  SetLease(2, proto::LEASE_KIND_DRIVING, 300);
+  team_.AdvanceTime(seconds(300 + 119));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, DrivingStopsNothingInATeamThatTalksWhileDriving) {
+  config_.mutable_radio()->set_quiet_while_driving(false);
+  StartWithFailover();
+  SetLease(1, proto::LEASE_KIND_DRIVING, 3600);
+  Lose(1);
+  team_.AdvanceTime(seconds(121));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, ALeaderThatIsHeardNowAndThenStays) {
+  StartWithFailover();
+  for (int i = 0; i < 20; ++i) {
+    team_.SetLink(1, 2, false);
+    team_.AdvanceTime(seconds(100));
+    team_.SetLink(1, 2, true);
+    team_.AdvanceTime(seconds(1));
+  }
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+}
+
+TEST_F(FailoverActorTest, DoesNotMissALeaderThatItNeverHeard) {
+  StartWithFailover();
+  Lose(1);
+  team_.Crash(2);
+  team_.Restart(2);
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  team_.Heal();
+  team_.AdvanceTime(seconds(10));
+  Lose(1);
+  team_.AdvanceTime(seconds(121));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, DoesNotMissASleepingLeaderAfterARestart) {
+  StartWithFailover();
+  SetLease(1, proto::LEASE_KIND_SLEEPING, 36000);
+  Lose(1);
+  team_.Crash(2);
+  team_.AdvanceTime(seconds(10));
+  team_.Restart(2);
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  team_.CrashActor({2, actor_name::kFailover});
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+}
+
+TEST_F(FailoverActorTest, DoesNotMissASleepingLeaderWhenItsLeaseIsForgotten) {
+  StartWithFailover();
+  SetLease(1, proto::LEASE_KIND_SLEEPING, 36000);
+  Lose(1);
+  team_.AdvanceTime(seconds(10));
+  team_.CrashActor({2, actor_name::kLease});
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+}
+
+TEST_F(FailoverActorTest, ASurvivorThatReachesNobodyIsItselfTheLostOne) {
+  StartWithFailover();
+  Lose(2);
+  team_.AdvanceTime(minutes(60));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  team_.SetLink(2, 4, true);
+  team_.AdvanceTime(seconds(121));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, OfATeamOfTwoTheSurvivorLeadsAlone) {
+  config_.mutable_agents()->RemoveLast();
+  config_.mutable_agents()->RemoveLast();
+  StartWithFailover();
+  Lose(1);
+  team_.AdvanceTime(seconds(121));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, CountsAnewForAnotherLeader) {
+  StartWithFailover();
+  Lose(1);
+  Lose(3);
+  team_.AdvanceTime(seconds(100));
+  proto::RoleSetRequest request;
+  request.set_leader(3);
+  Set(2, request);
+  team_.AdvanceTime(seconds(119));
+  EXPECT_EQ(LeaderAsKnownTo(2), 3u);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, TriesAgainWhenTheRolesCouldNotBeStored) {
+  StartWithFailover();
+  disks_[2]->is_failing = true;
+  Lose(1);
+  team_.AdvanceTime(seconds(130));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  disks_[2]->is_failing = false;
+  team_.AdvanceTime(seconds(120));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+}  // namespace
+}  // namespace moondb
