@@ -19,6 +19,7 @@
 #include "actors/sharing/sharing_session.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/rate_limited_log.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
@@ -112,6 +113,7 @@ class SharingActor : public Actor {
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
   std::optional<SharingReceiver> receiver_;
+  RateLimitedLog refused_log_;
 };
 
 }  // namespace moondb

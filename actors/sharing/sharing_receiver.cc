@@ -52,16 +52,22 @@ SharingReceiver::SharingReceiver(Options options, std::uint64_t first_request_id
     : options_(std::move(options)), next_request_id_(first_request_id) {}
 
 SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hello, Time now) {
-  if (Result<void> checked = CheckHello(hello); !checked) return Refuse(sender, hello.session_id(), checked.error());
-  if (hello.config_hash() != options_.config_hash) ++counts_.foreign_configs;
+  if (Result<void> checked = CheckHello(hello); !checked) return RefuseHello(sender, hello, checked.error());
+  if (hello.config_hash() == options_.config_hash) {
+    other_configs_.erase(sender);
+  } else {
+    other_configs_.insert(sender);
+  }
   const auto known = incoming_.find(sender);
   if (known == incoming_.end()) {
     if (!MakeRoom(now)) {
-      return Refuse(sender, hello.session_id(), Error{ErrorCode::kFull, "too many sessions are open here", ""});
+      return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
     }
   } else {
     const std::uint64_t age = known->second.session_id - hello.session_id();
-    if (age > 0 && age < kStaleSessions) return {};
+    const bool is_repeated = age == 0 && known->second.have_request_id != 0;
+    const bool is_late = age > 0 && age < kStaleSessions && now - known->second.last_heard < options_.idle_after;
+    if (is_repeated || is_late) return {};
   }
   Incoming& incoming = incoming_[sender];
   if (incoming.session_id != hello.session_id()) incoming = Incoming();
@@ -156,6 +162,11 @@ Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
   if (hello.origin_agents().size() > static_cast<int>(kAgentIdMax))
     return Fail(ErrorCode::kRefused, "are too many", "origin_agents");
   return {};
+}
+
+SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& hello, Error error) {
+  ++counts_.refused_hellos;
+  return Refuse(sender, hello.session_id(), std::move(error));
 }
 
 bool SharingReceiver::MakeRoom(Time now) {

@@ -45,7 +45,7 @@ class SharingReceiver {
     double rejected_records = 0;  // Refused by storage.
     double damaged_messages = 0;
     double dropped_messages = 0;  // Too much waits for storage.
-    double foreign_configs = 0;   // Hellos with another configuration hash; taken nevertheless.
+    double refused_hellos = 0;
   };
 
   // `first_request_id` is random: answers to an earlier life's requests must not fit.
@@ -61,6 +61,8 @@ class SharingReceiver {
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
   const Counts& counts() const { return counts_; }
+  // Whose last Hello named another team configuration; it was taken nevertheless.
+  const std::set<AgentId>& other_configs() const { return other_configs_; }
 
  private:
   struct Incoming {
@@ -72,11 +74,13 @@ class SharingReceiver {
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
+  SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
 
   Options options_;
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
+  std::set<AgentId> other_configs_;
   Counts counts_;
 };
 

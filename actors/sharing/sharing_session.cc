@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/text.h"
+
 namespace moondb {
 namespace {
 
@@ -99,9 +101,10 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   SharingActions actions;
   if (!is_open() || have.session_id() != session_id_) return actions;
   if (phase_ == Phase::kAwaitingHave && !have.is_whole()) return actions;
-  Result<HaveSet> heard = FromProto(have.have());
+  Result<HaveSet> heard = CheckHave(have);
   if (!heard) {
-    NoteError("the destination's have-set is malformed: " + ToString(heard.error()));
+    ++refused_haves_;
+    NoteError("the destination's have-set was refused: " + ToString(heard.error()));
     return actions;
   }
   if (phase_ == Phase::kAwaitingHave) {
@@ -137,7 +140,7 @@ SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now
     Restart(now, actions);
     return actions;
   }
-  NoteError("the destination refused: " + ToString(error));
+  NoteError("the destination refused: " + OneLine(ToString(error)));
   if (error.code == ErrorCode::kRefused || error.code == ErrorCode::kInvalid) return Close();
   return actions;
 }
@@ -197,6 +200,7 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_completed_sessions(completed_sessions_);
   status.set_closed_sessions(closed_sessions_);
   status.set_resends(resends_);
+  status.set_refused_haves(refused_haves_);
   status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
   status.set_last_error(last_error_);
   return status;
@@ -211,6 +215,20 @@ std::set<AgentId> SharingSession::OriginsMeant() const {
 bool SharingSession::IsAsked(const std::set<AgentId>& origins) const {
   if (asked_.empty()) return true;
   return !origins.empty() && std::includes(asked_.begin(), asked_.end(), origins.begin(), origins.end());
+}
+
+Result<HaveSet> SharingSession::CheckHave(const proto::Have& have) const {
+  const bool is_of_a_batch = have.batch_number() != 0 || !have.is_whole();
+  if (is_of_a_batch && (have.batch_number() == 0 || have.batch_number() >= next_batch_number_)) {
+    return Fail(ErrorCode::kInvalid, "was never sent", "batch_number");
+  }
+  Result<HaveSet> heard = FromProto(have.have());
+  if (!heard || phase_ == Phase::kAwaitingHave) return heard;
+  // It joins what was heard before.
+  const bool fits = have_.streams().size() + heard->streams().size() <= kHaveStreamsMax &&
+                    have_.IntervalCount() + heard->IntervalCount() <= kHaveIntervalsMax;
+  if (!fits) return Fail(ErrorCode::kInvalid, "has grown too large", "have");
+  return heard;
 }
 
 void SharingSession::Start(Time now, SharingActions& actions) {

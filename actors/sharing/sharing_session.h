@@ -53,7 +53,8 @@ class SharingSession {
   // End without completing. The order is forgotten.
   SharingActions Close();
 
-  // From the destination. A session id other than the present one is ignored.
+  // From the destination. A session id other than the present one is ignored; a have-set that is malformed, too large
+  // or of a batch that was never sent is refused and counted.
   SharingActions OnHave(const proto::Have& have, Time now);
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
   // From storage; an answer to another question than the last one is ignored.
@@ -84,6 +85,7 @@ class SharingSession {
   // Whose streams the filter is about; empty: everybody's.
   std::set<AgentId> OriginsMeant() const;
   bool IsAsked(const std::set<AgentId>& origins) const;
+  Result<HaveSet> CheckHave(const proto::Have& have) const;
   void Start(Time now, SharingActions& actions);    // Restart with the shortest delay.
   void Restart(Time now, SharingActions& actions);  // A new id and Hello; nothing is under way any more.
   void Complete(SharingActions& actions);
@@ -135,6 +137,7 @@ class SharingSession {
   double completed_sessions_ = 0;
   double closed_sessions_ = 0;
   double resends_ = 0;
+  double refused_haves_ = 0;
   std::string last_error_;
 };
 

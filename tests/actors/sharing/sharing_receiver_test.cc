@@ -103,13 +103,16 @@ TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamVersionOrKind) {
   hello = Hello(10);
   hello.set_kind(proto::SHARING_KIND_REPLICATION);
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
+  EXPECT_EQ(receiver_.counts().refused_hellos, 3);
 }
 
-TEST_F(SharingReceiverTest, TakesAndCountsAnotherConfiguration) {
+TEST_F(SharingReceiverTest, TakesAnotherConfigurationAndRemembersWhose) {
   proto::Hello hello = Hello(10);
   hello.set_config_hash(78);
   EXPECT_TRUE(receiver_.OnHello(2, hello, now_).at(0).message.has_have_request());
-  EXPECT_EQ(receiver_.counts().foreign_configs, 1);
+  EXPECT_EQ(receiver_.other_configs(), std::set<AgentId>{2});
+  OpenSession(2, 11);
+  EXPECT_TRUE(receiver_.other_configs().empty());
 }
 
 TEST_F(SharingReceiverTest, RefusesABatchOfASessionThatItDoesNotKnow) {
@@ -182,6 +185,9 @@ TEST_F(SharingReceiverTest, IgnoresAHelloThatCameLate) {
   OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
+  // No radio is that late: the other one was damaged.
+  now_ += seconds(61);
+  EXPECT_EQ(receiver_.OnHello(2, Hello(10), now_).size(), 1u);
 }
 
 TEST_F(SharingReceiverTest, AnswersOnlyTheNewestHello) {
@@ -189,6 +195,12 @@ TEST_F(SharingReceiverTest, AnswersOnlyTheNewestHello) {
   const std::uint64_t second = OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHaveReply(first, proto::HaveReply()).empty());
   EXPECT_EQ(receiver_.OnHaveReply(second, proto::HaveReply()).at(0).message.have().session_id(), 11u);
+}
+
+TEST_F(SharingReceiverTest, AsksStorageOnceForAHelloThatIsRepeated) {
+  const std::uint64_t asked = OpenSession(2, 10);
+  for (int i = 0; i < 100; ++i) EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
+  EXPECT_EQ(receiver_.OnHaveReply(asked, proto::HaveReply()).size(), 1u);
 }
 
 TEST_F(SharingReceiverTest, BoundsSessionsAndLetsSilentOnesGiveWay) {
