@@ -72,7 +72,8 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   Incoming& incoming = incoming_[sender];
   if (incoming.session_id != hello.session_id()) incoming = Incoming();
   incoming.session_id = hello.session_id();
-  incoming.last_heard = now;
+  incoming.last_heard = now_ = now;
+  incoming.is_at_end = false;
   incoming.origins = {hello.origin_agents().begin(), hello.origin_agents().end()};
   if (++next_request_id_ == 0) ++next_request_id_;
   incoming.have_request_id = next_request_id_;
@@ -90,7 +91,8 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     return Refuse(sender, batch.session_id(), Error{ErrorCode::kNotFound, "no such session is open here", ""});
   }
   Incoming& incoming = it->second;
-  incoming.last_heard = now;
+  incoming.last_heard = now_ = now;
+  incoming.is_at_end = message.remaining() == 0;
   if (incoming.waiting_stores.size() >= options_.waiting_stores_per_sender_max) {
     ++counts_.dropped_messages;
     return SharingActions();
@@ -128,7 +130,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
       if (is_asked) *have.mutable_have()->add_streams() = stream;
     }
     have.set_is_whole(true);
-    have.set_unacked_bytes_max(options_.unacked_bytes_max);
+    have.set_unacked_bytes_max(CreditOfEach());
     return {std::move(action)};
   }
   return {};
@@ -146,7 +148,7 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
     counts_.received_records += reply.stored_count();
     counts_.rejected_records += reply.rejected_count();
     *action.message.mutable_have()->mutable_have() = reply.had();
-    action.message.mutable_have()->set_unacked_bytes_max(options_.unacked_bytes_max);
+    action.message.mutable_have()->set_unacked_bytes_max(CreditOfEach());
     return {std::move(action)};
   }
   return {};
@@ -167,6 +169,14 @@ Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
 SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& hello, Error error) {
   ++counts_.refused_hellos;
   return Refuse(sender, hello.session_id(), std::move(error));
+}
+
+// All of them come in over one radio: together they may fill it no further than one of them would.
+std::uint32_t SharingReceiver::CreditOfEach() const {
+  const auto sending = std::count_if(incoming_.begin(), incoming_.end(), [this](const auto& entry) {
+    return !entry.second.is_at_end && now_ - entry.second.last_heard < options_.sending_after;
+  });
+  return options_.unacked_bytes_max / static_cast<std::uint32_t>(std::max<std::ptrdiff_t>(sending, 1));
 }
 
 bool SharingReceiver::MakeRoom(Time now) {

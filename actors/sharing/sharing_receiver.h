@@ -34,8 +34,9 @@ class SharingReceiver {
     std::string team;
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
-    std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that each sender is granted.
-    std::size_t sessions_max = 16;               // When full, one that was silent for idle_after gives way.
+    std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that those who are sending are granted together.
+    std::chrono::nanoseconds sending_after = std::chrono::seconds(5);  // Who was silent for longer has no part of it.
+    std::size_t sessions_max = 16;  // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
   };
@@ -71,15 +72,18 @@ class SharingReceiver {
     std::set<AgentId> origins;                               // That the Hello asks for; empty: all.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};
+    bool is_at_end = false;  // It said that nothing remains.
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
+  std::uint32_t CreditOfEach() const;
 
   Options options_;
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
+  Time now_{};  // Of what was heard last.
   std::set<AgentId> other_configs_;
   Counts counts_;
 };

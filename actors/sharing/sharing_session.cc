@@ -13,6 +13,8 @@ constexpr double kContentBytesMin = 512;
 constexpr double kContentBytesMax = 64 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
 constexpr double kRatioMin = 0.02;
+// Smaller batches cost more in headers and commits than they save in waiting.
+constexpr std::size_t kBatchBytesMin = 1024;
 
 void AddHeld(const std::vector<RecordKey>& keys, HaveSet& have) {
   for (const RecordKey& key : keys) have[key.stream].held.Add(key.seq);
@@ -110,12 +112,12 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   if (phase_ == Phase::kAwaitingHave) {
     have_ = *std::move(heard);
     phase_ = Phase::kSending;
-    credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
     last_progress_ = now;
     SetDeadline(now);
   } else {
     have_.Merge(*heard);
   }
+  credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
   const std::size_t under_way_before = under_way_.size();
   Acknowledge(have.batch_number());
   if (under_way_.size() < under_way_before) {
@@ -280,7 +282,7 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   *request.mutable_destination_have() = ToProto(ExpectedHave());
   *request.mutable_filter() = filter_;
   // A little less than what should fit: coding a batch again to cut it costs more than the spare bytes.
-  const double content_bytes = 0.9 * static_cast<double>(options_.batch_bytes_max) / coded_ratio_;
+  const double content_bytes = 0.9 * static_cast<double>(BatchBytesMax()) / coded_ratio_;
   request.set_content_bytes_max(
       static_cast<std::uint32_t>(std::clamp(content_bytes, kContentBytesMin, kContentBytesMax)));
   request.set_records_max(kRecordsMax);
@@ -302,6 +304,11 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   SetDeadline(now);
 }
 
+// One batch leaves without credit too: where several senders share what the receiver grants, it is no larger than that.
+std::size_t SharingSession::BatchBytesMax() const {
+  return std::min(options_.batch_bytes_max, std::max(credit_bytes_, kBatchBytesMin));
+}
+
 bool SharingSession::MayLeave(const CodedRecords& batch) const {
   if (under_way_.empty()) return true;
   // The last one says that all is there: so all before it is.
@@ -309,10 +316,11 @@ bool SharingSession::MayLeave(const CodedRecords& batch) const {
 }
 
 SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& reply) {
+  const std::size_t bytes_max = BatchBytesMax();
   int count = reply.records_size();
   CodedBatch coded = EncodeFirst(reply, count);
-  while (coded.bytes.size() > options_.batch_bytes_max && count > 1) {
-    const auto fitting = static_cast<int>(static_cast<double>(count) * static_cast<double>(options_.batch_bytes_max) /
+  while (coded.bytes.size() > bytes_max && count > 1) {
+    const auto fitting = static_cast<int>(static_cast<double>(count) * static_cast<double>(bytes_max) /
                                           static_cast<double>(coded.bytes.size()));
     count = std::clamp(fitting, 1, count - 1);
     coded = EncodeFirst(reply, count);
@@ -337,7 +345,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   // What is dropped never travels before what superseded it.
   if (remaining == 0) {
     const std::size_t coded_bytes = batch.coded().size();
-    result.dropped = FirstDropped(reply, options_.batch_bytes_max - std::min(options_.batch_bytes_max, coded_bytes));
+    result.dropped = FirstDropped(reply, bytes_max - std::min(bytes_max, coded_bytes));
     batch.mutable_dropped()->Assign(result.dropped.begin(), result.dropped.end());
   }
   result.bytes = batch.ByteSizeLong();

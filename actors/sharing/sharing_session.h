@@ -92,6 +92,7 @@ class SharingSession {
   void Fill(Time now, SharingActions& actions);
   void AskForMissing(SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
+  std::size_t BatchBytesMax() const;
   bool MayLeave(const CodedRecords& batch) const;
   // As many of the records as fit into one message; learns the ratio.
   CodedRecords Code(const proto::MissingReply& reply);

@@ -155,6 +155,27 @@ TEST_F(SharingReceiverTest, DoesNotAcknowledgeAFailedCommit) {
   EXPECT_EQ(RefusalOf(receiver_.OnStoreReply(stored->at(0).message.request_id(), reply)), ErrorCode::kUnavailable);
 }
 
+TEST_F(SharingReceiverTest, SharesItsCreditAmongThoseWhoSend) {
+  const auto credit_at_hello = [this](AgentId sender) {
+    const std::uint64_t asked = OpenSession(sender, 10);
+    return receiver_.OnHaveReply(asked, proto::HaveReply()).at(0).message.have().unacked_bytes_max();
+  };
+  const auto credit_at_batch = [this](AgentId sender, std::uint32_t number, std::uint64_t remaining) {
+    proto::Message batch = Batch(10, number);
+    batch.set_remaining(remaining);
+    const std::uint64_t asked = receiver_.OnBatch(sender, batch, now_)->at(0).message.request_id();
+    return receiver_.OnStoreReply(asked, proto::StoreReply()).at(0).message.have().unacked_bytes_max();
+  };
+  EXPECT_EQ(credit_at_hello(2), 8192u);
+  EXPECT_EQ(credit_at_hello(3), 4096u);
+  EXPECT_EQ(credit_at_batch(2, 1, 5), 4096u);
+  EXPECT_EQ(credit_at_batch(3, 1, 0), 8192u) << "it has ended";
+  EXPECT_EQ(credit_at_batch(2, 2, 5), 8192u);
+  EXPECT_EQ(credit_at_hello(3), 4096u);
+  now_ += seconds(6);
+  EXPECT_EQ(credit_at_batch(2, 3, 5), 8192u) << "the other was silent";
+}
+
 TEST_F(SharingReceiverTest, CountsAndDropsDamagedBatches) {
   OpenSession(2, 10);
   proto::Message damaged = Batch(10, 1);

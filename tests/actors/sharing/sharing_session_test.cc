@@ -55,7 +55,7 @@ class SharingSessionTest : public testing::Test {
     have.set_session_id(TakeHello());
     *have.mutable_have() = destination_.Have().have();
     have.set_is_whole(true);
-    have.set_unacked_bytes_max(credit);
+    have.set_unacked_bytes_max(credit_ = credit);
     Take(session_.OnHave(have, now_));
   }
 
@@ -68,6 +68,7 @@ class SharingSessionTest : public testing::Test {
     proto::Have have;
     have.set_session_id(batch.session_id());
     have.set_batch_number(batch.batch_number());
+    have.set_unacked_bytes_max(credit_);
     *have.mutable_have() = destination_.Store(request).had();
     return have;
   }
@@ -98,6 +99,7 @@ class SharingSessionTest : public testing::Test {
 
   SharingSession session_{SharingSession::Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
   SharingSession::Time now_{};
+  std::uint32_t credit_ = 8 * 1024;  // That the destination grants.
   MemoryStore source_;
   MemoryStore destination_;
   std::vector<proto::Message> sent_;
@@ -241,6 +243,25 @@ TEST_F(SharingSessionTest, SendsOneMessageAtATimeWithoutCredit) {
     Acknowledge(sent[0]);
   }
   EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, KeepsToTheCreditThatItWasGrantedLast) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  std::vector<proto::Message> sent = TakeSent();
+  ASSERT_EQ(sent.size(), 2u);
+  credit_ = 2048;  // Others have begun to send there.
+  for (const proto::Message& batch : sent) Acknowledge(batch);
+  for (int i = 0; i < 4; ++i) {
+    sent = TakeSent();
+    ASSERT_EQ(sent.size(), 1u);
+    EXPECT_LE(sent[0].batch().coded().size(), i == 0 ? 4096u : 2048u) << "the first was ready before";
+    if (i == 3) credit_ = 8192;
+    Acknowledge(sent[0]);
+  }
+  EXPECT_EQ(TakeSent().size(), 2u);
+  sent_ = {};
 }
 
 TEST_F(SharingSessionTest, ResendsUntilAcknowledgedWithAGrowingDelay) {
