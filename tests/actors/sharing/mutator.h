@@ -135,7 +135,7 @@ class Mutator {
         if (field.type() == Field::TYPE_STRING) return reflection.SetString(&message, &field, "text");
         std::string bytes = reflection.GetString(message, &field);
         Mutate(bytes);
-        return reflection.SetString(&message, &field, Draw(4) == 0 ? Bytes(200) : bytes);
+        return reflection.SetString(&message, &field, Draw(4) == 0 ? Bytes(Draw(4) == 0 ? 5000 : 100) : bytes);
       }
       default:
         return;

@@ -199,8 +199,12 @@ class Conversation {
       flying = heard_[mutator_.Draw(heard_.size())];
     } else if (flying.to == kReceiver) {
       mutator_.Draw(2) == 0 ? (void)flying.message.mutable_hello() : (void)flying.message.mutable_batch();
+    } else if (mutator_.Draw(3) > 0) {
+      flying.message.mutable_have()->set_session_id(session_id_);
+      flying.message.mutable_have()->set_is_whole(mutator_.Draw(2) == 0);
     } else {
-      mutator_.Draw(4) > 0 ? (void)flying.message.mutable_have() : (void)flying.message.mutable_refusal();
+      flying.message.mutable_refusal()->set_session_id(session_id_);
+      flying.message.mutable_refusal()->mutable_error()->set_text(mutator_.Bytes(2000));
     }
     mutator_.Mutate(flying.message);
     return flying;
@@ -278,6 +282,7 @@ class Conversation {
       if (message.has_hello()) {  // As SharingActor completes it.
         message.mutable_hello()->set_protocol_version(kSharingProtocolVersion);
         message.mutable_hello()->set_team("test");
+        session_id_ = message.hello().session_id();
       }
       if (action.to != 0) {
         air_.push_back({action.to, std::move(message)});
@@ -300,6 +305,7 @@ class Conversation {
   SharingSession session_{SharingSession::Options(), proto::SHARING_KIND_REPLICATION, kReceiver, 1000};
   SharingReceiver receiver_{ReceiverOptions(), 500};
   SharingSession::Time now_{};
+  std::uint64_t session_id_ = 0;  // The session's present one.
   std::deque<Flying> air_;
   std::vector<Flying> heard_;
 };
