@@ -101,6 +101,13 @@ void HaveSet::Merge(const HaveSet& other) {
   }
 }
 
+std::size_t HaveSet::IntervalCount() const {
+  std::size_t count = 0;
+  for (const auto& [key, stream] : streams_)
+    count += stream.held.intervals().size() + stream.dropped.intervals().size();
+  return count;
+}
+
 namespace {
 
 void ToProto(const IntervalSet& set, google::protobuf::RepeatedPtrField<proto::Interval>& out) {
@@ -146,9 +153,12 @@ proto::HaveSet ToProto(const HaveSet& have) {
 Result<HaveSet> FromProto(const proto::HaveSet& have) {
   if (have.streams_size() > kHaveStreamsMax) return Fail(ErrorCode::kInvalid, "has too many streams", "streams");
   HaveSet result;
+  std::size_t interval_count = 0;
   for (int i = 0; i < have.streams_size(); ++i) {
     const proto::StreamHave& stream = have.streams(i);
     const std::string field = "streams[" + std::to_string(i) + "]";
+    interval_count += static_cast<std::size_t>(stream.held_size()) + static_cast<std::size_t>(stream.dropped_size());
+    if (interval_count > kHaveIntervalsMax) return Fail(ErrorCode::kInvalid, "has too many intervals", "streams");
     if (stream.origin_agent() < 1 || stream.origin_agent() > kAgentIdMax) {
       return Fail(ErrorCode::kInvalid, "is no agent id", field + ".origin_agent");
     }

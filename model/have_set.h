@@ -56,6 +56,7 @@ struct StreamHave {
 // Limits for what a peer may send (each is an error at the door, not a truncation).
 inline constexpr int kHaveStreamsMax = 65536;
 inline constexpr int kHaveIntervalsPerStreamMax = 65536;
+inline constexpr std::size_t kHaveIntervalsMax = 262'144;  // Of all streams.
 
 class HaveSet {
  public:
@@ -66,6 +67,7 @@ class HaveSet {
   void Merge(const HaveSet& other);
 
   const std::map<StreamKey, StreamHave>& streams() const { return streams_; }
+  std::size_t IntervalCount() const;
   bool operator==(const HaveSet&) const = default;
 
  private:

@@ -5,6 +5,7 @@
 
 #include "model/geometry.h"
 #include "model/record_key.h"
+#include "model/term.h"
 #include "model/text.h"
 #include "model/traversability_map.h"
 
@@ -33,6 +34,10 @@ class Checker {
     Require(agent >= 1 && agent <= kAgentIdMax, field, "must be 1 to " + std::to_string(kAgentIdMax));
   }
   void Node(const proto::NodeKey& node, const std::string& field) { Agent(node.agent_id(), field + ".agent_id"); }
+  void Term(const proto::Term& term, const std::string& field) {
+    Agent(term.issuer(), field + ".issuer");
+    Require(term.number() <= kTermNumberMax, field + ".number", "is from the far future");
+  }
   void PoseOk(const proto::Pose& pose, const std::string& field) {
     const Result<Pose> read = FromProto(pose);
     if (!read) Require(false, field + "." + read.error().field, read.error().text);
@@ -170,13 +175,13 @@ Result<void> CheckRecord(const proto::Record& record) {
     case proto::Record::kOptimizedPose:
       check.Node(record.optimized_pose().node(), "optimized_pose.node");
       check.PoseOk(record.optimized_pose().map_from_node(), "optimized_pose.map_from_node");
-      check.Agent(record.optimized_pose().term().issuer(), "optimized_pose.term.issuer");
+      check.Term(record.optimized_pose().term(), "optimized_pose.term");
       break;
     case proto::Record::kEdgeVerdict:
       check.Node(record.edge_verdict().from(), "edge_verdict.from");
       check.Node(record.edge_verdict().to(), "edge_verdict.to");
       check.Finite(record.edge_verdict().residual_sigmas(), "edge_verdict.residual_sigmas");
-      check.Agent(record.edge_verdict().term().issuer(), "edge_verdict.term.issuer");
+      check.Term(record.edge_verdict().term(), "edge_verdict.term");
       break;
     case proto::Record::kLocalTraversabilityMap: {
       const Result<TraversabilityMap> map = FromProto(record.local_traversability_map());

@@ -1,5 +1,6 @@
 #include "model/text.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -172,6 +173,17 @@ bool IsUtf8(std::string_view text) {
     text.remove_prefix(bytes);
   }
   return true;
+}
+
+std::string OneLine(std::string_view text, std::size_t bytes_max) {
+  std::string line;
+  while (!text.empty() && line.size() < bytes_max) {
+    const std::size_t bytes = Utf8CharacterBytes(text);
+    const bool is_shown = bytes > 1 || (bytes == 1 && text.front() >= ' ' && text.front() != '\x7F');
+    line += is_shown ? text.substr(0, bytes) : "?";
+    text.remove_prefix(std::max<std::size_t>(bytes, 1));
+  }
+  return text.empty() ? line : line + "...";
 }
 
 }  // namespace moondb

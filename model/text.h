@@ -48,6 +48,9 @@ std::string FormatStampNs(std::int64_t stamp_ns);
 std::size_t Utf8CharacterBytes(std::string_view text);
 bool IsUtf8(std::string_view text);
 
+// What a stranger says, to be shown to people: one line of UTF-8, the rest of it as '?', cut to about `bytes_max`.
+std::string OneLine(std::string_view text, std::size_t bytes_max = 256);
+
 // "graph.pyfg:12", the field of an error in a file.
 std::string FileLine(const std::string& file, std::size_t line);
 

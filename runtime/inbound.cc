@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "model/bounded_parse.h"
 #include "runtime/address.h"
 #include "runtime/outbound.h"
 
@@ -26,8 +27,7 @@ void DropUnknownFields(proto::Message* message) {
 }
 
 Result<void> Parse(std::string_view bytes, proto::Message* message) {
-  if (!message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
-    return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+  if (!ParseBounded(bytes, message)) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
   DropUnknownFields(message);
   if (IsWithinAgent(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
   return {};

@@ -1,5 +1,6 @@
 #include "runtime/log.h"
 
+#include <google/protobuf/stubs/logging.h>
 #include <spdlog/sinks/rotating_file_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
@@ -37,6 +38,7 @@ Result<void> InitLog(const std::string& level, const std::string& agent_name, co
     logger->set_level(chosen);
     logger->flush_on(spdlog::level::trace);  // Events are rare, and a crash must not swallow the last ones.
     spdlog::set_default_logger(std::move(logger));
+    google::protobuf::SetLogHandler(nullptr);  // It tells of each bad byte that a peer sends; whoever parses says so.
   } catch (const spdlog::spdlog_ex& error) {
     return Fail(ErrorCode::kUnavailable, std::string("cannot log: ") + error.what());
   }

@@ -1,5 +1,6 @@
 #include "actors/gateway/gateway_actor.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "actors/gateway/request_check.h"
@@ -23,6 +24,12 @@ void AddSessions(const proto::ShareStatus& part, proto::ShareStatus& whole) {
   whole.set_received_records(whole.received_records() + part.received_records());
   whole.set_rejected_records(whole.rejected_records() + part.rejected_records());
   whole.set_damaged_messages(whole.damaged_messages() + part.damaged_messages());
+  whole.set_dropped_messages(whole.dropped_messages() + part.dropped_messages());
+  whole.set_refused_hellos(whole.refused_hellos() + part.refused_hellos());
+  for (const AgentId agent : part.other_config_agents()) {
+    const auto& known = whole.other_config_agents();
+    if (std::find(known.begin(), known.end(), agent) == known.end()) whole.add_other_config_agents(agent);
+  }
 }
 
 std::string Names(const std::set<std::string>& names) {
@@ -224,6 +231,7 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
     case proto::Message::kRoleShowReply:
       if (reply.has_status()) {
         *reply.mutable_status()->mutable_roles() = message.role_show_reply().roles();
+        reply.mutable_status()->set_refused_announcements(message.role_show_reply().refused_announcements());
       } else {
         *reply.mutable_roles() = message.role_show_reply();
       }

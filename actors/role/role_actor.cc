@@ -152,14 +152,16 @@ void RoleActor::OnRoleShowRequest(Context& context, const proto::RoleShowRequest
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
   *reply.mutable_role_show_reply() = logic_.Show(request.with_history());
+  reply.mutable_role_show_reply()->set_refused_announcements(refused_announcements_);
   (void)context.Reply(std::move(reply));
 }
 
 void RoleActor::OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce) {
   Result<RoleLogic::Actions> actions = logic_.OnAnnounce(from, announce);
   if (!actions) {
-    spdlog::warn("{}: refused the roles that agent {} announced: {}", ToString(context.self()), from,
-                 ToString(actions.error()));
+    ++refused_announcements_;
+    refused_log_.Warn(ToString(context.self()) + ": refused the roles that agent " + std::to_string(from) +
+                      " announced: " + ToString(actions.error()));
     return;
   }
   Perform(context, *std::move(actions));

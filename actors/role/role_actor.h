@@ -18,6 +18,7 @@
 #include "actors/role/role_logic.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/rate_limited_log.h"
 
 namespace moondb {
 
@@ -70,6 +71,8 @@ class RoleActor final : public Actor {
   TimerId tell_timer_ = 0;
   proto::Message roles_changed_;     // What stands.
   std::vector<std::string> untold_;  // Own actors that do not know it yet.
+  double refused_announcements_ = 0;
+  RateLimitedLog refused_log_;
   std::optional<Asker> asker_;
   std::set<AgentId> connected_;
   std::optional<std::string> step_down_reason_;  // Until the role is given up.

@@ -199,7 +199,7 @@ Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const
   if (term.number() == 0 && (term.issuer() != 0 || term.issuer_epoch() != 0)) {
     return Fail(ErrorCode::kRefused, "number 0 is the team file's", "roles.term");
   }
-  if (term.number() > highest_number_ + kTermJumpMax) {
+  if (term.number() > std::min(highest_number_ + kTermJumpMax, kTermNumberMax)) {
     return Fail(ErrorCode::kRefused, "is from the far future", "roles.term.number");
   }
   if (roles.reason().size() > kReasonBytesMax) {

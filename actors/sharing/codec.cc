@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include "model/bounded_parse.h"
+
 namespace moondb {
 namespace {
 
@@ -44,7 +46,7 @@ Result<std::string> Decompress(std::string_view coded) {
 
 Result<proto::RecordBatch> Parse(std::string_view plain, std::uint32_t record_count) {
   proto::RecordBatch batch;
-  if (!batch.ParseFromArray(plain.data(), static_cast<int>(plain.size()))) {
+  if (!ParseBounded(plain, &batch)) {
     return Fail(ErrorCode::kCorrupt, "does not parse as a batch of records", "coded");
   }
   if (static_cast<std::uint32_t>(batch.records_size()) != record_count) {

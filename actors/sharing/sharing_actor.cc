@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "model/term.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -110,8 +111,15 @@ void SharingActor::OnPeer(Context& context, const proto::Message& message) {
 
 void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
   const AgentId peer = context.sender().agent;
-  if (hello.config_hash() != options_.config_hash) {
-    spdlog::warn("{}: {} runs with another team configuration", ToString(context.self()), NameOf(peer));
+  const bool was_other_config = receiver_->other_configs().contains(peer);
+  SharingActions answer = receiver_->OnHello(peer, hello, context.now());
+  if (!answer.empty() && answer.front().message.has_refusal()) {
+    refused_log_.Warn(ToString(context.self()) + ": refused a hello of " + NameOf(peer) + ": " +
+                      ToString(FromProto(answer.front().message.refusal().error())));
+    return Perform(context, std::move(answer));
+  }
+  if (!was_other_config && receiver_->other_configs().contains(peer)) {
+    refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) + " runs with another team configuration");
   }
   if (OrderOf(hello.roles().term()) != OrderOf(roles_.term())) {
     // One of the two has missed a change; RoleActor knows what to do, agent_id tells it about whom.
@@ -121,14 +129,14 @@ void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
     *announce.mutable_role_announce()->mutable_roles() = hello.roles();
     (void)context.Send({options_.self, actor_name::kRole}, std::move(announce));
   }
-  Perform(context, receiver_->OnHello(peer, hello, context.now()));
+  Perform(context, std::move(answer));
 }
 
 void SharingActor::OnBatch(Context& context, const proto::Message& message) {
   Result<SharingActions> actions = receiver_->OnBatch(context.sender().agent, message, context.now());
   if (!actions) {
-    spdlog::warn("{}: dropped a damaged batch of {}: {}", ToString(context.self()), NameOf(context.sender().agent),
-                 ToString(actions.error()));
+    refused_log_.Warn(ToString(context.self()) + ": dropped a damaged batch of " + NameOf(context.sender().agent) +
+                      ": " + ToString(actions.error()));
     return;
   }
   Perform(context, *std::move(actions));
@@ -138,7 +146,8 @@ void SharingActor::OnBatch(Context& context, const proto::Message& message) {
 void SharingActor::OnStoreReply(Context& context, const proto::Message& message) {
   const proto::StoreReply& reply = message.store_reply();
   if (reply.rejected_count() > 0) {
-    spdlog::warn("{}: storage refused {} records of a peer", ToString(context.self()), reply.rejected_count());
+    refused_log_.Warn(ToString(context.self()) + ": storage refused " + std::to_string(reply.rejected_count()) +
+                      " records of a peer");
   }
   SharingActions acknowledgments = receiver_->OnStoreReply(message.request_id(), reply);
   std::vector<AgentId> ended;
@@ -179,6 +188,9 @@ void SharingActor::OnShareStatusRequest(Context& context) {
   status.set_received_records(receiver_->counts().received_records);
   status.set_rejected_records(receiver_->counts().rejected_records);
   status.set_damaged_messages(receiver_->counts().damaged_messages);
+  status.set_dropped_messages(receiver_->counts().dropped_messages);
+  status.set_refused_hellos(receiver_->counts().refused_hellos);
+  status.mutable_other_config_agents()->Assign(receiver_->other_configs().begin(), receiver_->other_configs().end());
   (void)context.Reply(std::move(reply));
 }
 
@@ -285,7 +297,8 @@ void SharingActor::OnShareReply(Context& context, AgentId peer, const proto::Sha
   if (!orders_.contains(peer)) return;
   CancelOrder(context, peer);
   if (!IsError(reply.error())) return;
-  spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer), ToString(FromProto(reply.error())));
+  spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
+               OneLine(ToString(FromProto(reply.error()))));
   OnOrderRefused(context, peer);
 }
 

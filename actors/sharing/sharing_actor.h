@@ -21,6 +21,7 @@
 #include "model/leases.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/rate_limited_log.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
@@ -123,6 +124,7 @@ class SharingActor : public Actor {
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
   std::optional<SharingReceiver> receiver_;
+  RateLimitedLog refused_log_;
 };
 
 }  // namespace moondb

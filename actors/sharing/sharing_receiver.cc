@@ -52,21 +52,28 @@ SharingReceiver::SharingReceiver(Options options, std::uint64_t first_request_id
     : options_(std::move(options)), next_request_id_(first_request_id) {}
 
 SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hello, Time now) {
-  if (Result<void> checked = CheckHello(hello); !checked) return Refuse(sender, hello.session_id(), checked.error());
-  if (hello.config_hash() != options_.config_hash) ++counts_.foreign_configs;
+  if (Result<void> checked = CheckHello(hello); !checked) return RefuseHello(sender, hello, checked.error());
+  if (hello.config_hash() == options_.config_hash) {
+    other_configs_.erase(sender);
+  } else {
+    other_configs_.insert(sender);
+  }
   const auto known = incoming_.find(sender);
   if (known == incoming_.end()) {
     if (!MakeRoom(now)) {
-      return Refuse(sender, hello.session_id(), Error{ErrorCode::kFull, "too many sessions are open here", ""});
+      return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
     }
   } else {
     const std::uint64_t age = known->second.session_id - hello.session_id();
-    if (age > 0 && age < kStaleSessions) return {};
+    const bool is_repeated = age == 0 && known->second.have_request_id != 0;
+    const bool is_late = age > 0 && age < kStaleSessions && now - known->second.last_heard < options_.idle_after;
+    if (is_repeated || is_late) return {};
   }
   Incoming& incoming = incoming_[sender];
   if (incoming.session_id != hello.session_id()) incoming = Incoming();
   incoming.session_id = hello.session_id();
-  incoming.last_heard = now;
+  incoming.last_heard = now_ = now;
+  incoming.is_at_end = false;
   incoming.origins = {hello.origin_agents().begin(), hello.origin_agents().end()};
   if (++next_request_id_ == 0) ++next_request_id_;
   incoming.have_request_id = next_request_id_;
@@ -84,7 +91,8 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     return Refuse(sender, batch.session_id(), Error{ErrorCode::kNotFound, "no such session is open here", ""});
   }
   Incoming& incoming = it->second;
-  incoming.last_heard = now;
+  incoming.last_heard = now_ = now;
+  incoming.is_at_end = message.remaining() == 0;
   if (incoming.waiting_stores.size() >= options_.waiting_stores_per_sender_max) {
     ++counts_.dropped_messages;
     return SharingActions();
@@ -99,7 +107,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     }
     if (!*taken) {
       SharingAction acknowledgment{sender, AcknowledgmentOf(message, proto::RecordBatch())};
-      acknowledgment.message.mutable_have()->set_unacked_bytes_max(options_.unacked_bytes_max);
+      acknowledgment.message.mutable_have()->set_unacked_bytes_max(CreditOfEach());
       return SharingActions{std::move(acknowledgment)};
     }
     whole = **std::move(taken);
@@ -141,7 +149,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     const PartOfWhole part = pieces_.PartFrom(sender);
     have.set_part_hash(part.hash);
     have.set_part_bytes(part.bytes);
-    have.set_unacked_bytes_max(options_.unacked_bytes_max);
+    have.set_unacked_bytes_max(CreditOfEach());
     return {std::move(action)};
   }
   return {};
@@ -159,7 +167,7 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
     counts_.received_records += reply.stored_count();
     counts_.rejected_records += reply.rejected_count();
     *action.message.mutable_have()->mutable_have() = reply.had();
-    action.message.mutable_have()->set_unacked_bytes_max(options_.unacked_bytes_max);
+    action.message.mutable_have()->set_unacked_bytes_max(CreditOfEach());
     return {std::move(action)};
   }
   return {};
@@ -175,6 +183,19 @@ Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
   if (hello.origin_agents().size() > static_cast<int>(kAgentIdMax))
     return Fail(ErrorCode::kRefused, "are too many", "origin_agents");
   return {};
+}
+
+SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& hello, Error error) {
+  ++counts_.refused_hellos;
+  return Refuse(sender, hello.session_id(), std::move(error));
+}
+
+// All of them come in over one radio: together they may fill it no further than one of them would.
+std::uint32_t SharingReceiver::CreditOfEach() const {
+  const auto sending = std::count_if(incoming_.begin(), incoming_.end(), [this](const auto& entry) {
+    return !entry.second.is_at_end && now_ - entry.second.last_heard < options_.sending_after;
+  });
+  return options_.unacked_bytes_max / static_cast<std::uint32_t>(std::max<std::ptrdiff_t>(sending, 1));
 }
 
 bool SharingReceiver::MakeRoom(Time now) {

@@ -35,8 +35,9 @@ class SharingReceiver {
     std::string team;
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
-    std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that each sender is granted.
-    std::size_t sessions_max = 16;               // When full, one that was silent for idle_after gives way.
+    std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that those who are sending are granted together.
+    std::chrono::nanoseconds sending_after = std::chrono::seconds(5);  // Who was silent for longer has no part of it.
+    std::size_t sessions_max = 16;  // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
   };
@@ -46,7 +47,7 @@ class SharingReceiver {
     double rejected_records = 0;  // Refused by storage.
     double damaged_messages = 0;
     double dropped_messages = 0;  // Too much waits for storage.
-    double foreign_configs = 0;   // Hellos with another configuration hash; taken nevertheless.
+    double refused_hellos = 0;
   };
 
   // `first_request_id` is random: answers to an earlier life's requests must not fit.
@@ -62,6 +63,8 @@ class SharingReceiver {
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
   const Counts& counts() const { return counts_; }
+  // Whose last Hello named another team configuration; it was taken nevertheless.
+  const std::set<AgentId>& other_configs() const { return other_configs_; }
 
  private:
   struct Incoming {
@@ -70,15 +73,20 @@ class SharingReceiver {
     std::set<AgentId> origins;                               // That the Hello asks for; empty: all.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};
+    bool is_at_end = false;  // It said that nothing remains.
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
+  SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
+  std::uint32_t CreditOfEach() const;
 
   Options options_;
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
   PieceCollector pieces_{kCodedBytesMax};
+  Time now_{};  // Of what was heard last.
+  std::set<AgentId> other_configs_;
   Counts counts_;
 };
 

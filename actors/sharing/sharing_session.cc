@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/text.h"
+
 namespace moondb {
 namespace {
 
@@ -11,6 +13,8 @@ constexpr double kContentBytesMin = 512;
 constexpr double kContentBytesMax = 64 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
 constexpr double kRatioMin = 0.02;
+// Smaller batches cost more in headers and commits than they save in waiting.
+constexpr std::size_t kBatchBytesMin = 1024;
 
 void AddHeld(const std::vector<RecordKey>& keys, HaveSet& have) {
   for (const RecordKey& key : keys) have[key.stream].held.Add(key.seq);
@@ -103,21 +107,22 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   SharingActions actions;
   if (!is_open() || have.session_id() != session_id_) return actions;
   if (phase_ == Phase::kAwaitingHave && !have.is_whole()) return actions;
-  Result<HaveSet> heard = FromProto(have.have());
+  Result<HaveSet> heard = CheckHave(have);
   if (!heard) {
-    NoteError("the destination's have-set is malformed: " + ToString(heard.error()));
+    ++refused_haves_;
+    NoteError("the destination's have-set was refused: " + ToString(heard.error()));
     return actions;
   }
   if (phase_ == Phase::kAwaitingHave) {
     have_ = *std::move(heard);
     part_ = {have.part_hash(), have.part_bytes()};
     phase_ = Phase::kSending;
-    credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
     last_progress_ = now;
     SetDeadline(now);
   } else {
     have_.Merge(*heard);
   }
+  credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
   const std::size_t under_way_before = under_way_.size();
   Acknowledge(have.batch_number());
   if (under_way_.size() < under_way_before) {
@@ -142,7 +147,7 @@ SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now
     Restart(now, actions);
     return actions;
   }
-  NoteError("the destination refused: " + ToString(error));
+  NoteError("the destination refused: " + OneLine(ToString(error)));
   if (error.code == ErrorCode::kRefused || error.code == ErrorCode::kInvalid) return Close();
   return actions;
 }
@@ -212,6 +217,7 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_completed_sessions(completed_sessions_);
   status.set_closed_sessions(closed_sessions_);
   status.set_resends(resends_);
+  status.set_refused_haves(refused_haves_);
   status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
   status.set_last_error(last_error_);
   return status;
@@ -237,6 +243,20 @@ proto::RecordFilter SharingSession::StatesMeant() const {
     if (meant.empty() || std::find(meant.begin(), meant.end(), type) != meant.end()) states.add_data_types(type);
   }
   return states;
+}
+
+Result<HaveSet> SharingSession::CheckHave(const proto::Have& have) const {
+  const bool is_of_a_batch = have.batch_number() != 0 || !have.is_whole();
+  if (is_of_a_batch && (have.batch_number() == 0 || have.batch_number() >= next_batch_number_)) {
+    return Fail(ErrorCode::kInvalid, "was never sent", "batch_number");
+  }
+  Result<HaveSet> heard = FromProto(have.have());
+  if (!heard || phase_ == Phase::kAwaitingHave) return heard;
+  // It joins what was heard before.
+  const bool fits = have_.streams().size() + heard->streams().size() <= kHaveStreamsMax &&
+                    have_.IntervalCount() + heard->IntervalCount() <= kHaveIntervalsMax;
+  if (!fits) return Fail(ErrorCode::kInvalid, "has grown too large", "have");
+  return heard;
 }
 
 void SharingSession::Start(Time now, SharingActions& actions) {
@@ -297,7 +317,7 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   *request.mutable_destination_have() = ToProto(ExpectedHave());
   *request.mutable_filter() = is_for_states_ ? StatesMeant() : filter_;
   // A little less than what should fit: coding a batch again to cut it costs more than the spare bytes.
-  const double content_bytes = 0.9 * static_cast<double>(options_.batch_bytes_max) / coded_ratio_;
+  const double content_bytes = 0.9 * static_cast<double>(BatchBytesMax()) / coded_ratio_;
   request.set_content_bytes_max(
       static_cast<std::uint32_t>(std::clamp(content_bytes, kContentBytesMin, kContentBytesMax)));
   request.set_records_max(kRecordsMax);
@@ -319,6 +339,11 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   SetDeadline(now);
 }
 
+// One batch leaves without credit too: where several senders share what the receiver grants, it is no larger than that.
+std::size_t SharingSession::BatchBytesMax() const {
+  return std::min(options_.batch_bytes_max, std::max(credit_bytes_, kBatchBytesMin));
+}
+
 bool SharingSession::MayLeave(const CodedRecords& batch) const {
   if (under_way_.empty()) return true;
   // The last one says that all is there: so all before it is.
@@ -326,10 +351,11 @@ bool SharingSession::MayLeave(const CodedRecords& batch) const {
 }
 
 SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& reply) {
+  const std::size_t bytes_max = BatchBytesMax();
   int count = reply.records_size();
   CodedBatch coded = EncodeFirst(reply, count);
-  while (coded.bytes.size() > options_.batch_bytes_max && count > 1) {
-    const auto fitting = static_cast<int>(static_cast<double>(count) * static_cast<double>(options_.batch_bytes_max) /
+  while (coded.bytes.size() > bytes_max && count > 1) {
+    const auto fitting = static_cast<int>(static_cast<double>(count) * static_cast<double>(bytes_max) /
                                           static_cast<double>(coded.bytes.size()));
     count = std::clamp(fitting, 1, count - 1);
     coded = EncodeFirst(reply, count);
@@ -346,7 +372,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   }
   std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
   if (is_for_states_) ++remaining;  // The end is not told before the rest of the order has gone.
-  if (coded.bytes.size() > options_.batch_bytes_max && count == 1) {
+  if (coded.bytes.size() > bytes_max && count == 1) {
     large_ = Large{result.keys.front(), remaining, PieceCutter(std::move(coded), 1, part_)};
     return NextPiece();
   }
@@ -357,7 +383,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   // What is dropped never travels before what superseded it.
   if (remaining == 0) {
     const std::size_t coded_bytes = batch.coded().size();
-    result.dropped = FirstDropped(reply, options_.batch_bytes_max - std::min(options_.batch_bytes_max, coded_bytes));
+    result.dropped = FirstDropped(reply, bytes_max - std::min(bytes_max, coded_bytes));
     batch.mutable_dropped()->Assign(result.dropped.begin(), result.dropped.end());
   }
   Address(result, remaining);
@@ -366,7 +392,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
 
 SharingSession::CodedRecords SharingSession::NextPiece() {
   CodedRecords piece;
-  *piece.message.mutable_batch() = large_->cutter.Next(options_.batch_bytes_max);
+  *piece.message.mutable_batch() = large_->cutter.Next(BatchBytesMax());
   if (!large_->cutter.is_done()) {
     Address(piece, large_->remaining + 1);
     return piece;

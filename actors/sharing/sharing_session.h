@@ -61,7 +61,8 @@ class SharingSession {
   // End without completing. The order is forgotten.
   SharingActions Close();
 
-  // From the destination. A session id other than the present one is ignored.
+  // From the destination. A session id other than the present one is ignored; a have-set that is malformed, too large
+  // or of a batch that was never sent is refused and counted.
   SharingActions OnHave(const proto::Have& have, Time now);
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
   // From storage; an answer to another question than the last one is ignored.
@@ -94,6 +95,7 @@ class SharingSession {
   // Whose streams the filter is about; empty: everybody's.
   std::set<AgentId> OriginsMeant() const;
   bool IsAsked(const std::set<AgentId>& origins) const;
+  Result<HaveSet> CheckHave(const proto::Have& have) const;
   proto::RecordFilter StatesMeant() const;        // The part of the order that passes a window of kStatesOnly.
   void Start(Time now, SharingActions& actions);  // Restart with the shortest delay.
   // A new id and Hello, unless it waits for the window; nothing is under way any more.
@@ -102,6 +104,7 @@ class SharingSession {
   void Fill(Time now, SharingActions& actions);
   void AskForMissing(SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
+  std::size_t BatchBytesMax() const;
   bool MayLeave(const CodedRecords& batch) const;
   // As many of the records as fit into one message, or the first piece of one that does not; learns the ratio.
   CodedRecords Code(const proto::MissingReply& reply);
@@ -161,6 +164,7 @@ class SharingSession {
   double completed_sessions_ = 0;
   double closed_sessions_ = 0;
   double resends_ = 0;
+  double refused_haves_ = 0;
   std::string last_error_;
 };
 

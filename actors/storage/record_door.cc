@@ -7,6 +7,7 @@
 #include <string>
 
 #include "actors/storage/record_tables.h"
+#include "model/bounded_parse.h"
 #include "model/record_check.h"
 
 namespace moondb {
@@ -67,7 +68,7 @@ Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::s
     return Fail(ErrorCode::kCorrupt, "does not fit key and content", "hash");
   }
   proto::Record record;
-  if (!record.ParseFromString(stored.content())) return Fail(ErrorCode::kCorrupt, "does not parse", "content");
+  if (!ParseBounded(stored.content(), &record)) return Fail(ErrorCode::kCorrupt, "does not parse", "content");
   if (TypeOf(record) != key.stream.type) {
     return Fail(ErrorCode::kInvalid, "content is of type " + DataTypeName(TypeOf(record)), "key.data_type");
   }

@@ -19,6 +19,8 @@ namespace {
 
 constexpr std::size_t kRejectionsKept = 8;
 constexpr int kEpochRandomBits = 48;
+// 16384 lives of this agent that a lost disk knew of; who claims more would use up the epochs that are left.
+constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (kEpochRandomBits + 14);
 constexpr std::uint64_t kSeqMax = INT64_MAX;
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
@@ -228,6 +230,23 @@ void RecordStore::NoteOwnEpoch(const StreamKey& stream) {
   if (epoch_ < own_epoch_highest_) epoch_ = 0;
 }
 
+// Of what a peer says that it has; what cannot be is passed over and counted.
+void RecordStore::NoteOwnEpochs(const proto::HaveSet& have) {
+  for (const proto::StreamHave& claimed : have.streams()) {
+    const StreamKey stream{claimed.origin_agent(), claimed.epoch(), claimed.data_type()};
+    if (IsPossible(stream)) {
+      NoteOwnEpoch(stream);
+    } else {
+      ++rejected_count_;
+    }
+  }
+}
+
+bool RecordStore::IsPossible(const StreamKey& stream) const {
+  return stream.origin != options_.self || stream.epoch <= own_epoch_highest_ ||
+         stream.epoch - own_epoch_highest_ <= kOwnEpochJumpMax;
+}
+
 Result<std::uint64_t> RecordStore::NextEpoch() {
   const std::uint64_t counter = own_epoch_highest_ >> kEpochRandomBits;
   const std::uint64_t random = random_() >> (64 - kEpochRandomBits);
@@ -343,6 +362,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
     const bool is_forged = key.stream.origin == options_.self && key.stream.epoch == epoch_ && epoch_ != 0 &&
                            key.seq > ledger_.have().Get(key.stream).Had().Max();
     if (record && is_forged) record = Fail(ErrorCode::kInvalid, "was never given by this agent", "key.seq");
+    if (record && !IsPossible(key.stream)) record = Fail(ErrorCode::kInvalid, "is from the far future", "key.epoch");
     if (record) {
       touched.insert(key.stream);
       opened.push_back(Opened{key, *std::move(record), &stored});
@@ -430,6 +450,7 @@ Result<void> RecordStore::CheckDropped(const proto::StreamHave& dropped, HaveSet
     return Fail(ErrorCode::kInvalid, DataTypeName(stream.type) + " records are never dropped", "dropped.data_type");
   }
   if (stream.epoch == 0) return Fail(ErrorCode::kInvalid, "is missing", "dropped.epoch");
+  if (!IsPossible(stream)) return Fail(ErrorCode::kInvalid, "is from the far future", "dropped.epoch");
   const bool is_present_own = stream.origin == options_.self && stream.epoch == epoch_;
   const std::uint64_t seq_max = is_present_own ? ledger_.have().Get(stream).Had().Max() : kSeqMax;
   if (seqs.Max() > seq_max) return Fail(ErrorCode::kInvalid, "names seqs that never were", "dropped.dropped");
@@ -483,9 +504,7 @@ proto::HaveReply RecordStore::GetHave() const {
 }
 
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
-  for (const proto::StreamHave& stream : request.destination_have().streams()) {
-    NoteOwnEpoch(StreamKey{stream.origin_agent(), stream.epoch(), stream.data_type()});
-  }
+  NoteOwnEpochs(request.destination_have());
   return FindMissing(*database_, ledger_.have(), rules_, request);
 }
 
@@ -496,9 +515,7 @@ Result<void> RecordStore::SaveRoles(const proto::RoleAssignment& roles) { return
 Result<proto::LoadRolesReply> RecordStore::LoadRoles() { return moondb::LoadRoles(*database_); }
 
 Result<void> RecordStore::NotePeerHave(const proto::PeerHave& note) {
-  for (const proto::StreamHave& stream : note.acknowledged().streams()) {
-    NoteOwnEpoch(StreamKey{stream.origin_agent(), stream.epoch(), stream.data_type()});
-  }
+  NoteOwnEpochs(note.acknowledged());
   return peer_log_.Note(*database_, note);
 }
 

@@ -5,7 +5,8 @@
 // it fails, file and memory are as before and the store goes on. Rules:
 // - An epoch begins at the first shared insert of a process: 16 bits of a counter above every own epoch known here,
 //   then 48 random bits, so that a lost or restored disk never uses a name twice. Where a peer turns out to know a
-//   later own epoch (this disk was lost), the present one is closed and the next insert begins one above it.
+//   later own epoch (this disk was lost), the present one is closed and the next insert begins one above it; an epoch
+//   that is thousands of lives ahead is refused.
 // - seqs have no gap within (epoch, type): they are allocated in the transaction that stores their rows.
 // - Under the policy `latest` only the newest record of (origin, type, latest key) is kept, newest by (epoch, seq); the
 //   older one's row goes and its seq becomes dropped in the transaction that stores the newer one. A record that
@@ -103,6 +104,8 @@ class RecordStore {
   Result<void> CheckOwner();
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   void NoteOwnEpoch(const StreamKey& stream);
+  void NoteOwnEpochs(const proto::HaveSet& have);
+  bool IsPossible(const StreamKey& stream) const;  // Not of an own epoch that cannot be.
   Result<std::uint64_t> NextEpoch();
 
   Result<void> InsertAll(const proto::InsertRequest& request, const std::vector<std::string>& contents,

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "model/text.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
@@ -92,7 +93,8 @@ void StorageActor::OnInsert(Context& context, const proto::InsertRequest& reques
 void StorageActor::OnStore(Context& context, const proto::StoreRequest& request) {
   RecordStore::Stored stored = store_->Store(request);
   for (const Error& rejection : stored.rejections) {
-    spdlog::warn("storage: rejected from agent {}: {}", request.sender(), ToString(rejection));
+    rejected_log_.Warn("storage: rejected from agent " + std::to_string(request.sender()) + ": " +
+                       OneLine(ToString(rejection)));
   }
   if (IsError(stored.reply.error())) {
     spdlog::error("storage: stored nothing from agent {}: {}", request.sender(), stored.reply.error().text());

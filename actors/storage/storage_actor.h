@@ -14,6 +14,7 @@
 #include "actors/storage/record_store.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/rate_limited_log.h"
 
 namespace moondb {
 
@@ -57,6 +58,7 @@ class StorageActor final : public Actor {
   ClockJudge clock_judge_;
   std::string clock_suspect_;  // The last verdict.
   std::unique_ptr<RecordStore> store_;
+  RateLimitedLog rejected_log_;
 };
 
 }  // namespace moondb

@@ -106,10 +106,37 @@ std::vector<std::string> Row(const proto::TeamConfig& team, const std::string& s
           session.last_error()};
 }
 
+// What an agent refused of its peers, beyond the sessions; empty where all is well.
+std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus& status) {
+  std::string text;
+  const auto add = [&text](double count, const char* what) {
+    if (count > 0) text += (text.empty() ? "" : ", ") + FormatCount(count) + " " + what;
+  };
+  add(status.rejected_records(), "records rejected");
+  add(status.damaged_messages(), "batches damaged");
+  add(status.dropped_messages(), "batches dropped");
+  add(status.refused_hellos(), "hellos refused");
+  for (const AgentId agent : status.other_config_agents()) {
+    text += (text.empty() ? "" : ", ") + AgentName(team, agent) + " has another team file";
+  }
+  return text;
+}
+
+void WriteRefused(const proto::TeamConfig& team, const proto::ShareStatus& status, JsonWriter& json) {
+  json.Key("rejected_records").Number(status.rejected_records());
+  json.Key("damaged_messages").Number(status.damaged_messages());
+  json.Key("dropped_messages").Number(status.dropped_messages());
+  json.Key("refused_hellos").Number(status.refused_hellos());
+  json.Key("other_config_agents").BeginArray();
+  for (const AgentId agent : status.other_config_agents()) json.String(AgentName(team, agent));
+  json.EndArray();
+}
+
 ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
   Table table({"FROM", "TO", "STATE", "SENT", "ACKNOWLEDGED", "LEFT", "CODED", "SESSIONS", "LAST ERROR"});
+  std::string refused;
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
   ExitCode code = ExitCode::kDone;
@@ -131,10 +158,13 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
       json.Raw(ToJson(session));
     }
     json.EndArray().Key("received_records").Number(status->received_records());
-    json.Key("rejected_records").Number(status->rejected_records()).EndObject();
+    WriteRefused((*team)->config, *status, json);
+    json.EndObject();
+    const std::string text = RefusedText((*team)->config, *status);
+    if (!text.empty()) refused += agent.name() + ": " + text + "\n";
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text());
+  return context.Print(code, json.text(), table.Text() + refused);
 }
 
 void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,

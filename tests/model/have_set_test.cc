@@ -128,6 +128,21 @@ TEST_F(HaveSetDoorTest, RefusesWhatNoHonestPeerSends) {
   EXPECT_EQ(Refused({{1, 3}}, {}, 70000), "streams[0].origin_agent");
 }
 
+TEST_F(HaveSetDoorTest, BoundsTheIntervalsOfAllStreamsTogether) {
+  proto::HaveSet have;
+  for (std::uint64_t epoch = 1; epoch <= 5; ++epoch) {
+    proto::StreamHave& stream = *have.add_streams();
+    stream.set_origin_agent(1);
+    stream.set_epoch(epoch);
+    for (std::uint64_t i = 0; i < 60'000; ++i) {
+      proto::Interval& interval = *stream.add_held();
+      interval.set_first(3 * i + 1);
+      interval.set_last(3 * i + 2);
+    }
+    EXPECT_EQ(FromProto(have).has_value(), epoch <= 4) << epoch;
+  }
+}
+
 TEST_F(HaveSetDoorTest, RefusesOneStreamTwice) {
   proto::HaveSet have;
   have.add_streams()->set_origin_agent(1);

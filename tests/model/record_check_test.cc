@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "model/geometry.h"
+#include "model/term.h"
 #include "model/traversability_map.h"
 
 namespace moondb {
@@ -122,6 +123,20 @@ TEST(RecordCheckTest, NamesTheMapFieldThatIsWrong) {
             "local_traversability_map.layers");
   EXPECT_EQ(Refused(MapRecord(), [](auto& r) { r.mutable_local_traversability_map()->clear_node(); }),
             "local_traversability_map.node.agent_id");
+}
+
+TEST(RecordCheckTest, RefusesPosesAndVerdictsOfTheFarFuture) {
+  proto::Record record;
+  proto::OptimizedPose& pose = *record.mutable_optimized_pose();
+  pose.mutable_node()->set_agent_id(1);
+  pose.mutable_map_from_node()->mutable_position_m();
+  pose.mutable_map_from_node()->mutable_orientation()->set_w(1);
+  pose.mutable_term()->set_issuer(1);
+  pose.mutable_term()->set_number(kTermNumberMax);
+  EXPECT_TRUE(CheckRecord(record));
+  pose.mutable_term()->set_number(kTermNumberMax + 1);
+  ASSERT_FALSE(CheckRecord(record));
+  EXPECT_EQ(CheckRecord(record).error().field, "optimized_pose.term.number");
 }
 
 TEST(RecordCheckTest, TellsNodesAndEdgesApartByTheirNaturalKeys) {

@@ -64,5 +64,11 @@ TEST(TextTest, KnowsUtf8) {
   for (const char* text : {"\xFF", "a\xC3", "\xC0\xAF", "\xED\xA0\x80", "\xF4\x90\x80\x80"}) EXPECT_FALSE(IsUtf8(text));
 }
 
+TEST(TextTest, ShowsAStrangersWordsAsOneLineOfUtf8) {
+  EXPECT_EQ(OneLine("disk is full"), "disk is full");
+  EXPECT_EQ(OneLine("m\u00b3\n\x1b[2J\xFF"), "m\u00b3??[2J?");
+  EXPECT_EQ(OneLine(std::string(1000, 'x'), 3), "xxx...");
+}
+
 }  // namespace
 }  // namespace moondb

@@ -104,6 +104,38 @@ TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpUnderAFlood) {
   EXPECT_LE(status.sent_bytes(), kCreditBytes * status.connects());
 }
 
+// With the deadlines of the field: 3 s, and some more for a busy machine.
+TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpInTimeWhileAnotherFloods) {
+  Start(1, options_);
+  Start(3, options_);
+  RawRouter frozen(AddressOf(2));
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
+  std::atomic<bool> is_lost = false;
+  std::atomic<bool> is_over = false;
+  std::thread flood_from([&] {
+    while (!is_over) (void)transports_[3]->Send({1, "sync"}, Message(3, 1, 1000));
+  });
+  std::thread flood_to([&] {
+    while (!is_over) (void)SendToPeer(Marked("bulk"));
+  });
+  std::thread reader([&] {
+    while (!is_lost) (void)ears_[1].Take();
+  });
+  const auto begun = std::chrono::steady_clock::now();
+  EXPECT_TRUE(ears_[1].WaitForPeer(2, false));
+  const auto took = std::chrono::steady_clock::now() - begun;
+  is_lost = true;
+  reader.join();
+  is_over = true;
+  flood_from.join();
+  flood_to.join();
+  EXPECT_EQ(LinkHealth::Options().lost_after, std::chrono::seconds(3));
+  EXPECT_LT(took, std::chrono::milliseconds(4500));
+  EXPECT_GE(Peer(1, 2).lost_by_deadline(), 1);
+  EXPECT_EQ(Peer(1, 3).lost_by_deadline(), 0) << "who floods is there";
+}
+
 TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpWhenNothingIsSentEither) {
   UseShortDeadlines();
   Start(1, options_);

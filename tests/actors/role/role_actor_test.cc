@@ -205,6 +205,18 @@ TEST_F(RoleActorTest, TakesOrdersFromItsOwnAgentOnly) {
   EXPECT_EQ(Show(1).roles().leader(), 1u);
 }
 
+TEST_F(RoleActorTest, CountsAnnouncementsFromTheFarFuture) {
+  StartAndSettle();
+  const proto::RoleAssignment before = Show(1).roles();
+  proto::Message message;
+  *message.mutable_role_announce()->mutable_roles() = before;
+  message.mutable_role_announce()->mutable_roles()->mutable_term()->set_number(UINT64_MAX);
+  for (int i = 0; i < 100; ++i) (void)team_.Post({2, actor_name::kRole}, {1, actor_name::kRole}, message);
+  team_.AdvanceTime(seconds(5));
+  EXPECT_EQ(Show(1).roles().SerializeAsString(), before.SerializeAsString());
+  EXPECT_EQ(Show(1).refused_announcements(), 100);
+}
+
 TEST_F(RoleActorTest, IsSilentWhenAllHaveConfirmed) {
   StartAndSettle();
   team_.AdvanceTime(minutes(5));

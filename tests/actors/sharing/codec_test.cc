@@ -1,6 +1,7 @@
 #include "actors/sharing/codec.h"
 
 #include <gtest/gtest.h>
+#include <zstd.h>
 
 #include <random>
 
@@ -75,6 +76,16 @@ TEST(CodecTest, RefusesWhatWouldDecodeToTooMuch) {
   const auto decoded = DecodeBatch(proto::CODEC_ZSTD, tiny_frame_of_64_mib, 1);
   ASSERT_FALSE(decoded);
   EXPECT_EQ(decoded.error().text, "would decode to more than 32 MiB");
+}
+
+// Some hundred bytes on the wire, that would take a gigabyte here.
+TEST(CodecTest, RefusesMillionsOfEmptyRecords) {
+  std::string plain;
+  for (int i = 0; i < 8'000'000; ++i) plain += std::string_view("\x0A\x00", 2);
+  std::string frame(ZSTD_compressBound(plain.size()), '\0');
+  frame.resize(ZSTD_compress(frame.data(), frame.size(), plain.data(), plain.size(), 3));
+  EXPECT_LT(frame.size(), 4096u);
+  EXPECT_EQ(CodeOf(DecodeBatch(proto::CODEC_ZSTD, frame, 1)), ErrorCode::kCorrupt);
 }
 
 TEST(CodecTest, RefusesOtherCodecsCountsAndTrailingBytes) {

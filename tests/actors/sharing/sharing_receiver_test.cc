@@ -103,13 +103,16 @@ TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamVersionOrKind) {
   hello = Hello(10);
   hello.set_kind(proto::SHARING_KIND_REPLICATION);
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
+  EXPECT_EQ(receiver_.counts().refused_hellos, 3);
 }
 
-TEST_F(SharingReceiverTest, TakesAndCountsAnotherConfiguration) {
+TEST_F(SharingReceiverTest, TakesAnotherConfigurationAndRemembersWhose) {
   proto::Hello hello = Hello(10);
   hello.set_config_hash(78);
   EXPECT_TRUE(receiver_.OnHello(2, hello, now_).at(0).message.has_have_request());
-  EXPECT_EQ(receiver_.counts().foreign_configs, 1);
+  EXPECT_EQ(receiver_.other_configs(), std::set<AgentId>{2});
+  OpenSession(2, 11);
+  EXPECT_TRUE(receiver_.other_configs().empty());
 }
 
 TEST_F(SharingReceiverTest, RefusesABatchOfASessionThatItDoesNotKnow) {
@@ -150,6 +153,27 @@ TEST_F(SharingReceiverTest, DoesNotAcknowledgeAFailedCommit) {
   proto::StoreReply reply;
   reply.mutable_error()->set_code(proto::ERROR_CODE_FULL);
   EXPECT_EQ(RefusalOf(receiver_.OnStoreReply(stored->at(0).message.request_id(), reply)), ErrorCode::kUnavailable);
+}
+
+TEST_F(SharingReceiverTest, SharesItsCreditAmongThoseWhoSend) {
+  const auto credit_at_hello = [this](AgentId sender) {
+    const std::uint64_t asked = OpenSession(sender, 10);
+    return receiver_.OnHaveReply(asked, proto::HaveReply()).at(0).message.have().unacked_bytes_max();
+  };
+  const auto credit_at_batch = [this](AgentId sender, std::uint32_t number, std::uint64_t remaining) {
+    proto::Message batch = Batch(10, number);
+    batch.set_remaining(remaining);
+    const std::uint64_t asked = receiver_.OnBatch(sender, batch, now_)->at(0).message.request_id();
+    return receiver_.OnStoreReply(asked, proto::StoreReply()).at(0).message.have().unacked_bytes_max();
+  };
+  EXPECT_EQ(credit_at_hello(2), 8192u);
+  EXPECT_EQ(credit_at_hello(3), 4096u);
+  EXPECT_EQ(credit_at_batch(2, 1, 5), 4096u);
+  EXPECT_EQ(credit_at_batch(3, 1, 0), 8192u) << "it has ended";
+  EXPECT_EQ(credit_at_batch(2, 2, 5), 8192u);
+  EXPECT_EQ(credit_at_hello(3), 4096u);
+  now_ += seconds(6);
+  EXPECT_EQ(credit_at_batch(2, 3, 5), 8192u) << "the other was silent";
 }
 
 TEST_F(SharingReceiverTest, CountsAndDropsDamagedBatches) {
@@ -215,6 +239,9 @@ TEST_F(SharingReceiverTest, IgnoresAHelloThatCameLate) {
   OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
+  // No radio is that late: the other one was damaged.
+  now_ += seconds(61);
+  EXPECT_EQ(receiver_.OnHello(2, Hello(10), now_).size(), 1u);
 }
 
 TEST_F(SharingReceiverTest, AnswersOnlyTheNewestHello) {
@@ -222,6 +249,12 @@ TEST_F(SharingReceiverTest, AnswersOnlyTheNewestHello) {
   const std::uint64_t second = OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHaveReply(first, proto::HaveReply()).empty());
   EXPECT_EQ(receiver_.OnHaveReply(second, proto::HaveReply()).at(0).message.have().session_id(), 11u);
+}
+
+TEST_F(SharingReceiverTest, AsksStorageOnceForAHelloThatIsRepeated) {
+  const std::uint64_t asked = OpenSession(2, 10);
+  for (int i = 0; i < 100; ++i) EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
+  EXPECT_EQ(receiver_.OnHaveReply(asked, proto::HaveReply()).size(), 1u);
 }
 
 TEST_F(SharingReceiverTest, BoundsSessionsAndLetsSilentOnesGiveWay) {

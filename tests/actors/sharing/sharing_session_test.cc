@@ -58,7 +58,7 @@ class SharingSessionTest : public testing::Test {
     have.set_session_id(TakeHello());
     *have.mutable_have() = destination_.Have().have();
     have.set_is_whole(true);
-    have.set_unacked_bytes_max(credit);
+    have.set_unacked_bytes_max(credit_ = credit);
     have.set_part_hash(pieces_.PartFrom(kSelf).hash);
     have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
     Take(session_.OnHave(have, now_));
@@ -85,6 +85,7 @@ class SharingSessionTest : public testing::Test {
     proto::Have have;
     have.set_session_id(batch.session_id());
     have.set_batch_number(batch.batch_number());
+    have.set_unacked_bytes_max(credit_);
     return have;
   }
 
@@ -120,6 +121,7 @@ class SharingSessionTest : public testing::Test {
 
   SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
   SharingSession::Time now_{};
+  std::uint32_t credit_ = 8 * 1024;  // That the destination grants.
   MemoryStore source_;
   MemoryStore destination_;
   PieceCollector pieces_{1'000'000};  // The destination's.
@@ -427,6 +429,25 @@ TEST_F(SharingSessionTest, SendsOneMessageAtATimeWithoutCredit) {
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
+TEST_F(SharingSessionTest, KeepsToTheCreditThatItWasGrantedLast) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  std::vector<proto::Message> sent = TakeSent();
+  ASSERT_EQ(sent.size(), 2u);
+  credit_ = 2048;  // Others have begun to send there.
+  for (const proto::Message& batch : sent) Acknowledge(batch);
+  for (int i = 0; i < 4; ++i) {
+    sent = TakeSent();
+    ASSERT_EQ(sent.size(), 1u);
+    EXPECT_LE(sent[0].batch().coded().size(), i == 0 ? 4096u : 2048u) << "the first was ready before";
+    if (i == 3) credit_ = 8192;
+    Acknowledge(sent[0]);
+  }
+  EXPECT_EQ(TakeSent().size(), 2u);
+  sent_ = {};
+}
+
 TEST_F(SharingSessionTest, ResendsUntilAcknowledgedWithAGrowingDelay) {
   source_.Insert(kSelf, proto::POWER, "p");
   Order();
@@ -731,6 +752,64 @@ TEST_F(SharingSessionTest, RefusesAMalformedHaveSet) {
   Take(session_.OnHave(have, now_));
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_NE(Status().last_error(), "");
+  EXPECT_EQ(Status().refused_haves(), 1);
+}
+
+TEST_F(SharingSessionTest, RefusesAnAcknowledgmentOfWhatWasNeverSent) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  const auto sent = TakeSent();
+  ASSERT_GE(sent.size(), 2u);
+  proto::Have have;
+  have.set_session_id(sent.front().batch().session_id());
+  for (const std::uint32_t number : {0u, sent.back().batch().batch_number() + 1, UINT32_MAX}) {
+    have.set_batch_number(number);
+    Take(session_.OnHave(have, now_));
+  }
+  EXPECT_TRUE(TakeSent().empty()) << "nothing is sent again";
+  EXPECT_EQ(Status().resends(), 0);
+  EXPECT_EQ(Status().acknowledged_records(), 0);
+  EXPECT_EQ(Status().refused_haves(), 3);
+  sent_ = sent;
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, BoundsWhatItKeepsOfADestinationsWords) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  const proto::Batch first = TakeSent().front().batch();
+  proto::Have have;
+  have.set_session_id(first.session_id());
+  have.set_batch_number(first.batch_number());
+  for (std::uint64_t epoch = 0; epoch < 30; ++epoch) {
+    have.clear_have();
+    for (AgentId origin = 1; origin <= 4096; ++origin) {
+      proto::StreamHave& stream = *have.mutable_have()->add_streams();
+      stream.set_origin_agent(1 + origin % kAgentIdMax);
+      stream.set_epoch(epoch << 32 | origin);
+      stream.set_data_type(proto::POWER);
+    }
+    Take(session_.OnHave(have, now_));
+    TakeSent();
+  }
+  EXPECT_GE(Status().refused_haves(), 14);
+  for (const proto::PeerHave& told : std::exchange(peer_haves_, {})) {
+    EXPECT_LE(told.acknowledged().streams_size(), kHaveStreamsMax);
+  }
+}
+
+TEST_F(SharingSessionTest, ShowsOfARefusalNoMoreThanALine) {
+  Order();
+  proto::Refusal refusal;
+  refusal.set_session_id(TakeHello());
+  refusal.mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
+  refusal.mutable_error()->set_text("no\n\xFF" + std::string(1'000'000, 'x'));
+  Take(session_.OnRefusal(refusal, now_));
+  EXPECT_LT(Status().last_error().size(), 400u);
+  EXPECT_TRUE(proto::ShareSession().ParseFromString(Status().SerializeAsString())) << "UTF-8 as a client needs it";
 }
 
 }  // namespace

@@ -122,10 +122,29 @@ TEST(RecordStoreTest, BeginsAboveAnEpochThatAPeerStillKnows) {
   // Else the newest record would count as older than the forgotten one.
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 2);
 
+  const std::uint64_t known = 9000ull << 48;
   proto::MissingRequest question;
-  *question.mutable_destination_have()->add_streams() = Dropped({2, UINT64_MAX - 5, proto::TEMPERATURE}, 1, 1);
+  *question.mutable_destination_have()->add_streams() = Dropped({2, known, proto::TEMPERATURE}, 1, 1);
   ASSERT_TRUE(store->GetMissing(question));
-  EXPECT_GT(InsertOne(*store, TemperatureRecord(3)).epoch(), UINT64_MAX - 5);
+  EXPECT_GT(InsertOne(*store, TemperatureRecord(3)).epoch(), known);
+}
+
+// Else one forged epoch would leave this agent none for its own records.
+TEST(RecordStoreTest, DoesNotBeginAboveAnEpochThatCannotBe) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const std::uint64_t own = InsertOne(*store, TemperatureRecord(1)).epoch();
+  const StreamKey forged{2, UINT64_MAX, proto::TEMPERATURE};
+  EXPECT_EQ(StoreOne(*store, Packed({forged, 1}, TemperatureRecord(2))).rejected_count(), 1u);
+  EXPECT_EQ(StoreDropped(*store, Dropped(forged, 1, 1)).rejected_count(), 1u);
+  proto::MissingRequest question;
+  *question.mutable_destination_have()->add_streams() = Dropped(forged, 1, 1);
+  ASSERT_TRUE(store->GetMissing(question));
+  proto::PeerHave note;
+  note.set_peer(3);
+  *note.mutable_acknowledged() = question.destination_have();
+  ASSERT_TRUE(store->NotePeerHave(note));
+  EXPECT_EQ(InsertOne(*store, TemperatureRecord(3)).epoch(), own);
+  EXPECT_EQ(store->GetStatus()->rejected_count(), 4);
 }
 
 TEST(RecordStoreTest, InsertsAllOrNothing) {

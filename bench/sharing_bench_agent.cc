@@ -1,0 +1,97 @@
+// sharing_bench_agent: the standard moondb agent with an actor that answers control messages and, with --ping, one that
+// sends them; both beside the real actors and over the same links. For bench/sharing_bench.
+//
+// A line of the --ping-file for each answer: microseconds there, microseconds back. Both ends read one clock, so that
+// they must run on one machine.
+#include <CLI/App.hpp>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <random>
+
+#include "apps/moondb_agent/agent_program.h"
+
+namespace moondb {
+namespace {
+
+constexpr char kPing[] = "bench-ping";
+constexpr char kEcho[] = "bench-echo";
+
+std::uint64_t NanosecondsOf(MonotonicTime time) { return static_cast<std::uint64_t>(time.time_since_epoch().count()); }
+
+// Answers with its own time beside the sender's.
+class EchoActor final : public Actor {
+ public:
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (message.body_case() != proto::Message::BODY_NOT_SET || context.sender().actor != kPing) return;
+    proto::Message reply;
+    reply.set_ms_type(proto::CONTROL);
+    reply.set_remaining(NanosecondsOf(context.now()));
+    (void)context.Reply(std::move(reply));
+  }
+};
+
+class PingActor final : public Actor {
+ public:
+  struct Options {
+    AgentId to = 0;
+    std::string file;
+    Duration period_min = std::chrono::milliseconds(50);  // Irregular, so that no rhythm of the batches is met.
+    Duration period_max = std::chrono::milliseconds(150);
+  };
+
+  explicit PingActor(const Options& options) : options_(options), file_(options.file, std::ios::app) {}
+
+  void OnStart(Context& context) override { SetTimer(context); }
+
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (message.has_timer()) {
+      proto::Message ping;
+      ping.set_ms_type(proto::CONTROL);
+      ping.set_request_id(NanosecondsOf(context.now()));
+      (void)context.Send({options_.to, kEcho}, std::move(ping));  // One that is lost is no figure.
+      SetTimer(context);
+    } else if (message.body_case() == proto::Message::BODY_NOT_SET && context.sender().agent == options_.to) {
+      const std::uint64_t sent = message.request_id();
+      const std::uint64_t heard = message.remaining();
+      file_ << (heard - sent) / 1000 << ' ' << (NanosecondsOf(context.now()) - heard) / 1000 << std::endl;
+    }
+  }
+
+ private:
+  void SetTimer(Context& context) {
+    std::uniform_int_distribution<std::int64_t> period(options_.period_min.count(), options_.period_max.count());
+    context.AfterTimer(Duration(period(context.rng())), /*kind=*/1);
+  }
+
+  const Options options_;
+  std::ofstream file_;
+};
+
+std::vector<OwnActor> MakeActors(const PingActor::Options& ping) {
+  std::vector<OwnActor> actors(1);
+  actors[0].name = kEcho;
+  actors[0].factory = [] { return std::make_unique<EchoActor>(); };
+  if (ping.to == 0) return actors;
+  actors.emplace_back();
+  actors[1].name = kPing;
+  actors[1].factory = [ping] { return std::make_unique<PingActor>(ping); };
+  return actors;
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main(int argc, char** argv) {
+  moondb::PingActor::Options ping;
+  moondb::AgentProgram program;
+  program.name = "sharing_bench_agent";
+  program.add_options = [&ping](CLI::App& app) {
+    app.add_option("--ping", ping.to, "Agent to send control messages to");
+    app.add_option("--ping-file", ping.file, "Where to write how long they took");
+  };
+  program.make_actors = [&ping](moondb::AgentId, const moondb::proto::TeamConfig&) {
+    return moondb::Result<std::vector<moondb::OwnActor>>(moondb::MakeActors(ping));
+  };
+  return moondb::RunAgentProgram(argc, argv, program);
+}

@@ -1,0 +1,21 @@
+// ParseBounded: parses bytes that a stranger wrote, where the message may not take much more memory than the bytes.
+//
+// An empty part of a message is two bytes on the wire and up to a hundred in memory, and a row of them compresses to
+// next to nothing: three kilobytes from a peer could ask for a gigabyte here. So the parts are counted before memory is
+// taken for them. Pure, safe from any thread.
+#pragma once
+
+#include <google/protobuf/message.h>
+
+#include <cstddef>
+#include <string_view>
+
+namespace moondb {
+
+// Messages within the message, elements of its lists and fields that are unknown here: some 25 MB in memory.
+inline constexpr std::size_t kParsedPartsMax = 262'144;
+
+// False where the bytes do not decode or hold too many parts; `message` then holds anything.
+bool ParseBounded(std::string_view bytes, google::protobuf::Message* message);
+
+}  // namespace moondb

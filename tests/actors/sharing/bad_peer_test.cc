@@ -1,0 +1,156 @@
+// What an agent's status shows of a member of the team that says what it must not, and that nothing grows by it.
+#include <gtest/gtest.h>
+
+#include "actors/sharing/codec.h"
+#include "tests/actors/sharing/sharing_team.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+constexpr AgentId kGood = 1;
+constexpr AgentId kBad = 3;
+
+// Agent 1 is real; agent 3 says what each test likes.
+class BadPeerTest : public testing::Test {
+ protected:
+  BadPeerTest() {
+    store_ = AddMemoryAgent(team_, kGood, config_);
+    for (AgentId agent = 2; agent <= 4; ++agent) team_.AddAgent(agent);
+    team_.AdvanceTime(seconds(1));
+    (void)team_.Take({kBad, actor_name::kSync});
+  }
+
+  static proto::Message Hello(std::uint64_t session_id) {
+    proto::Message message;
+    proto::Hello& hello = *message.mutable_hello();
+    hello.set_protocol_version(kSharingProtocolVersion);
+    hello.set_team("test");
+    hello.set_config_hash(1);
+    hello.set_session_id(session_id);
+    hello.set_kind(proto::SHARING_KIND_SYNC);
+    return message;
+  }
+
+  static proto::Message Batch(std::uint64_t session_id, const std::string& content) {
+    proto::RecordBatch records;
+    proto::StoredRecord& record = *records.add_records();
+    const RecordKey key{{kBad, 7, proto::POWER}, 1};
+    *record.mutable_key() = ToProto(key);
+    record.set_content(content);
+    record.set_hash(HashRecord(key, "power"));
+    const CodedBatch coded = EncodeBatch(records);
+    proto::Message message;
+    message.set_remaining(1);
+    proto::Batch& batch = *message.mutable_batch();
+    batch.set_session_id(session_id);
+    batch.set_batch_number(1);
+    batch.set_codec(coded.codec);
+    batch.set_coded(coded.bytes);
+    batch.set_record_count(1);
+    return message;
+  }
+
+  void Say(const proto::Message& message, int times = 1) {
+    for (int i = 0; i < times; ++i) (void)team_.Post({kBad, actor_name::kSync}, {kGood, actor_name::kSync}, message);
+    team_.AdvanceTime(seconds(1));
+  }
+
+  int CountHeard(proto::Message::BodyCase body) {
+    int count = 0;
+    for (const proto::Message& message : team_.Take({kBad, actor_name::kSync})) count += message.body_case() == body;
+    return count;
+  }
+
+  proto::ShareStatus Status() { return ShareStatusOf(team_, kGood, actor_name::kSync); }
+
+  const proto::TeamConfig config_ = TestTeam(3);
+  simulation::SimulatedTeam team_{/*seed=*/1};
+  std::shared_ptr<MemoryStore> store_;
+};
+
+TEST_F(BadPeerTest, ShowsHellosOfAnotherTeam) {
+  proto::Message hello = Hello(10);
+  hello.mutable_hello()->set_team("other");
+  Say(hello, 100);
+  EXPECT_EQ(Status().refused_hellos(), 100);
+  EXPECT_EQ(CountHeard(proto::Message::kRefusal), 100);
+}
+
+TEST_F(BadPeerTest, ShowsWhoRunsAnotherConfiguration) {
+  proto::Message hello = Hello(10);
+  hello.mutable_hello()->set_config_hash(2);
+  Say(hello);
+  ASSERT_EQ(Status().other_config_agents_size(), 1);
+  EXPECT_EQ(Status().other_config_agents(0), kBad);
+  EXPECT_EQ(CountHeard(proto::Message::kHave), 1) << "heard nevertheless";
+  Say(Hello(11));
+  EXPECT_EQ(Status().other_config_agents_size(), 0);
+}
+
+TEST_F(BadPeerTest, AnswersAFloodOfOneHelloOnce) {
+  Say(Hello(10), 1000);
+  EXPECT_EQ(CountHeard(proto::Message::kHave), 1);
+}
+
+TEST_F(BadPeerTest, ShowsDamagedBatches) {
+  Say(Hello(10));
+  proto::Message batch = Batch(10, "power");
+  batch.mutable_batch()->mutable_coded()->resize(3);
+  Say(batch);
+  batch = Batch(10, "power");
+  proto::StreamHave& reversed = *batch.mutable_batch()->add_dropped();
+  reversed.set_origin_agent(kBad);
+  reversed.add_dropped()->set_first(5);
+  Say(batch);
+  EXPECT_EQ(Status().damaged_messages(), 2);
+  EXPECT_TRUE(store_->records().empty());
+}
+
+TEST_F(BadPeerTest, ShowsRecordsThatAreNotGenuine) {
+  Say(Hello(10));
+  Say(Batch(10, "another content under the key's hash"));
+  EXPECT_EQ(Status().rejected_records(), 1);
+  EXPECT_TRUE(store_->records().empty());
+}
+
+TEST_F(BadPeerTest, ShowsWhatItDropsOfAFloodOfBatches) {
+  Say(Hello(10));
+  Say(Batch(10, "power"), 100);
+  EXPECT_EQ(Status().dropped_messages(), 84);
+  EXPECT_EQ(store_->records().size(), 1u);
+  EXPECT_EQ(CountHeard(proto::Message::kHave), 17) << "of the hello and of what was stored";
+}
+
+TEST_F(BadPeerTest, OpensOneSessionForAFloodOfShareRequests) {
+  store_->Insert(kGood, proto::POWER, "own");
+  Say(ShareOrder(proto::SHARING_KIND_SYNC), 1000);
+  EXPECT_EQ(Status().sessions_size(), 1);
+  EXPECT_EQ(CountHeard(proto::Message::kHello), 1);
+}
+
+TEST_F(BadPeerTest, ShowsAcknowledgmentsOfWhatWasNeverSent) {
+  store_->Insert(kGood, proto::POWER, "own");
+  Say(ShareOrder(proto::SHARING_KIND_SYNC));
+  proto::Message have;
+  for (const proto::Message& message : team_.Take({kBad, actor_name::kSync})) {
+    if (message.has_hello()) have.mutable_have()->set_session_id(message.hello().session_id());
+  }
+  have.mutable_have()->set_batch_number(UINT32_MAX);
+  Say(have, 100);
+  EXPECT_EQ(Status().sessions(0).refused_haves(), 0) << "it has not said what it has: the session still asks";
+  have.mutable_have()->set_batch_number(0);
+  have.mutable_have()->set_is_whole(true);
+  Say(have);
+  EXPECT_EQ(CountHeard(proto::Message::kBatch), 1);
+  have.mutable_have()->set_is_whole(false);
+  have.mutable_have()->set_batch_number(UINT32_MAX);
+  Say(have, 100);
+  EXPECT_EQ(Status().sessions(0).refused_haves(), 100);
+  EXPECT_EQ(CountHeard(proto::Message::kBatch), 0);
+  EXPECT_EQ(Status().sessions(0).acknowledged_records(), 0);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,389 @@
+// Sharing under input that nobody would send: real sessions, receivers and stores, first beside damaged, forged,
+// repeated and invented messages, then without them. Each test prints its first seed; MOONDB_FUZZ_SEED sets it, and
+// MOONDB_FUZZ_RUNS how many conversations there are (default 100).
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <deque>
+#include <iostream>
+#include <map>
+#include <random>
+
+#include "actors/role/role_actor.h"
+#include "actors/sharing/codec.h"
+#include "actors/storage/record_door.h"
+#include "actors/storage/record_store.h"
+#include "actors/storage/storage_actor.h"
+#include "tests/actors/sharing/mutator.h"
+#include "tests/actors/sharing/sharing_team.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+constexpr AgentId kReceiver = 1;
+constexpr AgentId kSender = 2;
+// No input may ask for more.
+constexpr std::size_t kActionsMax = 32;
+constexpr std::size_t kHaveBytesMax = 64 * 1024;
+
+std::uint64_t NumberOf(const char* variable, std::uint64_t standard) {
+  const char* asked = std::getenv(variable);
+  return asked == nullptr ? standard : std::strtoull(asked, nullptr, 10);
+}
+
+std::uint64_t RunCount() { return NumberOf("MOONDB_FUZZ_RUNS", 100); }
+
+std::uint64_t FirstSeed() {
+  const std::uint64_t seed = NumberOf("MOONDB_FUZZ_SEED", std::random_device()());
+  std::cout << "first seed " << seed << "\n";
+  return seed;
+}
+
+std::unique_ptr<RecordStore> MemoryStoreOf(AgentId self, std::uint64_t seed) {
+  StorageActor::Options options;
+  options.path = ":memory:";
+  options.self = self;
+  options.team = TestTeam(3);
+  RecordStore::Options store = StorageActor::StoreOptions(options);
+  store.seed = seed;
+  return *RecordStore::Open(std::move(store));
+}
+
+proto::Record NodeOf(AgentId agent, std::uint64_t index) {
+  proto::Record record;
+  record.set_stamp_ns(1);
+  record.mutable_pose_graph_node()->mutable_node()->set_agent_id(agent);
+  record.mutable_pose_graph_node()->mutable_node()->set_index(index);
+  record.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m();
+  record.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
+  return record;
+}
+
+proto::Record PowerOf(double ratio) {
+  proto::Record record;
+  record.set_stamp_ns(1);
+  record.mutable_power()->set_battery_ratio(ratio);
+  return record;
+}
+
+std::map<RecordKey, std::string> SharedOf(RecordStore& store) {
+  std::map<RecordKey, std::string> shared;
+  proto::ReadRequest request;
+  while (true) {
+    const Result<proto::ReadReply> page = store.Read(request);
+    for (const proto::StoredRecord& record : page->records()) {
+      if (record.key().seq() != 0) shared[FromProto(record.key())] = record.content();
+    }
+    if (page->is_complete()) return shared;
+    request.set_after_row_id(*page->row_ids().rbegin());
+  }
+}
+
+// A sender's session and a receiver, each with its store; what they say to each other passes the test.
+class Conversation {
+ public:
+  explicit Conversation(std::uint64_t seed)
+      : mutator_(seed), source_(MemoryStoreOf(kSender, seed)), sink_(MemoryStoreOf(kReceiver, seed)) {
+    for (const AgentId agent : {kReceiver, kSender}) {
+      proto::InsertRequest request;
+      for (std::uint64_t i = 0; i < 200; ++i) *request.add_records() = NodeOf(agent, i);
+      for (int i = 0; i < 5; ++i) *request.add_records() = PowerOf(0.1 * i);
+      RecordStore& store = agent == kSender ? *source_ : *sink_;
+      EXPECT_FALSE(IsError(store.Insert(request).reply.error()));
+      genuine_.merge(SharedOf(store));
+    }
+  }
+
+  void Order() { TakeOfSession(session_.Order(proto::RecordFilter(), now_)); }
+
+  // One message comes, perhaps not as it was sent; or one that nobody sent.
+  void BadStep() {
+    now_ += std::chrono::milliseconds(50);
+    TakeOfSession(session_.OnTimer(now_));
+    if (air_.empty() || mutator_.Draw(4) == 0) return Deliver(Invent());
+    Flying flying = TakeFromAir();
+    switch (mutator_.Draw(8)) {
+      case 0:
+        return;  // Lost.
+      case 1:
+        Deliver(flying);
+        return Deliver(flying);
+      case 2:
+        return Deliver(flying);
+      case 3: {
+        std::string bytes = flying.message.SerializeAsString();
+        mutator_.Mutate(bytes);
+        if (flying.message.ParseFromString(bytes)) Deliver(flying);
+        return;
+      }
+      case 4:
+        ForgeRecords(flying.message);
+        return Deliver(flying);
+      default:
+        mutator_.Mutate(flying.message);
+        return Deliver(flying);
+    }
+  }
+
+  // From now on as two agents that behave; until the session is complete.
+  bool GoodEnd() {
+    air_.clear();
+    TakeOfSession(session_.Close());
+    air_.clear();
+    Order();
+    for (int i = 0; i < 10'000 && session_.is_open(); ++i) {
+      now_ += std::chrono::milliseconds(10);
+      if (air_.empty()) {
+        TakeOfSession(session_.OnTimer(now_));
+      } else {
+        const Flying flying = std::move(air_.front());
+        air_.pop_front();
+        Deliver(flying);
+      }
+    }
+    return !session_.is_open();
+  }
+
+  void ExpectOnlyGenuineRecords() {
+    for (RecordStore* store : {source_.get(), sink_.get()}) {
+      for (const auto& [key, content] : SharedOf(*store)) {
+        const auto found = genuine_.find(key);
+        ASSERT_NE(found, genuine_.end()) << ToString(key);
+        EXPECT_EQ(found->second, content) << ToString(key);
+      }
+    }
+  }
+
+  void ExpectAllThatTheSenderHolds() {
+    const auto at_sink = SharedOf(*sink_);
+    for (const auto& [key, content] : SharedOf(*source_)) EXPECT_TRUE(at_sink.contains(key)) << ToString(key);
+  }
+
+  double Refusals() const {
+    const SharingReceiver::Counts& counts = receiver_.counts();
+    return session_.Status(now_).refused_haves() + counts.refused_hellos + counts.damaged_messages +
+           counts.rejected_records + counts.dropped_messages;
+  }
+
+ private:
+  struct Flying {
+    AgentId to;
+    proto::Message message;
+  };
+
+  static SharingReceiver::Options ReceiverOptions() {
+    SharingReceiver::Options options;
+    options.team = "test";
+    options.kind = proto::SHARING_KIND_REPLICATION;
+    return options;
+  }
+
+  Flying TakeFromAir() {
+    const auto at = air_.begin() + static_cast<std::ptrdiff_t>(mutator_.Draw(air_.size()));
+    Flying flying = std::move(*at);
+    air_.erase(at);
+    return flying;
+  }
+
+  // As what was heard last, with other words; a body of its own; or noise.
+  Flying Invent() {
+    Flying flying{mutator_.Draw(2) == 0 ? kReceiver : kSender, {}};
+    if (mutator_.Draw(3) == 0) {
+      (void)flying.message.ParseFromString(mutator_.Bytes(400));
+      return flying;
+    }
+    if (!heard_.empty() && mutator_.Draw(3) > 0) {
+      flying = heard_[mutator_.Draw(heard_.size())];
+    } else if (flying.to == kReceiver) {
+      mutator_.Draw(2) == 0 ? (void)flying.message.mutable_hello() : (void)flying.message.mutable_batch();
+    } else if (mutator_.Draw(3) > 0) {
+      flying.message.mutable_have()->set_session_id(session_id_);
+      flying.message.mutable_have()->set_is_whole(mutator_.Draw(2) == 0);
+    } else {
+      flying.message.mutable_refusal()->set_session_id(session_id_);
+      flying.message.mutable_refusal()->mutable_error()->set_text(mutator_.Bytes(2000));
+    }
+    mutator_.Mutate(flying.message);
+    return flying;
+  }
+
+  // Its records become the receiver's own, of the epoch in which it is and of one to come, with the right hashes; or
+  // are changed under their keys.
+  void ForgeRecords(proto::Message& message) {
+    proto::Batch& batch = *message.mutable_batch();
+    Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
+    if (!records) return;
+    for (proto::StoredRecord& record : *records->mutable_records()) {
+      switch (mutator_.Draw(4)) {
+        case 0:
+          mutator_.Mutate(*record.mutable_content());
+          break;
+        case 1:
+          mutator_.Mutate(record);
+          break;
+        default: {
+          const std::uint64_t index = 1000 + mutator_.Draw(1000);
+          record.mutable_key()->set_origin_agent(kReceiver);
+          record.mutable_key()->set_epoch(mutator_.Draw(2) == 0 ? sink_->GetHave().epoch() : UINT64_MAX);
+          record.mutable_key()->set_seq(index);
+          record.set_content(SerializeRecord(NodeOf(kReceiver, index)));
+          record.mutable_key()->set_data_type(proto::POSE_GRAPH_NODE);
+          record.set_hash(HashRecord(FromProto(record.key()), record.content()));
+        }
+      }
+    }
+    CodedBatch coded = EncodeBatch(*records);
+    batch.set_codec(coded.codec);
+    batch.set_coded(std::move(coded.bytes));
+  }
+
+  void Deliver(const Flying& flying) {
+    if (heard_.size() < 100) heard_.push_back(flying);
+    const proto::Message& message = flying.message;
+    if (flying.to == kReceiver) {
+      if (message.has_hello()) TakeOfReceiver(receiver_.OnHello(kSender, message.hello(), now_));
+      if (message.has_batch()) {
+        Result<SharingActions> actions = receiver_.OnBatch(kSender, message, now_);
+        if (actions) TakeOfReceiver(*std::move(actions));
+      }
+    } else {
+      if (message.has_have()) TakeOfSession(session_.OnHave(message.have(), now_));
+      if (message.has_refusal()) TakeOfSession(session_.OnRefusal(message.refusal(), now_));
+    }
+    EXPECT_LT(session_.Status(now_).ByteSizeLong(), 1024u);
+  }
+
+  void TakeOfReceiver(SharingActions actions) {
+    ASSERT_LE(actions.size(), kActionsMax);
+    for (SharingAction& action : actions) {
+      proto::Message& message = action.message;
+      if (action.to != 0) {
+        air_.push_back({action.to, std::move(message)});
+      } else if (message.has_have_request()) {
+        const proto::HaveReply reply = sink_->GetHave();
+        ASSERT_LE(reply.ByteSizeLong(), kHaveBytesMax);
+        TakeOfReceiver(receiver_.OnHaveReply(message.request_id(), reply));
+      } else if (message.has_store_request()) {
+        const proto::StoreReply reply = sink_->Store(message.store_request()).reply;
+        EXPECT_FALSE(IsError(reply.error())) << reply.error().ShortDebugString();
+        ASSERT_LE(reply.ByteSizeLong(), kHaveBytesMax);
+        TakeOfReceiver(receiver_.OnStoreReply(message.request_id(), reply));
+      }
+    }
+  }
+
+  void TakeOfSession(SharingActions actions) {
+    ASSERT_LE(actions.size(), kActionsMax);
+    for (SharingAction& action : actions) {
+      proto::Message& message = action.message;
+      if (message.has_hello()) {  // As SharingActor completes it.
+        message.mutable_hello()->set_protocol_version(kSharingProtocolVersion);
+        message.mutable_hello()->set_team("test");
+        session_id_ = message.hello().session_id();
+      }
+      if (action.to != 0) {
+        air_.push_back({action.to, std::move(message)});
+      } else if (message.has_missing_request()) {
+        const Result<proto::MissingReply> reply = source_->GetMissing(message.missing_request());
+        ASSERT_TRUE(reply) << ToString(reply.error());
+        TakeOfSession(session_.OnMissingReply(message.request_id(), *reply, now_));
+      } else if (message.has_peer_have()) {
+        const Result<void> noted = source_->NotePeerHave(message.peer_have());
+        ASSERT_TRUE(noted) << ToString(noted.error());
+      }
+    }
+    while (air_.size() > 200) air_.pop_front();
+  }
+
+  Mutator mutator_;
+  std::unique_ptr<RecordStore> source_;
+  std::unique_ptr<RecordStore> sink_;
+  std::map<RecordKey, std::string> genuine_;
+  SharingSession session_{SharingSession::Options(), proto::SHARING_KIND_REPLICATION, kReceiver, 1000};
+  SharingReceiver receiver_{ReceiverOptions(), 500};
+  SharingSession::Time now_{};
+  std::uint64_t session_id_ = 0;  // The session's present one.
+  std::deque<Flying> air_;
+  std::vector<Flying> heard_;
+};
+
+TEST(SharingFuzzTest, AConversationSurvivesBadMessagesAndThenCompletes) {
+  const std::uint64_t first_seed = FirstSeed();
+  double refusals = 0;
+  for (std::uint64_t seed = first_seed; seed < first_seed + RunCount(); ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Conversation conversation(seed);
+    conversation.Order();
+    for (int i = 0; i < 200; ++i) conversation.BadStep();
+    ASSERT_TRUE(conversation.GoodEnd());
+    conversation.ExpectOnlyGenuineRecords();
+    conversation.ExpectAllThatTheSenderHolds();
+    refusals += conversation.Refusals();
+    if (testing::Test::HasFailure()) return;
+  }
+  EXPECT_GT(refusals, 10 * static_cast<double>(RunCount())) << "most of it was bad";
+}
+
+// The actors of an agent beside a peer that sends whatever fits into a message.
+TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
+  const std::uint64_t first_seed = FirstSeed();
+  const proto::TeamConfig config = TestTeam(3);
+  constexpr AgentId kBad = 3;
+  for (std::uint64_t seed = first_seed; seed < first_seed + RunCount() / 4; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Mutator mutator(seed);
+    simulation::SimulatedTeam team(seed);
+    for (AgentId agent = 1; agent <= 3; ++agent) team.AddAgent(agent);
+    for (const AgentId agent : {kReceiver, kSender}) {
+      StorageActor::Options storage;
+      storage.path = ":memory:";
+      storage.self = agent;
+      storage.team = config;
+      team.Spawn(agent, actor_name::kStorage, [storage] { return std::make_unique<StorageActor>(storage); });
+      RoleActor::Options role;
+      role.self = agent;
+      role.team = config;
+      team.Spawn(agent, actor_name::kRole, [role] { return std::make_unique<RoleActor>(role); });
+      SpawnSharing(team, agent, config);
+    }
+    team.AdvanceTime(minutes(1));
+    for (int i = 0; i < 300; ++i) {
+      proto::Message message;
+      // The bodies that agents say to each other.
+      const auto& fields = *message.GetDescriptor();
+      const auto* body = fields.FindFieldByNumber(static_cast<int>(proto::Message::kHello + mutator.Draw(9)));
+      (void)message.GetReflection()->MutableMessage(&message, body);
+      if (message.has_hello()) {
+        message.mutable_hello()->set_protocol_version(kSharingProtocolVersion);
+        message.mutable_hello()->set_team("test");
+        message.mutable_hello()->set_kind(proto::SHARING_KIND_SYNC);
+        message.mutable_hello()->set_session_id(1 + mutator.Draw(3));
+      }
+      mutator.Mutate(message);
+      for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kRole}) {
+        (void)team.Post({kBad, actor}, {kReceiver, actor}, message);
+      }
+      team.AdvanceTime(std::chrono::milliseconds(20));
+      for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kRole}) {
+        EXPECT_LE(team.Take({kBad, actor}).size(), 16u) << "many answers to one message";
+      }
+    }
+    EXPECT_EQ(team.restarts(kReceiver), 0u);
+    proto::Message insert;
+    for (std::uint64_t i = 0; i < 50; ++i) *insert.mutable_insert_request()->add_records() = NodeOf(kSender, i);
+    (void)team.Post({kSender, "robot"}, {kSender, actor_name::kStorage}, insert);
+    Share(team, kSender, ShareOrder(proto::SHARING_KIND_SYNC, kReceiver));
+    team.AdvanceTime(minutes(2));
+    const proto::ShareStatus status = ShareStatusOf(team, kSender, actor_name::kSync);
+    ASSERT_EQ(status.sessions_size(), 1);
+    EXPECT_EQ(status.sessions(0).acknowledged_records(), 50) << status.ShortDebugString();
+    EXPECT_FALSE(status.sessions(0).is_open());
+    if (testing::Test::HasFailure()) return;
+  }
+}
+
+}  // namespace
+}  // namespace moondb
