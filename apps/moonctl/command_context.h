@@ -10,6 +10,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
+#include <vector>
 
 #include "apps/common/team_clients.h"
 #include "apps/moonctl/exit_code.h"
@@ -22,6 +24,13 @@ namespace moondb {
 struct AgentClient {
   const proto::AgentConfig* agent = nullptr;
   std::unique_ptr<Client> client;
+};
+
+// What one agent answered, or why there is no answer.
+template <typename T>
+struct AgentAnswer {
+  const proto::AgentConfig* agent = nullptr;
+  Result<T> answer;
 };
 
 class CommandContext {
@@ -48,6 +57,12 @@ class CommandContext {
   std::chrono::milliseconds WaitTimeout() const;
 
   Result<AgentClient> Connect(const std::string& name);
+  // The agent of -a, without it all of the team. kInvalid for one that the team does not have.
+  Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
+  // Asks each of them by `ask`, a Result<T>(Client&); one that cannot be reached stands in the answers too.
+  template <typename Ask>
+  auto AskEach(Ask ask) -> Result<std::vector<AgentAnswer<typename std::invoke_result_t<Ask, Client&>::value_type>>>;
+
   // The agent of -a; without it the leader, as the newest term of all who answer has it.
   Result<AgentClient> ConnectToChosenOrLeader();
 
@@ -61,5 +76,18 @@ class CommandContext {
   std::optional<std::chrono::milliseconds> timeout_;
   std::optional<TeamFile> team_;
 };
+
+template <typename Ask>
+auto CommandContext::AskEach(Ask ask)
+    -> Result<std::vector<AgentAnswer<typename std::invoke_result_t<Ask, Client&>::value_type>>> {
+  const auto agents = ChosenAgents();
+  if (!agents) return tl::unexpected(agents.error());
+  std::vector<AgentAnswer<typename std::invoke_result_t<Ask, Client&>::value_type>> answers;
+  for (const proto::AgentConfig* chosen : *agents) {
+    const auto connected = Connect(chosen->name());
+    answers.push_back({chosen, connected ? ask(*connected->client) : tl::unexpected(connected.error())});
+  }
+  return answers;
+}
 
 }  // namespace moondb

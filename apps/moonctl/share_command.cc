@@ -5,6 +5,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/share_status.h"
 #include "apps/moonctl/share_wait.h"
 
 namespace moondb {
@@ -88,45 +89,47 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, json.text(), text);
 }
 
-std::vector<std::string> Row(const proto::TeamConfig& team, const std::string& sender,
-                             const proto::ShareSession& session) {
-  return {sender,
-          AgentName(team, session.destination()),
-          session.is_open() ? "open" : "idle",
-          FormatCount(session.sent_records()),
-          FormatCount(session.acknowledged_records()),
-          FormatCount(session.remaining()),
-          FormatBytes(session.coded_bytes()),
-          FormatCount(session.completed_sessions()),
-          session.last_error()};
+void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& session, JsonWriter& json) {
+  const SharePace pace = PaceOf(session);
+  json.BeginObject().Key("to").String(AgentName(team, session.destination()));
+  pace.bytes_per_s ? json.Key("bytes_per_s").Number(*pace.bytes_per_s) : json.Key("bytes_per_s").Null();
+  pace.eta_s ? json.Key("eta_s").Number(*pace.eta_s) : json.Key("eta_s").Null();
+  json.Key("session").Raw(ToJson(session)).EndObject();
+}
+
+// The sessions of one agent of this kind, or that there is none yet.
+void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
+                  proto::SharingKind kind, Table& table, JsonWriter& json) {
+  json.Key("sessions").BeginArray();
+  bool is_any = false;
+  for (const proto::ShareSession& session : status.sessions()) {
+    if (session.kind() != kind) continue;
+    is_any = true;
+    table.Add(ShareStatusRow(team, agent, session));
+    WriteSession(team, session, json);
+  }
+  if (!is_any) table.Add({agent, "-", "nothing sent since its start"});
+  json.EndArray().Key("received_records").Number(status.received_records());
+  json.Key("rejected_records").Number(status.rejected_records());
 }
 
 ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
-  auto team = context.Team();
-  if (!team) return context.Report(team.error());
-  Table table({"FROM", "TO", "STATE", "SENT", "ACKNOWLEDGED", "LEFT", "CODED", "SESSIONS", "LAST ERROR"});
+  const auto answers = context.AskEach([](Client& client) { return client.ShareStatus(); });
+  if (!answers) return context.Report(answers.error());
+  Table table(ShareStatusHeader());
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
   ExitCode code = ExitCode::kDone;
-  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
-    if (!context.agent.empty() && agent.name() != context.agent) continue;
-    auto connected = context.Connect(agent.name());
-    auto status = connected ? connected->client->ShareStatus() : tl::unexpected(connected.error());
-    json.BeginObject().Key("name").String(agent.name()).Key("is_reachable").Bool(status.has_value());
-    if (!status) {
+  for (const auto& [agent, status] : *answers) {
+    json.BeginObject().Key("name").String(agent->name()).Key("is_reachable").Bool(status.has_value());
+    if (status) {
+      ShowSessions((*context.Team())->config, agent->name(), *status, kind, table, json);
+    } else {
       code = ExitCode::kUnreachable;
-      table.Add({agent.name(), "unreachable: " + ToString(status.error())});
-      json.Key("error").WriteError(status.error()).EndObject();
-      continue;
+      table.Add({agent->name(), "unreachable: " + ToString(status.error())});
+      json.Key("error").WriteError(status.error());
     }
-    json.Key("sessions").BeginArray();
-    for (const proto::ShareSession& session : status->sessions()) {
-      if (session.kind() != kind) continue;
-      table.Add(Row((*team)->config, agent.name(), session));
-      json.Raw(ToJson(session));
-    }
-    json.EndArray().Key("received_records").Number(status->received_records());
-    json.Key("rejected_records").Number(status->rejected_records()).EndObject();
+    json.EndObject();
   }
   json.EndArray().EndObject();
   return context.Print(code, json.text(), table.Text());
@@ -143,7 +146,7 @@ void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, c
   now.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };
   });
-  CLI::App& status = *group.add_subcommand("status", "Per pair: sent, acknowledged, left");
+  CLI::App& status = *group.add_subcommand("status", "Per pair: sent, acknowledged, left, rate, ETA");
   status.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShowShareStatus(context, kind); };
   });
