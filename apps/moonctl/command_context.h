@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "apps/common/team_clients.h"
+#include "apps/moonctl/agent_answers.h"
 #include "apps/moonctl/exit_code.h"
 #include "client/client.h"
 #include "runtime/team_config.h"
@@ -26,12 +27,9 @@ struct AgentClient {
   std::unique_ptr<Client> client;
 };
 
-// What one agent answered, or why there is no answer.
-template <typename T>
-struct AgentAnswer {
-  const proto::AgentConfig* agent = nullptr;
-  Result<T> answer;
-};
+// The T of an `ask` that gives a Result<T>.
+template <typename Ask>
+using AnswerOf = typename std::invoke_result_t<Ask, Client&>::value_type;
 
 class CommandContext {
  public:
@@ -61,7 +59,7 @@ class CommandContext {
   Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
   // Asks each of them by `ask`, a Result<T>(Client&); one that cannot be reached stands in the answers too.
   template <typename Ask>
-  auto AskEach(Ask ask) -> Result<std::vector<AgentAnswer<typename std::invoke_result_t<Ask, Client&>::value_type>>>;
+  auto AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>>;
 
   // The agent of -a; without it the leader, as the newest term of all who answer has it.
   Result<AgentClient> ConnectToChosenOrLeader();
@@ -78,11 +76,10 @@ class CommandContext {
 };
 
 template <typename Ask>
-auto CommandContext::AskEach(Ask ask)
-    -> Result<std::vector<AgentAnswer<typename std::invoke_result_t<Ask, Client&>::value_type>>> {
+auto CommandContext::AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>> {
   const auto agents = ChosenAgents();
   if (!agents) return tl::unexpected(agents.error());
-  std::vector<AgentAnswer<typename std::invoke_result_t<Ask, Client&>::value_type>> answers;
+  AgentAnswers<AnswerOf<Ask>> answers;
   for (const proto::AgentConfig* chosen : *agents) {
     const auto connected = Connect(chosen->name());
     answers.push_back({chosen, connected ? ask(*connected->client) : tl::unexpected(connected.error())});

@@ -16,19 +16,9 @@ struct DiffArguments {
   std::string second;
 };
 
-// Begins an agent's JSON object; where it did not answer, says so there and in a line for people.
-template <typename T>
-bool BeginAgent(const AgentAnswer<T>& asked, JsonWriter& json, std::string& unreachable) {
-  json.BeginObject().Key("name").String(asked.agent->name()).Key("is_reachable").Bool(asked.answer.has_value());
-  if (asked.answer) return true;
-  json.Key("error").WriteError(asked.answer.error());
-  unreachable += asked.agent->name() + " is unreachable: " + ToString(asked.answer.error()) + "\n";
-  return false;
-}
-
 // A header of `first` and the agents' names.
 template <typename T>
-std::vector<std::string> HeaderOf(std::vector<std::string> first, const std::vector<AgentAnswer<T>>& answers) {
+std::vector<std::string> HeaderOf(std::vector<std::string> first, const AgentAnswers<T>& answers) {
   for (const auto& [agent, answer] : answers) first.push_back(agent->name());
   return first;
 }
@@ -42,7 +32,7 @@ double CountOf(const proto::StorageStatus& storage, std::optional<DataType> type
 }
 
 // Rows by data type, shared or not; "?" of who does not answer.
-std::string RowsText(const CustomTypes& custom_types, const std::vector<AgentAnswer<proto::AgentStatus>>& answers) {
+std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::AgentStatus>& answers) {
   std::set<DataType> types;
   for (const auto& [agent, status] : answers) {
     if (!status) continue;
@@ -67,22 +57,22 @@ ExitCode ShowInfo(CommandContext& context) {
   Table table({"AGENT", "DATABASE", "OF IT WAL", "DISK FREE", "REFUSED"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
-  std::string unreachable;
-  for (const AgentAnswer<proto::AgentStatus>& asked : *answers) {
-    if (BeginAgent(asked, json, unreachable)) {
-      const proto::StorageStatus& storage = asked.answer->storage();
-      table.Add({asked.agent->name(), FormatBytes(storage.database_bytes()), FormatBytes(storage.wal_bytes()),
+  for (const auto& asked : *answers) {
+    const auto& [agent, status] = asked;
+    BeginAgent(asked, json);
+    if (status) {
+      const proto::StorageStatus& storage = status->storage();
+      table.Add({agent->name(), FormatBytes(storage.database_bytes()), FormatBytes(storage.wal_bytes()),
                  FormatBytes(storage.disk_free_bytes()), FormatCount(storage.rejected_count())});
       json.Key("storage").Raw(ToJson(storage));
     } else {
-      table.Add({asked.agent->name(), "unreachable"});
+      table.Add({agent->name(), Unreachable(status.error())});
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
   const CustomTypes& custom_types = (*context.Team())->config.custom_types();
-  return context.Print(unreachable.empty() ? ExitCode::kDone : ExitCode::kUnreachable, json.text(),
-                       table.Text() + "\n" + RowsText(custom_types, *answers) + unreachable);
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + "\n" + RowsText(custom_types, *answers));
 }
 
 std::string HoldingText(const Holding& holding) {
@@ -99,9 +89,12 @@ ExitCode ShowHoldings(CommandContext& context) {
   json.BeginObject().Key("agents").BeginArray();
   std::string unreachable;
   std::vector<HaveSet> haves;
-  for (const AgentAnswer<HaveSet>& asked : *answers) {
-    haves.push_back(BeginAgent(asked, json, unreachable) ? *asked.answer : HaveSet());
+  for (const auto& asked : *answers) {
+    const auto& [agent, have] = asked;
+    BeginAgent(asked, json);
     json.EndObject();
+    haves.push_back(have ? *have : HaveSet());
+    if (!have) unreachable += agent->name() + " is " + Unreachable(have.error()) + "\n";
   }
   json.EndArray().Key("holdings").BeginArray();
   Table table(HeaderOf({"ORIGIN", "TYPE"}, *answers));
@@ -121,8 +114,7 @@ ExitCode ShowHoldings(CommandContext& context) {
     table.Add(std::move(row));
   }
   json.EndArray().EndObject();
-  return context.Print(unreachable.empty() ? ExitCode::kDone : ExitCode::kUnreachable, json.text(),
-                       table.Text() + unreachable);
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + unreachable);
 }
 
 }  // namespace

@@ -107,9 +107,10 @@ ExitCode VerifyStores(CommandContext& context) {
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
   std::string findings;
-  bool is_any_damaged = false, is_any_unreachable = false;
-  for (const auto& [agent, found] : *answers) {
-    json.BeginObject().Key("name").String(agent->name()).Key("is_reachable").Bool(found.has_value());
+  bool is_any_damaged = false;
+  for (const auto& asked : *answers) {
+    const auto& [agent, found] = asked;
+    BeginAgent(asked, json);
     if (found) {
       is_any_damaged = is_any_damaged || !found->is_sound();
       table.Add({agent->name(), FormatCount(found->rows), FormatCount(found->damaged), FormatCount(found->missing),
@@ -118,17 +119,12 @@ ExitCode VerifyStores(CommandContext& context) {
       WriteVerification(*found, json);
       findings += FindingsText(agent->name(), *found);
     } else {
-      is_any_unreachable = true;
-      table.Add({agent->name(), "unreachable: " + ToString(found.error())});
-      json.Key("error").WriteError(found.error());
+      table.Add({agent->name(), Unreachable(found.error())});
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
-  const ExitCode code = is_any_damaged       ? ExitCode::kFailed
-                        : is_any_unreachable ? ExitCode::kUnreachable
-                                             : ExitCode::kDone;
-  return context.Print(code, json.text(), table.Text() + findings);
+  return context.Print(is_any_damaged ? ExitCode::kFailed : ExitCodeOf(*answers), json.text(), table.Text() + findings);
 }
 
 }  // namespace moondb

@@ -28,9 +28,9 @@ ExitCode ShowRoles(CommandContext& context) {
   Table table({"AGENT", "OWN ROLE", "TERM", "LEADER", "SURVIVOR", "REASON"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
-  ExitCode code = ExitCode::kDone;
-  for (const auto& [agent, shown] : *answers) {
-    json.BeginObject().Key("name").String(agent->name()).Key("is_reachable").Bool(shown.has_value());
+  for (const auto& asked : *answers) {
+    const auto& [agent, shown] = asked;
+    BeginAgent(asked, json);
     if (shown) {
       const proto::RoleAssignment& roles = shown->roles();
       const auto role = RoleName(RoleOf(team, roles, agent->id()));
@@ -38,14 +38,12 @@ ExitCode ShowRoles(CommandContext& context) {
                  AgentName(team, roles.survivor()), roles.reason()});
       json.Key("role").String(role).Key("roles").Raw(ToJson(roles));
     } else {
-      code = ExitCode::kUnreachable;
-      table.Add({agent->name(), "unreachable: " + ToString(shown.error())});
-      json.Key("error").WriteError(shown.error());
+      table.Add({agent->name(), Unreachable(shown.error())});
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text());
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text());
 }
 
 ExitCode ShowHistory(CommandContext& context) {

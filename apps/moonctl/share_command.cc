@@ -1,5 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -92,8 +93,7 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
 void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& session, JsonWriter& json) {
   const SharePace pace = PaceOf(session);
   json.BeginObject().Key("to").String(AgentName(team, session.destination()));
-  pace.bytes_per_s ? json.Key("bytes_per_s").Number(*pace.bytes_per_s) : json.Key("bytes_per_s").Null();
-  pace.eta_s ? json.Key("eta_s").Number(*pace.eta_s) : json.Key("eta_s").Null();
+  json.Key("bytes_per_s").Number(pace.bytes_per_s.value_or(NAN)).Key("eta_s").Number(pace.eta_s.value_or(NAN));
   json.Key("session").Raw(ToJson(session)).EndObject();
 }
 
@@ -119,20 +119,18 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
   Table table(ShareStatusHeader());
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
-  ExitCode code = ExitCode::kDone;
-  for (const auto& [agent, status] : *answers) {
-    json.BeginObject().Key("name").String(agent->name()).Key("is_reachable").Bool(status.has_value());
+  for (const auto& asked : *answers) {
+    const auto& [agent, status] = asked;
+    BeginAgent(asked, json);
     if (status) {
       ShowSessions((*context.Team())->config, agent->name(), *status, kind, table, json);
     } else {
-      code = ExitCode::kUnreachable;
-      table.Add({agent->name(), "unreachable: " + ToString(status.error())});
-      json.Key("error").WriteError(status.error());
+      table.Add({agent->name(), Unreachable(status.error())});
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text());
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text());
 }
 
 void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,

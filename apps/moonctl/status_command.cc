@@ -45,24 +45,22 @@ ExitCode ShowStatus(CommandContext& context) {
   Table table({"AGENT", "ID", "ROLE", "TERM", "RECORDS", "DATABASE", "PEERS", "UP", "PID", "MERGES BY"});
   JsonWriter json;
   json.BeginObject().Key("team").String((*context.Team())->config.team()).Key("agents").BeginArray();
-  ExitCode code = ExitCode::kDone;
   std::string remarks;
-  for (const auto& [agent, status] : *answers) {
-    json.BeginObject().Key("name").String(agent->name()).Key("id").Number(agent->id());
-    json.Key("is_reachable").Bool(status.has_value());
+  for (const auto& asked : *answers) {
+    const auto& [agent, status] = asked;
+    BeginAgent(asked, json);
+    json.Key("id").Number(agent->id());
     if (status) {
       table.Add(Row(*agent, *status));
       remarks += RemarksOn(*agent, *status);
       json.Key("status").Raw(ToJson(*status));
     } else {
-      code = ExitCode::kUnreachable;
-      table.Add({agent->name(), std::to_string(agent->id()), "unreachable: " + ToString(status.error())});
-      json.Key("error").WriteError(status.error());
+      table.Add({agent->name(), std::to_string(agent->id()), Unreachable(status.error())});
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text() + remarks);
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + remarks);
 }
 
 }  // namespace

@@ -46,11 +46,12 @@ Found VerifyAll(RecordStore& store) {
   return found;
 }
 
-// The fingerprint of seqs `first` to `last` of a stream, asked until it is complete.
+// The fingerprint of seqs `first` to `last` of a stream, asked until it is complete; `answers` counts.
 proto::FingerprintReply FingerprintOf(RecordStore& store, const StreamKey& stream, std::uint64_t first,
-                                      std::uint64_t last) {
+                                      std::uint64_t last, int* answers = nullptr) {
   proto::FingerprintReply whole;
   while (true) {
+    if (answers != nullptr) ++*answers;
     proto::FingerprintRequest request;
     request.mutable_stream()->set_origin_agent(stream.origin);
     request.mutable_stream()->set_epoch(stream.epoch);
@@ -227,7 +228,9 @@ TEST_F(VerifyTest, TakesAFingerprintInSlices) {
   for (int i = 0; i < kCount; ++i) records.push_back(NodeRecord(2, i));
   InsertAll(*store_, records);
   const StreamKey stream{2, store_->GetHave().epoch(), proto::POSE_GRAPH_NODE};
-  const proto::FingerprintReply whole = FingerprintOf(*store_, stream, 1, kCount);
+  int answers = 0;
+  const proto::FingerprintReply whole = FingerprintOf(*store_, stream, 1, kCount, &answers);
+  EXPECT_EQ(answers, 3);
   EXPECT_EQ(whole.record_count(), kCount);
   const std::uint64_t half = FingerprintOf(*store_, stream, 1, kCount / 2).fingerprint();
   EXPECT_EQ(half ^ FingerprintOf(*store_, stream, kCount / 2 + 1, kCount).fingerprint(), whole.fingerprint());
