@@ -166,6 +166,7 @@ void StorageActor::OnStatus(Context& context) {
   Answer(context, std::move(reply));
 }
 
+// An operator looks: what is damaged is told, and nothing done about it.
 void StorageActor::OnVerify(Context& context, const proto::VerifyRequest& request) {
   proto::Message message;
   Result<proto::VerifyReply> reply = store_->Verify(request);

@@ -1,5 +1,6 @@
 #include "actors/storage/verify.h"
 
+#include "actors/storage/have_ledger.h"
 #include "actors/storage/record_pages.h"
 #include "actors/storage/record_tables.h"
 #include "actors/storage/schema.h"
@@ -26,9 +27,17 @@ void NoteFinding(const proto::RecordKey& key, const std::string& text, proto::Ve
   finding.set_text(text);
 }
 
-Result<proto::VerifyReply> VerifyFile(Database& database) {
+Result<void> CheckHaveSet(Database& database, const HaveSet& have) {
+  HaveLedger on_disk;
+  if (const Result<void> loaded = on_disk.Load(database); !loaded) return loaded;
+  if (on_disk.is_sound() && on_disk.have() == have) return {};
+  return Fail(ErrorCode::kCorrupt, "database " + database.path() + " is damaged: its have-set");
+}
+
+Result<proto::VerifyReply> VerifyFile(Database& database, const HaveSet& have) {
   Result<void> checked = CheckSchema(database);
   if (checked) checked = database.QuickCheck();
+  if (checked) checked = CheckHaveSet(database, have);
   if (!checked && checked.error().code != ErrorCode::kCorrupt) return tl::unexpected(checked.error());
   proto::VerifyReply reply;
   if (!checked) reply.add_findings()->set_text(checked.error().text);
@@ -130,7 +139,7 @@ Result<HaveSet> ReadStream(const proto::FingerprintRequest& request) {
 Result<proto::VerifyReply> Verify(Database& database, const HaveSet& have, const proto::VerifyRequest& request) {
   switch (request.part()) {
     case proto::VERIFY_PART_FILE:
-      return VerifyFile(database);
+      return VerifyFile(database, have);
     case proto::VERIFY_PART_ROWS:
       return VerifyRows(database, have, request.after_row_id());
     case proto::VERIFY_PART_HELD:

@@ -16,7 +16,7 @@ inline constexpr std::uint32_t kVerifyRecordsMax = 2000;           // In one rep
 inline constexpr std::uint32_t kVerifyBytesMax = 4 * 1024 * 1024;  // of contents, or one larger record,
 inline constexpr int kVerifyFindingsMax = 100;                     // and so many named.
 
-// `have` is this agent's own. A damaged file is a finding of VERIFY_PART_FILE; of the other parts, an error, as
+// `have` is this agent's own. A damaged file is a finding of VERIFY_PART_FILE; in the other parts it is an error, as
 // Database's. kInvalid: no part.
 Result<proto::VerifyReply> Verify(Database& database, const HaveSet& have, const proto::VerifyRequest& request);
 

@@ -200,6 +200,14 @@ TEST_F(VerifyTest, FindsADamagedFile) {
   EXPECT_THAT(reply->findings(0).text(), HasSubstr("is damaged"));
 }
 
+TEST_F(VerifyTest, FindsADamagedHaveSet) {
+  for (int i = 0; i < 3; ++i) InsertOne(*store_, NodeRecord(2, i));
+  Execute("UPDATE have_interval SET last = 2");
+  proto::VerifyRequest request;
+  request.set_part(proto::VERIFY_PART_FILE);
+  EXPECT_THAT(store_->Verify(request)->findings(0).text(), HasSubstr("its have-set"));
+}
+
 TEST_F(VerifyTest, NeedsAPart) { EXPECT_EQ(store_->Verify({}).error().field, "part"); }
 
 TEST_F(VerifyTest, GivesTwoAgentsWithTheSameRecordsOneFingerprint) {
