@@ -22,7 +22,8 @@ Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::strin
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
-  const bool is_long = request.has_optimize() || request.has_merge();
+  const bool is_long =
+      request.has_optimize() || request.has_merge() || request.verify().part() == proto::VERIFY_PART_FILE;
   return Call(request, is_long ? options_.long_timeout : options_.timeout);
 }
 
@@ -115,6 +116,26 @@ Result<void> Client::ReadAll(proto::ReadRequest request, const Visit& visit) {
     if (page->is_complete() || page->row_ids().empty()) return {};
     request.set_after_row_id(*page->row_ids().rbegin());
   }
+}
+
+Result<HaveSet> Client::Have() {
+  proto::ControlRequest request;
+  request.mutable_have();
+  const auto reply = Call(request);
+  if (!reply) return tl::unexpected(reply.error());
+  return FromProto(reply->have().have());
+}
+
+Result<proto::VerifyReply> Client::Verify(const proto::VerifyRequest& verify) {
+  proto::ControlRequest request;
+  *request.mutable_verify() = verify;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_verify()); });
+}
+
+Result<proto::FingerprintReply> Client::Fingerprint(const proto::FingerprintRequest& fingerprint) {
+  proto::ControlRequest request;
+  *request.mutable_fingerprint() = fingerprint;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_fingerprint()); });
 }
 
 Result<proto::RoleShowReply> Client::Roles(bool with_history) {

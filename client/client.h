@@ -23,6 +23,7 @@
 
 #include "model/custom_types.h"
 #include "model/error.h"
+#include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
 #include "proto/control.pb.h"
@@ -36,7 +37,7 @@ class Client {
   struct Options {
     Duration connect_timeout = std::chrono::seconds(1);
     Duration timeout = std::chrono::seconds(10);        // Of a call, once connected.
-    Duration long_timeout = std::chrono::seconds(600);  // Of Optimize and Merge.
+    Duration long_timeout = std::chrono::seconds(600);  // Of Optimize, Merge and Verify of a file.
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
     CustomTypes custom_types = {};                      // The team file's (TeamConfig::custom_types): for their names.
   };
@@ -80,6 +81,12 @@ class Client {
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
   // All pages from request.after_row_id on, in the order of storing; each page bounded by the request's limits.
   Result<void> ReadAll(proto::ReadRequest request, const Visit& visit);
+
+  // What the agent holds and dropped of each stream.
+  Result<HaveSet> Have();
+  // One part of the agent's store, as proto/storage.proto says: some records at a time.
+  Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
+  Result<proto::FingerprintReply> Fingerprint(const proto::FingerprintRequest& request);
 
   Result<proto::RoleShowReply> Roles(bool with_history = false);
   Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);

@@ -11,7 +11,9 @@ namespace {
 
 enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
 
-bool IsLong(const proto::ControlRequest& request) { return request.has_optimize() || request.has_merge(); }
+bool IsLong(const proto::ControlRequest& request) {
+  return request.has_optimize() || request.has_merge() || request.verify().part() == proto::VERIFY_PART_FILE;
+}
 
 proto::ControlReply ErrorReply(const Error& error) {
   proto::ControlReply reply;
@@ -114,6 +116,15 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
       *message.mutable_read_request() = request.read();
       BoundPage(*message.mutable_read_request());
       return Ask(context, actor_name::kStorage, std::move(message), id, pending);
+    case proto::ControlRequest::kHave:
+      message.mutable_have_request();
+      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
+    case proto::ControlRequest::kVerify:
+      *message.mutable_verify_request() = request.verify();
+      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
+    case proto::ControlRequest::kFingerprint:
+      *message.mutable_fingerprint_request() = request.fingerprint();
+      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
     case proto::ControlRequest::kRoleShow:
       *message.mutable_role_show_request() = request.role_show();
       return Ask(context, actor_name::kRole, std::move(message), id, pending);
@@ -204,6 +215,15 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
     case proto::Message::kReadReply:
       *reply.mutable_read() = message.read_reply();
       return copy_error(message.read_reply().error());
+    case proto::Message::kHaveReply:
+      *reply.mutable_have() = message.have_reply();
+      return true;
+    case proto::Message::kVerifyReply:
+      *reply.mutable_verify() = message.verify_reply();
+      return copy_error(message.verify_reply().error());
+    case proto::Message::kFingerprintReply:
+      *reply.mutable_fingerprint() = message.fingerprint_reply();
+      return copy_error(message.fingerprint_reply().error());
     case proto::Message::kShareReply:
       *reply.mutable_share() = message.share_reply();
       return copy_error(message.share_reply().error());

@@ -124,6 +124,9 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     case proto::ControlRequest::kStop:
     case proto::ControlRequest::kGraphStats:
     case proto::ControlRequest::kTrace:
+    case proto::ControlRequest::kHave:
+    case proto::ControlRequest::kVerify:
+    case proto::ControlRequest::kFingerprint:
     case proto::ControlRequest::kCustom:
       return {};
     case proto::ControlRequest::REQUEST_NOT_SET:

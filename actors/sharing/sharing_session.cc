@@ -99,6 +99,7 @@ SharingActions SharingSession::Close() {
   ++closed_sessions_;
   ForgetUnderWay();
   missing_count_ = 0;  // Nobody asks for them any more.
+  is_remaining_known_ = false;
   TellStorage({}, /*is_closed=*/true, actions);
   return actions;
 }
@@ -118,6 +119,9 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
     part_ = {have.part_hash(), have.part_bytes()};
     phase_ = Phase::kSending;
     last_progress_ = now;
+    answered_ = now;
+    session_acknowledged_records_ = 0;
+    session_acknowledged_bytes_ = 0;
     SetDeadline(now);
   } else {
     have_.Merge(*heard);
@@ -160,6 +164,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
     return actions;
   }
   is_asking_ = false;
+  is_remaining_known_ = true;
   const bool is_end_known = is_for_states_ || (reply.dropped().empty() && is_end_told_);
   if (reply.records().empty() && is_end_known) {
     is_exhausted_ = true;
@@ -220,6 +225,12 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_refused_haves(refused_haves_);
   status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
   status.set_last_error(last_error_);
+  status.set_is_remaining_known(is_remaining_known_);
+  if (phase_ == Phase::kSending) {
+    status.set_session_s(std::chrono::duration<double>(now - answered_).count());
+    status.set_session_acknowledged_records(session_acknowledged_records_);
+    status.set_session_acknowledged_bytes(session_acknowledged_bytes_);
+  }
   return status;
 }
 
@@ -268,6 +279,7 @@ void SharingSession::Start(Time now, SharingActions& actions) {
 void SharingSession::Restart(Time now, SharingActions& actions) {
   if (is_open()) ++resends_;
   phase_ = Phase::kAwaitingHave;
+  is_remaining_known_ = false;
   ForgetUnderWay();
   ++session_id_;
   if (session_id_ == 0) ++session_id_;
@@ -454,6 +466,8 @@ void SharingSession::Acknowledge(std::uint32_t batch_number) {
     }
     AddDropped(batch.dropped, refused_);  // Where the destination keeps one for now, it has its reason.
     acknowledged_records_ += static_cast<double>(had);
+    session_acknowledged_records_ += static_cast<double>(had);
+    session_acknowledged_bytes_ += static_cast<double>(batch.bytes);
     unacked_bytes_ -= batch.bytes;
     it = under_way_.erase(it);
   }

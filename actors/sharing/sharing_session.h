@@ -157,6 +157,11 @@ class SharingSession {
   Duration backoff_{};
   Time deadline_{};
   Time last_progress_{};
+  bool is_remaining_known_ = false;
+  // Since the destination answered the last Hello.
+  Time answered_{};
+  double session_acknowledged_records_ = 0;
+  double session_acknowledged_bytes_ = 0;
 
   double sent_records_ = 0;
   double acknowledged_records_ = 0;

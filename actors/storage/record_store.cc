@@ -10,6 +10,7 @@
 #include "actors/storage/record_pages.h"
 #include "actors/storage/role_history.h"
 #include "actors/storage/schema.h"
+#include "actors/storage/verify.h"
 #include "model/check.h"
 #include "model/record_check.h"
 
@@ -539,7 +540,16 @@ Result<proto::StorageStatus> RecordStore::GetStatus() {
   status.set_disk_free_bytes(static_cast<double>(database_->DiskFreeBytes()));
   status.set_epoch(epoch_);
   status.set_rejected_count(static_cast<double>(rejected_count_));
+  status.set_wal_bytes(static_cast<double>(database_->WalBytes()));
   return status;
+}
+
+Result<proto::VerifyReply> RecordStore::Verify(const proto::VerifyRequest& request) {
+  return moondb::Verify(*database_, ledger_.have(), request);
+}
+
+Result<proto::FingerprintReply> RecordStore::TakeFingerprint(const proto::FingerprintRequest& request) {
+  return moondb::TakeFingerprint(*database_, request);
 }
 
 }  // namespace moondb

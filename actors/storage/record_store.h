@@ -86,6 +86,9 @@ class RecordStore {
   Result<proto::LoadRolesReply> LoadRoles();
   Result<void> NotePeerHave(const proto::PeerHave& note);
   Result<proto::StorageStatus> GetStatus();
+  // As in actors/storage/verify.h.
+  Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
+  Result<proto::FingerprintReply> TakeFingerprint(const proto::FingerprintRequest& request);
 
   // For tests and tools that look into the tables.
   Database& database() { return *database_; }

@@ -243,15 +243,15 @@ Result<void> Database::QuickCheck() {
 
 void Database::LeaveAsItIs() { (void)sqlite3_db_config(connection_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr); }
 
-std::uint64_t Database::BytesOnDisk() const {
+std::uint64_t Database::BytesOnDisk() const { return FileBytes("") + WalBytes(); }
+
+std::uint64_t Database::WalBytes() const { return FileBytes("-wal"); }
+
+std::uint64_t Database::FileBytes(const char* ending) const {
   if (path_ == kInMemory) return 0;
-  std::uint64_t bytes = 0;
-  for (const char* ending : {"", "-wal"}) {
-    std::error_code error;
-    const std::uintmax_t size = std::filesystem::file_size(path_ + ending, error);
-    if (!error) bytes += size;
-  }
-  return bytes;
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path_ + ending, error);
+  return error ? 0 : size;
 }
 
 std::uint64_t Database::DiskFreeBytes() const {

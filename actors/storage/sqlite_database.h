@@ -105,6 +105,7 @@ class Database {
 
   const std::string& path() const { return path_; }
   std::uint64_t BytesOnDisk() const;    // File and write-ahead log; 0 in memory.
+  std::uint64_t WalBytes() const;       // Of those, the write-ahead log's.
   std::uint64_t DiskFreeBytes() const;  // Where the file lies; 0 in memory.
 
  private:
@@ -112,6 +113,7 @@ class Database {
   friend class Transaction;
   explicit Database(std::string path) : path_(std::move(path)) {}
   Result<void> Lock();
+  std::uint64_t FileBytes(const char* ending) const;  // Of the path with this ending; 0 where there is no such file.
   tl::unexpected<Error> FailWith(int code) const;
   Result<void> SetDurability(Durability durability);
 

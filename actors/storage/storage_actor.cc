@@ -69,6 +69,10 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return OnStatus(context);
     case proto::Message::kPeerClock:
       return clock_judge_.NotePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
+    case proto::Message::kVerifyRequest:
+      return OnVerify(context, message.verify_request());
+    case proto::Message::kFingerprintRequest:
+      return OnFingerprint(context, message.fingerprint_request());
     default:
       spdlog::debug("storage: ignored a message of kind {}", static_cast<int>(message.body_case()));
   }
@@ -162,6 +166,29 @@ void StorageActor::OnStatus(Context& context) {
   *reply.mutable_storage_status() = status ? *std::move(status) : proto::StorageStatus();
   reply.mutable_storage_status()->set_clock_suspect(clock_suspect_);
   Answer(context, std::move(reply));
+}
+
+// An operator looks: what is damaged is told, and nothing done about it.
+void StorageActor::OnVerify(Context& context, const proto::VerifyRequest& request) {
+  proto::Message message;
+  Result<proto::VerifyReply> reply = store_->Verify(request);
+  if (reply) {
+    *message.mutable_verify_reply() = *std::move(reply);
+  } else {
+    *message.mutable_verify_reply()->mutable_error() = ToProto(reply.error());
+  }
+  Answer(context, std::move(message));
+}
+
+void StorageActor::OnFingerprint(Context& context, const proto::FingerprintRequest& request) {
+  proto::Message message;
+  Result<proto::FingerprintReply> reply = store_->TakeFingerprint(request);
+  if (reply) {
+    *message.mutable_fingerprint_reply() = *std::move(reply);
+  } else {
+    *message.mutable_fingerprint_reply()->mutable_error() = ToProto(reply.error());
+  }
+  Answer(context, std::move(message));
 }
 
 bool StorageActor::IsClockSuspect(Context& context) {

@@ -47,6 +47,8 @@ class StorageActor final : public Actor {
   void OnSaveRoles(Context& context, const proto::SaveRolesRequest& request);
   void OnLoadRoles(Context& context);
   void OnStatus(Context& context);
+  void OnVerify(Context& context, const proto::VerifyRequest& request);
+  void OnFingerprint(Context& context, const proto::FingerprintRequest& request);
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <ctime>
 
 namespace moondb {
 namespace {
@@ -61,6 +62,16 @@ std::string FormatSeconds(double seconds) {
   if (seconds < 120) return Format("%.0f %s", seconds, "s");
   if (seconds < 7200) return Format("%.0f %s", seconds / 60, "min");
   return Format("%.1f %s", seconds / 3600, "h");
+}
+
+std::string FormatUtc(std::int64_t stamp_ns) {
+  if (stamp_ns == 0) return "-";
+  const auto seconds = static_cast<std::time_t>(stamp_ns / 1'000'000'000);
+  std::tm utc{};
+  char text[64];
+  if (gmtime_r(&seconds, &utc) == nullptr) return "-";
+  std::strftime(text, sizeof(text), "%Y-%m-%d %H:%M:%S UTC", &utc);
+  return text;
 }
 
 std::string FormatFixed(double value, int digits) {

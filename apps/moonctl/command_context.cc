@@ -74,6 +74,19 @@ Result<AgentClient> CommandContext::Connect(const std::string& name) {
   return AgentClient{*named, std::move(*client)};
 }
 
+Result<std::vector<const proto::AgentConfig*>> CommandContext::ChosenAgents() {
+  auto team = Team();
+  if (!team) return tl::unexpected(team.error());
+  if (!agent.empty()) {
+    auto named = AgentNamed((*team)->config, agent);
+    if (!named) return tl::unexpected(named.error());
+    return std::vector{*named};
+  }
+  std::vector<const proto::AgentConfig*> agents;
+  for (const proto::AgentConfig& configured : (*team)->config.agents()) agents.push_back(&configured);
+  return agents;
+}
+
 Result<AgentClient> CommandContext::ConnectToChosenOrLeader() {
   if (!agent.empty()) return Connect(agent);
   auto team = Team();

@@ -11,8 +11,11 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <type_traits>
+#include <vector>
 
 #include "apps/common/team_clients.h"
+#include "apps/moonctl/agent_answers.h"
 #include "apps/moonctl/exit_code.h"
 #include "client/client.h"
 #include "runtime/team_config.h"
@@ -27,6 +30,10 @@ struct AgentClient {
 
 // "3s", "500ms", "2m", "8h", "1.5" (seconds). Nothing for anything else, 0, less, and more than 24 h.
 std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text);
+
+// The T of an `ask` that gives a Result<T>.
+template <typename Ask>
+using AnswerOf = typename std::invoke_result_t<Ask, Client&>::value_type;
 
 class CommandContext {
  public:
@@ -52,6 +59,12 @@ class CommandContext {
   std::chrono::milliseconds WaitTimeout() const;
 
   Result<AgentClient> Connect(const std::string& name);
+  // The agent of -a, without it all of the team. kInvalid for one that the team does not have.
+  Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
+  // Asks each of them by `ask`, a Result<T>(Client&); one that cannot be reached stands in the answers too.
+  template <typename Ask>
+  auto AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>>;
+
   // The agent of -a; without it the leader, as the newest term of all who answer has it.
   Result<AgentClient> ConnectToChosenOrLeader();
 
@@ -65,5 +78,17 @@ class CommandContext {
   std::optional<std::chrono::milliseconds> timeout_;
   std::optional<TeamFile> team_;
 };
+
+template <typename Ask>
+auto CommandContext::AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>> {
+  const auto agents = ChosenAgents();
+  if (!agents) return tl::unexpected(agents.error());
+  AgentAnswers<AnswerOf<Ask>> answers;
+  for (const proto::AgentConfig* chosen : *agents) {
+    const auto connected = Connect(chosen->name());
+    answers.push_back({chosen, connected ? ask(*connected->client) : tl::unexpected(connected.error())});
+  }
+  return answers;
+}
 
 }  // namespace moondb

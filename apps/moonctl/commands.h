@@ -18,6 +18,7 @@ void AddLeaseCommands(CLI::App& app, CommandContext& context);
 void AddGraphCommands(CLI::App& app, CommandContext& context);
 void AddMapCommands(CLI::App& app, CommandContext& context);
 void AddRecordCommands(CLI::App& app, CommandContext& context);
+void AddDbCommands(CLI::App& app, CommandContext& context);
 void AddTraceCommand(CLI::App& app, CommandContext& context);
 void AddConfigCommands(CLI::App& app, CommandContext& context);
 

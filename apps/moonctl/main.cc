@@ -37,6 +37,7 @@ void AddEverything(CLI::App& app, CommandContext& context) {
   AddGraphCommands(app, context);
   AddMapCommands(app, context);
   AddRecordCommands(app, context);
+  AddDbCommands(app, context);
   AddTraceCommand(app, context);
   AddConfigCommands(app, context);
   AddVersionCommand(app, context);

@@ -20,39 +20,30 @@ std::string TermText(const proto::TeamConfig& team, const proto::Term& term) {
   return std::to_string(term.number()) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
 }
 
-std::vector<std::string> Row(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
-  return {TermText(team, roles.term()), AgentName(team, roles.leader()), AgentName(team, roles.survivor()),
-          roles.reason()};
-}
-
 // What each agent holds: a split team shows.
 ExitCode ShowRoles(CommandContext& context) {
-  auto team = context.Team();
-  if (!team) return context.Report(team.error());
+  const auto answers = context.AskEach([](Client& client) { return client.Roles(); });
+  if (!answers) return context.Report(answers.error());
+  const proto::TeamConfig& team = (*context.Team())->config;
   Table table({"AGENT", "OWN ROLE", "TERM", "LEADER", "SURVIVOR", "REASON"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
-  ExitCode code = ExitCode::kDone;
-  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
-    if (!context.agent.empty() && agent.name() != context.agent) continue;
-    auto connected = context.Connect(agent.name());
-    auto shown = connected ? connected->client->Roles() : tl::unexpected(connected.error());
-    json.BeginObject().Key("name").String(agent.name()).Key("is_reachable").Bool(shown.has_value());
+  for (const auto& asked : *answers) {
+    const auto& [agent, shown] = asked;
+    BeginAgent(asked, json);
     if (shown) {
-      const auto role = RoleName(RoleOf((*team)->config, shown->roles(), agent.id()));
-      std::vector<std::string> row{agent.name(), role};
-      for (std::string& cell : Row((*team)->config, shown->roles())) row.push_back(std::move(cell));
-      table.Add(std::move(row));
-      json.Key("role").String(role).Key("roles").Raw(ToJson(shown->roles()));
+      const proto::RoleAssignment& roles = shown->roles();
+      const auto role = RoleName(RoleOf(team, roles, agent->id()));
+      table.Add({agent->name(), role, TermText(team, roles.term()), AgentName(team, roles.leader()),
+                 AgentName(team, roles.survivor()), roles.reason()});
+      json.Key("role").String(role).Key("roles").Raw(ToJson(roles));
     } else {
-      code = ExitCode::kUnreachable;
-      table.Add({agent.name(), "unreachable: " + ToString(shown.error())});
-      json.Key("error").WriteError(shown.error());
+      table.Add({agent->name(), Unreachable(shown.error())});
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text());
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text());
 }
 
 ExitCode ShowHistory(CommandContext& context) {
@@ -61,8 +52,15 @@ ExitCode ShowHistory(CommandContext& context) {
   auto shown = chosen->client->Roles(/*with_history=*/true);
   if (!shown) return context.Report(shown.error());
   const proto::TeamConfig& team = (*context.Team())->config;
-  Table table({"TERM", "LEADER", "SURVIVOR", "REASON"});
-  for (const proto::RoleAssignment& roles : shown->history()) table.Add(Row(team, roles));
+  if (shown->history().empty()) {
+    return context.Done(ToJson(*shown), chosen->agent->name() + " knows only the team file's roles");
+  }
+  Table table({"TERM", "BY", "LEADER", "SURVIVOR", "WHEN", "REASON"});
+  for (const proto::RoleAssignment& roles : shown->history()) {
+    table.Add({std::to_string(roles.term().number()), AgentName(team, roles.term().issuer()),
+               AgentName(team, roles.leader()), AgentName(team, roles.survivor()), FormatUtc(roles.stamp_ns()),
+               roles.reason()});
+  }
   return context.Done(ToJson(*shown), table.Text());
 }
 
@@ -146,9 +144,8 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
   role.add_subcommand("show", "The roles as each agent knows them")->callback([&context] {
     context.action = [&context] { return ShowRoles(context); };
   });
-  role.add_subcommand("history", "All assignments that the leader (or -a) knows")->callback([&context] {
-    context.action = [&context] { return ShowHistory(context); };
-  });
+  role.add_subcommand("history", "The assignments that the leader (or -a) has acted on, oldest first")
+      ->callback([&context] { context.action = [&context] { return ShowHistory(context); }; });
 
   auto arguments = std::make_shared<RoleArguments>();
   const auto add_common = [&arguments](CLI::App& command) {

@@ -1,10 +1,12 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/share_status.h"
 #include "apps/moonctl/share_wait.h"
 
 namespace moondb {
@@ -88,22 +90,26 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, json.text(), text);
 }
 
-std::string StateText(const proto::ShareSession& session) {
-  if (!session.waits_for().empty()) return "waits: " + session.waits_for();
-  return session.is_open() ? "open" : "idle";
+void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& session, JsonWriter& json) {
+  const SharePace pace = PaceOf(session);
+  json.BeginObject().Key("to").String(AgentName(team, session.destination()));
+  json.Key("bytes_per_s").Number(pace.bytes_per_s.value_or(NAN)).Key("eta_s").Number(pace.eta_s.value_or(NAN));
+  json.Key("session").Raw(ToJson(session)).EndObject();
 }
 
-std::vector<std::string> Row(const proto::TeamConfig& team, const std::string& sender,
-                             const proto::ShareSession& session) {
-  return {sender,
-          AgentName(team, session.destination()),
-          StateText(session),
-          FormatCount(session.sent_records()),
-          FormatCount(session.acknowledged_records()),
-          FormatCount(session.remaining()),
-          FormatBytes(session.coded_bytes()),
-          FormatCount(session.completed_sessions()),
-          session.last_error()};
+// The sessions of one agent of this kind, or that there is none yet.
+void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
+                  proto::SharingKind kind, Table& table, JsonWriter& json) {
+  json.Key("sessions").BeginArray();
+  bool is_any = false;
+  for (const proto::ShareSession& session : status.sessions()) {
+    if (session.kind() != kind) continue;
+    is_any = true;
+    table.Add(ShareStatusRow(team, agent, session));
+    WriteSession(team, session, json);
+  }
+  if (!is_any) table.Add({agent, "-", "nothing sent since its start"});
+  json.EndArray().Key("received_records").Number(status.received_records());
 }
 
 // What an agent refused of its peers, beyond the sessions; empty where all is well.
@@ -133,38 +139,28 @@ void WriteRefused(const proto::TeamConfig& team, const proto::ShareStatus& statu
 }
 
 ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
-  auto team = context.Team();
-  if (!team) return context.Report(team.error());
-  Table table({"FROM", "TO", "STATE", "SENT", "ACKNOWLEDGED", "LEFT", "CODED", "SESSIONS", "LAST ERROR"});
+  const auto answers = context.AskEach([](Client& client) { return client.ShareStatus(); });
+  if (!answers) return context.Report(answers.error());
+  Table table(ShareStatusHeader());
   std::string refused;
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
-  ExitCode code = ExitCode::kDone;
-  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
-    if (!context.agent.empty() && agent.name() != context.agent) continue;
-    auto connected = context.Connect(agent.name());
-    auto status = connected ? connected->client->ShareStatus() : tl::unexpected(connected.error());
-    json.BeginObject().Key("name").String(agent.name()).Key("is_reachable").Bool(status.has_value());
-    if (!status) {
-      code = ExitCode::kUnreachable;
-      table.Add({agent.name(), "unreachable: " + ToString(status.error())});
-      json.Key("error").WriteError(status.error()).EndObject();
-      continue;
+  for (const auto& asked : *answers) {
+    const auto& [agent, status] = asked;
+    BeginAgent(asked, json);
+    if (status) {
+      const proto::TeamConfig& team = (*context.Team())->config;
+      ShowSessions(team, agent->name(), *status, kind, table, json);
+      WriteRefused(team, *status, json);
+      const std::string text = RefusedText(team, *status);
+      if (!text.empty()) refused += agent->name() + ": " + text + "\n";
+    } else {
+      table.Add({agent->name(), Unreachable(status.error())});
     }
-    json.Key("sessions").BeginArray();
-    for (const proto::ShareSession& session : status->sessions()) {
-      if (session.kind() != kind) continue;
-      table.Add(Row((*team)->config, agent.name(), session));
-      json.Raw(ToJson(session));
-    }
-    json.EndArray().Key("received_records").Number(status->received_records());
-    WriteRefused((*team)->config, *status, json);
     json.EndObject();
-    const std::string text = RefusedText((*team)->config, *status);
-    if (!text.empty()) refused += agent.name() + ": " + text + "\n";
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text() + refused);
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + refused);
 }
 
 void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,
@@ -178,7 +174,7 @@ void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, c
   now.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };
   });
-  CLI::App& status = *group.add_subcommand("status", "Per pair: sent, acknowledged, left");
+  CLI::App& status = *group.add_subcommand("status", "Per pair: sent, acknowledged, left, rate, ETA");
   status.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShowShareStatus(context, kind); };
   });

@@ -10,12 +10,6 @@
 namespace moondb {
 namespace {
 
-Result<proto::AgentStatus> AskStatus(CommandContext& context, const std::string& name) {
-  auto connected = context.Connect(name);
-  if (!connected) return tl::unexpected(connected.error());
-  return connected->client->Status();
-}
-
 double RecordCountOf(const proto::AgentStatus& status) {
   double count = 0;
   for (const proto::RecordCount& part : status.storage().counts()) count += part.count();
@@ -65,38 +59,30 @@ std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::A
 }
 
 ExitCode ShowStatus(CommandContext& context) {
-  auto team = context.Team();
-  if (!team) return context.Report(team.error());
-  if (!context.agent.empty()) {
-    if (auto named = AgentNamed((*team)->config, context.agent); !named) return context.Report(named.error());
-  }
-
+  const auto answers = context.AskEach([](Client& client) { return client.Status(); });
+  if (!answers) return context.Report(answers.error());
   Table table({"AGENT", "ID", "ROLE", "TERM", "RECORDS", "DATABASE", "PEERS", "UP", "PID", "MERGES BY"});
   JsonWriter json;
-  json.BeginObject().Key("team").String((*team)->config.team()).Key("agents").BeginArray();
-  ExitCode code = ExitCode::kDone;
+  json.BeginObject().Key("team").String((*context.Team())->config.team()).Key("agents").BeginArray();
   std::string remarks;
   std::vector<proto::AgentStatus> statuses;
-  for (const proto::AgentConfig& agent : (*team)->config.agents()) {
-    if (!context.agent.empty() && agent.name() != context.agent) continue;
-    const auto status = AskStatus(context, agent.name());
-    json.BeginObject().Key("name").String(agent.name()).Key("id").Number(agent.id());
-    json.Key("is_reachable").Bool(status.has_value());
+  for (const auto& asked : *answers) {
+    const auto& [agent, status] = asked;
+    BeginAgent(asked, json);
+    json.Key("id").Number(agent->id());
     if (status) {
-      table.Add(Row(agent, *status));
-      remarks += RemarksOn(agent, *status);
+      table.Add(Row(*agent, *status));
+      remarks += RemarksOn(*agent, *status);
       json.Key("status").Raw(ToJson(*status));
       statuses.push_back(*status);
     } else {
-      code = ExitCode::kUnreachable;
-      table.Add({agent.name(), std::to_string(agent.id()), "unreachable: " + ToString(status.error())});
-      json.Key("error").WriteError(status.error());
+      table.Add({agent->name(), std::to_string(agent->id()), Unreachable(status.error())});
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
-  const std::string leases = LeasesText((*team)->config, statuses);
-  return context.Print(code, json.text(), table.Text() + leases + remarks);
+  const std::string leases = LeasesText((*context.Team())->config, statuses);
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + leases + remarks);
 }
 
 }  // namespace

@@ -166,6 +166,46 @@ TEST_F(GatewayActorTest, AddsUpTheShareStatusOfSyncAndReplication) {
   EXPECT_EQ(status.received_records(), 6);
 }
 
+TEST_F(GatewayActorTest, AsksStorageWhatItHoldsAndWhetherItIsSound) {
+  proto::ControlRequest request;
+  request.mutable_have();
+  Request(request);
+  proto::Message answer;
+  answer.mutable_have_reply()->set_epoch(7);
+  const proto::Message have = Asked(actor_name::kStorage);
+  EXPECT_TRUE(have.has_have_request());
+  AnswerAs(actor_name::kStorage, have, answer);
+  EXPECT_EQ(OnlyAnswer().have().epoch(), 7u);
+
+  request.mutable_verify()->set_after_row_id(9);
+  Request(request);
+  answer.mutable_verify_reply()->set_checked_count(3);
+  const proto::Message verify = Asked(actor_name::kStorage);
+  EXPECT_EQ(verify.verify_request().after_row_id(), 9u);
+  AnswerAs(actor_name::kStorage, verify, answer);
+  EXPECT_EQ(OnlyAnswer().verify().checked_count(), 3);
+
+  request.mutable_fingerprint()->mutable_stream()->set_epoch(8);
+  Request(request);
+  answer.mutable_fingerprint_reply()->mutable_error()->set_code(proto::ERROR_CODE_INVALID);
+  const proto::Message fingerprint = Asked(actor_name::kStorage);
+  EXPECT_EQ(fingerprint.fingerprint_request().stream().epoch(), 8u);
+  AnswerAs(actor_name::kStorage, fingerprint, answer);
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
+}
+
+TEST_F(GatewayActorTest, WaitsLongForTheCheckOfAFile) {
+  proto::ControlRequest request;
+  request.mutable_verify()->set_part(proto::VERIFY_PART_ROWS);
+  Request(request, 5);
+  request.mutable_verify()->set_part(proto::VERIFY_PART_FILE);
+  Request(request, 6);
+  team_.AdvanceTime(seconds(61));
+  EXPECT_EQ(OnlyAnswer(5).error().code(), proto::ERROR_CODE_TIMED_OUT);
+  team_.AdvanceTime(seconds(540));
+  EXPECT_EQ(OnlyAnswer(6).error().code(), proto::ERROR_CODE_TIMED_OUT);
+}
+
 TEST_F(GatewayActorTest, SendsAShareToTheActorOfItsKind) {
   proto::ControlRequest request;
   request.mutable_share()->set_kind(proto::SHARING_KIND_REPLICATION);

@@ -291,6 +291,43 @@ TEST_F(SharingSessionTest, AnOrderWithoutStatesWaits) {
   EXPECT_TRUE(TakeSent().empty());
 }
 
+TEST_F(SharingSessionTest, TellsWhatIsAcknowledgedSinceTheDestinationAnswered) {
+  for (int i = 0; i < 200; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(100));
+  Order();
+  Advance(seconds(3));
+  EXPECT_FALSE(Status().is_remaining_known());
+  EXPECT_EQ(Status().session_s(), 0);
+  AnswerHello();
+  EXPECT_TRUE(Status().is_remaining_known());
+  EXPECT_EQ(Status().remaining(), 200);
+  Advance(seconds(2));
+  Acknowledge(TakeSent().front());
+  EXPECT_EQ(Status().session_s(), 2);
+  EXPECT_GT(Status().session_acknowledged_records(), 0);
+  EXPECT_EQ(Status().session_acknowledged_records() + Status().remaining(), 200);
+  EXPECT_GT(Status().session_acknowledged_bytes(), 100 * Status().session_acknowledged_records());
+
+  // Reached again: what is left is not known, and time counts from the new answer.
+  Advance(seconds(1));
+  Take(session_.OnConnected(now_));
+  EXPECT_FALSE(Status().is_remaining_known());
+  EXPECT_EQ(Status().session_s(), 0);
+  Advance(seconds(1));
+  AnswerHello();
+  Advance(seconds(1));
+  EXPECT_EQ(Status().session_s(), 1);
+  EXPECT_EQ(Status().session_acknowledged_records(), 0);
+  EXPECT_GT(Status().acknowledged_records(), 0);
+  RunToEnd();
+  EXPECT_TRUE(Status().is_remaining_known());
+  EXPECT_EQ(Status().session_s(), 0);
+
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "one more");
+  Order();
+  Take(session_.Close());
+  EXPECT_FALSE(Status().is_remaining_known());
+}
+
 TEST_F(SharingSessionTest, BringsWhatIsMissingAndNothingElse) {
   for (int i = 0; i < 300; ++i) {
     const RecordKey key = source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));

@@ -112,6 +112,25 @@ TEST_F(StorageActorTest, AnswersAPeersRecordsWithWhatItNowHas) {
   EXPECT_EQ(Ask(missing).missing_reply().records_size(), 1);
 }
 
+TEST_F(StorageActorTest, AnswersWhetherItIsSound) {
+  Start();
+  const proto::RecordKey key = Insert(NodeRecord(2, 1)).keys(0);
+  proto::Message verify;
+  verify.mutable_verify_request()->set_part(proto::VERIFY_PART_ROWS);
+  EXPECT_EQ(Ask(verify).verify_reply().checked_count(), 1);
+  verify.mutable_verify_request()->clear_part();
+  EXPECT_EQ(Ask(verify).verify_reply().error().field(), "part");
+  proto::Message fingerprint;
+  proto::StreamHave& stream = *fingerprint.mutable_fingerprint_request()->mutable_stream();
+  EXPECT_EQ(Ask(fingerprint).fingerprint_reply().error().field(), "stream.data_type");
+  stream.set_origin_agent(key.origin_agent());
+  stream.set_epoch(key.epoch());
+  stream.set_data_type(key.data_type());
+  stream.add_held()->set_first(1);
+  stream.mutable_held(0)->set_last(1);
+  EXPECT_EQ(Ask(fingerprint).fingerprint_reply().record_count(), 1);
+}
+
 TEST_F(StorageActorTest, ReportsAFullDiskAndGoesOn) {
   options_.bytes_max = 300'000;
   Start();

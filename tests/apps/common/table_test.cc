@@ -42,6 +42,8 @@ TEST(TableTest, FormatsForPeople) {
   EXPECT_EQ(FormatSeconds(35), "35 s");
   EXPECT_EQ(FormatSeconds(600), "10 min");
   EXPECT_EQ(FormatSeconds(9000), "2.5 h");
+  EXPECT_EQ(FormatUtc(1'671'300'425'310'699'520), "2022-12-17 18:07:05 UTC");
+  EXPECT_EQ(FormatUtc(0), "-");
   EXPECT_EQ(FormatCount(12), "12");
 }
 

@@ -1,0 +1,144 @@
+#include <CLI/CLI.hpp>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/proto_json.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/commands.h"
+#include "apps/moonctl/db_commands.h"
+#include "apps/moonctl/holdings.h"
+#include "model/custom_types.h"
+
+namespace moondb {
+namespace {
+
+struct DiffArguments {
+  std::string first;
+  std::string second;
+};
+
+// A header of `first` and the agents' names.
+template <typename T>
+std::vector<std::string> HeaderOf(std::vector<std::string> first, const AgentAnswers<T>& answers) {
+  for (const auto& [agent, answer] : answers) first.push_back(agent->name());
+  return first;
+}
+
+double CountOf(const proto::StorageStatus& storage, std::optional<DataType> type) {
+  double count = 0;
+  for (const proto::RecordCount& part : storage.counts()) {
+    if (!type || part.data_type() == *type) count += part.count();
+  }
+  return count;
+}
+
+// Rows by data type, shared or not; "?" of who does not answer.
+std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::AgentStatus>& answers) {
+  std::set<DataType> types;
+  for (const auto& [agent, status] : answers) {
+    if (!status) continue;
+    for (const proto::RecordCount& part : status->storage().counts()) types.insert(part.data_type());
+  }
+  Table table(HeaderOf({"ROWS"}, answers));
+  const auto add = [&](const std::string& name, std::optional<DataType> type) {
+    std::vector<std::string> row{name};
+    for (const auto& [agent, status] : answers) {
+      row.push_back(status ? FormatCount(CountOf(status->storage(), type)) : "?");
+    }
+    table.Add(std::move(row));
+  };
+  for (const DataType type : types) add(DataTypeName(type, custom_types), type);
+  add("all", std::nullopt);
+  return table.Text();
+}
+
+ExitCode ShowInfo(CommandContext& context) {
+  const auto answers = context.AskEach([](Client& client) { return client.Status(); });
+  if (!answers) return context.Report(answers.error());
+  Table table({"AGENT", "DATABASE", "OF IT WAL", "DISK FREE", "REFUSED"});
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  for (const auto& asked : *answers) {
+    const auto& [agent, status] = asked;
+    BeginAgent(asked, json);
+    if (status) {
+      const proto::StorageStatus& storage = status->storage();
+      table.Add({agent->name(), FormatBytes(storage.database_bytes()), FormatBytes(storage.wal_bytes()),
+                 FormatBytes(storage.disk_free_bytes()), FormatCount(storage.rejected_count())});
+      json.Key("storage").Raw(ToJson(storage));
+    } else {
+      table.Add({agent->name(), Unreachable(status.error())});
+    }
+    json.EndObject();
+  }
+  json.EndArray().EndObject();
+  const CustomTypes& custom_types = (*context.Team())->config.custom_types();
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + "\n" + RowsText(custom_types, *answers));
+}
+
+std::string HoldingText(const Holding& holding) {
+  if (holding.held == 0) return "-";
+  const std::string held = std::to_string(holding.held);
+  return holding.lacking == 0 ? held : held + ", lacks " + std::to_string(holding.lacking);
+}
+
+ExitCode ShowHoldings(CommandContext& context) {
+  const auto answers = context.AskEach([](Client& client) { return client.Have(); });
+  if (!answers) return context.Report(answers.error());
+  const proto::TeamConfig& team = (*context.Team())->config;
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  std::string unreachable;
+  std::vector<HaveSet> haves;
+  for (const auto& asked : *answers) {
+    const auto& [agent, have] = asked;
+    BeginAgent(asked, json);
+    json.EndObject();
+    haves.push_back(have ? *have : HaveSet());
+    if (!have) unreachable += agent->name() + " is " + Unreachable(have.error()) + "\n";
+  }
+  json.EndArray().Key("holdings").BeginArray();
+  Table table(HeaderOf({"ORIGIN", "TYPE"}, *answers));
+  for (const auto& [series, holdings] : HoldingsOf(haves)) {
+    const std::string type = DataTypeName(series.second, team.custom_types());
+    std::vector<std::string> row{AgentName(team, series.first), type};
+    json.BeginObject().Key("origin").String(row[0]).Key("type").String(type).Key("held_by").BeginArray();
+    for (std::size_t i = 0; i < holdings.size(); ++i) {
+      const auto& [agent, answer] = (*answers)[i];
+      row.push_back(answer ? HoldingText(holdings[i]) : "?");
+      if (!answer) continue;
+      json.BeginObject().Key("agent").String(agent->name());
+      json.Key("held").Number(static_cast<double>(holdings[i].held));
+      json.Key("lacking").Number(static_cast<double>(holdings[i].lacking)).EndObject();
+    }
+    json.EndArray().EndObject();
+    table.Add(std::move(row));
+  }
+  json.EndArray().EndObject();
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + unreachable);
+}
+
+}  // namespace
+
+void AddDbCommands(CLI::App& app, CommandContext& context) {
+  CLI::App& group = *app.add_subcommand("db", "What agents hold, and whether it is sound");
+  group.require_subcommand(1);
+  const auto add = [&](const std::string& name, const std::string& description, ExitCode (*command)(CommandContext&)) {
+    group.add_subcommand(name, description)->callback([&context, command] {
+      context.action = [&context, command] { return command(context); };
+    });
+  };
+  add("info", "Sizes, and rows by data type, of each agent (or -a)", ShowInfo);
+  add("holdings", "Who holds what: shared records by origin and data type", ShowHoldings);
+  add("verify", "Read through the store of each agent (or -a) for damage; exit code 1 where there is any",
+      VerifyStores);
+
+  auto arguments = std::make_shared<DiffArguments>();
+  CLI::App& diff = *group.add_subcommand("diff", "Compare what two agents hold; exit code 1 where they differ");
+  diff.add_option("first", arguments->first, "An agent")->required();
+  diff.add_option("second", arguments->second, "Another")->required();
+  diff.callback([&context, arguments] {
+    context.action = [&context, arguments] { return CompareStores(context, arguments->first, arguments->second); };
+  });
+}
+
+}  // namespace moondb

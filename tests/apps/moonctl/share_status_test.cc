@@ -1,0 +1,88 @@
+#include "apps/moonctl/share_status.h"
+
+#include <gmock/gmock.h>
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+
+proto::TeamConfig TeamOfTwo() {
+  proto::TeamConfig team;
+  for (const std::uint32_t id : {1, 2}) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(id);
+    agent.set_name("rover" + std::to_string(id));
+  }
+  return team;
+}
+
+proto::ShareSession Sending() {
+  proto::ShareSession session;
+  session.set_destination(1);
+  session.set_is_open(true);
+  session.set_sent_records(1240);
+  session.set_acknowledged_records(1200);  // 1000 of them in earlier sessions.
+  session.set_is_remaining_known(true);
+  session.set_remaining(500);
+  session.set_coded_bytes(3e6);
+  session.set_session_s(10);
+  session.set_session_acknowledged_records(200);
+  session.set_session_acknowledged_bytes(1.2e6);
+  session.set_seconds_since_progress(0.3);
+  session.set_resends(2);
+  session.set_completed_sessions(4);
+  return session;
+}
+
+TEST(ShareStatusTest, ReckonsWithWhatThisSessionHadAcknowledged) {
+  const SharePace pace = PaceOf(Sending());
+  EXPECT_EQ(pace.bytes_per_s, 120'000);
+  EXPECT_EQ(pace.eta_s, 25);
+}
+
+TEST(ShareStatusTest, ReckonsNothingFromNothing) {
+  proto::ShareSession session = Sending();
+  session.set_session_acknowledged_records(0);
+  EXPECT_EQ(PaceOf(session).bytes_per_s, std::nullopt);
+  EXPECT_EQ(PaceOf(session).eta_s, std::nullopt);
+
+  session = Sending();
+  session.set_session_s(0);  // Closed, or not answered.
+  EXPECT_EQ(PaceOf(session).bytes_per_s, std::nullopt);
+  EXPECT_EQ(PaceOf(session).eta_s, std::nullopt);
+
+  session = Sending();
+  session.set_is_remaining_known(false);
+  EXPECT_EQ(PaceOf(session).bytes_per_s, 120'000);
+  EXPECT_EQ(PaceOf(session).eta_s, std::nullopt);
+}
+
+TEST(ShareStatusTest, ShowsASessionInARow) {
+  EXPECT_EQ(ShareStatusHeader().size(), ShareStatusRow(TeamOfTwo(), "rover2", Sending()).size());
+  EXPECT_THAT(ShareStatusRow(TeamOfTwo(), "rover2", Sending()),
+              ElementsAre("rover2", "rover1", "sending", "1240", "1200", "500", "3.0 MB", "120.0 kB/s", "25 s", "0 s",
+                          "2", "4", ""));
+}
+
+TEST(ShareStatusTest, DoesNotGuessWhatIsNotKnown) {
+  proto::ShareSession waiting;
+  waiting.set_destination(1);
+  waiting.set_is_open(true);
+  waiting.set_seconds_since_progress(7200);
+  waiting.set_last_error("sending to rover1: unreachable");
+  EXPECT_THAT(ShareStatusRow(TeamOfTwo(), "rover2", waiting),
+              ElementsAre("rover2", "rover1", "waiting", "0", "0", "-", "0 B", "-", "-", "2.0 h", "0", "0",
+                          "sending to rover1: unreachable"));
+  proto::ShareSession idle = Sending();
+  idle.set_is_open(false);
+  idle.set_remaining(0);
+  idle.set_session_s(0);
+  const auto row = ShareStatusRow(TeamOfTwo(), "rover2", idle);
+  EXPECT_EQ(row[2], "idle");
+  EXPECT_EQ(row[5], "0");
+  EXPECT_EQ(row[8], "-");
+}
+
+}  // namespace
+}  // namespace moondb

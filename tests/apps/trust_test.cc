@@ -1,0 +1,177 @@
+// What an operator asks to know whether a team's records can be trusted: who holds what, and whether it is sound.
+
+#include <gmock/gmock.h>
+#include <sqlite3.h>
+
+#include "apps/common/data_folder.h"
+#include "tests/apps/process_team.h"
+
+namespace moondb {
+namespace {
+
+using google::protobuf::Struct;
+using google::protobuf::Value;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+const Value& Field(const Struct& json, const std::string& name) { return json.fields().at(name); }
+
+std::vector<Struct> List(const Struct& json, const std::string& name) {
+  std::vector<Struct> structs;
+  for (const Value& value : Field(json, name).list_value().values()) structs.push_back(value.struct_value());
+  return structs;
+}
+
+double Number(const Struct& json, const std::string& name) { return Field(json, name).number_value(); }
+std::string Text(const Struct& json, const std::string& name) { return Field(json, name).string_value(); }
+
+class TrustTest : public ProcessTeam {
+ protected:
+  // More than one slice of a check.
+  static constexpr int kNodes = 2500;
+
+  void Start() {
+    MoonctlExpecting(0, {"up"});
+    const auto rover3 = Connect("rover3");
+    ASSERT_NE(rover3, nullptr);
+    std::vector<proto::Record> records(kNodes);
+    for (int i = 0; i < kNodes; ++i) {
+      records[i].set_stamp_ns(i + 1);
+      proto::PoseGraphNode& node = *records[i].mutable_pose_graph_node();
+      node.mutable_node()->set_agent_id(3);
+      node.mutable_node()->set_index(i);
+      node.mutable_map_from_node()->mutable_position_m();
+      node.mutable_map_from_node()->mutable_orientation()->set_w(1);
+    }
+    const auto keys = rover3->Insert(records);
+    ASSERT_TRUE(keys) << ToString(keys.error());
+    node_ = (*keys)[kNodes / 2];
+    MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"});
+  }
+
+  // A byte of a node's content at `agent`, behind the back of the agent that runs.
+  void ChangeAByte(const std::string& agent, const RecordKey& key) {
+    const std::string path = DefaultDataFolder(team_file_, agent) / "moondb.sqlite";
+    sqlite3* database = nullptr;
+    ASSERT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+    sqlite3_busy_timeout(database, 10'000);
+    const std::string sql =
+        "UPDATE pose_graph_node SET content = CAST(x'FF' || substr(content, 2) AS BLOB) WHERE origin = " +
+        std::to_string(key.stream.origin) + " AND seq = " + std::to_string(key.seq);
+    EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(database);
+    EXPECT_EQ(sqlite3_changes(database), 1);
+    sqlite3_close(database);
+  }
+
+  RecordKey node_;
+};
+
+TEST_F(TrustTest, ShowsPerPairWhatIsSentAndAcknowledged) {
+  Start();
+  EXPECT_THAT(MoonctlExpecting(0, {"sync", "status", "-a", "base"}), HasSubstr("nothing sent since its start"));
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  EXPECT_THAT(MoonctlExpecting(0, {"sync", "status"}),
+              AllOf(HasSubstr("QUIET FOR"), HasSubstr("rover3  rover1  idle")));
+  const auto rows = List(MoonctlJson(0, {"sync", "status", "-a", "rover3"}), "agents");
+  ASSERT_EQ(rows.size(), 1u);
+  const auto sessions = List(rows[0], "sessions");
+  ASSERT_EQ(sessions.size(), 1u);
+  EXPECT_EQ(Text(sessions[0], "to"), "rover1");
+  EXPECT_EQ(Field(sessions[0], "eta_s").kind_case(), Value::kNullValue);
+  const Struct& session = Field(sessions[0], "session").struct_value();
+  EXPECT_EQ(Number(session, "acknowledged_records"), kNodes + 1);
+  EXPECT_EQ(Number(session, "remaining"), 0);
+  EXPECT_TRUE(Field(session, "is_remaining_known").bool_value());
+
+  Kill("rover2");
+  EXPECT_THAT(MoonctlExpecting(3, {"replicate", "status"}), HasSubstr("rover2  unreachable"));
+  EXPECT_THAT(Moonctl({"sync", "status", "-a", "rovr2"}).error, HasSubstr("did you mean \"rover2\"?"));
+  EXPECT_EQ(Moonctl({"sync", "status", "-a", "rovr2"}).exit_code, 2);
+}
+
+TEST_F(TrustTest, ShowsWhoLedWhenAndWhy) {
+  MoonctlExpecting(0, {"up"});
+  // The leader takes a term of its own first.
+  ASSERT_TRUE(Until([&] { return Moonctl({"role", "history"}).out.find("start of the leader") != std::string::npos; }));
+  MoonctlExpecting(0, {"role", "swap", "--reason", "a full battery"});
+  const auto history = List(MoonctlJson(0, {"role", "history", "-a", "rover2"}), "history");
+  ASSERT_GE(history.size(), 2u);
+  EXPECT_EQ(Number(history.back(), "leader"), 2);
+  EXPECT_EQ(Number(history.back(), "survivor"), 1);
+  EXPECT_EQ(Text(history.back(), "reason"), "a full battery");
+  const std::string shown = MoonctlExpecting(0, {"role", "history", "-a", "rover2"});
+  EXPECT_THAT(shown, testing::ContainsRegex("start of the leader\n.*rover2 +rover1 +20.*UTC +a full battery\n"));
+  EXPECT_THAT(Moonctl({"role", "histroy"}).error, HasSubstr("did you mean \"history\"?"));
+}
+
+TEST_F(TrustTest, ShowsWhoHoldsWhatAndHowTwoDiffer) {
+  Start();
+  EXPECT_THAT(MoonctlExpecting(1, {"db", "diff", "rover3", "rover1"}), HasSubstr("rover3 and rover1 differ"));
+  const auto rows = List(MoonctlJson(1, {"db", "diff", "rover1", "rover3"}), "series");
+  ASSERT_EQ(rows.size(), 2u);
+  EXPECT_EQ(Text(rows[1], "type"), "pose_graph_node");
+  EXPECT_EQ(Number(rows[1], "first_held"), 0);
+  EXPECT_EQ(Number(rows[1], "second_held"), kNodes);
+  EXPECT_EQ(Number(rows[1], "first_only"), 0);
+  EXPECT_EQ(Number(rows[1], "second_only"), kNodes);
+
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover3", "rover1"}), HasSubstr("hold the same"));
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "holdings"}),
+              testing::ContainsRegex("rover3 +pose_graph_node +2500 +- +2500"));
+  const auto holdings = List(MoonctlJson(0, {"db", "holdings"}), "holdings");
+  ASSERT_EQ(holdings.size(), 2u);
+  EXPECT_EQ(Number(List(holdings[1], "held_by")[1], "lacking"), kNodes);
+
+  // A record that changed on one side: sound by its count, not by its fingerprint.
+  ChangeAByte("rover1", node_);
+  EXPECT_THAT(MoonctlExpecting(1, {"db", "diff", "rover3", "rover1"}), HasSubstr(ToString(node_) + " differs"));
+  const auto differing = List(MoonctlJson(1, {"db", "diff", "rover1", "rover3"}), "series");
+  EXPECT_EQ(Field(differing[1], "differing").list_value().values_size(), 1);
+
+  Kill("rover3");
+  EXPECT_THAT(MoonctlExpecting(3, {"db", "holdings"}), AllOf(HasSubstr("?"), HasSubstr("rover3 is unreachable")));
+  MoonctlExpecting(3, {"db", "diff", "rover1", "rover3"});
+  EXPECT_EQ(Moonctl({"db", "diff", "rover1", "rover1"}).exit_code, 2);
+  EXPECT_THAT(Moonctl({"db", "diff", "rover1", "rovr2"}).error, HasSubstr("did you mean \"rover2\"?"));
+  EXPECT_THAT(Moonctl({"db", "holding"}).error, HasSubstr("did you mean \"holdings\"?"));
+}
+
+TEST_F(TrustTest, FindsDamageInAStore) {
+  Start();
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "verify"}), Not(HasSubstr("DAMAGED\n")));
+  ChangeAByte("rover1", node_);
+  EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}),
+              AllOf(testing::ContainsRegex("rover1 +2501 +1 +0 +0 .* DAMAGED\n"),
+                    testing::ContainsRegex("rover3 +2501 +0 +0 +0 .* sound\n"),
+                    HasSubstr("rover1: " + ToString(node_) + ": its content is not what its hash says\n")));
+  const auto agents = List(MoonctlJson(1, {"db", "verify"}), "agents");
+  ASSERT_EQ(agents.size(), 4u);
+  EXPECT_FALSE(Field(agents[0], "is_sound").bool_value());
+  EXPECT_EQ(Number(agents[0], "damaged"), 1);
+  EXPECT_EQ(Number(agents[0], "held"), kNodes + 1);
+  EXPECT_TRUE(Field(agents[2], "is_sound").bool_value());
+  MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
+
+  Kill("rover2");
+  EXPECT_THAT(MoonctlExpecting(1, {"db", "verify"}), HasSubstr("rover2  unreachable"));  // Damage counts more.
+  MoonctlExpecting(3, {"db", "verify", "-a", "rover2"});
+  EXPECT_EQ(Moonctl({"db", "verify", "-a", "nobody"}).exit_code, 2);
+  EXPECT_THAT(Moonctl({"db", "verfy"}).error, HasSubstr("did you mean \"verify\"?"));
+}
+
+TEST_F(TrustTest, ShowsSizes) {
+  Start();
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "info"}),
+              AllOf(HasSubstr("OF IT WAL"), testing::ContainsRegex("pose_graph_node +0 +0 +2500")));
+  const auto agents = List(MoonctlJson(0, {"db", "info", "-a", "rover3"}), "agents");
+  ASSERT_EQ(agents.size(), 1u);
+  const Struct& storage = Field(agents[0], "storage").struct_value();
+  EXPECT_GT(Number(storage, "wal_bytes"), 0);
+  EXPECT_GT(Number(storage, "database_bytes"), Number(storage, "wal_bytes"));
+}
+
+}  // namespace
+}  // namespace moondb
