@@ -9,6 +9,7 @@
 #include <map>
 #include <random>
 
+#include "actors/lease/lease_actor.h"
 #include "actors/role/role_actor.h"
 #include "actors/sharing/codec.h"
 #include "actors/storage/record_door.h"
@@ -69,6 +70,25 @@ proto::Record PowerOf(double ratio) {
   return record;
 }
 
+// That travels in several pieces.
+proto::Record LargeMapOf(AgentId agent, std::uint64_t index, Mutator& mutator) {
+  constexpr std::uint32_t kSide = 256;
+  proto::Record record;
+  record.set_stamp_ns(1);
+  proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
+  map.mutable_node()->set_agent_id(agent);
+  map.mutable_node()->set_index(index);
+  map.mutable_node_from_map()->mutable_position_m();
+  map.mutable_node_from_map()->mutable_orientation()->set_w(1);
+  proto::MapLayer& layer = *map.add_layers();
+  layer.set_width_cells(kSide);
+  layer.set_height_cells(kSide);
+  layer.set_resolution_um(100'000);
+  for (std::uint32_t i = 0; i < kSide * kSide / 4; ++i)
+    layer.mutable_cells()->push_back("\x04\x19\x26\x55"[mutator.Draw(4)]);
+  return record;
+}
+
 std::map<RecordKey, std::string> SharedOf(RecordStore& store) {
   std::map<RecordKey, std::string> shared;
   proto::ReadRequest request;
@@ -91,6 +111,7 @@ class Conversation {
       proto::InsertRequest request;
       for (std::uint64_t i = 0; i < 200; ++i) *request.add_records() = NodeOf(agent, i);
       for (int i = 0; i < 5; ++i) *request.add_records() = PowerOf(0.1 * i);
+      for (std::uint64_t i = 0; i < 2; ++i) *request.add_records() = LargeMapOf(agent, i, mutator_);
       RecordStore& store = agent == kSender ? *source_ : *sink_;
       EXPECT_FALSE(IsError(store.Insert(request).reply.error()));
       genuine_.merge(SharedOf(store));
@@ -332,6 +353,7 @@ TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
   const std::uint64_t first_seed = FirstSeed();
   const proto::TeamConfig config = TestTeam(3);
   constexpr AgentId kBad = 3;
+  constexpr const char* kActors[] = {actor_name::kSync, actor_name::kReplica, actor_name::kRole, actor_name::kLease};
   for (std::uint64_t seed = first_seed; seed < first_seed + RunCount() / 4; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Mutator mutator(seed);
@@ -347,6 +369,10 @@ TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
       role.self = agent;
       role.team = config;
       team.Spawn(agent, actor_name::kRole, [role] { return std::make_unique<RoleActor>(role); });
+      LeaseActor::Options lease;
+      lease.self = agent;
+      lease.team = config;
+      team.Spawn(agent, actor_name::kLease, [lease] { return std::make_unique<LeaseActor>(lease); });
       SpawnSharing(team, agent, config);
     }
     team.AdvanceTime(minutes(1));
@@ -354,7 +380,7 @@ TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
       proto::Message message;
       // The bodies that agents say to each other.
       const auto& fields = *message.GetDescriptor();
-      const auto* body = fields.FindFieldByNumber(static_cast<int>(proto::Message::kHello + mutator.Draw(9)));
+      const auto* body = fields.FindFieldByNumber(static_cast<int>(proto::Message::kHello + mutator.Draw(12)));
       (void)message.GetReflection()->MutableMessage(&message, body);
       if (message.has_hello()) {
         message.mutable_hello()->set_protocol_version(kSharingProtocolVersion);
@@ -363,11 +389,11 @@ TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
         message.mutable_hello()->set_session_id(1 + mutator.Draw(3));
       }
       mutator.Mutate(message);
-      for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kRole}) {
+      for (const char* actor : kActors) {
         (void)team.Post({kBad, actor}, {kReceiver, actor}, message);
       }
       team.AdvanceTime(std::chrono::milliseconds(20));
-      for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kRole}) {
+      for (const char* actor : kActors) {
         EXPECT_LE(team.Take({kBad, actor}).size(), 16u) << "many answers to one message";
       }
     }
