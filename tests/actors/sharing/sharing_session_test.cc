@@ -81,7 +81,7 @@ class SharingSessionTest : public testing::Test {
     return have;
   }
 
-  static proto::Have AcknowledgmentOf(const proto::Batch& batch) {
+  proto::Have AcknowledgmentOf(const proto::Batch& batch) const {
     proto::Have have;
     have.set_session_id(batch.session_id());
     have.set_batch_number(batch.batch_number());
