@@ -204,23 +204,27 @@ void Rules::CheckPoses(AgentId agent, const HaveSet& have) {
   }
   Poses& known = poses_of_[agent];
   if (held == known.held) return;
-  std::map<Node, PoseVersion> newest;
+  std::map<Node, Pose> newest;
   for (const auto& [stream, seqs] : held.streams()) {
     for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
         const auto name = pose_names_.find({stream, seq});
         if (name == pose_names_.end()) return;  // Its insert was not answered yet.
-        PoseVersion& version = newest[name->second.node];
-        version = std::max(version, name->second.version);
+        Pose& pose = newest[name->second.node];
+        if (name->second.version > pose.version) pose = {name->second.version, stream};
       }
     }
   }
-  for (const auto& [node, version] : known.newest) {
+  for (const auto& [node, before] : known.newest) {
     const auto now = newest.find(node);
-    if (now != newest.end() && now->second >= version) continue;
-    report_("pose_goes_up", NameOf(agent) + " held " + ToString(version) + " of node " + std::to_string(node.first) +
-                                "/" + std::to_string(node.second) + ", and now " +
-                                (now == newest.end() ? "none" : ToString(now->second)));
+    if (now != newest.end() && now->second.version >= before.version) continue;
+    // What an agent that lost its disk writes before it hears of its own later epochs gives way to those.
+    const bool is_later_epoch = now != newest.end() && now->second.stream.origin == before.stream.origin &&
+                                now->second.stream.epoch > before.stream.epoch;
+    if (is_later_epoch) continue;
+    report_("pose_goes_up", NameOf(agent) + " held " + ToString(before.version) + " of node " +
+                                std::to_string(node.first) + "/" + std::to_string(node.second) + ", and now " +
+                                (now == newest.end() ? "none" : ToString(now->second.version)));
     break;
   }
   known = {std::move(held), std::move(newest)};

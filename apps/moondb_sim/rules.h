@@ -112,9 +112,13 @@ class Rules {
   std::map<AgentId, HaveSet> held_;  // What each certainly has.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
+  struct Pose {
+    PoseVersion version;
+    StreamKey stream;
+  };
   struct Poses {
     HaveSet held;  // When last looked at.
-    std::map<Node, PoseVersion> newest;
+    std::map<Node, Pose> newest;
   };
   std::map<AgentId, Poses> poses_of_;
 };
