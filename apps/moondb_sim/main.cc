@@ -1,8 +1,8 @@
 // moondb_sim: a whole team in one process, for hours of simulated time, with everything going wrong that can.
 //
-//   moondb_sim --seed 7                      one run; what happened
-//   moondb_sim --seeds 1..2000 [--jobs 2]    many; the first that breaks a rule is told with its last events
-//   moondb_sim --list                        the faults and how often they strike
+//   moondb_sim --seed 7            one run; what happened
+//   moondb_sim --seeds 1..2000     many; each that breaks a rule is told with its last events and how to see it again
+//   moondb_sim --list              the faults and how often they strike
 //
 // Exit codes: 0 no rule broken, 1 a rule broken, 2 wrong usage.
 #include <spdlog/spdlog.h>
@@ -64,12 +64,51 @@ void PrintRun(const SimReport& report) {
   for (const auto& [fault, count] : report.faults) std::printf("  %-14s %d times\n", fault.c_str(), count);
 }
 
-void PrintViolations(std::uint64_t seed, const SimReport& report) {
+// The options with which `seed` runs alone as it did here.
+std::string ReplayCommand(const Request& request, std::uint64_t seed) {
+  std::string command = "moondb_sim --seed " + std::to_string(seed);
+  const SimOptions standard;
+  if (request.options.hours != standard.hours) command += " --hours " + FormatDouble(request.options.hours);
+  if (request.options.rovers != standard.rovers) command += " --rovers " + std::to_string(request.options.rovers);
+  if (request.options.is_faultless) command += " --no-faults";
+  for (const std::string& fault : request.faults) command += " --fault " + fault;
+  return command;
+}
+
+void PrintViolations(const Request& request, std::uint64_t seed, const SimReport& report) {
+  std::printf("The last messages before the first broken rule of seed %llu:\n", static_cast<unsigned long long>(seed));
   for (const std::string& event : report.last_events) std::printf("  %s\n", event.c_str());
   for (const Violation& violation : report.violations) {
-    std::printf("seed %llu breaks %s at %.3f s: %s\n", static_cast<unsigned long long>(seed), violation.rule.c_str(),
-                violation.time_s, violation.text.c_str());
+    std::printf("seed %llu breaks %s at %.3f s, step %llu: %s\n", static_cast<unsigned long long>(seed),
+                violation.rule.c_str(), violation.time_s, static_cast<unsigned long long>(violation.step),
+                violation.text.c_str());
   }
+  std::printf("trace %016llx; to see it again: %s\n", static_cast<unsigned long long>(report.trace_hash),
+              ReplayCommand(request, seed).c_str());
+  std::fflush(stdout);  // A sweep takes minutes, and may be ended.
+}
+
+struct Outcome {
+  double done = 0;
+  double broken = 0;
+  JsonWriter list;  // Of seeds that break a rule.
+};
+
+void RunSeed(const Request& request, std::uint64_t seed, bool is_only_one, Outcome& outcome) {
+  SimOptions options = request.options;
+  options.seed = seed;
+  const SimReport report = RunSimulatedMission(options);
+  ++outcome.done;
+  if (report.violations.empty()) {
+    if (is_only_one && !request.is_json) PrintRun(report);
+    return;
+  }
+  ++outcome.broken;
+  if (!request.is_json) PrintViolations(request, seed, report);
+  const Violation& first = report.violations.front();
+  outcome.list.BeginObject().Key("seed").Number(static_cast<double>(seed)).Key("rule").String(first.rule);
+  outcome.list.Key("time_s").Number(first.time_s).Key("step").Number(static_cast<double>(first.step));
+  outcome.list.Key("text").String(first.text).EndObject();
 }
 
 int Run(const Request& request) {
@@ -78,46 +117,37 @@ int Run(const Request& request) {
   if (!sweep) return Complain(ToString(sweep.error()), 2);
   const auto start = std::chrono::steady_clock::now();
   const double count = static_cast<double>(sweep->last - sweep->first + 1);
-  std::uint64_t broken = 0;
-  double done = 0;
+  Outcome outcome;
+  outcome.list.BeginArray();
   {
-    std::optional<Progress> progress;
-    if (!request.is_json && count > 1) progress.emplace("seeds");
+    Progress progress("seeds");
     for (std::uint64_t seed = sweep->first; seed <= sweep->last; ++seed) {
-      SimOptions options = request.options;
-      options.seed = seed;
-      const SimReport report = RunSimulatedMission(options);
-      ++done;
-      if (!report.violations.empty()) {
-        progress.reset();
-        if (!request.is_json) PrintViolations(seed, report);
-        ++broken;
-      } else if (count == 1 && !request.is_json) {
-        PrintRun(report);
-      }
-      if (progress) progress->Show(done, count, std::to_string(broken) + " broken");
+      RunSeed(request, seed, count == 1, outcome);
+      if (request.is_json || count == 1) continue;
+      progress.Show(outcome.done, count, FormatDouble(outcome.broken) + " broken");
     }
   }
+  outcome.list.EndArray();
   const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const double speed = done * request.options.hours / took_s;
+  const double speed = outcome.done * request.options.hours / took_s;
   if (request.is_json) {
     JsonWriter json;
-    json.BeginObject().Key("seeds").Number(done).Key("violations").Number(static_cast<double>(broken));
-    json.Key("sim_hours_per_second").Number(speed).EndObject();
+    json.BeginObject().Key("seeds").Number(outcome.done).Key("violations").Number(outcome.broken);
+    json.Key("sim_hours_per_second").Number(speed).Key("broken").Raw(outcome.list.text()).EndObject();
     std::printf("%s\n", json.text().c_str());
   } else {
-    std::printf("%.0f seeds of %g h, %llu of them break a rule, %.2f simulated hours a second\n", done,
-                request.options.hours, static_cast<unsigned long long>(broken), speed);
+    std::printf("%.0f seeds of %g h, %.0f of them break a rule, %.2f simulated hours a second\n", outcome.done,
+                request.options.hours, outcome.broken, speed);
   }
-  return broken == 0 ? 0 : 1;
+  return outcome.broken == 0 ? 0 : 1;
 }
 
 int Main(int argc, char** argv) {
   spdlog::set_level(spdlog::level::off);  // Failures are on purpose here.
   Request request;
   CLI::App app("Simulates a team for hours, breaks what can break, and checks the rules of sharing", "moondb_sim");
-  app.add_option("--seed", request.options.seed, "One run")->capture_default_str();
-  app.add_option("--seeds", request.seeds, "Many runs: FIRST..LAST");
+  CLI::Option* seed = app.add_option("--seed", request.options.seed, "One run")->capture_default_str();
+  app.add_option("--seeds", request.seeds, "Many runs: FIRST..LAST")->excludes(seed);
   app.add_option("--hours", request.options.hours, "Simulated time of a run")
       ->check(CLI::Range(0.2, 1000.0))
       ->capture_default_str();

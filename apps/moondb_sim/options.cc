@@ -10,6 +10,7 @@ namespace moondb::simulation {
 const std::vector<FaultKind>& FaultKinds() {
   static const std::vector<FaultKind> kinds = {
       {"weather", 6, "loss up to 30 %, repeats, latency and order of the radio change"},
+      {"late_copy", 2, "for some minutes messages come a second time, up to ten minutes later"},
       {"cut", 12, "the link of two agents is down for a while; every other time the ends are not told"},
       {"one_way", 4, "one agent is not heard by another for a while"},
       {"partition", 2, "the team is in two parts for a while"},
@@ -18,7 +19,9 @@ const std::vector<FaultKind>& FaultKinds() {
       {"fail", 12, "an actor fails at a message"},
       {"wipe", 0.5, "an agent comes back with an empty disk"},
       {"old_disk", 0.5, "an agent comes back with an older copy of its disk"},
-      {"damage", 0.5, "an agent comes back with a disk that is damaged somewhere"},
+      {"damage", 0.5, "an agent comes back with a disk that is damaged in many places"},
+      {"damage_record", 1, "an agent comes back with one byte of one record changed"},
+      {"damage_interval", 1, "an agent comes back with one interval of its have-set changed"},
       {"clock", 1, "an agent's clock jumps, to 1970 or by hours"},
       {"swap", 4, "the operator swaps leader and survivor"},
       {"reassign", 2, "the operator names another leader and survivor, of an agent that may be cut off"},

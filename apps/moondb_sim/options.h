@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "actors/sharing/sharing_session.h"
 #include "model/error.h"
 #include "runtime/actor.h"
 
@@ -19,7 +20,7 @@ struct FaultKind {
   std::string what;
 };
 
-// All that can go wrong, in the order in which `--faults` lists them.
+// All that can go wrong, in the order in which `--list` shows them.
 const std::vector<FaultKind>& FaultKinds();
 
 struct SimOptions {
@@ -28,8 +29,11 @@ struct SimOptions {
   int rovers = 3;                                 // Beside the base station, the last agent.
   std::map<std::string, double> faults_per_hour;  // Others: their default.
   bool is_faultless = false;
-  // Put around each actor as it is made: for tests that break a rule on purpose.
+
+  // For tests that break a rule on purpose.
   std::function<std::unique_ptr<Actor>(AgentId agent, const std::string& name, std::unique_ptr<Actor> actor)> wrap;
+  SharingSession::Options session;
+  bool is_store_checked = true;  // As a process starts.
 
   double FaultsPerHour(const FaultKind& kind) const;
 };

@@ -1,24 +1,89 @@
 #include "apps/moondb_sim/rules.h"
 
-#include <utility>
+#include <xxhash.h>
 
-#include "model/term.h"
+#include <algorithm>
+#include <iterator>
 
 namespace moondb::simulation {
+namespace {
 
-void Rules::SeeRecord(const RecordKey& key, std::uint64_t content_hash, AgentId where) {
-  const auto known = content_of_.emplace(key, content_hash).first;
-  if (known->second != content_hash) {
-    report_("one_content", "agent " + std::to_string(where) + " has another content of " + ToString(key));
+// An origin's own order of its records.
+std::pair<std::uint64_t, std::uint64_t> OrderOf(const RecordKey& key) { return {key.stream.epoch, key.seq}; }
+
+bool IsSameSeries(const StreamKey& a, const StreamKey& b) { return a.origin == b.origin && a.type == b.type; }
+
+// The last record of each origin among the states that `seqs` gives of a stream; seq 0: none.
+template <typename SeqsOf>
+std::map<AgentId, RecordKey> LastStates(const HaveSet& have, const SeqsOf& seqs) {
+  std::map<AgentId, RecordKey> last;
+  for (const auto& [key, stream] : have.streams()) {
+    if (key.type != proto::POWER) continue;
+    const RecordKey candidate{key, seqs(stream).Max()};
+    RecordKey& known = last[key.origin];
+    if (candidate.seq > 0 && OrderOf(candidate) > OrderOf(known)) known = candidate;
   }
+  return last;
+}
+
+std::uint64_t HashOf(const std::string& content) { return XXH64(content.data(), content.size(), 0); }
+
+std::string NameOf(AgentId agent) { return "agent " + std::to_string(agent); }
+
+// "1.0000000000000005.30.2 and 3 more of that stream".
+std::string Some(const StreamKey& stream, const IntervalSet& seqs) {
+  return ToString(RecordKey{stream, seqs.intervals().front().first}) + " and " + std::to_string(seqs.Count() - 1) +
+         " more of that stream";
+}
+
+bool IsPoseOf(AgentId agent, const std::string& content) {
+  proto::Record record;
+  return record.ParseFromString(content) && record.optimized_pose().node().agent_id() == agent;
+}
+
+std::string ToString(const Rules::PoseVersion& version) {
+  const auto& [term, run] = version;
+  return "run " + std::to_string(run) + " of term " + std::to_string(std::get<0>(term)) + " by agent " +
+         std::to_string(std::get<1>(term));
+}
+
+IntervalSet HeldOf(const StreamHave& stream) { return stream.held; }
+IntervalSet HadOf(const StreamHave& stream) { return stream.Had(); }
+
+}  // namespace
+
+void Rules::SeeRecord(const RecordKey& key, const std::string& content, AgentId where) {
+  const std::uint64_t hash = HashOf(content);
+  const auto [known, is_new] = content_of_.emplace(key, hash);
+  if (known->second != hash) {
+    report_("one_content", NameOf(where) + " has another content of " + ToString(key));
+  }
+  if (!is_new) return;
+  CheckAsInserted(key);
+  proto::Record record;
+  if (record.ParseFromString(content)) NamePose(key, record);
+}
+
+void Rules::NamePose(const RecordKey& key, const proto::Record& record) {
+  if (!record.has_optimized_pose()) return;
+  const proto::OptimizedPose& pose = record.optimized_pose();
+  pose_names_[key] = {{pose.node().agent_id(), pose.node().index()}, {moondb::OrderOf(pose.term()), pose.run()}};
+}
+
+void Rules::CheckAsInserted(const RecordKey& key) const {
+  const auto content = content_of_.find(key);
+  const auto inserted = inserted_as_.find(key);
+  if (content == content_of_.end() || inserted == inserted_as_.end()) return;
+  const auto [plain, marked] = inserted->second;
+  if (content->second == plain || content->second == marked) return;
+  report_("one_content", ToString(key) + " is not what its robot inserted");
 }
 
 void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
   const auto known = roles_of_.find(agent);
   if (known != roles_of_.end() && IsNewer(known->second.term(), roles.term())) {
-    report_("term_goes_up", "agent " + std::to_string(agent) + " went from term " +
-                                std::to_string(known->second.term().number()) + " to " +
-                                std::to_string(roles.term().number()));
+    report_("term_goes_up", NameOf(agent) + " went from term " + std::to_string(known->second.term().number()) +
+                                " to " + std::to_string(roles.term().number()));
   }
   roles_of_[agent] = roles;
   const std::string who = std::to_string(roles.leader()) + "/" + std::to_string(roles.survivor());
@@ -32,29 +97,83 @@ void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
 void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record) {
   inserted_[key.stream].held.Add(key.seq);
   held_[agent][key.stream].held.Add(key.seq);
-  if (!record.has_optimized_pose()) return;
-  proto::OptimizedPose version = record.optimized_pose();
-  version.clear_map_from_node();
+  proto::Record marked = record;
+  marked.set_is_clock_suspect(true);
+  inserted_as_[key] = {HashOf(record.SerializeAsString()), HashOf(marked.SerializeAsString())};
+  CheckAsInserted(key);
+  NamePose(key, record);
+  const auto name = pose_names_.find(key);
+  if (name == pose_names_.end()) return;
   const std::string pose = record.optimized_pose().map_from_node().SerializeAsString();
-  if (pose_of_.emplace(version.SerializeAsString(), pose).first->second != pose) {
-    report_("one_pose_a_run", "agent " + std::to_string(agent) + " gives " + version.ShortDebugString() + " twice");
+  if (pose_of_.emplace(std::pair(name->second.node, name->second.version), pose).first->second != pose) {
+    report_("one_pose_a_run", NameOf(agent) + " gives a second " + record.optimized_pose().node().ShortDebugString() +
+                                  " of one term and run");
   }
 }
 
 void Rules::SeeHave(AgentId agent, const HaveSet& have) { held_[agent].Merge(have); }
 
+// --- What may be forgotten ---
+
 void Rules::ForgetDisk(AgentId agent) {
   held_.erase(agent);
-  // Nobody else has it for certain: it may be lost.
+  poses_of_.erase(agent);
+  ForgetWhatIsLost();
+}
+
+void Rules::ForgetRecord(AgentId agent, const RecordKey& key) {
+  poses_of_.erase(agent);
+  HaveSet left;
+  for (const auto& [stream, have] : held_[agent].streams()) {
+    left[stream] = have;
+    if (!IsSameSeries(stream, key.stream)) continue;
+    for (const IntervalSet::Interval& interval : have.held.intervals()) {
+      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
+        if (Replaces(key, {stream, seq})) left[stream].held.Remove(seq);
+      }
+    }
+  }
+  held_[agent] = std::move(left);
+  ForgetDropped(agent, key.stream.origin, key.stream.type);
+}
+
+void Rules::ForgetDropped(AgentId agent, AgentId origin, DataType type) {
+  HaveSet left;
+  for (const auto& [stream, have] : held_[agent].streams()) {
+    left[stream] = have;
+    if (stream.origin == origin && stream.type == type) left[stream].dropped = IntervalSet();
+  }
+  held_[agent] = std::move(left);
+  ForgetWhatIsLost();
+}
+
+// What nobody has for certain may be lost.
+void Rules::ForgetWhatIsLost() {
   HaveSet kept;
   for (const auto& [key, stream] : inserted_.streams()) {
-    IntervalSet elsewhere;
-    for (const auto& [other, held] : held_) elsewhere.Add(held.Get(key).Had());
-    const IntervalSet lost = stream.held.Minus(elsewhere);
-    const IntervalSet left = stream.held.Minus(lost);
+    IntervalSet somewhere;
+    for (const auto& [agent, held] : held_) somewhere.Add(held.Get(key).Had());
+    const IntervalSet left = stream.held.Minus(stream.held.Minus(somewhere));
     if (!left.is_empty()) kept[key].held = left;
   }
   inserted_ = std::move(kept);
+}
+
+bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {
+  if (newer == older) return true;
+  if (!IsSameSeries(newer.stream, older.stream) || OrderOf(older) > OrderOf(newer)) return false;
+  if (newer.stream.type == proto::POWER) return true;
+  const auto a = pose_names_.find(newer);
+  const auto b = pose_names_.find(older);
+  return a != pose_names_.end() && b != pose_names_.end() && a->second.node == b->second.node;
+}
+
+// --- Checks ---
+
+void Rules::CheckHave(AgentId agent, const HaveSet& have) {
+  CheckHeld(agent, have);
+  CheckStates(agent, have);
+  CheckPoses(agent, have);
 }
 
 void Rules::CheckHeld(AgentId agent, const HaveSet& have) const {
@@ -63,26 +182,130 @@ void Rules::CheckHeld(AgentId agent, const HaveSet& have) const {
   for (const auto& [key, stream] : held->second.streams()) {
     const IntervalSet lacking = stream.Had().Minus(have.Get(key).Had());
     if (lacking.is_empty()) continue;
-    report_("acknowledged_held", "agent " + std::to_string(agent) + " said that it had " +
+    report_("acknowledged_held", NameOf(agent) + " said that it had " +
                                      ToString(RecordKey{key, lacking.intervals().front().first}) + " and lacks " +
                                      std::to_string(lacking.Count()) + " of that stream");
     return;
   }
 }
 
-// Of what is kept of each origin's states, the last in the origin's own order must be among the leader's rows.
-void Rules::CheckStates(AgentId leader, const HaveSet& have, const std::map<RecordKey, std::string>& records) const {
-  std::map<AgentId, RecordKey> newest;
-  for (const auto& [key, stream] : have.streams()) {
-    if (key.type != proto::POWER || stream.Had().is_empty()) continue;
-    const RecordKey last{key, stream.Had().Max()};
-    RecordKey& known = newest[key.origin];
-    if (std::pair(last.stream.epoch, last.seq) > std::pair(known.stream.epoch, known.seq)) known = last;
+void Rules::CheckStates(AgentId agent, const HaveSet& have) const {
+  const std::map<AgentId, RecordKey> held = LastStates(have, HeldOf);
+  for (const auto& [origin, key] : LastStates(have, HadOf)) {
+    if (key.seq == 0 || held.at(origin) == key) continue;
+    report_("newest_state", NameOf(agent) + " dropped state " + ToString(key) + " and holds none that is newer");
   }
-  for (const auto& [origin, key] : newest) {
-    if (records.contains(key)) continue;
-    report_("newest_state", "the leader, agent " + std::to_string(leader) + ", dropped the newest state " +
-                                ToString(key) + " of agent " + std::to_string(origin));
+}
+
+void Rules::CheckPoses(AgentId agent, const HaveSet& have) {
+  HaveSet held;
+  for (const auto& [key, stream] : have.streams()) {
+    if (key.type == proto::OPTIMIZED_POSE) held[key].held = stream.held;
+  }
+  Poses& known = poses_of_[agent];
+  if (held == known.held) return;
+  std::map<Node, Pose> newest;
+  for (const auto& [stream, seqs] : held.streams()) {
+    for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
+      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
+        const auto name = pose_names_.find({stream, seq});
+        if (name == pose_names_.end()) return;  // Its insert was not answered yet.
+        Pose& pose = newest[name->second.node];
+        if (name->second.version > pose.version) pose = {name->second.version, stream};
+      }
+    }
+  }
+  for (const auto& [node, before] : known.newest) {
+    const auto now = newest.find(node);
+    if (now != newest.end() && now->second.version >= before.version) continue;
+    // What an agent that lost its disk writes before it hears of its own later epochs gives way to those.
+    const bool is_later_epoch = now != newest.end() && now->second.stream.origin == before.stream.origin &&
+                                now->second.stream.epoch > before.stream.epoch;
+    if (is_later_epoch) continue;
+    report_("pose_goes_up", NameOf(agent) + " held " + ToString(before.version) + " of node " +
+                                std::to_string(node.first) + "/" + std::to_string(node.second) + ", and now " +
+                                (now == newest.end() ? "none" : ToString(now->second.version)));
+    break;
+  }
+  known = {std::move(held), std::move(newest)};
+}
+
+// --- At rest ---
+
+void Rules::CheckRest(const TeamAtRest& team) {
+  const HaveSet& leaders = team.have.at(team.leader);
+  for (const auto& [agent, have] : team.have) CheckHave(agent, have);
+  for (const auto& [agent, have] : team.have) CheckRows(agent, have, team.records.at(agent));
+  CheckLost(team.leader, leaders);
+  CheckLeadersStates(team.leader, leaders);
+  CheckSurvivor(team);
+  for (const auto& [agent, have] : team.have) {
+    CheckHome(agent, leaders, have);
+    CheckBroughtOut(agent, team);
+  }
+}
+
+void Rules::CheckRows(AgentId agent, const HaveSet& have, const Records& records) const {
+  HaveSet rows;
+  for (const auto& [key, content] : records) rows[key.stream].held.Add(key.seq);
+  for (const auto& [key, stream] : have.streams()) {
+    const IntervalSet& held = rows.Get(key).held;
+    if (stream.held == held) continue;
+    report_("acknowledged_held", NameOf(agent) + " has " + std::to_string(held.Count()) + " rows of the stream of " +
+                                     ToString(RecordKey{key, 1}) + " and says that it holds " +
+                                     std::to_string(stream.held.Count()));
+  }
+}
+
+void Rules::CheckLost(AgentId leader, const HaveSet& have) const {
+  for (const auto& [key, stream] : inserted_.streams()) {
+    const IntervalSet lacking = stream.held.Minus(have.Get(key).Had());
+    if (lacking.is_empty()) continue;
+    report_("nothing_lost", "the leader, " + NameOf(leader) + ", lacks " + Some(key, lacking));
+  }
+}
+
+void Rules::CheckLeadersStates(AgentId leader, const HaveSet& have) const {
+  std::map<AgentId, RecordKey> leaders = LastStates(have, HeldOf);
+  for (const auto& [agent, held] : held_) {
+    for (const auto& [origin, key] : LastStates(held, HeldOf)) {
+      if (OrderOf(leaders[origin]) >= OrderOf(key)) continue;
+      report_("newest_state", "the leader, agent " + std::to_string(leader) + ", lacks the state " + ToString(key) +
+                                  ", which agent " + std::to_string(agent) + " has");
+    }
+  }
+}
+
+void Rules::CheckSurvivor(const TeamAtRest& team) const {
+  const Records& leaders = team.records.at(team.leader);
+  const Records& survivors = team.records.at(team.survivor);
+  if (leaders == survivors && team.have.at(team.leader) == team.have.at(team.survivor)) return;
+  const auto [here, there] = std::mismatch(leaders.begin(), leaders.end(), survivors.begin(), survivors.end());
+  std::string first = "their have-sets differ";
+  if (there != survivors.end()) first = "the survivor has " + ToString(there->first);
+  if (here != leaders.end()) first = "the leader has " + ToString(here->first);
+  report_("survivor_is_leader", "leader " + std::to_string(team.leader) + " holds " + std::to_string(leaders.size()) +
+                                    " records, survivor " + std::to_string(team.survivor) + " " +
+                                    std::to_string(survivors.size()) + "; the first difference: " + first);
+}
+
+void Rules::CheckHome(AgentId agent, const HaveSet& leaders, const HaveSet& own) const {
+  for (const auto& [key, stream] : leaders.streams()) {
+    if (key.origin != agent) continue;
+    const IntervalSet lacking = stream.held.Minus(own.Get(key).Had());
+    if (lacking.is_empty()) continue;
+    report_("home_again", NameOf(agent) + " lacks its own " + Some(key, lacking) + ", which the leader has");
+  }
+}
+
+void Rules::CheckBroughtOut(AgentId agent, const TeamAtRest& team) const {
+  if (agent == team.leader) return;
+  for (const auto& [key, content] : team.records.at(team.leader)) {
+    const bool is_pose = key.stream.type == proto::OPTIMIZED_POSE;
+    const bool is_due =
+        agent == team.base ? !is_pose : is_pose && key.stream.origin == team.leader && IsPoseOf(agent, content);
+    if (!is_due || team.have.at(agent).Get(key.stream).Had().Contains(key.seq)) continue;
+    return report_("brought_out", NameOf(agent) + " lacks " + ToString(key) + " of the leader's");
   }
 }
 

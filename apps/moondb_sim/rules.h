@@ -3,25 +3,34 @@
 //   one_content        no record's key ever has two contents
 //   one_assignment     a term has at most one assignment of roles
 //   term_goes_up       no agent acts on a lower term than before, whatever happened to its process
-//   acknowledged_held  what an agent said it had is there after a crash (until its disk was lost)
+//   acknowledged_held  what an agent said it had, or its disk held, is there after a crash (until it was damaged)
 //   one_pose_a_run     a node has at most one optimized pose of a term and run
-//   newest_state       at rest the leader holds the last state of each rover that any disk still had
+//   pose_goes_up       no agent's newest optimized pose of a node is of an older term and run than before
+//   newest_state       no agent drops a state before it holds a newer one; at rest the leader holds each agent's last
+//                      state that any disk still had
 //   nothing_lost       at rest leader and survivor had all that was stored anywhere, unless all disks with it were lost
 //   survivor_is_leader at rest the survivor holds what the leader holds
 //   home_again         at rest an agent holds what the team holds of it
-//   one_leader         at rest all agents have the same roles
+//   brought_out        at rest rovers have their nodes' poses of the leader, the base station what `ground` asks for
+//   one_leader         at rest all agents run, know their roles, and have the same
 //   comes_to_rest      at rest no session is open, and no byte goes on for ever
-//   nothing_refused    no agent refused or could not decode what another sent
-//   starts             an actor that is made anew does not fail at that
+//   unacked_bounded    a session has no more bytes under way than its limit, nor in one message
+//   end_is_last        a session tells its end when all before it is acknowledged
+//   mailbox_bounded    no mailbox holds more than 64 messages, none drops any
+//   nothing_refused    no agent refused or could not decode what another sent, but for a session that it lost
+//   starts             no actor fails by itself, at its start or later
 #pragma once
 
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
+#include <tuple>
+#include <utility>
 
 #include "model/have_set.h"
 #include "model/record_key.h"
+#include "model/term.h"
 #include "proto/message.pb.h"
 #include "runtime/actor.h"
 
@@ -30,37 +39,88 @@ namespace moondb::simulation {
 struct Violation {
   std::string rule;
   double time_s = 0;
+  std::uint64_t step = 0;  // Messages handled by then.
   std::string text;
+};
+
+using Records = std::map<RecordKey, std::string>;  // Contents.
+
+struct TeamAtRest {
+  AgentId leader = 0;
+  AgentId survivor = 0;
+  AgentId base = 0;
+  std::map<AgentId, HaveSet> have;
+  std::map<AgentId, Records> records;  // As their rows are read.
 };
 
 class Rules {
  public:
+  using PoseVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;  // Term, run.
+
   using Report = std::function<void(const std::string& rule, std::string text)>;
   explicit Rules(Report report) : report_(std::move(report)) {}
 
-  // A record was seen: in an insert's answer, on its way to a store, or read.
-  void SeeRecord(const RecordKey& key, std::uint64_t content_hash, AgentId where);
+  // A record was seen: on its way to a store, or read.
+  void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles);
-  // The robot of `agent` was told that it is stored there.
+  // The robot of `agent` was told that it is stored there, marked or not as of a suspect clock.
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
-  // `agent` told another that it has these.
+  // `agent` told another that it has these, or its disk holds them while it does not run.
   void SeeHave(AgentId agent, const HaveSet& have);
+
   // Its disk holds other things than what it said from now on.
   void ForgetDisk(AgentId agent);
   void ForgetRoles(AgentId agent) { roles_of_.erase(agent); }
+  // The record's row was damaged: it may be gone from there, and what it had replaced is.
+  void ForgetRecord(AgentId agent, const RecordKey& key);
+  // What the agent had dropped of that origin and type may be forgotten there.
+  void ForgetDropped(AgentId agent, AgentId origin, DataType type);
 
-  void CheckHeld(AgentId agent, const HaveSet& have) const;
-  void CheckStates(AgentId leader, const HaveSet& have, const std::map<RecordKey, std::string>& records) const;
-  const HaveSet& inserted() const { return inserted_; }  // Without what was lost with all disks that had it.
+  // What `agent` has now, whole.
+  void CheckHave(AgentId agent, const HaveSet& have);
+  // Likewise, or whole of some origins.
+  void CheckStates(AgentId agent, const HaveSet& have) const;
+  void CheckRest(const TeamAtRest& team);
 
  private:
+  using Node = std::pair<AgentId, std::uint64_t>;
+  struct PoseName {
+    Node node;
+    PoseVersion version;
+  };
+
+  void NamePose(const RecordKey& key, const proto::Record& record);
+  void CheckAsInserted(const RecordKey& key) const;
+  void ForgetWhatIsLost();
+  // Both are of the same `latest` key, or one record.
+  bool Replaces(const RecordKey& newer, const RecordKey& older) const;
+  void CheckHeld(AgentId agent, const HaveSet& have) const;
+  void CheckPoses(AgentId agent, const HaveSet& have);
+  void CheckLeadersStates(AgentId leader, const HaveSet& have) const;
+  void CheckRows(AgentId agent, const HaveSet& have, const Records& records) const;
+  void CheckLost(AgentId leader, const HaveSet& have) const;
+  void CheckSurvivor(const TeamAtRest& team) const;
+  void CheckHome(AgentId agent, const HaveSet& leaders, const HaveSet& own) const;
+  void CheckBroughtOut(AgentId agent, const TeamAtRest& team) const;
+
   const Report report_;
-  std::map<RecordKey, std::uint64_t> content_of_;
-  std::map<std::string, std::string> assignment_of_;  // By term.
+  std::map<RecordKey, std::uint64_t> content_of_;                             // Hashes.
+  std::map<RecordKey, std::pair<std::uint64_t, std::uint64_t>> inserted_as_;  // Likewise: as it was, and marked.
+  std::map<std::string, std::string> assignment_of_;                          // By term.
   std::map<AgentId, proto::RoleAssignment> roles_of_;
-  HaveSet inserted_;
-  std::map<AgentId, HaveSet> held_;             // What each certainly has, as told to a robot or a peer.
-  std::map<std::string, std::string> pose_of_;  // By node, term and run.
+  HaveSet inserted_;                 // Without what was lost with all disks that had it.
+  std::map<AgentId, HaveSet> held_;  // What each certainly has.
+  std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
+  std::map<RecordKey, PoseName> pose_names_;
+  struct Pose {
+    PoseVersion version;
+    StreamKey stream;
+  };
+  struct Poses {
+    HaveSet held;  // When last looked at.
+    std::map<Node, Pose> newest;
+  };
+  std::map<AgentId, Poses> poses_of_;
 };
 
 }  // namespace moondb::simulation

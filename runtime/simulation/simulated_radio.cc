@@ -3,11 +3,6 @@
 #include <algorithm>
 
 namespace moondb::simulation {
-namespace {
-
-constexpr Duration kDuplicateDelayMax = std::chrono::seconds(30);
-
-}  // namespace
 
 SimulatedRadio::Flight SimulatedRadio::Transmit(AgentId from, AgentId to, std::size_t bytes, MonotonicTime now) {
   Flight flight;
@@ -33,7 +28,7 @@ SimulatedRadio::Flight SimulatedRadio::Transmit(AgentId from, AgentId to, std::s
   if (cut != cuts_.end() || DrawRatio() < options_.loss_ratio) return flight;
   flight.arrivals.push_back(flight.departure + DrawLatency());
   if (DrawRatio() < options_.duplicate_ratio) {
-    flight.arrivals.push_back(flight.arrivals.front() + DrawDuration(kDuplicateDelayMax));
+    flight.arrivals.push_back(flight.arrivals.front() + DrawDuration(options_.duplicate_delay_max));
   }
   return flight;
 }

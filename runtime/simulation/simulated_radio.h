@@ -15,9 +15,10 @@ namespace moondb::simulation {
 
 struct RadioOptions {
   Duration latency = std::chrono::milliseconds(1);
-  Duration latency_jitter{};                  // Uniform on top; above 0 messages may overtake each other.
-  double loss_ratio = 0;                      // 0 to 1, per message.
-  double duplicate_ratio = 0;                 // Delivered a second time, up to 30 s later.
+  Duration latency_jitter{};   // Uniform on top; above 0 messages may overtake each other.
+  double loss_ratio = 0;       // 0 to 1, per message.
+  double duplicate_ratio = 0;  // Delivered a second time, up to duplicate_delay_max later.
+  Duration duplicate_delay_max = std::chrono::seconds(30);
   double bytes_per_second = 0;                // Of each sender; 0: unlimited.
   std::size_t outbox_bytes_max = 256 * 1024;  // Waiting at one sender for its rate; a larger message fits alone.
 };

@@ -732,5 +732,9 @@ void SimulatedTeam::SetFilter(std::function<bool(AgentId, AgentId, const proto::
 std::uint64_t SimulatedTeam::radio_bytes() const { return impl_->radio().bytes(); }
 std::uint64_t SimulatedTeam::restarts(AgentId agent) const { return impl_->Find(agent).restarts; }
 std::uint64_t SimulatedTeam::trace_hash() const { return impl_->trace_hash(); }
+SystemStatus SimulatedTeam::GetSystemStatus(AgentId agent) const { return impl_->StatusOf(impl_->Find(agent)); }
+proto::TraceReply SimulatedTeam::GetTrace(AgentId agent, const proto::TraceRequest& request) const {
+  return impl_->TraceOf(impl_->Find(agent), request);
+}
 
 }  // namespace moondb::simulation

@@ -164,6 +164,19 @@ TEST_F(SimulatedTeamTest, LossAndRepetitionComeAtTheirRatios) {
   EXPECT_NEAR(static_cast<double>(team_.Take({2, "a"}).size()), 300 * (1 - 1.0 / 30), 80);
 }
 
+TEST_F(SimulatedTeamTest, CopiesMayComeMinutesLater) {
+  team_.radio().duplicate_ratio = 1;
+  team_.radio().duplicate_delay_max = seconds(600);
+  ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(1)), SendResult::kAccepted);
+  team_.AdvanceTime(milliseconds(1));
+  EXPECT_THAT(NumbersOf(team_.Take({2, "a"})), ElementsAre(1));
+  for (int i = 0; i < 200; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "b"}, {}), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(300));
+  EXPECT_NEAR(static_cast<double>(team_.Take({2, "b"}).size()), 300, 30);
+  team_.AdvanceTime(seconds(301));
+  EXPECT_NEAR(static_cast<double>(team_.Take({2, "b"}).size()), 100, 30);
+}
+
 TEST_F(SimulatedTeamTest, JitterLetsMessagesOvertake) {
   team_.radio().latency_jitter = seconds(1);
   for (int i = 0; i < 50; ++i) ASSERT_EQ(team_.Post({1, "test"}, {2, "a"}, Numbered(i)), SendResult::kAccepted);
@@ -419,6 +432,7 @@ TEST_F(SimulatedTeamTest, TraceAndDeadLettersAreKept) {
   EXPECT_EQ(reply.dead_letters(0).from_agent(), 2u);
   ASSERT_THAT(reply.events(), SizeIs(1));
   EXPECT_EQ(reply.events(0).kind(), proto::TRACE_FAILED);
+  EXPECT_THAT(team_.GetTrace(1).dead_letters(), SizeIs(1));
 }
 
 TEST_F(SimulatedTeamTest, ActorBeyondHelpCrashesItsAgent) {
@@ -569,6 +583,7 @@ TEST_F(SimulatedTeamTest, FullMailboxRefusesAndCounts) {
   EXPECT_EQ(status.actors[0].dropped(), 1);
   EXPECT_EQ(status.actors[0].queued_max(), 2);
   EXPECT_THAT(status.peers, SizeIs(2));
+  EXPECT_EQ(team_.GetSystemStatus(1).actors.at(0).dropped(), 1);
 }
 
 TEST_F(SimulatedTeamTest, RunUntilStopsAtTheConditionOrTheLimit) {

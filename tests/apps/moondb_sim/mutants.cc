@@ -53,6 +53,46 @@ class OtherActor : public Actor {
   const std::unique_ptr<Actor> actor_;
 };
 
+// Looks at each message that the actor hears and says, and may change it; what gives false is not heard, or not sent.
+struct Hooks {
+  std::function<bool(Context& context, proto::Message& message)> hears;
+  std::function<bool(Context& context, const Address& to, proto::Message& message)> says;
+};
+
+class HookedActor final : public OtherActor {
+ public:
+  HookedActor(std::unique_ptr<Actor> actor, Hooks hooks) : OtherActor(std::move(actor)), hooks_(std::move(hooks)) {}
+  void OnStart(Context& context) override {
+    Hooked hooked(context, hooks_);
+    actor().OnStart(hooked);
+  }
+  void OnMessage(Context& context, const proto::Message& message) override {
+    proto::Message changed = message;
+    if (hooks_.hears && !hooks_.hears(context, changed)) return;
+    Hooked hooked(context, hooks_);
+    actor().OnMessage(hooked, changed);
+  }
+
+ private:
+  class Hooked final : public OtherContext {
+   public:
+    Hooked(Context& context, const Hooks& hooks) : OtherContext(context), hooks_(hooks) {}
+    SendResult Send(const Address& to, OwnedMessage message) override {
+      if (hooks_.says && !hooks_.says(*this, to, *message)) return SendResult::kAccepted;
+      return OtherContext::Send(to, std::move(message));
+    }
+    SendResult Reply(OwnedMessage message) override {
+      if (hooks_.says && !hooks_.says(*this, sender(), *message)) return SendResult::kAccepted;
+      return OtherContext::Reply(std::move(message));
+    }
+
+   private:
+    const Hooks& hooks_;
+  };
+
+  const Hooks hooks_;
+};
+
 // An epoch that a lost disk takes again.
 class WithoutEpochs final : public OtherActor {
  public:
@@ -259,37 +299,380 @@ class UpdateNeedsItsRow final : public OtherActor {
   std::set<std::string> nodes_;
 };
 
+// Of optimized poses of one node it keeps the one that came last, whoever made it and in whichever term: what its
+// storage holds beside that counts as dropped.
+class LastPoseHeard final : public OtherActor {
+ public:
+  using OtherActor::OtherActor;
+  void OnMessage(Context& context, const proto::Message& message) override {
+    for (const proto::StoredRecord& stored : message.store_request().records()) {
+      proto::Record record;
+      if (!record.ParseFromString(stored.content()) || !record.has_optimized_pose()) continue;
+      const RecordKey key = FromProto(stored.key());
+      const auto [last, is_new] = last_.emplace(record.optimized_pose().node().SerializeAsString(), key);
+      if (!is_new && last->second != key) dropped_[last->second.stream].dropped.Add(last->second.seq);
+      last->second = key;
+    }
+    class Dropping final : public OtherContext {
+     public:
+      Dropping(Context& context, const HaveSet& dropped) : OtherContext(context), dropped_(dropped) {}
+      SendResult Reply(OwnedMessage message) override {
+        if (message->has_have_reply()) AddTo(*message->mutable_have_reply()->mutable_have());
+        if (message->has_store_reply()) AddTo(*message->mutable_store_reply()->mutable_had());
+        if (message->has_read_reply()) TakeFrom(*message->mutable_read_reply());
+        return OtherContext::Reply(std::move(message));
+      }
+
+     private:
+      void TakeFrom(proto::ReadReply& reply) const {
+        auto* records = reply.mutable_records();
+        auto* row_ids = reply.mutable_row_ids();
+        for (int i = records->size() - 1; i >= 0; --i) {
+          const RecordKey key = FromProto(records->Get(i).key());
+          if (!dropped_.Get(key.stream).dropped.Contains(key.seq)) continue;
+          records->DeleteSubrange(i, 1);
+          if (i + 1 < row_ids->size()) row_ids->erase(row_ids->begin() + i);  // The last one says how far it was read.
+        }
+      }
+      void AddTo(proto::HaveSet& told) const {
+        HaveSet have = *FromProto(told);
+        for (const auto& [stream, dropped] : dropped_.streams()) {
+          if (!have.Get(stream).Had().is_empty()) have[stream].dropped.Add(dropped.dropped);
+          have[stream].held = have[stream].held.Minus(dropped.dropped);
+        }
+        told = ToProto(have);
+      }
+      const HaveSet& dropped_;
+    };
+    Dropping dropping(context, dropped_);
+    actor().OnMessage(dropping, message);
+  }
+
+ private:
+  std::map<std::string, RecordKey> last_;  // By node.
+  HaveSet dropped_;
+};
+
+// When a newer state comes, the older one is dropped at once and the newer one stored a little later.
+class DropsBeforeTheSuperseder final : public OtherActor {
+ public:
+  using OtherActor::OtherActor;
+  void OnMessage(Context& context, const proto::Message& message) override {
+    class DroppingFirst final : public OtherContext {
+     public:
+      DroppingFirst(Context& context, const DropsBeforeTheSuperseder& mutant)
+          : OtherContext(context), mutant_(mutant) {}
+      SendResult Reply(OwnedMessage message) override {
+        if (sender() == self()) return SendResult::kAccepted;  // What came with the timer.
+        if (message->has_have_reply()) mutant_.Drop(*message->mutable_have_reply()->mutable_have());
+        if (message->has_store_reply()) mutant_.Drop(*message->mutable_store_reply()->mutable_had());
+        return OtherContext::Reply(std::move(message));
+      }
+
+     private:
+      const DropsBeforeTheSuperseder& mutant_;
+    };
+    DroppingFirst dropping(context, *this);
+    if (message.has_timer()) {
+      if (!waiting_.empty()) actor().OnMessage(dropping, waiting_.front());
+      if (!waiting_.empty()) waiting_.erase(waiting_.begin());
+      return;
+    }
+    if (message.has_store_request()) {
+      proto::Message states = message;
+      proto::Message others = message;
+      states.mutable_store_request()->clear_records();
+      others.mutable_store_request()->clear_records();
+      for (const proto::StoredRecord& stored : message.store_request().records()) {
+        const RecordKey key = FromProto(stored.key());
+        const bool is_state = key.stream.type == proto::POWER;
+        if (is_state) newest_[key.stream] = std::max(newest_[key.stream], key.seq);
+        *(is_state ? states : others).mutable_store_request()->add_records() = stored;
+      }
+      waiting_.push_back(std::move(states));
+      context.AfterTimer(std::chrono::seconds(2), 1);
+      return actor().OnMessage(dropping, others);
+    }
+    actor().OnMessage(dropping, message);
+  }
+
+ private:
+  void Drop(proto::HaveSet& told) const {
+    HaveSet have = *FromProto(told);
+    for (const auto& [stream, newest] : newest_) {
+      const IntervalSet held = have.Get(stream).held;
+      if (held.is_empty()) continue;
+      IntervalSet kept;
+      kept.Add({newest, UINT64_MAX - 1});
+      have[stream].dropped.Add(held.Minus(kept));
+      have[stream].held = held.Minus(held.Minus(kept));
+    }
+    told = ToProto(have);
+  }
+
+  std::vector<proto::Message> waiting_;
+  std::map<StreamKey, std::uint64_t> newest_;
+};
+
+// Each timer comes twice.
+class TimersMultiply final : public OtherActor {
+ public:
+  using OtherActor::OtherActor;
+  void OnMessage(Context& context, const proto::Message& message) override {
+    class Twice final : public OtherContext {
+     public:
+      using OtherContext::OtherContext;
+      TimerId After(Duration delay, proto::Message message) override {
+        (void)OtherContext::After(delay, message);
+        return OtherContext::After(delay, std::move(message));
+      }
+    };
+    Twice twice(context);
+    actor().OnMessage(twice, message);
+  }
+};
+
 bool IsSharing(const std::string& name) { return name == actor_name::kSync || name == actor_name::kReplica; }
 
+using Applies = std::function<void(SimOptions& options)>;
+
+// The actors of that name, each in a wrapper.
 template <typename MutantActor>
-Mutant Of(const char* actor_name, std::string name, std::string what) {
-  return {std::move(name), std::move(what), [actor_name] {
-            return [actor_name](AgentId, const std::string& wrapped, std::unique_ptr<Actor> actor) {
-              if (wrapped == actor_name) actor = std::make_unique<MutantActor>(std::move(actor));
-              return actor;
-            };
-          }};
+Applies Wrapped(const char* actor_name) {
+  return [actor_name](SimOptions& options) {
+    options.wrap = [actor_name](AgentId, const std::string& name, std::unique_ptr<Actor> actor) {
+      if (name == actor_name) actor = std::make_unique<MutantActor>(std::move(actor));
+      return actor;
+    };
+  };
+}
+
+Applies Hooked(const char* actor_name, Hooks hooks) {
+  return [actor_name, hooks](SimOptions& options) {
+    options.wrap = [actor_name, hooks](AgentId, const std::string& name, std::unique_ptr<Actor> actor) {
+      if (name == actor_name) actor = std::make_unique<HookedActor>(std::move(actor), hooks);
+      return actor;
+    };
+  };
+}
+
+Applies Hears(const char* actor_name, decltype(Hooks::hears) hears) {
+  return Hooked(actor_name, {std::move(hears), nullptr});
+}
+Applies Says(const char* actor_name, decltype(Hooks::says) says) {
+  return Hooked(actor_name, {nullptr, std::move(says)});
+}
+
+void CacheAcknowledgments(SimOptions& options) {
+  auto cache = std::make_shared<CachedAcknowledgments::Cache>();
+  options.wrap = [cache](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
+    if (!IsSharing(name)) return actor;
+    return std::make_unique<CachedAcknowledgments>(std::move(actor), cache);
+  };
+}
+
+bool IsOrderToPeer(Context& context, const Address& to, const proto::Message& message) {
+  return message.has_share_request() && to.agent != context.self().agent;
+}
+
+// All terms of one number are one.
+bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
+  const auto strip = [](proto::RoleAssignment& roles) {
+    if (roles.term().number() == 0) return;
+    roles.mutable_term()->set_issuer(1);
+    roles.mutable_term()->set_issuer_epoch(1);
+  };
+  if (message.has_role_announce()) strip(*message.mutable_role_announce()->mutable_roles());
+  if (message.has_role_show_reply()) strip(*message.mutable_role_show_reply()->mutable_roles());
+  if (message.has_roles_changed()) strip(*message.mutable_roles_changed()->mutable_roles());
+  return true;
+}
+
+bool AskForNoMaps(Context&, proto::Message& message) {
+  proto::RecordFilter& filter = *message.mutable_missing_request()->mutable_filter();
+  const auto types = filter.data_types();
+  filter.clear_data_types();
+  for (const std::uint32_t type : types) {
+    if (type != proto::LOCAL_TRAVERSABILITY_MAP) filter.add_data_types(type);
+  }
+  return true;
+}
+
+void KeepDamagedRows(SimOptions& options) {
+  options.is_store_checked = false;
+  options.faults_per_hour = {{"damage", 0}, {"damage_interval", 0}};
 }
 
 }  // namespace
 
 const std::vector<Mutant>& Mutants() {
+  using actor_name::kReplica;
+  using actor_name::kRole;
+  using actor_name::kStorage;
+  using actor_name::kSync;
   static const std::vector<Mutant> mutants = {
-      Of<WithoutEpochs>(actor_name::kStorage, "WithoutEpochs", "a lost disk takes an epoch again"),
-      {"CachedAcknowledgments", "what was acknowledged once is never sent again",
-       [] {
-         auto cache = std::make_shared<CachedAcknowledgments::Cache>();
-         return [cache](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
-           if (!IsSharing(name)) return actor;
-           return std::make_unique<CachedAcknowledgments>(std::move(actor), cache);
-         };
+      {"WithoutEpochs", "a lost disk takes an epoch again", {"one_content"}, 20, Wrapped<WithoutEpochs>(kStorage)},
+      {"CachedAcknowledgments",
+       "what was acknowledged once is never sent again",
+       {"nothing_lost", "home_again", "brought_out"},
+       5,
+       CacheAcknowledgments},
+      {"AcknowledgesBeforeTheCommit",
+       "the have-set is told before the transaction",
+       {"acknowledged_held"},
+       5,
+       Wrapped<AcknowledgesBeforeTheCommit>(kStorage)},
+      {"UpdateNeedsItsRow",
+       "an optimized pose needs its node",
+       {"acknowledged_held"},
+       5,
+       Wrapped<UpdateNeedsItsRow>(kStorage)},
+      {"LastPoseHeard",
+       "of a node's optimized poses the one heard last stands",
+       {"pose_goes_up"},
+       15,
+       [](SimOptions& options) {
+         options.faults_per_hour["swap"] = 20;
+         Wrapped<LastPoseHeard>(kStorage)(options);
        }},
-      Of<AcknowledgesBeforeTheCommit>(actor_name::kStorage, "AcknowledgesBeforeTheCommit",
-                                      "the have-set is told before the transaction"),
-      Of<WithoutTerms>(actor_name::kRole, "WithoutTerms", "the assignment heard last stands"),
-      Of<WithoutANewTerm>(actor_name::kRole, "WithoutANewTerm", "a leader goes on in its old term after a start"),
-      Of<NewestByClock>(actor_name::kStorage, "NewestByClock", "states are ordered by the wall clock"),
-      Of<UpdateNeedsItsRow>(actor_name::kStorage, "UpdateNeedsItsRow", "an optimized pose needs its node"),
+      {"NewestByClock",
+       "states are ordered by the wall clock",
+       {"nothing_lost", "survivor_is_leader", "newest_state", "brought_out", "home_again"},
+       25,
+       [](SimOptions& options) {
+         options.faults_per_hour["clock"] = 12;
+         Wrapped<NewestByClock>(kStorage)(options);
+       }},
+      {"DropsBeforeTheSuperseder",
+       "a state is dropped before the one that replaces it comes",
+       {"newest_state"},
+       5,
+       Wrapped<DropsBeforeTheSuperseder>(kStorage)},
+      {"KeepsDamagedRows", "no store is read through as a process starts", {"one_content"}, 5, KeepDamagedRows},
+      {"WithoutTerms",
+       "the assignment heard last stands",
+       {"comes_to_rest", "one_assignment", "one_leader"},
+       15,
+       Wrapped<WithoutTerms>(kRole)},
+      {"TermsWithoutIssuer",
+       "terms of one number are one",
+       {"one_assignment", "one_leader", "comes_to_rest"},
+       5,
+       [](SimOptions& options) {
+         options.faults_per_hour = {{"partition", 10}, {"reassign", 30}};
+         Says(kRole, SayTermsWithoutIssuer)(options);
+       }},
+      {"OneIsNotTold",
+       "agent 3 hears of no change of roles",
+       {"one_leader"},
+       5,
+       Hears(kRole, [](Context& context,
+                       proto::Message& message) { return context.self().agent != 3 || !message.has_role_announce(); })},
+      {"ForgetsItsTerm",
+       "an agent begins with the team file's roles at each start",
+       {"term_goes_up"},
+       5,
+       Hears(kRole,
+             [](Context&, proto::Message& message) {
+               if (message.has_load_roles_reply()) message.mutable_load_roles_reply()->clear_history();
+               return true;
+             })},
+      {"WithoutANewTerm",
+       "a leader goes on in its old term after a start",
+       {"one_pose_a_run", "pose_goes_up", "one_leader"},
+       15,
+       Wrapped<WithoutANewTerm>(kRole)},
+      {"WithoutGathering",
+       "a new leader asks nobody for what it holds",
+       {"nothing_lost"},
+       25,
+       Says(kReplica, [](Context& context, const Address& to,
+                         proto::Message& message) { return !IsOrderToPeer(context, to, message); })},
+      {"GathersFromAllButOne",
+       "a new leader does not ask agent 3 for what it holds",
+       {"nothing_lost"},
+       60,
+       [](SimOptions& options) {
+         options.faults_per_hour["wipe"] = 12;
+         options.faults_per_hour["swap"] = 12;
+         Says(kReplica, [](Context& context, const Address& to, proto::Message& message) {
+           return to.agent != 3 || !IsOrderToPeer(context, to, message);
+         })(options);
+       }},
+      {"ReplicatesAllButOne",
+       "the survivor is not brought what agent 3 made",
+       {"survivor_is_leader"},
+       10,
+       Hears(kStorage,
+             [](Context&, proto::Message& message) {
+               if (!message.has_missing_request()) return true;
+               proto::RecordFilter& filter = *message.mutable_missing_request()->mutable_filter();
+               if (filter.ByteSizeLong() == 0) filter.add_not_origin_agents(3);
+               return true;
+             })},
+      {"NothingHome",
+       "a leader does not bring an agent its own records",
+       {"home_again"},
+       25,
+       Hears(kStorage,
+             [](Context&, proto::Message& message) {
+               if (message.has_missing_request()) {
+                 message.mutable_missing_request()->mutable_filter()->clear_own_records_of();
+               }
+               return true;
+             })},
+      {"NoMapsForGround",
+       "the base station is brought no maps",
+       {"brought_out"},
+       5,
+       Hears(kStorage,
+             [](Context& context, proto::Message& message) {
+               return !message.has_missing_request() || AskForNoMaps(context, message);
+             })},
+      {"EndsTooEarly",
+       "each batch says that it is the last",
+       {"end_is_last"},
+       5,
+       Says(kSync,
+            [](Context&, const Address&, proto::Message& message) {
+              if (message.has_batch()) message.set_remaining(0);
+              return true;
+            })},
+      {"NeverEnds",
+       "no batch says that it is the last",
+       {"comes_to_rest"},
+       5,
+       Says(kReplica,
+            [](Context&, const Address&, proto::Message& message) {
+              if (message.has_batch() && message.remaining() == 0) message.set_remaining(1);
+              return true;
+            })},
+      {"WithoutCredit",
+       "64 kB are under way un-acknowledged",
+       {"unacked_bounded"},
+       5,
+       [](SimOptions& options) { options.session.unacked_bytes_max = 64 * 1024; }},
+      {"TimersMultiply", "each timer comes twice", {"mailbox_bounded"}, 5, Wrapped<TimersMultiply>(kReplica)},
+      {"DamagesBatches",
+       "a batch is damaged where it is sent",
+       {"nothing_refused"},
+       5,
+       Says(kSync,
+            [](Context&, const Address&, proto::Message& message) {
+              if (message.has_batch()) message.mutable_batch()->mutable_coded()->append("?");
+              return true;
+            })},
+      {"FailsInHighTerms",
+       "an actor fails at each message that tells a high term",
+       {"starts"},
+       5,
+       Hears(kReplica,
+             [](Context& context, proto::Message& message) {
+               if (message.roles_changed().roles().term().number() > 3) {
+                 context.Fail(Error{ErrorCode::kInternal, "the term is too high", ""});
+               }
+               return true;
+             })},
   };
   return mutants;
 }

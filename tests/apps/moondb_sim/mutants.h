@@ -1,5 +1,5 @@
-// Mutants: actors of sharing with one rule broken on purpose, each a wrapper around the real actor, so that no program
-// holds the means to break it. The simulator must notice.
+// Mutants: actors of sharing with one rule broken on purpose, nearly each a wrapper around the real actor, so that no
+// program holds the means to break it. The simulator must notice, by a rule that speaks of what was broken.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,10 @@ namespace moondb::simulation {
 struct Mutant {
   std::string name;
   std::string what;
+  std::vector<std::string> rules;  // Whichever is broken first is one of these.
+  std::uint64_t seeds = 0;         // From 1; one of them notices.
   // For one run: what it keeps beyond its actors' lives begins anew.
-  std::function<decltype(SimOptions::wrap)()> make;
+  std::function<void(SimOptions& options)> apply;
 };
 
 const std::vector<Mutant>& Mutants();

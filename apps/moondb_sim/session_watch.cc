@@ -1,0 +1,75 @@
+#include "apps/moondb_sim/session_watch.h"
+
+#include <algorithm>
+
+#include "actors/sharing/codec.h"
+
+namespace moondb::simulation {
+
+void SessionWatch::OnHello(const proto::Hello& hello) {
+  *this = SessionWatch(limits_);
+  session_id_ = hello.session_id();
+}
+
+std::vector<std::pair<std::string, std::string>> SessionWatch::OnBatch(const proto::Message& message) {
+  std::vector<std::pair<std::string, std::string>> broken;
+  const proto::Batch& batch = message.batch();
+  const Result<Handed> handed = Open(message);
+  if (!handed) {
+    broken.emplace_back("nothing_refused", "a batch is damaged: " + ToString(handed.error()));
+    return broken;
+  }
+  const std::string name = "batch " + std::to_string(batch.batch_number());
+  if (message.remaining() == 0 && !under_way_.empty()) {
+    broken.emplace_back("end_is_last", name + " tells the end while batch " +
+                                           std::to_string(under_way_.begin()->first) + " is not acknowledged");
+  }
+  under_way_[batch.batch_number()] = *handed;
+  std::size_t bytes = 0;
+  for (const auto& [number, other] : under_way_) bytes += other.bytes;
+  if (bytes > limits_.unacked_bytes_max) {
+    broken.emplace_back("unacked_bounded", std::to_string(bytes) + " bytes are under way with " + name);
+  }
+  if (batch.coded().size() > limits_.batch_bytes_max) {
+    broken.emplace_back("unacked_bounded", name + " has " + std::to_string(batch.coded().size()) + " bytes");
+  }
+  return broken;
+}
+
+void SessionWatch::OnHave(const proto::Have& have) {
+  const Result<HaveSet> heard = FromProto(have.have());
+  if (!heard || have.session_id() != session_id_) return;
+  have_.Merge(*heard);
+  std::erase_if(under_way_, [&](const auto& entry) {
+    // The second behind it was acknowledged: the sender takes it for lost, and sends its records again.
+    const bool is_given_up = entry.first + 2 <= have.batch_number();
+    return entry.first == have.batch_number() || is_given_up || IsHad(entry.second);
+  });
+}
+
+Result<SessionWatch::Handed> SessionWatch::Open(const proto::Message& message) {
+  const proto::Batch& batch = message.batch();
+  Handed handed;
+  handed.bytes = batch.ByteSizeLong();
+  if (batch.has_piece()) {
+    // The last piece brings the record.
+    const bool is_last = batch.piece().first_byte() + batch.coded().size() == batch.piece().whole_bytes();
+    const Result<RecordKey> key = ParseRecordKey(message.record_id());
+    if (!key) return tl::unexpected(key.error());
+    if (is_last) handed.keys.push_back(*key);
+    return handed;
+  }
+  const Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
+  if (!records) return tl::unexpected(records.error());
+  for (const proto::StoredRecord& record : records->records()) handed.keys.push_back(FromProto(record.key()));
+  return handed;
+}
+
+bool SessionWatch::IsHad(const Handed& batch) const {
+  return !batch.keys.empty() && std::all_of(batch.keys.begin(), batch.keys.end(), [this](const RecordKey& key) {
+    const StreamHave& stream = have_.Get(key.stream);
+    return stream.held.Contains(key.seq) || stream.dropped.Contains(key.seq);
+  });
+}
+
+}  // namespace moondb::simulation
