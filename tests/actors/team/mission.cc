@@ -10,7 +10,9 @@
 #include <tuple>
 #include <utility>
 
+#include "actors/clock/clock_actor.h"
 #include "actors/gateway/gateway_actor.h"
+#include "actors/lease/lease_actor.h"
 #include "actors/merge/merge_actor.h"
 #include "actors/pgo/pgo_actor.h"
 #include "actors/role/role_actor.h"
@@ -160,6 +162,8 @@ class Mission {
     RoleActor::Options role;
     role.storage_timeout = seconds(1);
     Spawn<RoleActor>(agent, actor_name::kRole, role);
+    Spawn<ClockActor>(agent, actor_name::kClock, ClockActor::Options());
+    Spawn<LeaseActor>(agent, actor_name::kLease, LeaseActor::Options());
     SharingActor::Options sharing;
     sharing.config_hash = 1;
     sharing.session.resend_after = seconds(1);
