@@ -36,7 +36,7 @@ using Records = std::map<RecordKey, std::string>;
 constexpr AgentId kAgents = 4;
 constexpr AgentId kBase = 4;
 constexpr int kNodesOfARover = 6;
-constexpr int kTriesMax = 12;
+constexpr int kTriesMax = 30;  // An agent may be killed at each of several starts.
 constexpr Duration kClientPatience = seconds(6);
 constexpr Duration kDownTime = seconds(3);  // Of an agent that was killed.
 
