@@ -61,6 +61,10 @@ void PrintRun(const SimReport& report) {
   std::printf("%.2f MB on the radio: %.2f MB batches, %.2f MB have-sets\n",
               static_cast<double>(report.radio_bytes) / 1e6, static_cast<double>(report.batch_bytes) / 1e6,
               static_cast<double>(report.have_bytes) / 1e6);
+  if (report.refill_bytes > 0) {
+    std::printf("a survivor with an empty disk held all again after %.1f s at 1 Mbit/s and %.2f MB\n", report.refill_s,
+                static_cast<double>(report.refill_bytes) / 1e6);
+  }
   for (const auto& [fault, count] : report.faults) std::printf("  %-14s %d times\n", fault.c_str(), count);
 }
 
@@ -156,6 +160,7 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--fault", request.faults, "NAME=RATE an hour; may be given several times");
   app.add_flag("--no-faults", request.options.is_faultless, "None but those that --fault names");
+  app.add_flag("--refill", request.options.measures_refill, "At the end of one run: refill an empty survivor");
   app.add_flag("--json", request.is_json, "One JSON object at the end");
   app.add_flag("--list", request.is_list, "The faults there are");
   try {

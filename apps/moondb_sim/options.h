@@ -29,6 +29,7 @@ struct SimOptions {
   int rovers = 3;                                 // Beside the base station, the last agent.
   std::map<std::string, double> faults_per_hour;  // Others: their default.
   bool is_faultless = false;
+  bool measures_refill = false;  // At the end: how long a survivor with an empty disk takes to hold all again.
 
   // For tests that break a rule on purpose.
   std::function<std::unique_ptr<Actor>(AgentId agent, const std::string& name, std::unique_ptr<Actor> actor)> wrap;

@@ -128,6 +128,7 @@ class Mission {
     }
     report_.radio_bytes = team_.radio_bytes();
     report_.trace_hash = XXH64(&hash_, sizeof hash_, team_.trace_hash());
+    if (options_.measures_refill && report_.violations.empty()) MeasureRefill();
     return std::move(report_);
   }
 
@@ -754,6 +755,28 @@ class Mission {
       }
     }
     return roles;
+  }
+
+  void MeasureRefill() {
+    const SimReport run = report_;
+    const AgentId leader = roles_[1].leader();
+    const AgentId survivor = roles_[1].survivor();
+    team_.radio().latency = milliseconds(5);
+    team_.radio().bytes_per_second = 125'000;
+    disk_fault_[survivor] = "wipe";
+    disk_.CutPower(Prefix(survivor));
+    Restart(survivor);
+    const MonotonicTime start = team_.now();
+    const std::uint64_t bytes = team_.radio_bytes();
+    Order(leader, proto::SHARING_KIND_REPLICATION);
+    while (HaveOf(survivor) != HaveOf(leader) && team_.now() - start < std::chrono::hours(24)) {
+      team_.AdvanceTime(milliseconds(100));
+    }
+    report_.have_bytes = run.have_bytes;
+    report_.batch_bytes = run.batch_bytes;
+    const bool is_full = HaveOf(survivor) == HaveOf(leader);
+    report_.refill_s = is_full ? std::chrono::duration<double>(team_.now() - start).count() : -1;
+    report_.refill_bytes = team_.radio_bytes() - bytes;
   }
 
   void CheckBytesEnd() {
