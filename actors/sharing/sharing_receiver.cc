@@ -80,7 +80,7 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   SharingAction action;
   action.message.set_ms_type(proto::CONTROL);
   action.message.set_request_id(incoming.have_request_id);
-  action.message.mutable_have_request();
+  action.message.mutable_have_request()->set_is_for_peer(true);
   return {std::move(action)};
 }
 

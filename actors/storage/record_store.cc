@@ -388,7 +388,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
     had[stream] = ledger_.have().Get(stream);
     NoteOwnEpoch(stream);
   }
-  *result.reply.mutable_had() = ToProto(had);
+  *result.reply.mutable_had() = ToProto(ForPeer(had));
   return result;
 }
 
@@ -497,9 +497,21 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   return {};
 }
 
-proto::HaveReply RecordStore::GetHave() const {
+HaveSet RecordStore::ForPeer(const HaveSet& have) const {
+  HaveSet told;
+  for (const auto& [stream, state] : have.streams()) {
+    if (rules_.IsLatest(stream.type)) {
+      told[stream].dropped = state.Had();
+    } else {
+      told[stream] = state;
+    }
+  }
+  return told;
+}
+
+proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
   proto::HaveReply reply;
-  *reply.mutable_have() = ToProto(ledger_.have());
+  *reply.mutable_have() = ToProto(request.is_for_peer() ? ForPeer(ledger_.have()) : ledger_.have());
   reply.set_epoch(epoch_);
   return reply;
 }

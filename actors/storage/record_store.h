@@ -77,7 +77,7 @@ class RecordStore {
   };
   Stored Store(const proto::StoreRequest& request);
 
-  proto::HaveReply GetHave() const;
+  proto::HaveReply GetHave(const proto::HaveRequest& request = {}) const;
 
   // Errors: kInvalid for a malformed have-set, else as Database.
   Result<proto::MissingReply> GetMissing(const proto::MissingRequest& request);
@@ -122,6 +122,8 @@ class RecordStore {
     proto::Record record;
     const proto::StoredRecord* stored;
   };
+  // As HaveRequest.is_for_peer has it.
+  HaveSet ForPeer(const HaveSet& have) const;
   Result<void> StoreAll(const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
   Result<void> StoreOne(const Opened& opened, Writing& writing, Stored& result);
   Result<void> ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing);

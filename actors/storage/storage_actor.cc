@@ -49,7 +49,7 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return OnStore(context, message.store_request());
     case proto::Message::kHaveRequest: {
       proto::Message reply;
-      *reply.mutable_have_reply() = store_->GetHave();
+      *reply.mutable_have_reply() = store_->GetHave(message.have_request());
       return Answer(context, std::move(reply));
     }
     case proto::Message::kMissingRequest:

@@ -44,7 +44,7 @@ constexpr Duration kOptimizePeriod = minutes(5);
 constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
 constexpr std::uint64_t kOptimizedStep = 6;
 constexpr Duration kInspectPeriod = minutes(1);
-constexpr double kMailboxMax = 64;       // Ten is usual.
+constexpr double kMailboxMax = 48;       // And four for each agent. Ten is usual in a team of four.
 constexpr double kQuietRatio = 1.0 / 6;  // Of the hours, at the end.
 
 proto::TeamConfig MakeTeam(int rovers) {
@@ -266,7 +266,6 @@ class Mission {
       report_.have_bytes += message.ByteSizeLong();
       const Result<HaveSet> have = FromProto(message.have().have());
       if (have) rules_.SeeHave(from, *have);
-      if (have && message.have().is_whole()) rules_.CheckStates(from, *have);
       if (!have) Violate("nothing_refused", who + "a malformed have-set");
     }
     return !is_stormy_ && !deaf_.contains({from, to});
@@ -657,7 +656,7 @@ class Mission {
 
   void CheckMailboxes(AgentId agent) {
     for (const proto::ActorStatus& actor : team_.GetSystemStatus(agent).actors) {
-      if (actor.queued_max() <= kMailboxMax && actor.dropped() == 0) continue;
+      if (actor.queued_max() <= kMailboxMax + 4 * base_ && actor.dropped() == 0) continue;
       Violate("mailbox_bounded", "agent " + std::to_string(agent) + ": " + actor.ShortDebugString());
     }
   }

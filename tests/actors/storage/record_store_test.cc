@@ -530,6 +530,30 @@ TEST(RecordStoreTest, BelievesItsRowsMoreThanADamagedHaveSet) {
   }
 }
 
+// However many poses stand and however often they were replaced.
+TEST(RecordStoreTest, TellsPeersOneIntervalOfATypeOfWhichTheNewestStand) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  for (std::uint64_t run = 1; run <= 3; ++run) {
+    for (std::uint64_t node = run; node <= 60; node += run) {
+      InsertOne(*store, OptimizedPoseRecord({2, node}, /*term=*/1, run, 0.5));
+    }
+  }
+  EXPECT_GT(store->GetHave().have().streams(0).held_size(), 20);
+  proto::HaveRequest request;
+  request.set_is_for_peer(true);
+  const proto::HaveReply told = store->GetHave(request);
+  ASSERT_EQ(told.have().streams_size(), 1);
+  EXPECT_EQ(told.have().streams(0).held_size(), 0);
+  ASSERT_EQ(told.have().streams(0).dropped_size(), 1);
+  EXPECT_EQ(told.have().streams(0).dropped(0).last(), 60u + 30 + 20);
+
+  // Another that knows this much is sent nothing, and is told of no drops.
+  proto::MissingRequest missing;
+  *missing.mutable_destination_have() = told.have();
+  const proto::MissingReply reply = *store->GetMissing(missing);
+  EXPECT_EQ(reply.records_size() + reply.dropped_size(), 0);
+}
+
 TEST(RecordStoreTest, LeavesADamagedHaveSetToANewProcess) {
   TemporaryFolder folder;
   RecordStore::Options options = StoreOptionsOf(2, folder.File("store.db"));
