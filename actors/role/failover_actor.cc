@@ -38,7 +38,7 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
   switch (message.body_case()) {
     case proto::Message::kTimer:
-      return OnTimer(context);
+      return OnTimer(context, message.timer().value());
     case proto::Message::kPeerEvent:
       OnPeerEvent(message.peer_event());
       break;
@@ -81,8 +81,10 @@ void FailoverActor::OnPeerEvent(const proto::PeerEvent& event) {
   }
 }
 
-void FailoverActor::OnTimer(Context& context) {
+void FailoverActor::OnTimer(Context& context, std::uint64_t count) {
+  if (count != count_) return;
   timer_ = 0;
+  if (!IsLeaderMissed(context)) return;
   const std::string leader = FindAgent(options_.team, roles_.leader())->name();
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
@@ -120,10 +122,11 @@ AgentId FailoverActor::NextSurvivor() const {
 
 void FailoverActor::Review(Context& context) {
   if (!IsLeaderMissed(context)) return StopCounting(context);
-  if (timer_ == 0) timer_ = context.AfterTimer(leader_timeout_, 0);
+  if (timer_ == 0) timer_ = context.AfterTimer(leader_timeout_, 0, ++count_);
 }
 
 void FailoverActor::StopCounting(Context& context) {
+  ++count_;
   if (timer_ != 0) context.Cancel(std::exchange(timer_, 0));
 }
 

@@ -36,7 +36,7 @@ class FailoverActor final : public Actor {
  private:
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
   void OnPeerEvent(const proto::PeerEvent& event);
-  void OnTimer(Context& context);
+  void OnTimer(Context& context, std::uint64_t count);
 
   bool IsLeaderMissed(Context& context) const;
   bool ReachesAnyOther() const;
@@ -51,6 +51,7 @@ class FailoverActor final : public Actor {
   std::set<AgentId> connected_;
   std::set<AgentId> known_;  // Whose leases this agent knows, as far as they were announced to it.
   TimerId timer_ = 0;        // Runs while the leader is missed.
+  std::uint64_t count_ = 0;  // A timer of an earlier count is late.
 };
 
 }  // namespace moondb

@@ -15,6 +15,8 @@ constexpr std::uint32_t kRecordsMax = 1024;
 constexpr double kRatioMin = 0.02;
 // Smaller batches cost more in headers and commits than they save in waiting.
 constexpr std::size_t kBatchBytesMin = 1024;
+// What a batch of one piece holds beside it, at most: so that two fit into the credit.
+constexpr std::size_t kPieceHeadBytes = 64;
 
 void AddHeld(const std::vector<RecordKey>& keys, HaveSet& have) {
   for (const RecordKey& key : keys) have[key.stream].held.Add(key.seq);
@@ -128,11 +130,16 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   }
   credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
   const std::size_t under_way_before = under_way_.size();
+  const double acknowledged_before = acknowledged_records_;
   Acknowledge(have.batch_number());
   if (under_way_.size() < under_way_before) {
     last_progress_ = now;
-    backoff_ = options_.resend_after;
-    has_restarted_at_once_ = false;
+    if (acknowledged_records_ > acknowledged_before) is_refused_ = false;
+    // Pieces are acknowledged by a destination, too, that cannot store what they make up.
+    if (!is_refused_) {
+      backoff_ = options_.resend_after;
+      has_restarted_at_once_ = false;
+    }
     SetDeadline(now);
   }
   GiveUpBatchesBefore(have.batch_number());
@@ -151,6 +158,7 @@ SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now
     Restart(now, actions);
     return actions;
   }
+  is_refused_ = true;
   NoteError("the destination refused: " + OneLine(ToString(error)));
   if (error.code == ErrorCode::kRefused || error.code == ErrorCode::kInvalid) return Close();
   return actions;
@@ -173,7 +181,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
     ready_ = Code(reply);
     missing_count_ = ready_->message.remaining();
     // One message does not always hold all that is dropped.
-    is_exhausted_ = missing_count_ == 0 && ready_->dropped.empty();
+    is_exhausted_ = missing_count_ == 0 && reply.dropped().empty();
     if (missing_count_ == 0) is_end_told_ = true;
   }
   Fill(now, actions);
@@ -271,6 +279,7 @@ Result<HaveSet> SharingSession::CheckHave(const proto::Have& have) const {
 }
 
 void SharingSession::Start(Time now, SharingActions& actions) {
+  is_refused_ = false;
   has_restarted_at_once_ = false;
   backoff_ = options_.resend_after;
   Restart(now, actions);
@@ -404,7 +413,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
 
 SharingSession::CodedRecords SharingSession::NextPiece() {
   CodedRecords piece;
-  *piece.message.mutable_batch() = large_->cutter.Next(BatchBytesMax());
+  *piece.message.mutable_batch() = large_->cutter.Next(BatchBytesMax() - kPieceHeadBytes);
   if (!large_->cutter.is_done()) {
     Address(piece, large_->remaining + 1);
     return piece;
@@ -488,7 +497,13 @@ void SharingSession::AskAnew() {
   is_asking_ = false;
   is_exhausted_ = false;
   is_end_told_ = false;
-  if (ready_ && ready_->message.remaining() == 0) ready_.reset();
+  if (large_) large_->remaining = std::max<std::uint64_t>(large_->remaining, 1);
+  if (!ready_ || ready_->message.remaining() > 0) return;
+  if (ready_->message.batch().has_piece()) {
+    ready_->message.set_remaining(1);  // The last piece of a record: it is not the end any more.
+  } else {
+    ready_.reset();
+  }
 }
 
 void SharingSession::ForgetUnderWay() {

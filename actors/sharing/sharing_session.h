@@ -135,6 +135,7 @@ class SharingSession {
   bool is_exhausted_ = false;  // Storage said that nothing more is missing.
   bool is_end_told_ = false;   // A batch with remaining 0 is under way or acknowledged since.
   bool has_restarted_at_once_ = false;
+  bool is_refused_ = false;  // By the destination, which could not store; and it took no record since.
   std::set<AgentId> asked_;  // Of whose streams have_ speaks; empty: of all.
   HaveSet have_;             // Of the destination, as it said.
   HaveSet

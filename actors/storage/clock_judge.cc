@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 namespace moondb {
 namespace {
@@ -33,9 +34,11 @@ ClockJudge::Verdict ClockJudge::Judge(std::int64_t utc_ns, Time now) {
     verdict.has_jumped = offset_ns_.has_value();
     offset_ns_.reset();
     unproven_jump_s_ = 0;
+    was_never_set_ = true;
     verdict.suspect = "it was never set";
     return verdict;
   }
+  verdict.has_jumped = std::exchange(was_never_set_, false);
   const std::int64_t offset_ns = utc_ns - now.time_since_epoch().count();
   if (offset_ns_ && !Agree(offset_ns, *offset_ns_)) {
     verdict.has_jumped = true;

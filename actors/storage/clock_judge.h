@@ -45,6 +45,7 @@ class ClockJudge {
   std::map<AgentId, std::int64_t> peer_offsets_ns_;  // Of their UTC to this agent's monotonic clock.
   std::optional<std::int64_t> offset_ns_;            // Of its own, when it was last asked.
   double unproven_jump_s_ = 0;                       // 0: none.
+  bool was_never_set_ = false;                       // When it was last asked.
 };
 
 }  // namespace moondb

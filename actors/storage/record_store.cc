@@ -121,6 +121,7 @@ Result<void> RecordStore::Load() {
   if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
   if (const Result<void> checked = CheckOwner(); !checked) return checked;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
+  for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);  // Also of rows that are damaged.
   if (const Result<void> loaded = peer_log_.Load(*database_); !loaded) return loaded;
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
   if (!next_row_id) return tl::unexpected(next_row_id.error());

@@ -13,6 +13,7 @@ constexpr std::uint64_t kSeqOfRowMax = INT64_MAX;  // As the store numbers.
 constexpr std::uint64_t kSeqMax = UINT64_MAX - 1;  // As a have-set might, if it is damaged.
 
 IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
+  if (seq > kSeqMax) return {};
   IntervalSet before;
   if (seq > 0) before.Add({1, seq});
   return seqs.Minus(before);

@@ -28,12 +28,14 @@ std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleA
   if (request.kind() == proto::SHARING_KIND_REPLICATION) return {{target, roles.survivor(), request.kind()}};
   if (target != roles.leader()) return {{target, roles.leader(), request.kind()}};
   std::vector<SharePair> pairs;
-  for (const AgentId from : request.from_agents()) pairs.push_back({from, target, request.kind()});
-  if (!pairs.empty()) return pairs;
+  const auto& from = request.from_agents();
+  const auto is_meant = [&from](AgentId agent) {
+    return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
+  };
   for (const proto::AgentConfig& agent : team.agents()) {
     if (agent.id() == target) continue;
-    pairs.push_back({agent.id(), target, request.kind()});
-    pairs.push_back({target, agent.id(), request.kind()});
+    if (is_meant(agent.id())) pairs.push_back({agent.id(), target, request.kind()});
+    if (is_meant(target)) pairs.push_back({target, agent.id(), request.kind()});
   }
   return pairs;
 }

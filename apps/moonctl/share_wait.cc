@@ -29,12 +29,17 @@ ShareWait::ShareWait(CommandContext& context, std::vector<SharePair> pairs) : co
   for (const SharePair& pair : pairs) {
     if (clients_.contains(pair.sender) && clients_.contains(pair.destination)) pairs_[pair];
   }
-  for (const auto& [agent, client] : clients_) Poll(agent, /*is_baseline=*/true);
+  for (const auto& [agent, client] : clients_) {
+    if (Poll(agent, /*is_baseline=*/true)) continue;
+    // Without it an earlier session would count as the one that is waited for.
+    unreachable_.push_back(AgentName(team, agent));
+    std::erase_if(pairs_, [sender = agent](const auto& pair) { return pair.first.sender == sender; });
+  }
 }
 
-void ShareWait::Poll(AgentId sender, bool is_baseline) {
+bool ShareWait::Poll(AgentId sender, bool is_baseline) {
   const auto status = clients_.at(sender)->ShareStatus();
-  if (!status) return;
+  if (!status) return false;
   for (const proto::ShareSession& session : status->sessions()) {
     const auto found = pairs_.find({sender, session.destination(), session.kind()});
     if (found == pairs_.end()) continue;
@@ -50,6 +55,7 @@ void ShareWait::Poll(AgentId sender, bool is_baseline) {
     pair.is_done = session.completed_sessions() > pair.completed_before;
     pair.is_closed = !pair.is_done && session.closed_sessions() > pair.closed_before;
   }
+  return true;
 }
 
 std::string ShareWait::Missing() const {
@@ -73,7 +79,7 @@ Result<void> ShareWait::Wait(std::chrono::milliseconds timeout) {
     for (const auto& [pair, state] : pairs_) {
       if (!state.is_done) busy.insert(pair.sender);
     }
-    for (const AgentId sender : busy) Poll(sender, /*is_baseline=*/false);
+    for (const AgentId sender : busy) (void)Poll(sender, /*is_baseline=*/false);
     for (const auto& [pair, state] : pairs_) remaining += state.is_done ? 0 : state.remaining;
     const auto is_done = [](const auto& pair) { return pair.second.is_done; };
     const auto done = std::count_if(pairs_.begin(), pairs_.end(), is_done);

@@ -46,7 +46,8 @@ class ShareWait {
   };
 
   // Asks one sender for its sessions and updates its pairs; a sender that went away keeps what was known.
-  void Poll(AgentId sender, bool is_baseline);
+  // False: it did not answer.
+  bool Poll(AgentId sender, bool is_baseline);
   std::string Missing() const;
 
   CommandContext& context_;

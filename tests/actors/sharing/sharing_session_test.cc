@@ -436,6 +436,53 @@ TEST_F(SharingSessionTest, SendsALargeRecordInPieces) {
   EXPECT_EQ(Status().remaining(), 0);
 }
 
+TEST_F(SharingSessionTest, AnOrderInTheMiddleOfTheLastRecordPutsOffTheEnd) {
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(10'000));
+  Order();
+  AnswerHello();
+  const auto first = TakeSent();
+  ASSERT_EQ(first.size(), 2u) << "two pieces fit into the credit";
+  Acknowledge(first[0]);
+  Acknowledge(first[1]);
+  EXPECT_TRUE(sent_.back().batch().has_piece());
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100));
+  Order();
+  std::size_t pieces = first.size();
+  for (const proto::Message& message : RunToEnd()) {
+    pieces += message.batch().has_piece() ? 1 : 0;
+    EXPECT_EQ(message.remaining() == 0, destination_.records().size() == 2u);
+  }
+  EXPECT_EQ(pieces, 3u) << "nothing was cut anew";
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+// Pieces are acknowledged before anything is stored: that is no progress.
+TEST_F(SharingSessionTest, TriesALargeRecordLessAndLessOftenWhereItCannotBeStored) {
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(10'000));
+  Order();
+  std::size_t hellos = 0;
+  for (int i = 0; i < 1000; ++i) {  // 100 s.
+    Advance(std::chrono::milliseconds(100));
+    for (const proto::Message& message : TakeSent()) {
+      if (message.has_hello()) {
+        ++hellos;
+        sent_.push_back(message);
+        AnswerHello();
+      } else if (const auto whole = *pieces_.Take(kSelf, message.batch()); !whole) {
+        Take(session_.OnHave(AcknowledgmentOf(message.batch()), now_));
+      } else {
+        proto::Refusal full;
+        full.set_session_id(message.batch().session_id());
+        full.mutable_error()->set_code(proto::ERROR_CODE_UNAVAILABLE);
+        Take(session_.OnRefusal(full, now_));
+      }
+    }
+  }
+  EXPECT_GE(hellos, 3u);
+  EXPECT_LE(hellos, 6u) << "after 5, 10, 20 and 30 s";
+}
+
 TEST_F(SharingSessionTest, GoesOnInALargeRecordWhereACutEndedIt) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100'000));
   Order();

@@ -36,7 +36,9 @@ TEST_F(ClockJudgeTest, SuspectsAClockThatWasNeverSet) {
   EXPECT_EQ(judge_.Judge(3'000'000'000, now_).suspect, "it was never set");
   EXPECT_EQ(judge_.Judge(-1, now_).suspect, "it was never set");
   EXPECT_EQ(judge_.Judge(INT64_MAX, now_).suspect, "it was never set");
-  EXPECT_FALSE(IsSuspect()) << "set since";
+  const ClockJudge::Verdict set = Judge();
+  EXPECT_EQ(set.suspect, "") << "set since";
+  EXPECT_TRUE(set.has_jumped) << "others are told";
 }
 
 TEST_F(ClockJudgeTest, SuspectsAClockThatIsOffMostOfTheTeam) {

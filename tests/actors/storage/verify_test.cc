@@ -254,5 +254,15 @@ TEST_F(VerifyTest, RefusesAFingerprintOfWhatIsNoStream) {
   EXPECT_EQ(store_->TakeFingerprint(request).error().code, ErrorCode::kInvalid);
 }
 
+TEST_F(VerifyTest, StandsAnImpossibleKey) {
+  InsertOne(*store_, NodeRecord(2, 1));
+  proto::VerifyRequest request;
+  request.set_part(proto::VERIFY_PART_HELD);
+  *request.mutable_after_key() = ToProto(RecordKey{{2, store_->GetHave().epoch(), proto::POSE_GRAPH_NODE}, UINT64_MAX});
+  const Result<proto::VerifyReply> reply = store_->Verify(request);
+  ASSERT_TRUE(reply);
+  EXPECT_EQ(reply->checked_count(), 0);
+}
+
 }  // namespace
 }  // namespace moondb
