@@ -601,7 +601,7 @@ const std::vector<Mutant>& Mutants() {
        }},
       {"ReplicatesAllButOne",
        "the survivor is not brought what agent 3 made",
-       {"survivor_is_leader"},
+       {"survivor_is_leader", "nothing_lost"},
        10,
        Hears(kStorage,
              [](Context&, proto::Message& message) {

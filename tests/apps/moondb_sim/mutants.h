@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -21,5 +22,8 @@ struct Mutant {
 };
 
 const std::vector<Mutant>& Mutants();
+
+// For gtest.
+inline void PrintTo(const Mutant& mutant, std::ostream* out) { *out << mutant.what; }
 
 }  // namespace moondb::simulation
