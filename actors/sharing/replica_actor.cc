@@ -70,7 +70,7 @@ void ReplicaActor::AskNext(Context& context) {
   if (asked_ == 0) return;
   OrderFrom(context, asked_);
   last_progress_ = context.now();
-  (void)StartStepTimer(context, patience_, step_);
+  StartStepTimer(context, patience_, step_);
 }
 
 void ReplicaActor::PassOver(Context& context) {
@@ -97,7 +97,7 @@ void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
   if (step != step_ || asked_ == 0) return;
   const Duration quiet = context.now() - last_progress_;
   if (quiet < patience_) {
-    (void)StartStepTimer(context, patience_ - quiet, step_);
+    StartStepTimer(context, patience_ - quiet, step_);
     return;
   }
   patience_ = std::min(2 * patience_, kPatienceMax);

@@ -314,8 +314,8 @@ void SharingActor::CancelOrders(Context& context) {
   orders_.clear();
 }
 
-TimerId SharingActor::StartStepTimer(Context& context, Duration delay, std::uint64_t step) {
-  return context.AfterTimer(delay, kStep, step);
+void SharingActor::StartStepTimer(Context& context, Duration delay, std::uint64_t step) {
+  (void)context.AfterTimer(delay, kStep, step);
 }
 
 std::string SharingActor::NameOf(AgentId agent) const {

@@ -66,7 +66,7 @@ class SharingActor : public Actor {
   void OrderFrom(Context& context, AgentId peer);
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
-  TimerId StartStepTimer(Context& context, Duration delay, std::uint64_t step);
+  void StartStepTimer(Context& context, Duration delay, std::uint64_t step);
   // Neither this agent nor that one drives or sleeps.
   bool IsWindowOpen(const Context& context, AgentId peer) const;
 

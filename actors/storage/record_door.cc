@@ -14,8 +14,6 @@ namespace moondb {
 
 namespace {
 
-constexpr std::uint64_t kSeqMax = INT64_MAX;
-
 Result<void> CheckAgent(AgentId agent, const std::set<AgentId>& team, const std::string& field) {
   if (team.count(agent)) return {};
   return Fail(ErrorCode::kInvalid, "agent " + std::to_string(agent) + " is not in the team", field);

@@ -2,6 +2,7 @@
 // What a record may hold is model/record_check.h's.
 #pragma once
 
+#include <cstdint>
 #include <set>
 
 #include "model/error.h"
@@ -10,6 +11,9 @@
 #include "proto/record.pb.h"
 
 namespace moondb {
+
+// Of a record that is shared; a row keeps it as a signed number.
+inline constexpr std::uint64_t kSeqMax = INT64_MAX;
 
 // CheckRecord, then: kInvalid with the field named for an agent that is not in `team`, and for a node or map whose
 // node is not `origin`'s own.

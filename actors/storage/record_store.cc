@@ -22,7 +22,6 @@ constexpr std::size_t kRejectionsKept = 8;
 constexpr int kEpochRandomBits = 48;
 // 16384 lives of this agent that a lost disk knew of; who claims more would use up the epochs that are left.
 constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (kEpochRandomBits + 14);
-constexpr std::uint64_t kSeqMax = INT64_MAX;
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
 
@@ -121,7 +120,7 @@ Result<void> RecordStore::Load() {
   if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
   if (const Result<void> checked = CheckOwner(); !checked) return checked;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
-  for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);  // Also of rows that are damaged.
+  for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);  // Of rows, too, that are damaged.
   if (const Result<void> loaded = peer_log_.Load(*database_); !loaded) return loaded;
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
   if (!next_row_id) return tl::unexpected(next_row_id.error());
@@ -131,7 +130,6 @@ Result<void> RecordStore::Load() {
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
-  for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);
   return {};
 }
 
@@ -184,6 +182,7 @@ Result<void> RecordStore::MendFromRows() {
   if (const Result<void> done = WriteNextRowId(next_row_id_); !done) return done;
   if (const Result<void> done = transaction->Commit(); !done) return done;
   ledger_.Keep();
+  for (const auto& [stream, have] : mended.streams()) NoteOwnEpoch(stream);
   spdlog::error(
       "storage: {} was damaged within: {} records were wrong, and its have-set {}; peers will be asked for what it "
       "lacks",

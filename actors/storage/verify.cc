@@ -1,6 +1,7 @@
 #include "actors/storage/verify.h"
 
 #include "actors/storage/have_ledger.h"
+#include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
 #include "actors/storage/record_tables.h"
 #include "actors/storage/schema.h"
@@ -9,11 +10,10 @@ namespace moondb {
 
 namespace {
 
-constexpr std::uint64_t kSeqOfRowMax = INT64_MAX;  // As the store numbers.
-constexpr std::uint64_t kSeqMax = UINT64_MAX - 1;  // As a have-set might, if it is damaged.
+constexpr std::uint64_t kSeqOfIntervalMax = UINT64_MAX - 1;  // As a have-set might claim, if it is damaged.
 
 IntervalSet Behind(const IntervalSet& seqs, std::uint64_t seq) {
-  if (seq > kSeqMax) return {};
+  if (seq > kSeqOfIntervalMax) return {};
   IntervalSet before;
   if (seq > 0) before.Add({1, seq});
   return seqs.Minus(before);
@@ -84,15 +84,15 @@ void NoteMissing(const StreamKey& stream, const IntervalSet& missing, proto::Ver
 // The seqs behind `after` that have rows, up to where `rows_max` ends.
 struct SeqsWithRows {
   IntervalSet seqs;
-  std::uint64_t last_seq = kSeqMax;  // As far as was looked.
+  std::uint64_t last_seq = kSeqOfIntervalMax;  // As far as was looked.
 };
 
 Result<SeqsWithRows> FindRows(Database& database, const StreamKey& stream, std::uint64_t after,
                               std::uint32_t rows_max) {
   SeqsWithRows found;
   const RecordTable* table = FindRecordTable(stream.type);
-  if (table == nullptr || after >= kSeqOfRowMax) return found;
-  Query query = table->ReadInterval(database, stream, after + 1, kSeqOfRowMax, /*agent=*/0);
+  if (table == nullptr || after >= kSeqMax) return found;
+  Query query = table->ReadInterval(database, stream, after + 1, kSeqMax, /*agent=*/0);
   for (std::uint32_t count = 0; count < rows_max; ++count) {
     const Result<bool> row = query.Step();
     if (!row) return tl::unexpected(row.error());
