@@ -87,6 +87,7 @@ class Checker {
     CheckDuplicates();
     CheckRoles();
     CheckRange("radio.budget_kbps", team_.radio().budget_kbps(), 1, 1e6);
+    CheckRange("radio.states_period_s", team_.radio().states_period_s(), 0, 86400);
     CheckRange("roles.leader_timeout_s", team_.roles().leader_timeout_s(), 1, 86400);
     CheckRange("site.lat_deg", team_.site().lat_deg(), -90, 90);
     CheckRange("site.lon_deg", team_.site().lon_deg(), -180, 360);

@@ -27,8 +27,8 @@ constexpr char kTail[] =
 # automatic (the survivor takes the lead of a leader that is silent for leader_timeout_s).
 roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
-# What all agents together may send a second.
-radio: {budget_kbps: %s, quiet_while_driving: %s}
+# What one agent may send and receive together; how often states go to the leader unasked (0: never).
+radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s}
 
 # Sharing policies: none, latest or all. `share` is what rovers send to the leader and the leader to the designated
 # survivor, `ground` what the base station is sent.
@@ -128,10 +128,11 @@ std::string TeamText(const proto::TeamConfig& team) {
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
-  text += Format(kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()),
-                         Number(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
-                         PoliciesText(team.share()), PoliciesText(team.ground()), Number(team.map().resolution_m()),
-                         Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+  text += Format(
+      kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
+              team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
+              PoliciesText(team.share()), PoliciesText(team.ground()), Number(team.map().resolution_m()),
+              Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
             ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
