@@ -20,7 +20,7 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
   if (request.destination() == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
   if (request.destination() != 0) {
     Open(context, request.destination(), proto::RecordFilter(),
-         /*is_by_role=*/is_leaders && request.destination() == context.sender().agent);
+         /*is_by_role=*/is_leaders && request.destination() == context.sender().agent, request.bytes_max());
     return 1;
   }
   if (!is_leading()) {
@@ -28,7 +28,7 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
     return Fail(ErrorCode::kRefused, NameOf(self()) + " does not lead, " + leader + " does: give the command there");
   }
   if (roles().survivor() == 0) return Fail(ErrorCode::kRefused, "no designated survivor is assigned");
-  Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true);
+  Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());
   return 1;
 }
 

@@ -11,7 +11,12 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2, kStep = 3 };
+enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2, kStep = 3, kBudget = 4 };
+
+constexpr Duration kBudgetPeriod = std::chrono::seconds(5);
+
+// Bytes a second; 0: the team file sets none, as in tests.
+double BudgetOf(const proto::TeamConfig& team) { return team.radio().budget_kbps() * 1000 / 8; }
 
 // Small, and of each agent one at most: what passes a window that driving shuts.
 std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
@@ -31,6 +36,8 @@ void SharingActor::OnStart(Context& context) {
   receiver.team = options_.team.team();
   receiver.config_hash = options_.config_hash;
   receiver.kind = kind_;
+  receiver.bytes_per_second_max = BudgetOf(options_.team);
+  receiver.schemas = SchemasOf(options_.team.custom_types());
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
   receiver_.emplace(std::move(receiver), context.rng()());
@@ -41,6 +48,7 @@ void SharingActor::OnStart(Context& context) {
   (void)context.Send({options_.self, actor_name::kRole}, proto::Message(question));
   question.mutable_lease_show_request();
   (void)context.Send({options_.self, actor_name::kLease}, std::move(question));
+  OnStarted(context);
 }
 
 void SharingActor::OnMessage(Context& context, const proto::Message& message) {
@@ -49,6 +57,7 @@ void SharingActor::OnMessage(Context& context, const proto::Message& message) {
   } else if (FindAgent(options_.team, context.sender().agent) != nullptr) {
     OnPeer(context, message);
   }
+  DivideBudget(context);
 }
 
 void SharingActor::OnLocal(Context& context, const proto::Message& message) {
@@ -73,6 +82,9 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
         Perform(context, outgoing,
                 outgoing.session.OnMissingReply(message.request_id(), message.missing_reply(), context.now()));
       }
+      return;
+    case proto::Message::kSharingLoad:
+      moving_elsewhere_ = message.sharing_load().moving_sessions();
       return;
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
@@ -200,7 +212,9 @@ void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
     if (Outgoing* outgoing = FindOutgoing(event.peer())) {
       Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
     }
-    if (orders_.contains(event.peer())) OrderFrom(context, event.peer());
+    if (const auto order = orders_.find(event.peer()); order != orders_.end()) {
+      OrderFrom(context, event.peer(), order->second.bytes_max);
+    }
   } else {
     connected_.erase(event.peer());
   }
@@ -218,6 +232,10 @@ void SharingActor::OnLeasesChanged(Context& context, const proto::LeasesChanged&
 void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
   const auto peer = static_cast<AgentId>(timer.value());
   if (timer.kind() == kOrder) return OnOrderTimer(context, peer);
+  if (timer.kind() == kBudget) {
+    is_budget_timer_armed_ = false;
+    return;
+  }
   if (timer.kind() == kStep) return OnStepTimer(context, timer.value());
   Outgoing* outgoing = FindOutgoing(peer);
   if (outgoing == nullptr) return;
@@ -244,17 +262,30 @@ Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request)
   return {};
 }
 
-void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role) {
+void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
+                        std::uint64_t bytes_max) {
   auto it = outgoing_.find(destination);
   if (it == outgoing_.end()) {
     SharingSession::Options session_options = options_.session;
     session_options.state_types = StateTypesOf(options_.team);
+    session_options.schemas = SchemasOf(options_.team.custom_types());
     SharingSession session(std::move(session_options), kind_, destination, context.rng()());
     (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
     it = outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first;
   }
   it->second.is_by_role = is_by_role;
-  Perform(context, it->second, it->second.session.Order(std::move(filter), context.now()));
+  Perform(context, it->second, it->second.session.Order(std::move(filter), context.now(), bytes_max));
+}
+
+void SharingActor::OpenForStates(Context& context, AgentId destination) {
+  Outgoing* outgoing = FindOutgoing(destination);
+  if (outgoing != nullptr && outgoing->session.is_open()) {
+    return Perform(context, *outgoing, outgoing->session.OrderAgain(context.now()));
+  }
+  proto::RecordFilter filter;
+  filter.add_origin_agents(options_.self);
+  for (const DataType type : StateTypesOf(options_.team)) filter.add_data_types(type);
+  if (!filter.data_types().empty()) Open(context, destination, std::move(filter), /*is_by_role=*/true);
 }
 
 bool SharingActor::CloseByRole(Context& context) {
@@ -268,8 +299,9 @@ bool SharingActor::CloseByRole(Context& context) {
   return was_open;
 }
 
-void SharingActor::OrderFrom(Context& context, AgentId peer) {
+void SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max) {
   ShareOrder& order = orders_[peer];
+  order.bytes_max = bytes_max;
   if (order.timer != 0) context.Cancel(order.timer);
   order.delay = options_.session.resend_after;
   SendOrder(context, peer);
@@ -281,8 +313,9 @@ void SharingActor::SendOrder(Context& context, AgentId peer) {
   *message.mutable_term() = roles_.term();
   message.mutable_share_request()->set_kind(kind_);
   message.mutable_share_request()->set_destination(options_.self);
-  (void)context.Send({peer, context.self().actor}, std::move(message));  // Sent again when the timer comes.
   ShareOrder& order = orders_[peer];
+  message.mutable_share_request()->set_bytes_max(order.bytes_max);
+  (void)context.Send({peer, context.self().actor}, std::move(message));  // Sent again when the timer comes.
   order.timer = context.AfterTimer(order.delay, kOrder, peer);
 }
 
@@ -388,6 +421,32 @@ void SharingActor::ArmSessionTimer(Context& context, Outgoing& outgoing) {
     const Duration delay = *deadline > context.now() ? *deadline - context.now() : Duration::zero();
     outgoing.timer = context.AfterTimer(delay, kSession, outgoing.session.destination());
   }
+}
+
+void SharingActor::DivideBudget(Context& context) {
+  const double budget = BudgetOf(options_.team);
+  if (budget <= 0) return;
+  const std::size_t incoming = receiver_->MovingSessions(context.now());
+  std::size_t moving = incoming;
+  for (const auto& [destination, outgoing] : outgoing_) moving += outgoing.session.is_moving() ? 1 : 0;
+  receiver_->SetMovingElsewhere(moving - incoming + moving_elsewhere_);
+  const double part = budget / static_cast<double>(std::max<std::size_t>(moving + moving_elsewhere_, 1));
+  for (auto& [destination, outgoing] : outgoing_) {
+    if (!outgoing.session.is_moving()) continue;
+    outgoing.session.SetRate(part, context.now());
+    ArmSessionTimer(context, outgoing);
+  }
+  if (incoming > 0 && !is_budget_timer_armed_) {  // Who falls silent gives its part back, and nothing tells of it.
+    (void)context.AfterTimer(kBudgetPeriod, kBudget, 0);
+    is_budget_timer_armed_ = true;
+  }
+  if (moving == moving_here_) return;
+  moving_here_ = moving;
+  proto::Message load;
+  load.set_ms_type(proto::CONTROL);
+  load.mutable_sharing_load()->set_moving_sessions(static_cast<std::uint32_t>(moving));
+  const char* other = kind_ == proto::SHARING_KIND_SYNC ? actor_name::kReplica : actor_name::kSync;
+  (void)context.Send({options_.self, other}, std::move(load));
 }
 
 }  // namespace moondb

@@ -4,7 +4,8 @@
 // machines (SharingSession, SharingReceiver); this actor only carries their messages, timers and roles. One outgoing
 // session per destination, several at a time; after a restart of this actor orders are forgotten (whoever wants the
 // records asks again) but nothing that was acknowledged is. Where an end of a session drives or sleeps (LeasesChanged)
-// the session waits until neither does; past one that drives states may go.
+// the session waits until neither does; past one that drives states may go. What the agent sends and receives keeps to
+// the team file's radio.budget_kbps: its sessions in both directions and of both kinds have equal parts of it.
 //
 // Bodies that belong to this agent (timers, roles, storage's answers) are taken from this agent only, sharing's own
 // from agents of the team only; everything else is ignored.
@@ -55,15 +56,21 @@ class SharingActor : public Actor {
   virtual void OnReceived(Context&, AgentId, bool /*is_all*/) {}
   // An order was answered with an error.
   virtual void OnOrderRefused(Context&, AgentId) {}
+  // Once, at the actor's start.
+  virtual void OnStarted(Context&) {}
   // A timer that StartStepTimer started.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
   // Orders a session; `is_by_role` ones end when CloseByRole is called.
-  void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role);
+  // `bytes_max`: as of SharingSession::Order.
+  void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
+            std::uint64_t bytes_max = 0);
+  // This agent's latest states, at least: a session that is open goes on with its order.
+  void OpenForStates(Context& context, AgentId destination);
   // Those to the leader of now stay. Whether any other was open.
   bool CloseByRole(Context& context);
   // "Share with me", to that agent, again and again until it answers.
-  void OrderFrom(Context& context, AgentId peer);
+  void OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
   void StartStepTimer(Context& context, Duration delay, std::uint64_t step);
@@ -82,6 +89,7 @@ class SharingActor : public Actor {
  private:
   // To an agent that has not answered yet.
   struct ShareOrder {
+    std::uint64_t bytes_max = 0;
     Duration delay{};
     TimerId timer = 0;
   };
@@ -115,6 +123,8 @@ class SharingActor : public Actor {
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
   void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.
   void ArmSessionTimer(Context& context, Outgoing& outgoing);
+  // Divides the radio's budget among the sessions of this agent that are moving, the other sharing actor's too.
+  void DivideBudget(Context& context);
 
   const Options options_;
   const proto::SharingKind kind_;
@@ -124,6 +134,9 @@ class SharingActor : public Actor {
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
   std::optional<SharingReceiver> receiver_;
+  std::size_t moving_here_ = 0;       // As the other sharing actor was told.
+  std::size_t moving_elsewhere_ = 0;  // As it told.
+  bool is_budget_timer_armed_ = false;
   RateLimitedLog refused_log_;
 };
 

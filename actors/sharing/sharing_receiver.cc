@@ -49,7 +49,7 @@ proto::Message AcknowledgmentOf(const proto::Message& message, const proto::Reco
 }  // namespace
 
 SharingReceiver::SharingReceiver(Options options, std::uint64_t first_request_id)
-    : options_(std::move(options)), next_request_id_(first_request_id) {}
+    : options_(std::move(options)), next_request_id_(first_request_id), schema_hash_(HashSchemas(options_.schemas)) {}
 
 SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hello, Time now) {
   if (Result<void> checked = CheckHello(hello); !checked) return RefuseHello(sender, hello, checked.error());
@@ -74,6 +74,7 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   incoming.session_id = hello.session_id();
   incoming.last_heard = now_ = now;
   incoming.is_at_end = false;
+  incoming.is_other_schema = hello.schema_hash() != schema_hash_;
   incoming.origins = {hello.origin_agents().begin(), hello.origin_agents().end()};
   if (++next_request_id_ == 0) ++next_request_id_;
   incoming.have_request_id = next_request_id_;
@@ -99,6 +100,9 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   }
   std::string whole;
   if (batch.has_piece()) {
+    // A late copy: of an earlier record, it would cost the present one.
+    if (batch.batch_number() <= incoming.last_piece_batch) return SharingActions();
+    incoming.last_piece_batch = batch.batch_number();
     Result<std::optional<std::string>> taken = pieces_.Take(sender, batch);
     if (!taken && taken.error().code == ErrorCode::kNotFound) return Refuse(sender, batch.session_id(), taken.error());
     if (!taken) {
@@ -107,7 +111,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     }
     if (!*taken) {
       SharingAction acknowledgment{sender, AcknowledgmentOf(message, proto::RecordBatch())};
-      acknowledgment.message.mutable_have()->set_unacked_bytes_max(CreditOfEach());
+      Grant(*acknowledgment.message.mutable_have());
       return SharingActions{std::move(acknowledgment)};
     }
     whole = **std::move(taken);
@@ -149,7 +153,8 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     const PartOfWhole part = pieces_.PartFrom(sender);
     have.set_part_hash(part.hash);
     have.set_part_bytes(part.bytes);
-    have.set_unacked_bytes_max(CreditOfEach());
+    if (incoming.is_other_schema) *have.mutable_schemas() = options_.schemas;
+    Grant(have);
     return {std::move(action)};
   }
   return {};
@@ -167,7 +172,7 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
     counts_.received_records += reply.stored_count();
     counts_.rejected_records += reply.rejected_count();
     *action.message.mutable_have()->mutable_have() = reply.had();
-    action.message.mutable_have()->set_unacked_bytes_max(CreditOfEach());
+    Grant(*action.message.mutable_have());
     return {std::move(action)};
   }
   return {};
@@ -191,11 +196,19 @@ SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& 
 }
 
 // All of them come in over one radio: together they may fill it no further than one of them would.
-std::uint32_t SharingReceiver::CreditOfEach() const {
-  const auto sending = std::count_if(incoming_.begin(), incoming_.end(), [this](const auto& entry) {
-    return !entry.second.is_at_end && now_ - entry.second.last_heard < options_.sending_after;
+void SharingReceiver::Grant(proto::Have& have) const {
+  const std::size_t moving = std::max<std::size_t>(MovingSessions(now_), 1);
+  have.set_unacked_bytes_max(options_.unacked_bytes_max / static_cast<std::uint32_t>(moving));
+  if (options_.bytes_per_second_max <= 0) return;
+  const double part = options_.bytes_per_second_max / static_cast<double>(moving + moving_elsewhere_);
+  have.set_bytes_per_second_max(static_cast<std::uint32_t>(std::clamp(part, 1.0, 4e9)));
+}
+
+std::size_t SharingReceiver::MovingSessions(Time now) const {
+  const auto moving = std::count_if(incoming_.begin(), incoming_.end(), [this, now](const auto& entry) {
+    return !entry.second.is_at_end && now - entry.second.last_heard < options_.sending_after;
   });
-  return options_.unacked_bytes_max / static_cast<std::uint32_t>(std::max<std::ptrdiff_t>(sending, 1));
+  return static_cast<std::size_t>(moving);
 }
 
 bool SharingReceiver::MakeRoom(Time now) {

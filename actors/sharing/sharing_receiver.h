@@ -21,6 +21,7 @@
 #include "actors/sharing/pieces.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/error.h"
+#include "model/type_schema.h"
 #include "proto/message.pb.h"
 
 namespace moondb {
@@ -37,6 +38,8 @@ class SharingReceiver {
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
     std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that those who are sending are granted together.
     std::chrono::nanoseconds sending_after = std::chrono::seconds(5);  // Who was silent for longer has no part of it.
+    double bytes_per_second_max = 0;                                   // Of the radio's budget, likewise; 0: no limit.
+    TypeSchemas schemas;                                               // What this agent understands by each type.
     std::size_t sessions_max = 16;  // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
@@ -62,6 +65,11 @@ class SharingReceiver {
   SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
+  // Senders that have told no end yet and were heard within sending_after: each has its part of credit and budget.
+  std::size_t MovingSessions(Time now) const;
+  // Sessions of this agent's that are moving beside these, and have their part of the budget.
+  void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
+
   const Counts& counts() const { return counts_; }
   // Whose last Hello named another team configuration; it was taken nevertheless.
   const std::set<AgentId>& other_configs() const { return other_configs_; }
@@ -73,19 +81,23 @@ class SharingReceiver {
     std::set<AgentId> origins;                               // That the Hello asks for; empty: all.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};
+    bool is_other_schema = false;
     bool is_at_end = false;  // It said that nothing remains.
+    std::uint32_t last_piece_batch = 0;
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
-  std::uint32_t CreditOfEach() const;
+  void Grant(proto::Have& have) const;
 
   Options options_;
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
   PieceCollector pieces_{kCodedBytesMax};
   Time now_{};  // Of what was heard last.
+  std::size_t moving_elsewhere_ = 0;
+  const std::uint64_t schema_hash_;
   std::set<AgentId> other_configs_;
   Counts counts_;
 };

@@ -15,6 +15,8 @@ constexpr std::uint32_t kRecordsMax = 1024;
 constexpr double kRatioMin = 0.02;
 // Smaller batches cost more in headers and commits than they save in waiting.
 constexpr std::size_t kBatchBytesMin = 1024;
+// Beside a batch's own bytes: the heads of its frames, and its acknowledgment, which travels over the same radio.
+constexpr std::size_t kBatchOverheadBytes = 300;
 // What a batch of one piece holds beside it, at most: so that two fit into the credit.
 constexpr std::size_t kPieceHeadBytes = 64;
 
@@ -64,16 +66,23 @@ std::vector<proto::StreamHave> FirstDropped(const proto::MissingReply& reply, st
 }  // namespace
 
 SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id)
-    : options_(options),
+    : options_(std::move(options)),
       kind_(kind),
       destination_(destination),
       session_id_(first_id),
       request_id_(first_id),
-      backoff_(options.resend_after) {}
+      pacer_(options_.unacked_bytes_max),
+      backoff_(options_.resend_after) {}
 
-SharingActions SharingSession::Order(proto::RecordFilter filter, Time now) {
-  SharingActions actions;
+SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max) {
+  const bool is_limited = bytes_max != 0 && (!is_open() || bytes_left_);
+  bytes_left_ = is_limited ? std::optional(bytes_max) : std::nullopt;
   filter_ = std::move(filter);
+  return OrderAgain(now);
+}
+
+SharingActions SharingSession::OrderAgain(Time now) {
+  SharingActions actions;
   const bool was_waiting = is_waiting_;
   if (window_ == Window::kStatesOnly) is_waiting_ = StatesMeant().data_types().empty();
   if (!is_open()) {
@@ -119,6 +128,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   if (phase_ == Phase::kAwaitingHave) {
     have_ = *std::move(heard);
     part_ = {have.part_hash(), have.part_bytes()};
+    other_schema_types_ = DifferingTypes(options_.schemas, have.schemas());
     phase_ = Phase::kSending;
     last_progress_ = now;
     answered_ = now;
@@ -129,6 +139,8 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
     have_.Merge(*heard);
   }
   credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
+  granted_rate_ = have.bytes_per_second_max();
+  SetPace(now);
   const std::size_t under_way_before = under_way_.size();
   const double acknowledged_before = acknowledged_records_;
   Acknowledge(have.batch_number());
@@ -188,6 +200,11 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   return actions;
 }
 
+void SharingSession::SetRate(double bytes_per_second, Time now) {
+  own_rate_ = bytes_per_second;
+  SetPace(now);
+}
+
 SharingActions SharingSession::SetWindow(Window window, Time now) {
   SharingActions actions;
   if (window == window_) return actions;
@@ -205,6 +222,8 @@ SharingActions SharingSession::OnConnected(Time now) {
 
 SharingActions SharingSession::OnTimer(Time now) {
   SharingActions actions;
+  if (!is_open() || is_waiting_) return actions;
+  Fill(now, actions);
   if (!is_open() || is_waiting_ || now < deadline_) return actions;
   backoff_ = std::min(2 * backoff_, options_.resend_after_max);
   Restart(now, actions);
@@ -213,7 +232,7 @@ SharingActions SharingSession::OnTimer(Time now) {
 
 std::optional<SharingSession::Time> SharingSession::deadline() const {
   if (!is_open() || is_waiting_) return std::nullopt;
-  return deadline_;
+  return paced_until_ ? std::min(*paced_until_, deadline_) : deadline_;
 }
 
 proto::ShareSession SharingSession::Status(Time now) const {
@@ -234,6 +253,8 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
   status.set_last_error(last_error_);
   status.set_is_remaining_known(is_remaining_known_);
+  status.mutable_other_schema_types()->Assign(other_schema_types_.begin(), other_schema_types_.end());
+  status.set_bytes_per_second_max(pacer_.rate());
   if (phase_ == Phase::kSending) {
     status.set_session_s(std::chrono::duration<double>(now - answered_).count());
     status.set_session_acknowledged_records(session_acknowledged_records_);
@@ -301,6 +322,7 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   proto::Hello& hello = *action.message.mutable_hello();
   hello.set_session_id(session_id_);
   hello.set_kind(kind_);
+  hello.set_schema_hash(HashSchemas(options_.schemas));
   asked_ = OriginsMeant();
   hello.mutable_origin_agents()->Assign(asked_.begin(), asked_.end());
   actions.push_back(std::move(action));
@@ -319,11 +341,26 @@ void SharingSession::Complete(SharingActions& actions) {
   TellStorage({}, /*is_closed=*/true, actions);
 }
 
+void SharingSession::EndLimitedOrder(SharingActions& actions) {
+  NoteError("ended with its order's bytes; more is left to share");
+  for (SharingAction& action : Close()) actions.push_back(std::move(action));
+}
+
 void SharingSession::Fill(Time now, SharingActions& actions) {
   if (phase_ != Phase::kSending) return;
+  paced_until_.reset();
   while (!is_waiting_ && ready_ && MayLeave(*ready_)) {
+    if (const Time next = pacer_.Next(now); next > now) {
+      paced_until_ = next;
+      if (under_way_.empty()) SetDeadline(next);
+      break;
+    }
     SendReady(now, actions);
     if (large_) ready_ = NextPiece();
+  }
+  if (bytes_left_ == 0 && !(is_exhausted_ && !ready_)) {
+    if (under_way_.empty()) EndLimitedOrder(actions);
+    return;
   }
   if (!ready_ && !is_asking_ && !is_exhausted_) AskForMissing(actions);
   if (!ready_ && !is_asking_ && under_way_.empty()) Complete(actions);
@@ -337,6 +374,7 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   proto::MissingRequest& request = *action.message.mutable_missing_request();
   *request.mutable_destination_have() = ToProto(ExpectedHave());
   *request.mutable_filter() = is_for_states_ ? StatesMeant() : filter_;
+  request.mutable_filter()->mutable_not_data_types()->Assign(other_schema_types_.begin(), other_schema_types_.end());
   // A little less than what should fit: coding a batch again to cut it costs more than the spare bytes.
   const double content_bytes = 0.9 * static_cast<double>(BatchBytesMax()) / coded_ratio_;
   request.set_content_bytes_max(
@@ -352,6 +390,8 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   proto::Message message = std::move(batch.message);
   batch.message.Clear();
   unacked_bytes_ += batch.bytes;
+  pacer_.Spend(batch.bytes + kBatchOverheadBytes, now);
+  if (bytes_left_) *bytes_left_ -= std::min<std::uint64_t>(*bytes_left_, batch.bytes);
   sent_records_ += static_cast<double>(batch.keys.size());
   coded_bytes_ += static_cast<double>(batch.bytes);
   actions.push_back({destination_, std::move(message)});
@@ -362,10 +402,12 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
 
 // One batch leaves without credit too: where several senders share what the receiver grants, it is no larger than that.
 std::size_t SharingSession::BatchBytesMax() const {
-  return std::min(options_.batch_bytes_max, std::max(credit_bytes_, kBatchBytesMin));
+  const std::size_t left = bytes_left_ ? std::min<std::uint64_t>(*bytes_left_, credit_bytes_) : credit_bytes_;
+  return std::min(options_.batch_bytes_max, std::max(left, kBatchBytesMin));
 }
 
 bool SharingSession::MayLeave(const CodedRecords& batch) const {
+  if (bytes_left_ == 0) return false;
   if (under_way_.empty()) return true;
   // The last one says that all is there: so all before it is.
   return batch.message.remaining() > 0 && unacked_bytes_ + batch.bytes <= credit_bytes_;
@@ -512,6 +554,7 @@ void SharingSession::ForgetUnderWay() {
   large_.reset();
   under_way_.clear();
   unacked_bytes_ = 0;
+  paced_until_.reset();
   next_batch_number_ = 1;
 }
 
@@ -526,6 +569,12 @@ void SharingSession::TellStorage(const std::vector<RecordKey>& handed_over, bool
   for (const RecordKey& key : handed_over) *peer_have.add_handed_over() = ToProto(key);
   peer_have.set_is_session_closed(is_closed);
   actions.push_back(std::move(action));
+}
+
+void SharingSession::SetPace(Time now) {
+  const bool is_granted_less = granted_rate_ > 0 && (own_rate_ <= 0 || granted_rate_ < own_rate_);
+  pacer_.SetRate(is_granted_less ? granted_rate_ : own_rate_, now);
+  if (paced_until_) paced_until_ = pacer_.Next(now);
 }
 
 void SharingSession::SetDeadline(Time now) {

@@ -17,6 +17,10 @@
 // handed over before may be acknowledged. When the window opens, an open session starts over at once. In between, where
 // states pass, each order brings the destination the states that it lacks, and the rest of it waits.
 //
+// What it sends keeps to a rate: the smaller of what this agent's own part of the radio's budget leaves it (SetRate)
+// and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up.
+// Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
+//
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
 
@@ -30,9 +34,11 @@
 #include <vector>
 
 #include "actors/sharing/codec.h"
+#include "actors/sharing/pacer.h"
 #include "actors/sharing/pieces.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/have_set.h"
+#include "model/type_schema.h"
 #include "proto/message.pb.h"
 
 namespace moondb {
@@ -49,6 +55,7 @@ class SharingSession {
     std::size_t batch_bytes_max = 4 * 1024;                // Coded. A larger record travels in pieces of this size.
     std::size_t bytes_per_second_min = 16 * 1024;          // A slower radio is given up on and tried again.
     std::vector<DataType> state_types;                     // What may pass a window of kStatesOnly.
+    TypeSchemas schemas;                                   // What this agent understands by each type.
   };
 
   enum class Window { kOpen, kStatesOnly, kShut };
@@ -57,7 +64,11 @@ class SharingSession {
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
 
   // Start, or, when open, look again for records once all is sent: what was stored before this is included.
-  SharingActions Order(proto::RecordFilter filter, Time now);
+  // `bytes_max` not 0: it ends when so many coded bytes are sent, give or take a batch; an open order without that
+  // limit stays without.
+  SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0);
+  // The order that is open, or was last, as it was.
+  SharingActions OrderAgain(Time now);
   // End without completing. The order is forgotten.
   SharingActions Close();
 
@@ -67,6 +78,8 @@ class SharingSession {
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
   // From storage; an answer to another question than the last one is ignored.
   SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
+  // Bytes a second that this agent's other sessions leave to this one; 0, as at first: no limit.
+  void SetRate(double bytes_per_second, Time now);
   // Open at first.
   SharingActions SetWindow(Window window, Time now);
   // The destination was reached again: an open session starts over at once.
@@ -79,6 +92,9 @@ class SharingSession {
 
   std::optional<Time> deadline() const;  // None while closed, and while it waits for the window.
   bool is_open() const { return phase_ != Phase::kClosed; }
+  bool is_moving() const { return phase_ == Phase::kSending && !is_waiting_; }  // It has its part of the radio.
+  // What the destination understands differently, as it said last.
+  const std::set<DataType>& other_schema_types() const { return other_schema_types_; }
   AgentId destination() const { return destination_; }
   proto::ShareSession Status(Time now) const;
 
@@ -101,11 +117,13 @@ class SharingSession {
   // A new id and Hello, unless it waits for the window; nothing is under way any more.
   void Restart(Time now, SharingActions& actions);
   void Complete(SharingActions& actions);
+  void EndLimitedOrder(SharingActions& actions);
   void Fill(Time now, SharingActions& actions);
   void AskForMissing(SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
   std::size_t BatchBytesMax() const;
   bool MayLeave(const CodedRecords& batch) const;
+  void SetPace(Time now);
   // As many of the records as fit into one message, or the first piece of one that does not; learns the ratio.
   CodedRecords Code(const proto::MissingReply& reply);
   CodedRecords NextPiece();
@@ -135,6 +153,12 @@ class SharingSession {
   bool is_exhausted_ = false;  // Storage said that nothing more is missing.
   bool is_end_told_ = false;   // A batch with remaining 0 is under way or acknowledged since.
   bool has_restarted_at_once_ = false;
+  std::optional<std::uint64_t> bytes_left_;  // Of a limited order.
+  double own_rate_ = 0;
+  double granted_rate_ = 0;
+  Pacer pacer_;
+  std::optional<Time> paced_until_;  // What is ready waits for the rate.
+  std::set<DataType> other_schema_types_;
   bool is_refused_ = false;  // By the destination, which could not store; and it took no record since.
   std::set<AgentId> asked_;  // Of whose streams have_ speaks; empty: of all.
   HaveSet have_;             // Of the destination, as it said.

@@ -10,12 +10,12 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
     const AgentId asker = context.sender().agent;
     const AgentId destination = request.destination() == 0 ? asker : request.destination();
     if (destination == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
-    Open(context, destination, OwnRecords(), /*is_by_role=*/is_leaders && destination == asker);
+    Open(context, destination, OwnRecords(), /*is_by_role=*/is_leaders && destination == asker, request.bytes_max());
     return 1;
   }
   if (is_leading()) {
     if (request.destination() == 0 || request.destination() == self()) return Collect(context, request);
-    OpenAsLeader(context, request.destination(), /*is_by_role=*/false);
+    OpenAsLeader(context, request.destination(), /*is_by_role=*/false, request.bytes_max());
     return 1;
   }
   if (!request.from_agents().empty()) {
@@ -25,7 +25,7 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
   if (roles().leader() == 0) return Fail(ErrorCode::kRefused, "the team has no leader now", "destination");
   if (request.destination() == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
   const AgentId destination = request.destination() == 0 ? roles().leader() : request.destination();
-  Open(context, destination, OwnRecords(), /*is_by_role=*/request.destination() == 0);
+  Open(context, destination, OwnRecords(), /*is_by_role=*/request.destination() == 0, request.bytes_max());
   return 1;
 }
 
@@ -50,24 +50,39 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
   const auto is_meant = [&from](AgentId agent) {
     return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
   };
-  is_bringing_to_base_ = BaseStationOf(team()) != 0 && is_meant(self());
+  // What a limit ended is not begun again.
+  is_bringing_to_base_ = BaseStationOf(team()) != 0 && is_meant(self()) && request.bytes_max() == 0;
   int count = 0;
   for (const proto::AgentConfig& agent : team().agents()) {
     if (agent.id() == self()) continue;
     if (is_meant(agent.id())) {
-      OrderFrom(context, agent.id());
+      OrderFrom(context, agent.id(), request.bytes_max());
       ++count;
     }
     if (is_meant(self())) {
-      OpenAsLeader(context, agent.id(), /*is_by_role=*/true);
+      OpenAsLeader(context, agent.id(), /*is_by_role=*/true, request.bytes_max());
       ++count;
     }
   }
   return count;
 }
 
-void SyncActor::OpenAsLeader(Context& context, AgentId destination, bool is_by_role) {
-  Open(context, destination, LeadersRecordsFor(destination), is_by_role);
+void SyncActor::OpenAsLeader(Context& context, AgentId destination, bool is_by_role, std::uint64_t bytes_max) {
+  Open(context, destination, LeadersRecordsFor(destination), is_by_role, bytes_max);
+}
+
+void SyncActor::OnStarted(Context& context) { StartStatesTimer(context); }
+
+void SyncActor::StartStatesTimer(Context& context) {
+  const double period_s = team().radio().states_period_s();
+  if (period_s <= 0) return;
+  StartStepTimer(context, std::chrono::duration_cast<Duration>(std::chrono::duration<double>(period_s)), 0);
+}
+
+void SyncActor::OnStepTimer(Context& context, std::uint64_t) {
+  StartStatesTimer(context);
+  const AgentId leader = roles().leader();
+  if (leader != 0 && leader != self() && is_connected(leader)) OpenForStates(context, leader);
 }
 
 proto::RecordFilter SyncActor::OwnRecords() const {

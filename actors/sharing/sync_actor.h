@@ -7,6 +7,9 @@
 //       poses and edge verdicts, and the base station what the policy `ground` asks for, again as each agent's
 //       records have come in. Both get home what they shared themselves and have lost.
 // From another agent it always means: your own records to `destination`, or to who asks.
+//
+// With the team file's radio.states_period_s each agent that is connected to the leader sends it its latest states
+// unasked, so often.
 #pragma once
 
 #include "actors/sharing/sharing_actor.h"
@@ -21,9 +24,12 @@ class SyncActor final : public SharingActor {
   Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) override;
   void OnNewRoles(Context& context, const proto::RoleAssignment& previous) override;
   void OnReceived(Context& context, AgentId sender, bool is_all) override;
+  void OnStarted(Context& context) override;
+  void OnStepTimer(Context& context, std::uint64_t step) override;
 
   int Collect(Context& context, const proto::ShareRequest& request);
-  void OpenAsLeader(Context& context, AgentId destination, bool is_by_role);
+  void OpenAsLeader(Context& context, AgentId destination, bool is_by_role, std::uint64_t bytes_max = 0);
+  void StartStatesTimer(Context& context);
 
   proto::RecordFilter OwnRecords() const;
   proto::RecordFilter LeadersRecordsFor(AgentId destination) const;

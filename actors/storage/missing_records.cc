@@ -60,6 +60,7 @@ class MissingFinder {
     if (IsOwn(stream)) return true;
     if (!filter_.origin_agents().empty() && !Contains(filter_.origin_agents(), stream.origin)) return false;
     if (Contains(filter_.not_origin_agents(), stream.origin)) return false;
+    if (Contains(filter_.not_data_types(), stream.type)) return false;
     return filter_.data_types().empty() || Contains(filter_.data_types(), stream.type);
   }
 

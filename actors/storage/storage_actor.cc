@@ -9,6 +9,12 @@
 
 namespace moondb {
 
+namespace {
+
+enum TimerKind : std::uint32_t { kScrub = 1 };
+
+}  // namespace
+
 StorageActor::StorageActor(Options options)
     : options_(std::move(options)), clock_judge_(BaseStationOf(options_.team)) {}
 
@@ -38,6 +44,8 @@ void StorageActor::OnStart(Context& context) {
   }
   store_ = *std::move(store);
   (void)IsClockSuspect(context);  // From here on a jump is seen.
+  next_scrub_.set_part(proto::VERIFY_PART_ROWS);
+  if (options_.scrub_period > Duration::zero()) (void)context.AfterTimer(options_.scrub_period, kScrub);
 }
 
 void StorageActor::OnMessage(Context& context, const proto::Message& message) {
@@ -71,6 +79,9 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return clock_judge_.NotePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
     case proto::Message::kVerifyRequest:
       return OnVerify(context, message.verify_request());
+    case proto::Message::kTimer:
+      if (message.timer().kind() == kScrub && context.sender() == context.self()) Scrub(context);
+      return;
     case proto::Message::kFingerprintRequest:
       return OnFingerprint(context, message.fingerprint_request());
     default:
@@ -189,6 +200,29 @@ void StorageActor::OnFingerprint(Context& context, const proto::FingerprintReque
     *message.mutable_fingerprint_reply()->mutable_error() = ToProto(reply.error());
   }
   Answer(context, std::move(message));
+}
+
+// The rows part by part, then the file as a whole.
+void StorageActor::Scrub(Context& context) {
+  const Result<proto::VerifyReply> reply = store_->Verify(next_scrub_);
+  Duration pause = options_.scrub_pause;
+  if (!reply) {
+    Note(context, "reading through the store", reply.error());
+    pause = options_.scrub_period;
+  } else if (reply->findings_size() > 0) {
+    const proto::VerifyFinding& first = reply->findings(0);
+    const std::string which = first.has_key() ? ToString(FromProto(first.key())) + ": " : "";
+    return Note(context, "reading through the store", Error{ErrorCode::kCorrupt, which + first.text(), ""});
+  } else if (next_scrub_.part() == proto::VERIFY_PART_FILE) {
+    next_scrub_.set_part(proto::VERIFY_PART_ROWS);
+    next_scrub_.set_after_row_id(0);
+    pause = options_.scrub_period;
+  } else if (reply->is_complete()) {
+    next_scrub_.set_part(proto::VERIFY_PART_FILE);
+  } else {
+    next_scrub_.set_after_row_id(reply->last_row_id());
+  }
+  (void)context.AfterTimer(pause, kScrub);
 }
 
 bool StorageActor::IsClockSuspect(Context& context) {

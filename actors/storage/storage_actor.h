@@ -2,8 +2,9 @@
 //
 // Thin: RecordStore does the work. Every reply comes after the commit that it speaks of. A failed write is an error in
 // its reply, and the actor goes on; a file that cannot be opened fails the actor, and one that turns out to be damaged
-// ends the process. Marks what is inserted while this agent's clock is suspect. Spawn it with a thread of its own:
-// commits wait for the disk.
+// ends the process. So that damage is noticed while another disk still has what it costs, it reads through the whole
+// store now and then (Options::scrub_period), as a process does at its start. Marks what is inserted while this agent's
+// clock is suspect. Spawn it with a thread of its own: commits wait for the disk.
 #pragma once
 
 #include <memory>
@@ -27,7 +28,9 @@ class StorageActor final : public Actor {
     proto::TeamConfig team;           // Checked; its agents, policies `share` and custom types are read.
     std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.
     std::uint64_t bytes_max = 0;      // Of the file; 0: as the disk allows.
-    bool is_checked = false;          // As RecordStore::Options: the actor's restarts take no longer for a large file.
+    Duration scrub_period = std::chrono::hours(24);  // From one reading through to the next; zero: never.
+    Duration scrub_pause = std::chrono::minutes(1);  // Between two parts of one, each kVerifyBytesMax at most.
+    bool is_checked = false;  // As RecordStore::Options: the actor's restarts take no longer for a large file.
   };
 
   explicit StorageActor(Options options);
@@ -49,6 +52,7 @@ class StorageActor final : public Actor {
   void OnStatus(Context& context);
   void OnVerify(Context& context, const proto::VerifyRequest& request);
   void OnFingerprint(Context& context, const proto::FingerprintRequest& request);
+  void Scrub(Context& context);
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);
@@ -60,6 +64,7 @@ class StorageActor final : public Actor {
   ClockJudge clock_judge_;
   std::string clock_suspect_;  // The last verdict.
   std::unique_ptr<RecordStore> store_;
+  proto::VerifyRequest next_scrub_;
   RateLimitedLog rejected_log_;
 };
 

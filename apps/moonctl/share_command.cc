@@ -14,6 +14,7 @@ namespace {
 
 struct ShareArguments {
   std::vector<std::string> from;
+  std::uint64_t bytes_max = 0;
   bool is_waiting = false;
 };
 
@@ -44,6 +45,7 @@ Result<proto::ShareRequest> MakeRequest(CommandContext& context, proto::SharingK
                                         const ShareArguments& arguments) {
   proto::ShareRequest request;
   request.set_kind(kind);
+  request.set_bytes_max(arguments.bytes_max);
   auto team = context.Team();
   if (!team) return tl::unexpected(team.error());
   for (const std::string& name : arguments.from) {
@@ -76,17 +78,20 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   auto reply = target->client->Share(*request);
   if (!reply) return context.Report(reply.error());
   if (wait) {
-    if (auto done = wait->Wait(context.WaitTimeout()); !done) return context.Report(done.error());
+    if (auto done = wait->Wait(context.WaitTimeout(), arguments.bytes_max != 0); !done)
+      return context.Report(done.error());
   }
 
   JsonWriter json;
   json.BeginObject().Key("agent").String(target->agent->name()).Key("kind").String(KindName(kind));
-  json.Key("session_count").Number(reply->session_count()).Key("is_acknowledged").Bool(wait.has_value());
+  json.Key("session_count").Number(reply->session_count()).Key("is_acknowledged").Bool(wait && !wait->is_any_closed());
   json.Key("unreachable").BeginArray();
   for (const std::string& name : wait ? wait->unreachable() : std::vector<std::string>{}) json.String(name);
   json.EndArray().EndObject();
   std::string text = std::string(KindName(kind)) + " at " + target->agent->name();
-  text += wait ? ": everything is acknowledged" : ": started, see moonctl " + std::string(KindName(kind)) + " status";
+  const char* acknowledged = wait && wait->is_any_closed() ? ": what the limit allows is acknowledged, more is left"
+                                                           : ": everything is acknowledged";
+  text += wait ? acknowledged : ": started, see moonctl " + std::string(KindName(kind)) + " status";
   if (wait && !wait->unreachable().empty()) text += "; unreachable: " + Joined(wait->unreachable());
   const bool is_partial = wait && !wait->unreachable().empty();
   return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, json.text(), text);
@@ -126,6 +131,12 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus&
   add(status.refused_hellos(), "hellos refused");
   for (const AgentId agent : status.other_config_agents()) {
     text += (text.empty() ? "" : ", ") + AgentName(team, agent) + " has another team file";
+  }
+  for (const proto::ShareSession& session : status.sessions()) {
+    for (const DataType type : session.other_schema_types()) {
+      text += (text.empty() ? "" : ", ") + AgentName(team, session.destination()) + " gets no " +
+              DataTypeName(type, team.custom_types()) + ": it understands something else by that type";
+    }
   }
   return text;
 }
@@ -172,6 +183,8 @@ void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, c
   auto arguments = std::make_shared<ShareArguments>();
   CLI::App& now = *group.add_subcommand("now", "Start it, at the leader or at -a");
   now.add_flag("--wait", arguments->is_waiting, "Until everything is acknowledged");
+  now.add_option("--max-bytes", arguments->bytes_max, "Each session ends when it has sent so many coded bytes")
+      ->check(CLI::PositiveNumber);
   if (kind == proto::SHARING_KIND_SYNC) now.add_option("--from", arguments->from, "Only from these agents");
   now.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };

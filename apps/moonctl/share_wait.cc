@@ -51,9 +51,9 @@ bool ShareWait::Poll(AgentId sender, bool is_baseline) {
     pair.remaining = session.remaining();
     pair.acknowledged = session.acknowledged_records();
     pair.last_error = session.waits_for().empty() ? session.last_error() : session.waits_for();
-    if (is_baseline || session.is_open()) continue;
-    pair.is_done = session.completed_sessions() > pair.completed_before;
-    pair.is_closed = !pair.is_done && session.closed_sessions() > pair.closed_before;
+    if (is_baseline) continue;
+    pair.is_done = !session.is_open() && session.completed_sessions() > pair.completed_before;
+    pair.is_closed = !session.is_open() && !pair.is_done && session.closed_sessions() > pair.closed_before;
   }
   return true;
 }
@@ -69,27 +69,32 @@ std::string ShareWait::Missing() const {
   return text;
 }
 
-Result<void> ShareWait::Wait(std::chrono::milliseconds timeout) {
+bool ShareWait::is_any_closed() const {
+  return std::any_of(pairs_.begin(), pairs_.end(), [](const auto& pair) { return pair.second.is_closed; });
+}
+
+Result<void> ShareWait::Wait(std::chrono::milliseconds timeout, bool is_limited) {
   const auto deadline = std::chrono::steady_clock::now() + timeout;
   Progress progress("sharing");
   double most_remaining = 0;
+  int looks_done = 0;
   while (true) {
-    std::set<AgentId> busy;
+    for (const auto& [agent, client] : clients_) (void)Poll(agent, /*is_baseline=*/false);
     double remaining = 0;
+    std::size_t done = 0;
     for (const auto& [pair, state] : pairs_) {
-      if (!state.is_done) busy.insert(pair.sender);
+      const bool is_done = state.is_done || (is_limited && state.is_closed);
+      remaining += is_done ? 0 : state.remaining;
+      done += is_done ? 1 : 0;
     }
-    for (const AgentId sender : busy) (void)Poll(sender, /*is_baseline=*/false);
-    for (const auto& [pair, state] : pairs_) remaining += state.is_done ? 0 : state.remaining;
-    const auto is_done = [](const auto& pair) { return pair.second.is_done; };
-    const auto done = std::count_if(pairs_.begin(), pairs_.end(), is_done);
     most_remaining = std::max(most_remaining, remaining);
     const double total = most_remaining + static_cast<double>(pairs_.size());
     progress.Show(most_remaining - remaining + static_cast<double>(done), total,
                   FormatCount(remaining) + " records left, " + std::to_string(done) + " of " +
                       std::to_string(pairs_.size()) + " sessions complete");
-    if (static_cast<std::size_t>(done) == pairs_.size()) return {};
-    if (std::any_of(pairs_.begin(), pairs_.end(), [](const auto& pair) { return pair.second.is_closed; })) {
+    looks_done = done == pairs_.size() ? looks_done + 1 : 0;
+    if (looks_done == 2) return {};
+    if (is_any_closed() && !is_limited) {
       return Fail(ErrorCode::kUnavailable, "ended before all was acknowledged: " + Missing() + "; order it again");
     }
     if (std::chrono::steady_clock::now() >= deadline) {

@@ -28,9 +28,12 @@ class ShareWait {
   // and named by unreachable().
   ShareWait(CommandContext& context, std::vector<SharePair> pairs);
 
-  // Shows progress on stderr until all pairs are done. kTimedOut with what was still missing; kUnavailable where a
-  // session ended before all was acknowledged.
-  Result<void> Wait(std::chrono::milliseconds timeout);
+  // Shows progress on stderr until all pairs are done, in two looks one after the other: what one session brings may
+  // open another one. kTimedOut with what was still missing; kUnavailable where a session ended before all was
+  // acknowledged, unless the order was limited.
+  Result<void> Wait(std::chrono::milliseconds timeout, bool is_limited);
+
+  bool is_any_closed() const;
 
   const std::vector<std::string>& unreachable() const { return unreachable_; }
 

@@ -39,7 +39,8 @@ class CustomTypesTeamTest : public testing::Test {
   void Start(AgentId without_types) {
     team_.SetBaseStation(kBase);
     for (AgentId agent = 1; agent <= kBase; ++agent) {
-      const proto::TeamConfig config = agent == without_types ? TestTeam(3) : TeamWithTypes();
+      proto::TeamConfig config = agent == without_types ? TestTeam(3) : TeamWithTypes();
+      if (agent == other_name_at_) config.mutable_custom_types(0)->set_name("rocks");
       team_.AddAgent(agent);
       StorageActor::Options storage;
       storage.path = ":memory:";
@@ -110,6 +111,7 @@ class CustomTypesTeamTest : public testing::Test {
     return answers.empty() ? proto::Message() : answers.back();
   }
 
+  AgentId other_name_at_ = 0;  // Which agent names the first type differently.
   simulation::SimulatedTeam team_{/*seed=*/5};
 };
 
@@ -167,6 +169,21 @@ TEST_F(CustomTypesTeamTest, TellsReadersOfNewRecords) {
   const auto told = team_.Take({kRover, "listener"});
   ASSERT_EQ(told.size(), 1u);
   EXPECT_THAT(told[0].records_stored().data_types(), ElementsAre(kSoil));
+}
+
+TEST_F(CustomTypesTeamTest, ATypeThatTheLeaderUnderstandsDifferentlyStaysAndStatusSaysSo) {
+  other_name_at_ = kLeader;
+  Start(/*without_types=*/0);
+  Insert(kRover, kSoil, "dry");
+  Insert(kRover, kBeacon, "here");
+  Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
+  team_.AdvanceTime(minutes(1));
+  EXPECT_THAT(PayloadsAt(kLeader, kBeacon), ElementsAre("here"));
+  EXPECT_TRUE(PayloadsAt(kLeader, kSoil).empty());
+  const proto::ShareStatus status = ShareStatusOf(team_, kRover, actor_name::kSync);
+  ASSERT_EQ(status.sessions_size(), 1);
+  EXPECT_THAT(status.sessions(0).other_schema_types(), ElementsAre(kSoil));
+  EXPECT_FALSE(status.sessions(0).is_open());
 }
 
 }  // namespace

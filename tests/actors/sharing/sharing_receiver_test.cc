@@ -216,8 +216,11 @@ TEST_F(SharingReceiverTest, StoresWhatCameInPiecesAndSaysHowMuchOfItIsHere) {
   const SharingActions asked = *receiver_.OnBatch(2, pieces.back(), now_);
   ASSERT_EQ(asked.size(), 1u);
   EXPECT_EQ(asked[0].message.store_request().records_size(), 1);
+  EXPECT_TRUE(receiver_.OnBatch(2, pieces.back(), now_)->empty()) << "a late copy";
+  pieces.back().mutable_batch()->set_batch_number(static_cast<std::uint32_t>(pieces.size()) + 1);
   EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, pieces.back(), now_)), ErrorCode::kNotFound) << "its beginning is gone";
   proto::Message impossible = pieces[0];
+  impossible.mutable_batch()->set_batch_number(100);
   impossible.mutable_batch()->mutable_piece()->set_whole_bytes(UINT64_MAX);
   EXPECT_FALSE(receiver_.OnBatch(2, impossible, now_));
   EXPECT_EQ(receiver_.counts().damaged_messages, 1);
@@ -266,6 +269,42 @@ TEST_F(SharingReceiverTest, BoundsSessionsAndLetsSilentOnesGiveWay) {
   EXPECT_TRUE(receiver_.OnHello(17, Hello(10), now_).at(0).message.has_have_request());
   EXPECT_EQ(RefusalOf(*receiver_.OnBatch(1, Batch(10, 1), now_)), ErrorCode::kNotFound);
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
+}
+
+TEST_F(SharingReceiverTest, GrantsEachSenderItsPartOfTheBudget) {
+  SharingReceiver::Options options = Options();
+  options.bytes_per_second_max = 12'000;
+  SharingReceiver receiver(options, 500);
+  const auto granted_to = [&](AgentId sender) {
+    const auto asked = receiver.OnHello(sender, Hello(now_.time_since_epoch().count() + 10), now_);
+    return receiver.OnHaveReply(asked[0].message.request_id(), {})[0].message.have().bytes_per_second_max();
+  };
+  EXPECT_EQ(granted_to(2), 12'000u);
+  EXPECT_EQ(granted_to(3), 6'000u);
+  receiver.SetMovingElsewhere(2);
+  now_ += seconds(4);
+  EXPECT_EQ(granted_to(4), 2'400u) << "two beside these three";
+  EXPECT_EQ(receiver.MovingSessions(now_), 3u);
+  now_ += seconds(4);
+  EXPECT_EQ(receiver.MovingSessions(now_), 1u) << "who is silent gives its part back";
+  proto::Message last = Batch(4'000'000'010, 1);
+  last.set_remaining(0);
+  ASSERT_TRUE(receiver.OnBatch(4, last, now_));
+  EXPECT_EQ(receiver.MovingSessions(now_), 0u) << "and who has told its end";
+}
+
+TEST_F(SharingReceiverTest, TellsItsSchemasToWhoHasOthers) {
+  SharingReceiver::Options options = Options();
+  options.schemas = SchemasOf({});
+  SharingReceiver receiver(options, 500);
+  const auto answer_to = [&](AgentId sender, std::uint64_t schema_hash) {
+    proto::Hello hello = Hello(10);
+    hello.set_schema_hash(schema_hash);
+    const auto asked = receiver.OnHello(sender, hello, now_);
+    return receiver.OnHaveReply(asked[0].message.request_id(), {})[0].message.have();
+  };
+  EXPECT_TRUE(answer_to(2, HashSchemas(options.schemas)).schemas().empty());
+  EXPECT_EQ(answer_to(3, 5).schemas_size(), options.schemas.size());
 }
 
 }  // namespace

@@ -59,6 +59,8 @@ class SharingSessionTest : public testing::Test {
     *have.mutable_have() = destination_.Have().have();
     have.set_is_whole(true);
     have.set_unacked_bytes_max(credit_ = credit);
+    have.set_bytes_per_second_max(granted_rate_);
+    *have.mutable_schemas() = schemas_;
     have.set_part_hash(pieces_.PartFrom(kSelf).hash);
     have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
     Take(session_.OnHave(have, now_));
@@ -86,6 +88,7 @@ class SharingSessionTest : public testing::Test {
     have.set_session_id(batch.session_id());
     have.set_batch_number(batch.batch_number());
     have.set_unacked_bytes_max(credit_);
+    have.set_bytes_per_second_max(granted_rate_);
     return have;
   }
 
@@ -103,6 +106,20 @@ class SharingSessionTest : public testing::Test {
     return batches;
   }
 
+  // The destination stores and acknowledges at once; coded bytes that came until then.
+  std::size_t BytesUntil(SharingSession::Time end) {
+    std::size_t bytes = 0;
+    while (now_ < end) {
+      for (const proto::Message& message : TakeSent()) {
+        if (!message.has_batch()) continue;
+        bytes += message.batch().ByteSizeLong();
+        Acknowledge(message);
+      }
+      if (sent_.empty()) Advance(std::chrono::milliseconds(100));
+    }
+    return bytes;
+  }
+
   // Time passes in small steps.
   void Advance(std::chrono::nanoseconds duration) {
     for (const auto end = now_ + duration; now_ < end;) {
@@ -116,12 +133,15 @@ class SharingSessionTest : public testing::Test {
   static SharingSession::Options Options() {
     SharingSession::Options options;
     options.state_types = {proto::POWER, proto::MODE};
+    options.schemas = SchemasOf({});
     return options;
   }
 
   SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
   SharingSession::Time now_{};
   std::uint32_t credit_ = 8 * 1024;  // That the destination grants.
+  std::uint32_t granted_rate_ = 0;   // Likewise.
+  TypeSchemas schemas_;              // Of the destination, where it tells them.
   MemoryStore source_;
   MemoryStore destination_;
   PieceCollector pieces_{1'000'000};  // The destination's.
@@ -894,6 +914,111 @@ TEST_F(SharingSessionTest, ShowsOfARefusalNoMoreThanALine) {
   Take(session_.OnRefusal(refusal, now_));
   EXPECT_LT(Status().last_error().size(), 400u);
   EXPECT_TRUE(proto::ShareSession().ParseFromString(Status().SerializeAsString())) << "UTF-8 as a client needs it";
+}
+
+TEST_F(SharingSessionTest, KeepsToTheSmallerOfItsOwnAndTheGrantedRate) {
+  for (int i = 0; i < 2000; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  session_.SetRate(5'000, now_);
+  granted_rate_ = 2'000;
+  Order();
+  AnswerHello();
+  EXPECT_EQ(Status().bytes_per_second_max(), 2'000);
+  const std::size_t granted = BytesUntil(now_ + seconds(60));
+  EXPECT_GT(granted, 2'000u * 50);
+  EXPECT_LT(granted, 2'000u * 60 + 12 * 1024);
+  EXPECT_EQ(Status().resends(), 0) << "waiting for the rate is no silence";
+
+  granted_rate_ = 0;
+  (void)BytesUntil(now_ + seconds(3));
+  EXPECT_EQ(Status().bytes_per_second_max(), 5'000);
+  const std::size_t own = BytesUntil(now_ + seconds(20));
+  EXPECT_GT(own, 5'000u * 16);
+  EXPECT_LT(own, 5'000u * 21);
+}
+
+TEST_F(SharingSessionTest, AVerySlowRateStartsNothingAnew) {
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  session_.SetRate(125, now_);
+  Order();
+  AnswerHello();
+  (void)BytesUntil(now_ + seconds(300));
+  EXPECT_EQ(Status().resends(), 0);
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_FALSE(session_.is_open());
+}
+
+TEST_F(SharingSessionTest, ALostBatchIsNoticedAtASlowRateToo) {
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  session_.SetRate(125, now_);
+  Order();
+  AnswerHello();
+  TakeSent();  // Lost.
+  Advance(seconds(10));
+  EXPECT_TRUE(TakeSent().back().has_hello());
+}
+
+TEST_F(SharingSessionTest, ALimitedOrderEndsWithItsBytes) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(Status().completed_sessions(), 0);
+  EXPECT_EQ(Status().closed_sessions(), 1);
+  EXPECT_GE(Status().coded_bytes(), 10'000);
+  EXPECT_LE(Status().coded_bytes(), 10'000 + 1200);
+  EXPECT_EQ(Status().acknowledged_records(), Status().sent_records());
+  EXPECT_NE(Status().last_error().find("its order's bytes"), std::string::npos) << Status().last_error();
+
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/1'000'000));  // The rest fits.
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(Status().completed_sessions(), 1);
+  EXPECT_EQ(Status().sent_records(), 300);
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, ALimitDoesNotNarrowAnOpenOrderWithoutOne) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Order();
+  AnswerHello();
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/1'000));
+  RunToEnd();
+  EXPECT_EQ(Status().completed_sessions(), 1);
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, ALimitHoldsForRecordsInPiecesToo) {
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(30'000));
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_LE(Status().coded_bytes(), 10'000 + 1200);
+  Order();
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_LT(Status().coded_bytes(), 33'000) << "it goes on where it ended";
+}
+
+TEST_F(SharingSessionTest, LeavesOutWhatTheDestinationUnderstandsDifferently) {
+  schemas_ = SchemasOf({});
+  for (proto::TypeSchema& schema : schemas_) {
+    if (schema.data_type() == proto::MODE) schema.set_hash(schema.hash() + 1);
+  }
+  source_.Insert(kSelf, proto::MODE, "m");
+  Order();
+  AnswerHello();
+  RunToEnd();
+  ASSERT_EQ(asked_for_.not_data_types_size(), 1);
+  EXPECT_EQ(asked_for_.not_data_types(0), static_cast<std::uint32_t>(proto::MODE));
+  EXPECT_EQ(Status().other_schema_types_size(), 1);
+  schemas_.Clear();  // It was updated.
+  Order();
+  AnswerHello();
+  EXPECT_TRUE(asked_for_.not_data_types().empty());
+  EXPECT_TRUE(Status().other_schema_types().empty());
 }
 
 }  // namespace

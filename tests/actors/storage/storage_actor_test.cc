@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "actors/storage/verify.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/actors/storage/store_fixtures.h"
 
@@ -186,6 +187,35 @@ TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
   team_.Restart(2);
   EXPECT_EQ(ReadAll().records_size(), 0);
   EXPECT_TRUE(std::filesystem::exists(options_.path + ".damaged-1"));
+}
+
+TEST_F(StorageActorTest, ReadsThroughItsStoreEachDayAndEndsTheProcessWhereARowIsDamaged) {
+  options_.scrub_pause = std::chrono::minutes(1);
+  Start();
+  for (int i = 0; i < 3 * static_cast<int>(kVerifyRecordsMax) / 2; ++i) Insert(NodeRecord(2, i));
+  team_.AdvanceTime(std::chrono::hours(49));
+  ASSERT_TRUE(team_.is_running(2));
+  team_.Crash(2);
+  {
+    const auto database = Database::Open(options_.path, 0, "");
+    ASSERT_TRUE(database) << database.error().text;
+    ASSERT_TRUE(
+        (*database)->Execute("UPDATE pose_graph_node SET content = CAST(content || x'00' AS BLOB) WHERE seq = 2500"));
+  }
+  options_.is_checked = true;  // As if it were damaged from now on.
+  team_.Restart(2);
+  team_.AdvanceTime(std::chrono::hours(24));
+  EXPECT_TRUE(team_.is_running(2)) << "the damaged row is not in the first part";
+  team_.AdvanceTime(std::chrono::minutes(2));
+  EXPECT_FALSE(team_.is_running(2));
+  options_.is_checked = false;
+  team_.Restart(2);
+  ASSERT_TRUE(team_.is_running(2));
+  proto::Message question;
+  question.mutable_have_request();
+  const HaveSet have = *FromProto(Ask(std::move(question)).have_reply().have());
+  ASSERT_EQ(have.streams().size(), 1u);
+  EXPECT_FALSE(have.streams().begin()->second.held.Contains(2500)) << "who has it sends it again";
 }
 
 TEST_F(StorageActorTest, FailsWhereTheFileCannotBeOpened) {
