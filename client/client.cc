@@ -1,5 +1,7 @@
 #include "client/client.h"
 
+#include <iterator>
+#include <optional>
 #include <utility>
 
 #include "client/connection.h"
@@ -22,8 +24,9 @@ Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::strin
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
-  const bool is_long =
-      request.has_optimize() || request.has_merge() || request.verify().part() == proto::VERIFY_PART_FILE;
+  const bool is_long = request.has_optimize() || request.has_merge() || request.has_map_why() ||
+                       request.has_map_stats() || request.has_map_tiles() ||
+                       request.verify().part() == proto::VERIFY_PART_FILE;
   return Call(request, is_long ? options_.long_timeout : options_.timeout);
 }
 
@@ -185,6 +188,46 @@ Result<proto::TraceReply> Client::Trace(const proto::TraceRequest& trace) {
   proto::ControlRequest request;
   *request.mutable_trace() = trace;
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_trace()); });
+}
+
+Result<proto::MapWhyReply> Client::MapWhy(double x_m, double y_m) {
+  proto::ControlRequest request;
+  request.mutable_map_why()->set_x_m(x_m);
+  request.mutable_map_why()->set_y_m(y_m);
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_map_why()); });
+}
+
+Result<proto::MapStatsReply> Client::MapStats() {
+  proto::ControlRequest request;
+  request.mutable_map_stats();
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_map_stats()); });
+}
+
+Result<std::vector<MergedTile>> Client::NextMapTiles(proto::MapTilesRequest& request) {
+  proto::ControlRequest control;
+  *control.mutable_map_tiles() = request;
+  control.mutable_map_tiles()->clear_after();
+  std::vector<MergedTile> all;
+  std::optional<proto::MapTilesReply> first;
+  while (true) {
+    auto reply = Call(control);
+    if (!reply) return tl::unexpected(reply.error());
+    const proto::MapTilesReply& part = reply->map_tiles();
+    auto tiles = DecodeMapTiles(part);
+    if (!tiles) return tl::unexpected(tiles.error());
+    if (first && part.life() != first->life()) {
+      request.clear_life();
+      return Fail(ErrorCode::kUnavailable, "the agent began to merge anew; ask again");
+    }
+    all.insert(all.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
+    if (!first) first = part;
+    if (part.is_complete() || part.tiles().empty()) break;
+    *control.mutable_map_tiles()->mutable_after() = *part.tiles().rbegin();
+    control.mutable_map_tiles()->mutable_after()->clear_zstd_cells();
+  }
+  request.set_life(first->life());
+  request.set_since_version(first->version());
+  return all;
 }
 
 Result<Client::Merged> Client::Merge(const proto::MergeRequest& merge) {

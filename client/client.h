@@ -21,6 +21,7 @@
 #include <string>
 #include <vector>
 
+#include "client/merged_map.h"
 #include "model/custom_types.h"
 #include "model/error.h"
 #include "model/have_set.h"
@@ -100,6 +101,13 @@ class Client {
   // What the agent's actors did last, and what they failed at.
   Result<proto::TraceReply> Trace(const proto::TraceRequest& request);
   Result<Merged> Merge(const proto::MergeRequest& request);
+  // What the maps say of the cell at a place in the frame `map`, who wins it and why.
+  Result<proto::MapWhyReply> MapWhy(double x_m, double y_m);
+  Result<proto::MapStatsReply> MapStats();
+  // The merged map's tiles that changed since the last call with this `request`, which keeps count; at first, and where
+  // the agent's merging began anew, all of them. With wait_s it waits for a change; none in that time: no tiles.
+  // kUnavailable where it begins anew between two parts of an answer.
+  Result<std::vector<MergedTile>> NextMapTiles(proto::MapTilesRequest& request);
   // Asks an actor of the user's own on the agent; its answer. kNotFound: the agent has none of that name.
   Result<google::protobuf::Any> Ask(const std::string& actor, const google::protobuf::Any& question);
   // The agent has agreed to stop; it ends shortly after.

@@ -58,6 +58,7 @@ int SharingRank(DataType type) {
       return 2;
     case proto::OPTIMIZED_POSE:
     case proto::EDGE_VERDICT:
+    case proto::MAP_QUARANTINE:
       return 3;
     case proto::LOCAL_TRAVERSABILITY_MAP:
       return 5;

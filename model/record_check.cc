@@ -16,6 +16,7 @@ namespace {
 constexpr double kRangeMaxM = 1e6;
 constexpr int kCovarianceNumbers = 21;
 constexpr std::size_t kHealthTextBytesMax = 1024;
+constexpr std::size_t kReasonBytesMax = 1024;
 
 // The first broken rule wins; later calls keep it.
 class Checker {
@@ -95,6 +96,22 @@ void CheckCustom(const proto::CustomRecord& custom, Checker& check) {
   check.Require(IsUtf8(custom.metadata()), "custom.metadata", "is not UTF-8");
 }
 
+void CheckQuarantine(const proto::MapQuarantine& quarantine, Checker& check) {
+  check.Size(quarantine.reason(), kReasonBytesMax, "map_quarantine.reason");
+  check.Require(IsUtf8(quarantine.reason()), "map_quarantine.reason", "is not UTF-8");
+  if (quarantine.has_lifts()) {
+    const proto::RecordKey& lifted = quarantine.lifts();
+    check.Agent(lifted.origin_agent(), "map_quarantine.lifts.origin_agent");
+    check.Require(lifted.data_type() == proto::MAP_QUARANTINE, "map_quarantine.lifts.data_type",
+                  "must be that of a quarantine");
+    check.Require(lifted.epoch() != 0 && lifted.seq() >= 1 && lifted.seq() <= kSeqMax, "map_quarantine.lifts",
+                  "names no shared record");
+    return;
+  }
+  check.Agent(quarantine.agent_id(), "map_quarantine.agent_id");
+  check.Require(quarantine.from_ns() <= quarantine.to_ns(), "map_quarantine.to_ns", "lies before from_ns");
+}
+
 std::string NodeText(const proto::NodeKey& node) {
   return std::to_string(node.agent_id()) + ":" + std::to_string(node.index());
 }
@@ -131,6 +148,8 @@ DataType TypeOf(const proto::Record& record) {
       return proto::EDGE_VERDICT;
     case proto::Record::kLocalTraversabilityMap:
       return proto::LOCAL_TRAVERSABILITY_MAP;
+    case proto::Record::kMapQuarantine:
+      return proto::MAP_QUARANTINE;
     case proto::Record::kCustom:
       if (IsCustom(record.custom().data_type())) return record.custom().data_type();
       return proto::DATA_TYPE_UNSPECIFIED;
@@ -188,6 +207,9 @@ Result<void> CheckRecord(const proto::Record& record) {
       if (!map) check.Stop(map.error(), "local_traversability_map");
       break;
     }
+    case proto::Record::kMapQuarantine:
+      CheckQuarantine(record.map_quarantine(), check);
+      break;
     case proto::Record::kCustom:
       CheckCustom(record.custom(), check);
       break;

@@ -11,6 +11,9 @@
 
 namespace moondb {
 
+// Of a record that is shared; a row keeps it as a signed number.
+inline constexpr std::uint64_t kSeqMax = INT64_MAX;
+
 // One stream of records: gap-free seqs from 1 within it.
 struct StreamKey {
   AgentId origin = 0;

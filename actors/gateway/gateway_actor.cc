@@ -12,7 +12,8 @@ namespace {
 enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
 
 bool IsLong(const proto::ControlRequest& request) {
-  return request.has_optimize() || request.has_merge() || request.verify().part() == proto::VERIFY_PART_FILE;
+  return request.has_optimize() || request.has_merge() || request.has_map_why() || request.has_map_stats() ||
+         request.has_map_tiles() || request.verify().part() == proto::VERIFY_PART_FILE;
 }
 
 proto::ControlReply ErrorReply(const Error& error) {
@@ -153,6 +154,15 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kMerge:
       *message.mutable_merge_request() = request.merge();
       return Ask(context, actor_name::kMerge, std::move(message), id, pending);
+    case proto::ControlRequest::kMapWhy:
+      *message.mutable_map_why_request() = request.map_why();
+      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
+    case proto::ControlRequest::kMapStats:
+      message.mutable_map_stats_request();
+      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
+    case proto::ControlRequest::kMapTiles:
+      *message.mutable_map_tiles_request() = request.map_tiles();
+      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
     case proto::ControlRequest::kCustom: {
       const std::string& actor = request.custom().actor();
       if (!options_.own_actors.contains(actor)) {
@@ -233,6 +243,15 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
     case proto::Message::kMergeReply:
       *reply.mutable_merge() = message.merge_reply();
       return copy_error(message.merge_reply().error());
+    case proto::Message::kMapWhyReply:
+      *reply.mutable_map_why() = message.map_why_reply();
+      return copy_error(message.map_why_reply().error());
+    case proto::Message::kMapStatsReply:
+      *reply.mutable_map_stats() = message.map_stats_reply();
+      return copy_error(message.map_stats_reply().error());
+    case proto::Message::kMapTilesReply:
+      *reply.mutable_map_tiles() = message.map_tiles_reply();
+      return copy_error(message.map_tiles_reply().error());
     case proto::Message::kGraphStatsReply:
       *reply.mutable_graph_stats() = message.graph_stats_reply();
       return true;

@@ -1,6 +1,7 @@
 #include "actors/gateway/request_check.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace moondb {
@@ -37,6 +38,9 @@ Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Rec
     case proto::Record::kLocalTraversabilityMap:
       return CheckMember(team, record.local_traversability_map().node().agent_id(),
                          at + ".local_traversability_map.node.agent_id");
+    case proto::Record::kMapQuarantine:
+      if (record.map_quarantine().has_lifts()) return {};
+      return CheckMember(team, record.map_quarantine().agent_id(), at + ".map_quarantine.agent_id");
     default:
       return {};
   }
@@ -102,6 +106,25 @@ Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto
   return CheckMembers(team, share.from_agents(), "share.from_agents");
 }
 
+Result<void> CheckCoordinate(double metres, const std::string& field) {
+  if (std::abs(metres) <= kMapCoordinateMax_m) return {};  // Not for NaN.
+  return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
+}
+
+Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
+  if (!(tiles.wait_s() >= 0 && tiles.wait_s() <= kMapWaitMax_s)) {
+    return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "map_tiles.wait_s");
+  }
+  if (!tiles.has_region()) return {};
+  const proto::MapRegion& region = tiles.region();
+  if (auto checked = CheckCoordinate(region.x_min_m(), "map_tiles.region.x_min_m"); !checked) return checked;
+  if (auto checked = CheckCoordinate(region.y_min_m(), "map_tiles.region.y_min_m"); !checked) return checked;
+  if (auto checked = CheckCoordinate(region.x_max_m(), "map_tiles.region.x_max_m"); !checked) return checked;
+  if (auto checked = CheckCoordinate(region.y_max_m(), "map_tiles.region.y_max_m"); !checked) return checked;
+  if (region.x_min_m() <= region.x_max_m() && region.y_min_m() <= region.y_max_m()) return {};
+  return Fail(ErrorCode::kInvalid, "ends before it begins", "map_tiles.region");
+}
+
 }  // namespace
 
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request) {
@@ -116,6 +139,13 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
       return CheckShare(team, self, request.share());
     case proto::ControlRequest::kMerge:
       return CheckMembers(team, request.merge().agents(), "merge.agents");
+    case proto::ControlRequest::kMapWhy: {
+      auto checked = CheckCoordinate(request.map_why().x_m(), "map_why.x_m");
+      return checked ? CheckCoordinate(request.map_why().y_m(), "map_why.y_m") : checked;
+    }
+    case proto::ControlRequest::kMapTiles:
+      return CheckMapTiles(request.map_tiles());
+    case proto::ControlRequest::kMapStats:
     case proto::ControlRequest::kStatus:
     case proto::ControlRequest::kRoleShow:
     case proto::ControlRequest::kShareStatus:

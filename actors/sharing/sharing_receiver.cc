@@ -12,6 +12,8 @@ namespace {
 // Ids of one sender's sessions count up: one a little below the present id is an old Hello that came late.
 constexpr std::uint64_t kStaleSessions = 1024;
 
+constexpr int kEveryonesTypesMax = 256;
+
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
   SharingAction action{sender, {}};
   action.message.set_ms_type(proto::CONTROL);
@@ -76,6 +78,7 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   incoming.is_at_end = false;
   incoming.is_other_schema = hello.schema_hash() != schema_hash_;
   incoming.origins = {hello.origin_agents().begin(), hello.origin_agents().end()};
+  incoming.everyones_types = {hello.everyones_types().begin(), hello.everyones_types().end()};
   if (++next_request_id_ == 0) ++next_request_id_;
   incoming.have_request_id = next_request_id_;
   SharingAction action;
@@ -146,7 +149,8 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     proto::Have& have = *action.message.mutable_have();
     have.set_session_id(incoming.session_id);
     for (const proto::StreamHave& stream : reply.have().streams()) {
-      const bool is_asked = incoming.origins.empty() || incoming.origins.contains(stream.origin_agent());
+      const bool is_asked = incoming.origins.empty() || incoming.origins.contains(stream.origin_agent()) ||
+                            incoming.everyones_types.contains(stream.data_type());
       if (is_asked) *have.mutable_have()->add_streams() = stream;
     }
     have.set_is_whole(true);
@@ -187,6 +191,8 @@ Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
   if (hello.session_id() == 0) return Fail(ErrorCode::kRefused, "is missing", "session_id");
   if (hello.origin_agents().size() > static_cast<int>(kAgentIdMax))
     return Fail(ErrorCode::kRefused, "are too many", "origin_agents");
+  if (hello.everyones_types().size() > kEveryonesTypesMax)
+    return Fail(ErrorCode::kRefused, "are too many", "everyones_types");
   return {};
 }
 

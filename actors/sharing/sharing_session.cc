@@ -91,7 +91,7 @@ SharingActions SharingSession::OrderAgain(Time now) {
     Start(now, actions);
   } else if (was_waiting) {
     Start(now, actions);
-  } else if (!IsAsked(OriginsMeant())) {
+  } else if (!IsAllAsked()) {
     Start(now, actions);  // The destination has not said what it has of these.
   } else if (phase_ == Phase::kAwaitingHave) {
     // Whoever asks again while the destination is silent does not wait for a delay that has grown.
@@ -269,15 +269,19 @@ std::set<AgentId> SharingSession::OriginsMeant() const {
   return origins;
 }
 
-bool SharingSession::IsAsked(const std::set<AgentId>& origins) const {
+bool SharingSession::IsAllAsked() const {
   if (asked_.empty()) return true;
-  return !origins.empty() && std::includes(asked_.begin(), asked_.end(), origins.begin(), origins.end());
+  const auto is_asked = [this](DataType type) { return asked_types_.contains(type); };
+  const std::set<AgentId> origins = OriginsMeant();
+  return !origins.empty() && std::includes(asked_.begin(), asked_.end(), origins.begin(), origins.end()) &&
+         std::all_of(filter_.everyones_types().begin(), filter_.everyones_types().end(), is_asked);
 }
 
 proto::RecordFilter SharingSession::StatesMeant() const {
   proto::RecordFilter states = filter_;
   states.clear_data_types();
   states.clear_own_records_of();
+  states.clear_everyones_types();
   for (const DataType type : options_.state_types) {
     const auto& meant = filter_.data_types();
     if (meant.empty() || std::find(meant.begin(), meant.end(), type) != meant.end()) states.add_data_types(type);
@@ -325,6 +329,8 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   hello.set_schema_hash(HashSchemas(options_.schemas));
   asked_ = OriginsMeant();
   hello.mutable_origin_agents()->Assign(asked_.begin(), asked_.end());
+  asked_types_ = {filter_.everyones_types().begin(), filter_.everyones_types().end()};
+  *hello.mutable_everyones_types() = filter_.everyones_types();
   actions.push_back(std::move(action));
 }
 

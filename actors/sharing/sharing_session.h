@@ -110,7 +110,8 @@ class SharingSession {
 
   // Whose streams the filter is about; empty: everybody's.
   std::set<AgentId> OriginsMeant() const;
-  bool IsAsked(const std::set<AgentId>& origins) const;
+  // The destination's answer to the last Hello speaks of all that the filter is about.
+  bool IsAllAsked() const;
   Result<HaveSet> CheckHave(const proto::Have& have) const;
   proto::RecordFilter StatesMeant() const;        // The part of the order that passes a window of kStatesOnly.
   void Start(Time now, SharingActions& actions);  // Restart with the shortest delay.
@@ -159,9 +160,10 @@ class SharingSession {
   Pacer pacer_;
   std::optional<Time> paced_until_;  // What is ready waits for the rate.
   std::set<DataType> other_schema_types_;
-  bool is_refused_ = false;  // By the destination, which could not store; and it took no record since.
-  std::set<AgentId> asked_;  // Of whose streams have_ speaks; empty: of all.
-  HaveSet have_;             // Of the destination, as it said.
+  bool is_refused_ = false;         // By the destination, which could not store; and it took no record since.
+  std::set<AgentId> asked_;         // Of whose streams have_ speaks; empty: of all.
+  std::set<DataType> asked_types_;  // Whatever the origin.
+  HaveSet have_;                    // Of the destination, as it said.
   HaveSet
       refused_;  // What acknowledged batches carried and the destination did not take; not sent again before a restart.
   std::optional<CodedRecords> ready_;

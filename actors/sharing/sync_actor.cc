@@ -110,6 +110,10 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
     for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
       if (SharePolicyOf(team(), type) != proto::POLICY_NONE) filter.add_data_types(type);
     }
+    // Who merges maps leaves out the same ones.
+    if (SharePolicyOf(team(), proto::MAP_QUARANTINE) != proto::POLICY_NONE) {
+      filter.add_everyones_types(proto::MAP_QUARANTINE);
+    }
   }
   if (filter.data_types().empty()) {  // Of others nothing, then; without types it would be all.
     filter.clear_origin_agents();

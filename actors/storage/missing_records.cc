@@ -57,10 +57,11 @@ class MissingFinder {
  private:
   bool IsWanted(const StreamKey& stream) const {
     if (!rules_.IsShared(stream) || !FindRecordTable(stream.type)) return false;
+    if (Contains(filter_.not_data_types(), stream.type)) return false;
     if (IsOwn(stream)) return true;
+    if (Contains(filter_.everyones_types(), stream.type)) return true;
     if (!filter_.origin_agents().empty() && !Contains(filter_.origin_agents(), stream.origin)) return false;
     if (Contains(filter_.not_origin_agents(), stream.origin)) return false;
-    if (Contains(filter_.not_data_types(), stream.type)) return false;
     return filter_.data_types().empty() || Contains(filter_.data_types(), stream.type);
   }
 

@@ -46,6 +46,9 @@ Result<void> CheckOwnership(const proto::Record& record, AgentId origin, const s
       return CheckEnds(record.edge_verdict().from(), record.edge_verdict().to(), team, "edge_verdict");
     case proto::Record::kOptimizedPose:
       return CheckAgent(record.optimized_pose().node().agent_id(), team, "optimized_pose.node.agent_id");
+    case proto::Record::kMapQuarantine:
+      if (record.map_quarantine().has_lifts()) return {};
+      return CheckAgent(record.map_quarantine().agent_id(), team, "map_quarantine.agent_id");
     default:
       return {};
   }

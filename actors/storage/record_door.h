@@ -12,8 +12,6 @@
 
 namespace moondb {
 
-// Of a record that is shared; a row keeps it as a signed number.
-inline constexpr std::uint64_t kSeqMax = INT64_MAX;
 
 // CheckRecord, then: kInvalid with the field named for an agent that is not in `team`, and for a node or map whose
 // node is not `origin`'s own.

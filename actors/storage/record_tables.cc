@@ -81,6 +81,13 @@ void BindLocalTraversabilityMap(const proto::Record& record, Query& query) {
   BindPose(map.node_from_map(), query);
 }
 
+void BindMapQuarantine(const proto::Record& record, Query& query) {
+  const proto::MapQuarantine& quarantine = record.map_quarantine();
+  const std::string lifts = quarantine.has_lifts() ? ToString(FromProto(quarantine.lifts())) : "";
+  query << quarantine.agent_id() << quarantine.from_ns() << quarantine.to_ns() << std::string_view(quarantine.reason())
+        << std::string_view(lifts);
+}
+
 void BindCustom(const proto::Record& record, std::string_view content, Query& query) {
   const proto::CustomRecord& custom = record.custom();
   // Equal bytes are as good wherever they stand first.
@@ -116,6 +123,8 @@ std::vector<RecordTable> MakeTables() {
       proto::LOCAL_TRAVERSABILITY_MAP,
       "node_agent, node_index, layer_count, finest_resolution_um, finest_width_cells, finest_height_cells, " + pose, "",
       FromRecord<BindLocalTraversabilityMap>);
+  tables.emplace_back(proto::MAP_QUARANTINE, "maps_of, from_ns, to_ns, reason, lifts", "",
+                      FromRecord<BindMapQuarantine>);
   tables.emplace_back("data_type, metadata, payload_at, payload_bytes", BindCustom);
   return tables;
 }

@@ -161,14 +161,33 @@ CREATE VIEW v_custom_record AS
 DROP VIEW shared_record;
 )sql";
 
-std::string Version2() {
-  return kCustomV2 + SharedRecordV1() +
+std::string SharedRecordV2() {
+  return SharedRecordV1() +
          " UNION ALL SELECT data_type, row_id, origin, epoch, seq, stamp_ns FROM custom_record"
-         " WHERE seq IS NOT NULL;";
+         " WHERE seq IS NOT NULL";
 }
+
+std::string Version2() { return kCustomV2 + SharedRecordV2() + ";"; }
 
 constexpr char kVersion3[] =
     "ALTER TABLE have_interval ADD COLUMN hash INTEGER; ALTER TABLE role_history ADD COLUMN hash INTEGER;";
+
+// Version 4: maps that operators distrust.
+constexpr char kQuarantineV4[] = R"sql(
+CREATE TABLE map_quarantine(
+  row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
+  latest_key TEXT NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL,
+  maps_of INTEGER NOT NULL, from_ns INTEGER NOT NULL, to_ns INTEGER NOT NULL, reason TEXT NOT NULL,
+  lifts TEXT NOT NULL,
+  content BLOB NOT NULL, CHECK((epoch IS NULL) = (seq IS NULL)), UNIQUE(origin, epoch, seq)) STRICT;
+DROP VIEW shared_record;
+)sql";
+
+std::string Version4() {
+  return kQuarantineV4 + SharedRecordV2() +
+         " UNION ALL SELECT 31 AS data_type, row_id, origin, epoch, seq, stamp_ns FROM map_quarantine"
+         " WHERE seq IS NOT NULL;";
+}
 
 // The step from version `from` to the next.
 std::string Step(int from) {
@@ -179,6 +198,8 @@ std::string Step(int from) {
       return Version2();
     case 2:
       return kVersion3;
+    case 3:
+      return Version4();
     default:
       return {};
   }

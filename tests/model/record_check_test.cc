@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "model/geometry.h"
+#include "model/record_key.h"
 #include "model/term.h"
 #include "model/traversability_map.h"
 
@@ -137,6 +138,30 @@ TEST(RecordCheckTest, RefusesPosesAndVerdictsOfTheFarFuture) {
   pose.mutable_term()->set_number(kTermNumberMax + 1);
   ASSERT_FALSE(CheckRecord(record));
   EXPECT_EQ(CheckRecord(record).error().field, "optimized_pose.term.number");
+}
+
+TEST(RecordCheckTest, NamesTheFieldOfAQuarantineThatIsWrong) {
+  proto::Record record;
+  record.mutable_map_quarantine()->set_agent_id(2);
+  record.mutable_map_quarantine()->set_from_ns(-5);
+  const auto refused = [&record](const std::function<void(proto::MapQuarantine&)>& spoil) {
+    return Refused(record, [&spoil](proto::Record& r) { spoil(*r.mutable_map_quarantine()); });
+  };
+  EXPECT_EQ(refused([](auto&) {}), "");
+  EXPECT_EQ(refused([](auto& q) { q.set_agent_id(0); }), "map_quarantine.agent_id");
+  EXPECT_EQ(refused([](auto& q) { q.set_to_ns(-6); }), "map_quarantine.to_ns");
+  EXPECT_EQ(refused([](auto& q) { q.set_reason(std::string(1025, 'x')); }), "map_quarantine.reason");
+  EXPECT_EQ(refused([](auto& q) { q.mutable_lifts()->set_origin_agent(1); }), "map_quarantine.lifts.data_type");
+  const auto lift = [](proto::MapQuarantine& q) {
+    q.Clear();
+    *q.mutable_lifts() = ToProto(RecordKey{{1, 7, proto::MAP_QUARANTINE}, 3});
+  };
+  EXPECT_EQ(refused(lift), "");
+  EXPECT_EQ(refused([&lift](auto& q) {
+              lift(q);
+              q.mutable_lifts()->set_seq(0);
+            }),
+            "map_quarantine.lifts");
 }
 
 TEST(RecordCheckTest, TellsNodesAndEdgesApartByTheirNaturalKeys) {

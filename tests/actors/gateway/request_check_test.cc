@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace moondb {
 namespace {
 
@@ -72,6 +74,29 @@ TEST(RequestCheckTest, RefusesToShareWithItselfOrWithStrangers) {
   request.mutable_share()->set_destination(2);
   request.mutable_share()->add_from_agents(8);
   EXPECT_EQ(FieldOf(request), "share.from_agents[0]");
+}
+
+TEST(RequestCheckTest, NamesWhatIsWrongWithAQuestionAboutTheMap) {
+  proto::ControlRequest request;
+  request.mutable_map_why()->set_y_m(-5);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_map_why()->set_y_m(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(FieldOf(request), "map_why.y_m");
+  EXPECT_EQ((request.mutable_map_stats(), FieldOf(request)), "ok");
+  proto::MapTilesRequest& tiles = *request.mutable_map_tiles();
+  EXPECT_EQ(FieldOf(request), "ok");
+  tiles.set_wait_s(61);
+  EXPECT_EQ(FieldOf(request), "map_tiles.wait_s");
+  tiles.set_wait_s(60);
+  tiles.mutable_region()->set_x_max_m(4);
+  EXPECT_EQ(FieldOf(request), "ok");
+  tiles.mutable_region()->set_x_min_m(5);
+  EXPECT_EQ(FieldOf(request), "map_tiles.region");
+  tiles.mutable_region()->set_x_min_m(-2e9);
+  EXPECT_EQ(FieldOf(request), "map_tiles.region.x_min_m");
+  auto& quarantine = *request.mutable_insert()->add_records()->mutable_map_quarantine();
+  quarantine.set_agent_id(9);
+  EXPECT_EQ(FieldOf(request), "insert.records[0].map_quarantine.agent_id");
 }
 
 TEST(RequestCheckTest, BringsPagesIntoTheirBounds) {

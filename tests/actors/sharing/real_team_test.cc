@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
@@ -109,6 +110,19 @@ class RealTeam {
       pose.set_run(run);
     }
     Insert(leader, request);
+  }
+
+  void InsertQuarantine(AgentId at, AgentId maps_of) {
+    proto::InsertRequest request;
+    AddRecord(request).mutable_map_quarantine()->set_agent_id(maps_of);
+    Insert(at, request);
+  }
+
+  std::size_t QuarantinesAt(AgentId agent) {
+    const Records records = ReadAll(agent);
+    return static_cast<std::size_t>(std::count_if(records.begin(), records.end(), [](const auto& record) {
+      return record.first.stream.type == proto::MAP_QUARANTINE;
+    }));
   }
 
   Records ReadAll(AgentId agent) {
@@ -379,6 +393,20 @@ int SeedCount() {
 
 // A lossy radio that repeats and reorders, cuts, crashes at any moment, role changes and orders anywhere; then quiet,
 // in which everything must converge. MOONDB_SEEDS sets how many runs.
+TEST(RealTeamTest, AQuarantineOfMapsComesToEveryAgentWhoeverGaveIt) {
+  RealTeam real(/*seed=*/1);
+  real.InsertNodes(3, 5);
+  real.SyncAndReplicate();
+  real.InsertQuarantine(/*at=*/3, /*maps_of=*/1);
+  real.InsertQuarantine(/*at=*/kBase, /*maps_of=*/1);
+  real.SyncAndReplicate();
+  real.TakeHaveBytes();
+  real.SyncAndReplicate();  // What came to the leader goes on from there.
+  for (AgentId agent = 1; agent <= kAgents; ++agent) EXPECT_EQ(real.QuarantinesAt(agent), 2u) << "agent " << agent;
+  for (const auto& [pair, bytes] : real.TakeHaveBytes()) EXPECT_LT(bytes, 1000u) << "its streams alone are told beside";
+  real.ExpectNothingIsSentTwice();
+}
+
 TEST(RealTeamTest, ConvergesAfterAnything) {
   const int seeds = SeedCount();
   std::cout << "seeds 1 to " << seeds << "\n";
