@@ -13,6 +13,8 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
+// An idle link that lives is heard of every 30 s; 3 s later it is given up.
+constexpr Duration kLinkDeadline = seconds(33);
 constexpr double kMailboxMax = 48;  // And four for each agent. Ten is usual in a team of four.
 
 }  // namespace
@@ -52,6 +54,12 @@ void AgentLives::KillWithDisk(AgentId agent, const std::string& fault) {
   disk_fault_[agent] = fault;
 }
 
+void AgentLives::KillFor(AgentId agent, Duration down) {
+  if (!world_.team.is_running(agent)) return;
+  down_for_[agent] = down;
+  Kill(agent);
+}
+
 // Also in the middle of a handler.
 void AgentLives::OnPowerCut(const std::string& prefix) {
   was_cut_ = true;
@@ -66,15 +74,29 @@ void AgentLives::OnPowerCut(const std::string& prefix) {
 void AgentLives::OnEnded(AgentId agent) {
   robots_.OnAgentEnded(agent);
   world_.roles.erase(agent);
+  if (on_end) on_end(agent);
   if (world_.rng() % 2 == 0) TellOthers(agent, false);
   to_restart_.insert(agent);
+  const auto down = down_for_.find(agent);
+  if (down != down_for_.end()) {
+    // Whatever started it again before ends this.
+    const std::uint64_t life = lives_[agent];
+    world_.In(kLinkDeadline, [this, agent, life] {
+      if (lives_[agent] == life && !world_.is_quiet) TellOthers(agent, false);
+    });
+    world_.In(down->second, [this, agent] { Restart(agent); });
+    down_for_.erase(down);
+    return;
+  }
   world_.In(seconds(1) + world_.DrawDuration(minutes(2)), [this, agent] { Restart(agent); });
 }
 
 // The others notice, as the transport's deadlines do; else their timers have to do.
 void AgentLives::TellOthers(AgentId agent, bool is_up) {
+  if (is_up) gone_.erase(agent);
+  if (!is_up) gone_.insert(agent);
   for (AgentId other = 1; other <= world_.base; ++other) {
-    if (other != agent) world_.team.SetLink(agent, other, is_up);
+    if (other != agent && !gone_.contains(other)) world_.team.SetLink(agent, other, is_up);
   }
 }
 
@@ -90,6 +112,7 @@ void AgentLives::Restart(AgentId agent) {
   if (!CheckStore(agent)) return world_.In(seconds(1), [this, agent] { Restart(agent); });
   to_restart_.erase(agent);
   failures_[agent] = world_.team.restarts(agent);
+  ++lives_[agent];
   world_.team.Restart(agent);
   TellOthers(agent, true);
   CheckHave(agent);

@@ -4,10 +4,16 @@
 #include <iterator>
 
 namespace moondb::simulation {
+namespace {
 
 using std::chrono::milliseconds;
 using std::chrono::minutes;
 using std::chrono::seconds;
+
+constexpr std::uint64_t kEndedEarlyEvery = 3;  // Of the leases, by the rover's own word.
+constexpr Duration kGoesToSleep = seconds(3);  // From a robot's word to when its computer has no power.
+
+}  // namespace
 
 void SimulatedFaults::Start() {
   for (const FaultKind& kind : FaultKinds()) ScheduleFault(kind);
@@ -58,6 +64,9 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "wipe" || fault == "old_disk" || fault.starts_with("damage")) {
     return lives_.KillWithDisk(world_.DrawAgent(), fault);
   }
+  if (fault == "long_kill") return KillLong();
+  if (fault == "drive") return Drive();
+  if (fault == "sleep") return Sleep();
   if (fault == "clock") {
     const AgentId agent = world_.DrawAgent();
     world_.clock_offset[agent] = world_.rng() % 2 == 0 ? std::chrono::hours(6) : -std::chrono::hours(24 * 365 * 56);
@@ -70,7 +79,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
   }
   if (fault == "reassign") {
     proto::RoleSetRequest request;
-    request.set_leader(1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)));
+    request.set_leader(DrawRover());
     request.set_survivor(request.leader() % (world_.base - 1) + 1);
     return SetRoles(world_.DrawAgent(), request);
   }
@@ -98,7 +107,7 @@ void SimulatedFaults::Cut() {
   const AgentId a = world_.DrawAgent();
   const AgentId b = world_.DrawOther(a);
   world_.team.SetLink(a, b, false, world_.rng() % 2 == 0);
-  world_.In(seconds(5) + world_.DrawDuration(minutes(5)), [this, a, b] { world_.team.SetLink(a, b, true); });
+  world_.In(seconds(5) + world_.DrawDuration(minutes(5)), [this, a, b] { Join(a, b); });
 }
 
 void SimulatedFaults::Deafen() {
@@ -109,13 +118,56 @@ void SimulatedFaults::Deafen() {
 }
 
 void SimulatedFaults::Divide() {
-  std::vector<AgentId> part;
+  std::set<AgentId> part;
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
-    if (world_.rng() % 2 == 0) part.push_back(agent);
+    if (world_.rng() % 2 == 0) part.insert(agent);
   }
-  world_.team.Partition({part});
-  world_.In(minutes(1) + world_.DrawDuration(minutes(10)), [this] { world_.team.Heal(); });
+  JoinParts(part);
+  world_.In(minutes(1) + world_.DrawDuration(minutes(10)), [this] { JoinParts({}); });
 }
+
+void SimulatedFaults::Join(AgentId a, AgentId b) {
+  if (!lives_.is_gone(a) && !lives_.is_gone(b)) world_.team.SetLink(a, b, true);
+}
+
+void SimulatedFaults::JoinParts(const std::set<AgentId>& part) {
+  for (AgentId a = 1; a <= world_.base; ++a) {
+    for (AgentId b = a + 1; b <= world_.base; ++b) {
+      if (part.contains(a) == part.contains(b)) Join(a, b);
+      if (part.contains(a) != part.contains(b)) world_.team.SetLink(a, b, false);
+    }
+  }
+}
+
+void SimulatedFaults::KillLong() {
+  const std::set<AgentId> leaders = world_.Leaders();
+  const AgentId any = world_.DrawAgent();
+  const bool is_leader = world_.rng() % 2 == 0 && !leaders.empty();
+  lives_.KillFor(is_leader ? *leaders.begin() : any, minutes(5) + world_.DrawDuration(minutes(10)));
+}
+
+void SimulatedFaults::Drive() {
+  const AgentId rover = DrawRover();
+  const Duration length = seconds(10) + world_.DrawDuration(seconds(110));
+  robots_.SetLease(rover, proto::LEASE_KIND_DRIVING, length);
+  if (world_.rng() % kEndedEarlyEvery != 0) return;
+  world_.In(world_.DrawDuration(length),
+            [this, rover] { robots_.SetLease(rover, proto::LEASE_KIND_DRIVING, Duration::zero()); });
+}
+
+void SimulatedFaults::Sleep() {
+  const AgentId rover = DrawRover();
+  const Duration length = minutes(1) + world_.DrawDuration(minutes(19));
+  robots_.SetLease(rover, proto::LEASE_KIND_SLEEPING, length);
+  if (world_.rng() % 2 == 0) {
+    return world_.In(kGoesToSleep, [this, rover, length] { lives_.KillFor(rover, length - kGoesToSleep); });
+  }
+  if (world_.rng() % kEndedEarlyEvery != 0) return;
+  world_.In(world_.DrawDuration(length),
+            [this, rover] { robots_.SetLease(rover, proto::LEASE_KIND_SLEEPING, Duration::zero()); });
+}
+
+AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)); }
 
 void SimulatedFaults::SetRoles(AgentId agent, proto::RoleSetRequest request) {
   proto::Message message;

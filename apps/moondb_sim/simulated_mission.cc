@@ -10,11 +10,15 @@
 #include <utility>
 
 #include "actors/clock/clock_actor.h"
+#include "actors/lease/lease_actor.h"
+#include "actors/role/failover_actor.h"
 #include "actors/role/role_actor.h"
 #include "actors/sharing/replica_actor.h"
 #include "actors/sharing/sync_actor.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/agent_lives.h"
+#include "apps/moondb_sim/failover_watch.h"
+#include "apps/moondb_sim/lease_watch.h"
 #include "apps/moondb_sim/session_watch.h"
 #include "apps/moondb_sim/simulated_faults.h"
 #include "apps/moondb_sim/simulated_robots.h"
@@ -40,8 +44,9 @@ class Mission {
       : world_(options),
         robots_(world_),
         lives_(world_, robots_),
-        faults_(world_, lives_),
+        faults_(world_, robots_, lives_),
         messages_max_(static_cast<std::uint64_t>(kMessagesMaxPerHour * options.hours * world_.base)) {
+    lives_.on_end = [this](AgentId agent) { Forget(agent); };
     world_.team.SetBaseStation(world_.base);
     world_.team.SetFault(
         [this](const Address& actor, const proto::Message& message) { return OnHandle(actor, message); });
@@ -52,6 +57,7 @@ class Mission {
     }
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       Check(lives_.CheckStore(agent), "an empty disk can be written");
+      Forget(agent);
       SpawnActors(agent);
     }
   }
@@ -106,6 +112,8 @@ class Mission {
     Spawn<StorageActor>(agent, actor_name::kStorage, storage);
     Spawn<ClockActor>(agent, actor_name::kClock, ClockActor::Options());
     Spawn<RoleActor>(agent, actor_name::kRole, RoleActor::Options());
+    Spawn<LeaseActor>(agent, actor_name::kLease, LeaseActor::Options());
+    Spawn<FailoverActor>(agent, actor_name::kFailover, FailoverActor::Options());
     SharingActor::Options sharing;
     sharing.config_hash = 1;
     sharing.session = world_.options.session;
@@ -145,11 +153,40 @@ class Mission {
       default:
         break;
     }
-    return faults_.AtHandler(actor.agent);
+    WatchWindows(actor, message);
+    const Fault fault = faults_.AtHandler(actor.agent);
+    if (fault != Fault::kNone) {
+      leases_.at(actor.agent).OnFailure(actor.actor);
+      failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
+    }
+    return fault;
+  }
+
+  // The agent's next life begins.
+  void Forget(AgentId agent) {
+    leases_.insert_or_assign(agent, LeaseWatch(agent));
+    failovers_.erase(agent);
+    failovers_.emplace(agent, FailoverWatch(agent, world_.config, world_.team.now()));
+  }
+
+  void WatchWindows(const Address& actor, const proto::Message& message) {
+    LeaseWatch& leases = leases_.at(actor.agent);
+    leases.OnHandle(actor.actor, message, world_.team.now());
+    FailoverWatch& failover = failovers_.at(actor.agent);
+    const std::optional<std::string> wrong = failover.OnHandle(actor.actor, message, leases, world_.team.now());
+    if (FailoverWatch::IsFailover(actor.actor, message)) ++world_.report.failovers;
+    if (wrong) Violate("failover_has_cause", actor.agent, "takes the lead, but " + *wrong);
+  }
+
+  void Violate(const std::string& rule, AgentId agent, const std::string& text) {
+    world_.Violate(rule, "agent " + std::to_string(agent) + " " + text);
   }
 
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message) {
     const std::string who = "agent " + std::to_string(from) + " to " + std::to_string(to) + ": ";
+    if (const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now())) {
+      world_.Violate("quiet_window", who + *wrong);
+    }
     if (message.has_hello()) watches_[{from, message.source_actor(), to}].OnHello(message.hello());
     if (message.has_batch()) {
       world_.report.batch_bytes += message.ByteSizeLong();
@@ -202,6 +239,9 @@ class Mission {
       lives_.CheckFailures(agent);
       if (!world_.team.is_running(agent)) continue;
       lives_.CheckMailboxes(agent);
+      if (const auto wrong = failovers_.at(agent).WhyOverdue(leases_.at(agent), world_.team.now())) {
+        Violate("failover_happens", agent, *wrong);
+      }
       if (const std::optional<HaveSet> have = world_.HaveOf(agent)) world_.rules.CheckHave(agent, *have);
     }
   }
@@ -214,7 +254,11 @@ class Mission {
       lives_.CheckFailures(agent);
       lives_.Restart(agent);
     }
-    for (AgentId rover = 1; rover < world_.base; ++rover) robots_.TakeInsertReplies(rover);
+    for (AgentId rover = 1; rover < world_.base; ++rover) {
+      robots_.TakeInsertReplies(rover);
+      robots_.SetLease(rover, proto::LEASE_KIND_DRIVING, Duration::zero());
+      robots_.SetLease(rover, proto::LEASE_KIND_SLEEPING, Duration::zero());
+    }
   }
 
   // --- At rest ---
@@ -331,6 +375,8 @@ class Mission {
   std::uint64_t hash_ = 0;
   bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
+  std::map<AgentId, LeaseWatch> leases_;
+  std::map<AgentId, FailoverWatch> failovers_;
   SimulatedWorld world_;
   SimulatedRobots robots_;
   AgentLives lives_;

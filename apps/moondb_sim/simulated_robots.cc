@@ -28,9 +28,17 @@ proto::NodeKey Node(AgentId agent, std::uint64_t index) {
 
 void SimulatedRobots::Start() {
   for (AgentId rover = 1; rover < world_.base; ++rover) {
-    world_.At(world_.start + world_.DrawDuration(kInsertPeriod), [this, rover] { Drive(rover); });
+    world_.At(world_.start + world_.DrawDuration(kInsertPeriod), [this, rover] { Work(rover); });
   }
   world_.At(world_.start + kOptimizePeriod, [this] { Optimize(); });
+}
+
+void SimulatedRobots::SetLease(AgentId rover, proto::LeaseKind kind, Duration length) {
+  proto::Message message;
+  message.mutable_lease_request()->set_kind(kind);
+  message.mutable_lease_request()->set_seconds(std::chrono::duration<double>(length).count());
+  (void)world_.team.Post({rover, "driver"}, {rover, actor_name::kLease}, std::move(message));
+  (void)world_.team.Take({rover, "driver"});  // What was answered before.
 }
 
 void SimulatedRobots::OnAgentEnded(AgentId agent) {
@@ -39,9 +47,9 @@ void SimulatedRobots::OnAgentEnded(AgentId agent) {
   std::erase_if(run_, [agent](const auto& entry) { return entry.first.first == agent; });
 }
 
-void SimulatedRobots::Drive(AgentId rover) {
+void SimulatedRobots::Work(AgentId rover) {
   TakeInsertReplies(rover);
-  if (!world_.is_quiet) world_.In(kInsertPeriod, [this, rover] { Drive(rover); });
+  if (!world_.is_quiet) world_.In(kInsertPeriod, [this, rover] { Work(rover); });
   if (world_.is_quiet) return;
   Robot& robot = robots_[rover];
   proto::Record state;

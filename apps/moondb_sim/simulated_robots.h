@@ -18,7 +18,9 @@ class SimulatedRobots {
 
   void Start();                           // Until the world is quiet.
   void TakeInsertReplies(AgentId agent);  // Tells the rules what is stored.
-  void OnAgentEnded(AgentId agent);       // Nothing that it was asked is answered any more.
+  // The rover's own software tells its agent; seconds 0: no more. Nothing where that does not run.
+  void SetLease(AgentId rover, proto::LeaseKind kind, Duration length);
+  void OnAgentEnded(AgentId agent);  // Nothing that it was asked is answered any more.
 
  private:
   struct Robot {
@@ -27,7 +29,7 @@ class SimulatedRobots {
     std::deque<proto::Record> open;  // To be inserted.
   };
 
-  void Drive(AgentId rover);
+  void Work(AgentId rover);
   void Optimize();
   void SetPose(proto::Pose& pose);
   proto::Record MapAt(AgentId rover, std::uint64_t index);

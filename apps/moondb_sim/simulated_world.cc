@@ -11,7 +11,11 @@ namespace {
 constexpr std::size_t kViolationsMax = 10;
 constexpr std::size_t kLastEvents = 60;
 
-proto::TeamConfig MakeTeam(int rovers) {
+// One seed in three has a survivor that takes the lead by itself.
+constexpr std::uint64_t kFailoverEvery = 3;
+constexpr double kLeaderTimeoutS = 120;
+
+proto::TeamConfig MakeTeam(int rovers, std::uint64_t seed) {
   proto::TeamConfig team;
   team.set_team("simulated");
   for (int id = 1; id <= rovers + 1; ++id) {
@@ -23,6 +27,9 @@ proto::TeamConfig MakeTeam(int rovers) {
   }
   team.mutable_roles()->set_leader("rover1");
   team.mutable_roles()->set_survivor("rover2");
+  if (seed % kFailoverEvery == 0) team.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
+  team.mutable_roles()->set_leader_timeout_s(kLeaderTimeoutS);
+  team.mutable_radio()->set_quiet_while_driving(true);
   proto::SharePolicies& share = *team.mutable_share();
   share.set_power(proto::POLICY_LATEST);
   share.set_pose_graph_node(proto::POLICY_ALL);
@@ -38,13 +45,12 @@ proto::TeamConfig MakeTeam(int rovers) {
 
 SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
     : options(sim_options),
-      config(MakeTeam(sim_options.rovers)),
+      config(MakeTeam(sim_options.rovers, sim_options.seed)),
       base(static_cast<AgentId>(sim_options.rovers + 1)),
       rng(sim_options.seed),
       disk(sim_options.seed),
       rules([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); }),
-      team(sim_options.seed) {
-}
+      team(sim_options.seed) {}
 
 std::string SimulatedWorld::Prefix(AgentId agent) { return "agent" + std::to_string(agent) + "/"; }
 
