@@ -554,7 +554,11 @@ const std::vector<Mutant>& Mutants() {
   using actor_name::kStorage;
   using actor_name::kSync;
   static const std::vector<Mutant> mutants = {
-      {"WithoutEpochs", "a lost disk takes an epoch again", {"one_content"}, 20, Wrapped<WithoutEpochs>(kStorage)},
+      {"WithoutEpochs",
+       "a lost disk takes an epoch again",
+       {"one_content", "nothing_refused"},
+       20,
+       Wrapped<WithoutEpochs>(kStorage)},
       {"CachedAcknowledgments",
        "what was acknowledged once is never sent again",
        {"nothing_lost", "home_again", "brought_out"},
@@ -575,7 +579,7 @@ const std::vector<Mutant>& Mutants() {
        {"pose_goes_up"},
        15,
        [](SimOptions& options) {
-         options.faults_per_hour["swap"] = 20;
+         options.faults_per_hour["swap"] = 40;
          Wrapped<LastPoseHeard>(kStorage)(options);
        }},
       {"NewestByClock",
