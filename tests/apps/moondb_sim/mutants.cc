@@ -726,6 +726,19 @@ const std::vector<Mutant>& Mutants() {
        {"quiet_window"},
        5,
        [](SimOptions& options) { HearLeases(options, IgnoreDriving); }},
+      {"NoWindowOpens",
+       "sharing does not hear that nobody drives or sleeps any more",
+       {"comes_to_rest", "nothing_lost", "survivor_is_leader", "home_again", "brought_out"},
+       5,
+       [](SimOptions& options) {
+         options.wrap = [](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
+           if (!IsSharing(name)) return actor;
+           const auto hears = [](Context&, proto::Message& message) {
+             return !message.has_leases_changed() || !message.leases_changed().leases().empty();
+           };
+           return std::make_unique<HookedActor>(std::move(actor), Hooks{hears, nullptr});
+         };
+       }},
       {"FailoverWithoutLeases",
        "a survivor takes the lead of a leader that sleeps",
        {"failover_has_cause"},
