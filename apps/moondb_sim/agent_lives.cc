@@ -79,10 +79,8 @@ void AgentLives::OnEnded(AgentId agent) {
   to_restart_.insert(agent);
   const auto down = down_for_.find(agent);
   if (down != down_for_.end()) {
-    // Whatever started it again before ends this.
-    const std::uint64_t life = lives_[agent];
-    world_.In(kLinkDeadline, [this, agent, life] {
-      if (lives_[agent] == life && !world_.is_quiet) TellOthers(agent, false);
+    world_.In(kLinkDeadline, [this, agent] {
+      if (!world_.team.is_running(agent)) TellOthers(agent, false);
     });
     world_.In(down->second, [this, agent] { Restart(agent); });
     down_for_.erase(down);
@@ -112,7 +110,6 @@ void AgentLives::Restart(AgentId agent) {
   if (!CheckStore(agent)) return world_.In(seconds(1), [this, agent] { Restart(agent); });
   to_restart_.erase(agent);
   failures_[agent] = world_.team.restarts(agent);
-  ++lives_[agent];
   world_.team.Restart(agent);
   TellOthers(agent, true);
   CheckHave(agent);

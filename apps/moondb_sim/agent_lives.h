@@ -48,7 +48,6 @@ class AgentLives {
 
   SimulatedWorld& world_;
   SimulatedRobots& robots_;
-  std::map<AgentId, std::uint64_t> lives_;     // How often each was started again.
   bool was_cut_ = false;                       // The power of some agent, since this was last set to false.
   std::map<AgentId, std::string> disk_fault_;  // At its next restart.
   std::map<AgentId, SimulatedDisk::Image> old_disks_;

@@ -54,9 +54,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "one_way") return Deafen();
   if (fault == "partition") return Divide();
   if (fault == "kill") return lives_.Kill(world_.DrawAgent());
-  if (fault == "kill_in_write")
-    return world_.disk.CutPowerAfter(SimulatedWorld::Prefix(world_.DrawAgent()),
-                                     1 + static_cast<int>(world_.rng() % 60));
+  if (fault == "kill_in_write") return KillInWrite();
   if (fault == "fail") {
     fail_next_ = world_.DrawAgent();
     return;
@@ -83,6 +81,11 @@ void SimulatedFaults::Strike(const std::string& fault) {
     request.set_survivor(request.leader() % (world_.base - 1) + 1);
     return SetRoles(world_.DrawAgent(), request);
   }
+}
+
+void SimulatedFaults::KillInWrite() {
+  const std::string prefix = SimulatedWorld::Prefix(world_.DrawAgent());
+  world_.disk.CutPowerAfter(prefix, 1 + static_cast<int>(world_.rng() % 60));
 }
 
 void SimulatedFaults::ChangeWeather() {

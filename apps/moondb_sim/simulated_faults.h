@@ -36,6 +36,7 @@ class SimulatedFaults {
   // Links of agents that are known to be gone stay down.
   void Join(AgentId a, AgentId b);
   void JoinParts(const std::set<AgentId>& part);  // But for the links between it and the rest.
+  void KillInWrite();
   void KillLong();
   void Drive();
   void Sleep();
