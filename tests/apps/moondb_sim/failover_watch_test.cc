@@ -125,6 +125,29 @@ TEST_F(FailoverWatchTest, LeaderThatSleepsIsNotMissed) {
   EXPECT_EQ(TakeLead(720), "");
 }
 
+TEST_F(FailoverWatchTest, SurvivorThatSleepsMissesNobody) {
+  proto::Message message;
+  message.set_hop_sender(kSurvivor);
+  message.mutable_lease_request()->set_kind(proto::LEASE_KIND_SLEEPING);
+  message.mutable_lease_request()->set_seconds(600);
+  (void)Handle(actor_name::kLease, message, 0);
+  SetConnected(kLeader, false, 0);
+  EXPECT_EQ(TakeLead(719), "it drives or sleeps itself, or did a moment ago");
+  EXPECT_EQ(TakeLead(720), "");
+}
+
+TEST_F(FailoverWatchTest, NobodyHasCauseWhereOperatorsDecide) {
+  proto::TeamConfig manual = Team();
+  manual.mutable_roles()->set_failover(proto::FAILOVER_MANUAL);
+  FailoverWatch watch(kSurvivor, manual, kStart);
+  proto::Message timer;
+  timer.mutable_timer();
+  (void)watch.OnHandle(actor_name::kFailover, timer, leases_, At(1000));
+  proto::Message request;
+  request.mutable_role_set_request()->set_reason("failover: rover1 was silent for 120 s");
+  EXPECT_EQ(watch.OnHandle(actor_name::kRole, request, leases_, At(1000)), "nobody is to do so by itself");
+}
+
 TEST_F(FailoverWatchTest, WhoReachesNobodyHasNoCause) {
   SetConnected(kLeader, false, 0);
   SetConnected(kThird, false, 10);
