@@ -25,6 +25,9 @@ const std::vector<FaultKind>& FaultKinds() {
       {"clock", 1, "an agent's clock jumps, to 1970 or by hours"},
       {"swap", 4, "the operator swaps leader and survivor"},
       {"reassign", 2, "the operator names another leader and survivor, of an agent that may be cut off"},
+      {"long_kill", 1, "an agent, every other time a leader, is without power for 5 to 15 minutes"},
+      {"drive", 6, "a rover's software says that it drives, for 10 to 120 seconds"},
+      {"sleep", 1.5, "it says that it sleeps, for 1 to 20 minutes; every other time it is without power meanwhile"},
   };
   return kinds;
 }

@@ -432,6 +432,23 @@ class TimersMultiply final : public OtherActor {
   }
 };
 
+// Waits for a small part of the time that it should.
+class WaitsTooShort final : public OtherActor {
+ public:
+  using OtherActor::OtherActor;
+  void OnMessage(Context& context, const proto::Message& message) override {
+    class Hasty final : public OtherContext {
+     public:
+      using OtherContext::OtherContext;
+      TimerId After(Duration delay, proto::Message message) override {
+        return OtherContext::After(delay / 10, std::move(message));
+      }
+    };
+    Hasty hasty(context);
+    actor().OnMessage(hasty, message);
+  }
+};
+
 bool IsSharing(const std::string& name) { return name == actor_name::kSync || name == actor_name::kReplica; }
 
 using Applies = std::function<void(SimOptions& options)>;
@@ -471,6 +488,31 @@ void CacheAcknowledgments(SimOptions& options) {
   };
 }
 
+// Sync and replica actors know of leases what `keeps` leaves.
+void HearLeases(SimOptions& options, std::function<void(AgentId self, proto::LeasesChanged& changed)> keeps) {
+  Hooks hooks;
+  hooks.hears = [keeps = std::move(keeps)](Context& context, proto::Message& message) {
+    if (message.has_leases_changed()) keeps(context.self().agent, *message.mutable_leases_changed());
+    return true;
+  };
+  options.wrap = [hooks](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
+    if (!IsSharing(name)) return actor;
+    return std::make_unique<HookedActor>(std::move(actor), hooks);
+  };
+}
+
+void IgnoreOthersLeases(AgentId self, proto::LeasesChanged& changed) {
+  proto::LeasesChanged own;
+  for (const proto::AgentLease& lease : changed.leases()) {
+    if (lease.agent_id() == self) *own.add_leases() = lease;
+  }
+  changed = std::move(own);
+}
+
+void IgnoreDriving(AgentId, proto::LeasesChanged& changed) {
+  for (proto::AgentLease& lease : *changed.mutable_leases()) lease.set_driving_s(0);
+}
+
 bool IsOrderToPeer(Context& context, const Address& to, const proto::Message& message) {
   return message.has_share_request() && to.agent != context.self().agent;
 }
@@ -506,12 +548,17 @@ void KeepDamagedRows(SimOptions& options) {
 }  // namespace
 
 const std::vector<Mutant>& Mutants() {
+  using actor_name::kFailover;
   using actor_name::kReplica;
   using actor_name::kRole;
   using actor_name::kStorage;
   using actor_name::kSync;
   static const std::vector<Mutant> mutants = {
-      {"WithoutEpochs", "a lost disk takes an epoch again", {"one_content"}, 20, Wrapped<WithoutEpochs>(kStorage)},
+      {"WithoutEpochs",
+       "a lost disk takes an epoch again",
+       {"one_content", "nothing_refused"},
+       20,
+       Wrapped<WithoutEpochs>(kStorage)},
       {"CachedAcknowledgments",
        "what was acknowledged once is never sent again",
        {"nothing_lost", "home_again", "brought_out"},
@@ -532,7 +579,7 @@ const std::vector<Mutant>& Mutants() {
        {"pose_goes_up"},
        15,
        [](SimOptions& options) {
-         options.faults_per_hour["swap"] = 20;
+         options.faults_per_hour["swap"] = 40;
          Wrapped<LastPoseHeard>(kStorage)(options);
        }},
       {"NewestByClock",
@@ -662,6 +709,55 @@ const std::vector<Mutant>& Mutants() {
               if (message.has_batch()) message.mutable_batch()->mutable_coded()->append("?");
               return true;
             })},
+      {"WithoutWindows",
+       "sharing goes on whoever drives or sleeps",
+       {"quiet_window"},
+       5,
+       [](SimOptions& options) {
+         HearLeases(options, [](AgentId, proto::LeasesChanged& changed) { changed.clear_leases(); });
+       }},
+      {"OnlyItsOwnWindow",
+       "sharing knows this agent's own leases alone",
+       {"quiet_window"},
+       5,
+       [](SimOptions& options) { HearLeases(options, IgnoreOthersLeases); }},
+      {"SharesWhileDriving",
+       "sharing is quiet for those who sleep alone",
+       {"quiet_window"},
+       5,
+       [](SimOptions& options) { HearLeases(options, IgnoreDriving); }},
+      {"NoWindowOpens",
+       "sharing does not hear that nobody drives or sleeps any more",
+       {"comes_to_rest", "nothing_lost", "survivor_is_leader", "home_again", "brought_out"},
+       5,
+       [](SimOptions& options) {
+         options.wrap = [](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
+           if (!IsSharing(name)) return actor;
+           const auto hears = [](Context&, proto::Message& message) {
+             return !message.has_leases_changed() || !message.leases_changed().leases().empty();
+           };
+           return std::make_unique<HookedActor>(std::move(actor), Hooks{hears, nullptr});
+         };
+       }},
+      {"FailoverWithoutLeases",
+       "a survivor takes the lead of a leader that sleeps",
+       {"failover_has_cause"},
+       30,
+       [](SimOptions& options) {
+         options.faults_per_hour["sleep"] = 12;
+         Hears(kFailover, [](Context&, proto::Message& message) { return !message.has_leases_changed(); })(options);
+       }},
+      {"FailoverTooSoon",
+       "a survivor waits for a tenth of the time",
+       {"failover_has_cause"},
+       5,
+       Wrapped<WaitsTooShort>(kFailover)},
+      {"WithoutFailover",
+       "no survivor takes the lead",
+       {"failover_happens"},
+       15,
+       Says(kFailover,
+            [](Context&, const Address&, proto::Message& message) { return !message.has_role_set_request(); })},
       {"FailsInHighTerms",
        "an actor fails at each message that tells a high term",
        {"starts"},

@@ -72,6 +72,25 @@ TEST(SimulatedMissionTest, WithoutFaultsAllIsWell) {
   EXPECT_GT(report.records, 4000u);
 }
 
+TEST(SimulatedMissionTest, SurvivorsTakeTheLeadInOneSeedOfThree) {
+  int failovers = 0;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    SimOptions options;
+    options.seed = seed;
+    options.faults_per_hour["long_kill"] = 6;
+    const SimReport report = RunSimulatedMission(options);
+    PrintTo(report, std::cout);
+    EXPECT_TRUE(report.violations.empty());
+    if (seed % 3 == 0) {
+      failovers += report.failovers;
+    } else {
+      EXPECT_EQ(report.failovers, 0);
+    }
+  }
+  EXPECT_GT(failovers, 0);
+}
+
 class MutantTest : public testing::TestWithParam<Mutant> {};
 
 TEST_P(MutantTest, IsCaughtByItsRule) {

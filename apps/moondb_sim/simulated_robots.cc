@@ -1,0 +1,170 @@
+#include "apps/moondb_sim/simulated_robots.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace moondb::simulation {
+namespace {
+
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+constexpr Duration kInsertPeriod = seconds(10);
+constexpr int kInsertsPerMap = 6;
+constexpr std::uint64_t kLargeMapEvery = 30;  // About 15 kB coded, where the others have 0.2 kB.
+constexpr std::size_t kOpenMax = 100;
+constexpr Duration kOptimizePeriod = minutes(5);
+constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
+constexpr std::uint64_t kOptimizedStep = 6;
+
+proto::NodeKey Node(AgentId agent, std::uint64_t index) {
+  proto::NodeKey key;
+  key.set_agent_id(agent);
+  key.set_index(index);
+  return key;
+}
+
+}  // namespace
+
+void SimulatedRobots::Start() {
+  for (AgentId rover = 1; rover < world_.base; ++rover) {
+    world_.At(world_.start + world_.DrawDuration(kInsertPeriod), [this, rover] { Work(rover); });
+  }
+  world_.At(world_.start + kOptimizePeriod, [this] { Optimize(); });
+}
+
+void SimulatedRobots::SetLease(AgentId rover, proto::LeaseKind kind, Duration length) {
+  proto::Message message;
+  message.mutable_lease_request()->set_kind(kind);
+  message.mutable_lease_request()->set_seconds(std::chrono::duration<double>(length).count());
+  (void)world_.team.Post({rover, "driver"}, {rover, actor_name::kLease}, std::move(message));
+  (void)world_.team.Take({rover, "driver"});  // What was answered before.
+}
+
+void SimulatedRobots::OnAgentEnded(AgentId agent) {
+  robots_[agent].asked.clear();
+  (void)world_.team.Take({agent, "robot"});
+  std::erase_if(run_, [agent](const auto& entry) { return entry.first.first == agent; });
+}
+
+void SimulatedRobots::Work(AgentId rover) {
+  TakeInsertReplies(rover);
+  if (!world_.is_quiet) world_.In(kInsertPeriod, [this, rover] { Work(rover); });
+  if (world_.is_quiet) return;
+  Robot& robot = robots_[rover];
+  proto::Record state;
+  state.set_stamp_ns(world_.ClockOf(rover));
+  state.mutable_power()->set_battery_ratio(0.5 + 0.5 * world_.Draw());
+  Insert(rover, {std::move(state)});
+  proto::Record node;
+  node.set_stamp_ns(world_.ClockOf(rover));
+  *node.mutable_pose_graph_node()->mutable_node() = Node(rover, robot.next_node);
+  SetPose(*node.mutable_pose_graph_node()->mutable_map_from_node());
+  robot.open.push_back({std::move(node)});
+  if (robot.next_node % kInsertsPerMap == 0) robot.open.push_back({MapAt(rover, robot.next_node)});
+  ++robot.next_node;
+  // What was not answered is inserted again: storage knows a node by its name. A map might come twice.
+  while (robot.open.size() > kOpenMax) robot.open.pop_front();
+  for (const proto::Record& record : robot.open) Insert(rover, {record});
+  robot.open.clear();
+}
+
+void SimulatedRobots::SetPose(proto::Pose& pose) {
+  pose.mutable_position_m()->set_x(world_.Draw() * 100);
+  pose.mutable_position_m()->set_y(world_.Draw() * 100);
+  pose.mutable_orientation()->set_w(1);
+}
+
+proto::Record SimulatedRobots::MapAt(AgentId rover, std::uint64_t index) {
+  proto::Record record;
+  record.set_stamp_ns(world_.ClockOf(rover));
+  proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
+  *map.mutable_node() = Node(rover, index);
+  map.mutable_node_from_map()->mutable_position_m();
+  map.mutable_node_from_map()->mutable_orientation()->set_w(1);
+  // Every so often one that does not fit into a message, whatever codes it.
+  const bool is_large = world_.rng() % kLargeMapEvery == 0;
+  const std::uint32_t side_cells = is_large ? 192 : 16;
+  for (int i = 0; i < 2; ++i) {
+    proto::MapLayer& layer = *map.add_layers();
+    layer.set_width_cells(side_cells);
+    layer.set_height_cells(side_cells);
+    layer.set_resolution_um(i == 0 ? 100'000 : 200'000);
+    for (std::uint32_t j = 0; j < side_cells * side_cells / 4; ++j) layer.mutable_cells()->push_back(DrawCells());
+  }
+  return record;
+}
+
+// Four cells, each unknown, free or hazard.
+char SimulatedRobots::DrawCells() {
+  std::uint64_t random = world_.rng();
+  int cells = 0;
+  for (int i = 0; i < 4; ++i, random /= 3) cells = 4 * cells + static_cast<int>(random % 3);
+  return static_cast<char>(cells);
+}
+
+void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) {
+  proto::Message message;
+  message.set_request_id(++request_id_);
+  for (const proto::Record& record : records) *message.mutable_insert_request()->add_records() = record;
+  const SendResult sent = world_.team.Post({agent, "robot"}, {agent, actor_name::kStorage}, std::move(message));
+  if (sent == SendResult::kAccepted) robots_[agent].asked[request_id_] = std::move(records);
+}
+
+void SimulatedRobots::TakeInsertReplies(AgentId agent) {
+  Robot& robot = robots_[agent];
+  for (const proto::Message& message : world_.team.Take({agent, "robot"})) {
+    const auto asked = robot.asked.find(message.request_id());
+    if (!message.has_insert_reply() || asked == robot.asked.end()) continue;
+    NoteInserted(agent, asked->second, message.insert_reply());
+    robot.asked.erase(asked);
+  }
+  // No answer: nodes are asked for again.
+  for (auto& [id, records] : robot.asked) {
+    for (proto::Record& record : records) {
+      if (record.has_pose_graph_node()) robot.open.push_back(std::move(record));
+    }
+  }
+  robot.asked.clear();
+}
+
+void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Record>& records,
+                                   const proto::InsertReply& reply) {
+  if (IsError(reply.error())) {
+    return world_.Violate("starts", "an insert failed: " + reply.error().text());
+  }
+  for (int i = 0; i < reply.keys_size(); ++i) {
+    const RecordKey key = FromProto(reply.keys(i));
+    if (key.stream.origin != agent)
+      world_.Violate("one_content", "agent " + std::to_string(agent) + " names " + ToString(key));
+    world_.rules.SeeInserted(agent, key, records[static_cast<std::size_t>(i)]);
+    ++world_.report.records;
+  }
+}
+
+// Each that leads optimizes what it has; two leaders may.
+void SimulatedRobots::Optimize() {
+  if (world_.is_quiet) return;
+  world_.In(kOptimizePeriod, [this] { Optimize(); });
+  for (const AgentId leader : world_.Leaders()) {
+    TakeInsertReplies(leader);
+    std::vector<proto::Record> poses;
+    const std::uint64_t run = ++run_[{leader, world_.roles[leader].term().number()}];
+    for (AgentId rover = 1; rover < world_.base; ++rover) {
+      const std::uint64_t nodes = robots_[rover].next_node;
+      std::uint64_t index = nodes - std::min(nodes, kOptimizedNodes);
+      for (index += kOptimizedStep - 1; index < nodes; index += kOptimizedStep) {
+        proto::Record& record = poses.emplace_back();
+        record.set_stamp_ns(world_.ClockOf(leader));
+        proto::OptimizedPose& pose = *record.mutable_optimized_pose();
+        *pose.mutable_node() = Node(rover, index);
+        SetPose(*pose.mutable_map_from_node());
+        *pose.mutable_term() = world_.roles[leader].term();
+        pose.set_run(run);
+      }
+    }
+    if (!poses.empty()) Insert(leader, std::move(poses));
+  }
+}
+
+}  // namespace moondb::simulation

@@ -1,0 +1,46 @@
+// SimulatedRobots: what stands around the agents: rovers that insert a state and a node every ten seconds and a map
+// every minute, and again what was not answered; and the optimizer of whoever leads.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "apps/moondb_sim/simulated_world.h"
+
+namespace moondb::simulation {
+
+class SimulatedRobots {
+ public:
+  explicit SimulatedRobots(SimulatedWorld& world) : world_(world) {}
+
+  void Start();                           // Until the world is quiet.
+  void TakeInsertReplies(AgentId agent);  // Tells the rules what is stored.
+  // The rover's own software tells its agent; seconds 0: no more. Nothing where that does not run.
+  void SetLease(AgentId rover, proto::LeaseKind kind, Duration length);
+  void OnAgentEnded(AgentId agent);  // Nothing that it was asked is answered any more.
+
+ private:
+  struct Robot {
+    std::uint64_t next_node = 0;
+    std::map<std::uint64_t, std::vector<proto::Record>> asked;
+    std::deque<proto::Record> open;  // To be inserted.
+  };
+
+  void Work(AgentId rover);
+  void Optimize();
+  void SetPose(proto::Pose& pose);
+  proto::Record MapAt(AgentId rover, std::uint64_t index);
+  char DrawCells();
+  void Insert(AgentId agent, std::vector<proto::Record> records);
+  void NoteInserted(AgentId agent, const std::vector<proto::Record>& records, const proto::InsertReply& reply);
+
+  SimulatedWorld& world_;
+  std::uint64_t request_id_ = 0;
+  std::map<AgentId, Robot> robots_;
+  std::map<std::pair<AgentId, std::uint64_t>, std::uint64_t> run_;  // Of a leader in a term, in its present life.
+};
+
+}  // namespace moondb::simulation

@@ -1,0 +1,129 @@
+#include "apps/moondb_sim/simulated_world.h"
+
+#include <array>
+#include <cstdio>
+#include <utility>
+#include <vector>
+
+namespace moondb::simulation {
+namespace {
+
+constexpr std::size_t kViolationsMax = 10;
+constexpr std::size_t kLastEvents = 60;
+
+// One seed in three has a survivor that takes the lead by itself.
+constexpr std::uint64_t kFailoverEvery = 3;
+constexpr double kLeaderTimeoutS = 120;
+
+proto::TeamConfig MakeTeam(int rovers, std::uint64_t seed) {
+  proto::TeamConfig team;
+  team.set_team("simulated");
+  for (int id = 1; id <= rovers + 1; ++id) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(static_cast<std::uint32_t>(id));
+    const bool is_base = id == rovers + 1;
+    agent.set_name(is_base ? "base" : "rover" + std::to_string(id));
+    agent.set_kind(is_base ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
+  }
+  team.mutable_roles()->set_leader("rover1");
+  team.mutable_roles()->set_survivor("rover2");
+  if (seed % kFailoverEvery == 0) team.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
+  team.mutable_roles()->set_leader_timeout_s(kLeaderTimeoutS);
+  team.mutable_radio()->set_quiet_while_driving(true);
+  proto::SharePolicies& share = *team.mutable_share();
+  share.set_power(proto::POLICY_LATEST);
+  share.set_pose_graph_node(proto::POLICY_ALL);
+  share.set_optimized_pose(proto::POLICY_LATEST);
+  share.set_local_traversability_map(proto::POLICY_ALL);
+  team.mutable_ground()->set_power(proto::POLICY_LATEST);
+  team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
+  team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
+  return team;
+}
+
+}  // namespace
+
+SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
+    : options(sim_options),
+      config(MakeTeam(sim_options.rovers, sim_options.seed)),
+      base(static_cast<AgentId>(sim_options.rovers + 1)),
+      rng(sim_options.seed),
+      disk(sim_options.seed),
+      rules([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); }),
+      team(sim_options.seed) {}
+
+std::string SimulatedWorld::Prefix(AgentId agent) { return "agent" + std::to_string(agent) + "/"; }
+
+std::string SimulatedWorld::PathOf(AgentId agent) { return Prefix(agent) + "moondb.sqlite"; }
+
+void SimulatedWorld::At(MonotonicTime time, Action action) { schedule.emplace(time, std::move(action)); }
+
+void SimulatedWorld::In(Duration delay, Action action) { At(team.now() + delay, std::move(action)); }
+
+void SimulatedWorld::AdvanceTo(MonotonicTime time) {
+  if (time > team.now()) team.AdvanceTime(time - team.now());
+}
+
+double SimulatedWorld::NowS() const { return std::chrono::duration<double>(team.now() - start).count(); }
+
+double SimulatedWorld::Draw() { return static_cast<double>(rng() >> 11) * 0x1.0p-53; }
+
+Duration SimulatedWorld::DrawDuration(Duration limit) {
+  return Duration(static_cast<Duration::rep>(Draw() * static_cast<double>(limit.count())));
+}
+
+AgentId SimulatedWorld::DrawAgent() { return 1 + static_cast<AgentId>(rng() % base); }
+
+AgentId SimulatedWorld::DrawOther(AgentId agent) {
+  return 1 + (agent + static_cast<AgentId>(rng() % (base - 1))) % base;
+}
+
+bool SimulatedWorld::HasEnough() const { return report.violations.size() >= kViolationsMax; }
+
+void SimulatedWorld::NoteEvent(const Address& actor, const proto::Message& message) {
+  events_.push_back({NowS(), actor.actor, actor.agent, message.body_case(), message.hop_sender()});
+  if (events_.size() > kLastEvents) events_.pop_front();
+}
+
+void SimulatedWorld::Violate(const std::string& rule, std::string text) {
+  if (report.violations.empty()) {
+    for (const Event& event : events_) {
+      const auto* field = proto::Message::descriptor()->FindFieldByNumber(event.body);
+      char line[160];
+      std::snprintf(line, sizeof line, "%10.3f s  agent %u %s  %s  from agent %u", event.time_s, event.agent,
+                    event.actor.c_str(), field == nullptr ? "nothing" : field->name().c_str(), event.from);
+      report.last_events.push_back(line);
+    }
+  }
+  if (HasEnough()) return;
+  report.violations.push_back({rule, NowS(), report.messages, std::move(text)});
+}
+
+std::set<AgentId> SimulatedWorld::Leaders() const {
+  std::set<AgentId> leaders;
+  for (const auto& [agent, its] : roles) {
+    if (its.leader() == agent && team.is_running(agent)) leaders.insert(agent);
+  }
+  return leaders;
+}
+
+proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
+  const Address asker{agent, "checker"};
+  (void)team.Take(asker);
+  is_asking = true;
+  (void)team.Post(asker, {agent, actor}, std::move(question));
+  team.RunUntilIdle();
+  is_asking = false;
+  std::vector<proto::Message> answers = team.Take(asker);
+  return answers.empty() ? proto::Message() : std::move(answers.back());
+}
+
+std::optional<HaveSet> SimulatedWorld::HaveOf(AgentId agent) {
+  proto::Message question;
+  question.mutable_have_request();
+  const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
+  if (!answer.has_have_reply()) return std::nullopt;
+  return *FromProto(answer.have_reply().have());
+}
+
+}  // namespace moondb::simulation
