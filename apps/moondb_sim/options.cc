@@ -32,6 +32,11 @@ const std::vector<FaultKind>& FaultKinds() {
   return kinds;
 }
 
+double SimOptions::BudgetKbps() const {
+  if (measures_refill) return 1000;
+  return 4.0 * (rovers + 1);
+}
+
 double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   const auto set = faults_per_hour.find(kind.name);
   if (set != faults_per_hour.end()) return set->second;

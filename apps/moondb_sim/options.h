@@ -35,6 +35,10 @@ struct SimOptions {
   std::function<std::unique_ptr<Actor>(AgentId agent, const std::string& name, std::unique_ptr<Actor> actor)> wrap;
   SharingSession::Options session;
   bool is_store_checked = true;  // As a process starts.
+  bool is_paced = true;          // To the radio's budget.
+
+  // Of each agent, to which the rules hold them. Small: only who fills an empty disk needs all of it.
+  double BudgetKbps() const;
 
   double FaultsPerHour(const FaultKind& kind) const;
 };

@@ -302,8 +302,10 @@ void Rules::CheckBroughtOut(AgentId agent, const TeamAtRest& team) const {
   if (agent == team.leader) return;
   for (const auto& [key, content] : team.records.at(team.leader)) {
     const bool is_pose = key.stream.type == proto::OPTIMIZED_POSE;
+    const bool is_for_all = key.stream.type == proto::MAP_QUARANTINE;
     const bool is_due =
-        agent == team.base ? !is_pose : is_pose && key.stream.origin == team.leader && IsPoseOf(agent, content);
+        is_for_all ||
+        (agent == team.base ? !is_pose : is_pose && key.stream.origin == team.leader && IsPoseOf(agent, content));
     if (!is_due || team.have.at(agent).Get(key.stream).Had().Contains(key.seq)) continue;
     return report_("brought_out", NameOf(agent) + " lacks " + ToString(key) + " of the leader's");
   }

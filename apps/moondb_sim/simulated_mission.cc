@@ -17,6 +17,7 @@
 #include "actors/sharing/sync_actor.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/agent_lives.h"
+#include "apps/moondb_sim/budget_watch.h"
 #include "apps/moondb_sim/failover_watch.h"
 #include "apps/moondb_sim/lease_watch.h"
 #include "apps/moondb_sim/session_watch.h"
@@ -54,6 +55,7 @@ class Mission {
         [this](AgentId from, AgentId to, const proto::Message& message) { return OnRadio(from, to, message); });
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       world_.team.AddAgent(agent);
+      budgets_.emplace(agent, BudgetWatch(world_.options.BudgetKbps() * 1000 / 8));
     }
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       Check(lives_.CheckStore(agent), "an empty disk can be written");
@@ -190,6 +192,10 @@ class Mission {
     if (message.has_hello()) watches_[{from, message.source_actor(), to}].OnHello(message.hello());
     if (message.has_batch()) {
       world_.report.batch_bytes += message.ByteSizeLong();
+      for (const AgentId end : {from, to}) {
+        const auto beyond = budgets_.at(end).OnBatch(message.ByteSizeLong(), world_.team.now());
+        if (beyond) Violate("within_budget", end, *beyond);
+      }
       for (const auto& [rule, text] : watches_[{from, message.source_actor(), to}].OnBatch(message)) {
         world_.Violate(rule, who + text);
       }
@@ -375,6 +381,7 @@ class Mission {
   std::uint64_t hash_ = 0;
   bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
+  std::map<AgentId, BudgetWatch> budgets_;
   std::map<AgentId, LeaseWatch> leases_;
   std::map<AgentId, FailoverWatch> failovers_;
   SimulatedWorld world_;

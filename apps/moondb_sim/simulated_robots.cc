@@ -11,7 +11,8 @@ using std::chrono::seconds;
 
 constexpr Duration kInsertPeriod = seconds(10);
 constexpr int kInsertsPerMap = 6;
-constexpr std::uint64_t kLargeMapEvery = 30;  // About 15 kB coded, where the others have 0.2 kB.
+constexpr std::uint64_t kQuarantineEvery = 60;  // Inserts, on average.
+constexpr std::uint64_t kLargeMapEvery = 30;    // About 15 kB coded, where the others have 0.2 kB.
 constexpr std::size_t kOpenMax = 100;
 constexpr Duration kOptimizePeriod = minutes(5);
 constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
@@ -62,6 +63,7 @@ void SimulatedRobots::Work(AgentId rover) {
   SetPose(*node.mutable_pose_graph_node()->mutable_map_from_node());
   robot.open.push_back({std::move(node)});
   if (robot.next_node % kInsertsPerMap == 0) robot.open.push_back({MapAt(rover, robot.next_node)});
+  if (world_.rng() % kQuarantineEvery == 0) robot.open.push_back({Quarantine()});
   ++robot.next_node;
   // What was not answered is inserted again: storage knows a node by its name. A map might come twice.
   while (robot.open.size() > kOpenMax) robot.open.pop_front();
@@ -73,6 +75,14 @@ void SimulatedRobots::SetPose(proto::Pose& pose) {
   pose.mutable_position_m()->set_x(world_.Draw() * 100);
   pose.mutable_position_m()->set_y(world_.Draw() * 100);
   pose.mutable_orientation()->set_w(1);
+}
+
+// Of whose maps does not matter here: nobody merges any.
+proto::Record SimulatedRobots::Quarantine() {
+  proto::Record record;
+  record.mutable_map_quarantine()->set_agent_id(world_.DrawAgent());
+  record.mutable_map_quarantine()->set_to_ns(static_cast<std::int64_t>(world_.rng() >> 1));
+  return record;
 }
 
 proto::Record SimulatedRobots::MapAt(AgentId rover, std::uint64_t index) {

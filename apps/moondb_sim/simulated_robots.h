@@ -32,6 +32,7 @@ class SimulatedRobots {
   void Work(AgentId rover);
   void Optimize();
   void SetPose(proto::Pose& pose);
+  proto::Record Quarantine();
   proto::Record MapAt(AgentId rover, std::uint64_t index);
   char DrawCells();
   void Insert(AgentId agent, std::vector<proto::Record> records);

@@ -15,29 +15,36 @@ constexpr std::size_t kLastEvents = 60;
 constexpr std::uint64_t kFailoverEvery = 3;
 constexpr double kLeaderTimeoutS = 120;
 
-proto::TeamConfig MakeTeam(int rovers, std::uint64_t seed) {
+constexpr std::uint64_t kStatesEvery = 2;  // Seeds: their agents send states unasked.
+constexpr double kStatesPeriodS = 300;
+
+proto::TeamConfig MakeTeam(const SimOptions& options) {
   proto::TeamConfig team;
   team.set_team("simulated");
-  for (int id = 1; id <= rovers + 1; ++id) {
+  for (int id = 1; id <= options.rovers + 1; ++id) {
     proto::AgentConfig& agent = *team.add_agents();
     agent.set_id(static_cast<std::uint32_t>(id));
-    const bool is_base = id == rovers + 1;
+    const bool is_base = id == options.rovers + 1;
     agent.set_name(is_base ? "base" : "rover" + std::to_string(id));
     agent.set_kind(is_base ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
   }
   team.mutable_roles()->set_leader("rover1");
   team.mutable_roles()->set_survivor("rover2");
-  if (seed % kFailoverEvery == 0) team.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
+  if (options.seed % kFailoverEvery == 0) team.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
   team.mutable_roles()->set_leader_timeout_s(kLeaderTimeoutS);
   team.mutable_radio()->set_quiet_while_driving(true);
+  if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
+  if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriodS);
   proto::SharePolicies& share = *team.mutable_share();
   share.set_power(proto::POLICY_LATEST);
   share.set_pose_graph_node(proto::POLICY_ALL);
   share.set_optimized_pose(proto::POLICY_LATEST);
   share.set_local_traversability_map(proto::POLICY_ALL);
+  share.set_map_quarantine(proto::POLICY_ALL);
   team.mutable_ground()->set_power(proto::POLICY_LATEST);
   team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
   team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
+  team.mutable_ground()->set_map_quarantine(proto::POLICY_ALL);
   return team;
 }
 
@@ -45,7 +52,7 @@ proto::TeamConfig MakeTeam(int rovers, std::uint64_t seed) {
 
 SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
     : options(sim_options),
-      config(MakeTeam(sim_options.rovers, sim_options.seed)),
+      config(MakeTeam(sim_options)),
       base(static_cast<AgentId>(sim_options.rovers + 1)),
       rng(sim_options.seed),
       disk(sim_options.seed),

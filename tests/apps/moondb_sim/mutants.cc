@@ -676,6 +676,17 @@ const std::vector<Mutant>& Mutants() {
              [](Context& context, proto::Message& message) {
                return !message.has_missing_request() || AskForNoMaps(context, message);
              })},
+      {"QuarantinesStay",
+       "a leader brings others no quarantines of maps but its own",
+       {"brought_out"},
+       5,
+       Hears(kStorage,
+             [](Context&, proto::Message& message) {
+               if (message.has_missing_request()) {
+                 message.mutable_missing_request()->mutable_filter()->clear_everyones_types();
+               }
+               return true;
+             })},
       {"EndsTooEarly",
        "each batch says that it is the last",
        {"end_is_last"},
@@ -699,6 +710,11 @@ const std::vector<Mutant>& Mutants() {
        {"unacked_bounded"},
        5,
        [](SimOptions& options) { options.session.unacked_bytes_max = 64 * 1024; }},
+      {"WithoutBudget",
+       "no session keeps to the radio's budget",
+       {"within_budget"},
+       10,
+       [](SimOptions& options) { options.is_paced = false; }},
       {"TimersMultiply", "each timer comes twice", {"mailbox_bounded"}, 5, Wrapped<TimersMultiply>(kReplica)},
       {"DamagesBatches",
        "a batch is damaged where it is sent",

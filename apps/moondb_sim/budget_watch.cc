@@ -1,0 +1,25 @@
+#include "apps/moondb_sim/budget_watch.h"
+
+namespace moondb::simulation {
+namespace {
+
+constexpr Duration kWindow = std::chrono::minutes(1);
+// What sessions may send at once after a rest, 8 kB each, and while the parts are divided anew.
+constexpr double kBurstBytes = 64 * 1024;
+
+}  // namespace
+
+std::optional<std::string> BudgetWatch::OnBatch(std::size_t bytes, MonotonicTime now) {
+  batches_.emplace_back(now, bytes);
+  bytes_ += bytes;
+  while (now - batches_.front().first > kWindow) {
+    bytes_ -= batches_.front().second;
+    batches_.pop_front();
+  }
+  const double bytes_max = bytes_per_second_ * std::chrono::duration<double>(kWindow).count() + kBurstBytes;
+  if (static_cast<double>(bytes_) <= bytes_max) return std::nullopt;
+  return std::to_string(bytes_) + " bytes in a minute, where " + std::to_string(static_cast<std::size_t>(bytes_max)) +
+         " are allowed";
+}
+
+}  // namespace moondb::simulation

@@ -1,0 +1,28 @@
+// BudgetWatch: whether an agent's sessions keep to the radio's budget, as one knows it who hears all that the agent
+// sends and is sent.
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "runtime/actor.h"
+
+namespace moondb::simulation {
+
+class BudgetWatch {
+ public:
+  explicit BudgetWatch(double bytes_per_second) : bytes_per_second_(bytes_per_second) {}
+
+  // A batch that the agent sends or is sent. What is wrong, if anything.
+  std::optional<std::string> OnBatch(std::size_t bytes, MonotonicTime now);
+
+ private:
+  double bytes_per_second_;
+  std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Of the last minute.
+  std::size_t bytes_ = 0;                                      // In these.
+};
+
+}  // namespace moondb::simulation

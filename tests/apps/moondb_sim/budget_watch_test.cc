@@ -1,0 +1,22 @@
+#include "apps/moondb_sim/budget_watch.h"
+
+#include <gtest/gtest.h>
+
+namespace moondb::simulation {
+namespace {
+
+using std::chrono::seconds;
+
+TEST(BudgetWatchTest, AllowsTheBudgetAndABurstAndNoMore) {
+  BudgetWatch watch(/*bytes_per_second=*/2000);
+  MonotonicTime now{};
+  EXPECT_FALSE(watch.OnBatch(64 * 1024, now)) << "a burst";
+  for (int second = 1; second <= 60; ++second) EXPECT_FALSE(watch.OnBatch(2000, now + seconds(second)));
+  EXPECT_TRUE(watch.OnBatch(1, now + seconds(60)));
+  EXPECT_FALSE(watch.OnBatch(2000, now + seconds(61))) << "the burst is a minute ago";
+  EXPECT_FALSE(watch.OnBatch(60'000, now + seconds(61)));
+  EXPECT_TRUE(watch.OnBatch(10'000, now + seconds(61)));
+}
+
+}  // namespace
+}  // namespace moondb::simulation
