@@ -14,6 +14,9 @@ constexpr std::uint64_t kStaleSessions = 1024;
 
 constexpr int kEveryonesTypesMax = 256;
 
+// Of two batches, and what travels with them: a sender that keeps to its rate is heard again before that is sent.
+constexpr double kBatchesBytes = 2 * 4500;
+
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
   SharingAction action{sender, {}};
   action.message.set_ms_type(proto::CONTROL);
@@ -114,7 +117,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     }
     if (!*taken) {
       SharingAction acknowledgment{sender, AcknowledgmentOf(message, proto::RecordBatch())};
-      Grant(*acknowledgment.message.mutable_have());
+      Grant(incoming, *acknowledgment.message.mutable_have());
       return SharingActions{std::move(acknowledgment)};
     }
     whole = **std::move(taken);
@@ -158,7 +161,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     have.set_part_hash(part.hash);
     have.set_part_bytes(part.bytes);
     if (incoming.is_other_schema) *have.mutable_schemas() = options_.schemas;
-    Grant(have);
+    Grant(incoming, have);
     return {std::move(action)};
   }
   return {};
@@ -176,7 +179,7 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
     counts_.received_records += reply.stored_count();
     counts_.rejected_records += reply.rejected_count();
     *action.message.mutable_have()->mutable_have() = reply.had();
-    Grant(*action.message.mutable_have());
+    Grant(incoming, *action.message.mutable_have());
     return {std::move(action)};
   }
   return {};
@@ -202,19 +205,27 @@ SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& 
 }
 
 // All of them come in over one radio: together they may fill it no further than one of them would.
-void SharingReceiver::Grant(proto::Have& have) const {
+void SharingReceiver::Grant(Incoming& incoming, proto::Have& have) const {
   const std::size_t moving = std::max<std::size_t>(MovingSessions(now_), 1);
   have.set_unacked_bytes_max(options_.unacked_bytes_max / static_cast<std::uint32_t>(moving));
   if (options_.bytes_per_second_max <= 0) return;
   const double part = options_.bytes_per_second_max / static_cast<double>(moving + moving_elsewhere_);
-  have.set_bytes_per_second_max(static_cast<std::uint32_t>(std::clamp(part, 1.0, 4e9)));
+  incoming.bytes_per_second = std::clamp(part, 1.0, 4e9);
+  have.set_bytes_per_second_max(static_cast<std::uint32_t>(incoming.bytes_per_second));
+}
+
+bool SharingReceiver::IsMoving(const Incoming& incoming, Time now) const {
+  std::chrono::nanoseconds silence_max = options_.sending_after;
+  if (incoming.bytes_per_second > 0) {
+    const std::chrono::duration<double> between_batches(kBatchesBytes / incoming.bytes_per_second);
+    silence_max = std::max(silence_max, std::chrono::duration_cast<std::chrono::nanoseconds>(between_batches));
+  }
+  return !incoming.is_at_end && now - incoming.last_heard < silence_max;
 }
 
 std::size_t SharingReceiver::MovingSessions(Time now) const {
-  const auto moving = std::count_if(incoming_.begin(), incoming_.end(), [this, now](const auto& entry) {
-    return !entry.second.is_at_end && now - entry.second.last_heard < options_.sending_after;
-  });
-  return static_cast<std::size_t>(moving);
+  return static_cast<std::size_t>(std::count_if(
+      incoming_.begin(), incoming_.end(), [this, now](const auto& entry) { return IsMoving(entry.second, now); }));
 }
 
 bool SharingReceiver::MakeRoom(Time now) {

@@ -37,10 +37,11 @@ class SharingReceiver {
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
     std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that those who are sending are granted together.
-    std::chrono::nanoseconds sending_after = std::chrono::seconds(5);  // Who was silent for longer has no part of it.
-    double bytes_per_second_max = 0;                                   // Of the radio's budget, likewise; 0: no limit.
-    TypeSchemas schemas;                                               // What this agent understands by each type.
-    std::size_t sessions_max = 16;  // When full, one that was silent for idle_after gives way.
+    // Who was silent for longer, and than a sender is that keeps to its part of the budget, has no part of it.
+    std::chrono::nanoseconds sending_after = std::chrono::seconds(5);
+    double bytes_per_second_max = 0;  // Of the radio's budget, likewise; 0: no limit.
+    TypeSchemas schemas;              // What this agent understands by each type.
+    std::size_t sessions_max = 16;    // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
   };
@@ -65,7 +66,7 @@ class SharingReceiver {
   SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
-  // Senders that have told no end yet and were heard within sending_after: each has its part of credit and budget.
+  // Senders that have told no end yet and are not silent: each has its part of credit and budget.
   std::size_t MovingSessions(Time now) const;
   // Sessions of this agent's that are moving beside these, and have their part of the budget.
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
@@ -85,12 +86,14 @@ class SharingReceiver {
     bool is_other_schema = false;
     bool is_at_end = false;  // It said that nothing remains.
     std::uint32_t last_piece_batch = 0;
+    double bytes_per_second = 0;  // As granted last; 0: no limit.
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
-  void Grant(proto::Have& have) const;
+  void Grant(Incoming& incoming, proto::Have& have) const;
+  bool IsMoving(const Incoming& incoming, Time now) const;
 
   Options options_;
   std::uint64_t next_request_id_;

@@ -4,8 +4,6 @@ namespace moondb::simulation {
 namespace {
 
 constexpr Duration kWindow = std::chrono::minutes(1);
-// What sessions may send at once after a rest, 8 kB each, and while the parts are divided anew.
-constexpr double kBurstBytes = 64 * 1024;
 
 }  // namespace
 
@@ -16,7 +14,7 @@ std::optional<std::string> BudgetWatch::OnBatch(std::size_t bytes, MonotonicTime
     bytes_ -= batches_.front().second;
     batches_.pop_front();
   }
-  const double bytes_max = bytes_per_second_ * std::chrono::duration<double>(kWindow).count() + kBurstBytes;
+  const double bytes_max = bytes_per_second_ * std::chrono::duration<double>(kWindow).count() + burst_bytes_;
   if (static_cast<double>(bytes_) <= bytes_max) return std::nullopt;
   return std::to_string(bytes_) + " bytes in a minute, where " + std::to_string(static_cast<std::size_t>(bytes_max)) +
          " are allowed";

@@ -14,13 +14,16 @@ namespace moondb::simulation {
 
 class BudgetWatch {
  public:
-  explicit BudgetWatch(double bytes_per_second) : bytes_per_second_(bytes_per_second) {}
+  // `burst_bytes`: what all its sessions may send at once after a rest.
+  BudgetWatch(double bytes_per_second, double burst_bytes)
+      : bytes_per_second_(bytes_per_second), burst_bytes_(burst_bytes) {}
 
   // A batch that the agent sends or is sent. What is wrong, if anything.
   std::optional<std::string> OnBatch(std::size_t bytes, MonotonicTime now);
 
  private:
   double bytes_per_second_;
+  double burst_bytes_;
   std::deque<std::pair<MonotonicTime, std::size_t>> batches_;  // Of the last minute.
   std::size_t bytes_ = 0;                                      // In these.
 };

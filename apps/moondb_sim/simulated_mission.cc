@@ -55,7 +55,10 @@ class Mission {
         [this](AgentId from, AgentId to, const proto::Message& message) { return OnRadio(from, to, message); });
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       world_.team.AddAgent(agent);
-      budgets_.emplace(agent, BudgetWatch(world_.options.BudgetKbps() * 1000 / 8));
+      // To and from each other agent, sync and replication.
+      const double burst_bytes =
+          4.0 * (world_.base - 1) * static_cast<double>(world_.options.session.unacked_bytes_max);
+      budgets_.emplace(agent, BudgetWatch(world_.options.BudgetKbps() * 1000 / 8, burst_bytes));
     }
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       Check(lives_.CheckStore(agent), "an empty disk can be written");

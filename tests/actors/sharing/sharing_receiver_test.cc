@@ -287,7 +287,15 @@ TEST_F(SharingReceiverTest, GrantsEachSenderItsPartOfTheBudget) {
   EXPECT_EQ(receiver.MovingSessions(now_), 3u);
   now_ += seconds(4);
   EXPECT_EQ(receiver.MovingSessions(now_), 1u) << "who is silent gives its part back";
-  proto::Message last = Batch(4'000'000'010, 1);
+  receiver.SetMovingElsewhere(23);
+  EXPECT_EQ(granted_to(5), 480u);
+  now_ += seconds(18);
+  EXPECT_EQ(receiver.MovingSessions(now_), 1u) << "so slow a sender is heard that seldom";
+  now_ += seconds(1);
+  EXPECT_EQ(receiver.MovingSessions(now_), 0u);
+  receiver.SetMovingElsewhere(2);
+  EXPECT_EQ(granted_to(4), 4'000u);
+  proto::Message last = Batch(now_.time_since_epoch().count() + 10, 1);
   last.set_remaining(0);
   ASSERT_TRUE(receiver.OnBatch(4, last, now_));
   EXPECT_EQ(receiver.MovingSessions(now_), 0u) << "and who has told its end";

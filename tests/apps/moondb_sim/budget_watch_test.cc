@@ -8,7 +8,7 @@ namespace {
 using std::chrono::seconds;
 
 TEST(BudgetWatchTest, AllowsTheBudgetAndABurstAndNoMore) {
-  BudgetWatch watch(/*bytes_per_second=*/2000);
+  BudgetWatch watch(/*bytes_per_second=*/2000, /*burst_bytes=*/64 * 1024);
   MonotonicTime now{};
   EXPECT_FALSE(watch.OnBatch(64 * 1024, now)) << "a burst";
   for (int second = 1; second <= 60; ++second) EXPECT_FALSE(watch.OnBatch(2000, now + seconds(second)));
