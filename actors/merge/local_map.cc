@@ -1,0 +1,115 @@
+#include "actors/merge/local_map.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <string>
+#include <utility>
+
+namespace moondb {
+namespace {
+
+// Sixteen cells, a byte each, as one word. Fewer at the right end of a block: the rest is unknown.
+std::uint32_t PackCellsOfWord(const Cell* cells, std::int32_t count) {
+  std::array<std::uint8_t, kStripColumns> bytes{};
+  std::memcpy(bytes.data(), cells, static_cast<std::size_t>(count));
+  std::uint32_t word = 0;
+  for (std::size_t i = 0; i < bytes.size(); ++i) word |= static_cast<std::uint32_t>(bytes[i]) << (2 * i);
+  return word;
+}
+
+bool HasKnownCell(const Grid& grid, const LayerBlock& block) {
+  for (std::int32_t row = block.row; row < block.row + block.height; ++row) {
+    const Cell* begin = grid.cells.data() + static_cast<std::size_t>(row) * grid.width + block.column;
+    if (std::any_of(begin, begin + block.width, [](Cell cell) { return cell != Cell::kUnknown; })) return true;
+  }
+  return false;
+}
+
+// Start and length of the pieces of one side.
+std::vector<std::pair<std::int32_t, std::int32_t>> SplitSide(std::int32_t cells) {
+  std::vector<std::pair<std::int32_t, std::int32_t>> pieces;
+  for (std::int32_t start = 0; cells > 0; start += kBlockSideCellsMax - 1) {
+    const std::int32_t length = std::min(kBlockSideCellsMax, cells - start);
+    pieces.emplace_back(start, length);
+    if (start + length == cells) break;
+  }
+  return pieces;
+}
+
+void AddBlocks(const Grid& grid, std::uint8_t level, LocalMap& map) {
+  for (const auto& [row, height] : SplitSide(grid.height)) {
+    for (const auto& [column, width] : SplitSide(grid.width)) {
+      const LayerBlock block{level, column, row, width, height};
+      map.bounds.push_back(block);
+      if (HasKnownCell(grid, block)) map.blocks.emplace_back(grid, block);
+    }
+  }
+}
+
+bool IsFootprintSide(double side_m, const MergeGrid& grid) {
+  return side_m >= 0 && side_m * 1e6 / grid.resolution_um <= kBlockSideCellsMax;  // False for NaN.
+}
+
+}  // namespace
+
+Result<void> CheckGrid(const MergeGrid& grid) {
+  if (grid.resolution_um < 1000 || grid.resolution_um > kMapResolutionUmMax) {
+    return Fail(ErrorCode::kInvalid, "must lie between 1 mm and 100 m", "map.resolution_m");
+  }
+  if (!IsFootprintSide(grid.footprint_length_m, grid) || !IsFootprintSide(grid.footprint_width_m, grid)) {
+    return Fail(ErrorCode::kInvalid,
+                "must lie between 0 and " + std::to_string(kBlockSideCellsMax) + " cells of the merged map",
+                "map.footprint_m");
+  }
+  if (grid.side_cells_max < 1 || grid.side_cells_max > 65536) {
+    return Fail(ErrorCode::kInvalid, "must lie between 1 and 65536", "side_cells_max");
+  }
+  return {};
+}
+
+PackedBlock::PackedBlock(const Grid& layer, const LayerBlock& block) : block_(block) {
+  words_.reserve(static_cast<std::size_t>(strip_count()) * static_cast<std::size_t>(strip_words()) +
+                 2 * kStripPaddingWords);
+  words_.resize(kStripPaddingWords);
+  for (std::int32_t strip = 0; strip < strip_count(); ++strip) {
+    const std::int32_t first = strip * kStripColumns;
+    const std::int32_t count = std::min(kStripColumns, block.width - first);
+    for (std::int32_t row = 0; row < block.height; ++row) {
+      const std::size_t at = static_cast<std::size_t>(block.row + row) * layer.width + block.column + first;
+      words_.push_back(PackCellsOfWord(layer.cells.data() + at, count));
+    }
+  }
+  words_.resize(words_.size() + kStripPaddingWords);
+}
+
+std::size_t LocalMap::bytes() const {
+  std::size_t bytes = sizeof(LocalMap) + layers.capacity() * sizeof(LocalLayer) +
+                      blocks.capacity() * sizeof(PackedBlock) + bounds.capacity() * sizeof(LayerBlock);
+  for (const PackedBlock& block : blocks) bytes += block.bytes();
+  return bytes;
+}
+
+Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t stamp_ns,
+                                                     const TraversabilityMap& map, const MergeGrid& grid) {
+  auto local = std::make_shared<LocalMap>();
+  local->key = key;
+  local->stamp_ns = stamp_ns;
+  local->node = map.node;
+  local->node_from_map = map.node_from_map;
+  for (std::size_t level = 0; level < map.layers.size(); ++level) {
+    const MapLayer& layer = map.layers[level];
+    if (layer.resolution_um == 0 || std::uint64_t{layer.resolution_um} * kStepCellsMax < grid.resolution_um) {
+      return Fail(ErrorCode::kInvalid,
+                  "cells of " + std::to_string(layer.resolution_um) + " um are too fine for a merged map of " +
+                      std::to_string(grid.resolution_um) + " um",
+                  "layers[" + std::to_string(level) + "].resolution_um");
+    }
+    local->layers.push_back(
+        {layer.resolution_um, layer.grid.width, layer.grid.height, layer.center_x_m, layer.center_y_m});
+    AddBlocks(layer.grid, static_cast<std::uint8_t>(level), *local);
+  }
+  return local;
+}
+
+}  // namespace moondb
