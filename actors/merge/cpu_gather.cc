@@ -13,12 +13,25 @@ const GatherKernel& BestKernel() {
   return best;
 }
 
+// The coarse picture of the largest block, with everything known.
+constexpr int kAllBitsShift = 3;
+constexpr auto kAllBits = [] {
+  std::array<std::uint64_t, (kBlockSideCellsMax >> kAllBitsShift) + 1> rows{};
+  for (std::uint64_t& row : rows) row = ~std::uint64_t{0};
+  return rows;
+}();
+
 KernelBlock SeenFrom(const PlacedBlock& block, const CellBox& tile) {
   const PlacedRectangle& placed = block.rectangle;
   const std::int64_t i = tile.first_x - placed.anchor_x;
   const std::int64_t j = tile.first_y - placed.anchor_y;
   KernelBlock seen{};
-  if (!block.is_footprint()) {
+  if (block.is_footprint()) {
+    seen.coarse_rows = kAllBits.data();
+    seen.coarse_shift = kAllBitsShift;
+  } else {
+    seen.coarse_rows = block.cells->coarse_rows();
+    seen.coarse_shift = block.cells->coarse_shift();
     seen.words = block.cells->words();
     seen.strip_words = block.cells->strip_words();
     seen.strip_count = block.cells->strip_count();

@@ -9,31 +9,30 @@ namespace {
 
 class Avx2View {
  public:
-  explicit Avx2View(const KernelBlock& block)
+  explicit Avx2View(const KernelBlock& block, const SquareReach& reach)
       : block_(block),
-        reach_(block),
-        is_small_(HasSmallSteps(reach_)),
+        is_small_(HasSmallSteps(reach)),
         width_(_mm256_set1_epi32(static_cast<int>(static_cast<std::uint32_t>(block.width_q) - 1))),
         height_(_mm256_set1_epi32(static_cast<int>(static_cast<std::uint32_t>(block.height_q) - 1))),
         strip_words_(_mm256_set1_epi32(block.strip_words)),
         along_u_(Ramp(block.step_cos)),
         along_v_(Ramp(-block.step_sin)) {}
 
-  std::uint64_t Touched() const {
-    const __m256i ramp_u = WideRamp(8 * block_.step_cos);
-    const __m256i ramp_v = WideRamp(-8 * block_.step_sin);
-    const __m256i u_above = _mm256_set1_epi64x(-reach_.u_high - 1);
-    const __m256i u_below = _mm256_set1_epi64x(block_.width_q - reach_.u_low);
-    const __m256i v_above = _mm256_set1_epi64x(-reach_.v_high - 1);
-    const __m256i v_below = _mm256_set1_epi64x(block_.height_q - reach_.v_low);
+  static std::uint64_t Touched(const KernelBlock& block, const SquareReach& reach) {
+    const __m256i ramp_u = WideRamp(8 * block.step_cos);
+    const __m256i ramp_v = WideRamp(-8 * block.step_sin);
+    const __m256i u_above = _mm256_set1_epi64x(-reach.u_high - 1);
+    const __m256i u_below = _mm256_set1_epi64x(block.width_q - reach.u_low);
+    const __m256i v_above = _mm256_set1_epi64x(-reach.v_high - 1);
+    const __m256i v_below = _mm256_set1_epi64x(block.height_q - reach.v_low);
     std::uint64_t touched = 0;
     for (int four = 0; four < 16; ++four) {
       const std::int64_t x = (four & 1) * 4;
       const std::int64_t y = four >> 1;
       const __m256i u =
-          _mm256_add_epi64(_mm256_set1_epi64x(block_.u + 8 * (x * block_.step_cos + y * block_.step_sin)), ramp_u);
+          _mm256_add_epi64(_mm256_set1_epi64x(block.u + 8 * (x * block.step_cos + y * block.step_sin)), ramp_u);
       const __m256i v =
-          _mm256_add_epi64(_mm256_set1_epi64x(block_.v + 8 * (y * block_.step_cos - x * block_.step_sin)), ramp_v);
+          _mm256_add_epi64(_mm256_set1_epi64x(block.v + 8 * (y * block.step_cos - x * block.step_sin)), ramp_v);
       const __m256i meets =
           _mm256_and_si256(_mm256_and_si256(_mm256_cmpgt_epi64(u, u_above), _mm256_cmpgt_epi64(u_below, u)),
                            _mm256_and_si256(_mm256_cmpgt_epi64(v, v_above), _mm256_cmpgt_epi64(v_below, v)));
@@ -97,7 +96,6 @@ class Avx2View {
   }
 
   const KernelBlock& block_;
-  const SquareReach reach_;
   const bool is_small_;
   const __m256i width_;
   const __m256i height_;

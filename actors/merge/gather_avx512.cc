@@ -36,7 +36,7 @@ constexpr Tables kTables = MakeTables();
 
 class Avx512View {
  public:
-  explicit Avx512View(const KernelBlock& block) : block_(block), reach_(block) {
+  explicit Avx512View(const KernelBlock& block, const SquareReach& reach) : block_(block), reach_(reach) {
     const bool is_narrow = reach_.u_high - reach_.u_low <= 15 * kCell && reach_.v_high - reach_.v_low <= 15 * kCell;
     way_ = is_narrow && block.words != nullptr ? Way::kWindow : HasSmallSteps(reach_) ? Way::kGather : Way::kOneByOne;
     if (way_ == Way::kOneByOne) return;
@@ -56,19 +56,19 @@ class Avx512View {
     }
   }
 
-  std::uint64_t Touched() const {
+  static std::uint64_t Touched(const KernelBlock& block, const SquareReach& reach) {
     const __m512i x = _mm512_setr_epi64(0, 8, 16, 24, 32, 40, 48, 56);
-    const __m512i step_cos = _mm512_set1_epi64(block_.step_cos);
-    const __m512i step_sin = _mm512_set1_epi64(block_.step_sin);
+    const __m512i step_cos = _mm512_set1_epi64(block.step_cos);
+    const __m512i step_sin = _mm512_set1_epi64(block.step_sin);
     // |step| < 2^31 and x < 2^6: the low 32 bits times the low 32 bits, signed, is the product.
-    __m512i u = _mm512_add_epi64(_mm512_set1_epi64(block_.u), _mm512_mul_epi32(x, step_cos));
-    __m512i v = _mm512_sub_epi64(_mm512_set1_epi64(block_.v), _mm512_mul_epi32(x, step_sin));
+    __m512i u = _mm512_add_epi64(_mm512_set1_epi64(block.u), _mm512_mul_epi32(x, step_cos));
+    __m512i v = _mm512_sub_epi64(_mm512_set1_epi64(block.v), _mm512_mul_epi32(x, step_sin));
     const __m512i down_u = _mm512_slli_epi64(step_sin, 3);
     const __m512i down_v = _mm512_slli_epi64(step_cos, 3);
-    const __m512i u_least = _mm512_set1_epi64(-reach_.u_high);
-    const __m512i u_end = _mm512_set1_epi64(block_.width_q - reach_.u_low);
-    const __m512i v_least = _mm512_set1_epi64(-reach_.v_high);
-    const __m512i v_end = _mm512_set1_epi64(block_.height_q - reach_.v_low);
+    const __m512i u_least = _mm512_set1_epi64(-reach.u_high);
+    const __m512i u_end = _mm512_set1_epi64(block.width_q - reach.u_low);
+    const __m512i v_least = _mm512_set1_epi64(-reach.v_high);
+    const __m512i v_end = _mm512_set1_epi64(block.height_q - reach.v_low);
     std::uint64_t touched = 0;
     for (int y = 0; y < 8; ++y) {
       __mmask8 meets = _mm512_cmpge_epi64_mask(u, u_least);
@@ -179,7 +179,7 @@ class Avx512View {
   }
 
   const KernelBlock& block_;
-  const SquareReach reach_;
+  const SquareReach& reach_;
   Way way_ = Way::kOneByOne;
   __m512i u_[4];  // From a square's first cell to the others, two rows each; shifted where windows are used.
   __m512i v_[4];

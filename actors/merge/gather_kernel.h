@@ -11,7 +11,9 @@ namespace moondb {
 
 // A block as one tile sees it. u and v are those of the tile's first cell, exact, in Q42.22.
 struct KernelBlock {
-  const std::uint32_t* words;  // As in PackedBlock; null for a footprint.
+  const std::uint32_t* words;        // As in PackedBlock; null for a footprint.
+  const std::uint64_t* coarse_rows;  // As in PackedBlock; all bits set for a footprint.
+  std::int32_t coarse_shift;
   std::int32_t strip_words;
   std::int32_t strip_count;
   std::int64_t u;

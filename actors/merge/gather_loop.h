@@ -90,19 +90,49 @@ struct SquareReach {
   for (; taken != 0; taken &= taken - 1) winners[__builtin_ctzll(taken)] = winner;
 }
 
-// View: constructed from a block once a tile; Touched(), See(u, v, wanted), static StoreWinners(winners, taken,
-// winner).
-template <typename View>
-KernelResult GatherInto(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner) {
-  const View view(block);
-  KernelResult result{open, false};
-  for (std::uint64_t todo = view.Touched() & open; todo != 0; todo &= todo - 1) {
-    const int square = __builtin_ctzll(todo);
+// One square of the tile, as the block sees it.
+struct SquarePlace {
+  SquarePlace(const KernelBlock& block, int square) {
     const std::int64_t x = (square & 7) * 8;
     const std::int64_t y = (square >> 3) * 8;
+    u = block.u + x * block.step_cos + y * block.step_sin;
+    v = block.v - x * block.step_sin + y * block.step_cos;
+  }
+  std::int64_t u;
+  std::int64_t v;
+};
+
+// By the coarse picture: false only if the block knows nothing there. The square touches the block.
+[[maybe_unused]] inline bool MayKnow(const KernelBlock& block, const SquareReach& reach, const SquarePlace& place) {
+  const std::int64_t u = place.u + reach.u_low;
+  const std::int64_t v = place.v + reach.v_low;
+  const std::int64_t column = (u < 0 ? 0 : u) >> (kFraction + block.coarse_shift);
+  const std::int64_t row = (v < 0 ? 0 : v) >> (kFraction + block.coarse_shift);
+  return (block.coarse_rows[row] >> column & 1) != 0;
+}
+
+// Whether the tile's bounding box in the block's frame meets the block.
+[[maybe_unused]] inline bool MeetsTile(const KernelBlock& block, const SquareReach& reach) {
+  return (block.u + 9 * reach.u_high >= 0) & (block.u + 9 * reach.u_low < block.width_q) &
+         (block.v + 9 * reach.v_high >= 0) & (block.v + 9 * reach.v_low < block.height_q);
+}
+
+// View: constructed from a block once a tile; See(u, v, wanted) of a square that touches; static Touched(block, reach)
+// and StoreWinners(winners, taken, winner).
+template <typename View>
+KernelResult GatherInto(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner) {
+  KernelResult result{open, false};
+  const SquareReach reach(block);
+  if (!MeetsTile(block, reach)) return result;
+  std::uint64_t todo = View::Touched(block, reach) & open;
+  if (todo == 0) return result;
+  const View view(block, reach);
+  for (; todo != 0; todo &= todo - 1) {
+    const int square = __builtin_ctzll(todo);
+    const SquarePlace place(block, square);
+    if (!MayKnow(block, reach, place)) continue;
     const std::uint64_t unknown = ~tile.known[square];
-    const Seen seen = view.See(block.u + x * block.step_cos + y * block.step_sin,
-                               block.v - x * block.step_sin + y * block.step_cos, unknown);
+    const Seen seen = view.See(place.u, place.v, unknown);
     const std::uint64_t taken = seen.known & unknown;
     if (taken == 0) continue;
     View::StoreWinners(tile.winners + square * 64, taken, winner);
@@ -117,16 +147,16 @@ KernelResult GatherInto(const KernelBlock& block, const KernelTile& tile, std::u
 
 template <typename View>
 bool WouldWin(const KernelBlock& block, const std::uint64_t* known, std::uint64_t weaker) {
-  const View view(block);
-  for (std::uint64_t todo = view.Touched(); todo != 0; todo &= todo - 1) {
+  const SquareReach reach(block);
+  if (!MeetsTile(block, reach)) return false;
+  const View view(block, reach);
+  for (std::uint64_t todo = View::Touched(block, reach); todo != 0; todo &= todo - 1) {
     const int square = __builtin_ctzll(todo);
     const std::uint64_t wanted = (weaker >> square & 1) != 0 ? ~std::uint64_t{0} : ~known[square];
     if (wanted == 0) continue;
-    const std::int64_t x = (square & 7) * 8;
-    const std::int64_t y = (square >> 3) * 8;
-    const Seen seen = view.See(block.u + x * block.step_cos + y * block.step_sin,
-                               block.v - x * block.step_sin + y * block.step_cos, wanted);
-    if ((seen.known & wanted) != 0) return true;
+    const SquarePlace place(block, square);
+    if (!MayKnow(block, reach, place)) continue;
+    if ((view.See(place.u, place.v, wanted).known & wanted) != 0) return true;
   }
   return false;
 }

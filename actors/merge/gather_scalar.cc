@@ -6,8 +6,10 @@ namespace {
 
 class ScalarView {
  public:
-  explicit ScalarView(const KernelBlock& block) : block_(block), reach_(block) {}
-  std::uint64_t Touched() const { return TouchedOneByOne(block_, reach_); }
+  explicit ScalarView(const KernelBlock& block, const SquareReach&) : block_(block) {}
+  static std::uint64_t Touched(const KernelBlock& block, const SquareReach& reach) {
+    return TouchedOneByOne(block, reach);
+  }
   Seen See(std::int64_t u, std::int64_t v, std::uint64_t wanted) const { return SeeOneByOne(block_, u, v, wanted); }
   static void StoreWinners(std::uint16_t* winners, std::uint64_t taken, std::uint16_t winner) {
     StoreWinnersOneByOne(winners, taken, winner);
@@ -15,7 +17,6 @@ class ScalarView {
 
  private:
   const KernelBlock& block_;
-  const SquareReach reach_;
 };
 
 constexpr GatherKernel kKernel{"scalar", GatherInto<ScalarView>, WouldWin<ScalarView>};

@@ -9,10 +9,9 @@ namespace {
 
 class Sse2View {
  public:
-  explicit Sse2View(const KernelBlock& block)
+  explicit Sse2View(const KernelBlock& block, const SquareReach& reach)
       : block_(block),
-        reach_(block),
-        is_small_(HasSmallSteps(reach_)),
+        is_small_(HasSmallSteps(reach)),
         sign_(_mm_set1_epi32(INT32_MIN)),
         width_(_mm_set1_epi32(static_cast<int>(static_cast<std::uint32_t>(block.width_q) ^ 0x80000000u))),
         height_(_mm_set1_epi32(static_cast<int>(static_cast<std::uint32_t>(block.height_q) ^ 0x80000000u))),
@@ -20,7 +19,9 @@ class Sse2View {
         along_u_(Ramp(block.step_cos)),
         along_v_(Ramp(-block.step_sin)) {}
 
-  std::uint64_t Touched() const { return TouchedOneByOne(block_, reach_); }
+  static std::uint64_t Touched(const KernelBlock& block, const SquareReach& reach) {
+    return TouchedOneByOne(block, reach);
+  }
 
   Seen See(std::int64_t u, std::int64_t v, std::uint64_t wanted) const {
     if (!is_small_) return SeeOneByOne(block_, u, v, wanted);
@@ -72,7 +73,6 @@ class Sse2View {
   }
 
   const KernelBlock& block_;
-  const SquareReach reach_;
   const bool is_small_;
   const __m128i sign_;
   const __m128i width_;

@@ -37,14 +37,27 @@ std::vector<std::pair<std::int32_t, std::int32_t>> SplitSide(std::int32_t cells)
   return pieces;
 }
 
-void AddBlocks(const Grid& grid, std::uint8_t level, LocalMap& map) {
+void AddBlocks(const Grid& grid, std::uint8_t level, std::int32_t reach_cells, LocalMap& map) {
   for (const auto& [row, height] : SplitSide(grid.height)) {
     for (const auto& [column, width] : SplitSide(grid.width)) {
       const LayerBlock block{level, column, row, width, height};
       map.bounds.push_back(block);
-      if (HasKnownCell(grid, block)) map.blocks.emplace_back(grid, block);
+      if (HasKnownCell(grid, block)) map.blocks.emplace_back(grid, block, reach_cells);
     }
   }
+}
+
+// Of eight cells of the merged map in any direction; more than that is never asked at once.
+std::int32_t ReachCells(std::uint32_t layer_um, std::uint32_t grid_um) {
+  constexpr double kDiagonal = 1.4143;
+  return static_cast<std::int32_t>(7 * kDiagonal * grid_um / layer_um) + 1;
+}
+
+// Each bit takes in those of the `count` that follow it.
+std::uint64_t SpreadDown(std::uint64_t bits, std::int32_t count) {
+  std::uint64_t spread = bits;
+  for (std::int32_t i = 1; i <= std::min(count, 63); ++i) spread |= bits >> i;
+  return spread;
 }
 
 bool IsFootprintSide(double side_m, const MergeGrid& grid) {
@@ -68,7 +81,7 @@ Result<void> CheckGrid(const MergeGrid& grid) {
   return {};
 }
 
-PackedBlock::PackedBlock(const Grid& layer, const LayerBlock& block) : block_(block) {
+PackedBlock::PackedBlock(const Grid& layer, const LayerBlock& block, std::int32_t reach_cells) : block_(block) {
   words_.reserve(static_cast<std::size_t>(strip_count()) * static_cast<std::size_t>(strip_words()) +
                  2 * kStripPaddingWords);
   words_.resize(kStripPaddingWords);
@@ -81,6 +94,30 @@ PackedBlock::PackedBlock(const Grid& layer, const LayerBlock& block) : block_(bl
     }
   }
   words_.resize(words_.size() + kStripPaddingWords);
+  MakeCoarseRows(reach_cells);
+}
+
+void PackedBlock::MakeCoarseRows(std::int32_t reach_cells) {
+  coarse_shift_ = std::max(block_.width, block_.height) <= 256 ? 2 : 3;
+  const std::int32_t side = 1 << coarse_shift_;
+  const std::int32_t reach_bits = (reach_cells + side - 1) >> coarse_shift_;
+  std::vector<std::uint64_t> known(static_cast<std::size_t>((block_.height + side - 1) >> coarse_shift_));
+  for (std::int32_t row = 0; row < block_.height; ++row) {
+    std::uint64_t& bits = known[static_cast<std::size_t>(row >> coarse_shift_)];
+    for (std::int32_t column = 0; column < block_.width; column += side) {
+      const std::size_t strip = static_cast<std::size_t>(column / kStripColumns);
+      const std::uint32_t word =
+          words()[strip * static_cast<std::size_t>(strip_words()) + static_cast<std::size_t>(row)];
+      const std::uint32_t cells = word >> (2 * (column % kStripColumns)) & ((1u << (2 * side)) - 1);
+      bits |= static_cast<std::uint64_t>(cells != 0) << (column >> coarse_shift_);
+    }
+  }
+  coarse_rows_.resize(known.size());
+  for (std::size_t row = 0; row < known.size(); ++row) {
+    const std::size_t end = std::min(known.size(), row + static_cast<std::size_t>(reach_bits) + 1);
+    for (std::size_t i = row; i < end; ++i) coarse_rows_[row] |= known[i];
+    coarse_rows_[row] = SpreadDown(coarse_rows_[row], reach_bits);
+  }
 }
 
 std::size_t LocalMap::bytes() const {
@@ -107,7 +144,8 @@ Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::
     }
     local->layers.push_back(
         {layer.resolution_um, layer.grid.width, layer.grid.height, layer.center_x_m, layer.center_y_m});
-    AddBlocks(layer.grid, static_cast<std::uint8_t>(level), *local);
+    AddBlocks(layer.grid, static_cast<std::uint8_t>(level), ReachCells(layer.resolution_um, grid.resolution_um),
+              *local);
   }
   return local;
 }

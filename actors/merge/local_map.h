@@ -45,15 +45,23 @@ struct LayerBlock {
 inline constexpr std::int32_t kStripColumns = 16;
 inline constexpr std::int32_t kStripPaddingWords = 16;
 
+// Beside its cells a block has a coarse picture of where anything is known, so that a merge need not look where nothing
+// is: a bit for each 4 x 4 cells (8 x 8 in large blocks), set if one of the cells that a square of 8 x 8 cells of the
+// merged map can reach from there on, to larger rows and columns, is known. Rows of 64 bits.
 class PackedBlock {
  public:
-  PackedBlock(const Grid& layer, const LayerBlock& block);
+  // `reach_cells`: from the least to the greatest column (or row) that 8 x 8 cells of the merged map ask for at once.
+  PackedBlock(const Grid& layer, const LayerBlock& block, std::int32_t reach_cells);
 
   const LayerBlock& block() const { return block_; }
   std::int32_t strip_count() const { return (block_.width + kStripColumns - 1) / kStripColumns; }
   std::int32_t strip_words() const { return block_.height; }  // From one strip to the next.
   const std::uint32_t* words() const { return words_.data() + kStripPaddingWords; }
-  std::size_t bytes() const { return words_.size() * sizeof(std::uint32_t); }
+  const std::uint64_t* coarse_rows() const { return coarse_rows_.data(); }
+  int coarse_shift() const { return coarse_shift_; }  // The logarithm of a bit's side.
+  std::size_t bytes() const {
+    return words_.capacity() * sizeof(std::uint32_t) + coarse_rows_.capacity() * sizeof(std::uint64_t);
+  }
 
   // Within the block.
   Cell At(std::int32_t column, std::int32_t row) const {
@@ -63,8 +71,12 @@ class PackedBlock {
   }
 
  private:
+  void MakeCoarseRows(std::int32_t reach_cells);
+
   LayerBlock block_;
   std::vector<std::uint32_t> words_;
+  std::vector<std::uint64_t> coarse_rows_;
+  int coarse_shift_ = 2;
 };
 
 struct LocalLayer {
