@@ -6,34 +6,24 @@
 #include "model/term.h"
 
 namespace moondb {
-namespace {
-
-std::uint64_t CountCells(const TraversabilityMap& map) {
-  std::uint64_t count = 0;
-  for (const MapLayer& layer : map.layers) count += layer.grid.cells.size();
-  return count;
-}
-
-}  // namespace
-
-Result<bool> MapCollection::PutMap(const RecordKey& key, std::int64_t stamp_ns, TraversabilityMap map) {
+Result<bool> MapCollection::PutMap(const RecordKey& key, std::int64_t stamp_ns, const TraversabilityMap& map) {
   if (maps_.contains(key)) return false;
-  const std::uint64_t cells = CountCells(map);
-  if (maps_.size() >= options_.maps_max || cells > options_.cells_max - cells_) {
-    return Fail(ErrorCode::kFull, "merging holds at most " + std::to_string(options_.maps_max) + " maps and " +
-                                      std::to_string(options_.cells_max) + " cells");
-  }
-  Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, stamp_ns, std::move(map), options_.grid);
+  Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, stamp_ns, map, options_.grid);
   if (!local) return tl::unexpected(local.error());
+  const std::uint64_t bytes = (*local)->bytes();
+  if (maps_.size() >= options_.maps_max || bytes > options_.bytes_max - bytes_) {
+    return Fail(ErrorCode::kFull, "merging holds at most " + std::to_string(options_.maps_max) + " maps and " +
+                                      std::to_string(options_.bytes_max) + " bytes");
+  }
   maps_.emplace(key, std::move(*local));
-  cells_ += cells;
+  bytes_ += bytes;
   return true;
 }
 
 bool MapCollection::WithdrawMap(const RecordKey& key) {
   const auto found = maps_.find(key);
   if (found == maps_.end()) return false;
-  cells_ -= CountCells(found->second->map);
+  bytes_ -= found->second->bytes();
   maps_.erase(found);
   return true;
 }
@@ -73,30 +63,24 @@ const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) con
   return raw ? &raw->second : nullptr;
 }
 
-Result<MapCollection::Selected> MapCollection::Place(const Selection& selection) const {
+MapCollection::Selected MapCollection::Select(const Selection& selection) const {
   const auto is_selected = [&selection](AgentId agent) {
     return selection.agents.empty() || selection.agents.contains(agent);
   };
   Selected selected;
-  std::vector<PlacedMap> maps;
   for (const auto& [key, map] : maps_) {
     if (!is_selected(key.stream.origin)) continue;
-    const Pose* pose = FindPose(map->map.node, selection.use_raw_poses);
+    const Pose* pose = FindPose(map->node, selection.use_raw_poses);
     if (pose == nullptr) {
       ++selected.waiting_map_count;
     } else {
-      maps.push_back({map, *pose});
+      selected.maps.push_back({map, *pose});
     }
   }
-  std::vector<Pose> footprints;
   for (const auto& [node, poses] : nodes_) {
     if (!is_selected(node.agent) || options_.without_footprint.contains(node.agent)) continue;
-    if (const Pose* pose = FindPose(node, selection.use_raw_poses)) footprints.push_back(*pose);
+    if (const Pose* pose = FindPose(node, selection.use_raw_poses)) selected.footprints.push_back({node, *pose});
   }
-  selected.node_count = footprints.size();
-  Result<MapPlacement> placement = PlaceMaps(std::move(maps), footprints, options_.grid);
-  if (!placement) return tl::unexpected(placement.error());
-  selected.placement = std::move(*placement);
   return selected;
 }
 

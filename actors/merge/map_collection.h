@@ -1,5 +1,5 @@
-// MapCollection: the maps and node poses that an agent knows, kept between merges. The one state of merging; backends
-// hold only copies.
+// MapCollection: the maps and node poses that an agent knows, kept between merges. What a Merger
+// merges.
 //
 // Everything in it is a maximum over records (the newest pose of a node, each map once), so that records in any order
 // and any number of times lead to the same collection on every agent. Poses are as wide as model/geometry.h admits.
@@ -30,7 +30,7 @@ class MapCollection {
     MergeGrid grid;
     std::set<AgentId> without_footprint;  // Base stations: they stand still and are no rovers.
     std::size_t maps_max = 65535;
-    std::uint64_t cells_max = 8ull << 30;  // Of all maps together, a byte each.
+    std::uint64_t bytes_max = 8ull << 30;  // Of all maps together.
     std::size_t nodes_max = 4'000'000;
   };
 
@@ -38,19 +38,21 @@ class MapCollection {
   struct Selection {
     bool use_raw_poses = false;  // Ignore optimized poses.
     std::set<AgentId> agents;    // Only maps of these origins and footprints of their nodes; empty: all.
+
+    bool is_everything() const { return !use_raw_poses && agents.empty(); }
   };
 
   struct Selected {
-    MapPlacement placement;
+    std::vector<PlacedMap> maps;        // By record key.
+    std::vector<Footprint> footprints;  // By node.
     std::size_t waiting_map_count = 0;  // Selected, but their node is not known.
-    std::size_t node_count = 0;         // Nodes whose footprints are freed.
   };
 
   explicit MapCollection(Options options) : options_(std::move(options)) {}
 
   // False if a map of that key is there already. Its node may come later. Errors: kInvalid as in MakeLocalMap; kFull
-  // for more than maps_max or cells_max.
-  Result<bool> PutMap(const RecordKey& key, std::int64_t stamp_ns, TraversabilityMap map);
+  // for more than maps_max or bytes_max.
+  Result<bool> PutMap(const RecordKey& key, std::int64_t stamp_ns, const TraversabilityMap& map);
 
   // False if there is none. Nothing remembers that it was there.
   bool WithdrawMap(const RecordKey& key);
@@ -63,8 +65,8 @@ class MapCollection {
   Result<void> SetOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
                                 const proto::Term& term, std::uint64_t run);
 
-  // Everything that a merger needs of the selection. Errors as in PlaceMaps.
-  Result<Selected> Place(const Selection& selection) const;
+  // Everything that Merger::Assign needs of the selection: maps and footprints at the newest poses.
+  Selected Select(const Selection& selection) const;
 
   std::size_t map_count() const { return maps_.size(); }
   std::size_t node_count() const { return nodes_.size(); }
@@ -84,7 +86,7 @@ class MapCollection {
   Options options_;
   std::map<RecordKey, std::shared_ptr<const LocalMap>> maps_;
   std::map<NodeKey, Node> nodes_;
-  std::uint64_t cells_ = 0;
+  std::uint64_t bytes_ = 0;
 };
 
 }  // namespace moondb

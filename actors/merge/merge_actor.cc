@@ -65,13 +65,14 @@ void MergeActor::OnStart(Context& context) {
   // A random start, so that storage's answer to a life before a restart, which a newer request may overtake, is not
   // taken for one of this life's.
   read_id_ = context.rng()();
-  Result<std::unique_ptr<Merger>> merger = CreateMerger(options_.backend);
-  if (merger) {
-    merger_ = std::move(*merger);
-    spdlog::info("{}: merges on {}", ToString(context.self()), merger_->description());
+  Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options_.backend, options_.merge_threads);
+  if (backend) {
+    backend_ = std::move(*backend);
+    merger_ = std::make_unique<Merger>(CollectionOptions(options_.team).grid, backend_);
+    spdlog::info("{}: merges on {}", ToString(context.self()), backend_->description());
   } else {
-    merger_error_ = merger.error();
-    spdlog::error("{}: {}", ToString(context.self()), ToString(merger_error_));
+    backend_error_ = backend.error();
+    spdlog::error("{}: {}", ToString(context.self()), ToString(backend_error_));
   }
 }
 
@@ -183,7 +184,7 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
       if (!map) return tl::unexpected(map.error());
       // A doubtful stamp wins nothing.
       const std::int64_t stamp_ns = record.is_clock_suspect() ? INT64_MIN : record.stamp_ns();
-      const Result<bool> put = collection_.PutMap(key, stamp_ns, std::move(*map));
+      const Result<bool> put = collection_.PutMap(key, stamp_ns, *map);
       if (!put) return tl::unexpected(put.error());
       return {};
     }
@@ -202,13 +203,19 @@ void MergeActor::AnswerCovered(Context& context) {
 }
 
 Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::MergeRequest& request) {
-  if (merger_ == nullptr) return tl::unexpected(merger_error_);
+  if (merger_ == nullptr) return tl::unexpected(backend_error_);
   const MonotonicTime start = context.now();
-  const Result<MapCollection::Selected> selected = collection_.Place(SelectionOf(request));
-  if (!selected) return tl::unexpected(selected.error());
-  const Result<MergeResult> result = RunMerger(context, selected->placement);
+  const MapCollection::Selection selection = SelectionOf(request);
+  const MapCollection::Selected selected = collection_.Select(selection);
+  Result<MergedMap> result;
+  if (selection.is_everything()) {
+    result = RunMerger(context, selected, *merger_);
+  } else {
+    Merger merger(merger_->grid(), backend_);
+    result = RunMerger(context, selected, merger);
+  }
   if (!result) return tl::unexpected(result.error());
-  const MergedMap& merged = result->merged;
+  const MergedMap& merged = *result;
   Result<std::string> cells = CompressCells(merged.grid, options_.reply_bytes_max);
   if (!cells) return tl::unexpected(cells.error());
 
@@ -219,24 +226,21 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   reply.set_width_cells(static_cast<std::uint32_t>(merged.grid.width));
   reply.set_height_cells(static_cast<std::uint32_t>(merged.grid.height));
   reply.set_zstd_cells(std::move(*cells));
-  reply.set_map_count(static_cast<double>(selected->placement.slots.size()));
-  reply.set_waiting_map_count(static_cast<double>(selected->waiting_map_count));
-  reply.set_node_count(static_cast<double>(selected->node_count));
-  reply.set_backend(merger_->name());
+  reply.set_map_count(static_cast<double>(selected.maps.size()));
+  reply.set_waiting_map_count(static_cast<double>(selected.waiting_map_count));
+  reply.set_node_count(static_cast<double>(selected.footprints.size()));
+  reply.set_backend(backend_->name());
   reply.set_seconds(std::chrono::duration<double>(context.now() - start).count());
   return reply;
 }
 
-Result<MergeResult> MergeActor::RunMerger(Context& context, const MapPlacement& placement) {
-  const StopPredicate stop = [&context] { return context.stop_requested(); };
-  Result<MergeResult> result = merger_->Merge(placement, stop);
-  const bool is_gl_chosen = options_.backend == MergeBackend::kAuto && merger_->name() != "cpu";
-  if (result || context.stop_requested() || !is_gl_chosen) return result;
-  spdlog::warn("{}: merges on cpu from now on: {}", ToString(context.self()), ToString(result.error()));
-  Result<std::unique_ptr<Merger>> cpu = CreateMerger(MergeBackend::kCpu);
-  if (!cpu) return tl::unexpected(cpu.error());
-  merger_ = std::move(*cpu);
-  return merger_->Merge(placement, stop);
+Result<MergedMap> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
+  for (const Error& refused : merger.Assign(selected.maps, selected.footprints)) {
+    spdlog::warn("{}: leaves out {}", ToString(context.self()), ToString(refused));
+  }
+  const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
+  if (!merged) return tl::unexpected(merged.error());
+  return merger.ReadCells(merger.extent());
 }
 
 void MergeActor::Answer(Context& context, const Waiting& waiting, proto::MergeReply reply) {

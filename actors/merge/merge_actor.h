@@ -1,15 +1,17 @@
 // MergeActor: answers MergeRequest with the merged map of all that this agent holds (paper, Section 5).
 //
 // Reads the records that StorageActor got since the last merge (nodes, optimized poses, local traversability maps),
-// page by page, into a MapCollection, and merges on its own thread: spawn it with Placement::kOwnThread. Maps whose
-// node is unknown wait for it. A request is answered by reads that began after it came, so it sees what its sender
-// saw stored. After a restart everything is read anew: state comes from storage, never from memory.
+// page by page, into a MapCollection, and keeps a Merger up to date on its own thread: spawn it with kOwnThread. Maps
+// whose node is unknown wait for it. A request is answered by reads that began after it came, so it sees what its
+// sender saw stored. After a restart everything is read anew: state comes from storage, never from memory.
 //
-// A request with `agents` takes maps of these origins and the footprints of their nodes only.
+// A request with `agents` takes maps of these origins and the footprints of their nodes only. It, and one for raw
+// poses, is merged from nothing, beside the merged map of everything, of which each merge brings up to date only what
+// changed.
 //
-// MergeReply.error: kFull (more than requests_max wait; a bound of MapCollection, PlaceMaps or of the reply's size),
+// MergeReply.error: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
 // kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), and
-// StorageActor's own. A GL backend that was chosen by kAuto and fails is replaced by the CPU at once.
+// StorageActor's own.
 #pragma once
 
 #include <cstdint>
@@ -30,6 +32,7 @@ class MergeActor final : public Actor {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked: map.resolution_m, map.footprint_m, kinds of agents.
     MergeBackend backend = MergeBackend::kAuto;
+    int merge_threads = 1;          // That merge at once on the CPU.
     std::size_t requests_max = 16;  // Waiting.
     Duration storage_timeout = std::chrono::seconds(30);
     std::uint32_t page_records_max = 512;
@@ -61,13 +64,14 @@ class MergeActor final : public Actor {
   Result<void> TakeRecords(const proto::ReadReply& reply);
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
-  Result<MergeResult> RunMerger(Context& context, const MapPlacement& placement);
+  Result<MergedMap> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   void Answer(Context& context, const Waiting& waiting, proto::MergeReply reply);
 
   const Options options_;
   MapCollection collection_;
-  std::unique_ptr<Merger> merger_;  // Null: GL is forced and absent.
-  Error merger_error_;              // Why.
+  std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent.
+  Error backend_error_;                     // Why.
+  std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   std::deque<Waiting> waiting_;
   std::size_t covered_count_ = 0;   // The first of `waiting_`: the read in progress began after they came.
   std::uint64_t after_row_id_ = 0;  // Read so far.

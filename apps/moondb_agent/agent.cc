@@ -86,7 +86,7 @@ class Agent::Impl {
     endpoint_ = *endpoint;
     if (auto checked = CheckStore(StorageOptions()); !checked) return checked;
     if (options_.merge_backend == MergeBackend::kGl) {
-      if (auto merger = CreateMerger(MergeBackend::kGl); !merger) return tl::unexpected(merger.error());
+      if (auto gl = CreateGatherBackend(MergeBackend::kGl); !gl) return tl::unexpected(gl.error());
     }
     MakeSystem();
     return Run();

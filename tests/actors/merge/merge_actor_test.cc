@@ -358,7 +358,7 @@ TEST_F(MergeActorTest, OnlyTheAnswerOfOwnStorageToThisLifesQuestionCounts) {
 }
 
 TEST_F(MergeActorTest, GlGivesTheSameReply) {
-  if (const auto gl = CreateMerger(MergeBackend::kGl); !gl) GTEST_SKIP() << ToString(gl.error());
+  if (const auto gl = CreateGatherBackend(MergeBackend::kGl); !gl) GTEST_SKIP() << ToString(gl.error());
   for (const AgentId agent : {1u, 2u}) {
     StoreNode(agent, agent * 0.11);
     StoreMap(agent, {"#.#", ".#.", "#.#"});

@@ -1,5 +1,3 @@
-#include "actors/merge/gl_merger.h"
-
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -8,6 +6,7 @@
 #include <thread>
 
 #include "actors/merge/cpu_merger.h"
+#include "actors/merge/gl_merger.h"
 #include "actors/merge/merge_maps.h"
 #include "model/mission.h"
 #include "tests/actors/merge/merge_worlds.h"
