@@ -452,7 +452,7 @@ std::vector<Observation> Merger::Observe(std::int64_t x, std::int64_t y) const {
   return seen;
 }
 
-std::vector<MapWins> Merger::CountWins() const {
+std::unordered_map<const PlacedThing*, std::uint64_t> Merger::CountCells() const {
   std::unordered_map<const PlacedThing*, std::uint64_t> cells;
   for (const auto& [key, page] : pages_) {
     for (const std::unique_ptr<Tile>& tile : page->tiles) {
@@ -464,10 +464,23 @@ std::vector<MapWins> Merger::CountWins() const {
       for (std::size_t i = 0; i < wins.size(); ++i) cells[tile->blocks[i]->owner] += wins[i];
     }
   }
+  return cells;
+}
+
+std::vector<MapWins> Merger::CountWins() const {
+  const std::unordered_map<const PlacedThing*, std::uint64_t> cells = CountCells();
   std::vector<MapWins> result;
   for (const auto& [key, thing] : maps_) {
     const auto found = cells.find(thing.get());
     result.push_back({thing->placed, found == cells.end() ? 0 : found->second});
+  }
+  return result;
+}
+
+std::map<AgentId, std::uint64_t> Merger::CountFootprintCells() const {
+  std::map<AgentId, std::uint64_t> result;
+  for (const auto& [thing, cells] : CountCells()) {
+    if (thing->placed.map == nullptr) result[thing->node.agent] += cells;
   }
   return result;
 }

@@ -129,6 +129,8 @@ class Merger {
 
   // Of all maps, by record key.
   std::vector<MapWins> CountWins() const;
+  // Cells that are free as footprints of an agent's nodes.
+  std::map<AgentId, std::uint64_t> CountFootprintCells() const;
 
   // Of pages and placed blocks; LocalMaps are not counted.
   std::size_t bytes() const;
@@ -146,6 +148,8 @@ class Merger {
   Page* FindPage(const PageKey& key) const;
   std::vector<GatherWork> MakeWorks();
   void NoteChanges(std::span<const GatherWork> works, MergeSummary& summary);
+  // By what won them.
+  std::unordered_map<const PlacedThing*, std::uint64_t> CountCells() const;
   template <typename Visit>
   void VisitTiles(const CellBox& box, Visit visit) const;
 

@@ -110,6 +110,7 @@ class Agent::Impl {
     storage.self = self_;
     storage.team = team_.config;
     storage.notify = OwnActorNames();
+    storage.notify.push_back(actor_name::kMerge);
     return storage;
   }
 

@@ -24,7 +24,7 @@ class MapCollectionTest : public testing::Test {
   }
 
   void PutMapOf(AgentId agent) {
-    ASSERT_TRUE(collection_.PutMap(MapKey(agent, 1), 5, DrawMap({"."}, 50'000, agent)).value());
+    ASSERT_TRUE(collection_.PutMap(MapKey(agent, 1), {5, false}, DrawMap({"."}, 50'000, agent)).value());
   }
 
   MapCollection collection_{{}};
@@ -32,16 +32,16 @@ class MapCollectionTest : public testing::Test {
 
 TEST_F(MapCollectionTest, AMapCountsOnce) {
   PutMapOf(1);
-  EXPECT_FALSE(collection_.PutMap(MapKey(1, 1), 5, DrawMap({"."}, 50'000)).value());
+  EXPECT_FALSE(collection_.PutMap(MapKey(1, 1), {5, false}, DrawMap({"."}, 50'000)).value());
   EXPECT_EQ(collection_.map_count(), 1u);
 }
 
 TEST_F(MapCollectionTest, AMapWaitsForItsNode) {
   PutMapOf(1);
-  EXPECT_EQ(collection_.Select({}).waiting_map_count, 1u);
+  EXPECT_EQ(collection_.Select({}).waiting_maps.size(), 1u);
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose{}));
   const auto selected = collection_.Select({});
-  EXPECT_EQ(selected.waiting_map_count, 0u);
+  EXPECT_EQ(selected.waiting_maps.size(), 0u);
   EXPECT_EQ(selected.maps.size(), 1u);
   EXPECT_EQ(selected.footprints.size(), 1u);
 }
@@ -95,13 +95,13 @@ TEST_F(MapCollectionTest, HoldsNoMoreThanItsBounds) {
   const std::size_t map_bytes = (*MakeLocalMap(MapKey(1, 1), 5, map, {}))->bytes();
   MapCollection collection(
       {.grid = {}, .without_footprint = {}, .maps_max = 2, .bytes_max = map_bytes * 3 / 2, .nodes_max = 1});
-  ASSERT_TRUE(collection.PutMap(MapKey(1, 1), 5, map));
-  EXPECT_EQ(collection.PutMap(MapKey(1, 2), 5, map).error().code, ErrorCode::kFull);
+  ASSERT_TRUE(collection.PutMap(MapKey(1, 1), {5, false}, map));
+  EXPECT_EQ(collection.PutMap(MapKey(1, 2), {5, false}, map).error().code, ErrorCode::kFull);
   EXPECT_TRUE(collection.WithdrawMap(MapKey(1, 1)));
-  ASSERT_TRUE(collection.PutMap(MapKey(1, 2), 5, map));
+  ASSERT_TRUE(collection.PutMap(MapKey(1, 2), {5, false}, map));
   MapCollection of_two({.grid = {}, .without_footprint = {}, .maps_max = 2});
-  for (const std::uint64_t seq : {1u, 2u}) ASSERT_TRUE(of_two.PutMap(MapKey(1, seq), 5, map));
-  EXPECT_EQ(of_two.PutMap(MapKey(1, 4), 5, map).error().code, ErrorCode::kFull);
+  for (const std::uint64_t seq : {1u, 2u}) ASSERT_TRUE(of_two.PutMap(MapKey(1, seq), {5, false}, map));
+  EXPECT_EQ(of_two.PutMap(MapKey(1, 4), {5, false}, map).error().code, ErrorCode::kFull);
   ASSERT_TRUE(collection.SetRawPose(PoseKey(1, 1), {1, 1}, Pose{}));
   EXPECT_EQ(collection.SetRawPose(PoseKey(1, 2), {1, 2}, Pose{}).error().code, ErrorCode::kFull);
 }
