@@ -130,8 +130,9 @@ class Merger {
   // Of all maps, by record key.
   std::vector<MapWins> CountWins() const;
 
-  // Of pages and placed blocks; LocalMaps are not counted.
+  // In memory, LocalMaps not counted: all of it, and the pages' part.
   std::size_t bytes() const;
+  std::size_t page_bytes() const;
 
  private:
   using Thing = std::unique_ptr<PlacedThing>;
