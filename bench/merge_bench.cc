@@ -1,60 +1,89 @@
+// merge_bench: moondb's merger against a naive one, OpenCV and the paper's painter on OpenGL, in one run (the paper's
+// figure 7). What each is and how to read it: docs/benchmarks/merging.md.
+//
+// Exit code 0: all was measured and agreed; 1: it did not; other: wrong arguments.
 #include <fmt/core.h>
+#include <spdlog/spdlog.h>
 
-#include <chrono>
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <vector>
 
-#include "actors/merge/cpu_gather.h"
-#include "actors/merge/merger.h"
-#include "bench/merge_world.h"
-#include "bench/naive_merger.h"
-#include "bench/measure.h"
-using namespace moondb;
-double Ms(BenchClock::duration d) { return std::chrono::duration<double, std::milli>(d).count(); }
+#include "actors/merge/gather_pool.h"
+#include "bench/merge_contest.h"
+#include "bench/merge_plot.h"
+#include "bench/merge_report.h"
+#include "model/png.h"
+
+namespace moondb {
+namespace {
+
+struct Options {
+  std::vector<std::size_t> maps = {10, 30, 100, 300, 1000};
+  std::int64_t side_cells = 2000;
+  std::vector<std::int64_t> growth_sides;
+  int repetitions = 5;
+  int threads = HardwareThreads();
+  bool is_json = false;
+  std::string plot;
+};
+
+Result<MergeRun> RunOne(std::size_t maps, std::int64_t side_cells, const Options& options) {
+  MergeContestOptions contest;
+  contest.maps = maps;
+  contest.side_cells = side_cells;
+  contest.repetitions = options.repetitions;
+  contest.threads = options.threads;
+  Result<MergeRun> run = RunMergeContest(contest);
+  if (run && !options.is_json) fmt::print("{}\n", TableOf({*run}));
+  std::fflush(stdout);
+  return run;
+}
+
+int RunBench(const Options& options) {
+  std::vector<MergeRun> runs;
+  std::vector<MergeRun> growth;
+  const auto run_into = [&options](std::vector<MergeRun>& all, std::size_t maps, std::int64_t side_cells) {
+    Result<MergeRun> run = RunOne(maps, side_cells, options);
+    if (!run) {
+      fmt::print(stderr, "merge_bench: {} maps: {}\n", maps, run.error().text);
+      return false;
+    }
+    all.push_back(*std::move(run));
+    return true;
+  };
+  for (const std::size_t maps : options.maps) {
+    if (!run_into(runs, maps, options.side_cells)) return 1;
+  }
+  for (const std::int64_t side_cells : options.growth_sides) {
+    if (!run_into(growth, 100, side_cells)) return 1;
+  }
+  if (options.is_json) fmt::print("{}", JsonOf(runs, growth));
+  if (options.plot.empty()) return 0;
+  const Result<void> written = WritePng(PlotOf(runs), options.plot);
+  if (!written) fmt::print(stderr, "merge_bench: {}: {}\n", options.plot, written.error().text);
+  return written ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace moondb
+
 int main(int argc, char** argv) {
-  std::size_t n = argc > 1 ? std::stoul(argv[1]) : 100;
-  int threads = argc > 2 ? std::stoi(argv[2]) : 1;
-  bool naive_too = argc <= 3;
-  MergeWorld w = MakeMergeWorld(n, 2000, 1);
-  std::vector<PlacedMap> maps; std::vector<Footprint> fps;
-  auto t0 = BenchClock::now();
-  for (auto& m : w.maps) maps.push_back({*MakeLocalMap(m.key, m.stamp_ns, m.map, w.grid), m.map_from_node});
-  fmt::print("local maps {:.3f} ms each\n", Ms(BenchClock::now() - t0) / n);
-  for (std::size_t i = 0; i < w.footprints.size(); ++i) fps.push_back({{1, i}, w.footprints[i]});
-  double naive = 0;
-  if (naive_too) {
-  NaiveMerger nm(maps, fps, w.grid);
-  t0 = BenchClock::now(); nm.Merge(); naive = Ms(BenchClock::now() - t0);
-  fmt::print("naive {:.1f} ms, {:.2f} a map; extent {} x {}\n", naive, naive / n, nm.extent().width(), nm.extent().height());
-  }
-  for (auto* k : AvailableKernels()) {
-    if (argc > 4 && std::string(k->name) != argv[4]) continue;
-    int reps = argc > 4 ? 60 : 7;
-    auto be = std::make_shared<CpuGather>(CpuGather::Options{threads, k});
-    Merger merger(w.grid, be);
-    std::vector<double> times, put;
-    for (int rep = 0; rep < reps; ++rep) {
-      double shift = rep % 2 ? 1e-9 : 0;
-      t0 = BenchClock::now();
-      for (auto m : maps) { m.map_from_node.position_m.x() += shift; (void)merger.Put(m); }
-      for (auto f : fps) { f.map_from_node.position_m.x() += shift; (void)merger.PutFootprint(f); }
-      auto t1 = BenchClock::now();
-      auto s = merger.Merge({});
-      auto t2 = BenchClock::now();
-      put.push_back(Ms(t1 - t0)); times.push_back(Ms(t2 - t0));
-      if (rep == 0) fmt::print("tiles {} ", s->gathered_tiles);
-    }
-    std::vector<double> inc, wd;
-    for (int rep = 0; rep < reps; ++rep) {
-      merger.Withdraw(maps[n-1].map->key);
-      t0 = BenchClock::now();
-      (void)merger.Merge({});
-      wd.push_back(Ms(BenchClock::now() - t0));
-      t0 = BenchClock::now();
-      (void)merger.Put(maps[n - 1]);
-      auto s = merger.Merge({});
-      inc.push_back(Ms(BenchClock::now() - t0));
-      if (rep == 0) fmt::print("inc tiles {} full {}", s->gathered_tiles, s->is_full);
-    }
-    double full = Median(times);
-    fmt::print("{}: put {:.2f} full {:.2f} ms ({:.0f}x), one more {:.3f} ms ({:.0f}x), withdraw {:.3f}\n", be->description(), Median(put), full, naive / full, Median(inc), naive / Median(inc), Median(wd));
-  }
+  moondb::Options options;
+  CLI::App app("Measures moondb's merger beside other ways to merge local maps.", "merge_bench");
+  app.option_defaults()->always_capture_default();
+  app.add_option("--maps", options.maps, "Numbers of maps")->check(CLI::Range(1, 10000));
+  app.add_option("--side", options.side_cells, "Side of the square in which all that is known lies, in cells of 5 cm")
+      ->check(CLI::Range(1024, 16000));
+  app.add_option("--growth", options.growth_sides, "Also 100 maps in squares of these sides")
+      ->check(CLI::Range(1024, 16000));
+  app.add_option("--repeat", options.repetitions, "Repetitions, of which the median counts")
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--threads", options.threads, "Threads of the CPU's full merge")->check(CLI::Range(1, 64));
+  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
+  app.add_option("--plot", options.plot, "Writes a PNG picture of the times here");
+  CLI11_PARSE(app, argc, argv);
+  spdlog::set_level(spdlog::level::err);
+  return moondb::RunBench(options);
 }

@@ -59,7 +59,9 @@ MapLayer MakeLayer(int level, const std::vector<Wedge>& wedges, const Polar& pol
 
 MergeWorld MakeMergeWorld(std::size_t map_count, std::int64_t side_cells, std::uint64_t seed) {
   std::mt19937_64 rng(seed);
-  const auto uniform = [&rng](double low, double high) { return std::uniform_real_distribution<double>(low, high)(rng); };
+  const auto uniform = [&rng](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(rng);
+  };
   static const Polar polar = MakePolar();
   MergeWorld world;
   world.grid.resolution_um = kFinestUm;
@@ -76,8 +78,8 @@ MergeWorld MakeMergeWorld(std::size_t map_count, std::int64_t side_cells, std::u
     MapAtPose map;
     map.key = NumberedMapKey(agent, i + 1);
     map.stamp_ns = static_cast<std::int64_t>(i / 3);
-    map.map_from_node = Pose::FromPlanar(uniform(reach_m, side_m - reach_m), uniform(reach_m, side_m - reach_m),
-                                         uniform(-M_PI, M_PI));
+    map.map_from_node =
+        Pose::FromPlanar(uniform(reach_m, side_m - reach_m), uniform(reach_m, side_m - reach_m), uniform(-M_PI, M_PI));
     map.map.node = {agent, i};
     for (int level = 0; level < kLayers; ++level) map.map.layers.push_back(MakeLayer(level, wedges, polar, rng));
     world.footprints.push_back(map.map_from_node);

@@ -52,15 +52,10 @@ KernelTile ArraysOf(Tile& tile) {
 // One thread's state.
 class Gatherer {
  public:
-  Gatherer(const GatherKernel& kernel, std::span<const OrderedBlock> blocks) : kernel_(kernel), all_(blocks) {}
+  Gatherer(const GatherKernel& kernel, std::span<const OrderedBlock> blocks) : kernel_(kernel), lister_(blocks) {}
 
   void GatherPage(GatherWork& work) {
-    ListRegion(work.key);
-    list_.clear();
-    const CellBox page_box = BoxOf(work.key);
-    for (const OrderedBlock& ordered : region_list_) {
-      if (ordered.box.Touches(page_box)) list_.push_back(ordered);
-    }
+    lister_.List(work.key, list_);
     for (std::size_t tile = 0; tile < kTilesInPage; ++tile) {
       if ((work.tiles >> tile & 1) == 0) continue;
       if (GatherTile(BoxOf(work.key, tile), work.page->tiles[tile])) {
@@ -70,21 +65,6 @@ class Gatherer {
   }
 
  private:
-  // Blocks of a larger region, so that in wide worlds each page looks at those in its surroundings only.
-  void ListRegion(const PageKey& page) {
-    constexpr int kBits = 3;
-    const PageKey region{page.x >> kBits, page.y >> kBits};
-    if (region_ == region) return;
-    region_ = region;
-    CellBox box = BoxOf({region.x * (1 << kBits), region.y * (1 << kBits)});
-    box.last_x += kPageSideCells * ((1 << kBits) - 1);
-    box.last_y += kPageSideCells * ((1 << kBits) - 1);
-    region_list_.clear();
-    for (const OrderedBlock& ordered : all_) {
-      if (ordered.box.Touches(box)) region_list_.push_back(ordered);
-    }
-  }
-
   // True if a value changed.
   bool GatherTile(const CellBox& box, std::unique_ptr<Tile>& tile) {
     std::optional<Masks> before;
@@ -120,9 +100,7 @@ class Gatherer {
   };
 
   const GatherKernel& kernel_;
-  const std::span<const OrderedBlock> all_;
-  std::optional<PageKey> region_;
-  std::vector<OrderedBlock> region_list_;
+  PageLister lister_;
   std::vector<OrderedBlock> list_;  // Of the page at hand.
 };
 
@@ -162,6 +140,34 @@ bool WouldWinIn(const PlacedBlock& block, const CellBox& box, const Tile* tile) 
   }
   if (!is_open && weaker == 0) return false;
   return BestKernel().would_win(SeenFrom(block, box), tile->known.data(), weaker);
+}
+
+std::uint64_t SquaresThatMayKnow(const PlacedBlock& block, const CellBox& box) {
+  return BestKernel().may_know(SeenFrom(block, box));
+}
+
+void PageLister::List(const PageKey& page, std::vector<OrderedBlock>& list) {
+  ListRegion(page);
+  list.clear();
+  const CellBox box = BoxOf(page);
+  for (const OrderedBlock& ordered : region_list_) {
+    if (ordered.box.Touches(box)) list.push_back(ordered);
+  }
+}
+
+// Blocks of 8 x 8 pages, so that in wide worlds each page looks at those in its surroundings only.
+void PageLister::ListRegion(const PageKey& page) {
+  constexpr std::int32_t kBits = 3;
+  const PageKey region{page.x >> kBits, page.y >> kBits};
+  if (region_ == region) return;
+  region_ = region;
+  CellBox box = BoxOf({region.x * (1 << kBits), region.y * (1 << kBits)});
+  box.last_x += kPageSideCells * ((1 << kBits) - 1);
+  box.last_y += kPageSideCells * ((1 << kBits) - 1);
+  region_list_.clear();
+  for (const OrderedBlock& ordered : all_) {
+    if (ordered.box.Touches(box)) region_list_.push_back(ordered);
+  }
 }
 
 CpuGather::CpuGather(Options options)

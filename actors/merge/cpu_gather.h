@@ -4,8 +4,10 @@
 // cells are known. Tiles are independent of each other, so that the number of threads changes nothing in the result.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+#include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "actors/merge/gather_backend.h"
@@ -19,6 +21,23 @@ std::vector<const GatherKernel*> AvailableKernels();
 
 // Whether `block` knows a cell of the tile at `box` that is unknown there or won by a block of lower rank.
 bool WouldWinIn(const PlacedBlock& block, const CellBox& box, const Tile* tile);
+
+// The squares of the tile at `box`, a bit each, of which `block` may know something.
+std::uint64_t SquaresThatMayKnow(const PlacedBlock& block, const CellBox& box);
+
+// The blocks that touch a page, in order; asked for page after page, neighbours next to each other.
+class PageLister {
+ public:
+  explicit PageLister(std::span<const OrderedBlock> blocks) : all_(blocks) {}
+  void List(const PageKey& page, std::vector<OrderedBlock>& list);
+
+ private:
+  void ListRegion(const PageKey& page);
+
+  const std::span<const OrderedBlock> all_;
+  std::optional<PageKey> region_;
+  std::vector<OrderedBlock> region_list_;
+};
 
 class CpuGather final : public GatherBackend {
  public:

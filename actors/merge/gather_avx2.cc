@@ -104,7 +104,7 @@ class Avx2View {
   const __m256i along_v_;
 };
 
-constexpr GatherKernel kKernel{"avx2", GatherInto<Avx2View>, WouldWin<Avx2View>};
+constexpr GatherKernel kKernel{"avx2", GatherInto<Avx2View>, WouldWin<Avx2View>, SquaresThatMayKnow<Avx2View>};
 
 }  // namespace
 

@@ -185,7 +185,7 @@ class Avx512View {
   __m512i v_[4];
 };
 
-constexpr GatherKernel kKernel{"avx512", GatherInto<Avx512View>, WouldWin<Avx512View>};
+constexpr GatherKernel kKernel{"avx512", GatherInto<Avx512View>, WouldWin<Avx512View>, SquaresThatMayKnow<Avx512View>};
 
 }  // namespace
 

@@ -4,6 +4,8 @@
 
 #include "actors/merge/cpu_gather.h"
 #include "actors/merge/egl_context.h"
+#include "actors/merge/fallback_gather.h"
+#include "actors/merge/gl_gather.h"
 
 namespace moondb {
 
@@ -33,10 +35,13 @@ MergeBackend ResolveMergeBackend(MergeBackend backend) {
 }
 
 Result<std::unique_ptr<GatherBackend>> CreateGatherBackend(MergeBackend backend, int threads) {
-  if (ResolveMergeBackend(backend) == MergeBackend::kCpu) {
-    return std::make_unique<CpuGather>(CpuGather::Options{threads, nullptr});
+  const auto make_gl = []() -> Result<std::unique_ptr<GatherBackend>> { return GlGather::Create({}); };
+  if (ResolveMergeBackend(backend) == MergeBackend::kGl) {
+    Result<std::unique_ptr<GatherBackend>> gl = make_gl();
+    if (gl) return std::make_unique<FallbackGather>(std::move(*gl), make_gl, threads);
+    if (backend == MergeBackend::kGl) return gl;
   }
-  return Fail(ErrorCode::kUnavailable, "no GL");
+  return std::make_unique<CpuGather>(CpuGather::Options{threads, nullptr});
 }
 
 }  // namespace moondb

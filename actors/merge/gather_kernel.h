@@ -43,6 +43,8 @@ struct GatherKernel {
   KernelResult (*gather)(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner);
   // Whether the block knows a cell that is not in `known` (of a Tile), or any cell of a square of `weaker`.
   bool (*would_win)(const KernelBlock& block, const std::uint64_t* known, std::uint64_t weaker);
+  // The squares of the tile, a bit each, of which the block may know something.
+  std::uint64_t (*may_know)(const KernelBlock& block);
 };
 
 // Null where this build has no such instructions. Whether the processor has them is the caller's question.

@@ -161,5 +161,18 @@ bool WouldWin(const KernelBlock& block, const std::uint64_t* known, std::uint64_
   return false;
 }
 
+template <typename View>
+std::uint64_t SquaresThatMayKnow(const KernelBlock& block) {
+  const SquareReach reach(block);
+  if (!MeetsTile(block, reach)) return 0;
+  std::uint64_t squares = 0;
+  for (std::uint64_t todo = View::Touched(block, reach); todo != 0; todo &= todo - 1) {
+    const int square = __builtin_ctzll(todo);
+    const bool may_know = MayKnow(block, reach, SquarePlace(block, square));
+    squares |= static_cast<std::uint64_t>(may_know) << square;
+  }
+  return squares;
+}
+
 }  // namespace
 }  // namespace moondb

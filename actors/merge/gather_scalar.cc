@@ -19,7 +19,7 @@ class ScalarView {
   const KernelBlock& block_;
 };
 
-constexpr GatherKernel kKernel{"scalar", GatherInto<ScalarView>, WouldWin<ScalarView>};
+constexpr GatherKernel kKernel{"scalar", GatherInto<ScalarView>, WouldWin<ScalarView>, SquaresThatMayKnow<ScalarView>};
 
 }  // namespace
 

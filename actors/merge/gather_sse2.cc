@@ -82,7 +82,7 @@ class Sse2View {
   const __m128i along_v_;
 };
 
-constexpr GatherKernel kKernel{"sse2", GatherInto<Sse2View>, WouldWin<Sse2View>};
+constexpr GatherKernel kKernel{"sse2", GatherInto<Sse2View>, WouldWin<Sse2View>, SquaresThatMayKnow<Sse2View>};
 
 }  // namespace
 

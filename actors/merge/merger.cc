@@ -485,18 +485,22 @@ std::map<AgentId, std::uint64_t> Merger::CountFootprintCells() const {
   return result;
 }
 
-std::size_t Merger::bytes() const {
-  std::size_t bytes = pages_.size() * (sizeof(Page) + 64) + order_.capacity() * sizeof(OrderedBlock);
+std::size_t Merger::page_bytes() const {
+  std::size_t bytes = pages_.size() * (sizeof(Page) + 64);
   for (const auto& [key, page] : pages_) {
     for (const std::unique_ptr<Tile>& tile : page->tiles) {
       if (tile != nullptr) bytes += sizeof(Tile) + tile->blocks.capacity() * sizeof(const PlacedBlock*);
     }
   }
+  return bytes;
+}
+
+std::size_t Merger::bytes() const {
+  std::size_t bytes = page_bytes() + order_.capacity() * sizeof(OrderedBlock);
   for (const auto& [key, thing] : maps_) {
     bytes += sizeof(PlacedThing) + 64 + thing->blocks.capacity() * sizeof(PlacedBlock);
   }
-  bytes += footprints_.size() * (sizeof(PlacedThing) + sizeof(PlacedBlock) + 64);
-  return bytes;
+  return bytes + footprints_.size() * (sizeof(PlacedThing) + sizeof(PlacedBlock) + 64);
 }
 
 }  // namespace moondb

@@ -132,8 +132,9 @@ class Merger {
   // Cells that are free as footprints of an agent's nodes.
   std::map<AgentId, std::uint64_t> CountFootprintCells() const;
 
-  // Of pages and placed blocks; LocalMaps are not counted.
+  // In memory, LocalMaps not counted: all of it, and the pages' part.
   std::size_t bytes() const;
+  std::size_t page_bytes() const;
 
  private:
   using Thing = std::unique_ptr<PlacedThing>;

@@ -1,122 +1,137 @@
+#include "actors/merge/gl_gather.h"
+
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <iostream>
 #include <random>
 #include <thread>
 
-#include "actors/merge/cpu_merger.h"
-#include "actors/merge/gl_merger.h"
-#include "actors/merge/merge_maps.h"
-#include "model/mission.h"
+#include "actors/merge/fallback_gather.h"
 #include "tests/actors/merge/merge_worlds.h"
 
 namespace moondb {
 namespace {
 
 // Skips where this machine has no driver.
-class GlMergerTest : public testing::Test {
+class GlGatherTest : public testing::Test {
  protected:
   void SetUp() override {
-    Result<std::unique_ptr<GlMerger>> created = GlMerger::Create({});
+    Result<std::unique_ptr<GlGather>> created = GlGather::Create({});
     if (!created) GTEST_SKIP() << ToString(created.error());
     gl_ = std::move(*created);
   }
 
-  static void ExpectSame(GlMerger& gl, const MapPlacement& placement) {
-    const Result<MergeResult> expected = CpuMerger().Merge(placement);
-    ASSERT_TRUE(expected.has_value());
-    const Result<MergeResult> drawn = gl.Merge(placement);
-    ASSERT_TRUE(drawn.has_value()) << ToString(drawn.error());
-    std::size_t different = 0;
-    for (std::size_t i = 0; i < expected->slots.size(); ++i) {
-      different += expected->merged.grid.cells[i] != drawn->merged.grid.cells[i] ||
-                           expected->slots[i] != drawn->slots[i] || expected->levels[i] != drawn->levels[i]
-                       ? 1
-                       : 0;
-    }
-    EXPECT_EQ(different, 0u) << "of " << expected->slots.size() << " cells";
-    EXPECT_TRUE(*expected == *drawn);
+  static void ExpectSame(const std::shared_ptr<GatherBackend>& gl, const World& world) {
+    const auto cpu = std::make_shared<CpuGather>(CpuGather::Options{});
+    EXPECT_EQ(CountDifferences(MergeBy(gl, world), MergeBy(cpu, world)), 0u);
   }
 
-  static void ExpectSameInRandomWorlds(GlMerger& gl, std::uint64_t first_seed, int rounds) {
+  static void ExpectSameInRandomWorlds(const std::shared_ptr<GatherBackend>& gl, std::uint64_t first_seed, int rounds) {
     std::mt19937_64 seeds(first_seed);
     for (int round = 0; round < rounds; ++round) {
       const std::uint64_t seed = seeds();
       SCOPED_TRACE(testing::Message() << "seed " << seed);
       std::mt19937_64 rng(seed);
-      const World world = MakeRandomWorld(rng);
-      const Result<MapPlacement> placement = PlaceMaps(world.maps, world.footprints, world.grid);
-      ASSERT_TRUE(placement.has_value());
-      ExpectSame(gl, *placement);
-      if (HasFatalFailure()) return;
+      ExpectSame(gl, MakeRandomWorld(rng));
+      if (HasFailure()) return;
     }
   }
 
-  std::unique_ptr<GlMerger> gl_;
+  std::shared_ptr<GlGather> gl_;
 };
 
-TEST_F(GlMergerTest, SaysWhoDraws) {
+TEST_F(GlGatherTest, SaysWhoDraws) {
   std::cout << gl_->description() << "\n";
   EXPECT_EQ(gl_->name(), "gl");
 }
 
-TEST_F(GlMergerTest, AgreesWithTheCpuInEveryCell) { ExpectSameInRandomWorlds(*gl_, 100, 60); }
+TEST_F(GlGatherTest, AgreesWithTheCpuInEveryCell) { ExpectSameInRandomWorlds(gl_, 100, 60); }
 
-TEST_F(GlMergerTest, TilesHaveNoSeams) {
-  const auto gl = *GlMerger::Create({.tile_cells_max = 37});
-  ExpectSameInRandomWorlds(*gl, 200, 15);
+TEST_F(GlGatherTest, ATargetOfAFewTilesIsUsedAgainAndAgain) {
+  for (const int cells : {64, 130}) {
+    const std::shared_ptr<GlGather> gl = *GlGather::Create({.target_cells_max = cells});
+    ExpectSameInRandomWorlds(gl, 200, 8);
+  }
 }
 
 // Pages of the least size: the texture is made anew again and again, and withdrawn maps leave it.
-TEST_F(GlMergerTest, MapsMoveToALargerTexture) {
-  const auto gl = *GlMerger::Create({.atlas_page_cells_max = 512});
-  ExpectSameInRandomWorlds(*gl, 300, 15);
+TEST_F(GlGatherTest, MapsMoveToALargerTexture) {
+  const std::shared_ptr<GlGather> gl = *GlGather::Create({.atlas_page_texels_max = 512});
+  ExpectSameInRandomWorlds(gl, 300, 15);
   std::mt19937_64 rng(301);
   World world = MakeRandomWorld(rng);
-  for (std::uint64_t i = 0; i < 40; ++i) {
+  for (std::uint64_t i = 0; i < 80; ++i) {
     TraversabilityMap map;
-    map.layers.push_back({Grid(300, 300, Cell::kHazard), 10'000, 0, 0});
+    map.layers.push_back({Grid(500, 500, Cell::kHazard), 10'000, 0, 0});
     map.layers[0].grid.At(150, static_cast<std::int32_t>(i)) = Cell::kUnknown;
     world.maps.push_back({*MakeLocalMap(MapKey(9, i + 1), 1, map, world.grid),
                           Pose::FromPlanar(world.maps[0].map_from_node.position_m.x() + 0.1 * static_cast<double>(i),
                                            world.maps[0].map_from_node.position_m.y(), 0.1)});
-    if (i % 8 != 7) continue;
-    const Result<MapPlacement> placement = PlaceMaps(world.maps, world.footprints, world.grid);
-    ASSERT_TRUE(placement.has_value());
-    ExpectSame(*gl, *placement);
+    if (i % 16 == 15) ExpectSame(gl, world);
   }
 }
 
-TEST_F(GlMergerTest, NothingMergesToNothing) {
-  const Result<MapPlacement> placement = PlaceMaps({}, {}, {});
-  ASSERT_TRUE(placement.has_value());
-  ExpectSame(*gl_, *placement);
-}
-
-TEST_F(GlMergerTest, AnyOneThreadAtATimeMayUseIt) {
-  std::thread([this] { ExpectSameInRandomWorlds(*gl_, 400, 2); }).join();
-  ExpectSameInRandomWorlds(*gl_, 401, 2);
-}
-
-TEST_F(GlMergerTest, AgreesWithTheCpuOnARecordedMission) {
-  const char* data = std::getenv("MOONDB_DATA");
-  if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set";
-  const Result<Mission> mission = ReadMission(std::filesystem::path(data) / "orebro_team");
-  ASSERT_TRUE(mission.has_value()) << ToString(mission.error());
-  std::vector<PlacedMap> maps;
-  std::vector<Pose> footprints;
-  for (const MissionMap& map : mission->maps) {
-    Result<TraversabilityMap> grids = ReadMissionMap(*mission, map);
-    ASSERT_TRUE(grids.has_value()) << ToString(grids.error());
-    const auto local = MakeLocalMap(NumberedMapKey(map.agent, maps.size() + 1), map.stamp_ns, *grids, {});
-    ASSERT_TRUE(local.has_value());
-    maps.push_back({*local, mission->truth.at(map.node)});
+// More than the first rounds draw.
+TEST_F(GlGatherTest, HundredsOfMapsOverOneCellAreAllAsked) {
+  World world;
+  std::mt19937_64 rng(302);
+  for (std::uint64_t i = 0; i < 500; ++i) {
+    TraversabilityMap map;
+    map.layers.push_back({Grid(100, 100), 50'000, 0, 0});
+    for (int k = 0; k < 20; ++k) map.layers[0].grid.cells[rng() % 10'000] = Cell::kHazard;
+    world.maps.push_back({*MakeLocalMap(MapKey(1, i + 1), static_cast<std::int64_t>(rng() % 9), map, {}),
+                          Pose::FromPlanar(0, 0, 0.001 * static_cast<double>(i))});
   }
-  for (const auto& [node, pose] : mission->truth) footprints.push_back(pose);
-  const Result<MapPlacement> placement = PlaceMaps(maps, footprints, {});
-  ASSERT_TRUE(placement.has_value()) << ToString(placement.error());
-  ExpectSame(*gl_, *placement);
+  ExpectSame(gl_, world);
+}
+
+TEST_F(GlGatherTest, LayersMuchFinerThanTheGridAreAskedRightly) {
+  std::mt19937_64 rng(303);
+  for (int round = 0; round < 6; ++round) {
+    SCOPED_TRACE(round);
+    ExpectSame(gl_, MakeFineWorld(rng));
+  }
+}
+
+TEST_F(GlGatherTest, NothingMergesToNothing) { ExpectSame(gl_, {}); }
+
+TEST_F(GlGatherTest, AnyOneThreadAtATimeMayUseIt) {
+  std::thread([this] { ExpectSameInRandomWorlds(gl_, 400, 2); }).join();
+  ExpectSameInRandomWorlds(gl_, 401, 2);
+}
+
+// The context goes after some of a merge's draws; the CPU does that merge, and a new context the one after.
+TEST_F(GlGatherTest, ALostContextInTheMiddleOfAMergeCostsNothingButTime) {
+  int draws_left = 0;
+  int contexts = 0;
+  const auto make = [&]() -> Result<std::unique_ptr<GatherBackend>> {
+    ++contexts;
+    return GlGather::Create({.target_cells_max = 64, .is_lost = [&draws_left] { return --draws_left < 0; }});
+  };
+  std::mt19937_64 rng(500);
+  const World world = MakeRandomWorld(rng);
+  const MergeResult expected = MergeByBruteForce(world);
+  for (const int survived : {0, 1, 5}) {
+    SCOPED_TRACE(survived);
+    draws_left = 1'000'000;
+    contexts = 0;
+    const auto backend = std::make_shared<FallbackGather>(*make(), make, 1);
+    Merger merger(world.grid, backend);
+    EXPECT_TRUE(merger.Assign(world.maps, world.footprints).empty());
+    draws_left = survived;
+    ASSERT_TRUE(merger.Merge({}).has_value());
+    EXPECT_EQ(CountDifferences(ReadAll(merger), expected), 0u);
+    EXPECT_EQ(backend->name(), "cpu");
+    EXPECT_NE(backend->description().find("lost"), std::string::npos) << backend->description();
+    draws_left = 1'000'000;
+    EXPECT_TRUE(merger.Withdraw(world.maps[0].map->key));
+    ASSERT_TRUE(merger.Merge({}).has_value());
+    ASSERT_TRUE(merger.Put(world.maps[0]));
+    ASSERT_TRUE(merger.Merge({}).has_value());
+    EXPECT_EQ(CountDifferences(ReadAll(merger), expected), 0u);
+    EXPECT_EQ(backend->name(), "gl");
+    EXPECT_EQ(contexts, 2);
+  }
 }
 
 }  // namespace
