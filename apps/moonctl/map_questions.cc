@@ -33,7 +33,7 @@ const char* ValueName(std::uint32_t value) {
   return value < std::size(kNames) ? kNames[value] : "damaged";
 }
 
-std::string PlaceText(double x_m, double y_m) { return "(" + FormatFixed(x_m, 2) + ", " + FormatFixed(y_m, 2) + ")"; }
+std::string PlaceText(double x_m, double y_m) { return "(" + FormatFixed(x_m, 3) + ", " + FormatFixed(y_m, 3) + ")"; }
 
 std::vector<std::string> ObservationRow(const proto::TeamConfig& team, const proto::MapObservation& said) {
   const std::string node = std::to_string(said.node().agent_id()) + ":" + std::to_string(said.node().index());
