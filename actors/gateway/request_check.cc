@@ -115,6 +115,10 @@ Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
   if (!(tiles.wait_s() >= 0 && tiles.wait_s() <= kMapWaitMax_s)) {
     return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "map_tiles.wait_s");
   }
+  if (std::abs(static_cast<double>(tiles.after().x())) > kMapTileMax ||
+      std::abs(static_cast<double>(tiles.after().y())) > kMapTileMax) {
+    return Fail(ErrorCode::kInvalid, "is no tile of the map", "map_tiles.after");
+  }
   if (!tiles.has_region()) return {};
   const proto::MapRegion& region = tiles.region();
   if (auto checked = CheckCoordinate(region.x_min_m(), "map_tiles.region.x_min_m"); !checked) return checked;

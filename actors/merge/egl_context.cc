@@ -44,8 +44,20 @@ std::vector<EGLDisplay> Displays() {
   return displays;
 }
 
+// A context that the driver takes away when the GPU hangs, where it can, instead of ending the process.
+std::vector<EGLint> ContextAttributes(EGLDisplay display) {
+  std::vector<EGLint> attributes = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1};
+  if (HasWord(eglQueryString(display, EGL_EXTENSIONS), "EGL_EXT_create_context_robustness")) {
+    attributes.insert(attributes.end(),
+                      {EGL_CONTEXT_OPENGL_ROBUST_ACCESS_EXT, EGL_TRUE,
+                       EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY_EXT, EGL_LOSE_CONTEXT_ON_RESET_EXT});
+  }
+  attributes.push_back(EGL_NONE);
+  return attributes;
+}
+
 EGLContext CreateContext(EGLDisplay display) {
-  const std::array<EGLint, 5> attributes = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1, EGL_NONE};
+  const std::vector<EGLint> attributes = ContextAttributes(display);
   if (HasWord(eglQueryString(display, EGL_EXTENSIONS), "EGL_KHR_no_config_context")) {
     return eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, attributes.data());
   }
@@ -110,6 +122,13 @@ Result<void> EglContext::MakeCurrent() {
     return {};
   }
   return Fail(ErrorCode::kUnavailable, "the OpenGL context cannot be used: EGL error " + std::to_string(eglGetError()));
+}
+
+bool EglContext::is_lost() const {
+  using GetStatus = GLenum (*)();
+  static const auto get_status = Load<GetStatus>("glGetGraphicsResetStatusKHR");
+  const auto* extensions = reinterpret_cast<const char*>(glGetString(GL_EXTENSIONS));
+  return get_status != nullptr && HasWord(extensions, "GL_KHR_robustness") && get_status() != GL_NO_ERROR;
 }
 
 void EglContext::Release() { eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT); }

@@ -23,6 +23,9 @@ class EglContext {
   Result<void> MakeCurrent();
   void Release();
 
+  // The driver has taken the context away (GL_KHR_robustness; where that is missing, errors alone tell). While current.
+  bool is_lost() const;
+
   const std::string& renderer() const { return renderer_; }
   bool is_software() const { return is_software_; }  // llvmpipe, softpipe, swrast.
 

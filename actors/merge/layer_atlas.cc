@@ -5,115 +5,102 @@
 #include <utility>
 
 namespace moondb {
+namespace {
 
-LayerAtlas::LayerAtlas(std::int32_t page_cells_max)
-    : page_cells_(std::min(page_cells_max, GetGlInteger(GL_MAX_TEXTURE_SIZE))),
+// The same object, not only the same address.
+bool IsSame(const std::weak_ptr<const LocalMap>& a, const std::shared_ptr<const LocalMap>& b) {
+  return !a.owner_before(b) && !b.owner_before(a);
+}
+
+}  // namespace
+
+LayerAtlas::LayerAtlas(std::int32_t page_texels_max)
+    : page_texels_(std::min(std::max(page_texels_max, kBlockSideCellsMax), GetGlInteger(GL_MAX_TEXTURE_SIZE))),
       pages_max_(GetGlInteger(GL_MAX_ARRAY_TEXTURE_LAYERS)) {}
 
-Result<void> LayerAtlas::Load(const std::vector<PlacedMap>& maps) {
-  if (texture_.id() == 0) {
-    if (Result<void> allocated = Allocate(1); !allocated) return allocated;
+Result<LayerAtlas::Spot> LayerAtlas::Find(const PlacedBlock& placed) {
+  const std::shared_ptr<const LocalMap>& map = placed.owner->placed.map;
+  const auto found = entries_.find(placed.cells);
+  if (found != entries_.end() && IsSame(found->second.map, map)) return found->second.spot;
+  Entry entry{map, {}};
+  if (!Reserve(*placed.cells, entry.spot)) {
+    entries_[placed.cells] = std::move(entry);
+    if (Result<void> rebuilt = Rebuild(); !rebuilt) return tl::unexpected(rebuilt.error());
+    return entries_[placed.cells].spot;
   }
-  glBindTexture(GL_TEXTURE_2D_ARRAY, texture_.id());
-  for (const PlacedMap& placed : maps) {
-    if (placed.map->blocks.empty() || spots_.contains(placed.map)) continue;
-    std::vector<Spot> spots;
-    if (!Reserve(*placed.map, spots)) return Rebuild(maps);
-    Upload(*placed.map, spots);
-    spots_.emplace(placed.map, std::move(spots));
-  }
-  return CheckUpload();
+  Upload(*placed.cells, entry.spot);
+  const Spot spot = entry.spot;
+  entries_[placed.cells] = std::move(entry);
+  return spot;
 }
 
-// What failed may have left holes: begin anew the next time.
-Result<void> LayerAtlas::CheckUpload() {
-  Result<void> checked = CheckGl("uploading maps");
-  if (!checked) Clear();
-  return checked;
-}
-
-void LayerAtlas::Clear() {
-  texture_ = GlTexture();
-  spots_.clear();
+// With room for twice what is there.
+Result<void> LayerAtlas::Rebuild() {
+  ++generation_;
+  std::erase_if(entries_, [](const auto& entry) { return entry.second.map.expired(); });
+  // First only on paper: how many pages these blocks take.
   next_ = {};
   shelf_height_ = 0;
-}
-
-Result<void> LayerAtlas::Rebuild(const std::vector<PlacedMap>& maps) {
-  // First only on paper: how many pages these maps take. A quarter more lets the next maps in.
-  Clear();
   pages_ = pages_max_;
-  for (const PlacedMap& placed : maps) {
-    if (placed.map->blocks.empty()) continue;
-    std::vector<Spot> spots;
-    if (!Reserve(*placed.map, spots)) {
-      Clear();
-      return Fail(ErrorCode::kFull, "the maps' layers fill more than the driver's " + std::to_string(pages_max_) +
-                                        " texture layers of " + std::to_string(page_cells_) +
-                                        " cells a side: merge fewer agents or on cpu");
-    }
-    spots_.emplace(placed.map, std::move(spots));
+  for (auto& [block, entry] : entries_) {
+    if (Reserve(*block, entry.spot)) continue;
+    entries_.clear();
+    texture_ = GlTexture();
+    pages_ = 0;
+    return Fail(ErrorCode::kFull, "the maps' layers fill more than the driver's " + std::to_string(pages_max_) +
+                                      " texture layers of " + std::to_string(page_texels_) +
+                                      " texels a side: merge fewer agents or on cpu");
   }
-  const std::int32_t used = next_.page + 1;
-  if (Result<void> allocated = Allocate(std::min(pages_max_, used + used / 4 + 1)); !allocated) {
-    Clear();
+  if (Result<void> allocated = Allocate(std::min(pages_max_, 2 * next_.page + 1)); !allocated) {
+    entries_.clear();
     return allocated;
   }
-  for (const PlacedMap& placed : maps) {
-    if (!placed.map->blocks.empty()) Upload(*placed.map, spots_.find(placed.map)->second);
-  }
-  return CheckUpload();
+  for (const auto& [block, entry] : entries_) Upload(*block, entry.spot);
+  return CheckGl("uploading maps");
 }
 
 Result<void> LayerAtlas::Allocate(std::int32_t pages) {
   texture_ = MakeTexture();
   pages_ = pages;
   glBindTexture(GL_TEXTURE_2D_ARRAY, texture_.id());
-  glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, GL_R8UI, page_cells_, page_cells_, pages);
+  glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, GL_R32UI, page_texels_, page_texels_, pages);
   // Integers cannot be filtered: without this the texture is incomplete and reads 0.
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   Result<void> checked = CheckGl("allocating " + std::to_string(pages) + " pages for maps");
-  if (!checked) texture_ = GlTexture();
+  if (!checked) {
+    texture_ = GlTexture();
+    pages_ = 0;
+  }
   return checked;
 }
 
-bool LayerAtlas::Reserve(const LocalMap& map, std::vector<Spot>& spots) {
-  spots.resize(map.blocks.size());
-  for (std::size_t i = 0; i < map.blocks.size(); ++i) {
-    if (!Reserve(map.blocks[i], spots[i])) return false;
+bool LayerAtlas::Reserve(const PackedBlock& block, Spot& spot) {
+  const std::int32_t width = block.strip_words();
+  const std::int32_t height = block.strip_count();
+  Spot next = next_;
+  std::int32_t shelf_height = shelf_height_;
+  if (next.x + width > page_texels_) {
+    next.x = 0;
+    next.y += shelf_height;
+    shelf_height = 0;
   }
+  if (next.y + height > page_texels_) {
+    next = {0, 0, next.page + 1};
+    shelf_height = 0;
+  }
+  if (next.page >= pages_) return false;
+  spot = next;
+  next_ = {next.x + width, next.y, next.page};
+  shelf_height_ = std::max(shelf_height, height);
   return true;
 }
 
-bool LayerAtlas::Reserve(const LayerBlock& block, Spot& spot) {
-  if (next_.x + block.width > page_cells_) {
-    next_.x = 0;
-    next_.y += shelf_height_;
-    shelf_height_ = 0;
-  }
-  if (next_.y + block.height > page_cells_) {
-    next_ = {0, 0, next_.page + 1};
-    shelf_height_ = 0;
-  }
-  if (next_.page >= pages_) return false;
-  spot = next_;
-  next_.x += block.width;
-  shelf_height_ = std::max(shelf_height_, block.height);
-  return true;
-}
-
-void LayerAtlas::Upload(const LocalMap& map, const std::vector<Spot>& spots) {
-  glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-  for (std::size_t i = 0; i < map.blocks.size(); ++i) {
-    const LayerBlock& block = map.blocks[i];
-    const Grid& grid = map.map.layers[block.level].grid;
-    glPixelStorei(GL_UNPACK_ROW_LENGTH, grid.width);
-    const Cell* corner = grid.cells.data() + static_cast<std::size_t>(block.row) * grid.width + block.column;
-    glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, spots[i].x, spots[i].y, spots[i].page, block.width, block.height, 1,
-                    GL_RED_INTEGER, GL_UNSIGNED_BYTE, corner);
-  }
-  glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
+void LayerAtlas::Upload(const PackedBlock& block, const Spot& spot) {
+  glBindTexture(GL_TEXTURE_2D_ARRAY, texture_.id());
+  glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
+  glTexSubImage3D(GL_TEXTURE_2D_ARRAY, 0, spot.x, spot.y, spot.page, block.strip_words(), block.strip_count(), 1,
+                  GL_RED_INTEGER, GL_UNSIGNED_INT, block.words());
 }
 
 }  // namespace moondb

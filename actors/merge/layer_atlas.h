@@ -1,13 +1,15 @@
-// LayerAtlas: the layers of local maps as one R8UI array texture, kept between merges.
+// LayerAtlas: blocks of local maps as one R32UI array texture, kept between merges.
 //
-// Blocks stand on shelves, shelves in pages (layers of the array), so that any sizes mix. Maps are immutable, so a map
-// is uploaded once; when the texture is full, it is made anew, larger if need be, with the maps of the merge at hand.
+// A texel is a word of PackedBlock, rows along x and strips along y, so that 16 cells take 4 bytes there too. Blocks
+// stand on shelves, shelves in pages (layers of the array), so that any sizes mix. Maps are immutable, so a block is
+// uploaded once; when the texture is full, it is made anew, larger if need be, with the blocks of maps that still live.
 // Needs a current context, the destructor too.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <map>
 #include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "actors/merge/gl_objects.h"
@@ -23,37 +25,38 @@ class LayerAtlas {
     std::int32_t page = 0;
   };
 
-  // `page_cells_max` a side, or the driver's limit.
-  explicit LayerAtlas(std::int32_t page_cells_max);
+  // `page_texels_max` a side, at least kBlockSideCellsMax, or the driver's limit.
+  explicit LayerAtlas(std::int32_t page_texels_max);
 
-  // Uploads what is not yet there. kFull if the driver's number of pages is not enough, kUnavailable for its errors.
-  Result<void> Load(const std::vector<PlacedMap>& maps);
+  // Where a block lies, uploaded if need be. kFull if the driver's number of pages is not enough, kUnavailable for its
+  // errors.
+  Result<Spot> Find(const PlacedBlock& placed);
 
-  // Of blocks[index] of a map that the last Load was given.
-  const Spot& Find(const std::shared_ptr<const LocalMap>& map, std::size_t index) const {
-    return spots_.find(map)->second[index];
-  }
+  // Another number than before: all spots that were found before are void.
+  std::uint64_t generation() const { return generation_; }
 
   GLuint texture() const { return texture_.id(); }
 
  private:
-  bool Reserve(const LocalMap& map, std::vector<Spot>& spots);
-  bool Reserve(const LayerBlock& block, Spot& spot);
-  Result<void> Rebuild(const std::vector<PlacedMap>& maps);
-  Result<void> CheckUpload();
-  void Clear();
-  Result<void> Allocate(std::int32_t pages);
-  void Upload(const LocalMap& map, const std::vector<Spot>& spots);
+  struct Entry {
+    std::weak_ptr<const LocalMap> map;  // Weak, so that a withdrawn map's memory is freed.
+    Spot spot;
+  };
 
-  const std::int32_t page_cells_;
+  bool Reserve(const PackedBlock& block, Spot& spot);
+  Result<void> Allocate(std::int32_t pages);
+  Result<void> Rebuild();
+  void Upload(const PackedBlock& block, const Spot& spot);
+
+  const std::int32_t page_texels_;
   const std::int32_t pages_max_;
   std::int32_t pages_ = 0;
   // Where the next block goes.
   Spot next_;
   std::int32_t shelf_height_ = 0;
   GlTexture texture_;
-  // Weak, so that a withdrawn map's memory is freed; ordered by owner, so that an address used again is another map.
-  std::map<std::weak_ptr<const LocalMap>, std::vector<Spot>, std::owner_less<>> spots_;
+  std::unordered_map<const PackedBlock*, Entry> entries_;
+  std::uint64_t generation_ = 0;
 };
 
 }  // namespace moondb

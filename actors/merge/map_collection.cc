@@ -1,39 +1,32 @@
 #include "actors/merge/map_collection.h"
 
+#include <algorithm>
 #include <string>
 #include <utility>
 
 #include "model/term.h"
 
 namespace moondb {
-namespace {
 
-std::uint64_t CountCells(const TraversabilityMap& map) {
-  std::uint64_t count = 0;
-  for (const MapLayer& layer : map.layers) count += layer.grid.cells.size();
-  return count;
-}
-
-}  // namespace
-
-Result<bool> MapCollection::PutMap(const RecordKey& key, std::int64_t stamp_ns, TraversabilityMap map) {
+Result<bool> MapCollection::PutMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map) {
   if (maps_.contains(key)) return false;
-  const std::uint64_t cells = CountCells(map);
-  if (maps_.size() >= options_.maps_max || cells > options_.cells_max - cells_) {
-    return Fail(ErrorCode::kFull, "merging holds at most " + std::to_string(options_.maps_max) + " maps and " +
-                                      std::to_string(options_.cells_max) + " cells");
-  }
-  Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, stamp_ns, std::move(map), options_.grid);
+  const std::int64_t stamp_ns = stamp.is_clock_suspect ? INT64_MIN : stamp.ns;
+  Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, stamp_ns, map, options_.grid);
   if (!local) return tl::unexpected(local.error());
-  maps_.emplace(key, std::move(*local));
-  cells_ += cells;
+  const std::uint64_t bytes = (*local)->bytes();
+  if (maps_.size() >= options_.maps_max || bytes > options_.bytes_max - bytes_) {
+    return Fail(ErrorCode::kFull, "merging holds at most " + std::to_string(options_.maps_max) + " maps and " +
+                                      std::to_string(options_.bytes_max) + " bytes");
+  }
+  maps_.emplace(key, HeldMap{std::move(*local), stamp});
+  bytes_ += bytes;
   return true;
 }
 
 bool MapCollection::WithdrawMap(const RecordKey& key) {
   const auto found = maps_.find(key);
   if (found == maps_.end()) return false;
-  cells_ -= CountCells(found->second->map);
+  bytes_ -= found->second.local->bytes();
   maps_.erase(found);
   return true;
 }
@@ -65,6 +58,47 @@ Result<void> MapCollection::SetOptimizedPose(const RecordKey& key, const NodeKey
   return {};
 }
 
+Result<void> MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine) {
+  if (quarantines_.contains(key)) return {};
+  if (quarantines_.size() + lifted_.size() >= options_.quarantines_max) {
+    return Fail(ErrorCode::kFull,
+                "merging holds at most " + std::to_string(options_.quarantines_max) + " quarantines of maps");
+  }
+  if (quarantine.has_lifts()) {
+    lifted_.insert(FromProto(quarantine.lifts()));
+  } else {
+    quarantines_.emplace(key, quarantine);
+  }
+  return {};
+}
+
+bool MapCollection::LeavesOut(const proto::MapQuarantine& quarantine, const HeldMap& map) {
+  return quarantine.agent_id() == map.local->agent() && quarantine.from_ns() <= map.stamp.ns &&
+         map.stamp.ns <= quarantine.to_ns();
+}
+
+std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() const {
+  std::vector<Quarantine> standing;
+  for (const auto& [key, said] : quarantines_) {
+    if (lifted_.contains(key)) continue;
+    const auto left_out = std::count_if(maps_.begin(), maps_.end(),
+                                        [&said = said](const auto& map) { return LeavesOut(said, map.second); });
+    standing.push_back({key, said, static_cast<std::size_t>(left_out)});
+  }
+  return standing;
+}
+
+std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node) const {
+  const Pose* pose = FindPose(node, /*use_raw_poses=*/false);
+  if (pose == nullptr) return std::nullopt;
+  return NodePose{*pose, nodes_.at(node).optimized.has_value()};
+}
+
+MapCollection::Stamp MapCollection::StampOf(const RecordKey& map) const {
+  const auto found = maps_.find(map);
+  return found == maps_.end() ? Stamp() : found->second.stamp;
+}
+
 const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) const {
   const auto found = nodes_.find(node);
   if (found == nodes_.end()) return nullptr;
@@ -73,30 +107,32 @@ const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) con
   return raw ? &raw->second : nullptr;
 }
 
-Result<MapCollection::Selected> MapCollection::Place(const Selection& selection) const {
+MapCollection::Selected MapCollection::Select(const Selection& selection) const {
   const auto is_selected = [&selection](AgentId agent) {
     return selection.agents.empty() || selection.agents.contains(agent);
   };
+  std::vector<const proto::MapQuarantine*> standing;
+  for (const auto& [key, said] : quarantines_) {
+    if (!lifted_.contains(key)) standing.push_back(&said);
+  }
   Selected selected;
-  std::vector<PlacedMap> maps;
   for (const auto& [key, map] : maps_) {
     if (!is_selected(key.stream.origin)) continue;
-    const Pose* pose = FindPose(map->map.node, selection.use_raw_poses);
-    if (pose == nullptr) {
-      ++selected.waiting_map_count;
+    const Pose* pose = FindPose(map.local->node, selection.use_raw_poses);
+    const bool is_left_out = std::any_of(standing.begin(), standing.end(),
+                                         [&map = map](const auto* quarantine) { return LeavesOut(*quarantine, map); });
+    if (is_left_out) {
+      selected.quarantined_maps.push_back(map.local);
+    } else if (pose == nullptr) {
+      selected.waiting_maps.push_back(map.local);
     } else {
-      maps.push_back({map, *pose});
+      selected.maps.push_back({map.local, *pose});
     }
   }
-  std::vector<Pose> footprints;
   for (const auto& [node, poses] : nodes_) {
     if (!is_selected(node.agent) || options_.without_footprint.contains(node.agent)) continue;
-    if (const Pose* pose = FindPose(node, selection.use_raw_poses)) footprints.push_back(*pose);
+    if (const Pose* pose = FindPose(node, selection.use_raw_poses)) selected.footprints.push_back({node, *pose});
   }
-  selected.node_count = footprints.size();
-  Result<MapPlacement> placement = PlaceMaps(std::move(maps), footprints, options_.grid);
-  if (!placement) return tl::unexpected(placement.error());
-  selected.placement = std::move(*placement);
   return selected;
 }
 

@@ -1,9 +1,8 @@
-// MapCollection: the maps and node poses that an agent knows, kept between merges. The one state of merging; backends
-// hold only copies.
+// MapCollection: the maps, node poses and quarantines that an agent knows, kept between merges. What a Merger merges.
 //
-// Everything in it is a maximum over records (the newest pose of a node, each map once), so that records in any order
-// and any number of times lead to the same collection on every agent. Poses are as wide as model/geometry.h admits.
-// Used by one thread at a time.
+// Everything in it is a maximum over records (the newest pose of a node, each map once, a quarantine until it is
+// lifted), so that records in any order and any number of times lead to the same collection on every agent. Poses are
+// as wide as model/geometry.h admits. Used by one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +19,7 @@
 #include "model/ids.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
+#include "proto/record.pb.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -30,27 +30,48 @@ class MapCollection {
     MergeGrid grid;
     std::set<AgentId> without_footprint;  // Base stations: they stand still and are no rovers.
     std::size_t maps_max = 65535;
-    std::uint64_t cells_max = 8ull << 30;  // Of all maps together, a byte each.
+    std::uint64_t bytes_max = 8ull << 30;  // Of all maps together.
     std::size_t nodes_max = 4'000'000;
+    std::size_t quarantines_max = 65535;  // Those that lift others counted too.
   };
 
   // Of one merge.
   struct Selection {
     bool use_raw_poses = false;  // Ignore optimized poses.
     std::set<AgentId> agents;    // Only maps of these origins and footprints of their nodes; empty: all.
+
+    bool is_everything() const { return !use_raw_poses && agents.empty(); }
   };
 
   struct Selected {
-    MapPlacement placement;
-    std::size_t waiting_map_count = 0;  // Selected, but their node is not known.
-    std::size_t node_count = 0;         // Nodes whose footprints are freed.
+    std::vector<PlacedMap> maps;                                    // By record key.
+    std::vector<Footprint> footprints;                              // By node.
+    std::vector<std::shared_ptr<const LocalMap>> waiting_maps;      // Selected, but their node is not known.
+    std::vector<std::shared_ptr<const LocalMap>> quarantined_maps;  // Selected, but left out.
+  };
+
+  struct NodePose {
+    Pose map_from_node;
+    bool is_optimized = false;
+  };
+
+  // As its origin stamped it.
+  struct Stamp {
+    std::int64_t ns = 0;
+    bool is_clock_suspect = false;  // Then it wins nothing by being newer.
+  };
+
+  struct Quarantine {
+    RecordKey key;
+    proto::MapQuarantine said;
+    std::size_t map_count = 0;  // That it leaves out.
   };
 
   explicit MapCollection(Options options) : options_(std::move(options)) {}
 
   // False if a map of that key is there already. Its node may come later. Errors: kInvalid as in MakeLocalMap; kFull
-  // for more than maps_max or cells_max.
-  Result<bool> PutMap(const RecordKey& key, std::int64_t stamp_ns, TraversabilityMap map);
+  // for more than maps_max or bytes_max.
+  Result<bool> PutMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map);
 
   // False if there is none. Nothing remembers that it was there.
   bool WithdrawMap(const RecordKey& key);
@@ -63,10 +84,21 @@ class MapCollection {
   Result<void> SetOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
                                 const proto::Term& term, std::uint64_t run);
 
-  // Everything that a merger needs of the selection. Errors as in PlaceMaps.
-  Result<Selected> Place(const Selection& selection) const;
+  // Leaves maps out until another record lifts it, or lifts one that may not have come yet. kFull for more than
+  // quarantines_max.
+  Result<void> AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine);
+
+  // Everything that Merger::Assign needs of the selection: maps and footprints at the newest poses.
+  Selected Select(const Selection& selection) const;
+
+  // The newest one; nothing where the node is not known.
+  std::optional<NodePose> PoseOf(const NodeKey& node) const;
+  Stamp StampOf(const RecordKey& map) const;  // Of a map that is here.
+  // Those that no other lifts, by record key.
+  std::vector<Quarantine> StandingQuarantines() const;
 
   std::size_t map_count() const { return maps_.size(); }
+  std::uint64_t map_bytes() const { return bytes_; }
   std::size_t node_count() const { return nodes_.size(); }
 
  private:
@@ -79,12 +111,20 @@ class MapCollection {
   };
 
   Result<Node*> FindOrAddNode(const NodeKey& node);
+  struct HeldMap {
+    std::shared_ptr<const LocalMap> local;
+    Stamp stamp;
+  };
+
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
+  static bool LeavesOut(const proto::MapQuarantine& quarantine, const HeldMap& map);
 
   Options options_;
-  std::map<RecordKey, std::shared_ptr<const LocalMap>> maps_;
+  std::map<RecordKey, HeldMap> maps_;
+  std::map<RecordKey, proto::MapQuarantine> quarantines_;
+  std::set<RecordKey> lifted_;
   std::map<NodeKey, Node> nodes_;
-  std::uint64_t cells_ = 0;
+  std::uint64_t bytes_ = 0;
 };
 
 }  // namespace moondb

@@ -1,19 +1,21 @@
 #include "actors/merge/merge_actor.h"
 
 #include <spdlog/spdlog.h>
-#include <zstd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "actors/merge/map_answers.h"
 #include "model/geometry.h"
 
 namespace moondb {
 namespace {
 
-constexpr std::uint32_t kStorageTimer = 1;
-constexpr int kZstdLevel = 3;
+enum TimerKind : std::uint32_t { kStorageTimer = 1, kLook = 2, kSubscriptionEnd = 3 };
+
+constexpr proto::DataType kReadTypes[] = {proto::POSE_GRAPH_NODE, proto::OPTIMIZED_POSE,
+                                          proto::LOCAL_TRAVERSABILITY_MAP, proto::MAP_QUARANTINE};
 
 MapCollection::Options CollectionOptions(const proto::TeamConfig& team) {
   MapCollection::Options options;
@@ -35,23 +37,28 @@ MapCollection::Selection SelectionOf(const proto::MergeRequest& request) {
   return selection;
 }
 
-Result<std::string> CompressCells(const Grid& grid, std::size_t bytes_max) {
-  std::string compressed(ZSTD_compressBound(grid.cells.size()), '\0');
-  const std::size_t size =
-      ZSTD_compress(compressed.data(), compressed.size(), grid.cells.data(), grid.cells.size(), kZstdLevel);
-  if (ZSTD_isError(size) != 0) return Fail(ErrorCode::kInternal, std::string("zstd: ") + ZSTD_getErrorName(size));
-  if (size > bytes_max) {
-    return Fail(ErrorCode::kFull, "the merged map takes " + std::to_string(size) + " bytes, a reply at most " +
-                                      std::to_string(bytes_max) + ": merge fewer agents");
+// In the reply that the question asks for.
+proto::Message ErrorReply(const proto::Message& question, const Error& error) {
+  proto::Message reply;
+  switch (question.body_case()) {
+    case proto::Message::kMapWhyRequest:
+      *reply.mutable_map_why_reply()->mutable_error() = ToProto(error);
+      break;
+    case proto::Message::kMapStatsRequest:
+      *reply.mutable_map_stats_reply()->mutable_error() = ToProto(error);
+      break;
+    case proto::Message::kMapTilesRequest:
+      *reply.mutable_map_tiles_reply()->mutable_error() = ToProto(error);
+      break;
+    default:
+      *reply.mutable_merge_reply()->mutable_error() = ToProto(error);
   }
-  compressed.resize(size);
-  return compressed;
+  return reply;
 }
 
-proto::MergeReply ErrorReply(const Error& error) {
-  proto::MergeReply reply;
-  *reply.mutable_error() = ToProto(error);
-  return reply;
+bool IsRead(DataType type) {
+  return std::find(std::begin(kReadTypes), std::end(kReadTypes), static_cast<proto::DataType>(type)) !=
+         std::end(kReadTypes);
 }
 
 }  // namespace
@@ -65,20 +72,30 @@ void MergeActor::OnStart(Context& context) {
   // A random start, so that storage's answer to a life before a restart, which a newer request may overtake, is not
   // taken for one of this life's.
   read_id_ = context.rng()();
-  Result<std::unique_ptr<Merger>> merger = CreateMerger(options_.backend);
-  if (merger) {
-    merger_ = std::move(*merger);
-    spdlog::info("{}: merges on {}", ToString(context.self()), merger_->description());
+  life_ = context.rng()() | 1;
+  Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options_.backend, options_.merge_threads);
+  if (backend) {
+    backend_ = std::move(*backend);
+    merger_ = std::make_unique<Merger>(CollectionOptions(options_.team).grid, backend_);
+    spdlog::info("{}: merges on {}", ToString(context.self()), backend_->description());
   } else {
-    merger_error_ = merger.error();
-    spdlog::error("{}: {}", ToString(context.self()), ToString(merger_error_));
+    backend_error_ = backend.error();
+    spdlog::error("{}: {}", ToString(context.self()), ToString(backend_error_));
   }
 }
 
 void MergeActor::OnMessage(Context& context, const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kMergeRequest:
-      return OnMergeRequest(context, message);
+    case proto::Message::kMapWhyRequest:
+    case proto::Message::kMapStatsRequest:
+    case proto::Message::kMapTilesRequest:
+      return OnQuestion(context, message);
+    case proto::Message::kRecordsStored:
+      if (context.sender() == Address{options_.self, actor_name::kStorage}) {
+        OnRecordsStored(context, message.records_stored());
+      }
+      return;
     case proto::Message::kReadReply:
       if (context.sender() == Address{options_.self, actor_name::kStorage}) OnReadReply(context, message);
       return;
@@ -90,11 +107,15 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
   }
 }
 
-void MergeActor::OnMergeRequest(Context& context, const proto::Message& message) {
-  Waiting waiting{context.sender(), message.request_id(), message.merge_request()};
-  if (waiting_.size() >= options_.requests_max) {
-    const std::string text = std::to_string(options_.requests_max) + " merges wait already";
-    return Answer(context, waiting, ErrorReply({ErrorCode::kFull, text, {}}));
+void MergeActor::OnQuestion(Context& context, const proto::Message& message) {
+  Waiting waiting{context.sender(), message.request_id(), message, context.now()};
+  if (waiting_.size() + subscribed_.size() >= options_.requests_max) {
+    const std::string text = std::to_string(options_.requests_max) + " questions about the map wait already";
+    return Answer(context, waiting, ErrorReply(message, {ErrorCode::kFull, text, {}}));
+  }
+  if (message.map_tiles_request().wait_s() > 0) {
+    waiting.answer_by +=
+        std::chrono::duration_cast<Duration>(std::chrono::duration<double>(message.map_tiles_request().wait_s()));
   }
   waiting_.push_back(std::move(waiting));
   if (!is_reading_) StartReading(context);
@@ -110,9 +131,7 @@ void MergeActor::RequestPage(Context& context) {
   message.set_request_id(++read_id_);
   proto::ReadRequest& request = *message.mutable_read_request();
   request.set_after_row_id(after_row_id_);
-  for (const auto type : {proto::POSE_GRAPH_NODE, proto::OPTIMIZED_POSE, proto::LOCAL_TRAVERSABILITY_MAP}) {
-    request.add_data_types(type);
-  }
+  for (const proto::DataType type : kReadTypes) request.add_data_types(type);
   request.set_records_max(options_.page_records_max);
   request.set_content_bytes_max(options_.page_content_bytes_max);
   is_reading_ = true;
@@ -135,14 +154,46 @@ void MergeActor::OnReadReply(Context& context, const proto::Message& message) {
 }
 
 void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
+  if (timer.kind() == kLook) {
+    is_look_due_ = false;
+    return LookAgain(context);
+  }
+  if (timer.kind() == kSubscriptionEnd) return AnswerExpired(context);
   if (timer.kind() != kStorageTimer || !is_reading_ || timer.value() != read_id_) return;
   FailAll(context, {ErrorCode::kTimedOut, "storage did not answer", {}});
+}
+
+void MergeActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  if (subscribed_.empty() || is_look_due_) return;
+  if (std::none_of(stored.data_types().begin(), stored.data_types().end(), IsRead)) return;
+  is_look_due_ = true;
+  (void)context.AfterTimer(options_.look_period, kLook);
+}
+
+void MergeActor::LookAgain(Context& context) {
+  if (subscribed_.empty()) return;
+  for (Waiting& subscription : std::exchange(subscribed_, {})) waiting_.push_back(std::move(subscription));
+  if (!is_reading_) StartReading(context);
+}
+
+void MergeActor::AnswerExpired(Context& context) {
+  std::deque<Waiting> expired;
+  std::deque<Waiting> left;
+  for (Waiting& subscription : std::exchange(subscribed_, {})) {
+    (subscription.answer_by <= context.now() ? expired : left).push_back(std::move(subscription));
+  }
+  subscribed_ = std::move(left);
+  for (const Waiting& subscription : expired) {
+    if (auto answer = AnswerTiles(context, subscription)) Answer(context, subscription, *std::move(answer));
+  }
 }
 
 void MergeActor::FailAll(Context& context, const Error& error) {
   context.Cancel(timer_);
   is_reading_ = false;
-  for (const Waiting& waiting : std::exchange(waiting_, {})) Answer(context, waiting, ErrorReply(error));
+  for (const Waiting& waiting : std::exchange(waiting_, {})) {
+    Answer(context, waiting, ErrorReply(waiting.question, error));
+  }
 }
 
 // The cursor moves record by record: what was taken before an error is not taken again, and the record that a bound
@@ -156,6 +207,7 @@ Result<void> MergeActor::TakeRecords(const proto::ReadReply& reply) {
       spdlog::warn("merge: leaves out record {}: {}", ToString(FromProto(reply.records(i).key())),
                    ToString(taken.error()));
     }
+    is_current_ = false;
     after_row_id_ = std::max(after_row_id_, reply.row_ids(i));
   }
   return {};
@@ -181,12 +233,12 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
     case proto::Record::kLocalTraversabilityMap: {
       Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
       if (!map) return tl::unexpected(map.error());
-      // A doubtful stamp wins nothing.
-      const std::int64_t stamp_ns = record.is_clock_suspect() ? INT64_MIN : record.stamp_ns();
-      const Result<bool> put = collection_.PutMap(key, stamp_ns, std::move(*map));
+      const Result<bool> put = collection_.PutMap(key, {record.stamp_ns(), record.is_clock_suspect()}, *map);
       if (!put) return tl::unexpected(put.error());
       return {};
     }
+    case proto::Record::kMapQuarantine:
+      return collection_.AddQuarantine(key, record.map_quarantine());
     default:
       return {};
   }
@@ -194,57 +246,109 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
 
 void MergeActor::AnswerCovered(Context& context) {
   for (std::size_t i = 0; i < covered_count_ && !waiting_.empty(); ++i) {
-    const Waiting waiting = std::move(waiting_.front());
+    Waiting waiting = std::move(waiting_.front());
     waiting_.pop_front();
-    Result<proto::MergeReply> reply = Merge(context, waiting.request);
-    Answer(context, waiting, reply ? std::move(*reply) : ErrorReply(reply.error()));
+    if (auto answer = AnswerTo(context, waiting)) {
+      Answer(context, waiting, *std::move(answer));
+    } else {
+      (void)context.AfterTimer(waiting.answer_by - context.now(), kSubscriptionEnd);
+      subscribed_.push_back(std::move(waiting));
+    }
   }
 }
 
+std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiting& waiting) {
+  const proto::Message& question = waiting.question;
+  proto::Message answer;
+  if (question.has_merge_request()) {
+    Result<proto::MergeReply> reply = Merge(context, question.merge_request());
+    if (!reply) return ErrorReply(question, reply.error());
+    *answer.mutable_merge_reply() = *std::move(reply);
+    return answer;
+  }
+  if (Result<void> updated = Update(context); !updated) return ErrorReply(question, updated.error());
+  if (question.has_map_tiles_request()) return AnswerTiles(context, waiting);
+  if (question.has_map_why_request()) {
+    *answer.mutable_map_why_reply() = WhyOf(collection_, *merger_, question.map_why_request());
+  } else {
+    *answer.mutable_map_stats_reply() = StatsOf(collection_, *merger_);
+    answer.mutable_map_stats_reply()->set_backend(backend_->description());
+  }
+  return answer;
+}
+
+std::optional<proto::Message> MergeActor::AnswerTiles(Context& context, const Waiting& waiting) {
+  const proto::MapTilesRequest& request = waiting.question.map_tiles_request();
+  const std::uint64_t since_version = request.life() == life_ ? request.since_version() : 0;
+  Result<proto::MapTilesReply> tiles = ChangedTiles(*merger_, since_version, request, options_.reply_bytes_max);
+  if (!tiles) return ErrorReply(waiting.question, tiles.error());
+  if (tiles->tiles().empty() && context.now() < waiting.answer_by) return std::nullopt;
+  tiles->set_life(life_);
+  proto::Message answer;
+  *answer.mutable_map_tiles_reply() = *std::move(tiles);
+  return answer;
+}
+
+Result<void> MergeActor::Update(Context& context) {
+  if (merger_ == nullptr) return tl::unexpected(backend_error_);
+  if (is_current_) return {};
+  Result<void> merged = RunMerger(context, collection_.Select({}), *merger_);
+  is_current_ = merged.has_value();
+  return merged;
+}
+
 Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::MergeRequest& request) {
-  if (merger_ == nullptr) return tl::unexpected(merger_error_);
+  if (merger_ == nullptr) return tl::unexpected(backend_error_);
   const MonotonicTime start = context.now();
-  const Result<MapCollection::Selected> selected = collection_.Place(SelectionOf(request));
-  if (!selected) return tl::unexpected(selected.error());
-  const Result<MergeResult> result = RunMerger(context, selected->placement);
-  if (!result) return tl::unexpected(result.error());
-  const MergedMap& merged = result->merged;
-  Result<std::string> cells = CompressCells(merged.grid, options_.reply_bytes_max);
+  const MapCollection::Selection selection = SelectionOf(request);
+  const MapCollection::Selected selected = collection_.Select(selection);
+  Result<MergedMap> merged;
+  if (selection.is_everything()) {
+    const Result<void> updated = Update(context);
+    if (!updated) return tl::unexpected(updated.error());
+    merged = merger_->ReadCells(merger_->extent());
+  } else {
+    Merger merger(merger_->grid(), backend_);
+    const Result<void> done = RunMerger(context, selected, merger);
+    if (!done) return tl::unexpected(done.error());
+    merged = merger.ReadCells(merger.extent());
+  }
+  if (!merged) return tl::unexpected(merged.error());
+  Result<std::string> cells = CompressCells(merged->grid);
   if (!cells) return tl::unexpected(cells.error());
+  if (cells->size() > options_.reply_bytes_max) {
+    return Fail(ErrorCode::kFull, "the merged map takes " + std::to_string(cells->size()) + " bytes, a reply at most " +
+                                      std::to_string(options_.reply_bytes_max) + ": merge fewer agents");
+  }
 
   proto::MergeReply reply;
-  reply.set_resolution_um(merged.resolution_um);
-  reply.set_origin_cell_x(merged.origin_cell_x);
-  reply.set_origin_cell_y(merged.origin_cell_y);
-  reply.set_width_cells(static_cast<std::uint32_t>(merged.grid.width));
-  reply.set_height_cells(static_cast<std::uint32_t>(merged.grid.height));
-  reply.set_zstd_cells(std::move(*cells));
-  reply.set_map_count(static_cast<double>(selected->placement.slots.size()));
-  reply.set_waiting_map_count(static_cast<double>(selected->waiting_map_count));
-  reply.set_node_count(static_cast<double>(selected->node_count));
-  reply.set_backend(merger_->name());
+  reply.set_resolution_um(merged->resolution_um);
+  reply.set_origin_cell_x(merged->origin_cell_x);
+  reply.set_origin_cell_y(merged->origin_cell_y);
+  reply.set_width_cells(static_cast<std::uint32_t>(merged->grid.width));
+  reply.set_height_cells(static_cast<std::uint32_t>(merged->grid.height));
+  reply.set_zstd_cells(*std::move(cells));
+  reply.set_map_count(static_cast<double>(selected.maps.size()));
+  reply.set_waiting_map_count(static_cast<double>(selected.waiting_maps.size()));
+  reply.set_node_count(static_cast<double>(selected.footprints.size()));
+  reply.set_backend(backend_->name());
   reply.set_seconds(std::chrono::duration<double>(context.now() - start).count());
   return reply;
 }
 
-Result<MergeResult> MergeActor::RunMerger(Context& context, const MapPlacement& placement) {
-  const StopPredicate stop = [&context] { return context.stop_requested(); };
-  Result<MergeResult> result = merger_->Merge(placement, stop);
-  const bool is_gl_chosen = options_.backend == MergeBackend::kAuto && merger_->name() != "cpu";
-  if (result || context.stop_requested() || !is_gl_chosen) return result;
-  spdlog::warn("{}: merges on cpu from now on: {}", ToString(context.self()), ToString(result.error()));
-  Result<std::unique_ptr<Merger>> cpu = CreateMerger(MergeBackend::kCpu);
-  if (!cpu) return tl::unexpected(cpu.error());
-  merger_ = std::move(*cpu);
-  return merger_->Merge(placement, stop);
+Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
+  for (const Error& refused : merger.Assign(selected.maps, selected.footprints)) {
+    spdlog::warn("{}: leaves out {}", ToString(context.self()), ToString(refused));
+  }
+  const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
+  if (!merged) return tl::unexpected(merged.error());
+  return {};
 }
 
-void MergeActor::Answer(Context& context, const Waiting& waiting, proto::MergeReply reply) {
-  proto::Message message;
-  message.set_request_id(waiting.request_id);
-  *message.mutable_merge_reply() = std::move(reply);
-  if (context.Send(waiting.sender, std::move(message)) == SendResult::kAccepted) return;
-  spdlog::warn("{}: {} is gone, its merged map is dropped", ToString(context.self()), ToString(waiting.sender));
+void MergeActor::Answer(Context& context, const Waiting& waiting, proto::Message reply) {
+  reply.set_request_id(waiting.request_id);
+  if (context.Send(waiting.sender, std::move(reply)) == SendResult::kAccepted) return;
+  spdlog::warn("{}: {} is gone, its answer is dropped", ToString(context.self()), ToString(waiting.sender));
 }
 
 }  // namespace moondb

@@ -1,20 +1,26 @@
-// MergeActor: answers MergeRequest with the merged map of all that this agent holds (paper, Section 5).
+// MergeActor: keeps the merged map of all that this agent holds (paper, Section 5) and answers questions about it: the
+// map itself (MergeRequest), why a cell is what it is, which maps still have a say, what changed since a version.
 //
-// Reads the records that StorageActor got since the last merge (nodes, optimized poses, local traversability maps),
-// page by page, into a MapCollection, and merges on its own thread: spawn it with Placement::kOwnThread. Maps whose
-// node is unknown wait for it. A request is answered by reads that began after it came, so it sees what its sender
-// saw stored. After a restart everything is read anew: state comes from storage, never from memory.
+// When asked, it reads the records that StorageActor got since (nodes, optimized poses, local traversability maps,
+// quarantines), page by page, into a MapCollection, and brings a Merger up to date on its own thread: spawn it with
+// kOwnThread. Maps whose node is unknown wait for it. A question is answered by reads that began after it came, so its
+// sender sees what it saw stored. After a restart everything is read anew: state comes from storage, never from memory.
 //
-// A request with `agents` takes maps of these origins and the footprints of their nodes only.
+// A MergeRequest with `agents` takes maps of these origins and the footprints of their nodes only. It, and one for raw
+// poses, is merged from nothing, beside the merged map of everything, of which only what changed is merged again.
 //
-// MergeReply.error: kFull (more than requests_max wait; a bound of MapCollection, PlaceMaps or of the reply's size),
+// A MapTilesRequest with wait_s is a subscription: where nothing has changed it waits, at most so long, and is looked
+// at again when StorageActor tells of new records (it names this actor in `notify`), once in look_period at most.
+//
+// Errors in replies: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
 // kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), and
-// StorageActor's own. A GL backend that was chosen by kAuto and fails is replaced by the CPU at once.
+// StorageActor's own.
 #pragma once
 
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "actors/merge/map_collection.h"
@@ -30,7 +36,9 @@ class MergeActor final : public Actor {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked: map.resolution_m, map.footprint_m, kinds of agents.
     MergeBackend backend = MergeBackend::kAuto;
-    std::size_t requests_max = 16;  // Waiting.
+    int merge_threads = 1;          // That merge at once on the CPU.
+    std::size_t requests_max = 64;  // Waiting, subscriptions too.
+    Duration look_period = std::chrono::seconds(1);
     Duration storage_timeout = std::chrono::seconds(30);
     std::uint32_t page_records_max = 512;
     std::uint32_t page_content_bytes_max = 4 * 1024 * 1024;
@@ -47,28 +55,43 @@ class MergeActor final : public Actor {
   struct Waiting {
     Address sender;
     std::uint64_t request_id = 0;
-    proto::MergeRequest request;
+    proto::Message question;
+    MonotonicTime answer_by;  // A subscription waits until then.
   };
 
-  void OnMergeRequest(Context& context, const proto::Message& message);
+  void OnQuestion(Context& context, const proto::Message& message);
   void OnReadReply(Context& context, const proto::Message& message);
+  void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
 
   void StartReading(Context& context);
   void RequestPage(Context& context);
   void FailAll(Context& context, const Error& error);
   void AnswerCovered(Context& context);
+  // Asks storage for all subscriptions again.
+  void LookAgain(Context& context);
+  void AnswerExpired(Context& context);
   Result<void> TakeRecords(const proto::ReadReply& reply);
   Result<void> TakeRecord(const proto::StoredRecord& stored);
+  // Brings the merged map of everything up to date.
+  Result<void> Update(Context& context);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
-  Result<MergeResult> RunMerger(Context& context, const MapPlacement& placement);
-  void Answer(Context& context, const Waiting& waiting, proto::MergeReply reply);
+  Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
+  // Nothing where a subscription goes on.
+  std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);
+  std::optional<proto::Message> AnswerTiles(Context& context, const Waiting& waiting);
+  void Answer(Context& context, const Waiting& waiting, proto::Message reply);
 
   const Options options_;
   MapCollection collection_;
-  std::unique_ptr<Merger> merger_;  // Null: GL is forced and absent.
-  Error merger_error_;              // Why.
+  std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent.
+  Error backend_error_;                     // Why.
+  std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
+  bool is_current_ = false;                 // It has all that is in collection_.
+  std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.
   std::deque<Waiting> waiting_;
+  std::deque<Waiting> subscribed_;
+  bool is_look_due_ = false;        // A timer for it runs.
   std::size_t covered_count_ = 0;   // The first of `waiting_`: the read in progress began after they came.
   std::uint64_t after_row_id_ = 0;  // Read so far.
   std::uint64_t read_id_ = 0;       // Of the newest ReadRequest.

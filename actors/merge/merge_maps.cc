@@ -4,6 +4,8 @@
 #include <utility>
 #include <vector>
 
+#include "actors/merge/merger.h"
+
 namespace moondb {
 
 RecordKey NumberedMapKey(AgentId agent, std::uint64_t seq) {
@@ -12,6 +14,9 @@ RecordKey NumberedMapKey(AgentId agent, std::uint64_t seq) {
 
 Result<MergedMap> MergeMaps(std::span<const MapAtPose> maps, std::span<const Pose> footprints,
                             const MergeOptions& options) {
+  if (Result<void> checked = CheckGrid(options.grid); !checked) return tl::unexpected(checked.error());
+  Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options.backend);
+  if (!backend) return tl::unexpected(backend.error());
   std::vector<PlacedMap> placed;
   placed.reserve(maps.size());
   for (const MapAtPose& map : maps) {
@@ -19,13 +24,16 @@ Result<MergedMap> MergeMaps(std::span<const MapAtPose> maps, std::span<const Pos
     if (!local) return tl::unexpected(local.error());
     placed.push_back({std::move(*local), map.map_from_node});
   }
-  const Result<MapPlacement> placement = PlaceMaps(std::move(placed), footprints, options.grid);
-  if (!placement) return tl::unexpected(placement.error());
-  const Result<std::unique_ptr<Merger>> merger = CreateMerger(options.backend);
-  if (!merger) return tl::unexpected(merger.error());
-  Result<MergeResult> result = (*merger)->Merge(*placement);
-  if (!result) return tl::unexpected(result.error());
-  return std::move(result->merged);
+  std::vector<Footprint> bodies;
+  bodies.reserve(footprints.size());
+  for (const Pose& pose : footprints) bodies.push_back({NodeKey{1, bodies.size()}, pose});
+
+  Merger merger(options.grid, std::move(*backend));
+  const std::vector<Error> refused = merger.Assign(placed, bodies);
+  if (!refused.empty()) return tl::unexpected(refused.front());
+  const Result<MergeSummary> merged = merger.Merge({});
+  if (!merged) return tl::unexpected(merged.error());
+  return merger.ReadCells(merger.extent());
 }
 
 }  // namespace moondb

@@ -10,8 +10,8 @@
 
 #include <span>
 
-#include "actors/merge/merger.h"
-#include "actors/merge/placement.h"
+#include "actors/merge/gather_backend.h"
+#include "actors/merge/local_map.h"
 #include "model/error.h"
 
 namespace moondb {
@@ -31,8 +31,8 @@ struct MergeOptions {
 // A key for maps that never were records, such as a mission's: the agent's map number `seq` (from 1).
 RecordKey NumberedMapKey(AgentId agent, std::uint64_t seq);
 
-// `footprints` are the rovers' poses (map_from_node) that free the ground under them. Errors as in MakeLocalMap,
-// PlaceMaps, CreateMerger and Merger::Merge.
+// `footprints` are the rovers' poses (map_from_node) that free the ground under them. Errors as in CheckGrid,
+// MakeLocalMap, CreateGatherBackend and Merger.
 Result<MergedMap> MergeMaps(std::span<const MapAtPose> maps, std::span<const Pose> footprints,
                             const MergeOptions& options);
 

@@ -1,154 +1,123 @@
 #include "actors/merge/placement.h"
 
-#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <string>
 #include <tuple>
-#include <utility>
+
+#include "actors/merge/tile.h"
 
 namespace moondb {
 namespace {
 
-bool HasKnownCell(const Grid& grid, const LayerBlock& block) {
-  for (std::int32_t row = block.row; row < block.row + block.height; ++row) {
-    const auto begin = grid.cells.begin() + static_cast<std::ptrdiff_t>(row) * grid.width + block.column;
-    if (std::any_of(begin, begin + block.width, [](Cell cell) { return cell != Cell::kUnknown; })) return true;
-  }
-  return false;
+// Far less than where int64 ends, far more than a page's number can say.
+constexpr double kFarthestCells = 1e15;
+
+bool IsFinite(const Pose& pose) { return pose.position_m.allFinite() && pose.orientation.coeffs().allFinite(); }
+
+bool HasPage(std::int64_t cell) {
+  const std::int64_t page = cell >> kPageSideBits;
+  return page >= std::numeric_limits<std::int32_t>::min() && page <= std::numeric_limits<std::int32_t>::max();
 }
 
-// Start and length of the pieces of one side.
-std::vector<std::pair<std::int32_t, std::int32_t>> SplitSide(std::int32_t cells) {
-  std::vector<std::pair<std::int32_t, std::int32_t>> pieces;
-  for (std::int32_t start = 0; cells > 0; start += kBlockSideCellsMax - 1) {
-    const std::int32_t length = std::min(kBlockSideCellsMax, cells - start);
-    pieces.emplace_back(start, length);
-    if (start + length == cells) break;
-  }
-  return pieces;
+bool HasPages(const CellBox& box) {
+  return box.is_empty() || (HasPage(box.first_x) && HasPage(box.first_y) && HasPage(box.last_x) && HasPage(box.last_y));
 }
 
-void AddBlocks(LocalMap& map, std::uint8_t level) {
-  const Grid& grid = map.map.layers[level].grid;
-  for (const auto& [row, height] : SplitSide(grid.height)) {
-    for (const auto& [column, width] : SplitSide(grid.width)) {
-      const LayerBlock block{level, column, row, width, height};
-      map.bounds.push_back(block);
-      if (HasKnownCell(grid, block)) map.blocks.push_back(block);
-    }
-  }
+bool IsNear(const PlanarPose& pose, const MergeGrid& grid) {
+  const double bound_m = kFarthestCells * 1e-6 * grid.resolution_um;
+  return std::abs(pose.x_m) < bound_m && std::abs(pose.y_m) < bound_m;
 }
 
-PlacedRectangle PlaceBlock(const PlanarPose& pose, const MapLayer& layer, const LayerBlock& block,
+auto TooFar() { return Fail(ErrorCode::kInvalid, "is not finite or lies beyond the pages' numbers", "map_from_node"); }
+
+PlacedRectangle PlaceBlock(const PlanarPose& pose, const LocalLayer& layer, const LayerBlock& block,
                            std::uint32_t grid_um) {
   const double cell_m = static_cast<double>(layer.resolution_um) / 1e6;
-  const double x_cells = block.column + (block.width - layer.grid.width) / 2.0;
-  const double y_cells = block.row + (block.height - layer.grid.height) / 2.0;
+  const double x_cells = block.column + (block.width - layer.width) / 2.0;
+  const double y_cells = block.row + (block.height - layer.height) / 2.0;
   return Quantize(pose, layer.center_x_m + x_cells * cell_m, layer.center_y_m + y_cells * cell_m, block.width,
                   block.height, layer.resolution_um, grid_um);
 }
 
-void SortByKey(MapPlacement& placement) {
-  const auto order = [&placement](const PlacedBlock& a, const PlacedBlock& b) {
-    const LocalMap& map_a = *placement.slots[a.slot].map;
-    const LocalMap& map_b = *placement.slots[b.slot].map;
-    // Slots are sorted by record key, and a record key begins with its agent.
-    return std::tuple(map_a.map.layers[a.block.level].resolution_um, map_b.stamp_ns, b.slot, a.block.level, a.block.row,
-                      a.block.column) < std::tuple(map_b.map.layers[b.block.level].resolution_um, map_a.stamp_ns,
-                                                   a.slot, b.block.level, b.block.row, b.block.column);
-  };
-  std::sort(placement.blocks.begin(), placement.blocks.end(), order);
+}  // namespace
+
+bool StandsAbove(const PlacedBlock& a, const PlacedBlock& b) {
+  if (a.resolution_um != b.resolution_um) return a.resolution_um < b.resolution_um;
+  if (a.is_footprint()) return a.owner->node < b.owner->node;
+  if (a.stamp_ns != b.stamp_ns) return a.stamp_ns > b.stamp_ns;
+  // A record key begins with its agent.
+  const RecordKey& key_a = a.owner->placed.map->key;
+  const RecordKey& key_b = b.owner->placed.map->key;
+  if (key_a != key_b) return key_a > key_b;
+  const LayerBlock& block_a = a.cells->block();
+  const LayerBlock& block_b = b.cells->block();
+  return std::tuple(block_a.level, block_a.row, block_a.column) <
+         std::tuple(block_b.level, block_b.row, block_b.column);
 }
 
-Result<void> CheckExtent(const CellBox& extent, const MergeGrid& grid) {
-  if (extent.width() <= grid.side_cells_max && extent.height() <= grid.side_cells_max) return {};
-  return Fail(ErrorCode::kFull, "the maps span " + std::to_string(extent.width()) + " x " +
-                                    std::to_string(extent.height()) + " cells of " +
-                                    std::to_string(grid.resolution_um) + " um; a merged map holds at most " +
-                                    std::to_string(grid.side_cells_max) + " a side: merge fewer agents or coarser");
-}
-
-void PlaceMap(const PlacedMap& placed, std::uint16_t slot, std::uint32_t grid_um, MapPlacement& placement) {
-  const PlanarPose pose = ToPlanar(placed.map_from_node, placed.map->map.node_from_map);
-  const auto place = [&](const LayerBlock& block) {
-    return PlaceBlock(pose, placed.map->map.layers[block.level], block, grid_um);
-  };
-  for (const LayerBlock& block : placed.map->bounds) placement.extent.Add(place(block).box);
-  for (const LayerBlock& block : placed.map->blocks) {
-    const PlacedRectangle rectangle = place(block);
-    if (!rectangle.box.is_empty()) placement.blocks.push_back({rectangle, block, slot});
+Result<std::unique_ptr<PlacedThing>> PlaceMap(const PlacedMap& placed, const MergeGrid& grid) {
+  if (!IsFinite(placed.map_from_node)) return TooFar();
+  auto thing = std::make_unique<PlacedThing>();
+  thing->placed = placed;
+  const LocalMap& map = *placed.map;
+  const PlanarPose pose = ToPlanar(placed.map_from_node, map.node_from_map);
+  if (!IsNear(pose, grid)) return TooFar();
+  for (const LayerBlock& block : map.bounds) {
+    thing->extent.Add(PlaceBlock(pose, map.layers[block.level], block, grid.resolution_um).box);
   }
+  if (!HasPages(thing->extent)) return TooFar();
+  if (thing->extent.width() > grid.side_cells_max || thing->extent.height() > grid.side_cells_max) {
+    return Fail(ErrorCode::kInvalid,
+                "cover " + std::to_string(thing->extent.width()) + " x " + std::to_string(thing->extent.height()) +
+                    " cells of the merged map, of which at most " + std::to_string(grid.side_cells_max) +
+                    " a side can be read",
+                "layers");
+  }
+  thing->blocks.reserve(map.blocks.size());
+  for (const PackedBlock& cells : map.blocks) {
+    const LocalLayer& layer = map.layers[cells.block().level];
+    const PlacedRectangle rectangle = PlaceBlock(pose, layer, cells.block(), grid.resolution_um);
+    if (rectangle.box.is_empty()) continue;
+    thing->blocks.push_back({rectangle, &cells, thing.get(), layer.resolution_um, map.stamp_ns});
+  }
+  return thing;
 }
 
-void PlaceFootprint(const Pose& map_from_node, const MergeGrid& grid, MapPlacement& placement) {
+Result<std::unique_ptr<PlacedThing>> PlaceFootprint(const Footprint& footprint, const MergeGrid& grid) {
+  if (!IsFinite(footprint.map_from_node)) return TooFar();
+  auto thing = std::make_unique<PlacedThing>();
+  thing->placed.map_from_node = footprint.map_from_node;
+  thing->node = footprint.node;
+  const PlanarPose pose = ToPlanar(footprint.map_from_node);
+  if (!IsNear(pose, grid)) return TooFar();
   const double length_cells = grid.footprint_length_m * 1e6 / grid.resolution_um;
   const double width_cells = grid.footprint_width_m * 1e6 / grid.resolution_um;
   const PlacedRectangle rectangle =
-      Quantize(ToPlanar(map_from_node), 0, 0, length_cells, width_cells, grid.resolution_um, grid.resolution_um);
-  if (rectangle.box.is_empty()) return;
-  placement.extent.Add(rectangle.box);
-  placement.footprints.push_back(rectangle);
+      Quantize(pose, 0, 0, length_cells, width_cells, grid.resolution_um, grid.resolution_um);
+  if (rectangle.box.is_empty()) return thing;
+  if (!HasPages(rectangle.box)) return TooFar();
+  thing->extent = rectangle.box;
+  thing->blocks.push_back({rectangle, nullptr, thing.get()});
+  return thing;
 }
 
-bool IsFootprintSide(double side_m, const MergeGrid& grid) {
-  return side_m >= 0 && side_m * 1e6 / grid.resolution_um <= kBlockSideCellsMax;  // False for NaN.
+Cell CellUnder(const PlacedBlock& block, std::int64_t x, std::int64_t y) {
+  const PlacedRectangle& placed = block.rectangle;
+  if (!placed.box.Touches({x, y, x, y})) return Cell::kUnknown;
+  const std::int64_t i = x - placed.anchor_x;
+  const std::int64_t j = y - placed.anchor_y;
+  const std::int64_t u = placed.u0 + i * placed.step_cos + j * placed.step_sin;
+  const std::int64_t v = placed.v0 - i * placed.step_sin + j * placed.step_cos;
+  if (u < 0 || u >= std::int64_t{placed.width_q} || v < 0 || v >= std::int64_t{placed.height_q}) {
+    return Cell::kUnknown;
+  }
+  if (block.is_footprint()) return Cell::kFree;
+  return block.cells->At(static_cast<std::int32_t>(u >> kFractionBits), static_cast<std::int32_t>(v >> kFractionBits));
 }
 
-}  // namespace
-
-Result<void> CheckGrid(const MergeGrid& grid) {
-  if (grid.resolution_um < 1000 || grid.resolution_um > kMapResolutionUmMax) {
-    return Fail(ErrorCode::kInvalid, "must lie between 1 mm and 100 m", "map.resolution_m");
-  }
-  if (!IsFootprintSide(grid.footprint_length_m, grid) || !IsFootprintSide(grid.footprint_width_m, grid)) {
-    return Fail(ErrorCode::kInvalid,
-                "must lie between 0 and " + std::to_string(kBlockSideCellsMax) + " cells of the merged map",
-                "map.footprint_m");
-  }
-  if (grid.side_cells_max < 1 || grid.side_cells_max > 65536) {
-    return Fail(ErrorCode::kInvalid, "must lie between 1 and 65536", "side_cells_max");
-  }
-  return {};
-}
-
-Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t stamp_ns, TraversabilityMap map,
-                                                     const MergeGrid& grid) {
-  auto local = std::make_shared<LocalMap>();
-  local->key = key;
-  local->stamp_ns = stamp_ns;
-  local->map = std::move(map);
-  for (std::size_t level = 0; level < local->map.layers.size(); ++level) {
-    const std::uint64_t finest_um = local->map.layers[level].resolution_um;
-    if (finest_um == 0 || finest_um * kStepCellsMax < grid.resolution_um) {
-      return Fail(ErrorCode::kInvalid,
-                  "cells of " + std::to_string(finest_um) + " um are too fine for a merged map of " +
-                      std::to_string(grid.resolution_um) + " um",
-                  "layers[" + std::to_string(level) + "].resolution_um");
-    }
-    AddBlocks(*local, static_cast<std::uint8_t>(level));
-  }
-  return local;
-}
-
-Result<MapPlacement> PlaceMaps(std::vector<PlacedMap> maps, std::span<const Pose> footprints, const MergeGrid& grid) {
-  if (Result<void> checked = CheckGrid(grid); !checked) return tl::unexpected(checked.error());
-  std::stable_sort(maps.begin(), maps.end(),
-                   [](const PlacedMap& a, const PlacedMap& b) { return a.map->key < b.map->key; });
-  const auto is_same = [](const PlacedMap& a, const PlacedMap& b) { return a.map->key == b.map->key; };
-  maps.erase(std::unique(maps.begin(), maps.end(), is_same), maps.end());
-  if (maps.size() > kPlacedMapsMax) {
-    return Fail(ErrorCode::kFull, std::to_string(maps.size()) + " maps; one merge takes at most " +
-                                      std::to_string(kPlacedMapsMax) + ": merge fewer agents");
-  }
-  MapPlacement placement;
-  placement.resolution_um = grid.resolution_um;
-  placement.slots = std::move(maps);
-  for (std::size_t slot = 0; slot < placement.slots.size(); ++slot) {
-    PlaceMap(placement.slots[slot], static_cast<std::uint16_t>(slot), grid.resolution_um, placement);
-  }
-  for (const Pose& map_from_node : footprints) PlaceFootprint(map_from_node, grid, placement);
-  if (Result<void> checked = CheckExtent(placement.extent, grid); !checked) return tl::unexpected(checked.error());
-  SortByKey(placement);
-  return placement;
+bool AreSamePose(const Pose& a, const Pose& b) {
+  return a.position_m == b.position_m && a.orientation.coeffs() == b.orientation.coeffs();
 }
 
 }  // namespace moondb

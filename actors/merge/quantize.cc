@@ -62,11 +62,6 @@ double RoundingCells(double half_x, double half_y, double step) {
 
 }  // namespace
 
-bool CellBox::Touches(const CellBox& other) const {
-  return !is_empty() && !other.is_empty() && first_x <= other.last_x && other.first_x <= last_x &&
-         first_y <= other.last_y && other.first_y <= last_y;
-}
-
 void CellBox::Add(const CellBox& other) {
   if (other.is_empty()) return;
   if (is_empty()) {

@@ -39,7 +39,10 @@ struct CellBox {
   bool is_empty() const { return last_x < first_x || last_y < first_y; }
   std::int64_t width() const { return is_empty() ? 0 : last_x - first_x + 1; }
   std::int64_t height() const { return is_empty() ? 0 : last_y - first_y + 1; }
-  bool Touches(const CellBox& other) const;
+  bool Touches(const CellBox& other) const {
+    return !is_empty() && !other.is_empty() && first_x <= other.last_x && other.first_x <= last_x &&
+           first_y <= other.last_y && other.first_y <= last_y;
+  }
   void Add(const CellBox& other);
   bool operator==(const CellBox&) const = default;
 };

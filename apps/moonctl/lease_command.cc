@@ -1,8 +1,8 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
-#include <cstdio>
 
 #include "apps/common/proto_json.h"
+#include "apps/common/utc.h"
 #include "apps/moonctl/commands.h"
 #include "model/leases.h"
 
@@ -15,20 +15,6 @@ struct LeaseArguments {
   std::string duration;  // "40", "10m".
   std::string until;     // "2026-11-22T06:00Z".
 };
-
-// UTC, to the minute or the second.
-std::optional<std::chrono::sys_seconds> ParseUtc(const std::string& text) {
-  int year = 0, month = 0, day = 0, hour = 0, minute = 0, second = 0, end = 0;
-  if (std::sscanf(text.c_str(), "%4d-%2d-%2dT%2d:%2d%n", &year, &month, &day, &hour, &minute, &end) != 5) return {};
-  std::string rest = text.substr(static_cast<std::size_t>(end));
-  if (std::sscanf(rest.c_str(), ":%2d%n", &second, &end) == 1) rest = rest.substr(static_cast<std::size_t>(end));
-  const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
-                                         std::chrono::day(static_cast<unsigned>(day))};
-  const bool is_time = hour >= 0 && hour < 24 && minute >= 0 && minute < 60 && second >= 0 && second < 60;
-  if (rest != "Z" || !date.ok() || !is_time) return {};
-  return std::chrono::sys_days(date) + std::chrono::hours(hour) + std::chrono::minutes(minute) +
-         std::chrono::seconds(second);
-}
 
 Result<milliseconds> DurationUntil(const std::string& time) {
   const auto until = ParseUtc(time);

@@ -4,6 +4,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/map_questions.h"
 #include "model/map_picture.h"
 #include "model/png.h"
 #include "model/ros_map.h"
@@ -74,6 +75,7 @@ void AddMapCommands(CLI::App& app, CommandContext& context) {
   exported.add_option("--agents", arguments->agents, "Maps of these agents only");
   exported.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportMap(context, *arguments); }; });
+  AddMapQuestions(group, context);
 }
 
 }  // namespace moondb

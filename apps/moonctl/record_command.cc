@@ -1,9 +1,9 @@
 #include <CLI/CLI.hpp>
-#include <chrono>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/common/utc.h"
 #include "apps/moonctl/commands.h"
 #include "model/custom_types.h"
 #include "model/record_check.h"
@@ -29,11 +29,6 @@ struct RecordArguments {
 Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_types) {
   if (const auto type = DataTypeFromName(name, custom_types)) return *type;
   return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"" + DidYouMean(name, DataTypeNames(custom_types)));
-}
-
-std::int64_t UtcNowNs() {
-  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count();
 }
 
 // The agent whose records these are; there is no natural choice of one.

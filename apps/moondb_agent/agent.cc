@@ -86,7 +86,7 @@ class Agent::Impl {
     endpoint_ = *endpoint;
     if (auto checked = CheckStore(StorageOptions()); !checked) return checked;
     if (options_.merge_backend == MergeBackend::kGl) {
-      if (auto merger = CreateMerger(MergeBackend::kGl); !merger) return tl::unexpected(merger.error());
+      if (auto gl = CreateGatherBackend(MergeBackend::kGl); !gl) return tl::unexpected(gl.error());
     }
     MakeSystem();
     return Run();
@@ -110,6 +110,7 @@ class Agent::Impl {
     storage.self = self_;
     storage.team = team_.config;
     storage.notify = OwnActorNames();
+    storage.notify.push_back(actor_name::kMerge);
     return storage;
   }
 

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "actors/merge/merger.h"
+#include "actors/merge/gather_backend.h"
 #include "model/error.h"
 #include "runtime/actor.h"
 #include "runtime/team_config.h"

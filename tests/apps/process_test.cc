@@ -15,6 +15,7 @@ namespace {
 
 using testing::HasSubstr;
 using testing::IsSupersetOf;
+using testing::Not;
 
 class ProcessTest : public ProcessTeam {};
 
@@ -72,6 +73,44 @@ TEST_F(ProcessTest, BringsAMapFromARoverToTheLeaderAndOnToTheSurvivor) {
   EXPECT_THAT(*ReadTextFile(folder_ / "map" / "map.yaml"), HasSubstr("free_thresh: 0.196"));
   MoonctlExpecting(0, {"down"});
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) EXPECT_EQ(PidOf(name), 0) << name;
+}
+
+TEST_F(ProcessTest, SaysWhyACellIsWhatItIsAndLeavesDistrustedMapsOutEverywhere) {
+  MoonctlExpecting(0, {"up"});
+  MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"});
+  std::string map = kMapJson;  // Beside the rover's own footprint.
+  map.replace(map.find("\"position_m\": {}"), 16, "\"position_m\": {\"x\": 3}");
+  MoonctlExpecting(0, {"record", "insert", "local_traversability_map", map, "-a", "rover2"});
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  const std::string why = MoonctlExpecting(0, {"map", "why", "3.99", "0.01"});
+  EXPECT_THAT(why, HasSubstr("(3.975, 0.025) is free at rover1"));
+  EXPECT_THAT(why, HasSubstr("2:0"));
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "1", "0"}), HasSubstr("it stood there"));
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "why", "-500", "3"}), HasSubstr("no map knows it"));
+
+  auto leader = Connect("rover1");
+  proto::MapTilesRequest tiles;
+  EXPECT_FALSE(leader->NextMapTiles(tiles).value().empty());
+  tiles.set_wait_s(0.2);
+  EXPECT_TRUE(leader->NextMapTiles(tiles).value().empty());
+
+  const std::string said =
+      MoonctlExpecting(0, {"map", "quarantine", "--agent", "rover2", "--to", "2030-01-01T00:00Z", "--reason", "slip"});
+  const std::string id = said.substr(11, said.find(' ', 11) - 11);
+  tiles.set_wait_s(30);
+  EXPECT_FALSE(leader->NextMapTiles(tiles).value().empty()) << "told as it was stored";
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "stats"}), HasSubstr(id));
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "stats", "-a", "rover3"}), HasSubstr(id));
+  Kill("rover1");
+  MoonctlExpecting(0, {"up"});
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "stats", "-a", "rover1"}), HasSubstr("slip"));
+
+  EXPECT_THAT(Moonctl({"map", "quarantine", "--lift", "1.0000000000000001.31.9"}).error, HasSubstr("no quarantine"));
+  MoonctlExpecting(0, {"map", "quarantine", "--lift", id, "-a", "rover1"});
+  EXPECT_THAT(MoonctlExpecting(0, {"map", "stats", "-a", "rover1"}), Not(HasSubstr(id)));
+  EXPECT_EQ(Moonctl({"map", "quarantine", "--agent", "rover2", "--from", "yesterday"}).exit_code, 2);
+  EXPECT_EQ(Moonctl({"map", "why", "nan", "2"}).exit_code, 2);
 }
 
 TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {

@@ -18,15 +18,13 @@ proto::Term MakeTerm(std::uint64_t number) {
 
 class MapCollectionTest : public testing::Test {
  protected:
-  // Where the only map's anchor lies, in cells of 5 cm.
-  std::int64_t PlacedX(bool use_raw_poses = false) {
-    const auto selected = collection_.Place({use_raw_poses, {}});
-    EXPECT_TRUE(selected.has_value());
-    return selected->placement.blocks.at(0).rectangle.anchor_x;
+  // Where the only map lies.
+  double PlacedX(bool use_raw_poses = false) {
+    return collection_.Select({use_raw_poses, {}}).maps.at(0).map_from_node.position_m.x();
   }
 
   void PutMapOf(AgentId agent) {
-    ASSERT_TRUE(collection_.PutMap(MapKey(agent, 1), 5, DrawMap({"."}, 50'000, agent)).value());
+    ASSERT_TRUE(collection_.PutMap(MapKey(agent, 1), {5, false}, DrawMap({"."}, 50'000, agent)).value());
   }
 
   MapCollection collection_{{}};
@@ -34,30 +32,30 @@ class MapCollectionTest : public testing::Test {
 
 TEST_F(MapCollectionTest, AMapCountsOnce) {
   PutMapOf(1);
-  EXPECT_FALSE(collection_.PutMap(MapKey(1, 1), 5, DrawMap({"."}, 50'000)).value());
+  EXPECT_FALSE(collection_.PutMap(MapKey(1, 1), {5, false}, DrawMap({"."}, 50'000)).value());
   EXPECT_EQ(collection_.map_count(), 1u);
 }
 
 TEST_F(MapCollectionTest, AMapWaitsForItsNode) {
   PutMapOf(1);
-  EXPECT_EQ(collection_.Place({})->waiting_map_count, 1u);
+  EXPECT_EQ(collection_.Select({}).waiting_maps.size(), 1u);
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose{}));
-  const auto selected = collection_.Place({});
-  EXPECT_EQ(selected->waiting_map_count, 0u);
-  EXPECT_EQ(selected->placement.slots.size(), 1u);
-  EXPECT_EQ(selected->node_count, 1u);
+  const auto selected = collection_.Select({});
+  EXPECT_EQ(selected.waiting_maps.size(), 0u);
+  EXPECT_EQ(selected.maps.size(), 1u);
+  EXPECT_EQ(selected.footprints.size(), 1u);
 }
 
 TEST_F(MapCollectionTest, TheNewestTermAndRunPlacesTheNodeInAnyOrder) {
   PutMapOf(1);
   ASSERT_TRUE(collection_.SetOptimizedPose(PoseKey(1, 3), {1, 1}, Pose::FromPlanar(3, 0, 0), MakeTerm(2), 1));
   ASSERT_TRUE(collection_.SetOptimizedPose(PoseKey(1, 4), {1, 1}, Pose::FromPlanar(2, 0, 0), MakeTerm(1), 9));
-  EXPECT_EQ(PlacedX(), 60);
+  EXPECT_EQ(PlacedX(), 3);
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(1, 0, 0)));
-  EXPECT_EQ(PlacedX(), 60);
-  EXPECT_EQ(PlacedX(/*use_raw_poses=*/true), 20);
+  EXPECT_EQ(PlacedX(), 3);
+  EXPECT_EQ(PlacedX(/*use_raw_poses=*/true), 1);
   ASSERT_TRUE(collection_.SetOptimizedPose(PoseKey(1, 5), {1, 1}, Pose::FromPlanar(4, 0, 0), MakeTerm(2), 2));
-  EXPECT_EQ(PlacedX(), 80);
+  EXPECT_EQ(PlacedX(), 4);
 }
 
 TEST_F(MapCollectionTest, OfTwoRecordsOfOneNodeTheSmallerKeyStands) {
@@ -65,7 +63,7 @@ TEST_F(MapCollectionTest, OfTwoRecordsOfOneNodeTheSmallerKeyStands) {
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 2), {1, 1}, Pose::FromPlanar(2, 0, 0)));
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 1), {1, 1}, Pose::FromPlanar(1, 0, 0)));
   ASSERT_TRUE(collection_.SetRawPose(PoseKey(1, 3), {1, 1}, Pose::FromPlanar(3, 0, 0)));
-  EXPECT_EQ(PlacedX(), 20);
+  EXPECT_EQ(PlacedX(), 1);
 }
 
 TEST_F(MapCollectionTest, ASelectionTakesMapsAndFootprintsOfItsAgents) {
@@ -73,16 +71,16 @@ TEST_F(MapCollectionTest, ASelectionTakesMapsAndFootprintsOfItsAgents) {
     PutMapOf(agent);
     ASSERT_TRUE(collection_.SetRawPose(PoseKey(agent, 1), {agent, 1}, Pose::FromPlanar(agent, 0, 0)));
   }
-  const auto selected = collection_.Place({false, {2}});
-  ASSERT_EQ(selected->placement.slots.size(), 1u);
-  EXPECT_EQ(selected->placement.slots[0].map->agent(), 2u);
-  EXPECT_EQ(selected->node_count, 1u);
+  const auto selected = collection_.Select({false, {2}});
+  ASSERT_EQ(selected.maps.size(), 1u);
+  EXPECT_EQ(selected.maps[0].map->agent(), 2u);
+  EXPECT_EQ(selected.footprints.size(), 1u);
 }
 
 TEST_F(MapCollectionTest, ABaseStationLeavesNoFootprint) {
   MapCollection collection({.grid = {}, .without_footprint = {4}});
   ASSERT_TRUE(collection.SetRawPose(PoseKey(4, 1), {4, 0}, Pose{}));
-  EXPECT_EQ(collection.Place({})->node_count, 0u);
+  EXPECT_EQ(collection.Select({}).footprints.size(), 0u);
 }
 
 TEST_F(MapCollectionTest, AWithdrawnMapIsGone) {
@@ -93,11 +91,17 @@ TEST_F(MapCollectionTest, AWithdrawnMapIsGone) {
 }
 
 TEST_F(MapCollectionTest, HoldsNoMoreThanItsBounds) {
-  MapCollection collection({.grid = {}, .without_footprint = {}, .maps_max = 2, .cells_max = 3, .nodes_max = 1});
-  ASSERT_TRUE(collection.PutMap(MapKey(1, 1), 5, DrawMap({".."}, 50'000)));
-  EXPECT_EQ(collection.PutMap(MapKey(1, 2), 5, DrawMap({".."}, 50'000)).error().code, ErrorCode::kFull);
-  ASSERT_TRUE(collection.PutMap(MapKey(1, 3), 5, DrawMap({"."}, 50'000)));
-  EXPECT_EQ(collection.PutMap(MapKey(1, 4), 5, DrawMap({"."}, 50'000)).error().code, ErrorCode::kFull);
+  const TraversabilityMap map = DrawMap({".."}, 50'000);
+  const std::size_t map_bytes = (*MakeLocalMap(MapKey(1, 1), 5, map, {}))->bytes();
+  MapCollection collection(
+      {.grid = {}, .without_footprint = {}, .maps_max = 2, .bytes_max = map_bytes * 3 / 2, .nodes_max = 1});
+  ASSERT_TRUE(collection.PutMap(MapKey(1, 1), {5, false}, map));
+  EXPECT_EQ(collection.PutMap(MapKey(1, 2), {5, false}, map).error().code, ErrorCode::kFull);
+  EXPECT_TRUE(collection.WithdrawMap(MapKey(1, 1)));
+  ASSERT_TRUE(collection.PutMap(MapKey(1, 2), {5, false}, map));
+  MapCollection of_two({.grid = {}, .without_footprint = {}, .maps_max = 2});
+  for (const std::uint64_t seq : {1u, 2u}) ASSERT_TRUE(of_two.PutMap(MapKey(1, seq), {5, false}, map));
+  EXPECT_EQ(of_two.PutMap(MapKey(1, 4), {5, false}, map).error().code, ErrorCode::kFull);
   ASSERT_TRUE(collection.SetRawPose(PoseKey(1, 1), {1, 1}, Pose{}));
   EXPECT_EQ(collection.SetRawPose(PoseKey(1, 2), {1, 2}, Pose{}).error().code, ErrorCode::kFull);
 }

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
+#include <set>
 
 #include "runtime/simulation/simulated_team.h"
 #include "tests/actors/merge/merge_worlds.h"
@@ -123,6 +125,76 @@ class MergeActorTest : public testing::Test {
     ASSERT_EQ(team_.Post(kAsker, {kSelf, actor_name::kMerge}, std::move(message)), SendResult::kAccepted);
   }
 
+  void StoreQuarantine(const proto::MapQuarantine& quarantine) {
+    proto::Record record;
+    *record.mutable_map_quarantine() = quarantine;
+    Store(4, proto::MAP_QUARANTINE, record);
+  }
+
+  static proto::MapQuarantine Quarantine(AgentId agent, std::int64_t from_ns, std::int64_t to_ns) {
+    proto::MapQuarantine quarantine;
+    quarantine.set_agent_id(agent);
+    quarantine.set_from_ns(from_ns);
+    quarantine.set_to_ns(to_ns);
+    return quarantine;
+  }
+
+  proto::RecordKey LastKey() const { return store_->records.back().key(); }
+
+  // The answer to a question of any kind; none yet where it waits.
+  std::optional<proto::Message> AskAnything(proto::Message question) {
+    question.set_request_id(78);
+    EXPECT_EQ(team_.Post(kAsker, {kSelf, actor_name::kMerge}, std::move(question)), SendResult::kAccepted);
+    team_.RunUntilIdle();
+    return TakeAnswer();
+  }
+
+  std::optional<proto::Message> TakeAnswer() {
+    std::vector<proto::Message> replies = TakeReplies();
+    EXPECT_LE(replies.size(), 1u);
+    if (replies.empty()) return std::nullopt;
+    EXPECT_EQ(replies[0].request_id(), 78u);
+    return std::move(replies[0]);
+  }
+
+  proto::MapWhyReply Why(double x_m, double y_m) {
+    proto::Message question;
+    question.mutable_map_why_request()->set_x_m(x_m);
+    question.mutable_map_why_request()->set_y_m(y_m);
+    return AskAnything(std::move(question))->map_why_reply();
+  }
+
+  proto::MapStatsReply Stats() {
+    proto::Message question;
+    question.mutable_map_stats_request();
+    return AskAnything(std::move(question))->map_stats_reply();
+  }
+
+  // Tiles since the last call; nothing where it waits.
+  std::optional<proto::MapTilesReply> Tiles(double wait_s = 0) {
+    tiles_request_.set_wait_s(wait_s);
+    proto::Message question;
+    *question.mutable_map_tiles_request() = tiles_request_;
+    const auto answer = AskAnything(std::move(question));
+    if (!answer) return std::nullopt;
+    return Note(answer->map_tiles_reply());
+  }
+
+  proto::MapTilesReply Note(const proto::MapTilesReply& reply) {
+    EXPECT_FALSE(IsError(reply.error())) << reply.error().text();
+    tiles_request_.set_life(reply.life());
+    tiles_request_.set_since_version(reply.version());
+    return reply;
+  }
+
+  void TellOfRecords(DataType type) {
+    proto::Message told;
+    told.mutable_records_stored()->add_data_types(type);
+    EXPECT_EQ(team_.Post({kSelf, actor_name::kStorage}, {kSelf, actor_name::kMerge}, std::move(told)),
+              SendResult::kAccepted);
+    team_.RunUntilIdle();
+  }
+
   std::vector<proto::Message> TakeReplies() { return team_.Take(kAsker); }
 
   proto::MergeReply Merge(const proto::MergeRequest& request = {}) {
@@ -139,6 +211,7 @@ class MergeActorTest : public testing::Test {
   SimulatedTeam team_;
   std::shared_ptr<FakeStore> store_ = std::make_shared<FakeStore>();
   MergeActor::Options options_;
+  proto::MapTilesRequest tiles_request_;
 };
 
 TEST_F(MergeActorTest, MergesWhatStorageHolds) {
@@ -182,7 +255,7 @@ TEST_F(MergeActorTest, ReadsPageByPageAndOnlyWhatIsNew) {
   EXPECT_EQ(store_->reads[3].after_row_id(), 6u);
   EXPECT_GT(store_->reads[3].records_max(), 0u);
   EXPECT_GT(store_->reads[3].content_bytes_max(), 0u);
-  EXPECT_EQ(store_->reads[3].data_types_size(), 3);
+  EXPECT_EQ(store_->reads[3].data_types_size(), 4);
 }
 
 TEST_F(MergeActorTest, MapsWaitForTheirNodes) {
@@ -259,6 +332,7 @@ TEST_F(MergeActorTest, MapsTooFarApartAreAClearError) {
 
 TEST_F(MergeActorTest, RequestsQueueUpToABound) {
   store_->is_silent = true;
+  options_.requests_max = 16;
   Start();
   for (std::uint64_t id = 1; id <= 17; ++id) Ask(id);
   team_.RunUntilIdle();
@@ -357,8 +431,204 @@ TEST_F(MergeActorTest, OnlyTheAnswerOfOwnStorageToThisLifesQuestionCounts) {
   EXPECT_EQ(replies[0].request_id(), 2u);
 }
 
+TEST_F(MergeActorTest, SaysWhyACellIsWhatItIs) {
+  for (const AgentId agent : {1u, 2u, 4u}) StoreNode(agent, 0);
+  StoreMap(1, {"###", "###", "###"});
+  StoreMap(2, {"...", "...", "..."}, 2 * kCellUm);                         // Coarser.
+  StoreMap(4, {"...", "...", "..."}, kCellUm, /*is_clock_suspect=*/true);  // Newer, as it says.
+  StoreOptimizedPose(2, 0.1, /*run=*/1);
+  Start();
+  const proto::MapWhyReply why = Why(0.22, 0.17);
+  ASSERT_FALSE(IsError(why.error())) << why.error().text();
+  EXPECT_EQ(why.value(), 2u);
+  EXPECT_NEAR(why.cell_x_m(), 0.25, 1e-9);
+  EXPECT_NEAR(why.cell_y_m(), 0.15, 1e-9);
+  ASSERT_EQ(why.observations_size(), 3);
+  EXPECT_EQ(why.observations(0).record().origin_agent(), 1u);
+  EXPECT_EQ(why.observations(0).value(), 2u);
+  EXPECT_EQ(why.observations(0).stamp_ns(), 3);
+  EXPECT_EQ(why.observations(0).resolution_um(), kCellUm);
+  EXPECT_FALSE(why.observations(0).is_pose_optimized());
+  EXPECT_EQ(why.observations(1).record().origin_agent(), 4u);
+  EXPECT_TRUE(why.observations(1).is_clock_suspect());
+  EXPECT_EQ(why.observations(1).stamp_ns(), 5) << "as it was stamped";
+  EXPECT_EQ(why.observations(2).record().origin_agent(), 2u);
+  EXPECT_TRUE(why.observations(2).is_pose_optimized());
+  EXPECT_EQ(why.observations(2).map_from_node().position_m().x(), 0.1);
+
+  const proto::MapWhyReply footprint = Why(0.01, 0.01);
+  EXPECT_EQ(footprint.value(), 1u);
+  ASSERT_GE(footprint.observations_size(), 2);
+  EXPECT_TRUE(footprint.observations(0).is_footprint());
+  EXPECT_EQ(footprint.observations(0).node().agent_id(), 1u);
+  const proto::MapWhyReply nothing = Why(-1000, 1000);
+  EXPECT_EQ(nothing.value(), 0u);
+  EXPECT_TRUE(nothing.observations().empty());
+}
+
+TEST_F(MergeActorTest, LeavesQuarantinedMapsOutUntilTheyAreLifted) {
+  StoreNode(4, 0);  // No footprint in the way.
+  StoreMap(4, {"#"});
+  StoreMap(4, {"."});
+  Start();
+  EXPECT_EQ(Decode(Merge()), (Rows{"."}));
+  StoreQuarantine(Quarantine(4, 2, 2));
+  const proto::RecordKey given = LastKey();
+  EXPECT_EQ(Decode(Merge()), (Rows{"#"}));
+  const proto::MapWhyReply why = Why(0.05, 0.05);
+  EXPECT_EQ(why.value(), 2u);
+  ASSERT_EQ(why.observations_size(), 2);
+  EXPECT_TRUE(why.observations(1).is_quarantined());
+  EXPECT_EQ(why.observations(1).value(), 1u);
+  const proto::MapStatsReply stats = Stats();
+  ASSERT_EQ(stats.quarantines_size(), 1);
+  EXPECT_EQ(stats.quarantines(0).map_count(), 1);
+  EXPECT_EQ(stats.quarantines(0).record().seq(), given.seq());
+  StoreQuarantine(Quarantine(4, 3, 1000));  // Of none.
+  StoreQuarantine(Quarantine(1, INT64_MIN, INT64_MAX));
+  EXPECT_EQ(Decode(Merge()), (Rows{"#"}));
+
+  proto::MapQuarantine lift;
+  *lift.mutable_lifts() = given;
+  StoreQuarantine(lift);
+  EXPECT_EQ(Decode(Merge()), (Rows{"."}));
+  EXPECT_EQ(Stats().quarantines_size(), 2);
+}
+
+TEST_F(MergeActorTest, AQuarantineMayBeLiftedBeforeItComes) {
+  StoreNode(4, 0);
+  StoreMap(4, {"#"});
+  proto::MapQuarantine lift;
+  *lift.mutable_lifts() = ToProto(RecordKey{{4, 7, proto::MAP_QUARANTINE}, 4});
+  StoreQuarantine(lift);
+  StoreQuarantine(Quarantine(4, INT64_MIN, INT64_MAX));
+  ASSERT_EQ(LastKey().seq(), 4u);
+  Start();
+  EXPECT_EQ(Decode(Merge()), (Rows{"#"}));
+}
+
+TEST_F(MergeActorTest, TellsWhichMapsStillHaveASay) {
+  StoreNode(1, 0);
+  StoreNode(2, 5);
+  StoreMap(1, {"###", "###", "###"});
+  StoreMap(1, {"...", "...", "..."});
+  StoreMap(2, {"#"});
+  StoreMap(4, {"#"});  // Waits.
+  StoreMap(1, {"."});
+  StoreQuarantine(Quarantine(1, 6, 6));
+  Start();
+  const proto::MapStatsReply stats = Stats();
+  ASSERT_EQ(stats.agents_size(), 3);
+  EXPECT_EQ(stats.agents(0).agent_id(), 1u);
+  EXPECT_EQ(stats.agents(0).map_count(), 2);
+  EXPECT_EQ(stats.agents(0).winning_map_count(), 1);
+  EXPECT_EQ(stats.agents(0).quarantined_map_count(), 1);
+  EXPECT_EQ(stats.agents(2).waiting_map_count(), 1);
+  EXPECT_EQ(stats.agents(0).won_cell_count() + stats.agents(1).won_cell_count() +
+                stats.agents(0).footprint_cell_count() + stats.agents(1).footprint_cell_count(),
+            stats.free_cell_count() + stats.hazard_cell_count());
+  EXPECT_EQ(stats.agents(0).footprint_cell_count(), 4);
+  EXPECT_EQ(stats.hazard_cell_count(), 0) << "rover 2 stands on it";
+  EXPECT_GT(stats.memory_bytes(), 0);
+  EXPECT_EQ(stats.backend().substr(0, 3), "cpu");
+}
+
+TEST_F(MergeActorTest, TellsTheTilesThatChangedSinceAVersion) {
+  StoreNode(4, 0.05, 0.05);
+  StoreNode(1, 100);
+  StoreMap(4, {"#"});
+  StoreMap(1, {"#"});
+  Start();
+  const proto::MapTilesReply first = *Tiles();
+  EXPECT_TRUE(first.is_complete());
+  EXPECT_EQ(first.tile_cells(), 64u);
+  EXPECT_EQ(first.resolution_um(), kCellUm);
+  ASSERT_GE(first.tiles_size(), 2);
+  EXPECT_EQ(Tiles()->tiles_size(), 0);
+  StoreMap(4, {"."});
+  const proto::MapTilesReply second = *Tiles();
+  ASSERT_EQ(second.tiles_size(), 1);
+  EXPECT_EQ(second.tiles(0).x(), 0);
+  EXPECT_EQ(second.tiles(0).y(), 0);
+  EXPECT_GT(second.version(), first.version());
+
+  StoreQuarantine(Quarantine(4, INT64_MIN, INT64_MAX));
+  const proto::MapTilesReply third = *Tiles();
+  ASSERT_EQ(third.tiles_size(), 1);
+  EXPECT_TRUE(third.tiles(0).zstd_cells().empty()) << "nothing is known there any more";
+
+  tiles_request_.set_life(tiles_request_.life() + 1);  // Of another life.
+  EXPECT_EQ(Tiles()->tiles_size(), first.tiles_size() - 1);
+  tiles_request_.clear_life();
+  tiles_request_.mutable_region()->set_x_min_m(99);
+  tiles_request_.mutable_region()->set_x_max_m(101);
+  tiles_request_.mutable_region()->set_y_max_m(0.5);
+  const proto::MapTilesReply region = *Tiles();
+  ASSERT_GE(region.tiles_size(), 1);
+  for (const proto::MapTile& tile : region.tiles()) EXPECT_EQ(tile.x(), 15);
+}
+
+TEST_F(MergeActorTest, TilesComeInPartsWhereTheyAreMany) {
+  options_.reply_bytes_max = 1;
+  StoreNode(4, -0.1, -0.1);
+  StoreMap(4, {"####", "####", "####", "####"});  // Over four tiles.
+  Start();
+  proto::MapTilesReply part = *Tiles();
+  std::set<std::pair<std::int64_t, std::int64_t>> seen;
+  tiles_request_.clear_life();
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_EQ(part.tiles_size(), 1) << i;
+    EXPECT_EQ(part.is_complete(), i == 3);
+    seen.insert({part.tiles(0).x(), part.tiles(0).y()});
+    if (i == 3) break;
+    *tiles_request_.mutable_after() = part.tiles(0);
+    tiles_request_.clear_life();
+    part = *Tiles();
+  }
+  EXPECT_EQ(seen.size(), 4u);
+}
+
+TEST_F(MergeActorTest, ASubscriptionIsAnsweredWhenSomethingChanges) {
+  StoreNode(4, 0);
+  StoreMap(4, {"#"});
+  Start();
+  EXPECT_EQ(Tiles(/*wait_s=*/30)->tiles_size(), 1) << "it knows nothing yet";
+  EXPECT_FALSE(Tiles(/*wait_s=*/30));
+  TellOfRecords(proto::POWER);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_FALSE(TakeAnswer());
+  StoreMap(4, {"#"});  // Changes no value.
+  TellOfRecords(proto::LOCAL_TRAVERSABILITY_MAP);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_FALSE(TakeAnswer());
+  StoreMap(4, {"."});
+  const std::size_t reads = store_->reads.size();
+  for (int i = 0; i < 100; ++i) TellOfRecords(proto::LOCAL_TRAVERSABILITY_MAP);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_LE(store_->reads.size(), reads + 1) << "once in a second";
+  const auto answer = TakeAnswer();
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(Note(answer->map_tiles_reply()).tiles_size(), 1);
+}
+
+TEST_F(MergeActorTest, ASubscriptionEndsWithItsTime) {
+  StoreNode(4, 0);
+  StoreMap(4, {"#"});
+  Start();
+  const std::uint64_t version = Tiles()->version();
+  EXPECT_FALSE(Tiles(/*wait_s=*/30));
+  team_.AdvanceTime(seconds(29));
+  EXPECT_FALSE(TakeAnswer());
+  team_.AdvanceTime(seconds(2));
+  const auto answer = TakeAnswer();
+  ASSERT_TRUE(answer);
+  EXPECT_TRUE(answer->map_tiles_reply().tiles().empty());
+  EXPECT_TRUE(answer->map_tiles_reply().is_complete());
+  EXPECT_EQ(answer->map_tiles_reply().version(), version);
+}
+
 TEST_F(MergeActorTest, GlGivesTheSameReply) {
-  if (const auto gl = CreateMerger(MergeBackend::kGl); !gl) GTEST_SKIP() << ToString(gl.error());
+  if (const auto gl = CreateGatherBackend(MergeBackend::kGl); !gl) GTEST_SKIP() << ToString(gl.error());
   for (const AgentId agent : {1u, 2u}) {
     StoreNode(agent, agent * 0.11);
     StoreMap(agent, {"#.#", ".#.", "#.#"});

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <random>
 
-#include "actors/merge/cpu_merger.h"
+#include "actors/merge/cpu_gather.h"
 #include "actors/merge/merge_maps.h"
 #include "tests/actors/merge/merge_worlds.h"
 
@@ -114,11 +114,8 @@ TEST_F(MergePolicyTest, NeitherOrderNorRepetitionMatters) {
   std::mt19937_64 rng(kSeed);
   for (int round = 0; round < 10; ++round) {
     World world = MakeRandomWorld(rng);
-    const auto merge = [&] {
-      const Result<MapPlacement> placement = PlaceMaps(world.maps, world.footprints, world.grid);
-      EXPECT_TRUE(placement.has_value());
-      return *CpuMerger().Merge(*placement);
-    };
+    const auto backend = std::make_shared<CpuGather>(CpuGather::Options{});
+    const auto merge = [&] { return MergeBy(backend, world); };
     const MergeResult once = merge();
     for (int again = 0; again < 5; ++again) {
       world.maps.push_back(world.maps[rng() % world.maps.size()]);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <tuple>
 #include <utility>
@@ -62,18 +63,18 @@ MapLayer RandomLayer(std::mt19937_64& rng, std::uint32_t grid_um, bool is_aligne
   return layer;
 }
 
-struct Observation {
+struct Answer {
   std::int64_t column = 0;
   std::int64_t row = 0;
   bool is_inside = false;
 };
 
-Observation Ask(const PlacedRectangle& placed, std::int64_t x, std::int64_t y) {
+Answer Ask(const PlacedRectangle& placed, std::int64_t x, std::int64_t y) {
   const std::int64_t i = x - placed.anchor_x;
   const std::int64_t j = y - placed.anchor_y;
   const std::int64_t u = placed.u0 + i * placed.step_cos + j * placed.step_sin;
   const std::int64_t v = placed.v0 - i * placed.step_sin + j * placed.step_cos;
-  Observation seen;
+  Answer seen;
   seen.is_inside = u >= 0 && u < std::int64_t{placed.width_q} && v >= 0 && v < std::int64_t{placed.height_q};
   if (seen.is_inside) {
     seen.column = u / (1 << 22);
@@ -86,13 +87,27 @@ Observation Ask(const PlacedRectangle& placed, std::int64_t x, std::int64_t y) {
 using Key = std::tuple<std::int64_t, std::int64_t, AgentId, RecordKey, int, std::int64_t, std::int64_t>;
 
 Key KeyOf(const LocalMap& map, const LayerBlock& block) {
-  return {-std::int64_t{map.map.layers[block.level].resolution_um},
+  return {-std::int64_t{map.layers[block.level].resolution_um},
           map.stamp_ns,
           map.agent(),
           map.key,
           -block.level,
           -block.row,
           -block.column};
+}
+
+// Unknown where no block is.
+Cell CellOf(const LocalMap& map, std::size_t level, std::int32_t column, std::int32_t row) {
+  for (const PackedBlock& cells : map.blocks) {
+    const LayerBlock& block = cells.block();
+    const std::int32_t in_column = column - block.column;
+    const std::int32_t in_row = row - block.row;
+    if (block.level != level || in_column < 0 || in_row < 0 || in_column >= block.width || in_row >= block.height) {
+      continue;
+    }
+    return cells.At(in_column, in_row);
+  }
+  return Cell::kUnknown;
 }
 
 // A planar pose by angles.
@@ -110,14 +125,14 @@ Turned Flatten(const Pose& pose) {
 }
 
 // Coordinates in a rectangle's cells, from its lower left corner.
-std::pair<long double, long double> Locate(const Turned& frame, const MapLayer& layer, long double x_m,
+std::pair<long double, long double> Locate(const Turned& frame, const LocalLayer& layer, long double x_m,
                                            long double y_m) {
   const long double dx = x_m - frame.x;
   const long double dy = y_m - frame.y;
   const long double cell_m = layer.resolution_um / 1e6L;
   const long double in_x = frame.cos_yaw * dx + frame.sin_yaw * dy - layer.center_x_m;
   const long double in_y = frame.cos_yaw * dy - frame.sin_yaw * dx - layer.center_y_m;
-  return {in_x / cell_m + layer.grid.width / 2.0L, in_y / cell_m + layer.grid.height / 2.0L};
+  return {in_x / cell_m + layer.width / 2.0L, in_y / cell_m + layer.height / 2.0L};
 }
 
 bool IsNearBorder(long double coordinate, long double margin) {
@@ -181,35 +196,113 @@ World MakeRandomWorld(std::mt19937_64& rng) {
     world.maps.push_back({*local, random_pose()});
   }
   const int footprint_count = Dice(rng, 6);
-  for (int i = 0; i < footprint_count; ++i) world.footprints.push_back(random_pose());
+  for (int i = 0; i < footprint_count; ++i) {
+    world.footprints.push_back({{1, static_cast<std::uint64_t>(i)}, random_pose()});
+  }
   return world;
 }
 
-MergeResult MergeByBruteForce(const MapPlacement& placement) {
-  MergeResult result = MakeEmptyResult(placement);
-  const CellBox& extent = placement.extent;
+World MakeFineWorld(std::mt19937_64& rng) {
+  World world;
+  world.grid.resolution_um = 1'000'000;
+  world.grid.footprint_length_m = 150;
+  world.grid.footprint_width_m = 4;
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    TraversabilityMap map;
+    map.node = {1, i};
+    MapLayer layer;
+    const auto width = 1 + Dice(rng, 1100);
+    const auto height = 1 + Dice(rng, 600);
+    layer.grid = Grid(width, height);
+    for (Cell& cell : layer.grid.cells) cell = static_cast<Cell>(Dice(rng, 3));
+    layer.resolution_um = 5'000u << Dice(rng, 7);
+    map.layers.push_back(std::move(layer));
+    const auto local = MakeLocalMap(MapKey(1, i + 1), Dice(rng, 3), map, world.grid);
+    Check(local.has_value(), "a random map is valid");
+    world.maps.push_back({*local, RandomPose(rng, 0, 0, 100)});
+  }
+  for (std::uint64_t i = 0; i < 2; ++i) world.footprints.push_back({{1, i}, RandomPose(rng, 0, 0, 100)});
+  return world;
+}
+
+MergeResult MergeBy(std::shared_ptr<GatherBackend> backend, const World& world) {
+  Merger merger(world.grid, std::move(backend));
+  Check(merger.Assign(world.maps, world.footprints).empty(), "the world's poses are valid");
+  const Result<MergeSummary> merged = merger.Merge({});
+  Check(merged.has_value(), "a merge that nothing stops");
+  return ReadAll(merger);
+}
+
+MergeResult ReadAll(const Merger& merger) {
+  Result<MergeResult> result = merger.Read(merger.extent());
+  Check(result.has_value(), "a small world can be read");
+  return *std::move(result);
+}
+
+std::size_t CountDifferences(const MergeResult& a, const MergeResult& b) {
+  const std::size_t cells = std::max(a.slots.size(), b.slots.size());
+  if (a.merged.grid.width != b.merged.grid.width || a.merged.grid.height != b.merged.grid.height ||
+      a.merged.origin_cell_x != b.merged.origin_cell_x || a.merged.origin_cell_y != b.merged.origin_cell_y) {
+    return std::max<std::size_t>(cells, 1);
+  }
+  const auto key = [](const MergeResult& result, std::size_t i) {
+    const std::uint32_t slot = result.slots[i];
+    return slot == kNoSlot ? RecordKey{} : result.maps[slot].map->key;
+  };
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < cells; ++i) {
+    const bool is_same =
+        a.merged.grid.cells[i] == b.merged.grid.cells[i] && a.levels[i] == b.levels[i] && key(a, i) == key(b, i);
+    if (!is_same) ++count;
+  }
+  return count;
+}
+
+MergeResult MergeByBruteForce(const World& world) {
+  // Of several of one key the first counts.
+  std::map<RecordKey, std::unique_ptr<PlacedThing>> maps;
+  std::map<NodeKey, std::unique_ptr<PlacedThing>> footprints;
+  CellBox extent;
+  for (const PlacedMap& placed : world.maps) {
+    const auto [at, is_new] = maps.emplace(placed.map->key, *PlaceMap(placed, world.grid));
+    extent.Add(at->second->extent);
+  }
+  for (const Footprint& footprint : world.footprints) {
+    const auto [at, is_new] = footprints.emplace(footprint.node, *PlaceFootprint(footprint, world.grid));
+    extent.Add(at->second->extent);
+  }
+  MergeResult result;
+  result.merged.resolution_um = world.grid.resolution_um;
+  result.merged.grid = Grid(static_cast<std::int32_t>(extent.width()), static_cast<std::int32_t>(extent.height()));
+  if (!extent.is_empty()) {
+    result.merged.origin_cell_x = extent.first_x;
+    result.merged.origin_cell_y = extent.first_y;
+  }
+  for (const auto& [key, thing] : maps) result.maps.push_back(thing->placed);
+  result.slots.assign(result.merged.grid.cells.size(), kNoSlot);
+  result.levels.assign(result.merged.grid.cells.size(), 0);
   std::size_t at = 0;
   for (std::int64_t y = extent.first_y; y <= extent.last_y; ++y) {
     for (std::int64_t x = extent.first_x; x <= extent.last_x; ++x, ++at) {
       Key best;
-      bool has_best = false;
-      for (const PlacedBlock& placed : placement.blocks) {
-        const Observation seen = Ask(placed.rectangle, x, y);
-        if (!seen.is_inside) continue;
-        const LocalMap& map = *placement.slots[placed.slot].map;
-        const Cell cell =
-            map.map.layers[placed.block.level].grid.At(placed.block.column + static_cast<std::int32_t>(seen.column),
-                                                       placed.block.row + static_cast<std::int32_t>(seen.row));
-        const Key key = KeyOf(map, placed.block);
-        if (cell == Cell::kUnknown || (has_best && key < best)) continue;
-        best = key;
-        has_best = true;
-        result.merged.grid.cells[at] = cell;
-        result.slots[at] = placed.slot;
-        result.levels[at] = placed.block.level;
+      std::uint32_t slot = 0;
+      for (const auto& [map_key, thing] : maps) {
+        for (const PlacedBlock& placed : thing->blocks) {
+          const Answer seen = Ask(placed.rectangle, x, y);
+          if (!seen.is_inside) continue;
+          const Cell cell =
+              placed.cells->At(static_cast<std::int32_t>(seen.column), static_cast<std::int32_t>(seen.row));
+          const Key key = KeyOf(*thing->placed.map, placed.cells->block());
+          if (cell == Cell::kUnknown || (result.slots[at] != kNoSlot && key < best)) continue;
+          best = key;
+          result.merged.grid.cells[at] = cell;
+          result.slots[at] = slot;
+          result.levels[at] = placed.cells->block().level;
+        }
+        ++slot;
       }
-      for (const PlacedRectangle& footprint : placement.footprints) {
-        if (!Ask(footprint, x, y).is_inside) continue;
+      for (const auto& [node, thing] : footprints) {
+        if (thing->blocks.empty() || !Ask(thing->blocks[0].rectangle, x, y).is_inside) continue;
         result.merged.grid.cells[at] = Cell::kFree;
         result.slots[at] = kNoSlot;
         result.levels[at] = kFootprintLevel;
@@ -222,16 +315,16 @@ MergeResult MergeByBruteForce(const MapPlacement& placement) {
 GeometricMerge MergeByGeometry(const World& world, const CellBox& extent, long double margin_cells) {
   GeometricMerge merge;
   const long double grid_m = world.grid.resolution_um / 1e6L;
-  MapLayer footprint;  // Only its cells' size counts: footprints are measured in cells of the grid.
+  LocalLayer footprint;  // Only its cells' size counts: footprints are measured in cells of the grid.
   footprint.resolution_um = world.grid.resolution_um;
   const long double length = world.grid.footprint_length_m / grid_m;
   const long double width = world.grid.footprint_width_m / grid_m;
   std::vector<Turned> frames;
   for (const PlacedMap& placed : world.maps) {
-    frames.push_back(Flatten(placed.map_from_node * placed.map->map.node_from_map));
+    frames.push_back(Flatten(placed.map_from_node * placed.map->node_from_map));
   }
   std::vector<Turned> bodies;
-  for (const Pose& pose : world.footprints) bodies.push_back(Flatten(pose));
+  for (const Footprint& placed : world.footprints) bodies.push_back(Flatten(placed.map_from_node));
   for (std::int64_t y = extent.first_y; y <= extent.last_y; ++y) {
     for (std::int64_t x = extent.first_x; x <= extent.last_x; ++x) {
       const long double x_m = (x + 0.5L) * grid_m;
@@ -241,13 +334,13 @@ GeometricMerge MergeByGeometry(const World& world, const CellBox& extent, long d
       Key best;
       for (std::size_t i = 0; i < world.maps.size(); ++i) {
         const LocalMap& map = *world.maps[i].map;
-        for (std::size_t level = 0; level < map.map.layers.size(); ++level) {
-          const MapLayer& layer = map.map.layers[level];
+        for (std::size_t level = 0; level < map.layers.size(); ++level) {
+          const LocalLayer& layer = map.layers[level];
           const auto [u, v] = Locate(frames[i], layer, x_m, y_m);
-          if (u < -1 || v < -1 || u > layer.grid.width + 1 || v > layer.grid.height + 1) continue;
+          if (u < -1 || v < -1 || u > layer.width + 1 || v > layer.height + 1) continue;
           if (IsNearBorder(u, margin_cells) || IsNearBorder(v, margin_cells)) is_certain = false;
-          if (u < 0 || v < 0 || u >= layer.grid.width || v >= layer.grid.height) continue;
-          const Cell cell = layer.grid.At(static_cast<std::int32_t>(u), static_cast<std::int32_t>(v));
+          if (u < 0 || v < 0 || u >= layer.width || v >= layer.height) continue;
+          const Cell cell = CellOf(map, level, static_cast<std::int32_t>(u), static_cast<std::int32_t>(v));
           const Key key = KeyOf(map, {static_cast<std::uint8_t>(level), 0, 0, 0, 0});
           if (cell == Cell::kUnknown || (value != Cell::kUnknown && key < best)) continue;
           best = key;

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
+#include <limits>
 
 #include "actors/merge/merge_maps.h"
 #include "tests/actors/merge/merge_worlds.h"
@@ -17,20 +17,14 @@ std::shared_ptr<const LocalMap> MakeFilledMap(int width, int height, std::uint32
   return *MakeLocalMap(MapKey(1, 1), 1, map, {});
 }
 
-TEST(PlacementTest, LayersLargerThanABlockAreSplitWithoutSeams) {
+TEST(PlacementTest, BlocksOfOneLayerMeetWithoutASeam) {
   for (const int width : {511, 512, 513, 1023, 1024, 1500}) {
-    const auto map = MakeFilledMap(width, 3);
-    std::int32_t covered = 0;
-    for (const LayerBlock& block : map->blocks) {
-      EXPECT_LE(block.width, kBlockSideCellsMax);
-      EXPECT_EQ(block.column, std::max(0, covered - 1)) << "one column is shared";
-      covered = block.column + block.width;
-    }
-    EXPECT_EQ(covered, width);
+    TraversabilityMap map;
+    map.layers.push_back({Grid(width, 3, Cell::kHazard), 50'000, 0, 0});
     MergeOptions options;
     options.backend = MergeBackend::kCpu;
     const Pose pose = Pose::FromPlanar(0.3, 0.1, 0.1);
-    const Result<MergedMap> merged = MergeMaps(std::vector<MapAtPose>{{map->key, 1, pose, map->map}}, {}, options);
+    const Result<MergedMap> merged = MergeMaps(std::vector<MapAtPose>{{MapKey(1, 1), 1, pose, map}}, {}, options);
     ASSERT_TRUE(merged.has_value());
     // Three cells thick and turned a little: every column of the grid meets it.
     for (std::int32_t x = 3; x < merged->grid.width - 3; ++x) {
@@ -41,62 +35,47 @@ TEST(PlacementTest, LayersLargerThanABlockAreSplitWithoutSeams) {
   }
 }
 
-TEST(PlacementTest, BlocksWithoutAKnownCellAreNotAsked) {
+TEST(PlacementTest, TheExtentCountsUnknownCells) {
   TraversabilityMap map;
   map.layers.push_back({Grid(1000, 10), 50'000, 0, 0});
   map.layers[0].grid.At(999, 0) = Cell::kFree;
   const auto local = *MakeLocalMap(MapKey(1, 1), 1, map, {});
-  EXPECT_EQ(local->bounds.size(), 2u);
-  ASSERT_EQ(local->blocks.size(), 1u);
-  EXPECT_EQ(local->blocks[0].column, 511);
-  const Result<MapPlacement> placement = PlaceMaps({{local, Pose{}}}, {}, {});
-  ASSERT_TRUE(placement.has_value());
-  EXPECT_EQ(placement->extent.width(), 1000) << "the extent counts unknown cells";
+  const auto placed = PlaceMap({local, Pose{}}, {});
+  ASSERT_TRUE(placed.has_value());
+  EXPECT_EQ((*placed)->extent.width(), 1000);
+  EXPECT_EQ((*placed)->blocks.size(), 1u);
 }
 
-TEST(PlacementTest, RefusesCellsTooFineForTheGrid) {
-  TraversabilityMap map;
-  map.layers.push_back({Grid(4, 4, Cell::kFree), 50'000, 0, 0});
-  map.layers.push_back({Grid(4, 4, Cell::kFree), 195, 0, 0});
-  const auto local = MakeLocalMap(MapKey(1, 1), 1, map, {});
-  ASSERT_FALSE(local.has_value());
-  EXPECT_EQ(local.error().code, ErrorCode::kInvalid);
-  EXPECT_EQ(local.error().field, "layers[1].resolution_um");
-  map.layers[1].resolution_um = 196;
-  EXPECT_TRUE(MakeLocalMap(MapKey(1, 1), 1, map, {}).has_value());
-}
-
-TEST(PlacementTest, RefusesAnExtentBeyondTheLimit) {
+TEST(PlacementTest, RefusesPosesThatAreNowhere) {
   const auto map = MakeFilledMap(4, 4);
-  auto other = std::make_shared<LocalMap>(*map);
-  other->key = MapKey(2, 1);
-  const std::vector<PlacedMap> maps = {{map, Pose{}}, {other, Pose::FromPlanar(1e6, 0, 0)}};
-  const Result<MapPlacement> placement = PlaceMaps(maps, {}, {});
-  ASSERT_FALSE(placement.has_value());
-  EXPECT_EQ(placement.error().code, ErrorCode::kFull);
-  EXPECT_NE(placement.error().text.find("16384"), std::string::npos);
-}
-
-TEST(PlacementTest, RefusesMoreMapsThanSlots) {
-  const auto map = MakeFilledMap(1, 1);
-  std::vector<PlacedMap> maps;
-  for (std::size_t i = 0; i < kPlacedMapsMax + 1; ++i) {
-    auto other = std::make_shared<LocalMap>(*map);
-    other->key = MapKey(1, i + 1);
-    maps.push_back({std::move(other), Pose{}});
+  for (const double x_m : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e14}) {
+    Pose pose;
+    pose.position_m.x() = x_m;
+    const auto placed = PlaceMap({map, pose}, {});
+    ASSERT_FALSE(placed.has_value()) << x_m;
+    EXPECT_EQ(placed.error().field, "map_from_node");
+    EXPECT_EQ(PlaceFootprint({{1, 1}, pose}, {}).error().field, "map_from_node");
   }
-  const Result<MapPlacement> placement = PlaceMaps(maps, {}, {});
-  ASSERT_FALSE(placement.has_value());
-  EXPECT_EQ(placement.error().code, ErrorCode::kFull);
-  maps.pop_back();
-  EXPECT_TRUE(PlaceMaps(maps, {}, {}).has_value());
+  Pose turned;
+  turned.orientation.w() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(PlaceMap({map, turned}, {}).has_value());
+  EXPECT_TRUE(PlaceMap({map, Pose::FromPlanar(1e9, -1e9, 1)}, {}).has_value()) << "as wide as records admit";
 }
 
-TEST(PlacementTest, RefusesAGridThatDoesNotFitTheIntegers) {
-  EXPECT_EQ(CheckGrid({.resolution_um = 999}).error().field, "map.resolution_m");
-  EXPECT_EQ(CheckGrid({.resolution_um = 1000, .footprint_length_m = 0.513}).error().field, "map.footprint_m");
-  EXPECT_EQ(CheckGrid({.footprint_width_m = -1}).error().field, "map.footprint_m");
-  EXPECT_TRUE(CheckGrid({}).has_value());
+TEST(PlacementTest, RefusesAMapLargerThanCanBeRead) {
+  const auto map = MakeFilledMap(17, 17, 100'000'000);
+  const auto placed = PlaceMap({map, Pose{}}, {});
+  ASSERT_FALSE(placed.has_value());
+  EXPECT_EQ(placed.error().field, "layers");
+  EXPECT_NE(placed.error().text.find("16384"), std::string::npos);
+  EXPECT_TRUE(PlaceMap({MakeFilledMap(10'000, 10'000), Pose{}}, {}).has_value());
+}
+
+TEST(PlacementTest, AFootprintMayBeNothing) {
+  const auto placed = PlaceFootprint({{1, 1}, Pose{}}, {.footprint_length_m = 0, .footprint_width_m = 0});
+  ASSERT_TRUE(placed.has_value());
+  EXPECT_TRUE((*placed)->blocks.empty());
+  EXPECT_TRUE((*placed)->extent.is_empty());
 }
 
 }  // namespace

@@ -1,0 +1,497 @@
+#include "actors/merge/gl_gather.h"
+
+#include <GLES3/gl31.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstring>
+#include <glm/glm.hpp>
+#include <utility>
+#include <vector>
+
+#include "actors/merge/egl_context.h"
+#include "actors/merge/gl_objects.h"
+#include "actors/merge/layer_atlas.h"
+#include "merge_shaders.h"
+
+namespace moondb {
+namespace {
+
+// How many blocks of a tile are drawn before it is read back: most cells are known after very few.
+constexpr std::array<std::size_t, 4> kRoundBlocks = {6, 24, 256, 60'000};
+
+// Pages drawn at once: a target of 4096 x 4096 cells.
+constexpr std::size_t kBatchPages = 256;
+
+// The vertex attributes of one instance, as shaders/merge.vert names them.
+struct Instance {
+  glm::uvec2 rectangle;
+  glm::uvec4 placed;
+  glm::uvec4 sides;
+  glm::uint winner;
+};
+
+struct Attribute {
+  GLint count;
+  std::size_t offset;
+};
+
+constexpr std::array<Attribute, 4> kAttributes = {{{2, offsetof(Instance, rectangle)},
+                                                   {4, offsetof(Instance, placed)},
+                                                   {4, offsetof(Instance, sides)},
+                                                   {1, offsetof(Instance, winner)}}};
+
+constexpr std::uint32_t kFootprintPage = UINT32_MAX;
+
+std::uint32_t Wrap(std::int64_t value) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)); }
+
+// Modulo 1024 cells a tile's cells beside the block could be taken for cells within.
+bool IsSteep(const PlacedRectangle& placed) {
+  const std::int64_t steps = std::abs(std::int64_t{placed.step_cos}) + std::abs(std::int64_t{placed.step_sin});
+  return steps * kTileSideCells > std::int64_t{500} << kFractionBits;
+}
+
+// The least rectangle of squares that holds all of a mask's.
+struct SquareBox {
+  explicit SquareBox(std::uint64_t squares) {
+    std::uint64_t columns = squares;
+    for (const int shift : {32, 16, 8}) columns |= columns >> shift;
+    columns &= 255;
+    first_x = static_cast<std::uint32_t>(std::countr_zero(columns));
+    end_x = 64 - static_cast<std::uint32_t>(std::countl_zero(columns));
+    first_y = static_cast<std::uint32_t>(std::countr_zero(squares)) / 8;
+    end_y = (63 - static_cast<std::uint32_t>(std::countl_zero(squares))) / 8 + 1;
+  }
+  std::uint32_t first_x;
+  std::uint32_t end_x;
+  std::uint32_t first_y;
+  std::uint32_t end_y;
+};
+
+// A tile on its way.
+struct OpenTile {
+  GatherWork* work = nullptr;
+  std::size_t index = 0;  // In its page.
+  CellBox box;
+  const std::vector<OrderedBlock>* list = nullptr;  // Of its page.
+  std::size_t next = 0;                             // In the list.
+  std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells.
+  std::unique_ptr<Tile> tile;                       // Null until something may be known.
+  std::vector<const PlacedBlock*> round;            // Drawn in this round; a pixel's winner counts here.
+  // Where it stands in the target, in tiles.
+  std::uint32_t column = 0;
+  std::uint32_t row = 0;
+  bool is_steep = false;
+};
+
+// Takes over what a round drew. `pixels` is the tile's first, `stride` the target's width.
+class RoundReader {
+ public:
+  explicit RoundReader(OpenTile& open) : open_(open), tile_(*open.tile), numbers_(open.round.size(), kNone) {}
+
+  void Read(const std::uint32_t* pixels, std::size_t stride) {
+    for (std::uint64_t todo = open_.open; todo != 0; todo &= todo - 1) {
+      const auto square = static_cast<std::size_t>(std::countr_zero(todo));
+      ReadSquare(square, pixels + square / 8 * 8 * stride + square % 8 * 8, stride);
+    }
+  }
+
+ private:
+  static constexpr std::uint32_t kNone = UINT32_MAX;
+
+  void ReadSquare(std::size_t square, const std::uint32_t* pixels, std::size_t stride) {
+    std::uint64_t known = 0;
+    std::uint64_t hazard = 0;
+    for (std::size_t y = 0; y < 8; ++y) {
+      for (std::size_t x = 0; x < 8; ++x) {
+        const std::uint64_t pixel = pixels[y * stride + x];
+        known |= static_cast<std::uint64_t>((pixel & 3) != 0) << (y * 8 + x);
+        hazard |= (pixel >> 1 & 1) << (y * 8 + x);
+      }
+    }
+    const std::uint64_t taken = known & ~tile_.known[square];
+    if (taken == 0) return;
+    tile_.known[square] |= taken;
+    tile_.hazard[square] |= hazard & taken;
+    std::uint32_t weakest = 0;
+    for (std::uint64_t cells = taken; cells != 0; cells &= cells - 1) {
+      const auto cell = static_cast<std::size_t>(std::countr_zero(cells));
+      const std::uint32_t drawn = pixels[cell / 8 * stride + cell % 8] >> 8;
+      weakest = std::max(weakest, drawn);
+      tile_.winners[square * 64 + cell] = NumberOf(drawn);
+    }
+    tile_.weakest[square] = NumberOf(weakest);
+    if (~tile_.known[square] == 0) open_.open &= ~(std::uint64_t{1} << square);
+  }
+
+  std::uint16_t NumberOf(std::uint32_t drawn) {
+    std::uint32_t& number = numbers_[drawn];
+    if (number == kNone) {
+      number = static_cast<std::uint32_t>(tile_.blocks.size());
+      tile_.blocks.push_back(open_.round[drawn]);
+    }
+    return static_cast<std::uint16_t>(number);
+  }
+
+  OpenTile& open_;
+  Tile& tile_;
+  std::vector<std::uint32_t> numbers_;  // By place in the round.
+};
+
+}  // namespace
+
+class GlGather::Painter {
+ public:
+  Painter(const Options& options, const EglContext& context, Times& times)
+      : options_(options),
+        context_(context),
+        times_(times),
+        atlas_(options.atlas_page_texels_max),
+        target_tiles_(std::min({options.target_cells_max, GetGlInteger(GL_MAX_TEXTURE_SIZE),
+                                GetGlInteger(GL_MAX_RENDERBUFFER_SIZE), ViewportMax()}) /
+                      static_cast<std::int32_t>(kTileSideCells)) {}
+
+  Result<void> Start() {
+    if (target_tiles_ < 1) return Fail(ErrorCode::kUnavailable, "OpenGL cannot draw to 64 x 64 cells");
+    Result<GlProgram> program = MakeProgram(kMergeVertexShader, kMergeFragmentShader);
+    if (!program) return tl::unexpected(program.error());
+    program_ = std::move(*program);
+    target_size_uniform_ = glGetUniformLocation(program_.id(), "target_size");
+    buffer_ = MakeBuffer();
+    vertex_array_ = MakeVertexArray();
+    glBindVertexArray(vertex_array_.id());
+    glBindBuffer(GL_ARRAY_BUFFER, buffer_.id());
+    GLuint location = 0;
+    for (const Attribute& attribute : kAttributes) {
+      glEnableVertexAttribArray(location);
+      glVertexAttribIPointer(location, attribute.count, GL_UNSIGNED_INT, sizeof(Instance),
+                             reinterpret_cast<const void*>(attribute.offset));
+      glVertexAttribDivisor(location, 1);
+      ++location;
+    }
+    return CheckGl("preparing");
+  }
+
+  Result<void> Gather(std::span<const OrderedBlock> blocks, std::span<GatherWork> works, const StopPredicate& stop) {
+    times_ = {};
+    PageLister lister(blocks);
+    for (std::size_t first = 0; first < works.size(); first += kBatchPages) {
+      const std::span<GatherWork> batch = works.subspan(first, std::min(kBatchPages, works.size() - first));
+      lists_.resize(batch.size());
+      tiles_.clear();
+      for (std::size_t i = 0; i < batch.size(); ++i) {
+        lister.List(batch[i].key, lists_[i]);
+        AddTiles(batch[i], lists_[i]);
+      }
+      if (Result<void> drawn = GatherTiles(stop); !drawn) return drawn;
+      if (Result<void> finished = Finish(blocks, stop); !finished) return finished;
+    }
+    return {};
+  }
+
+ private:
+  static GLint ViewportMax() {
+    GLint sides[2] = {0, 0};
+    glGetIntegerv(GL_MAX_VIEWPORT_DIMS, sides);
+    return std::min(sides[0], sides[1]);
+  }
+
+  double NowMs() const {
+    if (!options_.now_ms) return 0;
+    glFinish();
+    return options_.now_ms();
+  }
+
+  void AddTiles(GatherWork& work, const std::vector<OrderedBlock>& list) {
+    for (std::size_t index = 0; index < kTilesInPage; ++index) {
+      if ((work.tiles >> index & 1) == 0) continue;
+      OpenTile& open = tiles_.emplace_back();
+      open.work = &work;
+      open.index = index;
+      open.box = BoxOf(work.key, index);
+      open.list = &list;
+    }
+  }
+
+  // As many tiles at once as the target holds, round after round.
+  Result<void> GatherTiles(const StopPredicate& stop) {
+    const auto at_once = static_cast<std::size_t>(target_tiles_) * static_cast<std::size_t>(target_tiles_);
+    std::vector<OpenTile*> open;
+    for (OpenTile& tile : tiles_) open.push_back(&tile);
+    for (std::size_t round = 0; !open.empty(); ++round) {
+      const std::size_t blocks_max = kRoundBlocks[std::min(round, kRoundBlocks.size() - 1)];
+      for (std::size_t first = 0; first < open.size(); first += at_once) {
+        if (stop && stop()) return Fail(ErrorCode::kUnavailable, "the merge was stopped");
+        const std::span<OpenTile*> part = std::span(open).subspan(first, std::min(at_once, open.size() - first));
+        if (Result<void> drawn = DrawRound(part, blocks_max); !drawn) return drawn;
+      }
+      std::erase_if(open, [](const OpenTile* tile) {
+        return tile->is_steep || tile->open == 0 || tile->next == tile->list->size();
+      });
+    }
+    return {};
+  }
+
+  Result<void> DrawRound(std::span<OpenTile*> tiles, std::size_t blocks_max) {
+    const double start_ms = NowMs();
+    // The atlas may be made anew while blocks are looked up in it; then what was found before is void.
+    std::vector<std::size_t> starts;
+    for (const OpenTile* tile : tiles) starts.push_back(tile->next);
+    std::uint64_t generation = 0;
+    std::uint32_t places = 0;
+    do {
+      generation = atlas_.generation();
+      instances_.clear();
+      places = 0;
+      for (std::size_t i = 0; i < tiles.size(); ++i) {
+        tiles[i]->next = starts[i];
+        if (Result<void> added = AddInstances(*tiles[i], blocks_max, places); !added) return added;
+      }
+    } while (generation != atlas_.generation());
+    if (instances_.empty()) return {};
+    const auto width =
+        static_cast<std::int32_t>(kTileSideCells) * std::min(static_cast<std::int32_t>(places), target_tiles_);
+    const auto height = static_cast<std::int32_t>(kTileSideCells) *
+                        ((static_cast<std::int32_t>(places) + target_tiles_ - 1) / target_tiles_);
+    glBindVertexArray(vertex_array_.id());
+    glBindBuffer(GL_ARRAY_BUFFER, buffer_.id());
+    glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(instances_.size() * sizeof(Instance)), instances_.data(),
+                 GL_STREAM_DRAW);
+    const double uploaded_ms = NowMs();
+    if (Result<void> drawn = Draw(width, height); !drawn) return drawn;
+    const double drawn_ms = NowMs();
+    if (Result<void> read = ReadPixels(width, height); !read) return read;
+    for (OpenTile* tile : tiles) {
+      if (tile->round.empty()) continue;
+      const std::size_t first = tile->row * 64 * static_cast<std::size_t>(width) + tile->column * 64;
+      RoundReader(*tile).Read(pixels_.data() + first, static_cast<std::size_t>(width));
+    }
+    times_.upload_ms += uploaded_ms - start_ms;
+    times_.draw_ms += drawn_ms - uploaded_ms;
+    times_.read_ms += NowMs() - drawn_ms;
+    return {};
+  }
+
+  // The tile's next blocks that may know something where it is open.
+  Result<void> AddInstances(OpenTile& open, std::size_t blocks_max, std::uint32_t& places) {
+    open.round.clear();
+    open.column = places % static_cast<std::uint32_t>(target_tiles_);
+    open.row = places / static_cast<std::uint32_t>(target_tiles_);
+    const std::size_t first_instance = instances_.size();
+    for (; open.next < open.list->size() && open.round.size() < blocks_max; ++open.next) {
+      const OrderedBlock& ordered = (*open.list)[open.next];
+      if (!ordered.box.Touches(open.box)) continue;
+      const std::uint64_t squares = SquaresThatMayKnow(*ordered.block, open.box) & open.open;
+      if (squares == 0) continue;
+      if (IsSteep(ordered.block->rectangle)) {
+        open.is_steep = true;
+        open.round.clear();
+        instances_.resize(first_instance);
+        return {};
+      }
+      Result<Instance> instance = MakeInstance(*ordered.block, open, squares);
+      if (!instance) return tl::unexpected(instance.error());
+      instances_.push_back(*instance);
+      open.round.push_back(ordered.block);
+    }
+    if (open.round.empty()) return {};
+    ++places;
+    if (open.tile == nullptr) {
+      open.tile = TakeTile();
+      open.tile->known.fill(0);
+      open.tile->hazard.fill(0);
+      open.tile->blocks.clear();
+    }
+    return {};
+  }
+
+  Result<Instance> MakeInstance(const PlacedBlock& block, const OpenTile& open, std::uint64_t squares) {
+    const PlacedRectangle& placed = block.rectangle;
+    const std::int64_t pixel_x = std::int64_t{open.column} * kTileSideCells;
+    const std::int64_t pixel_y = std::int64_t{open.row} * kTileSideCells;
+    const std::int64_t i = open.box.first_x - placed.anchor_x - pixel_x;
+    const std::int64_t j = open.box.first_y - placed.anchor_y - pixel_y;
+    const SquareBox box(squares);
+    const auto first_x = static_cast<std::uint32_t>(pixel_x) + box.first_x * 8;
+    const auto first_y = static_cast<std::uint32_t>(pixel_y) + box.first_y * 8;
+    Instance instance{};
+    instance.rectangle = {first_x | first_y << 16, (box.end_x - box.first_x) * 8 | (box.end_y - box.first_y) * 8 << 16};
+    instance.placed = {Wrap(placed.u0 + i * placed.step_cos + j * placed.step_sin),
+                       Wrap(placed.v0 - i * placed.step_sin + j * placed.step_cos), Wrap(placed.step_cos),
+                       Wrap(placed.step_sin)};
+    instance.sides = {placed.width_q, placed.height_q, 0, kFootprintPage};
+    instance.winner = static_cast<glm::uint>(open.round.size());
+    if (block.is_footprint()) return instance;
+    const Result<LayerAtlas::Spot> spot = atlas_.Find(block);
+    if (!spot) return tl::unexpected(spot.error());
+    instance.sides.z = static_cast<std::uint32_t>(spot->x) | static_cast<std::uint32_t>(spot->y) << 16;
+    instance.sides.w = static_cast<std::uint32_t>(spot->page);
+    return instance;
+  }
+
+  // A target at least so large; kept for the next round.
+  Result<void> PrepareTarget(std::int32_t width, std::int32_t height) {
+    if (width <= target_width_ && height <= target_height_) {
+      glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
+      return {};
+    }
+    target_width_ = std::max(width, target_width_);
+    target_height_ = std::max(height, target_height_);
+    color_ = MakeRenderbuffer();
+    glBindRenderbuffer(GL_RENDERBUFFER, color_.id());
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8UI, target_width_, target_height_);
+    depth_ = MakeRenderbuffer();
+    glBindRenderbuffer(GL_RENDERBUFFER, depth_.id());
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT16, target_width_, target_height_);
+    framebuffer_ = MakeFramebuffer();
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
+    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, color_.id());
+    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth_.id());
+    if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE && CheckGl("making a target")) return {};
+    target_width_ = target_height_ = 0;
+    return Fail(ErrorCode::kUnavailable,
+                "OpenGL cannot draw to " + std::to_string(width) + " x " + std::to_string(height) + " cells");
+  }
+
+  Result<void> CheckLost() const {
+    const bool is_lost = (options_.is_lost && options_.is_lost()) || context_.is_lost();
+    if (is_lost) return Fail(ErrorCode::kUnavailable, "the OpenGL context is lost");
+    return {};
+  }
+
+  Result<void> Draw(std::int32_t width, std::int32_t height) {
+    if (Result<void> lost = CheckLost(); !lost) return lost;
+    if (Result<void> prepared = PrepareTarget(width, height); !prepared) return prepared;
+    glViewport(0, 0, width, height);
+    const std::array<GLuint, 4> unknown = {0, 0, 0, 0};
+    const GLfloat far_depth = 1;
+    glEnable(GL_SCISSOR_TEST);
+    glScissor(0, 0, width, height);
+    glDepthMask(GL_TRUE);
+    glClearBufferuiv(GL_COLOR, 0, unknown.data());
+    glClearBufferfv(GL_DEPTH, 0, &far_depth);
+    glDisable(GL_SCISSOR_TEST);
+    glEnable(GL_DEPTH_TEST);
+    glDepthFunc(GL_LESS);  // All have one depth: the first that is drawn stays.
+    glDisable(GL_BLEND);
+    glDisable(GL_DITHER);
+    glDisable(GL_CULL_FACE);
+    glUseProgram(program_.id());
+    glUniform2f(target_size_uniform_, static_cast<GLfloat>(width), static_cast<GLfloat>(height));
+    glActiveTexture(GL_TEXTURE0);
+    glBindTexture(GL_TEXTURE_2D_ARRAY, atlas_.texture());
+    glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(instances_.size()));
+    return CheckGl("drawing");
+  }
+
+  Result<void> ReadPixels(std::int32_t width, std::int32_t height) {
+    const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    pixels_.resize(count);
+    glPixelStorei(GL_PACK_ALIGNMENT, 4);
+    // OpenGL ES promises only 32 bits a channel; most drivers also give the bytes as they are.
+    const bool is_bytes = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RGBA_INTEGER &&
+                          GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_BYTE &&
+                          std::endian::native == std::endian::little;
+    if (is_bytes) {
+      glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, pixels_.data());
+    } else {
+      channels_.resize(count * 4);
+      glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_INT, channels_.data());
+      for (std::size_t i = 0; i < count; ++i) {
+        pixels_[i] = channels_[4 * i] | channels_[4 * i + 1] << 8 | channels_[4 * i + 2] << 16;
+      }
+    }
+    if (Result<void> read = CheckGl("reading back"); !read) return read;
+    return CheckLost();
+  }
+
+  std::unique_ptr<Tile> TakeTile() {
+    if (spare_.empty()) return std::make_unique_for_overwrite<Tile>();
+    std::unique_ptr<Tile> tile = std::move(spare_.back());
+    spare_.pop_back();
+    return tile;
+  }
+
+  // All rounds are done: the new tiles replace the old ones.
+  Result<void> Finish(std::span<const OrderedBlock> blocks, const StopPredicate& stop) {
+    std::vector<GatherWork> steep;
+    std::vector<GatherWork*> steep_origins;
+    for (OpenTile& open : tiles_) {
+      if (open.is_steep) {
+        steep.push_back({open.work->key, open.work->page, static_cast<std::uint16_t>(1 << open.index), 0});
+        steep_origins.push_back(open.work);
+        continue;
+      }
+      std::unique_ptr<Tile>& held = open.work->page->tiles[open.index];
+      if (open.tile != nullptr && open.tile->blocks.empty()) spare_.push_back(std::move(open.tile));
+      const bool is_same = held == nullptr || open.tile == nullptr
+                               ? held == open.tile
+                               : held->known == open.tile->known && held->hazard == open.tile->hazard;
+      if (!is_same) open.work->changed = static_cast<std::uint16_t>(open.work->changed | 1 << open.index);
+      std::swap(held, open.tile);
+      if (open.tile != nullptr) spare_.push_back(std::move(open.tile));
+    }
+    spare_.resize(std::min(spare_.size(), kBatchPages * kTilesInPage));
+    if (steep.empty()) return {};
+    if (Result<void> gathered = cpu_.Gather(blocks, steep, stop); !gathered) return gathered;
+    for (std::size_t i = 0; i < steep.size(); ++i) {
+      steep_origins[i]->changed = static_cast<std::uint16_t>(steep_origins[i]->changed | steep[i].changed);
+    }
+    return {};
+  }
+
+  const Options& options_;
+  const EglContext& context_;
+  Times& times_;
+  LayerAtlas atlas_;
+  CpuGather cpu_{{}};
+  const std::int32_t target_tiles_;  // A side.
+  GlProgram program_;
+  GLint target_size_uniform_ = -1;
+  GlBuffer buffer_;
+  GlVertexArray vertex_array_;
+  GlRenderbuffer color_;
+  GlRenderbuffer depth_;
+  GlFramebuffer framebuffer_;
+  std::int32_t target_width_ = 0;
+  std::int32_t target_height_ = 0;
+  std::vector<std::vector<OrderedBlock>> lists_;  // By page of the batch.
+  std::vector<OpenTile> tiles_;                   // Of the batch.
+  std::vector<Instance> instances_;
+  std::vector<std::uint32_t> pixels_;  // Value, and the winner in the round above it.
+  std::vector<std::uint32_t> channels_;
+  std::vector<std::unique_ptr<Tile>> spare_;
+};
+
+GlGather::GlGather(Options options, std::unique_ptr<EglContext> context)
+    : options_(std::move(options)), context_(std::move(context)) {}
+
+GlGather::~GlGather() {
+  const CurrentContext current(*context_);
+  painter_.reset();
+}
+
+Result<std::unique_ptr<GlGather>> GlGather::Create(Options options) {
+  Result<std::unique_ptr<EglContext>> context = EglContext::Create();
+  if (!context) return tl::unexpected(context.error());
+  std::unique_ptr<GlGather> gather(new GlGather(std::move(options), std::move(*context)));
+  const CurrentContext current(*gather->context_);
+  if (!current.made_current()) return tl::unexpected(current.made_current().error());
+  gather->painter_ = std::make_unique<Painter>(gather->options_, *gather->context_, gather->times_);
+  if (Result<void> started = gather->painter_->Start(); !started) return tl::unexpected(started.error());
+  return gather;
+}
+
+Result<void> GlGather::Gather(std::span<const OrderedBlock> blocks, std::span<GatherWork> works,
+                              const StopPredicate& stop) {
+  const CurrentContext current(*context_);
+  if (!current.made_current()) return tl::unexpected(current.made_current().error());
+  return painter_->Gather(blocks, works, stop);
+}
+
+std::string GlGather::description() const { return "gl (" + context_->renderer() + ")"; }
+bool GlGather::is_software() const { return context_->is_software(); }
+
+}  // namespace moondb

@@ -1,0 +1,212 @@
+#include "actors/merge/map_answers.h"
+
+#include <zstd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+
+#include "model/geometry.h"
+
+namespace moondb {
+namespace {
+
+constexpr int kZstdLevel = 3;
+constexpr std::int64_t kTilesInPageSide = kPageSideCells / kTileSideCells;
+
+std::int64_t CellAt(double metres, std::uint32_t resolution_um) {
+  return static_cast<std::int64_t>(std::floor(metres * 1e6 / resolution_um));
+}
+
+double CentreOf(std::int64_t cell, std::uint32_t resolution_um) {
+  return (static_cast<double>(cell) + 0.5) * resolution_um * 1e-6;
+}
+
+void SetMap(const MapCollection& collection, const LocalMap& map, proto::MapObservation& said) {
+  *said.mutable_record() = ToProto(map.key);
+  *said.mutable_node() = ToProto(map.node);
+  const MapCollection::Stamp stamp = collection.StampOf(map.key);
+  said.set_stamp_ns(stamp.ns);
+  said.set_is_clock_suspect(stamp.is_clock_suspect);
+}
+
+void SetPose(const MapCollection& collection, const NodeKey& node, proto::MapObservation& said) {
+  const std::optional<MapCollection::NodePose> pose = collection.PoseOf(node);
+  if (!pose) return;
+  *said.mutable_map_from_node() = ToProto(pose->map_from_node);
+  said.set_is_pose_optimized(pose->is_optimized);
+}
+
+proto::MapObservation ToProto(const MapCollection& collection, const Observation& observation) {
+  proto::MapObservation said;
+  *said.mutable_node() = ToProto(observation.node);
+  said.set_value(static_cast<std::uint32_t>(observation.cell));
+  said.set_is_footprint(observation.placed.map == nullptr);
+  if (observation.placed.map != nullptr) {
+    SetMap(collection, *observation.placed.map, said);
+    said.set_level(observation.level);
+    said.set_resolution_um(observation.resolution_um);
+  }
+  SetPose(collection, observation.node, said);
+  return said;
+}
+
+// What a map that is left out would say; nothing where it does not know the cell, or its node is not known.
+std::optional<proto::MapObservation> AskQuarantined(const MapCollection& collection, const MergeGrid& grid,
+                                                    const std::shared_ptr<const LocalMap>& map, std::int64_t x,
+                                                    std::int64_t y) {
+  const std::optional<MapCollection::NodePose> pose = collection.PoseOf(map->node);
+  if (!pose) return std::nullopt;
+  const Result<std::unique_ptr<PlacedThing>> placed = PlaceMap({map, pose->map_from_node}, grid);
+  if (!placed) return std::nullopt;
+  for (const PlacedBlock& block : (*placed)->blocks) {
+    const Cell cell = CellUnder(block, x, y);
+    if (cell == Cell::kUnknown) continue;
+    proto::MapObservation said;
+    SetMap(collection, *map, said);
+    SetPose(collection, map->node, said);
+    said.set_value(static_cast<std::uint32_t>(cell));
+    said.set_level(block.cells->block().level);
+    said.set_resolution_um(block.resolution_um);
+    said.set_is_quarantined(true);
+    return said;
+  }
+  return std::nullopt;
+}
+
+CellBox BoxOf(const proto::MapRegion& region, std::uint32_t resolution_um) {
+  return {CellAt(region.x_min_m(), resolution_um), CellAt(region.y_min_m(), resolution_um),
+          CellAt(region.x_max_m(), resolution_um), CellAt(region.y_max_m(), resolution_um)};
+}
+
+std::int64_t ColumnOf(const TileKey& key) { return key.page.x * kTilesInPageSide + key.tile % kTilesInPageSide; }
+std::int64_t RowOf(const TileKey& key) { return key.page.y * kTilesInPageSide + key.tile / kTilesInPageSide; }
+
+TileKey KeyOf(const proto::MapTile& tile) {
+  const PageKey page = PageAt(tile.x() * kTileSideCells, tile.y() * kTileSideCells);
+  const std::int64_t column = tile.x() - page.x * kTilesInPageSide;
+  const std::int64_t row = tile.y() - page.y * kTilesInPageSide;
+  return {page, static_cast<std::uint8_t>(row * kTilesInPageSide + column)};
+}
+
+bool IsUnknown(const Grid& grid) {
+  return std::all_of(grid.cells.begin(), grid.cells.end(), [](Cell cell) { return cell == Cell::kUnknown; });
+}
+
+}  // namespace
+
+proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, const proto::MapWhyRequest& request) {
+  const std::uint32_t resolution_um = merger.grid().resolution_um;
+  const std::int64_t x = CellAt(request.x_m(), resolution_um);
+  const std::int64_t y = CellAt(request.y_m(), resolution_um);
+  proto::MapWhyReply reply;
+  reply.set_cell_x_m(CentreOf(x, resolution_um));
+  reply.set_cell_y_m(CentreOf(y, resolution_um));
+  const auto add = [&reply](proto::MapObservation said) {
+    if (reply.observations_size() < kMapObservationsMax) {
+      *reply.add_observations() = std::move(said);
+    } else {
+      reply.set_left_out_count(reply.left_out_count() + 1);
+    }
+  };
+  std::set<RecordKey> heard;  // Of a map only its finest layer that knows the cell.
+  for (const Observation& observation : merger.Observe(x, y)) {
+    if (observation.placed.map != nullptr && !heard.insert(observation.placed.map->key).second) continue;
+    add(ToProto(collection, observation));
+  }
+  if (reply.observations_size() > 0) reply.set_value(reply.observations(0).value());
+  for (const auto& map : collection.Select({}).quarantined_maps) {
+    if (auto said = AskQuarantined(collection, merger.grid(), map, x, y)) add(*std::move(said));
+  }
+  return reply;
+}
+
+proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger) {
+  std::map<AgentId, proto::AgentMapStats> agents;
+  for (const MapWins& wins : merger.CountWins()) {
+    proto::AgentMapStats& stats = agents[wins.placed.map->agent()];
+    stats.set_map_count(stats.map_count() + 1);
+    if (wins.cells > 0) stats.set_winning_map_count(stats.winning_map_count() + 1);
+    stats.set_won_cell_count(stats.won_cell_count() + static_cast<double>(wins.cells));
+  }
+  for (const auto& [agent, cells] : merger.CountFootprintCells()) {
+    agents[agent].set_footprint_cell_count(static_cast<double>(cells));
+  }
+  const MapCollection::Selected selected = collection.Select({});
+  for (const auto& map : selected.quarantined_maps) {
+    proto::AgentMapStats& stats = agents[map->agent()];
+    stats.set_quarantined_map_count(stats.quarantined_map_count() + 1);
+  }
+  for (const auto& map : selected.waiting_maps) {
+    proto::AgentMapStats& stats = agents[map->agent()];
+    stats.set_waiting_map_count(stats.waiting_map_count() + 1);
+  }
+  proto::MapStatsReply reply;
+  for (auto& [agent, stats] : agents) {
+    stats.set_agent_id(agent);
+    *reply.add_agents() = stats;
+  }
+  for (const TileKey& key : merger.ChangedSince(0)) {
+    const Result<MergedMap> tile = merger.ReadCells(BoxOf(key.page, key.tile));
+    if (!tile) continue;
+    const auto count = [&tile](Cell cell) {
+      return static_cast<double>(std::count(tile->grid.cells.begin(), tile->grid.cells.end(), cell));
+    };
+    reply.set_free_cell_count(reply.free_cell_count() + count(Cell::kFree));
+    reply.set_hazard_cell_count(reply.hazard_cell_count() + count(Cell::kHazard));
+  }
+  reply.set_resolution_um(merger.grid().resolution_um);
+  reply.set_memory_bytes(static_cast<double>(collection.map_bytes() + merger.bytes()));
+  for (const MapCollection::Quarantine& standing : collection.StandingQuarantines()) {
+    proto::StandingQuarantine& added = *reply.add_quarantines();
+    *added.mutable_record() = ToProto(standing.key);
+    *added.mutable_quarantine() = standing.said;
+    added.set_map_count(static_cast<double>(standing.map_count));
+  }
+  return reply;
+}
+
+Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t since_version,
+                                          const proto::MapTilesRequest& request, std::size_t bytes_max) {
+  std::vector<TileKey> keys = merger.ChangedSince(since_version);
+  if (request.has_after()) keys.erase(keys.begin(), std::upper_bound(keys.begin(), keys.end(), KeyOf(request.after())));
+  proto::MapTilesReply reply;
+  reply.set_version(merger.version());
+  reply.set_resolution_um(merger.grid().resolution_um);
+  reply.set_tile_cells(static_cast<std::uint32_t>(kTileSideCells));
+  reply.set_is_complete(true);
+  std::size_t bytes = 0;
+  for (const TileKey& key : keys) {
+    const CellBox box = BoxOf(key.page, key.tile);
+    if (request.has_region() && !box.Touches(BoxOf(request.region(), merger.grid().resolution_um))) continue;
+    if (bytes >= bytes_max) {
+      reply.set_is_complete(false);
+      break;
+    }
+    const Result<MergedMap> cells = merger.ReadCells(box);
+    if (!cells) return tl::unexpected(cells.error());
+    const bool is_unknown = IsUnknown(cells->grid);
+    if (is_unknown && since_version == 0) continue;  // Who asks knows nothing that could be forgotten.
+    proto::MapTile& tile = *reply.add_tiles();
+    tile.set_x(ColumnOf(key));
+    tile.set_y(RowOf(key));
+    if (is_unknown) continue;
+    Result<std::string> coded = CompressCells(cells->grid);
+    if (!coded) return tl::unexpected(coded.error());
+    bytes += coded->size();
+    tile.set_zstd_cells(*std::move(coded));
+  }
+  return reply;
+}
+
+Result<std::string> CompressCells(const Grid& grid) {
+  std::string compressed(ZSTD_compressBound(grid.cells.size()), '\0');
+  const std::size_t size =
+      ZSTD_compress(compressed.data(), compressed.size(), grid.cells.data(), grid.cells.size(), kZstdLevel);
+  if (ZSTD_isError(size) != 0) return Fail(ErrorCode::kInternal, std::string("zstd: ") + ZSTD_getErrorName(size));
+  compressed.resize(size);
+  return compressed;
+}
+
+}  // namespace moondb

@@ -1,0 +1,29 @@
+// Answers about the merged map from a Merger that is up to date: why a cell is what it is, who still has a say, which
+// tiles changed. Pure functions, on the merger's thread.
+#pragma once
+
+#include <cstddef>
+
+#include "actors/merge/map_collection.h"
+#include "actors/merge/merger.h"
+#include "proto/control.pb.h"
+
+namespace moondb {
+
+inline constexpr int kMapObservationsMax = 200;  // In one answer; others are counted.
+
+// Quarantined maps are asked too, behind all others.
+proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, const proto::MapWhyRequest& request);
+
+// But for `backend`.
+proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger);
+
+// Tiles that touch the region and changed since `since_version` (0: all that know a cell), as many as `bytes_max` of
+// their coded cells allow, from behind `request.after` on. kInternal if zstd fails. Life is the caller's to set.
+Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t since_version,
+                                          const proto::MapTilesRequest& request, std::size_t bytes_max);
+
+// One zstd frame of one byte a cell.
+Result<std::string> CompressCells(const Grid& grid);
+
+}  // namespace moondb

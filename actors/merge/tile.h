@@ -1,0 +1,90 @@
+// The merged map in memory: sparse pages of 256 x 256 cells, each of 16 tiles of 64 x 64, each of 64 squares of 8 x 8.
+//
+// A square is 64 bits of "known" and 64 bits of "hazard", row after row from the lowest y, and 64 numbers of winners;
+// a square is what one step of a merge answers at once. A winner's number counts in its tile's own list, so that 16
+// bits suffice however many maps meet, and everything about a tile is found in the tile.
+//
+// Plain values.
+#pragma once
+
+#include <array>
+#include <compare>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "actors/merge/placement.h"
+#include "actors/merge/quantize.h"
+#include "model/traversability_map.h"
+
+namespace moondb {
+
+inline constexpr int kPageSideBits = 8;
+inline constexpr int kTileSideBits = 6;
+inline constexpr int kSquareSideBits = 3;
+inline constexpr std::int64_t kPageSideCells = 1 << kPageSideBits;
+inline constexpr std::int64_t kTileSideCells = 1 << kTileSideBits;
+inline constexpr std::int64_t kSquareSideCells = 1 << kSquareSideBits;
+inline constexpr std::size_t kTilesInPage = 16;
+inline constexpr std::size_t kSquaresInTile = 64;
+inline constexpr std::size_t kCellsInTile = 4096;
+
+// The page holds the cells (x, y) with x >> 8 and y >> 8 equal to these.
+struct PageKey {
+  std::int32_t x = 0;
+  std::int32_t y = 0;
+  auto operator<=>(const PageKey&) const = default;
+};
+
+struct PageKeyHash {
+  std::size_t operator()(const PageKey& key) const {
+    const std::uint64_t both =
+        static_cast<std::uint64_t>(static_cast<std::uint32_t>(key.y)) << 32 | static_cast<std::uint32_t>(key.x);
+    return static_cast<std::size_t>((both ^ both >> 29) * 0x9E3779B97F4A7C15u);
+  }
+};
+
+struct Tile {
+  // Per square; a bit a cell.
+  std::array<std::uint64_t, kSquaresInTile> known;
+  std::array<std::uint64_t, kSquaresInTile> hazard;
+  // Per square: the lowest in rank of those that won a cell there. Without meaning where nothing is known.
+  std::array<std::uint16_t, kSquaresInTile> weakest;
+  // Square after square; without meaning where the cell is unknown.
+  std::array<std::uint16_t, kCellsInTile> winners;
+  std::vector<const PlacedBlock*> blocks;  // What a winner's number means; each won at least one cell.
+
+  Cell At(std::size_t square, std::size_t cell) const {
+    if ((known[square] >> cell & 1) == 0) return Cell::kUnknown;
+    return (hazard[square] >> cell & 1) != 0 ? Cell::kHazard : Cell::kFree;
+  }
+  // Null where the cell is unknown.
+  const PlacedBlock* WinnerAt(std::size_t square, std::size_t cell) const {
+    return (known[square] >> cell & 1) == 0 ? nullptr : blocks[winners[square * 64 + cell]];
+  }
+};
+
+struct Page {
+  std::array<std::unique_ptr<Tile>, kTilesInPage> tiles;  // Row after row; null where nothing is known.
+  std::array<std::uint64_t, kTilesInPage> versions{};     // The merge that last changed a value; 0: none did.
+};
+
+// The box of a page or, with `tile`, of one of its tiles.
+inline CellBox BoxOf(const PageKey& key) {
+  const std::int64_t x = std::int64_t{key.x} * kPageSideCells;
+  const std::int64_t y = std::int64_t{key.y} * kPageSideCells;
+  return {x, y, x + kPageSideCells - 1, y + kPageSideCells - 1};
+}
+inline CellBox BoxOf(const PageKey& key, std::size_t tile) {
+  const std::int64_t x = std::int64_t{key.x} * kPageSideCells + static_cast<std::int64_t>(tile % 4) * kTileSideCells;
+  const std::int64_t y = std::int64_t{key.y} * kPageSideCells + static_cast<std::int64_t>(tile / 4) * kTileSideCells;
+  return {x, y, x + kTileSideCells - 1, y + kTileSideCells - 1};
+}
+
+inline PageKey PageAt(std::int64_t x, std::int64_t y) {
+  return {static_cast<std::int32_t>(x >> kPageSideBits), static_cast<std::int32_t>(y >> kPageSideBits)};
+}
+
+}  // namespace moondb

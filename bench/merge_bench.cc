@@ -1,0 +1,89 @@
+// merge_bench: moondb's merger against a naive one, OpenCV and the paper's painter on OpenGL, in one run (the paper's
+// figure 7). What each is and how to read it: docs/benchmarks/merging.md.
+//
+// Exit code 0: all was measured and agreed; 1: it did not; other: wrong arguments.
+#include <fmt/core.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "actors/merge/gather_pool.h"
+#include "bench/merge_contest.h"
+#include "bench/merge_plot.h"
+#include "bench/merge_report.h"
+#include "model/png.h"
+
+namespace moondb {
+namespace {
+
+struct Options {
+  std::vector<std::size_t> maps = {10, 30, 100, 300, 1000};
+  std::int64_t side_cells = 2000;
+  std::vector<std::int64_t> growth_sides;
+  int repetitions = 5;
+  int threads = HardwareThreads();
+  bool is_json = false;
+  std::string plot;
+};
+
+Result<MergeRun> RunOne(std::size_t maps, std::int64_t side_cells, const Options& options) {
+  MergeContestOptions contest;
+  contest.maps = maps;
+  contest.side_cells = side_cells;
+  contest.repetitions = options.repetitions;
+  contest.threads = options.threads;
+  Result<MergeRun> run = RunMergeContest(contest);
+  if (run && !options.is_json) fmt::print("{}\n", TableOf({*run}));
+  std::fflush(stdout);
+  return run;
+}
+
+int RunBench(const Options& options) {
+  std::vector<MergeRun> runs;
+  std::vector<MergeRun> growth;
+  const auto run_into = [&options](std::vector<MergeRun>& all, std::size_t maps, std::int64_t side_cells) {
+    Result<MergeRun> run = RunOne(maps, side_cells, options);
+    if (!run) {
+      fmt::print(stderr, "merge_bench: {} maps: {}\n", maps, run.error().text);
+      return false;
+    }
+    all.push_back(*std::move(run));
+    return true;
+  };
+  for (const std::size_t maps : options.maps) {
+    if (!run_into(runs, maps, options.side_cells)) return 1;
+  }
+  for (const std::int64_t side_cells : options.growth_sides) {
+    if (!run_into(growth, 100, side_cells)) return 1;
+  }
+  if (options.is_json) fmt::print("{}", JsonOf(runs, growth));
+  if (options.plot.empty()) return 0;
+  const Result<void> written = WritePng(PlotOf(runs), options.plot);
+  if (!written) fmt::print(stderr, "merge_bench: {}: {}\n", options.plot, written.error().text);
+  return written ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main(int argc, char** argv) {
+  moondb::Options options;
+  CLI::App app("Measures moondb's merger beside other ways to merge local maps.", "merge_bench");
+  app.option_defaults()->always_capture_default();
+  app.add_option("--maps", options.maps, "Numbers of maps")->check(CLI::Range(1, 10000));
+  app.add_option("--side", options.side_cells, "Side of the square in which all that is known lies, in cells of 5 cm")
+      ->check(CLI::Range(1024, 16000));
+  app.add_option("--growth", options.growth_sides, "Also 100 maps in squares of these sides")
+      ->check(CLI::Range(1024, 16000));
+  app.add_option("--repeat", options.repetitions, "Repetitions, of which the median counts")
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--threads", options.threads, "Threads of the CPU's full merge")->check(CLI::Range(1, 64));
+  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
+  app.add_option("--plot", options.plot, "Writes a PNG picture of the times here");
+  CLI11_PARSE(app, argc, argv);
+  spdlog::set_level(spdlog::level::err);
+  return moondb::RunBench(options);
+}

@@ -1,0 +1,49 @@
+// NaiveMerger: what one writes first, well. Each map, each layer, each cell of the merged map in the layer's bounding
+// box: the inverse transform, the layer's cell there, and a comparison of resolution and time with what the cell holds.
+//
+// The yardstick of merge_bench, and an oracle for tests: the same integers of actors/merge/quantize.h, and none of
+// Merger's code. One thread; the layers lie unpacked, a byte a cell.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "actors/merge/placement.h"
+
+namespace moondb {
+
+class NaiveMerger {
+ public:
+  // What is known of a cell of the merged map.
+  struct CellState {
+    std::int64_t stamp_ns = 0;
+    std::uint32_t resolution_um = UINT32_MAX;  // Unknown.
+    std::uint32_t map = UINT32_MAX;            // Index; UINT32_MAX with level 255: a footprint.
+    std::uint8_t level = 0;
+    Cell value = Cell::kUnknown;
+  };
+
+  // Unpacks the maps, which are to have different keys.
+  NaiveMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
+
+  // Places the maps and fills the grid of their extent.
+  void Merge();
+
+  const CellBox& extent() const { return extent_; }
+  const std::vector<CellState>& cells() const { return cells_; }  // Of the extent, row after row.
+  const std::vector<PlacedMap>& maps() const { return maps_; }    // By record key.
+
+ private:
+  void DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map);
+  void DrawFootprint(const PlacedRectangle& placed);
+
+  const MergeGrid grid_;
+  std::vector<PlacedMap> maps_;
+  std::vector<Footprint> footprints_;
+  std::vector<std::vector<std::vector<Cell>>> block_cells_;  // By map and block.
+  CellBox extent_;
+  std::vector<CellState> cells_;
+};
+
+}  // namespace moondb
