@@ -37,6 +37,7 @@ inline proto::TeamConfig TestTeam(int rover_count) {
   share.set_map_quarantine(proto::POLICY_ALL);
   team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
   team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
+  team.mutable_ground()->set_map_quarantine(proto::POLICY_ALL);
   return team;
 }
 

@@ -576,7 +576,7 @@ const std::vector<Mutant>& Mutants() {
        Wrapped<UpdateNeedsItsRow>(kStorage)},
       {"LastPoseHeard",
        "of a node's optimized poses the one heard last stands",
-       {"pose_goes_up"},
+       {"pose_goes_up", "survivor_is_leader"},
        15,
        [](SimOptions& options) {
          options.faults_per_hour["swap"] = 40;
