@@ -6,6 +6,7 @@
 
 #include "client/connection.h"
 #include "client/merged_map.h"
+#include "model/control_request.h"
 #include "proto/message.pb.h"
 
 namespace moondb {
@@ -24,10 +25,7 @@ Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::strin
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
-  const bool is_long = request.has_optimize() || request.has_merge() || request.has_map_why() ||
-                       request.has_map_stats() || request.has_map_tiles() ||
-                       request.verify().part() == proto::VERIFY_PART_FILE;
-  return Call(request, is_long ? options_.long_timeout : options_.timeout);
+  return Call(request, TakesLong(request) ? options_.long_timeout : options_.timeout);
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, Duration timeout) {
@@ -203,11 +201,12 @@ Result<proto::MapStatsReply> Client::MapStats() {
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_map_stats()); });
 }
 
-Result<std::vector<MergedTile>> Client::NextMapTiles(proto::MapTilesRequest& request) {
+Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
   proto::ControlRequest control;
-  *control.mutable_map_tiles() = request;
-  control.mutable_map_tiles()->clear_after();
-  std::vector<MergedTile> all;
+  proto::MapTilesRequest& asked = *control.mutable_map_tiles();
+  asked = request;
+  asked.clear_after();
+  MergedTiles all;
   std::optional<proto::MapTilesReply> first;
   while (true) {
     auto reply = Call(control);
@@ -219,12 +218,14 @@ Result<std::vector<MergedTile>> Client::NextMapTiles(proto::MapTilesRequest& req
       request.clear_life();
       return Fail(ErrorCode::kUnavailable, "the agent began to merge anew; ask again");
     }
-    all.insert(all.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
+    all.tiles.insert(all.tiles.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
     if (!first) first = part;
     if (part.is_complete() || part.tiles().empty()) break;
-    *control.mutable_map_tiles()->mutable_after() = *part.tiles().rbegin();
-    control.mutable_map_tiles()->mutable_after()->clear_zstd_cells();
+    asked.clear_wait_s();  // What is left is there.
+    *asked.mutable_after() = *part.tiles().rbegin();
+    asked.mutable_after()->clear_zstd_cells();
   }
+  all.is_everything = request.life() != first->life();
   request.set_life(first->life());
   request.set_since_version(first->version());
   return all;

@@ -38,7 +38,7 @@ class Client {
   struct Options {
     Duration connect_timeout = std::chrono::seconds(1);
     Duration timeout = std::chrono::seconds(10);        // Of a call, once connected.
-    Duration long_timeout = std::chrono::seconds(600);  // Of Optimize, Merge and Verify of a file.
+    Duration long_timeout = std::chrono::seconds(600);  // Of what TakesLong (model/control_request.h).
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
     CustomTypes custom_types = {};                      // The team file's (TeamConfig::custom_types): for their names.
   };
@@ -105,9 +105,10 @@ class Client {
   Result<proto::MapWhyReply> MapWhy(double x_m, double y_m);
   Result<proto::MapStatsReply> MapStats();
   // The merged map's tiles that changed since the last call with this `request`, which keeps count; at first, and where
-  // the agent's merging began anew, all of them. With wait_s it waits for a change; none in that time: no tiles.
-  // kUnavailable where it begins anew between two parts of an answer.
-  Result<std::vector<MergedTile>> NextMapTiles(proto::MapTilesRequest& request);
+  // the agent's merging began anew, all in which anything is known. With wait_s it waits for a change; none in that
+  // time: no tiles. A region is set before the first call. kUnavailable where it begins anew between two parts of an
+  // answer.
+  Result<MergedTiles> NextMapTiles(proto::MapTilesRequest& request);
   // Asks an actor of the user's own on the agent; its answer. kNotFound: the agent has none of that name.
   Result<google::protobuf::Any> Ask(const std::string& actor, const google::protobuf::Any& question);
   // The agent has agreed to stop; it ends shortly after.

@@ -22,6 +22,11 @@ struct MergedTile {
   MergedMap map;
 };
 
+struct MergedTiles {
+  bool is_everything = false;  // What was known before counts no more: elsewhere nothing is known.
+  std::vector<MergedTile> tiles;
+};
+
 // kCorrupt as above, and for a tile of more than kTileSideCellsMax cells a side.
 inline constexpr std::uint32_t kTileSideCellsMax = 4096;
 Result<std::vector<MergedTile>> DecodeMapTiles(const proto::MapTilesReply& reply);

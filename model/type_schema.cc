@@ -34,15 +34,17 @@ std::uint64_t HashSchemas(const TypeSchemas& schemas) {
   return sum == 0 ? 1 : sum;
 }
 
-std::set<DataType> DifferingTypes(const TypeSchemas& a, const TypeSchemas& b) {
-  std::map<DataType, std::uint32_t> hash_in_a;
-  for (const proto::TypeSchema& schema : a) hash_in_a[schema.data_type()] = schema.hash();
-  std::set<DataType> differing;
-  for (const proto::TypeSchema& schema : b) {
-    const auto found = hash_in_a.find(schema.data_type());
-    if (found != hash_in_a.end() && found->second != schema.hash()) differing.insert(schema.data_type());
+std::set<DataType> TypesNotFor(const TypeSchemas& ours, const TypeSchemas& theirs) {
+  if (theirs.empty()) return {};
+  std::map<DataType, std::uint32_t> their_hash;
+  for (const proto::TypeSchema& schema : theirs) their_hash[schema.data_type()] = schema.hash();
+  std::set<DataType> types;
+  for (const proto::TypeSchema& schema : ours) {
+    const auto found = their_hash.find(schema.data_type());
+    const bool is_known = found != their_hash.end();
+    if (is_known ? found->second != schema.hash() : !IsCustom(schema.data_type())) types.insert(schema.data_type());
   }
-  return differing;
+  return types;
 }
 
 }  // namespace moondb

@@ -2,8 +2,8 @@
 //
 // A record's content is kept and passed on as its origin wrote it, fields unknown here included: so a newer agent that
 // only adds fields to a type shares it with older ones. What differs is a type whose fields changed their meaning
-// (kRecordFormat), and a custom type's id under which two team files name two things. A type that only one of the two
-// agents knows differs from nothing: the other carries it.
+// (kRecordFormat), and a custom type's id under which two team files name two things. A built-in type that an older
+// agent does not know it cannot keep; a custom one that is declared at one of two agents only, the other carries.
 #pragma once
 
 #include <cstdint>
@@ -26,7 +26,8 @@ TypeSchemas SchemasOf(const CustomTypes& custom_types);
 // One hash over all of them, in any order; never 0.
 std::uint64_t HashSchemas(const TypeSchemas& schemas);
 
-// The types that both know, and understand differently.
-std::set<DataType> DifferingTypes(const TypeSchemas& a, const TypeSchemas& b);
+// The types of `ours` that an agent with the schemas `theirs` would misunderstand or cannot keep. None where it told no
+// schemas, as its hash is the same.
+std::set<DataType> TypesNotFor(const TypeSchemas& ours, const TypeSchemas& theirs);
 
 }  // namespace moondb

@@ -87,7 +87,13 @@ class Checker {
     CheckDuplicates();
     CheckRoles();
     CheckRange("radio.budget_kbps", team_.radio().budget_kbps(), 1, 1e6);
-    CheckRange("radio.states_period_s", team_.radio().states_period_s(), 0, 86400);
+    const double states_period_s = team_.radio().states_period_s();
+    if (IsGiven("radio.states_period_s") && states_period_s != 0 &&
+        !(states_period_s >= 1 && states_period_s <= 86400)) {
+      Add("radio.states_period_s", "expected 0, for never, or 1 to 86400, got " + Number(states_period_s));
+    }
+    CheckQuarantinePolicy("share", team_.share());
+    CheckQuarantinePolicy("ground", team_.ground());
     CheckRange("roles.leader_timeout_s", team_.roles().leader_timeout_s(), 1, 86400);
     CheckRange("site.lat_deg", team_.site().lat_deg(), -90, 90);
     CheckRange("site.lon_deg", team_.site().lon_deg(), -180, 360);
@@ -113,6 +119,12 @@ class Checker {
   void CheckRange(const std::string& field, double value, double low, double high) {
     if (!IsGiven(field) || (value >= low && value <= high)) return;
     Add(field, "expected " + Number(low) + " to " + Number(high) + ", got " + Number(value));
+  }
+
+  // One quarantine does not take another one's place.
+  void CheckQuarantinePolicy(const std::string& section, const proto::SharePolicies& policies) {
+    if (policies.map_quarantine() != proto::POLICY_LATEST) return;
+    Add(section + ".map_quarantine", "expected none or all, got \"latest\"");
   }
 
   void CheckNumbers(const std::string& field, const google::protobuf::RepeatedField<double>& numbers,

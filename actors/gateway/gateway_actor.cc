@@ -4,17 +4,13 @@
 #include <utility>
 
 #include "actors/gateway/request_check.h"
+#include "model/control_request.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
 namespace {
 
 enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
-
-bool IsLong(const proto::ControlRequest& request) {
-  return request.has_optimize() || request.has_merge() || request.has_map_why() || request.has_map_stats() ||
-         request.has_map_tiles() || request.verify().part() == proto::VERIFY_PART_FILE;
-}
 
 proto::ControlReply ErrorReply(const Error& error) {
   proto::ControlReply reply;
@@ -86,7 +82,7 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
   if (auto forwarded = Forward(context, request, id, pending); !forwarded) {
     return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
   }
-  pending.timer = context.AfterTimer(IsLong(request) ? options_.long_timeout : options_.timeout, kTimeOut, id);
+  pending.timer = context.AfterTimer(TakesLong(request) ? options_.long_timeout : options_.timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
 }
 

@@ -32,7 +32,7 @@ class GatewayActor final : public Actor {
     std::set<std::string> own_actors;  // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     Duration timeout = std::chrono::seconds(60);
-    Duration long_timeout = std::chrono::seconds(600);    // Optimize, merge and the check of a file.
+    Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
     Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.
   };
 

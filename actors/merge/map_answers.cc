@@ -13,6 +13,7 @@ namespace moondb {
 namespace {
 
 constexpr int kZstdLevel = 3;
+constexpr std::size_t kTileHeadBytes = 24;  // At most, around its cells.
 constexpr std::int64_t kTilesInPageSide = kPageSideCells / kTileSideCells;
 
 std::int64_t CellAt(double metres, std::uint32_t resolution_um) {
@@ -180,7 +181,7 @@ Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t si
   for (const TileKey& key : keys) {
     const CellBox box = BoxOf(key.page, key.tile);
     if (request.has_region() && !box.Touches(BoxOf(request.region(), merger.grid().resolution_um))) continue;
-    if (bytes >= bytes_max) {
+    if (bytes >= bytes_max || reply.tiles_size() >= kMapTilesMax) {
       reply.set_is_complete(false);
       break;
     }
@@ -191,6 +192,7 @@ Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t si
     proto::MapTile& tile = *reply.add_tiles();
     tile.set_x(ColumnOf(key));
     tile.set_y(RowOf(key));
+    bytes += kTileHeadBytes;
     if (is_unknown) continue;
     Result<std::string> coded = CompressCells(cells->grid);
     if (!coded) return tl::unexpected(coded.error());

@@ -11,6 +11,7 @@
 namespace moondb {
 
 inline constexpr int kMapObservationsMax = 200;  // In one answer; others are counted.
+inline constexpr int kMapTilesMax = 16384;       // In one part of an answer.
 
 // Quarantined maps are asked too, behind all others.
 proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, const proto::MapWhyRequest& request);
@@ -18,8 +19,9 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
 // But for `backend`.
 proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger);
 
-// Tiles that touch the region and changed since `since_version` (0: all that know a cell), as many as `bytes_max` of
-// their coded cells allow, from behind `request.after` on. kInternal if zstd fails. Life is the caller's to set.
+// Tiles that touch the region and changed since `since_version` (0: all that know a cell), kMapTilesMax at most and
+// as many as fit into `bytes_max` coded, from behind `request.after` on. kInternal if zstd fails. Life is the caller's
+// to set.
 Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t since_version,
                                           const proto::MapTilesRequest& request, std::size_t bytes_max);
 

@@ -90,7 +90,9 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kMapWhyRequest:
     case proto::Message::kMapStatsRequest:
     case proto::Message::kMapTilesRequest:
-      return OnQuestion(context, message);
+      // This agent's gateway has looked at them, nobody at a peer's.
+      if (context.sender().agent == options_.self) OnQuestion(context, message);
+      return;
     case proto::Message::kRecordsStored:
       if (context.sender() == Address{options_.self, actor_name::kStorage}) {
         OnRecordsStored(context, message.records_stored());
@@ -251,7 +253,9 @@ void MergeActor::AnswerCovered(Context& context) {
     if (auto answer = AnswerTo(context, waiting)) {
       Answer(context, waiting, *std::move(answer));
     } else {
-      (void)context.AfterTimer(waiting.answer_by - context.now(), kSubscriptionEnd);
+      if (!std::exchange(waiting.has_timer, true)) {
+        (void)context.AfterTimer(waiting.answer_by - context.now(), kSubscriptionEnd);
+      }
       subscribed_.push_back(std::move(waiting));
     }
   }

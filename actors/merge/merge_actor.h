@@ -57,6 +57,7 @@ class MergeActor final : public Actor {
     std::uint64_t request_id = 0;
     proto::Message question;
     MonotonicTime answer_by;  // A subscription waits until then.
+    bool has_timer = false;   // For it.
   };
 
   void OnQuestion(Context& context, const proto::Message& message);

@@ -36,9 +36,9 @@ void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& pre
   if (OrderOf(roles().term()) == OrderOf(previous.term())) return;
   BeginGathering(context);
   if (roles().leader() == previous.leader() && roles().survivor() == previous.survivor()) return;
-  const bool was_open = CloseByRole(context);
-  if (was_open && is_leading() && roles().survivor() != 0) {
-    Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true);
+  const std::optional<std::uint64_t> bytes_left = CloseByRole(context);
+  if (bytes_left && is_leading() && roles().survivor() != 0) {
+    Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, *bytes_left);
   }
 }
 

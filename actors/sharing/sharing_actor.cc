@@ -85,6 +85,8 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       return;
     case proto::Message::kSharingLoad:
       moving_elsewhere_ = message.sharing_load().moving_sessions();
+      // It may have begun anew, and not know this actor's.
+      if (moving_elsewhere_ == 0 && moving_told_.value_or(0) > 0) moving_told_.reset();
       return;
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
@@ -262,44 +264,51 @@ Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request)
   return {};
 }
 
+SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, AgentId destination) {
+  if (Outgoing* outgoing = FindOutgoing(destination)) return *outgoing;
+  SharingSession::Options session_options = options_.session;
+  session_options.state_types = StateTypesOf(options_.team);
+  session_options.schemas = SchemasOf(options_.team.custom_types());
+  SharingSession session(std::move(session_options), kind_, destination, context.rng()());
+  (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
+  return outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first->second;
+}
+
 void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
                         std::uint64_t bytes_max) {
-  auto it = outgoing_.find(destination);
-  if (it == outgoing_.end()) {
-    SharingSession::Options session_options = options_.session;
-    session_options.state_types = StateTypesOf(options_.team);
-    session_options.schemas = SchemasOf(options_.team.custom_types());
-    SharingSession session(std::move(session_options), kind_, destination, context.rng()());
-    (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
-    it = outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first;
-  }
-  it->second.is_by_role = is_by_role;
-  Perform(context, it->second, it->second.session.Order(std::move(filter), context.now(), bytes_max));
+  Outgoing& outgoing = FindOrMakeOutgoing(context, destination);
+  outgoing.is_by_role = is_by_role;
+  Perform(context, outgoing, outgoing.session.Order(std::move(filter), context.now(), bytes_max));
 }
 
-void SharingActor::OpenForStates(Context& context, AgentId destination) {
-  Outgoing* outgoing = FindOutgoing(destination);
-  if (outgoing != nullptr && outgoing->session.is_open()) {
-    return Perform(context, *outgoing, outgoing->session.OrderAgain(context.now()));
-  }
-  proto::RecordFilter filter;
-  filter.add_origin_agents(options_.self);
-  for (const DataType type : StateTypesOf(options_.team)) filter.add_data_types(type);
-  if (!filter.data_types().empty()) Open(context, destination, std::move(filter), /*is_by_role=*/true);
+void SharingActor::BringStatesUnasked(Context& context, AgentId destination) {
+  proto::RecordFilter states;
+  states.add_origin_agents(options_.self);
+  for (const DataType type : StateTypesOf(options_.team)) states.add_data_types(type);
+  if (states.data_types().empty()) return;
+  Outgoing& outgoing = FindOrMakeOutgoing(context, destination);
+  if (!outgoing.session.is_open()) outgoing.is_by_role = true;
+  Perform(context, outgoing, outgoing.session.BringUnasked(states, context.now()));
 }
 
-bool SharingActor::CloseByRole(Context& context) {
-  bool was_open = false;
+std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {
+  std::optional<std::uint64_t> bytes_left;
   for (auto& [destination, outgoing] : outgoing_) {
     if (!outgoing.is_by_role || !outgoing.session.is_open() || destination == roles_.leader()) continue;
-    was_open = true;
+    if (outgoing.session.is_ordered()) {
+      const std::uint64_t left = outgoing.session.bytes_left();
+      const bool is_unlimited = left == 0 || bytes_left == 0;
+      bytes_left = is_unlimited ? 0 : std::max(bytes_left.value_or(0), left);
+    }
     outgoing.session.NoteError("ended as the roles changed");
     Perform(context, outgoing, outgoing.session.Close());
   }
-  return was_open;
+  return bytes_left;
 }
 
 void SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max) {
+  const auto known = orders_.find(peer);
+  if (known != orders_.end() && known->second.bytes_max == 0) bytes_max = 0;  // One without a limit stands.
   ShareOrder& order = orders_[peer];
   order.bytes_max = bytes_max;
   if (order.timer != 0) context.Cancel(order.timer);
@@ -440,13 +449,13 @@ void SharingActor::DivideBudget(Context& context) {
     (void)context.AfterTimer(kBudgetPeriod, kBudget, 0);
     is_budget_timer_armed_ = true;
   }
-  if (moving == moving_here_) return;
-  moving_here_ = moving;
+  if (moving_told_ == moving) return;
   proto::Message load;
   load.set_ms_type(proto::CONTROL);
   load.mutable_sharing_load()->set_moving_sessions(static_cast<std::uint32_t>(moving));
   const char* other = kind_ == proto::SHARING_KIND_SYNC ? actor_name::kReplica : actor_name::kSync;
-  (void)context.Send({options_.self, other}, std::move(load));
+  const SendResult told = context.Send({options_.self, other}, std::move(load));
+  if (told != SendResult::kFull) moving_told_ = moving;
 }
 
 }  // namespace moondb

@@ -65,10 +65,11 @@ class SharingActor : public Actor {
   // `bytes_max`: as of SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
-  // This agent's latest states, at least: a session that is open goes on with its order.
-  void OpenForStates(Context& context, AgentId destination);
-  // Those to the leader of now stay. Whether any other was open.
-  bool CloseByRole(Context& context);
+  // This agent's latest states, at least (SharingSession::BringUnasked).
+  void BringStatesUnasked(Context& context, AgentId destination);
+  // Those to the leader of now stay. Where another one that was ordered was open: how many bytes it had left (0: no
+  // limit).
+  std::optional<std::uint64_t> CloseByRole(Context& context);
   // "Share with me", to that agent, again and again until it answers.
   void OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
   void CancelOrder(Context& context, AgentId peer);
@@ -120,6 +121,7 @@ class SharingActor : public Actor {
   SharingSession::Window WindowTo(const Context& context, AgentId peer) const;
   std::string WhyWindowIsShut(const Context& context, AgentId peer) const;  // Empty: it is open.
   Outgoing* FindOutgoing(AgentId destination);
+  Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
   void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.
   void ArmSessionTimer(Context& context, Outgoing& outgoing);
@@ -134,8 +136,8 @@ class SharingActor : public Actor {
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
   std::optional<SharingReceiver> receiver_;
-  std::size_t moving_here_ = 0;       // As the other sharing actor was told.
-  std::size_t moving_elsewhere_ = 0;  // As it told.
+  std::optional<std::size_t> moving_told_;  // To the other sharing actor.
+  std::size_t moving_elsewhere_ = 0;        // As it told.
   bool is_budget_timer_armed_ = false;
   RateLimitedLog refused_log_;
 };

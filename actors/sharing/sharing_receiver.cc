@@ -14,7 +14,8 @@ constexpr std::uint64_t kStaleSessions = 1024;
 
 constexpr int kEveryonesTypesMax = 256;
 
-// Of two batches, and what travels with them: a sender that keeps to its rate is heard again before that is sent.
+// Of two batches, and what travels with them: a sender that keeps to the rate that it was granted is heard again before
+// that is sent. One that has less left for this session may be taken for silent in between.
 constexpr double kBatchesBytes = 2 * 4500;
 
 SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {

@@ -79,8 +79,8 @@ class SharingReceiver {
   struct Incoming {
     std::uint64_t session_id = 0;
     std::uint64_t have_request_id = 0;                       // 0: none waits.
-    std::set<DataType> everyones_types;                      // Likewise, whatever the origin.
     std::set<AgentId> origins;                               // That the Hello asks for; empty: all.
+    std::set<DataType> everyones_types;                      // Likewise, whatever the origin.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};
     bool is_other_schema = false;

@@ -75,24 +75,42 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       backoff_(options_.resend_after) {}
 
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max) {
-  const bool is_limited = bytes_max != 0 && (!is_open() || bytes_left_);
+  SharingActions actions;
+  const bool is_limited = bytes_max != 0 && (!is_ordered() || bytes_left_);
   bytes_left_ = is_limited ? std::optional(bytes_max) : std::nullopt;
   filter_ = std::move(filter);
-  return OrderAgain(now);
+  if (!is_ordered()) last_error_.clear();
+  is_unasked_ = false;
+  LookAgain(now, actions);
+  return actions;
 }
 
-SharingActions SharingSession::OrderAgain(Time now) {
+SharingActions SharingSession::BringUnasked(const proto::RecordFilter& states, Time now) {
   SharingActions actions;
+  if (!is_open()) {
+    bytes_left_.reset();
+    filter_ = states;
+    is_unasked_ = true;
+    LookAgain(now, actions);
+    return actions;
+  }
+  // What storage is asked already, or what ends, needs no reminder; neither does a destination that is silent.
+  const bool is_sending = phase_ == Phase::kSending && !is_asking_ && !is_end_told_;
+  const bool waits_for_states = is_waiting_ && window_ == Window::kStatesOnly;
+  if (is_waiting_ ? waits_for_states : is_sending) LookAgain(now, actions);
+  return actions;
+}
+
+void SharingSession::LookAgain(Time now, SharingActions& actions) {
   const bool was_waiting = is_waiting_;
   if (window_ == Window::kStatesOnly) is_waiting_ = StatesMeant().data_types().empty();
   if (!is_open()) {
-    last_error_.clear();
     last_progress_ = now;
     Start(now, actions);
   } else if (was_waiting) {
     Start(now, actions);
-  } else if (!IsAllAsked()) {
-    Start(now, actions);  // The destination has not said what it has of these.
+  } else if (!IsAllAsked() || (is_for_states_ && !IsForStates())) {
+    Start(now, actions);  // The destination has not said what it has of these, or the session was for less.
   } else if (phase_ == Phase::kAwaitingHave) {
     // Whoever asks again while the destination is silent does not wait for a delay that has grown.
     if (backoff_ > options_.resend_after) Start(now, actions);
@@ -100,14 +118,13 @@ SharingActions SharingSession::OrderAgain(Time now) {
     AskAnew();
     Fill(now, actions);
   }
-  return actions;
 }
 
 SharingActions SharingSession::Close() {
   SharingActions actions;
   if (!is_open()) return actions;
   phase_ = Phase::kClosed;
-  ++closed_sessions_;
+  if (!is_unasked_) ++closed_sessions_;
   ForgetUnderWay();
   missing_count_ = 0;  // Nobody asks for them any more.
   is_remaining_known_ = false;
@@ -128,7 +145,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   if (phase_ == Phase::kAwaitingHave) {
     have_ = *std::move(heard);
     part_ = {have.part_hash(), have.part_bytes()};
-    other_schema_types_ = DifferingTypes(options_.schemas, have.schemas());
+    other_schema_types_ = TypesNotFor(options_.schemas, have.schemas());
     phase_ = Phase::kSending;
     last_progress_ = now;
     answered_ = now;
@@ -248,6 +265,8 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_coded_bytes(coded_bytes_);
   status.set_completed_sessions(completed_sessions_);
   status.set_closed_sessions(closed_sessions_);
+  status.set_limited_sessions(limited_sessions_);
+  status.set_is_unasked(is_open() && is_unasked_);
   status.set_resends(resends_);
   status.set_refused_haves(refused_haves_);
   status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
@@ -311,7 +330,7 @@ void SharingSession::Start(Time now, SharingActions& actions) {
 }
 
 void SharingSession::Restart(Time now, SharingActions& actions) {
-  if (is_open()) ++resends_;
+  if (is_open() && !is_waiting_) ++resends_;
   phase_ = Phase::kAwaitingHave;
   is_remaining_known_ = false;
   ForgetUnderWay();
@@ -319,7 +338,7 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   if (session_id_ == 0) ++session_id_;
   refused_ = HaveSet();
   SetDeadline(now);
-  is_for_states_ = window_ == Window::kStatesOnly;
+  is_for_states_ = IsForStates();
   if (is_waiting_) return;
   SharingAction action{destination_, {}};
   action.message.set_ms_type(proto::CONTROL);
@@ -335,11 +354,12 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
 }
 
 void SharingSession::Complete(SharingActions& actions) {
-  if (is_for_states_) {
+  if (is_for_states_ && !is_unasked_) {
     is_waiting_ = true;  // The rest of the order.
     return;
   }
   phase_ = Phase::kClosed;
+  if (is_unasked_) return TellStorage({}, /*is_closed=*/true, actions);
   ++completed_sessions_;
   std::uint64_t refused_count = 0;
   for (const auto& [key, stream] : refused_.streams()) refused_count += stream.held.Count();
@@ -350,6 +370,8 @@ void SharingSession::Complete(SharingActions& actions) {
 void SharingSession::EndLimitedOrder(SharingActions& actions) {
   NoteError("ended with its order's bytes; more is left to share");
   for (SharingAction& action : Close()) actions.push_back(std::move(action));
+  --closed_sessions_;
+  ++limited_sessions_;
 }
 
 void SharingSession::Fill(Time now, SharingActions& actions) {

@@ -64,11 +64,12 @@ class SharingSession {
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
 
   // Start, or, when open, look again for records once all is sent: what was stored before this is included.
-  // `bytes_max` not 0: it ends when so many coded bytes are sent, give or take a batch; an open order without that
-  // limit stays without.
+  // `bytes_max` not 0: it ends when so many coded bytes are sent, give or take a batch, and the destination is not
+  // told; an open order without that limit stays without.
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0);
-  // The order that is open, or was last, as it was.
-  SharingActions OrderAgain(Time now);
+  // States that nobody ordered, when no session is open: one that does not count, that tells no end and that any order
+  // takes the place of. An open session is reminded that there may be new records.
+  SharingActions BringUnasked(const proto::RecordFilter& states, Time now);
   // End without completing. The order is forgotten.
   SharingActions Close();
 
@@ -92,6 +93,8 @@ class SharingSession {
 
   std::optional<Time> deadline() const;  // None while closed, and while it waits for the window.
   bool is_open() const { return phase_ != Phase::kClosed; }
+  bool is_ordered() const { return is_open() && !is_unasked_; }
+  std::uint64_t bytes_left() const { return bytes_left_.value_or(0); }          // Of a limited order; 0: not limited.
   bool is_moving() const { return phase_ == Phase::kSending && !is_waiting_; }  // It has its part of the radio.
   // What the destination understands differently, as it said last.
   const std::set<DataType>& other_schema_types() const { return other_schema_types_; }
@@ -108,6 +111,8 @@ class SharingSession {
     std::size_t bytes = 0;
   };
 
+  void LookAgain(Time now, SharingActions& actions);
+  bool IsForStates() const { return window_ == Window::kStatesOnly || is_unasked_; }
   // Whose streams the filter is about; empty: everybody's.
   std::set<AgentId> OriginsMeant() const;
   // The destination's answer to the last Hello speaks of all that the filter is about.
@@ -146,6 +151,7 @@ class SharingSession {
   Phase phase_ = Phase::kClosed;
   Window window_ = Window::kOpen;
   bool is_waiting_ = false;     // For the window to open; nothing is sent.
+  bool is_unasked_ = false;     // As of BringUnasked.
   bool is_for_states_ = false;  // Since the last Hello, only states are sent.
   proto::RecordFilter filter_;
   std::uint64_t session_id_;
@@ -195,6 +201,7 @@ class SharingSession {
   double coded_bytes_ = 0;
   double completed_sessions_ = 0;
   double closed_sessions_ = 0;
+  double limited_sessions_ = 0;
   double resends_ = 0;
   double refused_haves_ = 0;
   std::string last_error_;

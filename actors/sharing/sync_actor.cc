@@ -34,9 +34,9 @@ void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previo
   CancelOrders(context);
   is_bringing_to_base_ = false;
   const bool was_leading = previous.leader() == self();
-  const bool was_open = CloseByRole(context);
-  if (was_open && !was_leading && !is_leading() && roles().leader() != 0) {
-    Open(context, roles().leader(), OwnRecords(), /*is_by_role=*/true);
+  const std::optional<std::uint64_t> bytes_left = CloseByRole(context);
+  if (bytes_left && !was_leading && !is_leading() && roles().leader() != 0) {
+    Open(context, roles().leader(), OwnRecords(), /*is_by_role=*/true, *bytes_left);
   }
 }
 
@@ -82,7 +82,7 @@ void SyncActor::StartStatesTimer(Context& context) {
 void SyncActor::OnStepTimer(Context& context, std::uint64_t) {
   StartStatesTimer(context);
   const AgentId leader = roles().leader();
-  if (leader != 0 && leader != self() && is_connected(leader)) OpenForStates(context, leader);
+  if (leader != 0 && leader != self() && is_connected(leader)) BringStatesUnasked(context, leader);
 }
 
 proto::RecordFilter SyncActor::OwnRecords() const {

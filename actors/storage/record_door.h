@@ -12,7 +12,6 @@
 
 namespace moondb {
 
-
 // CheckRecord, then: kInvalid with the field named for an agent that is not in `team`, and for a node or map whose
 // node is not `origin`'s own.
 Result<void> CheckOwnership(const proto::Record& record, AgentId origin, const std::set<AgentId>& team);

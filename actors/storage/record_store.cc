@@ -263,7 +263,11 @@ Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const
     return Fail(ErrorCode::kInvalid, "more than " + std::to_string(kInsertRecordsMax) + " records", "records");
   }
   for (int i = 0; i < request.records_size(); ++i) {
-    const Result<void> checked = CheckOwnRecord(request.records(i));
+    Result<void> checked = CheckOwnRecord(request.records(i));
+    if (checked && request.is_local() && request.records(i).has_map_quarantine()) {
+      checked =
+          Fail(ErrorCode::kInvalid, "holds for the whole team or not at all: it cannot be local", "map_quarantine");
+    }
     if (checked) continue;
     const std::string place = "records[" + std::to_string(i) + "]";
     return Fail(checked.error().code, checked.error().text,

@@ -202,27 +202,37 @@ void StorageActor::OnFingerprint(Context& context, const proto::FingerprintReque
   Answer(context, std::move(message));
 }
 
-// The rows part by part, then the file as a whole.
+// The rows part by part, then what is held, then the file as a whole.
 void StorageActor::Scrub(Context& context) {
   const Result<proto::VerifyReply> reply = store_->Verify(next_scrub_);
-  Duration pause = options_.scrub_pause;
   if (!reply) {
     Note(context, "reading through the store", reply.error());
-    pause = options_.scrub_period;
-  } else if (reply->findings_size() > 0) {
-    const proto::VerifyFinding& first = reply->findings(0);
-    const std::string which = first.has_key() ? ToString(FromProto(first.key())) + ": " : "";
-    return Note(context, "reading through the store", Error{ErrorCode::kCorrupt, which + first.text(), ""});
-  } else if (next_scrub_.part() == proto::VERIFY_PART_FILE) {
-    next_scrub_.set_part(proto::VERIFY_PART_ROWS);
-    next_scrub_.set_after_row_id(0);
-    pause = options_.scrub_period;
-  } else if (reply->is_complete()) {
-    next_scrub_.set_part(proto::VERIFY_PART_FILE);
-  } else {
-    next_scrub_.set_after_row_id(reply->last_row_id());
+    (void)context.AfterTimer(options_.scrub_period, kScrub);
+    return;
   }
-  (void)context.AfterTimer(pause, kScrub);
+  for (const proto::VerifyFinding& finding : reply->findings()) {
+    const std::string which = finding.has_key() ? ToString(FromProto(finding.key())) + ": " : "";
+    const Error damage{ErrorCode::kCorrupt, which + finding.text(), ""};
+    // A local record nobody else has: a new start would not mend it.
+    const bool is_local = finding.has_key() && finding.key().seq() == 0;
+    if (!is_local) return Note(context, "reading through the store", damage);
+    spdlog::error("storage: a local record is damaged: {}", ToString(damage));
+  }
+  (void)context.AfterTimer(MoveScrubOn(*reply) ? options_.scrub_period : options_.scrub_pause, kScrub);
+}
+
+bool StorageActor::MoveScrubOn(const proto::VerifyReply& reply) {
+  if (!reply.is_complete()) {
+    next_scrub_.set_after_row_id(reply.last_row_id());
+    *next_scrub_.mutable_after_key() = reply.last_key();
+    return false;
+  }
+  const proto::VerifyPart done = next_scrub_.part();
+  next_scrub_.Clear();
+  next_scrub_.set_part(done == proto::VERIFY_PART_ROWS   ? proto::VERIFY_PART_HELD
+                       : done == proto::VERIFY_PART_HELD ? proto::VERIFY_PART_FILE
+                                                         : proto::VERIFY_PART_ROWS);
+  return done == proto::VERIFY_PART_FILE;
 }
 
 bool StorageActor::IsClockSuspect(Context& context) {

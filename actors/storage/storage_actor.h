@@ -28,7 +28,7 @@ class StorageActor final : public Actor {
     proto::TeamConfig team;           // Checked; its agents, policies `share` and custom types are read.
     std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.
     std::uint64_t bytes_max = 0;      // Of the file; 0: as the disk allows.
-    Duration scrub_period = std::chrono::hours(24);  // From one reading through to the next; zero: never.
+    Duration scrub_period = std::chrono::hours(24);  // From the end of a reading to the next one; zero: never.
     Duration scrub_pause = std::chrono::minutes(1);  // Between two parts of one, each kVerifyBytesMax at most.
     bool is_checked = false;  // As RecordStore::Options: the actor's restarts take no longer for a large file.
   };
@@ -53,6 +53,7 @@ class StorageActor final : public Actor {
   void OnVerify(Context& context, const proto::VerifyRequest& request);
   void OnFingerprint(Context& context, const proto::FingerprintRequest& request);
   void Scrub(Context& context);
+  bool MoveScrubOn(const proto::VerifyReply& reply);  // Whether that was the last part.
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);

@@ -166,9 +166,12 @@ ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& argum
   const std::string key = ToString(keys->front());
   JsonWriter json;
   json.BeginObject().Key("agent").String(target->agent->name()).Key("key").String(key).EndObject();
+  auto roles = target->client->Roles();
+  const bool is_leader = roles && roles->roles().leader() == target->agent->id();
+  const std::string next = is_leader ? "moonctl sync now brings it to all others"
+                                     : "moonctl sync now brings it to the leader, and again to all others";
   const std::string what = arguments.lift.empty() ? "quarantine " + key + " stands" : arguments.lift + " is lifted";
-  return context.Done(json.text(),
-                      what + " at " + target->agent->name() + "; moonctl sync now brings it to all others");
+  return context.Done(json.text(), what + " at " + target->agent->name() + "; " + next);
 }
 
 }  // namespace

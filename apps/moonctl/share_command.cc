@@ -78,19 +78,18 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   auto reply = target->client->Share(*request);
   if (!reply) return context.Report(reply.error());
   if (wait) {
-    if (auto done = wait->Wait(context.WaitTimeout(), arguments.bytes_max != 0); !done)
-      return context.Report(done.error());
+    if (auto done = wait->Wait(context.WaitTimeout()); !done) return context.Report(done.error());
   }
 
   JsonWriter json;
   json.BeginObject().Key("agent").String(target->agent->name()).Key("kind").String(KindName(kind));
-  json.Key("session_count").Number(reply->session_count()).Key("is_acknowledged").Bool(wait && !wait->is_any_closed());
+  json.Key("session_count").Number(reply->session_count()).Key("is_acknowledged").Bool(wait && !wait->is_any_limited());
   json.Key("unreachable").BeginArray();
   for (const std::string& name : wait ? wait->unreachable() : std::vector<std::string>{}) json.String(name);
   json.EndArray().EndObject();
   std::string text = std::string(KindName(kind)) + " at " + target->agent->name();
-  const char* acknowledged = wait && wait->is_any_closed() ? ": what the limit allows is acknowledged, more is left"
-                                                           : ": everything is acknowledged";
+  const char* acknowledged = wait && wait->is_any_limited() ? ": what the limit allows is acknowledged, more is left"
+                                                            : ": everything is acknowledged";
   text += wait ? acknowledged : ": started, see moonctl " + std::string(KindName(kind)) + " status";
   if (wait && !wait->unreachable().empty()) text += "; unreachable: " + Joined(wait->unreachable());
   const bool is_partial = wait && !wait->unreachable().empty();
@@ -120,7 +119,7 @@ void ShowSessions(const proto::TeamConfig& team, const std::string& agent, const
 }
 
 // What an agent refused of its peers, beyond the sessions; empty where all is well.
-std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus& status) {
+std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus& status, proto::SharingKind kind) {
   std::string text;
   const auto add = [&text](double count, const char* what) {
     if (count > 0) text += (text.empty() ? "" : ", ") + FormatCount(count) + " " + what;
@@ -133,6 +132,7 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus&
     text += (text.empty() ? "" : ", ") + AgentName(team, agent) + " has another team file";
   }
   for (const proto::ShareSession& session : status.sessions()) {
+    if (session.kind() != kind) continue;
     for (const DataType type : session.other_schema_types()) {
       text += (text.empty() ? "" : ", ") + AgentName(team, session.destination()) + " gets no " +
               DataTypeName(type, team.custom_types()) + ": it understands something else by that type";
@@ -165,7 +165,7 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
       const proto::TeamConfig& team = (*context.Team())->config;
       ShowSessions(team, agent->name(), *status, kind, table, json);
       WriteRefused(team, *status, json);
-      const std::string text = RefusedText(team, *status);
+      const std::string text = RefusedText(team, *status, kind);
       if (!text.empty()) refused += agent->name() + ": " + text + "\n";
     } else {
       table.Add({agent->name(), Unreachable(status.error())});

@@ -47,13 +47,16 @@ bool ShareWait::Poll(AgentId sender, bool is_baseline) {
     if (is_baseline) {
       pair.completed_before = session.completed_sessions();
       pair.closed_before = session.closed_sessions();
+      pair.limited_before = session.limited_sessions();
     }
     pair.remaining = session.remaining();
     pair.acknowledged = session.acknowledged_records();
     pair.last_error = session.waits_for().empty() ? session.last_error() : session.waits_for();
     if (is_baseline) continue;
-    pair.is_done = !session.is_open() && session.completed_sessions() > pair.completed_before;
-    pair.is_closed = !session.is_open() && !pair.is_done && session.closed_sessions() > pair.closed_before;
+    const bool is_open = session.is_open() && !session.is_unasked();
+    pair.is_limited = !is_open && session.limited_sessions() > pair.limited_before;
+    pair.is_done = pair.is_limited || (!is_open && session.completed_sessions() > pair.completed_before);
+    pair.is_closed = !is_open && !pair.is_done && session.closed_sessions() > pair.closed_before;
   }
   return true;
 }
@@ -69,23 +72,26 @@ std::string ShareWait::Missing() const {
   return text;
 }
 
-bool ShareWait::is_any_closed() const {
-  return std::any_of(pairs_.begin(), pairs_.end(), [](const auto& pair) { return pair.second.is_closed; });
+bool ShareWait::is_any_limited() const {
+  return std::any_of(pairs_.begin(), pairs_.end(), [](const auto& pair) { return pair.second.is_limited; });
 }
 
-Result<void> ShareWait::Wait(std::chrono::milliseconds timeout, bool is_limited) {
+Result<void> ShareWait::Wait(std::chrono::milliseconds timeout) {
   const auto deadline = std::chrono::steady_clock::now() + timeout;
+  std::set<AgentId> senders;
+  for (const auto& [pair, state] : pairs_) senders.insert(pair.sender);
   Progress progress("sharing");
   double most_remaining = 0;
   int looks_done = 0;
   while (true) {
-    for (const auto& [agent, client] : clients_) (void)Poll(agent, /*is_baseline=*/false);
+    for (const AgentId sender : senders) (void)Poll(sender, /*is_baseline=*/false);
     double remaining = 0;
     std::size_t done = 0;
+    bool is_any_closed = false;
     for (const auto& [pair, state] : pairs_) {
-      const bool is_done = state.is_done || (is_limited && state.is_closed);
-      remaining += is_done ? 0 : state.remaining;
-      done += is_done ? 1 : 0;
+      remaining += state.is_done ? 0 : state.remaining;
+      done += state.is_done ? 1 : 0;
+      is_any_closed = is_any_closed || state.is_closed;
     }
     most_remaining = std::max(most_remaining, remaining);
     const double total = most_remaining + static_cast<double>(pairs_.size());
@@ -94,7 +100,7 @@ Result<void> ShareWait::Wait(std::chrono::milliseconds timeout, bool is_limited)
                       std::to_string(pairs_.size()) + " sessions complete");
     looks_done = done == pairs_.size() ? looks_done + 1 : 0;
     if (looks_done == 2) return {};
-    if (is_any_closed() && !is_limited) {
+    if (is_any_closed) {
       return Fail(ErrorCode::kUnavailable, "ended before all was acknowledged: " + Missing() + "; order it again");
     }
     if (std::chrono::steady_clock::now() >= deadline) {

@@ -30,10 +30,10 @@ class ShareWait {
 
   // Shows progress on stderr until all pairs are done, in two looks one after the other: what one session brings may
   // open another one. kTimedOut with what was still missing; kUnavailable where a session ended before all was
-  // acknowledged, unless the order was limited.
-  Result<void> Wait(std::chrono::milliseconds timeout, bool is_limited);
+  // acknowledged, but for one that ended with its order's bytes.
+  Result<void> Wait(std::chrono::milliseconds timeout);
 
-  bool is_any_closed() const;
+  bool is_any_limited() const;
 
   const std::vector<std::string>& unreachable() const { return unreachable_; }
 
@@ -41,10 +41,12 @@ class ShareWait {
   struct Progressing {
     double completed_before = 0;
     double closed_before = 0;
+    double limited_before = 0;
     double remaining = 0;
     double acknowledged = 0;
     bool is_done = false;
-    bool is_closed = false;  // Without being done.
+    bool is_limited = false;  // Done, as its order's bytes were used up.
+    bool is_closed = false;   // Without being done.
     std::string last_error;
   };
 

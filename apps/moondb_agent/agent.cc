@@ -56,12 +56,22 @@ Result<void> CheckOwnActors(const std::vector<OwnActor>& actors) {
   return {};
 }
 
+// Of what storage tells of new records, the last of each kind is as good as all.
+std::string KeyOfNews(const proto::Message& message) {
+  if (!message.has_records_stored()) return "";
+  std::string key = "stored";
+  for (const DataType type : message.records_stored().data_types()) key += " " + std::to_string(type);
+  return key;
+}
+
 template <typename ActorType, typename Options>
 void SpawnActor(ActorSystem& system, const char* name, Placement placement, Options options) {
   SpawnOptions spawn;
   spawn.placement = placement;
   // Solving and merging take as long as the mission is large.
   if (placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
+  spawn.overflow = Overflow::kLatestByKey;
+  spawn.key = KeyOfNews;
   system.Spawn(name, spawn, [options = std::move(options)] { return std::make_unique<ActorType>(options); });
 }
 

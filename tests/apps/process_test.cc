@@ -90,15 +90,19 @@ TEST_F(ProcessTest, SaysWhyACellIsWhatItIsAndLeavesDistrustedMapsOutEverywhere) 
 
   auto leader = Connect("rover1");
   proto::MapTilesRequest tiles;
-  EXPECT_FALSE(leader->NextMapTiles(tiles).value().empty());
+  MergedTiles changed = leader->NextMapTiles(tiles).value();
+  EXPECT_TRUE(changed.is_everything);
+  EXPECT_FALSE(changed.tiles.empty());
   tiles.set_wait_s(0.2);
-  EXPECT_TRUE(leader->NextMapTiles(tiles).value().empty());
+  EXPECT_TRUE(leader->NextMapTiles(tiles).value().tiles.empty());
 
   const std::string said =
       MoonctlExpecting(0, {"map", "quarantine", "--agent", "rover2", "--to", "2030-01-01T00:00Z", "--reason", "slip"});
   const std::string id = said.substr(11, said.find(' ', 11) - 11);
   tiles.set_wait_s(30);
-  EXPECT_FALSE(leader->NextMapTiles(tiles).value().empty()) << "told as it was stored";
+  changed = leader->NextMapTiles(tiles).value();
+  EXPECT_FALSE(changed.is_everything);
+  EXPECT_FALSE(changed.tiles.empty()) << "told as it was stored";
   EXPECT_THAT(MoonctlExpecting(0, {"map", "stats"}), HasSubstr(id));
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"map", "stats", "-a", "rover3"}), HasSubstr(id));

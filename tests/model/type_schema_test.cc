@@ -21,7 +21,7 @@ TEST(TypeSchemaTest, TheSameTypesHaveOneHashWhateverTheirOrder) {
   const TypeSchemas schemas = SchemasOf(Types({{1000, "soil"}, {1001, "dust"}}));
   const TypeSchemas turned = SchemasOf(Types({{1001, "dust"}, {1000, "soil"}}));
   EXPECT_EQ(HashSchemas(schemas), HashSchemas(turned));
-  EXPECT_TRUE(DifferingTypes(schemas, turned).empty());
+  EXPECT_TRUE(TypesNotFor(schemas, turned).empty());
   EXPECT_NE(HashSchemas(schemas), HashSchemas(SchemasOf(Types({{1000, "soil"}}))));
 }
 
@@ -29,21 +29,26 @@ TEST(TypeSchemaTest, TwoNamesOfOneIdDiffer) {
   const TypeSchemas soil = SchemasOf(Types({{1000, "soil"}, {1001, "dust"}}));
   const TypeSchemas rocks = SchemasOf(Types({{1000, "rocks"}, {1001, "dust"}}));
   EXPECT_NE(HashSchemas(soil), HashSchemas(rocks));
-  EXPECT_EQ(DifferingTypes(soil, rocks), std::set<DataType>{1000});
+  EXPECT_EQ(TypesNotFor(soil, rocks), std::set<DataType>{1000});
 }
 
-TEST(TypeSchemaTest, ATypeThatOneDoesNotKnowDiffersFromNothing) {
-  const TypeSchemas none = SchemasOf(Types({}));
+TEST(TypeSchemaTest, ACustomTypeThatOneDoesNotKnowIsCarriedABuiltInOneIsNot) {
+  TypeSchemas none = SchemasOf(Types({}));
   EXPECT_EQ(none.size(), static_cast<int>(BuiltInDataTypes().size()));
-  EXPECT_TRUE(DifferingTypes(none, SchemasOf(Types({{1000, "soil"}}))).empty());
-  EXPECT_TRUE(DifferingTypes(SchemasOf(Types({{1000, "soil"}})), none).empty());
+  EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({{1000, "soil"}}))).empty());
+  EXPECT_TRUE(TypesNotFor(SchemasOf(Types({{1000, "soil"}})), none).empty());
+  const DataType last = none.rbegin()->data_type();
+  none.RemoveLast();  // As an older version has it.
+  EXPECT_EQ(TypesNotFor(SchemasOf(Types({})), none), std::set<DataType>{last});
+  EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({}))).empty());
+  EXPECT_TRUE(TypesNotFor(SchemasOf(Types({})), {}).empty()) << "none told: the same";
 }
 
 TEST(TypeSchemaTest, ABuiltInTypeOfAnotherFormatDiffers) {
   const TypeSchemas ours = SchemasOf({});
   TypeSchemas theirs = ours;
   theirs[0].set_hash(theirs[0].hash() + 1);
-  EXPECT_EQ(DifferingTypes(ours, theirs), std::set<DataType>{ours[0].data_type()});
+  EXPECT_EQ(TypesNotFor(ours, theirs), std::set<DataType>{ours[0].data_type()});
 }
 
 }  // namespace

@@ -148,5 +148,44 @@ TEST_F(BudgetTest, AnOrderThatIsOpenGoesOnWhenStatesAreDue) {
   ASSERT_TRUE(team_.RunUntil([&] { return stores_[kLeader]->records().size() == 2001; }, minutes(1)));
 }
 
+TEST_F(BudgetTest, ARoleChangeMakesNoFullSyncOfUnaskedStates) {
+  Start(Radio(/*states_period_s=*/30));
+  stores_[3]->Insert(3, proto::POWER, "p");
+  InsertNoise(3, 100'000);
+  team_.SetFilter([this](AgentId from, AgentId, const proto::Message& message) {
+    return !(message.has_hello() && from == 3 && stores_[kLeader]->records().empty());
+  });
+  team_.AdvanceTime(seconds(31));  // The session to the leader stays open, unanswered.
+  ASSERT_TRUE(ShareStatusOf(team_, 3, actor_name::kSync).sessions(0).is_unasked());
+  for (AgentId agent = 1; agent <= 4; ++agent) TellRoles(team_, config_, agent, Roles(2, 1, 5));
+  team_.AdvanceTime(seconds(20));
+  EXPECT_TRUE(stores_[2]->records().empty());
+}
+
+TEST_F(BudgetTest, ASharingActorThatBeganAnewSharesTheBudgetAgain) {
+  Start(Radio());
+  InsertNoise(2, 400'000);
+  InsertNoise(3, 400'000);
+  Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
+  proto::Message order = ShareOrder(proto::SHARING_KIND_REPLICATION, /*destination=*/kLeader);
+  Share(team_, 3, order);
+  team_.AdvanceTime(seconds(3));
+  const auto rate = [this](AgentId agent, const char* actor) {
+    return ShareStatusOf(team_, agent, actor).sessions(0).bytes_per_second_max();
+  };
+  EXPECT_EQ(rate(2, actor_name::kSync), kBudget / 2);
+  // The leader's replica actor forgets its senders; the sync actor beside it hears of that.
+  team_.CrashActor({kLeader, actor_name::kReplica});
+  team_.SetLink(3, kLeader, false);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(rate(2, actor_name::kSync), kBudget);
+  // And the other way round: who begins anew hears what moves beside it.
+  team_.CrashActor({kLeader, actor_name::kReplica});
+  team_.AdvanceTime(seconds(1));
+  team_.SetLink(3, kLeader, true);
+  team_.AdvanceTime(seconds(8));
+  EXPECT_EQ(rate(3, actor_name::kReplica), kBudget / 2);
+}
+
 }  // namespace
 }  // namespace moondb

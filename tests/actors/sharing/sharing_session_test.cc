@@ -128,6 +128,13 @@ class SharingSessionTest : public testing::Test {
     }
   }
 
+  static proto::RecordFilter States() {
+    proto::RecordFilter states;
+    states.add_origin_agents(kSelf);
+    states.add_data_types(proto::POWER);
+    return states;
+  }
+
   proto::ShareSession Status() const { return session_.Status(now_); }
 
   static SharingSession::Options Options() {
@@ -964,7 +971,8 @@ TEST_F(SharingSessionTest, ALimitedOrderEndsWithItsBytes) {
   RunToEnd();
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().completed_sessions(), 0);
-  EXPECT_EQ(Status().closed_sessions(), 1);
+  EXPECT_EQ(Status().closed_sessions(), 0);
+  EXPECT_EQ(Status().limited_sessions(), 1);
   EXPECT_GE(Status().coded_bytes(), 10'000);
   EXPECT_LE(Status().coded_bytes(), 10'000 + 1200);
   EXPECT_EQ(Status().acknowledged_records(), Status().sent_records());
@@ -1019,6 +1027,72 @@ TEST_F(SharingSessionTest, LeavesOutWhatTheDestinationUnderstandsDifferently) {
   AnswerHello();
   EXPECT_TRUE(asked_for_.not_data_types().empty());
   EXPECT_TRUE(Status().other_schema_types().empty());
+}
+
+TEST_F(SharingSessionTest, BringsStatesUnaskedWithoutCountingOrTellingAnEnd) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
+  Take(session_.BringUnasked(States(), now_));
+  EXPECT_TRUE(Status().is_unasked());
+  AnswerHello();
+  const auto batches = RunToEnd();
+  ASSERT_EQ(batches.size(), 1u);
+  EXPECT_EQ(batches[0].data_type(), static_cast<std::uint32_t>(proto::POWER));
+  EXPECT_GT(batches[0].remaining(), 0u);
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(Status().completed_sessions() + Status().closed_sessions(), 0);
+
+  Take(session_.BringUnasked(States(), now_));  // Nothing new.
+  AnswerHello();
+  EXPECT_TRUE(TakeSent().empty());
+  EXPECT_FALSE(session_.is_open());
+}
+
+TEST_F(SharingSessionTest, AnOrderTakesThePlaceOfUnaskedStatesWithItsOwnLimit) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  source_.Insert(kSelf, proto::POWER, "p");
+  Take(session_.BringUnasked(States(), now_));
+  AnswerHello();
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(Status().limited_sessions(), 1);
+  EXPECT_EQ(Status().closed_sessions(), 0);
+  EXPECT_LE(Status().coded_bytes(), 10'000 + 1300);
+  const std::string error = Status().last_error();
+  EXPECT_FALSE(error.empty());
+  Take(session_.BringUnasked(States(), now_));
+  EXPECT_EQ(Status().last_error(), error) << "the order's end is still to be seen";
+}
+
+TEST_F(SharingSessionTest, RemindersNeitherHoldUpAnOrderNorWidenIt) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/30'000));
+  AnswerHello();
+  while (!sent_.empty()) {
+    for (const proto::Message& message : TakeSent()) {
+      Take(session_.BringUnasked(States(), now_));
+      Acknowledge(message);
+      if (session_.is_open()) Take(session_.BringUnasked(States(), now_));
+    }
+  }
+  EXPECT_FALSE(session_.is_ordered());
+  EXPECT_EQ(Status().limited_sessions(), 1);
+  EXPECT_LE(Status().coded_bytes(), 30'000 + 1300);
+}
+
+TEST_F(SharingSessionTest, UnaskedStatesWaitForAShutWindowWithoutCountingResends) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Take(session_.SetWindow(Window::kShut, now_));
+  for (int i = 0; i < 10; ++i) Take(session_.BringUnasked(States(), now_));
+  EXPECT_TRUE(TakeSent().empty());
+  EXPECT_EQ(Status().resends(), 0);
+  Take(session_.SetWindow(Window::kOpen, now_));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_FALSE(session_.is_open());
+  EXPECT_EQ(destination_.have(), source_.have());
 }
 
 }  // namespace

@@ -218,6 +218,20 @@ TEST_F(StorageActorTest, ReadsThroughItsStoreEachDayAndEndsTheProcessWhereARowIs
   EXPECT_FALSE(have.streams().begin()->second.held.Contains(2500)) << "who has it sends it again";
 }
 
+TEST_F(StorageActorTest, GoesOnWithADamagedLocalRecordThatNobodyElseHas) {
+  Start();
+  proto::Message question;
+  *question.mutable_insert_request()->add_records() = NodeRecord(2, 1);
+  question.mutable_insert_request()->set_is_local(true);
+  EXPECT_FALSE(IsError(Ask(std::move(question)).insert_reply().error()));
+  team_.Crash(2);
+  ASSERT_TRUE((*Database::Open(options_.path, 0, ""))
+                  ->Execute("UPDATE pose_graph_node SET content = CAST(content || x'00' AS BLOB)"));
+  team_.Restart(2);
+  team_.AdvanceTime(std::chrono::hours(49));
+  EXPECT_TRUE(team_.is_running(2));
+}
+
 TEST_F(StorageActorTest, FailsWhereTheFileCannotBeOpened) {
   options_.path = "/nonexistent/folder/agent.db";
   EXPECT_FALSE(RecordStore::Open(StorageActor::StoreOptions(options_)));
