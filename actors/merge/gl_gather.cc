@@ -20,7 +20,7 @@ namespace moondb {
 namespace {
 
 // How many blocks of a tile are drawn before it is read back: most cells are known after very few.
-constexpr std::array<std::size_t, 4> kRoundBlocks = {6, 24, 256, 60'000};
+constexpr std::array<std::size_t, 5> kRoundBlocks = {3, 6, 12, 48, 60'000};
 
 // Pages drawn at once: a target of 4096 x 4096 cells.
 constexpr std::size_t kBatchPages = 256;
@@ -53,22 +53,46 @@ bool IsSteep(const PlacedRectangle& placed) {
   return steps * kTileSideCells > std::int64_t{500} << kFractionBits;
 }
 
-// The least rectangle of squares that holds all of a mask's.
+// Squares x to end_x of the rows y to end_y.
 struct SquareBox {
-  explicit SquareBox(std::uint64_t squares) {
-    std::uint64_t columns = squares;
-    for (const int shift : {32, 16, 8}) columns |= columns >> shift;
-    columns &= 255;
-    first_x = static_cast<std::uint32_t>(std::countr_zero(columns));
-    end_x = 64 - static_cast<std::uint32_t>(std::countl_zero(columns));
-    first_y = static_cast<std::uint32_t>(std::countr_zero(squares)) / 8;
-    end_y = (63 - static_cast<std::uint32_t>(std::countl_zero(squares))) / 8 + 1;
-  }
   std::uint32_t first_x;
   std::uint32_t end_x;
   std::uint32_t first_y;
   std::uint32_t end_y;
 };
+
+// Takes a rectangle of set squares off the mask, which is not empty: as far right as there are any, then as far up.
+SquareBox TakeBox(std::uint64_t& squares) {
+  const auto first = static_cast<std::uint32_t>(std::countr_zero(squares));
+  const std::uint64_t row = squares >> first & (255u >> (first % 8));
+  const auto width = static_cast<std::uint32_t>(std::countr_one(row));
+  const std::uint64_t run = ((std::uint64_t{1} << width) - 1) << (first % 8);
+  SquareBox box{first % 8, first % 8 + width, first / 8, first / 8};
+  while (box.end_y < 8 && (squares >> (8 * box.end_y) & run) == run) {
+    squares &= ~(run << (8 * box.end_y));
+    ++box.end_y;
+  }
+  return box;
+}
+
+// What a rectangle more costs, in squares drawn: setting up its triangles.
+constexpr std::uint32_t kBoxCostSquares = 10;
+
+// Rectangles that hold all of a mask's squares: one each where they fit together well, or one around them all.
+std::vector<SquareBox>& CoverSquares(std::uint64_t squares, std::vector<SquareBox>& boxes) {
+  boxes.clear();
+  const auto square_count = static_cast<std::uint32_t>(std::popcount(squares));
+  SquareBox all{8, 0, 8, 0};
+  while (squares != 0) {
+    const SquareBox& box = boxes.emplace_back(TakeBox(squares));
+    all = {std::min(all.first_x, box.first_x), std::max(all.end_x, box.end_x), std::min(all.first_y, box.first_y),
+           std::max(all.end_y, box.end_y)};
+  }
+  const std::uint32_t all_count = (all.end_x - all.first_x) * (all.end_y - all.first_y);
+  const auto box_count = static_cast<std::uint32_t>(boxes.size());
+  if (all_count + kBoxCostSquares <= square_count + kBoxCostSquares * box_count) boxes = {all};
+  return boxes;
+}
 
 // A tile on its way.
 struct OpenTile {
@@ -291,9 +315,7 @@ class GlGather::Painter {
         instances_.resize(first_instance);
         return {};
       }
-      Result<Instance> instance = MakeInstance(*ordered.block, open, squares);
-      if (!instance) return tl::unexpected(instance.error());
-      instances_.push_back(*instance);
+      if (Result<void> added = AddBlock(*ordered.block, open, squares); !added) return added;
       open.round.push_back(ordered.block);
     }
     if (open.round.empty()) return {};
@@ -307,28 +329,33 @@ class GlGather::Painter {
     return {};
   }
 
-  Result<Instance> MakeInstance(const PlacedBlock& block, const OpenTile& open, std::uint64_t squares) {
+  // An instance for each rectangle of the squares.
+  Result<void> AddBlock(const PlacedBlock& block, const OpenTile& open, std::uint64_t squares) {
     const PlacedRectangle& placed = block.rectangle;
     const std::int64_t pixel_x = std::int64_t{open.column} * kTileSideCells;
     const std::int64_t pixel_y = std::int64_t{open.row} * kTileSideCells;
     const std::int64_t i = open.box.first_x - placed.anchor_x - pixel_x;
     const std::int64_t j = open.box.first_y - placed.anchor_y - pixel_y;
-    const SquareBox box(squares);
-    const auto first_x = static_cast<std::uint32_t>(pixel_x) + box.first_x * 8;
-    const auto first_y = static_cast<std::uint32_t>(pixel_y) + box.first_y * 8;
     Instance instance{};
-    instance.rectangle = {first_x | first_y << 16, (box.end_x - box.first_x) * 8 | (box.end_y - box.first_y) * 8 << 16};
     instance.placed = {Wrap(placed.u0 + i * placed.step_cos + j * placed.step_sin),
                        Wrap(placed.v0 - i * placed.step_sin + j * placed.step_cos), Wrap(placed.step_cos),
                        Wrap(placed.step_sin)};
     instance.sides = {placed.width_q, placed.height_q, 0, kFootprintPage};
     instance.winner = static_cast<glm::uint>(open.round.size());
-    if (block.is_footprint()) return instance;
-    const Result<LayerAtlas::Spot> spot = atlas_.Find(block);
-    if (!spot) return tl::unexpected(spot.error());
-    instance.sides.z = static_cast<std::uint32_t>(spot->x) | static_cast<std::uint32_t>(spot->y) << 16;
-    instance.sides.w = static_cast<std::uint32_t>(spot->page);
-    return instance;
+    if (!block.is_footprint()) {
+      const Result<LayerAtlas::Spot> spot = atlas_.Find(block);
+      if (!spot) return tl::unexpected(spot.error());
+      instance.sides.z = static_cast<std::uint32_t>(spot->x) | static_cast<std::uint32_t>(spot->y) << 16;
+      instance.sides.w = static_cast<std::uint32_t>(spot->page);
+    }
+    for (const SquareBox& box : CoverSquares(squares, boxes_)) {
+      const auto first_x = static_cast<std::uint32_t>(pixel_x) + box.first_x * 8;
+      const auto first_y = static_cast<std::uint32_t>(pixel_y) + box.first_y * 8;
+      instance.rectangle = {first_x | first_y << 16,
+                            (box.end_x - box.first_x) * 8 | (box.end_y - box.first_y) * 8 << 16};
+      instances_.push_back(instance);
+    }
+    return {};
   }
 
   // A target at least so large; kept for the next round.
@@ -341,7 +368,7 @@ class GlGather::Painter {
     target_height_ = std::max(height, target_height_);
     color_ = MakeRenderbuffer();
     glBindRenderbuffer(GL_RENDERBUFFER, color_.id());
-    glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8UI, target_width_, target_height_);
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_R32UI, target_width_, target_height_);
     depth_ = MakeRenderbuffer();
     glBindRenderbuffer(GL_RENDERBUFFER, depth_.id());
     glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT16, target_width_, target_height_);
@@ -390,18 +417,15 @@ class GlGather::Painter {
     const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
     pixels_.resize(count);
     glPixelStorei(GL_PACK_ALIGNMENT, 4);
-    // OpenGL ES promises only 32 bits a channel; most drivers also give the bytes as they are.
-    const bool is_bytes = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RGBA_INTEGER &&
-                          GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_BYTE &&
-                          std::endian::native == std::endian::little;
-    if (is_bytes) {
-      glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, pixels_.data());
+    // OpenGL ES promises four channels; most drivers also give the one that is there.
+    const bool is_one = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RED_INTEGER &&
+                        GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_INT;
+    if (is_one) {
+      glReadPixels(0, 0, width, height, GL_RED_INTEGER, GL_UNSIGNED_INT, pixels_.data());
     } else {
       channels_.resize(count * 4);
       glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_INT, channels_.data());
-      for (std::size_t i = 0; i < count; ++i) {
-        pixels_[i] = channels_[4 * i] | channels_[4 * i + 1] << 8 | channels_[4 * i + 2] << 16;
-      }
+      for (std::size_t i = 0; i < count; ++i) pixels_[i] = channels_[4 * i];
     }
     if (Result<void> read = CheckGl("reading back"); !read) return read;
     return CheckLost();
@@ -459,6 +483,7 @@ class GlGather::Painter {
   std::int32_t target_height_ = 0;
   std::vector<std::vector<OrderedBlock>> lists_;  // By page of the batch.
   std::vector<OpenTile> tiles_;                   // Of the batch.
+  std::vector<SquareBox> boxes_;                  // Of the block at hand.
   std::vector<Instance> instances_;
   std::vector<std::uint32_t> pixels_;  // Value, and the winner in the round above it.
   std::vector<std::uint32_t> channels_;

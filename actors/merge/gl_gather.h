@@ -26,8 +26,8 @@ class GlGather final : public GatherBackend {
   struct Options {
     std::int32_t target_cells_max = 4096;       // A side of one draw's target, at least 64; the driver's limit counts.
     std::int32_t atlas_page_texels_max = 1024;  // At least kBlockSideCellsMax.
-    std::function<bool()> is_lost = {};              // For tests: asked before each draw; true is taken for a loss.
-    std::function<double()> now_ms = {};             // For benchmarks: fills times(), and waits for the GPU at each step.
+    std::function<bool()> is_lost = {};         // For tests: asked before each draw; true is taken for a loss.
+    std::function<double()> now_ms = {};        // For benchmarks: fills times(), and waits for the GPU at each step.
   };
 
   // Of the last Gather.
