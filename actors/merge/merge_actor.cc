@@ -69,7 +69,7 @@ void MergeActor::OnStart(Context& context) {
   if (backend) {
     backend_ = std::move(*backend);
     merger_ = std::make_unique<Merger>(CollectionOptions(options_.team).grid, backend_);
-    spdlog::info("{}: merges on {}", ToString(context.self()), backend_->description());
+    LogBackend(context);
   } else {
     backend_error_ = backend.error();
     spdlog::error("{}: {}", ToString(context.self()), ToString(backend_error_));
@@ -234,11 +234,20 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   return reply;
 }
 
+// At the start, and when a driver is lost or comes back.
+void MergeActor::LogBackend(Context& context) {
+  std::string description = backend_->description();
+  if (description == backend_description_) return;
+  backend_description_ = std::move(description);
+  spdlog::info("{}: merges on {}", ToString(context.self()), backend_description_);
+}
+
 Result<MergedMap> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
   for (const Error& refused : merger.Assign(selected.maps, selected.footprints)) {
     spdlog::warn("{}: leaves out {}", ToString(context.self()), ToString(refused));
   }
   const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
+  LogBackend(context);
   if (!merged) return tl::unexpected(merged.error());
   return merger.ReadCells(merger.extent());
 }

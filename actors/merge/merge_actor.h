@@ -64,6 +64,7 @@ class MergeActor final : public Actor {
   Result<void> TakeRecords(const proto::ReadReply& reply);
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
+  void LogBackend(Context& context);
   Result<MergedMap> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   void Answer(Context& context, const Waiting& waiting, proto::MergeReply reply);
 
@@ -71,6 +72,7 @@ class MergeActor final : public Actor {
   MapCollection collection_;
   std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent.
   Error backend_error_;                     // Why.
+  std::string backend_description_;         // As it was logged last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   std::deque<Waiting> waiting_;
   std::size_t covered_count_ = 0;   // The first of `waiting_`: the read in progress began after they came.

@@ -145,7 +145,8 @@ class Merger {
   void MarkGains(const PlacedThing& added);
   void MarkEverything();
   Page* FindPage(const PageKey& key) const;
-  std::vector<GatherWork> MakeWorks();
+  bool IsMostlyNew() const;
+  Result<std::vector<GatherWork>> MakeWorks();
   void NoteChanges(std::span<const GatherWork> works, MergeSummary& summary);
   template <typename Visit>
   void VisitTiles(const CellBox& box, Visit visit) const;
@@ -160,6 +161,7 @@ class Merger {
   std::vector<OrderedBlock> order_;         // All blocks as of the last Merge.
   std::unordered_map<PageKey, std::unique_ptr<Page>, PageKeyHash> pages_;
   std::unordered_map<PageKey, std::uint16_t, PageKeyHash> dirty_;  // Tiles to gather.
+  bool is_everything_due_ = false;                                 // After a merge that was too large.
   CellBox extent_;
   std::uint64_t version_ = 0;
 };
