@@ -22,6 +22,9 @@ namespace {
 // How many blocks of a tile are drawn before it is read back: most cells are known after very few.
 constexpr std::array<std::size_t, 5> kRoundBlocks = {3, 6, 12, 48, 60'000};
 
+// What 16 bits count.
+constexpr std::size_t kTileBlocksMax = 65'536;
+
 // Pages drawn at once: a target of 4096 x 4096 cells.
 constexpr std::size_t kBatchPages = 256;
 
@@ -107,62 +110,58 @@ struct OpenTile {
   // Where it stands in the target, in tiles.
   std::uint32_t column = 0;
   std::uint32_t row = 0;
-  bool is_steep = false;
+  bool is_for_cpu = false;
+
+  std::size_t CountBlocks() const { return round.size() + (tile == nullptr ? 0 : tile->blocks.size()); }
 };
 
-// Takes over what a round drew. `pixels` is the tile's first, `stride` the target's width.
-class RoundReader {
- public:
-  explicit RoundReader(OpenTile& open) : open_(open), tile_(*open.tile), numbers_(open.round.size(), kNone) {}
+bool IsUnknown(const Tile& tile) {
+  return std::all_of(tile.known.begin(), tile.known.end(), [](std::uint64_t known) { return known == 0; });
+}
 
-  void Read(const std::uint32_t* pixels, std::size_t stride) {
-    for (std::uint64_t todo = open_.open; todo != 0; todo &= todo - 1) {
-      const auto square = static_cast<std::size_t>(std::countr_zero(todo));
-      ReadSquare(square, pixels + square / 8 * 8 * stride + square % 8 * 8, stride);
-    }
+// Takes over what a round drew of a square. `pixels` is the square's first, `stride` the target's width; `base` is what
+// the first block of the round is called in the tile.
+void ReadSquare(const std::uint32_t* pixels, std::size_t stride, std::uint32_t base, std::size_t square, Tile& tile) {
+  std::array<std::uint32_t, 64> drawn;
+  for (std::size_t y = 0; y < 8; ++y) std::copy_n(pixels + y * stride, 8, drawn.begin() + 8 * y);
+  std::uint64_t free = 0;
+  std::uint64_t hazard = 0;
+  for (std::size_t i = 0; i < drawn.size(); ++i) {
+    free |= static_cast<std::uint64_t>(drawn[i] & 1) << i;
+    hazard |= static_cast<std::uint64_t>(drawn[i] >> 1 & 1) << i;
   }
-
- private:
-  static constexpr std::uint32_t kNone = UINT32_MAX;
-
-  void ReadSquare(std::size_t square, const std::uint32_t* pixels, std::size_t stride) {
-    std::uint64_t known = 0;
-    std::uint64_t hazard = 0;
-    for (std::size_t y = 0; y < 8; ++y) {
-      for (std::size_t x = 0; x < 8; ++x) {
-        const std::uint64_t pixel = pixels[y * stride + x];
-        known |= static_cast<std::uint64_t>((pixel & 3) != 0) << (y * 8 + x);
-        hazard |= (pixel >> 1 & 1) << (y * 8 + x);
-      }
+  const std::uint64_t taken = (free | hazard) & ~tile.known[square];
+  if (taken == 0) return;
+  std::uint16_t* winners = tile.winners.data() + 64 * square;
+  std::uint32_t weakest = 0;
+  if (~taken == 0) {
+    for (std::size_t i = 0; i < drawn.size(); ++i) {
+      weakest = std::max(weakest, drawn[i] >> 8);
+      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 8));
     }
-    const std::uint64_t taken = known & ~tile_.known[square];
-    if (taken == 0) return;
-    tile_.known[square] |= taken;
-    tile_.hazard[square] |= hazard & taken;
-    std::uint32_t weakest = 0;
+  } else {
     for (std::uint64_t cells = taken; cells != 0; cells &= cells - 1) {
-      const auto cell = static_cast<std::size_t>(std::countr_zero(cells));
-      const std::uint32_t drawn = pixels[cell / 8 * stride + cell % 8] >> 8;
-      weakest = std::max(weakest, drawn);
-      tile_.winners[square * 64 + cell] = NumberOf(drawn);
+      const auto i = static_cast<std::size_t>(std::countr_zero(cells));
+      weakest = std::max(weakest, drawn[i] >> 8);
+      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 8));
     }
-    tile_.weakest[square] = NumberOf(weakest);
-    if (~tile_.known[square] == 0) open_.open &= ~(std::uint64_t{1} << square);
   }
+  tile.known[square] |= taken;
+  tile.hazard[square] |= hazard & taken;
+  tile.weakest[square] = static_cast<std::uint16_t>(base + weakest);
+}
 
-  std::uint16_t NumberOf(std::uint32_t drawn) {
-    std::uint32_t& number = numbers_[drawn];
-    if (number == kNone) {
-      number = static_cast<std::uint32_t>(tile_.blocks.size());
-      tile_.blocks.push_back(open_.round[drawn]);
-    }
-    return static_cast<std::uint16_t>(number);
+// The same of a tile, whose first pixel `pixels` is.
+void ReadRound(const std::uint32_t* pixels, std::size_t stride, OpenTile& open) {
+  Tile& tile = *open.tile;
+  const auto base = static_cast<std::uint32_t>(tile.blocks.size());
+  tile.blocks.insert(tile.blocks.end(), open.round.begin(), open.round.end());
+  for (std::uint64_t todo = open.open; todo != 0; todo &= todo - 1) {
+    const auto square = static_cast<std::size_t>(std::countr_zero(todo));
+    ReadSquare(pixels + square / 8 * 8 * stride + square % 8 * 8, stride, base, square, tile);
+    if (~tile.known[square] == 0) open.open &= ~(std::uint64_t{1} << square);
   }
-
-  OpenTile& open_;
-  Tile& tile_;
-  std::vector<std::uint32_t> numbers_;  // By place in the round.
-};
+}
 
 }  // namespace
 
@@ -252,7 +251,7 @@ class GlGather::Painter {
         if (Result<void> drawn = DrawRound(part, blocks_max); !drawn) return drawn;
       }
       std::erase_if(open, [](const OpenTile* tile) {
-        return tile->is_steep || tile->open == 0 || tile->next == tile->list->size();
+        return tile->is_for_cpu || tile->open == 0 || tile->next == tile->list->size();
       });
     }
     return {};
@@ -290,7 +289,7 @@ class GlGather::Painter {
     for (OpenTile* tile : tiles) {
       if (tile->round.empty()) continue;
       const std::size_t first = tile->row * 64 * static_cast<std::size_t>(width) + tile->column * 64;
-      RoundReader(*tile).Read(pixels_.data() + first, static_cast<std::size_t>(width));
+      ReadRound(pixels_.data() + first, static_cast<std::size_t>(width), *tile);
     }
     times_.upload_ms += uploaded_ms - start_ms;
     times_.draw_ms += drawn_ms - uploaded_ms;
@@ -309,8 +308,9 @@ class GlGather::Painter {
       if (!ordered.box.Touches(open.box)) continue;
       const std::uint64_t squares = SquaresThatMayKnow(*ordered.block, open.box) & open.open;
       if (squares == 0) continue;
-      if (IsSteep(ordered.block->rectangle)) {
-        open.is_steep = true;
+      const bool is_countable = open.CountBlocks() < kTileBlocksMax;
+      if (IsSteep(ordered.block->rectangle) || !is_countable) {
+        open.is_for_cpu = true;
         open.round.clear();
         instances_.resize(first_instance);
         return {};
@@ -443,13 +443,13 @@ class GlGather::Painter {
     std::vector<GatherWork> steep;
     std::vector<GatherWork*> steep_origins;
     for (OpenTile& open : tiles_) {
-      if (open.is_steep) {
+      if (open.is_for_cpu) {
         steep.push_back({open.work->key, open.work->page, static_cast<std::uint16_t>(1 << open.index), 0});
         steep_origins.push_back(open.work);
         continue;
       }
       std::unique_ptr<Tile>& held = open.work->page->tiles[open.index];
-      if (open.tile != nullptr && open.tile->blocks.empty()) spare_.push_back(std::move(open.tile));
+      if (open.tile != nullptr && IsUnknown(*open.tile)) spare_.push_back(std::move(open.tile));
       const bool is_same = held == nullptr || open.tile == nullptr
                                ? held == open.tile
                                : held->known == open.tile->known && held->hazard == open.tile->hazard;

@@ -5,8 +5,8 @@
 // something; what is still unknown when that is read back, by more of them; and so on. Within a round the depth test
 // keeps the first known value of each cell. The fragment shader repeats the CPU's integer additions.
 //
-// A tile that sees layers many times finer than the grid, which 32 bits cannot hold a tile long, is gathered on the
-// CPU.
+// A tile that sees layers many times finer than the grid, which 32 bits cannot hold a tile long, or more blocks than
+// 16 bits can count, is gathered on the CPU.
 #pragma once
 
 #include <cstdint>
