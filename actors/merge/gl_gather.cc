@@ -115,8 +115,36 @@ struct OpenTile {
   std::size_t CountBlocks() const { return round.size() + (tile == nullptr ? 0 : tile->blocks.size()); }
 };
 
-bool IsUnknown(const Tile& tile) {
-  return std::all_of(tile.known.begin(), tile.known.end(), [](std::uint64_t known) { return known == 0; });
+template <typename Visit>
+void ForEachKnownCell(Tile& tile, Visit visit) {
+  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
+    std::uint16_t* winners = tile.winners.data() + 64 * square;
+    if (~tile.known[square] == 0) {
+      for (std::size_t i = 0; i < 64; ++i) visit(winners[i]);
+      continue;
+    }
+    for (std::uint64_t cells = tile.known[square]; cells != 0; cells &= cells - 1) {
+      visit(winners[static_cast<std::size_t>(std::countr_zero(cells))]);
+    }
+  }
+}
+
+// Strikes blocks that were drawn and won nothing.
+void DropLosers(Tile& tile) {
+  std::vector<std::uint16_t> numbers(tile.blocks.size());
+  ForEachKnownCell(tile, [&numbers](std::uint16_t winner) { numbers[winner] = 1; });
+  std::uint16_t count = 0;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (numbers[i] == 0) continue;
+    tile.blocks[count] = tile.blocks[i];
+    numbers[i] = count++;
+  }
+  if (count == tile.blocks.size()) return;
+  tile.blocks.resize(count);
+  ForEachKnownCell(tile, [&numbers](std::uint16_t& winner) { winner = numbers[winner]; });
+  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
+    if (tile.known[square] != 0) tile.weakest[square] = numbers[tile.weakest[square]];
+  }
 }
 
 // Takes over what a round drew of a square. `pixels` is the square's first, `stride` the target's width; `base` is what
@@ -449,7 +477,8 @@ class GlGather::Painter {
         continue;
       }
       std::unique_ptr<Tile>& held = open.work->page->tiles[open.index];
-      if (open.tile != nullptr && IsUnknown(*open.tile)) spare_.push_back(std::move(open.tile));
+      if (open.tile != nullptr) DropLosers(*open.tile);
+      if (open.tile != nullptr && open.tile->blocks.empty()) spare_.push_back(std::move(open.tile));
       const bool is_same = held == nullptr || open.tile == nullptr
                                ? held == open.tile
                                : held->known == open.tile->known && held->hazard == open.tile->hazard;

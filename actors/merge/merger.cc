@@ -119,19 +119,6 @@ Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {
   return winners;
 }
 
-bool HasWon(const PlacedThing& thing, const Tile& tile) {
-  for (std::size_t i = 0; i < tile.blocks.size(); ++i) {
-    if (tile.blocks[i]->owner != &thing) continue;
-    for (std::size_t square = 0; square < kSquaresInTile; ++square) {
-      for (std::size_t cell = 0; cell < 64; ++cell) {
-        const bool is_known = (tile.known[square] >> cell & 1) != 0;
-        if (is_known && tile.winners[square * 64 + cell] == i) return true;
-      }
-    }
-  }
-  return false;
-}
-
 // Tiles reach beyond the box: maps that win a cell there alone leave the table.
 void DropLosers(MergeResult& result) {
   std::vector<bool> has_won(result.maps.size());
@@ -337,7 +324,9 @@ void Merger::MarkWins(const PlacedThing& retired) {
   ForEachTile(retired.extent, [&](const PageKey& key, std::size_t index, const CellBox&) {
     const Page* page = FindPage(key);
     if (page == nullptr || page->tiles[index] == nullptr) return;
-    if (HasWon(retired, *page->tiles[index])) dirty_[key] |= static_cast<std::uint16_t>(1 << index);
+    const auto& blocks = page->tiles[index]->blocks;
+    const auto is_its = [&retired](const PlacedBlock* block) { return block->owner == &retired; };
+    if (std::any_of(blocks.begin(), blocks.end(), is_its)) dirty_[key] |= static_cast<std::uint16_t>(1 << index);
   });
 }
 

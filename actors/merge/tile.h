@@ -54,7 +54,7 @@ struct Tile {
   std::array<std::uint16_t, kSquaresInTile> weakest;
   // Square after square; without meaning where the cell is unknown.
   std::array<std::uint16_t, kCellsInTile> winners;
-  std::vector<const PlacedBlock*> blocks;  // What a winner's number means; some may have won nothing.
+  std::vector<const PlacedBlock*> blocks;  // What a winner's number means; each won at least one cell.
 
   Cell At(std::size_t square, std::size_t cell) const {
     if ((known[square] >> cell & 1) == 0) return Cell::kUnknown;
