@@ -65,15 +65,22 @@ void MergeActor::OnStart(Context& context) {
   // A random start, so that storage's answer to a life before a restart, which a newer request may overtake, is not
   // taken for one of this life's.
   read_id_ = context.rng()();
-  Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options_.backend, options_.merge_threads);
-  if (backend) {
-    backend_ = std::move(*backend);
-    merger_ = std::make_unique<Merger>(CollectionOptions(options_.team).grid, backend_);
-    LogBackend(context);
+  if (Result<void> started = StartMerger(); !started) {
+    start_error_ = started.error();
+    spdlog::error("{}: {}", ToString(context.self()), ToString(start_error_));
   } else {
-    backend_error_ = backend.error();
-    spdlog::error("{}: {}", ToString(context.self()), ToString(backend_error_));
+    LogBackend(context);
   }
+}
+
+Result<void> MergeActor::StartMerger() {
+  const MergeGrid grid = CollectionOptions(options_.team).grid;
+  if (Result<void> checked = CheckGrid(grid); !checked) return checked;
+  Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options_.backend, options_.merge_threads);
+  if (!backend) return tl::unexpected(backend.error());
+  backend_ = std::move(*backend);
+  merger_ = std::make_unique<Merger>(grid, backend_);
+  return {};
 }
 
 void MergeActor::OnMessage(Context& context, const proto::Message& message) {
@@ -203,7 +210,7 @@ void MergeActor::AnswerCovered(Context& context) {
 }
 
 Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::MergeRequest& request) {
-  if (merger_ == nullptr) return tl::unexpected(backend_error_);
+  if (merger_ == nullptr) return tl::unexpected(start_error_);
   const MonotonicTime start = context.now();
   const MapCollection::Selection selection = SelectionOf(request);
   const MapCollection::Selected selected = collection_.Select(selection);

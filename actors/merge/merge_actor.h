@@ -10,8 +10,8 @@
 // changed.
 //
 // MergeReply.error: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
-// kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), and
-// StorageActor's own.
+// kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), kInvalid
+// (the team file's map does not fit CheckGrid), and StorageActor's own.
 #pragma once
 
 #include <cstdint>
@@ -64,14 +64,15 @@ class MergeActor final : public Actor {
   Result<void> TakeRecords(const proto::ReadReply& reply);
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
+  Result<void> StartMerger();
   void LogBackend(Context& context);
   Result<MergedMap> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   void Answer(Context& context, const Waiting& waiting, proto::MergeReply reply);
 
   const Options options_;
   MapCollection collection_;
-  std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent.
-  Error backend_error_;                     // Why.
+  std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
+  Error start_error_;                       // Why.
   std::string backend_description_;         // As it was logged last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   std::deque<Waiting> waiting_;
