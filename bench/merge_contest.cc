@@ -73,7 +73,8 @@ class MergeContest {
     naive_ = std::make_unique<NaiveMerger>(here_, footprints_here_, grid_);
     opencv_ = MakeOpencvMerger(here_, footprints_here_, grid_);
     for (int i = 0; i < options_.repetitions; ++i) {
-      Note("naive", [this] { naive_->Merge(); });
+      Note("naive", [this] { naive_->Merge(NaiveMerger::Arithmetic::kDouble); });
+      Note("naive_integer", [this] { naive_->Merge(NaiveMerger::Arithmetic::kInteger); });
       if (opencv_ != nullptr) {
         Note("opencv", [this] { opencv_->Merge(naive_->extent()); });
       }
@@ -192,6 +193,7 @@ class MergeContest {
     const Merger& cpu = *entrants_[0].merger;
     run_.extent_cells = static_cast<std::uint64_t>(cpu.extent().width() * cpu.extent().height());
     run_.naive_ms = *MedianOf("naive");
+    run_.naive_integer_ms = *MedianOf("naive_integer");
     run_.opencv_ms = MedianOf("opencv");
     run_.painter_ms = MedianOf("painter");
     run_.gl_ms = MedianOf("gl");

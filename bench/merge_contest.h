@@ -22,7 +22,8 @@ struct MergeRun {
   std::size_t maps = 0;
   std::int64_t side_cells = 0;
   std::uint64_t extent_cells = 0;  // Of the bounding box of all maps.
-  double naive_ms = 0;
+  double naive_ms = 0;             // In metres and doubles, as one writes it first.
+  double naive_integer_ms = 0;     // With the integers of moondb's own placement.
   std::optional<double> opencv_ms;
   std::optional<double> painter_ms;
   std::optional<double> gl_ms;

@@ -16,6 +16,7 @@ struct Column {
 const std::vector<Column>& Columns() {
   static const std::vector<Column> columns = {
       {"naive_ms", [](const MergeRun& run) { return run.naive_ms; }},
+      {"naive_integer_ms", [](const MergeRun& run) { return run.naive_integer_ms; }},
       {"opencv_ms", [](const MergeRun& run) { return run.opencv_ms; }},
       {"painter_ms", [](const MergeRun& run) { return run.painter_ms; }},
       {"gl_ms", [](const MergeRun& run) { return run.gl_ms; }},
@@ -67,7 +68,8 @@ std::string TableOf(const std::vector<MergeRun>& runs) {
     for (const Column& column : Columns()) {
       const std::optional<double> value = column.value(run);
       if (!value) continue;
-      text += fmt::format("  {:<20}{:>12.4g}   naive is {:.4g} x this\n", column.name, *value, run.naive_ms / *value);
+      text += fmt::format("  {:<20}{:>12.4g}   naive is {:.4g} x this, naive in integers {:.4g} x\n", column.name,
+                          *value, run.naive_ms / *value, run.naive_integer_ms / *value);
     }
     text += fmt::format("  maps in memory: {:.3g} x what 2 bits a cell take; pages {:.3g} MB\n", run.memory_ratio,
                         run.pages_mb);

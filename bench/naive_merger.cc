@@ -1,6 +1,7 @@
 #include "bench/naive_merger.h"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 namespace moondb {
@@ -14,6 +15,17 @@ std::vector<Cell> Unpack(const PackedBlock& packed) {
   return cells;
 }
 
+// Maps come by rising record key, a map's layers from fine to coarse: of equals, the later map and the earlier layer or
+// block stand.
+inline void Decide(const NaiveMerger::CellState& seen, NaiveMerger::CellState& state) {
+  if (seen.resolution_um > state.resolution_um) return;
+  if (seen.resolution_um == state.resolution_um) {
+    if (seen.stamp_ns < state.stamp_ns) return;
+    if (seen.stamp_ns == state.stamp_ns && state.map == seen.map) return;
+  }
+  state = seen;
+}
+
 }  // namespace
 
 NaiveMerger::NaiveMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid)
@@ -25,7 +37,7 @@ NaiveMerger::NaiveMerger(std::span<const PlacedMap> maps, std::span<const Footpr
   }
 }
 
-void NaiveMerger::Merge() {
+void NaiveMerger::Merge(Arithmetic arithmetic) {
   std::vector<std::unique_ptr<PlacedThing>> things;
   extent_ = {};
   for (const PlacedMap& placed : maps_) {
@@ -44,7 +56,11 @@ void NaiveMerger::Merge() {
         continue;
       }
       const auto block = static_cast<std::size_t>(placed.cells - maps_[i].map->blocks.data());
-      DrawBlock(placed, block_cells_[i][block], static_cast<std::uint32_t>(i));
+      if (arithmetic == Arithmetic::kDouble) {
+        DrawBlockInDoubles(placed, block_cells_[i][block], static_cast<std::uint32_t>(i));
+      } else {
+        DrawBlock(placed, block_cells_[i][block], static_cast<std::uint32_t>(i));
+      }
     }
   }
 }
@@ -64,15 +80,32 @@ void NaiveMerger::DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& 
       if (u < 0 || v < 0 || u >= p.width_q || v >= p.height_q) continue;
       const Cell value = cells[static_cast<std::size_t>((v >> kFractionBits) * block.width + (u >> kFractionBits))];
       if (value == Cell::kUnknown) continue;
-      CellState& state = row[x];
-      // Maps come by rising record key, a map's layers from fine to coarse: of equals, the later map and the earlier
-      // layer or block stand.
-      if (resolution_um > state.resolution_um) continue;
-      if (resolution_um == state.resolution_um) {
-        if (stamp_ns < state.stamp_ns) continue;
-        if (stamp_ns == state.stamp_ns && state.map == map) continue;
-      }
-      state = {stamp_ns, resolution_um, map, block.level, value};
+      Decide({stamp_ns, resolution_um, map, block.level, value}, row[x]);
+    }
+  }
+}
+
+void NaiveMerger::DrawBlockInDoubles(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map) {
+  const LocalMap& local = *maps_[map].map;
+  const LayerBlock& block = placed.cells->block();
+  const LocalLayer& layer = local.layers[block.level];
+  const PlanarPose pose = ToPlanar(maps_[map].map_from_node, local.node_from_map);
+  const double grid_m = grid_.resolution_um / 1e6;
+  const double cell_m = layer.resolution_um / 1e6;
+  const CellBox& box = placed.rectangle.box;
+  for (std::int64_t y = box.first_y; y <= box.last_y; ++y) {
+    CellState* row = cells_.data() + (y - extent_.first_y) * extent_.width() - extent_.first_x;
+    for (std::int64_t x = box.first_x; x <= box.last_x; ++x) {
+      const double dx = (static_cast<double>(x) + 0.5) * grid_m - pose.x_m;
+      const double dy = (static_cast<double>(y) + 0.5) * grid_m - pose.y_m;
+      const double in_x_m = pose.cos_yaw * dx + pose.sin_yaw * dy - layer.center_x_m;
+      const double in_y_m = pose.cos_yaw * dy - pose.sin_yaw * dx - layer.center_y_m;
+      const auto column = static_cast<std::int32_t>(std::floor(in_x_m / cell_m + layer.width / 2.0)) - block.column;
+      const auto in_row = static_cast<std::int32_t>(std::floor(in_y_m / cell_m + layer.height / 2.0)) - block.row;
+      if (column < 0 || in_row < 0 || column >= block.width || in_row >= block.height) continue;
+      const Cell value = cells[static_cast<std::size_t>(in_row) * block.width + column];
+      if (value == Cell::kUnknown) continue;
+      Decide({placed.stamp_ns, placed.resolution_um, map, block.level, value}, row[x]);
     }
   }
 }

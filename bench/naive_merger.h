@@ -1,8 +1,8 @@
 // NaiveMerger: what one writes first, well. Each map, each layer, each cell of the merged map in the layer's bounding
 // box: the inverse transform, the layer's cell there, and a comparison of resolution and time with what the cell holds.
 //
-// The yardstick of merge_bench, and an oracle for tests: the same integers of actors/merge/quantize.h, and none of
-// Merger's code. One thread; the layers lie unpacked, a byte a cell.
+// In metres and doubles it is the yardstick of merge_bench; with the integers of actors/merge/quantize.h, and none of
+// Merger's code, an oracle for tests, and a harder yardstick. One thread; the layers lie unpacked, a byte a cell.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +27,10 @@ class NaiveMerger {
   // Unpacks the maps, which are to have different keys.
   NaiveMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid);
 
-  // Places the maps and fills the grid of their extent.
-  void Merge();
+  enum class Arithmetic { kDouble, kInteger };
+
+  // Places the maps and fills the grid of their extent. In doubles cells on borders may come out otherwise.
+  void Merge(Arithmetic arithmetic = Arithmetic::kInteger);
 
   const CellBox& extent() const { return extent_; }
   const std::vector<CellState>& cells() const { return cells_; }  // Of the extent, row after row.
@@ -36,6 +38,7 @@ class NaiveMerger {
 
  private:
   void DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map);
+  void DrawBlockInDoubles(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map);
   void DrawFootprint(const PlacedRectangle& placed);
 
   const MergeGrid grid_;

@@ -14,7 +14,7 @@ flat in uvec4 block_placed;
 flat in uvec4 block_sides;
 flat in uint block_winner;
 
-layout(location = 0) out uvec4 cell;  // Value, and the winner's low and high byte.
+layout(location = 0) out uint cell;  // Value, and from bit 8 on the winner.
 
 const uint kFootprintPage = 0xFFFFFFFFu;
 
@@ -31,5 +31,5 @@ void main() {
     value = word >> (u >> 21 & 30u) & 3u;
   }
   if (value == 0u) discard;
-  cell = uvec4(value, block_winner & 255u, block_winner >> 8, 0u);
+  cell = value | block_winner << 8;
 }

@@ -37,7 +37,7 @@ constexpr Tables kTables = MakeTables();
 class Avx512View {
  public:
   explicit Avx512View(const KernelBlock& block, const SquareReach& reach) : block_(block), reach_(reach) {
-    const bool is_narrow = reach_.u_high - reach_.u_low <= 15 * kCell && reach_.v_high - reach_.v_low <= 15 * kCell;
+    const bool is_narrow = reach_.u_high - reach_.u_low <= 15 * kCell;
     way_ = is_narrow && block.words != nullptr ? Way::kWindow : HasSmallSteps(reach_) ? Way::kGather : Way::kOneByOne;
     if (way_ == Way::kOneByOne) return;
     const __m512i x = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7);

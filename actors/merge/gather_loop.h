@@ -17,7 +17,7 @@ struct Seen {
   std::uint64_t hazard = 0;
 };
 
-// How far u and v range within a square, from its first cell.
+// How far u and v range within a square, from its first cell: both equally far.
 struct SquareReach {
   explicit SquareReach(const KernelBlock& block) {
     const std::int64_t c = 7 * block.step_cos;
@@ -36,7 +36,7 @@ struct SquareReach {
 // The steps are small enough that 32 bits, modulo 1024 cells, tell inside from outside for all cells of a square that
 // touches the block.
 [[maybe_unused]] inline bool HasSmallSteps(const SquareReach& reach) {
-  return reach.u_high - reach.u_low < 500 * kCell && reach.v_high - reach.v_low < 500 * kCell;
+  return reach.u_high - reach.u_low < 500 * kCell;
 }
 
 // The squares of the tile that may meet the block's rectangle; exactly those whose own bounding box in the block's

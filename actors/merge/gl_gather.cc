@@ -20,7 +20,10 @@ namespace moondb {
 namespace {
 
 // How many blocks of a tile are drawn before it is read back: most cells are known after very few.
-constexpr std::array<std::size_t, 4> kRoundBlocks = {6, 24, 256, 60'000};
+constexpr std::array<std::size_t, 5> kRoundBlocks = {3, 6, 12, 48, 60'000};
+
+// What 16 bits count.
+constexpr std::size_t kTileBlocksMax = 65'536;
 
 // Pages drawn at once: a target of 4096 x 4096 cells.
 constexpr std::size_t kBatchPages = 256;
@@ -53,22 +56,46 @@ bool IsSteep(const PlacedRectangle& placed) {
   return steps * kTileSideCells > std::int64_t{500} << kFractionBits;
 }
 
-// The least rectangle of squares that holds all of a mask's.
+// Squares x to end_x of the rows y to end_y.
 struct SquareBox {
-  explicit SquareBox(std::uint64_t squares) {
-    std::uint64_t columns = squares;
-    for (const int shift : {32, 16, 8}) columns |= columns >> shift;
-    columns &= 255;
-    first_x = static_cast<std::uint32_t>(std::countr_zero(columns));
-    end_x = 64 - static_cast<std::uint32_t>(std::countl_zero(columns));
-    first_y = static_cast<std::uint32_t>(std::countr_zero(squares)) / 8;
-    end_y = (63 - static_cast<std::uint32_t>(std::countl_zero(squares))) / 8 + 1;
-  }
   std::uint32_t first_x;
   std::uint32_t end_x;
   std::uint32_t first_y;
   std::uint32_t end_y;
 };
+
+// Takes a rectangle of set squares off the mask, which is not empty: as far right as there are any, then as far up.
+SquareBox TakeBox(std::uint64_t& squares) {
+  const auto first = static_cast<std::uint32_t>(std::countr_zero(squares));
+  const std::uint64_t row = squares >> first & (255u >> (first % 8));
+  const auto width = static_cast<std::uint32_t>(std::countr_one(row));
+  const std::uint64_t run = ((std::uint64_t{1} << width) - 1) << (first % 8);
+  SquareBox box{first % 8, first % 8 + width, first / 8, first / 8};
+  while (box.end_y < 8 && (squares >> (8 * box.end_y) & run) == run) {
+    squares &= ~(run << (8 * box.end_y));
+    ++box.end_y;
+  }
+  return box;
+}
+
+// What a rectangle more costs, in squares drawn: setting up its triangles.
+constexpr std::uint32_t kBoxCostSquares = 10;
+
+// Rectangles that hold all of a mask's squares: one each where they fit together well, or one around them all.
+std::vector<SquareBox>& CoverSquares(std::uint64_t squares, std::vector<SquareBox>& boxes) {
+  boxes.clear();
+  const auto square_count = static_cast<std::uint32_t>(std::popcount(squares));
+  SquareBox all{8, 0, 8, 0};
+  while (squares != 0) {
+    const SquareBox& box = boxes.emplace_back(TakeBox(squares));
+    all = {std::min(all.first_x, box.first_x), std::max(all.end_x, box.end_x), std::min(all.first_y, box.first_y),
+           std::max(all.end_y, box.end_y)};
+  }
+  const std::uint32_t all_count = (all.end_x - all.first_x) * (all.end_y - all.first_y);
+  const auto box_count = static_cast<std::uint32_t>(boxes.size());
+  if (all_count + kBoxCostSquares <= square_count + kBoxCostSquares * box_count) boxes = {all};
+  return boxes;
+}
 
 // A tile on its way.
 struct OpenTile {
@@ -83,62 +110,86 @@ struct OpenTile {
   // Where it stands in the target, in tiles.
   std::uint32_t column = 0;
   std::uint32_t row = 0;
-  bool is_steep = false;
+  bool is_for_cpu = false;
+
+  std::size_t CountBlocks() const { return round.size() + (tile == nullptr ? 0 : tile->blocks.size()); }
 };
 
-// Takes over what a round drew. `pixels` is the tile's first, `stride` the target's width.
-class RoundReader {
- public:
-  explicit RoundReader(OpenTile& open) : open_(open), tile_(*open.tile), numbers_(open.round.size(), kNone) {}
-
-  void Read(const std::uint32_t* pixels, std::size_t stride) {
-    for (std::uint64_t todo = open_.open; todo != 0; todo &= todo - 1) {
-      const auto square = static_cast<std::size_t>(std::countr_zero(todo));
-      ReadSquare(square, pixels + square / 8 * 8 * stride + square % 8 * 8, stride);
+template <typename Visit>
+void ForEachKnownCell(Tile& tile, Visit visit) {
+  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
+    std::uint16_t* winners = tile.winners.data() + 64 * square;
+    if (~tile.known[square] == 0) {
+      for (std::size_t i = 0; i < 64; ++i) visit(winners[i]);
+      continue;
+    }
+    for (std::uint64_t cells = tile.known[square]; cells != 0; cells &= cells - 1) {
+      visit(winners[static_cast<std::size_t>(std::countr_zero(cells))]);
     }
   }
+}
 
- private:
-  static constexpr std::uint32_t kNone = UINT32_MAX;
+// Strikes blocks that were drawn and won nothing.
+void DropLosers(Tile& tile) {
+  std::vector<std::uint16_t> numbers(tile.blocks.size());
+  ForEachKnownCell(tile, [&numbers](std::uint16_t winner) { numbers[winner] = 1; });
+  std::uint16_t count = 0;
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    if (numbers[i] == 0) continue;
+    tile.blocks[count] = tile.blocks[i];
+    numbers[i] = count++;
+  }
+  if (count == tile.blocks.size()) return;
+  tile.blocks.resize(count);
+  ForEachKnownCell(tile, [&numbers](std::uint16_t& winner) { winner = numbers[winner]; });
+  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
+    if (tile.known[square] != 0) tile.weakest[square] = numbers[tile.weakest[square]];
+  }
+}
 
-  void ReadSquare(std::size_t square, const std::uint32_t* pixels, std::size_t stride) {
-    std::uint64_t known = 0;
-    std::uint64_t hazard = 0;
-    for (std::size_t y = 0; y < 8; ++y) {
-      for (std::size_t x = 0; x < 8; ++x) {
-        const std::uint64_t pixel = pixels[y * stride + x];
-        known |= static_cast<std::uint64_t>((pixel & 3) != 0) << (y * 8 + x);
-        hazard |= (pixel >> 1 & 1) << (y * 8 + x);
-      }
+// Takes over what a round drew of a square. `pixels` is the square's first, `stride` the target's width; `base` is what
+// the first block of the round is called in the tile.
+void ReadSquare(const std::uint32_t* pixels, std::size_t stride, std::uint32_t base, std::size_t square, Tile& tile) {
+  std::array<std::uint32_t, 64> drawn;
+  for (std::size_t y = 0; y < 8; ++y) std::copy_n(pixels + y * stride, 8, drawn.begin() + 8 * y);
+  std::uint64_t free = 0;
+  std::uint64_t hazard = 0;
+  for (std::size_t i = 0; i < drawn.size(); ++i) {
+    free |= static_cast<std::uint64_t>(drawn[i] & 1) << i;
+    hazard |= static_cast<std::uint64_t>(drawn[i] >> 1 & 1) << i;
+  }
+  const std::uint64_t taken = (free | hazard) & ~tile.known[square];
+  if (taken == 0) return;
+  std::uint16_t* winners = tile.winners.data() + 64 * square;
+  std::uint32_t weakest = 0;
+  if (~taken == 0) {
+    for (std::size_t i = 0; i < drawn.size(); ++i) {
+      weakest = std::max(weakest, drawn[i] >> 8);
+      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 8));
     }
-    const std::uint64_t taken = known & ~tile_.known[square];
-    if (taken == 0) return;
-    tile_.known[square] |= taken;
-    tile_.hazard[square] |= hazard & taken;
-    std::uint32_t weakest = 0;
+  } else {
     for (std::uint64_t cells = taken; cells != 0; cells &= cells - 1) {
-      const auto cell = static_cast<std::size_t>(std::countr_zero(cells));
-      const std::uint32_t drawn = pixels[cell / 8 * stride + cell % 8] >> 8;
-      weakest = std::max(weakest, drawn);
-      tile_.winners[square * 64 + cell] = NumberOf(drawn);
+      const auto i = static_cast<std::size_t>(std::countr_zero(cells));
+      weakest = std::max(weakest, drawn[i] >> 8);
+      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 8));
     }
-    tile_.weakest[square] = NumberOf(weakest);
-    if (~tile_.known[square] == 0) open_.open &= ~(std::uint64_t{1} << square);
   }
+  tile.known[square] |= taken;
+  tile.hazard[square] |= hazard & taken;
+  tile.weakest[square] = static_cast<std::uint16_t>(base + weakest);
+}
 
-  std::uint16_t NumberOf(std::uint32_t drawn) {
-    std::uint32_t& number = numbers_[drawn];
-    if (number == kNone) {
-      number = static_cast<std::uint32_t>(tile_.blocks.size());
-      tile_.blocks.push_back(open_.round[drawn]);
-    }
-    return static_cast<std::uint16_t>(number);
+// The same of a tile, whose first pixel `pixels` is.
+void ReadRound(const std::uint32_t* pixels, std::size_t stride, OpenTile& open) {
+  Tile& tile = *open.tile;
+  const auto base = static_cast<std::uint32_t>(tile.blocks.size());
+  tile.blocks.insert(tile.blocks.end(), open.round.begin(), open.round.end());
+  for (std::uint64_t todo = open.open; todo != 0; todo &= todo - 1) {
+    const auto square = static_cast<std::size_t>(std::countr_zero(todo));
+    ReadSquare(pixels + square / 8 * 8 * stride + square % 8 * 8, stride, base, square, tile);
+    if (~tile.known[square] == 0) open.open &= ~(std::uint64_t{1} << square);
   }
-
-  OpenTile& open_;
-  Tile& tile_;
-  std::vector<std::uint32_t> numbers_;  // By place in the round.
-};
+}
 
 }  // namespace
 
@@ -228,7 +279,7 @@ class GlGather::Painter {
         if (Result<void> drawn = DrawRound(part, blocks_max); !drawn) return drawn;
       }
       std::erase_if(open, [](const OpenTile* tile) {
-        return tile->is_steep || tile->open == 0 || tile->next == tile->list->size();
+        return tile->is_for_cpu || tile->open == 0 || tile->next == tile->list->size();
       });
     }
     return {};
@@ -266,7 +317,7 @@ class GlGather::Painter {
     for (OpenTile* tile : tiles) {
       if (tile->round.empty()) continue;
       const std::size_t first = tile->row * 64 * static_cast<std::size_t>(width) + tile->column * 64;
-      RoundReader(*tile).Read(pixels_.data() + first, static_cast<std::size_t>(width));
+      ReadRound(pixels_.data() + first, static_cast<std::size_t>(width), *tile);
     }
     times_.upload_ms += uploaded_ms - start_ms;
     times_.draw_ms += drawn_ms - uploaded_ms;
@@ -285,15 +336,14 @@ class GlGather::Painter {
       if (!ordered.box.Touches(open.box)) continue;
       const std::uint64_t squares = SquaresThatMayKnow(*ordered.block, open.box) & open.open;
       if (squares == 0) continue;
-      if (IsSteep(ordered.block->rectangle)) {
-        open.is_steep = true;
+      const bool is_countable = open.CountBlocks() < kTileBlocksMax;
+      if (IsSteep(ordered.block->rectangle) || !is_countable) {
+        open.is_for_cpu = true;
         open.round.clear();
         instances_.resize(first_instance);
         return {};
       }
-      Result<Instance> instance = MakeInstance(*ordered.block, open, squares);
-      if (!instance) return tl::unexpected(instance.error());
-      instances_.push_back(*instance);
+      if (Result<void> added = AddBlock(*ordered.block, open, squares); !added) return added;
       open.round.push_back(ordered.block);
     }
     if (open.round.empty()) return {};
@@ -307,28 +357,33 @@ class GlGather::Painter {
     return {};
   }
 
-  Result<Instance> MakeInstance(const PlacedBlock& block, const OpenTile& open, std::uint64_t squares) {
+  // An instance for each rectangle of the squares.
+  Result<void> AddBlock(const PlacedBlock& block, const OpenTile& open, std::uint64_t squares) {
     const PlacedRectangle& placed = block.rectangle;
     const std::int64_t pixel_x = std::int64_t{open.column} * kTileSideCells;
     const std::int64_t pixel_y = std::int64_t{open.row} * kTileSideCells;
     const std::int64_t i = open.box.first_x - placed.anchor_x - pixel_x;
     const std::int64_t j = open.box.first_y - placed.anchor_y - pixel_y;
-    const SquareBox box(squares);
-    const auto first_x = static_cast<std::uint32_t>(pixel_x) + box.first_x * 8;
-    const auto first_y = static_cast<std::uint32_t>(pixel_y) + box.first_y * 8;
     Instance instance{};
-    instance.rectangle = {first_x | first_y << 16, (box.end_x - box.first_x) * 8 | (box.end_y - box.first_y) * 8 << 16};
     instance.placed = {Wrap(placed.u0 + i * placed.step_cos + j * placed.step_sin),
                        Wrap(placed.v0 - i * placed.step_sin + j * placed.step_cos), Wrap(placed.step_cos),
                        Wrap(placed.step_sin)};
     instance.sides = {placed.width_q, placed.height_q, 0, kFootprintPage};
     instance.winner = static_cast<glm::uint>(open.round.size());
-    if (block.is_footprint()) return instance;
-    const Result<LayerAtlas::Spot> spot = atlas_.Find(block);
-    if (!spot) return tl::unexpected(spot.error());
-    instance.sides.z = static_cast<std::uint32_t>(spot->x) | static_cast<std::uint32_t>(spot->y) << 16;
-    instance.sides.w = static_cast<std::uint32_t>(spot->page);
-    return instance;
+    if (!block.is_footprint()) {
+      const Result<LayerAtlas::Spot> spot = atlas_.Find(block);
+      if (!spot) return tl::unexpected(spot.error());
+      instance.sides.z = static_cast<std::uint32_t>(spot->x) | static_cast<std::uint32_t>(spot->y) << 16;
+      instance.sides.w = static_cast<std::uint32_t>(spot->page);
+    }
+    for (const SquareBox& box : CoverSquares(squares, boxes_)) {
+      const auto first_x = static_cast<std::uint32_t>(pixel_x) + box.first_x * 8;
+      const auto first_y = static_cast<std::uint32_t>(pixel_y) + box.first_y * 8;
+      instance.rectangle = {first_x | first_y << 16,
+                            (box.end_x - box.first_x) * 8 | (box.end_y - box.first_y) * 8 << 16};
+      instances_.push_back(instance);
+    }
+    return {};
   }
 
   // A target at least so large; kept for the next round.
@@ -341,7 +396,7 @@ class GlGather::Painter {
     target_height_ = std::max(height, target_height_);
     color_ = MakeRenderbuffer();
     glBindRenderbuffer(GL_RENDERBUFFER, color_.id());
-    glRenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8UI, target_width_, target_height_);
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_R32UI, target_width_, target_height_);
     depth_ = MakeRenderbuffer();
     glBindRenderbuffer(GL_RENDERBUFFER, depth_.id());
     glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT16, target_width_, target_height_);
@@ -390,18 +445,15 @@ class GlGather::Painter {
     const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
     pixels_.resize(count);
     glPixelStorei(GL_PACK_ALIGNMENT, 4);
-    // OpenGL ES promises only 32 bits a channel; most drivers also give the bytes as they are.
-    const bool is_bytes = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RGBA_INTEGER &&
-                          GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_BYTE &&
-                          std::endian::native == std::endian::little;
-    if (is_bytes) {
-      glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, pixels_.data());
+    // OpenGL ES promises four channels; most drivers also give the one that is there.
+    const bool is_one = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RED_INTEGER &&
+                        GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_INT;
+    if (is_one) {
+      glReadPixels(0, 0, width, height, GL_RED_INTEGER, GL_UNSIGNED_INT, pixels_.data());
     } else {
       channels_.resize(count * 4);
       glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_INT, channels_.data());
-      for (std::size_t i = 0; i < count; ++i) {
-        pixels_[i] = channels_[4 * i] | channels_[4 * i + 1] << 8 | channels_[4 * i + 2] << 16;
-      }
+      for (std::size_t i = 0; i < count; ++i) pixels_[i] = channels_[4 * i];
     }
     if (Result<void> read = CheckGl("reading back"); !read) return read;
     return CheckLost();
@@ -419,12 +471,13 @@ class GlGather::Painter {
     std::vector<GatherWork> steep;
     std::vector<GatherWork*> steep_origins;
     for (OpenTile& open : tiles_) {
-      if (open.is_steep) {
+      if (open.is_for_cpu) {
         steep.push_back({open.work->key, open.work->page, static_cast<std::uint16_t>(1 << open.index), 0});
         steep_origins.push_back(open.work);
         continue;
       }
       std::unique_ptr<Tile>& held = open.work->page->tiles[open.index];
+      if (open.tile != nullptr) DropLosers(*open.tile);
       if (open.tile != nullptr && open.tile->blocks.empty()) spare_.push_back(std::move(open.tile));
       const bool is_same = held == nullptr || open.tile == nullptr
                                ? held == open.tile
@@ -459,6 +512,7 @@ class GlGather::Painter {
   std::int32_t target_height_ = 0;
   std::vector<std::vector<OrderedBlock>> lists_;  // By page of the batch.
   std::vector<OpenTile> tiles_;                   // Of the batch.
+  std::vector<SquareBox> boxes_;                  // Of the block at hand.
   std::vector<Instance> instances_;
   std::vector<std::uint32_t> pixels_;  // Value, and the winner in the round above it.
   std::vector<std::uint32_t> channels_;

@@ -5,8 +5,8 @@
 // something; what is still unknown when that is read back, by more of them; and so on. Within a round the depth test
 // keeps the first known value of each cell. The fragment shader repeats the CPU's integer additions.
 //
-// A tile that sees layers many times finer than the grid, which 32 bits cannot hold a tile long, is gathered on the
-// CPU.
+// A tile that sees layers many times finer than the grid, which 32 bits cannot hold a tile long, or more blocks than
+// 16 bits can count, is gathered on the CPU.
 #pragma once
 
 #include <cstdint>
@@ -26,8 +26,8 @@ class GlGather final : public GatherBackend {
   struct Options {
     std::int32_t target_cells_max = 4096;       // A side of one draw's target, at least 64; the driver's limit counts.
     std::int32_t atlas_page_texels_max = 1024;  // At least kBlockSideCellsMax.
-    std::function<bool()> is_lost = {};              // For tests: asked before each draw; true is taken for a loss.
-    std::function<double()> now_ms = {};             // For benchmarks: fills times(), and waits for the GPU at each step.
+    std::function<bool()> is_lost = {};         // For tests: asked before each draw; true is taken for a loss.
+    std::function<double()> now_ms = {};        // For benchmarks: fills times(), and waits for the GPU at each step.
   };
 
   // Of the last Gather.

@@ -73,15 +73,22 @@ void MergeActor::OnStart(Context& context) {
   // taken for one of this life's.
   read_id_ = context.rng()();
   life_ = context.rng()() | 1;
-  Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options_.backend, options_.merge_threads);
-  if (backend) {
-    backend_ = std::move(*backend);
-    merger_ = std::make_unique<Merger>(CollectionOptions(options_.team).grid, backend_);
-    spdlog::info("{}: merges on {}", ToString(context.self()), backend_->description());
+  if (Result<void> started = StartMerger(); !started) {
+    start_error_ = started.error();
+    spdlog::error("{}: {}", ToString(context.self()), ToString(start_error_));
   } else {
-    backend_error_ = backend.error();
-    spdlog::error("{}: {}", ToString(context.self()), ToString(backend_error_));
+    LogBackend(context);
   }
+}
+
+Result<void> MergeActor::StartMerger() {
+  const MergeGrid grid = CollectionOptions(options_.team).grid;
+  if (Result<void> checked = CheckGrid(grid); !checked) return checked;
+  Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options_.backend, options_.merge_threads);
+  if (!backend) return tl::unexpected(backend.error());
+  backend_ = std::move(*backend);
+  merger_ = std::make_unique<Merger>(grid, backend_);
+  return {};
 }
 
 void MergeActor::OnMessage(Context& context, const proto::Message& message) {
@@ -294,7 +301,7 @@ std::optional<proto::Message> MergeActor::AnswerTiles(Context& context, const Wa
 }
 
 Result<void> MergeActor::Update(Context& context) {
-  if (merger_ == nullptr) return tl::unexpected(backend_error_);
+  if (merger_ == nullptr) return tl::unexpected(start_error_);
   if (is_current_) return {};
   Result<void> merged = RunMerger(context, collection_.Select({}), *merger_);
   is_current_ = merged.has_value();
@@ -302,7 +309,7 @@ Result<void> MergeActor::Update(Context& context) {
 }
 
 Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::MergeRequest& request) {
-  if (merger_ == nullptr) return tl::unexpected(backend_error_);
+  if (merger_ == nullptr) return tl::unexpected(start_error_);
   const MonotonicTime start = context.now();
   const MapCollection::Selection selection = SelectionOf(request);
   const MapCollection::Selected selected = collection_.Select(selection);
@@ -340,11 +347,20 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   return reply;
 }
 
+// At the start, and when a driver is lost or comes back.
+void MergeActor::LogBackend(Context& context) {
+  std::string description = backend_->description();
+  if (description == backend_description_) return;
+  backend_description_ = std::move(description);
+  spdlog::info("{}: merges on {}", ToString(context.self()), backend_description_);
+}
+
 Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
   for (const Error& refused : merger.Assign(selected.maps, selected.footprints)) {
     spdlog::warn("{}: leaves out {}", ToString(context.self()), ToString(refused));
   }
   const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
+  LogBackend(context);
   if (!merged) return tl::unexpected(merged.error());
   return {};
 }

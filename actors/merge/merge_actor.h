@@ -13,8 +13,8 @@
 // at again when StorageActor tells of new records (it names this actor in `notify`), once in look_period at most.
 //
 // Errors in replies: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
-// kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), and
-// StorageActor's own.
+// kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), kInvalid
+// (the team file's map does not fit CheckGrid), and StorageActor's own.
 #pragma once
 
 #include <cstdint>
@@ -77,6 +77,8 @@ class MergeActor final : public Actor {
   // Brings the merged map of everything up to date.
   Result<void> Update(Context& context);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
+  Result<void> StartMerger();
+  void LogBackend(Context& context);
   Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   // Nothing where a subscription goes on.
   std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);
@@ -85,8 +87,9 @@ class MergeActor final : public Actor {
 
   const Options options_;
   MapCollection collection_;
-  std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent.
-  Error backend_error_;                     // Why.
+  std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
+  Error start_error_;                       // Why.
+  std::string backend_description_;         // As it was logged last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   bool is_current_ = false;                 // It has all that is in collection_.
   std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.

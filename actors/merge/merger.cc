@@ -243,9 +243,8 @@ std::vector<Error> Merger::Assign(std::span<const PlacedMap> maps, std::span<con
 
 Result<MergeSummary> Merger::Merge(const StopPredicate& stop) {
   MergeSummary summary;
-  const std::size_t changes = added_.size() + retired_.size();
-  summary.is_full = changes > 8 && changes > (maps_.size() + footprints_.size()) / 2;
-  if (changes > 0) {
+  if (!added_.empty() || !retired_.empty() || is_everything_due_) {
+    summary.is_full = is_everything_due_ || IsMostlyNew();
     UpdateExtent();
     UpdateOrder();
     if (summary.is_full) {
@@ -258,20 +257,36 @@ Result<MergeSummary> Merger::Merge(const StopPredicate& stop) {
     retired_.clear();
   }
   if (!dirty_.empty()) {
-    std::vector<GatherWork> works = MakeWorks();
-    if (pages_.size() > kPagesMax) {
-      return Fail(ErrorCode::kFull, "the maps cover more than " + std::to_string(kPagesMax) +
-                                        " pages of 256 x 256 cells: merge fewer agents or coarser");
+    Result<std::vector<GatherWork>> works = MakeWorks();
+    is_everything_due_ = !works;
+    if (!works) {
+      dirty_.clear();
+      return tl::unexpected(works.error());
     }
     ++version_;
-    const Result<void> gathered = backend_->Gather(order_, works, stop);
-    NoteChanges(works, summary);
+    const Result<void> gathered = backend_->Gather(order_, *works, stop);
+    NoteChanges(*works, summary);
     if (!gathered) return tl::unexpected(gathered.error());
     dirty_.clear();
   }
   buried_.clear();
   summary.version = version_;
   return summary;
+}
+
+// What is gained by looking which tiles a change can matter in is lost when most of them are looked at again and again.
+// (A look at a tile costs about a sixteenth of gathering it.)
+bool Merger::IsMostlyNew() const {
+  const std::size_t changes = added_.size() + retired_.size();
+  if (changes > 8 && changes > (maps_.size() + footprints_.size()) / 2) return true;
+  std::int64_t looks = 0;
+  const auto count = [&looks](const PlacedThing& thing) {
+    looks += (thing.extent.width() / kTileSideCells + 1) * (thing.extent.height() / kTileSideCells + 1);
+  };
+  for (const PlacedThing* thing : added_) count(*thing);
+  for (const Thing& thing : retired_) count(*thing);
+  constexpr std::int64_t kLooksForATile = 16;
+  return changes > 8 && looks > kLooksForATile * static_cast<std::int64_t>(pages_.size() * kTilesInPage);
 }
 
 void Merger::UpdateExtent() {
@@ -349,7 +364,13 @@ Page* Merger::FindPage(const PageKey& key) const {
 }
 
 // Neighbouring pages next to each other: backends look at their surroundings together.
-std::vector<GatherWork> Merger::MakeWorks() {
+Result<std::vector<GatherWork>> Merger::MakeWorks() {
+  const auto is_new = [this](const auto& dirty) { return !pages_.contains(dirty.first); };
+  const auto new_pages = static_cast<std::size_t>(std::count_if(dirty_.begin(), dirty_.end(), is_new));
+  if (pages_.size() + new_pages > kPagesMax) {
+    return Fail(ErrorCode::kFull, "the maps cover more than " + std::to_string(kPagesMax) +
+                                      " pages of 256 x 256 cells: merge fewer agents or coarser");
+  }
   std::vector<GatherWork> works;
   works.reserve(dirty_.size());
   for (const auto& [key, tiles] : dirty_) {

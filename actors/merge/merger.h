@@ -147,7 +147,8 @@ class Merger {
   void MarkGains(const PlacedThing& added);
   void MarkEverything();
   Page* FindPage(const PageKey& key) const;
-  std::vector<GatherWork> MakeWorks();
+  bool IsMostlyNew() const;
+  Result<std::vector<GatherWork>> MakeWorks();
   void NoteChanges(std::span<const GatherWork> works, MergeSummary& summary);
   // By what won them.
   std::unordered_map<const PlacedThing*, std::uint64_t> CountCells() const;
@@ -164,6 +165,7 @@ class Merger {
   std::vector<OrderedBlock> order_;         // All blocks as of the last Merge.
   std::unordered_map<PageKey, std::unique_ptr<Page>, PageKeyHash> pages_;
   std::unordered_map<PageKey, std::uint16_t, PageKeyHash> dirty_;  // Tiles to gather.
+  bool is_everything_due_ = false;                                 // After a merge that was too large.
   CellBox extent_;
   std::uint64_t version_ = 0;
 };

@@ -10,6 +10,7 @@
 #include "actors/clock/clock_actor.h"
 #include "actors/gateway/gateway_actor.h"
 #include "actors/lease/lease_actor.h"
+#include "actors/merge/gather_pool.h"
 #include "actors/merge/merge_actor.h"
 #include "actors/pgo/pgo_actor.h"
 #include "actors/role/failover_actor.h"
@@ -182,6 +183,7 @@ class Agent::Impl {
     merge.self = self_;
     merge.team = team;
     merge.backend = options_.merge_backend;
+    merge.merge_threads = HardwareThreads();
     SpawnActor<MergeActor>(*system_, actor_name::kMerge, Placement::kOwnThread, std::move(merge));
 
     GatewayActor::Options gateway;

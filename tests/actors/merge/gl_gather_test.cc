@@ -93,6 +93,34 @@ TEST_F(GlGatherTest, LayersMuchFinerThanTheGridAreAskedRightly) {
   }
 }
 
+// A tile must not outlive what it names: Merger gathers anew only tiles in which a withdrawn map won.
+TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
+  std::vector<std::unique_ptr<PlacedThing>> things;
+  for (const auto& [rows, stamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {
+    const auto local = MakeLocalMap(MapKey(1, things.size() + 1), stamp_ns, DrawMap({rows}, 50'000), {});
+    things.push_back(*PlaceMap({*local, Pose{}}, {}));
+  }
+  std::vector<OrderedBlock> blocks;
+  for (const std::unique_ptr<PlacedThing>& thing : things) {
+    for (PlacedBlock& block : thing->blocks) blocks.push_back({block.rectangle.box, &block});
+  }
+  ASSERT_EQ(blocks.size(), 2u);
+  CpuGather cpu({});
+  for (GatherBackend* backend : {static_cast<GatherBackend*>(gl_.get()), static_cast<GatherBackend*>(&cpu)}) {
+    SCOPED_TRACE(backend->name());
+    Page page;
+    GatherWork work{{0, 0}, &page, UINT16_MAX, 0};
+    ASSERT_TRUE(backend->Gather(blocks, std::span(&work, 1), {}).has_value());
+    EXPECT_EQ(work.changed, 1);
+    ASSERT_NE(page.tiles[0], nullptr);
+    EXPECT_EQ(page.tiles[0]->blocks, (std::vector<const PlacedBlock*>{blocks[0].block}));
+    EXPECT_EQ(page.tiles[1], nullptr);
+    work.changed = 0;
+    ASSERT_TRUE(backend->Gather(blocks, std::span(&work, 1), {}).has_value());
+    EXPECT_EQ(work.changed, 0);
+  }
+}
+
 TEST_F(GlGatherTest, NothingMergesToNothing) { ExpectSame(gl_, {}); }
 
 TEST_F(GlGatherTest, AnyOneThreadAtATimeMayUseIt) {

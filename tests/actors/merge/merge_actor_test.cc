@@ -330,6 +330,29 @@ TEST_F(MergeActorTest, MapsTooFarApartAreAClearError) {
   EXPECT_EQ(Merge(request).origin_cell_x(), 9'999'999) << "1,000 km away, alone";
 }
 
+TEST_F(MergeActorTest, AMapThatNoMergerTakesIsAClearError) {
+  options_.team.mutable_map()->set_footprint_m(0, 100);
+  Start();
+  const proto::MergeReply reply = Merge();
+  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_INVALID);
+  EXPECT_EQ(reply.error().field(), "map.footprint_m");
+}
+
+TEST_F(MergeActorTest, AMergedMapIsKeptUpToDateBesideThoseOfSomeAgents) {
+  StoreNode(1, 0);
+  StoreNode(2, 1);
+  StoreMap(1, {"###"});
+  StoreMap(2, {"###"});
+  Start();
+  const std::string before = Merge().zstd_cells();
+  proto::MergeRequest request;
+  request.add_agents(2);
+  EXPECT_EQ(Merge(request).map_count(), 1);
+  EXPECT_EQ(Merge().zstd_cells(), before);
+  StoreMap(2, {"..."});
+  EXPECT_NE(Merge().zstd_cells(), before);
+}
+
 TEST_F(MergeActorTest, RequestsQueueUpToABound) {
   store_->is_silent = true;
   options_.requests_max = 16;

@@ -14,7 +14,6 @@ namespace {
 using Rows = std::vector<std::string>;
 
 constexpr std::uint32_t kFine = 100'000;
-constexpr std::uint32_t kCoarse = 200'000;
 
 class MergePolicyTest : public testing::Test {
  protected:
@@ -36,70 +35,6 @@ class MergePolicyTest : public testing::Test {
   std::vector<MapAtPose> maps_;
   std::vector<Pose> footprints_;
 };
-
-TEST_F(MergePolicyTest, ARoverSeenByAnotherIsClearedByANewerMap) {
-  Put(2, 10, {"....", ".##.", "...."});
-  Put(2, 20, {"    ", " .. ", "    "});
-  EXPECT_EQ(Merge(), (Rows{"....", "....", "...."}));
-}
-
-TEST_F(MergePolicyTest, ARoverSeenByAnotherIsClearedByItsFootprint) {
-  Put(2, 10, {"....", ".##.", "...."});
-  footprints_.push_back(Pose::FromPlanar(0.2, 0.15, 0));
-  EXPECT_EQ(Merge(), (Rows{"....", "....", "...."}));
-}
-
-TEST_F(MergePolicyTest, AFootprintStandsAboveNewerAndFinerHazards) {
-  grid_.resolution_um = kCoarse;
-  grid_.footprint_length_m = 0.4;
-  grid_.footprint_width_m = 0.2;
-  Put(2, 99, {"####", "####", "####", "####"});
-  footprints_.push_back(Pose::FromPlanar(0.2, 0.1, 0));
-  EXPECT_EQ(Merge(), (Rows{"##", ".."}));
-}
-
-TEST_F(MergePolicyTest, APhantomIsClearedByANewerMapOfTheSameOrFinerResolution) {
-  Put(1, 10, {"##", "##"}, kCoarse);
-  Put(1, 20, {". ", "  "}, kCoarse);
-  Put(2, 20, {"    ", "    ", "  ..", "  .."}, kFine);
-  EXPECT_EQ(Merge(), (Rows{"..##", "..##", "##..", "##.."}));
-}
-
-TEST_F(MergePolicyTest, AnOlderFinerFreeCellStandsAgainstANewerCoarserHazard) {
-  Put(1, 10, {"..", ".."}, kFine);
-  Put(1, 20, {"#"}, kCoarse);
-  EXPECT_EQ(Merge(), (Rows{"..", ".."}));
-}
-
-TEST_F(MergePolicyTest, ANewerCoarserFreeCellDoesNotFreeAFineHazard) {
-  Put(1, 10, {"# ", "  "}, kFine);
-  Put(2, 20, {"."}, kCoarse);
-  EXPECT_EQ(Merge(), (Rows{"#.", ".."}));
-}
-
-// "v_t' if v_t = v_t'" of Eq. (1), read to the letter, gives a fine hazard that a coarser map confirms the newer,
-// coarser tag, and the next coarse map frees it.
-TEST_F(MergePolicyTest, AnEqualValueDoesNotTakeTheCoarserTag) {
-  Put(1, 10, {"#"}, kFine);
-  Put(1, 20, {"#"}, kCoarse);
-  Put(1, 30, {"."}, kCoarse);
-  EXPECT_EQ(Merge(), (Rows{"..", "#."}));
-}
-
-TEST_F(MergePolicyTest, UnknownOverKnownKeepsWhatIsKnown) {
-  Put(1, 10, {"#."}, kCoarse);
-  Put(1, 20, {"    ", " .# "}, kFine);
-  Put(1, 30, {"  "}, kCoarse);
-  EXPECT_EQ(Merge(), (Rows{"##..", "#.#."}));
-}
-
-TEST_F(MergePolicyTest, AtEqualStampsTheLargerAgentThenTheLaterRecordDecides) {
-  Put(2, 10, {".."});
-  Put(1, 10, {"##"});
-  EXPECT_EQ(Merge(), (Rows{".."}));
-  Put(2, 10, {" #"});
-  EXPECT_EQ(Merge(), (Rows{".#"}));
-}
 
 TEST_F(MergePolicyTest, OfLayersOfOneResolutionTheEarlierDecides) {
   Put(1, 10, {"#"});

@@ -236,6 +236,31 @@ TEST(MergerTest, AWorldMayBeAsWideAsItLikes) {
   EXPECT_LT(merger.bytes(), 100'000u);
 }
 
+TEST(MergerTest, PagesAreBounded) {
+  Merger merger({}, MakeCpu());
+  TraversabilityMap map;
+  map.layers.push_back({Grid(8, 8, Cell::kFree), 100'000'000, 0, 0});
+  for (std::uint64_t i = 1; i <= 5; ++i) {
+    ASSERT_TRUE(merger.Put({*MakeLocalMap(MapKey(1, i), 1, map, {}), Pose::FromPlanar(1e4 * double(i), 0, 0)}));
+  }
+  EXPECT_EQ(merger.Merge({}).error().code, ErrorCode::kFull);
+  EXPECT_EQ(merger.Merge({}).error().code, ErrorCode::kFull) << "and again";
+  for (std::uint64_t i = 1; i <= 5; ++i) EXPECT_TRUE(merger.Withdraw(MapKey(1, i)));
+  ASSERT_TRUE(merger.Put(PlaceDrawing({"#"}, MapKey(2, 1))));
+  ASSERT_TRUE(merger.Merge({}).has_value());
+  EXPECT_EQ(merger.ReadCells({0, 0, 0, 0})->grid.At(0, 0), Cell::kHazard);
+}
+
+TEST(MergerTest, ALayerOfTenThousandCellsMerges) {
+  std::mt19937_64 rng(25);
+  TraversabilityMap map;
+  map.layers.push_back({Grid(10'000, 2), 50'000, 0, 0});
+  for (Cell& cell : map.layers[0].grid.cells) cell = static_cast<Cell>(rng() % 3);
+  World world;
+  world.maps.push_back({*MakeLocalMap(MapKey(1, 1), 1, map, {}), Pose::FromPlanar(3, 1, 0)});
+  EXPECT_EQ(CountDifferences(MergeBy(MakeCpu(), world), MergeByBruteForce(world)), 0u);
+}
+
 TEST(MergerTest, TenThousandMapsInOnePlaceMerge) {
   Merger merger({}, MakeCpu());
   TraversabilityMap map;
