@@ -108,14 +108,16 @@ class Gatherer {
 
 std::vector<const GatherKernel*> AvailableKernels() {
   std::vector<const GatherKernel*> kernels = {ScalarKernel()};
-  [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel, bool is_supported) {
-    if (kernel != nullptr && is_supported) kernels.push_back(kernel);
+  // Nothing of a kernel is called before it is known that the processor has its instructions.
+  [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel) {
+    if (kernel != nullptr) kernels.push_back(kernel);
   };
 #if defined(__x86_64__)
-  add(Sse2Kernel(), true);
-  add(Avx2Kernel(), __builtin_cpu_supports("avx2") != 0);
-  add(Avx512Kernel(), __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512bw") != 0 &&
-                          __builtin_cpu_supports("avx512vbmi") != 0);
+  add(Sse2Kernel());
+  if (__builtin_cpu_supports("avx2") != 0) add(Avx2Kernel());
+  const bool has_avx512 = __builtin_cpu_supports("avx512f") != 0 && __builtin_cpu_supports("avx512bw") != 0 &&
+                          __builtin_cpu_supports("avx512vbmi") != 0;
+  if (has_avx512) add(Avx512Kernel());
 #endif
   return kernels;
 }

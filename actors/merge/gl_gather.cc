@@ -20,6 +20,7 @@ namespace moondb {
 namespace {
 
 // How many blocks of a tile are drawn before it is read back: most cells are known after very few.
+constexpr std::size_t kBlocksAtOnce = 500'000;  // In one draw; each is a few instances.
 constexpr std::array<std::size_t, 5> kRoundBlocks = {3, 6, 12, 48, 60'000};
 
 // What 16 bits count.
@@ -273,16 +274,27 @@ class GlGather::Painter {
     for (OpenTile& tile : tiles_) open.push_back(&tile);
     for (std::size_t round = 0; !open.empty(); ++round) {
       const std::size_t blocks_max = kRoundBlocks[std::min(round, kRoundBlocks.size() - 1)];
-      for (std::size_t first = 0; first < open.size(); first += at_once) {
+      for (std::size_t first = 0; first < open.size();) {
         if (stop && stop()) return Fail(ErrorCode::kUnavailable, "the merge was stopped");
-        const std::span<OpenTile*> part = std::span(open).subspan(first, std::min(at_once, open.size() - first));
-        if (Result<void> drawn = DrawRound(part, blocks_max); !drawn) return drawn;
+        const std::size_t count = CountAtOnce(std::span(open).subspan(first), blocks_max, at_once);
+        if (Result<void> drawn = DrawRound(std::span(open).subspan(first, count), blocks_max); !drawn) return drawn;
+        first += count;
       }
       std::erase_if(open, [](const OpenTile* tile) {
         return tile->is_for_cpu || tile->open == 0 || tile->next == tile->list->size();
       });
     }
     return {};
+  }
+
+  // Of the tiles, how many one draw takes: what it is told of blocks has a bound, but for a single tile.
+  static std::size_t CountAtOnce(std::span<OpenTile*> tiles, std::size_t blocks_max, std::size_t tiles_max) {
+    std::size_t count = 0;
+    for (std::size_t blocks = 0; count < std::min(tiles.size(), tiles_max); ++count) {
+      blocks += std::min(blocks_max, tiles[count]->list->size() - tiles[count]->next);
+      if (count > 0 && blocks > kBlocksAtOnce) break;
+    }
+    return count;
   }
 
   Result<void> DrawRound(std::span<OpenTile*> tiles, std::size_t blocks_max) {
@@ -546,6 +558,5 @@ Result<void> GlGather::Gather(std::span<const OrderedBlock> blocks, std::span<Ga
 }
 
 std::string GlGather::description() const { return "gl (" + context_->renderer() + ")"; }
-bool GlGather::is_software() const { return context_->is_software(); }
 
 }  // namespace moondb

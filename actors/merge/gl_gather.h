@@ -46,7 +46,6 @@ class GlGather final : public GatherBackend {
   std::string name() const override { return "gl"; }
   std::string description() const override;
 
-  bool is_software() const;  // Drawn by the CPU: llvmpipe, softpipe.
   const Times& times() const { return times_; }
 
  private:

@@ -1,6 +1,8 @@
 #include "actors/merge/map_collection.h"
 
 #include <algorithm>
+#include <iterator>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -20,14 +22,6 @@ Result<bool> MapCollection::PutMap(const RecordKey& key, const Stamp& stamp, con
   }
   maps_.emplace(key, HeldMap{std::move(*local), stamp});
   bytes_ += bytes;
-  return true;
-}
-
-bool MapCollection::WithdrawMap(const RecordKey& key) {
-  const auto found = maps_.find(key);
-  if (found == maps_.end()) return false;
-  bytes_ -= found->second.local->bytes();
-  maps_.erase(found);
   return true;
 }
 
@@ -72,20 +66,47 @@ Result<void> MapCollection::AddQuarantine(const RecordKey& key, const proto::Map
   return {};
 }
 
-bool MapCollection::LeavesOut(const proto::MapQuarantine& quarantine, const HeldMap& map) {
-  return quarantine.agent_id() == map.local->agent() && quarantine.from_ns() <= map.stamp.ns &&
-         map.stamp.ns <= quarantine.to_ns();
-}
-
 std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() const {
+  std::map<AgentId, std::vector<std::int64_t>> stamps;
+  for (const auto& [key, map] : maps_) stamps[map.local->agent()].push_back(map.stamp.ns);
+  for (auto& [agent, of_agent] : stamps) std::sort(of_agent.begin(), of_agent.end());
   std::vector<Quarantine> standing;
   for (const auto& [key, said] : quarantines_) {
     if (lifted_.contains(key)) continue;
-    const auto left_out = std::count_if(maps_.begin(), maps_.end(),
-                                        [&said = said](const auto& map) { return LeavesOut(said, map.second); });
-    standing.push_back({key, said, static_cast<std::size_t>(left_out)});
+    const std::vector<std::int64_t>& of_agent = stamps[said.agent_id()];
+    const auto first = std::lower_bound(of_agent.begin(), of_agent.end(), said.from_ns());
+    const auto last = std::upper_bound(of_agent.begin(), of_agent.end(), said.to_ns());
+    standing.push_back({key, said, static_cast<std::size_t>(std::max<std::ptrdiff_t>(last - first, 0))});
   }
   return standing;
+}
+
+MapCollection::Spans MapCollection::StandingSpans() const {
+  Spans spans;
+  for (const auto& [key, said] : quarantines_) {
+    if (!lifted_.contains(key)) spans[said.agent_id()].emplace_back(said.from_ns(), said.to_ns());
+  }
+  for (auto& [agent, of_agent] : spans) {
+    std::sort(of_agent.begin(), of_agent.end());
+    std::vector<std::pair<std::int64_t, std::int64_t>> joined;
+    for (const auto& span : of_agent) {
+      if (joined.empty() || span.first > joined.back().second) {
+        joined.push_back(span);
+      } else {
+        joined.back().second = std::max(joined.back().second, span.second);
+      }
+    }
+    of_agent = std::move(joined);
+  }
+  return spans;
+}
+
+bool MapCollection::IsLeftOut(const Spans& spans, const HeldMap& map) {
+  const auto of_agent = spans.find(map.local->agent());
+  if (of_agent == spans.end()) return false;
+  const auto behind = std::upper_bound(of_agent->second.begin(), of_agent->second.end(),
+                                       std::pair(map.stamp.ns, std::numeric_limits<std::int64_t>::max()));
+  return behind != of_agent->second.begin() && map.stamp.ns <= std::prev(behind)->second;
 }
 
 std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node) const {
@@ -111,16 +132,12 @@ MapCollection::Selected MapCollection::Select(const Selection& selection) const 
   const auto is_selected = [&selection](AgentId agent) {
     return selection.agents.empty() || selection.agents.contains(agent);
   };
-  std::vector<const proto::MapQuarantine*> standing;
-  for (const auto& [key, said] : quarantines_) {
-    if (!lifted_.contains(key)) standing.push_back(&said);
-  }
+  const Spans left_out = StandingSpans();
   Selected selected;
   for (const auto& [key, map] : maps_) {
     if (!is_selected(key.stream.origin)) continue;
     const Pose* pose = FindPose(map.local->node, selection.use_raw_poses);
-    const bool is_left_out = std::any_of(standing.begin(), standing.end(),
-                                         [&map = map](const auto* quarantine) { return LeavesOut(*quarantine, map); });
+    const bool is_left_out = IsLeftOut(left_out, map);
     if (is_left_out) {
       selected.quarantined_maps.push_back(map.local);
     } else if (pose == nullptr) {

@@ -73,9 +73,6 @@ class MapCollection {
   // for more than maps_max or bytes_max.
   Result<bool> PutMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map);
 
-  // False if there is none. Nothing remembers that it was there.
-  bool WithdrawMap(const RecordKey& key);
-
   // The pose as odometry has it. Of two records of one node the smaller key stands, as everywhere. kFull for more
   // than nodes_max, here and below.
   Result<void> SetRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
@@ -99,7 +96,6 @@ class MapCollection {
 
   std::size_t map_count() const { return maps_.size(); }
   std::uint64_t map_bytes() const { return bytes_; }
-  std::size_t node_count() const { return nodes_.size(); }
 
  private:
   // Number, issuer and epoch of the term, run, and the record's key to decide between equal ones.
@@ -117,7 +113,10 @@ class MapCollection {
   };
 
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
-  static bool LeavesOut(const proto::MapQuarantine& quarantine, const HeldMap& map);
+  // Stamps of the maps that are left out, by agent: apart from each other and sorted.
+  using Spans = std::map<AgentId, std::vector<std::pair<std::int64_t, std::int64_t>>>;
+  Spans StandingSpans() const;
+  static bool IsLeftOut(const Spans& spans, const HeldMap& map);
 
   Options options_;
   std::map<RecordKey, HeldMap> maps_;

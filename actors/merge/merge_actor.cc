@@ -303,8 +303,10 @@ std::optional<proto::Message> MergeActor::AnswerTiles(Context& context, const Wa
 Result<void> MergeActor::Update(Context& context) {
   if (merger_ == nullptr) return tl::unexpected(start_error_);
   if (is_current_) return {};
+  const std::uint64_t forgotten = merger_->forgotten();
   Result<void> merged = RunMerger(context, collection_.Select({}), *merger_);
   is_current_ = merged.has_value();
+  if (merger_->forgotten() != forgotten) life_ = context.rng()() | 1;  // Who knows older tiles is told all.
   return merged;
 }
 
@@ -357,7 +359,7 @@ void MergeActor::LogBackend(Context& context) {
 
 Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
   for (const Error& refused : merger.Assign(selected.maps, selected.footprints)) {
-    spdlog::warn("{}: leaves out {}", ToString(context.self()), ToString(refused));
+    refused_log_.Warn(ToString(context.self()) + ": leaves out " + ToString(refused));
   }
   const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
   LogBackend(context);

@@ -27,6 +27,7 @@
 #include "actors/merge/merger.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/rate_limited_log.h"
 
 namespace moondb {
 
@@ -93,6 +94,7 @@ class MergeActor final : public Actor {
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   bool is_current_ = false;                 // It has all that is in collection_.
   std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.
+  RateLimitedLog refused_log_;
   std::deque<Waiting> waiting_;
   std::deque<Waiting> subscribed_;
   bool is_look_due_ = false;        // A timer for it runs.

@@ -137,6 +137,10 @@ void DropLosers(MergeResult& result) {
   result.maps = std::move(maps);
 }
 
+bool HasTile(const Page& page) {
+  return std::any_of(page.tiles.begin(), page.tiles.end(), [](const auto& tile) { return tile != nullptr; });
+}
+
 }  // namespace
 
 bool MergeResult::operator==(const MergeResult& other) const {
@@ -261,6 +265,7 @@ Result<MergeSummary> Merger::Merge(const StopPredicate& stop) {
     is_everything_due_ = !works;
     if (!works) {
       dirty_.clear();
+      FreeBuried();
       return tl::unexpected(works.error());
     }
     ++version_;
@@ -316,7 +321,28 @@ void Merger::UpdateOrder() {
 
 void Merger::MarkDirty() {
   for (const Thing& thing : retired_) MarkWins(*thing);
-  for (const PlacedThing* thing : added_) MarkGains(*thing);
+  for (const PlacedThing* thing : added_) {
+    if (dirty_.size() > kPagesMax) return;  // Too many, whatever comes.
+    MarkGains(*thing);
+  }
+}
+
+// But for those that a tile still points to.
+void Merger::FreeBuried() {
+  std::unordered_set<const PlacedThing*> named;
+  for (const auto& [key, page] : pages_) {
+    for (const std::unique_ptr<Tile>& tile : page->tiles) {
+      if (tile == nullptr) continue;
+      for (const PlacedBlock* block : tile->blocks) named.insert(block->owner);
+    }
+  }
+  std::erase_if(buried_, [&named](const Thing& thing) { return !named.contains(thing.get()); });
+}
+
+// Pages in which something was known once.
+void Merger::ForgetEmptyPages() {
+  std::erase_if(pages_, [](const auto& entry) { return !HasTile(*entry.second); });
+  ++forgotten_;
 }
 
 // Tiles in which what is retired won a cell.
@@ -345,8 +371,11 @@ void Merger::MarkGains(const PlacedThing& added) {
 }
 
 void Merger::MarkEverything() {
-  for (const auto& [key, page] : pages_) dirty_[key] = UINT16_MAX;
+  for (const auto& [key, page] : pages_) {
+    if (HasTile(*page)) dirty_[key] = UINT16_MAX;
+  }
   for (const OrderedBlock& ordered : order_) {
+    if (dirty_.size() > kPagesMax) return;  // Too many, whatever comes.
     const CellBox& box = ordered.box;
     const PageKey first = PageAt(box.first_x, box.first_y);
     const PageKey last = PageAt(box.last_x, box.last_y);
@@ -366,8 +395,11 @@ Page* Merger::FindPage(const PageKey& key) const {
 // Neighbouring pages next to each other: backends look at their surroundings together.
 Result<std::vector<GatherWork>> Merger::MakeWorks() {
   const auto is_new = [this](const auto& dirty) { return !pages_.contains(dirty.first); };
-  const auto new_pages = static_cast<std::size_t>(std::count_if(dirty_.begin(), dirty_.end(), is_new));
-  if (pages_.size() + new_pages > kPagesMax) {
+  const auto count_pages = [&] {
+    return pages_.size() + static_cast<std::size_t>(std::count_if(dirty_.begin(), dirty_.end(), is_new));
+  };
+  if (count_pages() > kPagesMax) ForgetEmptyPages();
+  if (count_pages() > kPagesMax) {
     return Fail(ErrorCode::kFull, "the maps cover more than " + std::to_string(kPagesMax) +
                                       " pages of 256 x 256 cells: merge fewer agents or coarser");
   }

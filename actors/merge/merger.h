@@ -5,8 +5,8 @@
 // which that can make a difference, or all of them if most has changed. The result depends on what is put in alone,
 // never on the order, on what was merged before, or on the backend: the same bytes for value and provenance.
 //
-// The world is unbounded: only tiles with a known cell take memory, and cells are counted in int64. All state is here;
-// the backend's can be lost at any time. LocalMaps are shared by all mergers that hold them.
+// The world is unbounded: only tiles with a known cell, and pages that had one, take memory, and cells are counted in
+// int64. All state is here; the backend's can be lost at any time. LocalMaps are shared by all mergers that hold them.
 //
 //   Merger merger(grid, *CreateGatherBackend(MergeBackend::kAuto));
 //   merger.Put({local_map, map_from_node});
@@ -14,7 +14,8 @@
 //   merger.Merge({});
 //   const MergedMap map = *merger.ReadCells(merger.extent());
 //
-// Used by one thread at a time. Until the next successful Merge() all reads show the last one.
+// Used by one thread at a time. Reads show the last successful Merge(): what was put since then is not in them yet, and
+// after a failed one they may be partly old.
 #pragma once
 
 #include <cstdint>
@@ -110,10 +111,12 @@ class Merger {
 
   // Of all maps' cells, unknown ones too, and footprints.
   const CellBox& extent() const { return extent_; }
+  // How often places where nothing is known any more were forgotten, as there were too many: of those ChangedSince says
+  // nothing.
+  std::uint64_t forgotten() const { return forgotten_; }
   // Counts the merges that gathered something.
   std::uint64_t version() const { return version_; }
   std::size_t map_count() const { return maps_.size(); }
-  std::size_t footprint_count() const { return footprints_.size(); }
   const MergeGrid& grid() const { return grid_; }
   const GatherBackend& backend() const { return *backend_; }
 
@@ -146,6 +149,8 @@ class Merger {
   void MarkWins(const PlacedThing& retired);
   void MarkGains(const PlacedThing& added);
   void MarkEverything();
+  void FreeBuried();
+  void ForgetEmptyPages();
   Page* FindPage(const PageKey& key) const;
   bool IsMostlyNew() const;
   Result<std::vector<GatherWork>> MakeWorks();
@@ -168,6 +173,7 @@ class Merger {
   bool is_everything_due_ = false;                                 // After a merge that was too large.
   CellBox extent_;
   std::uint64_t version_ = 0;
+  std::uint64_t forgotten_ = 0;
 };
 
 }  // namespace moondb

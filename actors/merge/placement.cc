@@ -95,7 +95,8 @@ Result<std::unique_ptr<PlacedThing>> PlaceFootprint(const Footprint& footprint, 
   const double width_cells = grid.footprint_width_m * 1e6 / grid.resolution_um;
   const PlacedRectangle rectangle =
       Quantize(pose, 0, 0, length_cells, width_cells, grid.resolution_um, grid.resolution_um);
-  if (rectangle.box.is_empty()) return thing;
+  const bool is_nothing = rectangle.width_q == 0 || rectangle.height_q == 0;
+  if (is_nothing || rectangle.box.is_empty()) return thing;
   if (!HasPages(rectangle.box)) return TooFar();
   thing->extent = rectangle.box;
   thing->blocks.push_back({rectangle, nullptr, thing.get()});

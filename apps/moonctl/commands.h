@@ -12,6 +12,7 @@ namespace moondb {
 
 void AddUpCommands(CLI::App& app, CommandContext& context);
 void AddStatusCommand(CLI::App& app, CommandContext& context);
+void AddHealthCommand(CLI::App& app, CommandContext& context);
 void AddRoleCommands(CLI::App& app, CommandContext& context);
 void AddShareCommands(CLI::App& app, CommandContext& context);
 void AddLeaseCommands(CLI::App& app, CommandContext& context);

@@ -31,6 +31,7 @@ void AddEverything(CLI::App& app, CommandContext& context) {
   app.set_version_flag("--version", "moonctl " MOONDB_VERSION);
   AddUpCommands(app, context);
   AddStatusCommand(app, context);
+  AddHealthCommand(app, context);
   AddRoleCommands(app, context);
   AddShareCommands(app, context);
   AddLeaseCommands(app, context);

@@ -83,11 +83,40 @@ TEST_F(MapCollectionTest, ABaseStationLeavesNoFootprint) {
   EXPECT_EQ(collection.Select({}).footprints.size(), 0u);
 }
 
-TEST_F(MapCollectionTest, AWithdrawnMapIsGone) {
-  PutMapOf(1);
-  EXPECT_TRUE(collection_.WithdrawMap(MapKey(1, 1)));
-  EXPECT_FALSE(collection_.WithdrawMap(MapKey(1, 1)));
-  EXPECT_EQ(collection_.map_count(), 0u);
+TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheStampsTheyName) {
+  const TraversabilityMap map = DrawMap({"."}, 50'000);
+  for (std::int64_t stamp = 1; stamp <= 9; ++stamp) {
+    ASSERT_TRUE(collection_.PutMap(MapKey(1, static_cast<std::uint64_t>(stamp)), {stamp, false}, map));
+  }
+  const auto quarantine = [this](std::uint64_t seq, std::int64_t from_ns, std::int64_t to_ns, AgentId agent = 1) {
+    proto::MapQuarantine said;
+    said.set_agent_id(agent);
+    said.set_from_ns(from_ns);
+    said.set_to_ns(to_ns);
+    ASSERT_TRUE(collection_.AddQuarantine({{2, 7, proto::MAP_QUARANTINE}, seq}, said));
+  };
+  const auto left_out = [this] {
+    std::string stamps;
+    for (const auto& quarantined : collection_.Select({}).quarantined_maps) {
+      stamps += std::to_string(collection_.StampOf(quarantined->key).ns);
+    }
+    return stamps;
+  };
+  EXPECT_EQ(left_out(), "");
+  quarantine(1, 2, 3);
+  quarantine(2, 5, 7);
+  quarantine(3, 6, 6);  // Within another one.
+  quarantine(4, 1, 9, /*agent=*/2);
+  EXPECT_EQ(left_out(), "23567");
+  quarantine(5, 7, 8);
+  quarantine(6, INT64_MIN, -1);
+  EXPECT_EQ(left_out(), "235678");
+  quarantine(7, 9, INT64_MAX);
+  EXPECT_EQ(left_out(), "2356789");
+  const auto standing = collection_.StandingQuarantines();
+  ASSERT_EQ(standing.size(), 7u);
+  EXPECT_EQ(standing[1].map_count, 3u);
+  EXPECT_EQ(standing[3].map_count, 0u);
 }
 
 TEST_F(MapCollectionTest, HoldsNoMoreThanItsBounds) {
@@ -97,8 +126,6 @@ TEST_F(MapCollectionTest, HoldsNoMoreThanItsBounds) {
       {.grid = {}, .without_footprint = {}, .maps_max = 2, .bytes_max = map_bytes * 3 / 2, .nodes_max = 1});
   ASSERT_TRUE(collection.PutMap(MapKey(1, 1), {5, false}, map));
   EXPECT_EQ(collection.PutMap(MapKey(1, 2), {5, false}, map).error().code, ErrorCode::kFull);
-  EXPECT_TRUE(collection.WithdrawMap(MapKey(1, 1)));
-  ASSERT_TRUE(collection.PutMap(MapKey(1, 2), {5, false}, map));
   MapCollection of_two({.grid = {}, .without_footprint = {}, .maps_max = 2});
   for (const std::uint64_t seq : {1u, 2u}) ASSERT_TRUE(of_two.PutMap(MapKey(1, seq), {5, false}, map));
   EXPECT_EQ(of_two.PutMap(MapKey(1, 4), {5, false}, map).error().code, ErrorCode::kFull);

@@ -190,6 +190,47 @@ TEST(MergerTest, WinsAreCountedCellByCell) {
   EXPECT_EQ(wins[2].cells, 0u);
 }
 
+// One known cell, as large as a tile, in each of 63 x 63 pages.
+std::shared_ptr<const LocalMap> SparseMap(const RecordKey& key) {
+  MapLayer layer{Grid(252, 252), 3'200'000, 0, 0};
+  for (std::int32_t row = 0; row < 252; row += 4) {
+    for (std::int32_t column = 0; column < 252; column += 4) layer.grid.At(column, row) = Cell::kHazard;
+  }
+  return *MakeLocalMap(key, 1, TraversabilityMap{NodeKey{1, 1}, Pose{}, {layer}}, {});
+}
+
+TEST(MergerTest, PagesWhereNothingIsKnownAnyMoreCountForNothing) {
+  Merger merger({}, MakeCpu());
+  const auto map = SparseMap(MapKey(1, 1));
+  for (int i = 0; i < 6; ++i) {
+    ASSERT_TRUE(merger.Put({map, Pose::FromPlanar(2000.0 * i, 0, 0)}));
+    const auto merged = merger.Merge({});
+    ASSERT_TRUE(merged.has_value()) << i << ": " << ToString(merged.error());
+  }
+  EXPECT_EQ(merger.forgotten(), 1u);
+  EXPECT_EQ(merger.CountWins().at(0).cells, 63u * 63 * 64 * 64);
+}
+
+TEST(MergerTest, TooManyPagesAreAnErrorThatHoldsNothingBack) {
+  Merger merger({}, MakeCpu());
+  for (std::uint64_t i = 0; i < 6; ++i) {
+    ASSERT_TRUE(merger.Put({SparseMap(MapKey(1, i + 1)), Pose::FromPlanar(2000.0 * static_cast<double>(i), 0, 0)}));
+  }
+  EXPECT_EQ(merger.Merge({}).error().code, ErrorCode::kFull);
+  std::weak_ptr<const LocalMap> moved;
+  for (int i = 0; i < 3; ++i) {
+    const auto map = SparseMap(MapKey(1, 6));
+    EXPECT_TRUE(i == 0 || moved.expired()) << "what was withdrawn is freed";
+    moved = map;
+    ASSERT_TRUE(merger.Put({map, Pose::FromPlanar(-2000.0 * (i + 1), 0, 0)}));
+    EXPECT_EQ(merger.Merge({}).error().code, ErrorCode::kFull);
+    EXPECT_TRUE(merger.Withdraw(MapKey(1, 6)));
+    EXPECT_EQ(merger.Merge({}).error().code, ErrorCode::kFull);
+  }
+  for (const std::uint64_t seq : {4u, 5u}) EXPECT_TRUE(merger.Withdraw(MapKey(1, seq)));
+  EXPECT_TRUE(merger.Merge({}).has_value());
+}
+
 TEST(MergerTest, ReadsAnyBox) {
   std::mt19937_64 rng(23);
   const World world = MakeRandomWorld(rng);

@@ -76,6 +76,12 @@ TEST(PlacementTest, AFootprintMayBeNothing) {
   ASSERT_TRUE(placed.has_value());
   EXPECT_TRUE((*placed)->blocks.empty());
   EXPECT_TRUE((*placed)->extent.is_empty());
+  for (const double side_m : {0.0, 0.5}) {  // A line frees nothing either.
+    const auto line = PlaceFootprint({{1, 1}, Pose::FromPlanar(0.025, 0.025, 0.785)},
+                                     {.footprint_length_m = 0, .footprint_width_m = side_m});
+    ASSERT_TRUE(line.has_value());
+    EXPECT_TRUE((*line)->blocks.empty());
+  }
 }
 
 }  // namespace

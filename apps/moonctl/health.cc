@@ -1,0 +1,107 @@
+#include "apps/moonctl/health.h"
+
+#include <algorithm>
+
+#include "apps/common/table.h"
+#include "apps/common/team_clients.h"
+#include "model/term.h"
+
+namespace moondb {
+namespace {
+
+using Findings = std::vector<std::string>;
+
+// The newest assignment that any agent tells.
+proto::RoleAssignment NewestOf(const std::map<std::uint32_t, AgentReport>& reports) {
+  proto::RoleAssignment newest;
+  for (const auto& [agent, report] : reports) {
+    if (report.status && !IsNewer(newest.term(), report.status->roles().term())) newest = report.status->roles();
+  }
+  return newest;
+}
+
+bool IsAsleep(const proto::AgentStatus& status, std::uint32_t agent) {
+  return std::any_of(status.leases().begin(), status.leases().end(), [agent](const proto::AgentLease& lease) {
+    return lease.agent_id() == agent && lease.sleeping_s() > 0;
+  });
+}
+
+void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status, const proto::RoleAssignment& newest,
+                Findings& findings) {
+  if (OrderOf(status.roles().term()) != OrderOf(newest.term())) {
+    findings.push_back("acts on the roles of term " + std::to_string(status.roles().term().number()) + ", where term " +
+                       std::to_string(newest.term().number()) + " is known");
+  } else if (status.agent_id() == newest.leader() && newest.survivor() == 0) {
+    findings.push_back("leads without a designated survivor");
+  }
+  if (newest.leader() == 0) findings.push_back("knows of no leader of team " + team.team());
+}
+
+void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
+  for (const proto::PeerStatus& peer : status.peers()) {
+    if (peer.rejected_messages() > 0) {
+      findings.push_back("refused " + FormatCount(peer.rejected_messages()) + " messages that " +
+                         AgentName(team, peer.agent_id()) + " may not send");
+    }
+    if (peer.is_connected() || IsAsleep(status, peer.agent_id())) continue;
+    const double silent_s = peer.seconds_since_heard();
+    findings.push_back("does not reach " + AgentName(team, peer.agent_id()) +
+                       (silent_s < 0 ? ", never heard" : ", heard " + FormatSeconds(silent_s) + " ago"));
+  }
+}
+
+void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
+  if (!status.storage().clock_suspect().empty()) {
+    findings.push_back("clock suspect: " + status.storage().clock_suspect());
+  }
+  if (status.storage().disk_free_bytes() < kDiskFreeBytesMin) {
+    findings.push_back("only " + FormatBytes(status.storage().disk_free_bytes()) + " of disk are free");
+  }
+  for (const proto::ActorStatus& actor : status.actors()) {
+    if (actor.restarts() > 0) {
+      findings.push_back(actor.name() + " failed and was made anew " + FormatCount(actor.restarts()) + " times");
+    }
+    if (actor.dropped() > 0) {
+      findings.push_back(actor.name() + " had no room for " + FormatCount(actor.dropped()) + " messages");
+    }
+  }
+}
+
+void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares, Findings& findings) {
+  for (const proto::ShareSession& session : shares.sessions()) {
+    const std::string to = (session.kind() == proto::SHARING_KIND_REPLICATION ? "replication to " : "sync to ") +
+                           AgentName(team, session.destination());
+    const bool is_stuck =
+        session.is_open() && session.waits_for().empty() && session.seconds_since_progress() > kNoProgressMax_s;
+    if (is_stuck) findings.push_back(to + " makes no progress for " + FormatSeconds(session.seconds_since_progress()));
+    if (!session.other_schema_types().empty())
+      findings.push_back(to + " leaves out types that it understands otherwise");
+  }
+  if (shares.rejected_records() > 0) {
+    findings.push_back("refused " + FormatCount(shares.rejected_records()) + " records of peers");
+  }
+  for (const std::uint32_t other : shares.other_config_agents()) {
+    findings.push_back(AgentName(team, other) + " has another team file");
+  }
+}
+
+}  // namespace
+
+std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamConfig& team,
+                                                             const std::map<std::uint32_t, AgentReport>& reports) {
+  const proto::RoleAssignment newest = NewestOf(reports);
+  std::map<std::uint32_t, Findings> all;
+  for (const auto& [agent, report] : reports) {
+    Findings findings;
+    if (report.status) {
+      JudgeRoles(team, *report.status, newest, findings);
+      JudgePeers(team, *report.status, findings);
+      JudgeSelf(*report.status, findings);
+    }
+    if (report.shares) JudgeShares(team, *report.shares, findings);
+    if (!findings.empty()) all[agent] = std::move(findings);
+  }
+  return all;
+}
+
+}  // namespace moondb

@@ -1,0 +1,86 @@
+#include "apps/moonctl/health.h"
+
+#include <gmock/gmock.h>
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+class HealthTest : public testing::Test {
+ protected:
+  HealthTest() {
+    for (const std::uint32_t id : {1u, 2u}) {
+      proto::AgentConfig& agent = *team_.add_agents();
+      agent.set_id(id);
+      agent.set_name("rover" + std::to_string(id));
+      proto::AgentStatus& status = reports_[id].status.emplace();
+      status.set_agent_id(id);
+      status.mutable_roles()->set_leader(1);
+      status.mutable_roles()->set_survivor(2);
+      status.mutable_roles()->mutable_term()->set_number(4);
+      status.mutable_storage()->set_disk_free_bytes(1e9);
+      proto::PeerStatus& peer = *status.add_peers();
+      peer.set_agent_id(3 - id);
+      peer.set_is_connected(true);
+      reports_[id].shares.emplace();
+    }
+  }
+
+  std::vector<std::string> Of(std::uint32_t agent) { return FindingsOn(team_, reports_)[agent]; }
+  proto::AgentStatus& Status(std::uint32_t agent) { return *reports_[agent].status; }
+
+  proto::TeamConfig team_;
+  std::map<std::uint32_t, AgentReport> reports_;
+};
+
+TEST_F(HealthTest, FindsNothingWhereAllIsWell) { EXPECT_THAT(FindingsOn(team_, reports_), IsEmpty()); }
+
+TEST_F(HealthTest, FindsWhoActsInAnOldTermAndWhoLeadsWithoutASurvivor) {
+  Status(2).mutable_roles()->mutable_term()->set_number(3);
+  EXPECT_THAT(Of(2), ElementsAre("acts on the roles of term 3, where term 4 is known"));
+  Status(1).mutable_roles()->clear_survivor();
+  EXPECT_THAT(Of(1), ElementsAre("leads without a designated survivor"));
+}
+
+TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {
+  proto::PeerStatus& peer = *Status(1).mutable_peers(0);
+  peer.set_is_connected(false);
+  peer.set_seconds_since_heard(90);
+  EXPECT_THAT(Of(1), ElementsAre("does not reach rover2, heard 90 s ago"));
+  peer.set_seconds_since_heard(-1);
+  EXPECT_THAT(Of(1), ElementsAre("does not reach rover2, never heard"));
+  proto::AgentLease& lease = *Status(1).add_leases();
+  lease.set_agent_id(2);
+  lease.set_sleeping_s(300);
+  EXPECT_THAT(Of(1), IsEmpty());
+}
+
+TEST_F(HealthTest, FindsWhatAnAgentSuffersItself) {
+  Status(1).mutable_storage()->set_clock_suspect("it jumped");
+  Status(1).mutable_storage()->set_disk_free_bytes(1e6);
+  proto::ActorStatus& actor = *Status(1).add_actors();
+  actor.set_name("sync");
+  actor.set_restarts(2);
+  actor.set_dropped(7);
+  EXPECT_THAT(Of(1), ElementsAre("clock suspect: it jumped", "only 1.0 MB of disk are free",
+                                 "sync failed and was made anew 2 times", "sync had no room for 7 messages"));
+}
+
+TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
+  proto::ShareSession& session = *reports_[2].shares->add_sessions();
+  session.set_destination(1);
+  session.set_kind(proto::SHARING_KIND_SYNC);
+  session.set_is_open(true);
+  session.set_seconds_since_progress(120);
+  EXPECT_THAT(Of(2), ElementsAre("sync to rover1 makes no progress for 2 min"));
+  session.set_waits_for("rover1 drives");
+  EXPECT_THAT(Of(2), IsEmpty());
+  reports_[2].shares->set_rejected_records(3);
+  reports_[2].shares->add_other_config_agents(1);
+  EXPECT_THAT(Of(2), ElementsAre("refused 3 records of peers", "rover1 has another team file"));
+}
+
+}  // namespace
+}  // namespace moondb
