@@ -117,6 +117,19 @@ TEST_F(ProcessTest, SaysWhyACellIsWhatItIsAndLeavesDistrustedMapsOutEverywhere) 
   EXPECT_EQ(Moonctl({"map", "why", "nan", "2"}).exit_code, 2);
 }
 
+TEST_F(ProcessTest, TellsScriptsWhetherAllIsWell) {
+  MoonctlExpecting(0, {"up"});
+  ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; }));
+  EXPECT_THAT(MoonctlExpecting(0, {"health"}), HasSubstr("rover1  good"));
+  EXPECT_TRUE(MoonctlJson(0, {"health"}).fields().at("is_healthy").bool_value());
+  Kill("rover3");
+  ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 1; }));
+  const std::string text = MoonctlExpecting(1, {"health"});
+  EXPECT_THAT(text, HasSubstr("rover3  unknown"));
+  EXPECT_THAT(text, HasSubstr("does not reach rover3"));
+  EXPECT_FALSE(MoonctlJson(1, {"health"}).fields().at("is_healthy").bool_value());
+}
+
 TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {
   MoonctlExpecting(0, {"up"});
   constexpr std::uint64_t kSeed = 20261121;
