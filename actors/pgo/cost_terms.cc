@@ -1,6 +1,5 @@
 #include "actors/pgo/cost_terms.h"
 
-#include <ceres/iteration_callback.h>
 #include <ceres/loss_function.h>
 #include <ceres/solver.h>
 
@@ -9,50 +8,26 @@
 #include <map>
 #include <utility>
 
+#include "actors/pgo/ceres_options.h"
+
 namespace moondb {
 
 namespace {
 
-class StopCallback final : public ceres::IterationCallback {
- public:
-  explicit StopCallback(const std::function<bool()>& stop_requested) : stop_requested_(stop_requested) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return stop_requested_() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const std::function<bool()>& stop_requested_;
-};
-
-ceres::Problem::Options ProblemOptions() {
-  ceres::Problem::Options options;
-  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  return options;
-}
-
 ceres::Solver::Options SolveOptions(const SolverOptions& options, bool is_warm, bool is_dogleg) {
-  ceres::Solver::Options result;
-  result.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-#ifdef MOONDB_EIGEN_SPARSE
-  result.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-#else
-  result.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
-#endif
-  result.num_threads = options.thread_count;
-  result.max_num_iterations = options.iterations_max;
-  // Nearly Gauss-Newton where the start is good; careful where it is bare odometry.
-  result.initial_trust_region_radius = is_warm ? 1e16 : 1e4;
+  ceres::Solver::Options result = LeastSquaresOptions(options.thread_count, options.iterations_max);
+  result.initial_trust_region_radius = is_warm ? kBoldTrustRegion : kCarefulTrustRegion;
   if (is_dogleg) {
     result.trust_region_strategy_type = ceres::DOGLEG;
-    result.initial_trust_region_radius = 1e4;
+    result.initial_trust_region_radius = kCarefulTrustRegion;
   }
-  // Ranges leave shallow valleys along which the default tolerance of 1e-6 stops too early.
-  result.function_tolerance = 1e-9;
-  result.parameter_tolerance = 1e-9;
-  result.logging_type = ceres::SILENT;
   return result;
+}
+
+std::unique_ptr<ceres::LossFunction> MakeLoss(Loss loss, const SolverOptions& options) {
+  if (loss == Loss::kCauchyOnRanges) return std::make_unique<ceres::CauchyLoss>(options.cauchy_sigmas);
+  if (loss == Loss::kHuberOnRanges) return std::make_unique<ceres::HuberLoss>(options.huber_sigmas);
+  return nullptr;
 }
 
 bool IsFinite(const State& state) {
@@ -168,13 +143,13 @@ StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, Loss loss, 
 
 StageResult CostTerms::Try(const std::vector<bool>& uses_range, Loss loss, bool is_dogleg, State& state) const {
   PoseManifold manifold;
-  ceres::CauchyLoss cauchy(options_.cauchy_sigmas);
-  ceres::Problem problem(ProblemOptions());
+  const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(loss, options_);
+  ceres::Problem problem(BorrowingProblemOptions());
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
     problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
     if (graph_.nodes[node].is_fixed) problem.SetParameterBlockConstant(state.poses[node].data());
   }
-  AddTerms(uses_range, loss == Loss::kCauchyOnRanges ? &cauchy : nullptr, state, problem);
+  AddTerms(uses_range, range_loss.get(), state, problem);
 
   ceres::Solver::Options solve_options = SolveOptions(options_, is_warm_, is_dogleg);
   StopCallback stop(options_.stop_requested);

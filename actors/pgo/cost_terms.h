@@ -24,7 +24,7 @@ struct State {
   std::vector<double> numbers;   // Scales of the rovers, then biases of the pairs.
 };
 
-enum class Loss { kNone, kCauchyOnRanges };
+enum class Loss { kNone, kHuberOnRanges, kCauchyOnRanges };
 
 struct StageResult {
   bool has_converged = false;

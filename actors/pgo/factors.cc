@@ -123,6 +123,32 @@ class RangeFactor final : public ceres::SizedCostFunction<1, kPoseSize, kPoseSiz
   std::array<Eigen::Vector3d, 2> antennas_m_;
 };
 
+class SightingFactor final : public ceres::SizedCostFunction<3, kPoseSize, kPoseSize> {
+ public:
+  SightingFactor(const Eigen::Vector3d& from_point_m, double sigma_m) : seen_(from_point_m), weight_(1 / sigma_m) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    const Eigen::Matrix3d body_from_map = OrientationOf(parameters[0]).conjugate().toRotationMatrix();
+    const Eigen::Vector3d point = body_from_map * (PositionOf(parameters[1]) - PositionOf(parameters[0]));
+    Eigen::Map<Eigen::Vector3d>{residuals} = weight_ * (point - seen_);
+    if (jacobians == nullptr) return true;
+    if (jacobians[0] != nullptr) {
+      Eigen::Map<PoseJacobian<3>> out(jacobians[0]);
+      out << -weight_ * body_from_map, weight_ * Cross(point), Eigen::Vector3d::Zero();
+    }
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<PoseJacobian<3>> out(jacobians[1]);
+      out.setZero();
+      out.leftCols<3>() = weight_ * body_from_map;
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d seen_;
+  double weight_;
+};
+
 class GravityFactor final : public ceres::SizedCostFunction<2, kPoseSize> {
  public:
   GravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad) : up_(up_in_body), weight_(1 / sigma_rad) {}
@@ -222,6 +248,35 @@ bool PoseManifold::MinusJacobian(const double*, double* jacobian) const {
   return true;
 }
 
+bool AxesManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  std::array<double, kPoseTangentSize> whole{};
+  for (std::size_t i = 0; i < axes_.size(); ++i) whole[static_cast<std::size_t>(axes_[i])] = delta[i];
+  return PoseManifold().Plus(x, whole.data(), x_plus_delta);
+}
+
+bool AxesManifold::PlusJacobian(const double*, double* jacobian) const {
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> out(jacobian, kPoseSize,
+                                                                                         TangentSize());
+  out.setZero();
+  for (int i = 0; i < TangentSize(); ++i) out(axes_[static_cast<std::size_t>(i)], i) = 1;
+  return true;
+}
+
+bool AxesManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
+  std::array<double, kPoseTangentSize> whole{};
+  PoseManifold().Minus(y, x, whole.data());
+  for (std::size_t i = 0; i < axes_.size(); ++i) y_minus_x[i] = whole[static_cast<std::size_t>(axes_[i])];
+  return true;
+}
+
+bool AxesManifold::MinusJacobian(const double*, double* jacobian) const {
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> out(jacobian, TangentSize(),
+                                                                                         kPoseSize);
+  out.setZero();
+  for (int i = 0; i < TangentSize(); ++i) out(i, axes_[static_cast<std::size_t>(i)]) = 1;
+  return true;
+}
+
 std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance) {
   return std::make_unique<OdometryFactor>(from_from_to, covariance);
 }
@@ -229,6 +284,10 @@ std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to
 std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigma_m, const Eigen::Vector3d& antenna_a_m,
                                                      const Eigen::Vector3d& antenna_b_m) {
   return std::make_unique<RangeFactor>(range_m, sigma_m, antenna_a_m, antenna_b_m);
+}
+
+std::unique_ptr<ceres::CostFunction> MakeSightingFactor(const Eigen::Vector3d& from_point_m, double sigma_m) {
+  return std::make_unique<SightingFactor>(from_point_m, sigma_m);
 }
 
 std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad) {

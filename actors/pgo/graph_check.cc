@@ -3,9 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <tuple>
 #include <unordered_map>
+
+#include "actors/pgo/connected_parts.h"
 
 namespace moondb {
 
@@ -109,19 +110,11 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
 
 // The smallest node that odometry joins each node with, directly or over others.
 std::vector<std::size_t> FindHeads(const CheckedGraph& graph) {
-  std::vector<std::size_t> parent(graph.nodes.size());
-  std::iota(parent.begin(), parent.end(), std::size_t{0});
-  const auto head_of = [&parent](std::size_t node) {
-    while (parent[node] != node) node = parent[node] = parent[parent[node]];
-    return node;
-  };
-  for (const CheckedOdometry& edge : graph.odometry) {
-    const std::size_t from = head_of(edge.from);
-    const std::size_t to = head_of(edge.to);
-    parent[std::max(from, to)] = std::min(from, to);
-  }
-  for (std::size_t node = 0; node < parent.size(); ++node) parent[node] = head_of(node);
-  return parent;
+  ConnectedParts parts(graph.nodes.size());
+  for (const CheckedOdometry& edge : graph.odometry) parts.Join(edge.from, edge.to);
+  std::vector<std::size_t> heads(graph.nodes.size());
+  for (std::size_t node = 0; node < heads.size(); ++node) heads[node] = parts.HeadOf(node);
+  return heads;
 }
 
 }  // namespace

@@ -40,13 +40,14 @@ namespace moondb {
 enum class GravityReference { kRawPoses, kLevelGround };
 
 struct SolverOptions {
-  int thread_count = 2;        // Of Ceres; 1 in simulation.
-  int iterations_max = 100;    // Of each stage.
-  double cauchy_sigmas = 2;    // Where the robust stage begins to doubt a range.
-  double reject_sigmas = 3.5;  // Beyond this a range is left out of the last stage.
-  double burst_sigmas = 2;     // The same, next to a rejected range of the same pair that errs the same way.
-  double scale_sigma = 0.02;   // Of a rover's odometry scale about 1.
-  double bias_sigma_m = 0.10;  // Of a pair's constant range error about 0.
+  int thread_count = 2;         // Of Ceres; 1 in simulation.
+  int iterations_max = 100;     // Of each stage.
+  double cauchy_sigmas = 2;     // Where the robust stage begins to doubt a range.
+  double huber_sigmas = 1.345;  // Of Huber's loss, which is here for comparison only.
+  double reject_sigmas = 3.5;   // Beyond this a range is left out of the last stage.
+  double burst_sigmas = 2;      // The same, next to a rejected range of the same pair that errs the same way.
+  double scale_sigma = 0.02;    // Of a rover's odometry scale about 1.
+  double bias_sigma_m = 0.10;   // Of a pair's constant range error about 0.
   GravityReference gravity_reference = GravityReference::kRawPoses;
   double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
   double loose_sigma_m = 10;        // Of a rover's first pose where no start is configured, and beyond a gap.

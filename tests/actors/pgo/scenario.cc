@@ -61,9 +61,9 @@ class Generator {
     for (int i = 0; i < options_.node_count; ++i) {
       const NodeKey key{agent, static_cast<std::uint64_t>(i)};
       if (i > 0) {
-        yaw += 0.06 * std::sin(0.11 * i + agent) + 0.02;
-        x += std::cos(yaw);
-        y += std::sin(yaw);
+        yaw += options_.step_m * (0.06 * std::sin(0.11 * options_.step_m * i + agent) + 0.02);
+        x += options_.step_m * std::cos(yaw);
+        y += options_.step_m * std::sin(yaw);
         const Pose next = OnGround(x, y, yaw);
         raw = AddStep(key, true_pose.Inverse() * next, scale_error, raw);
         true_pose = next;
@@ -79,13 +79,15 @@ class Generator {
     edge.to = to;
     edge.stamp_ns = static_cast<std::int64_t>(to.index) * kStepNs;
     edge.from_from_to.position_m =
-        step.position_m / (1 + scale_error) + Eigen::Vector3d(Noise(0.02), Noise(0.02), Noise(0.01));
+        step.position_m / (1 + scale_error) +
+        Eigen::Vector3d(Noise(options_.step_noise_m), Noise(options_.step_noise_m), Noise(options_.step_noise_m / 2));
     edge.from_from_to.orientation =
         step.orientation *
         Turn({Noise(options_.tilt_noise_rad), Noise(options_.tilt_noise_rad), Noise(options_.yaw_noise_rad)});
     const double tilt = options_.tilt_noise_rad * options_.tilt_noise_rad;
     const double yaw = options_.yaw_noise_rad * options_.yaw_noise_rad;
-    edge.covariance.diagonal() << 4e-4, 4e-4, 1e-4, tilt, tilt, yaw;
+    const double step_variance = options_.step_noise_m * options_.step_noise_m;
+    edge.covariance.diagonal() << step_variance, step_variance, step_variance / 4, tilt, tilt, yaw;
     scenario_.graph.odometry.push_back(edge);
     return raw * edge.from_from_to;
   }
@@ -122,11 +124,20 @@ class Generator {
   void AddRange(const NodeKey& a, const NodeKey& b, std::int64_t stamp_ns, double bias_m) {
     const double distance_m = (AntennaAt(a) - AntennaAt(b)).norm();
     const bool is_outlier = uniform_(rng_) < options_.outlier_ratio;
-    const double excess_m = is_outlier ? 1 + 4 * uniform_(rng_) : 0;
-    const double range_m = std::max(0.0, distance_m + bias_m + excess_m + Noise(options_.range_sigma_m));
+    const double excess_width_m = options_.outlier_max_m - options_.outlier_min_m;
+    const double excess_m = is_outlier ? options_.outlier_min_m + excess_width_m * uniform_(rng_) : 0;
+    const double range_m = std::max(0.0, distance_m + bias_m + excess_m + RangeNoise(a.agent, b.agent));
     scenario_.graph.ranges.push_back(
         RangeEdge{a, b, stamp_ns, range_m, options_.range_sigma_m * options_.range_sigma_m});
     scenario_.is_outlier.push_back(is_outlier);
+  }
+
+  // A first-order autoregression of each pair; white where the correlation is 0.
+  double RangeNoise(AgentId a, AgentId b) {
+    double& last_m = last_noise_m_[{a, b}];
+    const double r = options_.correlation;
+    last_m = r * last_m + std::sqrt(1 - r * r) * Noise(options_.range_sigma_m);
+    return last_m;
   }
 
   Eigen::Vector3d AntennaAt(const NodeKey& key) const {
@@ -140,6 +151,7 @@ class Generator {
   std::uniform_real_distribution<double> uniform_;
   Scenario scenario_;
   AgentId base_ = 0;
+  std::map<std::pair<AgentId, AgentId>, double> last_noise_m_;
 };
 
 }  // namespace

@@ -13,11 +13,16 @@ namespace moondb::simulation {
 struct ScenarioOptions {
   std::uint64_t seed = 1;
   int rover_count = 3;   // Agents 1 to rover_count; the base station is the next one.
-  int node_count = 100;  // Of each rover; steps of about 1 m.
-  int range_every = 4;   // Nodes.
+  int node_count = 100;  // Of each rover.
+  double step_m = 1;
+  int range_every = 4;  // Nodes.
   double range_sigma_m = 0.10;
-  double outlier_ratio = 0;               // Too long by 1 to 5 m.
+  double outlier_ratio = 0;  // Too long by outlier_min_m to outlier_max_m.
+  double outlier_min_m = 1;
+  double outlier_max_m = 5;
+  double correlation = 0;                 // Of the noise of a pair's consecutive ranges; its sigma stays range_sigma_m.
   std::vector<double> scale_errors = {};  // s of each rover; missing: 0.
+  double step_noise_m = 0.02;             // Per step in x and y, half of it in z.
   double yaw_noise_rad = 0.004;           // Per step.
   double tilt_noise_rad = 0.002;          // Per step, in the odometry; raw poses' tilt follows gravity within 0.01.
   double bias_sigma_m = 0;                // Of each pair.

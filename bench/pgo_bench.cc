@@ -1,0 +1,89 @@
+// pgo_bench: the pose graph solver on graphs of a folder and on simulated teams, beside simpler ways to solve them.
+// What each is and how to read it: docs/benchmarks/pose_graph.md.
+//
+// Exit code 0: all was solved; 1: a graph could not be read or no solution was found; other: wrong arguments.
+#include <fmt/core.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "bench/pgo_graphs.h"
+#include "bench/pgo_report.h"
+#include "bench/pgo_team.h"
+#include "model/png.h"
+
+namespace moondb {
+namespace {
+
+struct Options {
+  std::vector<std::string> folders;
+  int threads = 2;
+  int seeds = 0;
+  std::string only;  // Team cases whose name holds this.
+  bool is_json = false;
+  bool is_ours_only = false;
+  std::string plots;
+};
+
+bool Plot(const GraphRun& run, const std::string& folder) {
+  TrajectoryPlotOptions options;
+  options.caption = run.name;
+  const Image image = DrawTrajectories(run.odometry_tracks, run.tracks, run.true_tracks, options);
+  const Result<void> written = WritePng(image, std::filesystem::path(folder) / (run.name + ".png"));
+  if (!written) fmt::print(stderr, "pgo_bench: {}\n", ToString(written.error()));
+  return written.has_value();
+}
+
+int RunBench(const Options& options) {
+  bool is_good = true;
+  std::vector<GraphRun> graphs;
+  for (const std::string& folder : options.folders) {
+    for (const std::filesystem::path& path : FindGraphs(folder)) {
+      Result<GraphRun> run = RunGraph(path, {options.threads, !options.is_ours_only});
+      if (!run) {
+        fmt::print(stderr, "pgo_bench: {}\n", ToString(run.error()));
+        is_good = false;
+        continue;
+      }
+      is_good = is_good && run->ours.has_converged;
+      if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
+      graphs.push_back(*std::move(run));
+    }
+  }
+  if (!options.is_json && !graphs.empty()) fmt::print("{}\n", TableOf(graphs));
+  std::vector<TeamRun> teams;
+  SolverOptions solver;
+  solver.thread_count = options.threads;
+  for (const TeamCase& team : StandardTeamCases()) {
+    if (options.seeds == 0 || team.name.find(options.only) == std::string::npos) continue;
+    teams.push_back(RunTeam(team, options.seeds, solver));
+    if (!options.is_json) fmt::print("{}", TableOf({teams.back()}));
+    std::fflush(stdout);
+  }
+  if (options.is_json) fmt::print("{}", JsonOf(graphs, teams));
+  return is_good ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main(int argc, char** argv) {
+  moondb::Options options;
+  CLI::App app("Measures the pose graph solver on public graphs, missions and simulated teams.", "pgo_bench");
+  app.option_defaults()->always_capture_default();
+  app.add_option("folders", options.folders, "Folders with .g2o and .pyfg files, or missions (agents.csv)")
+      ->check(CLI::ExistingDirectory);
+  app.add_option("--threads", options.threads, "Threads of each solve")->check(CLI::Range(1, 64));
+  app.add_option("--seeds", options.seeds, "Also simulated teams with the seeds 1 to this")->check(CLI::Range(0, 1000));
+  app.add_option("--only", options.only, "Of the simulated teams those whose name holds this");
+  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
+  app.add_flag("--ours-only", options.is_ours_only, "Without plain Ceres beside each graph");
+  app.add_option("--plots", options.plots, "Writes a PNG picture of each graph's trajectories into this folder")
+      ->check(CLI::ExistingDirectory);
+  CLI11_PARSE(app, argc, argv);
+  spdlog::set_level(spdlog::level::err);
+  return moondb::RunBench(options);
+}

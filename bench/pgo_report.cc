@@ -1,0 +1,90 @@
+#include "bench/pgo_report.h"
+
+#include <fmt/format.h>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/table.h"
+
+namespace moondb {
+namespace {
+
+std::string AteText(const GraphResult& result) { return result.ate_m ? fmt::format("{:.4f}", *result.ate_m) : "-"; }
+
+std::string CostText(const GraphResult& result) {
+  return fmt::format("{:.6f}{}", result.cost, result.has_converged ? "" : " (not converged)");
+}
+
+void Write(const GraphResult& result, JsonWriter& json) {
+  json.Key("cost").Number(result.cost).Key("ate_m");
+  if (result.ate_m) {
+    json.Number(*result.ate_m);
+  } else {
+    json.Null();
+  }
+  json.Key("seconds").Number(result.seconds).Key("has_converged").Bool(result.has_converged);
+}
+
+void Write(const GraphRun& run, JsonWriter& json) {
+  json.BeginObject().Key("name").String(run.name).Key("is_team").Bool(run.is_team);
+  json.Key("nodes").Number(static_cast<double>(run.node_count));
+  json.Key("edges").Number(static_cast<double>(run.edge_count));
+  json.Key("ranges").Number(static_cast<double>(run.range_count));
+  Write(run.ours, json);
+  json.Key("initialisation").String(run.initialisation).Key("text").String(run.text);
+  json.Key("plain_ceres").BeginObject();
+  Write(run.plain, json);
+  json.EndObject().EndObject();
+}
+
+void Write(const TeamRun& run, JsonWriter& json) {
+  json.BeginObject().Key("name").String(run.team.name).Key("nodes").Number(run.team.node_count);
+  json.Key("seeds").Number(run.seeds).Key("methods").BeginArray();
+  for (const auto& [method, figures] : run.methods) {
+    json.BeginObject().Key("name").String(ToString(method)).Key("median_ate_m").Number(figures.median_ate_m);
+    json.Key("worst_ate_m").Number(figures.worst_ate_m);
+    json.Key("median_seconds").Number(figures.median_seconds).EndObject();
+  }
+  json.EndArray().Key("precision").Number(run.precision).Key("recall").Number(run.recall);
+  json.Key("warm_seconds").Number(run.warm_seconds).Key("warm_ate_m").Number(run.warm_ate_m).EndObject();
+}
+
+}  // namespace
+
+std::string TableOf(const std::vector<GraphRun>& graphs) {
+  Table table({"GRAPH", "NODES", "EDGES", "RANGES", "COST", "ATE M", "SECONDS", "BEGINNING", "PLAIN CERES", "ATE M",
+               "SECONDS", "NOTE"});
+  for (const GraphRun& run : graphs) {
+    table.Add({run.name, std::to_string(run.node_count), std::to_string(run.edge_count),
+               std::to_string(run.range_count), CostText(run.ours), AteText(run.ours), FormatFixed(run.ours.seconds, 3),
+               run.initialisation, CostText(run.plain), AteText(run.plain), FormatFixed(run.plain.seconds, 3),
+               run.text});
+  }
+  return table.Text();
+}
+
+std::string TableOf(const std::vector<TeamRun>& teams) {
+  std::string text;
+  for (const TeamRun& run : teams) {
+    Table table({"METHOD", "MEDIAN ATE M", "WORST ATE M", "SECONDS"});
+    for (const auto& [method, figures] : run.methods) {
+      table.Add({ToString(method), FormatFixed(figures.median_ate_m, 3), FormatFixed(figures.worst_ate_m, 3),
+                 FormatFixed(figures.median_seconds, 3)});
+    }
+    table.Add({"staged, warm", FormatFixed(run.warm_ate_m, 3), "-", FormatFixed(run.warm_seconds, 3)});
+    text += fmt::format("{} (seeds 1 to {}); rejection: precision {:.3f}, recall {:.3f}\n{}\n", run.team.name,
+                        run.seeds, run.precision, run.recall, table.Text());
+  }
+  return text;
+}
+
+std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<TeamRun>& teams) {
+  JsonWriter json;
+  json.BeginObject().Key("graphs").BeginArray();
+  for (const GraphRun& run : graphs) Write(run, json);
+  json.EndArray().Key("teams").BeginArray();
+  for (const TeamRun& run : teams) Write(run, json);
+  json.EndArray().EndObject();
+  return json.text() + "\n";
+}
+
+}  // namespace moondb

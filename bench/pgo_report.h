@@ -1,0 +1,19 @@
+// How pgo_bench prints what it measured.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "bench/pgo_graphs.h"
+#include "bench/pgo_team.h"
+
+namespace moondb {
+
+std::string TableOf(const std::vector<GraphRun>& graphs);
+std::string TableOf(const std::vector<TeamRun>& teams);
+
+// One object: `graphs`, each with name, cost, ate_m (null where no truth is known), seconds, initialisation and the
+// same of plain Ceres from odometry; `teams`, each with its case and methods.
+std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<TeamRun>& teams);
+
+}  // namespace moondb

@@ -1,0 +1,45 @@
+// pgo_bench's second part: a simulated lunar team (tests/actors/pgo/scenario.h), over seeds and sizes.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "bench/pgo_methods.h"
+
+namespace moondb {
+
+// What a team is drawn from.
+struct TeamCase {
+  std::string name;
+  int node_count = 2001;  // Of the team.
+  bool has_low_drift = false;
+  double outlier_ratio = 0.05;
+  double bias_sigma_m = 0;
+  double correlation = 0;
+  double outlier_min_m = 0.5;
+};
+
+struct MethodFigures {
+  double median_ate_m = 0;
+  double worst_ate_m = 0;
+  double median_seconds = 0;
+};
+
+struct TeamRun {
+  TeamCase team;
+  int seeds = 0;
+  std::map<Method, MethodFigures> methods;
+  double precision = 0;  // Of the rejection of ranges by the staged solve, over all seeds.
+  double recall = 0;
+  double warm_seconds = 0;  // Medians: 10 new nodes per rover, from the last solution;
+  double warm_ate_m = 0;
+};
+
+std::vector<TeamCase> StandardTeamCases();
+
+// Seeds 1 to `seeds`.
+TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options);
+
+}  // namespace moondb
