@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "bench/pgo_graphs.h"
+#include "bench/pgo_redraws.h"
 #include "bench/pgo_report.h"
 #include "bench/pgo_team.h"
 #include "model/png.h"
@@ -22,6 +23,7 @@ struct Options {
   std::vector<std::string> folders;
   int threads = 2;
   int seeds = 0;
+  int redraws = 0;
   std::string only;  // Team cases whose name holds this.
   bool is_json = false;
   bool is_ours_only = false;
@@ -40,6 +42,9 @@ bool Plot(const GraphRun& run, const std::string& folder) {
 int RunBench(const Options& options) {
   bool is_good = true;
   std::vector<GraphRun> graphs;
+  std::vector<RedrawRun> redraws;
+  SolverOptions solver;
+  solver.thread_count = options.threads;
   for (const std::string& folder : options.folders) {
     for (const std::filesystem::path& path : FindGraphs(folder)) {
       Result<GraphRun> run = RunGraph(path, {options.threads, !options.is_ours_only});
@@ -50,20 +55,22 @@ int RunBench(const Options& options) {
       }
       is_good = is_good && run->ours.has_converged;
       if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
+      if (run->is_team && options.redraws > 0) {
+        redraws.push_back(RunRedraws(run->name, *ReadMission(path), options.redraws, solver));
+      }
       graphs.push_back(*std::move(run));
     }
   }
   if (!options.is_json && !graphs.empty()) fmt::print("{}\n", TableOf(graphs));
+  if (!options.is_json) fmt::print("{}", TableOf(redraws));
   std::vector<TeamRun> teams;
-  SolverOptions solver;
-  solver.thread_count = options.threads;
   for (const TeamCase& team : StandardTeamCases()) {
     if (options.seeds == 0 || team.name.find(options.only) == std::string::npos) continue;
     teams.push_back(RunTeam(team, options.seeds, solver));
-    if (!options.is_json) fmt::print("{}", TableOf({teams.back()}));
+    if (!options.is_json) fmt::print("{}", TableOf(std::vector<TeamRun>{teams.back()}));
     std::fflush(stdout);
   }
-  if (options.is_json) fmt::print("{}", JsonOf(graphs, teams));
+  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, teams));
   return is_good ? 0 : 1;
 }
 
@@ -78,6 +85,8 @@ int main(int argc, char** argv) {
       ->check(CLI::ExistingDirectory);
   app.add_option("--threads", options.threads, "Threads of each solve")->check(CLI::Range(1, 64));
   app.add_option("--seeds", options.seeds, "Also simulated teams with the seeds 1 to this")->check(CLI::Range(0, 1000));
+  app.add_option("--redraws", options.redraws, "Also each mission with its noise drawn anew, so many times")
+      ->check(CLI::Range(0, 1000));
   app.add_option("--only", options.only, "Of the simulated teams those whose name holds this");
   app.add_flag("--json", options.is_json, "One JSON object instead of a table");
   app.add_flag("--ours-only", options.is_ours_only, "Without plain Ceres beside each graph");

@@ -1,5 +1,7 @@
 #include "bench/pgo_methods.h"
 
+#include <algorithm>
+
 #include "actors/pgo/cost_terms.h"
 #include "model/check.h"
 #include "model/metrics.h"
@@ -22,7 +24,7 @@ MethodResult SolveOnce(Loss loss, const PoseGraph& graph, const AgentFactsMap& a
   const std::vector<bool> all(checked.ranges.size(), true);
   State state = terms.initial();
   MethodResult result;
-  result.has_converged = terms.Minimise(all, loss, state).has_converged;
+  result.has_converged = terms.Minimise(all, terms.FirstStage(loss), state).has_converged;
   result.cost = terms.Cost(all, state);
   for (std::size_t i = 0; i < checked.nodes.size(); ++i) result.poses[checked.nodes[i].key] = FromBlock(state.poses[i]);
   return result;
@@ -64,6 +66,17 @@ MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMa
     result.seconds = seconds;
   }
   return result;
+}
+
+MethodFigures ToFigures(std::vector<double> ates_m, std::vector<double> seconds) {
+  if (ates_m.empty()) return {};
+  const double worst_m = *std::max_element(ates_m.begin(), ates_m.end());
+  return {Median(std::move(ates_m)), worst_m, Median(std::move(seconds))};
+}
+
+double Median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values.empty() ? 0 : values[values.size() / 2];
 }
 
 AgentFactsMap FactsOf(const Mission& mission) {

@@ -32,6 +32,18 @@ MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMa
 
 AgentFactsMap FactsOf(const Mission& mission);
 
+// What many draws of one method come to.
+struct MethodFigures {
+  double median_ate_m = 0;
+  double worst_ate_m = 0;
+  double median_seconds = 0;
+};
+
+MethodFigures ToFigures(std::vector<double> ates_m, std::vector<double> seconds);
+
+// 0 of nothing.
+double Median(std::vector<double> values);
+
 template <typename Work>
 double SecondsOf(const Work& work) {
   const auto begin = std::chrono::steady_clock::now();

@@ -36,16 +36,37 @@ void Write(const GraphRun& run, JsonWriter& json) {
   json.EndObject().EndObject();
 }
 
-void Write(const TeamRun& run, JsonWriter& json) {
-  json.BeginObject().Key("name").String(run.team.name).Key("nodes").Number(run.team.node_count);
-  json.Key("seeds").Number(run.seeds).Key("methods").BeginArray();
-  for (const auto& [method, figures] : run.methods) {
+void Write(const std::map<Method, MethodFigures>& methods, JsonWriter& json) {
+  json.Key("methods").BeginArray();
+  for (const auto& [method, figures] : methods) {
     json.BeginObject().Key("name").String(ToString(method)).Key("median_ate_m").Number(figures.median_ate_m);
     json.Key("worst_ate_m").Number(figures.worst_ate_m);
     json.Key("median_seconds").Number(figures.median_seconds).EndObject();
   }
-  json.EndArray().Key("precision").Number(run.precision).Key("recall").Number(run.recall);
+  json.EndArray();
+}
+
+void Write(const RedrawRun& run, JsonWriter& json) {
+  json.BeginObject().Key("name").String(run.name).Key("draws").Number(run.draws);
+  Write(run.methods, json);
+  json.EndObject();
+}
+
+void Write(const TeamRun& run, JsonWriter& json) {
+  json.BeginObject().Key("name").String(run.team.name).Key("nodes").Number(run.team.node_count);
+  json.Key("seeds").Number(run.seeds);
+  Write(run.methods, json);
+  json.Key("precision").Number(run.precision).Key("recall").Number(run.recall);
   json.Key("warm_seconds").Number(run.warm_seconds).Key("warm_ate_m").Number(run.warm_ate_m).EndObject();
+}
+
+Table MethodTable(const std::map<Method, MethodFigures>& methods) {
+  Table table({"METHOD", "MEDIAN ATE M", "WORST ATE M", "SECONDS"});
+  for (const auto& [method, figures] : methods) {
+    table.Add({ToString(method), FormatFixed(figures.median_ate_m, 3), FormatFixed(figures.worst_ate_m, 3),
+               FormatFixed(figures.median_seconds, 3)});
+  }
+  return table;
 }
 
 }  // namespace
@@ -65,11 +86,7 @@ std::string TableOf(const std::vector<GraphRun>& graphs) {
 std::string TableOf(const std::vector<TeamRun>& teams) {
   std::string text;
   for (const TeamRun& run : teams) {
-    Table table({"METHOD", "MEDIAN ATE M", "WORST ATE M", "SECONDS"});
-    for (const auto& [method, figures] : run.methods) {
-      table.Add({ToString(method), FormatFixed(figures.median_ate_m, 3), FormatFixed(figures.worst_ate_m, 3),
-                 FormatFixed(figures.median_seconds, 3)});
-    }
+    Table table = MethodTable(run.methods);
     table.Add({"staged, warm", FormatFixed(run.warm_ate_m, 3), "-", FormatFixed(run.warm_seconds, 3)});
     text += fmt::format("{} (seeds 1 to {}); rejection: precision {:.3f}, recall {:.3f}\n{}\n", run.team.name,
                         run.seeds, run.precision, run.recall, table.Text());
@@ -77,10 +94,21 @@ std::string TableOf(const std::vector<TeamRun>& teams) {
   return text;
 }
 
-std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<TeamRun>& teams) {
+std::string TableOf(const std::vector<RedrawRun>& redraws) {
+  std::string text;
+  for (const RedrawRun& run : redraws) {
+    text += fmt::format("{}, {} redraws of its noise\n{}\n", run.name, run.draws, MethodTable(run.methods).Text());
+  }
+  return text;
+}
+
+std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
+                   const std::vector<TeamRun>& teams) {
   JsonWriter json;
   json.BeginObject().Key("graphs").BeginArray();
   for (const GraphRun& run : graphs) Write(run, json);
+  json.EndArray().Key("redraws").BeginArray();
+  for (const RedrawRun& run : redraws) Write(run, json);
   json.EndArray().Key("teams").BeginArray();
   for (const TeamRun& run : teams) Write(run, json);
   json.EndArray().EndObject();

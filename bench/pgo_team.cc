@@ -26,18 +26,16 @@ ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
   options.outlier_min_m = team.outlier_min_m;
   options.bias_sigma_m = team.bias_sigma_m;
   options.correlation = team.correlation;
+  options.is_around_base = true;
+  options.start_sigma_m = 0.01;
+  options.start_sigma_rad = 0.001;
   options.step_noise_m = team.has_low_drift ? 0.003 : 0.01;
-  options.yaw_noise_rad = team.has_low_drift ? 0.0002 : 0.0022;
-  options.tilt_noise_rad = team.has_low_drift ? 0.0001 : 0.001;
+  options.yaw_noise_rad = team.has_low_drift ? 0.0001 : 0.0004;
+  options.tilt_noise_rad = team.has_low_drift ? 0.0002 : 0.0005;
   std::mt19937_64 rng(seed + 1000);
-  std::normal_distribution<double> scale(0, team.has_low_drift ? 0.002 : 0.01);
+  std::normal_distribution<double> scale(0, team.has_low_drift ? 0.004 : 0.02);
   for (int i = 0; i < kRovers; ++i) options.scale_errors.push_back(scale(rng));
   return options;
-}
-
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values.empty() ? 0 : values[values.size() / 2];
 }
 
 // Without the last nodes of each rover.
@@ -111,10 +109,7 @@ TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options) {
         SecondsOf([&] { warm = SolvePoseGraph(scenario.graph, scenario.agents, last.poses, options); }));
     warm_ates.push_back(TrajectoryErrorM(scenario, warm.poses));
   }
-  for (const Method method : kMethods) {
-    const std::vector<double>& ate = ates[method];
-    run.methods[method] = {Median(ate), *std::max_element(ate.begin(), ate.end()), Median(seconds[method])};
-  }
+  for (const Method method : kMethods) run.methods[method] = ToFigures(ates[method], seconds[method]);
   run.precision = Share(rejection.right, rejection.rejected);
   run.recall = Share(rejection.right, rejection.outliers);
   run.warm_seconds = Median(warm_seconds);

@@ -21,12 +21,6 @@ struct TeamCase {
   double outlier_min_m = 0.5;
 };
 
-struct MethodFigures {
-  double median_ate_m = 0;
-  double worst_ate_m = 0;
-  double median_seconds = 0;
-};
-
 struct TeamRun {
   TeamCase team;
   int seeds = 0;

@@ -14,9 +14,12 @@ namespace moondb {
 
 namespace {
 
-ceres::Solver::Options SolveOptions(const SolverOptions& options, bool is_warm, bool is_dogleg) {
+constexpr double kRoughTolerance = 1e-4;
+
+ceres::Solver::Options SolveOptions(const SolverOptions& options, const Stage& stage, bool is_dogleg) {
   ceres::Solver::Options result = LeastSquaresOptions(options.thread_count, options.iterations_max);
-  result.initial_trust_region_radius = is_warm ? kBoldTrustRegion : kCarefulTrustRegion;
+  result.initial_trust_region_radius = stage.is_near ? kBoldTrustRegion : kCarefulTrustRegion;
+  if (stage.is_rough) result.function_tolerance = kRoughTolerance;
   if (is_dogleg) {
     result.trust_region_strategy_type = ceres::DOGLEG;
     result.initial_trust_region_radius = kCarefulTrustRegion;
@@ -38,8 +41,23 @@ bool IsFinite(const State& state) {
   return std::all_of(state.numbers.begin(), state.numbers.end(), is_finite);
 }
 
-Eigen::Vector3d UpInBody(const CheckedNode& node, GravityReference reference) {
-  if (reference == GravityReference::kLevelGround) return Eigen::Vector3d::UnitZ();
+// Whether the ground is level: then the tilt of each step is odometry's noise and nothing else, and the raw poses' tilt
+// its useless sum. On slopes steps tilt by far more than their noise.
+bool IsGroundLevel(const CheckedGraph& graph) {
+  double square_sum = 0;
+  std::size_t count = 0;
+  for (const CheckedOdometry& odometry : graph.odometry) {
+    const Eigen::Vector3d turn = 2 * odometry.edge->from_from_to.orientation.vec();
+    const Eigen::Vector2d variances = odometry.edge->covariance.diagonal().segment<2>(3);
+    square_sum += turn.head<2>().cwiseAbs2().cwiseQuotient(variances).sum();
+    count += 2;
+  }
+  // Between noise (1) and what slopes add lie orders of magnitude.
+  return count > 0 && square_sum < 2 * static_cast<double>(count);
+}
+
+Eigen::Vector3d UpInBody(const CheckedNode& node, bool is_ground_level) {
+  if (is_ground_level) return Eigen::Vector3d::UnitZ();
   return node.raw.orientation.conjugate() * Eigen::Vector3d::UnitZ();
 }
 
@@ -96,17 +114,22 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
   const auto add = [this](std::unique_ptr<ceres::CostFunction> factor, std::size_t node) {
     terms_.push_back(Term{std::move(factor), static_cast<int>(node), kNone, kNone, kNone});
   };
+  const bool is_ground_level = options_.gravity_reference == GravityReference::kLevelGround ||
+                               (options_.gravity_reference == GravityReference::kChosen && IsGroundLevel(graph_));
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     const Rover& rover = rovers[i];
-    add(MakePosePriorFactor(starts[i].map_from_node, starts[i].sigma_m, starts[i].sigma_rad), rover.first);
+    // Of the tilt gravity knows more than a configuration does.
+    add(MakePosePriorFactor(
+            {starts[i].map_from_node, starts[i].sigma_m, options_.loose_sigma_rad, starts[i].sigma_rad}),
+        rover.first);
     for (const std::size_t head : rover.part_heads) {
       if (head == rover.first) continue;
       const Pose initial = FromBlock(initial_.poses[head]);
-      add(MakePosePriorFactor(initial, options_.loose_sigma_m, options_.loose_sigma_rad), head);
+      add(MakePosePriorFactor({initial, options_.loose_sigma_m, options_.loose_sigma_rad, options_.loose_sigma_rad}),
+          head);
     }
     for (std::size_t node = rover.first; node < rover.first + rover.count; ++node) {
-      add(MakeGravityFactor(UpInBody(graph_.nodes[node], options_.gravity_reference), options_.gravity_sigma_rad),
-          node);
+      add(MakeGravityFactor(UpInBody(graph_.nodes[node], is_ground_level), options_.gravity_sigma_rad), node);
     }
   }
 }
@@ -131,19 +154,20 @@ void CostTerms::AddTerms(const std::vector<bool>& uses_range, ceres::LossFunctio
   }
 }
 
-StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, Loss loss, State& state) const {
+StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const {
   const State begin = state;
-  StageResult first = Try(uses_range, loss, /*is_dogleg=*/false, state);
+  StageResult first = Try(uses_range, stage, /*is_dogleg=*/false, state);
   if (first.has_converged || (options_.stop_requested && options_.stop_requested())) return first;
   state = begin;
-  StageResult second = Try(uses_range, loss, /*is_dogleg=*/true, state);
+  StageResult second = Try(uses_range, stage, /*is_dogleg=*/true, state);
   second.iterations += first.iterations;
   return second;
 }
 
-StageResult CostTerms::Try(const std::vector<bool>& uses_range, Loss loss, bool is_dogleg, State& state) const {
+StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg,
+                           State& state) const {
   PoseManifold manifold;
-  const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(loss, options_);
+  const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(stage.loss, options_);
   ceres::Problem problem(BorrowingProblemOptions());
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
     problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
@@ -151,7 +175,7 @@ StageResult CostTerms::Try(const std::vector<bool>& uses_range, Loss loss, bool 
   }
   AddTerms(uses_range, range_loss.get(), state, problem);
 
-  ceres::Solver::Options solve_options = SolveOptions(options_, is_warm_, is_dogleg);
+  ceres::Solver::Options solve_options = SolveOptions(options_, stage, is_dogleg);
   StopCallback stop(options_.stop_requested);
   if (options_.stop_requested) solve_options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;

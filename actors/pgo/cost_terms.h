@@ -26,6 +26,13 @@ struct State {
 
 enum class Loss { kNone, kHuberOnRanges, kCauchyOnRanges };
 
+// How one of the minimisations of a solve is done.
+struct Stage {
+  Loss loss = Loss::kNone;
+  bool is_near = false;   // Begins near the minimum, so that it may step boldly.
+  bool is_rough = false;  // Need not end exactly at the minimum: only the ranges are judged by it.
+};
+
 struct StageResult {
   bool has_converged = false;
   int iterations = 0;
@@ -41,7 +48,10 @@ class CostTerms {
 
   // Minimises from `state`, in place, over all terms but the ranges whose place in `uses_range` is false.
   // A first try with Levenberg-Marquardt, a second with dogleg.
-  StageResult Minimise(const std::vector<bool>& uses_range, Loss loss, State& state) const;
+  StageResult Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const;
+
+  // A solve from the initial values, to the end.
+  Stage FirstStage(Loss loss) const { return {loss, is_warm_}; }
 
   // F without any loss, over the same terms.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
@@ -67,7 +77,7 @@ class CostTerms {
   void AddNumber(double value, double sigma);
   bool IsUsed(const Term& term, const std::vector<bool>& uses_range) const;
   static std::vector<double*> BlocksOf(const Term& term, State& state);
-  StageResult Try(const std::vector<bool>& uses_range, Loss loss, bool is_dogleg, State& state) const;
+  StageResult Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg, State& state) const;
   void AddTerms(const std::vector<bool>& uses_range, ceres::LossFunction* range_loss, State& state,
                 ceres::Problem& problem) const;
 

@@ -171,25 +171,30 @@ class GravityFactor final : public ceres::SizedCostFunction<2, kPoseSize> {
 
 class PosePriorFactor final : public ceres::SizedCostFunction<6, kPoseSize> {
  public:
-  PosePriorFactor(const Pose& map_from_node, double sigma_m, double sigma_rad)
-      : prior_(map_from_node), position_weight_(1 / sigma_m), rotation_weight_(1 / sigma_rad) {}
+  explicit PosePriorFactor(const PosePrior& prior)
+      : prior_(prior.map_from_node),
+        position_weight_(1 / prior.sigma_m),
+        turn_weights_(1 / prior.sigma_tilt_rad, 1 / prior.sigma_tilt_rad, 1 / prior.sigma_yaw_rad) {}
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    const Eigen::Quaterniond error = WithPositiveW(prior_.orientation.conjugate() * OrientationOf(parameters[0]));
+    const Eigen::Quaterniond error = WithPositiveW(OrientationOf(parameters[0]) * prior_.orientation.conjugate());
     Eigen::Map<Vector6d> out(residuals);
-    out << position_weight_ * (PositionOf(parameters[0]) - prior_.position_m), rotation_weight_ * 2 * error.vec();
+    out << position_weight_ * (PositionOf(parameters[0]) - prior_.position_m),
+        2 * turn_weights_.cwiseProduct(error.vec());
     if (jacobians == nullptr || jacobians[0] == nullptr) return true;
     Eigen::Map<PoseJacobian<6>> jacobian(jacobians[0]);
     jacobian.setZero();
     jacobian.topLeftCorner<3, 3>() = position_weight_ * Eigen::Matrix3d::Identity();
-    jacobian.block<3, 3>(3, 3) = rotation_weight_ * (error.w() * Eigen::Matrix3d::Identity() + Cross(error.vec()));
+    jacobian.block<3, 3>(3, 3) = turn_weights_.asDiagonal() *
+                                 (error.w() * Eigen::Matrix3d::Identity() + Cross(error.vec())) *
+                                 prior_.orientation.toRotationMatrix();
     return true;
   }
 
  private:
   Pose prior_;
   double position_weight_;
-  double rotation_weight_;
+  Eigen::Vector3d turn_weights_;
 };
 
 class ZeroPriorFactor final : public ceres::SizedCostFunction<1, 1> {
@@ -294,8 +299,8 @@ std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up
   return std::make_unique<GravityFactor>(up_in_body, sigma_rad);
 }
 
-std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const Pose& map_from_node, double sigma_m, double sigma_rad) {
-  return std::make_unique<PosePriorFactor>(map_from_node, sigma_m, sigma_rad);
+std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const PosePrior& prior) {
+  return std::make_unique<PosePriorFactor>(prior);
 }
 
 std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma) {

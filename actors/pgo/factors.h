@@ -80,8 +80,15 @@ std::unique_ptr<ceres::CostFunction> MakeSightingFactor(const Eigen::Vector3d& f
 //   (R^T e_z - up) / sigma,   up: the direction of the frame `map`'s z axis, in the body's frame, of unit length.
 std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad);
 
-// What is known of a node beforehand. Block: pose. Six residuals: (p - p_0) / sigma_m, 2 vec(q_0^-1 q) / sigma_rad.
-std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const Pose& map_from_node, double sigma_m, double sigma_rad);
+// What is known of a node beforehand. Block: pose. Six residuals: (p - p_0) / sigma_m, and of the turn 2 vec(q q_0^-1),
+// in the frame `map`, roll and pitch over sigma_tilt_rad and yaw over sigma_yaw_rad.
+struct PosePrior {
+  Pose map_from_node;
+  double sigma_m = 1;
+  double sigma_tilt_rad = 1;
+  double sigma_yaw_rad = 1;
+};
+std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const PosePrior& prior);
 
 // A scale or a bias that is about zero. Block: the number. One residual: value / sigma.
 std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma);

@@ -74,7 +74,9 @@ StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, co
   result.is_inlier.assign(range_count, true);
   StageResult stage;
   if (range_count > 0) {
-    stage = terms.Minimise(result.is_inlier, Loss::kCauchyOnRanges, result.state);
+    Stage first = terms.FirstStage(Loss::kCauchyOnRanges);
+    first.is_rough = true;
+    stage = terms.Minimise(result.is_inlier, first, result.state);
     result.iterations += stage.iterations;
   }
   for (int test = 0; test < kTestsAfterRobustStage; ++test) {
@@ -82,7 +84,8 @@ StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, co
     std::vector<bool> is_inlier = FindInliers(graph, terms.RangeResiduals(result.state), options);
     if (test > 0 && is_inlier == result.is_inlier) break;  // The same problem as just solved.
     result.is_inlier = std::move(is_inlier);
-    stage = terms.Minimise(result.is_inlier, Loss::kNone, result.state);
+    stage = terms.Minimise(result.is_inlier, range_count > 0 ? Stage{.is_near = true} : terms.FirstStage(Loss::kNone),
+                           result.state);
     result.iterations += stage.iterations;
     if (!stage.has_converged) break;
   }

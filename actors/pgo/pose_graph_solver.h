@@ -35,9 +35,9 @@
 namespace moondb {
 
 // Which way is up at a node. Raw poses come from visual-inertial odometry, which feels gravity: their roll and pitch
-// are right on slopes too. Level ground is for recordings whose raw poses are bare sums of noisy steps on a floor
-// (there it saves some centimetres of height and nothing in x and y).
-enum class GravityReference { kRawPoses, kLevelGround };
+// are right on slopes too. Recordings made on a floor have bare sums of noisy steps for raw poses, whose tilt is worth
+// nothing; there the ground is level. kChosen: level where no step tilts by more than its covariance explains.
+enum class GravityReference { kChosen, kRawPoses, kLevelGround };
 
 struct SolverOptions {
   int thread_count = 2;         // Of Ceres; 1 in simulation.
@@ -45,10 +45,10 @@ struct SolverOptions {
   double cauchy_sigmas = 2;     // Where the robust stage begins to doubt a range.
   double huber_sigmas = 1.345;  // Of Huber's loss, which is here for comparison only.
   double reject_sigmas = 3.5;   // Beyond this a range is left out of the last stage.
-  double burst_sigmas = 2;      // The same, next to a rejected range of the same pair that errs the same way.
+  double burst_sigmas = 2.5;    // The same, next to a rejected range of the same pair that errs the same way.
   double scale_sigma = 0.02;    // Of a rover's odometry scale about 1.
   double bias_sigma_m = 0.10;   // Of a pair's constant range error about 0.
-  GravityReference gravity_reference = GravityReference::kRawPoses;
+  GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
   double loose_sigma_m = 10;        // Of a rover's first pose where no start is configured, and beyond a gap.
   double loose_sigma_rad = 1;

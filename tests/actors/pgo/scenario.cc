@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::int64_t kStepNs = 10'000'000'000;
 constexpr double kGravityNoiseRad = 0.01;
+const Eigen::Vector2d kBaseM(5, 5);
 
 class Generator {
  public:
@@ -52,16 +53,24 @@ class Generator {
     double x = 12.0 * agent;
     double y = -8.0 * agent;
     double yaw = 0.7 * agent;
+    double turn_per_m = 0.02;
+    if (options_.is_around_base) {
+      yaw = 2 * M_PI * agent / options_.rover_count;
+      x = kBaseM.x() + 5 * std::cos(yaw);
+      y = kBaseM.y() + 5 * std::sin(yaw);
+      turn_per_m = 0.02;
+    }
     Pose true_pose = OnGround(x, y, yaw);
-    AgentFacts facts{agent, false, true_pose, 0.05, 0.01, options_.antenna_m};
-    facts.start->position_m += Eigen::Vector3d(Noise(0.05), Noise(0.05), Noise(0.05));
-    facts.start->orientation = facts.start->orientation * Turn({0, 0, Noise(0.01)});
+    AgentFacts facts{agent, false, true_pose, options_.start_sigma_m, options_.start_sigma_rad, options_.antenna_m};
+    const double sigma_m = options_.start_sigma_m;
+    facts.start->position_m += Eigen::Vector3d(Noise(sigma_m), Noise(sigma_m), Noise(sigma_m));
+    facts.start->orientation = facts.start->orientation * Turn({0, 0, Noise(options_.start_sigma_rad)});
     scenario_.agents[agent] = facts;
     Pose raw = *facts.start;
     for (int i = 0; i < options_.node_count; ++i) {
       const NodeKey key{agent, static_cast<std::uint64_t>(i)};
       if (i > 0) {
-        yaw += options_.step_m * (0.06 * std::sin(0.11 * options_.step_m * i + agent) + 0.02);
+        yaw += options_.step_m * (0.06 * std::sin(0.11 * options_.step_m * i + agent) + turn_per_m);
         x += options_.step_m * std::cos(yaw);
         y += options_.step_m * std::sin(yaw);
         const Pose next = OnGround(x, y, yaw);
@@ -101,7 +110,7 @@ class Generator {
   }
 
   void AddBaseStation(AgentId agent) {
-    const Pose pose = OnGround(5, 5, 0);
+    const Pose pose = OnGround(kBaseM.x(), kBaseM.y(), 0);
     scenario_.agents[agent] = AgentFacts{agent, true, pose, 0, 0, {0, 0, 1.5}};
     scenario_.graph.nodes.push_back(GraphNode{{agent, 0}, 0, pose});
     base_ = agent;

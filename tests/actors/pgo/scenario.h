@@ -28,6 +28,11 @@ struct ScenarioOptions {
   double bias_sigma_m = 0;                // Of each pair.
   Eigen::Vector3d antenna_m = Eigen::Vector3d(0.3, 0.2, 0.5);
   bool has_base_station = true;
+  double start_sigma_m = 0.05;  // Of the start poses that rovers are told.
+  double start_sigma_rad = 0.01;
+  // Each rover circles in a sector of its own about the base station; else all start in one line and drive wide arcs,
+  // so that what turns the whole team about the base station is known from the starts alone.
+  bool is_around_base = false;
 };
 
 struct Scenario {
