@@ -20,7 +20,9 @@ MethodResult SolveOnce(Loss loss, const PoseGraph& graph, const AgentFactsMap& a
   std::vector<StartPrior> starts;
   for (const Rover& rover : rovers) starts.push_back(FindStartPrior(checked.nodes[rover.first], agents, {}));
   const InitialValues initial = FindInitialValues(checked, rovers, starts, {});
-  const CostTerms terms(checked, rovers, starts, agents, initial, options);
+  std::vector<bool> is_free;
+  for (const CheckedNode& node : checked.nodes) is_free.push_back(!node.is_fixed);
+  const CostTerms terms(checked, rovers, starts, agents, initial, is_free, options);
   const std::vector<bool> all(checked.ranges.size(), true);
   State state = terms.initial();
   MethodResult result;

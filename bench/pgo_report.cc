@@ -36,13 +36,15 @@ void Write(const GraphRun& run, JsonWriter& json) {
   json.EndObject().EndObject();
 }
 
+void Write(const std::string& name, const MethodFigures& figures, JsonWriter& json) {
+  json.BeginObject().Key("name").String(name).Key("median_ate_m").Number(figures.median_ate_m);
+  json.Key("worst_ate_m").Number(figures.worst_ate_m);
+  json.Key("median_seconds").Number(figures.median_seconds).EndObject();
+}
+
 void Write(const std::map<Method, MethodFigures>& methods, JsonWriter& json) {
   json.Key("methods").BeginArray();
-  for (const auto& [method, figures] : methods) {
-    json.BeginObject().Key("name").String(ToString(method)).Key("median_ate_m").Number(figures.median_ate_m);
-    json.Key("worst_ate_m").Number(figures.worst_ate_m);
-    json.Key("median_seconds").Number(figures.median_seconds).EndObject();
-  }
+  for (const auto& [method, figures] : methods) Write(ToString(method), figures, json);
   json.EndArray();
 }
 
@@ -57,15 +59,20 @@ void Write(const TeamRun& run, JsonWriter& json) {
   json.Key("seeds").Number(run.seeds);
   Write(run.methods, json);
   json.Key("precision").Number(run.precision).Key("recall").Number(run.recall);
-  json.Key("warm_seconds").Number(run.warm_seconds).Key("warm_ate_m").Number(run.warm_ate_m).EndObject();
+  json.Key("others").BeginArray();
+  Write("warm", run.warm, json);
+  Write("window", run.window, json);
+  json.EndArray().EndObject();
+}
+
+void Add(const std::string& name, const MethodFigures& figures, Table& table) {
+  table.Add({name, FormatFixed(figures.median_ate_m, 3), FormatFixed(figures.worst_ate_m, 3),
+             FormatFixed(figures.median_seconds, 4)});
 }
 
 Table MethodTable(const std::map<Method, MethodFigures>& methods) {
   Table table({"METHOD", "MEDIAN ATE M", "WORST ATE M", "SECONDS"});
-  for (const auto& [method, figures] : methods) {
-    table.Add({ToString(method), FormatFixed(figures.median_ate_m, 3), FormatFixed(figures.worst_ate_m, 3),
-               FormatFixed(figures.median_seconds, 3)});
-  }
+  for (const auto& [method, figures] : methods) Add(ToString(method), figures, table);
   return table;
 }
 
@@ -87,7 +94,8 @@ std::string TableOf(const std::vector<TeamRun>& teams) {
   std::string text;
   for (const TeamRun& run : teams) {
     Table table = MethodTable(run.methods);
-    table.Add({"staged, warm", FormatFixed(run.warm_ate_m, 3), "-", FormatFixed(run.warm_seconds, 3)});
+    Add("staged, 10 new nodes each", run.warm, table);
+    Add("window of 100 nodes each", run.window, table);
     text += fmt::format("{} (seeds 1 to {}); rejection: precision {:.3f}, recall {:.3f}\n{}\n", run.team.name,
                         run.seeds, run.precision, run.recall, table.Text());
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <random>
+#include <utility>
 
 #include "tests/actors/pgo/scenario.h"
 
@@ -13,6 +14,7 @@ using simulation::ScenarioOptions;
 
 constexpr int kRovers = 3;
 constexpr int kNewNodes = 10;
+constexpr std::size_t kWindowNodes = 100;
 constexpr std::int64_t kStepNs = 10'000'000'000;  // Between nodes of a scenario.
 
 ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
@@ -48,6 +50,11 @@ PoseGraph Earlier(const PoseGraph& graph, int node_count) {
   std::erase_if(earlier.ranges, is_late);
   return earlier;
 }
+
+struct Draws {
+  std::vector<double> ates_m;
+  std::vector<double> seconds;
+};
 
 struct Rejection {
   std::size_t right = 0;
@@ -90,8 +97,8 @@ TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options) {
   run.seeds = seeds;
   std::map<Method, std::vector<double>> ates;
   std::map<Method, std::vector<double>> seconds;
-  std::vector<double> warm_seconds;
-  std::vector<double> warm_ates;
+  Draws warm;
+  Draws windowed;
   Rejection rejection;
   for (int seed = 1; seed <= seeds; ++seed) {
     const ScenarioOptions drawn = OptionsOf(team, static_cast<std::uint64_t>(seed));
@@ -104,16 +111,21 @@ TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options) {
     }
     const PoseGraph earlier = Earlier(scenario.graph, drawn.node_count);
     const Solution last = SolvePoseGraph(earlier, scenario.agents, {}, options);
-    Solution warm;
-    warm_seconds.push_back(
-        SecondsOf([&] { warm = SolvePoseGraph(scenario.graph, scenario.agents, last.poses, options); }));
-    warm_ates.push_back(TrajectoryErrorM(scenario, warm.poses));
+    const LastSolution known = ToLast(last);
+    SolverOptions window = options;
+    window.window_nodes = kWindowNodes;
+    for (const auto& [how, figures] : {std::pair(&options, &warm), std::pair(&std::as_const(window), &windowed)}) {
+      Solution solution;
+      figures->seconds.push_back(
+          SecondsOf([&] { solution = SolvePoseGraph(scenario.graph, scenario.agents, known, *how); }));
+      figures->ates_m.push_back(TrajectoryErrorM(scenario, solution.poses));
+    }
   }
+  run.warm = ToFigures(warm.ates_m, warm.seconds);
+  run.window = ToFigures(windowed.ates_m, windowed.seconds);
   for (const Method method : kMethods) run.methods[method] = ToFigures(ates[method], seconds[method]);
   run.precision = Share(rejection.right, rejection.rejected);
   run.recall = Share(rejection.right, rejection.outliers);
-  run.warm_seconds = Median(warm_seconds);
-  run.warm_ate_m = Median(warm_ates);
   return run;
 }
 

@@ -27,8 +27,8 @@ struct TeamRun {
   std::map<Method, MethodFigures> methods;
   double precision = 0;  // Of the rejection of ranges by the staged solve, over all seeds.
   double recall = 0;
-  double warm_seconds = 0;  // Medians: 10 new nodes per rover, from the last solution;
-  double warm_ate_m = 0;
+  MethodFigures warm;    // The staged solve from the last solution, 10 new nodes per rover;
+  MethodFigures window;  // of these the last 100 nodes per rover only.
 };
 
 std::vector<TeamCase> StandardTeamCases();

@@ -61,25 +61,26 @@ Eigen::Vector3d UpInBody(const CheckedNode& node, bool is_ground_level) {
   return node.raw.orientation.conjugate() * Eigen::Vector3d::UnitZ();
 }
 
-Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent) {
-  const auto facts = agents.find(agent);
-  return facts == agents.end() ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : facts->second.antenna_m;
-}
-
 }  // namespace
 
 CostTerms::CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
-                     const AgentFactsMap& agents, const InitialValues& initial, const SolverOptions& options)
-    : graph_(graph), options_(options), is_warm_(2 * initial.warm_count > graph.nodes.size()) {
+                     const AgentFactsMap& agents, const InitialValues& initial, const std::vector<bool>& is_free,
+                     const SolverOptions& options)
+    : graph_(graph),
+      options_(options),
+      is_warm_(2 * initial.warm_count > graph.nodes.size()),
+      is_free_(is_free),
+      is_window_(options.window_nodes > 0) {
   for (const Pose& pose : initial.poses) initial_.poses.push_back(ToBlock(pose));
   for (const double scale : initial.scales) AddNumber(scale, options.scale_sigma);
   AddOdometry(rovers);
-  AddRanges(agents);
+  AddRanges(agents, initial.biases_m);
   AddPriors(rovers, starts);
 }
 
 void CostTerms::AddNumber(double value, double sigma) {
   initial_.numbers.push_back(value);
+  if (is_window_) return;
   const int number = static_cast<int>(initial_.numbers.size()) - 1;
   terms_.push_back(Term{MakeZeroPriorFactor(sigma), kNone, kNone, number, kNone});
 }
@@ -89,21 +90,26 @@ void CostTerms::AddOdometry(const std::vector<Rover>& rovers) {
   for (std::size_t i = 0; i < rovers.size(); ++i) scale_of[rovers[i].agent] = static_cast<int>(i);
   for (const CheckedOdometry& odometry : graph_.odometry) {
     const auto scale = scale_of.find(graph_.nodes[odometry.from].key.agent);
+    if (!IsMoving(odometry.from, odometry.to)) continue;
     if (scale == scale_of.end()) continue;  // A base station's: it stands still by configuration.
     terms_.push_back(Term{MakeOdometryFactor(odometry.edge->from_from_to, odometry.edge->covariance),
                           static_cast<int>(odometry.from), static_cast<int>(odometry.to), scale->second, kNone});
   }
 }
 
-void CostTerms::AddRanges(const AgentFactsMap& agents) {
+void CostTerms::AddRanges(const AgentFactsMap& agents, const PairNumbers& biases_m) {
   std::map<std::pair<AgentId, AgentId>, int> bias_of;
   for (std::size_t i = 0; i < graph_.ranges.size(); ++i) {
     const CheckedRange& range = graph_.ranges[i];
     const AgentId a = graph_.nodes[range.from].key.agent;
     const AgentId b = graph_.nodes[range.to].key.agent;
     const auto [bias, is_new] = bias_of.try_emplace(std::minmax(a, b), static_cast<int>(initial_.numbers.size()));
-    if (is_new) AddNumber(0, options_.bias_sigma_m);
-    range_terms_.push_back(terms_.size());
+    if (is_new) {
+      const auto known = biases_m.find(std::minmax(a, b));
+      AddNumber(known == biases_m.end() ? 0 : known->second, options_.bias_sigma_m);
+    }
+    range_terms_.push_back(IsMoving(range.from, range.to) ? terms_.size() : kNoTerm);
+    if (range_terms_.back() == kNoTerm) continue;
     terms_.push_back(Term{MakeRangeFactor(range.edge->range_m, std::sqrt(range.edge->variance_m2), AntennaOf(agents, a),
                                           AntennaOf(agents, b)),
                           static_cast<int>(range.from), static_cast<int>(range.to), bias->second, static_cast<int>(i)});
@@ -112,6 +118,7 @@ void CostTerms::AddRanges(const AgentFactsMap& agents) {
 
 void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts) {
   const auto add = [this](std::unique_ptr<ceres::CostFunction> factor, std::size_t node) {
+    if (!is_free_[node]) return;
     terms_.push_back(Term{std::move(factor), static_cast<int>(node), kNone, kNone, kNone});
   };
   const bool is_ground_level = options_.gravity_reference == GravityReference::kLevelGround ||
@@ -129,6 +136,7 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
           head);
     }
     for (std::size_t node = rover.first; node < rover.first + rover.count; ++node) {
+      if (!is_free_[node]) continue;
       add(MakeGravityFactor(UpInBody(graph_.nodes[node], is_ground_level), options_.gravity_sigma_rad), node);
     }
   }
@@ -154,6 +162,17 @@ void CostTerms::AddTerms(const std::vector<bool>& uses_range, ceres::LossFunctio
   }
 }
 
+void CostTerms::HoldStanding(State& state, ceres::Problem& problem) const {
+  const auto hold = [&problem](double* block) {
+    if (problem.HasParameterBlock(block)) problem.SetParameterBlockConstant(block);
+  };
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (!is_free_[node]) hold(state.poses[node].data());
+  }
+  if (!is_window_) return;
+  for (double& number : state.numbers) hold(&number);
+}
+
 StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const {
   const State begin = state;
   StageResult first = Try(uses_range, stage, /*is_dogleg=*/false, state);
@@ -170,10 +189,11 @@ StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& sta
   const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(stage.loss, options_);
   ceres::Problem problem(BorrowingProblemOptions());
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
-    problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
-    if (graph_.nodes[node].is_fixed) problem.SetParameterBlockConstant(state.poses[node].data());
+    if (is_free_[node]) problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
   }
   AddTerms(uses_range, range_loss.get(), state, problem);
+
+  HoldStanding(state, problem);
 
   ceres::Solver::Options solve_options = SolveOptions(options_, stage, is_dogleg);
   StopCallback stop(options_.stop_requested);
@@ -204,6 +224,7 @@ std::vector<double> CostTerms::RangeResiduals(const State& state) const {
   State copy = state;
   std::vector<double> residuals(range_terms_.size());
   for (std::size_t i = 0; i < residuals.size(); ++i) {
+    if (range_terms_[i] == kNoTerm) continue;
     const Term& term = terms_[range_terms_[i]];
     term.factor->Evaluate(BlocksOf(term, copy).data(), &residuals[i], nullptr);
   }

@@ -41,8 +41,10 @@ struct StageResult {
 
 class CostTerms {
  public:
+  // Only nodes in `is_free` move; terms between others are not there.
   CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
-            const AgentFactsMap& agents, const InitialValues& initial, const SolverOptions& options);
+            const AgentFactsMap& agents, const InitialValues& initial, const std::vector<bool>& is_free,
+            const SolverOptions& options);
 
   const State& initial() const { return initial_; }
 
@@ -56,11 +58,13 @@ class CostTerms {
   // F without any loss, over the same terms.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
-  // The residual of each range, in sigmas.
+  // The residual of each range, in sigmas; 0 for one that has no part in this solve.
   std::vector<double> RangeResiduals(const State& state) const;
+  bool HasRange(std::size_t range) const { return range_terms_[range] != kNoTerm; }
 
  private:
   static constexpr int kNone = -1;
+  static constexpr std::size_t kNoTerm = static_cast<std::size_t>(-1);
 
   // One factor and the blocks that it acts on.
   struct Term {
@@ -72,10 +76,12 @@ class CostTerms {
   };
 
   void AddOdometry(const std::vector<Rover>& rovers);
-  void AddRanges(const AgentFactsMap& agents);
+  void AddRanges(const AgentFactsMap& agents, const PairNumbers& biases_m);
   void AddPriors(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts);
   void AddNumber(double value, double sigma);
+  bool IsMoving(std::size_t a, std::size_t b) const { return is_free_[a] || is_free_[b]; }
   bool IsUsed(const Term& term, const std::vector<bool>& uses_range) const;
+  void HoldStanding(State& state, ceres::Problem& problem) const;
   static std::vector<double*> BlocksOf(const Term& term, State& state);
   StageResult Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg, State& state) const;
   void AddTerms(const std::vector<bool>& uses_range, ceres::LossFunction* range_loss, State& state,
@@ -84,6 +90,8 @@ class CostTerms {
   const CheckedGraph& graph_;
   const SolverOptions& options_;
   bool is_warm_;
+  std::vector<bool> is_free_;
+  bool is_window_;  // Numbers stand.
   State initial_;
   std::vector<Term> terms_;
   std::vector<std::size_t> range_terms_;  // Positions in terms_, in the order of CheckedGraph::ranges.

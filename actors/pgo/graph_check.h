@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "model/pose_graph.h"
@@ -47,6 +48,8 @@ struct CheckedRange {
   std::size_t to = 0;
   const RangeEdge* edge = nullptr;
 };
+
+using RangeKey = std::pair<NodeKey, NodeKey>;  // from, to
 
 // An agent's nodes and edges that were not usable.
 struct LeftOut {

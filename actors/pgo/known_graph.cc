@@ -34,9 +34,12 @@ void KnownGraph::AddVerdict(const proto::EdgeVerdict& verdict) {
 
 void KnownGraph::NoteRun(const Version& version) { newest_run_ = std::max(newest_run_, version); }
 
-std::map<NodeKey, Pose> KnownGraph::LastSolution() const {
-  std::map<NodeKey, Pose> solution;
-  for (const auto& [node, pose] : poses_) solution.emplace_hint(solution.end(), node, pose.value);
+LastSolution KnownGraph::FindLastSolution() const {
+  LastSolution solution;
+  for (const auto& [node, pose] : poses_) solution.poses.emplace_hint(solution.poses.end(), node, pose.value);
+  for (const auto& [range, is_inlier] : verdicts_) {
+    if (!is_inlier.value) solution.rejected.insert(range);
+  }
   return solution;
 }
 

@@ -10,13 +10,12 @@
 #include <tuple>
 #include <utility>
 
+#include "actors/pgo/pose_graph_solver.h"
 #include "model/error.h"
 #include "model/pose_graph.h"
 #include "model/term.h"
 
 namespace moondb {
-
-using RangeKey = std::pair<NodeKey, NodeKey>;  // from, to
 
 class KnownGraph {
  public:
@@ -26,8 +25,8 @@ class KnownGraph {
 
   const PoseGraph& graph() const { return graph_; }
 
-  // The newest published pose of each node.
-  std::map<NodeKey, Pose> LastSolution() const;
+  // The newest published pose of each node, and the ranges whose newest verdict is bad.
+  LastSolution FindLastSolution() const;
   const Pose* FindPublished(const NodeKey& node) const;  // Null where there is none.
 
   // What was last published of a range; one that nobody spoke of counts as good.

@@ -146,7 +146,7 @@ void PgoActor::SolveNow(Context& context) {
   SolverOptions solver = options_.solver;
   solver.stop_requested = [&context] { return context.stop_requested(); };
   const MonotonicTime begin = context.now();
-  const Solution solution = SolvePoseGraph(known_.graph(), agents_, known_.LastSolution(), solver);
+  const Solution solution = SolvePoseGraph(known_.graph(), agents_, known_.FindLastSolution(), solver);
   reply_ = ToReply(solution);
   reply_.set_seconds(std::chrono::duration<double>(context.now() - begin).count());
   stats_.set_solve_count(stats_.solve_count() + 1);

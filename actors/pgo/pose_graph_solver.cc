@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -12,7 +13,12 @@ namespace moondb {
 
 namespace {
 
-constexpr int kTestsAfterRobustStage = 2;
+constexpr int kTestsMax = 10;  // Of the ranges; two or three are usual.
+// A rejected range comes back a little later than it went, lest tests say one thing and the other in turn.
+constexpr double kReturnPart = 0.9;
+// From this share of known nodes on, the last verdicts are worth more than a robust stage.
+constexpr double kWarmShare = 0.8;
+constexpr double kNewRangeSlack = 2;            // A new node's first guess is odometry's.
 constexpr std::size_t kAnchoringRangesMin = 3;  // Fewer leave more than one place to stand.
 
 // Costs are sums of squares; below this part of them is rounding.
@@ -37,24 +43,57 @@ std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
 
 // What blocks a line of sight does so for a while: beside a rejected range of the same pair, one that errs the same way
 // needs less to be doubted.
-void ExtendBursts(const std::vector<std::size_t>& series, const std::vector<double>& residuals, double burst_sigmas,
-                  std::vector<bool>& is_inlier) {
+void ExtendBursts(const std::vector<std::size_t>& series, const std::vector<double>& residuals,
+                  const std::vector<double>& limits, std::vector<bool>& is_inlier) {
   const auto extend = [&](std::size_t from, std::size_t to) {
     const bool is_same_way = residuals[from] * residuals[to] > 0;
-    if (!is_inlier[from] && is_same_way && std::abs(residuals[to]) > burst_sigmas) is_inlier[to] = false;
+    if (!is_inlier[from] && is_same_way && std::abs(residuals[to]) > limits[to]) is_inlier[to] = false;
   };
   for (std::size_t i = 1; i < series.size(); ++i) extend(series[i - 1], series[i]);
   for (std::size_t i = series.size(); i-- > 1;) extend(series[i], series[i - 1]);
 }
 
-std::vector<bool> FindInliers(const CheckedGraph& graph, const std::vector<double>& residuals,
-                              const SolverOptions& options) {
-  std::vector<bool> is_inlier;
-  for (const double residual : residuals) is_inlier.push_back(std::abs(residual) <= options.reject_sigmas);
+// `before`: what the last test said. A range that has no part in the solve keeps it.
+std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms, const std::vector<double>& residuals,
+                              const std::vector<bool>& before, const SolverOptions& options) {
+  std::vector<bool> is_inlier(residuals.size());
+  std::vector<double> burst_limits(residuals.size());
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    const double part = before[i] ? 1 : kReturnPart;
+    is_inlier[i] = terms.HasRange(i) ? std::abs(residuals[i]) <= part * options.reject_sigmas : before[i];
+    burst_limits[i] = part * options.burst_sigmas;
+  }
   for (const std::vector<std::size_t>& series : FindSeries(graph)) {
-    ExtendBursts(series, residuals, options.burst_sigmas, is_inlier);
+    ExtendBursts(series, residuals, burst_limits, is_inlier);
   }
   return is_inlier;
+}
+
+// The last verdicts; of ranges with a new node, and where there was no last solution, whether it fits its first guess.
+std::vector<bool> FindFirstInliers(const CheckedGraph& graph, const InitialValues& initial,
+                                   const std::vector<double>& residuals, const LastSolution& last,
+                                   const SolverOptions& options) {
+  std::vector<bool> is_inlier(residuals.size());
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    const CheckedRange& range = graph.ranges[i];
+    const bool is_old = (initial.is_warm[range.from] || graph.nodes[range.from].is_fixed) &&
+                        (initial.is_warm[range.to] || graph.nodes[range.to].is_fixed);
+    is_inlier[i] = is_old ? !last.rejected.contains({range.edge->from, range.edge->to})
+                          : std::abs(residuals[i]) <= kNewRangeSlack * options.reject_sigmas;
+  }
+  return is_inlier;
+}
+
+// From the ranges between nodes of the last solution that it accepted.
+PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const InitialValues& initial,
+                               const LastSolution& last, const SolverOptions& options) {
+  std::vector<bool> counts;
+  for (const CheckedRange& range : graph.ranges) {
+    const auto is_known = [&](std::size_t node) { return initial.is_warm[node] || graph.nodes[node].is_fixed; };
+    counts.push_back(is_known(range.from) && is_known(range.to) &&
+                     !last.rejected.contains({range.edge->from, range.edge->to}));
+  }
+  return EstimateBiases(graph, agents, initial.poses, counts, options.bias_sigma_m);
 }
 
 struct StagedResult {
@@ -67,27 +106,33 @@ struct StagedResult {
   int iterations = 0;
 };
 
-StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, const SolverOptions& options) {
-  const std::size_t range_count = graph.ranges.size();
+// `first_inliers`: where the solve goes on from one before; else ranges are judged after a robust stage.
+StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph,
+                           const std::optional<std::vector<bool>>& first_inliers, const SolverOptions& options) {
   StagedResult result;
   result.state = terms.initial();
-  result.is_inlier.assign(range_count, true);
+  result.is_inlier.assign(graph.ranges.size(), true);
   StageResult stage;
-  if (range_count > 0) {
-    Stage first = terms.FirstStage(Loss::kCauchyOnRanges);
-    first.is_rough = true;
-    stage = terms.Minimise(result.is_inlier, first, result.state);
+  stage.has_converged = true;
+  Stage next = terms.FirstStage(Loss::kNone);
+  if (first_inliers) {
+    result.is_inlier = *first_inliers;
+  } else if (!graph.ranges.empty()) {
+    Stage robust = terms.FirstStage(Loss::kCauchyOnRanges);
+    robust.is_rough = true;
+    stage = terms.Minimise(result.is_inlier, robust, result.state);
     result.iterations += stage.iterations;
+    result.is_inlier = FindInliers(graph, terms, terms.RangeResiduals(result.state), result.is_inlier, options);
+    next.is_near = true;
   }
-  for (int test = 0; test < kTestsAfterRobustStage; ++test) {
-    if (test == 0 && range_count > 0 && !stage.has_converged) break;
-    std::vector<bool> is_inlier = FindInliers(graph, terms.RangeResiduals(result.state), options);
-    if (test > 0 && is_inlier == result.is_inlier) break;  // The same problem as just solved.
-    result.is_inlier = std::move(is_inlier);
-    stage = terms.Minimise(result.is_inlier, range_count > 0 ? Stage{.is_near = true} : terms.FirstStage(Loss::kNone),
-                           result.state);
+  for (int test = 0; stage.has_converged && test < kTestsMax; ++test) {
+    stage = terms.Minimise(result.is_inlier, next, result.state);
     result.iterations += stage.iterations;
-    if (!stage.has_converged) break;
+    next.is_near = true;
+    std::vector<bool> is_inlier =
+        FindInliers(graph, terms, terms.RangeResiduals(result.state), result.is_inlier, options);
+    if (is_inlier == result.is_inlier) break;
+    if (test + 1 < kTestsMax) result.is_inlier = std::move(is_inlier);
   }
   if (!stage.has_converged) {
     result.text = "did not converge: " + stage.text;
@@ -169,16 +214,35 @@ std::vector<RangeVerdict> JudgeRanges(const CheckedGraph& graph, const CostTerms
   const std::vector<double> residuals = terms.RangeResiduals(staged.state);
   std::vector<RangeVerdict> verdicts;
   for (std::size_t i = 0; i < residuals.size(); ++i) {
+    if (!terms.HasRange(i)) continue;
     const RangeEdge& edge = *graph.ranges[i].edge;
     verdicts.push_back(RangeVerdict{edge.from, edge.to, staged.is_inlier[i], residuals[i]});
   }
   return verdicts;
 }
 
+std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& rovers, std::size_t window_nodes) {
+  std::vector<bool> is_free(graph.nodes.size(), false);
+  for (const Rover& rover : rovers) {
+    const std::size_t count = window_nodes == 0 ? rover.count : std::min(rover.count, window_nodes);
+    for (std::size_t i = 0; i < count; ++i) is_free[rover.first + rover.count - 1 - i] = true;
+  }
+  return is_free;
+}
+
 }  // namespace
 
-Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents,
-                        const std::map<NodeKey, Pose>& last_solution, const SolverOptions& options) {
+LastSolution ToLast(const Solution& solution) {
+  LastSolution last;
+  last.poses = solution.poses;
+  for (const RangeVerdict& range : solution.ranges) {
+    if (!range.is_inlier) last.rejected.insert({range.from, range.to});
+  }
+  return last;
+}
+
+Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last,
+                        const SolverOptions& options) {
   const CheckedGraph checked = CheckGraph(graph, agents);
   const std::vector<Rover> rovers = FindRovers(checked);
   Solution solution;
@@ -190,7 +254,10 @@ Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents,
   std::vector<StartPrior> starts;
   const LoosePrior loose{options.loose_sigma_m, options.loose_sigma_rad};
   for (const Rover& rover : rovers) starts.push_back(FindStartPrior(checked.nodes[rover.first], agents, loose));
-  const InitialValues initial = FindInitialValues(checked, rovers, starts, last_solution);
+  InitialValues initial = FindInitialValues(checked, rovers, starts, last.poses);
+  const bool is_warm =
+      static_cast<double>(initial.warm_count) >= kWarmShare * static_cast<double>(checked.nodes.size());
+  if (is_warm) initial.biases_m = EstimateWarmBiases(checked, agents, initial, last, options);
 
   std::vector<double> scales = initial.scales;
   std::vector<Pose> poses = initial.poses;
@@ -198,8 +265,13 @@ Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents,
     solution.is_accepted = true;
     solution.text = "no rover has a node yet";
   } else {
-    const CostTerms terms(checked, rovers, starts, agents, initial, options);
-    const StagedResult staged = SolveInStages(terms, checked, options);
+    const CostTerms terms(checked, rovers, starts, agents, initial, FindFree(checked, rovers, options.window_nodes),
+                          options);
+    std::optional<std::vector<bool>> first_inliers;
+    if (is_warm) {
+      first_inliers = FindFirstInliers(checked, initial, terms.RangeResiduals(terms.initial()), last, options);
+    }
+    const StagedResult staged = SolveInStages(terms, checked, first_inliers, options);
     solution.is_accepted = staged.is_accepted;
     solution.text = staged.text;
     solution.initial_cost = staged.initial_cost;

@@ -8,8 +8,9 @@
 //
 // in stages: leave out what is damaged (graph_check.h) -> begin at the last solution (initial_values.h) -> ranges under
 // a Cauchy loss, which one long range in twenty cannot pull away -> reject ranges beyond 3.5 sigma -> least squares on
-// the rest, ranges tested anew and solved once more. UWB through walls and around rocks measures too long in bursts,
-// and least squares on such ranges is worse than odometry alone.
+// the rest, ranges tested anew, until the tests say the same as before. Where nearly all nodes have been solved before,
+// the last verdicts take the place of the Cauchy stage: an unchanged graph then stays where it is. UWB through walls
+// and around rocks measures too long in bursts, and least squares on such ranges is worse than odometry alone.
 //
 // A solution is accepted only if all numbers are finite, Ceres converged, and F over the accepted ranges is no higher
 // than where the solve began. Otherwise `poses` are the initial values and `text` says why: never a crash.
@@ -26,6 +27,7 @@
 
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -52,8 +54,16 @@ struct SolverOptions {
   double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
   double loose_sigma_m = 10;        // Of a rover's first pose where no start is configured, and beyond a gap.
   double loose_sigma_rad = 1;
+  // Only this many newest nodes of each rover move; scales, biases and all else stand. For a quick answer. 0: all.
+  std::size_t window_nodes = 0;
   // Polled once per iteration; true ends the solve, which then is not accepted.
   std::function<bool()> stop_requested = {};
+};
+
+// Where a solve goes on from: what was published last, by this leader or another.
+struct LastSolution {
+  std::map<NodeKey, Pose> poses;  // map_from_node.
+  std::set<RangeKey> rejected;    // Ranges between these nodes; others of them were accepted.
 };
 
 enum class Anchoring {
@@ -71,7 +81,7 @@ struct RoverResult {
   std::string text;             // What could not be determined; empty when nothing.
 };
 
-// One per usable range, in the order of CheckedGraph::ranges.
+// One per usable range that had a part in the solve, in the order of CheckedGraph::ranges.
 struct RangeVerdict {
   NodeKey from;
   NodeKey to;
@@ -95,7 +105,10 @@ struct Solution {
   int iterations = 0;       // Of all stages.
 };
 
-Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents,
-                        const std::map<NodeKey, Pose>& last_solution, const SolverOptions& options);
+Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last,
+                        const SolverOptions& options);
+
+// What to go on from after `solution`, which was accepted.
+LastSolution ToLast(const Solution& solution);
 
 }  // namespace moondb

@@ -41,7 +41,7 @@ TEST(KnownGraphTest, KeepsTheNewestPoseInAnyOrderOfArrival) {
     ASSERT_TRUE(known.Add(is_newest_first ? PoseAt(2, 2, 1) : PoseAt(3, 2, 2)));
     ASSERT_NE(known.FindPublished({1, 2}), nullptr);
     EXPECT_EQ(known.FindPublished({1, 2})->position_m.x(), 3);
-    EXPECT_EQ(known.LastSolution().size(), 1u);
+    EXPECT_EQ(known.FindLastSolution().poses.size(), 1u);
   }
 }
 
