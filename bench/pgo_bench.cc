@@ -24,6 +24,7 @@ struct Options {
   int threads = 2;
   int seeds = 0;
   int redraws = 0;
+  int unknown_starts = 0;
   std::string only;  // Team cases whose name holds this.
   bool is_json = false;
   bool is_ours_only = false;
@@ -70,7 +71,10 @@ int RunBench(const Options& options) {
     if (!options.is_json) fmt::print("{}", TableOf(std::vector<TeamRun>{teams.back()}));
     std::fflush(stdout);
   }
-  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, teams));
+  UnknownStartsRun unknown;
+  if (options.unknown_starts > 0) unknown = RunUnknownStarts(options.unknown_starts, solver);
+  if (options.unknown_starts > 0 && !options.is_json) fmt::print("{}", TextOf(unknown));
+  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, teams, unknown));
   return is_good ? 0 : 1;
 }
 
@@ -86,6 +90,9 @@ int main(int argc, char** argv) {
   app.add_option("--threads", options.threads, "Threads of each solve")->check(CLI::Range(1, 64));
   app.add_option("--seeds", options.seeds, "Also simulated teams with the seeds 1 to this")->check(CLI::Range(0, 1000));
   app.add_option("--redraws", options.redraws, "Also each mission with its noise drawn anew, so many times")
+      ->check(CLI::Range(0, 1000));
+  app.add_option("--unknown-starts", options.unknown_starts,
+                 "Also so many simulated teams in which two rovers do not know where they began")
       ->check(CLI::Range(0, 1000));
   app.add_option("--only", options.only, "Of the simulated teams those whose name holds this");
   app.add_flag("--json", options.is_json, "One JSON object instead of a table");

@@ -107,7 +107,7 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.ours.has_converged = solution.is_accepted;
   run.ours.cost = solution.final_cost;
   run.ours.ate_m = CompareTrajectories(solution.poses, mission->truth, rovers).rmse_m;
-  run.initialisation = "odometry";
+  run.initialisation = ToString(solution.beginning);
   run.text = solution.text;
   run.odometry_tracks = TracksOf(moondb::PosesOf(mission->graph), rovers);
   run.tracks = TracksOf(solution.poses, rovers);

@@ -110,8 +110,15 @@ std::string TableOf(const std::vector<RedrawRun>& redraws) {
   return text;
 }
 
+std::string TextOf(const UnknownStartsRun& run) {
+  return fmt::format(
+      "two rovers with unknown starts: {} of {} right; of the others {} reported as ambiguous, of the "
+      "right ones {}; median {:.3f} s\n",
+      run.right, run.runs, run.wrong_ambiguous, run.right_ambiguous, run.median_seconds);
+}
+
 std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
-                   const std::vector<TeamRun>& teams) {
+                   const std::vector<TeamRun>& teams, const UnknownStartsRun& unknown) {
   JsonWriter json;
   json.BeginObject().Key("graphs").BeginArray();
   for (const GraphRun& run : graphs) Write(run, json);
@@ -119,7 +126,10 @@ std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<Redraw
   for (const RedrawRun& run : redraws) Write(run, json);
   json.EndArray().Key("teams").BeginArray();
   for (const TeamRun& run : teams) Write(run, json);
-  json.EndArray().EndObject();
+  json.EndArray().Key("unknown_starts").BeginObject().Key("runs").Number(unknown.runs);
+  json.Key("right").Number(unknown.right).Key("wrong_ambiguous").Number(unknown.wrong_ambiguous);
+  json.Key("right_ambiguous").Number(unknown.right_ambiguous);
+  json.Key("median_seconds").Number(unknown.median_seconds).EndObject().EndObject();
   return json.text() + "\n";
 }
 

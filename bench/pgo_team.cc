@@ -14,6 +14,8 @@ using simulation::ScenarioOptions;
 
 constexpr int kRovers = 3;
 constexpr int kNewNodes = 10;
+constexpr int kUnknownStartsNodes = 200;  // Per rover.
+constexpr double kRightM = 1;
 constexpr std::size_t kWindowNodes = 100;
 constexpr std::int64_t kStepNs = 10'000'000'000;  // Between nodes of a scenario.
 
@@ -127,6 +129,37 @@ TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options) {
   run.precision = Share(rejection.right, rejection.rejected);
   run.recall = Share(rejection.right, rejection.outliers);
   return run;
+}
+
+UnknownStartsRun RunUnknownStarts(int runs, const SolverOptions& options) {
+  UnknownStartsRun result;
+  result.runs = runs;
+  std::vector<double> seconds;
+  for (int seed = 1; seed <= runs; ++seed) {
+    TeamCase team;
+    team.node_count = 1 + kRovers * kUnknownStartsNodes;
+    ScenarioOptions drawn = OptionsOf(team, static_cast<std::uint64_t>(seed));
+    Scenario scenario = MakeScenario(drawn);
+    std::mt19937_64 rng(static_cast<std::uint64_t>(seed) + 2000);
+    std::uniform_real_distribution<double> anywhere(-100, 100);
+    for (const AgentId agent : {AgentId{2}, AgentId{3}}) {
+      scenario.agents.at(agent).start.reset();
+      const Pose moved = Pose::FromPlanar(anywhere(rng), anywhere(rng), anywhere(rng));
+      for (GraphNode& node : scenario.graph.nodes) {
+        if (node.key.agent == agent) node.map_from_node = moved * node.map_from_node;
+      }
+    }
+    Solution solution;
+    seconds.push_back(SecondsOf([&] { solution = SolvePoseGraph(scenario.graph, scenario.agents, {}, options); }));
+    const bool is_right = solution.is_accepted && TrajectoryErrorM(scenario, solution.poses) < kRightM;
+    const bool is_ambiguous = std::any_of(solution.rovers.begin(), solution.rovers.end(),
+                                          [](const auto& rover) { return rover.anchoring == Anchoring::kAmbiguous; });
+    result.right += is_right;
+    result.right_ambiguous += is_right && is_ambiguous;
+    result.wrong_ambiguous += !is_right && is_ambiguous;
+  }
+  result.median_seconds = Median(std::move(seconds));
+  return result;
 }
 
 }  // namespace moondb

@@ -33,6 +33,17 @@ struct TeamRun {
 
 std::vector<TeamCase> StandardTeamCases();
 
+// Teams of three rovers and a base station, two of which do not know where they began.
+struct UnknownStartsRun {
+  int runs = 0;
+  int right = 0;            // Error of the whole team below 1 m.
+  int wrong_ambiguous = 0;  // Wrong, and reported as ambiguous.
+  int right_ambiguous = 0;  // Right, and reported as ambiguous nevertheless.
+  double median_seconds = 0;
+};
+
+UnknownStartsRun RunUnknownStarts(int runs, const SolverOptions& options);
+
 // Seeds 1 to `seeds`.
 TeamRun RunTeam(const TeamCase& team, int seeds, const SolverOptions& options);
 

@@ -27,6 +27,18 @@ double Spread(int k, int dimension) {
   return std::fmod(0.5 + std::pow(kBase, dimension % 5 + 1) * (k + 1) + 0.37 * (dimension / 5) * (k + 1), 1.0);
 }
 
+std::vector<int> AxesOf(BodyFreedom freedom) {
+  switch (freedom) {
+    case BodyFreedom::kPlanar:
+      return {0, 1, 5};
+    case BodyFreedom::kUpright:
+      return {0, 1, 2, 5};
+    case BodyFreedom::kSpatial:
+      return {0, 1, 2, 3, 4, 5};
+  }
+  return {};
+}
+
 class Arranger {
  public:
   Arranger(const PlainGraph& graph, const ActiveNodes& active, const std::vector<bool>& placed,
@@ -46,13 +58,13 @@ class Arranger {
         if (std::isfinite(cost)) found.emplace_back(cost, std::move(frames));
       }
     }
-    if (found.empty()) return {Arrangement{0, state_}};
+    if (found.empty()) return {Arrangement{0, state_, {}}};
     std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
     std::vector<Arrangement> kept;
     for (const auto& [cost, frames] : found) {
       if (kept.size() == options_.kept) break;
       if (!kept.empty() && cost - kept.back().cost < kSameCostPart * (1 + cost)) continue;
-      kept.push_back({cost, Apply(frames)});
+      kept.push_back({cost, Apply(frames), PosesOf(frames)});
     }
     return kept;
   }
@@ -120,7 +132,7 @@ class Arranger {
 
   Eigen::Quaterniond Turn(int start, int dimension) const {
     const double yaw = 2 * M_PI * Spread(start, dimension);
-    if (graph_.is_planar) return Pose::FromPlanar(0, 0, yaw).orientation;
+    if (options_.freedom != BodyFreedom::kSpatial) return Pose::FromPlanar(0, 0, yaw).orientation;
     // Shoemake's uniform rotations.
     const double u = Spread(start, dimension + 1);
     const double angle = 2 * M_PI * Spread(start, dimension + 2);
@@ -137,7 +149,7 @@ class Arranger {
       const std::size_t other = is_from ? range->to : range->from;
       const Eigen::Quaterniond turn = Turn(start, dimension + 2);
       const double angle = 2 * M_PI * Spread(start, dimension);
-      const double height = graph_.is_planar ? 0 : 2 * Spread(start, dimension + 1) - 1;
+      const double height = options_.freedom == BodyFreedom::kSpatial ? 2 * Spread(start, dimension + 1) - 1 : 0;
       const double flat = std::sqrt(1 - height * height);
       const Eigen::Vector3d direction(flat * std::cos(angle), flat * std::sin(angle), height);
       const Eigen::Vector3d place = InMap(other, frames) + range->range_m * direction;
@@ -148,8 +160,7 @@ class Arranger {
   }
 
   double Fit(Frames& frames) const {
-    AxesManifold planar({0, 1, 5});
-    PoseManifold spatial;
+    AxesManifold manifold(AxesOf(options_.freedom));
     ceres::CauchyLoss loss(kCauchySigmas);
     PoseBlock map_frame = ToBlock(Pose{});
     double no_bias = 0;
@@ -159,8 +170,7 @@ class Arranger {
     problem.AddParameterBlock(&no_bias, 1);
     problem.SetParameterBlockConstant(&no_bias);
     for (auto& [body, frame] : frames) {
-      ceres::Manifold* manifold = graph_.is_planar ? static_cast<ceres::Manifold*>(&planar) : &spatial;
-      problem.AddParameterBlock(frame.data(), kPoseSize, manifold);
+      problem.AddParameterBlock(frame.data(), kPoseSize, &manifold);
     }
     const auto block_of = [&](std::size_t node) {
       return IsBody(node) ? frames.at(heads_[node]).data() : map_frame.data();
@@ -175,6 +185,12 @@ class Arranger {
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
     return summary.IsSolutionUsable() ? summary.final_cost : std::nan("");
+  }
+
+  static std::map<std::size_t, Pose> PosesOf(const Frames& frames) {
+    std::map<std::size_t, Pose> poses;
+    for (const auto& [body, frame] : frames) poses[body] = FromBlock(frame);
+    return poses;
   }
 
   PlainState Apply(const Frames& frames) const {

@@ -6,6 +6,7 @@
 // mostly when the bodies were arranged before.
 #pragma once
 
+#include <map>
 #include <vector>
 
 #include "actors/pgo/plain_cost.h"
@@ -13,12 +14,17 @@
 
 namespace moondb {
 
+// How a body may turn: about z only where gravity has levelled it, in the plane without leaving it.
+enum class BodyFreedom { kPlanar, kUpright, kSpatial };
+
 struct Arrangement {
   double cost = 0;  // Robust, for comparing only.
   PlainState state;
+  std::map<std::size_t, Pose> map_from_body;  // By the body's head; bodies that no range joins are missing.
 };
 
 struct ArrangementOptions {
+  BodyFreedom freedom = BodyFreedom::kSpatial;
   int starts = 40;
   std::size_t kept = 3;          // The best distinct arrangements.
   std::size_t ranges_max = 400;  // Evenly chosen where there are more.

@@ -220,6 +220,13 @@ double CostTerms::Cost(const std::vector<bool>& uses_range, const State& state) 
   return square_sum / 2;
 }
 
+double CostTerms::RobustCost(const State& state) const {
+  double cost = Cost(std::vector<bool>(range_terms_.size(), false), state);
+  const double scale = options_.cauchy_sigmas * options_.cauchy_sigmas;
+  for (const double residual : RangeResiduals(state)) cost += scale / 2 * std::log1p(residual * residual / scale);
+  return cost;
+}
+
 std::vector<double> CostTerms::RangeResiduals(const State& state) const {
   State copy = state;
   std::vector<double> residuals(range_terms_.size());

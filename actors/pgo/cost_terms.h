@@ -58,6 +58,9 @@ class CostTerms {
   // F without any loss, over the same terms.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
+  // F over all terms with the Cauchy loss on ranges: compares solutions that accept different ranges.
+  double RobustCost(const State& state) const;
+
   // The residual of each range, in sigmas; 0 for one that has no part in this solve.
   std::vector<double> RangeResiduals(const State& state) const;
   bool HasRange(std::size_t range) const { return range_terms_[range] != kNoTerm; }

@@ -145,10 +145,16 @@ class PlainSolver {
     Beginning beginning = is_whole ? (HasLoops(graph_, active, heads) ? Beginning::kChordal : Beginning::kOdometry)
                                    : Beginning::kArrangedParts;
     if (first < 1) beginning = Beginning::kPrefixGrowth;
-    for (Arrangement& arrangement : ArrangeParts(graph_, active, placed, heads, state, {})) {
+    for (Arrangement& arrangement : ArrangeParts(graph_, active, placed, heads, state, Freedom())) {
       if (IsStopped()) return;
       Add(GoRoad(first, active, std::move(arrangement.state)), beginning);
     }
+  }
+
+  ArrangementOptions Freedom() const {
+    ArrangementOptions options;
+    if (graph_.is_planar) options.freedom = BodyFreedom::kPlanar;
+    return options;
   }
 
   Road GoRoad(double part, ActiveNodes active, PlainState state) {
@@ -178,7 +184,7 @@ class PlainSolver {
     for (std::size_t node = 0; node < active.size(); ++node) {
       if (fresh[node]) state[node] = parts[node];
     }
-    ArrangementOptions one;
+    ArrangementOptions one = Freedom();
     one.kept = 1;
     state = std::move(ArrangeParts(graph_, active, placed, heads, state, one).front().state);
   }

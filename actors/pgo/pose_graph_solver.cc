@@ -8,6 +8,7 @@
 
 #include "actors/pgo/cost_terms.h"
 #include "actors/pgo/initial_values.h"
+#include "actors/pgo/unknown_starts.h"
 
 namespace moondb {
 
@@ -18,6 +19,10 @@ constexpr int kTestsMax = 10;  // Of the ranges; two or three are usual.
 constexpr double kReturnPart = 0.9;
 // From this share of known nodes on, the last verdicts are worth more than a robust stage.
 constexpr double kWarmShare = 0.8;
+// Of a start that nobody knows: far beyond any mission, so that it costs nothing.
+constexpr double kFreeSigmaM = 1e4;
+constexpr double kFreeSigmaRad = 100;
+constexpr double kApartM = 1;                   // Places nearer than this count as one.
 constexpr double kNewRangeSlack = 2;            // A new node's first guess is odometry's.
 constexpr std::size_t kAnchoringRangesMin = 3;  // Fewer leave more than one place to stand.
 
@@ -169,6 +174,8 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
   if (!start.is_configured) say("no start pose configured for its first node: begins at its raw pose");
   if (rover.anchoring == Anchoring::kNoRanges) say("no accepted range: start pose and odometry alone");
   if (rover.anchoring == Anchoring::kUnanchored) say("nothing ties it to the map");
+  if (rover.anchoring == Anchoring::kYawFree) say("nothing says how it is turned about the base station");
+  if (rover.anchoring == Anchoring::kAmbiguous) say("ambiguous: it would stand nearly as well elsewhere");
   if (part_count > 1) say("its odometry is interrupted in " + std::to_string(part_count - 1) + " places");
   if (const auto found = graph.left_out.find(rover.agent); found != graph.left_out.end()) {
     say(std::to_string(found->second.count) + " records left out, first: " + found->second.first);
@@ -176,24 +183,49 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
   return text;
 }
 
+// Fixed nodes hold a team's place; two apart from each other its yaw, too.
+bool HoldFixedNodesYaw(const CheckedGraph& graph) {
+  const CheckedNode* first = nullptr;
+  for (const CheckedNode& node : graph.nodes) {
+    if (!node.is_fixed) continue;
+    if (first == nullptr) first = &node;
+    if ((node.raw.position_m - first->raw.position_m).head<2>().norm() > kApartM) return true;
+  }
+  return false;
+}
+
+struct RoversInMap {
+  std::set<AgentId> anchored;
+  std::set<AgentId> yaw_free;
+};
+
+RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rovers,
+                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges) {
+  std::set<AgentId> fixed;
+  std::set<AgentId> configured;
+  for (const CheckedNode& node : graph.nodes) {
+    if (node.is_fixed) fixed.insert(node.key.agent);
+  }
+  for (std::size_t i = 0; i < rovers.size(); ++i) {
+    if (starts[i].is_configured) configured.insert(rovers[i].agent);
+  }
+  RoversInMap result;
+  if (HoldFixedNodesYaw(graph)) configured.insert(fixed.begin(), fixed.end());
+  result.anchored = FindAnchored(ranges, configured);
+  result.yaw_free = FindAnchored(ranges, fixed);
+  return result;
+}
+
 std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
-                                     const std::vector<double>& scales) {
+                                     const std::vector<double>& scales, const std::set<AgentId>& ambiguous) {
   std::map<AgentId, std::size_t> accepted;
   for (const RangeVerdict& range : ranges) {
     if (!range.is_inlier) continue;
     ++accepted[range.from.agent];
     ++accepted[range.to.agent];
   }
-  std::set<AgentId> anchors;
-  for (const CheckedNode& node : graph.nodes) {
-    if (node.is_fixed) anchors.insert(node.key.agent);
-  }
-  for (std::size_t i = 0; i < rovers.size(); ++i) {
-    if (starts[i].is_configured) anchors.insert(rovers[i].agent);
-  }
-  const std::set<AgentId> anchored = FindAnchored(ranges, anchors);
-
+  const RoversInMap in_map = FindInMap(graph, rovers, starts, ranges);
   std::vector<RoverResult> results;
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     RoverResult result;
@@ -201,8 +233,11 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
     result.odometry_scale = 1 + scales[i];
     result.node_count = rovers[i].count;
     result.range_count = accepted[result.agent];
-    if (anchored.contains(result.agent)) {
+    if (in_map.anchored.contains(result.agent)) {
       result.anchoring = result.range_count > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
+      if (ambiguous.contains(result.agent)) result.anchoring = Anchoring::kAmbiguous;
+    } else if (in_map.yaw_free.contains(result.agent)) {
+      result.anchoring = Anchoring::kYawFree;
     }
     result.text = TextOf(graph, result, starts[i], rovers[i].part_heads.size());
     results.push_back(std::move(result));
@@ -230,7 +265,147 @@ std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& 
   return is_free;
 }
 
+// One beginning and where it led.
+struct Attempt {
+  StagedResult staged;
+  std::vector<RangeVerdict> ranges;
+  double robust_cost = 0;
+};
+
+// A rover whose start nobody knows is held where this beginning has it, and so loosely that it costs nothing.
+std::vector<StartPrior> StartsAt(std::vector<StartPrior> starts, const std::vector<Rover>& rovers,
+                                 const std::vector<std::size_t>& unknown, const InitialValues& initial) {
+  for (const std::size_t i : unknown) {
+    starts[i].map_from_node = initial.poses[rovers[i].first];
+    starts[i].sigma_m = kFreeSigmaM;
+    starts[i].sigma_rad = kFreeSigmaRad;
+  }
+  return starts;
+}
+
+// Rovers that two solutions set down apart.
+std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const State& b) {
+  std::set<AgentId> apart;
+  for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
+    const double distance_m = (FromBlock(a.poses[node]).position_m - FromBlock(b.poses[node]).position_m).norm();
+    if (distance_m > kApartM) apart.insert(graph.nodes[node].key.agent);
+  }
+  return apart;
+}
+
+class Solver {
+ public:
+  Solver(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last, const SolverOptions& options)
+      : agents_(agents), last_(last), options_(options), checked_(CheckGraph(graph, agents)) {
+    rovers_ = FindRovers(checked_);
+    const LoosePrior loose{options.loose_sigma_m, options.loose_sigma_rad};
+    for (const Rover& rover : rovers_) starts_.push_back(FindStartPrior(checked_.nodes[rover.first], agents, loose));
+    initial_ = FindInitialValues(checked_, rovers_, starts_, last.poses);
+    is_warm_ = static_cast<double>(initial_.warm_count) >= kWarmShare * static_cast<double>(checked_.nodes.size());
+    if (is_warm_) initial_.biases_m = EstimateWarmBiases(checked_, agents, initial_, last, options);
+  }
+
+  Solution Run() {
+    solution_.left_out = checked_.left_out;
+    solution_.node_count = checked_.nodes.size();
+    solution_.odometry_count = checked_.odometry.size();
+    solution_.range_count = checked_.ranges.size();
+    std::vector<Pose> poses = initial_.poses;
+    std::vector<double> scales = initial_.scales;
+    if (rovers_.empty()) {
+      solution_.is_accepted = true;
+      solution_.text = "no rover has a node yet";
+    } else {
+      Take(Best(), poses, scales);
+    }
+    solution_.rovers = JudgeRovers(checked_, rovers_, starts_, solution_.ranges, scales, ambiguous_);
+    solution_.rejected_range_count = static_cast<std::size_t>(std::count_if(
+        solution_.ranges.begin(), solution_.ranges.end(), [](const auto& range) { return !range.is_inlier; }));
+    for (std::size_t node = 0; node < poses.size(); ++node) {
+      solution_.poses.emplace(checked_.nodes[node].key, poses[node]);
+    }
+    return std::move(solution_);
+  }
+
+ private:
+  Attempt Best() {
+    const std::vector<std::size_t> unknown = FindUnknownRovers(rovers_, starts_, initial_);
+    if (is_warm_) solution_.beginning = SolveBeginning::kLastSolution;
+    if (unknown.empty() || checked_.ranges.empty()) return Try(initial_, starts_);
+    const std::vector<InitialValues> beginnings = ArrangeUnknownRovers(checked_, rovers_, unknown, agents_, initial_);
+    if (beginnings.size() == 1) return Try(initial_, starts_);
+    std::vector<Attempt> attempts;
+    std::size_t best = 0;
+    for (const InitialValues& beginning : beginnings) {
+      attempts.push_back(Try(beginning, StartsAt(starts_, rovers_, unknown, beginning)));
+      if (IsBetter(attempts.back(), attempts[best])) best = attempts.size() - 1;
+    }
+    if (best > 0) solution_.beginning = SolveBeginning::kArrangedRovers;
+    for (const Attempt& attempt : attempts) {
+      const bool is_near = attempt.robust_cost - attempts[best].robust_cost < options_.ambiguous_cost;
+      if (!attempt.staged.is_accepted || !is_near) continue;
+      ambiguous_.merge(FindApart(checked_, attempt.staged.state, attempts[best].staged.state));
+    }
+    return std::move(attempts[best]);
+  }
+
+  static bool IsBetter(const Attempt& a, const Attempt& b) {
+    if (a.staged.is_accepted != b.staged.is_accepted) return a.staged.is_accepted;
+    return a.robust_cost < b.robust_cost;
+  }
+
+  Attempt Try(const InitialValues& initial, const std::vector<StartPrior>& starts) const {
+    const CostTerms terms(checked_, rovers_, starts, agents_, initial,
+                          FindFree(checked_, rovers_, options_.window_nodes), options_);
+    std::optional<std::vector<bool>> first_inliers;
+    if (is_warm_) {
+      first_inliers = FindFirstInliers(checked_, initial, terms.RangeResiduals(terms.initial()), last_, options_);
+    }
+    Attempt attempt;
+    attempt.staged = SolveInStages(terms, checked_, first_inliers, options_);
+    if (!attempt.staged.is_accepted) return attempt;
+    attempt.ranges = JudgeRanges(checked_, terms, attempt.staged);
+    attempt.robust_cost = terms.RobustCost(attempt.staged.state);
+    return attempt;
+  }
+
+  void Take(Attempt attempt, std::vector<Pose>& poses, std::vector<double>& scales) {
+    solution_.is_accepted = attempt.staged.is_accepted;
+    solution_.text = attempt.staged.text;
+    solution_.initial_cost = attempt.staged.initial_cost;
+    solution_.final_cost = attempt.staged.final_cost;
+    solution_.iterations = attempt.staged.iterations;
+    if (!attempt.staged.is_accepted) return;
+    for (std::size_t node = 0; node < poses.size(); ++node) poses[node] = FromBlock(attempt.staged.state.poses[node]);
+    std::copy_n(attempt.staged.state.numbers.begin(), scales.size(), scales.begin());
+    solution_.ranges = std::move(attempt.ranges);
+  }
+
+  const AgentFactsMap& agents_;
+  const LastSolution& last_;
+  const SolverOptions& options_;
+  const CheckedGraph checked_;
+  std::vector<Rover> rovers_;
+  std::vector<StartPrior> starts_;
+  InitialValues initial_;
+  bool is_warm_ = false;
+  std::set<AgentId> ambiguous_;
+  Solution solution_;
+};
+
 }  // namespace
+
+std::string ToString(SolveBeginning beginning) {
+  switch (beginning) {
+    case SolveBeginning::kOdometry:
+      return "odometry";
+    case SolveBeginning::kLastSolution:
+      return "warm";
+    case SolveBeginning::kArrangedRovers:
+      return "stage 0";
+  }
+  return "unknown";
+}
 
 LastSolution ToLast(const Solution& solution) {
   LastSolution last;
@@ -243,51 +418,7 @@ LastSolution ToLast(const Solution& solution) {
 
 Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last,
                         const SolverOptions& options) {
-  const CheckedGraph checked = CheckGraph(graph, agents);
-  const std::vector<Rover> rovers = FindRovers(checked);
-  Solution solution;
-  solution.left_out = checked.left_out;
-  solution.node_count = checked.nodes.size();
-  solution.odometry_count = checked.odometry.size();
-  solution.range_count = checked.ranges.size();
-
-  std::vector<StartPrior> starts;
-  const LoosePrior loose{options.loose_sigma_m, options.loose_sigma_rad};
-  for (const Rover& rover : rovers) starts.push_back(FindStartPrior(checked.nodes[rover.first], agents, loose));
-  InitialValues initial = FindInitialValues(checked, rovers, starts, last.poses);
-  const bool is_warm =
-      static_cast<double>(initial.warm_count) >= kWarmShare * static_cast<double>(checked.nodes.size());
-  if (is_warm) initial.biases_m = EstimateWarmBiases(checked, agents, initial, last, options);
-
-  std::vector<double> scales = initial.scales;
-  std::vector<Pose> poses = initial.poses;
-  if (rovers.empty()) {
-    solution.is_accepted = true;
-    solution.text = "no rover has a node yet";
-  } else {
-    const CostTerms terms(checked, rovers, starts, agents, initial, FindFree(checked, rovers, options.window_nodes),
-                          options);
-    std::optional<std::vector<bool>> first_inliers;
-    if (is_warm) {
-      first_inliers = FindFirstInliers(checked, initial, terms.RangeResiduals(terms.initial()), last, options);
-    }
-    const StagedResult staged = SolveInStages(terms, checked, first_inliers, options);
-    solution.is_accepted = staged.is_accepted;
-    solution.text = staged.text;
-    solution.initial_cost = staged.initial_cost;
-    solution.final_cost = staged.final_cost;
-    solution.iterations = staged.iterations;
-    if (staged.is_accepted) {
-      for (std::size_t node = 0; node < poses.size(); ++node) poses[node] = FromBlock(staged.state.poses[node]);
-      std::copy_n(staged.state.numbers.begin(), scales.size(), scales.begin());
-      solution.ranges = JudgeRanges(checked, terms, staged);
-    }
-  }
-  solution.rovers = JudgeRovers(checked, rovers, starts, solution.ranges, scales);
-  solution.rejected_range_count = static_cast<std::size_t>(std::count_if(
-      solution.ranges.begin(), solution.ranges.end(), [](const auto& range) { return !range.is_inlier; }));
-  for (std::size_t node = 0; node < poses.size(); ++node) solution.poses.emplace(checked.nodes[node].key, poses[node]);
-  return solution;
+  return Solver(graph, agents, last, options).Run();
 }
 
 }  // namespace moondb

@@ -52,6 +52,7 @@ struct SolverOptions {
   double bias_sigma_m = 0.10;   // Of a pair's constant range error about 0.
   GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
+  double ambiguous_cost = 10;       // Two solutions whose F (robust) differ by less are told apart by nothing.
   double loose_sigma_m = 10;        // Of a rover's first pose where no start is configured, and beyond a gap.
   double loose_sigma_rad = 1;
   // Only this many newest nodes of each rover move; scales, biases and all else stand. For a quick answer. 0: all.
@@ -67,10 +68,22 @@ struct LastSolution {
 };
 
 enum class Anchoring {
-  kAnchored,    // Accepted ranges join it, directly or over others, with a base station or a configured start.
+  kAnchored,    // Accepted ranges join it, directly or over others, with a configured start or two base stations.
   kNoRanges,    // A configured start, then odometry alone: its error grows with the way.
+  kYawFree,     // Ranges join it with one base station and no start: all may turn about the base station.
+  kAmbiguous,   // Somewhere else it would stand nearly as well.
   kUnanchored,  // Nothing ties it to the map: its poses are right among themselves only.
 };
+
+// Where the solve that counts began.
+enum class SolveBeginning {
+  kOdometry,        // Start poses and odometry.
+  kLastSolution,    // With at least 80 % of the nodes.
+  kArrangedRovers,  // Rovers without a known start were set down by their ranges.
+};
+
+// "odometry", "warm", "stage 0".
+std::string ToString(SolveBeginning beginning);
 
 struct RoverResult {
   AgentId agent = 0;
@@ -91,6 +104,7 @@ struct RangeVerdict {
 
 struct Solution {
   bool is_accepted = false;
+  SolveBeginning beginning = SolveBeginning::kOdometry;
   std::string text;                  // Empty, or why the poses are the old ones, or what was left out. One line.
   std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, base stations too.
   std::vector<RangeVerdict> ranges;  // Of the last stage; empty when not accepted.

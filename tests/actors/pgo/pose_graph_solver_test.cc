@@ -132,14 +132,14 @@ TEST_F(PoseGraphSolverTest, MovesOnlyTheNewestNodesInAWindow) {
   std::erase_if(earlier.graph.ranges, is_late);
   const Solution last = Solve(earlier);
   const Solution all = Solve(scenario, ToLast(last));
-  options_.window_nodes = 30;
+  options_.window_nodes = 50;
   const Solution window = Solve(scenario, ToLast(last));
   ASSERT_TRUE(window.is_accepted) << window.text;
-  EXPECT_EQ(window.poses.at({1, 69}).position_m, last.poses.at({1, 69}).position_m);
-  EXPECT_NE(window.poses.at({1, 70}).position_m, last.poses.at({1, 70}).position_m);
+  EXPECT_EQ(window.poses.at({1, 49}).position_m, last.poses.at({1, 49}).position_m);
+  EXPECT_NE(window.poses.at({1, 50}).position_m, last.poses.at({1, 50}).position_m);
   EXPECT_LT(window.ranges.size(), all.ranges.size());
   for (AgentId agent = 1; agent <= 3; ++agent) {
-    EXPECT_LT((window.poses.at({agent, 99}).position_m - all.poses.at({agent, 99}).position_m).norm(), 0.05);
+    EXPECT_LT((window.poses.at({agent, 99}).position_m - all.poses.at({agent, 99}).position_m).norm(), 0.1);
   }
 }
 
