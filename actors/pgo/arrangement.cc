@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kDriftPart = 0.02;  // Of the typical range: what bodies bend, since odometry is not exact.
 constexpr double kCauchySigmas = 2;
-constexpr double kSameCostPart = 1e-3;
+constexpr double kSamePlacePart = 0.05;  // Of the typical range.
 constexpr int kIterationsMax = 60;
 
 // The k-th of a sequence that fills 0 to 1 evenly; `dimension` chooses one of several that do not move together.
@@ -61,10 +61,13 @@ class Arranger {
     if (found.empty()) return {Arrangement{0, state_, {}}};
     std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
     std::vector<Arrangement> kept;
+    std::vector<const Frames*> kept_frames;
     for (const auto& [cost, frames] : found) {
       if (kept.size() == options_.kept) break;
-      if (!kept.empty() && cost - kept.back().cost < kSameCostPart * (1 + cost)) continue;
+      const auto is_same = [&, &own = frames](const Frames* other) { return IsSame(own, *other); };
+      if (std::any_of(kept_frames.begin(), kept_frames.end(), is_same)) continue;
       kept.push_back({cost, Apply(frames), PosesOf(frames)});
+      kept_frames.push_back(&frames);
     }
     return kept;
   }
@@ -115,7 +118,8 @@ class Arranger {
     std::vector<double> lengths;
     for (const PlainRange* range : ranges_) lengths.push_back(range->range_m);
     std::sort(lengths.begin(), lengths.end());
-    const double drift_m = lengths.empty() ? 0 : kDriftPart * lengths[lengths.size() / 2];
+    typical_range_m_ = lengths.empty() ? 0 : lengths[lengths.size() / 2];
+    const double drift_m = kDriftPart * typical_range_m_;
     for (const PlainRange* range : ranges_) {
       const double sigma_m = std::hypot(range->sigma_m, drift_m);
       factors_.push_back(MakeRangeFactor(range->range_m, sigma_m, InFrame(range->from), InFrame(range->to)));
@@ -187,6 +191,16 @@ class Arranger {
     return summary.IsSolutionUsable() ? summary.final_cost : std::nan("");
   }
 
+  // Whether two fits set all ends of ranges down at the same places. Their costs do not say: mirrored ones are equal.
+  bool IsSame(const Frames& a, const Frames& b) const {
+    for (const PlainRange* range : ranges_) {
+      for (const std::size_t node : {range->from, range->to}) {
+        if ((InMap(node, a) - InMap(node, b)).norm() > kSamePlacePart * typical_range_m_) return false;
+      }
+    }
+    return true;
+  }
+
   static std::map<std::size_t, Pose> PosesOf(const Frames& frames) {
     std::map<std::size_t, Pose> poses;
     for (const auto& [body, frame] : frames) poses[body] = FromBlock(frame);
@@ -213,6 +227,7 @@ class Arranger {
   std::vector<const PlainRange*> ranges_;
   std::vector<std::pair<std::size_t, const PlainRange*>> order_;
   std::vector<std::unique_ptr<ceres::CostFunction>> factors_;
+  double typical_range_m_ = 0;  // The median.
 };
 
 }  // namespace

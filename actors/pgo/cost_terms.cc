@@ -1,8 +1,10 @@
 #include "actors/pgo/cost_terms.h"
 
+#include <ceres/crs_matrix.h>
 #include <ceres/loss_function.h>
 #include <ceres/solver.h>
 
+#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -183,18 +185,58 @@ StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, const Stage
   return second;
 }
 
+void CostTerms::Build(const std::vector<bool>& uses_range, ceres::LossFunction* loss, PoseManifold& manifold,
+                      State& state, ceres::Problem& problem) const {
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (is_free_[node]) problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
+  }
+  AddTerms(uses_range, loss, state, problem);
+  HoldStanding(state, problem);
+}
+
+std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
+                                             State state) const {
+  PoseManifold manifold;
+  ceres::Problem problem(BorrowingProblemOptions());
+  Build(uses_range, nullptr, manifold, state, problem);
+  ceres::Problem::EvaluateOptions evaluation;
+  evaluation.num_threads = options_.thread_count;
+  std::map<std::size_t, int> columns;
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (!is_free_[node]) continue;
+    columns[node] = static_cast<int>(evaluation.parameter_blocks.size()) * kPoseTangentSize;
+    evaluation.parameter_blocks.push_back(state.poses[node].data());
+  }
+  for (double& number : state.numbers) {
+    if (!is_window_ && problem.HasParameterBlock(&number)) evaluation.parameter_blocks.push_back(&number);
+  }
+  ceres::CRSMatrix rows;
+  if (!problem.Evaluate(evaluation, nullptr, nullptr, nullptr, &rows)) return {};
+  const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> jacobian(
+      rows.num_rows, rows.num_cols, static_cast<Eigen::Index>(rows.values.size()), rows.rows.data(), rows.cols.data(),
+      rows.values.data());
+  const Eigen::SparseMatrix<double> information = jacobian.transpose() * jacobian;
+  const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factorised(information);
+  if (factorised.info() != Eigen::Success) return {};
+  std::vector<Matrix6d> covariances;
+  for (const std::size_t node : nodes) {
+    Matrix6d& covariance = covariances.emplace_back(Matrix6d::Zero());
+    const auto column = columns.find(node);
+    if (column == columns.end()) continue;
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rows.num_cols, kPoseTangentSize);
+    unit.middleRows(column->second, kPoseTangentSize).setIdentity();
+    covariance = factorised.solve(unit).middleRows(column->second, kPoseTangentSize);
+    if (!covariance.allFinite()) return {};
+  }
+  return covariances;
+}
+
 StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg,
                            State& state) const {
   PoseManifold manifold;
   const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(stage.loss, options_);
   ceres::Problem problem(BorrowingProblemOptions());
-  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
-    if (is_free_[node]) problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
-  }
-  AddTerms(uses_range, range_loss.get(), state, problem);
-
-  HoldStanding(state, problem);
-
+  Build(uses_range, range_loss.get(), manifold, state, problem);
   ceres::Solver::Options solve_options = SolveOptions(options_, stage, is_dogleg);
   StopCallback stop(options_.stop_requested);
   if (options_.stop_requested) solve_options.callbacks.push_back(&stop);

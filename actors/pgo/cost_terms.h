@@ -58,6 +58,12 @@ class CostTerms {
   // F without any loss, over the same terms.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
+  // Marginal covariance of each of `nodes` at a minimum over the ranges in `uses_range`: of its position in the frame
+  // `map`, then of its turn in its own frame (the tangent of PoseManifold). Empty where the graph does not determine
+  // them; a node that stands has zeros.
+  std::vector<Matrix6d> Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
+                                    State state) const;
+
   // F over all terms with the Cauchy loss on ranges: compares solutions that accept different ranges.
   double RobustCost(const State& state) const;
 
@@ -84,6 +90,9 @@ class CostTerms {
   void AddNumber(double value, double sigma);
   bool IsMoving(std::size_t a, std::size_t b) const { return is_free_[a] || is_free_[b]; }
   bool IsUsed(const Term& term, const std::vector<bool>& uses_range) const;
+  // All blocks and terms; `state`, `manifold` and `loss` must outlive `problem`.
+  void Build(const std::vector<bool>& uses_range, ceres::LossFunction* loss, PoseManifold& manifold, State& state,
+             ceres::Problem& problem) const;
   void HoldStanding(State& state, ceres::Problem& problem) const;
   static std::vector<double*> BlocksOf(const Term& term, State& state);
   StageResult Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg, State& state) const;

@@ -64,13 +64,6 @@ void CheckNodes(const PoseGraph& graph, const AgentFactsMap& agents, CheckedGrap
   checked.nodes.erase(std::unique(checked.nodes.begin(), checked.nodes.end(), same_key), checked.nodes.end());
 }
 
-std::optional<std::size_t> PositionOf(const CheckedGraph& checked, const NodeKey& key) {
-  const auto found = std::lower_bound(checked.nodes.begin(), checked.nodes.end(), key,
-                                      [](const CheckedNode& node, const NodeKey& k) { return node.key < k; });
-  if (found == checked.nodes.end() || found->key != key) return std::nullopt;
-  return static_cast<std::size_t>(found - checked.nodes.begin());
-}
-
 // Empty where the edge can be used.
 std::string WhyNot(const OdometryEdge& edge) {
   if (edge.from.agent != edge.to.agent) return "joins two agents";
@@ -92,8 +85,8 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
                 std::vector<CheckedEdge>& out) {
   for (const Edge& edge : edges) {
     std::string why = WhyNot(edge);
-    const std::optional<std::size_t> from = PositionOf(checked, edge.from);
-    const std::optional<std::size_t> to = PositionOf(checked, edge.to);
+    const std::optional<std::size_t> from = checked.Find(edge.from);
+    const std::optional<std::size_t> to = checked.Find(edge.to);
     if (why.empty() && !from) why = ToString(edge.from) + " is not known here";
     if (why.empty() && !to) why = ToString(edge.to) + " is not known here";
     if (why.empty() && checked.nodes[*from].is_fixed && checked.nodes[*to].is_fixed) why = "both ends stand fixed";
@@ -118,6 +111,13 @@ std::vector<std::size_t> FindHeads(const CheckedGraph& graph) {
 }
 
 }  // namespace
+
+std::optional<std::size_t> CheckedGraph::Find(const NodeKey& key) const {
+  const auto found = std::lower_bound(nodes.begin(), nodes.end(), key,
+                                      [](const CheckedNode& node, const NodeKey& k) { return node.key < k; });
+  if (found == nodes.end() || found->key != key) return std::nullopt;
+  return static_cast<std::size_t>(found - nodes.begin());
+}
 
 std::string ToString(const NodeKey& key) {
   return "agent " + std::to_string(key.agent) + ", node " + std::to_string(key.index);

@@ -64,6 +64,8 @@ struct CheckedGraph {
   std::vector<CheckedOdometry> odometry;  // By ends, then stamp.
   std::vector<CheckedRange> ranges;       // Likewise.
   LeftOutMap left_out;                    // What was not usable; empty when all was.
+
+  std::optional<std::size_t> Find(const NodeKey& key) const;  // Its place in nodes.
 };
 
 // Base stations with a configured pose get their node {agent, 0} even where `graph` has none.

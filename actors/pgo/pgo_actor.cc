@@ -135,7 +135,7 @@ void PgoActor::OnReadReply(Context& context, const proto::ReadReply& reply) {
   for (int i = 0; i < reply.records_size(); ++i) {
     proto::Record record;
     // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
-    if (record.ParseFromString(reply.records(i).content())) (void)known_.Add(record);
+    if (record.ParseFromString(reply.records(i).content())) (void)known_.Add(FromProto(reply.records(i).key()), record);
     if (i < reply.row_ids_size()) last_row_id_ = std::max<std::uint64_t>(last_row_id_, reply.row_ids(i));
   }
   if (reply.is_complete() || reply.records_size() == 0) return SolveNow(context);

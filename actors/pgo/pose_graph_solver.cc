@@ -270,6 +270,7 @@ struct Attempt {
   StagedResult staged;
   std::vector<RangeVerdict> ranges;
   double robust_cost = 0;
+  std::map<NodeKey, Matrix6d> covariances;
 };
 
 // A rover whose start nobody knows is held where this beginning has it, and so loosely that it costs nothing.
@@ -366,7 +367,19 @@ class Solver {
     if (!attempt.staged.is_accepted) return attempt;
     attempt.ranges = JudgeRanges(checked_, terms, attempt.staged);
     attempt.robust_cost = terms.RobustCost(attempt.staged.state);
+    if (!options_.covariance_of.empty()) attempt.covariances = CovariancesOf(terms, attempt.staged);
     return attempt;
+  }
+
+  std::map<NodeKey, Matrix6d> CovariancesOf(const CostTerms& terms, const StagedResult& staged) const {
+    std::vector<std::size_t> nodes;
+    for (const NodeKey& key : options_.covariance_of) {
+      if (const std::optional<std::size_t> node = checked_.Find(key)) nodes.push_back(*node);
+    }
+    const std::vector<Matrix6d> found = terms.Covariances(staged.is_inlier, nodes, staged.state);
+    std::map<NodeKey, Matrix6d> covariances;
+    for (std::size_t i = 0; i < found.size(); ++i) covariances[checked_.nodes[nodes[i]].key] = found[i];
+    return covariances;
   }
 
   void Take(Attempt attempt, std::vector<Pose>& poses, std::vector<double>& scales) {
@@ -379,6 +392,7 @@ class Solver {
     for (std::size_t node = 0; node < poses.size(); ++node) poses[node] = FromBlock(attempt.staged.state.poses[node]);
     std::copy_n(attempt.staged.state.numbers.begin(), scales.size(), scales.begin());
     solution_.ranges = std::move(attempt.ranges);
+    solution_.covariances = std::move(attempt.covariances);
   }
 
   const AgentFactsMap& agents_;

@@ -57,6 +57,8 @@ struct SolverOptions {
   double loose_sigma_rad = 1;
   // Only this many newest nodes of each rover move; scales, biases and all else stand. For a quick answer. 0: all.
   std::size_t window_nodes = 0;
+  // Nodes whose covariance is wanted, too. Costs about as much as a warm solve.
+  std::vector<NodeKey> covariance_of = {};
   // Polled once per iteration; true ends the solve, which then is not accepted.
   std::function<bool()> stop_requested = {};
 };
@@ -108,8 +110,11 @@ struct Solution {
   std::string text;                  // Empty, or why the poses are the old ones, or what was left out. One line.
   std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, base stations too.
   std::vector<RangeVerdict> ranges;  // Of the last stage; empty when not accepted.
-  std::vector<RoverResult> rovers;   // By agent.
-  LeftOutMap left_out;               // What was not usable.
+  // Of SolverOptions::covariance_of, as far as they are usable nodes and the graph determines them: of the position in
+  // the frame `map` (m), then of the turn in the node's own frame (rad).
+  std::map<NodeKey, Matrix6d> covariances;
+  std::vector<RoverResult> rovers;  // By agent.
+  LeftOutMap left_out;              // What was not usable.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;  // Usable ones.
