@@ -15,6 +15,8 @@ namespace moondb {
 
 namespace {
 
+constexpr int kShallowIterations = 5;  // Times the usual.
+
 // |R_j - R_i R_ij|^2 is twice |2 vec(dq)|^2, so a rotation covariance of 1 / (2 kappa) gives the benchmarks' term.
 Matrix6d CovarianceOf(const PlainStep& step) {
   Matrix6d covariance = Matrix6d::Zero();
@@ -84,6 +86,11 @@ PlainFit PlainCost::Minimise(const ActiveNodes& active, StartQuality quality, Pl
   }
   ceres::Solver::Options options = LeastSquaresOptions(options_.thread_count, options_.iterations_max);
   options.initial_trust_region_radius = quality == StartQuality::kNear ? kBoldTrustRegion : kCarefulTrustRegion;
+  if (quality == StartQuality::kShallow) {
+    options.trust_region_strategy_type = ceres::DOGLEG;
+    options.dogleg_type = ceres::SUBSPACE_DOGLEG;
+    options.max_num_iterations *= kShallowIterations;
+  }
   StopCallback stop(options_.stop_requested);
   if (options_.stop_requested) options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;

@@ -27,8 +27,9 @@ struct PlainOptions {
 using ActiveNodes = std::vector<bool>;
 using PlainState = std::vector<PoseBlock>;  // Of PlainGraph::nodes; points use the first three numbers.
 
-// How near the minimum a solve begins: decides how boldly it steps.
-enum class StartQuality { kNear, kRough };
+// How near the minimum a solve begins: decides how boldly it steps. kShallow: in a valley that others did not get
+// through.
+enum class StartQuality { kNear, kRough, kShallow };
 
 struct PlainFit {
   bool has_converged = false;

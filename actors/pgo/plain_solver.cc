@@ -16,6 +16,7 @@ namespace {
 // Parts of the whole time with which growth begins; 1 is the whole at once.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
+constexpr int kRoadsBesideMax = 60;
 
 bool IsSame(double a, double b) { return std::abs(a - b) <= kSameCostPart * std::max(a, b) + 1e-12; }
 
@@ -47,7 +48,9 @@ class PlainSolver {
         if (IsStopped() || (solution_.roads_to_lowest > 1 && first < kFirstPrefixes[0])) break;
         GoRoads(first);
       }
+      if (solution_.roads_to_lowest < 2) LookBeside();
     }
+    if (!solution_.has_converged && !IsStopped()) Polish();
     return Finish();
   }
 
@@ -114,6 +117,33 @@ class PlainSolver {
     for (const PlainSighting& sighting : graph_.sightings) see(sighting);
     for (const PlainRange& range : graph_.ranges) see(range);
     return active;
+  }
+
+  // The lowest end so far, each of its parts set down elsewhere in turn while the others stand: a landmark that only
+  // ranges tie may be on the wrong side of the way.
+  void LookBeside() {
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    const std::vector<bool> standing = FirstPlaced(all_, heads);
+    int left = kRoadsBesideMax;
+    for (std::size_t head = 0; head < heads.size() && left > 0 && !IsStopped(); ++head) {
+      if (heads[head] != head || standing[head]) continue;
+      std::vector<bool> placed(heads.size());
+      for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] != head;
+      const PlainState from = best_;
+      for (Arrangement& arrangement : ArrangeParts(graph_, all_, placed, heads, from, Freedom())) {
+        if (--left < 0 || IsStopped()) break;
+        const double before = solution_.cost;
+        Add(GoRoad(1, all_, std::move(arrangement.state)), solution_.beginning);
+        if (solution_.cost < before) break;  // The others were drawn beside what is past.
+      }
+    }
+  }
+
+  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, dogleg goes on.
+  void Polish() {
+    PlainState state = best_;
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kShallow, state);
+    Add(Road{fit, std::move(state)}, solution_.beginning);
   }
 
   // What the first arrangement stands on: all fixed nodes' parts, else the largest part.
@@ -195,7 +225,9 @@ class PlainSolver {
     if (!std::isfinite(road.fit.cost)) return;
     const bool has_any = !best_.empty();
     if (has_any && IsSame(road.fit.cost, solution_.cost)) ++solution_.roads_to_lowest;
-    if (has_any && (road.fit.cost >= solution_.cost || (solution_.has_converged && !road.fit.has_converged))) return;
+    const bool is_lower = road.fit.cost < solution_.cost;
+    const bool is_arrival = IsSame(road.fit.cost, solution_.cost) && road.fit.has_converged && !solution_.has_converged;
+    if (has_any && !is_lower && !is_arrival) return;
     if (!has_any || !IsSame(road.fit.cost, solution_.cost)) solution_.roads_to_lowest = 1;
     if (!has_any || !IsSame(road.fit.cost, solution_.cost)) solution_.beginning = beginning;
     solution_.cost = road.fit.cost;
