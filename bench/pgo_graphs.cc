@@ -63,8 +63,9 @@ class PlainRunner {
     if (has_truth_) run.true_tracks = TracksOf(truth_, agents_);
     if (!bench_.has_plain) return run;
     PlainSolution plain;
-    run.plain.seconds = SecondsOf([&] { plain = SolveFromOdometry(graph_, options_); });
-    Fill(plain, run.plain);
+    run.plain.emplace();
+    run.plain->seconds = SecondsOf([&] { plain = SolveFromOdometry(graph_, options_); });
+    Fill(plain, *run.plain);
     run.odometry_tracks = TracksOf(Placed(plain), agents_);
     return run;
   }
@@ -114,8 +115,8 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.true_tracks = TracksOf(mission->truth, rovers);
   if (!options.has_plain) return run;
   const MethodResult plain = SolveWith(Method::kLeastSquares, mission->graph, agents, solver);
-  run.plain = {plain.has_converged, plain.cost, CompareTrajectories(plain.poses, mission->truth, rovers).rmse_m,
-               plain.seconds};
+  run.plain = GraphResult{plain.has_converged, plain.cost,
+                          CompareTrajectories(plain.poses, mission->truth, rovers).rmse_m, plain.seconds};
   return run;
 }
 

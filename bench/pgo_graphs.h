@@ -28,8 +28,8 @@ struct GraphRun {
   std::size_t range_count = 0;
   GraphResult ours;
   std::string initialisation;
-  std::string text;  // What could not be determined.
-  GraphResult plain;
+  std::string text;                  // What could not be determined.
+  std::optional<GraphResult> plain;  // Least squares with Ceres from odometry.
   std::vector<Track> odometry_tracks;
   std::vector<Track> tracks;
   std::vector<Track> true_tracks;

@@ -16,6 +16,7 @@ struct RedrawRun {
   std::string name;
   int draws = 0;
   std::map<Method, MethodFigures> methods;
+  MethodFigures without_bursts;  // The same model on the ranges that no burst made long: nobody can do much better.
 };
 
 RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, const SolverOptions& options);

@@ -14,6 +14,11 @@ std::string CostText(const GraphResult& result) {
   return fmt::format("{:.6f}{}", result.cost, result.has_converged ? "" : " (not converged)");
 }
 
+std::vector<std::string> PlainCells(const GraphRun& run) {
+  if (!run.plain) return {"-", "-", "-"};
+  return {CostText(*run.plain), AteText(*run.plain), FormatFixed(run.plain->seconds, 3)};
+}
+
 void Write(const GraphResult& result, JsonWriter& json) {
   json.Key("cost").Number(result.cost).Key("ate_m");
   if (result.ate_m) {
@@ -31,9 +36,12 @@ void Write(const GraphRun& run, JsonWriter& json) {
   json.Key("ranges").Number(static_cast<double>(run.range_count));
   Write(run.ours, json);
   json.Key("initialisation").String(run.initialisation).Key("text").String(run.text);
-  json.Key("plain_ceres").BeginObject();
-  Write(run.plain, json);
-  json.EndObject().EndObject();
+  if (run.plain) {
+    json.Key("plain_ceres").BeginObject();
+    Write(*run.plain, json);
+    json.EndObject();
+  }
+  json.EndObject();
 }
 
 void Write(const std::string& name, const MethodFigures& figures, JsonWriter& json) {
@@ -51,7 +59,9 @@ void Write(const std::map<Method, MethodFigures>& methods, JsonWriter& json) {
 void Write(const RedrawRun& run, JsonWriter& json) {
   json.BeginObject().Key("name").String(run.name).Key("draws").Number(run.draws);
   Write(run.methods, json);
-  json.EndObject();
+  json.Key("others").BeginArray();
+  Write("told which ranges are long", run.without_bursts, json);
+  json.EndArray().EndObject();
 }
 
 void Write(const TeamRun& run, JsonWriter& json) {
@@ -82,10 +92,17 @@ std::string TableOf(const std::vector<GraphRun>& graphs) {
   Table table({"GRAPH", "NODES", "EDGES", "RANGES", "COST", "ATE M", "SECONDS", "BEGINNING", "PLAIN CERES", "ATE M",
                "SECONDS", "NOTE"});
   for (const GraphRun& run : graphs) {
-    table.Add({run.name, std::to_string(run.node_count), std::to_string(run.edge_count),
-               std::to_string(run.range_count), CostText(run.ours), AteText(run.ours), FormatFixed(run.ours.seconds, 3),
-               run.initialisation, CostText(run.plain), AteText(run.plain), FormatFixed(run.plain.seconds, 3),
-               run.text});
+    std::vector<std::string> row = {run.name,
+                                    std::to_string(run.node_count),
+                                    std::to_string(run.edge_count),
+                                    std::to_string(run.range_count),
+                                    CostText(run.ours),
+                                    AteText(run.ours),
+                                    FormatFixed(run.ours.seconds, 3),
+                                    run.initialisation};
+    for (const std::string& cell : PlainCells(run)) row.push_back(cell);
+    row.push_back(run.text);
+    table.Add(std::move(row));
   }
   return table.Text();
 }
@@ -105,7 +122,9 @@ std::string TableOf(const std::vector<TeamRun>& teams) {
 std::string TableOf(const std::vector<RedrawRun>& redraws) {
   std::string text;
   for (const RedrawRun& run : redraws) {
-    text += fmt::format("{}, {} redraws of its noise\n{}\n", run.name, run.draws, MethodTable(run.methods).Text());
+    Table table = MethodTable(run.methods);
+    Add("told which ranges are long", run.without_bursts, table);
+    text += fmt::format("{}, {} redraws of its noise\n{}\n", run.name, run.draws, table.Text());
   }
   return text;
 }
