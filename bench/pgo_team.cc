@@ -34,7 +34,7 @@ ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
   options.start_sigma_m = 0.01;
   options.start_sigma_rad = 0.001;
   options.step_noise_m = team.has_low_drift ? 0.003 : 0.01;
-  options.yaw_noise_rad = team.has_low_drift ? 0.0001 : 0.0004;
+  options.yaw_noise_rad = team.has_low_drift ? 0.0001 : 0.0002;
   options.tilt_noise_rad = team.has_low_drift ? 0.0002 : 0.0005;
   std::mt19937_64 rng(seed + 1000);
   std::normal_distribution<double> scale(0, team.has_low_drift ? 0.004 : 0.02);

@@ -58,7 +58,7 @@ class Generator {
       yaw = 2 * M_PI * agent / options_.rover_count;
       x = kBaseM.x() + 5 * std::cos(yaw);
       y = kBaseM.y() + 5 * std::sin(yaw);
-      turn_per_m = 0.02;
+      turn_per_m = 0.016;
     }
     Pose true_pose = OnGround(x, y, yaw);
     AgentFacts facts{agent, false, true_pose, options_.start_sigma_m, options_.start_sigma_rad, options_.antenna_m};
