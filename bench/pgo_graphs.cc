@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "actors/merge/merge_maps.h"
 #include "actors/pgo/plain_solver.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "bench/pgo_methods.h"
@@ -90,6 +91,33 @@ class PlainRunner {
   std::map<NodeKey, Pose> truth_;
 };
 
+Result<MergedMap> MergeAt(const Mission& mission, const std::map<NodeKey, Pose>& poses) {
+  std::vector<MapAtPose> maps;
+  for (const MissionMap& map : mission.maps) {
+    Result<TraversabilityMap> cells = ReadMissionMap(mission, map);
+    if (!cells) return tl::unexpected(cells.error());
+    maps.push_back({NumberedMapKey(map.agent, maps.size() + 1), map.stamp_ns, poses.at(map.node), *std::move(cells)});
+  }
+  std::vector<Pose> footprints;
+  for (const auto& [key, pose] : poses) {
+    const MissionAgent* agent = FindAgent(mission, key.agent);
+    if (agent != nullptr && !agent->is_base_station) footprints.push_back(pose);
+  }
+  MergeOptions options;
+  options.backend = MergeBackend::kCpu;
+  return MergeMaps(maps, footprints, options);
+}
+
+std::optional<double> HazardIou(const Mission& mission, const std::map<NodeKey, Pose>& poses) {
+  if (mission.maps.empty()) return std::nullopt;
+  const Result<MergedMap> map = MergeAt(mission, poses);
+  const Result<MergedMap> truth = MergeAt(mission, mission.truth);
+  if (!map || !truth) return std::nullopt;
+  const Result<MapAgreement> agreement = CompareMaps(*map, *truth);
+  if (!agreement) return std::nullopt;
+  return agreement->hazard_iou;
+}
+
 Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& options) {
   const Result<Mission> mission = ReadMission(folder);
   if (!mission) return tl::unexpected(mission.error());
@@ -108,6 +136,7 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.ours.has_converged = solution.is_accepted;
   run.ours.cost = solution.final_cost;
   run.ours.ate_m = CompareTrajectories(solution.poses, mission->truth, rovers).rmse_m;
+  run.ours.hazard_iou = HazardIou(*mission, solution.poses);
   run.initialisation = ToString(solution.beginning);
   run.text = solution.text;
   run.odometry_tracks = TracksOf(moondb::PosesOf(mission->graph), rovers);
@@ -115,8 +144,9 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.true_tracks = TracksOf(mission->truth, rovers);
   if (!options.has_plain) return run;
   const MethodResult plain = SolveWith(Method::kLeastSquares, mission->graph, agents, solver);
-  run.plain = GraphResult{plain.has_converged, plain.cost,
-                          CompareTrajectories(plain.poses, mission->truth, rovers).rmse_m, plain.seconds};
+  run.plain =
+      GraphResult{plain.has_converged, plain.cost, CompareTrajectories(plain.poses, mission->truth, rovers).rmse_m,
+                  plain.seconds, HazardIou(*mission, plain.poses)};
   return run;
 }
 

@@ -18,6 +18,7 @@ struct GraphResult {
   std::optional<double>
       ate_m;  // Where the file has the truth: PyFG's vertices. Aligned rigidly for graphs without map.
   double seconds = 0;
+  std::optional<double> hazard_iou;  // Of a team: its maps merged at these poses, against those merged at the truth.
 };
 
 struct GraphRun {

@@ -26,6 +26,7 @@ void Write(const GraphResult& result, JsonWriter& json) {
   } else {
     json.Null();
   }
+  if (result.hazard_iou) json.Key("hazard_iou").Number(*result.hazard_iou);
   json.Key("seconds").Number(result.seconds).Key("has_converged").Bool(result.has_converged);
 }
 
@@ -90,7 +91,7 @@ Table MethodTable(const std::map<Method, MethodFigures>& methods) {
 
 std::string TableOf(const std::vector<GraphRun>& graphs) {
   Table table({"GRAPH", "NODES", "EDGES", "RANGES", "COST", "ATE M", "SECONDS", "BEGINNING", "PLAIN CERES", "ATE M",
-               "SECONDS", "NOTE"});
+               "SECONDS", "HAZARD IOU", "NOTE"});
   for (const GraphRun& run : graphs) {
     std::vector<std::string> row = {run.name,
                                     std::to_string(run.node_count),
@@ -101,6 +102,7 @@ std::string TableOf(const std::vector<GraphRun>& graphs) {
                                     FormatFixed(run.ours.seconds, 3),
                                     run.initialisation};
     for (const std::string& cell : PlainCells(run)) row.push_back(cell);
+    row.push_back(run.ours.hazard_iou ? FormatFixed(*run.ours.hazard_iou, 3) : "-");
     row.push_back(run.text);
     table.Add(std::move(row));
   }
