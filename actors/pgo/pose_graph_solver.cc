@@ -8,6 +8,8 @@
 
 #include "actors/pgo/cost_terms.h"
 #include "actors/pgo/initial_values.h"
+#include "actors/pgo/range_tests.h"
+#include "actors/pgo/rover_status.h"
 #include "actors/pgo/unknown_starts.h"
 
 namespace moondb {
@@ -15,79 +17,14 @@ namespace moondb {
 namespace {
 
 constexpr int kTestsMax = 10;  // Of the ranges; two or three are usual.
-// A rejected range comes back a little later than it went, lest tests say one thing and the other in turn.
-constexpr double kReturnPart = 0.9;
 // From this share of known nodes on, the last verdicts are worth more than a robust stage.
 constexpr double kWarmShare = 0.8;
 // Of a start that nobody knows: far beyond any mission, so that it costs nothing.
 constexpr double kFreeSigmaM = 1e4;
 constexpr double kFreeSigmaRad = 100;
-constexpr double kApartM = 1;                   // Places nearer than this count as one.
-constexpr double kNewRangeSlack = 2;            // A new node's first guess is odometry's.
-constexpr std::size_t kAnchoringRangesMin = 3;  // Fewer leave more than one place to stand.
 
 // Costs are sums of squares; below this part of them is rounding.
 bool IsHigher(double cost, double reference) { return cost > reference * (1 + 1e-6) + 1e-9; }
-
-// The ranges of each pair of agents, in order of time.
-std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
-  std::map<std::pair<AgentId, AgentId>, std::vector<std::size_t>> series;
-  for (std::size_t i = 0; i < graph.ranges.size(); ++i) {
-    const RangeEdge& edge = *graph.ranges[i].edge;
-    series[std::minmax(edge.from.agent, edge.to.agent)].push_back(i);
-  }
-  std::vector<std::vector<std::size_t>> result;
-  for (auto& [pair, ranges] : series) {
-    std::stable_sort(ranges.begin(), ranges.end(), [&graph](std::size_t a, std::size_t b) {
-      return graph.ranges[a].edge->stamp_ns < graph.ranges[b].edge->stamp_ns;
-    });
-    result.push_back(std::move(ranges));
-  }
-  return result;
-}
-
-// What blocks a line of sight does so for a while: beside a rejected range of the same pair, one that errs the same way
-// needs less to be doubted.
-void ExtendBursts(const std::vector<std::size_t>& series, const std::vector<double>& residuals,
-                  const std::vector<double>& limits, std::vector<bool>& is_inlier) {
-  const auto extend = [&](std::size_t from, std::size_t to) {
-    const bool is_same_way = residuals[from] * residuals[to] > 0;
-    if (!is_inlier[from] && is_same_way && std::abs(residuals[to]) > limits[to]) is_inlier[to] = false;
-  };
-  for (std::size_t i = 1; i < series.size(); ++i) extend(series[i - 1], series[i]);
-  for (std::size_t i = series.size(); i-- > 1;) extend(series[i], series[i - 1]);
-}
-
-// `before`: what the last test said. A range that has no part in the solve keeps it.
-std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms, const std::vector<double>& residuals,
-                              const std::vector<bool>& before, const SolverOptions& options) {
-  std::vector<bool> is_inlier(residuals.size());
-  std::vector<double> burst_limits(residuals.size());
-  for (std::size_t i = 0; i < residuals.size(); ++i) {
-    const double part = before[i] ? 1 : kReturnPart;
-    is_inlier[i] = terms.HasRange(i) ? std::abs(residuals[i]) <= part * options.reject_sigmas : before[i];
-    burst_limits[i] = part * options.burst_sigmas;
-  }
-  for (const std::vector<std::size_t>& series : FindSeries(graph)) {
-    ExtendBursts(series, residuals, burst_limits, is_inlier);
-  }
-  return is_inlier;
-}
-
-// The last verdicts; of ranges with a new node, and where there was no last solution, whether it fits its first guess.
-std::vector<bool> FindFirstInliers(const CheckedGraph& graph, const InitialValues& initial,
-                                   const std::vector<double>& residuals, const LastSolution& last,
-                                   const SolverOptions& options) {
-  std::vector<bool> is_inlier(residuals.size());
-  for (std::size_t i = 0; i < residuals.size(); ++i) {
-    const CheckedRange& range = graph.ranges[i];
-    const bool is_old = (initial.is_warm[range.from] || graph.nodes[range.from].is_fixed) &&
-                        (initial.is_warm[range.to] || graph.nodes[range.to].is_fixed);
-    is_inlier[i] = is_old ? !last.rejected.contains({range.edge->from, range.edge->to})
-                          : std::abs(residuals[i]) <= kNewRangeSlack * options.reject_sigmas;
-  }
-  return is_inlier;
-}
 
 // From the ranges between nodes of the last solution that it accepted.
 PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const InitialValues& initial,
@@ -148,101 +85,6 @@ StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph,
   result.is_accepted = std::isfinite(result.final_cost) && !IsHigher(result.final_cost, result.initial_cost);
   if (!result.is_accepted) result.text = "the cost did not fall";
   return result;
-}
-
-// Which rovers accepted ranges join with the map.
-std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set<AgentId> anchored) {
-  for (bool has_grown = true; has_grown;) {
-    has_grown = false;
-    std::map<AgentId, std::size_t> ranges_to_anchored;
-    for (const RangeVerdict& range : ranges) {
-      if (!range.is_inlier || anchored.contains(range.from.agent) == anchored.contains(range.to.agent)) continue;
-      const AgentId agent = anchored.contains(range.from.agent) ? range.to.agent : range.from.agent;
-      ++ranges_to_anchored[agent];
-    }
-    for (const auto& [agent, count] : ranges_to_anchored) {
-      if (count >= kAnchoringRangesMin) has_grown |= anchored.insert(agent).second;
-    }
-  }
-  return anchored;
-}
-
-std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const StartPrior& start,
-                   std::size_t part_count) {
-  std::string text;
-  const auto say = [&text](const std::string& line) { text += (text.empty() ? "" : "; ") + line; };
-  if (!start.is_configured) say("no start pose configured for its first node: begins at its raw pose");
-  if (rover.anchoring == Anchoring::kNoRanges) say("no accepted range: start pose and odometry alone");
-  if (rover.anchoring == Anchoring::kUnanchored) say("nothing ties it to the map");
-  if (rover.anchoring == Anchoring::kYawFree) say("nothing says how it is turned about the base station");
-  if (rover.anchoring == Anchoring::kAmbiguous) say("ambiguous: it would stand nearly as well elsewhere");
-  if (part_count > 1) say("its odometry is interrupted in " + std::to_string(part_count - 1) + " places");
-  if (const auto found = graph.left_out.find(rover.agent); found != graph.left_out.end()) {
-    say(std::to_string(found->second.count) + " records left out, first: " + found->second.first);
-  }
-  return text;
-}
-
-// Fixed nodes hold a team's place; two apart from each other its yaw, too.
-bool HoldFixedNodesYaw(const CheckedGraph& graph) {
-  const CheckedNode* first = nullptr;
-  for (const CheckedNode& node : graph.nodes) {
-    if (!node.is_fixed) continue;
-    if (first == nullptr) first = &node;
-    if ((node.raw.position_m - first->raw.position_m).head<2>().norm() > kApartM) return true;
-  }
-  return false;
-}
-
-struct RoversInMap {
-  std::set<AgentId> anchored;
-  std::set<AgentId> yaw_free;
-};
-
-RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rovers,
-                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges) {
-  std::set<AgentId> fixed;
-  std::set<AgentId> configured;
-  for (const CheckedNode& node : graph.nodes) {
-    if (node.is_fixed) fixed.insert(node.key.agent);
-  }
-  for (std::size_t i = 0; i < rovers.size(); ++i) {
-    if (starts[i].is_configured) configured.insert(rovers[i].agent);
-  }
-  RoversInMap result;
-  if (HoldFixedNodesYaw(graph)) configured.insert(fixed.begin(), fixed.end());
-  result.anchored = FindAnchored(ranges, configured);
-  result.yaw_free = FindAnchored(ranges, fixed);
-  return result;
-}
-
-std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
-                                     const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
-                                     const std::vector<double>& scales, const std::set<AgentId>& ambiguous) {
-  std::map<AgentId, std::size_t> accepted;
-  for (const RangeVerdict& range : ranges) {
-    if (!range.is_inlier) continue;
-    ++accepted[range.from.agent];
-    ++accepted[range.to.agent];
-  }
-  const RoversInMap in_map = FindInMap(graph, rovers, starts, ranges);
-  std::vector<RoverResult> results;
-  for (std::size_t i = 0; i < rovers.size(); ++i) {
-    RoverResult result;
-    result.agent = rovers[i].agent;
-    result.odometry_scale = 1 + scales[i];
-    result.node_count = rovers[i].count;
-    result.range_count = accepted[result.agent];
-    if (in_map.anchored.contains(result.agent)) {
-      result.anchoring = result.range_count > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
-      if (ambiguous.contains(result.agent)) result.anchoring = Anchoring::kAmbiguous;
-    } else if (in_map.yaw_free.contains(result.agent)) {
-      result.anchoring = Anchoring::kYawFree;
-    }
-    result.text = TextOf(graph, result, starts[i], rovers[i].part_heads.size());
-    results.push_back(std::move(result));
-  }
-  return results;
 }
 
 std::vector<RangeVerdict> JudgeRanges(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged) {
