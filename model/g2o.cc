@@ -29,7 +29,7 @@ class Parser {
       if (!fields.error().empty()) return Stop(line_, fields.error());
     }
     for (const Mention& mention : mentions_) {
-      if (!vertices_.contains(mention.id)) {
+      if (!vertices_.empty() && !vertices_.contains(mention.id)) {
         return Stop(mention.line, "no vertex has the id " + std::to_string(mention.id));
       }
     }

@@ -9,6 +9,8 @@
 // name them. One file is 2-D or 3-D throughout; a 2-D pose lies in the plane z = 0, and its information fills rows 0, 1
 // and 5 of the 6 x 6 matrix, where the other diagonal entries are 1.
 //
+// A file without a single vertex line is a graph all the same: its edges name the vertices.
+//
 // What was read is written so that it reads back the same, bit for bit (2-D turns as in model/pyfg.h).
 #pragma once
 

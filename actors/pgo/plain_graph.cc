@@ -37,6 +37,12 @@ Matrix6d BlockInverse(const Matrix6d& information, bool is_planar) {
   return covariance;
 }
 
+std::set<std::uint64_t> IdsOf(const std::vector<G2oEdge>& edges) {
+  std::set<std::uint64_t> ids;
+  for (const G2oEdge& edge : edges) ids.insert({edge.from, edge.to});
+  return ids;
+}
+
 void SortByKey(std::vector<PlainNode>& nodes) {
   std::stable_sort(nodes.begin(), nodes.end(), [](const PlainNode& a, const PlainNode& b) {
     return std::pair(a.is_point, a.key) < std::pair(b.is_point, b.key);
@@ -89,6 +95,12 @@ PlainGraph ToPlainGraph(const G2o& g2o) {
   for (const G2oVertex& vertex : g2o.vertices) {
     const auto time = static_cast<std::int64_t>(graph.nodes.size());
     graph.nodes.push_back({NodeKey{0, vertex.id}, vertex.map_from_vertex, time, false, fixed.contains(vertex.id)});
+  }
+  if (g2o.vertices.empty()) {
+    for (const std::uint64_t id : IdsOf(g2o.edges)) {
+      const auto time = static_cast<std::int64_t>(graph.nodes.size());
+      graph.nodes.push_back({NodeKey{0, id}, Pose{}, time, false, fixed.contains(id)});
+    }
   }
   SortByKey(graph.nodes);
   const std::map<NodeKey, std::size_t> places = PlacesOf(graph.nodes);

@@ -59,6 +59,14 @@ TEST(G2oTest, WritesWhatReadsBackTheSame) {
   EXPECT_EQ(FormatG2o(*ParseG2o(kPlanar, "graph.g2o")), kPlanar);
 }
 
+TEST(G2oTest, ReadsAGraphOfEdgesAlone) {
+  const std::string text = "EDGE_SE2 0 5 1 0 0.5 1 0 0 1 0 1\n";
+  const Result<G2o> g2o = ParseG2o(text, "graph.g2o");
+  ASSERT_TRUE(g2o) << ToString(g2o.error());
+  EXPECT_TRUE(g2o->vertices.empty());
+  EXPECT_EQ(FormatG2o(*g2o), text);
+}
+
 TEST(G2oTest, NamesTheLineOfEachError) {
   const std::string text = kPlanar;
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 1 0 0 0\n"), "graph.g2o:4: the vertex 1 stands here a second time");

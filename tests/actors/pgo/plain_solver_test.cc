@@ -169,6 +169,17 @@ TEST_P(PlainSolverTest, SolvesOneNodeAndNone) {
   EXPECT_EQ(one.poses.size(), 1u);
 }
 
+TEST(PlainGraphTest, TakesVerticesFromEdgesWhereThereAreNoOthers) {
+  const Result<G2o> g2o = ParseG2o("EDGE_SE2 0 5 1 0 0.5 1 0 0 1 0 1\nEDGE_SE2 5 7 2 0 0 1 0 0 1 0 1\n", "graph.g2o");
+  ASSERT_TRUE(g2o) << ToString(g2o.error());
+  const PlainGraph graph = ToPlainGraph(*g2o);
+  ASSERT_EQ(graph.nodes.size(), 3u);
+  EXPECT_EQ(graph.nodes[1].key, (NodeKey{0, 5}));
+  const PlainSolution solution = SolvePlainGraph(graph, OneThread());
+  EXPECT_TRUE(solution.has_converged);
+  EXPECT_LT((solution.poses[2].position_m - Eigen::Vector3d(1 + 2 * std::cos(0.5), 2 * std::sin(0.5), 0)).norm(), 1e-9);
+}
+
 TEST(PlainSolverStopTest, StopsWhenAsked) {
   Drive drive(true);
   const auto nodes = drive.AddRobot(1, Pose{}, 20);
