@@ -1,5 +1,6 @@
 #include "model/metrics.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -118,6 +119,29 @@ TrajectoryError CompareTrajectories(const std::map<NodeKey, Pose>& estimate, con
   }
   if (error.node_count > 0) error.rmse_m = std::sqrt(squared_sum / static_cast<double>(error.node_count));
   return error;
+}
+
+Pose FindAlignment(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth, bool is_planar) {
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> pairs;
+  for (const auto& [key, pose] : estimate) {
+    const auto found = truth.find(key);
+    if (found != truth.end()) pairs.emplace_back(pose.position_m, found->second.position_m);
+  }
+  if (pairs.size() < 2) return {};
+  const int size = is_planar ? 2 : 3;
+  Eigen::MatrixXd from(size, pairs.size());
+  Eigen::MatrixXd to(size, pairs.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    from.col(static_cast<Eigen::Index>(i)) = pairs[i].first.head(size);
+    to.col(static_cast<Eigen::Index>(i)) = pairs[i].second.head(size);
+  }
+  const Eigen::MatrixXd found = Eigen::umeyama(from, to, /*with_scaling=*/false);
+  Pose alignment;
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  turn.topLeftCorner(size, size) = found.topLeftCorner(size, size);
+  alignment.orientation = Eigen::Quaterniond(turn).normalized();
+  alignment.position_m.head(size) = found.topRightCorner(size, 1);
+  return alignment;
 }
 
 std::map<NodeKey, Pose> PosesOf(const PoseGraph& graph) {

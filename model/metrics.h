@@ -27,6 +27,10 @@ struct TrajectoryError {
 TrajectoryError CompareTrajectories(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth,
                                     const std::vector<AgentId>& agents);
 
+// truth_from_estimate that brings the nodes of both nearest to each other in the mean square; a turn about z only where
+// `is_planar`. For graphs that stand in no map. The identity where fewer than two nodes are in both.
+Pose FindAlignment(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth, bool is_planar);
+
 // The poses that a graph's nodes carry.
 std::map<NodeKey, Pose> PosesOf(const PoseGraph& graph);
 

@@ -1,23 +1,19 @@
 #include "model/pyfg.h"
 
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <map>
 #include <set>
 #include <utility>
 
 #include "model/check.h"
+#include "model/line_fields.h"
 #include "model/text.h"
 
 namespace moondb {
 
 namespace {
 
-constexpr double kCoordinateMaxM = 1e9;
 constexpr double kRangeMaxM = 1e6;
-constexpr double kQuaternionTolerance = 0.01;
-// A quaternion this close to length 1 is kept as it is, so that what was normalised once reads back bit for bit.
-constexpr double kQuaternionUnitSlack = 1e-12;
 constexpr int kLetters = 26;
 constexpr int kPlanarRows[3] = {0, 1, 5};
 
@@ -33,92 +29,13 @@ struct EdgeEnds {
 
 std::string KeyText(NodeKey key) { return LetterOfAgent(key.agent) + std::to_string(key.index); }
 
-// One line's fields, taken from the left. The first error stays; later calls give zeros.
-class Fields {
- public:
-  explicit Fields(std::vector<std::string_view> fields) : fields_(std::move(fields)) {}
-
-  std::size_t left() const { return fields_.size() - next_; }
-  const std::string& error() const { return error_; }
-
-  std::string_view Take() {
-    if (left() == 0) {
-      Stop("the line ends too early");
-      return {};
-    }
-    return fields_[next_++];
-  }
-
-  double Number() {
-    const std::string_view text = Take();
-    const std::optional<double> value = ParseDouble(text);
-    if (!value) Stop("'" + std::string(text) + "' is no finite number");
-    return value.value_or(0);
-  }
-
-  std::int64_t Stamp() {
-    const std::string_view text = Take();
-    const std::optional<std::int64_t> stamp_ns = ParseStampNs(text);
-    if (!stamp_ns) Stop("'" + std::string(text) + "' is no stamp in seconds");
-    return stamp_ns.value_or(0);
-  }
-
-  NodeKey Key() {
-    const std::string_view text = Take();
-    const AgentId agent = text.empty() ? 0 : AgentOfLetter(text.front());
-    const std::optional<std::uint64_t> index = text.empty() ? std::nullopt : ParseUnsigned(text.substr(1));
-    if (agent == 0 || !index) Stop("'" + std::string(text) + "' is no key of a letter and a number");
-    return NodeKey{agent, index.value_or(0)};
-  }
-
-  // 2 or 3 coordinates; z is 0 in the plane.
-  Eigen::Vector3d Position(bool is_planar) {
-    Eigen::Vector3d position = Eigen::Vector3d::Zero();
-    for (int i = 0; i < (is_planar ? 2 : 3); ++i) position[i] = Number();
-    if (position.cwiseAbs().maxCoeff() > kCoordinateMaxM) Stop("the position lies beyond 1e9 m");
-    return position;
-  }
-
-  Pose PoseOf(bool is_planar) {
-    const Eigen::Vector3d position = Position(is_planar);
-    if (is_planar) return Pose::FromPlanar(position.x(), position.y(), Number());
-    return Pose{position, Orientation()};
-  }
-
-  template <int kSize>
-  Eigen::Matrix<double, kSize, kSize> Covariance() {
-    Eigen::Matrix<double, kSize, kSize> covariance;
-    for (int row = 0; row < kSize; ++row) {
-      for (int column = row; column < kSize; ++column) covariance(row, column) = covariance(column, row) = Number();
-    }
-    const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> decomposition(covariance);
-    if (decomposition.info() != Eigen::Success) Stop("the covariance is not positive definite");
-    return covariance;
-  }
-
-  void Stop(std::string error) {
-    if (error_.empty()) error_ = std::move(error);
-  }
-
- private:
-  Eigen::Quaterniond Orientation() {
-    const double x = Number();
-    const double y = Number();
-    const double z = Number();
-    const double w = Number();
-    const Eigen::Quaterniond read(w, x, y, z);
-    const double length = read.norm();
-    if (std::abs(length - 1) > kQuaternionTolerance) {
-      Stop("the quaternion has the length " + FormatDouble(length) + ", not 1");
-      return Eigen::Quaterniond::Identity();
-    }
-    return std::abs(length - 1) <= kQuaternionUnitSlack ? read : read.normalized();
-  }
-
-  std::vector<std::string_view> fields_;
-  std::size_t next_ = 0;
-  std::string error_;
-};
+NodeKey TakeKey(LineFields& fields) {
+  const std::string_view text = fields.Take();
+  const AgentId agent = text.empty() ? 0 : AgentOfLetter(text.front());
+  const std::optional<std::uint64_t> index = text.empty() ? std::nullopt : ParseUnsigned(text.substr(1));
+  if (agent == 0 || !index) fields.Stop("'" + std::string(text) + "' is no key of a letter and a number");
+  return NodeKey{agent, index.value_or(0)};
+}
 
 Matrix6d Lift(const Eigen::Matrix3d& planar) {
   Matrix6d covariance = Matrix6d::Identity();
@@ -139,7 +56,7 @@ class Parser {
       ++line_;
       const std::string_view line = TakeLine(text);
       if (line.size() > kPyfgLineBytesMax) return Stop(line_, "the line is longer than 4096 bytes");
-      Fields fields(Split(line, ' '));
+      LineFields fields(line);
       if (fields.left() == 0 || line.front() == '#') continue;
       ParseLine(fields);
       if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
@@ -149,7 +66,7 @@ class Parser {
   }
 
  private:
-  void ParseLine(Fields& fields) {
+  void ParseLine(LineFields& fields) {
     const std::string_view word = fields.Take();
     if (word == "VERTEX_SE2") return ParsePose(fields, true);
     if (word == "VERTEX_SE3:QUAT") return ParsePose(fields, false);
@@ -163,60 +80,60 @@ class Parser {
     fields.Stop("'" + std::string(word) + "' is no keyword of PyFG");
   }
 
-  void ParsePose(Fields& fields, bool is_planar) {
+  void ParsePose(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     GraphNode node;
     node.stamp_ns = fields.Stamp();
-    node.key = fields.Key();
+    node.key = TakeKey(fields);
     node.map_from_node = fields.PoseOf(is_planar);
     AddVertex(fields, node.key, VertexKind::kPose);
     pyfg_.graph.nodes.push_back(node);
   }
 
-  void ParseLandmark(Fields& fields, bool is_planar) {
+  void ParseLandmark(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     PyfgLandmark landmark;
     const std::size_t fields_without_stamp = is_planar ? 3 : 4;
     if (fields.left() > fields_without_stamp) landmark.stamp_ns = fields.Stamp();
-    landmark.key = fields.Key();
+    landmark.key = TakeKey(fields);
     landmark.position_m = fields.Position(is_planar);
     AddVertex(fields, landmark.key, VertexKind::kLandmark);
     pyfg_.landmarks.push_back(landmark);
   }
 
-  void ParseOdometry(Fields& fields, bool is_planar) {
+  void ParseOdometry(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     OdometryEdge edge;
     edge.stamp_ns = fields.Stamp();
-    edge.from = fields.Key();
-    edge.to = fields.Key();
+    edge.from = TakeKey(fields);
+    edge.to = TakeKey(fields);
     edge.from_from_to = fields.PoseOf(is_planar);
-    edge.covariance = is_planar ? Lift(fields.Covariance<3>()) : fields.Covariance<6>();
+    edge.covariance = is_planar ? Lift(fields.Symmetric<3>("covariance")) : fields.Symmetric<6>("covariance");
     edges_.push_back({edge.from, edge.to, line_, false, false});
     pyfg_.graph.odometry.push_back(edge);
   }
 
-  void ParseSighting(Fields& fields, bool is_planar) {
+  void ParseSighting(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     PyfgSighting sighting;
     sighting.stamp_ns = fields.Stamp();
-    sighting.from = fields.Key();
-    sighting.to = fields.Key();
+    sighting.from = TakeKey(fields);
+    sighting.to = TakeKey(fields);
     sighting.from_point_m = fields.Position(is_planar);
     if (is_planar) {
-      sighting.covariance.topLeftCorner<2, 2>() = fields.Covariance<2>();
+      sighting.covariance.topLeftCorner<2, 2>() = fields.Symmetric<2>("covariance");
     } else {
-      sighting.covariance = fields.Covariance<3>();
+      sighting.covariance = fields.Symmetric<3>("covariance");
     }
     edges_.push_back({sighting.from, sighting.to, line_, true, false});
     pyfg_.sightings.push_back(sighting);
   }
 
-  void ParseRange(Fields& fields) {
+  void ParseRange(LineFields& fields) {
     RangeEdge edge;
     edge.stamp_ns = fields.Stamp();
-    edge.from = fields.Key();
-    edge.to = fields.Key();
+    edge.from = TakeKey(fields);
+    edge.to = TakeKey(fields);
     edge.range_m = fields.Number();
     edge.variance_m2 = fields.Number();
     if (edge.range_m < 0 || edge.range_m > kRangeMaxM) fields.Stop("the range must lie between 0 and 1e6 m");
@@ -225,13 +142,13 @@ class Parser {
     pyfg_.graph.ranges.push_back(edge);
   }
 
-  void UseDimension(Fields& fields, bool is_planar) {
+  void UseDimension(LineFields& fields, bool is_planar) {
     if (has_dimension_ && pyfg_.is_planar != is_planar) fields.Stop("2-D and 3-D are mixed in one file");
     has_dimension_ = true;
     pyfg_.is_planar = is_planar;
   }
 
-  void AddVertex(Fields& fields, NodeKey key, VertexKind kind) {
+  void AddVertex(LineFields& fields, NodeKey key, VertexKind kind) {
     if (!fields.error().empty()) return;
     if (!vertices_.emplace(key, kind).second) fields.Stop("the vertex " + KeyText(key) + " stands here a second time");
   }
@@ -265,24 +182,6 @@ class Parser {
   std::vector<EdgeEnds> edges_;
 };
 
-// The yaw that reads back as exactly this quaternion, where one near the computed angle does: the arc tangent's last
-// bits are not those of the angle that was read.
-double PlanarYaw(const Eigen::Quaterniond& q) {
-  constexpr int kSteps = 8;
-  // Files hold yaws beyond pi, too: the sign of w says so.
-  const double yaw_rad = 2 * std::atan2(q.z(), q.w());
-  double above = yaw_rad;
-  double below = yaw_rad;
-  for (int step = 0; step < kSteps; ++step) {
-    for (const double candidate : {above, below}) {
-      if (Pose::FromPlanar(0, 0, candidate).orientation.coeffs() == q.coeffs()) return candidate;
-    }
-    above = std::nextafter(above, 10.0);
-    below = std::nextafter(below, -10.0);
-  }
-  return yaw_rad;
-}
-
 class Formatter {
  public:
   explicit Formatter(bool is_planar) : is_planar_(is_planar) {}
@@ -307,7 +206,7 @@ class Formatter {
   Formatter& PoseOf(const Pose& pose) {
     Position(pose.position_m);
     const Eigen::Quaterniond& q = pose.orientation;
-    if (is_planar_) return Number(PlanarYaw(q));
+    if (is_planar_) return Number(ExactPlanarYaw(q));
     return Number(q.x()).Number(q.y()).Number(q.z()).Number(q.w());
   }
   template <typename Matrix>

@@ -1,58 +1,38 @@
 #include "actors/pgo/cost_terms.h"
 
-#include <ceres/iteration_callback.h>
+#include <ceres/crs_matrix.h>
 #include <ceres/loss_function.h>
 #include <ceres/solver.h>
 
+#include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
 
+#include "actors/pgo/ceres_options.h"
+
 namespace moondb {
 
 namespace {
 
-class StopCallback final : public ceres::IterationCallback {
- public:
-  explicit StopCallback(const std::function<bool()>& stop_requested) : stop_requested_(stop_requested) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return stop_requested_() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
+constexpr double kRoughTolerance = 1e-4;
 
- private:
-  const std::function<bool()>& stop_requested_;
-};
-
-ceres::Problem::Options ProblemOptions() {
-  ceres::Problem::Options options;
-  options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  return options;
-}
-
-ceres::Solver::Options SolveOptions(const SolverOptions& options, bool is_warm, bool is_dogleg) {
-  ceres::Solver::Options result;
-  result.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-#ifdef MOONDB_EIGEN_SPARSE
-  result.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-#else
-  result.sparse_linear_algebra_library_type = ceres::SUITE_SPARSE;
-#endif
-  result.num_threads = options.thread_count;
-  result.max_num_iterations = options.iterations_max;
-  // Nearly Gauss-Newton where the start is good; careful where it is bare odometry.
-  result.initial_trust_region_radius = is_warm ? 1e16 : 1e4;
+ceres::Solver::Options SolveOptions(const SolverOptions& options, const Stage& stage, bool is_dogleg) {
+  ceres::Solver::Options result = LeastSquaresOptions(options.thread_count, options.iterations_max);
+  result.initial_trust_region_radius = stage.is_near ? kBoldTrustRegion : kCarefulTrustRegion;
+  if (stage.is_rough) result.function_tolerance = kRoughTolerance;
   if (is_dogleg) {
     result.trust_region_strategy_type = ceres::DOGLEG;
-    result.initial_trust_region_radius = 1e4;
+    result.initial_trust_region_radius = kCarefulTrustRegion;
   }
-  // Ranges leave shallow valleys along which the default tolerance of 1e-6 stops too early.
-  result.function_tolerance = 1e-9;
-  result.parameter_tolerance = 1e-9;
-  result.logging_type = ceres::SILENT;
   return result;
+}
+
+std::unique_ptr<ceres::LossFunction> MakeLoss(Loss loss, const SolverOptions& options) {
+  if (loss == Loss::kCauchyOnRanges) return std::make_unique<ceres::CauchyLoss>(options.cauchy_sigmas);
+  if (loss == Loss::kHuberOnRanges) return std::make_unique<ceres::HuberLoss>(options.huber_sigmas);
+  return nullptr;
 }
 
 bool IsFinite(const State& state) {
@@ -63,30 +43,46 @@ bool IsFinite(const State& state) {
   return std::all_of(state.numbers.begin(), state.numbers.end(), is_finite);
 }
 
-Eigen::Vector3d UpInBody(const CheckedNode& node, GravityReference reference) {
-  if (reference == GravityReference::kLevelGround) return Eigen::Vector3d::UnitZ();
-  return node.raw.orientation.conjugate() * Eigen::Vector3d::UnitZ();
+// Whether the ground is level: then the tilt of each step is odometry's noise and nothing else, and the raw poses' tilt
+// its useless sum. On slopes steps tilt by far more than their noise.
+bool IsGroundLevel(const CheckedGraph& graph) {
+  double square_sum = 0;
+  std::size_t count = 0;
+  for (const CheckedOdometry& odometry : graph.odometry) {
+    const Eigen::Vector3d turn = 2 * odometry.edge->from_from_to.orientation.vec();
+    const Eigen::Vector2d variances = odometry.edge->covariance.diagonal().segment<2>(3);
+    square_sum += turn.head<2>().cwiseAbs2().cwiseQuotient(variances).sum();
+    count += 2;
+  }
+  // Between noise (1) and what slopes add lie orders of magnitude.
+  return count > 0 && square_sum < 2 * static_cast<double>(count);
 }
 
-Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent) {
-  const auto facts = agents.find(agent);
-  return facts == agents.end() ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : facts->second.antenna_m;
+Eigen::Vector3d UpInBody(const CheckedNode& node, bool is_ground_level) {
+  if (is_ground_level) return Eigen::Vector3d::UnitZ();
+  return node.raw.orientation.conjugate() * Eigen::Vector3d::UnitZ();
 }
 
 }  // namespace
 
 CostTerms::CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
-                     const AgentFactsMap& agents, const InitialValues& initial, const SolverOptions& options)
-    : graph_(graph), options_(options), is_warm_(2 * initial.warm_count > graph.nodes.size()) {
+                     const AgentFactsMap& agents, const InitialValues& initial, const std::vector<bool>& is_free,
+                     const SolverOptions& options)
+    : graph_(graph),
+      options_(options),
+      is_warm_(2 * initial.warm_count > graph.nodes.size()),
+      is_free_(is_free),
+      is_window_(options.window_nodes > 0) {
   for (const Pose& pose : initial.poses) initial_.poses.push_back(ToBlock(pose));
   for (const double scale : initial.scales) AddNumber(scale, options.scale_sigma);
   AddOdometry(rovers);
-  AddRanges(agents);
+  AddRanges(agents, initial.biases_m);
   AddPriors(rovers, starts);
 }
 
 void CostTerms::AddNumber(double value, double sigma) {
   initial_.numbers.push_back(value);
+  if (is_window_) return;
   const int number = static_cast<int>(initial_.numbers.size()) - 1;
   terms_.push_back(Term{MakeZeroPriorFactor(sigma), kNone, kNone, number, kNone});
 }
@@ -96,21 +92,26 @@ void CostTerms::AddOdometry(const std::vector<Rover>& rovers) {
   for (std::size_t i = 0; i < rovers.size(); ++i) scale_of[rovers[i].agent] = static_cast<int>(i);
   for (const CheckedOdometry& odometry : graph_.odometry) {
     const auto scale = scale_of.find(graph_.nodes[odometry.from].key.agent);
+    if (!IsMoving(odometry.from, odometry.to)) continue;
     if (scale == scale_of.end()) continue;  // A base station's: it stands still by configuration.
     terms_.push_back(Term{MakeOdometryFactor(odometry.edge->from_from_to, odometry.edge->covariance),
                           static_cast<int>(odometry.from), static_cast<int>(odometry.to), scale->second, kNone});
   }
 }
 
-void CostTerms::AddRanges(const AgentFactsMap& agents) {
+void CostTerms::AddRanges(const AgentFactsMap& agents, const PairNumbers& biases_m) {
   std::map<std::pair<AgentId, AgentId>, int> bias_of;
   for (std::size_t i = 0; i < graph_.ranges.size(); ++i) {
     const CheckedRange& range = graph_.ranges[i];
     const AgentId a = graph_.nodes[range.from].key.agent;
     const AgentId b = graph_.nodes[range.to].key.agent;
     const auto [bias, is_new] = bias_of.try_emplace(std::minmax(a, b), static_cast<int>(initial_.numbers.size()));
-    if (is_new) AddNumber(0, options_.bias_sigma_m);
-    range_terms_.push_back(terms_.size());
+    if (is_new) {
+      const auto known = biases_m.find(std::minmax(a, b));
+      AddNumber(known == biases_m.end() ? 0 : known->second, options_.bias_sigma_m);
+    }
+    range_terms_.push_back(IsMoving(range.from, range.to) ? terms_.size() : kNoTerm);
+    if (range_terms_.back() == kNoTerm) continue;
     terms_.push_back(Term{MakeRangeFactor(range.edge->range_m, std::sqrt(range.edge->variance_m2), AntennaOf(agents, a),
                                           AntennaOf(agents, b)),
                           static_cast<int>(range.from), static_cast<int>(range.to), bias->second, static_cast<int>(i)});
@@ -119,19 +120,26 @@ void CostTerms::AddRanges(const AgentFactsMap& agents) {
 
 void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts) {
   const auto add = [this](std::unique_ptr<ceres::CostFunction> factor, std::size_t node) {
+    if (!is_free_[node]) return;
     terms_.push_back(Term{std::move(factor), static_cast<int>(node), kNone, kNone, kNone});
   };
+  const bool is_ground_level = options_.gravity_reference == GravityReference::kLevelGround ||
+                               (options_.gravity_reference == GravityReference::kChosen && IsGroundLevel(graph_));
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     const Rover& rover = rovers[i];
-    add(MakePosePriorFactor(starts[i].map_from_node, starts[i].sigma_m, starts[i].sigma_rad), rover.first);
+    // Of the tilt gravity knows more than a configuration does.
+    add(MakePosePriorFactor(
+            {starts[i].map_from_node, starts[i].sigma_m, options_.loose_sigma_rad, starts[i].sigma_rad}),
+        rover.first);
     for (const std::size_t head : rover.part_heads) {
       if (head == rover.first) continue;
       const Pose initial = FromBlock(initial_.poses[head]);
-      add(MakePosePriorFactor(initial, options_.loose_sigma_m, options_.loose_sigma_rad), head);
+      add(MakePosePriorFactor({initial, options_.loose_sigma_m, options_.loose_sigma_rad, options_.loose_sigma_rad}),
+          head);
     }
     for (std::size_t node = rover.first; node < rover.first + rover.count; ++node) {
-      add(MakeGravityFactor(UpInBody(graph_.nodes[node], options_.gravity_reference), options_.gravity_sigma_rad),
-          node);
+      if (!is_free_[node]) continue;
+      add(MakeGravityFactor(UpInBody(graph_.nodes[node], is_ground_level), options_.gravity_sigma_rad), node);
     }
   }
 }
@@ -156,27 +164,80 @@ void CostTerms::AddTerms(const std::vector<bool>& uses_range, ceres::LossFunctio
   }
 }
 
-StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, Loss loss, State& state) const {
+void CostTerms::HoldStanding(State& state, ceres::Problem& problem) const {
+  const auto hold = [&problem](double* block) {
+    if (problem.HasParameterBlock(block)) problem.SetParameterBlockConstant(block);
+  };
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (!is_free_[node]) hold(state.poses[node].data());
+  }
+  if (!is_window_) return;
+  for (double& number : state.numbers) hold(&number);
+}
+
+StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const {
   const State begin = state;
-  StageResult first = Try(uses_range, loss, /*is_dogleg=*/false, state);
+  StageResult first = Try(uses_range, stage, /*is_dogleg=*/false, state);
   if (first.has_converged || (options_.stop_requested && options_.stop_requested())) return first;
   state = begin;
-  StageResult second = Try(uses_range, loss, /*is_dogleg=*/true, state);
+  StageResult second = Try(uses_range, stage, /*is_dogleg=*/true, state);
   second.iterations += first.iterations;
   return second;
 }
 
-StageResult CostTerms::Try(const std::vector<bool>& uses_range, Loss loss, bool is_dogleg, State& state) const {
-  PoseManifold manifold;
-  ceres::CauchyLoss cauchy(options_.cauchy_sigmas);
-  ceres::Problem problem(ProblemOptions());
+void CostTerms::Build(const std::vector<bool>& uses_range, ceres::LossFunction* loss, PoseManifold& manifold,
+                      State& state, ceres::Problem& problem) const {
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
-    problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
-    if (graph_.nodes[node].is_fixed) problem.SetParameterBlockConstant(state.poses[node].data());
+    if (is_free_[node]) problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
   }
-  AddTerms(uses_range, loss == Loss::kCauchyOnRanges ? &cauchy : nullptr, state, problem);
+  AddTerms(uses_range, loss, state, problem);
+  HoldStanding(state, problem);
+}
 
-  ceres::Solver::Options solve_options = SolveOptions(options_, is_warm_, is_dogleg);
+std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
+                                             State state) const {
+  PoseManifold manifold;
+  ceres::Problem problem(BorrowingProblemOptions());
+  Build(uses_range, nullptr, manifold, state, problem);
+  ceres::Problem::EvaluateOptions evaluation;
+  evaluation.num_threads = options_.thread_count;
+  std::map<std::size_t, int> columns;
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (!is_free_[node]) continue;
+    columns[node] = static_cast<int>(evaluation.parameter_blocks.size()) * kPoseTangentSize;
+    evaluation.parameter_blocks.push_back(state.poses[node].data());
+  }
+  for (double& number : state.numbers) {
+    if (!is_window_ && problem.HasParameterBlock(&number)) evaluation.parameter_blocks.push_back(&number);
+  }
+  ceres::CRSMatrix rows;
+  if (!problem.Evaluate(evaluation, nullptr, nullptr, nullptr, &rows)) return {};
+  const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> jacobian(
+      rows.num_rows, rows.num_cols, static_cast<Eigen::Index>(rows.values.size()), rows.rows.data(), rows.cols.data(),
+      rows.values.data());
+  const Eigen::SparseMatrix<double> information = jacobian.transpose() * jacobian;
+  const Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> factorised(information);
+  if (factorised.info() != Eigen::Success) return {};
+  std::vector<Matrix6d> covariances;
+  for (const std::size_t node : nodes) {
+    Matrix6d& covariance = covariances.emplace_back(Matrix6d::Zero());
+    const auto column = columns.find(node);
+    if (column == columns.end()) continue;
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rows.num_cols, kPoseTangentSize);
+    unit.middleRows(column->second, kPoseTangentSize).setIdentity();
+    covariance = factorised.solve(unit).middleRows(column->second, kPoseTangentSize);
+    if (!covariance.allFinite()) return {};
+  }
+  return covariances;
+}
+
+StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg,
+                           State& state) const {
+  PoseManifold manifold;
+  const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(stage.loss, options_);
+  ceres::Problem problem(BorrowingProblemOptions());
+  Build(uses_range, range_loss.get(), manifold, state, problem);
+  ceres::Solver::Options solve_options = SolveOptions(options_, stage, is_dogleg);
   StopCallback stop(options_.stop_requested);
   if (options_.stop_requested) solve_options.callbacks.push_back(&stop);
   ceres::Solver::Summary summary;
@@ -201,10 +262,18 @@ double CostTerms::Cost(const std::vector<bool>& uses_range, const State& state) 
   return square_sum / 2;
 }
 
+double CostTerms::RobustCost(const State& state) const {
+  double cost = Cost(std::vector<bool>(range_terms_.size(), false), state);
+  const double scale = options_.cauchy_sigmas * options_.cauchy_sigmas;
+  for (const double residual : RangeResiduals(state)) cost += scale / 2 * std::log1p(residual * residual / scale);
+  return cost;
+}
+
 std::vector<double> CostTerms::RangeResiduals(const State& state) const {
   State copy = state;
   std::vector<double> residuals(range_terms_.size());
   for (std::size_t i = 0; i < residuals.size(); ++i) {
+    if (range_terms_[i] == kNoTerm) continue;
     const Term& term = terms_[range_terms_[i]];
     term.factor->Evaluate(BlocksOf(term, copy).data(), &residuals[i], nullptr);
   }

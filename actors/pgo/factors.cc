@@ -123,6 +123,32 @@ class RangeFactor final : public ceres::SizedCostFunction<1, kPoseSize, kPoseSiz
   std::array<Eigen::Vector3d, 2> antennas_m_;
 };
 
+class SightingFactor final : public ceres::SizedCostFunction<3, kPoseSize, kPoseSize> {
+ public:
+  SightingFactor(const Eigen::Vector3d& from_point_m, double sigma_m) : seen_(from_point_m), weight_(1 / sigma_m) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
+    const Eigen::Matrix3d body_from_map = OrientationOf(parameters[0]).conjugate().toRotationMatrix();
+    const Eigen::Vector3d point = body_from_map * (PositionOf(parameters[1]) - PositionOf(parameters[0]));
+    Eigen::Map<Eigen::Vector3d>{residuals} = weight_ * (point - seen_);
+    if (jacobians == nullptr) return true;
+    if (jacobians[0] != nullptr) {
+      Eigen::Map<PoseJacobian<3>> out(jacobians[0]);
+      out << -weight_ * body_from_map, weight_ * Cross(point), Eigen::Vector3d::Zero();
+    }
+    if (jacobians[1] != nullptr) {
+      Eigen::Map<PoseJacobian<3>> out(jacobians[1]);
+      out.setZero();
+      out.leftCols<3>() = weight_ * body_from_map;
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d seen_;
+  double weight_;
+};
+
 class GravityFactor final : public ceres::SizedCostFunction<2, kPoseSize> {
  public:
   GravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad) : up_(up_in_body), weight_(1 / sigma_rad) {}
@@ -145,25 +171,30 @@ class GravityFactor final : public ceres::SizedCostFunction<2, kPoseSize> {
 
 class PosePriorFactor final : public ceres::SizedCostFunction<6, kPoseSize> {
  public:
-  PosePriorFactor(const Pose& map_from_node, double sigma_m, double sigma_rad)
-      : prior_(map_from_node), position_weight_(1 / sigma_m), rotation_weight_(1 / sigma_rad) {}
+  explicit PosePriorFactor(const PosePrior& prior)
+      : prior_(prior.map_from_node),
+        position_weight_(1 / prior.sigma_m),
+        turn_weights_(1 / prior.sigma_tilt_rad, 1 / prior.sigma_tilt_rad, 1 / prior.sigma_yaw_rad) {}
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    const Eigen::Quaterniond error = WithPositiveW(prior_.orientation.conjugate() * OrientationOf(parameters[0]));
+    const Eigen::Quaterniond error = WithPositiveW(OrientationOf(parameters[0]) * prior_.orientation.conjugate());
     Eigen::Map<Vector6d> out(residuals);
-    out << position_weight_ * (PositionOf(parameters[0]) - prior_.position_m), rotation_weight_ * 2 * error.vec();
+    out << position_weight_ * (PositionOf(parameters[0]) - prior_.position_m),
+        2 * turn_weights_.cwiseProduct(error.vec());
     if (jacobians == nullptr || jacobians[0] == nullptr) return true;
     Eigen::Map<PoseJacobian<6>> jacobian(jacobians[0]);
     jacobian.setZero();
     jacobian.topLeftCorner<3, 3>() = position_weight_ * Eigen::Matrix3d::Identity();
-    jacobian.block<3, 3>(3, 3) = rotation_weight_ * (error.w() * Eigen::Matrix3d::Identity() + Cross(error.vec()));
+    jacobian.block<3, 3>(3, 3) = turn_weights_.asDiagonal() *
+                                 (error.w() * Eigen::Matrix3d::Identity() + Cross(error.vec())) *
+                                 prior_.orientation.toRotationMatrix();
     return true;
   }
 
  private:
   Pose prior_;
   double position_weight_;
-  double rotation_weight_;
+  Eigen::Vector3d turn_weights_;
 };
 
 class ZeroPriorFactor final : public ceres::SizedCostFunction<1, 1> {
@@ -222,6 +253,35 @@ bool PoseManifold::MinusJacobian(const double*, double* jacobian) const {
   return true;
 }
 
+bool AxesManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
+  std::array<double, kPoseTangentSize> whole{};
+  for (std::size_t i = 0; i < axes_.size(); ++i) whole[static_cast<std::size_t>(axes_[i])] = delta[i];
+  return PoseManifold().Plus(x, whole.data(), x_plus_delta);
+}
+
+bool AxesManifold::PlusJacobian(const double*, double* jacobian) const {
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> out(jacobian, kPoseSize,
+                                                                                         TangentSize());
+  out.setZero();
+  for (int i = 0; i < TangentSize(); ++i) out(axes_[static_cast<std::size_t>(i)], i) = 1;
+  return true;
+}
+
+bool AxesManifold::Minus(const double* y, const double* x, double* y_minus_x) const {
+  std::array<double, kPoseTangentSize> whole{};
+  PoseManifold().Minus(y, x, whole.data());
+  for (std::size_t i = 0; i < axes_.size(); ++i) y_minus_x[i] = whole[static_cast<std::size_t>(axes_[i])];
+  return true;
+}
+
+bool AxesManifold::MinusJacobian(const double*, double* jacobian) const {
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> out(jacobian, TangentSize(),
+                                                                                         kPoseSize);
+  out.setZero();
+  for (int i = 0; i < TangentSize(); ++i) out(i, axes_[static_cast<std::size_t>(i)]) = 1;
+  return true;
+}
+
 std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance) {
   return std::make_unique<OdometryFactor>(from_from_to, covariance);
 }
@@ -231,12 +291,16 @@ std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigm
   return std::make_unique<RangeFactor>(range_m, sigma_m, antenna_a_m, antenna_b_m);
 }
 
+std::unique_ptr<ceres::CostFunction> MakeSightingFactor(const Eigen::Vector3d& from_point_m, double sigma_m) {
+  return std::make_unique<SightingFactor>(from_point_m, sigma_m);
+}
+
 std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad) {
   return std::make_unique<GravityFactor>(up_in_body, sigma_rad);
 }
 
-std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const Pose& map_from_node, double sigma_m, double sigma_rad) {
-  return std::make_unique<PosePriorFactor>(map_from_node, sigma_m, sigma_rad);
+std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const PosePrior& prior) {
+  return std::make_unique<PosePriorFactor>(prior);
 }
 
 std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma) {

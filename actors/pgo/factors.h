@@ -17,6 +17,8 @@
 #include <Eigen/Core>
 #include <array>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "model/geometry.h"
 #include "model/pose_graph.h"
@@ -41,6 +43,23 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
+// A pose of which some directions only may change: the axes 0 to 5 of PoseManifold's tangent, in rising order. {0, 1,
+// 5} is a pose in the plane, {0, 1, 2} a point. Jacobians are read as PoseManifold's.
+class AxesManifold final : public ceres::Manifold {
+ public:
+  explicit AxesManifold(std::vector<int> axes) : axes_(std::move(axes)) {}
+
+  int AmbientSize() const override { return kPoseSize; }
+  int TangentSize() const override { return static_cast<int>(axes_.size()); }
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override;
+  bool PlusJacobian(const double* x, double* jacobian) const override;
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override;
+  bool MinusJacobian(const double* x, double* jacobian) const override;
+
+ private:
+  std::vector<int> axes_;
+};
+
 // One step of odometry. Blocks: pose i, pose j, scale s. Six residuals:
 //   W [ R_i^T (p_j - p_i) - (1 + s) t ;  2 vec(dq) ],   dq = q_measured^-1 q_i^-1 q_j with w >= 0,   W^T W =
 //   covariance^-1.
@@ -53,12 +72,23 @@ std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to
 std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigma_m, const Eigen::Vector3d& antenna_a_m,
                                                      const Eigen::Vector3d& antenna_b_m);
 
+// A point as a pose sees it. Blocks: pose, point (its orientation plays no part). Three residuals:
+//   (R^T (l - p) - seen) / sigma
+std::unique_ptr<ceres::CostFunction> MakeSightingFactor(const Eigen::Vector3d& from_point_m, double sigma_m);
+
 // Roll and pitch as gravity shows them, yaw free. Block: pose. Two residuals: x and y of
 //   (R^T e_z - up) / sigma,   up: the direction of the frame `map`'s z axis, in the body's frame, of unit length.
 std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad);
 
-// What is known of a node beforehand. Block: pose. Six residuals: (p - p_0) / sigma_m, 2 vec(q_0^-1 q) / sigma_rad.
-std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const Pose& map_from_node, double sigma_m, double sigma_rad);
+// What is known of a node beforehand. Block: pose. Six residuals: (p - p_0) / sigma_m, and of the turn 2 vec(q q_0^-1),
+// in the frame `map`, roll and pitch over sigma_tilt_rad and yaw over sigma_yaw_rad.
+struct PosePrior {
+  Pose map_from_node;
+  double sigma_m = 1;
+  double sigma_tilt_rad = 1;
+  double sigma_yaw_rad = 1;
+};
+std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const PosePrior& prior);
 
 // A scale or a bias that is about zero. Block: the number. One residual: value / sigma.
 std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma);

@@ -3,9 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <tuple>
 #include <unordered_map>
+
+#include "actors/pgo/connected_parts.h"
 
 namespace moondb {
 
@@ -63,13 +64,6 @@ void CheckNodes(const PoseGraph& graph, const AgentFactsMap& agents, CheckedGrap
   checked.nodes.erase(std::unique(checked.nodes.begin(), checked.nodes.end(), same_key), checked.nodes.end());
 }
 
-std::optional<std::size_t> PositionOf(const CheckedGraph& checked, const NodeKey& key) {
-  const auto found = std::lower_bound(checked.nodes.begin(), checked.nodes.end(), key,
-                                      [](const CheckedNode& node, const NodeKey& k) { return node.key < k; });
-  if (found == checked.nodes.end() || found->key != key) return std::nullopt;
-  return static_cast<std::size_t>(found - checked.nodes.begin());
-}
-
 // Empty where the edge can be used.
 std::string WhyNot(const OdometryEdge& edge) {
   if (edge.from.agent != edge.to.agent) return "joins two agents";
@@ -91,8 +85,8 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
                 std::vector<CheckedEdge>& out) {
   for (const Edge& edge : edges) {
     std::string why = WhyNot(edge);
-    const std::optional<std::size_t> from = PositionOf(checked, edge.from);
-    const std::optional<std::size_t> to = PositionOf(checked, edge.to);
+    const std::optional<std::size_t> from = checked.Find(edge.from);
+    const std::optional<std::size_t> to = checked.Find(edge.to);
     if (why.empty() && !from) why = ToString(edge.from) + " is not known here";
     if (why.empty() && !to) why = ToString(edge.to) + " is not known here";
     if (why.empty() && checked.nodes[*from].is_fixed && checked.nodes[*to].is_fixed) why = "both ends stand fixed";
@@ -109,22 +103,21 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
 
 // The smallest node that odometry joins each node with, directly or over others.
 std::vector<std::size_t> FindHeads(const CheckedGraph& graph) {
-  std::vector<std::size_t> parent(graph.nodes.size());
-  std::iota(parent.begin(), parent.end(), std::size_t{0});
-  const auto head_of = [&parent](std::size_t node) {
-    while (parent[node] != node) node = parent[node] = parent[parent[node]];
-    return node;
-  };
-  for (const CheckedOdometry& edge : graph.odometry) {
-    const std::size_t from = head_of(edge.from);
-    const std::size_t to = head_of(edge.to);
-    parent[std::max(from, to)] = std::min(from, to);
-  }
-  for (std::size_t node = 0; node < parent.size(); ++node) parent[node] = head_of(node);
-  return parent;
+  ConnectedParts parts(graph.nodes.size());
+  for (const CheckedOdometry& edge : graph.odometry) parts.Join(edge.from, edge.to);
+  std::vector<std::size_t> heads(graph.nodes.size());
+  for (std::size_t node = 0; node < heads.size(); ++node) heads[node] = parts.HeadOf(node);
+  return heads;
 }
 
 }  // namespace
+
+std::optional<std::size_t> CheckedGraph::Find(const NodeKey& key) const {
+  const auto found = std::lower_bound(nodes.begin(), nodes.end(), key,
+                                      [](const CheckedNode& node, const NodeKey& k) { return node.key < k; });
+  if (found == nodes.end() || found->key != key) return std::nullopt;
+  return static_cast<std::size_t>(found - nodes.begin());
+}
 
 std::string ToString(const NodeKey& key) {
   return "agent " + std::to_string(key.agent) + ", node " + std::to_string(key.index);

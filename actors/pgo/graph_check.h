@@ -10,6 +10,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "model/pose_graph.h"
@@ -48,6 +49,8 @@ struct CheckedRange {
   const RangeEdge* edge = nullptr;
 };
 
+using RangeKey = std::pair<NodeKey, NodeKey>;  // from, to
+
 // An agent's nodes and edges that were not usable.
 struct LeftOut {
   std::size_t count = 0;
@@ -61,6 +64,8 @@ struct CheckedGraph {
   std::vector<CheckedOdometry> odometry;  // By ends, then stamp.
   std::vector<CheckedRange> ranges;       // Likewise.
   LeftOutMap left_out;                    // What was not usable; empty when all was.
+
+  std::optional<std::size_t> Find(const NodeKey& key) const;  // Its place in nodes.
 };
 
 // Base stations with a configured pose get their node {agent, 0} even where `graph` has none.

@@ -109,11 +109,13 @@ InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rov
                                 const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution) {
   InitialValues result;
   Poses poses(graph.nodes.size());
+  result.is_warm.assign(graph.nodes.size(), false);
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
     if (graph.nodes[node].is_fixed) {
       poses[node] = graph.nodes[node].raw;
     } else if (const auto last = last_solution.find(graph.nodes[node].key); last != last_solution.end()) {
       poses[node] = last->second;
+      result.is_warm[node] = true;
       ++result.warm_count;
     }
   }
@@ -124,6 +126,34 @@ InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rov
   }
   for (const std::optional<Pose>& pose : poses) result.poses.push_back(*pose);
   return result;
+}
+
+PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const std::vector<Pose>& poses,
+                           const std::vector<bool>& counts, double bias_sigma_m) {
+  struct Sums {
+    double weights = 0;
+    double errors = 0;
+  };
+  std::map<std::pair<AgentId, AgentId>, Sums> sums;
+  for (std::size_t i = 0; i < graph.ranges.size(); ++i) {
+    if (!counts[i]) continue;
+    const CheckedRange& range = graph.ranges[i];
+    const AgentId a = graph.nodes[range.from].key.agent;
+    const AgentId b = graph.nodes[range.to].key.agent;
+    const double distance_m =
+        (poses[range.from] * AntennaOf(agents, a) - poses[range.to] * AntennaOf(agents, b)).norm();
+    Sums& pair = sums[std::minmax(a, b)];
+    pair.weights += 1 / range.edge->variance_m2;
+    pair.errors += (range.edge->range_m - distance_m) / range.edge->variance_m2;
+  }
+  PairNumbers biases_m;
+  for (const auto& [pair, sum] : sums) biases_m[pair] = sum.errors / (sum.weights + 1 / (bias_sigma_m * bias_sigma_m));
+  return biases_m;
+}
+
+Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent) {
+  const auto facts = agents.find(agent);
+  return facts == agents.end() ? Eigen::Vector3d(Eigen::Vector3d::Zero()) : facts->second.antenna_m;
 }
 
 }  // namespace moondb

@@ -3,16 +3,22 @@
 
 #include <cstddef>
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "actors/pgo/graph_check.h"
 
 namespace moondb {
 
+// A number for each pair of agents, the smaller id first.
+using PairNumbers = std::map<std::pair<AgentId, AgentId>, double>;
+
 struct InitialValues {
   std::vector<Pose> poses;     // map_from_node of each of CheckedGraph::nodes.
   std::vector<double> scales;  // s of each rover; true length is (1 + s) times odometry's.
-  std::size_t warm_count = 0;  // Nodes that the last solution gave.
+  std::vector<bool> is_warm;   // Of each node: the last solution gave it.
+  std::size_t warm_count = 0;  // How many of them.
+  PairNumbers biases_m;        // Of pairs of agents; missing: 0.
 };
 
 // The pose that a rover's first node is held to.
@@ -36,5 +42,13 @@ StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents,
 // that the last solution shows; across a gap in the odometry the raw poses' difference; for the first node the start.
 InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                 const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution);
+
+// Each pair's constant range error as `poses` show it: its maximum of probability over the ranges in `counts`, of sigma
+// bias_sigma_m about 0.
+PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const std::vector<Pose>& poses,
+                           const std::vector<bool>& counts, double bias_sigma_m);
+
+// Of the agent's radio in its body's frame; zero where nothing is configured.
+Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent);
 
 }  // namespace moondb

@@ -4,39 +4,60 @@
 
 namespace moondb {
 
-Result<void> KnownGraph::Add(const proto::Record& record) {
-  if (record.has_optimized_pose()) return AddPose(record.optimized_pose());
+Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) {
+  if (record.has_optimized_pose()) return AddPose(key, record.optimized_pose());
   if (record.has_edge_verdict()) {
-    AddVerdict(record.edge_verdict());
+    AddVerdict(key, record.edge_verdict());
     return {};
   }
-  return AddRecord(record, graph_);
+  PoseGraph one;
+  if (auto added = AddRecord(record, one); !added) return added;
+  const auto name_of = [](const auto& edge) { return EdgeName{edge.from, edge.to, edge.stamp_ns}; };
+  for (const GraphNode& node : one.nodes) AddItem(key, node.key, node, node_sources_, graph_.nodes);
+  for (const OdometryEdge& edge : one.odometry) {
+    AddItem(key, name_of(edge), edge, odometry_sources_, graph_.odometry);
+  }
+  for (const RangeEdge& edge : one.ranges) AddItem(key, name_of(edge), edge, range_sources_, graph_.ranges);
+  return {};
 }
 
-Result<void> KnownGraph::AddPose(const proto::OptimizedPose& pose) {
+template <typename Name, typename Item>
+void KnownGraph::AddItem(const RecordKey& key, const Name& name, const Item& item, std::map<Name, Source>& sources,
+                         std::vector<Item>& items) {
+  const auto [source, is_new] = sources.try_emplace(name, Source{key, items.size()});
+  if (is_new) {
+    items.push_back(item);
+  } else if (key < source->second.key) {
+    source->second.key = key;
+    items[source->second.place] = item;
+  }
+}
+
+Result<void> KnownGraph::AddPose(const RecordKey& key, const proto::OptimizedPose& pose) {
   const Result<Pose> map_from_node = FromProto(pose.map_from_node());
   if (!map_from_node) return tl::unexpected(map_from_node.error());
-  const Version version{OrderOf(pose.term()), pose.run()};
-  NoteRun(version);
+  const Version version{Run{OrderOf(pose.term()), pose.run()}, key};
+  newest_run_ = std::max(newest_run_, version.first);
   const auto [entry, is_new] = poses_.try_emplace(FromProto(pose.node()), Versioned<Pose>{version, *map_from_node});
   if (!is_new && version > entry->second.version) entry->second = {version, *map_from_node};
   return {};
 }
 
-void KnownGraph::AddVerdict(const proto::EdgeVerdict& verdict) {
+void KnownGraph::AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verdict) {
   if (!verdict.is_range()) return;
-  const Version version{OrderOf(verdict.term()), verdict.run()};
-  NoteRun(version);
+  const Version version{Run{OrderOf(verdict.term()), verdict.run()}, key};
+  newest_run_ = std::max(newest_run_, version.first);
   const RangeKey range{FromProto(verdict.from()), FromProto(verdict.to())};
   const auto [entry, is_new] = verdicts_.try_emplace(range, Versioned<bool>{version, verdict.is_inlier()});
   if (!is_new && version > entry->second.version) entry->second = {version, verdict.is_inlier()};
 }
 
-void KnownGraph::NoteRun(const Version& version) { newest_run_ = std::max(newest_run_, version); }
-
-std::map<NodeKey, Pose> KnownGraph::LastSolution() const {
-  std::map<NodeKey, Pose> solution;
-  for (const auto& [node, pose] : poses_) solution.emplace_hint(solution.end(), node, pose.value);
+LastSolution KnownGraph::FindLastSolution() const {
+  LastSolution solution;
+  for (const auto& [node, pose] : poses_) solution.poses.emplace_hint(solution.poses.end(), node, pose.value);
+  for (const auto& [range, is_inlier] : verdicts_) {
+    if (!is_inlier.value) solution.rejected.insert(range);
+  }
   return solution;
 }
 

@@ -9,25 +9,28 @@
 #include <map>
 #include <tuple>
 #include <utility>
+#include <vector>
 
+#include "actors/pgo/pose_graph_solver.h"
 #include "model/error.h"
 #include "model/pose_graph.h"
+#include "model/record_key.h"
 #include "model/term.h"
 
 namespace moondb {
 
-using RangeKey = std::pair<NodeKey, NodeKey>;  // from, to
-
 class KnownGraph {
  public:
   // Takes nodes, edges, optimized poses and edge verdicts, and ignores other types. Of two poses of a node, or two
-  // verdicts of an edge, the newer (term, run) stays. kInvalid: a pose or covariance that is none; nothing changed.
-  Result<void> Add(const proto::Record& record);
+  // verdicts of an edge, the newer (term, run) stays, of equal ones the greater key; of two records of one node, or of
+  // one measurement (same ends, kind and stamp), the smaller key: as everywhere, so that all agents hold the same graph
+  // whatever came first. kInvalid: a pose or covariance that is none; nothing changed.
+  Result<void> Add(const RecordKey& key, const proto::Record& record);
 
   const PoseGraph& graph() const { return graph_; }
 
-  // The newest published pose of each node.
-  std::map<NodeKey, Pose> LastSolution() const;
+  // The newest published pose of each node, and the ranges whose newest verdict is bad.
+  LastSolution FindLastSolution() const;
   const Pose* FindPublished(const NodeKey& node) const;  // Null where there is none.
 
   // What was last published of a range; one that nobody spoke of counts as good.
@@ -37,7 +40,15 @@ class KnownGraph {
   std::uint64_t LastRun(const proto::Term& term) const;
 
  private:
-  using Version = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
+  using Run = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
+  using Version = std::pair<Run, RecordKey>;
+
+  // Which record a place of a vector in graph_ came from.
+  struct Source {
+    RecordKey key;
+    std::size_t place = 0;
+  };
+  using EdgeName = std::tuple<NodeKey, NodeKey, std::int64_t>;  // from, to, stamp
 
   template <typename T>
   struct Versioned {
@@ -45,14 +56,19 @@ class KnownGraph {
     T value;
   };
 
-  Result<void> AddPose(const proto::OptimizedPose& pose);
-  void AddVerdict(const proto::EdgeVerdict& verdict);
-  void NoteRun(const Version& version);
+  Result<void> AddPose(const RecordKey& key, const proto::OptimizedPose& pose);
+  void AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verdict);
+  template <typename Name, typename Item>
+  static void AddItem(const RecordKey& key, const Name& name, const Item& item, std::map<Name, Source>& sources,
+                      std::vector<Item>& items);
 
   PoseGraph graph_;
   std::map<NodeKey, Versioned<Pose>> poses_;
   std::map<RangeKey, Versioned<bool>> verdicts_;
-  Version newest_run_;
+  Run newest_run_;
+  std::map<NodeKey, Source> node_sources_;
+  std::map<EdgeName, Source> odometry_sources_;
+  std::map<EdgeName, Source> range_sources_;
 };
 
 }  // namespace moondb

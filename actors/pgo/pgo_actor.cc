@@ -11,6 +11,7 @@ namespace moondb {
 namespace {
 
 constexpr std::uint32_t kStorageTimeout = 1;
+constexpr std::uint32_t kQuiet = 2;
 constexpr std::uint32_t kPageBytesMax = 1024 * 1024;
 
 }  // namespace
@@ -48,6 +49,12 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
       return;
     case proto::Message::kTimer:
       if (is_own_agents && message.timer().kind() == kStorageTimeout) OnTimeout(context, message.timer().value());
+      if (is_own_agents && message.timer().kind() == kQuiet) OnQuiet(context);
+      return;
+    case proto::Message::kRecordsStored:
+      if (context.sender() == Address{options_.self, actor_name::kStorage}) {
+        OnRecordsStored(context, message.records_stored());
+      }
       return;
     default:
       return;
@@ -60,8 +67,10 @@ bool PgoActor::IsFromStorage(const Context& context, const proto::Message& messa
 
 void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   if (roles_ && IsNewer(roles_->term(), roles.term())) return;  // An old answer overtaken by a change.
-  if (!roles_ || OrderOf(roles_->term()) != OrderOf(roles.term())) last_run_ = 0;
+  const bool is_new_term = !roles_ || OrderOf(roles_->term()) != OrderOf(roles.term());
+  if (is_new_term) last_run_ = 0;
   roles_ = roles;
+  if (is_new_term) AwaitQuiet(context);  // What came under another leader has not been solved here.
   if (phase_ == Phase::kIdle) return;
   if (const std::optional<Error> error = WhyNotLeader()) FinishWith(context, *error);
 }
@@ -87,10 +96,39 @@ void PgoActor::OnOptimizeRequest(Context& context, const proto::Message& message
     return Answer(context, asker, refusal);
   }
   askers_.push_back(asker);
-  if (phase_ != Phase::kIdle) return;
+  if (phase_ == Phase::kIdle) Begin(context);
+}
+
+void PgoActor::Begin(Context& context) {
   phase_ = Phase::kReading;
   reply_.Clear();
   ReadNextPage(context);
+}
+
+void PgoActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  const auto is_news = [](auto type) { return type == proto::POSE_GRAPH_NODE || type == proto::POSE_GRAPH_EDGE; };
+  if (std::any_of(stored.data_types().begin(), stored.data_types().end(), is_news)) AwaitQuiet(context);
+}
+
+void PgoActor::AwaitQuiet(Context& context) {
+  if (options_.solve_when_quiet <= Duration::zero() || !Leads()) return;
+  newest_news_ = context.now();
+  if (std::exchange(is_awaiting_quiet_, true)) return;
+  (void)context.AfterTimer(options_.solve_when_quiet, kQuiet);
+}
+
+void PgoActor::OnQuiet(Context& context) {
+  is_awaiting_quiet_ = false;
+  if (!Leads()) return;
+  MonotonicTime due = newest_news_ + options_.solve_when_quiet;
+  if (last_unasked_) due = std::max(due, *last_unasked_ + options_.solve_apart);
+  if (phase_ != Phase::kIdle) due = std::max(due, context.now() + options_.solve_when_quiet);
+  if (context.now() >= due) {
+    last_unasked_ = context.now();
+    return Begin(context);
+  }
+  is_awaiting_quiet_ = true;
+  (void)context.AfterTimer(due - context.now(), kQuiet);
 }
 
 void PgoActor::OnGraphStatsRequest(Context& context) {
@@ -135,7 +173,7 @@ void PgoActor::OnReadReply(Context& context, const proto::ReadReply& reply) {
   for (int i = 0; i < reply.records_size(); ++i) {
     proto::Record record;
     // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
-    if (record.ParseFromString(reply.records(i).content())) (void)known_.Add(record);
+    if (record.ParseFromString(reply.records(i).content())) (void)known_.Add(FromProto(reply.records(i).key()), record);
     if (i < reply.row_ids_size()) last_row_id_ = std::max<std::uint64_t>(last_row_id_, reply.row_ids(i));
   }
   if (reply.is_complete() || reply.records_size() == 0) return SolveNow(context);
@@ -146,7 +184,7 @@ void PgoActor::SolveNow(Context& context) {
   SolverOptions solver = options_.solver;
   solver.stop_requested = [&context] { return context.stop_requested(); };
   const MonotonicTime begin = context.now();
-  const Solution solution = SolvePoseGraph(known_.graph(), agents_, known_.LastSolution(), solver);
+  const Solution solution = SolvePoseGraph(known_.graph(), agents_, known_.FindLastSolution(), solver);
   reply_ = ToReply(solution);
   reply_.set_seconds(std::chrono::duration<double>(context.now() - begin).count());
   stats_.set_solve_count(stats_.solve_count() + 1);

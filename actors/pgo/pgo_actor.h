@@ -3,14 +3,18 @@
 //   OptimizeRequest -> reads what is new in its storage, page by page -> solves, in the handler -> inserts the poses
 //   that moved and the verdicts that changed, in chunks -> OptimizeReply, once all of them are committed.
 //
+// With `solve_when_quiet` it also solves by itself, while it leads: when nodes or edges have come to its storage and no
+// more of them for so long, which is how a completed sync looks from here.
+//
 // Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy, read back here,
 // so a new leader continues from the last one's solution. An agent that is not the leader refuses (kRefused, with the
 // leader's name). A request that comes while one is worked on waits for the same answer; at most `askers_max`, then
 // kFull. Storage that does not answer within `storage_timeout` gives kTimedOut; what it committed stays and is not
 // published again. A leader that loses its role meanwhile answers kRefused and writes no further chunk.
 //
-// Listens to RolesChanged (also asked of RoleActor at the start), OptimizeRequest, GraphStatsRequest. Spawn it under
-// actor_name::kPgo with a thread of its own: a solve takes up to seconds. Solves end early when the system stops.
+// Listens to RolesChanged (also asked of RoleActor at the start), OptimizeRequest, GraphStatsRequest, RecordsStored.
+// Spawn it under actor_name::kPgo with a thread of its own: a solve takes up to seconds. Solves end early when the
+// system stops.
 #pragma once
 
 #include <cstdint>
@@ -33,9 +37,11 @@ class PgoActor final : public Actor {
     proto::TeamConfig team;  // Checked: start poses, antennas, the base station's place, names.
     SolverOptions solver;    // thread_count: 1 in simulation. stop_requested is set by the actor.
     PublicationOptions publication;
-    std::size_t askers_max = 16;           // Requests that wait for one answer.
-    std::size_t read_records_max = 1000;   // Of one page.
-    std::size_t insert_records_max = 200;  // Of one chunk.
+    Duration solve_when_quiet{};                      // 0: on request only.
+    Duration solve_apart = std::chrono::seconds(60);  // Between two solves that nobody asked for, at least.
+    std::size_t askers_max = 16;                      // Requests that wait for one answer.
+    std::size_t read_records_max = 1000;              // Of one page.
+    std::size_t insert_records_max = 200;             // Of one chunk.
     Duration storage_timeout = std::chrono::seconds(30);
   };
 
@@ -59,6 +65,12 @@ class PgoActor final : public Actor {
   void OnReadReply(Context& context, const proto::ReadReply& reply);
   void OnInsertReply(Context& context, const proto::InsertReply& reply);
   void OnTimeout(Context& context, std::uint64_t request_id);
+  void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
+  void OnQuiet(Context& context);
+
+  bool Leads() const { return roles_ && roles_->leader() == options_.self; }
+  void AwaitQuiet(Context& context);
+  void Begin(Context& context);
 
   std::optional<Error> WhyNotLeader() const;
   void AskStorage(Context& context, proto::Message message);
@@ -82,6 +94,10 @@ class PgoActor final : public Actor {
   Publication publication_;
   std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Of the solve in hand.
+
+  bool is_awaiting_quiet_ = false;  // A timer runs.
+  MonotonicTime newest_news_{};
+  std::optional<MonotonicTime> last_unasked_;
 
   std::uint64_t last_run_ = 0;  // In the present term, of this actor's life.
   proto::GraphStatsReply stats_;

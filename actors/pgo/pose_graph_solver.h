@@ -8,8 +8,9 @@
 //
 // in stages: leave out what is damaged (graph_check.h) -> begin at the last solution (initial_values.h) -> ranges under
 // a Cauchy loss, which one long range in twenty cannot pull away -> reject ranges beyond 3.5 sigma -> least squares on
-// the rest, ranges tested anew and solved once more. UWB through walls and around rocks measures too long in bursts,
-// and least squares on such ranges is worse than odometry alone.
+// the rest, ranges tested anew, until the tests say the same as before. Where nearly all nodes have been solved before,
+// the last verdicts take the place of the Cauchy stage: an unchanged graph then stays where it is. UWB through walls
+// and around rocks measures too long in bursts, and least squares on such ranges is worse than odometry alone.
 //
 // A solution is accepted only if all numbers are finite, Ceres converged, and F over the accepted ranges is no higher
 // than where the solve began. Otherwise `poses` are the initial values and `text` says why: never a crash.
@@ -26,6 +27,7 @@
 
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,31 +37,55 @@
 namespace moondb {
 
 // Which way is up at a node. Raw poses come from visual-inertial odometry, which feels gravity: their roll and pitch
-// are right on slopes too. Level ground is for recordings whose raw poses are bare sums of noisy steps on a floor
-// (there it saves some centimetres of height and nothing in x and y).
-enum class GravityReference { kRawPoses, kLevelGround };
+// are right on slopes too. Recordings made on a floor have bare sums of noisy steps for raw poses, whose tilt is worth
+// nothing; there the ground is level. kChosen: level where no step tilts by more than its covariance explains.
+enum class GravityReference { kChosen, kRawPoses, kLevelGround };
 
 struct SolverOptions {
-  int thread_count = 2;        // Of Ceres; 1 in simulation.
-  int iterations_max = 100;    // Of each stage.
-  double cauchy_sigmas = 2;    // Where the robust stage begins to doubt a range.
-  double reject_sigmas = 3.5;  // Beyond this a range is left out of the last stage.
-  double burst_sigmas = 2;     // The same, next to a rejected range of the same pair that errs the same way.
-  double scale_sigma = 0.02;   // Of a rover's odometry scale about 1.
-  double bias_sigma_m = 0.10;  // Of a pair's constant range error about 0.
-  GravityReference gravity_reference = GravityReference::kRawPoses;
+  int thread_count = 2;         // Of Ceres; 1 in simulation.
+  int iterations_max = 100;     // Of each stage.
+  double cauchy_sigmas = 2;     // Where the robust stage begins to doubt a range.
+  double huber_sigmas = 1.345;  // Of Huber's loss, which is here for comparison only.
+  double reject_sigmas = 3.5;   // Beyond this a range is left out of the last stage.
+  double burst_sigmas = 2.5;    // The same, next to a rejected range of the same pair that errs the same way.
+  double scale_sigma = 0.02;    // Of a rover's odometry scale about 1.
+  double bias_sigma_m = 0.10;   // Of a pair's constant range error about 0.
+  GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
+  double ambiguous_cost = 10;       // Two solutions whose F (robust) differ by less are told apart by nothing.
   double loose_sigma_m = 10;        // Of a rover's first pose where no start is configured, and beyond a gap.
   double loose_sigma_rad = 1;
+  // Only this many newest nodes of each rover move; scales, biases and all else stand. For a quick answer. 0: all.
+  std::size_t window_nodes = 0;
+  // Nodes whose covariance is wanted, too. Costs about as much as a warm solve.
+  std::vector<NodeKey> covariance_of = {};
   // Polled once per iteration; true ends the solve, which then is not accepted.
   std::function<bool()> stop_requested = {};
 };
 
+// Where a solve goes on from: what was published last, by this leader or another.
+struct LastSolution {
+  std::map<NodeKey, Pose> poses;  // map_from_node.
+  std::set<RangeKey> rejected;    // Ranges between these nodes; others of them were accepted.
+};
+
 enum class Anchoring {
-  kAnchored,    // Accepted ranges join it, directly or over others, with a base station or a configured start.
+  kAnchored,    // Accepted ranges join it, directly or over others, with a configured start or two base stations.
   kNoRanges,    // A configured start, then odometry alone: its error grows with the way.
+  kYawFree,     // Ranges join it with one base station and no start: all may turn about the base station.
+  kAmbiguous,   // Somewhere else it would stand nearly as well.
   kUnanchored,  // Nothing ties it to the map: its poses are right among themselves only.
 };
+
+// Where the solve that counts began.
+enum class SolveBeginning {
+  kOdometry,        // Start poses and odometry.
+  kLastSolution,    // With at least 80 % of the nodes.
+  kArrangedRovers,  // Rovers without a known start were set down by their ranges.
+};
+
+// "odometry", "warm", "stage 0".
+std::string ToString(SolveBeginning beginning);
 
 struct RoverResult {
   AgentId agent = 0;
@@ -70,7 +96,7 @@ struct RoverResult {
   std::string text;             // What could not be determined; empty when nothing.
 };
 
-// One per usable range, in the order of CheckedGraph::ranges.
+// One per usable range that had a part in the solve, in the order of CheckedGraph::ranges.
 struct RangeVerdict {
   NodeKey from;
   NodeKey to;
@@ -80,11 +106,15 @@ struct RangeVerdict {
 
 struct Solution {
   bool is_accepted = false;
+  SolveBeginning beginning = SolveBeginning::kOdometry;
   std::string text;                  // Empty, or why the poses are the old ones, or what was left out. One line.
   std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, base stations too.
   std::vector<RangeVerdict> ranges;  // Of the last stage; empty when not accepted.
-  std::vector<RoverResult> rovers;   // By agent.
-  LeftOutMap left_out;               // What was not usable.
+  // Of SolverOptions::covariance_of, as far as they are usable nodes and the graph determines them: of the position in
+  // the frame `map` (m), then of the turn in the node's own frame (rad).
+  std::map<NodeKey, Matrix6d> covariances;
+  std::vector<RoverResult> rovers;  // By agent.
+  LeftOutMap left_out;              // What was not usable.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;  // Usable ones.
@@ -94,7 +124,10 @@ struct Solution {
   int iterations = 0;       // Of all stages.
 };
 
-Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents,
-                        const std::map<NodeKey, Pose>& last_solution, const SolverOptions& options);
+Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last,
+                        const SolverOptions& options);
+
+// What to go on from after `solution`, which was accepted.
+LastSolution ToLast(const Solution& solution);
 
 }  // namespace moondb

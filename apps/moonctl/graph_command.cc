@@ -9,6 +9,7 @@
 #include "apps/moonctl/graph_import.h"
 #include "apps/moonctl/team_letters.h"
 #include "model/text.h"
+#include "model/tum.h"
 
 namespace moondb {
 namespace {
@@ -16,6 +17,7 @@ namespace {
 struct GraphArguments {
   std::string file;
   std::string poses = "optimized";
+  std::string format = "pyfg";
 };
 
 std::string Count(std::size_t count) { return std::to_string(count); }
@@ -95,11 +97,37 @@ Result<Pyfg> ToPyfg(const proto::TeamConfig& team, const ReadGraph& read, bool i
   return pyfg;
 }
 
+// One file a rover: DIR/NAME.tum.
+ExitCode ExportTrajectories(CommandContext& context, const ReadGraph& read, const GraphArguments& arguments) {
+  const proto::TeamConfig& team = (*context.Team())->config;
+  std::map<AgentId, std::map<NodeKey, TumPose>> tracks;
+  for (const GraphNode& node : read.graph.nodes) {
+    const Pose pose = arguments.poses == "optimized" ? read.NewestPose(node) : node.map_from_node;
+    tracks[node.key.agent].emplace(node.key, TumPose{node.stamp_ns, pose});
+  }
+  std::error_code error;
+  std::filesystem::create_directories(arguments.file, error);
+  JsonWriter json;
+  json.BeginObject().Key("files").BeginArray();
+  std::string text;
+  for (const auto& [agent, track] : tracks) {
+    std::vector<TumPose> poses;
+    for (const auto& [key, pose] : track) poses.push_back(pose);
+    const std::filesystem::path file = std::filesystem::path(arguments.file) / (AgentName(team, agent) + ".tum");
+    if (auto written = WriteTum(poses, file); !written) return context.Report(written.error());
+    json.String(file.string());
+    text += (text.empty() ? "" : "\n") + ("wrote " + file.string() + ": " + Count(poses.size()) + " poses");
+  }
+  json.EndArray().EndObject();
+  return context.Done(json.text(), text.empty() ? "the graph has no node" : text);
+}
+
 ExitCode ExportGraph(CommandContext& context, const GraphArguments& arguments) {
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
   auto read = ReadGraphOf(*target->client);
   if (!read) return context.Report(read.error());
+  if (arguments.format == "tum") return ExportTrajectories(context, *read, arguments);
   auto pyfg = ToPyfg((*context.Team())->config, *read, arguments.poses == "optimized");
   if (!pyfg) return context.Report(pyfg.error());
   if (auto written = WritePyfg(*pyfg, arguments.file); !written) return context.Report(written.error());
@@ -161,8 +189,11 @@ void AddGraphCommands(CLI::App& app, CommandContext& context) {
   imported.add_option("file", arguments->file, "PyFG file")->required();
   imported.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ImportGraph(context, *arguments); }; });
-  CLI::App& exported = *group.add_subcommand("export", "Write the graph that the leader (or -a) holds as PyFG");
-  exported.add_option("file", arguments->file, "PyFG file")->required();
+  CLI::App& exported = *group.add_subcommand("export", "Write the graph that the leader (or -a) holds");
+  exported.add_option("file", arguments->file, "PyFG file; for TUM a folder, which gets one file per agent")
+      ->required();
+  exported.add_option("--format", arguments->format, "pyfg, or tum: the trajectories alone")
+      ->check(CLI::IsMember({"pyfg", "tum"}));
   exported.add_option("--poses", arguments->poses, "optimized (where there are any) or raw")
       ->check(CLI::IsMember({"optimized", "raw"}));
   exported.callback(

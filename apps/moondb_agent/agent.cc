@@ -27,6 +27,8 @@
 namespace moondb {
 namespace {
 
+// Longer than what lies between two batches of a sync.
+constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
 constexpr char kDatabaseFile[] = "moondb.sqlite";
 constexpr std::array kStandardActors = {
     actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kFailover, actor_name::kSync,
@@ -122,6 +124,7 @@ class Agent::Impl {
     storage.team = team_.config;
     storage.notify = OwnActorNames();
     storage.notify.push_back(actor_name::kMerge);
+    storage.notify.push_back(actor_name::kPgo);
     return storage;
   }
 
@@ -176,6 +179,7 @@ class Agent::Impl {
     PgoActor::Options pgo;
     pgo.self = self_;
     pgo.team = team;
+    pgo.solve_when_quiet = kSolveWhenQuiet;
     SpawnActor<PgoActor>(*system_, actor_name::kPgo, Placement::kOwnThread, std::move(pgo));
 
     const MergeBackend backend = ResolveMergeBackend(options_.merge_backend);

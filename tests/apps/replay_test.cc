@@ -7,6 +7,7 @@
 
 #include "apps/common/proto_json.h"
 #include "model/text.h"
+#include "model/tum.h"
 #include "tests/apps/process_team.h"
 
 namespace moondb {
@@ -87,6 +88,12 @@ TEST_F(ReplayTest, TakesAGraphInAndGivesItBack) {
   for (const char* count : {"nodes", "odometry", "ranges"}) {
     EXPECT_EQ(exported.fields().at(count).number_value(), imported.fields().at(count).number_value()) << count;
     EXPECT_GT(imported.fields().at(count).number_value(), 60) << count;
+  }
+  MoonctlExpecting(0, {"graph", "export", folder_ / "tracks", "--format", "tum"});
+  for (const char* rover : {"rover1", "rover2", "rover3"}) {
+    const auto track = ReadTum(folder_ / "tracks" / (std::string(rover) + ".tum"));
+    ASSERT_TRUE(track) << ToString(track.error());
+    EXPECT_GT(track->size(), 10u);
   }
 }
 

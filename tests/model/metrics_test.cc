@@ -111,5 +111,25 @@ TEST(MetricsTest, RefusesMapsOfTwoResolutions) {
   EXPECT_EQ(CompareMaps(other, other, -1).error().field, "tolerance_cells");
 }
 
+TEST(MetricsTest, AlignsTrajectoriesThatStandInNoMap) {
+  for (const bool is_planar : {false, true}) {
+    Pose truth_from_estimate = Pose::FromPlanar(3, -2, 0.7);
+    if (!is_planar)
+      truth_from_estimate.orientation *= Eigen::Quaterniond(Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitX()));
+    std::map<NodeKey, Pose> estimate;
+    std::map<NodeKey, Pose> truth;
+    for (std::uint64_t i = 0; i < 10; ++i) {
+      const auto t = static_cast<double>(i);
+      const NodeKey key{1, i};
+      estimate[key] = Pose{{t, t * t, is_planar ? 0 : std::sin(t)}, Eigen::Quaterniond::Identity()};
+      truth[key] = truth_from_estimate * estimate[key];
+    }
+    const Pose found = FindAlignment(estimate, truth, is_planar);
+    EXPECT_LT((found.position_m - truth_from_estimate.position_m).norm(), 1e-9);
+    EXPECT_LT(found.orientation.angularDistance(truth_from_estimate.orientation), 1e-7);
+  }
+  EXPECT_EQ(FindAlignment({}, {}, true).position_m, Eigen::Vector3d(0, 0, 0));
+}
+
 }  // namespace
 }  // namespace moondb

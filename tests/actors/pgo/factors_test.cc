@@ -94,7 +94,8 @@ TEST_P(FactorsTest, RangeHasTheJacobianOfItsResidual) {
 }
 
 TEST_P(FactorsTest, PriorsHaveTheJacobiansOfTheirResiduals) {
-  ExpectJacobiansMatch(*MakePosePriorFactor(RandomPose(rng_), 0.05, 0.01), {Block(RandomPose(rng_))});
+  ExpectJacobiansMatch(*MakeSightingFactor({1, -2, 0.5}, 0.1), {Block(RandomPose(rng_)), Block(RandomPose(rng_))});
+  ExpectJacobiansMatch(*MakePosePriorFactor({RandomPose(rng_), 0.05, 0.03, 0.01}), {Block(RandomPose(rng_))});
   ExpectJacobiansMatch(*MakeGravityFactor(Eigen::Vector3d(0.1, -0.2, 0.97).normalized(), 0.02),
                        {Block(RandomPose(rng_))});
   ExpectJacobiansMatch(*MakeZeroPriorFactor(0.02), {{0.013}});
@@ -151,7 +152,7 @@ TEST(FactorsAtTheEdgeTest, AQuaternionAndItsNegativeAreOneOrientation) {
   std::array<double, 6> residuals{};
   const std::vector<double> block = Block(pose);
   const double* parameters = block.data();
-  ASSERT_TRUE(MakePosePriorFactor(same, 1, 1)->Evaluate(&parameters, residuals.data(), nullptr));
+  ASSERT_TRUE(MakePosePriorFactor({same, 1, 1, 1})->Evaluate(&parameters, residuals.data(), nullptr));
   EXPECT_THAT(residuals, testing::Each(testing::DoubleNear(0, 1e-12)));
 }
 

@@ -5,6 +5,14 @@
 namespace moondb {
 namespace {
 
+RecordKey KeyOf(AgentId origin, std::uint64_t seq) { return RecordKey{{origin, 1, proto::POSE_GRAPH_NODE}, seq}; }
+
+// Where the key plays no part.
+RecordKey NextKey() {
+  static std::uint64_t seq = 0;
+  return KeyOf(1, ++seq);
+}
+
 proto::Term TermOf(std::uint64_t number) {
   proto::Term term;
   term.set_number(number);
@@ -36,12 +44,12 @@ proto::Record VerdictOf(bool is_inlier, std::uint64_t term, std::uint64_t run) {
 TEST(KnownGraphTest, KeepsTheNewestPoseInAnyOrderOfArrival) {
   for (const bool is_newest_first : {false, true}) {
     KnownGraph known;
-    ASSERT_TRUE(known.Add(PoseAt(1, 1, 9)));
-    ASSERT_TRUE(known.Add(is_newest_first ? PoseAt(3, 2, 2) : PoseAt(2, 2, 1)));
-    ASSERT_TRUE(known.Add(is_newest_first ? PoseAt(2, 2, 1) : PoseAt(3, 2, 2)));
+    ASSERT_TRUE(known.Add(NextKey(), PoseAt(1, 1, 9)));
+    ASSERT_TRUE(known.Add(NextKey(), is_newest_first ? PoseAt(3, 2, 2) : PoseAt(2, 2, 1)));
+    ASSERT_TRUE(known.Add(NextKey(), is_newest_first ? PoseAt(2, 2, 1) : PoseAt(3, 2, 2)));
     ASSERT_NE(known.FindPublished({1, 2}), nullptr);
     EXPECT_EQ(known.FindPublished({1, 2})->position_m.x(), 3);
-    EXPECT_EQ(known.LastSolution().size(), 1u);
+    EXPECT_EQ(known.FindLastSolution().poses.size(), 1u);
   }
 }
 
@@ -49,34 +57,68 @@ TEST(KnownGraphTest, KeepsTheNewestVerdictAndTrustsARangeNobodySpokeOf) {
   KnownGraph known;
   const RangeKey range{{1, 2}, {2, 2}};
   EXPECT_TRUE(known.IsPublishedInlier(range));
-  ASSERT_TRUE(known.Add(VerdictOf(false, 2, 1)));
-  ASSERT_TRUE(known.Add(VerdictOf(true, 1, 7)));
+  ASSERT_TRUE(known.Add(NextKey(), VerdictOf(false, 2, 1)));
+  ASSERT_TRUE(known.Add(NextKey(), VerdictOf(true, 1, 7)));
   EXPECT_FALSE(known.IsPublishedInlier(range));
-  ASSERT_TRUE(known.Add(VerdictOf(true, 2, 2)));
+  ASSERT_TRUE(known.Add(NextKey(), VerdictOf(true, 2, 2)));
   EXPECT_TRUE(known.IsPublishedInlier(range));
 }
 
 TEST(KnownGraphTest, CountsRunsWithinTheNewestTerm) {
   KnownGraph known;
   EXPECT_EQ(known.LastRun(TermOf(1)), 0u);
-  ASSERT_TRUE(known.Add(PoseAt(1, 1, 9)));
+  ASSERT_TRUE(known.Add(NextKey(), PoseAt(1, 1, 9)));
   EXPECT_EQ(known.LastRun(TermOf(1)), 9u);
   EXPECT_EQ(known.LastRun(TermOf(2)), 0u);
-  ASSERT_TRUE(known.Add(VerdictOf(true, 2, 4)));
+  ASSERT_TRUE(known.Add(NextKey(), VerdictOf(true, 2, 4)));
   EXPECT_EQ(known.LastRun(TermOf(2)), 4u);
 }
 
 TEST(KnownGraphTest, TakesNodesAndEdgesAndRefusesAPoseThatIsNone) {
   KnownGraph known;
-  ASSERT_TRUE(known.Add(ToRecord(GraphNode{{1, 0}, 0, Pose{}})));
-  ASSERT_TRUE(known.Add(ToRecord(RangeEdge{{1, 0}, {2, 0}, 0, 3, 0.01})));
-  ASSERT_TRUE(known.Add(proto::Record()));
+  ASSERT_TRUE(known.Add(NextKey(), ToRecord(GraphNode{{1, 0}, 0, Pose{}})));
+  ASSERT_TRUE(known.Add(NextKey(), ToRecord(RangeEdge{{1, 0}, {2, 0}, 0, 3, 0.01})));
+  ASSERT_TRUE(known.Add(NextKey(), proto::Record()));
   EXPECT_EQ(known.graph().nodes.size(), 1u);
   EXPECT_EQ(known.graph().ranges.size(), 1u);
   proto::Record damaged = PoseAt(1, 1, 1);
   damaged.mutable_optimized_pose()->mutable_map_from_node()->mutable_orientation()->set_w(9);
-  EXPECT_FALSE(known.Add(damaged));
+  EXPECT_FALSE(known.Add(NextKey(), damaged));
   EXPECT_EQ(known.FindPublished({1, 2}), nullptr);
+}
+
+TEST(KnownGraphTest, TakesTheRecordOfTheSmallestKeyWhateverCameFirst) {
+  const auto node_at = [](double x) { return ToRecord(GraphNode{{1, 2}, 5, Pose::FromPlanar(x, 0, 0)}); };
+  const auto range_of = [](double range_m) { return ToRecord(RangeEdge{{1, 2}, {2, 2}, 5, range_m, 0.01}); };
+  const auto step_of = [](double x) {
+    return ToRecord(OdometryEdge{{1, 2}, {1, 3}, 5, Pose::FromPlanar(x, 0, 0), Matrix6d::Identity()});
+  };
+  for (const bool is_smallest_first : {false, true}) {
+    KnownGraph known;
+    for (const bool is_smallest : {is_smallest_first, !is_smallest_first}) {
+      const RecordKey key = is_smallest ? KeyOf(1, 9) : KeyOf(2, 3);
+      const double value = is_smallest ? 7 : 8;
+      ASSERT_TRUE(known.Add(key, node_at(value)));
+      ASSERT_TRUE(known.Add(key, range_of(value)));
+      ASSERT_TRUE(known.Add(key, step_of(value)));
+    }
+    ASSERT_EQ(known.graph().nodes.size(), 1u);
+    ASSERT_EQ(known.graph().ranges.size(), 1u);
+    ASSERT_EQ(known.graph().odometry.size(), 1u);
+    EXPECT_EQ(known.graph().nodes[0].map_from_node.position_m.x(), 7);
+    EXPECT_EQ(known.graph().ranges[0].range_m, 7);
+    EXPECT_EQ(known.graph().odometry[0].from_from_to.position_m.x(), 7);
+  }
+}
+
+TEST(KnownGraphTest, TakesTheGreaterKeyOfTwoPosesOfOneRun) {
+  for (const bool is_greater_first : {false, true}) {
+    KnownGraph known;
+    for (const bool is_greater : {is_greater_first, !is_greater_first}) {
+      ASSERT_TRUE(known.Add(KeyOf(1, is_greater ? 4 : 3), PoseAt(is_greater ? 1 : 2, 1, 1)));
+    }
+    EXPECT_EQ(known.FindPublished({1, 2})->position_m.x(), 1);
+  }
 }
 
 }  // namespace

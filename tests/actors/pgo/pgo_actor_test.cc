@@ -70,6 +70,7 @@ class PgoActorTest : public testing::Test {
     storage.path = ":memory:";
     storage.self = 1;
     storage.team = team_config_;
+    storage.notify = {actor_name::kPgo};
     team_.Spawn(1, actor_name::kStorage, [storage] { return std::make_unique<StorageActor>(storage); });
   }
 
@@ -374,6 +375,51 @@ TEST_F(PgoActorTest, TellsTheLastSolve) {
   EXPECT_EQ(answers[0].request_id(), 9u);
   EXPECT_EQ(answers[0].graph_stats_reply().solve_count(), 1);
   EXPECT_EQ(answers[0].graph_stats_reply().last_solve().SerializeAsString(), reply.SerializeAsString());
+}
+
+TEST_F(PgoActorTest, SolvesByItselfOnceRecordsStopComing) {
+  options_.solve_when_quiet = seconds(3);
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  StoreGraph();
+  team_.AdvanceTime(seconds(2));
+  EXPECT_TRUE(Read(proto::OPTIMIZED_POSE).empty());
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(Read(proto::OPTIMIZED_POSE).size(), 72u);
+  EXPECT_TRUE(Answers().empty());
+}
+
+TEST_F(PgoActorTest, LeavesTimeBetweenSolvesThatNobodyAskedFor) {
+  options_.solve_when_quiet = seconds(3);
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  StoreGraph();
+  team_.AdvanceTime(seconds(4));
+  StoreRecord(ToRecord(GraphNode{{2, 100}, 0, Pose{}}), 2);
+  team_.AdvanceTime(seconds(50));
+  const auto stats = [this] {
+    proto::Message question;
+    question.mutable_graph_stats_request();
+    EXPECT_EQ(team_.Post(client_, pgo_, question), SendResult::kAccepted);
+    team_.RunUntilIdle();
+    const std::vector<proto::Message> answers = Answers();
+    return answers.empty() ? -1 : answers.back().graph_stats_reply().solve_count();
+  };
+  EXPECT_EQ(stats(), 1);
+  team_.AdvanceTime(seconds(10));
+  EXPECT_EQ(stats(), 2);
+}
+
+TEST_F(PgoActorTest, SolvesNothingUnaskedWhereItDoesNotLead) {
+  options_.solve_when_quiet = seconds(3);
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(2);
+  StoreGraph();
+  team_.AdvanceTime(seconds(100));
+  EXPECT_TRUE(Read(proto::OPTIMIZED_POSE).empty());
 }
 
 }  // namespace

@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
+#include <functional>
 #include <limits>
 #include <random>
 
@@ -22,8 +25,8 @@ class PoseGraphSolverTest : public testing::Test {
  protected:
   PoseGraphSolverTest() { options_.thread_count = 1; }
 
-  Solution Solve(const Scenario& scenario, const std::map<NodeKey, Pose>& last_solution = {}) {
-    return SolvePoseGraph(scenario.graph, scenario.agents, last_solution, options_);
+  Solution Solve(const Scenario& scenario, const LastSolution& last = {}) {
+    return SolvePoseGraph(scenario.graph, scenario.agents, last, options_);
   }
 
   SolverOptions options_;
@@ -110,12 +113,36 @@ TEST_F(PoseGraphSolverTest, GivesTheSameSolutionWhateverTheOrderOfArrival) {
 }
 
 TEST_F(PoseGraphSolverTest, StaysWhereItIsWhenSolvedAgain) {
-  const Scenario scenario = MakeScenario({.seed = 10, .outlier_ratio = 0.05});
-  const Solution first = Solve(scenario);
-  const Solution again = Solve(scenario, first.poses);
-  ASSERT_TRUE(again.is_accepted) << again.text;
-  for (const auto& [key, pose] : first.poses) {
-    EXPECT_LT((pose.position_m - again.poses.at(key).position_m).norm(), 0.002) << ToString(key);
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.15, .bias_sigma_m = 0.1});
+    const Solution first = Solve(scenario);
+    const Solution again = Solve(scenario, ToLast(first));
+    ASSERT_TRUE(again.is_accepted) << again.text;
+    EXPECT_EQ(again.rejected_range_count, first.rejected_range_count);
+    for (const auto& [key, pose] : first.poses) {
+      ASSERT_LT((pose.position_m - again.poses.at(key).position_m).norm(), 1e-4) << ToString(key);
+    }
+  }
+}
+
+TEST_F(PoseGraphSolverTest, MovesOnlyTheNewestNodesInAWindow) {
+  const Scenario scenario = MakeScenario({.seed = 18, .scale_errors = {0.02, -0.02, 0.01}, .bias_sigma_m = 0.1});
+  Scenario earlier = scenario;
+  const auto is_late = [](const auto& item) { return item.stamp_ns > 900'000'000'000; };
+  std::erase_if(earlier.graph.nodes, is_late);
+  std::erase_if(earlier.graph.odometry, is_late);
+  std::erase_if(earlier.graph.ranges, is_late);
+  const Solution last = Solve(earlier);
+  const Solution all = Solve(scenario, ToLast(last));
+  options_.window_nodes = 50;
+  const Solution window = Solve(scenario, ToLast(last));
+  ASSERT_TRUE(window.is_accepted) << window.text;
+  EXPECT_EQ(window.poses.at({1, 49}).position_m, last.poses.at({1, 49}).position_m);
+  EXPECT_NE(window.poses.at({1, 50}).position_m, last.poses.at({1, 50}).position_m);
+  EXPECT_LT(window.ranges.size(), all.ranges.size());
+  for (AgentId agent = 1; agent <= 3; ++agent) {
+    EXPECT_LT((window.poses.at({agent, 99}).position_m - all.poses.at({agent, 99}).position_m).norm(), 0.1);
   }
 }
 
@@ -128,7 +155,7 @@ TEST_F(PoseGraphSolverTest, GoesOnFromTheLastSolution) {
   std::erase_if(half.graph.odometry, is_late);
   std::erase_if(half.graph.ranges, is_late);
   const Solution first = Solve(half);
-  const Solution second = Solve(scenario, first.poses);
+  const Solution second = Solve(scenario, ToLast(first));
   ASSERT_TRUE(second.is_accepted) << second.text;
   EXPECT_NEAR(second.final_cost, Solve(scenario).final_cost, 1e-3);
 }
@@ -210,11 +237,243 @@ TEST_F(PoseGraphSolverTest, KeepsTheOldPosesWhenStopped) {
   const Scenario scenario = MakeScenario({.seed = 17, .node_count = 20});
   options_.stop_requested = [] { return true; };
   std::map<NodeKey, Pose> last = PosesOf(scenario.graph);
-  const Solution solution = Solve(scenario, last);
+  const Solution solution = Solve(scenario, {.poses = last, .rejected = {}});
   EXPECT_FALSE(solution.is_accepted);
   EXPECT_NE(solution.text, "");
   EXPECT_TRUE(solution.ranges.empty());
   for (const auto& [key, pose] : last) EXPECT_EQ(solution.poses.at(key).position_m, pose.position_m);
+}
+
+TEST_F(PoseGraphSolverTest, KnowsHowWellItKnowsAPose) {
+  constexpr int kDraws = 60;
+  const std::vector<NodeKey> nodes = {{1, 39}, {2, 20}};
+  options_.covariance_of = nodes;
+  double square_sum = 0;
+  for (int seed = 1; seed <= kDraws; ++seed) {
+    const Scenario scenario =
+        MakeScenario({.seed = static_cast<std::uint64_t>(seed), .node_count = 40, .is_around_base = true});
+    const Solution solution = Solve(scenario);
+    ASSERT_EQ(solution.covariances.size(), nodes.size());
+    for (const NodeKey& node : nodes) {
+      const Eigen::Vector3d error_m = solution.poses.at(node).position_m - scenario.truth.at(node).position_m;
+      const Eigen::Matrix3d covariance = solution.covariances.at(node).topLeftCorner<3, 3>();
+      square_sum += error_m.dot(covariance.inverse() * error_m);
+    }
+  }
+  // Three for each node and draw where errors and covariances agree.
+  const double mean = square_sum / (kDraws * 2);
+  EXPECT_GT(mean, 1.5);
+  EXPECT_LT(mean, 6);
+}
+
+TEST_F(PoseGraphSolverTest, SetsDownRoversWhoseStartNobodyKnows) {
+  for (const std::uint64_t seed : {1, 2, 3, 4}) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.05, .is_around_base = true});
+    for (const AgentId agent : {AgentId{2}, AgentId{3}}) {
+      scenario.agents.at(agent).start.reset();
+      const Pose elsewhere = Pose::FromPlanar(50, -70 * agent, 2 * agent);
+      for (GraphNode& node : scenario.graph.nodes) {
+        if (node.key.agent == agent) node.map_from_node = elsewhere * node.map_from_node;
+      }
+    }
+    const Solution solution = Solve(scenario);
+    ASSERT_TRUE(solution.is_accepted) << solution.text;
+    EXPECT_EQ(solution.beginning, SolveBeginning::kArrangedRovers);
+    EXPECT_LT(TrajectoryErrorM(scenario, solution.poses), 1);
+    EXPECT_EQ(solution.rovers[1].anchoring, Anchoring::kAnchored);
+  }
+}
+
+TEST_F(PoseGraphSolverTest, SaysThatARoverOnOneLineMayBeOnEitherSideOfIt) {
+  // Rover 1 drives along x and ranges rover 2, which stands still: nothing tells left from right.
+  PoseGraph graph;
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    graph.nodes.push_back(GraphNode{{1, i}, static_cast<std::int64_t>(i), Pose::FromPlanar(1.0 * i, 0, 0)});
+    graph.nodes.push_back(GraphNode{{2, i}, static_cast<std::int64_t>(i), Pose{}});
+    graph.ranges.push_back(
+        RangeEdge{{1, i}, {2, i}, static_cast<std::int64_t>(i), std::hypot(10.0 - static_cast<double>(i), 7), 0.01});
+    if (i == 0) continue;
+    const auto add = [&](AgentId agent, double x) {
+      graph.odometry.push_back(OdometryEdge{{agent, i - 1},
+                                            {agent, i},
+                                            static_cast<std::int64_t>(i),
+                                            Pose::FromPlanar(x, 0, 0),
+                                            1e-4 * Matrix6d::Identity()});
+    };
+    add(1, 1);
+    add(2, 0);
+  }
+  const AgentFactsMap agents = {{1, AgentFacts{.agent = 1, .start = Pose{}}},
+                                {2, AgentFacts{.agent = 2, .start = std::nullopt}}};
+  const Solution solution = SolvePoseGraph(graph, agents, {}, options_);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  EXPECT_EQ(solution.rovers[0].anchoring, Anchoring::kAnchored);
+  EXPECT_EQ(solution.rovers[1].anchoring, Anchoring::kAmbiguous);
+  EXPECT_THAT(solution.rovers[1].text, testing::HasSubstr("ambiguous"));
+  EXPECT_NEAR(std::abs(solution.poses.at({2, 5}).position_m.y()), 7, 0.5);
+}
+
+TEST_F(PoseGraphSolverTest, SaysThatATeamWithoutStartsMayTurnAboutTheBaseStation) {
+  Scenario scenario = MakeScenario({.seed = 19, .is_around_base = true});
+  for (auto& [agent, facts] : scenario.agents) {
+    if (!facts.is_base_station) facts.start.reset();
+  }
+  const Solution solution = Solve(scenario);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  for (const RoverResult& rover : solution.rovers) {
+    EXPECT_EQ(rover.anchoring, Anchoring::kYawFree);
+    EXPECT_THAT(rover.text, testing::HasSubstr("turned about the base station"));
+  }
+}
+
+// What each kind of damage costs: itself, and a line that names it. The rest is solved as if it had never come.
+struct Damage {
+  const char* name;
+  std::function<void(PoseGraph&)> add;
+  const char* text;  // In the text of rover 1.
+};
+
+class PoseGraphSolverDamageTest : public PoseGraphSolverTest, public testing::WithParamInterface<Damage> {};
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+void AddRange(PoseGraph& graph, const NodeKey& to, double range_m, double variance_m2) {
+  graph.ranges.push_back(RangeEdge{{1, 4}, to, 0, range_m, variance_m2});
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Kinds, PoseGraphSolverDamageTest,
+    testing::Values(
+        Damage{"NaNRange",
+               [](PoseGraph& g) {
+                 AddRange(g, {2, 4}, kNaN, 0.01);
+               },
+               "is not a distance"},
+        Damage{"InfiniteRange",
+               [](PoseGraph& g) {
+                 AddRange(g, {2, 4}, kInfinity, 0.01);
+               },
+               "is not a distance"},
+        Damage{"NegativeRange",
+               [](PoseGraph& g) {
+                 AddRange(g, {2, 4}, -1, 0.01);
+               },
+               "is not a distance"},
+        Damage{"ZeroVariance",
+               [](PoseGraph& g) {
+                 AddRange(g, {2, 4}, 3, 0);
+               },
+               "variance is not positive"},
+        Damage{"NegativeVariance",
+               [](PoseGraph& g) {
+                 AddRange(g, {2, 4}, 3, -1);
+               },
+               "variance is not positive"},
+        Damage{"NaNVariance",
+               [](PoseGraph& g) {
+                 AddRange(g, {2, 4}, 3, kNaN);
+               },
+               "variance is not positive"},
+        Damage{"RangeWithItself",
+               [](PoseGraph& g) {
+                 AddRange(g, {1, 4}, 3, 0.01);
+               },
+               "within one agent"},
+        Damage{"UnknownNode",
+               [](PoseGraph& g) {
+                 AddRange(g, {2, 4000}, 3, 0.01);
+               },
+               "is not known here"},
+        Damage{
+            "NaNStep",
+            [](PoseGraph& g) {
+              g.odometry.push_back(OdometryEdge{{1, 4}, {1, 5}, 0, Pose::FromPlanar(kNaN, 0, 0), Matrix6d::Identity()});
+            },
+            "pose is not finite"},
+        Damage{"NegativeCovariance",
+               [](PoseGraph& g) {
+                 g.odometry.push_back(OdometryEdge{{1, 4}, {1, 5}, 0, {}, -Matrix6d::Identity()});
+               },
+               "not symmetric and positive definite"},
+        Damage{"NaNNode",
+               [](PoseGraph& g) {
+                 g.nodes.push_back(GraphNode{{1, 5000}, 0, Pose::FromPlanar(kNaN, 0, 0)});
+               },
+               "pose is not finite"},
+        Damage{"DoubledNode",
+               [](PoseGraph& g) {
+                 g.nodes.push_back(GraphNode{{1, 4}, 0, Pose::FromPlanar(900, 9, 1)});
+               },
+               ""}),
+    [](const auto& test) { return std::string(test.param.name); });
+
+TEST_P(PoseGraphSolverDamageTest, CostsItselfAndIsNamed) {
+  Scenario scenario = MakeScenario({.seed = 20, .node_count = 40});
+  const Solution clean = Solve(scenario);
+  GetParam().add(scenario.graph);
+  const Solution solution = Solve(scenario);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  EXPECT_THAT(solution.rovers[0].text, testing::HasSubstr(GetParam().text));
+  for (const auto& [key, pose] : clean.poses) {
+    ASSERT_LT((pose.position_m - solution.poses.at(key).position_m).norm(), 1e-6) << ToString(key);
+  }
+}
+
+TEST_F(PoseGraphSolverTest, SolvesEachOfPartsThatNothingJoins) {
+  Scenario scenario = MakeScenario({.seed = 21});
+  std::erase_if(scenario.graph.ranges,
+                [](const RangeEdge& edge) { return edge.from.agent == 3 || edge.to.agent == 3; });
+  const Solution solution = Solve(scenario);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  EXPECT_EQ(solution.rovers[0].anchoring, Anchoring::kAnchored);
+  EXPECT_EQ(solution.rovers[2].anchoring, Anchoring::kNoRanges);
+  EXPECT_EQ(solution.rovers[2].text, "no accepted range: start pose and odometry alone");
+}
+
+TEST_F(PoseGraphSolverTest, SolvesATeamWithoutRanges) {
+  Scenario scenario = MakeScenario({.seed = 22});
+  scenario.graph.ranges.clear();
+  const Solution solution = Solve(scenario);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  for (const RoverResult& rover : solution.rovers) EXPECT_EQ(rover.anchoring, Anchoring::kNoRanges);
+}
+
+TEST_F(PoseGraphSolverTest, SurvivesAntennasThatCoincide) {
+  Scenario scenario = MakeScenario({.seed = 23, .node_count = 40});
+  scenario.agents.at(2).start = scenario.agents.at(1).start;
+  for (GraphNode& node : scenario.graph.nodes) {
+    if (node.key == NodeKey{2, 0}) node.map_from_node = *scenario.agents.at(1).start;
+  }
+  std::erase_if(scenario.graph.ranges,
+                [](const RangeEdge& edge) { return edge.from.agent == 2 || edge.to.agent == 2; });
+  scenario.graph.ranges.push_back(RangeEdge{{1, 0}, {2, 0}, 0, 0, 0.01});
+  const Solution solution = Solve(scenario);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  for (const auto& [key, pose] : solution.poses) ASSERT_TRUE(pose.position_m.allFinite()) << ToString(key);
+}
+
+TEST_F(PoseGraphSolverTest, SolvesATeamOnOneLine) {
+  PoseGraph graph;
+  AgentFactsMap agents = {{9, AgentFacts{.agent = 9, .is_base_station = true, .start = Pose{}}}};
+  for (const AgentId agent : {AgentId{1}, AgentId{2}}) {
+    agents[agent] = AgentFacts{.agent = agent, .start = Pose::FromPlanar(5.0 * agent, 0, 0)};
+    for (std::uint64_t i = 0; i < 20; ++i) {
+      const double x = 5.0 * agent + static_cast<double>(i);
+      graph.nodes.push_back(GraphNode{{agent, i}, static_cast<std::int64_t>(i), Pose::FromPlanar(x, 0, 0)});
+      graph.ranges.push_back(RangeEdge{{agent, i}, {9, 0}, static_cast<std::int64_t>(i), x, 0.01});
+      if (i == 0) continue;
+      graph.odometry.push_back(OdometryEdge{{agent, i - 1},
+                                            {agent, i},
+                                            static_cast<std::int64_t>(i),
+                                            Pose::FromPlanar(1, 0, 0),
+                                            1e-4 * Matrix6d::Identity()});
+    }
+  }
+  const Solution solution = SolvePoseGraph(graph, agents, {}, options_);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  EXPECT_LT((solution.poses.at({2, 19}).position_m - Eigen::Vector3d(29, 0, 0)).norm(), 0.01);
 }
 
 }  // namespace

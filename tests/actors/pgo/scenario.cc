@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::int64_t kStepNs = 10'000'000'000;
 constexpr double kGravityNoiseRad = 0.01;
+const Eigen::Vector2d kBaseM(5, 5);
 
 class Generator {
  public:
@@ -52,18 +53,26 @@ class Generator {
     double x = 12.0 * agent;
     double y = -8.0 * agent;
     double yaw = 0.7 * agent;
+    double turn_per_m = 0.02;
+    if (options_.is_around_base) {
+      yaw = 2 * M_PI * agent / options_.rover_count;
+      x = kBaseM.x() + 5 * std::cos(yaw);
+      y = kBaseM.y() + 5 * std::sin(yaw);
+      turn_per_m = 0.016;
+    }
     Pose true_pose = OnGround(x, y, yaw);
-    AgentFacts facts{agent, false, true_pose, 0.05, 0.01, options_.antenna_m};
-    facts.start->position_m += Eigen::Vector3d(Noise(0.05), Noise(0.05), Noise(0.05));
-    facts.start->orientation = facts.start->orientation * Turn({0, 0, Noise(0.01)});
+    AgentFacts facts{agent, false, true_pose, options_.start_sigma_m, options_.start_sigma_rad, options_.antenna_m};
+    const double sigma_m = options_.start_sigma_m;
+    facts.start->position_m += Eigen::Vector3d(Noise(sigma_m), Noise(sigma_m), Noise(sigma_m));
+    facts.start->orientation = facts.start->orientation * Turn({0, 0, Noise(options_.start_sigma_rad)});
     scenario_.agents[agent] = facts;
     Pose raw = *facts.start;
     for (int i = 0; i < options_.node_count; ++i) {
       const NodeKey key{agent, static_cast<std::uint64_t>(i)};
       if (i > 0) {
-        yaw += 0.06 * std::sin(0.11 * i + agent) + 0.02;
-        x += std::cos(yaw);
-        y += std::sin(yaw);
+        yaw += options_.step_m * (0.06 * std::sin(0.11 * options_.step_m * i + agent) + turn_per_m);
+        x += options_.step_m * std::cos(yaw);
+        y += options_.step_m * std::sin(yaw);
         const Pose next = OnGround(x, y, yaw);
         raw = AddStep(key, true_pose.Inverse() * next, scale_error, raw);
         true_pose = next;
@@ -79,13 +88,15 @@ class Generator {
     edge.to = to;
     edge.stamp_ns = static_cast<std::int64_t>(to.index) * kStepNs;
     edge.from_from_to.position_m =
-        step.position_m / (1 + scale_error) + Eigen::Vector3d(Noise(0.02), Noise(0.02), Noise(0.01));
+        step.position_m / (1 + scale_error) +
+        Eigen::Vector3d(Noise(options_.step_noise_m), Noise(options_.step_noise_m), Noise(options_.step_noise_m / 2));
     edge.from_from_to.orientation =
         step.orientation *
         Turn({Noise(options_.tilt_noise_rad), Noise(options_.tilt_noise_rad), Noise(options_.yaw_noise_rad)});
     const double tilt = options_.tilt_noise_rad * options_.tilt_noise_rad;
     const double yaw = options_.yaw_noise_rad * options_.yaw_noise_rad;
-    edge.covariance.diagonal() << 4e-4, 4e-4, 1e-4, tilt, tilt, yaw;
+    const double step_variance = options_.step_noise_m * options_.step_noise_m;
+    edge.covariance.diagonal() << step_variance, step_variance, step_variance / 4, tilt, tilt, yaw;
     scenario_.graph.odometry.push_back(edge);
     return raw * edge.from_from_to;
   }
@@ -99,7 +110,7 @@ class Generator {
   }
 
   void AddBaseStation(AgentId agent) {
-    const Pose pose = OnGround(5, 5, 0);
+    const Pose pose = OnGround(kBaseM.x(), kBaseM.y(), 0);
     scenario_.agents[agent] = AgentFacts{agent, true, pose, 0, 0, {0, 0, 1.5}};
     scenario_.graph.nodes.push_back(GraphNode{{agent, 0}, 0, pose});
     base_ = agent;
@@ -122,11 +133,20 @@ class Generator {
   void AddRange(const NodeKey& a, const NodeKey& b, std::int64_t stamp_ns, double bias_m) {
     const double distance_m = (AntennaAt(a) - AntennaAt(b)).norm();
     const bool is_outlier = uniform_(rng_) < options_.outlier_ratio;
-    const double excess_m = is_outlier ? 1 + 4 * uniform_(rng_) : 0;
-    const double range_m = std::max(0.0, distance_m + bias_m + excess_m + Noise(options_.range_sigma_m));
+    const double excess_width_m = options_.outlier_max_m - options_.outlier_min_m;
+    const double excess_m = is_outlier ? options_.outlier_min_m + excess_width_m * uniform_(rng_) : 0;
+    const double range_m = std::max(0.0, distance_m + bias_m + excess_m + RangeNoise(a.agent, b.agent));
     scenario_.graph.ranges.push_back(
         RangeEdge{a, b, stamp_ns, range_m, options_.range_sigma_m * options_.range_sigma_m});
     scenario_.is_outlier.push_back(is_outlier);
+  }
+
+  // A first-order autoregression of each pair; white where the correlation is 0.
+  double RangeNoise(AgentId a, AgentId b) {
+    double& last_m = last_noise_m_[{a, b}];
+    const double r = options_.correlation;
+    last_m = r * last_m + std::sqrt(1 - r * r) * Noise(options_.range_sigma_m);
+    return last_m;
   }
 
   Eigen::Vector3d AntennaAt(const NodeKey& key) const {
@@ -140,6 +160,7 @@ class Generator {
   std::uniform_real_distribution<double> uniform_;
   Scenario scenario_;
   AgentId base_ = 0;
+  std::map<std::pair<AgentId, AgentId>, double> last_noise_m_;
 };
 
 }  // namespace

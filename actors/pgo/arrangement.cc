@@ -1,0 +1,241 @@
+#include "actors/pgo/arrangement.h"
+
+#include <ceres/loss_function.h>
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+
+#include "actors/pgo/ceres_options.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr double kDriftPart = 0.02;  // Of the typical range: what bodies bend, since odometry is not exact.
+constexpr double kCauchySigmas = 2;
+constexpr double kSamePlacePart = 0.05;  // Of the typical range.
+constexpr int kIterationsMax = 60;
+
+// The k-th of a sequence that fills 0 to 1 evenly; `dimension` chooses one of several that do not move together.
+double Spread(int k, int dimension) {
+  // Powers of the inverse of the generalised golden ratio (Roberts, 2018).
+  constexpr double kBase = 1.0 / 1.1347241384015194;  // Of five dimensions.
+  return std::fmod(0.5 + std::pow(kBase, dimension % 5 + 1) * (k + 1) + 0.37 * (dimension / 5) * (k + 1), 1.0);
+}
+
+std::vector<int> AxesOf(BodyFreedom freedom) {
+  switch (freedom) {
+    case BodyFreedom::kPlanar:
+      return {0, 1, 5};
+    case BodyFreedom::kUpright:
+      return {0, 1, 2, 5};
+    case BodyFreedom::kSpatial:
+      return {0, 1, 2, 3, 4, 5};
+  }
+  return {};
+}
+
+class Arranger {
+ public:
+  Arranger(const PlainGraph& graph, const ActiveNodes& active, const std::vector<bool>& placed,
+           const std::vector<std::size_t>& heads, const PlainState& state, const ArrangementOptions& options)
+      : graph_(graph), active_(active), placed_(placed), heads_(heads), state_(state), options_(options) {
+    ChooseRanges();
+    OrderBodies();
+    MakeFactors();
+  }
+
+  std::vector<Arrangement> Run() {
+    std::vector<std::pair<double, Frames>> found;
+    if (!order_.empty()) {
+      for (int start = 0; start < options_.starts; ++start) {
+        Frames frames = FirstFrames(start);
+        const double cost = Fit(frames);
+        if (std::isfinite(cost)) found.emplace_back(cost, std::move(frames));
+      }
+    }
+    if (found.empty()) return {Arrangement{0, state_, {}}};
+    std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    std::vector<Arrangement> kept;
+    std::vector<const Frames*> kept_frames;
+    for (const auto& [cost, frames] : found) {
+      if (kept.size() == options_.kept) break;
+      const auto is_same = [&, &own = frames](const Frames* other) { return IsSame(own, *other); };
+      if (std::any_of(kept_frames.begin(), kept_frames.end(), is_same)) continue;
+      kept.push_back({cost, Apply(frames), PosesOf(frames)});
+      kept_frames.push_back(&frames);
+    }
+    return kept;
+  }
+
+ private:
+  using Frames = std::map<std::size_t, PoseBlock>;  // map_from_body, by the body's head.
+
+  bool IsBody(std::size_t node) const { return !placed_[node]; }
+
+  void ChooseRanges() {
+    std::vector<const PlainRange*> joining;
+    for (const PlainRange& range : graph_.ranges) {
+      if (!active_[range.from] || !active_[range.to]) continue;
+      if (placed_[range.from] && placed_[range.to]) continue;
+      const bool is_within = IsBody(range.from) && IsBody(range.to) && heads_[range.from] == heads_[range.to];
+      if (!is_within) joining.push_back(&range);
+    }
+    const auto time_of = [this](const PlainRange* range) {
+      return std::max(graph_.nodes[range->from].time, graph_.nodes[range->to].time);
+    };
+    std::stable_sort(joining.begin(), joining.end(),
+                     [&](const auto* a, const auto* b) { return time_of(a) < time_of(b); });
+    const std::size_t count = std::min(joining.size(), options_.ranges_max);
+    for (std::size_t i = 0; i < count; ++i) ranges_.push_back(joining[i * joining.size() / count]);
+  }
+
+  // Bodies in the order in which ranges reach them from what is placed; each with the range that it is hung on.
+  void OrderBodies() {
+    std::map<std::size_t, bool> is_set;
+    const auto is_standing = [&](std::size_t node) { return placed_[node] || is_set.contains(heads_[node]); };
+    for (bool has_grown = true; has_grown;) {
+      has_grown = false;
+      for (const PlainRange* range : ranges_) {
+        const bool from = is_standing(range->from);
+        const bool to = is_standing(range->to);
+        if (from == to) continue;
+        const std::size_t body = heads_[from ? range->to : range->from];
+        is_set[body] = true;
+        order_.emplace_back(body, range);
+        has_grown = true;
+      }
+    }
+    std::erase_if(ranges_,
+                  [&](const PlainRange* range) { return !is_standing(range->from) || !is_standing(range->to); });
+  }
+
+  void MakeFactors() {
+    std::vector<double> lengths;
+    for (const PlainRange* range : ranges_) lengths.push_back(range->range_m);
+    std::sort(lengths.begin(), lengths.end());
+    typical_range_m_ = lengths.empty() ? 0 : lengths[lengths.size() / 2];
+    const double drift_m = kDriftPart * typical_range_m_;
+    for (const PlainRange* range : ranges_) {
+      const double sigma_m = std::hypot(range->sigma_m, drift_m);
+      factors_.push_back(MakeRangeFactor(range->range_m, sigma_m, InFrame(range->from), InFrame(range->to)));
+    }
+  }
+
+  // A placed node's frame is the map itself.
+  Eigen::Vector3d InFrame(std::size_t node) const { return FromBlock(state_[node]).position_m; }
+
+  Eigen::Vector3d InMap(std::size_t node, const Frames& frames) const {
+    const auto frame = IsBody(node) ? frames.find(heads_[node]) : frames.end();
+    return frame == frames.end() ? InFrame(node) : FromBlock(frame->second) * InFrame(node);
+  }
+
+  Eigen::Quaterniond Turn(int start, int dimension) const {
+    const double yaw = 2 * M_PI * Spread(start, dimension);
+    if (options_.freedom != BodyFreedom::kSpatial) return Pose::FromPlanar(0, 0, yaw).orientation;
+    // Shoemake's uniform rotations.
+    const double u = Spread(start, dimension + 1);
+    const double angle = 2 * M_PI * Spread(start, dimension + 2);
+    return Eigen::Quaterniond(std::sqrt(u) * std::cos(angle), std::sqrt(1 - u) * std::sin(yaw),
+                              std::sqrt(1 - u) * std::cos(yaw), std::sqrt(u) * std::sin(angle));
+  }
+
+  Frames FirstFrames(int start) const {
+    Frames frames;
+    int dimension = 0;
+    for (const auto& [body, range] : order_) {
+      const bool is_from = IsBody(range->from) && heads_[range->from] == body && !frames.contains(body);
+      const std::size_t own = is_from ? range->from : range->to;
+      const std::size_t other = is_from ? range->to : range->from;
+      const Eigen::Quaterniond turn = Turn(start, dimension + 2);
+      const double angle = 2 * M_PI * Spread(start, dimension);
+      const double height = options_.freedom == BodyFreedom::kSpatial ? 2 * Spread(start, dimension + 1) - 1 : 0;
+      const double flat = std::sqrt(1 - height * height);
+      const Eigen::Vector3d direction(flat * std::cos(angle), flat * std::sin(angle), height);
+      const Eigen::Vector3d place = InMap(other, frames) + range->range_m * direction;
+      frames[body] = ToBlock(Pose{place - turn * InFrame(own), turn});
+      dimension += 5;
+    }
+    return frames;
+  }
+
+  double Fit(Frames& frames) const {
+    AxesManifold manifold(AxesOf(options_.freedom));
+    ceres::CauchyLoss loss(kCauchySigmas);
+    PoseBlock map_frame = ToBlock(Pose{});
+    double no_bias = 0;
+    ceres::Problem problem(BorrowingProblemOptions());
+    problem.AddParameterBlock(map_frame.data(), kPoseSize);
+    problem.SetParameterBlockConstant(map_frame.data());
+    problem.AddParameterBlock(&no_bias, 1);
+    problem.SetParameterBlockConstant(&no_bias);
+    for (auto& [body, frame] : frames) {
+      problem.AddParameterBlock(frame.data(), kPoseSize, &manifold);
+    }
+    const auto block_of = [&](std::size_t node) {
+      return IsBody(node) ? frames.at(heads_[node]).data() : map_frame.data();
+    };
+    for (std::size_t i = 0; i < ranges_.size(); ++i) {
+      problem.AddResidualBlock(factors_[i].get(), &loss, block_of(ranges_[i]->from), block_of(ranges_[i]->to),
+                               &no_bias);
+    }
+    ceres::Solver::Options options = LeastSquaresOptions(/*thread_count=*/1, kIterationsMax);
+    options.linear_solver_type = ceres::DENSE_QR;
+    options.function_tolerance = 1e-6;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, &problem, &summary);
+    return summary.IsSolutionUsable() ? summary.final_cost : std::nan("");
+  }
+
+  // Whether two fits set all ends of ranges down at the same places. Their costs do not say: mirrored ones are equal.
+  bool IsSame(const Frames& a, const Frames& b) const {
+    for (const PlainRange* range : ranges_) {
+      for (const std::size_t node : {range->from, range->to}) {
+        if ((InMap(node, a) - InMap(node, b)).norm() > kSamePlacePart * typical_range_m_) return false;
+      }
+    }
+    return true;
+  }
+
+  static std::map<std::size_t, Pose> PosesOf(const Frames& frames) {
+    std::map<std::size_t, Pose> poses;
+    for (const auto& [body, frame] : frames) poses[body] = FromBlock(frame);
+    return poses;
+  }
+
+  PlainState Apply(const Frames& frames) const {
+    PlainState result = state_;
+    for (std::size_t node = 0; node < result.size(); ++node) {
+      const auto frame = frames.find(heads_[node]);
+      if (active_[node] && IsBody(node) && frame != frames.end()) {
+        result[node] = ToBlock(FromBlock(frame->second) * FromBlock(state_[node]));
+      }
+    }
+    return result;
+  }
+
+  const PlainGraph& graph_;
+  const ActiveNodes& active_;
+  const std::vector<bool>& placed_;
+  const std::vector<std::size_t>& heads_;
+  const PlainState& state_;
+  const ArrangementOptions& options_;
+  std::vector<const PlainRange*> ranges_;
+  std::vector<std::pair<std::size_t, const PlainRange*>> order_;
+  std::vector<std::unique_ptr<ceres::CostFunction>> factors_;
+  double typical_range_m_ = 0;  // The median.
+};
+
+}  // namespace
+
+std::vector<Arrangement> ArrangeParts(const PlainGraph& graph, const ActiveNodes& active,
+                                      const std::vector<bool>& placed, const std::vector<std::size_t>& heads,
+                                      const PlainState& state, const ArrangementOptions& options) {
+  return Arranger(graph, active, placed, heads, state, options).Run();
+}
+
+}  // namespace moondb

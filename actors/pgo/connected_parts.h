@@ -1,0 +1,33 @@
+// ConnectedParts: which of a set of things edges join, directly or over others (union-find).
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <numeric>
+#include <vector>
+
+namespace moondb {
+
+class ConnectedParts {
+ public:
+  explicit ConnectedParts(std::size_t count) : parent_(count) {
+    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+  }
+
+  void Join(std::size_t a, std::size_t b) {
+    const std::size_t head_a = HeadOf(a);
+    const std::size_t head_b = HeadOf(b);
+    parent_[std::max(head_a, head_b)] = std::min(head_a, head_b);
+  }
+
+  // The smallest thing of the part that holds this one.
+  std::size_t HeadOf(std::size_t thing) {
+    while (parent_[thing] != thing) thing = parent_[thing] = parent_[parent_[thing]];
+    return thing;
+  }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
+
+}  // namespace moondb

@@ -1,0 +1,118 @@
+#include "actors/pgo/plain_cost.h"
+
+#include <ceres/problem.h>
+#include <ceres/solver.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "actors/pgo/ceres_options.h"
+#include "actors/pgo/connected_parts.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr int kShallowIterations = 5;  // Times the usual.
+
+// |R_j - R_i R_ij|^2 is twice |2 vec(dq)|^2, so a rotation covariance of 1 / (2 kappa) gives the benchmarks' term.
+Matrix6d CovarianceOf(const PlainStep& step) {
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal() << Eigen::Vector3d::Constant(1 / step.tau), Eigen::Vector3d::Constant(1 / (2 * step.kappa));
+  return covariance;
+}
+
+std::vector<int> AxesOf(bool is_planar, bool is_point) {
+  if (is_planar) return is_point ? std::vector<int>{0, 1} : std::vector<int>{0, 1, 5};
+  return is_point ? std::vector<int>{0, 1, 2} : std::vector<int>{0, 1, 2, 3, 4, 5};
+}
+
+}  // namespace
+
+PlainCost::PlainCost(const PlainGraph& graph, const PlainOptions& options) : graph_(graph), options_(options) {
+  for (const PlainStep& step : graph.steps) {
+    terms_.push_back({MakeOdometryFactor(step.from_from_to, CovarianceOf(step)), step.from, step.to, true});
+  }
+  for (const PlainSighting& sighting : graph.sightings) {
+    terms_.push_back(
+        {MakeSightingFactor(sighting.from_point_m, 1 / std::sqrt(sighting.tau)), sighting.from, sighting.to, false});
+  }
+  const Eigen::Vector3d no_antenna = Eigen::Vector3d::Zero();
+  for (const PlainRange& range : graph.ranges) {
+    terms_.push_back(
+        {MakeRangeFactor(range.range_m, range.sigma_m, no_antenna, no_antenna), range.from, range.to, true});
+  }
+}
+
+std::vector<std::size_t> PlainCost::FindStanding(const ActiveNodes& active) const {
+  ConnectedParts parts(graph_.nodes.size());
+  for (const Term& term : terms_) {
+    if (active[term.from] && active[term.to]) parts.Join(term.from, term.to);
+  }
+  std::vector<std::size_t> standing;
+  std::vector<bool> is_held(graph_.nodes.size(), false);
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (!active[node] || !graph_.nodes[node].is_fixed) continue;
+    standing.push_back(node);
+    is_held[parts.HeadOf(node)] = true;
+  }
+  // Poses come before points, so a part's head is a pose where it has one.
+  for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
+    if (active[node] && parts.HeadOf(node) == node && !is_held[node]) standing.push_back(node);
+  }
+  return standing;
+}
+
+PlainFit PlainCost::Minimise(const ActiveNodes& active, StartQuality quality, PlainState& state) const {
+  AxesManifold pose_manifold(AxesOf(graph_.is_planar, false));
+  AxesManifold point_manifold(AxesOf(graph_.is_planar, true));
+  double zero = 0;
+  ceres::Problem problem(BorrowingProblemOptions());
+  problem.AddParameterBlock(&zero, 1);
+  problem.SetParameterBlockConstant(&zero);
+  for (std::size_t node = 0; node < state.size(); ++node) {
+    if (!active[node]) continue;
+    problem.AddParameterBlock(state[node].data(), kPoseSize,
+                              graph_.nodes[node].is_point ? &point_manifold : &pose_manifold);
+  }
+  for (const std::size_t node : FindStanding(active)) problem.SetParameterBlockConstant(state[node].data());
+  for (const Term& term : terms_) {
+    if (!active[term.from] || !active[term.to]) continue;
+    std::vector<double*> blocks = {state[term.from].data(), state[term.to].data()};
+    if (term.has_number) blocks.push_back(&zero);
+    problem.AddResidualBlock(term.factor.get(), nullptr, blocks);
+  }
+  ceres::Solver::Options options = LeastSquaresOptions(options_.thread_count, options_.iterations_max);
+  options.initial_trust_region_radius = quality == StartQuality::kNear ? kBoldTrustRegion : kCarefulTrustRegion;
+  if (quality == StartQuality::kShallow) {
+    options.trust_region_strategy_type = ceres::DOGLEG;
+    options.dogleg_type = ceres::SUBSPACE_DOGLEG;
+    options.max_num_iterations *= kShallowIterations;
+  }
+  StopCallback stop(options_.stop_requested);
+  if (options_.stop_requested) options.callbacks.push_back(&stop);
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  PlainFit fit;
+  fit.has_converged = summary.termination_type == ceres::CONVERGENCE && std::isfinite(summary.final_cost);
+  fit.cost = 2 * summary.final_cost;  // Ceres halves it.
+  fit.iterations = static_cast<int>(summary.iterations.size());
+  return fit;
+}
+
+double PlainCost::Cost(const ActiveNodes& active, const PlainState& state) const {
+  const double zero = 0;
+  double square_sum = 0;
+  std::array<double, 6> residuals{};
+  for (const Term& term : terms_) {
+    if (!active[term.from] || !active[term.to]) continue;
+    const std::array<const double*, 3> blocks = {state[term.from].data(), state[term.to].data(), &zero};
+    term.factor->Evaluate(blocks.data(), residuals.data(), nullptr);
+    for (int i = 0; i < term.factor->num_residuals(); ++i) square_sum += residuals[i] * residuals[i];
+  }
+  return square_sum;
+}
+
+}  // namespace moondb

@@ -1,0 +1,277 @@
+#include "actors/pgo/plain_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "actors/pgo/arrangement.h"
+#include "actors/pgo/chordal.h"
+
+namespace moondb {
+
+namespace {
+
+// Parts of the whole time with which growth begins; 1 is the whole at once.
+constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
+constexpr double kSameCostPart = 1e-7;
+constexpr int kRoadsBesideMax = 60;
+
+bool IsSame(double a, double b) { return std::abs(a - b) <= kSameCostPart * std::max(a, b) + 1e-12; }
+
+struct Road {
+  PlainFit fit;
+  PlainState state;
+};
+
+class PlainSolver {
+ public:
+  PlainSolver(const PlainGraph& graph, const PlainOptions& options)
+      : graph_(graph), options_(options), cost_(graph, options), all_(graph.nodes.size(), true) {
+    for (const PlainNode& node : graph.nodes) {
+      if (!node.is_point) times_.push_back(node.time);
+    }
+    std::sort(times_.begin(), times_.end());
+  }
+
+  PlainSolution Run() {
+    if (graph_.nodes.empty()) {
+      solution_.has_converged = true;
+      solution_.text = "the graph has no node";
+      return std::move(solution_);
+    }
+    if (graph_.ranges.empty()) {
+      SolveLoops();
+    } else {
+      for (const double first : kFirstPrefixes) {
+        if (IsStopped() || (solution_.roads_to_lowest > 1 && first < kFirstPrefixes[0])) break;
+        GoRoads(first);
+      }
+      if (solution_.roads_to_lowest < 2) LookBeside();
+    }
+    if (!solution_.has_converged && !IsStopped()) Polish();
+    return Finish();
+  }
+
+  PlainSolution RunFromOdometry() {
+    std::vector<bool> placed(graph_.nodes.size(), false);
+    PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
+    // Along the way that was driven, not over its loops: these only for what the way does not reach.
+    PlainGraph way = graph_;
+    std::erase_if(way.steps, [this](const PlainStep& step) {
+      const NodeKey& from = graph_.nodes[step.from].key;
+      return graph_.nodes[step.to].key != NodeKey{from.agent, from.index + 1};
+    });
+    way.sightings.clear();
+    ComposeFromPlaced(way, all_, placed, state);
+    ComposeFromPlaced(graph_, all_, placed, state);
+    MoveToFixed(heads, state);
+    Add(Road{cost_.Minimise(all_, StartQuality::kRough, state), state}, Beginning::kOdometry);
+    return Finish();
+  }
+
+ private:
+  bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
+
+  void SolveLoops() {
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    const bool has_loops = HasLoops(graph_, all_, heads);
+    PlainState state = ChordalParts(graph_, all_, heads);
+    MoveToFixed(heads, state);
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kNear, state);
+    Add(Road{fit, std::move(state)}, has_loops ? Beginning::kChordal : Beginning::kOdometry);
+  }
+
+  // Each part as a whole, so that its first fixed node stands at its vertex, and so do all fixed ones.
+  void MoveToFixed(const std::vector<std::size_t>& heads, PlainState& state) const {
+    std::map<std::size_t, Pose> map_from_part;
+    for (std::size_t node = 0; node < state.size(); ++node) {
+      const PlainNode& fixed = graph_.nodes[node];
+      if (fixed.is_fixed) map_from_part.try_emplace(heads[node], fixed.vertex * FromBlock(state[node]).Inverse());
+    }
+    for (std::size_t node = 0; node < state.size(); ++node) {
+      const auto moved = map_from_part.find(heads[node]);
+      if (moved != map_from_part.end()) state[node] = ToBlock(moved->second * FromBlock(state[node]));
+      if (graph_.nodes[node].is_fixed) state[node] = ToBlock(graph_.nodes[node].vertex);
+    }
+  }
+
+  // Poses of the first `part` of all, by time, and the points that they see.
+  ActiveNodes Prefix(double part) const {
+    const auto last = static_cast<std::size_t>(part * static_cast<double>(times_.size() - 1));
+    ActiveNodes active(graph_.nodes.size(), false);
+    for (std::size_t node = 0; node < active.size(); ++node) {
+      active[node] = part >= 1 || graph_.nodes[node].is_fixed ||
+                     (!graph_.nodes[node].is_point && graph_.nodes[node].time <= times_[last]);
+    }
+    const auto show = [&](std::size_t pose, std::size_t point) {
+      if (graph_.nodes[point].is_point && !graph_.nodes[pose].is_point && active[pose]) active[point] = true;
+    };
+    const auto see = [&](const auto& edge) {
+      show(edge.from, edge.to);
+      show(edge.to, edge.from);
+    };
+    for (const PlainSighting& sighting : graph_.sightings) see(sighting);
+    for (const PlainRange& range : graph_.ranges) see(range);
+    return active;
+  }
+
+  // The lowest end so far, each of its parts set down elsewhere in turn while the others stand: a landmark that only
+  // ranges tie may be on the wrong side of the way.
+  void LookBeside() {
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    const std::vector<bool> standing = FirstPlaced(all_, heads);
+    int left = kRoadsBesideMax;
+    for (std::size_t head = 0; head < heads.size() && left > 0 && !IsStopped(); ++head) {
+      if (heads[head] != head || standing[head]) continue;
+      std::vector<bool> placed(heads.size());
+      for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] != head;
+      const PlainState from = best_;
+      for (Arrangement& arrangement : ArrangeParts(graph_, all_, placed, heads, from, Freedom())) {
+        if (--left < 0 || IsStopped()) break;
+        const double before = solution_.cost;
+        Add(GoRoad(1, all_, std::move(arrangement.state)), solution_.beginning);
+        if (solution_.cost < before) break;  // The others were drawn beside what is past.
+      }
+    }
+  }
+
+  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, dogleg goes on.
+  void Polish() {
+    PlainState state = best_;
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kShallow, state);
+    Add(Road{fit, std::move(state)}, solution_.beginning);
+  }
+
+  // What the first arrangement stands on: all fixed nodes' parts, else the largest part.
+  std::vector<bool> FirstPlaced(const ActiveNodes& active, const std::vector<std::size_t>& heads) const {
+    std::map<std::size_t, std::size_t> sizes;
+    std::set<std::size_t> standing;
+    for (std::size_t node = 0; node < heads.size(); ++node) {
+      if (!active[node]) continue;
+      ++sizes[heads[node]];
+      if (graph_.nodes[node].is_fixed) standing.insert(heads[node]);
+    }
+    if (standing.empty()) {
+      const auto is_smaller = [](const auto& a, const auto& b) { return a.second < b.second; };
+      standing.insert(std::max_element(sizes.begin(), sizes.end(), is_smaller)->first);
+    }
+    std::vector<bool> placed(heads.size(), false);
+    for (std::size_t node = 0; node < heads.size(); ++node)
+      placed[node] = active[node] && standing.contains(heads[node]);
+    return placed;
+  }
+
+  void GoRoads(double first) {
+    const ActiveNodes active = Prefix(first);
+    const std::vector<std::size_t> heads = FindHeads(graph_, active);
+    PlainState state = ChordalParts(graph_, active, heads);
+    MoveToFixed(heads, state);
+    const std::vector<bool> placed = FirstPlaced(active, heads);
+    const bool is_whole = placed == active;
+    Beginning beginning = is_whole ? (HasLoops(graph_, active, heads) ? Beginning::kChordal : Beginning::kOdometry)
+                                   : Beginning::kArrangedParts;
+    if (first < 1) beginning = Beginning::kPrefixGrowth;
+    for (Arrangement& arrangement : ArrangeParts(graph_, active, placed, heads, state, Freedom())) {
+      if (IsStopped()) return;
+      Add(GoRoad(first, active, std::move(arrangement.state)), beginning);
+    }
+  }
+
+  ArrangementOptions Freedom() const {
+    ArrangementOptions options;
+    if (graph_.is_planar) options.freedom = BodyFreedom::kPlanar;
+    return options;
+  }
+
+  Road GoRoad(double part, ActiveNodes active, PlainState state) {
+    PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
+    int iterations = fit.iterations;
+    while (part < 1 && !IsStopped()) {
+      part = std::min(1.0, 2 * part);
+      const ActiveNodes grown = Prefix(part);
+      Extend(active, grown, state);
+      active = grown;
+      fit = cost_.Minimise(active, StartQuality::kRough, state);
+      iterations += fit.iterations;
+    }
+    fit.iterations = iterations;
+    return Road{fit, std::move(state)};
+  }
+
+  // New nodes by their steps from old ones; new parts are arranged about what stands.
+  void Extend(const ActiveNodes& before, const ActiveNodes& active, PlainState& state) const {
+    std::vector<bool> placed = before;
+    ComposeFromPlaced(graph_, active, placed, state);
+    if (placed == active) return;
+    ActiveNodes fresh(active.size(), false);
+    for (std::size_t node = 0; node < active.size(); ++node) fresh[node] = active[node] && !placed[node];
+    const std::vector<std::size_t> heads = FindHeads(graph_, fresh);
+    const PlainState parts = ChordalParts(graph_, fresh, heads);
+    for (std::size_t node = 0; node < active.size(); ++node) {
+      if (fresh[node]) state[node] = parts[node];
+    }
+    ArrangementOptions one = Freedom();
+    one.kept = 1;
+    state = std::move(ArrangeParts(graph_, active, placed, heads, state, one).front().state);
+  }
+
+  void Add(Road road, Beginning beginning) {
+    ++solution_.roads;
+    solution_.iterations += road.fit.iterations;
+    if (!std::isfinite(road.fit.cost)) return;
+    const bool has_any = !best_.empty();
+    if (has_any && IsSame(road.fit.cost, solution_.cost)) ++solution_.roads_to_lowest;
+    const bool is_lower = road.fit.cost < solution_.cost;
+    const bool is_arrival = IsSame(road.fit.cost, solution_.cost) && road.fit.has_converged && !solution_.has_converged;
+    if (has_any && !is_lower && !is_arrival) return;
+    if (!has_any || !IsSame(road.fit.cost, solution_.cost)) solution_.roads_to_lowest = 1;
+    if (!has_any || !IsSame(road.fit.cost, solution_.cost)) solution_.beginning = beginning;
+    solution_.cost = road.fit.cost;
+    solution_.has_converged = road.fit.has_converged;
+    best_ = std::move(road.state);
+  }
+
+  PlainSolution Finish() {
+    for (const PoseBlock& block : best_) solution_.poses.push_back(FromBlock(block));
+    if (!solution_.has_converged) solution_.text = IsStopped() ? "stopped" : "did not converge";
+    return std::move(solution_);
+  }
+
+  const PlainGraph& graph_;
+  const PlainOptions& options_;
+  PlainCost cost_;
+  const ActiveNodes all_;
+  std::vector<std::int64_t> times_;
+  PlainState best_;
+  PlainSolution solution_;
+};
+
+}  // namespace
+
+std::string ToString(Beginning beginning) {
+  switch (beginning) {
+    case Beginning::kOdometry:
+      return "odometry";
+    case Beginning::kChordal:
+      return "chordal";
+    case Beginning::kArrangedParts:
+      return "stage 0";
+    case Beginning::kPrefixGrowth:
+      return "prefix growth";
+  }
+  return "unknown";
+}
+
+PlainSolution SolvePlainGraph(const PlainGraph& graph, const PlainOptions& options) {
+  return PlainSolver(graph, options).Run();
+}
+
+PlainSolution SolveFromOdometry(const PlainGraph& graph, const PlainOptions& options) {
+  return PlainSolver(graph, options).RunFromOdometry();
+}
+
+}  // namespace moondb

@@ -1,0 +1,43 @@
+// SolvePlainGraph: the least squares solution of a graph by itself, with the beginning chosen by itself.
+//
+// Without ranges it begins at the chordal relaxation (chordal.h). With ranges F has many minima, and no beginning is
+// right always; so several roads are gone, and the lowest end counts: parts that only ranges join are arranged first
+// (arrangement.h), over the whole time and over short prefixes of it, which then grow twice as long again and again,
+// each solved from the last. The search ends early when two roads that began differently end at the same lowest cost;
+// where no two do, each part of the lowest one is set down elsewhere in turn.
+//
+// A pure function of its arguments, on any thread; the same graph gives the same solution for one thread count and
+// binary.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "actors/pgo/plain_cost.h"
+#include "actors/pgo/plain_graph.h"
+
+namespace moondb {
+
+enum class Beginning { kOdometry, kChordal, kArrangedParts, kPrefixGrowth };
+
+// "odometry", "chordal", "stage 0", "prefix growth".
+std::string ToString(Beginning beginning);
+
+struct PlainSolution {
+  bool has_converged = false;
+  std::string text;         // Why not, or what could not be determined; empty: nothing to say.
+  std::vector<Pose> poses;  // Of PlainGraph::nodes.
+  double cost = 0;          // F.
+  Beginning beginning = Beginning::kOdometry;
+  int roads = 0;  // Gone; and how many of them ended at the lowest cost.
+  int roads_to_lowest = 0;
+  int iterations = 0;  // Of all roads.
+};
+
+PlainSolution SolvePlainGraph(const PlainGraph& graph, const PlainOptions& options);
+
+// Least squares from composed odometry, parts that nothing joins each at the origin: what is had without a choice of
+// the beginning. For comparison.
+PlainSolution SolveFromOdometry(const PlainGraph& graph, const PlainOptions& options);
+
+}  // namespace moondb

@@ -1,0 +1,25 @@
+// Which ranges a solve believes. Pure functions.
+#pragma once
+
+#include <vector>
+
+#include "actors/pgo/cost_terms.h"
+#include "actors/pgo/graph_check.h"
+#include "actors/pgo/initial_values.h"
+#include "actors/pgo/pose_graph_solver.h"
+
+namespace moondb {
+
+// One for each of CheckedGraph::ranges, from its residual in sigmas: beyond SolverOptions::reject_sigmas it is
+// rejected; next to a rejected one of the same pair that errs the same way beyond burst_sigmas already, since what
+// blocks a line of sight does so for a while. `before`: what the last test said; a rejected range returns only below
+// 0.9 of the limit, and one that has no part in the solve keeps what was said.
+std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms, const std::vector<double>& residuals,
+                              const std::vector<bool>& before, const SolverOptions& options);
+
+// The last verdicts; of ranges with a new node, whether they fit its first guess.
+std::vector<bool> FindFirstInliers(const CheckedGraph& graph, const InitialValues& initial,
+                                   const std::vector<double>& residuals, const LastSolution& last,
+                                   const SolverOptions& options);
+
+}  // namespace moondb

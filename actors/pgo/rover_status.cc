@@ -1,0 +1,110 @@
+#include "actors/pgo/rover_status.h"
+
+#include <map>
+#include <string>
+#include <utility>
+
+namespace moondb {
+
+namespace {
+
+constexpr std::size_t kAnchoringRangesMin = 3;  // Fewer leave more than one place to stand.
+
+// Which rovers accepted ranges join with the map.
+std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set<AgentId> anchored) {
+  for (bool has_grown = true; has_grown;) {
+    has_grown = false;
+    std::map<AgentId, std::size_t> ranges_to_anchored;
+    for (const RangeVerdict& range : ranges) {
+      if (!range.is_inlier || anchored.contains(range.from.agent) == anchored.contains(range.to.agent)) continue;
+      const AgentId agent = anchored.contains(range.from.agent) ? range.to.agent : range.from.agent;
+      ++ranges_to_anchored[agent];
+    }
+    for (const auto& [agent, count] : ranges_to_anchored) {
+      if (count >= kAnchoringRangesMin) has_grown |= anchored.insert(agent).second;
+    }
+  }
+  return anchored;
+}
+
+std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const StartPrior& start,
+                   std::size_t part_count) {
+  std::string text;
+  const auto say = [&text](const std::string& line) { text += (text.empty() ? "" : "; ") + line; };
+  if (!start.is_configured) say("no start pose configured for its first node: begins at its raw pose");
+  if (rover.anchoring == Anchoring::kNoRanges) say("no accepted range: start pose and odometry alone");
+  if (rover.anchoring == Anchoring::kUnanchored) say("nothing ties it to the map");
+  if (rover.anchoring == Anchoring::kYawFree) say("nothing says how it is turned about the base station");
+  if (rover.anchoring == Anchoring::kAmbiguous) say("ambiguous: it would stand nearly as well elsewhere");
+  if (part_count > 1) say("its odometry is interrupted in " + std::to_string(part_count - 1) + " places");
+  if (const auto found = graph.left_out.find(rover.agent); found != graph.left_out.end()) {
+    say(std::to_string(found->second.count) + " records left out, first: " + found->second.first);
+  }
+  return text;
+}
+
+// Fixed nodes hold a team's place; two apart from each other its yaw, too.
+bool HoldFixedNodesYaw(const CheckedGraph& graph) {
+  const CheckedNode* first = nullptr;
+  for (const CheckedNode& node : graph.nodes) {
+    if (!node.is_fixed) continue;
+    if (first == nullptr) first = &node;
+    if ((node.raw.position_m - first->raw.position_m).head<2>().norm() > kApartM) return true;
+  }
+  return false;
+}
+
+struct RoversInMap {
+  std::set<AgentId> anchored;
+  std::set<AgentId> yaw_free;
+};
+
+RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rovers,
+                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges) {
+  std::set<AgentId> fixed;
+  std::set<AgentId> configured;
+  for (const CheckedNode& node : graph.nodes) {
+    if (node.is_fixed) fixed.insert(node.key.agent);
+  }
+  for (std::size_t i = 0; i < rovers.size(); ++i) {
+    if (starts[i].is_configured) configured.insert(rovers[i].agent);
+  }
+  RoversInMap result;
+  if (HoldFixedNodesYaw(graph)) configured.insert(fixed.begin(), fixed.end());
+  result.anchored = FindAnchored(ranges, configured);
+  result.yaw_free = FindAnchored(ranges, fixed);
+  return result;
+}
+
+}  // namespace
+
+std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
+                                     const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
+                                     const std::vector<double>& scales, const std::set<AgentId>& ambiguous) {
+  std::map<AgentId, std::size_t> accepted;
+  for (const RangeVerdict& range : ranges) {
+    if (!range.is_inlier) continue;
+    ++accepted[range.from.agent];
+    ++accepted[range.to.agent];
+  }
+  const RoversInMap in_map = FindInMap(graph, rovers, starts, ranges);
+  std::vector<RoverResult> results;
+  for (std::size_t i = 0; i < rovers.size(); ++i) {
+    RoverResult result;
+    result.agent = rovers[i].agent;
+    result.odometry_scale = 1 + scales[i];
+    result.node_count = rovers[i].count;
+    result.range_count = accepted[result.agent];
+    if (in_map.anchored.contains(result.agent)) {
+      result.anchoring = result.range_count > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
+      if (ambiguous.contains(result.agent)) result.anchoring = Anchoring::kAmbiguous;
+    } else if (in_map.yaw_free.contains(result.agent)) {
+      result.anchoring = Anchoring::kYawFree;
+    }
+    result.text = TextOf(graph, result, starts[i], rovers[i].part_heads.size());
+    results.push_back(std::move(result));
+  }
+  return results;
+}
+
+}  // namespace moondb

@@ -1,0 +1,105 @@
+// pgo_bench: the pose graph solver on graphs of a folder and on simulated teams, beside simpler ways to solve them.
+// What each is and how to read it: docs/benchmarks/pose_graph.md.
+//
+// Exit code 0: all was solved; 1: a graph could not be read or no solution was found; other: wrong arguments.
+#include <fmt/core.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "bench/pgo_graphs.h"
+#include "bench/pgo_redraws.h"
+#include "bench/pgo_report.h"
+#include "bench/pgo_team.h"
+#include "model/png.h"
+
+namespace moondb {
+namespace {
+
+struct Options {
+  std::vector<std::string> folders;
+  int threads = 2;
+  int seeds = 0;
+  int redraws = 0;
+  int unknown_starts = 0;
+  std::string only;  // Team cases whose name holds this.
+  bool is_json = false;
+  bool is_ours_only = false;
+  std::string plots;
+};
+
+bool Plot(const GraphRun& run, const std::string& folder) {
+  TrajectoryPlotOptions options;
+  options.caption = run.name;
+  const Image image = DrawTrajectories(run.odometry_tracks, run.tracks, run.true_tracks, options);
+  const Result<void> written = WritePng(image, std::filesystem::path(folder) / (run.name + ".png"));
+  if (!written) fmt::print(stderr, "pgo_bench: {}\n", ToString(written.error()));
+  return written.has_value();
+}
+
+int RunBench(const Options& options) {
+  bool is_good = true;
+  std::vector<GraphRun> graphs;
+  std::vector<RedrawRun> redraws;
+  SolverOptions solver;
+  solver.thread_count = options.threads;
+  for (const std::string& folder : options.folders) {
+    for (const std::filesystem::path& path : FindGraphs(folder)) {
+      Result<GraphRun> run = RunGraph(path, {options.threads, !options.is_ours_only});
+      if (!run) {
+        fmt::print(stderr, "pgo_bench: {}\n", ToString(run.error()));
+        is_good = false;
+        continue;
+      }
+      is_good = is_good && run->ours.has_converged;
+      if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
+      if (run->is_team && options.redraws > 0) {
+        redraws.push_back(RunRedraws(run->name, *ReadMission(path), options.redraws, solver));
+      }
+      graphs.push_back(*std::move(run));
+    }
+  }
+  if (!options.is_json && !graphs.empty()) fmt::print("{}\n", TableOf(graphs));
+  if (!options.is_json) fmt::print("{}", TableOf(redraws));
+  std::vector<TeamRun> teams;
+  for (const TeamCase& team : StandardTeamCases()) {
+    if (options.seeds == 0 || team.name.find(options.only) == std::string::npos) continue;
+    teams.push_back(RunTeam(team, options.seeds, solver));
+    if (!options.is_json) fmt::print("{}", TableOf(std::vector<TeamRun>{teams.back()}));
+    std::fflush(stdout);
+  }
+  UnknownStartsRun unknown;
+  if (options.unknown_starts > 0) unknown = RunUnknownStarts(options.unknown_starts, solver);
+  if (options.unknown_starts > 0 && !options.is_json) fmt::print("{}", TextOf(unknown));
+  if (options.is_json) fmt::print("{}", JsonOf(graphs, redraws, teams, unknown));
+  return is_good ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main(int argc, char** argv) {
+  moondb::Options options;
+  CLI::App app("Measures the pose graph solver on public graphs, missions and simulated teams.", "pgo_bench");
+  app.option_defaults()->always_capture_default();
+  app.add_option("folders", options.folders, "Folders with .g2o and .pyfg files, or missions (agents.csv)")
+      ->check(CLI::ExistingDirectory);
+  app.add_option("--threads", options.threads, "Threads of each solve")->check(CLI::Range(1, 64));
+  app.add_option("--seeds", options.seeds, "Also simulated teams with the seeds 1 to this")->check(CLI::Range(0, 1000));
+  app.add_option("--redraws", options.redraws, "Also each mission with its noise drawn anew, so many times")
+      ->check(CLI::Range(0, 1000));
+  app.add_option("--unknown-starts", options.unknown_starts,
+                 "Also so many simulated teams in which two rovers do not know where they began")
+      ->check(CLI::Range(0, 1000));
+  app.add_option("--only", options.only, "Of the simulated teams those whose name holds this");
+  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
+  app.add_flag("--ours-only", options.is_ours_only, "Without plain Ceres beside each graph");
+  app.add_option("--plots", options.plots, "Writes a PNG picture of each graph's trajectories into this folder")
+      ->check(CLI::ExistingDirectory);
+  CLI11_PARSE(app, argc, argv);
+  spdlog::set_level(spdlog::level::err);
+  return moondb::RunBench(options);
+}

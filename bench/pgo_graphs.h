@@ -1,0 +1,51 @@
+// pgo_bench's first part: graphs in a folder, solved as they are written, against plain Ceres from odometry.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+#include "model/map_picture.h"
+
+namespace moondb {
+
+// How one way to solve a graph ended.
+struct GraphResult {
+  bool has_converged = false;
+  double cost = 0;  // F of actors/pgo/plain_graph.h; of a team the solver's own F over accepted ranges.
+  std::optional<double>
+      ate_m;  // Where the file has the truth: PyFG's vertices. Aligned rigidly for graphs without map.
+  double seconds = 0;
+  std::optional<double> hazard_iou;  // Of a team: its maps merged at these poses, against those merged at the truth.
+};
+
+struct GraphRun {
+  std::string name;  // Of the file without its ending; of a team's folder its own.
+  bool is_team = false;
+  std::size_t node_count = 0;
+  std::size_t edge_count = 0;
+  std::size_t range_count = 0;
+  GraphResult ours;
+  std::string initialisation;
+  std::string text;                  // What could not be determined.
+  std::optional<GraphResult> plain;  // Least squares with Ceres from odometry.
+  std::vector<Track> odometry_tracks;
+  std::vector<Track> tracks;
+  std::vector<Track> true_tracks;
+};
+
+struct GraphBenchOptions {
+  int threads = 2;
+  bool has_plain = true;  // Also solve with plain Ceres from odometry.
+};
+
+// Files .g2o and .pyfg in `folder`, by name, and folders in it (or itself) that hold agents.csv: these as team
+// missions.
+std::vector<std::filesystem::path> FindGraphs(const std::filesystem::path& folder);
+
+// The readers' errors.
+Result<GraphRun> RunGraph(const std::filesystem::path& path, const GraphBenchOptions& options);
+
+}  // namespace moondb

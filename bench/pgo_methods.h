@@ -1,0 +1,54 @@
+// Ways to solve a team's graph that pgo_bench compares. All but the staged one are one solve with Ceres from odometry,
+// with the same factors.
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "actors/pgo/pose_graph_solver.h"
+#include "model/mission.h"
+
+namespace moondb {
+
+enum class Method { kOdometry, kLeastSquares, kHuber, kCauchy, kStaged };
+
+inline constexpr Method kMethods[] = {Method::kOdometry, Method::kLeastSquares, Method::kHuber, Method::kCauchy,
+                                      Method::kStaged};
+
+std::string ToString(Method method);
+
+struct MethodResult {
+  bool has_converged = false;
+  double cost = 0;
+  double seconds = 0;
+  std::map<NodeKey, Pose> poses;
+  std::vector<RangeVerdict> ranges;  // Of the staged one only.
+};
+
+MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMap& agents,
+                       const SolverOptions& options);
+
+AgentFactsMap FactsOf(const Mission& mission);
+
+// What many draws of one method come to.
+struct MethodFigures {
+  double median_ate_m = 0;
+  double worst_ate_m = 0;
+  double median_seconds = 0;
+};
+
+MethodFigures ToFigures(std::vector<double> ates_m, std::vector<double> seconds);
+
+// 0 of nothing.
+double Median(std::vector<double> values);
+
+template <typename Work>
+double SecondsOf(const Work& work) {
+  const auto begin = std::chrono::steady_clock::now();
+  work();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+}  // namespace moondb

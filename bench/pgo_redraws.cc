@@ -1,0 +1,93 @@
+#include "bench/pgo_redraws.h"
+
+#include <algorithm>
+
+#include "apps/moondb_mission/measurement.h"
+#include "model/metrics.h"
+
+namespace moondb {
+namespace {
+
+constexpr double kBurstMinM = 0.5;  // Beyond white noise and the pair's bias.
+
+std::vector<GraphNode> TrueNodes(const Mission& mission, AgentId agent) {
+  std::vector<GraphNode> nodes;
+  for (const GraphNode& node : mission.graph.nodes) {
+    if (node.key.agent != agent) continue;
+    nodes.push_back(node);
+    nodes.back().map_from_node = mission.truth.at(node.key);
+  }
+  std::sort(nodes.begin(), nodes.end(), [](const GraphNode& a, const GraphNode& b) { return a.key < b.key; });
+  return nodes;
+}
+
+Mission Redraw(const Mission& mission, std::uint64_t seed) {
+  Mission drawn = mission;
+  drawn.graph.odometry.clear();
+  Random starts = Random::Stream(seed, 1);
+  Random odometry = Random::Stream(seed, 2);
+  Random ranges = Random::Stream(seed, 3);
+  std::map<NodeKey, Pose> raw;
+  std::size_t node_count = mission.truth.size();
+  std::int64_t period_ns = 1;
+  for (MissionAgent& agent : drawn.agents) {
+    if (agent.is_base_station) continue;
+    const std::vector<GraphNode> nodes = TrueNodes(mission, agent.id);
+    node_count = std::min(node_count, nodes.size());
+    if (nodes.size() > 1) period_ns = nodes[1].stamp_ns - nodes[0].stamp_ns;
+    agent.start = nodes.front().map_from_node;
+    agent.start.position_m.x() += agent.start_sigma_m * starts.Normal();
+    agent.start.position_m.y() += agent.start_sigma_m * starts.Normal();
+    agent.start = agent.start * Pose::FromPlanar(0, 0, agent.start_sigma_rad * starts.Normal());
+    raw[nodes.front().key] = agent.start;
+    for (const OdometryEdge& step : MeasureOdometry(nodes, {}, odometry)) {
+      raw[step.to] = raw.at(step.from) * step.from_from_to;
+      drawn.graph.odometry.push_back(step);
+    }
+  }
+  for (GraphNode& node : drawn.graph.nodes) {
+    if (const auto pose = raw.find(node.key); pose != raw.end()) node.map_from_node = pose->second;
+  }
+  drawn.graph.ranges = MeasureRanges(drawn.agents, mission.truth, static_cast<int>(node_count), period_ns, {}, ranges);
+  return drawn;
+}
+
+// The solver's least squares on the ranges that are not far too long; who solves does not know which they are.
+MethodResult SolveWithoutBursts(const Mission& mission, const SolverOptions& options) {
+  const auto antenna_at = [&](const NodeKey& key) {
+    return Eigen::Vector3d(mission.truth.at(key) * FindAgent(mission, key.agent)->antenna_m);
+  };
+  PoseGraph graph = mission.graph;
+  std::erase_if(graph.ranges, [&](const RangeEdge& edge) {
+    return edge.range_m - (antenna_at(edge.from) - antenna_at(edge.to)).norm() > kBurstMinM;
+  });
+  return SolveWith(Method::kLeastSquares, graph, FactsOf(mission), options);
+}
+
+}  // namespace
+
+RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws, const SolverOptions& options) {
+  RedrawRun run;
+  run.name = name;
+  run.draws = draws;
+  std::map<Method, std::vector<double>> ates;
+  std::map<Method, std::vector<double>> seconds;
+  std::vector<double> ates_without_bursts;
+  std::vector<double> seconds_without_bursts;
+  for (int draw = 1; draw <= draws; ++draw) {
+    const Mission drawn = Redraw(mission, static_cast<std::uint64_t>(draw));
+    for (const Method method : kMethods) {
+      const MethodResult result = SolveWith(method, drawn.graph, FactsOf(drawn), options);
+      ates[method].push_back(CompareTrajectories(result.poses, mission.truth, RoverIds(mission)).rmse_m);
+      seconds[method].push_back(result.seconds);
+    }
+    const MethodResult told = SolveWithoutBursts(drawn, options);
+    ates_without_bursts.push_back(CompareTrajectories(told.poses, mission.truth, RoverIds(mission)).rmse_m);
+    seconds_without_bursts.push_back(told.seconds);
+  }
+  run.without_bursts = ToFigures(ates_without_bursts, seconds_without_bursts);
+  for (const Method method : kMethods) run.methods[method] = ToFigures(ates[method], seconds[method]);
+  return run;
+}
+
+}  // namespace moondb

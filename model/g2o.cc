@@ -1,0 +1,168 @@
+#include "model/g2o.h"
+
+#include <set>
+#include <utility>
+
+#include "model/line_fields.h"
+#include "model/pyfg.h"
+#include "model/text.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr int kPlanarRows[3] = {0, 1, 5};
+
+class Parser {
+ public:
+  explicit Parser(std::string name) : name_(std::move(name)) {}
+
+  Result<G2o> Parse(std::string_view text) {
+    while (!text.empty()) {
+      ++line_;
+      const std::string_view line = TakeLine(text);
+      if (line.size() > kPyfgLineBytesMax) return Stop(line_, "the line is longer than 4096 bytes");
+      LineFields fields(line);
+      if (fields.left() == 0 || line.front() == '#') continue;
+      ParseLine(fields);
+      if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
+      if (!fields.error().empty()) return Stop(line_, fields.error());
+    }
+    for (const Mention& mention : mentions_) {
+      if (!vertices_.empty() && !vertices_.contains(mention.id)) {
+        return Stop(mention.line, "no vertex has the id " + std::to_string(mention.id));
+      }
+    }
+    return std::move(g2o_);
+  }
+
+ private:
+  // A vertex that a line names; it may stand further down.
+  struct Mention {
+    std::uint64_t id = 0;
+    std::size_t line = 0;
+  };
+
+  void ParseLine(LineFields& fields) {
+    const std::string_view word = fields.Take();
+    if (word == "VERTEX_SE2") return ParseVertex(fields, true);
+    if (word == "VERTEX_SE3:QUAT") return ParseVertex(fields, false);
+    if (word == "EDGE_SE2") return ParseEdge(fields, true);
+    if (word == "EDGE_SE3:QUAT") return ParseEdge(fields, false);
+    if (word == "FIX") return ParseFix(fields);
+    fields.Stop("'" + std::string(word) + "' is no keyword of g2o that is known here");
+  }
+
+  void ParseVertex(LineFields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    G2oVertex vertex;
+    vertex.id = fields.Index();
+    vertex.map_from_vertex = fields.PoseOf(is_planar);
+    if (!fields.error().empty()) return;
+    if (!vertices_.insert(vertex.id).second) {
+      fields.Stop("the vertex " + std::to_string(vertex.id) + " stands here a second time");
+    }
+    g2o_.vertices.push_back(vertex);
+  }
+
+  void ParseEdge(LineFields& fields, bool is_planar) {
+    UseDimension(fields, is_planar);
+    G2oEdge edge;
+    edge.from = Mentioned(fields);
+    edge.to = Mentioned(fields);
+    if (fields.error().empty() && edge.from == edge.to) fields.Stop("the edge joins a vertex with itself");
+    edge.from_from_to = fields.PoseOf(is_planar);
+    if (is_planar) {
+      const Eigen::Matrix3d planar = fields.Symmetric<3>("information");
+      for (int row = 0; row < 3; ++row) {
+        for (int column = 0; column < 3; ++column) {
+          edge.information(kPlanarRows[row], kPlanarRows[column]) = planar(row, column);
+        }
+      }
+    } else {
+      edge.information = fields.Symmetric<6>("information");
+    }
+    g2o_.edges.push_back(edge);
+  }
+
+  void ParseFix(LineFields& fields) {
+    do g2o_.fixed.push_back(Mentioned(fields));
+    while (fields.error().empty() && fields.left() > 0);
+  }
+
+  std::uint64_t Mentioned(LineFields& fields) {
+    const std::uint64_t id = fields.Index();
+    mentions_.push_back({id, line_});
+    return id;
+  }
+
+  void UseDimension(LineFields& fields, bool is_planar) {
+    if (has_dimension_ && g2o_.is_planar != is_planar) fields.Stop("2-D and 3-D are mixed in one file");
+    has_dimension_ = true;
+    g2o_.is_planar = is_planar;
+  }
+
+  tl::unexpected<Error> Stop(std::size_t line, std::string text) const {
+    return Fail(ErrorCode::kInvalid, std::move(text), FileLine(name_, line));
+  }
+
+  std::string name_;
+  std::size_t line_ = 0;
+  bool has_dimension_ = false;
+  G2o g2o_;
+  std::set<std::uint64_t> vertices_;
+  std::vector<Mention> mentions_;
+};
+
+std::string PoseText(const Pose& pose, bool is_planar) {
+  std::string text;
+  const auto add = [&text](double value) { text += " " + FormatDouble(value); };
+  for (int i = 0; i < (is_planar ? 2 : 3); ++i) add(pose.position_m[i]);
+  if (is_planar) {
+    add(ExactPlanarYaw(pose.orientation));
+  } else {
+    for (const double value : pose.orientation.coeffs()) add(value);
+  }
+  return text;
+}
+
+std::string InformationText(const Matrix6d& information, bool is_planar) {
+  std::string text;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) {
+      const auto is_spatial_only = [](int axis) { return axis >= 2 && axis <= 4; };
+      if (is_planar && (is_spatial_only(row) || is_spatial_only(column))) continue;
+      text += " " + FormatDouble(information(row, column));
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+Result<G2o> ParseG2o(std::string_view text, const std::string& name) { return Parser(name).Parse(text); }
+
+Result<G2o> ReadG2o(const std::filesystem::path& file) {
+  const Result<std::string> text = ReadTextFile(file);
+  if (!text) return tl::unexpected(text.error());
+  return ParseG2o(*text, file.string());
+}
+
+std::string FormatG2o(const G2o& g2o) {
+  std::string text;
+  for (const G2oVertex& vertex : g2o.vertices) {
+    text += (g2o.is_planar ? "VERTEX_SE2 " : "VERTEX_SE3:QUAT ") + std::to_string(vertex.id) +
+            PoseText(vertex.map_from_vertex, g2o.is_planar) + "\n";
+  }
+  for (const std::uint64_t id : g2o.fixed) text += "FIX " + std::to_string(id) + "\n";
+  for (const G2oEdge& edge : g2o.edges) {
+    text += (g2o.is_planar ? "EDGE_SE2 " : "EDGE_SE3:QUAT ") + std::to_string(edge.from) + " " +
+            std::to_string(edge.to) + PoseText(edge.from_from_to, g2o.is_planar) +
+            InformationText(edge.information, g2o.is_planar) + "\n";
+  }
+  return text;
+}
+
+Result<void> WriteG2o(const G2o& g2o, const std::filesystem::path& file) { return WriteTextFile(file, FormatG2o(g2o)); }
+
+}  // namespace moondb

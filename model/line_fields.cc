@@ -1,0 +1,97 @@
+#include "model/line_fields.h"
+
+#include <cmath>
+#include <utility>
+
+#include "model/text.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr double kCoordinateMaxM = 1e9;
+constexpr double kQuaternionTolerance = 0.01;
+// A quaternion this close to length 1 is kept as it is, so that what was normalised once reads back bit for bit.
+constexpr double kQuaternionUnitSlack = 1e-12;
+
+}  // namespace
+
+LineFields::LineFields(std::string_view line) : fields_(Split(line, ' ')) {}
+
+void LineFields::Stop(std::string error) {
+  if (error_.empty()) error_ = std::move(error);
+}
+
+std::string_view LineFields::Take() {
+  if (left() == 0) {
+    Stop("the line ends too early");
+    return {};
+  }
+  return fields_[next_++];
+}
+
+double LineFields::Number() {
+  const std::string_view text = Take();
+  const std::optional<double> value = ParseDouble(text);
+  if (!value) Stop("'" + std::string(text) + "' is no finite number");
+  return value.value_or(0);
+}
+
+std::uint64_t LineFields::Index() {
+  const std::string_view text = Take();
+  const std::optional<std::uint64_t> value = ParseUnsigned(text);
+  if (!value) Stop("'" + std::string(text) + "' is no number of a vertex");
+  return value.value_or(0);
+}
+
+std::int64_t LineFields::Stamp() {
+  const std::string_view text = Take();
+  const std::optional<std::int64_t> stamp_ns = ParseStampNs(text);
+  if (!stamp_ns) Stop("'" + std::string(text) + "' is no stamp in seconds");
+  return stamp_ns.value_or(0);
+}
+
+Eigen::Vector3d LineFields::Position(bool is_planar) {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  for (int i = 0; i < (is_planar ? 2 : 3); ++i) position[i] = Number();
+  if (position.cwiseAbs().maxCoeff() > kCoordinateMaxM) Stop("the position lies beyond 1e9 m");
+  return position;
+}
+
+Pose LineFields::PoseOf(bool is_planar) {
+  const Eigen::Vector3d position = Position(is_planar);
+  if (is_planar) return Pose::FromPlanar(position.x(), position.y(), Number());
+  return Pose{position, Orientation()};
+}
+
+Eigen::Quaterniond LineFields::Orientation() {
+  const double x = Number();
+  const double y = Number();
+  const double z = Number();
+  const double w = Number();
+  const Eigen::Quaterniond read(w, x, y, z);
+  const double length = read.norm();
+  if (std::abs(length - 1) > kQuaternionTolerance) {
+    Stop("the quaternion has the length " + FormatDouble(length) + ", not 1");
+    return Eigen::Quaterniond::Identity();
+  }
+  return std::abs(length - 1) <= kQuaternionUnitSlack ? read : read.normalized();
+}
+
+double ExactPlanarYaw(const Eigen::Quaterniond& q) {
+  constexpr int kSteps = 8;
+  // Files hold yaws beyond pi, too: the sign of w says so.
+  const double yaw_rad = 2 * std::atan2(q.z(), q.w());
+  double above = yaw_rad;
+  double below = yaw_rad;
+  for (int step = 0; step < kSteps; ++step) {
+    for (const double candidate : {above, below}) {
+      if (Pose::FromPlanar(0, 0, candidate).orientation.coeffs() == q.coeffs()) return candidate;
+    }
+    above = std::nextafter(above, 10.0);
+    below = std::nextafter(below, -10.0);
+  }
+  return yaw_rad;
+}
+
+}  // namespace moondb

@@ -1,0 +1,99 @@
+#include "model/g2o.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+namespace moondb {
+namespace {
+
+constexpr const char* kSpatial =
+    "# a comment\n"
+    "VERTEX_SE3:QUAT 18446744073709551615 0.1 -2e-3 3 0 0 0 1\n"
+    "VERTEX_SE3:QUAT 7 1.1 0 0 0 0 0.6 0.8\n"
+    "\n"
+    "FIX 7\n"
+    "EDGE_SE3:QUAT 18446744073709551615 7 1 0 0 0 0 0.6 0.8 2 0 0 0 0 0.1 2 0 0 0 0 2 0 0 0 3 0 0 3 0 3\n";
+constexpr const char* kPlanar =
+    "VERTEX_SE2 0 1 2 0.3\n"
+    "VERTEX_SE2 1 2 2 -3.3\n"
+    "EDGE_SE2 0 1 1 0.1 0.7 10 0.5 0 11 0 12\n";
+
+std::string ErrorOf(const std::string& text) {
+  const Result<G2o> g2o = ParseG2o(text, "graph.g2o");
+  return g2o ? "no error" : g2o.error().field + ": " + g2o.error().text;
+}
+
+TEST(G2oTest, ReadsEveryField) {
+  const Result<G2o> g2o = ParseG2o(kSpatial, "graph.g2o");
+  ASSERT_TRUE(g2o) << ToString(g2o.error());
+  EXPECT_FALSE(g2o->is_planar);
+  ASSERT_EQ(g2o->vertices.size(), 2u);
+  EXPECT_EQ(g2o->vertices[0].id, 18446744073709551615u);
+  EXPECT_EQ(g2o->vertices[0].map_from_vertex.position_m, Eigen::Vector3d(0.1, -0.002, 3));
+  EXPECT_THAT(g2o->fixed, testing::ElementsAre(7u));
+  ASSERT_EQ(g2o->edges.size(), 1u);
+  EXPECT_EQ(g2o->edges[0].to, 7u);
+  EXPECT_EQ(g2o->edges[0].from_from_to.orientation.w(), 0.8);
+  EXPECT_EQ(g2o->edges[0].information(5, 0), 0.1);
+  EXPECT_EQ(g2o->edges[0].information(3, 3), 3);
+}
+
+TEST(G2oTest, PutsPlanarInformationIntoRowsOfXYAndYaw) {
+  const Result<G2o> g2o = ParseG2o(kPlanar, "graph.g2o");
+  ASSERT_TRUE(g2o) << ToString(g2o.error());
+  EXPECT_TRUE(g2o->is_planar);
+  EXPECT_EQ(g2o->edges[0].information(0, 1), 0.5);
+  EXPECT_EQ(g2o->edges[0].information(5, 5), 12);
+  EXPECT_EQ(g2o->edges[0].information(2, 2), 1);
+}
+
+TEST(G2oTest, WritesWhatReadsBackTheSame) {
+  for (const char* text : {kSpatial, kPlanar}) {
+    const std::string written = FormatG2o(*ParseG2o(text, "graph.g2o"));
+    const Result<G2o> again = ParseG2o(written, "written.g2o");
+    ASSERT_TRUE(again) << ToString(again.error());
+    EXPECT_EQ(FormatG2o(*again), written);
+  }
+  EXPECT_EQ(FormatG2o(*ParseG2o(kPlanar, "graph.g2o")), kPlanar);
+}
+
+TEST(G2oTest, ReadsAGraphOfEdgesAlone) {
+  const std::string text = "EDGE_SE2 0 5 1 0 0.5 1 0 0 1 0 1\n";
+  const Result<G2o> g2o = ParseG2o(text, "graph.g2o");
+  ASSERT_TRUE(g2o) << ToString(g2o.error());
+  EXPECT_TRUE(g2o->vertices.empty());
+  EXPECT_EQ(FormatG2o(*g2o), text);
+}
+
+TEST(G2oTest, NamesTheLineOfEachError) {
+  const std::string text = kPlanar;
+  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 1 0 0 0\n"), "graph.g2o:4: the vertex 1 stands here a second time");
+  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 5 0 0 0 1 0 0 1 0 1\n"), "graph.g2o:4: no vertex has the id 5");
+  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 1 1 0 0 0 1 0 0 1 0 1\n"), "graph.g2o:4: the edge joins a vertex with itself");
+  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 nan 1 0 0 1 0 1\n"), "graph.g2o:4: 'nan' is no finite number");
+  EXPECT_EQ(ErrorOf(text + "EDGE_SE2 0 1 0 0 0 1 0 0 -1 0 1\n"),
+            "graph.g2o:4: the information is not positive definite");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_SE3:QUAT 2 0 0 0 0 0 0 1\n"), "graph.g2o:4: 2-D and 3-D are mixed in one file");
+  EXPECT_EQ(ErrorOf(text + "FIX 9\n"), "graph.g2o:4: no vertex has the id 9");
+  EXPECT_EQ(ErrorOf(text + "FIX\n"), "graph.g2o:4: the line ends too early");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 2 0 0 0 0\n"), "graph.g2o:4: the line has too many fields");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 -2 0 0 0\n"), "graph.g2o:4: '-2' is no number of a vertex");
+  EXPECT_EQ(ErrorOf(text + "VERTEX_XYZ 2 0 0 0\n"),
+            "graph.g2o:4: 'VERTEX_XYZ' is no keyword of g2o that is known here");
+}
+
+TEST(G2oTest, ReadsThePublicSetsExactly) {
+  const char* data = std::getenv("MOONDB_DATA");
+  if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no public graphs to read";
+  for (const char* name : {"sphere2500.g2o", "torus3D.g2o", "parking-garage.g2o"}) {
+    const Result<G2o> g2o = ReadG2o(std::filesystem::path(data) / "pose_graphs" / name);
+    ASSERT_TRUE(g2o) << ToString(g2o.error());
+    const std::string written = FormatG2o(*g2o);
+    EXPECT_EQ(FormatG2o(*ParseG2o(written, name)), written);
+  }
+}
+
+}  // namespace
+}  // namespace moondb
