@@ -4,30 +4,22 @@
 #include <utility>
 
 #include "model/line_fields.h"
-#include "model/pyfg.h"
 #include "model/text.h"
 
 namespace moondb {
 
 namespace {
 
-constexpr int kPlanarRows[3] = {0, 1, 5};
-
 class Parser {
  public:
   explicit Parser(std::string name) : name_(std::move(name)) {}
 
   Result<G2o> Parse(std::string_view text) {
-    while (!text.empty()) {
-      ++line_;
-      const std::string_view line = TakeLine(text);
-      if (line.size() > kPyfgLineBytesMax) return Stop(line_, "the line is longer than 4096 bytes");
-      LineFields fields(line);
-      if (fields.left() == 0 || line.front() == '#') continue;
+    const Result<void> parsed = ParseLines(text, name_, [this](LineFields& fields, std::size_t line) {
+      line_ = line;
       ParseLine(fields);
-      if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
-      if (!fields.error().empty()) return Stop(line_, fields.error());
-    }
+    });
+    if (!parsed) return tl::unexpected(parsed.error());
     for (const Mention& mention : mentions_) {
       if (!vertices_.empty() && !vertices_.contains(mention.id)) {
         return Stop(mention.line, "no vertex has the id " + std::to_string(mention.id));
@@ -73,12 +65,7 @@ class Parser {
     if (fields.error().empty() && edge.from == edge.to) fields.Stop("the edge joins a vertex with itself");
     edge.from_from_to = fields.PoseOf(is_planar);
     if (is_planar) {
-      const Eigen::Matrix3d planar = fields.Symmetric<3>("information");
-      for (int row = 0; row < 3; ++row) {
-        for (int column = 0; column < 3; ++column) {
-          edge.information(kPlanarRows[row], kPlanarRows[column]) = planar(row, column);
-        }
-      }
+      SetPlanar(fields.Symmetric<3>("information"), edge.information);
     } else {
       edge.information = fields.Symmetric<6>("information");
     }

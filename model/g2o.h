@@ -48,7 +48,7 @@ struct G2o {
 // kInvalid with field "file:line": an unknown keyword, too few or too many fields, a number that is not finite, an id
 // that is no whole number, a doubled vertex, an edge of a vertex with itself, an edge or FIX with a vertex that is
 // nowhere, a quaternion not of length 1 (within 1 %), an information that is not positive definite, a position beyond
-// 1e9 m, 2-D and 3-D mixed, a line longer than kPyfgLineBytesMax. `name` stands for the file in errors.
+// 1e9 m, 2-D and 3-D mixed, a line longer than kGraphLineBytesMax. `name` stands for the file in errors.
 Result<G2o> ParseG2o(std::string_view text, const std::string& name);
 
 // The same from a file; also the errors of ReadTextFile.

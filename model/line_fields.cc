@@ -10,6 +10,7 @@ namespace moondb {
 namespace {
 
 constexpr double kCoordinateMaxM = 1e9;
+constexpr int kPlanarRows[3] = {0, 1, 5};
 constexpr double kQuaternionTolerance = 0.01;
 // A quaternion this close to length 1 is kept as it is, so that what was normalised once reads back bit for bit.
 constexpr double kQuaternionUnitSlack = 1e-12;
@@ -76,6 +77,37 @@ Eigen::Quaterniond LineFields::Orientation() {
     return Eigen::Quaterniond::Identity();
   }
   return std::abs(length - 1) <= kQuaternionUnitSlack ? read : read.normalized();
+}
+
+Result<void> ParseLines(std::string_view text, const std::string& name,
+                        const std::function<void(LineFields& fields, std::size_t line)>& parse) {
+  for (std::size_t number = 1; !text.empty(); ++number) {
+    const std::string_view line = TakeLine(text);
+    const auto stop = [&](std::string why) {
+      return Fail(ErrorCode::kInvalid, std::move(why), FileLine(name, number));
+    };
+    if (line.size() > kGraphLineBytesMax) return stop("the line is longer than 4096 bytes");
+    LineFields fields(line);
+    if (fields.left() == 0 || line.front() == '#') continue;
+    parse(fields, number);
+    if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
+    if (!fields.error().empty()) return stop(fields.error());
+  }
+  return {};
+}
+
+void SetPlanar(const Eigen::Matrix3d& planar, Matrix6d& spatial) {
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) spatial(kPlanarRows[row], kPlanarRows[column]) = planar(row, column);
+  }
+}
+
+Eigen::Matrix3d PlanarOf(const Matrix6d& spatial) {
+  Eigen::Matrix3d planar;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) planar(row, column) = spatial(kPlanarRows[row], kPlanarRows[column]);
+  }
+  return planar;
 }
 
 double ExactPlanarYaw(const Eigen::Quaterniond& q) {

@@ -1,15 +1,18 @@
 // LineFields: the numbers and poses of one line of a text file of pose graphs, taken from the left; what the readers of
-// PyFG and g2o have in common.
+// PyFG, g2o and TUM have in common.
 #pragma once
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "model/error.h"
 #include "model/geometry.h"
+#include "model/pose_graph.h"
 
 namespace moondb {
 
@@ -52,6 +55,17 @@ class LineFields {
   std::size_t next_ = 0;
   std::string error_;
 };
+
+inline constexpr std::size_t kGraphLineBytesMax = 4096;
+
+// Gives `parse` each line that is neither empty nor a comment (#), and its number from 1. kInvalid with file (`name`)
+// and line as the field: the first error that it notes, fields that it leaves, a line longer than kGraphLineBytesMax.
+Result<void> ParseLines(std::string_view text, const std::string& name,
+                        const std::function<void(LineFields& fields, std::size_t line)>& parse);
+
+// The planar x, y and yaw of a matrix over x y z roll pitch yaw; its other entries stay.
+void SetPlanar(const Eigen::Matrix3d& planar, Matrix6d& spatial);
+Eigen::Matrix3d PlanarOf(const Matrix6d& spatial);
 
 // The yaw that reads back as exactly this quaternion, where one near the computed angle does: the arc tangent's last
 // bits are not those of the angle that was read.

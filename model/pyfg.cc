@@ -15,7 +15,6 @@ namespace {
 
 constexpr double kRangeMaxM = 1e6;
 constexpr int kLetters = 26;
-constexpr int kPlanarRows[3] = {0, 1, 5};
 
 enum class VertexKind { kPose, kLandmark };
 
@@ -39,11 +38,7 @@ NodeKey TakeKey(LineFields& fields) {
 
 Matrix6d Lift(const Eigen::Matrix3d& planar) {
   Matrix6d covariance = Matrix6d::Identity();
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      covariance(kPlanarRows[row], kPlanarRows[column]) = planar(row, column);
-    }
-  }
+  SetPlanar(planar, covariance);
   return covariance;
 }
 
@@ -52,16 +47,11 @@ class Parser {
   explicit Parser(std::string name) : name_(std::move(name)) {}
 
   Result<Pyfg> Parse(std::string_view text) {
-    while (!text.empty()) {
-      ++line_;
-      const std::string_view line = TakeLine(text);
-      if (line.size() > kPyfgLineBytesMax) return Stop(line_, "the line is longer than 4096 bytes");
-      LineFields fields(line);
-      if (fields.left() == 0 || line.front() == '#') continue;
+    const Result<void> parsed = ParseLines(text, name_, [this](LineFields& fields, std::size_t line) {
+      line_ = line;
       ParseLine(fields);
-      if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
-      if (!fields.error().empty()) return Stop(line_, fields.error());
-    }
+    });
+    if (!parsed) return tl::unexpected(parsed.error());
     return CheckEdges();
   }
 
@@ -227,13 +217,7 @@ class Formatter {
 void FormatOdometry(const OdometryEdge& edge, bool is_planar, Formatter& out) {
   out.Word("EDGE_SE2", "EDGE_SE3:QUAT").Stamp(edge.stamp_ns).Key(edge.from).Key(edge.to).PoseOf(edge.from_from_to);
   if (is_planar) {
-    Eigen::Matrix3d planar;
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        planar(row, column) = edge.covariance(kPlanarRows[row], kPlanarRows[column]);
-      }
-    }
-    out.UpperTriangle(planar, 3);
+    out.UpperTriangle(PlanarOf(edge.covariance), 3);
   } else {
     out.UpperTriangle(edge.covariance, 6);
   }

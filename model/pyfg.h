@@ -53,8 +53,6 @@ struct Pyfg {
   std::vector<PyfgSighting> sightings;
 };
 
-inline constexpr std::size_t kPyfgLineBytesMax = 4096;
-
 // 'A' is 1, 'Z' 26, 'a' 27, 'z' 52; 0 for any other character. LetterOfAgent is its inverse, '?' for other ids.
 AgentId AgentOfLetter(char letter);
 char LetterOfAgent(AgentId agent);
@@ -63,7 +61,7 @@ char LetterOfAgent(AgentId agent);
 // that is no letter and number, a doubled vertex, an edge of a vertex with itself or with one that is nowhere, an edge
 // that does not end where its kind must, a quaternion not of length 1 (within 1 %), a covariance that is not positive
 // definite, a range below 0 or above 1e6 m, a variance that is not positive, a position beyond 1e9 m, 2-D and 3-D
-// mixed, a line longer than kPyfgLineBytesMax. `name` stands for the file in errors.
+// mixed, a line longer than kGraphLineBytesMax. `name` stands for the file in errors.
 Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name);
 
 // The same from a file; also the errors of ReadTextFile.

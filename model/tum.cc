@@ -1,28 +1,18 @@
 #include "model/tum.h"
 
 #include "model/line_fields.h"
-#include "model/pyfg.h"
 #include "model/text.h"
 
 namespace moondb {
 
 Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& name) {
   std::vector<TumPose> poses;
-  for (std::size_t number = 1; !text.empty(); ++number) {
-    const std::string_view line = TakeLine(text);
-    const auto stop = [&](std::string why) {
-      return Fail(ErrorCode::kInvalid, std::move(why), FileLine(name, number));
-    };
-    if (line.size() > kPyfgLineBytesMax) return stop("the line is longer than 4096 bytes");
-    LineFields fields(line);
-    if (fields.left() == 0 || line.front() == '#') continue;
-    TumPose pose;
+  const Result<void> parsed = ParseLines(text, name, [&poses](LineFields& fields, std::size_t) {
+    TumPose& pose = poses.emplace_back();
     pose.stamp_ns = fields.Stamp();
     pose.map_from_body = fields.PoseOf(/*is_planar=*/false);
-    if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
-    if (!fields.error().empty()) return stop(fields.error());
-    poses.push_back(pose);
-  }
+  });
+  if (!parsed) return tl::unexpected(parsed.error());
   return poses;
 }
 

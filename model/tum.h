@@ -23,8 +23,8 @@ struct TumPose {
 };
 
 // kInvalid with field "file:line": too few or too many fields, a number that is not finite, a stamp that is none, a
-// quaternion not of length 1 (within 1 %), a position beyond 1e9 m, a line longer than kPyfgLineBytesMax. `name` stands
-// for the file in errors.
+// quaternion not of length 1 (within 1 %), a position beyond 1e9 m, a line longer than kGraphLineBytesMax. `name`
+// stands for the file in errors.
 Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& name);
 
 // The same from a file; also the errors of ReadTextFile.

@@ -277,7 +277,10 @@ std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiti
     *answer.mutable_merge_reply() = *std::move(reply);
     return answer;
   }
-  if (Result<void> updated = Update(context); !updated) return ErrorReply(question, updated.error());
+  if (!is_current_) {
+    const Result<void> updated = Update(context, collection_.Select({}));
+    if (!updated) return ErrorReply(question, updated.error());
+  }
   if (question.has_map_tiles_request()) return AnswerTiles(context, waiting);
   if (question.has_map_why_request()) {
     *answer.mutable_map_why_reply() = WhyOf(collection_, *merger_, question.map_why_request());
@@ -300,11 +303,11 @@ std::optional<proto::Message> MergeActor::AnswerTiles(Context& context, const Wa
   return answer;
 }
 
-Result<void> MergeActor::Update(Context& context) {
+Result<void> MergeActor::Update(Context& context, const MapCollection::Selected& everything) {
   if (merger_ == nullptr) return tl::unexpected(start_error_);
   if (is_current_) return {};
   const std::uint64_t forgotten = merger_->forgotten();
-  Result<void> merged = RunMerger(context, collection_.Select({}), *merger_);
+  Result<void> merged = RunMerger(context, everything, *merger_);
   is_current_ = merged.has_value();
   if (merger_->forgotten() != forgotten) life_ = context.rng()() | 1;  // Who knows older tiles is told all.
   return merged;
@@ -317,7 +320,7 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   const MapCollection::Selected selected = collection_.Select(selection);
   Result<MergedMap> merged;
   if (selection.is_everything()) {
-    const Result<void> updated = Update(context);
+    const Result<void> updated = Update(context, selected);
     if (!updated) return tl::unexpected(updated.error());
     merged = merger_->ReadCells(merger_->extent());
   } else {

@@ -76,7 +76,7 @@ class MergeActor final : public Actor {
   Result<void> TakeRecords(const proto::ReadReply& reply);
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   // Brings the merged map of everything up to date.
-  Result<void> Update(Context& context);
+  Result<void> Update(Context& context, const MapCollection::Selected& everything);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
   Result<void> StartMerger();
   void LogBackend(Context& context);

@@ -123,13 +123,17 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
 SharingActions SharingSession::Close() {
   SharingActions actions;
   if (!is_open()) return actions;
-  phase_ = Phase::kClosed;
   if (!is_unasked_) ++closed_sessions_;
+  End(actions);
+  return actions;
+}
+
+void SharingSession::End(SharingActions& actions) {
+  phase_ = Phase::kClosed;
   ForgetUnderWay();
   missing_count_ = 0;  // Nobody asks for them any more.
   is_remaining_known_ = false;
   TellStorage({}, /*is_closed=*/true, actions);
-  return actions;
 }
 
 SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
@@ -369,9 +373,8 @@ void SharingSession::Complete(SharingActions& actions) {
 
 void SharingSession::EndLimitedOrder(SharingActions& actions) {
   NoteError("ended with its order's bytes; more is left to share");
-  for (SharingAction& action : Close()) actions.push_back(std::move(action));
-  --closed_sessions_;
   ++limited_sessions_;
+  End(actions);
 }
 
 void SharingSession::Fill(Time now, SharingActions& actions) {

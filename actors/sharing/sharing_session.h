@@ -124,6 +124,7 @@ class SharingSession {
   void Restart(Time now, SharingActions& actions);
   void Complete(SharingActions& actions);
   void EndLimitedOrder(SharingActions& actions);
+  void End(SharingActions& actions);  // Without having completed.
   void Fill(Time now, SharingActions& actions);
   void AskForMissing(SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
