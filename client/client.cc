@@ -170,9 +170,9 @@ Result<proto::ShareStatus> Client::ShareStatus() {
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_share_status()); });
 }
 
-Result<proto::OptimizeReply> Client::Optimize() {
+Result<proto::OptimizeReply> Client::Optimize(const proto::OptimizeRequest& optimize) {
   proto::ControlRequest request;
-  request.mutable_optimize();
+  *request.mutable_optimize() = optimize;
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_optimize()); });
 }
 

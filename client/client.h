@@ -96,7 +96,7 @@ class Client {
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
   Result<proto::ShareStatus> ShareStatus();
-  Result<proto::OptimizeReply> Optimize();
+  Result<proto::OptimizeReply> Optimize(const proto::OptimizeRequest& request = {});
   Result<proto::GraphStatsReply> GraphStats();
   // What the agent's actors did last, and what they failed at.
   Result<proto::TraceReply> Trace(const proto::TraceRequest& request);

@@ -9,22 +9,6 @@ namespace {
 constexpr int kDimensions = 6;
 constexpr int kCovarianceNumbers = kDimensions * (kDimensions + 1) / 2;
 
-Result<Matrix6d> CovarianceOf(const proto::RelativePose& relative_pose) {
-  const auto& upper_triangle = relative_pose.covariance();
-  if (upper_triangle.size() != kCovarianceNumbers) {
-    return Fail(ErrorCode::kInvalid, "has " + std::to_string(upper_triangle.size()) + " numbers instead of 21",
-                "pose_graph_edge.relative_pose.covariance");
-  }
-  Matrix6d covariance;
-  int next = 0;
-  for (int row = 0; row < kDimensions; ++row) {
-    for (int column = row; column < kDimensions; ++column) {
-      covariance(row, column) = covariance(column, row) = upper_triangle[next++];
-    }
-  }
-  return covariance;
-}
-
 Result<void> AddNode(const proto::Record& record, PoseGraph& graph) {
   const proto::PoseGraphNode& node = record.pose_graph_node();
   const Result<Pose> pose = FromProto(node.map_from_node());
@@ -47,13 +31,34 @@ Result<void> AddEdge(const proto::Record& record, PoseGraph& graph) {
     return Fail(pose.error().code, pose.error().text,
                 "pose_graph_edge.relative_pose.from_from_to." + pose.error().field);
   }
-  const Result<Matrix6d> covariance = CovarianceOf(edge.relative_pose());
-  if (!covariance) return tl::unexpected(covariance.error());
+  const Result<Matrix6d> covariance = FromUpperTriangle(edge.relative_pose().covariance());
+  if (!covariance) {
+    return Fail(covariance.error().code, covariance.error().text, "pose_graph_edge.relative_pose.covariance");
+  }
   graph.odometry.push_back(OdometryEdge{from, to, record.stamp_ns(), *pose, *covariance});
   return {};
 }
 
 }  // namespace
+
+Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers) {
+  if (numbers.size() != kCovarianceNumbers) {
+    return Fail(ErrorCode::kInvalid, "has " + std::to_string(numbers.size()) + " numbers instead of 21");
+  }
+  Matrix6d matrix;
+  int next = 0;
+  for (int row = 0; row < kDimensions; ++row) {
+    for (int column = row; column < kDimensions; ++column) matrix(row, column) = matrix(column, row) = numbers[next++];
+  }
+  return matrix;
+}
+
+void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers) {
+  numbers.Reserve(numbers.size() + kCovarianceNumbers);
+  for (int row = 0; row < kDimensions; ++row) {
+    for (int column = row; column < kDimensions; ++column) numbers.Add(matrix(row, column));
+  }
+}
 
 proto::Record ToRecord(const GraphNode& node) {
   proto::Record record;
@@ -72,10 +77,7 @@ proto::Record ToRecord(const OdometryEdge& edge) {
   *body.mutable_to() = ToProto(edge.to);
   proto::RelativePose& relative_pose = *body.mutable_relative_pose();
   *relative_pose.mutable_from_from_to() = ToProto(edge.from_from_to);
-  relative_pose.mutable_covariance()->Reserve(kCovarianceNumbers);
-  for (int row = 0; row < kDimensions; ++row) {
-    for (int column = row; column < kDimensions; ++column) relative_pose.add_covariance(edge.covariance(row, column));
-  }
+  AddUpperTriangle(edge.covariance, *relative_pose.mutable_covariance());
   return record;
 }
 

@@ -44,6 +44,10 @@ struct PoseGraph {
   std::vector<RangeEdge> ranges;
 };
 
+// A symmetric matrix as its upper triangle's 21 numbers, row by row. kInvalid: another count.
+Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers);
+void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers);
+
 // Records and back. AddRecord takes records that CheckRecord has passed, and ignores other types.
 proto::Record ToRecord(const GraphNode& node);
 proto::Record ToRecord(const OdometryEdge& edge);

@@ -26,14 +26,11 @@ struct EdgeEnds {
   bool is_range = false;
 };
 
-std::string KeyText(NodeKey key) { return LetterOfAgent(key.agent) + std::to_string(key.index); }
-
 NodeKey TakeKey(LineFields& fields) {
   const std::string_view text = fields.Take();
-  const AgentId agent = text.empty() ? 0 : AgentOfLetter(text.front());
-  const std::optional<std::uint64_t> index = text.empty() ? std::nullopt : ParseUnsigned(text.substr(1));
-  if (agent == 0 || !index) fields.Stop("'" + std::string(text) + "' is no key of a letter and a number");
-  return NodeKey{agent, index.value_or(0)};
+  const std::optional<NodeKey> key = ParseKey(text);
+  if (!key) fields.Stop("'" + std::string(text) + "' is no key of a letter and a number");
+  return key.value_or(NodeKey{});
 }
 
 Matrix6d Lift(const Eigen::Matrix3d& planar) {
@@ -140,20 +137,21 @@ class Parser {
 
   void AddVertex(LineFields& fields, NodeKey key, VertexKind kind) {
     if (!fields.error().empty()) return;
-    if (!vertices_.emplace(key, kind).second) fields.Stop("the vertex " + KeyText(key) + " stands here a second time");
+    if (!vertices_.emplace(key, kind).second)
+      fields.Stop("the vertex " + FormatKey(key) + " stands here a second time");
   }
 
   // Only when all vertices are known.
   Result<Pyfg> CheckEdges() {
     for (const EdgeEnds& edge : edges_) {
-      if (edge.from == edge.to) return Stop(edge.line, "the edge joins " + KeyText(edge.from) + " with itself");
+      if (edge.from == edge.to) return Stop(edge.line, "the edge joins " + FormatKey(edge.from) + " with itself");
       for (const NodeKey end : {edge.from, edge.to}) {
         const auto vertex = vertices_.find(end);
-        if (vertex == vertices_.end()) return Stop(edge.line, "no vertex has the key " + KeyText(end));
+        if (vertex == vertices_.end()) return Stop(edge.line, "no vertex has the key " + FormatKey(end));
         if (edge.is_range) continue;
         const bool is_landmark = vertex->second == VertexKind::kLandmark;
         if (is_landmark != (edge.is_to_landmark && end == edge.to)) {
-          return Stop(edge.line, KeyText(end) + (is_landmark ? " is a landmark" : " is no landmark"));
+          return Stop(edge.line, FormatKey(end) + (is_landmark ? " is a landmark" : " is no landmark"));
         }
       }
     }
@@ -187,7 +185,7 @@ class Formatter {
   Formatter& Stamp(std::int64_t stamp_ns) { return Word(FormatStampNs(stamp_ns)); }
   Formatter& Key(NodeKey key) {
     Check(LetterOfAgent(key.agent) != '?', "PyFG names agents 1 to 52 by a letter");
-    return Word(KeyText(key));
+    return Word(FormatKey(key));
   }
   Formatter& Position(const Eigen::Vector3d& position) {
     for (int i = 0; i < (is_planar_ ? 2 : 3); ++i) Number(position[i]);
@@ -237,6 +235,16 @@ char LetterOfAgent(AgentId agent) {
   if (agent > kLetters && agent <= 2 * kLetters) return static_cast<char>('a' + agent - 1 - kLetters);
   return '?';
 }
+
+std::optional<NodeKey> ParseKey(std::string_view text) {
+  if (text.empty()) return std::nullopt;
+  const AgentId agent = AgentOfLetter(text.front());
+  const std::optional<std::uint64_t> index = ParseUnsigned(text.substr(1));
+  if (agent == 0 || !index) return std::nullopt;
+  return NodeKey{agent, *index};
+}
+
+std::string FormatKey(const NodeKey& key) { return LetterOfAgent(key.agent) + std::to_string(key.index); }
 
 Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name) { return Parser(name).Parse(text); }
 

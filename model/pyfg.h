@@ -57,6 +57,10 @@ struct Pyfg {
 AgentId AgentOfLetter(char letter);
 char LetterOfAgent(AgentId agent);
 
+// "A17". Nothing for what is no letter and number.
+std::optional<NodeKey> ParseKey(std::string_view text);
+std::string FormatKey(const NodeKey& key);
+
 // kInvalid with field "file:line": an unknown keyword, too few or too many fields, a number that is not finite, a key
 // that is no letter and number, a doubled vertex, an edge of a vertex with itself or with one that is nowhere, an edge
 // that does not end where its kind must, a quaternion not of length 1 (within 1 %), a covariance that is not positive

@@ -36,6 +36,9 @@ share:
 %s
 ground:
 %s
+# The leader solves the pose graph by itself when records have stopped coming, or on `moonctl graph optimize` alone.
+pose_graph: {solve_by_itself: %s}
+
 map: {resolution_m: %s, footprint_m: [%s, %s]}   # The merged map's cells; a rover's length and width.
 )";
 
@@ -128,11 +131,12 @@ std::string TeamText(const proto::TeamConfig& team) {
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
-  text += Format(
-      kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
-              team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
-              PoliciesText(team.share()), PoliciesText(team.ground()), Number(team.map().resolution_m()),
-              Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+  text +=
+      Format(kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()),
+                     Number(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
+                     Number(team.radio().states_period_s()), PoliciesText(team.share()), PoliciesText(team.ground()),
+                     team.pose_graph().solve_by_itself() ? "true" : "false", Number(team.map().resolution_m()),
+                     Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
             ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
@@ -152,6 +156,7 @@ Places PlacesOf(const proto::TeamConfig& team) {
   if (team.roles().leader_timeout_s() > 0) places["roles.leader_timeout_s"] = {};
   if (team.radio().budget_kbps() > 0) places["radio.budget_kbps"] = {};
   if (team.has_radio()) places["radio.quiet_while_driving"] = {};
+  if (team.has_pose_graph()) places["pose_graph.solve_by_itself"] = {};
   if (team.map().resolution_m() > 0) places["map.resolution_m"] = {};
   if (team.map().footprint_m_size() == 2) places["map.footprint_m"] = {};
   return places;

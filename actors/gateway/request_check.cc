@@ -106,6 +106,22 @@ Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto
   return CheckMembers(team, share.from_agents(), "share.from_agents");
 }
 
+Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize) {
+  if (optimize.from_scratch() && optimize.window_nodes() > 0) {
+    return Fail(ErrorCode::kInvalid, "goes on from the last solution, which from_scratch leaves out",
+                "optimize.window_nodes");
+  }
+  if (optimize.covariance_of_size() > kCovariancesMax) {
+    return Fail(ErrorCode::kInvalid, "at most " + std::to_string(kCovariancesMax) + " nodes at a time",
+                "optimize.covariance_of");
+  }
+  for (int i = 0; i < optimize.covariance_of_size(); ++i) {
+    const std::string field = "optimize.covariance_of[" + std::to_string(i) + "].agent_id";
+    if (auto checked = CheckMember(team, optimize.covariance_of(i).agent_id(), field); !checked) return checked;
+  }
+  return {};
+}
+
 Result<void> CheckCoordinate(double metres, const std::string& field) {
   if (std::abs(metres) <= kMapCoordinateMax_m) return {};  // Not for NaN.
   return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
@@ -141,6 +157,8 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
       return CheckRoleSet(team, request.role_set());
     case proto::ControlRequest::kShare:
       return CheckShare(team, self, request.share());
+    case proto::ControlRequest::kOptimize:
+      return CheckOptimize(team, request.optimize());
     case proto::ControlRequest::kMerge:
       return CheckMembers(team, request.merge().agents(), "merge.agents");
     case proto::ControlRequest::kMapWhy: {
@@ -154,7 +172,6 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     case proto::ControlRequest::kRoleShow:
     case proto::ControlRequest::kShareStatus:
     case proto::ControlRequest::kLease:
-    case proto::ControlRequest::kOptimize:
     case proto::ControlRequest::kStop:
     case proto::ControlRequest::kGraphStats:
     case proto::ControlRequest::kTrace:

@@ -48,15 +48,16 @@ void KnownGraph::AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verd
   const Version version{Run{OrderOf(verdict.term()), verdict.run()}, key};
   newest_run_ = std::max(newest_run_, version.first);
   const RangeKey range{FromProto(verdict.from()), FromProto(verdict.to())};
-  const auto [entry, is_new] = verdicts_.try_emplace(range, Versioned<bool>{version, verdict.is_inlier()});
-  if (!is_new && version > entry->second.version) entry->second = {version, verdict.is_inlier()};
+  const PublishedVerdict published{verdict.is_inlier(), verdict.residual_sigmas()};
+  const auto [entry, is_new] = verdicts_.try_emplace(range, Versioned<PublishedVerdict>{version, published});
+  if (!is_new && version > entry->second.version) entry->second = {version, published};
 }
 
 LastSolution KnownGraph::FindLastSolution() const {
   LastSolution solution;
   for (const auto& [node, pose] : poses_) solution.poses.emplace_hint(solution.poses.end(), node, pose.value);
-  for (const auto& [range, is_inlier] : verdicts_) {
-    if (!is_inlier.value) solution.rejected.insert(range);
+  for (const auto& [range, verdict] : verdicts_) {
+    if (!verdict.value.is_inlier) solution.rejected.insert(range);
   }
   return solution;
 }
@@ -66,9 +67,27 @@ const Pose* KnownGraph::FindPublished(const NodeKey& node) const {
   return found == poses_.end() ? nullptr : &found->second.value;
 }
 
-bool KnownGraph::IsPublishedInlier(const RangeKey& range) const {
+const Pose& KnownGraph::NewestPose(const GraphNode& node) const {
+  const Pose* published = FindPublished(node.key);
+  return published == nullptr ? node.map_from_node : *published;
+}
+
+const PublishedVerdict* KnownGraph::FindVerdict(const RangeKey& range) const {
   const auto found = verdicts_.find(range);
-  return found == verdicts_.end() || found->second.value;
+  return found == verdicts_.end() ? nullptr : &found->second.value;
+}
+
+bool KnownGraph::IsPublishedInlier(const RangeKey& range) const {
+  const PublishedVerdict* verdict = FindVerdict(range);
+  return verdict == nullptr || verdict->is_inlier;
+}
+
+std::vector<NodeKey> KnownGraph::NewestNodes() const {
+  std::map<AgentId, NodeKey> newest;
+  for (const auto& [node, source] : node_sources_) newest[node.agent] = node;
+  std::vector<NodeKey> nodes;
+  for (const auto& [agent, node] : newest) nodes.push_back(node);
+  return nodes;
 }
 
 std::uint64_t KnownGraph::LastRun(const proto::Term& term) const {

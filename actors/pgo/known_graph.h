@@ -19,6 +19,11 @@
 
 namespace moondb {
 
+struct PublishedVerdict {
+  bool is_inlier = true;
+  double residual_sigmas = 0;  // As in RangeVerdict, when it was last published.
+};
+
 class KnownGraph {
  public:
   // Takes nodes, edges, optimized poses and edge verdicts, and ignores other types. Of two poses of a node, or two
@@ -31,10 +36,16 @@ class KnownGraph {
 
   // The newest published pose of each node, and the ranges whose newest verdict is bad.
   LastSolution FindLastSolution() const;
-  const Pose* FindPublished(const NodeKey& node) const;  // Null where there is none.
+  const Pose* FindPublished(const NodeKey& node) const;          // Null where there is none.
+  std::size_t published_count() const { return poses_.size(); }  // Nodes that have one.
+  // Where there is none, the raw pose.
+  const Pose& NewestPose(const GraphNode& node) const;
 
-  // What was last published of a range; one that nobody spoke of counts as good.
+  // What was last published of a range; null where nobody spoke of it, which counts as good.
+  const PublishedVerdict* FindVerdict(const RangeKey& range) const;
   bool IsPublishedInlier(const RangeKey& range) const;
+
+  std::vector<NodeKey> NewestNodes() const;  // One of each agent that has nodes.
 
   // The largest run of `term` seen; 0: none.
   std::uint64_t LastRun(const proto::Term& term) const;
@@ -64,7 +75,7 @@ class KnownGraph {
 
   PoseGraph graph_;
   std::map<NodeKey, Versioned<Pose>> poses_;
-  std::map<RangeKey, Versioned<bool>> verdicts_;
+  std::map<RangeKey, Versioned<PublishedVerdict>> verdicts_;
   Run newest_run_;
   std::map<NodeKey, Source> node_sources_;
   std::map<EdgeName, Source> odometry_sources_;

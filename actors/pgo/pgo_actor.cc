@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::uint32_t kStorageTimeout = 1;
 constexpr std::uint32_t kQuiet = 2;
+constexpr std::uint32_t kSolved = 3;
 constexpr std::uint32_t kPageBytesMax = 1024 * 1024;
 
 }  // namespace
@@ -48,8 +49,7 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
       if (IsFromStorage(context, message) && phase_ == Phase::kWriting) OnInsertReply(context, message.insert_reply());
       return;
     case proto::Message::kTimer:
-      if (is_own_agents && message.timer().kind() == kStorageTimeout) OnTimeout(context, message.timer().value());
-      if (is_own_agents && message.timer().kind() == kQuiet) OnQuiet(context);
+      if (is_own_agents) OnTimer(context, message.timer());
       return;
     case proto::Message::kRecordsStored:
       if (context.sender() == Address{options_.self, actor_name::kStorage}) {
@@ -57,6 +57,18 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
       }
       return;
     default:
+      return;
+  }
+}
+
+void PgoActor::OnTimer(Context& context, const proto::Timer& timer) {
+  switch (timer.kind()) {
+    case kStorageTimeout:
+      return OnTimeout(context, timer.value());
+    case kQuiet:
+      return OnQuiet(context);
+    case kSolved:
+      if (phase_ == Phase::kWriting && timer.value() == request_id_) WriteNextChunk(context);
       return;
   }
 }
@@ -85,7 +97,7 @@ std::optional<Error> PgoActor::WhyNotLeader() const {
 }
 
 void PgoActor::OnOptimizeRequest(Context& context, const proto::Message& message) {
-  const Asker asker{context.sender(), message.request_id()};
+  const Asker asker{context.sender(), message.request_id(), message.optimize_request()};
   proto::OptimizeReply refusal;
   if (const std::optional<Error> error = WhyNotLeader()) {
     *refusal.mutable_error() = ToProto(*error);
@@ -96,10 +108,11 @@ void PgoActor::OnOptimizeRequest(Context& context, const proto::Message& message
     return Answer(context, asker, refusal);
   }
   askers_.push_back(asker);
-  if (phase_ == Phase::kIdle) Begin(context);
+  if (phase_ == Phase::kIdle) Begin(context, asker.request);
 }
 
-void PgoActor::Begin(Context& context) {
+void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
+  request_ = std::move(request);
   phase_ = Phase::kReading;
   reply_.Clear();
   ReadNextPage(context);
@@ -125,7 +138,7 @@ void PgoActor::OnQuiet(Context& context) {
   if (phase_ != Phase::kIdle) due = std::max(due, context.now() + options_.solve_when_quiet);
   if (context.now() >= due) {
     last_unasked_ = context.now();
-    return Begin(context);
+    return Begin(context, {});
   }
   is_awaiting_quiet_ = true;
   (void)context.AfterTimer(due - context.now(), kQuiet);
@@ -180,11 +193,22 @@ void PgoActor::OnReadReply(Context& context, const proto::ReadReply& reply) {
   ReadNextPage(context);
 }
 
-void PgoActor::SolveNow(Context& context) {
+SolverOptions PgoActor::OptionsOf(const proto::OptimizeRequest& request) const {
   SolverOptions solver = options_.solver;
+  solver.window_nodes = request.window_nodes();
+  for (const proto::NodeKey& node : request.covariance_of()) solver.covariance_of.push_back(FromProto(node));
+  if (request.with_covariance()) {
+    for (const NodeKey& node : known_.NewestNodes()) solver.covariance_of.push_back(node);
+  }
+  return solver;
+}
+
+void PgoActor::SolveNow(Context& context) {
+  SolverOptions solver = OptionsOf(request_);
   solver.stop_requested = [&context] { return context.stop_requested(); };
   const MonotonicTime begin = context.now();
-  const Solution solution = SolvePoseGraph(known_.graph(), agents_, known_.FindLastSolution(), solver);
+  const LastSolution last = request_.from_scratch() ? LastSolution{} : known_.FindLastSolution();
+  const Solution solution = SolvePoseGraph(known_.graph(), agents_, last, solver);
   reply_ = ToReply(solution);
   reply_.set_seconds(std::chrono::duration<double>(context.now() - begin).count());
   stats_.set_solve_count(stats_.solve_count() + 1);
@@ -196,7 +220,8 @@ void PgoActor::SolveNow(Context& context) {
   reply_.set_updated_pose_count(static_cast<double>(publication_.pose_count));
   phase_ = Phase::kWriting;
   written_count_ = 0;
-  WriteNextChunk(context);
+  // A change of roles that came during the solve waits in the mailbox; it goes first.
+  (void)context.AfterTimer(Duration::zero(), kSolved, ++request_id_);
 }
 
 void PgoActor::WriteNextChunk(Context& context) {
@@ -226,8 +251,17 @@ void PgoActor::Finish(Context& context) {
   phase_ = Phase::kIdle;
   publication_ = {};
   *stats_.mutable_last_solve() = reply_;
-  const std::vector<Asker> askers = std::exchange(askers_, {});
-  for (const Asker& asker : askers) Answer(context, asker, reply_);
+  const std::string question = request_.SerializeAsString();
+  std::vector<Asker> waiting;
+  for (Asker& asker : std::exchange(askers_, {})) {
+    if (asker.request.SerializeAsString() == question || !Leads()) {
+      Answer(context, asker, reply_);
+    } else {
+      waiting.push_back(std::move(asker));
+    }
+  }
+  askers_ = std::move(waiting);
+  if (!askers_.empty()) Begin(context, askers_.front().request);
 }
 
 void PgoActor::Answer(Context& context, const Asker& asker, const proto::OptimizeReply& reply) {

@@ -3,14 +3,17 @@
 //   OptimizeRequest -> reads what is new in its storage, page by page -> solves, in the handler -> inserts the poses
 //   that moved and the verdicts that changed, in chunks -> OptimizeReply, once all of them are committed.
 //
+// A request may want all solved from scratch, only a window of the newest nodes, or covariances (proto/control.proto).
+//
 // With `solve_when_quiet` it also solves by itself, while it leads: when nodes or edges have come to its storage and no
 // more of them for so long, which is how a completed sync looks from here.
 //
 // Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy, read back here,
 // so a new leader continues from the last one's solution. An agent that is not the leader refuses (kRefused, with the
-// leader's name). A request that comes while one is worked on waits for the same answer; at most `askers_max`, then
-// kFull. Storage that does not answer within `storage_timeout` gives kTimedOut; what it committed stays and is not
-// published again. A leader that loses its role meanwhile answers kRefused and writes no further chunk.
+// leader's name). A request that comes while one is worked on waits: for the same answer where it asks the same, else
+// for its turn; at most `askers_max`, then kFull. Storage that does not answer within `storage_timeout` gives
+// kTimedOut; what it committed stays and is not published again. A leader that loses its role meanwhile answers
+// kRefused and writes no further chunk: what a change of roles finds being solved is not published at all.
 //
 // Listens to RolesChanged (also asked of RoleActor at the start), OptimizeRequest, GraphStatsRequest, RecordsStored.
 // Spawn it under actor_name::kPgo with a thread of its own: a solve takes up to seconds. Solves end early when the
@@ -39,7 +42,7 @@ class PgoActor final : public Actor {
     PublicationOptions publication;
     Duration solve_when_quiet{};                      // 0: on request only.
     Duration solve_apart = std::chrono::seconds(60);  // Between two solves that nobody asked for, at least.
-    std::size_t askers_max = 16;                      // Requests that wait for one answer.
+    std::size_t askers_max = 16;                      // Requests that wait for an answer.
     std::size_t read_records_max = 1000;              // Of one page.
     std::size_t insert_records_max = 200;             // Of one chunk.
     Duration storage_timeout = std::chrono::seconds(30);
@@ -56,6 +59,7 @@ class PgoActor final : public Actor {
   struct Asker {
     Address address;
     std::uint64_t request_id = 0;
+    proto::OptimizeRequest request;
   };
 
   bool IsFromStorage(const Context& context, const proto::Message& message) const;
@@ -64,18 +68,20 @@ class PgoActor final : public Actor {
   void OnGraphStatsRequest(Context& context);
   void OnReadReply(Context& context, const proto::ReadReply& reply);
   void OnInsertReply(Context& context, const proto::InsertReply& reply);
+  void OnTimer(Context& context, const proto::Timer& timer);
   void OnTimeout(Context& context, std::uint64_t request_id);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnQuiet(Context& context);
 
   bool Leads() const { return roles_ && roles_->leader() == options_.self; }
   void AwaitQuiet(Context& context);
-  void Begin(Context& context);
+  void Begin(Context& context, proto::OptimizeRequest request);
 
   std::optional<Error> WhyNotLeader() const;
   void AskStorage(Context& context, proto::Message message);
   void ReadNextPage(Context& context);
   void SolveNow(Context& context);
+  SolverOptions OptionsOf(const proto::OptimizeRequest& request) const;
   void WriteNextChunk(Context& context);
   void FinishWith(Context& context, const Error& error);
   void Finish(Context& context);
@@ -90,7 +96,8 @@ class PgoActor final : public Actor {
   Phase phase_ = Phase::kIdle;
   std::uint64_t request_id_ = 0;  // Of the question that storage has not answered yet.
   TimerId timeout_ = 0;
-  std::vector<Asker> askers_;
+  std::vector<Asker> askers_;       // First come, first served.
+  proto::OptimizeRequest request_;  // In hand.
   Publication publication_;
   std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Of the solve in hand.

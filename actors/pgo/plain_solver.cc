@@ -73,6 +73,14 @@ class PlainSolver {
     return Finish();
   }
 
+  PlainSolution RunFromVertices() {
+    if (graph_.nodes.empty()) return Run();
+    PlainState state;
+    for (const PlainNode& node : graph_.nodes) state.push_back(ToBlock(node.vertex));
+    Add(Road{cost_.Minimise(all_, StartQuality::kRough, state), state}, Beginning::kVertices);
+    return Finish();
+  }
+
  private:
   bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
 
@@ -262,6 +270,8 @@ std::string ToString(Beginning beginning) {
       return "stage 0";
     case Beginning::kPrefixGrowth:
       return "prefix growth";
+    case Beginning::kVertices:
+      return "vertices";
   }
   return "unknown";
 }
@@ -272,6 +282,10 @@ PlainSolution SolvePlainGraph(const PlainGraph& graph, const PlainOptions& optio
 
 PlainSolution SolveFromOdometry(const PlainGraph& graph, const PlainOptions& options) {
   return PlainSolver(graph, options).RunFromOdometry();
+}
+
+PlainSolution SolveFromVertices(const PlainGraph& graph, const PlainOptions& options) {
+  return PlainSolver(graph, options).RunFromVertices();
 }
 
 }  // namespace moondb

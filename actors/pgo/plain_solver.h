@@ -18,9 +18,9 @@
 
 namespace moondb {
 
-enum class Beginning { kOdometry, kChordal, kArrangedParts, kPrefixGrowth };
+enum class Beginning { kOdometry, kChordal, kArrangedParts, kPrefixGrowth, kVertices };
 
-// "odometry", "chordal", "stage 0", "prefix growth".
+// "odometry", "chordal", "stage 0", "prefix growth", "vertices".
 std::string ToString(Beginning beginning);
 
 struct PlainSolution {
@@ -39,5 +39,8 @@ PlainSolution SolvePlainGraph(const PlainGraph& graph, const PlainOptions& optio
 // Least squares from composed odometry, parts that nothing joins each at the origin: what is had without a choice of
 // the beginning. For comparison.
 PlainSolution SolveFromOdometry(const PlainGraph& graph, const PlainOptions& options);
+
+// The minimum next to PlainNode::vertex, for who knows that a file's vertices are a good beginning.
+PlainSolution SolveFromVertices(const PlainGraph& graph, const PlainOptions& options);
 
 }  // namespace moondb

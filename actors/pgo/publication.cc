@@ -21,6 +21,22 @@ void SetVersion(const proto::Term& term, std::uint64_t run, Body& body) {
   body.set_run(run);
 }
 
+proto::Anchoring ToProto(Anchoring anchoring) {
+  switch (anchoring) {
+    case Anchoring::kAnchored:
+      return proto::ANCHORING_ANCHORED;
+    case Anchoring::kNoRanges:
+      return proto::ANCHORING_NO_RANGES;
+    case Anchoring::kYawFree:
+      return proto::ANCHORING_YAW_FREE;
+    case Anchoring::kAmbiguous:
+      return proto::ANCHORING_AMBIGUOUS;
+    case Anchoring::kUnanchored:
+      return proto::ANCHORING_UNANCHORED;
+  }
+  return proto::ANCHORING_UNSPECIFIED;
+}
+
 }  // namespace
 
 Publication MakePublication(const Solution& solution, const KnownGraph& known, const AgentFactsMap& agents,
@@ -69,10 +85,17 @@ proto::OptimizeReply ToReply(const Solution& solution) {
   reply.set_initial_cost(solution.initial_cost);
   reply.set_final_cost(solution.final_cost);
   reply.set_iterations(solution.iterations);
+  reply.set_beginning(ToString(solution.beginning));
+  reply.set_text(solution.text);
+  for (const auto& [node, covariance] : solution.covariances) {
+    proto::NodeCovariance& out = *reply.add_covariances();
+    *out.mutable_node() = ToProto(node);
+    AddUpperTriangle(covariance, *out.mutable_covariance());
+  }
   for (const RoverResult& rover : solution.rovers) {
     proto::RoverSolution& out = *reply.add_rovers();
     out.set_agent_id(rover.agent);
-    out.set_is_anchored(rover.anchoring == Anchoring::kAnchored);
+    out.set_anchoring(ToProto(rover.anchoring));
     out.set_odometry_scale(rover.odometry_scale);
     out.set_node_count(static_cast<double>(rover.node_count));
     out.set_text(rover.text);

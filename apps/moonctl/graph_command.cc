@@ -1,4 +1,6 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 
 #include "apps/common/graph_reading.h"
 #include "apps/common/json_writer.h"
@@ -6,26 +8,42 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/g2o_graph.h"
+#include "apps/moonctl/graph_commands.h"
 #include "apps/moonctl/graph_import.h"
 #include "apps/moonctl/team_letters.h"
 #include "model/text.h"
-#include "model/tum.h"
 
 namespace moondb {
 namespace {
 
-struct GraphArguments {
-  std::string file;
-  std::string poses = "optimized";
-  std::string format = "pyfg";
+struct OptimizeArguments {
+  bool is_from_scratch = false;
+  std::uint32_t window_nodes = 0;
+  bool has_covariance = false;
+  std::vector<std::string> covariance_of;  // "rover2:17".
 };
 
 std::string Count(std::size_t count) { return std::to_string(count); }
 
-ExitCode ImportGraph(CommandContext& context, const GraphArguments& arguments) {
+// A file of either kind, as PyFG.
+Result<Pyfg> ReadImported(CommandContext& context, const proto::TeamConfig& team, const std::string& file) {
+  if (std::filesystem::path(file).extension() != ".g2o") return ReadPyfg(file);
+  AgentId plain_agent = 0;
+  if (!context.agent.empty()) {
+    const auto chosen = context.ChosenAgents();
+    if (!chosen) return tl::unexpected(chosen.error());
+    for (const auto& [letter, agent] : AgentsByLetter(team)) {
+      if (agent == chosen->front()->id()) plain_agent = letter;
+    }
+  }
+  return ReadG2o(file).and_then([plain_agent](const G2o& g2o) { return ToPyfg(g2o, plain_agent); });
+}
+
+ExitCode ImportGraph(CommandContext& context, const std::string& file) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
-  auto pyfg = ReadPyfg(arguments.file);
+  auto pyfg = ReadImported(context, (*team)->config, file);
   if (!pyfg) return context.Report(pyfg.error());
   auto import = PrepareImport((*team)->config, *pyfg);
   if (!import) return context.Report(import.error());
@@ -62,120 +80,168 @@ ExitCode ImportGraph(CommandContext& context, const GraphArguments& arguments) {
                                        " agents; left out " + Count(import->left_out_count));
 }
 
-// The graph under the file's letters, with the chosen poses as vertices.
-Result<Pyfg> ToPyfg(const proto::TeamConfig& team, const ReadGraph& read, bool is_optimized) {
-  std::map<AgentId, AgentId> letters;
-  for (const auto& [letter, agent] : AgentsByLetter(team)) letters[agent] = letter;
-  const AgentId base = BaseStationOf(team);
-  Pyfg pyfg;
-  pyfg.graph = read.graph;
-  std::erase_if(pyfg.graph.nodes, [base](const GraphNode& node) { return node.key.agent == base; });
-  for (const GraphNode& node : read.graph.nodes) {
-    if (node.key.agent == base) pyfg.landmarks.push_back({node.key, node.stamp_ns, read.NewestPose(node).position_m});
+std::string AnchoringText(proto::Anchoring anchoring) {
+  switch (anchoring) {
+    case proto::ANCHORING_ANCHORED:
+      return "yes";
+    case proto::ANCHORING_NO_RANGES:
+      return "start only";
+    case proto::ANCHORING_YAW_FREE:
+      return "yaw free";
+    case proto::ANCHORING_AMBIGUOUS:
+      return "ambiguous";
+    default:
+      return "no";
   }
-  std::set<NodeKey> known;
-  for (const GraphNode& node : read.graph.nodes) known.insert(node.key);
-  // An edge may have come before its nodes.
-  const auto is_dangling = [&](const auto& edge) { return !known.contains(edge.from) || !known.contains(edge.to); };
-  std::erase_if(pyfg.graph.odometry, is_dangling);
-  std::erase_if(pyfg.graph.ranges, is_dangling);
-
-  const auto rename = [&](NodeKey& key) { key.agent = letters.contains(key.agent) ? letters[key.agent] : 0; };
-  bool is_named = true;
-  for (GraphNode& node : pyfg.graph.nodes) {
-    if (is_optimized) node.map_from_node = read.NewestPose(node);
-    rename(node.key);
-    is_named = is_named && node.key.agent != 0;
-  }
-  for (PyfgLandmark& landmark : pyfg.landmarks) rename(landmark.key);
-  for (OdometryEdge& edge : pyfg.graph.odometry) rename(edge.from), rename(edge.to);
-  for (RangeEdge& edge : pyfg.graph.ranges) rename(edge.from), rename(edge.to);
-  if (!is_named) return Fail(ErrorCode::kInvalid, "the graph has nodes of agents that the team file does not name");
-  if (AgentsByLetter(team).rbegin()->first > 52) {
-    return Fail(ErrorCode::kInvalid, "PyFG has letters for 52 agents at most");
-  }
-  return pyfg;
 }
 
-// One file a rover: DIR/NAME.tum.
-ExitCode ExportTrajectories(CommandContext& context, const ReadGraph& read, const GraphArguments& arguments) {
-  const proto::TeamConfig& team = (*context.Team())->config;
-  std::map<AgentId, std::map<NodeKey, TumPose>> tracks;
-  for (const GraphNode& node : read.graph.nodes) {
-    const Pose pose = arguments.poses == "optimized" ? read.NewestPose(node) : node.map_from_node;
-    tracks[node.key.agent].emplace(node.key, TumPose{node.stamp_ns, pose});
-  }
-  std::error_code error;
-  std::filesystem::create_directories(arguments.file, error);
-  JsonWriter json;
-  json.BeginObject().Key("files").BeginArray();
-  std::string text;
-  for (const auto& [agent, track] : tracks) {
-    std::vector<TumPose> poses;
-    for (const auto& [key, pose] : track) poses.push_back(pose);
-    const std::filesystem::path file = std::filesystem::path(arguments.file) / (AgentName(team, agent) + ".tum");
-    if (auto written = WriteTum(poses, file); !written) return context.Report(written.error());
-    json.String(file.string());
-    text += (text.empty() ? "" : "\n") + ("wrote " + file.string() + ": " + Count(poses.size()) + " poses");
-  }
-  json.EndArray().EndObject();
-  return context.Done(json.text(), text.empty() ? "the graph has no node" : text);
-}
-
-ExitCode ExportGraph(CommandContext& context, const GraphArguments& arguments) {
-  auto target = context.ConnectToChosenOrLeader();
-  if (!target) return context.Report(target.error());
-  auto read = ReadGraphOf(*target->client);
-  if (!read) return context.Report(read.error());
-  if (arguments.format == "tum") return ExportTrajectories(context, *read, arguments);
-  auto pyfg = ToPyfg((*context.Team())->config, *read, arguments.poses == "optimized");
-  if (!pyfg) return context.Report(pyfg.error());
-  if (auto written = WritePyfg(*pyfg, arguments.file); !written) return context.Report(written.error());
-  JsonWriter json;
-  json.BeginObject().Key("file").String(arguments.file);
-  json.Key("nodes").Number(static_cast<double>(read->graph.nodes.size()));
-  json.Key("optimized_nodes").Number(static_cast<double>(read->optimized.size()));
-  json.Key("odometry").Number(static_cast<double>(pyfg->graph.odometry.size()));
-  json.Key("ranges").Number(static_cast<double>(pyfg->graph.ranges.size())).EndObject();
-  return context.Done(json.text(), "wrote " + arguments.file + ": " + Count(read->graph.nodes.size()) + " nodes (" +
-                                       Count(read->optimized.size()) + " optimized), " +
-                                       Count(pyfg->graph.odometry.size()) + " odometry edges, " +
-                                       Count(pyfg->graph.ranges.size()) + " ranges");
+// One sigma of a coordinate: 0 to 2 place, 3 to 5 turn.
+std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const char* unit) {
+  const auto covariance = FromUpperTriangle(node.covariance());
+  if (!covariance) return "-";
+  return FormatFixed(std::sqrt((*covariance)(coordinate, coordinate)), 3) + " " + unit;
 }
 
 std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply& solve) {
-  std::string text = FormatCount(solve.node_count()) + " nodes, " + FormatCount(solve.odometry_count()) +
-                     " odometry edges, " + FormatCount(solve.range_count()) + " ranges (" +
-                     FormatCount(solve.rejected_range_count()) + " rejected)\ncost " +
-                     FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
-                     FormatCount(solve.iterations()) + " iterations, " + FormatFixed(solve.seconds(), 3) + " s; " +
-                     FormatCount(solve.updated_pose_count()) + " poses written\n";
+  std::string text =
+      FormatCount(solve.node_count()) + " nodes, " + FormatCount(solve.odometry_count()) + " odometry edges, " +
+      FormatCount(solve.range_count()) + " ranges (" + FormatCount(solve.rejected_range_count()) + " rejected)\ncost " +
+      FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
+      FormatCount(solve.iterations()) + " iterations, " + FormatFixed(solve.seconds(), 3) +
+      " s, begun at: " + solve.beginning() + "; " + FormatCount(solve.updated_pose_count()) + " poses written\n";
+  if (!solve.text().empty()) text += solve.text() + "\n";
   Table table({"ROVER", "NODES", "ANCHORED", "ODOMETRY SCALE", "NOTE"});
   for (const proto::RoverSolution& rover : solve.rovers()) {
-    table.Add({AgentName(team, rover.agent_id()), FormatCount(rover.node_count()), rover.is_anchored() ? "yes" : "no",
+    table.Add({AgentName(team, rover.agent_id()), FormatCount(rover.node_count()), AnchoringText(rover.anchoring()),
                FormatFixed(rover.odometry_scale(), 4), rover.text()});
   }
-  return text + table.Text();
+  text += table.Text();
+  if (solve.covariances().empty()) return text;
+  Table spreads({"NODE", "X", "Y", "Z", "YAW"});
+  for (const proto::NodeCovariance& node : solve.covariances()) {
+    spreads.Add({AgentName(team, node.node().agent_id()) + ":" + std::to_string(node.node().index()),
+                 SigmaText(node, 0, "m"), SigmaText(node, 1, "m"), SigmaText(node, 2, "m"), SigmaText(node, 5, "rad")});
+  }
+  return text + "one sigma:\n" + spreads.Text();
 }
 
-ExitCode OptimizeGraph(CommandContext& context) {
+// "rover2:17".
+Result<proto::NodeKey> ParseNode(const proto::TeamConfig& team, const std::string& text) {
+  const std::size_t colon = text.find(':');
+  const std::string name = text.substr(0, colon);
+  for (const proto::AgentConfig& agent : team.agents()) {
+    const auto index = colon == std::string::npos ? std::nullopt : ParseUnsigned(text.substr(colon + 1));
+    if (agent.name() == name && index) return ToProto(NodeKey{agent.id(), *index});
+  }
+  return Fail(ErrorCode::kInvalid, "'" + text + "' is no node of the team, such as rover2:17", "--covariance-of");
+}
+
+ExitCode OptimizeGraph(CommandContext& context, const OptimizeArguments& arguments) {
+  const auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  proto::OptimizeRequest request;
+  request.set_from_scratch(arguments.is_from_scratch);
+  request.set_window_nodes(arguments.window_nodes);
+  request.set_with_covariance(arguments.has_covariance);
+  for (const std::string& text : arguments.covariance_of) {
+    const auto node = ParseNode((*team)->config, text);
+    if (!node) return context.Report(node.error());
+    *request.add_covariance_of() = *node;
+  }
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
-  auto solve = target->client->Optimize();
+  auto solve = target->client->Optimize(request);
   if (!solve) return context.Report(solve.error());
-  return context.Done(ToJson(*solve), SolveText((*context.Team())->config, *solve));
+  return context.Done(ToJson(*solve), SolveText((*team)->config, *solve));
 }
 
-ExitCode ShowGraphStats(CommandContext& context) {
+// The ranges of one pair of agents, as their newest verdicts have them.
+struct PairStats {
+  std::size_t range_count = 0;
+  std::size_t rejected_count = 0;
+  double worst_sigmas = 0;  // Of the rejected ones, signed.
+};
+
+using AgentPair = std::pair<AgentId, AgentId>;  // The smaller id first.
+
+std::map<AgentPair, PairStats> FindPairs(const KnownGraph& known) {
+  std::map<AgentPair, PairStats> pairs;
+  for (const RangeEdge& range : known.graph().ranges) {
+    PairStats& pair = pairs[std::minmax(range.from.agent, range.to.agent)];
+    ++pair.range_count;
+    const PublishedVerdict* verdict = known.FindVerdict({range.from, range.to});
+    if (verdict == nullptr || verdict->is_inlier) continue;
+    ++pair.rejected_count;
+    if (std::abs(verdict->residual_sigmas) > std::abs(pair.worst_sigmas)) pair.worst_sigmas = verdict->residual_sigmas;
+  }
+  return pairs;
+}
+
+std::string PairsText(const proto::TeamConfig& team, const std::map<AgentPair, PairStats>& pairs) {
+  if (pairs.empty()) return "no range is held here\n";
+  Table table({"RANGES BETWEEN", "", "HELD", "REJECTED", "WORST SIGMAS"});
+  for (const auto& [agents, pair] : pairs) {
+    table.Add({AgentName(team, agents.first), AgentName(team, agents.second), std::to_string(pair.range_count),
+               std::to_string(pair.rejected_count),
+               pair.rejected_count == 0 ? "-" : FormatFixed(pair.worst_sigmas, 1)});
+  }
+  return table.Text();
+}
+
+// With the name of each rejected range.
+std::string RejectedText(const proto::TeamConfig& team, const KnownGraph& known) {
+  Table table({"REJECTED", "", "RANGE m", "SIGMAS"});
+  const auto name = [&team](const NodeKey& node) {
+    return AgentName(team, node.agent) + ":" + std::to_string(node.index);
+  };
+  for (const RangeEdge& range : known.graph().ranges) {
+    const PublishedVerdict* verdict = known.FindVerdict({range.from, range.to});
+    if (verdict == nullptr || verdict->is_inlier) continue;
+    table.Add(
+        {name(range.from), name(range.to), FormatFixed(range.range_m, 3), FormatFixed(verdict->residual_sigmas, 1)});
+  }
+  return table.Text();
+}
+
+void WriteRanges(const proto::TeamConfig& team, const KnownGraph& known, JsonWriter& json) {
+  json.Key("pairs").BeginArray();
+  for (const auto& [agents, pair] : FindPairs(known)) {
+    json.BeginObject().Key("agents").BeginArray();
+    json.String(AgentName(team, agents.first)).String(AgentName(team, agents.second)).EndArray();
+    json.Key("ranges").Number(static_cast<double>(pair.range_count));
+    json.Key("rejected").Number(static_cast<double>(pair.rejected_count));
+    json.Key("worst_sigmas").Number(pair.worst_sigmas).EndObject();
+  }
+  json.EndArray().Key("rejected").BeginArray();
+  for (const RangeEdge& range : known.graph().ranges) {
+    const PublishedVerdict* verdict = known.FindVerdict({range.from, range.to});
+    if (verdict == nullptr || verdict->is_inlier) continue;
+    json.BeginObject().Key("from").Raw(ToJson(ToProto(range.from))).Key("to").Raw(ToJson(ToProto(range.to)));
+    json.Key("range_m").Number(range.range_m).Key("residual_sigmas").Number(verdict->residual_sigmas).EndObject();
+  }
+  json.EndArray();
+}
+
+ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
+  const proto::TeamConfig& team = (*context.Team())->config;
   auto stats = target->client->GraphStats();
   if (!stats) return context.Report(stats.error());
-  const std::string text = stats->solve_count() == 0
-                               ? target->agent->name() + " has not solved the graph since it started"
-                               : FormatCount(stats->solve_count()) + " solves since the start; the last one:\n" +
-                                     SolveText((*context.Team())->config, stats->last_solve());
-  return context.Done(ToJson(*stats), text);
+  const auto known = ReadGraphOf(*target->client);
+  if (!known) return context.Report(known.error());
+  std::string text = stats->solve_count() == 0
+                         ? target->agent->name() + " has not solved the graph since it started\n"
+                         : FormatCount(stats->solve_count()) + " solves since the start; the last one:\n" +
+                               SolveText(team, stats->last_solve());
+  text += PairsText(team, FindPairs(*known));
+  if (has_edges) text += RejectedText(team, *known);
+  JsonWriter json;
+  json.BeginObject().Key("solve_count").Number(stats->solve_count());
+  json.Key("last_solve").Raw(ToJson(stats->last_solve()));
+  WriteRanges(team, *known, json);
+  json.EndObject();
+  return context.Done(json.text(), text);
 }
 
 }  // namespace
@@ -183,27 +249,35 @@ ExitCode ShowGraphStats(CommandContext& context) {
 void AddGraphCommands(CLI::App& app, CommandContext& context) {
   CLI::App& group = *app.add_subcommand("graph", "The team's pose graph");
   group.require_subcommand(1);
-  auto arguments = std::make_shared<GraphArguments>();
 
-  CLI::App& imported = *group.add_subcommand("import", "Insert a PyFG file, each rover's part at its own agent");
-  imported.add_option("file", arguments->file, "PyFG file")->required();
-  imported.callback(
-      [&context, arguments] { context.action = [&context, arguments] { return ImportGraph(context, *arguments); }; });
-  CLI::App& exported = *group.add_subcommand("export", "Write the graph that the leader (or -a) holds");
-  exported.add_option("file", arguments->file, "PyFG file; for TUM a folder, which gets one file per agent")
-      ->required();
-  exported.add_option("--format", arguments->format, "pyfg, or tum: the trajectories alone")
-      ->check(CLI::IsMember({"pyfg", "tum"}));
-  exported.add_option("--poses", arguments->poses, "optimized (where there are any) or raw")
-      ->check(CLI::IsMember({"optimized", "raw"}));
-  exported.callback(
-      [&context, arguments] { context.action = [&context, arguments] { return ExportGraph(context, *arguments); }; });
-  group.add_subcommand("optimize", "Solve it now, at the leader (or -a)")->callback([&context] {
-    context.action = [&context] { return OptimizeGraph(context); };
+  auto file = std::make_shared<std::string>();
+  CLI::App& imported =
+      *group.add_subcommand("import", "Insert a PyFG or g2o file, each rover's part at its own agent (g2o: see -a)");
+  imported.add_option("file", *file, "A .g2o file; anything else is read as PyFG")->required();
+  imported.callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });
+
+  AddGraphExport(group, context);
+
+  auto optimize = std::make_shared<OptimizeArguments>();
+  CLI::App& optimized = *group.add_subcommand("optimize", "Solve it now, at the leader (or -a)");
+  auto* scratch = optimized.add_flag("--from-scratch", optimize->is_from_scratch, "Not from the last solution");
+  optimized
+      .add_option("--window", optimize->window_nodes, "Move only so many newest nodes of each rover: a quick answer")
+      ->check(CLI::Range(1u, 1000000u))
+      ->excludes(scratch);
+  optimized.add_flag("--covariance", optimize->has_covariance, "Also how well each rover's newest node is known");
+  optimized.add_option("--covariance-of", optimize->covariance_of, "And of these nodes: rover2:17");
+  optimized.callback(
+      [&context, optimize] { context.action = [&context, optimize] { return OptimizeGraph(context, *optimize); }; });
+
+  auto has_edges = std::make_shared<bool>(false);
+  CLI::App& stats = *group.add_subcommand("stats", "The last solve, and what was judged of the ranges");
+  stats.add_flag("--edges", *has_edges, "Also each rejected range");
+  stats.callback([&context, has_edges] {
+    context.action = [&context, has_edges] { return ShowGraphStats(context, *has_edges); };
   });
-  group.add_subcommand("stats", "The last solve")->callback([&context] {
-    context.action = [&context] { return ShowGraphStats(context); };
-  });
+
+  AddGraphSolve(group, context);
 }
 
 }  // namespace moondb

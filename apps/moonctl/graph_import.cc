@@ -19,6 +19,10 @@ class Importer {
     AddLandmarks();
     if (auto added = AddNodes(); !added) return tl::unexpected(added.error());
     for (const OdometryEdge& edge : pyfg_.graph.odometry) {
+      if (edge.from.agent != edge.to.agent) {
+        ++import_.left_out_count;
+        continue;
+      }
       OdometryEdge translated = edge;
       translated.from = *Translate(edge.from);
       translated.to = *Translate(edge.to);
@@ -72,8 +76,13 @@ class Importer {
   Result<void> AddNodes() {
     std::map<AgentId, std::vector<const GraphNode*>> by_agent;
     for (const GraphNode& node : pyfg_.graph.nodes) by_agent[node.key.agent].push_back(&node);
+    // The step to a node is from the nearest one before it; others close loops.
     std::map<NodeKey, const OdometryEdge*> steps;
-    for (const OdometryEdge& edge : pyfg_.graph.odometry) steps[edge.to] = &edge;
+    for (const OdometryEdge& edge : pyfg_.graph.odometry) {
+      if (edge.from.agent != edge.to.agent || edge.to < edge.from) continue;
+      const OdometryEdge*& step = steps[edge.to];
+      if (step == nullptr || step->from < edge.from) step = &edge;
+    }
     for (auto& [letter, nodes] : by_agent) {
       if (!agents_.contains(letter)) {
         return Fail(ErrorCode::kInvalid,

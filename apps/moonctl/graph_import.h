@@ -19,7 +19,8 @@ struct GraphImport {
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;
-  std::size_t left_out_count = 0;  // Sightings, and landmarks that are no base station, with their ranges.
+  // Sightings, landmarks that are no base station, with their ranges, and poses of one rover as another saw it.
+  std::size_t left_out_count = 0;
 };
 
 // kInvalid if a letter stands for no agent of the team, or a node cannot be reached from its rover's first one.

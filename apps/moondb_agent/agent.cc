@@ -179,7 +179,7 @@ class Agent::Impl {
     PgoActor::Options pgo;
     pgo.self = self_;
     pgo.team = team;
-    pgo.solve_when_quiet = kSolveWhenQuiet;
+    if (team.pose_graph().solve_by_itself()) pgo.solve_when_quiet = kSolveWhenQuiet;
     SpawnActor<PgoActor>(*system_, actor_name::kPgo, Placement::kOwnThread, std::move(pgo));
 
     const MergeBackend backend = ResolveMergeBackend(options_.merge_backend);

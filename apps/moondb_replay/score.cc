@@ -61,11 +61,11 @@ Result<Held> ReadHeld(Client& client) {
   return held;
 }
 
-Poses RawPoses(const Held& held) { return PosesOf(held.graph.graph); }
+Poses RawPoses(const Held& held) { return PosesOf(held.graph.graph()); }
 
 Poses NewestPoses(const Held& held) {
   Poses poses;
-  for (const GraphNode& node : held.graph.graph.nodes) poses[node.key] = held.graph.NewestPose(node);
+  for (const GraphNode& node : held.graph.graph().nodes) poses[node.key] = held.graph.NewestPose(node);
   return poses;
 }
 
@@ -108,7 +108,7 @@ Result<Scored> ScoreHeld(const proto::TeamConfig& team, const Mission& mission, 
   scored.score.map_before = *agreement_before;
   scored.score.map_after = *agreement_after;
   scored.score.map_count = held.maps.size();
-  scored.score.optimized_count = held.graph.optimized.size();
+  scored.score.optimized_count = held.graph.published_count();
   scored.score.is_agents_map_equal = AreEqual(*after, agents_map);
   scored.maps = {std::move(*before), std::move(*after), std::move(*at_truth)};
   return scored;

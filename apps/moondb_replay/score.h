@@ -25,7 +25,7 @@ struct HeldMap {
 };
 
 struct Held {
-  ReadGraph graph;
+  KnownGraph graph;
   std::vector<HeldMap> maps;
 };
 

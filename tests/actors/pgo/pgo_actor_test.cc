@@ -189,7 +189,7 @@ TEST_F(PgoActorTest, SolvesTheStoredGraphAndPublishesPoses) {
   EXPECT_EQ(reply.range_count(), static_cast<double>(scenario_.graph.ranges.size()));
   EXPECT_EQ(reply.updated_pose_count(), 72);
   EXPECT_EQ(reply.rovers_size(), 3);
-  EXPECT_TRUE(reply.rovers(0).is_anchored());
+  EXPECT_TRUE(reply.rovers(0).anchoring() == proto::ANCHORING_ANCHORED);
 
   const std::vector<proto::Record> poses = Read(proto::OPTIMIZED_POSE);
   ASSERT_EQ(poses.size(), 72u);

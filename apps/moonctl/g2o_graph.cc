@@ -1,0 +1,67 @@
+#include "apps/moonctl/g2o_graph.h"
+
+#include <Eigen/LU>
+#include <optional>
+
+namespace moondb {
+namespace {
+
+constexpr int kIndexBits = 56;
+constexpr std::uint64_t kIndexMax = (std::uint64_t{1} << kIndexBits) - 1;
+
+std::uint64_t SymbolOf(const NodeKey& key) {
+  return std::uint64_t{static_cast<unsigned char>(LetterOfAgent(key.agent))} << kIndexBits | key.index;
+}
+
+std::optional<NodeKey> KeyOf(std::uint64_t id, AgentId plain_agent) {
+  const AgentId agent = AgentOfLetter(static_cast<char>(id >> kIndexBits));
+  if (agent != 0) return NodeKey{agent, id & kIndexMax};
+  if (plain_agent == 0) return std::nullopt;
+  return NodeKey{plain_agent, id};
+}
+
+Result<Matrix6d> InverseOf(const Matrix6d& matrix) {
+  const Matrix6d inverse = matrix.inverse();
+  if (inverse.allFinite()) return inverse;
+  return Fail(ErrorCode::kInvalid, "an edge's covariance or information has no inverse");
+}
+
+}  // namespace
+
+Result<G2o> ToG2o(const Pyfg& pyfg) {
+  G2o g2o;
+  g2o.is_planar = pyfg.is_planar;
+  for (const GraphNode& node : pyfg.graph.nodes) {
+    if (node.key.index > kIndexMax) return Fail(ErrorCode::kInvalid, "a node's number is beyond g2o's symbols (2^56)");
+    g2o.vertices.push_back({SymbolOf(node.key), node.map_from_node});
+  }
+  for (const OdometryEdge& edge : pyfg.graph.odometry) {
+    const Result<Matrix6d> information = InverseOf(edge.covariance);
+    if (!information) return tl::unexpected(information.error());
+    g2o.edges.push_back({SymbolOf(edge.from), SymbolOf(edge.to), edge.from_from_to, *information});
+  }
+  return g2o;
+}
+
+Result<Pyfg> ToPyfg(const G2o& g2o, AgentId plain_agent) {
+  if (g2o.vertices.empty()) return Fail(ErrorCode::kInvalid, "the file has no vertex: nobody knows where to begin");
+  Pyfg pyfg;
+  pyfg.is_planar = g2o.is_planar;
+  for (const G2oVertex& vertex : g2o.vertices) {
+    const std::optional<NodeKey> key = KeyOf(vertex.id, plain_agent);
+    if (!key) {
+      return Fail(ErrorCode::kInvalid, "vertex " + std::to_string(vertex.id) + " says no robot; name one with -a");
+    }
+    pyfg.graph.nodes.push_back({*key, 0, vertex.map_from_vertex});
+  }
+  for (const G2oEdge& edge : g2o.edges) {
+    const Result<Matrix6d> covariance = InverseOf(edge.information);
+    if (!covariance) return tl::unexpected(covariance.error());
+    // The reader has found both ends among the vertices.
+    pyfg.graph.odometry.push_back(
+        {*KeyOf(edge.from, plain_agent), *KeyOf(edge.to, plain_agent), 0, edge.from_from_to, *covariance});
+  }
+  return pyfg;
+}
+
+}  // namespace moondb

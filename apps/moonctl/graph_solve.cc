@@ -1,0 +1,143 @@
+#include <CLI/CLI.hpp>
+#include <chrono>
+
+#include "actors/pgo/plain_solver.h"
+#include "apps/common/json_writer.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/graph_commands.h"
+#include "model/text.h"
+
+namespace moondb {
+namespace {
+
+struct SolveArguments {
+  std::string file;
+  std::string out;
+  std::vector<std::string> fixed;
+  bool starts_at_vertices = false;
+  int threads = 2;
+};
+
+bool IsG2o(const std::string& file) { return std::filesystem::path(file).extension() == ".g2o"; }
+
+// A file of either kind; the other one is empty.
+struct GraphFile {
+  bool is_g2o = false;
+  G2o g2o;
+  Pyfg pyfg;
+};
+
+Result<GraphFile> ReadGraphFile(const std::string& file) {
+  GraphFile graph;
+  graph.is_g2o = IsG2o(file);
+  if (graph.is_g2o) {
+    auto g2o = ReadG2o(file);
+    if (!g2o) return tl::unexpected(g2o.error());
+    graph.g2o = *std::move(g2o);
+  } else {
+    auto pyfg = ReadPyfg(file);
+    if (!pyfg) return tl::unexpected(pyfg.error());
+    graph.pyfg = *std::move(pyfg);
+  }
+  return graph;
+}
+
+Result<NodeKey> PyfgKey(const std::string& text) {
+  if (const auto key = ParseKey(text)) return *key;
+  return Fail(ErrorCode::kInvalid, "'" + text + "' is no key of a letter and a number", "--fix");
+}
+
+Result<NodeKey> G2oKey(const std::string& text) {
+  if (const auto id = ParseUnsigned(text)) return NodeKey{0, *id};
+  return Fail(ErrorCode::kInvalid, "'" + text + "' is no id of a vertex", "--fix");
+}
+
+// With the nodes named by `fixed` standing at their vertices.
+Result<PlainGraph> ToPlain(GraphFile& file, const std::vector<std::string>& fixed) {
+  std::set<NodeKey> keys;
+  for (const std::string& text : fixed) {
+    const Result<NodeKey> key = file.is_g2o ? G2oKey(text) : PyfgKey(text);
+    if (!key) return tl::unexpected(key.error());
+    if (file.is_g2o) file.g2o.fixed.push_back(key->index);
+    keys.insert(*key);
+  }
+  PlainGraph graph = file.is_g2o ? ToPlainGraph(file.g2o) : ToPlainGraph(file.pyfg, keys);
+  for (const NodeKey& key : keys) {
+    const bool is_there = std::any_of(graph.nodes.begin(), graph.nodes.end(),
+                                      [&key](const PlainNode& node) { return node.key == key && node.is_fixed; });
+    if (!is_there) return Fail(ErrorCode::kInvalid, "the graph has no vertex of that name", "--fix");
+  }
+  return graph;
+}
+
+// The file again, at the solved poses.
+Result<void> WriteSolved(GraphFile file, const PlainGraph& graph, const PlainSolution& solution,
+                         const std::string& out) {
+  std::map<NodeKey, Pose> poses;
+  for (std::size_t i = 0; i < graph.nodes.size(); ++i) poses[graph.nodes[i].key] = solution.poses[i];
+  if (file.is_g2o) {
+    file.g2o.vertices.clear();
+    for (const auto& [key, pose] : poses) file.g2o.vertices.push_back({key.index, pose});
+    return WriteG2o(file.g2o, out);
+  }
+  for (GraphNode& node : file.pyfg.graph.nodes) node.map_from_node = poses.at(node.key);
+  for (PyfgLandmark& landmark : file.pyfg.landmarks) landmark.position_m = poses.at(landmark.key).position_m;
+  return WritePyfg(file.pyfg, out);
+}
+
+ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
+  if (!arguments.out.empty() && IsG2o(arguments.out) != IsG2o(arguments.file)) {
+    return context.Report(Error{ErrorCode::kInvalid, "must be of the same format as the file that is solved", "--out"});
+  }
+  auto file = ReadGraphFile(arguments.file);
+  if (!file) return context.Report(file.error());
+  const auto graph = ToPlain(*file, arguments.fixed);
+  if (!graph) return context.Report(graph.error());
+  PlainOptions options;
+  options.thread_count = arguments.threads;
+  const auto begin = std::chrono::steady_clock::now();
+  const PlainSolution solution =
+      arguments.starts_at_vertices ? SolveFromVertices(*graph, options) : SolvePlainGraph(*graph, options);
+  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (!solution.has_converged) {
+    return context.Report(Error{ErrorCode::kInternal, "no solution: " + solution.text, arguments.file});
+  }
+  if (!arguments.out.empty()) {
+    if (auto written = WriteSolved(*file, *graph, solution, arguments.out); !written) {
+      return context.Report(written.error());
+    }
+  }
+  const std::size_t edges = graph->steps.size() + graph->sightings.size();
+  JsonWriter json;
+  json.BeginObject().Key("nodes").Number(static_cast<double>(graph->nodes.size()));
+  json.Key("edges").Number(static_cast<double>(edges));
+  json.Key("ranges").Number(static_cast<double>(graph->ranges.size()));
+  json.Key("cost").Number(solution.cost).Key("initialisation").String(ToString(solution.beginning));
+  json.Key("iterations").Number(solution.iterations).Key("seconds").Number(seconds);
+  json.Key("text").String(solution.text).EndObject();
+  std::string text = std::to_string(graph->nodes.size()) + " nodes, " + std::to_string(edges) + " edges, " +
+                     std::to_string(graph->ranges.size()) + " ranges\ncost " + FormatDouble(solution.cost) + " after " +
+                     std::to_string(solution.iterations) + " iterations, " + FormatFixed(seconds, 3) +
+                     " s; begun at: " + ToString(solution.beginning);
+  if (!solution.text.empty()) text += "\n" + solution.text;
+  if (!arguments.out.empty()) text += "\nwrote " + arguments.out;
+  return context.Done(json.text(), text);
+}
+
+}  // namespace
+
+void AddGraphSolve(CLI::App& group, CommandContext& context) {
+  auto arguments = std::make_shared<SolveArguments>();
+  CLI::App& command =
+      *group.add_subcommand("solve", "Solve a graph file by itself, every factor as it is written; asks no agent");
+  command.add_option("file", arguments->file, "A .g2o file; anything else is read as PyFG")->required();
+  command.add_option("--out", arguments->out, "Writes the same graph at the solved poses");
+  command.add_option("--fix", arguments->fixed, "A vertex that stands still where the file has it (L0, or a g2o id)");
+  command.add_flag("--vertices-as-start", arguments->starts_at_vertices,
+                   "Begin where the file has the vertices; else they are not looked at: often they are the truth");
+  command.add_option("--threads", arguments->threads, "Threads of the solver")->check(CLI::Range(1, 64));
+  command.callback(
+      [&context, arguments] { context.action = [&context, arguments] { return SolveFile(context, *arguments); }; });
+}
+
+}  // namespace moondb
