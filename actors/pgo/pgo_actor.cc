@@ -127,13 +127,14 @@ void PgoActor::AwaitQuiet(Context& context) {
   if (options_.solve_when_quiet <= Duration::zero() || !Leads()) return;
   newest_news_ = context.now();
   if (std::exchange(is_awaiting_quiet_, true)) return;
+  oldest_news_ = newest_news_;
   (void)context.AfterTimer(options_.solve_when_quiet, kQuiet);
 }
 
 void PgoActor::OnQuiet(Context& context) {
   is_awaiting_quiet_ = false;
   if (!Leads()) return;
-  MonotonicTime due = newest_news_ + options_.solve_when_quiet;
+  MonotonicTime due = std::min(newest_news_ + options_.solve_when_quiet, oldest_news_ + options_.solve_apart);
   if (last_unasked_) due = std::max(due, *last_unasked_ + options_.solve_apart);
   if (phase_ != Phase::kIdle) due = std::max(due, context.now() + options_.solve_when_quiet);
   if (context.now() >= due) {

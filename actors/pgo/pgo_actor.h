@@ -6,7 +6,8 @@
 // A request may want all solved from scratch, only a window of the newest nodes, or covariances (proto/control.proto).
 //
 // With `solve_when_quiet` it also solves by itself, while it leads: when nodes or edges have come to its storage and no
-// more of them for so long, which is how a completed sync looks from here.
+// more of them for so long, which is how a completed sync looks from here; where they never stop, `solve_apart` after
+// the first.
 //
 // Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy, read back here,
 // so a new leader continues from the last one's solution. An agent that is not the leader refuses (kRefused, with the
@@ -103,6 +104,7 @@ class PgoActor final : public Actor {
   proto::OptimizeReply reply_;  // Of the solve in hand.
 
   bool is_awaiting_quiet_ = false;  // A timer runs.
+  MonotonicTime oldest_news_{};     // Of those that no solve has seen.
   MonotonicTime newest_news_{};
   std::optional<MonotonicTime> last_unasked_;
 

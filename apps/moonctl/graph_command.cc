@@ -103,6 +103,7 @@ std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const c
 }
 
 std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply& solve) {
+  if (IsError(solve.error())) return "it failed: " + FromProto(solve.error()).text + "\n";
   std::string text =
       FormatCount(solve.node_count()) + " nodes, " + FormatCount(solve.odometry_count()) + " odometry edges, " +
       FormatCount(solve.range_count()) + " ranges (" + FormatCount(solve.rejected_range_count()) + " rejected)\ncost " +

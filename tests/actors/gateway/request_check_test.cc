@@ -64,6 +64,22 @@ TEST(RequestCheckTest, RefusesRoleChangesThatChangeNothingOrNameStrangers) {
   EXPECT_EQ(FieldOf(request), "role_set.reason");
 }
 
+TEST(RequestCheckTest, RefusesAWindowFromScratchAndCovariancesOfStrangersOrTooMany) {
+  proto::ControlRequest request;
+  proto::OptimizeRequest& optimize = *request.mutable_optimize();
+  EXPECT_EQ(FieldOf(request), "ok");
+  optimize.set_window_nodes(10);
+  EXPECT_EQ(FieldOf(request), "ok");
+  optimize.set_from_scratch(true);
+  EXPECT_EQ(FieldOf(request), "optimize.window_nodes");
+  optimize.Clear();
+  optimize.add_covariance_of()->set_agent_id(99);
+  EXPECT_EQ(FieldOf(request), "optimize.covariance_of[0].agent_id");
+  optimize.Clear();
+  for (int i = 0; i <= kCovariancesMax; ++i) optimize.add_covariance_of()->set_agent_id(1);
+  EXPECT_EQ(FieldOf(request), "optimize.covariance_of");
+}
+
 TEST(RequestCheckTest, RefusesToShareWithItselfOrWithStrangers) {
   proto::ControlRequest request;
   EXPECT_EQ((request.mutable_share(), FieldOf(request)), "share.kind");

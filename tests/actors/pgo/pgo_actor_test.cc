@@ -111,9 +111,9 @@ class PgoActorTest : public testing::Test {
     }
   }
 
-  void Request(std::uint64_t id = 1) {
+  void Request(std::uint64_t id = 1, const proto::OptimizeRequest& request = {}) {
     proto::Message message;
-    message.mutable_optimize_request();
+    *message.mutable_optimize_request() = request;
     message.set_request_id(id);
     ASSERT_EQ(team_.Post(client_, pgo_, message), SendResult::kAccepted);
     team_.RunUntilIdle();
@@ -121,8 +121,8 @@ class PgoActorTest : public testing::Test {
 
   std::vector<proto::Message> Answers() { return team_.Take(client_); }
 
-  proto::OptimizeReply Optimize() {
-    Request();
+  proto::OptimizeReply Optimize(const proto::OptimizeRequest& request = {}) {
+    Request(1, request);
     const std::vector<proto::Message> answers = Answers();
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? proto::OptimizeReply() : answers[0].optimize_reply();
@@ -305,6 +305,70 @@ TEST_F(PgoActorTest, GivesEveryAskerTheSameAnswerAndTurnsAwayTooMany) {
   for (const proto::Message& answer : answers) EXPECT_EQ(answer.optimize_reply().updated_pose_count(), 1);
 }
 
+TEST_F(PgoActorTest, AnswersAnotherQuestionAfterTheOneInHand) {
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  StoreGraph();
+  proto::OptimizeRequest other;
+  other.set_with_covariance(true);
+  const auto post = [this](std::uint64_t id, const proto::OptimizeRequest& request) {
+    proto::Message message;
+    *message.mutable_optimize_request() = request;
+    message.set_request_id(id);
+    ASSERT_EQ(team_.Post(client_, pgo_, message), SendResult::kAccepted);
+  };
+  post(1, {});
+  post(2, other);
+  post(3, {});
+  team_.RunUntilIdle();
+  const std::vector<proto::Message> answers = Answers();
+  ASSERT_EQ(answers.size(), 3u);
+  EXPECT_EQ(answers[0].request_id(), 1u);
+  EXPECT_EQ(answers[1].request_id(), 3u);
+  EXPECT_EQ(answers[2].request_id(), 2u);
+  EXPECT_EQ(answers[1].optimize_reply().covariances_size(), 0);
+  const auto& covariances = answers[2].optimize_reply().covariances();
+  ASSERT_GE(covariances.size(), 3);
+  EXPECT_EQ(covariances[0].node().agent_id(), 1u);
+  EXPECT_EQ(covariances[0].node().index(), 23u);
+  ASSERT_TRUE(FromUpperTriangle(covariances[0].covariance()).has_value());
+  EXPECT_GT(covariances[0].covariance(0), 0);
+}
+
+TEST_F(PgoActorTest, BeginsAtTheLastSolutionUnlessTold) {
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  StoreGraph();
+  EXPECT_EQ(Optimize().beginning(), "odometry");
+  EXPECT_EQ(Optimize().beginning(), "warm");
+  proto::OptimizeRequest scratch;
+  scratch.set_from_scratch(true);
+  const proto::OptimizeReply again = Optimize(scratch);
+  EXPECT_EQ(again.beginning(), "odometry");
+  EXPECT_EQ(again.updated_pose_count(), 0);
+}
+
+TEST_F(PgoActorTest, PublishesNothingThatAChangeOfRolesFoundBeingSolved) {
+  SpawnPgo();
+  SetLeader(1);
+  Request();
+  proto::Message page = PageWithOneNode();
+  page.set_request_id(AskedStorage().request_id());
+  proto::Message change;
+  *change.mutable_roles_changed()->mutable_roles()->mutable_term() = TermOf(2);
+  change.mutable_roles_changed()->mutable_roles()->set_leader(2);
+  ASSERT_EQ(team_.Post(storage_, pgo_, page), SendResult::kAccepted);
+  ASSERT_EQ(team_.Post({1, actor_name::kRole}, pgo_, change), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(team_.Take(storage_).empty());
+  const std::vector<proto::Message> answers = Answers();
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_EQ(answers[0].optimize_reply().error().code(), proto::ERROR_CODE_REFUSED);
+}
+
 TEST_F(PgoActorTest, GivesUpWhenStorageStaysSilentAndCanBeAskedAgain) {
   SpawnPgo();
   SetLeader(1);
@@ -410,6 +474,24 @@ TEST_F(PgoActorTest, LeavesTimeBetweenSolvesThatNobodyAskedFor) {
   EXPECT_EQ(stats(), 1);
   team_.AdvanceTime(seconds(10));
   EXPECT_EQ(stats(), 2);
+}
+
+TEST_F(PgoActorTest, SolvesInTheEndWhereRecordsNeverStopComing) {
+  options_.solve_when_quiet = seconds(3);
+  options_.solve_apart = seconds(20);
+  SpawnStorage();
+  SpawnPgo();
+  SetLeader(1);
+  for (std::uint64_t i = 0; i < 9; ++i) {
+    StoreRecord(ToRecord(GraphNode{{2, i}, 0, Pose{}}), 2);
+    team_.AdvanceTime(seconds(2));
+  }
+  EXPECT_TRUE(Read(proto::OPTIMIZED_POSE).empty());
+  for (std::uint64_t i = 9; i < 12; ++i) {
+    StoreRecord(ToRecord(GraphNode{{2, i}, 0, Pose{}}), 2);
+    team_.AdvanceTime(seconds(2));
+  }
+  EXPECT_FALSE(Read(proto::OPTIMIZED_POSE).empty());
 }
 
 TEST_F(PgoActorTest, SolvesNothingUnaskedWhereItDoesNotLead) {

@@ -42,6 +42,24 @@ TEST(TeamLettersTest, GivesRoversTheAlphabetWithoutTheBaseStationsLetter) {
   EXPECT_EQ(agents.at(AgentOfLetter('L')), 140u);
 }
 
+TEST(GraphImportTest, TellsStepsFromClosedLoopsAndLeavesOutSightsOfOthers) {
+  const auto pyfg = ParsePyfg(std::string(kGraph) +
+                                  "VERTEX_SE2 20 A2 70 70 0\n"
+                                  "EDGE_SE2 20 A1 A2 2 0 0 1 0 0 1 0 1\n"
+                                  "EDGE_SE2 20 A0 A2 9 9 0 1 0 0 1 0 1\n"
+                                  "EDGE_SE2 0 A2 A0 -9 -9 0 1 0 0 1 0 1\n"
+                                  "EDGE_SE2 10 A1 B1 3 0 0 1 0 0 1 0 1\n",
+                              "test");
+  ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
+  const auto import = PrepareImport(Team(2, true), *pyfg);
+  ASSERT_TRUE(import.has_value()) << ToString(import.error());
+  EXPECT_EQ(import->odometry_count, 5u);
+  EXPECT_EQ(import->left_out_count, 3u);  // M0, its range, what A1 saw of B1.
+  const auto& last = import->records.at(10)[2].pose_graph_node();
+  EXPECT_EQ(last.node().index(), 2u);
+  EXPECT_NEAR(last.map_from_node().position_m().x(), 5, 1e-12);
+}
+
 TEST(GraphImportTest, ComposesRawPosesFromOdometryAndNeverTakesLaterVertices) {
   const auto pyfg = ParsePyfg(kGraph, "test");
   ASSERT_TRUE(pyfg.has_value()) << ToString(pyfg.error());
