@@ -12,8 +12,9 @@
 
 namespace moondb {
 
-// The loopback addresses that `config init` writes become sockets in `folder`.
-void UseIpcAddresses(const std::filesystem::path& team_file, const std::filesystem::path& folder) {
+// The loopback addresses that `config init` writes become sockets in `folder`, and nobody writes a record unasked: a
+// test that compares what agents hold would meet it by chance.
+void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder) {
   std::string text = *ReadTextFile(team_file);
   const std::string address = "tcp://127.0.0.1:";
   for (std::size_t at = text.find(address); at != std::string::npos; at = text.find(address)) {
@@ -21,6 +22,9 @@ void UseIpcAddresses(const std::filesystem::path& team_file, const std::filesyst
     const std::string port = text.substr(at + address.size(), end - at - address.size());
     text.replace(at, end - at, "ipc://" + (folder / ("p" + port)).string());
   }
+  const std::string unasked = "solve_by_itself: true";
+  ASSERT_NE(text.find(unasked), std::string::npos);
+  text.replace(text.find(unasked), unasked.size(), "solve_by_itself: false");
   ASSERT_TRUE(WriteTextFile(team_file, text).has_value());
 }
 
@@ -28,7 +32,7 @@ void ProcessTeam::SetUp() {
   environment_ = {{"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}};
   const Outcome made = Run({MOONCTL_PROGRAM, "config", "init", "--agents", "4", team_file_});
   ASSERT_EQ(made.exit_code, 0) << made.error;
-  UseIpcAddresses(team_file_, folder_);
+  AdaptToTest(team_file_, folder_);
 }
 
 void ProcessTeam::TearDown() {

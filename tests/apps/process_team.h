@@ -19,7 +19,7 @@
 namespace moondb {
 
 // Loopback addresses, as `config init` writes them, become ipc sockets in `folder`.
-void UseIpcAddresses(const std::filesystem::path& team_file, const std::filesystem::path& folder);
+void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::path& folder);
 
 class ProcessTeam : public testing::Test {
  protected:

@@ -31,7 +31,7 @@ class ReplayTest : public ProcessTeam {
     team_file_ = folder_ / "m" / "team.yaml";
     environment_["MOONDB_TEAM"] = team_file_;
     MoonctlExpecting(0, {"config", "init", "--mission", mission_, team_file_});
-    UseIpcAddresses(team_file_, folder_ / "m");
+    AdaptToTest(team_file_, folder_ / "m");
   }
 
   Outcome Replay(std::vector<std::string> arguments) {
