@@ -34,6 +34,7 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(id);
   *message.mutable_control_request() = request;
+  message.mutable_control_request()->set_for_agent(options_.for_agent);
   if (message.ByteSizeLong() > options_.message_bytes_max) {
     return Fail(ErrorCode::kInvalid, "the request is larger than a message may be");
   }

@@ -40,7 +40,9 @@ class Client {
     Duration timeout = std::chrono::seconds(10);        // Of a call, once connected.
     Duration long_timeout = std::chrono::seconds(600);  // Of what TakesLong (model/control_request.h).
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
-    CustomTypes custom_types = {};                      // The team file's (TeamConfig::custom_types): for their names.
+    AgentId for_agent =
+        0;  // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
+    CustomTypes custom_types = {};  // The team file's (TeamConfig::custom_types): for their names.
   };
 
   // What Merge gives back: the map and how it came about. The cells are in `map`, no longer in `reply`.

@@ -12,6 +12,8 @@ namespace {
 
 enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
 
+constexpr std::size_t kShortAnswerBytes = 4096;  // As a control message an answer delays others by 32 ms at 1 Mbit/s.
+
 proto::ControlReply ErrorReply(const Error& error) {
   proto::ControlReply reply;
   *reply.mutable_error() = ToProto(error);
@@ -42,6 +44,7 @@ std::string Names(const std::set<std::string>& names) {
 void GatewayActor::OnStart(Context& context) {
   // A random start, so that an answer to a request of this actor's life before a restart meets no new one.
   next_id_ = context.rng()() | 1;
+  context.WatchPeers();
 }
 
 void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
@@ -51,6 +54,11 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kTimer:
       if (context.sender().agent == options_.self) OnTimer(context, message.timer());
       return;
+    case proto::Message::kPeerEvent:
+      if (context.sender().agent == options_.self && !message.peer_event().is_connected()) {
+        OnPeerLost(context, static_cast<AgentId>(message.peer_event().peer()));
+      }
+      return;
     default:
       return OnAnswer(context, message);
   }
@@ -58,16 +66,18 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
 
 void GatewayActor::OnControlRequest(Context& context, const proto::Message& message) {
   const Address client = context.sender();
-  if (client.agent != kClients && client.agent != options_.self) {
-    const Error error{ErrorCode::kRefused, "only clients of this agent may ask its gateway", {}};
+  const proto::ControlRequest& request = message.control_request();
+  const bool is_for_self = request.for_agent() == options_.self || (request.for_agent() == 0 && !IsPeer(client.agent));
+  if (IsPeer(client.agent) && !is_for_self) {
+    const Error error{ErrorCode::kRefused, "another agent's request must be for this agent", "for_agent"};
     return Answer(context, client, message.request_id(), ErrorReply(error));
   }
-  const proto::ControlRequest& request = message.control_request();
-  if (auto checked = CheckRequest(options_.team, options_.self, request); !checked) {
+  const AgentId asked = is_for_self ? options_.self : static_cast<AgentId>(request.for_agent());
+  if (auto checked = CheckRequest(options_.team, asked, request); !checked) {
     return Answer(context, client, message.request_id(), ErrorReply(checked.error()));
   }
-  if (request.has_stop()) return OnStop(context, message);
-  if (request.has_trace()) {
+  if (is_for_self && request.has_stop()) return OnStop(context, message);
+  if (is_for_self && request.has_trace()) {
     proto::ControlReply reply;
     *reply.mutable_trace() = context.GetTrace(request.trace());
     return Answer(context, client, message.request_id(), std::move(reply));
@@ -78,10 +88,10 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
   }
 
   const std::uint64_t id = next_id_++;
-  Pending pending{client, message.request_id(), {}, {}, 0};
-  if (auto forwarded = Forward(context, request, id, pending); !forwarded) {
-    return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
-  }
+  Pending pending{client, message.request_id(), 0, {}, {}, 0};
+  const Result<void> forwarded =
+      is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
+  if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
   pending.timer = context.AfterTimer(TakesLong(request) ? options_.long_timeout : options_.timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
 }
@@ -111,7 +121,7 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
       return Ask(context, actor_name::kStorage, std::move(message), id, pending);
     case proto::ControlRequest::kRead:
       *message.mutable_read_request() = request.read();
-      BoundPage(*message.mutable_read_request());
+      BoundPage(*message.mutable_read_request(), IsPeer(pending.client.agent));
       return Ask(context, actor_name::kStorage, std::move(message), id, pending);
     case proto::ControlRequest::kHave:
       message.mutable_have_request();
@@ -142,7 +152,7 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
       if (auto asked = Ask(context, actor_name::kSync, message, id, pending); !asked) return asked;
       return Ask(context, actor_name::kReplica, std::move(message), id, pending);
     case proto::ControlRequest::kOptimize:
-      message.mutable_optimize_request();
+      *message.mutable_optimize_request() = request.optimize();
       return Ask(context, actor_name::kPgo, std::move(message), id, pending);
     case proto::ControlRequest::kGraphStats:
       message.mutable_graph_stats_request();
@@ -175,6 +185,29 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
   return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
 }
 
+Result<void> GatewayActor::Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id,
+                                 Pending& pending) {
+  pending.relayed_to = static_cast<AgentId>(request.for_agent());
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(id);
+  *message.mutable_control_request() = request;
+  switch (context.Send({pending.relayed_to, actor_name::kGateway}, std::move(message))) {
+    case SendResult::kAccepted:
+      return {};
+    case SendResult::kFull:
+      return Fail(ErrorCode::kFull, "too much waits on the way to " + NameOf(pending.relayed_to) + "; try again later");
+    default:
+      return Fail(ErrorCode::kUnavailable,
+                  NameOf(pending.relayed_to) + " cannot be reached from " + NameOf(options_.self));
+  }
+}
+
+std::string GatewayActor::NameOf(AgentId agent) const {
+  const proto::AgentConfig* found = FindAgent(options_.team, agent);
+  return found != nullptr ? found->name() : "agent " + std::to_string(agent);
+}
+
 Result<void> GatewayActor::Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
                                Pending& pending) {
   message.set_ms_type(proto::CONTROL);
@@ -192,9 +225,14 @@ Result<void> GatewayActor::Ask(Context& context, const std::string& actor, proto
 
 void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
   const auto found = pending_.find(message.request_id());
-  // Too late, or not asked for.
-  if (found == pending_.end() || context.sender().agent != options_.self) return;
+  if (found == pending_.end()) return;  // Too late, or not asked for.
   Pending& pending = found->second;
+  if (pending.relayed_to != 0) {
+    if (context.sender() != Address{pending.relayed_to, actor_name::kGateway} || !message.has_control_reply()) return;
+    pending.reply = message.control_reply();
+    return Finish(context, found->first);
+  }
+  if (context.sender().agent != options_.self) return;
   if (pending.waiting_for.erase(context.sender().actor) == 0) return;
   if (!TakePart(message, pending.reply)) {
     const Error error{ErrorCode::kInternal, context.sender().actor + " gave an answer of another kind", {}};
@@ -280,9 +318,23 @@ void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kStopNow) return context.RequestStop();
   const auto found = pending_.find(timer.value());
   if (found == pending_.end()) return;
-  const Error error{ErrorCode::kTimedOut, Names(found->second.waiting_for) + " did not answer in time", {}};
-  *found->second.reply.mutable_error() = ToProto(error);
+  const Pending& pending = found->second;
+  const std::string who = pending.relayed_to != 0 ? NameOf(pending.relayed_to) : Names(pending.waiting_for);
+  *found->second.reply.mutable_error() = ToProto(Error{ErrorCode::kTimedOut, who + " did not answer in time", {}});
   Finish(context, found->first);
+}
+
+void GatewayActor::OnPeerLost(Context& context, AgentId peer) {
+  std::vector<std::uint64_t> lost;
+  for (const auto& [id, pending] : pending_) {
+    if (pending.relayed_to == peer) lost.push_back(id);
+  }
+  for (const std::uint64_t id : lost) {
+    const std::string text =
+        NameOf(peer) + " was lost before it answered; whether it did what it was asked is not known";
+    *pending_.at(id).reply.mutable_error() = ToProto(Error{ErrorCode::kUnavailable, text, {}});
+    Finish(context, id);
+  }
 }
 
 void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) const {
@@ -308,7 +360,7 @@ void GatewayActor::Finish(Context& context, std::uint64_t id) {
   auto node = pending_.extract(id);
   Pending& pending = node.mapped();
   context.Cancel(pending.timer);
-  if (pending.reply.has_status()) CompleteStatus(context, *pending.reply.mutable_status());
+  if (pending.relayed_to == 0 && pending.reply.has_status()) CompleteStatus(context, *pending.reply.mutable_status());
   Answer(context, pending.client, pending.client_request_id, std::move(pending.reply));
 }
 
@@ -318,6 +370,15 @@ void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(request_id);
   *message.mutable_control_reply() = std::move(reply);
+  const std::size_t bytes = IsPeer(client.agent) ? message.control_reply().ByteSizeLong() : 0;
+  if (bytes > options_.relay_bytes_max) {
+    const std::string text = "the answer of " + std::to_string(bytes / 1024) +
+                             " KiB is too long for the radio; ask for less, or ask the agent itself";
+    *message.mutable_control_reply() = ErrorReply(Error{ErrorCode::kFull, text, {}});
+  } else if (bytes > kShortAnswerBytes) {
+    message.set_ms_type(proto::DATA);
+    message.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);  // Behind everything that is shared.
+  }
   // A client that has gone needs no answer.
   (void)context.Send(client, std::move(message));
 }

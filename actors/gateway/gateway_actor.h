@@ -5,10 +5,16 @@
 // ControlReply.error, so that a client has one place to look. Status is put together here from StorageActor, RoleActor,
 // LeaseActor and the system.
 //
+// A request for another agent of the team (ControlRequest.for_agent) goes to that one's gateway over the radio, and its
+// answer comes back: so an operator at the base station reaches the whole team. Agents of a team trust each other (they
+// hold each other's keys); no request travels further than from one agent to another. Questions and short answers go in
+// the control class; longer answers wait behind everything that is shared, and none is longer than `relay_bytes_max`.
+//
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
-// kInvalid (actors/gateway/request_check.h), kRefused (a request that another agent sent), kFull (too much waits, here
-// or at the actor), kUnavailable (no such actor), kNotFound (a
-// custom request to what is no actor of the user's), kTimedOut (the actor did not answer). After a restart of this
+// kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one), kFull
+// (too much waits, here or at the actor; an answer too long for the radio), kUnavailable (no such actor; the agent that
+// it is for cannot be reached, or was lost), kNotFound (a custom request to what is no actor of the user's), kTimedOut
+// (the actor, or the other agent, did not answer). After a restart of this
 // actor what waited is forgotten; the clients' own timeouts tell them.
 #pragma once
 
@@ -31,6 +37,7 @@ class GatewayActor final : public Actor {
     std::string merge_backend;         // Likewise: "cpu" or "gl".
     std::set<std::string> own_actors;  // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
+    std::size_t relay_bytes_max = 256 * 1024;  // Of an answer to another agent: two seconds of the radio.
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
     Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.
@@ -46,6 +53,7 @@ class GatewayActor final : public Actor {
   struct Pending {
     Address client;
     std::uint64_t client_request_id = 0;
+    AgentId relayed_to = 0;             // Its gateway is waited for; 0: actors of this agent.
     std::set<std::string> waiting_for;  // Names of actors.
     proto::ControlReply reply;          // As far as it is known.
     TimerId timer = 0;
@@ -55,9 +63,13 @@ class GatewayActor final : public Actor {
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
+  void OnPeerLost(Context& context, AgentId peer);
 
+  bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
+  std::string NameOf(AgentId agent) const;
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
+  Result<void> Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
   Result<void> Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
                    Pending& pending);
   // Puts one actor's answer into the reply; false for a body that is no answer.

@@ -148,6 +148,9 @@ Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
 }  // namespace
 
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request) {
+  if (request.for_agent() != 0) {
+    if (auto checked = CheckMember(team, request.for_agent(), "for_agent"); !checked) return checked;
+  }
   switch (request.request_case()) {
     case proto::ControlRequest::kInsert:
       return CheckInsert(team, request.insert());
@@ -186,11 +189,12 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
   return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
 }
 
-void BoundPage(proto::ReadRequest& request) {
+void BoundPage(proto::ReadRequest& request, bool is_relayed) {
+  const std::uint32_t content_bytes_max = is_relayed ? kRelayedContentBytesMax : kReadContentBytesMax;
   if (request.records_max() == 0) request.set_records_max(kReadRecordsDefault);
   request.set_records_max(std::min(request.records_max(), kReadRecordsMax));
   if (request.content_bytes_max() == 0) request.set_content_bytes_max(kReadContentBytesDefault);
-  request.set_content_bytes_max(std::min(request.content_bytes_max(), kReadContentBytesMax));
+  request.set_content_bytes_max(std::min(request.content_bytes_max(), content_bytes_max));
 }
 
 }  // namespace moondb

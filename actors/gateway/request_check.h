@@ -15,6 +15,7 @@ inline constexpr int kInsertRecordsMax = 4096;
 inline constexpr std::uint32_t kReadRecordsMax = 1024;
 inline constexpr std::uint32_t kReadRecordsDefault = 256;
 inline constexpr std::uint32_t kReadContentBytesMax = 8 * 1024 * 1024;
+inline constexpr std::uint32_t kRelayedContentBytesMax = 64 * 1024;
 inline constexpr std::uint32_t kReadContentBytesDefault = 1024 * 1024;
 inline constexpr int kFilterEntriesMax = 1024;
 inline constexpr std::size_t kReasonBytesMax = 256;
@@ -23,6 +24,8 @@ inline constexpr double kMapWaitMax_s = 60;
 inline constexpr int kCovariancesMax = 64;
 inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
 
+// `self` is the agent that is asked.
+//
 // kInvalid, with the field named as in "insert.records[3].pose_graph_node.node.agent_id": no request set, an agent
 // that is not of the team, an insert without records or with too many, a share without a kind or to `self`, a role
 // change that changes nothing or a reason that is too long, filters that are too long, a window that is to begin from
@@ -30,7 +33,7 @@ inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
 // kMapCoordinateMax_m, a region that ends before it begins, a wait beyond kMapWaitMax_s.
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request);
 
-// Brings the limits of a page into 1 to the maximum; 0 becomes the default.
-void BoundPage(proto::ReadRequest& request);
+// Brings the limits of a page into 1 to the maximum; 0 becomes the default. `is_relayed`: the page crosses the radio.
+void BoundPage(proto::ReadRequest& request, bool is_relayed = false);
 
 }  // namespace moondb

@@ -27,17 +27,20 @@ std::string AgentName(const proto::TeamConfig& team, AgentId agent) {
 }
 
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
-                                          Client::Options options) {
-  auto endpoint = ClientEndpoint(team, agent.name());
+                                          Client::Options options, const proto::AgentConfig* via) {
+  const proto::AgentConfig& asked = via != nullptr ? *via : agent;
+  auto endpoint = ClientEndpoint(team, asked.name());
   if (!endpoint) return tl::unexpected(endpoint.error());
   options.custom_types = team.config.custom_types();
-  return Client::Connect(*endpoint, agent.name(), std::move(options));
+  options.for_agent = via != nullptr ? static_cast<AgentId>(agent.id()) : 0;
+  return Client::Connect(*endpoint, asked.name(), std::move(options));
 }
 
-Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options) {
+Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options,
+                                          const proto::AgentConfig* via) {
   std::optional<proto::RoleAssignment> newest;
   for (const proto::AgentConfig& agent : team.config.agents()) {
-    auto client = ConnectTo(team, agent, options);
+    auto client = ConnectTo(team, agent, options, via);
     if (!client) continue;
     auto shown = (*client)->Roles();
     if (!shown) continue;

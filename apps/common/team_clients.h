@@ -16,12 +16,14 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
 // "rover2"; "agent 9" for one that the team does not have, "nobody" for 0.
 std::string AgentName(const proto::TeamConfig& team, AgentId agent);
 
-// The client knows the team's custom types.
+// The client knows the team's custom types. `via`: the agent that is connected to and asks `agent` over the radio;
+// null: `agent` itself.
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
-                                          Client::Options options);
+                                          Client::Options options, const proto::AgentConfig* via = nullptr);
 
 // The assignment with the newest term among all agents that answer. kUnavailable if none does.
-Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options);
+Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options,
+                                          const proto::AgentConfig* via = nullptr);
 
 // Inserts in the given order, in batches of at most 512 records and about 2 MB; `inserted` is called after each batch
 // with the count so far. Stops at the first error.

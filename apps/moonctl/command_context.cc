@@ -64,12 +64,29 @@ Client::Options CommandContext::ClientOptions() const {
 
 std::chrono::milliseconds CommandContext::WaitTimeout() const { return timeout_.value_or(kLongTimeout); }
 
+Result<const proto::AgentConfig*> CommandContext::Via() {
+  if (via.empty()) return nullptr;
+  auto team = Team();
+  if (!team) return tl::unexpected(team.error());
+  return AgentNamed((*team)->config, via);
+}
+
+Result<proto::RoleAssignment> CommandContext::Roles() {
+  auto team = Team();
+  if (!team) return tl::unexpected(team.error());
+  auto through = Via();
+  if (!through) return tl::unexpected(through.error());
+  return NewestRoles(**team, ClientOptions(), *through);
+}
+
 Result<AgentClient> CommandContext::Connect(const std::string& name) {
   auto team = Team();
   if (!team) return tl::unexpected(team.error());
   auto named = AgentNamed((*team)->config, name);
   if (!named) return tl::unexpected(named.error());
-  auto client = ConnectTo(**team, **named, ClientOptions());
+  auto through = Via();
+  if (!through) return tl::unexpected(through.error());
+  auto client = ConnectTo(**team, **named, ClientOptions(), *through);
   if (!client) return tl::unexpected(client.error());
   return AgentClient{*named, std::move(*client)};
 }
@@ -77,6 +94,7 @@ Result<AgentClient> CommandContext::Connect(const std::string& name) {
 Result<std::vector<const proto::AgentConfig*>> CommandContext::ChosenAgents() {
   auto team = Team();
   if (!team) return tl::unexpected(team.error());
+  if (auto through = Via(); !through) return tl::unexpected(through.error());
   if (!agent.empty()) {
     auto named = AgentNamed((*team)->config, agent);
     if (!named) return tl::unexpected(named.error());
@@ -91,7 +109,7 @@ Result<AgentClient> CommandContext::ConnectToChosenOrLeader() {
   if (!agent.empty()) return Connect(agent);
   auto team = Team();
   if (!team) return tl::unexpected(team.error());
-  auto roles = NewestRoles(**team, ClientOptions());
+  auto roles = Roles();
   if (!roles) return tl::unexpected(roles.error());
   if (roles->leader() == 0) return Fail(ErrorCode::kRefused, "nobody leads the team; see moonctl role set");
   auto leader = Connect(AgentName((*team)->config, roles->leader()));

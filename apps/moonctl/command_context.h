@@ -42,6 +42,7 @@ class CommandContext {
   // Filled in by the command line.
   std::string team_path;  // Empty: $MOONDB_TEAM.
   std::string agent;      // Empty: the command's own choice.
+  std::string via;        // The agent through which all others are asked; empty: each is asked itself.
   bool is_json = false;
   std::string timeout;               // "3s", "500ms", "2m"; empty: each command's default.
   std::function<ExitCode()> action;  // Of the command that was chosen.
@@ -59,6 +60,7 @@ class CommandContext {
   std::chrono::milliseconds WaitTimeout() const;
 
   Result<AgentClient> Connect(const std::string& name);
+  Result<proto::RoleAssignment> Roles();  // The newest among all who answer.
   // The agent of -a, without it all of the team. kInvalid for one that the team does not have.
   Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
   // Asks each of them by `ask`, a Result<T>(Client&); one that cannot be reached stands in the answers too.
@@ -74,6 +76,8 @@ class CommandContext {
   ExitCode Print(ExitCode code, std::string_view json, std::string_view text) const;
 
  private:
+  Result<const proto::AgentConfig*> Via();  // Null: each agent is asked itself.
+
   std::filesystem::path program_folder_;
   std::optional<std::chrono::milliseconds> timeout_;
   std::optional<TeamFile> team_;

@@ -27,6 +27,7 @@ void AddEverything(CLI::App& app, CommandContext& context) {
   app.add_option("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)");
   app.add_option("-a,--agent", context.agent, "Ask this agent");
   app.add_flag("--json", context.is_json, "One JSON document on stdout");
+  app.add_option("--via", context.via, "Ask all agents through this one, over the radio: base");
   app.add_option("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m");
   app.set_version_flag("--version", "moonctl " MOONDB_VERSION);
   AddUpCommands(app, context);

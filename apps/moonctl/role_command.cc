@@ -96,7 +96,7 @@ Result<proto::RoleSetRequest> ParseSwap(CommandContext& context, const std::vect
   auto a = AgentNamed((*team)->config, words[0]);
   auto b = AgentNamed((*team)->config, words[1]);
   if (!a || !b) return tl::unexpected(!a ? a.error() : b.error());
-  auto roles = NewestRoles(**team, context.ClientOptions());
+  auto roles = context.Roles();
   if (!roles) return tl::unexpected(roles.error());
   const std::set<AgentId> named{(*a)->id(), (*b)->id()};
   if (named != std::set<AgentId>{roles->leader(), roles->survivor()}) {

@@ -193,6 +193,22 @@ TEST_F(ProcessTest, LetsTheSurvivorLeadWhenTheLeaderIsDead) {
   MoonctlExpecting(4, {"graph", "optimize", "-a", "rover1"});
 }
 
+TEST_F(ProcessTest, OperatesTheWholeTeamThroughTheBaseStation) {
+  MoonctlExpecting(0, {"up"});
+  MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2", "--via", "base"});
+  MoonctlExpecting(0, {"--via", "base", "sync", "now", "--wait"});
+  MoonctlExpecting(0, {"--via", "base", "graph", "optimize"});
+  MoonctlExpecting(0, {"--via", "base", "map", "export", folder_ / "map"});
+  MoonctlExpecting(0, {"--via", "base", "role", "set", "rover2", "leader", "rover3", "survivor"});
+  EXPECT_THAT(MoonctlExpecting(0, {"--via", "base", "status"}), HasSubstr("designated_survivor"));
+  EXPECT_THAT(Moonctl({"--via", "bass", "status"}).error, HasSubstr("did you mean \"base\"?"));
+  EXPECT_EQ(Moonctl({"--via", "bass", "status"}).exit_code, 2);
+  Kill("rover1");
+  EXPECT_TRUE(Until([&] { return Moonctl({"--via", "base", "status"}).exit_code == 3; }));
+  EXPECT_THAT(MoonctlExpecting(3, {"--via", "base", "status"}), HasSubstr("rover1 cannot be reached from base"));
+  EXPECT_THAT(MoonctlExpecting(0, {"--via", "base", "-a", "rover3", "status"}), HasSubstr("rover3"));
+}
+
 TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   const auto agent = StartAgent("rover1");
   ASSERT_TRUE(Until([&] { return agent->Out().find("ready: rover1") == 0; }));

@@ -1,7 +1,8 @@
 #include "actors/gateway/gateway_actor.h"
 
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
+#include "actors/gateway/request_check.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb {
@@ -20,15 +21,20 @@ class GatewayActorTest : public testing::Test {
       agent.set_name("rover" + std::to_string(id));
       team_.AddAgent(id);
     }
+    SpawnGateway(1);
+  }
+
+  void SpawnGateway(AgentId agent) {
     GatewayActor::Options options;
-    options.self = 1;
+    options.self = agent;
     options.team = team_config_;
     options.version = "1.2.3";
     options.pid = 77;
     options.merge_backend = "cpu";
     options.pending_max = 4;
     options.own_actors = {"soil"};
-    team_.Spawn(1, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
+    options.relay_bytes_max = 20'000;
+    team_.Spawn(agent, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
   }
 
   void Request(const proto::ControlRequest& request, std::uint64_t id = 5) { RequestAs(client_, request, id); }
@@ -96,6 +102,13 @@ TEST_F(GatewayActorTest, LiftsTheErrorOfAReplyToWhereClientsLook) {
   answer.mutable_optimize_reply()->mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
   AnswerAs(actor_name::kPgo, Asked(actor_name::kPgo), answer);
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_REFUSED);
+}
+
+TEST_F(GatewayActorTest, PassesOnHowToSolve) {
+  proto::ControlRequest request = Optimize();
+  request.mutable_optimize()->set_window_nodes(7);
+  Request(request);
+  EXPECT_EQ(Asked(actor_name::kPgo).optimize_request().window_nodes(), 7u);
 }
 
 TEST_F(GatewayActorTest, PassesACustomQuestionToTheUsersActorAndItsAnswerBack) {
@@ -290,6 +303,93 @@ TEST_F(GatewayActorTest, RefusesTheRequestOfAnotherAgent) {
   RequestAs(other, Optimize(), 5);
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(team_.Take({1, actor_name::kPgo}).empty());
+  const auto answers = team_.Take(other);
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_EQ(answers[0].control_reply().error().code(), proto::ERROR_CODE_REFUSED);
+}
+
+// A read at agent 2, asked of agent 1.
+proto::ControlRequest ReadAtTwo() {
+  proto::ControlRequest request;
+  request.mutable_read();
+  request.set_for_agent(2);
+  return request;
+}
+
+TEST_F(GatewayActorTest, AsksAnotherAgentAndBringsItsAnswerBack) {
+  SpawnGateway(2);
+  Request(ReadAtTwo(), 42);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
+  const auto asked = team_.Take({2, actor_name::kStorage});
+  ASSERT_EQ(asked.size(), 1u);
+  EXPECT_EQ(asked[0].read_request().content_bytes_max(), kRelayedContentBytesMax);  // 1 MB among its own.
+  proto::Message page;
+  page.set_request_id(asked[0].request_id());
+  page.mutable_read_reply()->set_is_complete(true);
+  ASSERT_EQ(team_.Post({2, actor_name::kStorage}, {2, actor_name::kGateway}, page), SendResult::kAccepted);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(OnlyAnswer(42).read().is_complete());
+}
+
+TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {
+  SpawnGateway(2);
+  for (const std::size_t bytes : {10'000u, 30'000u}) {
+    Request(ReadAtTwo());
+    team_.AdvanceTime(seconds(1));
+    const auto asked = team_.Take({2, actor_name::kStorage});
+    ASSERT_EQ(asked.size(), 1u);
+    proto::Message page;
+    page.set_request_id(asked[0].request_id());
+    page.mutable_read_reply()->add_records()->set_content(std::string(bytes, 'x'));
+    ASSERT_EQ(team_.Post({2, actor_name::kStorage}, {2, actor_name::kGateway}, page), SendResult::kAccepted);
+    team_.AdvanceTime(seconds(1));
+    const proto::ControlReply reply = OnlyAnswer();
+    EXPECT_EQ(reply.error().code(), bytes > 20'000 ? proto::ERROR_CODE_FULL : proto::ERROR_CODE_NONE);
+  }
+}
+
+TEST_F(GatewayActorTest, SaysWhichAgentCannotBeReachedOrWasLost) {
+  SpawnGateway(2);
+  Request(ReadAtTwo());
+  team_.SetLink(1, 2, false);
+  team_.AdvanceTime(seconds(1));
+  proto::Error error = OnlyAnswer().error();
+  EXPECT_EQ(error.code(), proto::ERROR_CODE_UNAVAILABLE);
+  EXPECT_THAT(error.text(), testing::HasSubstr("rover2 was lost"));
+  Request(ReadAtTwo());
+  error = OnlyAnswer().error();
+  EXPECT_EQ(error.code(), proto::ERROR_CODE_UNAVAILABLE);
+  EXPECT_EQ(error.text(), "rover2 cannot be reached from rover1");
+
+  proto::ControlRequest stranger = ReadAtTwo();
+  stranger.set_for_agent(9);
+  Request(stranger);
+  EXPECT_EQ(OnlyAnswer().error().field(), "for_agent");
+}
+
+TEST_F(GatewayActorTest, TakesNoAnswerFromAnyoneButTheAgentThatWasAsked) {
+  Request(ReadAtTwo());  // Agent 2's gateway is a probe.
+  team_.AdvanceTime(seconds(1));
+  const auto asked = team_.Take({2, actor_name::kGateway});
+  ASSERT_EQ(asked.size(), 1u);
+  EXPECT_EQ(asked[0].control_request().for_agent(), 2u);
+  proto::Message answer;
+  answer.set_request_id(asked[0].request_id());
+  answer.mutable_control_reply()->mutable_read();
+  (void)team_.Post({2, actor_name::kStorage}, gateway_, answer);
+  (void)team_.Post({1, actor_name::kStorage}, gateway_, answer);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_TRUE(Answers().empty());
+  team_.AdvanceTime(seconds(60));
+  EXPECT_EQ(OnlyAnswer().error().text(), "rover2 did not answer in time");
+}
+
+TEST_F(GatewayActorTest, PassesNoRequestOfAnotherAgentOn) {
+  const Address other{2, actor_name::kGateway};
+  proto::ControlRequest request = ReadAtTwo();
+  RequestAs(other, request, 5);
+  team_.AdvanceTime(seconds(1));
   const auto answers = team_.Take(other);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].control_reply().error().code(), proto::ERROR_CODE_REFUSED);
