@@ -1,5 +1,8 @@
 #include "client/client.h"
 
+#include <pwd.h>
+#include <unistd.h>
+
 #include <iterator>
 #include <optional>
 #include <utility>
@@ -11,6 +14,21 @@
 
 namespace moondb {
 
+namespace {
+
+// "anna@hill".
+std::string UserAtMachine() {
+  char machine[256] = "";
+  if (gethostname(machine, sizeof(machine) - 1) != 0) machine[0] = '\0';
+  passwd entry{};
+  passwd* user = nullptr;
+  char buffer[4096];
+  (void)getpwuid_r(geteuid(), &entry, buffer, sizeof(buffer), &user);
+  return (user != nullptr ? user->pw_name : std::to_string(geteuid())) + std::string("@") + machine;
+}
+
+}  // namespace
+
 Client::Client(std::unique_ptr<Connection> connection, Options options)
     : connection_(std::move(connection)), options_(std::move(options)) {}
 
@@ -21,6 +39,7 @@ Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::strin
   if (auto opened = connection->Open(options.connect_timeout); !opened) {
     return tl::unexpected(opened.error());
   }
+  if (options.by.empty()) options.by = UserAtMachine();
   return std::unique_ptr<Client>(new Client(std::move(connection), std::move(options)));
 }
 
@@ -35,6 +54,7 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
   message.set_request_id(id);
   *message.mutable_control_request() = request;
   message.mutable_control_request()->set_for_agent(options_.for_agent);
+  message.mutable_control_request()->set_by(options_.by);
   if (message.ByteSizeLong() > options_.message_bytes_max) {
     return Fail(ErrorCode::kInvalid, "the request is larger than a message may be");
   }

@@ -41,7 +41,8 @@ class Client {
     Duration long_timeout = std::chrono::seconds(600);  // Of what TakesLong (model/control_request.h).
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
     AgentId for_agent =
-        0;  // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
+        0;                // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
+    std::string by = {};  // Who asks, for the team's story: "anna@hill". Empty: this user at this machine.
     CustomTypes custom_types = {};  // The team file's (TeamConfig::custom_types): for their names.
   };
 

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "model/event.h"
 #include "model/geometry.h"
 #include "model/record_key.h"
 #include "model/term.h"
@@ -96,6 +97,14 @@ void CheckCustom(const proto::CustomRecord& custom, Checker& check) {
   check.Require(IsUtf8(custom.metadata()), "custom.metadata", "is not UTF-8");
 }
 
+void CheckEvent(const proto::AgentEvent& event, Checker& check) {
+  check.Require(event.kind() != proto::EVENT_KIND_UNSPECIFIED, "agent_event.kind", "is missing");
+  check.Size(event.text(), kEventTextBytesMax, "agent_event.text");
+  check.Require(IsUtf8(event.text()), "agent_event.text", "is not UTF-8");
+  check.Size(event.by(), kEventByBytesMax, "agent_event.by");
+  check.Require(IsUtf8(event.by()), "agent_event.by", "is not UTF-8");
+}
+
 void CheckQuarantine(const proto::MapQuarantine& quarantine, Checker& check) {
   check.Size(quarantine.reason(), kReasonBytesMax, "map_quarantine.reason");
   check.Require(IsUtf8(quarantine.reason()), "map_quarantine.reason", "is not UTF-8");
@@ -150,6 +159,8 @@ DataType TypeOf(const proto::Record& record) {
       return proto::LOCAL_TRAVERSABILITY_MAP;
     case proto::Record::kMapQuarantine:
       return proto::MAP_QUARANTINE;
+    case proto::Record::kAgentEvent:
+      return proto::AGENT_EVENT;
     case proto::Record::kCustom:
       if (IsCustom(record.custom().data_type())) return record.custom().data_type();
       return proto::DATA_TYPE_UNSPECIFIED;
@@ -209,6 +220,9 @@ Result<void> CheckRecord(const proto::Record& record) {
     }
     case proto::Record::kMapQuarantine:
       CheckQuarantine(record.map_quarantine(), check);
+      break;
+    case proto::Record::kAgentEvent:
+      CheckEvent(record.agent_event(), check);
       break;
     case proto::Record::kCustom:
       CheckCustom(record.custom(), check);

@@ -36,6 +36,7 @@ inline constexpr char kFailover[] = "failover";
 inline constexpr char kLease[] = "lease";
 inline constexpr char kGateway[] = "gateway";
 inline constexpr char kClock[] = "clock";
+inline constexpr char kEvent[] = "event";
 }  // namespace actor_name
 
 }  // namespace moondb

@@ -298,6 +298,7 @@ proto::SharePolicies StatesLatest() {
   policies.set_pose_graph_node(proto::POLICY_ALL);
   policies.set_optimized_pose(proto::POLICY_LATEST);
   policies.set_map_quarantine(proto::POLICY_ALL);
+  policies.set_agent_event(proto::POLICY_ALL);
   return policies;
 }
 

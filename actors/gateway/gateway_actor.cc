@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "actors/gateway/command_text.h"
 #include "actors/gateway/request_check.h"
 #include "model/control_request.h"
+#include "model/event.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
@@ -76,6 +78,7 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
   if (auto checked = CheckRequest(options_.team, asked, request); !checked) {
     return Answer(context, client, message.request_id(), ErrorReply(checked.error()));
   }
+  if (is_for_self) WriteDown(context, request);
   if (is_for_self && request.has_stop()) return OnStop(context, message);
   if (is_for_self && request.has_trace()) {
     proto::ControlReply reply;
@@ -94,6 +97,19 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
   pending.timer = context.AfterTimer(TakesLong(request) ? options_.long_timeout : options_.timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
+}
+
+// Storage takes it before anything that the command makes other actors ask of it.
+void GatewayActor::WriteDown(Context& context, const proto::ControlRequest& request) {
+  const std::string text = CommandText(options_.team, request);
+  if (text.empty()) return;
+  const std::string through = IsPeer(context.sender().agent) ? ", through " + NameOf(context.sender().agent) : "";
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_insert_request()->add_records() =
+      MakeEvent(proto::EVENT_KIND_COMMAND, text + through, request.by(), context.utc_now_ns());
+  // A full disk does not keep anybody from changing roles.
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
 }
 
 void GatewayActor::OnStop(Context& context, const proto::Message& message) {

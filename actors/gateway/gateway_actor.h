@@ -10,6 +10,8 @@
 // hold each other's keys); no request travels further than from one agent to another. Questions and short answers go in
 // the control class; longer answers wait behind everything that is shared, and none is longer than `relay_bytes_max`.
 //
+// What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
+//
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
 // kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one), kFull
 // (too much waits, here or at the actor; an answer too long for the radio), kUnavailable (no such actor; the agent that
@@ -67,6 +69,7 @@ class GatewayActor final : public Actor {
 
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
   std::string NameOf(AgentId agent) const;
+  void WriteDown(Context& context, const proto::ControlRequest& request);
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
   Result<void> Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);

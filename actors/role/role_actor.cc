@@ -205,8 +205,8 @@ void RoleActor::Apply(Context& context, const proto::RoleAssignment& roles) {
   *roles_changed_.mutable_term() = roles.term();
   *roles_changed_.mutable_roles_changed()->mutable_roles() = roles;
   roles_changed_.mutable_roles_changed()->set_own_role(RoleOf(options_.team, roles, options_.self));
-  untold_ = {actor_name::kSync,  actor_name::kReplica, actor_name::kPgo,
-             actor_name::kMerge, actor_name::kGateway, actor_name::kFailover};
+  untold_ = {actor_name::kSync,    actor_name::kReplica,  actor_name::kPgo,  actor_name::kMerge,
+             actor_name::kGateway, actor_name::kFailover, actor_name::kEvent};
   untold_.insert(untold_.end(), options_.tell.begin(), options_.tell.end());
   TellOwnActors(context);
 }

@@ -88,6 +88,11 @@ void BindMapQuarantine(const proto::Record& record, Query& query) {
         << std::string_view(lifts);
 }
 
+void BindEvent(const proto::Record& record, Query& query) {
+  const proto::AgentEvent& event = record.agent_event();
+  query << static_cast<int>(event.kind()) << std::string_view(event.text()) << std::string_view(event.by());
+}
+
 void BindCustom(const proto::Record& record, std::string_view content, Query& query) {
   const proto::CustomRecord& custom = record.custom();
   // Equal bytes are as good wherever they stand first.
@@ -125,6 +130,7 @@ std::vector<RecordTable> MakeTables() {
       FromRecord<BindLocalTraversabilityMap>);
   tables.emplace_back(proto::MAP_QUARANTINE, "maps_of, from_ns, to_ns, reason, lifts", "",
                       FromRecord<BindMapQuarantine>);
+  tables.emplace_back(proto::AGENT_EVENT, "kind, text, given_by", "", FromRecord<BindEvent>);
   tables.emplace_back("data_type, metadata, payload_at, payload_bytes", BindCustom);
   return tables;
 }

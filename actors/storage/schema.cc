@@ -183,9 +183,32 @@ CREATE TABLE map_quarantine(
 DROP VIEW shared_record;
 )sql";
 
-std::string Version4() {
-  return kQuarantineV4 + SharedRecordV2() +
+std::string SharedRecordV4() {
+  return SharedRecordV2() +
          " UNION ALL SELECT 31 AS data_type, row_id, origin, epoch, seq, stamp_ns FROM map_quarantine"
+         " WHERE seq IS NOT NULL";
+}
+
+std::string Version4() { return kQuarantineV4 + SharedRecordV4() + ";"; }
+
+// Version 5: the team's story.
+constexpr char kEventV5[] = R"sql(
+CREATE TABLE agent_event(
+  row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
+  latest_key TEXT NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL,
+  kind INTEGER NOT NULL, text TEXT NOT NULL, given_by TEXT NOT NULL,
+  content BLOB NOT NULL, CHECK((epoch IS NULL) = (seq IS NULL)), UNIQUE(origin, epoch, seq)) STRICT;
+CREATE VIEW v_event AS
+  SELECT row_id, origin AS agent_id, stamp_ns,
+    CASE kind WHEN 1 THEN 'started' WHEN 2 THEN 'command' WHEN 3 THEN 'roles' WHEN 4 THEN 'restart'
+      WHEN 5 THEN 'sharing' WHEN 6 THEN 'rejected' ELSE 'unknown' END AS kind, text, given_by
+  FROM agent_event;
+DROP VIEW shared_record;
+)sql";
+
+std::string Version5() {
+  return kEventV5 + SharedRecordV4() +
+         " UNION ALL SELECT 40 AS data_type, row_id, origin, epoch, seq, stamp_ns FROM agent_event"
          " WHERE seq IS NOT NULL;";
 }
 
@@ -200,6 +223,8 @@ std::string Step(int from) {
       return kVersion3;
     case 3:
       return Version4();
+    case 4:
+      return Version5();
     default:
       return {};
   }

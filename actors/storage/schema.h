@@ -15,7 +15,7 @@
 namespace moondb {
 
 // A change of tables or views is a new version with its own step; steps that were ever released stay as they are.
-inline constexpr int kSchemaVersion = 4;
+inline constexpr int kSchemaVersion = 5;
 
 // Whether tables, indexes and views are still those of the file's version; others beside them are the user's own.
 // kCorrupt where not: a damaged statement of the schema would make SQLite fail in ways that look like something else.

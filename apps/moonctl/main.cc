@@ -40,6 +40,7 @@ void AddEverything(CLI::App& app, CommandContext& context) {
   AddMapCommands(app, context);
   AddRecordCommands(app, context);
   AddDbCommands(app, context);
+  AddLogCommand(app, context);
   AddTraceCommand(app, context);
   AddConfigCommands(app, context);
   AddVersionCommand(app, context);

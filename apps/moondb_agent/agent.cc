@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "actors/clock/clock_actor.h"
+#include "actors/event/event_actor.h"
 #include "actors/gateway/gateway_actor.h"
 #include "actors/lease/lease_actor.h"
 #include "actors/merge/gather_pool.h"
@@ -175,6 +176,12 @@ class Agent::Impl {
     sharing.config_hash = team_.hash;
     SpawnActor<SyncActor>(*system_, actor_name::kSync, Placement::kPool, sharing);
     SpawnActor<ReplicaActor>(*system_, actor_name::kReplica, Placement::kPool, std::move(sharing));
+
+    EventActor::Options event;
+    event.self = self_;
+    event.team = team;
+    event.version = options_.version;
+    SpawnActor<EventActor>(*system_, actor_name::kEvent, Placement::kPool, std::move(event));
 
     PgoActor::Options pgo;
     pgo.self = self_;

@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 
+#include "model/event.h"
 #include "model/geometry.h"
 #include "model/record_key.h"
 #include "model/term.h"
@@ -194,6 +195,21 @@ TEST(RecordCheckTest, BoundsCustomRecords) {
     EXPECT_EQ(ToString(CheckRecord(record).error()), "custom.data_type: must be 1000 to 1999");
     EXPECT_EQ(TypeOf(record), proto::DATA_TYPE_UNSPECIFIED);
   }
+}
+
+TEST(RecordCheckTest, RefusesEventsThatAreNoLineOfText) {
+  const proto::Record event = MakeEvent(proto::EVENT_KIND_COMMAND, "sync\nnow", "anna@hill", 5);
+  EXPECT_EQ(event.agent_event().text(), "sync?now");
+  const auto refused = [&event](const std::function<void(proto::AgentEvent&)>& spoil) {
+    return Refused(event, [&spoil](proto::Record& r) { spoil(*r.mutable_agent_event()); });
+  };
+  EXPECT_EQ(refused([](auto&) {}), "");
+  EXPECT_EQ(refused([](auto& e) { e.clear_kind(); }), "agent_event.kind");
+  EXPECT_EQ(refused([](auto& e) { e.set_text(std::string(kEventTextBytesMax + 1, 'x')); }), "agent_event.text");
+  EXPECT_EQ(refused([](auto& e) { e.set_by(std::string(kEventByBytesMax + 1, 'x')); }), "agent_event.by");
+  EXPECT_EQ(Refused(MakeEvent(proto::EVENT_KIND_ROLES, std::string(9999, '\xC3'), std::string(9999, 'x'), 5),
+                    [](proto::Record&) {}),
+            "");
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "actors/gateway/request_check.h"
+#include "model/record_check.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb {
@@ -314,6 +315,33 @@ proto::ControlRequest ReadAtTwo() {
   request.mutable_read();
   request.set_for_agent(2);
   return request;
+}
+
+TEST_F(GatewayActorTest, WritesDownWhatItIsToldToDoBeforeItIsDoneAndByWhom) {
+  proto::ControlRequest request;
+  request.mutable_role_set()->set_leader(2);
+  request.mutable_role_set()->set_reason("sun is low");
+  request.set_by("anna@hill");
+  Request(request);
+  const proto::Record record = Asked(actor_name::kStorage).insert_request().records(0);
+  EXPECT_EQ(record.agent_event().kind(), proto::EVENT_KIND_COMMAND);
+  EXPECT_EQ(record.agent_event().text(), "role set: leader rover2 (sun is low)");
+  EXPECT_EQ(record.agent_event().by(), "anna@hill");
+  EXPECT_TRUE(CheckRecord(record).has_value());
+
+  request.mutable_role_set()->set_reason(std::string(255, 'x') + "\n");
+  request.set_by(std::string(5000, 'y'));
+  request.set_for_agent(1);
+  RequestAs({2, actor_name::kGateway}, request, 6);
+  team_.AdvanceTime(seconds(1));
+  const proto::Record relayed = Asked(actor_name::kStorage).insert_request().records(0);
+  EXPECT_THAT(relayed.agent_event().text(), testing::EndsWith(", through rover2"));
+  EXPECT_TRUE(CheckRecord(relayed).has_value());
+
+  request.mutable_status();  // A question.
+  request.clear_for_agent();
+  Request(request);
+  for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) EXPECT_FALSE(asked.has_insert_request());
 }
 
 TEST_F(GatewayActorTest, AsksAnotherAgentAndBringsItsAnswerBack) {

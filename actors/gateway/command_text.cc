@@ -1,0 +1,53 @@
+#include "actors/gateway/command_text.h"
+
+#include <algorithm>
+
+namespace moondb {
+
+namespace {
+
+std::string NameOf(const proto::TeamConfig& team, std::uint32_t id) {
+  const auto found = std::find_if(team.agents().begin(), team.agents().end(),
+                                  [id](const proto::AgentConfig& agent) { return agent.id() == id; });
+  return found == team.agents().end() ? "agent " + std::to_string(id) : found->name();
+}
+
+std::string RoleText(const proto::TeamConfig& team, const proto::RoleSetRequest& set) {
+  if (set.is_dry_run()) return "";
+  std::string text = set.is_swap() ? "role swap" : "role set:";
+  if (set.leader() != 0) text += " leader " + NameOf(team, set.leader());
+  if (set.survivor() != 0) text += " survivor " + NameOf(team, set.survivor());
+  return set.reason().empty() ? text : text + " (" + set.reason() + ")";
+}
+
+std::string ShareText(const proto::TeamConfig& team, const proto::ShareRequest& share) {
+  std::string text = share.kind() == proto::SHARING_KIND_SYNC ? "sync now" : "replicate now";
+  if (share.destination() != 0) text += " to " + NameOf(team, share.destination());
+  return text;
+}
+
+std::string OptimizeText(const proto::OptimizeRequest& optimize) {
+  std::string text = "graph optimize";
+  if (optimize.from_scratch()) text += " from scratch";
+  if (optimize.window_nodes() > 0) text += ", window of " + std::to_string(optimize.window_nodes());
+  return text;
+}
+
+}  // namespace
+
+std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request) {
+  switch (request.request_case()) {
+    case proto::ControlRequest::kRoleSet:
+      return RoleText(team, request.role_set());
+    case proto::ControlRequest::kShare:
+      return ShareText(team, request.share());
+    case proto::ControlRequest::kOptimize:
+      return OptimizeText(request.optimize());
+    case proto::ControlRequest::kStop:
+      return "stop";
+    default:
+      return "";
+  }
+}
+
+}  // namespace moondb

@@ -1,0 +1,127 @@
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <thread>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/commands.h"
+#include "model/event.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::uint32_t kEventsMax = 1000;
+constexpr std::chrono::seconds kFollowPeriod(1);
+
+struct LogArguments {
+  std::uint32_t events = 50;
+  std::string origin;
+  bool follows = false;
+};
+
+struct LoggedEvent {
+  std::uint64_t row_id = 0;  // In the order in which the asked agent heard of them.
+  AgentId agent = 0;
+  proto::Record record;
+};
+
+Result<std::vector<LoggedEvent>> EventsOf(const proto::ReadReply& page) {
+  std::vector<LoggedEvent> events;
+  for (int i = 0; i < page.records_size() && i < page.row_ids_size(); ++i) {
+    LoggedEvent event{page.row_ids(i), static_cast<AgentId>(page.records(i).key().origin_agent()), {}};
+    if (!event.record.ParseFromString(page.records(i).content())) {
+      return Fail(ErrorCode::kCorrupt, "an event does not decode");
+    }
+    events.push_back(std::move(event));
+  }
+  return events;
+}
+
+std::vector<std::string> RowOf(const proto::TeamConfig& team, const LoggedEvent& event) {
+  const proto::AgentEvent& body = event.record.agent_event();
+  return {FormatUtc(event.record.stamp_ns()), AgentName(team, event.agent), EventKindName(body.kind()),
+          body.by().empty() ? body.text() : body.text() + " (" + body.by() + ")"};
+}
+
+std::string JsonOf(const proto::TeamConfig& team, const LoggedEvent& event) {
+  const proto::AgentEvent& body = event.record.agent_event();
+  JsonWriter json;
+  json.BeginObject().Key("utc").String(FormatUtc(event.record.stamp_ns()));
+  json.Key("agent").String(AgentName(team, event.agent)).Key("kind").String(EventKindName(body.kind()));
+  json.Key("text").String(body.text()).Key("by").String(body.by());
+  json.Key("is_clock_suspect").Bool(event.record.is_clock_suspect()).EndObject();
+  return json.text();
+}
+
+// One line an event, as it comes, until somebody ends it.
+ExitCode Follow(CommandContext& context, Client& client, proto::ReadRequest request, std::uint64_t after_row_id) {
+  const proto::TeamConfig& team = (*context.Team())->config;
+  request.set_is_newest_first(false);
+  while (true) {
+    request.set_after_row_id(after_row_id);
+    const auto page = client.Read(request);
+    if (!page) return context.Report(page.error());
+    const auto events = EventsOf(*page);
+    if (!events) return context.Report(events.error());
+    for (const LoggedEvent& event : *events) {
+      after_row_id = event.row_id;
+      std::string line;
+      for (const std::string& cell : RowOf(team, event)) line += (line.empty() ? "" : "  ") + cell;
+      if (const ExitCode shown = context.Done(JsonOf(team, event), line); shown != ExitCode::kDone) return shown;
+    }
+    if (events->empty()) std::this_thread::sleep_for(kFollowPeriod);
+  }
+}
+
+ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  proto::ReadRequest request;
+  request.add_data_types(proto::AGENT_EVENT);
+  request.set_is_newest_first(true);
+  request.set_records_max(arguments.events);
+  if (!arguments.origin.empty()) {
+    auto origin = AgentNamed((*team)->config, arguments.origin);
+    if (!origin) return context.Report(origin.error());
+    request.add_origin_agents((*origin)->id());
+  }
+  auto target = context.ConnectToChosenOrLeader();
+  if (!target) return context.Report(target.error());
+  const auto page = target->client->Read(request);
+  if (!page) return context.Report(page.error());
+  auto events = EventsOf(*page);
+  if (!events) return context.Report(events.error());
+  std::uint64_t last_row_id = 0;
+  for (const LoggedEvent& event : *events) last_row_id = std::max(last_row_id, event.row_id);
+  // Told late is not happened late.
+  std::stable_sort(events->begin(), events->end(), [](const LoggedEvent& a, const LoggedEvent& b) {
+    return std::pair(a.record.stamp_ns(), a.row_id) < std::pair(b.record.stamp_ns(), b.row_id);
+  });
+
+  Table table({"TIME", "AGENT", "EVENT", "WHAT"});
+  std::string json;
+  for (const LoggedEvent& event : *events) {
+    table.Add(RowOf((*team)->config, event));
+    json += (json.empty() ? "" : arguments.follows ? "\n" : ",") + JsonOf((*team)->config, event);
+  }
+  if (!arguments.follows) {
+    return context.Done("{\"agent\":\"" + target->agent->name() + "\",\"events\":[" + json + "]}", table.Text());
+  }
+  if (const ExitCode shown = context.Done(json, table.Text()); shown != ExitCode::kDone) return shown;
+  return Follow(context, *target->client, std::move(request), last_row_id);
+}
+
+}  // namespace
+
+void AddLogCommand(CLI::App& app, CommandContext& context) {
+  auto arguments = std::make_shared<LogArguments>();
+  CLI::App& log =
+      *app.add_subcommand("log", "The team's story as the leader (or -a) knows it: commands, roles, failures");
+  log.add_option("--events", arguments->events, "At most so many, the newest (50)")->check(CLI::Range(1u, kEventsMax));
+  log.add_option("--origin", arguments->origin, "Of this agent only");
+  log.add_flag("-f,--follow", arguments->follows, "Go on with what comes; with --json one document a line");
+  log.callback(
+      [&context, arguments] { context.action = [&context, arguments] { return ShowLog(context, *arguments); }; });
+}
+
+}  // namespace moondb

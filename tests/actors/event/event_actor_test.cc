@@ -1,0 +1,128 @@
+#include "actors/event/event_actor.h"
+
+#include <gmock/gmock.h>
+
+#include "runtime/simulation/simulated_team.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::minutes;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+// The event actor of agent 1; all others are probes.
+class EventActorTest : public testing::Test {
+ protected:
+  EventActorTest() {
+    EventActor::Options options;
+    options.self = 1;
+    options.version = "1.2.3";
+    for (const std::uint32_t id : {1, 2, 3}) {
+      proto::AgentConfig& agent = *options.team.add_agents();
+      agent.set_id(id);
+      agent.set_name("rover" + std::to_string(id));
+    }
+    team_.AddAgent(1);
+    team_.Spawn(1, actor_name::kEvent, [options] { return std::make_unique<EventActor>(options); });
+    team_.RunUntilIdle();
+  }
+
+  // What storage was told since the last call.
+  std::vector<std::string> Told() {
+    std::vector<std::string> texts;
+    for (const proto::Message& message : team_.Take({1, actor_name::kStorage})) {
+      if (message.has_insert_request()) texts.push_back(message.insert_request().records(0).agent_event().text());
+    }
+    return texts;
+  }
+
+  void Post(const std::string& actor, const proto::Message& message) {
+    ASSERT_EQ(team_.Post({1, actor}, {1, actor_name::kEvent}, message), SendResult::kAccepted);
+    team_.RunUntilIdle();
+  }
+
+  void Roles(std::uint64_t term, AgentId issuer, AgentId leader, const std::string& reason = "") {
+    proto::Message message;
+    proto::RoleAssignment& roles = *message.mutable_roles_changed()->mutable_roles();
+    roles.mutable_term()->set_number(term);
+    roles.mutable_term()->set_issuer(issuer);
+    roles.set_leader(leader);
+    roles.set_survivor(3);
+    roles.set_reason(reason);
+    Post(actor_name::kRole, message);
+  }
+
+  void Rejected(double count) {
+    proto::Message message;
+    message.mutable_storage_status()->set_rejected_count(count);
+    Post(actor_name::kStorage, message);
+  }
+
+  simulation::SimulatedTeam team_{/*seed=*/1};
+};
+
+TEST_F(EventActorTest, TellsThatTheAgentStarted) { EXPECT_THAT(Told(), ElementsAre("started, moondb 1.2.3")); }
+
+TEST_F(EventActorTest, TellsRolesThatItsOwnAgentIssuedAfterTheFirst) {
+  (void)Told();
+  Roles(3, /*issuer=*/1, /*leader=*/2);  // As they were before the start.
+  Roles(4, /*issuer=*/2, /*leader=*/2);
+  Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
+  Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
+  EXPECT_THAT(Told(), ElementsAre("rover1 leads, rover3 is the designated survivor, term 5: sun is low"));
+}
+
+TEST_F(EventActorTest, TellsOnceAMinuteWhatWasRefusedSinceTheLastTime) {
+  (void)Told();
+  Rejected(5);  // Since the agent started: the actor may have been made anew.
+  EXPECT_THAT(Told(), IsEmpty());
+  Rejected(8);
+  EXPECT_THAT(Told(), ElementsAre("3 records were refused by storage"));
+  Rejected(8);
+  EXPECT_THAT(Told(), IsEmpty());
+}
+
+TEST_F(EventActorTest, TellsSessionsThatEndedEarlyAndWhy) {
+  (void)Told();
+  proto::Message message;
+  message.mutable_share_status();
+  Post(actor_name::kSync, message);
+  message.mutable_share_status()->set_damaged_messages(1);
+  proto::ShareSession& session = *message.mutable_share_status()->add_sessions();
+  session.set_destination(2);
+  session.set_closed_sessions(2);
+  session.set_last_error("the roles changed");
+  Post(actor_name::kSync, message);
+  EXPECT_THAT(Told(), ElementsAre("1 messages from peers were damaged",
+                                  "2 sharings to rover2 ended before all was acknowledged: the roles changed"));
+  Post(actor_name::kReplica, message);
+  EXPECT_THAT(Told(), IsEmpty());
+}
+
+TEST_F(EventActorTest, AsksEveryMinute) {
+  const auto asked = [this] {
+    std::size_t count = 0;
+    for (const proto::Message& message : team_.Take({1, actor_name::kSync}))
+      count += message.has_share_status_request();
+    return count;
+  };
+  EXPECT_EQ(asked(), 1u);
+  team_.AdvanceTime(minutes(10));
+  EXPECT_EQ(asked(), 10u);
+}
+
+TEST_F(EventActorTest, HearsOnlyItsOwnAgent) {
+  (void)Told();
+  team_.AddAgent(2);
+  proto::Message message;
+  message.mutable_storage_status();
+  (void)team_.Post({2, actor_name::kStorage}, {1, actor_name::kEvent}, message);
+  message.mutable_storage_status()->set_rejected_count(7);
+  (void)team_.Post({2, actor_name::kStorage}, {1, actor_name::kEvent}, message);
+  team_.AdvanceTime(std::chrono::seconds(1));
+  EXPECT_THAT(Told(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace moondb
