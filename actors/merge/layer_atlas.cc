@@ -1,6 +1,7 @@
 #include "actors/merge/layer_atlas.h"
 
 #include <algorithm>
+#include <bit>
 #include <string>
 #include <utility>
 
@@ -12,10 +13,15 @@ bool IsSame(const std::weak_ptr<const LocalMap>& a, const std::shared_ptr<const 
   return !a.owner_before(b) && !b.owner_before(a);
 }
 
+std::int32_t FloorToPowerOfTwo(std::int32_t number) {
+  return static_cast<std::int32_t>(std::bit_floor(static_cast<std::uint32_t>(number)));
+}
+
 }  // namespace
 
 LayerAtlas::LayerAtlas(std::int32_t page_texels_max)
-    : page_texels_(std::min(std::max(page_texels_max, kBlockSideCellsMax), GetGlInteger(GL_MAX_TEXTURE_SIZE))),
+    : page_texels_(FloorToPowerOfTwo(
+          std::min(std::max(page_texels_max, kBlockSideCellsMax), GetGlInteger(GL_MAX_TEXTURE_SIZE)))),
       pages_max_(GetGlInteger(GL_MAX_ARRAY_TEXTURE_LAYERS)) {}
 
 Result<LayerAtlas::Spot> LayerAtlas::Find(const PlacedBlock& placed) {

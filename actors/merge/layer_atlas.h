@@ -25,7 +25,7 @@ class LayerAtlas {
     std::int32_t page = 0;
   };
 
-  // `page_texels_max` a side, at least kBlockSideCellsMax, or the driver's limit.
+  // A power of two at most `page_texels_max` a side, at least kBlockSideCellsMax, or the driver's limit.
   explicit LayerAtlas(std::int32_t page_texels_max);
 
   // Where a block lies, uploaded if need be. kFull if the driver's number of pages is not enough, kUnavailable for its
@@ -36,6 +36,7 @@ class LayerAtlas {
   std::uint64_t generation() const { return generation_; }
 
   GLuint texture() const { return texture_.id(); }
+  std::int32_t page_texels() const { return page_texels_; }  // A side; a power of two.
 
  private:
   struct Entry {
