@@ -12,6 +12,7 @@
 // actor what waited is forgotten; the clients' own timeouts tell them.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -25,11 +26,11 @@ class GatewayActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;            // Complete and checked.
-    std::string version;               // Shown in status.
-    std::uint32_t pid = 0;             // Likewise.
-    std::string merge_backend;         // Likewise: "cpu" or "gl".
-    std::set<std::string> own_actors;  // The user's; clients may ask these by name.
+    proto::TeamConfig team;                      // Complete and checked.
+    std::string version;                         // Shown in status.
+    std::uint32_t pid = 0;                       // Likewise.
+    std::function<std::string()> merge_backend;  // Likewise: "cpu" or "gl"; asked at each status, on any thread.
+    std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).

@@ -6,7 +6,6 @@
 #include <array>
 #include <bit>
 #include <cstddef>
-#include <cstring>
 #include <glm/glm.hpp>
 #include <optional>
 #include <utility>
@@ -15,6 +14,7 @@
 #include "actors/merge/egl_context.h"
 #include "actors/merge/gl_objects.h"
 #include "actors/merge/layer_atlas.h"
+#include "actors/merge/open_tile.h"
 #include "merge_shaders.h"
 
 namespace moondb {
@@ -34,10 +34,6 @@ constexpr std::size_t kTileBlocksMax = 65'536;
 // Pages drawn at once: a target of 4096 x 4096 cells.
 constexpr std::size_t kBatchPages = 256;
 
-// A square in the target; a pixel is a row of 8 cells.
-constexpr std::size_t kSquarePixelsX = 4;
-constexpr std::size_t kSquarePixelsY = 2;
-
 // What one block, or one footprint, may say of one square, as shaders/merge.frag names it: two texels.
 struct ListEntry {
   glm::uvec4 placed;
@@ -45,7 +41,8 @@ struct ListEntry {
   glm::uint corner;
   glm::uint page_and_number;
 };
-static_assert(sizeof(ListEntry) == 2 * 4 * sizeof(std::uint32_t));
+constexpr std::size_t kEntryTexels = 2;
+static_assert(sizeof(ListEntry) == kEntryTexels * 4 * sizeof(std::uint32_t));
 
 constexpr std::size_t kListColumns = 1024;               // Entries in a row of the texture, as in shaders/merge.frag.
 constexpr std::size_t kEntriesMax = kListColumns << 10;  // In one draw.
@@ -55,7 +52,8 @@ constexpr GLint kLayersUnit = 0;
 constexpr GLint kSquaresUnit = 1;
 constexpr GLint kListsUnit = 2;
 
-constexpr std::uint32_t kFootprintPage = 0xFFFF;
+// No page of the atlas.
+constexpr std::uint32_t kFootprintPage = LayerAtlas::kPagesMax;
 
 std::uint32_t Wrap(std::int64_t value) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)); }
 
@@ -63,104 +61,6 @@ std::uint32_t Wrap(std::int64_t value) { return static_cast<std::uint32_t>(stati
 bool IsSteep(const PlacedRectangle& placed) {
   const std::int64_t steps = std::abs(std::int64_t{placed.step_cos}) + std::abs(std::int64_t{placed.step_sin});
   return steps * kSquareSideCells > std::int64_t{500} << kFractionBits;
-}
-
-// A tile on its way.
-struct OpenTile {
-  GatherWork* work = nullptr;
-  std::size_t index = 0;  // In its page.
-  CellBox box;
-  const std::vector<OrderedBlock>* list = nullptr;  // Of its page.
-  std::size_t next = 0;                             // In the list.
-  std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells.
-  std::unique_ptr<Tile> tile;                       // Null until something may be known.
-  // Of this round:
-  std::size_t first_block = 0;  // Of the tile's.
-  std::size_t first_place = 0;  // Of its squares in the target, which stand there in order.
-  std::uint64_t squares = 0;
-  bool is_for_cpu = false;
-};
-
-template <typename Visit>
-void ForEachKnownCell(Tile& tile, Visit visit) {
-  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
-    std::uint16_t* winners = tile.winners.data() + 64 * square;
-    if (~tile.known[square] == 0) {
-      for (std::size_t i = 0; i < 64; ++i) visit(winners[i]);
-      continue;
-    }
-    for (std::uint64_t cells = tile.known[square]; cells != 0; cells &= cells - 1) {
-      visit(winners[static_cast<std::size_t>(std::countr_zero(cells))]);
-    }
-  }
-}
-
-// Strikes blocks that were drawn and won nothing.
-void DropLosers(Tile& tile) {
-  std::vector<std::uint16_t> numbers(tile.blocks.size());
-  ForEachKnownCell(tile, [&numbers](std::uint16_t winner) { numbers[winner] = 1; });
-  std::uint16_t count = 0;
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    if (numbers[i] == 0) continue;
-    tile.blocks[count] = tile.blocks[i];
-    numbers[i] = count++;
-  }
-  if (count == tile.blocks.size()) return;
-  tile.blocks.resize(count);
-  ForEachKnownCell(tile, [&numbers](std::uint16_t& winner) { winner = numbers[winner]; });
-  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
-    if (tile.known[square] != 0) tile.weakest[square] = numbers[tile.weakest[square]];
-  }
-}
-
-// The lowest bit of each byte, the first byte's lowest.
-std::uint64_t LowestBits(std::uint64_t bytes) { return (bytes & 0x0101010101010101) * 0x0102040810204080 >> 56; }
-
-// Takes over what a round drew of a square: a byte a cell, value and, from bit 2 on, its place in the list. `base` is
-// what the first block of the round is called in the tile.
-void ReadSquare(const std::array<std::uint8_t, 64>& drawn, std::size_t base, std::size_t square, Tile& tile) {
-  std::uint64_t free = 0;
-  std::uint64_t hazard = 0;
-  for (std::size_t y = 0; y < 8; ++y) {
-    std::uint64_t row;
-    std::memcpy(&row, drawn.data() + 8 * y, sizeof(row));
-    free |= LowestBits(row) << (8 * y);
-    hazard |= LowestBits(row >> 1) << (8 * y);
-  }
-  const std::uint64_t taken = (free | hazard) & ~tile.known[square];
-  if (taken == 0) return;
-  std::uint16_t* winners = tile.winners.data() + 64 * square;
-  std::uint8_t last = 0;
-  if (tile.known[square] == 0) {
-    for (std::size_t i = 0; i < drawn.size(); ++i) {
-      last = std::max(last, drawn[i]);
-      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 2));
-    }
-  } else {
-    for (std::uint64_t cells = taken; cells != 0; cells &= cells - 1) {
-      const auto i = static_cast<std::size_t>(std::countr_zero(cells));
-      last = std::max(last, drawn[i]);
-      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 2));
-    }
-  }
-  tile.known[square] |= taken;
-  tile.hazard[square] |= hazard & taken;
-  tile.weakest[square] = static_cast<std::uint16_t>(base + (last >> 2));
-}
-
-// The same of a tile. `side` is how many squares of the target stand beside each other.
-void ReadRound(const std::vector<std::uint64_t>& pixels, std::size_t side, OpenTile& open) {
-  std::array<std::uint8_t, 64> drawn;
-  std::size_t place = open.first_place;
-  for (std::uint64_t todo = open.squares; todo != 0; todo &= todo - 1, ++place) {
-    const auto square = static_cast<std::size_t>(std::countr_zero(todo));
-    const std::size_t stride = side * kSquarePixelsX;
-    const std::uint64_t* from = pixels.data() + place / side * kSquarePixelsY * stride + place % side * kSquarePixelsX;
-    std::memcpy(drawn.data(), from, 32);
-    std::memcpy(drawn.data() + 32, from + stride, 32);
-    ReadSquare(drawn, open.first_block, square, *open.tile);
-    if (~open.tile->known[square] == 0) open.open &= ~(std::uint64_t{1} << square);
-  }
 }
 
 }  // namespace
@@ -172,6 +72,7 @@ class GlGather::Painter {
         context_(context),
         times_(times),
         atlas_(options.atlas_page_texels_max),
+        cpu_({options.threads, nullptr}),
         side_(static_cast<std::size_t>(
             std::min({options.target_cells_max / static_cast<std::int32_t>(kSquareSideCells),
                       GetGlInteger(GL_MAX_TEXTURE_SIZE) / static_cast<std::int32_t>(kSquarePixelsX),
@@ -259,15 +160,19 @@ class GlGather::Painter {
     const double start_ms = NowMs();
     if (Result<void> listed = MakeLists(tiles, limits); !listed) return listed;
     if (entries_.empty()) return {};
-    const auto width = static_cast<GLsizei>(side_ * kSquarePixelsX);
-    const auto height = static_cast<GLsizei>((square_lists_.size() + side_ - 1) / side_ * kSquarePixelsY);
-    UploadLists();
+    // All rows of the target are whole but the last.
+    const std::size_t columns = std::min(square_lists_.size(), side_);
+    const std::size_t rows = (square_lists_.size() + columns - 1) / columns;
+    square_lists_.resize(rows * columns);
+    UploadLists(columns, rows);
     const double uploaded_ms = NowMs();
+    const auto width = static_cast<GLsizei>(columns * kSquarePixelsX);
+    const auto height = static_cast<GLsizei>(rows * kSquarePixelsY);
     if (Result<void> drawn = Draw(width, height); !drawn) return drawn;
     const double drawn_ms = NowMs();
     if (Result<void> read = ReadPixels(width, height); !read) return read;
     for (OpenTile* tile : tiles) {
-      if (tile->squares != 0) ReadRound(pixels_, side_, *tile);
+      if (tile->squares != 0) ReadRound(pixels_, columns, *tile);
     }
     times_.upload_ms += uploaded_ms - start_ms;
     times_.draw_ms += drawn_ms - uploaded_ms;
@@ -404,18 +309,16 @@ class GlGather::Painter {
     return texture;
   }
 
-  void UploadLists() {
-    const std::size_t rows = (entries_.size() + kListColumns - 1) / kListColumns;
-    if (rows > list_rows_) {
-      list_rows_ = std::bit_ceil(rows);
-      lists_texture_ = MakeTable(kListsUnit, GL_RGBA32UI, 2 * kListColumns, list_rows_);
+  void UploadLists(std::size_t columns, std::size_t rows) {
+    const std::size_t list_rows = (entries_.size() + kListColumns - 1) / kListColumns;
+    if (list_rows > list_rows_) {
+      list_rows_ = std::bit_ceil(list_rows);
+      lists_texture_ = MakeTable(kListsUnit, GL_RGBA32UI, kEntryTexels * kListColumns, list_rows_);
     }
-    entries_.resize(rows * kListColumns);  // Whole rows.
-    const std::size_t square_rows = (square_lists_.size() + side_ - 1) / side_;
-    square_lists_.resize(square_rows * side_);
+    entries_.resize(list_rows * kListColumns);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
-    Fill(kListsUnit, lists_texture_, 2 * kListColumns, rows, GL_RGBA_INTEGER, entries_.data());
-    Fill(kSquaresUnit, squares_texture_, side_, square_rows, GL_RED_INTEGER, square_lists_.data());
+    Fill(kListsUnit, lists_texture_, kEntryTexels * kListColumns, list_rows, GL_RGBA_INTEGER, entries_.data());
+    Fill(kSquaresUnit, squares_texture_, columns, rows, GL_RED_INTEGER, square_lists_.data());
   }
 
   static void Fill(GLint unit, const GlTexture& texture, std::size_t columns, std::size_t rows, GLenum format,
@@ -465,9 +368,9 @@ class GlGather::Painter {
     glUseProgram(program_.id());
     glBindVertexArray(vertex_array_.id());
     glBindTexture(GL_TEXTURE_2D_ARRAY, atlas_.texture());
-    glUniform2f(layers_texel_uniform_, 1.0f / static_cast<float>(atlas_.page_texels()),
-                1.0f / static_cast<float>(atlas_.page_texels()));
-    glUniform2f(lists_texel_uniform_, 0.5f / kListColumns, 1.0f / static_cast<float>(list_rows_));
+    const GLfloat layers_texel = 1.0f / static_cast<GLfloat>(atlas_.page_texels());
+    glUniform2f(layers_texel_uniform_, layers_texel, layers_texel);
+    glUniform2f(lists_texel_uniform_, 1.0f / (kEntryTexels * kListColumns), 1.0f / static_cast<GLfloat>(list_rows_));
     glDrawArrays(GL_TRIANGLES, 0, 3);
     return CheckGl("drawing");
   }
@@ -539,7 +442,7 @@ class GlGather::Painter {
   const EglContext& context_;
   Times& times_;
   LayerAtlas atlas_;
-  CpuGather cpu_{{}};
+  CpuGather cpu_;
   const std::size_t side_;  // Of the target, in squares.
   GlProgram program_;
   GLint layers_texel_uniform_ = -1;

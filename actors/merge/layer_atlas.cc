@@ -22,7 +22,7 @@ std::int32_t FloorToPowerOfTwo(std::int32_t number) {
 LayerAtlas::LayerAtlas(std::int32_t page_texels_max)
     : page_texels_(FloorToPowerOfTwo(
           std::min(std::max(page_texels_max, kBlockSideCellsMax), GetGlInteger(GL_MAX_TEXTURE_SIZE)))),
-      pages_max_(GetGlInteger(GL_MAX_ARRAY_TEXTURE_LAYERS)) {}
+      pages_max_(std::min(GetGlInteger(GL_MAX_ARRAY_TEXTURE_LAYERS), kPagesMax)) {}
 
 Result<LayerAtlas::Spot> LayerAtlas::Find(const PlacedBlock& placed) {
   const std::shared_ptr<const LocalMap>& map = placed.owner->placed.map;

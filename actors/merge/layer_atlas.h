@@ -3,7 +3,7 @@
 // A texel is a word of PackedBlock, rows along x and strips along y, so that 16 cells take 4 bytes there too. Blocks
 // stand on shelves, shelves in pages (layers of the array), so that any sizes mix. Maps are immutable, so a block is
 // uploaded once; when the texture is full, it is made anew, larger if need be, with the blocks of maps that still live.
-// Needs a current context, the destructor too.
+// Needs a current context.
 #pragma once
 
 #include <cstddef>
@@ -19,6 +19,8 @@ namespace moondb {
 
 class LayerAtlas {
  public:
+  static constexpr std::int32_t kPagesMax = 0xFFFF;
+
   struct Spot {
     std::int32_t x = 0;
     std::int32_t y = 0;

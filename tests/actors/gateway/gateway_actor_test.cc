@@ -25,7 +25,7 @@ class GatewayActorTest : public testing::Test {
     options.team = team_config_;
     options.version = "1.2.3";
     options.pid = 77;
-    options.merge_backend = "cpu";
+    options.merge_backend = [] { return "cpu"; };
     options.pending_max = 4;
     options.own_actors = {"soil"};
     team_.Spawn(1, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
