@@ -6,7 +6,7 @@
 // most 512 a side, so unsigned comparison answers both ends of [0, n).
 //
 // Sides of `layers` and `lists` are powers of two, so that places in them are exact as floats, and samples come out as
-// they were stored. (llvmpipe samples with half the work of texelFetch, which asks for a mipmap's level pixel by pixel.)
+// they were stored. (texelFetch finds a mipmap level for each pixel: with it llvmpipe takes half as long again.)
 precision highp float;
 precision highp int;
 precision highp usampler2D;
