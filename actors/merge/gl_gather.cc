@@ -63,6 +63,39 @@ bool IsSteep(const PlacedRectangle& placed) {
   return steps * kSquareSideCells > std::int64_t{500} << kFractionBits;
 }
 
+// A block that may know something of a tile.
+struct Candidate {
+  const PlacedBlock* block = nullptr;
+  std::uint64_t squares = 0;
+  ListEntry at_tile;  // In the tile's first cell.
+};
+
+// Of how many blocks each square of a tile is asked in a round.
+class SquareCounts {
+ public:
+  SquareCounts(std::uint64_t squares, std::uint8_t blocks_max) : wanting_(squares), blocks_max_(blocks_max) {}
+
+  // One block more for those of the squares that have not enough, which are returned.
+  std::uint64_t Add(std::uint64_t squares) {
+    const std::uint64_t taken = squares & wanting_;
+    listed_ |= taken;
+    for (std::uint64_t todo = taken; todo != 0; todo &= todo - 1) {
+      const int square = std::countr_zero(todo);
+      if (++counts_[static_cast<std::size_t>(square)] == blocks_max_) wanting_ &= ~(std::uint64_t{1} << square);
+    }
+    return taken;
+  }
+  std::uint64_t wanting() const { return wanting_; }  // That have not enough.
+  std::uint64_t listed() const { return listed_; }    // That have any.
+  std::size_t of(std::size_t square) const { return counts_[square]; }
+
+ private:
+  std::uint64_t wanting_;
+  const std::uint8_t blocks_max_;
+  std::uint64_t listed_ = 0;
+  std::array<std::uint8_t, kSquaresInTile> counts_{};
+};
+
 }  // namespace
 
 class GlGather::Painter {
@@ -206,36 +239,27 @@ class GlGather::Painter {
 
   // The tile's next blocks that may know something where it is open, square by square.
   Result<void> ListTile(OpenTile& open, const RoundLimits& limits) {
-    open.squares = 0;
     candidates_.clear();
-    std::array<std::uint8_t, kSquaresInTile> counts{};
-    std::uint64_t wanting = open.open;  // Squares that take more in this round.
-    std::optional<std::size_t> first_left;
+    SquareCounts counts(open.open, limits.square_blocks);
+    std::optional<std::size_t> first_left;  // That a square was not asked of, having enough: the next round's first.
     std::size_t next = open.next;
-    for (; next < open.list->size() && candidates_.size() < limits.tile_blocks && wanting != 0; ++next) {
+    for (; next < open.list->size() && candidates_.size() < limits.tile_blocks && counts.wanting() != 0; ++next) {
       const OrderedBlock& ordered = (*open.list)[next];
       if (!ordered.box.Touches(open.box)) continue;
-      const std::uint64_t may_know = SquaresThatMayKnow(*ordered.block, open.box) & open.open;
-      if (may_know == 0) continue;
+      const std::uint64_t squares = SquaresThatMayKnow(*ordered.block, open.box) & open.open;
+      if (squares == 0) continue;
       if (IsSteep(ordered.block->rectangle)) {
         open.is_for_cpu = true;
         open.squares = 0;
         return {};
       }
-      if ((may_know & ~wanting) != 0 && !first_left) first_left = next;
-      if ((may_know & wanting) == 0) continue;
-      Result<Candidate> candidate = MakeCandidate(*ordered.block, open.box, may_know & wanting);
-      if (!candidate) return tl::unexpected(candidate.error());
-      candidates_.push_back(*candidate);
-      open.squares |= candidate->squares;
-      for (std::uint64_t todo = candidate->squares; todo != 0; todo &= todo - 1) {
-        const int square = std::countr_zero(todo);
-        if (++counts[static_cast<std::size_t>(square)] == limits.square_blocks) {
-          wanting &= ~(std::uint64_t{1} << square);
-        }
-      }
+      if ((squares & ~counts.wanting()) != 0 && !first_left) first_left = next;
+      const std::uint64_t taken = counts.Add(squares);
+      if (taken == 0) continue;
+      if (Result<void> added = AddCandidate(*ordered.block, open.box, taken); !added) return added;
     }
     open.next = first_left.value_or(next);
+    open.squares = counts.listed();
     if (candidates_.empty()) return {};
     if (open.tile == nullptr) open.tile = TakeTile();
     for (const Candidate& candidate : candidates_) open.tile->blocks.push_back(candidate.block);
@@ -243,19 +267,11 @@ class GlGather::Painter {
     return {};
   }
 
-  // A block that may know something of a tile.
-  struct Candidate {
-    const PlacedBlock* block = nullptr;
-    std::uint64_t squares = 0;
-    ListEntry at_tile;  // In the tile's first cell.
-  };
-
-  Result<Candidate> MakeCandidate(const PlacedBlock& block, const CellBox& tile, std::uint64_t squares) {
+  Result<void> AddCandidate(const PlacedBlock& block, const CellBox& tile, std::uint64_t squares) {
     const PlacedRectangle& placed = block.rectangle;
     const std::int64_t i = tile.first_x - placed.anchor_x;
     const std::int64_t j = tile.first_y - placed.anchor_y;
-    Candidate candidate{&block, squares, {}};
-    ListEntry& entry = candidate.at_tile;
+    ListEntry entry{};
     entry.placed = {Wrap(placed.u0 + i * placed.step_cos + j * placed.step_sin),
                     Wrap(placed.v0 - i * placed.step_sin + j * placed.step_cos), Wrap(placed.step_cos),
                     Wrap(placed.step_sin)};
@@ -268,19 +284,20 @@ class GlGather::Painter {
       entry.page_and_number = static_cast<std::uint32_t>(spot->page);
     }
     entry.page_and_number |= static_cast<std::uint32_t>(candidates_.size()) << 16;
-    return candidate;
+    candidates_.push_back({&block, squares, entry});
+    return {};
   }
 
   // The squares' lists, of the tile's candidates.
-  void AddSquares(OpenTile& open, const std::array<std::uint8_t, kSquaresInTile>& counts) {
+  void AddSquares(OpenTile& open, const SquareCounts& counts) {
     open.first_place = square_lists_.size();
     std::array<std::size_t, kSquaresInTile> ends;
     std::size_t end = entries_.size();
     for (std::uint64_t todo = open.squares; todo != 0; todo &= todo - 1) {
       const auto square = static_cast<std::size_t>(std::countr_zero(todo));
-      square_lists_.push_back(static_cast<std::uint32_t>(end << 6 | counts[square]));
+      square_lists_.push_back(static_cast<std::uint32_t>(end << 6 | counts.of(square)));
       ends[square] = end;
-      end += counts[square];
+      end += counts.of(square);
     }
     entries_.resize(end);
     for (const Candidate& candidate : candidates_) {
