@@ -2,12 +2,12 @@
 
 #include <GLES3/gl31.h>
 
-#include <algorithm>
 #include <array>
 #include <utility>
 
 #include "actors/merge/egl_context.h"
 #include "actors/merge/gl_objects.h"
+#include "bench/painted_layers.h"
 
 namespace moondb {
 namespace {
@@ -42,21 +42,9 @@ void main() {
 )glsl";
 
 struct Quad {
-  std::uint32_t resolution_um = 0;
-  std::int64_t stamp_ns = 0;
-  GLuint texture = 0;
+  GLuint texture = 0;  // 0: a footprint.
   PlacedRectangle placed;
 };
-
-std::vector<std::uint8_t> Unpack(const PackedBlock& packed) {
-  std::vector<std::uint8_t> cells;
-  for (std::int32_t row = 0; row < packed.block().height; ++row) {
-    for (std::int32_t column = 0; column < packed.block().width; ++column) {
-      cells.push_back(static_cast<std::uint8_t>(packed.At(column, row)));
-    }
-  }
-  return cells;
-}
 
 }  // namespace
 
@@ -84,19 +72,8 @@ class GlPainter::Context {
     quads_.clear();
     textures_.clear();
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    for (const PlacedMap& map : maps) {
-      const std::unique_ptr<PlacedThing> thing = *PlaceMap(map, grid);
-      for (const PlacedBlock& block : thing->blocks) {
-        quads_.push_back({block.resolution_um, block.stamp_ns, Upload(*block.cells), block.rectangle});
-      }
-    }
-    // Coarse before fine, old before new: the best is drawn last.
-    std::stable_sort(quads_.begin(), quads_.end(), [](const Quad& a, const Quad& b) {
-      return a.resolution_um != b.resolution_um ? a.resolution_um > b.resolution_um : a.stamp_ns < b.stamp_ns;
-    });
-    for (const Footprint& footprint : footprints) {
-      const std::unique_ptr<PlacedThing> thing = *PlaceFootprint(footprint, grid);
-      for (const PlacedBlock& block : thing->blocks) quads_.push_back({0, 0, 0, block.rectangle});
+    for (const PaintedLayer& layer : LayersToPaint(maps, footprints, grid)) {
+      quads_.push_back({layer.cells.empty() ? 0 : Upload(layer), layer.placed});
     }
     glFinish();
     return CheckGl("uploading");
@@ -130,15 +107,16 @@ class GlPainter::Context {
   }
 
  private:
-  GLuint Upload(const PackedBlock& packed) {
+  GLuint Upload(const PaintedLayer& layer) {
+    static_assert(sizeof(Cell) == 1);
     textures_.push_back(MakeTexture());
     const GLuint id = textures_.back().id();
     glBindTexture(GL_TEXTURE_2D, id);
-    glTexStorage2D(GL_TEXTURE_2D, 1, GL_R8UI, packed.block().width, packed.block().height);
+    glTexStorage2D(GL_TEXTURE_2D, 1, GL_R8UI, layer.width, layer.height);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, packed.block().width, packed.block().height, GL_RED_INTEGER,
-                    GL_UNSIGNED_BYTE, Unpack(packed).data());
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, layer.width, layer.height, GL_RED_INTEGER, GL_UNSIGNED_BYTE,
+                    layer.cells.data());
     return id;
   }
 

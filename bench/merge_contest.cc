@@ -1,5 +1,6 @@
 #include "bench/merge_contest.h"
 
+#include <algorithm>
 #include <functional>
 #include <map>
 #include <memory>
@@ -13,12 +14,29 @@
 #include "bench/merge_world.h"
 #include "bench/naive_merger.h"
 #include "bench/opencv_merger.h"
+#include "model/check.h"
 
 namespace moondb {
 namespace {
 
 // Farther than any rounding, nearer than any eye: what was placed is placed anew.
 constexpr double kNudgeM = 1e-7;
+
+// What rounding leaves; one wrong order or one layer out of its place is far below.
+constexpr double kAgreesAtLeast = 0.999;
+
+// Of the cells that one of the two knows.
+double ShareOfSame(const std::vector<Cell>& a, const std::vector<Cell>& b) {
+  Check(a.size() == b.size(), "two grids of one extent");
+  std::size_t known = 0;
+  std::size_t same = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (a[i] == Cell::kUnknown && b[i] == Cell::kUnknown) continue;
+    ++known;
+    same += a[i] == b[i] ? 1 : 0;
+  }
+  return known == 0 ? 1 : static_cast<double>(same) / static_cast<double>(known);
+}
 
 double Milliseconds(BenchClock::duration took) { return std::chrono::duration<double, std::milli>(took).count(); }
 
@@ -28,13 +46,6 @@ double Timed(const std::function<void()>& work) {
   const BenchClock::time_point start = BenchClock::now();
   work();
   return Milliseconds(BenchClock::now() - start);
-}
-
-// Everything is placed anew and merged in full.
-void MergeAnew(Merger& merger, const std::vector<PlacedMap>& maps, const std::vector<Footprint>& footprints) {
-  for (const PlacedMap& map : maps) (void)merger.Put(map);
-  for (const Footprint& footprint : footprints) (void)merger.PutFootprint(footprint);
-  (void)merger.Merge({});
 }
 
 class MergeContest {
@@ -79,11 +90,16 @@ class MergeContest {
         Note("opencv", [this] { opencv_->Merge(naive_->extent()); });
       }
       if (painter_ != nullptr) {
-        Note("painter", [this] { (void)painter_->Merge(naive_->extent()); });
+        Note("painter", [this] { Keep(painter_->Merge(naive_->extent())); });
       }
       for (int k = 0; k < 3; ++k) RunMergers();
+      if (!kept_) return tl::unexpected(kept_.error());
+    }
+    for (int i = 0; i < 3; ++i) {
+      Note("read_cells", [this] { Keep(entrants_[0].merger->ReadCells(entrants_[0].merger->extent())); });
     }
     if (Result<void> agreed = CheckAgreement(); !agreed) return tl::unexpected(agreed.error());
+    if (Result<void> compared = CompareOthers(); !compared) return tl::unexpected(compared.error());
     return Summary();
   }
 
@@ -93,6 +109,21 @@ class MergeContest {
     std::unique_ptr<Merger> merger;
     bool is_here = false;
   };
+
+  // The first error counts.
+  template <typename T>
+  void Keep(const Result<T>& result) {
+    if (!result && kept_) kept_ = tl::unexpected(result.error());
+  }
+
+  void Merge(Merger& merger) { Keep(merger.Merge({})); }
+
+  // Everything is placed anew and merged in full.
+  void MergeAnew(Merger& merger, const std::vector<PlacedMap>& maps, const std::vector<Footprint>& footprints) {
+    for (const PlacedMap& map : maps) Keep(merger.Put(map));
+    for (const Footprint& footprint : footprints) Keep(merger.PutFootprint(footprint));
+    Merge(merger);
+  }
 
   void Note(const std::string& name, const std::function<void()>& work) { samples_[name].push_back(Timed(work)); }
 
@@ -118,13 +149,16 @@ class MergeContest {
     run_.gl_description = entrants_.back().merger->backend().description();
     GlGather::Options timed;
     timed.now_ms = NowMs;
-    timed_gl_ = std::move(*GlGather::Create(timed));
+    Result<std::unique_ptr<GlGather>> timed_gl = GlGather::Create(timed);
+    Keep(timed_gl);
+    if (!timed_gl) return;
+    timed_gl_ = std::move(*timed_gl);
     timed_merger_ = std::make_unique<Merger>(grid_, timed_gl_);
     MergeAnew(*timed_merger_, there_, footprints_there_);
     run_.gl_maps_upload_ms = timed_gl_->times().upload_ms;
     if (Result<std::unique_ptr<GlPainter>> painter = GlPainter::Create(); painter) {
       painter_ = std::move(*painter);
-      if (!painter_->Load(here_, footprints_here_, grid_)) painter_ = nullptr;
+      Keep(painter_->Load(here_, footprints_here_, grid_));
     }
   }
 
@@ -140,20 +174,20 @@ class MergeContest {
       const PlacedMap& one = maps[maps.size() / 2];
       Note(entrant.name + "_withdraw", [&] {
         merger.Withdraw(one.map->key);
-        (void)merger.Merge({});
+        Merge(merger);
       });
       Note(entrant.name + "_more", [&] {
-        (void)merger.Put(one);
-        (void)merger.Merge({});
+        Keep(merger.Put(one));
+        Merge(merger);
       });
       PlacedMap elsewhere = one;
       elsewhere.map_from_node.position_m.x() += 0.3;
       Note(entrant.name + "_move", [&] {
-        (void)merger.Put(elsewhere);
-        (void)merger.Merge({});
+        Keep(merger.Put(elsewhere));
+        Merge(merger);
       });
-      (void)merger.Put(one);
-      (void)merger.Merge({});
+      Keep(merger.Put(one));
+      Merge(merger);
     }
     if (timed_merger_ == nullptr) return;
     is_timed_here_ = !is_timed_here_;
@@ -184,6 +218,24 @@ class MergeContest {
     return {};
   }
 
+  // Those that place otherwise, with what naive found in integers.
+  Result<void> CompareOthers() {
+    const std::vector<Cell> expected = NaiveValues();
+    if (opencv_ != nullptr) run_.opencv_agrees = ShareOfSame(expected, opencv_->cells());
+    if (painter_ != nullptr) run_.painter_agrees = ShareOfSame(expected, painter_->cells());
+    naive_->Merge(NaiveMerger::Arithmetic::kDouble);
+    run_.naive_agrees = ShareOfSame(expected, NaiveValues());
+    const double least = std::min({run_.naive_agrees, run_.opencv_agrees.value_or(1), run_.painter_agrees.value_or(1)});
+    if (least >= kAgreesAtLeast) return {};
+    return Fail(ErrorCode::kInternal, "of the known cells only a share of " + std::to_string(least) + " agrees");
+  }
+
+  std::vector<Cell> NaiveValues() const {
+    std::vector<Cell> values;
+    for (const NaiveMerger::CellState& state : naive_->cells()) values.push_back(state.value);
+    return values;
+  }
+
   std::optional<double> MedianOf(const std::string& name) const {
     const auto found = samples_.find(name);
     return found == samples_.end() ? std::nullopt : std::optional(Median(found->second));
@@ -211,7 +263,6 @@ class MergeContest {
     run_.gl_upload_ms = MedianOf("gl_upload");
     run_.gl_draw_ms = MedianOf("gl_draw");
     run_.gl_read_ms = MedianOf("gl_read");
-    for (int i = 0; i < 3; ++i) Note("read_cells", [&] { (void)cpu.ReadCells(cpu.extent()); });
     run_.read_cells_ms = *MedianOf("read_cells");
     const double placed_bytes = static_cast<double>(cpu.bytes() - cpu.page_bytes());
     run_.memory_ratio = (map_bytes_ + placed_bytes) / map_bytes_at_two_bits_;
@@ -220,6 +271,7 @@ class MergeContest {
   }
 
   const MergeContestOptions options_;
+  Result<void> kept_;
   MergeGrid grid_;
   std::vector<PlacedMap> here_;
   std::vector<PlacedMap> there_;

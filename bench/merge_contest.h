@@ -45,13 +45,18 @@ struct MergeRun {
   std::optional<double> gl_maps_upload_ms;  // Once, when all maps are new.
   double local_map_ms = 0;                  // To pack one map when it arrives.
   double read_cells_ms = 0;                 // The whole merged map as a grid.
-  double memory_ratio = 0;                  // Of the maps at 2 bits a cell; without pages.
+  // Of the cells that are known to the naive merger in integers or to these, the share with the same value. They place
+  // by floats or doubles, and differ in cells on borders.
+  double naive_agrees = 0;
+  std::optional<double> opencv_agrees;
+  std::optional<double> painter_agrees;
+  double memory_ratio = 0;  // Of the maps at 2 bits a cell; without pages.
   double pages_mb = 0;
   std::string gl_description;
   std::string cpu_description;
 };
 
-// kInternal if two that should agree in every cell do not.
+// kInternal if two that should agree in every cell do not, or others in fewer than they can; a driver's errors.
 Result<MergeRun> RunMergeContest(const MergeContestOptions& options);
 
 }  // namespace moondb

@@ -31,7 +31,7 @@ struct Line {
 std::vector<Line> Lines() {
   return {{"naive", {90, 90, 90}, [](const MergeRun& run) { return run.naive_ms; }},
           {"opencv warp and copy", {180, 120, 30}, [](const MergeRun& run) { return run.opencv_ms; }},
-          {"the paper's painter, gl", {150, 60, 150}, [](const MergeRun& run) { return run.painter_ms; }},
+          {"paper's painter, gl", {150, 60, 150}, [](const MergeRun& run) { return run.painter_ms; }},
           {"moondb, gl", {200, 40, 40}, [](const MergeRun& run) { return run.gl_ms; }},
           {"moondb, cpu", {30, 90, 200}, [](const MergeRun& run) { return run.cpu_ms; }},
           {"one more map, gl", {240, 130, 130}, [](const MergeRun& run) { return run.incremental_gl_ms; }},

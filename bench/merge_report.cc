@@ -41,13 +41,29 @@ const std::vector<Column>& Columns() {
   return columns;
 }
 
-std::string JsonOf(const MergeRun& run) {
-  std::string text = fmt::format("{{\"maps\": {}, \"side_cells\": {}, \"extent_cells\": {}", run.maps, run.side_cells,
-                                 run.extent_cells);
-  for (const Column& column : Columns()) {
+// Shares of cells.
+const std::vector<Column>& Agreements() {
+  static const std::vector<Column> columns = {
+      {"naive_agrees", [](const MergeRun& run) { return run.naive_agrees; }},
+      {"opencv_agrees", [](const MergeRun& run) { return run.opencv_agrees; }},
+      {"painter_agrees", [](const MergeRun& run) { return run.painter_agrees; }},
+  };
+  return columns;
+}
+
+std::string JsonOf(const std::vector<Column>& columns, const MergeRun& run) {
+  std::string text;
+  for (const Column& column : columns) {
     const std::optional<double> value = column.value(run);
     text += fmt::format(", \"{}\": {}", column.name, value ? fmt::format("{:.6g}", *value) : "null");
   }
+  return text;
+}
+
+std::string JsonOf(const MergeRun& run) {
+  std::string text = fmt::format("{{\"maps\": {}, \"side_cells\": {}, \"extent_cells\": {}", run.maps, run.side_cells,
+                                 run.extent_cells);
+  text += JsonOf(Columns(), run) + JsonOf(Agreements(), run);
   return text + fmt::format(", \"memory_ratio\": {:.4g}, \"pages_mb\": {:.4g}, \"gl\": \"{}\", \"cpu\": \"{}\"}}",
                             run.memory_ratio, run.pages_mb, run.gl_description, run.cpu_description);
 }
@@ -70,6 +86,10 @@ std::string TableOf(const std::vector<MergeRun>& runs) {
       if (!value) continue;
       text += fmt::format("  {:<20}{:>12.4g}   naive is {:.4g} x this, naive in integers {:.4g} x\n", column.name,
                           *value, run.naive_ms / *value, run.naive_integer_ms / *value);
+    }
+    for (const Column& column : Agreements()) {
+      const std::optional<double> value = column.value(run);
+      if (value) text += fmt::format("  {:<20}{:>12.6f}   of the known cells\n", column.name, *value);
     }
     text += fmt::format("  maps in memory: {:.3g} x what 2 bits a cell take; pages {:.3g} MB\n", run.memory_ratio,
                         run.pages_mb);

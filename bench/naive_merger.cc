@@ -4,16 +4,10 @@
 #include <cmath>
 #include <memory>
 
+#include "bench/painted_layers.h"
+
 namespace moondb {
 namespace {
-
-std::vector<Cell> Unpack(const PackedBlock& packed) {
-  std::vector<Cell> cells;
-  for (std::int32_t row = 0; row < packed.block().height; ++row) {
-    for (std::int32_t column = 0; column < packed.block().width; ++column) cells.push_back(packed.At(column, row));
-  }
-  return cells;
-}
 
 // Maps come by rising record key, a map's layers from fine to coarse: of equals, the later map and the earlier layer or
 // block stand.
@@ -33,7 +27,7 @@ NaiveMerger::NaiveMerger(std::span<const PlacedMap> maps, std::span<const Footpr
   std::sort(maps_.begin(), maps_.end(), [](const auto& a, const auto& b) { return a.map->key < b.map->key; });
   for (const PlacedMap& placed : maps_) {
     std::vector<std::vector<Cell>>& blocks = block_cells_.emplace_back();
-    for (const PackedBlock& packed : placed.map->blocks) blocks.push_back(Unpack(packed));
+    for (const PackedBlock& packed : placed.map->blocks) blocks.push_back(UnpackCells(packed));
   }
 }
 
@@ -65,11 +59,10 @@ void NaiveMerger::Merge(Arithmetic arithmetic) {
   }
 }
 
-void NaiveMerger::DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map) {
-  const PlacedRectangle& p = placed.rectangle;
-  const LayerBlock& block = placed.cells->block();
-  const std::uint32_t resolution_um = placed.resolution_um;
-  const std::int64_t stamp_ns = placed.stamp_ns;
+// Calls visit(state, column, row) for each cell of the merged map that lies in the rectangle, which has such a column
+// and row there.
+template <typename Visit>
+inline void NaiveMerger::ForEachCell(const PlacedRectangle& p, Visit visit) {
   for (std::int64_t y = p.box.first_y; y <= p.box.last_y; ++y) {
     CellState* row = cells_.data() + (y - extent_.first_y) * extent_.width() - extent_.first_x;
     for (std::int64_t x = p.box.first_x; x <= p.box.last_x; ++x) {
@@ -78,11 +71,19 @@ void NaiveMerger::DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& 
       const std::int64_t u = p.u0 + i * p.step_cos + j * p.step_sin;
       const std::int64_t v = p.v0 - i * p.step_sin + j * p.step_cos;
       if (u < 0 || v < 0 || u >= p.width_q || v >= p.height_q) continue;
-      const Cell value = cells[static_cast<std::size_t>((v >> kFractionBits) * block.width + (u >> kFractionBits))];
-      if (value == Cell::kUnknown) continue;
-      Decide({stamp_ns, resolution_um, map, block.level, value}, row[x]);
+      visit(row[x], u >> kFractionBits, v >> kFractionBits);
     }
   }
+}
+
+void NaiveMerger::DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map) {
+  const LayerBlock& block = placed.cells->block();
+  const std::uint32_t resolution_um = placed.resolution_um;
+  const std::int64_t stamp_ns = placed.stamp_ns;
+  ForEachCell(placed.rectangle, [&](CellState& state, std::int64_t column, std::int64_t row) {
+    const Cell value = cells[static_cast<std::size_t>(row * block.width + column)];
+    if (value != Cell::kUnknown) Decide({stamp_ns, resolution_um, map, block.level, value}, state);
+  });
 }
 
 void NaiveMerger::DrawBlockInDoubles(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map) {
@@ -110,18 +111,10 @@ void NaiveMerger::DrawBlockInDoubles(const PlacedBlock& placed, const std::vecto
   }
 }
 
-void NaiveMerger::DrawFootprint(const PlacedRectangle& p) {
-  for (std::int64_t y = p.box.first_y; y <= p.box.last_y; ++y) {
-    CellState* row = cells_.data() + (y - extent_.first_y) * extent_.width() - extent_.first_x;
-    for (std::int64_t x = p.box.first_x; x <= p.box.last_x; ++x) {
-      const std::int64_t i = x - p.anchor_x;
-      const std::int64_t j = y - p.anchor_y;
-      const std::int64_t u = p.u0 + i * p.step_cos + j * p.step_sin;
-      const std::int64_t v = p.v0 - i * p.step_sin + j * p.step_cos;
-      if (u < 0 || v < 0 || u >= p.width_q || v >= p.height_q) continue;
-      row[x] = {0, 0, UINT32_MAX, 255, Cell::kFree};
-    }
-  }
+void NaiveMerger::DrawFootprint(const PlacedRectangle& placed) {
+  ForEachCell(placed, [](CellState& state, std::int64_t, std::int64_t) {
+    state = {0, 0, UINT32_MAX, 255, Cell::kFree};
+  });
 }
 
 }  // namespace moondb

@@ -37,6 +37,8 @@ class NaiveMerger {
   const std::vector<PlacedMap>& maps() const { return maps_; }    // By record key.
 
  private:
+  template <typename Visit>
+  void ForEachCell(const PlacedRectangle& p, Visit visit);
   void DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map);
   void DrawBlockInDoubles(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map);
   void DrawFootprint(const PlacedRectangle& placed);

@@ -3,46 +3,25 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 
+#include "bench/painted_layers.h"
+
 namespace moondb {
 namespace {
 
 struct Layer {
-  std::uint32_t resolution_um = 0;  // 0: a footprint.
-  std::int64_t stamp_ns = 0;
   PlacedRectangle placed;
   cv::Mat cells;
 };
-
-cv::Mat Unpack(const PackedBlock& packed) {
-  cv::Mat cells(packed.block().height, packed.block().width, CV_8UC1);
-  for (std::int32_t row = 0; row < cells.rows; ++row) {
-    for (std::int32_t column = 0; column < cells.cols; ++column) {
-      cells.at<std::uint8_t>(row, column) = static_cast<std::uint8_t>(packed.At(column, row));
-    }
-  }
-  return cells;
-}
 
 class WarpMerger final : public OpencvMerger {
  public:
   WarpMerger(std::span<const PlacedMap> maps, std::span<const Footprint> footprints, const MergeGrid& grid) {
     cv::setNumThreads(1);
-    for (const PlacedMap& map : maps) {
-      const std::unique_ptr<PlacedThing> thing = *PlaceMap(map, grid);
-      for (const PlacedBlock& block : thing->blocks) {
-        layers_.push_back({block.resolution_um, block.stamp_ns, block.rectangle, Unpack(*block.cells)});
-      }
-    }
-    std::stable_sort(layers_.begin(), layers_.end(), [](const Layer& a, const Layer& b) {
-      return a.resolution_um != b.resolution_um ? a.resolution_um > b.resolution_um : a.stamp_ns < b.stamp_ns;
-    });
-    for (const Footprint& footprint : footprints) {
-      const std::unique_ptr<PlacedThing> thing = *PlaceFootprint(footprint, grid);
-      for (const PlacedBlock& block : thing->blocks) {
-        const int width = static_cast<int>(block.rectangle.width_q >> kFractionBits);
-        const int height = static_cast<int>(block.rectangle.height_q >> kFractionBits);
-        layers_.push_back({0, 0, block.rectangle, cv::Mat(height, width, CV_8UC1, cv::Scalar(1))});
-      }
+    for (const PaintedLayer& layer : LayersToPaint(maps, footprints, grid)) {
+      cv::Mat cells(layer.height, layer.width, CV_8UC1, cv::Scalar(1));  // A footprint: free.
+      if (!layer.cells.empty())
+        std::copy_n(reinterpret_cast<const std::uint8_t*>(layer.cells.data()), layer.cells.size(), cells.data);
+      layers_.push_back({layer.placed, cells});
     }
   }
 

@@ -1,35 +1,63 @@
 #version 310 es
-// The same integer additions as the CPU's: u and v of this cell's centre in the block, modulo 1024 cells. A block has
-// at most 512 a side, so unsigned comparison answers both ends of [0, n).
+// One pixel is one row of a square: 8 cells, a byte each. A square is 4 x 2 pixels, its lowest row first. Each cell
+// takes the first known value of its square's list, whose blocks come with the greatest key first.
 //
-// A tile's blocks come with the greatest key first. What is drawn closes its pixel for the rest by the depth test;
-// unknown is discarded and leaves it open. Hence no early_fragment_tests: they would close it before the discard.
+// The same integer additions as the CPU's: u and v of a cell's centre in the block, modulo 1024 cells. A block has at
+// most 512 a side, so unsigned comparison answers both ends of [0, n).
+//
+// Sides of `layers` and `lists` are powers of two, so that places in them are exact as floats, and samples come out as
+// they were stored. (texelFetch finds a mipmap level for each pixel: with it llvmpipe takes half as long again.)
 precision highp float;
 precision highp int;
+precision highp usampler2D;
 precision highp usampler2DArray;
 
 uniform usampler2DArray layers;  // 16 cells of a row a texel, rows along x, strips of 16 columns along y.
+uniform usampler2D squares;      // Of each square of the target its list: how many, and from bit 6 on the first.
+uniform usampler2D lists;        // Two texels for each in a list:
+                                 // Q10.22 modulo 2^32 in the square's first cell: u, v, step_cos, step_sin;
+                                 // width_q, height_q, corner in `layers`, page | its number in the tile << 16.
+uniform vec2 layers_texel;       // One, of all.
+uniform vec2 lists_texel;
 
-flat in uvec4 block_placed;
-flat in uvec4 block_sides;
-flat in uint block_winner;
+layout(location = 0) out uvec2 cells;  // Of each byte: value, and from bit 2 on the block's number.
 
-layout(location = 0) out uint cell;  // Value, and from bit 8 on the winner.
-
-const uint kFootprintPage = 0xFFFFFFFFu;
+const uint kListColumns = 1024u;
+const uint kFootprintPage = 0xFFFFu;
+const uint kAllFree = 0x55555555u;
+const uint kOnes = 0x01010101u;
 
 void main() {
-  uvec2 pixel = uvec2(gl_FragCoord.xy);
-  uint u = block_placed.x + pixel.x * block_placed.z + pixel.y * block_placed.w;
-  uint v = block_placed.y - pixel.x * block_placed.w + pixel.y * block_placed.z;
-  if (u >= block_sides.x || v >= block_sides.y) discard;
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  uint row = uint((pixel.y & 1) * 4 + (pixel.x & 3));
+  uint list = texelFetch(squares, pixel >> ivec2(2, 1), 0).r;
+  uint index = list >> 6;
+  uint end = index + (list & 63u);
 
-  uint value = 1u;
-  if (block_sides.w != kFootprintPage) {
-    uvec2 texel = uvec2(block_sides.z & 65535u, block_sides.z >> 16) + uvec2(v >> 22, u >> 26);
-    uint word = texelFetch(layers, ivec3(ivec2(texel), int(block_sides.w)), 0).r;
-    value = word >> (u >> 21 & 30u) & 3u;
+  cells = uvec2(0u);
+  uvec2 open = uvec2(kOnes);
+  for (; index < end && (open.x | open.y) != 0u; ++index) {
+    vec2 place = (vec2(ivec2(index % kListColumns * 2u, index / kListColumns)) + 0.5) * lists_texel;
+    uvec4 placed = textureLod(lists, place, 0.0);
+    uvec4 block = textureLod(lists, place + vec2(lists_texel.x, 0.0), 0.0);
+    uint page = block.w & 0xFFFFu;
+    bool is_footprint = page == kFootprintPage;
+    vec3 corner = vec3((vec2(ivec2(block.z & 0xFFFFu, block.z >> 16)) + 0.5) * layers_texel,
+                       is_footprint ? 0.0 : float(int(page)));
+
+    uint u = placed.x + row * placed.w;
+    uint v = placed.y + row * placed.z;
+    uvec2 seen = uvec2(0u);
+    for (int i = 0; i < 8; ++i) {
+      vec3 texel = corner + vec3(vec2(ivec2(v >> 22, u >> 26)) * layers_texel, 0.0);
+      uint word = is_footprint ? kAllFree : textureLod(layers, texel, 0.0).r;
+      uint value = u < block.x && v < block.y ? word >> (u >> 21 & 30u) & 3u : 0u;
+      seen[i >> 2] |= value << ((i & 3) * 8);
+      u += placed.z;
+      v -= placed.w;
+    }
+    uvec2 taken = (seen | seen >> 1) & open;
+    cells |= (seen & taken * 3u) | taken * (block.w >> 16 << 2);
+    open &= ~taken;
   }
-  if (value == 0u) discard;
-  cell = value | block_winner << 8;
 }

@@ -358,7 +358,7 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
   if (const proto::AgentConfig* own = FindAgent(options_.team, options_.self)) status.set_name(own->name());
   status.set_team(options_.team.team());
   status.set_role(RoleOf(options_.team, status.roles(), options_.self));
-  status.set_merge_backend(options_.merge_backend);
+  if (options_.merge_backend) status.set_merge_backend(options_.merge_backend());
   status.set_version(options_.version);
   status.set_pid(options_.pid);
 

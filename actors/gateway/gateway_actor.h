@@ -20,6 +20,7 @@
 // actor what waited is forgotten; the clients' own timeouts tell them.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -33,11 +34,11 @@ class GatewayActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;            // Complete and checked.
-    std::string version;               // Shown in status.
-    std::uint32_t pid = 0;             // Likewise.
-    std::string merge_backend;         // Likewise: "cpu" or "gl".
-    std::set<std::string> own_actors;  // The user's; clients may ask these by name.
+    proto::TeamConfig team;                      // Complete and checked.
+    std::string version;                         // Shown in status.
+    std::uint32_t pid = 0;                       // Likewise.
+    std::function<std::string()> merge_backend;  // Likewise: "cpu" or "gl"; asked at each status, on any thread.
+    std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     std::size_t relay_bytes_max = 256 * 1024;  // Of an answer to another agent: two seconds of the radio.
     Duration timeout = std::chrono::seconds(60);

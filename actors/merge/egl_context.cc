@@ -131,6 +131,8 @@ bool EglContext::is_lost() const {
   return get_status != nullptr && HasWord(extensions, "GL_KHR_robustness") && get_status() != GL_NO_ERROR;
 }
 
+bool IsContextCurrent() { return eglGetCurrentContext() != EGL_NO_CONTEXT; }
+
 void EglContext::Release() { eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT); }
 
 }  // namespace moondb

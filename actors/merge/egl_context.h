@@ -39,6 +39,9 @@ class EglContext {
   bool is_software_ = false;
 };
 
+// Whether this thread has a current context.
+bool IsContextCurrent();
+
 // Current for one scope.
 class CurrentContext {
  public:

@@ -35,7 +35,9 @@ MergeBackend ResolveMergeBackend(MergeBackend backend) {
 }
 
 Result<std::unique_ptr<GatherBackend>> CreateGatherBackend(MergeBackend backend, int threads) {
-  const auto make_gl = []() -> Result<std::unique_ptr<GatherBackend>> { return GlGather::Create({}); };
+  const auto make_gl = [threads]() -> Result<std::unique_ptr<GatherBackend>> {
+    return GlGather::Create({.threads = threads});
+  };
   if (ResolveMergeBackend(backend) == MergeBackend::kGl) {
     Result<std::unique_ptr<GatherBackend>> gl = make_gl();
     if (gl) return std::make_unique<FallbackGather>(std::move(*gl), make_gl, threads);

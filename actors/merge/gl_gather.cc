@@ -6,22 +6,27 @@
 #include <array>
 #include <bit>
 #include <cstddef>
-#include <cstring>
 #include <glm/glm.hpp>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "actors/merge/egl_context.h"
 #include "actors/merge/gl_objects.h"
 #include "actors/merge/layer_atlas.h"
+#include "actors/merge/open_tile.h"
 #include "merge_shaders.h"
 
 namespace moondb {
 namespace {
 
-// How many blocks of a tile are drawn before it is read back: most cells are known after very few.
-constexpr std::size_t kBlocksAtOnce = 500'000;  // In one draw; each is a few instances.
-constexpr std::array<std::size_t, 5> kRoundBlocks = {3, 6, 12, 48, 60'000};
+// How much is looked at before it is read back: most cells are known after very few blocks. A byte of what is read
+// holds a cell's value and the number of one of 63 blocks.
+struct RoundLimits {
+  std::size_t tile_blocks;
+  std::uint8_t square_blocks;
+};
+constexpr std::array<RoundLimits, 3> kRounds = {{{8, 4}, {24, 12}, {63, 63}}};
 
 // What 16 bits count.
 constexpr std::size_t kTileBlocksMax = 65'536;
@@ -29,168 +34,67 @@ constexpr std::size_t kTileBlocksMax = 65'536;
 // Pages drawn at once: a target of 4096 x 4096 cells.
 constexpr std::size_t kBatchPages = 256;
 
-// The vertex attributes of one instance, as shaders/merge.vert names them.
-struct Instance {
-  glm::uvec2 rectangle;
+// What one block, or one footprint, may say of one square, as shaders/merge.frag names it: two texels.
+struct ListEntry {
   glm::uvec4 placed;
-  glm::uvec4 sides;
-  glm::uint winner;
+  glm::uvec2 sides;
+  glm::uint corner;
+  glm::uint page_and_number;
 };
+constexpr std::size_t kEntryTexels = 2;
+static_assert(sizeof(ListEntry) == kEntryTexels * 4 * sizeof(std::uint32_t));
 
-struct Attribute {
-  GLint count;
-  std::size_t offset;
-};
+constexpr std::size_t kListColumns = 1024;               // Entries in a row of the texture, as in shaders/merge.frag.
+constexpr std::size_t kEntriesMax = kListColumns << 10;  // In one draw.
 
-constexpr std::array<Attribute, 4> kAttributes = {{{2, offsetof(Instance, rectangle)},
-                                                   {4, offsetof(Instance, placed)},
-                                                   {4, offsetof(Instance, sides)},
-                                                   {1, offsetof(Instance, winner)}}};
+// Units of textures.
+constexpr GLint kLayersUnit = 0;
+constexpr GLint kSquaresUnit = 1;
+constexpr GLint kListsUnit = 2;
 
-constexpr std::uint32_t kFootprintPage = UINT32_MAX;
+// No page of the atlas.
+constexpr std::uint32_t kFootprintPage = LayerAtlas::kPagesMax;
 
 std::uint32_t Wrap(std::int64_t value) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)); }
 
-// Modulo 1024 cells a tile's cells beside the block could be taken for cells within.
+// Modulo 1024 cells a square's cells beside the block could be taken for cells within.
 bool IsSteep(const PlacedRectangle& placed) {
   const std::int64_t steps = std::abs(std::int64_t{placed.step_cos}) + std::abs(std::int64_t{placed.step_sin});
-  return steps * kTileSideCells > std::int64_t{500} << kFractionBits;
+  return steps * kSquareSideCells > std::int64_t{500} << kFractionBits;
 }
 
-// Squares x to end_x of the rows y to end_y.
-struct SquareBox {
-  std::uint32_t first_x;
-  std::uint32_t end_x;
-  std::uint32_t first_y;
-  std::uint32_t end_y;
+// A block that may know something of a tile.
+struct Candidate {
+  const PlacedBlock* block = nullptr;
+  std::uint64_t squares = 0;
+  ListEntry at_tile;  // In the tile's first cell.
 };
 
-// Takes a rectangle of set squares off the mask, which is not empty: as far right as there are any, then as far up.
-SquareBox TakeBox(std::uint64_t& squares) {
-  const auto first = static_cast<std::uint32_t>(std::countr_zero(squares));
-  const std::uint64_t row = squares >> first & (255u >> (first % 8));
-  const auto width = static_cast<std::uint32_t>(std::countr_one(row));
-  const std::uint64_t run = ((std::uint64_t{1} << width) - 1) << (first % 8);
-  SquareBox box{first % 8, first % 8 + width, first / 8, first / 8};
-  while (box.end_y < 8 && (squares >> (8 * box.end_y) & run) == run) {
-    squares &= ~(run << (8 * box.end_y));
-    ++box.end_y;
+// Of how many blocks each square of a tile is asked in a round.
+class SquareCounts {
+ public:
+  SquareCounts(std::uint64_t squares, std::uint8_t blocks_max) : wanting_(squares), blocks_max_(blocks_max) {}
+
+  // One block more for those of the squares that have not enough, which are returned.
+  std::uint64_t Add(std::uint64_t squares) {
+    const std::uint64_t taken = squares & wanting_;
+    listed_ |= taken;
+    for (std::uint64_t todo = taken; todo != 0; todo &= todo - 1) {
+      const int square = std::countr_zero(todo);
+      if (++counts_[static_cast<std::size_t>(square)] == blocks_max_) wanting_ &= ~(std::uint64_t{1} << square);
+    }
+    return taken;
   }
-  return box;
-}
+  std::uint64_t wanting() const { return wanting_; }  // That have not enough.
+  std::uint64_t listed() const { return listed_; }    // That have any.
+  std::size_t of(std::size_t square) const { return counts_[square]; }
 
-// What a rectangle more costs, in squares drawn: setting up its triangles.
-constexpr std::uint32_t kBoxCostSquares = 10;
-
-// Rectangles that hold all of a mask's squares: one each where they fit together well, or one around them all.
-std::vector<SquareBox>& CoverSquares(std::uint64_t squares, std::vector<SquareBox>& boxes) {
-  boxes.clear();
-  const auto square_count = static_cast<std::uint32_t>(std::popcount(squares));
-  SquareBox all{8, 0, 8, 0};
-  while (squares != 0) {
-    const SquareBox& box = boxes.emplace_back(TakeBox(squares));
-    all = {std::min(all.first_x, box.first_x), std::max(all.end_x, box.end_x), std::min(all.first_y, box.first_y),
-           std::max(all.end_y, box.end_y)};
-  }
-  const std::uint32_t all_count = (all.end_x - all.first_x) * (all.end_y - all.first_y);
-  const auto box_count = static_cast<std::uint32_t>(boxes.size());
-  if (all_count + kBoxCostSquares <= square_count + kBoxCostSquares * box_count) boxes = {all};
-  return boxes;
-}
-
-// A tile on its way.
-struct OpenTile {
-  GatherWork* work = nullptr;
-  std::size_t index = 0;  // In its page.
-  CellBox box;
-  const std::vector<OrderedBlock>* list = nullptr;  // Of its page.
-  std::size_t next = 0;                             // In the list.
-  std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells.
-  std::unique_ptr<Tile> tile;                       // Null until something may be known.
-  std::vector<const PlacedBlock*> round;            // Drawn in this round; a pixel's winner counts here.
-  // Where it stands in the target, in tiles.
-  std::uint32_t column = 0;
-  std::uint32_t row = 0;
-  bool is_for_cpu = false;
-
-  std::size_t CountBlocks() const { return round.size() + (tile == nullptr ? 0 : tile->blocks.size()); }
+ private:
+  std::uint64_t wanting_;
+  const std::uint8_t blocks_max_;
+  std::uint64_t listed_ = 0;
+  std::array<std::uint8_t, kSquaresInTile> counts_{};
 };
-
-template <typename Visit>
-void ForEachKnownCell(Tile& tile, Visit visit) {
-  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
-    std::uint16_t* winners = tile.winners.data() + 64 * square;
-    if (~tile.known[square] == 0) {
-      for (std::size_t i = 0; i < 64; ++i) visit(winners[i]);
-      continue;
-    }
-    for (std::uint64_t cells = tile.known[square]; cells != 0; cells &= cells - 1) {
-      visit(winners[static_cast<std::size_t>(std::countr_zero(cells))]);
-    }
-  }
-}
-
-// Strikes blocks that were drawn and won nothing.
-void DropLosers(Tile& tile) {
-  std::vector<std::uint16_t> numbers(tile.blocks.size());
-  ForEachKnownCell(tile, [&numbers](std::uint16_t winner) { numbers[winner] = 1; });
-  std::uint16_t count = 0;
-  for (std::size_t i = 0; i < numbers.size(); ++i) {
-    if (numbers[i] == 0) continue;
-    tile.blocks[count] = tile.blocks[i];
-    numbers[i] = count++;
-  }
-  if (count == tile.blocks.size()) return;
-  tile.blocks.resize(count);
-  ForEachKnownCell(tile, [&numbers](std::uint16_t& winner) { winner = numbers[winner]; });
-  for (std::size_t square = 0; square < kSquaresInTile; ++square) {
-    if (tile.known[square] != 0) tile.weakest[square] = numbers[tile.weakest[square]];
-  }
-}
-
-// Takes over what a round drew of a square. `pixels` is the square's first, `stride` the target's width; `base` is what
-// the first block of the round is called in the tile.
-void ReadSquare(const std::uint32_t* pixels, std::size_t stride, std::uint32_t base, std::size_t square, Tile& tile) {
-  std::array<std::uint32_t, 64> drawn;
-  for (std::size_t y = 0; y < 8; ++y) std::copy_n(pixels + y * stride, 8, drawn.begin() + 8 * y);
-  std::uint64_t free = 0;
-  std::uint64_t hazard = 0;
-  for (std::size_t i = 0; i < drawn.size(); ++i) {
-    free |= static_cast<std::uint64_t>(drawn[i] & 1) << i;
-    hazard |= static_cast<std::uint64_t>(drawn[i] >> 1 & 1) << i;
-  }
-  const std::uint64_t taken = (free | hazard) & ~tile.known[square];
-  if (taken == 0) return;
-  std::uint16_t* winners = tile.winners.data() + 64 * square;
-  std::uint32_t weakest = 0;
-  if (~taken == 0) {
-    for (std::size_t i = 0; i < drawn.size(); ++i) {
-      weakest = std::max(weakest, drawn[i] >> 8);
-      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 8));
-    }
-  } else {
-    for (std::uint64_t cells = taken; cells != 0; cells &= cells - 1) {
-      const auto i = static_cast<std::size_t>(std::countr_zero(cells));
-      weakest = std::max(weakest, drawn[i] >> 8);
-      winners[i] = static_cast<std::uint16_t>(base + (drawn[i] >> 8));
-    }
-  }
-  tile.known[square] |= taken;
-  tile.hazard[square] |= hazard & taken;
-  tile.weakest[square] = static_cast<std::uint16_t>(base + weakest);
-}
-
-// The same of a tile, whose first pixel `pixels` is.
-void ReadRound(const std::uint32_t* pixels, std::size_t stride, OpenTile& open) {
-  Tile& tile = *open.tile;
-  const auto base = static_cast<std::uint32_t>(tile.blocks.size());
-  tile.blocks.insert(tile.blocks.end(), open.round.begin(), open.round.end());
-  for (std::uint64_t todo = open.open; todo != 0; todo &= todo - 1) {
-    const auto square = static_cast<std::size_t>(std::countr_zero(todo));
-    ReadSquare(pixels + square / 8 * 8 * stride + square % 8 * 8, stride, base, square, tile);
-    if (~tile.known[square] == 0) open.open &= ~(std::uint64_t{1} << square);
-  }
-}
 
 }  // namespace
 
@@ -201,28 +105,26 @@ class GlGather::Painter {
         context_(context),
         times_(times),
         atlas_(options.atlas_page_texels_max),
-        target_tiles_(std::min({options.target_cells_max, GetGlInteger(GL_MAX_TEXTURE_SIZE),
-                                GetGlInteger(GL_MAX_RENDERBUFFER_SIZE), ViewportMax()}) /
-                      static_cast<std::int32_t>(kTileSideCells)) {}
+        cpu_({options.threads, nullptr}),
+        side_(static_cast<std::size_t>(
+            std::min({options.target_cells_max / static_cast<std::int32_t>(kSquareSideCells),
+                      GetGlInteger(GL_MAX_TEXTURE_SIZE) / static_cast<std::int32_t>(kSquarePixelsX),
+                      GetGlInteger(GL_MAX_RENDERBUFFER_SIZE) / static_cast<std::int32_t>(kSquarePixelsX),
+                      ViewportMax() / static_cast<std::int32_t>(kSquarePixelsX)}))) {}
 
   Result<void> Start() {
-    if (target_tiles_ < 1) return Fail(ErrorCode::kUnavailable, "OpenGL cannot draw to 64 x 64 cells");
+    if (side_ * side_ < kSquaresInTile) return Fail(ErrorCode::kUnavailable, "OpenGL cannot draw to 64 x 64 cells");
     Result<GlProgram> program = MakeProgram(kMergeVertexShader, kMergeFragmentShader);
     if (!program) return tl::unexpected(program.error());
     program_ = std::move(*program);
-    target_size_uniform_ = glGetUniformLocation(program_.id(), "target_size");
-    buffer_ = MakeBuffer();
+    glUseProgram(program_.id());
+    glUniform1i(glGetUniformLocation(program_.id(), "layers"), kLayersUnit);
+    glUniform1i(glGetUniformLocation(program_.id(), "squares"), kSquaresUnit);
+    glUniform1i(glGetUniformLocation(program_.id(), "lists"), kListsUnit);
+    layers_texel_uniform_ = glGetUniformLocation(program_.id(), "layers_texel");
+    lists_texel_uniform_ = glGetUniformLocation(program_.id(), "lists_texel");
     vertex_array_ = MakeVertexArray();
-    glBindVertexArray(vertex_array_.id());
-    glBindBuffer(GL_ARRAY_BUFFER, buffer_.id());
-    GLuint location = 0;
-    for (const Attribute& attribute : kAttributes) {
-      glEnableVertexAttribArray(location);
-      glVertexAttribIPointer(location, attribute.count, GL_UNSIGNED_INT, sizeof(Instance),
-                             reinterpret_cast<const void*>(attribute.offset));
-      glVertexAttribDivisor(location, 1);
-      ++location;
-    }
+    squares_texture_ = MakeTable(kSquaresUnit, GL_R32UI, side_, side_);
     return CheckGl("preparing");
   }
 
@@ -269,16 +171,16 @@ class GlGather::Painter {
 
   // As many tiles at once as the target holds, round after round.
   Result<void> GatherTiles(const StopPredicate& stop) {
-    const auto at_once = static_cast<std::size_t>(target_tiles_) * static_cast<std::size_t>(target_tiles_);
     std::vector<OpenTile*> open;
     for (OpenTile& tile : tiles_) open.push_back(&tile);
     for (std::size_t round = 0; !open.empty(); ++round) {
-      const std::size_t blocks_max = kRoundBlocks[std::min(round, kRoundBlocks.size() - 1)];
-      for (std::size_t first = 0; first < open.size();) {
+      const RoundLimits& limits = kRounds[std::min(round, kRounds.size() - 1)];
+      const std::size_t at_once =
+          std::min(side_ * side_ / kSquaresInTile, kEntriesMax / (kSquaresInTile * limits.square_blocks));
+      for (std::size_t first = 0; first < open.size(); first += at_once) {
         if (stop && stop()) return Fail(ErrorCode::kUnavailable, "the merge was stopped");
-        const std::size_t count = CountAtOnce(std::span(open).subspan(first), blocks_max, at_once);
-        if (Result<void> drawn = DrawRound(std::span(open).subspan(first, count), blocks_max); !drawn) return drawn;
-        first += count;
+        const std::size_t count = std::min(at_once, open.size() - first);
+        if (Result<void> drawn = DrawRound(std::span(open).subspan(first, count), limits); !drawn) return drawn;
       }
       std::erase_if(open, [](const OpenTile* tile) {
         return tile->is_for_cpu || tile->open == 0 || tile->next == tile->list->size();
@@ -287,49 +189,23 @@ class GlGather::Painter {
     return {};
   }
 
-  // Of the tiles, how many one draw takes: what it is told of blocks has a bound, but for a single tile.
-  static std::size_t CountAtOnce(std::span<OpenTile*> tiles, std::size_t blocks_max, std::size_t tiles_max) {
-    std::size_t count = 0;
-    for (std::size_t blocks = 0; count < std::min(tiles.size(), tiles_max); ++count) {
-      blocks += std::min(blocks_max, tiles[count]->list->size() - tiles[count]->next);
-      if (count > 0 && blocks > kBlocksAtOnce) break;
-    }
-    return count;
-  }
-
-  Result<void> DrawRound(std::span<OpenTile*> tiles, std::size_t blocks_max) {
+  Result<void> DrawRound(std::span<OpenTile*> tiles, const RoundLimits& limits) {
     const double start_ms = NowMs();
-    // The atlas may be made anew while blocks are looked up in it; then what was found before is void.
-    std::vector<std::size_t> starts;
-    for (const OpenTile* tile : tiles) starts.push_back(tile->next);
-    std::uint64_t generation = 0;
-    std::uint32_t places = 0;
-    do {
-      generation = atlas_.generation();
-      instances_.clear();
-      places = 0;
-      for (std::size_t i = 0; i < tiles.size(); ++i) {
-        tiles[i]->next = starts[i];
-        if (Result<void> added = AddInstances(*tiles[i], blocks_max, places); !added) return added;
-      }
-    } while (generation != atlas_.generation());
-    if (instances_.empty()) return {};
-    const auto width =
-        static_cast<std::int32_t>(kTileSideCells) * std::min(static_cast<std::int32_t>(places), target_tiles_);
-    const auto height = static_cast<std::int32_t>(kTileSideCells) *
-                        ((static_cast<std::int32_t>(places) + target_tiles_ - 1) / target_tiles_);
-    glBindVertexArray(vertex_array_.id());
-    glBindBuffer(GL_ARRAY_BUFFER, buffer_.id());
-    glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(instances_.size() * sizeof(Instance)), instances_.data(),
-                 GL_STREAM_DRAW);
+    if (Result<void> listed = MakeLists(tiles, limits); !listed) return listed;
+    if (entries_.empty()) return {};
+    // All rows of the target are whole but the last.
+    const std::size_t columns = std::min(square_lists_.size(), side_);
+    const std::size_t rows = (square_lists_.size() + columns - 1) / columns;
+    square_lists_.resize(rows * columns);
+    UploadLists(columns, rows);
     const double uploaded_ms = NowMs();
+    const auto width = static_cast<GLsizei>(columns * kSquarePixelsX);
+    const auto height = static_cast<GLsizei>(rows * kSquarePixelsY);
     if (Result<void> drawn = Draw(width, height); !drawn) return drawn;
     const double drawn_ms = NowMs();
     if (Result<void> read = ReadPixels(width, height); !read) return read;
     for (OpenTile* tile : tiles) {
-      if (tile->round.empty()) continue;
-      const std::size_t first = tile->row * 64 * static_cast<std::size_t>(width) + tile->column * 64;
-      ReadRound(pixels_.data() + first, static_cast<std::size_t>(width), *tile);
+      if (tile->squares != 0) ReadRound(pixels_, columns, *tile);
     }
     times_.upload_ms += uploaded_ms - start_ms;
     times_.draw_ms += drawn_ms - uploaded_ms;
@@ -337,69 +213,142 @@ class GlGather::Painter {
     return {};
   }
 
-  // The tile's next blocks that may know something where it is open.
-  Result<void> AddInstances(OpenTile& open, std::size_t blocks_max, std::uint32_t& places) {
-    open.round.clear();
-    open.column = places % static_cast<std::uint32_t>(target_tiles_);
-    open.row = places / static_cast<std::uint32_t>(target_tiles_);
-    const std::size_t first_instance = instances_.size();
-    for (; open.next < open.list->size() && open.round.size() < blocks_max; ++open.next) {
-      const OrderedBlock& ordered = (*open.list)[open.next];
+  // The atlas may be made anew while blocks are looked up in it; then what was found before is void.
+  Result<void> MakeLists(std::span<OpenTile*> tiles, const RoundLimits& limits) {
+    for (OpenTile* tile : tiles) {
+      if (tile->tile != nullptr && tile->tile->blocks.size() + limits.tile_blocks > kTileBlocksMax) {
+        DropLosers(*tile->tile);
+      }
+      tile->first_block = tile->tile == nullptr ? 0 : tile->tile->blocks.size();
+    }
+    std::vector<std::size_t> starts;
+    for (const OpenTile* tile : tiles) starts.push_back(tile->next);
+    std::uint64_t generation = 0;
+    do {
+      generation = atlas_.generation();
+      entries_.clear();
+      square_lists_.clear();
+      for (std::size_t i = 0; i < tiles.size(); ++i) {
+        tiles[i]->next = starts[i];
+        if (tiles[i]->tile != nullptr) tiles[i]->tile->blocks.resize(tiles[i]->first_block);
+        if (Result<void> listed = ListTile(*tiles[i], limits); !listed) return listed;
+      }
+    } while (generation != atlas_.generation());
+    return {};
+  }
+
+  // The tile's next blocks that may know something where it is open, square by square.
+  Result<void> ListTile(OpenTile& open, const RoundLimits& limits) {
+    candidates_.clear();
+    SquareCounts counts(open.open, limits.square_blocks);
+    std::optional<std::size_t> first_left;  // That a square was not asked of, having enough: the next round's first.
+    std::size_t next = open.next;
+    for (; next < open.list->size() && candidates_.size() < limits.tile_blocks && counts.wanting() != 0; ++next) {
+      const OrderedBlock& ordered = (*open.list)[next];
       if (!ordered.box.Touches(open.box)) continue;
       const std::uint64_t squares = SquaresThatMayKnow(*ordered.block, open.box) & open.open;
       if (squares == 0) continue;
-      const bool is_countable = open.CountBlocks() < kTileBlocksMax;
-      if (IsSteep(ordered.block->rectangle) || !is_countable) {
+      if (IsSteep(ordered.block->rectangle)) {
         open.is_for_cpu = true;
-        open.round.clear();
-        instances_.resize(first_instance);
+        open.squares = 0;
         return {};
       }
-      if (Result<void> added = AddBlock(*ordered.block, open, squares); !added) return added;
-      open.round.push_back(ordered.block);
+      if ((squares & ~counts.wanting()) != 0 && !first_left) first_left = next;
+      const std::uint64_t taken = counts.Add(squares);
+      if (taken == 0) continue;
+      if (Result<void> added = AddCandidate(*ordered.block, open.box, taken); !added) return added;
     }
-    if (open.round.empty()) return {};
-    ++places;
-    if (open.tile == nullptr) {
-      open.tile = TakeTile();
-      open.tile->known.fill(0);
-      open.tile->hazard.fill(0);
-      open.tile->blocks.clear();
-    }
+    open.next = first_left.value_or(next);
+    open.squares = counts.listed();
+    if (candidates_.empty()) return {};
+    if (open.tile == nullptr) open.tile = TakeTile();
+    for (const Candidate& candidate : candidates_) open.tile->blocks.push_back(candidate.block);
+    AddSquares(open, counts);
     return {};
   }
 
-  // An instance for each rectangle of the squares.
-  Result<void> AddBlock(const PlacedBlock& block, const OpenTile& open, std::uint64_t squares) {
+  Result<void> AddCandidate(const PlacedBlock& block, const CellBox& tile, std::uint64_t squares) {
     const PlacedRectangle& placed = block.rectangle;
-    const std::int64_t pixel_x = std::int64_t{open.column} * kTileSideCells;
-    const std::int64_t pixel_y = std::int64_t{open.row} * kTileSideCells;
-    const std::int64_t i = open.box.first_x - placed.anchor_x - pixel_x;
-    const std::int64_t j = open.box.first_y - placed.anchor_y - pixel_y;
-    Instance instance{};
-    instance.placed = {Wrap(placed.u0 + i * placed.step_cos + j * placed.step_sin),
-                       Wrap(placed.v0 - i * placed.step_sin + j * placed.step_cos), Wrap(placed.step_cos),
-                       Wrap(placed.step_sin)};
-    instance.sides = {placed.width_q, placed.height_q, 0, kFootprintPage};
-    instance.winner = static_cast<glm::uint>(open.round.size());
+    const std::int64_t i = tile.first_x - placed.anchor_x;
+    const std::int64_t j = tile.first_y - placed.anchor_y;
+    ListEntry entry{};
+    entry.placed = {Wrap(placed.u0 + i * placed.step_cos + j * placed.step_sin),
+                    Wrap(placed.v0 - i * placed.step_sin + j * placed.step_cos), Wrap(placed.step_cos),
+                    Wrap(placed.step_sin)};
+    entry.sides = {placed.width_q, placed.height_q};
+    entry.page_and_number = kFootprintPage;
     if (!block.is_footprint()) {
       const Result<LayerAtlas::Spot> spot = atlas_.Find(block);
       if (!spot) return tl::unexpected(spot.error());
-      instance.sides.z = static_cast<std::uint32_t>(spot->x) | static_cast<std::uint32_t>(spot->y) << 16;
-      instance.sides.w = static_cast<std::uint32_t>(spot->page);
+      entry.corner = static_cast<std::uint32_t>(spot->x) | static_cast<std::uint32_t>(spot->y) << 16;
+      entry.page_and_number = static_cast<std::uint32_t>(spot->page);
     }
-    for (const SquareBox& box : CoverSquares(squares, boxes_)) {
-      const auto first_x = static_cast<std::uint32_t>(pixel_x) + box.first_x * 8;
-      const auto first_y = static_cast<std::uint32_t>(pixel_y) + box.first_y * 8;
-      instance.rectangle = {first_x | first_y << 16,
-                            (box.end_x - box.first_x) * 8 | (box.end_y - box.first_y) * 8 << 16};
-      instances_.push_back(instance);
-    }
+    entry.page_and_number |= static_cast<std::uint32_t>(candidates_.size()) << 16;
+    candidates_.push_back({&block, squares, entry});
     return {};
   }
 
+  // The squares' lists, of the tile's candidates.
+  void AddSquares(OpenTile& open, const SquareCounts& counts) {
+    open.first_place = square_lists_.size();
+    std::array<std::size_t, kSquaresInTile> ends;
+    std::size_t end = entries_.size();
+    for (std::uint64_t todo = open.squares; todo != 0; todo &= todo - 1) {
+      const auto square = static_cast<std::size_t>(std::countr_zero(todo));
+      square_lists_.push_back(static_cast<std::uint32_t>(end << 6 | counts.of(square)));
+      ends[square] = end;
+      end += counts.of(square);
+    }
+    entries_.resize(end);
+    for (const Candidate& candidate : candidates_) {
+      for (std::uint64_t todo = candidate.squares; todo != 0; todo &= todo - 1) {
+        const auto square = static_cast<std::size_t>(std::countr_zero(todo));
+        const auto x = static_cast<std::uint32_t>(square % 8 * 8);
+        const auto y = static_cast<std::uint32_t>(square / 8 * 8);
+        ListEntry& entry = entries_[ends[square]++];
+        entry = candidate.at_tile;
+        entry.placed.x += x * entry.placed.z + y * entry.placed.w;
+        entry.placed.y += y * entry.placed.z - x * entry.placed.w;
+      }
+    }
+  }
+
+  // A texture to be read number by number.
+  static GlTexture MakeTable(GLint unit, GLenum format, std::size_t columns, std::size_t rows) {
+    GlTexture texture = MakeTexture();
+    glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
+    glBindTexture(GL_TEXTURE_2D, texture.id());
+    glTexStorage2D(GL_TEXTURE_2D, 1, format, static_cast<GLsizei>(columns), static_cast<GLsizei>(rows));
+    // Integers cannot be filtered: without this the texture is incomplete and reads 0.
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glActiveTexture(GL_TEXTURE0);
+    return texture;
+  }
+
+  void UploadLists(std::size_t columns, std::size_t rows) {
+    const std::size_t list_rows = (entries_.size() + kListColumns - 1) / kListColumns;
+    if (list_rows > list_rows_) {
+      list_rows_ = std::bit_ceil(list_rows);
+      lists_texture_ = MakeTable(kListsUnit, GL_RGBA32UI, kEntryTexels * kListColumns, list_rows_);
+    }
+    entries_.resize(list_rows * kListColumns);
+    glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
+    Fill(kListsUnit, lists_texture_, kEntryTexels * kListColumns, list_rows, GL_RGBA_INTEGER, entries_.data());
+    Fill(kSquaresUnit, squares_texture_, columns, rows, GL_RED_INTEGER, square_lists_.data());
+  }
+
+  static void Fill(GLint unit, const GlTexture& texture, std::size_t columns, std::size_t rows, GLenum format,
+                   const void* numbers) {
+    glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
+    glBindTexture(GL_TEXTURE_2D, texture.id());
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, static_cast<GLsizei>(columns), static_cast<GLsizei>(rows), format,
+                    GL_UNSIGNED_INT, numbers);
+    glActiveTexture(GL_TEXTURE0);
+  }
+
   // A target at least so large; kept for the next round.
-  Result<void> PrepareTarget(std::int32_t width, std::int32_t height) {
+  Result<void> PrepareTarget(GLsizei width, GLsizei height) {
     if (width <= target_width_ && height <= target_height_) {
       glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
       return {};
@@ -408,18 +357,14 @@ class GlGather::Painter {
     target_height_ = std::max(height, target_height_);
     color_ = MakeRenderbuffer();
     glBindRenderbuffer(GL_RENDERBUFFER, color_.id());
-    glRenderbufferStorage(GL_RENDERBUFFER, GL_R32UI, target_width_, target_height_);
-    depth_ = MakeRenderbuffer();
-    glBindRenderbuffer(GL_RENDERBUFFER, depth_.id());
-    glRenderbufferStorage(GL_RENDERBUFFER, GL_DEPTH_COMPONENT16, target_width_, target_height_);
+    glRenderbufferStorage(GL_RENDERBUFFER, GL_RG32UI, target_width_, target_height_);
     framebuffer_ = MakeFramebuffer();
     glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
     glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, color_.id());
-    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth_.id());
     if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE && CheckGl("making a target")) return {};
     target_width_ = target_height_ = 0;
     return Fail(ErrorCode::kUnavailable,
-                "OpenGL cannot draw to " + std::to_string(width) + " x " + std::to_string(height) + " cells");
+                "OpenGL cannot draw to " + std::to_string(width) + " x " + std::to_string(height) + " pixels");
   }
 
   Result<void> CheckLost() const {
@@ -428,53 +373,56 @@ class GlGather::Painter {
     return {};
   }
 
-  Result<void> Draw(std::int32_t width, std::int32_t height) {
+  // Every pixel is written, so nothing is cleared.
+  Result<void> Draw(GLsizei width, GLsizei height) {
     if (Result<void> lost = CheckLost(); !lost) return lost;
     if (Result<void> prepared = PrepareTarget(width, height); !prepared) return prepared;
     glViewport(0, 0, width, height);
-    const std::array<GLuint, 4> unknown = {0, 0, 0, 0};
-    const GLfloat far_depth = 1;
-    glEnable(GL_SCISSOR_TEST);
-    glScissor(0, 0, width, height);
-    glDepthMask(GL_TRUE);
-    glClearBufferuiv(GL_COLOR, 0, unknown.data());
-    glClearBufferfv(GL_DEPTH, 0, &far_depth);
-    glDisable(GL_SCISSOR_TEST);
-    glEnable(GL_DEPTH_TEST);
-    glDepthFunc(GL_LESS);  // All have one depth: the first that is drawn stays.
+    glDisable(GL_DEPTH_TEST);
     glDisable(GL_BLEND);
     glDisable(GL_DITHER);
     glDisable(GL_CULL_FACE);
     glUseProgram(program_.id());
-    glUniform2f(target_size_uniform_, static_cast<GLfloat>(width), static_cast<GLfloat>(height));
-    glActiveTexture(GL_TEXTURE0);
+    glBindVertexArray(vertex_array_.id());
     glBindTexture(GL_TEXTURE_2D_ARRAY, atlas_.texture());
-    glDrawArraysInstanced(GL_TRIANGLE_STRIP, 0, 4, static_cast<GLsizei>(instances_.size()));
+    const GLfloat layers_texel = 1.0f / static_cast<GLfloat>(atlas_.page_texels());
+    glUniform2f(layers_texel_uniform_, layers_texel, layers_texel);
+    glUniform2f(lists_texel_uniform_, 1.0f / (kEntryTexels * kListColumns), 1.0f / static_cast<GLfloat>(list_rows_));
+    glDrawArrays(GL_TRIANGLES, 0, 3);
     return CheckGl("drawing");
   }
 
-  Result<void> ReadPixels(std::int32_t width, std::int32_t height) {
+  Result<void> ReadPixels(GLsizei width, GLsizei height) {
     const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
     pixels_.resize(count);
     glPixelStorei(GL_PACK_ALIGNMENT, 4);
-    // OpenGL ES promises four channels; most drivers also give the one that is there.
-    const bool is_one = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RED_INTEGER &&
+    // OpenGL ES promises four channels; most drivers also give the two that are there.
+    const bool is_two = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RG_INTEGER &&
                         GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_INT;
-    if (is_one) {
-      glReadPixels(0, 0, width, height, GL_RED_INTEGER, GL_UNSIGNED_INT, pixels_.data());
+    if (is_two) {
+      glReadPixels(0, 0, width, height, GL_RG_INTEGER, GL_UNSIGNED_INT, pixels_.data());
     } else {
       channels_.resize(count * 4);
       glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_INT, channels_.data());
-      for (std::size_t i = 0; i < count; ++i) pixels_[i] = channels_[4 * i];
+      for (std::size_t i = 0; i < count; ++i) {
+        pixels_[i] = channels_[4 * i] | static_cast<std::uint64_t>(channels_[4 * i + 1]) << 32;
+      }
     }
     if (Result<void> read = CheckGl("reading back"); !read) return read;
     return CheckLost();
   }
 
   std::unique_ptr<Tile> TakeTile() {
-    if (spare_.empty()) return std::make_unique_for_overwrite<Tile>();
-    std::unique_ptr<Tile> tile = std::move(spare_.back());
-    spare_.pop_back();
+    std::unique_ptr<Tile> tile;
+    if (spare_.empty()) {
+      tile = std::make_unique_for_overwrite<Tile>();
+    } else {
+      tile = std::move(spare_.back());
+      spare_.pop_back();
+    }
+    tile->known.fill(0);
+    tile->hazard.fill(0);
+    tile->blocks.clear();
     return tile;
   }
 
@@ -511,22 +459,26 @@ class GlGather::Painter {
   const EglContext& context_;
   Times& times_;
   LayerAtlas atlas_;
-  CpuGather cpu_{{}};
-  const std::int32_t target_tiles_;  // A side.
+  CpuGather cpu_;
+  const std::size_t side_;  // Of the target, in squares.
   GlProgram program_;
-  GLint target_size_uniform_ = -1;
-  GlBuffer buffer_;
+  GLint layers_texel_uniform_ = -1;
+  GLint lists_texel_uniform_ = -1;
   GlVertexArray vertex_array_;
+  GlTexture squares_texture_;
+  GlTexture lists_texture_;
+  std::size_t list_rows_ = 0;  // Of that texture.
   GlRenderbuffer color_;
-  GlRenderbuffer depth_;
   GlFramebuffer framebuffer_;
-  std::int32_t target_width_ = 0;
-  std::int32_t target_height_ = 0;
+  GLsizei target_width_ = 0;
+  GLsizei target_height_ = 0;
   std::vector<std::vector<OrderedBlock>> lists_;  // By page of the batch.
   std::vector<OpenTile> tiles_;                   // Of the batch.
-  std::vector<SquareBox> boxes_;                  // Of the block at hand.
-  std::vector<Instance> instances_;
-  std::vector<std::uint32_t> pixels_;  // Value, and the winner in the round above it.
+  std::vector<Candidate> candidates_;             // Of the tile at hand.
+  // Of the draw at hand.
+  std::vector<ListEntry> entries_;
+  std::vector<std::uint32_t> square_lists_;  // By place in the target: its first entry << 6 | how many.
+  std::vector<std::uint64_t> pixels_;        // A row of 8 cells each.
   std::vector<std::uint32_t> channels_;
   std::vector<std::unique_ptr<Tile>> spare_;
 };

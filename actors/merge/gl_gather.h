@@ -1,12 +1,13 @@
 // GlGather: the gather by OpenGL ES 3.1 (paper, Section 5.3), exact to the byte.
 //
-// The paper draws every layer over the whole map, the best one last. Here each tile has a place in the target, and is
-// drawn over in rounds: first by the few blocks that stand above all others there, each only where it may know
-// something; what is still unknown when that is read back, by more of them; and so on. Within a round the depth test
-// keeps the first known value of each cell. The fragment shader repeats the CPU's integer additions.
+// The paper draws every layer over the whole map, the best one last. Here each square of 8 x 8 cells has a place in the
+// target and a list of the blocks that may know something of it, the greatest key first. A fragment looks at a row of 8
+// cells in one block after the other, by the CPU's integer additions, and stops when all are known. The lists are
+// short, since most cells are known after very few blocks; what is still unknown when that is read back is drawn again,
+// with longer ones.
 //
-// A tile that sees layers many times finer than the grid, which 32 bits cannot hold a tile long, or more blocks than
-// 16 bits can count, is gathered on the CPU.
+// A tile that sees layers many times finer than the grid, which 32 bits cannot hold a square long, is gathered on the
+// CPU.
 #pragma once
 
 #include <cstdint>
@@ -26,6 +27,7 @@ class GlGather final : public GatherBackend {
   struct Options {
     std::int32_t target_cells_max = 4096;       // A side of one draw's target, at least 64; the driver's limit counts.
     std::int32_t atlas_page_texels_max = 1024;  // At least kBlockSideCellsMax.
+    int threads = 1;                            // Of the CPU, for tiles that are gathered there.
     std::function<bool()> is_lost = {};         // For tests: asked before each draw; true is taken for a loss.
     std::function<double()> now_ms = {};        // For benchmarks: fills times(), and waits for the GPU at each step.
   };

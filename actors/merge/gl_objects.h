@@ -1,4 +1,5 @@
-// Owners of OpenGL names, and the few calls that can fail. All of it needs a current context, destructors too.
+// Owners of OpenGL names, and the few calls that can fail. All of it needs a current context. A destructor without one
+// leaves the name alone: what a lost context held went with it.
 #pragma once
 
 #include <GLES3/gl31.h>
@@ -6,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "actors/merge/egl_context.h"
 #include "model/error.h"
 
 namespace moondb {
@@ -22,7 +24,7 @@ class GlObject {
     return *this;
   }
   ~GlObject() {
-    if (id_ != 0) Traits::Delete(id_);
+    if (id_ != 0 && IsContextCurrent()) Traits::Delete(id_);
   }
   GLuint id() const { return id_; }
 

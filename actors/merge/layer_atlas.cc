@@ -1,6 +1,7 @@
 #include "actors/merge/layer_atlas.h"
 
 #include <algorithm>
+#include <bit>
 #include <string>
 #include <utility>
 
@@ -12,11 +13,16 @@ bool IsSame(const std::weak_ptr<const LocalMap>& a, const std::shared_ptr<const 
   return !a.owner_before(b) && !b.owner_before(a);
 }
 
+std::int32_t FloorToPowerOfTwo(std::int32_t number) {
+  return static_cast<std::int32_t>(std::bit_floor(static_cast<std::uint32_t>(number)));
+}
+
 }  // namespace
 
 LayerAtlas::LayerAtlas(std::int32_t page_texels_max)
-    : page_texels_(std::min(std::max(page_texels_max, kBlockSideCellsMax), GetGlInteger(GL_MAX_TEXTURE_SIZE))),
-      pages_max_(GetGlInteger(GL_MAX_ARRAY_TEXTURE_LAYERS)) {}
+    : page_texels_(FloorToPowerOfTwo(
+          std::min(std::max(page_texels_max, kBlockSideCellsMax), GetGlInteger(GL_MAX_TEXTURE_SIZE)))),
+      pages_max_(std::min(GetGlInteger(GL_MAX_ARRAY_TEXTURE_LAYERS), kPagesMax)) {}
 
 Result<LayerAtlas::Spot> LayerAtlas::Find(const PlacedBlock& placed) {
   const std::shared_ptr<const LocalMap>& map = placed.owner->placed.map;

@@ -3,7 +3,7 @@
 // A texel is a word of PackedBlock, rows along x and strips along y, so that 16 cells take 4 bytes there too. Blocks
 // stand on shelves, shelves in pages (layers of the array), so that any sizes mix. Maps are immutable, so a block is
 // uploaded once; when the texture is full, it is made anew, larger if need be, with the blocks of maps that still live.
-// Needs a current context, the destructor too.
+// Needs a current context.
 #pragma once
 
 #include <cstddef>
@@ -19,13 +19,15 @@ namespace moondb {
 
 class LayerAtlas {
  public:
+  static constexpr std::int32_t kPagesMax = 0xFFFF;
+
   struct Spot {
     std::int32_t x = 0;
     std::int32_t y = 0;
     std::int32_t page = 0;
   };
 
-  // `page_texels_max` a side, at least kBlockSideCellsMax, or the driver's limit.
+  // A power of two at most `page_texels_max` a side, at least kBlockSideCellsMax, or the driver's limit.
   explicit LayerAtlas(std::int32_t page_texels_max);
 
   // Where a block lies, uploaded if need be. kFull if the driver's number of pages is not enough, kUnavailable for its
@@ -36,6 +38,7 @@ class LayerAtlas {
   std::uint64_t generation() const { return generation_; }
 
   GLuint texture() const { return texture_.id(); }
+  std::int32_t page_texels() const { return page_texels_; }  // A side; a power of two.
 
  private:
   struct Entry {

@@ -77,7 +77,7 @@ void MergeActor::OnStart(Context& context) {
     start_error_ = started.error();
     spdlog::error("{}: {}", ToString(context.self()), ToString(start_error_));
   } else {
-    LogBackend(context);
+    TellBackend(context);
   }
 }
 
@@ -353,11 +353,12 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
 }
 
 // At the start, and when a driver is lost or comes back.
-void MergeActor::LogBackend(Context& context) {
+void MergeActor::TellBackend(Context& context) {
   std::string description = backend_->description();
   if (description == backend_description_) return;
   backend_description_ = std::move(description);
   spdlog::info("{}: merges on {}", ToString(context.self()), backend_description_);
+  if (options_.on_backend) options_.on_backend(backend_->name());
 }
 
 Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
@@ -365,7 +366,7 @@ Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Select
     refused_log_.Warn(ToString(context.self()) + ": leaves out " + ToString(refused));
   }
   const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
-  LogBackend(context);
+  TellBackend(context);
   if (!merged) return tl::unexpected(merged.error());
   return {};
 }

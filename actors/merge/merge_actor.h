@@ -19,6 +19,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -37,7 +38,9 @@ class MergeActor final : public Actor {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked: map.resolution_m, map.footprint_m, kinds of agents.
     MergeBackend backend = MergeBackend::kAuto;
-    int merge_threads = 1;          // That merge at once on the CPU.
+    int merge_threads = 1;  // That merge at once on the CPU.
+    // Told who merges, "cpu" or "gl", at the start and when a driver is lost or comes back; on the actor's thread.
+    std::function<void(const std::string& backend)> on_backend = {};
     std::size_t requests_max = 64;  // Waiting, subscriptions too.
     Duration look_period = std::chrono::seconds(1);
     Duration storage_timeout = std::chrono::seconds(30);
@@ -79,7 +82,7 @@ class MergeActor final : public Actor {
   Result<void> Update(Context& context, const MapCollection::Selected& everything);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
   Result<void> StartMerger();
-  void LogBackend(Context& context);
+  void TellBackend(Context& context);
   Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   // Nothing where a subscription goes on.
   std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);
@@ -90,7 +93,7 @@ class MergeActor final : public Actor {
   MapCollection collection_;
   std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
   Error start_error_;                       // Why.
-  std::string backend_description_;         // As it was logged last.
+  std::string backend_description_;         // As it was told last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   bool is_current_ = false;                 // It has all that is in collection_.
   std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.

@@ -189,12 +189,13 @@ class Agent::Impl {
     if (team.pose_graph().solve_by_itself()) pgo.solve_when_quiet = kSolveWhenQuiet;
     SpawnActor<PgoActor>(*system_, actor_name::kPgo, Placement::kOwnThread, std::move(pgo));
 
-    const MergeBackend backend = ResolveMergeBackend(options_.merge_backend);
+    merge_backend_ = ResolveMergeBackend(options_.merge_backend);
     MergeActor::Options merge;
     merge.self = self_;
     merge.team = team;
     merge.backend = options_.merge_backend;
     merge.merge_threads = HardwareThreads();
+    merge.on_backend = [this](const std::string& backend) { merge_backend_ = *ParseMergeBackend(backend); };
     SpawnActor<MergeActor>(*system_, actor_name::kMerge, Placement::kOwnThread, std::move(merge));
 
     GatewayActor::Options gateway;
@@ -202,7 +203,7 @@ class Agent::Impl {
     gateway.team = team;
     gateway.version = options_.version;
     gateway.pid = static_cast<std::uint32_t>(::getpid());
-    gateway.merge_backend = ToString(backend);
+    gateway.merge_backend = [this] { return ToString(merge_backend_); };
     for (const OwnActor& actor : options_.own_actors) gateway.own_actors.insert(actor.name);
     SpawnActor<GatewayActor>(*system_, actor_name::kGateway, Placement::kPool, std::move(gateway));
 
@@ -236,6 +237,7 @@ class Agent::Impl {
   std::string endpoint_;
   bool dumps_on_crash_ = false;
   std::atomic<bool> is_running_ = false;
+  std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // That merges now.
   std::unique_ptr<ActorSystem> system_;
   std::unique_ptr<ZeroMqTransport> transport_;
 };

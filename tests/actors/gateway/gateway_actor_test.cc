@@ -31,7 +31,7 @@ class GatewayActorTest : public testing::Test {
     options.team = team_config_;
     options.version = "1.2.3";
     options.pid = 77;
-    options.merge_backend = "cpu";
+    options.merge_backend = [] { return "cpu"; };
     options.pending_max = 4;
     options.own_actors = {"soil"};
     options.relay_bytes_max = 20'000;

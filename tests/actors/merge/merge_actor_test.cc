@@ -214,6 +214,14 @@ class MergeActorTest : public testing::Test {
   proto::MapTilesRequest tiles_request_;
 };
 
+TEST_F(MergeActorTest, TellsAtTheStartWhoMerges) {
+  std::string told;
+  options_.on_backend = [&told](const std::string& backend) { told = backend; };
+  Start();
+  team_.RunUntilIdle();
+  EXPECT_EQ(told, "cpu");
+}
+
 TEST_F(MergeActorTest, MergesWhatStorageHolds) {
   StoreNode(1, 1, 1);
   StoreNode(2, 1.2, 1);
@@ -662,6 +670,8 @@ TEST_F(MergeActorTest, GlGivesTheSameReply) {
   team_.Spawn(2, actor_name::kStorage, [store = store_] { return std::make_unique<FakeStorageActor>(store); });
   options_.self = 2;
   options_.backend = MergeBackend::kGl;
+  std::string told;
+  options_.on_backend = [&told](const std::string& backend) { told = backend; };
   team_.Spawn(2, actor_name::kMerge, [options = options_] { return std::make_unique<MergeActor>(options); });
   proto::Message message;
   message.mutable_merge_request();
@@ -670,6 +680,7 @@ TEST_F(MergeActorTest, GlGivesTheSameReply) {
   const std::vector<proto::Message> replies = team_.Take({2, "test"});
   ASSERT_EQ(replies.size(), 1u);
   EXPECT_EQ(replies[0].merge_reply().backend(), "gl");
+  EXPECT_EQ(told, "gl");
   EXPECT_EQ(replies[0].merge_reply().zstd_cells(), cells);
 }
 
