@@ -287,6 +287,7 @@ std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiti
   } else {
     *answer.mutable_map_stats_reply() = StatsOf(collection_, *merger_);
     answer.mutable_map_stats_reply()->set_backend(backend_->description());
+    answer.mutable_map_stats_reply()->set_refused_map_count(static_cast<double>(refused_map_count_));
   }
   return answer;
 }
@@ -362,7 +363,9 @@ void MergeActor::TellBackend(Context& context) {
 }
 
 Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
-  for (const Error& refused : merger.Assign(selected.maps, selected.footprints)) {
+  const std::vector<Error> refusals = merger.Assign(selected.maps, selected.footprints);
+  if (&merger == merger_.get()) refused_map_count_ = refusals.size();
+  for (const Error& refused : refusals) {
     refused_log_.Warn(ToString(context.self()) + ": leaves out " + ToString(refused));
   }
   const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });

@@ -1,4 +1,4 @@
-// Database, Transaction, Query: SQLite as values and scopes; the one file that calls sqlite3.
+// Database, Transaction, Query: SQLite as values and scopes; through them alone a store is written.
 //
 // Used from one thread at a time. Statements are prepared once and kept (4.7 times faster than SQL text). Unsigned
 // 64-bit numbers are stored as the signed number of the same bits: compare them in C++, or in SQL by

@@ -13,6 +13,8 @@
 
 namespace moondb {
 
+inline constexpr char kDatabaseFile[] = "moondb.sqlite";  // In an agent's data folder.
+
 // `moondb-data/<agent>` beside the team file.
 std::filesystem::path DefaultDataFolder(const std::filesystem::path& team_file, const std::string& agent_name);
 

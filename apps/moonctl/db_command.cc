@@ -139,6 +139,23 @@ void AddDbCommands(CLI::App& app, CommandContext& context) {
   diff.callback([&context, arguments] {
     context.action = [&context, arguments] { return CompareStores(context, arguments->first, arguments->second); };
   });
+
+  const auto add_file_command = [&](const std::string& name, const std::string& description, const std::string& what,
+                                    const std::string& meaning,
+                                    ExitCode (*command)(CommandContext&, const StoreFileArguments&)) {
+    auto file = std::make_shared<StoreFileArguments>();
+    CLI::App& added = *group.add_subcommand(name, description);
+    added.add_option(what, file->text, meaning)->required();
+    added.add_option("--data-dir", file->data_folder, "As given to up");
+    added.callback(
+        [&context, file, command] { context.action = [&context, file, command] { return command(context, *file); }; });
+    return std::pair(&added, file);
+  };
+  const auto [query, file] = add_file_command("query", "Ask the file of -a, on this machine, in SQL; changes nothing",
+                                              "sql", "One SELECT; views v_* are stable (docs/DATABASE.md)", QueryFile);
+  query->add_option("--limit", file->rows_max, "At most so many rows (1000)")->check(CLI::Range(1u, 1'000'000u));
+  add_file_command("backup", "Copy the file of -a, on this machine, whole, while the agent runs", "file",
+                   "Where to; must not be there yet", BackUpFile);
 }
 
 }  // namespace moondb

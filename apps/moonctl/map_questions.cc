@@ -86,6 +86,11 @@ std::string QuarantinesText(const proto::TeamConfig& team, const proto::MapStats
   return table.Text();
 }
 
+std::string RefusedText(const proto::MapStatsReply& stats) {
+  if (stats.refused_map_count() == 0) return "";
+  return FormatCount(stats.refused_map_count()) + " maps or footprints cannot be merged, see the agent's log\n";
+}
+
 ExitCode ShowStats(CommandContext& context) {
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
@@ -102,7 +107,7 @@ ExitCode ShowStats(CommandContext& context) {
   const std::string text = table.Text() + target->agent->name() + ": " + FormatCount(stats->free_cell_count()) +
                            " free and " + FormatCount(stats->hazard_cell_count()) + " hazard cells of " +
                            FormatDouble(stats->resolution_um() / 1e6) + " m, " + FormatBytes(stats->memory_bytes()) +
-                           " in memory, merged on " + stats->backend() + "\n" + QuarantinesText(team, *stats);
+                           " in memory, merged on " + stats->backend() + "\n" + RefusedText(*stats) + QuarantinesText(team, *stats);
   return context.Print(ExitCode::kDone, ToJson(*stats), text);
 }
 

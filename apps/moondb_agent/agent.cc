@@ -30,10 +30,10 @@ namespace {
 
 // Longer than what lies between two batches of a sync.
 constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
-constexpr char kDatabaseFile[] = "moondb.sqlite";
-constexpr std::array kStandardActors = {
-    actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kFailover, actor_name::kSync,
-    actor_name::kReplica, actor_name::kPgo,  actor_name::kMerge, actor_name::kGateway,  actor_name::kClock};
+constexpr std::array kStandardActors = {actor_name::kStorage,  actor_name::kRole,  actor_name::kLease,
+                                        actor_name::kFailover, actor_name::kSync,  actor_name::kReplica,
+                                        actor_name::kPgo,      actor_name::kMerge, actor_name::kGateway,
+                                        actor_name::kClock,    actor_name::kEvent};
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 

@@ -323,6 +323,7 @@ TEST_F(MergeActorTest, AMapThatDoesNotFitTheGridIsLeftOut) {
   StoreMap(1, {"#"});
   Start();
   EXPECT_EQ(Merge().map_count(), 1);
+  EXPECT_EQ(Stats().refused_map_count(), 1);
 }
 
 TEST_F(MergeActorTest, MapsTooFarApartAreAClearError) {
