@@ -212,6 +212,7 @@ Result<void> MergeActor::TakeRecords(const proto::ReadReply& reply) {
   for (int i = 0; i < count; ++i) {
     if (Result<void> taken = TakeRecord(reply.records(i)); !taken) {
       if (taken.error().code == ErrorCode::kFull) return taken;
+      if (reply.records(i).key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
       // Stored, so it passed the door; merging alone has no use for it (cells too fine for the grid).
       spdlog::warn("merge: leaves out record {}: {}", ToString(FromProto(reply.records(i).key())),
                    ToString(taken.error()));
@@ -287,7 +288,7 @@ std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiti
   } else {
     *answer.mutable_map_stats_reply() = StatsOf(collection_, *merger_);
     answer.mutable_map_stats_reply()->set_backend(backend_->description());
-    answer.mutable_map_stats_reply()->set_refused_map_count(static_cast<double>(refused_map_count_));
+    answer.mutable_map_stats_reply()->set_refused_map_count(static_cast<double>(unusable_map_count_ + unplaced_map_count_));
   }
   return answer;
 }
@@ -364,7 +365,7 @@ void MergeActor::TellBackend(Context& context) {
 
 Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger) {
   const std::vector<Error> refusals = merger.Assign(selected.maps, selected.footprints);
-  if (&merger == merger_.get()) refused_map_count_ = refusals.size();
+  if (&merger == merger_.get()) unplaced_map_count_ = refusals.size();
   for (const Error& refused : refusals) {
     refused_log_.Warn(ToString(context.self()) + ": leaves out " + ToString(refused));
   }

@@ -96,7 +96,8 @@ class MergeActor final : public Actor {
   std::string backend_description_;         // As it was told last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   bool is_current_ = false;                 // It has all that is in collection_.
-  std::size_t refused_map_count_ = 0;       // What it did not take the last time.
+  std::size_t unusable_map_count_ = 0;      // Of records: cells too fine for the grid.
+  std::size_t unplaced_map_count_ = 0;      // Maps and footprints that merger_ did not take the last time.
   std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.
   RateLimitedLog refused_log_;
   std::deque<Waiting> waiting_;

@@ -2,9 +2,9 @@
 """Runs the snippets of the guides, in the order in which they stand, and holds what is printed against what they say.
 
 A fenced block ```sh holds commands. In a block ```console lines that begin with "$ " are commands, and the lines below
-one are what it prints, standard error too: each must come in this order, numbers and sizes aside; a line "..." stands
-for any lines. A command must end with 0, or with N where it ends in "# exits with N". The blocks of one guide share one
-shell, in an empty folder with its own sockets; other blocks are not run.
+one are what it prints, standard error too: each must come in this order, numbers, sizes and users aside; a line "..."
+stands for any lines. A command must end with 0, or with N where it ends in "# exits with N". The blocks of one guide
+share one shell, in an empty folder with its own sockets; other blocks are not run.
 
 Usage: snippets_test.py PROGRAMS GUIDE...    PROGRAMS is the folder of moonctl and the others.
 Exit codes: 0 passed, 1 failed, 77 skipped (the ports of a team on loopback are taken; it says which).
@@ -26,6 +26,9 @@ EXITS = re.compile(r"# exits with (\d+)\s*$")
 NUMBER = re.compile(r"-?\d[\da-fx.:]*( ?(?:[kMG]?B|[kM]?bit/s|[kMG]?B/s|ms|s|min|h|m|rad)\b)?")
 
 
+USER = re.compile(r"\w+@[\w.-]+")
+
+
 class Failure(Exception):
     pass
 
@@ -44,7 +47,7 @@ def commands_of(kind, block):
 
 
 def shape(line):
-    return re.sub(r"\s+", " ", NUMBER.sub("#", line)).strip()
+    return re.sub(r"\s+", " ", NUMBER.sub("#", USER.sub("@", line))).strip()
 
 
 def missing_line(said, printed):
