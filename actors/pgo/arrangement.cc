@@ -52,11 +52,12 @@ class Arranger {
   std::vector<Arrangement> Run() {
     std::vector<std::pair<double, Frames>> found;
     if (!order_.empty()) {
-      for (int start = 0; start < options_.starts; ++start) {
-        Frames frames = FirstFrames(start);
+      const auto fit = [&](Frames frames) {
         const double cost = Fit(frames);
         if (std::isfinite(cost)) found.emplace_back(cost, std::move(frames));
-      }
+      };
+      if (options_.begins_as_given) fit(GivenFrames());
+      for (int start = 0; start < options_.starts; ++start) fit(FirstFrames(start));
     }
     if (found.empty()) return {Arrangement{0, state_, {}}};
     std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -148,7 +149,7 @@ class Arranger {
     Frames frames;
     int dimension = 0;
     for (const auto& [body, range] : order_) {
-      const bool is_from = IsBody(range->from) && heads_[range->from] == body && !frames.contains(body);
+      const bool is_from = IsBody(range->from) && heads_[range->from] == body;
       const std::size_t own = is_from ? range->from : range->to;
       const std::size_t other = is_from ? range->to : range->from;
       const Eigen::Quaterniond turn = Turn(start, dimension + 2);
@@ -160,6 +161,12 @@ class Arranger {
       frames[body] = ToBlock(Pose{place - turn * InFrame(own), turn});
       dimension += 5;
     }
+    return frames;
+  }
+
+  Frames GivenFrames() const {
+    Frames frames;
+    for (const auto& [body, range] : order_) frames[body] = ToBlock(Pose{});
     return frames;
   }
 

@@ -28,6 +28,7 @@ struct ArrangementOptions {
   int starts = 40;
   std::size_t kept = 3;          // The best distinct arrangements.
   std::size_t ranges_max = 400;  // Evenly chosen where there are more.
+  bool begins_as_given = false;  // One more start: every body where `state` has it.
 };
 
 // `placed` nodes stand where `state` has them; the others form bodies (nodes of one of `heads`), each in a frame of its
