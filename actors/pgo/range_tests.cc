@@ -13,6 +13,7 @@ namespace {
 constexpr double kReturnPart = 0.9;
 constexpr double kNewRangeSlack = 2;  // A new node's first guess is odometry's.
 constexpr double kMisfitShareMax = 0.3;
+constexpr double kRejectedShareMax = 0.5;
 constexpr double kBurstIntervals = 3;  // Ranges further apart than so many of the pair's usual intervals are no burst.
 
 struct Share {
@@ -24,6 +25,11 @@ struct Share {
     ++whole;
   }
 };
+
+bool HasMoreThan(double share, const std::map<AgentId, Share>& agents) {
+  return std::any_of(agents.begin(), agents.end(),
+                     [share](const auto& agent) { return agent.second.part > share * agent.second.whole; });
+}
 
 // The ranges of each pair of agents, in order of time.
 std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
@@ -82,7 +88,8 @@ FirstVerdicts FindFirstVerdicts(const CheckedGraph& graph, const InitialValues& 
                                 const std::vector<double>& residuals, const LastSolution& last,
                                 const SolverOptions& options) {
   FirstVerdicts verdicts;
-  std::map<AgentId, Share> misfits;
+  std::map<AgentId, Share> misfits;  // Of ranges with an agent's new nodes.
+  std::map<AgentId, Share> rejected;
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const CheckedRange& range = graph.ranges[i];
     const bool is_from_known = IsKnown(graph, initial, range.from);
@@ -95,10 +102,10 @@ FirstVerdicts FindFirstVerdicts(const CheckedGraph& graph, const InitialValues& 
     verdicts.is_trusted.push_back(is_old && was_inlier);
     if (!is_from_known) misfits[range.edge->from.agent].Add(!fits);
     if (!is_to_known) misfits[range.edge->to.agent].Add(!fits);
+    rejected[range.edge->from.agent].Add(!verdicts.is_inlier.back());
+    rejected[range.edge->to.agent].Add(!verdicts.is_inlier.back());
   }
-  verdicts.is_doubtful = std::any_of(misfits.begin(), misfits.end(), [](const auto& agent) {
-    return agent.second.part > kMisfitShareMax * agent.second.whole;
-  });
+  verdicts.is_doubtful = HasMoreThan(kMisfitShareMax, misfits) || HasMoreThan(kRejectedShareMax, rejected);
   return verdicts;
 }
 

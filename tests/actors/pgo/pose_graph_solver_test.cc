@@ -299,7 +299,7 @@ TEST_F(PoseGraphSolverTest, ArrangesATeamWithoutBaseStationOfWhomNobodyKnowsItsS
   Scenario scenario = MakeScenario({.seed = 25, .has_base_station = false, .is_around_base = true});
   for (auto& [agent, facts] : scenario.agents) {
     facts.start.reset();
-    const Pose elsewhere = Pose::FromPlanar(50, -70 * agent, 2 * agent);
+    const Pose elsewhere = Pose::FromPlanar(50, -70.0 * agent, 2 * agent);
     for (GraphNode& node : scenario.graph.nodes) {
       if (node.key.agent == agent) node.map_from_node = elsewhere * node.map_from_node;
     }
@@ -367,7 +367,7 @@ TEST_F(PoseGraphSolverTest, SetsDownRoversWhoseStartNobodyKnows) {
     Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.05, .is_around_base = true});
     for (const AgentId agent : {AgentId{2}, AgentId{3}}) {
       scenario.agents.at(agent).start.reset();
-      const Pose elsewhere = Pose::FromPlanar(50, -70 * agent, 2 * agent);
+      const Pose elsewhere = Pose::FromPlanar(50, -70.0 * agent, 2 * agent);
       for (GraphNode& node : scenario.graph.nodes) {
         if (node.key.agent == agent) node.map_from_node = elsewhere * node.map_from_node;
       }
