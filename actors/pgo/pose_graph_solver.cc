@@ -130,7 +130,9 @@ class Solver {
   // From `initial` as it is, and with unknown rovers set down elsewhere.
   AttemptPointer BestFrom(const InitialValues& initial) const {
     std::vector<InitialValues> elsewhere;
-    if (!unknown_.empty()) elsewhere = ArrangeUnknownRovers(checked_, rovers_, starts_, unknown_, agents_, initial);
+    if (!unknown_.empty()) {
+      elsewhere = ArrangeUnknownRovers(checked_, rovers_, starts_, unknown_, agents_, initial, options_.stop_requested);
+    }
     const bool is_warm =
         std::any_of(unknown_.begin(), unknown_.end(), [&](std::size_t i) { return HasWarmNode(rovers_[i], initial); });
     std::vector<AttemptPointer> attempts;

@@ -142,7 +142,8 @@ std::vector<std::size_t> FindUnknownRovers(const CheckedGraph& graph, const std:
 std::vector<InitialValues> ArrangeUnknownRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                                 const std::vector<StartPrior>& starts,
                                                 const std::vector<std::size_t>& unknown, const AgentFactsMap& agents,
-                                                const InitialValues& initial) {
+                                                const InitialValues& initial,
+                                                const std::function<bool()>& stop_requested) {
   const Bodies bodies =
       FindBodies(graph.nodes.size(), rovers, unknown, FindStanding(graph, rovers, starts, unknown, initial));
   PlainState state;
@@ -157,6 +158,7 @@ std::vector<InitialValues> ArrangeUnknownRovers(const CheckedGraph& graph, const
   options.starts = kStarts;
   options.kept = kArrangementsMax;
   options.begins_as_given = is_warm;
+  options.stop_requested = stop_requested;
   const PlainGraph antennas = AntennaGraph(graph);
   const ActiveNodes active(graph.nodes.size(), true);
   const std::vector<Arrangement> arrangements =

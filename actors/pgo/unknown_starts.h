@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "actors/pgo/graph_check.h"
@@ -28,7 +29,8 @@ std::vector<std::size_t> FindUnknownRovers(const CheckedGraph& graph, const std:
 std::vector<InitialValues> ArrangeUnknownRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                                 const std::vector<StartPrior>& starts,
                                                 const std::vector<std::size_t>& unknown, const AgentFactsMap& agents,
-                                                const InitialValues& initial);
+                                                const InitialValues& initial,
+                                                const std::function<bool()>& stop_requested);
 
 // Whether the last solution had a node of the rover.
 bool HasWarmNode(const Rover& rover, const InitialValues& initial);
