@@ -23,8 +23,6 @@ namespace {
 // Of a start that nobody knows: far beyond any mission, so that it costs nothing.
 constexpr double kFreeSigmaM = 1e4;
 constexpr double kFreeSigmaRad = 100;
-// A rover with more rejected ranges than accepted ones stands in the wrong place more often than not.
-constexpr std::size_t kSuspectRangesMin = 4;
 
 // From the ranges between nodes of the last solution that it accepted.
 PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const InitialValues& initial,
@@ -136,12 +134,13 @@ class Solver {
     const bool is_warm =
         std::any_of(unknown_.begin(), unknown_.end(), [&](std::size_t i) { return HasWarmNode(rovers_[i], initial); });
     std::vector<AttemptPointer> attempts;
-    attempts.push_back(Try(initial, elsewhere.empty()));
+    const bool goes_on = initial.is_mostly_warm;
+    attempts.push_back(Try(initial, goes_on ? SolveBeginning::kLastSolution : SolveBeginning::kOdometry,
+                           goes_on && elsewhere.empty() ? options_.window_nodes : 0));
     std::size_t best = 0;
     for (const InitialValues& beginning : elsewhere) {
       if (IsStopped()) break;
-      attempts.push_back(Try(beginning, /*may_be_window=*/false));
-      attempts.back()->beginning = SolveBeginning::kArrangedRovers;
+      attempts.push_back(Try(beginning, SolveBeginning::kArrangedRovers, /*window_nodes=*/0));
       // Where rovers stand already, another place has to be told from it.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
       if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
@@ -163,31 +162,20 @@ class Solver {
   // Whether it was refused, or stands where most ranges of a rover say that it does not.
   bool IsSuspect(const Attempt& attempt) const {
     if (!attempt.staged.is_accepted) return true;
-    if (attempt.options.window_nodes > 0) return false;
-    std::map<AgentId, std::pair<std::size_t, std::size_t>> rejected_and_all;
-    for (std::size_t i = 0; i < checked_.ranges.size(); ++i) {
-      for (const AgentId agent : {checked_.ranges[i].edge->from.agent, checked_.ranges[i].edge->to.agent}) {
-        rejected_and_all[agent].first += !attempt.staged.is_inlier[i];
-        ++rejected_and_all[agent].second;
-      }
-    }
-    return std::any_of(rejected_and_all.begin(), rejected_and_all.end(), [](const auto& agent) {
-      const auto [rejected, all] = agent.second;
-      return all >= kSuspectRangesMin && 2 * rejected > all;
-    });
+    return attempt.options.window_nodes == 0 && HasMostlyRejected(checked_, attempt.staged.is_inlier);
   }
 
-  AttemptPointer Try(const InitialValues& initial, bool may_be_window) const {
+  AttemptPointer Try(const InitialValues& initial, SolveBeginning beginning, std::size_t window_nodes) const {
     auto attempt = std::make_unique<Attempt>();
-    attempt->beginning = initial.is_mostly_warm ? SolveBeginning::kLastSolution : SolveBeginning::kOdometry;
+    attempt->beginning = beginning;
     attempt->initial = initial;
     attempt->starts = StartsAt(initial);
     attempt->options = options_;
-    if (!may_be_window || !initial.is_mostly_warm) attempt->options.window_nodes = 0;
+    attempt->options.window_nodes = window_nodes;
     attempt->terms = MakeTerms(*attempt, attempt->options);
     const CostTerms& terms = *attempt->terms;
     std::optional<FirstVerdicts> first;
-    if (initial.is_mostly_warm) {
+    if (beginning == SolveBeginning::kLastSolution) {
       first = FindFirstVerdicts(checked_, initial, terms.RangeResiduals(terms.initial()), last_, options_);
     }
     attempt->staged = SolveInStages(terms, checked_, first, attempt->options);

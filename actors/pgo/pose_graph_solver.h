@@ -62,7 +62,7 @@ struct SolverOptions {
   // What moved as a whole by more than either goes back where it was last, unless that costs more (keep_still.h).
   double still_move_m = 0.01;
   double still_move_rad = 0.002;
-  double still_cost = 0.5;
+  double still_cost = 0.25;
   double loose_sigma_m = 10;  // Of a first pose without configured start that no ranges join, and beyond a gap.
   double loose_sigma_rad = 1;
   // Only this many newest nodes of each rover move, and those that no solve has placed yet; scales, biases and all else

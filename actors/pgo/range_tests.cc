@@ -14,7 +14,8 @@ constexpr double kReturnPart = 0.9;
 constexpr double kNewRangeSlack = 2;  // A new node's first guess is odometry's.
 constexpr double kMisfitShareMax = 0.3;
 constexpr double kRejectedShareMax = 0.5;
-constexpr double kBurstIntervals = 3;  // Ranges further apart than so many of the pair's usual intervals are no burst.
+constexpr double kJudgedRangesMin = 4;  // Fewer say nothing of a rover.
+constexpr double kBurstIntervals = 3;   // Ranges further apart than so many of the pair's usual intervals are no burst.
 
 struct Share {
   double part = 0;
@@ -24,12 +25,9 @@ struct Share {
     part += is_part;
     ++whole;
   }
-};
 
-bool HasMoreThan(double share, const std::map<AgentId, Share>& agents) {
-  return std::any_of(agents.begin(), agents.end(),
-                     [share](const auto& agent) { return agent.second.part > share * agent.second.whole; });
-}
+  bool IsMoreThan(double share) const { return part > share * whole; }
+};
 
 // The ranges of each pair of agents, in order of time.
 std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
@@ -84,12 +82,22 @@ std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms,
   return is_inlier;
 }
 
+bool HasMostlyRejected(const CheckedGraph& graph, const std::vector<bool>& is_inlier) {
+  std::map<AgentId, Share> rejected;
+  for (std::size_t i = 0; i < graph.ranges.size(); ++i) {
+    rejected[graph.ranges[i].edge->from.agent].Add(!is_inlier[i]);
+    rejected[graph.ranges[i].edge->to.agent].Add(!is_inlier[i]);
+  }
+  return std::any_of(rejected.begin(), rejected.end(), [](const auto& agent) {
+    return agent.second.whole >= kJudgedRangesMin && agent.second.IsMoreThan(kRejectedShareMax);
+  });
+}
+
 FirstVerdicts FindFirstVerdicts(const CheckedGraph& graph, const InitialValues& initial,
                                 const std::vector<double>& residuals, const LastSolution& last,
                                 const SolverOptions& options) {
   FirstVerdicts verdicts;
   std::map<AgentId, Share> misfits;  // Of ranges with an agent's new nodes.
-  std::map<AgentId, Share> rejected;
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const CheckedRange& range = graph.ranges[i];
     const bool is_from_known = IsKnown(graph, initial, range.from);
@@ -102,10 +110,10 @@ FirstVerdicts FindFirstVerdicts(const CheckedGraph& graph, const InitialValues& 
     verdicts.is_trusted.push_back(is_old && was_inlier);
     if (!is_from_known) misfits[range.edge->from.agent].Add(!fits);
     if (!is_to_known) misfits[range.edge->to.agent].Add(!fits);
-    rejected[range.edge->from.agent].Add(!verdicts.is_inlier.back());
-    rejected[range.edge->to.agent].Add(!verdicts.is_inlier.back());
   }
-  verdicts.is_doubtful = HasMoreThan(kMisfitShareMax, misfits) || HasMoreThan(kRejectedShareMax, rejected);
+  verdicts.is_doubtful = std::any_of(misfits.begin(), misfits.end(),
+                                     [](const auto& agent) { return agent.second.IsMoreThan(kMisfitShareMax); }) ||
+                         HasMostlyRejected(graph, verdicts.is_inlier);
   return verdicts;
 }
 

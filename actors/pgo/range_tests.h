@@ -18,6 +18,10 @@ namespace moondb {
 std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms, const std::vector<double>& residuals,
                               const std::vector<bool>& before, const SolverOptions& options);
 
+// Whether an agent with at least four ranges has most of them rejected: it stands in the wrong place more often than
+// they are all too long.
+bool HasMostlyRejected(const CheckedGraph& graph, const std::vector<bool>& is_inlier);
+
 // What a solve that goes on from one before may say of its ranges at once.
 struct FirstVerdicts {
   std::vector<bool> is_inlier;  // The last verdicts; of ranges with a new node, whether they fit its first guess.

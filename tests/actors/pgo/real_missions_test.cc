@@ -44,5 +44,32 @@ TEST_P(RealMissionsTest, EndsNearTheTruth) {
   EXPECT_LT(solved_m, GetParam().error_max_m);
 }
 
+// As a leader does that solves after each sync.
+TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
+  const char* data = std::getenv("MOONDB_DATA");
+  if (data == nullptr) GTEST_SKIP() << "MOONDB_DATA is not set: no real missions to solve";
+  const Result<Mission> mission = ReadMission(std::filesystem::path(data) / GetParam().folder);
+  ASSERT_TRUE(mission) << ToString(mission.error());
+  SolverOptions options;
+  options.thread_count = 1;
+  std::int64_t end_ns = 0;
+  for (const GraphNode& node : mission->graph.nodes) end_ns = std::max(end_ns, node.stamp_ns);
+  LastSolution last;
+  constexpr int kSolves = 15;
+  for (int solve = 1; solve <= kSolves; ++solve) {
+    PoseGraph graph = mission->graph;
+    const auto is_late = [&](const auto& item) { return item.stamp_ns > end_ns / kSolves * solve + kSolves; };
+    std::erase_if(graph.nodes, is_late);
+    std::erase_if(graph.odometry, is_late);
+    std::erase_if(graph.ranges, is_late);
+    const Solution solution = SolvePoseGraph(graph, FactsOf(*mission), last, options);
+    ASSERT_TRUE(solution.is_accepted) << solution.text;
+    last = ToLast(solution);
+  }
+  const double solved_m = CompareTrajectories(last.poses, mission->truth, RoverIds(*mission)).rmse_m;
+  std::cout << GetParam().folder << ": error " << solved_m << " m after " << kSolves << " solves\n";
+  EXPECT_LT(solved_m, GetParam().error_max_m);
+}
+
 }  // namespace
 }  // namespace moondb

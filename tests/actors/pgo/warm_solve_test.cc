@@ -202,6 +202,21 @@ TEST_F(WarmSolveTest, LeavesTheTeamWhereItWasThoughSlightlyBetterPlacesExist) {
   EXPECT_LT(std::abs(FindAlignment(again.poses, last.poses, /*is_planar=*/true).Yaw()), 1e-3);
 }
 
+TEST_F(WarmSolveTest, EndsSolveBySolveNearWhereOneSolveEnds) {
+  for (const std::uint64_t seed : {38, 39, 40, 41}) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const Scenario scenario = MakeScenario({.seed = seed, .outlier_ratio = 0.05, .is_around_base = true});
+    LastSolution last;
+    for (int node_count = 10; node_count <= 100; node_count += 5) {
+      const Solution solution = Solve(Earlier(scenario, node_count), last);
+      ASSERT_TRUE(solution.is_accepted) << solution.text;
+      last = ToLast(solution);
+    }
+    const double at_once_m = TrajectoryErrorM(scenario, Solve(scenario).poses);
+    EXPECT_LT(TrajectoryErrorM(scenario, last.poses), 1.2 * at_once_m + 0.05);
+  }
+}
+
 TEST_F(WarmSolveTest, SolvesInAWindowAllThatWasNeverSolved) {
   const Scenario scenario = MakeScenario({.seed = 36});
   const Solution full = Solve(scenario);
