@@ -12,7 +12,7 @@ namespace {
 // A rejected range comes back a little later than it went, lest tests say one thing and the other in turn.
 constexpr double kReturnPart = 0.9;
 constexpr double kNewRangeSlack = 2;  // A new node's first guess is odometry's.
-constexpr double kMisfitShareMax = 0.3;
+constexpr double kMisfitShareMax = 0.4;
 constexpr double kRejectedShareMax = 0.5;
 constexpr double kJudgedRangesMin = 4;  // Fewer say nothing of a rover.
 constexpr double kBurstIntervals = 3;   // Ranges further apart than so many of the pair's usual intervals are no burst.

@@ -27,7 +27,7 @@ struct FirstVerdicts {
   std::vector<bool> is_inlier;  // The last verdicts; of ranges with a new node, whether they fit its first guess.
   std::vector<bool> is_inlier_before;  // The last verdicts; true of ranges with a new node.
   std::vector<bool> is_trusted;        // Accepted in the last solution.
-  // More than three in ten of a rover's new ranges do not fit, or half of all its ranges are rejected: it is more
+  // More than four in ten of a rover's new ranges do not fit, or half of all its ranges are rejected: it is more
   // likely that the rover is elsewhere than that they are all too long.
   bool is_doubtful = false;
 };
