@@ -13,6 +13,13 @@ namespace moondb {
 
 namespace {
 
+// A variance beyond these is no sensor's, and beside the others' weights its own leaves no digits to the rest.
+constexpr double kVarianceMin = 1e-12;
+constexpr double kVarianceMax = 1e8;
+constexpr double kRangeMaxM = 1e6;
+constexpr const char* kVarianceText = "within 1e-12 and 1e8";
+constexpr const char* kDoubled = "is there more than once";
+
 void LeaveOut(CheckedGraph& checked, AgentId agent, const std::string& what, const std::string& why) {
   LeftOut& left_out = checked.left_out[agent];
   if (left_out.count++ == 0) left_out.first = what + ": " + why;
@@ -26,13 +33,6 @@ bool IsUsable(const Pose& pose) {
   const double length = pose.orientation.norm();
   return pose.position_m.allFinite() && std::isfinite(length) && length > 0.5 && length < 2;
 }
-
-// A variance beyond these is no sensor's, and beside the others' weights its own leaves no digits to the rest.
-constexpr double kVarianceMin = 1e-12;
-constexpr double kVarianceMax = 1e8;
-constexpr double kRangeMaxM = 1e6;
-constexpr const char* kVarianceText = "within 1e-12 and 1e8";
-constexpr const char* kDoubled = "is there more than once";
 
 // Empty where the covariance can be used.
 std::string WhyNot(const Matrix6d& covariance) {
