@@ -48,7 +48,7 @@ int RunBench(const Options& options) {
   solver.thread_count = options.threads;
   for (const std::string& folder : options.folders) {
     for (const std::filesystem::path& path : FindGraphs(folder)) {
-      Result<GraphRun> run = RunGraph(path, {options.threads, !options.is_ours_only});
+      Result<GraphRun> run = RunGraph(path, {solver, !options.is_ours_only});
       if (!run) {
         fmt::print(stderr, "pgo_bench: {}\n", ToString(run.error()));
         is_good = false;
@@ -57,7 +57,9 @@ int RunBench(const Options& options) {
       is_good = is_good && run->ours.has_converged;
       if (!options.plots.empty()) is_good = Plot(*run, options.plots) && is_good;
       if (run->is_team && options.redraws > 0) {
-        redraws.push_back(RunRedraws(run->name, *ReadMission(path), options.redraws, solver));
+        const auto mission = ReadMission(path);  // RunGraph could read it; a file may go meanwhile nevertheless.
+        if (mission) redraws.push_back(RunRedraws(run->name, *mission, options.redraws, solver));
+        is_good = is_good && mission;
       }
       graphs.push_back(*std::move(run));
     }

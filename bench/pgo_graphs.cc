@@ -5,7 +5,7 @@
 
 #include "actors/merge/merge_maps.h"
 #include "actors/pgo/plain_solver.h"
-#include "actors/pgo/pose_graph_solver.h"
+#include "actors/pgo/team_facts.h"
 #include "bench/pgo_methods.h"
 #include "model/metrics.h"
 #include "model/mission.h"
@@ -43,7 +43,7 @@ class PlainRunner {
  public:
   PlainRunner(PlainGraph graph, bool has_truth, const GraphBenchOptions& options)
       : graph_(std::move(graph)), agents_(AgentsOf(graph_)), has_truth_(has_truth), bench_(options) {
-    options_.thread_count = options.threads;
+    options_.thread_count = options.solver.thread_count;
     for (const PlainNode& node : graph_.nodes) {
       if (!node.is_point) truth_[node.key] = node.vertex;
     }
@@ -96,7 +96,9 @@ Result<MergedMap> MergeAt(const Mission& mission, const std::map<NodeKey, Pose>&
   for (const MissionMap& map : mission.maps) {
     Result<TraversabilityMap> cells = ReadMissionMap(mission, map);
     if (!cells) return tl::unexpected(cells.error());
-    maps.push_back({NumberedMapKey(map.agent, maps.size() + 1), map.stamp_ns, poses.at(map.node), *std::move(cells)});
+    const auto pose = poses.find(map.node);
+    if (pose == poses.end()) return Fail(ErrorCode::kNotFound, "no pose of " + ToString(map.node));
+    maps.push_back({NumberedMapKey(map.agent, maps.size() + 1), map.stamp_ns, pose->second, *std::move(cells)});
   }
   std::vector<Pose> footprints;
   for (const auto& [key, pose] : poses) {
@@ -123,8 +125,6 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   if (!mission) return tl::unexpected(mission.error());
   const AgentFactsMap agents = FactsOf(*mission);
   const std::vector<AgentId> rovers = RoverIds(*mission);
-  SolverOptions solver;
-  solver.thread_count = options.threads;
   GraphRun run;
   run.name = fs::weakly_canonical(folder).filename().string();
   run.is_team = true;
@@ -132,7 +132,7 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.edge_count = mission->graph.odometry.size();
   run.range_count = mission->graph.ranges.size();
   Solution solution;
-  run.ours.seconds = SecondsOf([&] { solution = SolvePoseGraph(mission->graph, agents, {}, solver); });
+  run.ours.seconds = SecondsOf([&] { solution = SolvePoseGraph(mission->graph, agents, {}, options.solver); });
   run.ours.has_converged = solution.is_accepted;
   run.ours.cost = solution.final_cost;
   run.ours.ate_m = CompareTrajectories(solution.poses, mission->truth, rovers).rmse_m;
@@ -143,7 +143,7 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.tracks = TracksOf(solution.poses, rovers);
   run.true_tracks = TracksOf(mission->truth, rovers);
   if (!options.has_plain) return run;
-  const MethodResult plain = SolveWith(Method::kLeastSquares, mission->graph, agents, solver);
+  const MethodResult plain = SolveWith(Method::kLeastSquares, mission->graph, agents, options.solver);
   run.plain =
       GraphResult{plain.has_converged, plain.cost, CompareTrajectories(plain.poses, mission->truth, rovers).rmse_m,
                   plain.seconds, HazardIou(*mission, plain.poses)};

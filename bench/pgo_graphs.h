@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "actors/pgo/pose_graph_solver.h"
 #include "model/error.h"
 #include "model/map_picture.h"
 
@@ -18,7 +19,9 @@ struct GraphResult {
   std::optional<double>
       ate_m;  // Where the file has the truth: PyFG's vertices. Aligned rigidly for graphs without map.
   double seconds = 0;
-  std::optional<double> hazard_iou;  // Of a team: its maps merged at these poses, against those merged at the truth.
+  // Of a team: its maps merged at these poses, against those merged at the truth. None without maps, and where a map's
+  // node was not solved.
+  std::optional<double> hazard_iou;
 };
 
 struct GraphRun {
@@ -37,7 +40,7 @@ struct GraphRun {
 };
 
 struct GraphBenchOptions {
-  int threads = 2;
+  SolverOptions solver;   // Of teams; its threads are everybody's.
   bool has_plain = true;  // Also solve with plain Ceres from odometry.
 };
 

@@ -81,13 +81,4 @@ double Median(std::vector<double> values) {
   return values.empty() ? 0 : values[values.size() / 2];
 }
 
-AgentFactsMap FactsOf(const Mission& mission) {
-  AgentFactsMap facts;
-  for (const MissionAgent& agent : mission.agents) {
-    facts[agent.id] = AgentFacts{
-        agent.id, agent.is_base_station, agent.start, agent.start_sigma_m, agent.start_sigma_rad, agent.antenna_m};
-  }
-  return facts;
-}
-
 }  // namespace moondb

@@ -30,8 +30,6 @@ struct MethodResult {
 MethodResult SolveWith(Method method, const PoseGraph& graph, const AgentFactsMap& agents,
                        const SolverOptions& options);
 
-AgentFactsMap FactsOf(const Mission& mission);
-
 // What many draws of one method come to.
 struct MethodFigures {
   double median_ate_m = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "actors/pgo/team_facts.h"
 #include "apps/moondb_mission/measurement.h"
 #include "model/metrics.h"
 

@@ -20,8 +20,12 @@ class Parser {
       ParseLine(fields);
     });
     if (!parsed) return tl::unexpected(parsed.error());
+    // Without vertex lines the edges name the vertices.
+    if (vertices_.empty()) {
+      for (const G2oEdge& edge : g2o_.edges) vertices_.insert({edge.from, edge.to});
+    }
     for (const Mention& mention : mentions_) {
-      if (!vertices_.empty() && !vertices_.contains(mention.id)) {
+      if (!vertices_.contains(mention.id)) {
         return Stop(mention.line, "no vertex has the id " + std::to_string(mention.id));
       }
     }

@@ -7,7 +7,6 @@ namespace moondb {
 
 namespace {
 
-constexpr double kCoordinateMaxM = 1e9;
 constexpr double kQuaternionLengthMin = 0.5;
 constexpr double kQuaternionLengthMax = 2.0;
 

@@ -9,6 +9,8 @@
 
 namespace moondb {
 
+inline constexpr double kCoordinateMaxM = 1e9;  // Of what messages and files give.
+
 struct Pose {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // Unit length.

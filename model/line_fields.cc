@@ -9,7 +9,6 @@ namespace moondb {
 
 namespace {
 
-constexpr double kCoordinateMaxM = 1e9;
 constexpr int kPlanarRows[3] = {0, 1, 5};
 constexpr double kQuaternionTolerance = 0.01;
 // A quaternion this close to length 1 is kept as it is, so that what was normalised once reads back bit for bit.

@@ -21,7 +21,6 @@ constexpr std::string_view kAgentsHeading =
 constexpr std::string_view kMapsHeading =
     "map_id,agent_id,stamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
     "finest_resolution_m,file";
-constexpr double kCoordinateMaxM = 1e9;
 constexpr double kMicrometresPerMetre = 1e6;
 constexpr std::size_t kAgentsMax = 52;  // Letters.
 constexpr std::uint8_t kFreePixel = 254;

@@ -19,24 +19,15 @@ constexpr double kDriftPart = 0.02;  // Of the typical range: what bodies bend, 
 constexpr double kCauchySigmas = 2;
 constexpr double kSamePlacePart = 0.05;  // Of the typical range.
 constexpr int kIterationsMax = 60;
+constexpr std::size_t kManyBodies = 20;  // From here on their matrix is sparse and large.
+constexpr int kStartsMin = 4;
+constexpr std::size_t kRangesOfBodyMin = 10;
 
 // The k-th of a sequence that fills 0 to 1 evenly; `dimension` chooses one of several that do not move together.
 double Spread(int k, int dimension) {
   // Powers of the inverse of the generalised golden ratio (Roberts, 2018).
   constexpr double kBase = 1.0 / 1.1347241384015194;  // Of five dimensions.
   return std::fmod(0.5 + std::pow(kBase, dimension % 5 + 1) * (k + 1) + 0.37 * (dimension / 5) * (k + 1), 1.0);
-}
-
-std::vector<int> AxesOf(BodyFreedom freedom) {
-  switch (freedom) {
-    case BodyFreedom::kPlanar:
-      return {0, 1, 5};
-    case BodyFreedom::kUpright:
-      return {0, 1, 2, 5};
-    case BodyFreedom::kSpatial:
-      return {0, 1, 2, 3, 4, 5};
-  }
-  return {};
 }
 
 class Arranger {
@@ -52,11 +43,12 @@ class Arranger {
   std::vector<Arrangement> Run() {
     std::vector<std::pair<double, Frames>> found;
     if (!order_.empty()) {
-      for (int start = 0; start < options_.starts; ++start) {
-        Frames frames = FirstFrames(start);
+      const auto fit = [&](Frames frames) {
         const double cost = Fit(frames);
         if (std::isfinite(cost)) found.emplace_back(cost, std::move(frames));
-      }
+      };
+      if (options_.begins_as_given) fit(GivenFrames());
+      for (int start = 0; start < StartCount() && !IsStopped(); ++start) fit(FirstFrames(start));
     }
     if (found.empty()) return {Arrangement{0, state_, {}}};
     std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -75,7 +67,13 @@ class Arranger {
  private:
   using Frames = std::map<std::size_t, PoseBlock>;  // map_from_body, by the body's head.
 
+  bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
   bool IsBody(std::size_t node) const { return !placed_[node]; }
+
+  int StartCount() const {
+    if (order_.size() <= kManyBodies) return options_.starts;
+    return std::max(kStartsMin, options_.starts * static_cast<int>(kManyBodies) / static_cast<int>(order_.size()));
+  }
 
   void ChooseRanges() {
     std::vector<const PlainRange*> joining;
@@ -90,8 +88,30 @@ class Arranger {
     };
     std::stable_sort(joining.begin(), joining.end(),
                      [&](const auto* a, const auto* b) { return time_of(a) < time_of(b); });
+    std::vector<bool> is_chosen(joining.size(), false);
     const std::size_t count = std::min(joining.size(), options_.ranges_max);
-    for (std::size_t i = 0; i < count; ++i) ranges_.push_back(joining[i * joining.size() / count]);
+    for (std::size_t i = 0; i < count; ++i) is_chosen[i * joining.size() / count] = true;
+    ChooseForEachBody(joining, is_chosen);
+    for (std::size_t i = 0; i < joining.size(); ++i) {
+      if (is_chosen[i]) ranges_.push_back(joining[i]);
+    }
+  }
+
+  void ChooseForEachBody(const std::vector<const PlainRange*>& joining, std::vector<bool>& is_chosen) const {
+    std::map<std::size_t, std::vector<std::size_t>> ranges_of;  // By the body's head: places in `joining`.
+    std::map<std::size_t, std::size_t> chosen_of;
+    for (std::size_t i = 0; i < joining.size(); ++i) {
+      for (const std::size_t node : {joining[i]->from, joining[i]->to}) {
+        if (!IsBody(node)) continue;
+        ranges_of[heads_[node]].push_back(i);
+        chosen_of[heads_[node]] += is_chosen[i];
+      }
+    }
+    for (const auto& [body, ranges] : ranges_of) {
+      if (chosen_of[body] >= kRangesOfBodyMin) continue;
+      const std::size_t count = std::min(ranges.size(), kRangesOfBodyMin);
+      for (std::size_t i = 0; i < count; ++i) is_chosen[ranges[i * ranges.size() / count]] = true;
+    }
   }
 
   // Bodies in the order in which ranges reach them from what is placed; each with the range that it is hung on.
@@ -148,7 +168,7 @@ class Arranger {
     Frames frames;
     int dimension = 0;
     for (const auto& [body, range] : order_) {
-      const bool is_from = IsBody(range->from) && heads_[range->from] == body && !frames.contains(body);
+      const bool is_from = IsBody(range->from) && heads_[range->from] == body;
       const std::size_t own = is_from ? range->from : range->to;
       const std::size_t other = is_from ? range->to : range->from;
       const Eigen::Quaterniond turn = Turn(start, dimension + 2);
@@ -163,8 +183,15 @@ class Arranger {
     return frames;
   }
 
+  Frames GivenFrames() const {
+    Frames frames;
+    for (const auto& [body, range] : order_) frames[body] = ToBlock(Pose{});
+    return frames;
+  }
+
   double Fit(Frames& frames) const {
-    AxesManifold manifold(AxesOf(options_.freedom));
+    AxesManifold body_manifold(AxesOf(options_.freedom, /*is_point=*/false));
+    AxesManifold point_manifold(AxesOf(options_.freedom, /*is_point=*/true));
     ceres::CauchyLoss loss(kCauchySigmas);
     PoseBlock map_frame = ToBlock(Pose{});
     double no_bias = 0;
@@ -174,7 +201,9 @@ class Arranger {
     problem.AddParameterBlock(&no_bias, 1);
     problem.SetParameterBlockConstant(&no_bias);
     for (auto& [body, frame] : frames) {
-      problem.AddParameterBlock(frame.data(), kPoseSize, &manifold);
+      // A point that is seen by no pose is a body by itself; a body's head is a pose where it has one.
+      problem.AddParameterBlock(frame.data(), kPoseSize,
+                                graph_.nodes[body].is_point ? &point_manifold : &body_manifold);
     }
     const auto block_of = [&](std::size_t node) {
       return IsBody(node) ? frames.at(heads_[node]).data() : map_frame.data();
@@ -184,8 +213,10 @@ class Arranger {
                                &no_bias);
     }
     ceres::Solver::Options options = LeastSquaresOptions(/*thread_count=*/1, kIterationsMax);
-    options.linear_solver_type = ceres::DENSE_QR;
+    if (frames.size() <= kManyBodies) options.linear_solver_type = ceres::DENSE_QR;
     options.function_tolerance = 1e-6;
+    StopCallback stop(options_.stop_requested);
+    if (options_.stop_requested) options.callbacks.push_back(&stop);
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
     return summary.IsSolutionUsable() ? summary.final_cost : std::nan("");

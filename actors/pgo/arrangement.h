@@ -6,6 +6,7 @@
 // mostly when the bodies were arranged before.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <vector>
 
@@ -13,9 +14,6 @@
 #include "actors/pgo/plain_graph.h"
 
 namespace moondb {
-
-// How a body may turn: about z only where gravity has levelled it, in the plane without leaving it.
-enum class BodyFreedom { kPlanar, kUpright, kSpatial };
 
 struct Arrangement {
   double cost = 0;  // Robust, for comparing only.
@@ -25,9 +23,13 @@ struct Arrangement {
 
 struct ArrangementOptions {
   BodyFreedom freedom = BodyFreedom::kSpatial;
-  int starts = 40;
-  std::size_t kept = 3;          // The best distinct arrangements.
-  std::size_t ranges_max = 400;  // Evenly chosen where there are more.
+  int starts = 40;       // With more than 20 bodies fewer, so that the time stays in bounds.
+  std::size_t kept = 3;  // The best distinct arrangements.
+  // Evenly chosen where there are more; a body that gets less than 10 of its own by that has 10 chosen evenly, too.
+  std::size_t ranges_max = 400;
+  bool begins_as_given = false;  // One more start: every body where `state` has it.
+  // Polled at each start and iteration; true ends the search with what was found.
+  std::function<bool()> stop_requested = {};
 };
 
 // `placed` nodes stand where `state` has them; the others form bodies (nodes of one of `heads`), each in a frame of its

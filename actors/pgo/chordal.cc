@@ -35,7 +35,8 @@ class Relaxation {
     }
   }
 
-  // False where the minimum is not unique.
+  // False where the matrix has a pivot of exactly zero, so that the minimum is not unique, or where numbers overflow.
+  // Rounding may hide a pivot of zero; what comes out then is finite, and no more than a first guess anyway.
   bool Solve(PlainState& state) const {
     Eigen::SparseMatrix<double> rows(row_count_, unknown_count_);
     rows.setFromTriplets(entries_.begin(), entries_.end());
@@ -154,9 +155,15 @@ bool HasLoops(const PlainGraph& graph, const ActiveNodes& active, const std::vec
   return edges > joined;
 }
 
-void ComposeFromPlaced(const PlainGraph& graph, const ActiveNodes& active, std::vector<bool>& placed,
-                       PlainState& state) {
+void ComposeFromPlaced(const PlainGraph& graph, const ActiveNodes& active, ComposeAlong along,
+                       std::vector<bool>& placed, PlainState& state) {
   const std::vector<std::vector<std::size_t>> touching = FindTouching(graph);
+  const auto is_used = [&](std::size_t edge) {
+    if (along == ComposeAlong::kAll) return true;
+    if (edge >= graph.steps.size()) return false;
+    const NodeKey& from = graph.nodes[graph.steps[edge].from].key;
+    return graph.nodes[graph.steps[edge].to].key == NodeKey{from.agent, from.index + 1};
+  };
   std::deque<std::size_t> open;
   for (std::size_t node = 0; node < placed.size(); ++node) {
     if (placed[node] && active[node]) open.push_back(node);
@@ -172,6 +179,7 @@ void ComposeFromPlaced(const PlainGraph& graph, const ActiveNodes& active, std::
     open.pop_front();
     const Pose pose = FromBlock(state[node]);
     for (const std::size_t edge : touching[node]) {
+      if (!is_used(edge)) continue;
       if (edge >= graph.steps.size()) {
         const PlainSighting& sighting = graph.sightings[edge - graph.steps.size()];
         place(sighting.to, Pose{pose * sighting.from_point_m, Eigen::Quaterniond::Identity()});
@@ -190,7 +198,7 @@ PlainState ChordalParts(const PlainGraph& graph, const ActiveNodes& active, cons
   state.assign(graph.nodes.size(), ToBlock(Pose{}));
   std::vector<bool> placed(graph.nodes.size(), false);
   for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = active[node] && heads[node] == node;
-  ComposeFromPlaced(graph, active, placed, state);
+  ComposeFromPlaced(graph, active, ComposeAlong::kAll, placed, state);
   return state;
 }
 

@@ -15,10 +15,13 @@ std::vector<std::size_t> FindHeads(const PlainGraph& graph, const ActiveNodes& a
 // Whether steps and sightings close loops, so that composing them one after the other wastes what they know.
 bool HasLoops(const PlainGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads);
 
+// kWay: steps from a node to the agent's next one alone.
+enum class ComposeAlong { kAll, kWay };
+
 // Fills active nodes that are not `placed` from placed ones, step by step in order of distance; what nothing placed
 // leads to stays unplaced.
-void ComposeFromPlaced(const PlainGraph& graph, const ActiveNodes& active, std::vector<bool>& placed,
-                       PlainState& state);
+void ComposeFromPlaced(const PlainGraph& graph, const ActiveNodes& active, ComposeAlong along,
+                       std::vector<bool>& placed, PlainState& state);
 
 // Each part (nodes of one head) in a frame of its own, its head at the origin. Chordal relaxation: F without ranges, in
 // which rotation matrices may be any matrices, is quadratic; its minimum, with each matrix turned into the nearest

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "actors/pgo/ceres_options.h"
+#include "actors/pgo/ground.h"
 
 namespace moondb {
 
@@ -43,21 +44,6 @@ bool IsFinite(const State& state) {
   return std::all_of(state.numbers.begin(), state.numbers.end(), is_finite);
 }
 
-// Whether the ground is level: then the tilt of each step is odometry's noise and nothing else, and the raw poses' tilt
-// its useless sum. On slopes steps tilt by far more than their noise.
-bool IsGroundLevel(const CheckedGraph& graph) {
-  double square_sum = 0;
-  std::size_t count = 0;
-  for (const CheckedOdometry& odometry : graph.odometry) {
-    const Eigen::Vector3d turn = 2 * odometry.edge->from_from_to.orientation.vec();
-    const Eigen::Vector2d variances = odometry.edge->covariance.diagonal().segment<2>(3);
-    square_sum += turn.head<2>().cwiseAbs2().cwiseQuotient(variances).sum();
-    count += 2;
-  }
-  // Between noise (1) and what slopes add lie orders of magnitude.
-  return count > 0 && square_sum < 2 * static_cast<double>(count);
-}
-
 Eigen::Vector3d UpInBody(const CheckedNode& node, bool is_ground_level) {
   if (is_ground_level) return Eigen::Vector3d::UnitZ();
   return node.raw.orientation.conjugate() * Eigen::Vector3d::UnitZ();
@@ -70,7 +56,7 @@ CostTerms::CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers
                      const SolverOptions& options)
     : graph_(graph),
       options_(options),
-      is_warm_(2 * initial.warm_count > graph.nodes.size()),
+      is_warm_(initial.is_mostly_warm),
       is_free_(is_free),
       is_window_(options.window_nodes > 0) {
   for (const Pose& pose : initial.poses) initial_.poses.push_back(ToBlock(pose));
@@ -94,7 +80,7 @@ void CostTerms::AddOdometry(const std::vector<Rover>& rovers) {
     const auto scale = scale_of.find(graph_.nodes[odometry.from].key.agent);
     if (!IsMoving(odometry.from, odometry.to)) continue;
     if (scale == scale_of.end()) continue;  // A base station's: it stands still by configuration.
-    terms_.push_back(Term{MakeOdometryFactor(odometry.edge->from_from_to, odometry.edge->covariance),
+    terms_.push_back(Term{MakeOdometryFactor(odometry.from_from_to, odometry.edge->covariance),
                           static_cast<int>(odometry.from), static_cast<int>(odometry.to), scale->second, kNone});
   }
 }
@@ -123,8 +109,10 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
     if (!is_free_[node]) return;
     terms_.push_back(Term{std::move(factor), static_cast<int>(node), kNone, kNone, kNone});
   };
-  const bool is_ground_level = options_.gravity_reference == GravityReference::kLevelGround ||
-                               (options_.gravity_reference == GravityReference::kChosen && IsGroundLevel(graph_));
+  std::vector<bool> is_level(rovers.size(), options_.gravity_reference == GravityReference::kLevelGround);
+  if (options_.gravity_reference == GravityReference::kChosen) {
+    is_level = FindLevelGround(graph_, rovers, options_.gravity_sigma_rad);
+  }
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     const Rover& rover = rovers[i];
     // Of the tilt gravity knows more than a configuration does.
@@ -139,7 +127,7 @@ void CostTerms::AddPriors(const std::vector<Rover>& rovers, const std::vector<St
     }
     for (std::size_t node = rover.first; node < rover.first + rover.count; ++node) {
       if (!is_free_[node]) continue;
-      add(MakeGravityFactor(UpInBody(graph_.nodes[node], is_ground_level), options_.gravity_sigma_rad), node);
+      add(MakeGravityFactor(UpInBody(graph_.nodes[node], is_level[i]), options_.gravity_sigma_rad), node);
     }
   }
 }
@@ -156,11 +144,14 @@ std::vector<double*> CostTerms::BlocksOf(const Term& term, State& state) {
   return blocks;
 }
 
-void CostTerms::AddTerms(const std::vector<bool>& uses_range, ceres::LossFunction* range_loss, State& state,
-                         ceres::Problem& problem) const {
+void CostTerms::AddTerms(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted,
+                         ceres::LossFunction* range_loss, State& state, ceres::Problem& problem) const {
+  const auto is_spared = [&](int range) {
+    return range == kNone || (!is_trusted.empty() && is_trusted[static_cast<std::size_t>(range)]);
+  };
   for (const Term& term : terms_) {
     if (!IsUsed(term, uses_range)) continue;
-    problem.AddResidualBlock(term.factor.get(), term.range == kNone ? nullptr : range_loss, BlocksOf(term, state));
+    problem.AddResidualBlock(term.factor.get(), is_spared(term.range) ? nullptr : range_loss, BlocksOf(term, state));
   }
 }
 
@@ -185,12 +176,12 @@ StageResult CostTerms::Minimise(const std::vector<bool>& uses_range, const Stage
   return second;
 }
 
-void CostTerms::Build(const std::vector<bool>& uses_range, ceres::LossFunction* loss, PoseManifold& manifold,
-                      State& state, ceres::Problem& problem) const {
+void CostTerms::Build(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted,
+                      ceres::LossFunction* loss, PoseManifold& manifold, State& state, ceres::Problem& problem) const {
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
     if (is_free_[node]) problem.AddParameterBlock(state.poses[node].data(), kPoseSize, &manifold);
   }
-  AddTerms(uses_range, loss, state, problem);
+  AddTerms(uses_range, is_trusted, loss, state, problem);
   HoldStanding(state, problem);
 }
 
@@ -198,7 +189,7 @@ std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& uses_range
                                              State state) const {
   PoseManifold manifold;
   ceres::Problem problem(BorrowingProblemOptions());
-  Build(uses_range, nullptr, manifold, state, problem);
+  Build(uses_range, {}, nullptr, manifold, state, problem);
   ceres::Problem::EvaluateOptions evaluation;
   evaluation.num_threads = options_.thread_count;
   std::map<std::size_t, int> columns;
@@ -220,13 +211,11 @@ std::vector<Matrix6d> CostTerms::Covariances(const std::vector<bool>& uses_range
   if (factorised.info() != Eigen::Success) return {};
   std::vector<Matrix6d> covariances;
   for (const std::size_t node : nodes) {
-    Matrix6d& covariance = covariances.emplace_back(Matrix6d::Zero());
-    const auto column = columns.find(node);
-    if (column == columns.end()) continue;
+    const int column = columns.at(node);
     Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(rows.num_cols, kPoseTangentSize);
-    unit.middleRows(column->second, kPoseTangentSize).setIdentity();
-    covariance = factorised.solve(unit).middleRows(column->second, kPoseTangentSize);
-    if (!covariance.allFinite()) return {};
+    unit.middleRows(column, kPoseTangentSize).setIdentity();
+    covariances.emplace_back(factorised.solve(unit).middleRows(column, kPoseTangentSize));
+    if (!covariances.back().allFinite()) return {};
   }
   return covariances;
 }
@@ -236,7 +225,7 @@ StageResult CostTerms::Try(const std::vector<bool>& uses_range, const Stage& sta
   PoseManifold manifold;
   const std::unique_ptr<ceres::LossFunction> range_loss = MakeLoss(stage.loss, options_);
   ceres::Problem problem(BorrowingProblemOptions());
-  Build(uses_range, range_loss.get(), manifold, state, problem);
+  Build(uses_range, stage.is_trusted, range_loss.get(), manifold, state, problem);
   ceres::Solver::Options solve_options = SolveOptions(options_, stage, is_dogleg);
   StopCallback stop(options_.stop_requested);
   if (options_.stop_requested) solve_options.callbacks.push_back(&stop);

@@ -29,8 +29,9 @@ enum class Loss { kNone, kHuberOnRanges, kCauchyOnRanges };
 // How one of the minimisations of a solve is done.
 struct Stage {
   Loss loss = Loss::kNone;
-  bool is_near = false;   // Begins near the minimum, so that it may step boldly.
-  bool is_rough = false;  // Need not end exactly at the minimum: only the ranges are judged by it.
+  bool is_near = false;               // Begins near the minimum, so that it may step boldly.
+  bool is_rough = false;              // Need not end exactly at the minimum: only the ranges are judged by it.
+  std::vector<bool> is_trusted = {};  // Ranges that the loss spares; empty: none.
 };
 
 struct StageResult {
@@ -53,14 +54,14 @@ class CostTerms {
   StageResult Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const;
 
   // A solve from the initial values, to the end.
-  Stage FirstStage(Loss loss) const { return {loss, is_warm_}; }
+  Stage FirstStage(Loss loss) const { return {.loss = loss, .is_near = is_warm_}; }
 
   // F without any loss, over the same terms.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
   // Marginal covariance of each of `nodes` at a minimum over the ranges in `uses_range`: of its position in the frame
   // `map`, then of its turn in its own frame (the tangent of PoseManifold). Empty where the graph does not determine
-  // them; a node that stands has zeros.
+  // them. `nodes` are free.
   std::vector<Matrix6d> Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
                                     State state) const;
 
@@ -91,13 +92,13 @@ class CostTerms {
   bool IsMoving(std::size_t a, std::size_t b) const { return is_free_[a] || is_free_[b]; }
   bool IsUsed(const Term& term, const std::vector<bool>& uses_range) const;
   // All blocks and terms; `state`, `manifold` and `loss` must outlive `problem`.
-  void Build(const std::vector<bool>& uses_range, ceres::LossFunction* loss, PoseManifold& manifold, State& state,
-             ceres::Problem& problem) const;
+  void Build(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted, ceres::LossFunction* loss,
+             PoseManifold& manifold, State& state, ceres::Problem& problem) const;
   void HoldStanding(State& state, ceres::Problem& problem) const;
   static std::vector<double*> BlocksOf(const Term& term, State& state);
   StageResult Try(const std::vector<bool>& uses_range, const Stage& stage, bool is_dogleg, State& state) const;
-  void AddTerms(const std::vector<bool>& uses_range, ceres::LossFunction* range_loss, State& state,
-                ceres::Problem& problem) const;
+  void AddTerms(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted,
+                ceres::LossFunction* range_loss, State& state, ceres::Problem& problem) const;
 
   const CheckedGraph& graph_;
   const SolverOptions& options_;

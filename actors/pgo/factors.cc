@@ -253,6 +253,12 @@ bool PoseManifold::MinusJacobian(const double*, double* jacobian) const {
   return true;
 }
 
+std::vector<int> AxesOf(BodyFreedom freedom, bool is_point) {
+  if (freedom == BodyFreedom::kPlanar) return is_point ? std::vector<int>{0, 1} : std::vector<int>{0, 1, 5};
+  if (is_point) return {0, 1, 2};
+  return freedom == BodyFreedom::kUpright ? std::vector<int>{0, 1, 2, 5} : std::vector<int>{0, 1, 2, 3, 4, 5};
+}
+
 bool AxesManifold::Plus(const double* x, const double* delta, double* x_plus_delta) const {
   std::array<double, kPoseTangentSize> whole{};
   for (std::size_t i = 0; i < axes_.size(); ++i) whole[static_cast<std::size_t>(axes_[i])] = delta[i];

@@ -43,6 +43,12 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
+// How a pose may turn: about z only where gravity has levelled it, in the plane without leaving it.
+enum class BodyFreedom { kPlanar, kUpright, kSpatial };
+
+// The axes in which it may change, for AxesManifold; a point does not turn.
+std::vector<int> AxesOf(BodyFreedom freedom, bool is_point);
+
 // A pose of which some directions only may change: the axes 0 to 5 of PoseManifold's tangent, in rising order. {0, 1,
 // 5} is a pose in the plane, {0, 1, 2} a point. Jacobians are read as PoseManifold's.
 class AxesManifold final : public ceres::Manifold {

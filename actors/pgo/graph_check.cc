@@ -2,15 +2,23 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <tuple>
-#include <unordered_map>
+#include <utility>
 
 #include "actors/pgo/connected_parts.h"
 
 namespace moondb {
 
 namespace {
+
+// A variance beyond these is no sensor's, and beside the others' weights its own leaves no digits to the rest.
+constexpr double kVarianceMin = 1e-12;
+constexpr double kVarianceMax = 1e8;
+constexpr double kRangeMaxM = 1e6;
+constexpr const char* kVarianceText = "within 1e-12 and 1e8";
+constexpr const char* kDoubled = "is there more than once";
 
 void LeaveOut(CheckedGraph& checked, AgentId agent, const std::string& what, const std::string& why) {
   LeftOut& left_out = checked.left_out[agent];
@@ -26,11 +34,19 @@ bool IsUsable(const Pose& pose) {
   return pose.position_m.allFinite() && std::isfinite(length) && length > 0.5 && length < 2;
 }
 
-bool IsPositiveDefinite(const Matrix6d& matrix) {
-  if (!matrix.allFinite()) return false;
-  if ((matrix - matrix.transpose()).cwiseAbs().maxCoeff() > 1e-9 * matrix.cwiseAbs().maxCoeff()) return false;
-  const Eigen::LLT<Matrix6d> factorised(matrix);
-  return factorised.info() == Eigen::Success && factorised.matrixLLT().diagonal().minCoeff() > 0;
+// Empty where the covariance can be used.
+std::string WhyNot(const Matrix6d& covariance) {
+  const double largest = covariance.cwiseAbs().maxCoeff();
+  const bool is_symmetric =
+      covariance.allFinite() && (covariance - covariance.transpose()).cwiseAbs().maxCoeff() <= 1e-9 * largest;
+  const Eigen::LLT<Matrix6d> factorised(covariance);
+  if (!is_symmetric || factorised.info() != Eigen::Success || factorised.matrixLLT().diagonal().minCoeff() <= 0) {
+    return "its covariance is not symmetric and positive definite";
+  }
+  // What is left of each variance beside those before it; the diagonal itself alone would not see a flat matrix.
+  const double smallest = factorised.matrixLLT().diagonal().cwiseAbs2().minCoeff();
+  const bool is_usable = smallest >= kVarianceMin && covariance.diagonal().maxCoeff() <= kVarianceMax;
+  return is_usable ? "" : std::string("its variances are not ") + kVarianceText;
 }
 
 const AgentFacts* FactsOf(const AgentFactsMap& agents, AgentId agent) {
@@ -46,6 +62,49 @@ CheckedNode ToChecked(const NodeKey& key, Pose raw, const AgentFactsMap& agents)
   return CheckedNode{key, raw, is_fixed};
 }
 
+// Items of equal names differ by their contents, which decide what comes first.
+std::pair<NodeKey, std::array<double, 7>> OrderOf(const CheckedNode& node) {
+  std::array<double, 7> content{};
+  Eigen::Map<Eigen::Vector3d>(content.data()) = node.raw.position_m;
+  Eigen::Map<Eigen::Vector4d>(content.data() + 3) = node.raw.orientation.coeffs();
+  return {node.key, content};
+}
+
+NodeKey NameOf(const CheckedNode& node) { return node.key; }
+
+template <typename CheckedEdge>
+std::pair<std::size_t, std::size_t> NameOf(const CheckedEdge& edge) {
+  return {edge.from, edge.to};
+}
+
+auto OrderOf(const CheckedRange& range) {
+  return std::tuple(range.from, range.to, range.edge->stamp_ns, range.edge->range_m, range.edge->variance_m2);
+}
+
+auto OrderOf(const CheckedOdometry& odometry) {
+  const Pose& pose = odometry.edge->from_from_to;
+  std::array<double, 13> content{};
+  Eigen::Map<Eigen::Vector3d>(content.data()) = pose.position_m;
+  Eigen::Map<Eigen::Vector4d>(content.data() + 3) = pose.orientation.coeffs();
+  Eigen::Map<Eigen::Matrix<double, 6, 1>>(content.data() + 7) = odometry.edge->covariance.diagonal();
+  return std::tuple(odometry.from, odometry.to, odometry.edge->stamp_ns, content);
+}
+
+template <typename Item, typename Report>
+void SortAndLeaveOutDoubled(std::vector<Item>& items, const Report& report) {
+  std::stable_sort(items.begin(), items.end(), [](const Item& a, const Item& b) { return OrderOf(a) < OrderOf(b); });
+  std::vector<Item> kept;
+  kept.reserve(items.size());
+  for (Item& item : items) {
+    if (!kept.empty() && NameOf(kept.back()) == NameOf(item)) {
+      report(item);
+    } else {
+      kept.push_back(std::move(item));
+    }
+  }
+  items = std::move(kept);
+}
+
 void CheckNodes(const PoseGraph& graph, const AgentFactsMap& agents, CheckedGraph& checked) {
   for (const GraphNode& node : graph.nodes) {
     if (!IsUsable(node.map_from_node)) {
@@ -55,13 +114,15 @@ void CheckNodes(const PoseGraph& graph, const AgentFactsMap& agents, CheckedGrap
     checked.nodes.push_back(ToChecked(node.key, node.map_from_node, agents));
   }
   for (const auto& [agent, facts] : agents) {
-    if (facts.is_base_station && facts.start)
-      checked.nodes.push_back(ToChecked(NodeKey{agent, 0}, *facts.start, agents));
+    const NodeKey key{agent, 0};
+    const auto is_same = [&key](const CheckedNode& node) { return node.key == key; };
+    if (!facts.is_base_station || !facts.start) continue;
+    if (std::any_of(checked.nodes.begin(), checked.nodes.end(), is_same)) continue;
+    checked.nodes.push_back(ToChecked(key, *facts.start, agents));
   }
-  const auto by_key = [](const CheckedNode& a, const CheckedNode& b) { return a.key < b.key; };
-  const auto same_key = [](const CheckedNode& a, const CheckedNode& b) { return a.key == b.key; };
-  std::stable_sort(checked.nodes.begin(), checked.nodes.end(), by_key);
-  checked.nodes.erase(std::unique(checked.nodes.begin(), checked.nodes.end(), same_key), checked.nodes.end());
+  SortAndLeaveOutDoubled(checked.nodes, [&checked](const CheckedNode& node) {
+    LeaveOut(checked, node.key.agent, ToString(node.key), kDoubled);
+  });
 }
 
 // Empty where the edge can be used.
@@ -69,16 +130,22 @@ std::string WhyNot(const OdometryEdge& edge) {
   if (edge.from.agent != edge.to.agent) return "joins two agents";
   if (edge.from == edge.to) return "joins a node with itself";
   if (!IsUsable(edge.from_from_to)) return "its pose is not finite or not a rotation";
-  if (!IsPositiveDefinite(edge.covariance)) return "its covariance is not symmetric and positive definite";
-  return {};
+  return WhyNot(edge.covariance);
 }
 
 std::string WhyNot(const RangeEdge& edge) {
   if (edge.from.agent == edge.to.agent) return "is within one agent";
-  if (!std::isfinite(edge.range_m) || edge.range_m < 0) return "is not a distance";
-  if (!std::isfinite(edge.variance_m2) || edge.variance_m2 <= 0) return "its variance is not positive";
-  return {};
+  const bool is_distance = edge.range_m >= 0 && edge.range_m <= kRangeMaxM;  // NaN is neither.
+  if (!is_distance) return "is not a distance below 1e6 m";
+  const bool is_variance = edge.variance_m2 >= kVarianceMin && edge.variance_m2 <= kVarianceMax;
+  return is_variance ? "" : std::string("its variance is not ") + kVarianceText;
 }
+
+CheckedOdometry ToChecked(std::size_t from, std::size_t to, const OdometryEdge& edge) {
+  return {from, to, &edge, Pose{edge.from_from_to.position_m, edge.from_from_to.orientation.normalized()}};
+}
+
+CheckedRange ToChecked(std::size_t from, std::size_t to, const RangeEdge& edge) { return {from, to, &edge}; }
 
 template <typename CheckedEdge, typename Edge>
 void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& checked,
@@ -94,10 +161,10 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
       LeaveOut(checked, edge.from.agent, EdgeName(kind, edge.from, edge.to), why);
       continue;
     }
-    out.push_back(CheckedEdge{*from, *to, &edge});
+    out.push_back(ToChecked(*from, *to, edge));
   }
-  std::stable_sort(out.begin(), out.end(), [](const CheckedEdge& a, const CheckedEdge& b) {
-    return std::tuple(a.from, a.to, a.edge->stamp_ns) < std::tuple(b.from, b.to, b.edge->stamp_ns);
+  SortAndLeaveOutDoubled(out, [&](const CheckedEdge& edge) {
+    LeaveOut(checked, edge.edge->from.agent, EdgeName(kind, edge.edge->from, edge.edge->to), kDoubled);
   });
 }
 
@@ -142,6 +209,16 @@ std::vector<Rover> FindRovers(const CheckedGraph& graph) {
     if (heads[node] == node) rovers.back().part_heads.push_back(node);
   }
   return rovers;
+}
+
+bool FixedNodesHoldYaw(const CheckedGraph& graph) {
+  const CheckedNode* first = nullptr;
+  for (const CheckedNode& node : graph.nodes) {
+    if (!node.is_fixed) continue;
+    if (first == nullptr) first = &node;
+    if ((node.raw.position_m - first->raw.position_m).head<2>().norm() > kApartM) return true;
+  }
+  return false;
 }
 
 }  // namespace moondb

@@ -1,9 +1,11 @@
 // CheckGraph: what of a pose graph can be solved. The rest is named and left out.
 //
 // Records arrive in any order and from any agent, and one NaN makes Ceres refuse the whole solve: so an edge whose
-// node is not here yet, a covariance that is not positive definite or a number that is not finite costs that edge
-// alone. Nodes come out sorted by key and edges by their ends, so that the same graph gives the same solution whatever
-// the order in which it came. Pure functions; results point into `graph`, which must outlive them.
+// node is not here yet, a covariance that is not positive definite, a variance that is none of a sensor's (below 1e-12
+// or above 1e8, in m^2 or rad^2), a range beyond 1e6 m or a number that is not finite costs that edge alone. Of records
+// of one natural key (the node's key, the edge's ends) the smallest content stays, and the others are left out.
+// Nodes come out sorted by key and edges by their ends, so that the same graph gives the same solution whatever the
+// order in which it came. Pure functions; results point into `graph`, which must outlive them.
 #pragma once
 
 #include <cstddef>
@@ -41,6 +43,7 @@ struct CheckedOdometry {
   std::size_t from = 0;
   std::size_t to = 0;
   const OdometryEdge* edge = nullptr;
+  Pose from_from_to;  // The edge's, its quaternion of unit length.
 };
 
 struct CheckedRange {
@@ -61,7 +64,7 @@ using LeftOutMap = std::map<AgentId, LeftOut>;  // By the agent of the node, or 
 
 struct CheckedGraph {
   std::vector<CheckedNode> nodes;         // By key.
-  std::vector<CheckedOdometry> odometry;  // By ends, then stamp.
+  std::vector<CheckedOdometry> odometry;  // By ends.
   std::vector<CheckedRange> ranges;       // Likewise.
   LeftOutMap left_out;                    // What was not usable; empty when all was.
 
@@ -81,6 +84,11 @@ struct Rover {
 
 // By agent; base stations are not among them.
 std::vector<Rover> FindRovers(const CheckedGraph& graph);
+
+inline constexpr double kApartM = 1;  // Places nearer than this count as one.
+
+// Fixed nodes hold a team's place; two apart from each other its yaw, too.
+bool FixedNodesHoldYaw(const CheckedGraph& graph);
 
 // "A7" is for files; people read "agent 2, node 7".
 std::string ToString(const NodeKey& key);

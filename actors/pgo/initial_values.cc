@@ -10,9 +10,8 @@ namespace moondb {
 namespace {
 
 constexpr double kScaleErrorMax = 0.1;  // More than five sigma of a rover's scale.
+constexpr double kWarmShare = 0.8;      // From here on the last verdicts are worth more than a robust stage.
 constexpr double kWarmLengthMinM = 5;   // Less travelled distance says nothing about the scale.
-constexpr double kDefaultStartSigmaM = 0.05;
-constexpr double kDefaultStartSigmaRad = 0.01;
 
 // Raw poses are the start composed with odometry, so a first node's raw pose that lies far from the configured start
 // belongs to a later node, whose predecessors are not here.
@@ -51,7 +50,7 @@ double EstimateScale(const CheckedGraph& graph, const Rover& rover, const Poses&
   for (const CheckedOdometry& odometry : graph.odometry) {
     if (odometry.from < rover.first || odometry.from >= rover.first + rover.count) continue;
     if (!poses[odometry.from] || !poses[odometry.to]) continue;
-    const Eigen::Vector3d& step = odometry.edge->from_from_to.position_m;
+    const Eigen::Vector3d& step = odometry.from_from_to.position_m;
     product_sum += step.dot((poses[odometry.from]->Inverse() * *poses[odometry.to]).position_m);
     square_sum += step.squaredNorm();
     length_m += step.norm();
@@ -64,7 +63,7 @@ std::optional<Pose> FromNeighbour(const CheckedGraph& graph, const std::vector<s
                                   const Poses& poses, double scale) {
   for (const std::size_t i : touching) {
     const CheckedOdometry& odometry = graph.odometry[i];
-    const Pose step = Scaled(odometry.edge->from_from_to, scale);
+    const Pose step = Scaled(odometry.from_from_to, scale);
     if (odometry.to == node && poses[odometry.from]) return *poses[odometry.from] * step;
     if (odometry.from == node && poses[odometry.to]) return *poses[odometry.to] * step.Inverse();
   }
@@ -101,8 +100,8 @@ StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents,
   }
   const AgentFacts& known = facts->second;
   return StartPrior{WithTiltOf(*known.start, first.raw),
-                    known.start_sigma_m > 0 ? known.start_sigma_m : kDefaultStartSigmaM,
-                    known.start_sigma_rad > 0 ? known.start_sigma_rad : kDefaultStartSigmaRad, true};
+                    known.start_sigma_m > 0 ? known.start_sigma_m : AgentFacts{}.start_sigma_m,
+                    known.start_sigma_rad > 0 ? known.start_sigma_rad : AgentFacts{}.start_sigma_rad, true};
 }
 
 InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
@@ -110,15 +109,22 @@ InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rov
   InitialValues result;
   Poses poses(graph.nodes.size());
   result.is_warm.assign(graph.nodes.size(), false);
+  double warm_count = 0;
+  double moving_count = 0;
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
     if (graph.nodes[node].is_fixed) {
       poses[node] = graph.nodes[node].raw;
-    } else if (const auto last = last_solution.find(graph.nodes[node].key); last != last_solution.end()) {
+      continue;
+    }
+    ++moving_count;
+    if (const auto last = last_solution.find(graph.nodes[node].key); last != last_solution.end()) {
       poses[node] = last->second;
       result.is_warm[node] = true;
-      ++result.warm_count;
+      ++warm_count;
     }
   }
+  result.has_warm = warm_count > 0;
+  result.is_mostly_warm = warm_count > 0 && warm_count >= kWarmShare * moving_count;
   const std::vector<std::vector<std::size_t>> touching = FindTouching(graph);
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     result.scales.push_back(EstimateScale(graph, rovers[i], poses));
@@ -149,6 +155,10 @@ PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agent
   PairNumbers biases_m;
   for (const auto& [pair, sum] : sums) biases_m[pair] = sum.errors / (sum.weights + 1 / (bias_sigma_m * bias_sigma_m));
   return biases_m;
+}
+
+bool IsKnown(const CheckedGraph& graph, const InitialValues& initial, std::size_t node) {
+  return initial.is_warm[node] || graph.nodes[node].is_fixed;
 }
 
 Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent) {

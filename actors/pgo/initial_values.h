@@ -14,11 +14,12 @@ namespace moondb {
 using PairNumbers = std::map<std::pair<AgentId, AgentId>, double>;
 
 struct InitialValues {
-  std::vector<Pose> poses;     // map_from_node of each of CheckedGraph::nodes.
-  std::vector<double> scales;  // s of each rover; true length is (1 + s) times odometry's.
-  std::vector<bool> is_warm;   // Of each node: the last solution gave it.
-  std::size_t warm_count = 0;  // How many of them.
-  PairNumbers biases_m;        // Of pairs of agents; missing: 0.
+  std::vector<Pose> poses;      // map_from_node of each of CheckedGraph::nodes.
+  std::vector<double> scales;   // s of each rover; true length is (1 + s) times odometry's.
+  std::vector<bool> is_warm;    // Of each node: the last solution gave it.
+  bool has_warm = false;        // Any of them;
+  bool is_mostly_warm = false;  // at least 80 % of those that do not stand fixed.
+  PairNumbers biases_m;         // Of pairs of agents; missing: 0.
 };
 
 // The pose that a rover's first node is held to.
@@ -47,6 +48,9 @@ InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rov
 // bias_sigma_m about 0.
 PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const std::vector<Pose>& poses,
                            const std::vector<bool>& counts, double bias_sigma_m);
+
+// Whether the last solution or the configuration says where a node is.
+bool IsKnown(const CheckedGraph& graph, const InitialValues& initial, std::size_t node);
 
 // Of the agent's radio in its body's frame; zero where nothing is configured.
 Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent);

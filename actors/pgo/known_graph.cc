@@ -12,7 +12,7 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
   }
   PoseGraph one;
   if (auto added = AddRecord(record, one); !added) return added;
-  const auto name_of = [](const auto& edge) { return EdgeName{edge.from, edge.to, edge.stamp_ns}; };
+  const auto name_of = [](const auto& edge) { return EdgeName{edge.from, edge.to}; };
   for (const GraphNode& node : one.nodes) AddItem(key, node.key, node, node_sources_, graph_.nodes);
   for (const OdometryEdge& edge : one.odometry) {
     AddItem(key, name_of(edge), edge, odometry_sources_, graph_.odometry);

@@ -1,13 +1,12 @@
 // KnownGraph: the pose graph as this agent's storage holds it, and what leaders have said of it so far.
 //
 // Filled from records, in any order; grows with the mission as the storage does. What a leader published is read back
-// like any other record, so a new leader goes on exactly where the last one stopped, and so does one that restarted.
-// Single-threaded.
+// like any other record, so a new leader goes on where the last one stopped, and so does one that restarted, but for
+// moves too small to be published (publication.h). Single-threaded.
 #pragma once
 
 #include <cstdint>
 #include <map>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -27,9 +26,9 @@ struct PublishedVerdict {
 class KnownGraph {
  public:
   // Takes nodes, edges, optimized poses and edge verdicts, and ignores other types. Of two poses of a node, or two
-  // verdicts of an edge, the newer (term, run) stays, of equal ones the greater key; of two records of one node, or of
-  // one measurement (same ends, kind and stamp), the smaller key: as everywhere, so that all agents hold the same graph
-  // whatever came first. kInvalid: a pose or covariance that is none; nothing changed.
+  // verdicts of an edge, the newer (term, run) stays, of equal ones the greater key; of two records of one natural key
+  // (a node's own, an edge's kind and ends) the smaller record key, so that all agents hold the same graph whatever
+  // came first. kInvalid: a pose or covariance that is none; nothing changed.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
   const PoseGraph& graph() const { return graph_; }
@@ -59,7 +58,7 @@ class KnownGraph {
     RecordKey key;
     std::size_t place = 0;
   };
-  using EdgeName = std::tuple<NodeKey, NodeKey, std::int64_t>;  // from, to, stamp
+  using EdgeName = std::pair<NodeKey, NodeKey>;  // from, to
 
   template <typename T>
   struct Versioned {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <optional>
+#include <limits>
 
 #include "actors/pgo/ceres_options.h"
 #include "actors/pgo/connected_parts.h"
@@ -22,11 +22,6 @@ Matrix6d CovarianceOf(const PlainStep& step) {
   Matrix6d covariance = Matrix6d::Zero();
   covariance.diagonal() << Eigen::Vector3d::Constant(1 / step.tau), Eigen::Vector3d::Constant(1 / (2 * step.kappa));
   return covariance;
-}
-
-std::vector<int> AxesOf(bool is_planar, bool is_point) {
-  if (is_planar) return is_point ? std::vector<int>{0, 1} : std::vector<int>{0, 1, 5};
-  return is_point ? std::vector<int>{0, 1, 2} : std::vector<int>{0, 1, 2, 3, 4, 5};
 }
 
 }  // namespace
@@ -66,8 +61,9 @@ std::vector<std::size_t> PlainCost::FindStanding(const ActiveNodes& active) cons
 }
 
 PlainFit PlainCost::Minimise(const ActiveNodes& active, StartQuality quality, PlainState& state) const {
-  AxesManifold pose_manifold(AxesOf(graph_.is_planar, false));
-  AxesManifold point_manifold(AxesOf(graph_.is_planar, true));
+  const BodyFreedom freedom = graph_.is_planar ? BodyFreedom::kPlanar : BodyFreedom::kSpatial;
+  AxesManifold pose_manifold(AxesOf(freedom, /*is_point=*/false));
+  AxesManifold point_manifold(AxesOf(freedom, /*is_point=*/true));
   double zero = 0;
   ceres::Problem problem(BorrowingProblemOptions());
   problem.AddParameterBlock(&zero, 1);
@@ -97,7 +93,8 @@ PlainFit PlainCost::Minimise(const ActiveNodes& active, StartQuality quality, Pl
   ceres::Solve(options, &problem, &summary);
   PlainFit fit;
   fit.has_converged = summary.termination_type == ceres::CONVERGENCE && std::isfinite(summary.final_cost);
-  fit.cost = 2 * summary.final_cost;  // Ceres halves it.
+  // Where not even the beginning could be evaluated, Ceres' cost is -1. Otherwise it halves F.
+  fit.cost = summary.IsSolutionUsable() ? 2 * summary.final_cost : std::numeric_limits<double>::infinity();
   fit.iterations = static_cast<int>(summary.iterations.size());
   return fit;
 }

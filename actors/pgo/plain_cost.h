@@ -33,7 +33,7 @@ enum class StartQuality { kNear, kRough, kShallow };
 
 struct PlainFit {
   bool has_converged = false;
-  double cost = 0;  // F over the active nodes' edges, where the solve ended.
+  double cost = 0;  // F over the active nodes' edges, where the solve ended; infinity where that is no solution.
   int iterations = 0;
 };
 

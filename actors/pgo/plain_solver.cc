@@ -8,6 +8,7 @@
 
 #include "actors/pgo/arrangement.h"
 #include "actors/pgo/chordal.h"
+#include "actors/pgo/plain_shapes.h"
 
 namespace moondb {
 
@@ -17,8 +18,11 @@ namespace {
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
 constexpr int kRoadsBesideMax = 60;
+constexpr std::size_t kShapesMax = 8;  // That are told from each other.
 
-bool IsSame(double a, double b) { return std::abs(a - b) <= kSameCostPart * std::max(a, b) + 1e-12; }
+bool IsSame(double a, double b) {
+  return std::isfinite(b) && std::abs(a - b) <= kSameCostPart * std::max(a, b) + 1e-12;
+}
 
 struct Road {
   PlainFit fit;
@@ -28,7 +32,12 @@ struct Road {
 class PlainSolver {
  public:
   PlainSolver(const PlainGraph& graph, const PlainOptions& options)
-      : graph_(graph), options_(options), cost_(graph, options), all_(graph.nodes.size(), true) {
+      : graph_(graph),
+        options_(options),
+        cost_(graph, options),
+        all_(graph.nodes.size(), true),
+        joined_(FindJoined(graph)) {
+    solution_.cost = std::numeric_limits<double>::infinity();
     for (const PlainNode& node : graph.nodes) {
       if (!node.is_point) times_.push_back(node.time);
     }
@@ -38,6 +47,7 @@ class PlainSolver {
   PlainSolution Run() {
     if (graph_.nodes.empty()) {
       solution_.has_converged = true;
+      solution_.cost = 0;
       solution_.text = "the graph has no node";
       return std::move(solution_);
     }
@@ -48,7 +58,7 @@ class PlainSolver {
         if (IsStopped() || (solution_.roads_to_lowest > 1 && first < kFirstPrefixes[0])) break;
         GoRoads(first);
       }
-      if (solution_.roads_to_lowest < 2) LookBeside();
+      if (solution_.roads_to_lowest < 2 && !best_.empty()) LookBeside();
     }
     if (!solution_.has_converged && !IsStopped()) Polish();
     return Finish();
@@ -60,14 +70,8 @@ class PlainSolver {
     const std::vector<std::size_t> heads = FindHeads(graph_, all_);
     for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
     // Along the way that was driven, not over its loops: these only for what the way does not reach.
-    PlainGraph way = graph_;
-    std::erase_if(way.steps, [this](const PlainStep& step) {
-      const NodeKey& from = graph_.nodes[step.from].key;
-      return graph_.nodes[step.to].key != NodeKey{from.agent, from.index + 1};
-    });
-    way.sightings.clear();
-    ComposeFromPlaced(way, all_, placed, state);
-    ComposeFromPlaced(graph_, all_, placed, state);
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
     MoveToFixed(heads, state);
     Add(Road{cost_.Minimise(all_, StartQuality::kRough, state), state}, Beginning::kOdometry);
     return Finish();
@@ -109,6 +113,7 @@ class PlainSolver {
 
   // Poses of the first `part` of all, by time, and the points that they see.
   ActiveNodes Prefix(double part) const {
+    if (times_.empty()) return all_;  // Points alone.
     const auto last = static_cast<std::size_t>(part * static_cast<double>(times_.size() - 1));
     ActiveNodes active(graph_.nodes.size(), false);
     for (std::size_t node = 0; node < active.size(); ++node) {
@@ -149,6 +154,7 @@ class PlainSolver {
 
   // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, dogleg goes on.
   void Polish() {
+    if (best_.empty()) return;
     PlainState state = best_;
     const PlainFit fit = cost_.Minimise(all_, StartQuality::kShallow, state);
     Add(Road{fit, std::move(state)}, solution_.beginning);
@@ -163,7 +169,7 @@ class PlainSolver {
       ++sizes[heads[node]];
       if (graph_.nodes[node].is_fixed) standing.insert(heads[node]);
     }
-    if (standing.empty()) {
+    if (standing.empty() && !sizes.empty()) {
       const auto is_smaller = [](const auto& a, const auto& b) { return a.second < b.second; };
       standing.insert(std::max_element(sizes.begin(), sizes.end(), is_smaller)->first);
     }
@@ -192,6 +198,7 @@ class PlainSolver {
   ArrangementOptions Freedom() const {
     ArrangementOptions options;
     if (graph_.is_planar) options.freedom = BodyFreedom::kPlanar;
+    options.stop_requested = options_.stop_requested;
     return options;
   }
 
@@ -213,7 +220,7 @@ class PlainSolver {
   // New nodes by their steps from old ones; new parts are arranged about what stands.
   void Extend(const ActiveNodes& before, const ActiveNodes& active, PlainState& state) const {
     std::vector<bool> placed = before;
-    ComposeFromPlaced(graph_, active, placed, state);
+    ComposeFromPlaced(graph_, active, ComposeAlong::kAll, placed, state);
     if (placed == active) return;
     ActiveNodes fresh(active.size(), false);
     for (std::size_t node = 0; node < active.size(); ++node) fresh[node] = active[node] && !placed[node];
@@ -231,21 +238,42 @@ class PlainSolver {
     ++solution_.roads;
     solution_.iterations += road.fit.iterations;
     if (!std::isfinite(road.fit.cost)) return;
-    const bool has_any = !best_.empty();
-    if (has_any && IsSame(road.fit.cost, solution_.cost)) ++solution_.roads_to_lowest;
-    const bool is_lower = road.fit.cost < solution_.cost;
-    const bool is_arrival = IsSame(road.fit.cost, solution_.cost) && road.fit.has_converged && !solution_.has_converged;
-    if (has_any && !is_lower && !is_arrival) return;
-    if (!has_any || !IsSame(road.fit.cost, solution_.cost)) solution_.roads_to_lowest = 1;
-    if (!has_any || !IsSame(road.fit.cost, solution_.cost)) solution_.beginning = beginning;
+    const bool is_same = IsSame(road.fit.cost, solution_.cost);
+    if (is_same) {
+      Meet(road.state);
+    } else if (road.fit.cost < solution_.cost) {
+      lowest_ = {road.state};
+      solution_.roads_to_lowest = 1;
+      solution_.beginning = beginning;
+    }
+    const bool is_arrival = is_same && road.fit.has_converged && !solution_.has_converged;
+    if (road.fit.cost >= solution_.cost && !is_arrival) return;
     solution_.cost = road.fit.cost;
     solution_.has_converged = road.fit.has_converged;
     best_ = std::move(road.state);
   }
 
+  // Roads have met only where they end in one shape; equal costs have another cause where the shapes are mirrored.
+  void Meet(const PlainState& state) {
+    const auto is_same = [&](const PlainState& other) { return HaveSameShape(graph_, joined_, state, other); };
+    if (std::any_of(lowest_.begin(), lowest_.end(), is_same)) {
+      ++solution_.roads_to_lowest;
+    } else if (lowest_.size() < kShapesMax) {
+      lowest_.push_back(state);
+    }
+  }
+
   PlainSolution Finish() {
-    for (const PoseBlock& block : best_) solution_.poses.push_back(FromBlock(block));
-    if (!solution_.has_converged) solution_.text = IsStopped() ? "stopped" : "did not converge";
+    // Where no road led anywhere, the file's own.
+    for (const PlainNode& node : graph_.nodes) solution_.poses.push_back(node.vertex);
+    for (std::size_t node = 0; node < best_.size(); ++node) solution_.poses[node] = FromBlock(best_[node]);
+    const auto say = [this](const std::string& line) { solution_.text += (solution_.text.empty() ? "" : "; ") + line; };
+    if (!solution_.has_converged) say(IsStopped() ? "stopped" : "did not converge");
+    const std::size_t parts = CountLooseParts(graph_, joined_);
+    if (parts > 1) {
+      say(std::to_string(parts) + " parts that nothing joins: how they stand to each other is not known");
+    }
+    if (lowest_.size() > 1) say("ambiguous: another shape fits as well");
     return std::move(solution_);
   }
 
@@ -253,8 +281,10 @@ class PlainSolver {
   const PlainOptions& options_;
   PlainCost cost_;
   const ActiveNodes all_;
+  const std::vector<std::size_t> joined_;  // FindJoined.
   std::vector<std::int64_t> times_;
   PlainState best_;
+  std::vector<PlainState> lowest_;  // One of each shape that had the lowest cost.
   PlainSolution solution_;
 };
 

@@ -3,8 +3,8 @@
 // Without ranges it begins at the chordal relaxation (chordal.h). With ranges F has many minima, and no beginning is
 // right always; so several roads are gone, and the lowest end counts: parts that only ranges join are arranged first
 // (arrangement.h), over the whole time and over short prefixes of it, which then grow twice as long again and again,
-// each solved from the last. The search ends early when two roads that began differently end at the same lowest cost;
-// where no two do, each part of the lowest one is set down elsewhere in turn.
+// each solved from the last. The search ends early when two roads that began differently end at the same lowest cost in
+// the same shape; where no two do, each part of the lowest one is set down elsewhere in turn.
 //
 // A pure function of its arguments, on any thread; the same graph gives the same solution for one thread count and
 // binary.
@@ -25,11 +25,13 @@ std::string ToString(Beginning beginning);
 
 struct PlainSolution {
   bool has_converged = false;
-  std::string text;         // Why not, or what could not be determined; empty: nothing to say.
-  std::vector<Pose> poses;  // Of PlainGraph::nodes.
-  double cost = 0;          // F.
+  // Why not, and what could not be determined: how parts stand to each other that nothing joins; which of several
+  // shapes of equal cost it is. Empty: nothing to say.
+  std::string text;
+  std::vector<Pose> poses;  // Of PlainGraph::nodes; its vertices where no road led anywhere.
+  double cost = 0;          // F; infinity where no road led anywhere.
   Beginning beginning = Beginning::kOdometry;
-  int roads = 0;  // Gone; and how many of them ended at the lowest cost.
+  int roads = 0;  // Gone; and how many of them ended at the lowest cost in one shape.
   int roads_to_lowest = 0;
   int iterations = 0;  // Of all roads.
 };

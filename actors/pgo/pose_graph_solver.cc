@@ -2,128 +2,63 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <set>
 #include <utility>
 
 #include "actors/pgo/cost_terms.h"
 #include "actors/pgo/initial_values.h"
+#include "actors/pgo/keep_still.h"
 #include "actors/pgo/range_tests.h"
 #include "actors/pgo/rover_status.h"
+#include "actors/pgo/staged_solve.h"
 #include "actors/pgo/unknown_starts.h"
 
 namespace moondb {
 
 namespace {
 
-constexpr int kTestsMax = 10;  // Of the ranges; two or three are usual.
-// From this share of known nodes on, the last verdicts are worth more than a robust stage.
-constexpr double kWarmShare = 0.8;
 // Of a start that nobody knows: far beyond any mission, so that it costs nothing.
 constexpr double kFreeSigmaM = 1e4;
 constexpr double kFreeSigmaRad = 100;
-
-// Costs are sums of squares; below this part of them is rounding.
-bool IsHigher(double cost, double reference) { return cost > reference * (1 + 1e-6) + 1e-9; }
 
 // From the ranges between nodes of the last solution that it accepted.
 PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const InitialValues& initial,
                                const LastSolution& last, const SolverOptions& options) {
   std::vector<bool> counts;
   for (const CheckedRange& range : graph.ranges) {
-    const auto is_known = [&](std::size_t node) { return initial.is_warm[node] || graph.nodes[node].is_fixed; };
-    counts.push_back(is_known(range.from) && is_known(range.to) &&
+    counts.push_back(IsKnown(graph, initial, range.from) && IsKnown(graph, initial, range.to) &&
                      !last.rejected.contains({range.edge->from, range.edge->to}));
   }
   return EstimateBiases(graph, agents, initial.poses, counts, options.bias_sigma_m);
 }
 
-struct StagedResult {
-  bool is_accepted = false;
-  std::string text;
-  State state;
-  std::vector<bool> is_inlier;
-  double initial_cost = 0;
-  double final_cost = 0;
-  int iterations = 0;
-};
-
-// `first_inliers`: where the solve goes on from one before; else ranges are judged after a robust stage.
-StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph,
-                           const std::optional<std::vector<bool>>& first_inliers, const SolverOptions& options) {
-  StagedResult result;
-  result.state = terms.initial();
-  result.is_inlier.assign(graph.ranges.size(), true);
-  StageResult stage;
-  stage.has_converged = true;
-  Stage next = terms.FirstStage(Loss::kNone);
-  if (first_inliers) {
-    result.is_inlier = *first_inliers;
-  } else if (!graph.ranges.empty()) {
-    Stage robust = terms.FirstStage(Loss::kCauchyOnRanges);
-    robust.is_rough = true;
-    stage = terms.Minimise(result.is_inlier, robust, result.state);
-    result.iterations += stage.iterations;
-    result.is_inlier = FindInliers(graph, terms, terms.RangeResiduals(result.state), result.is_inlier, options);
-    next.is_near = true;
-  }
-  for (int test = 0; stage.has_converged && test < kTestsMax; ++test) {
-    stage = terms.Minimise(result.is_inlier, next, result.state);
-    result.iterations += stage.iterations;
-    next.is_near = true;
-    std::vector<bool> is_inlier =
-        FindInliers(graph, terms, terms.RangeResiduals(result.state), result.is_inlier, options);
-    if (is_inlier == result.is_inlier) break;
-    if (test + 1 < kTestsMax) result.is_inlier = std::move(is_inlier);
-  }
-  if (!stage.has_converged) {
-    result.text = "did not converge: " + stage.text;
-    return result;
-  }
-  result.initial_cost = terms.Cost(result.is_inlier, terms.initial());
-  result.final_cost = terms.Cost(result.is_inlier, result.state);
-  result.is_accepted = std::isfinite(result.final_cost) && !IsHigher(result.final_cost, result.initial_cost);
-  if (!result.is_accepted) result.text = "the cost did not fall";
-  return result;
-}
-
-std::vector<RangeVerdict> JudgeRanges(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged) {
-  const std::vector<double> residuals = terms.RangeResiduals(staged.state);
-  std::vector<RangeVerdict> verdicts;
-  for (std::size_t i = 0; i < residuals.size(); ++i) {
-    if (!terms.HasRange(i)) continue;
-    const RangeEdge& edge = *graph.ranges[i].edge;
-    verdicts.push_back(RangeVerdict{edge.from, edge.to, staged.is_inlier[i], residuals[i]});
-  }
-  return verdicts;
-}
-
-std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& rovers, std::size_t window_nodes) {
+// In a window the newest nodes of each rover, and all that no solve has placed yet.
+std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& rovers, const InitialValues& initial,
+                           std::size_t window_nodes) {
   std::vector<bool> is_free(graph.nodes.size(), false);
   for (const Rover& rover : rovers) {
-    const std::size_t count = window_nodes == 0 ? rover.count : std::min(rover.count, window_nodes);
-    for (std::size_t i = 0; i < count; ++i) is_free[rover.first + rover.count - 1 - i] = true;
+    const std::size_t end = rover.first + rover.count;
+    for (std::size_t node = rover.first; node < end; ++node) {
+      is_free[node] = window_nodes == 0 || end - node <= window_nodes || !initial.is_warm[node];
+    }
   }
   return is_free;
 }
 
-// One beginning and where it led.
-struct Attempt {
-  StagedResult staged;
-  std::vector<RangeVerdict> ranges;
-  double robust_cost = 0;
-  std::map<NodeKey, Matrix6d> covariances;
-};
-
-// A rover whose start nobody knows is held where this beginning has it, and so loosely that it costs nothing.
-std::vector<StartPrior> StartsAt(std::vector<StartPrior> starts, const std::vector<Rover>& rovers,
-                                 const std::vector<std::size_t>& unknown, const InitialValues& initial) {
-  for (const std::size_t i : unknown) {
-    starts[i].map_from_node = initial.poses[rovers[i].first];
-    starts[i].sigma_m = kFreeSigmaM;
-    starts[i].sigma_rad = kFreeSigmaRad;
+// On ranges that had a part in the solve, or on all: the others keep what was said of them.
+std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged,
+                                       bool is_all) {
+  const std::vector<double> residuals = terms.RangeResiduals(staged.state);
+  std::vector<RangeVerdict> verdicts;
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    if (!is_all && !terms.HasRange(i)) continue;
+    const RangeEdge& edge = *graph.ranges[i].edge;
+    verdicts.push_back(RangeVerdict{edge.from, edge.to, staged.is_inlier[i], residuals[i]});
   }
-  return starts;
+  return verdicts;
 }
 
 // Rovers that two solutions set down apart.
@@ -136,6 +71,20 @@ std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const Sta
   return apart;
 }
 
+// One beginning and where it led.
+struct Attempt {
+  SolveBeginning beginning = SolveBeginning::kOdometry;
+  InitialValues initial;
+  std::vector<StartPrior> starts;
+  SolverOptions options;  // The window as it is used.
+  std::unique_ptr<CostTerms> terms;
+  StagedResult staged;
+  double robust_cost = std::numeric_limits<double>::infinity();  // Where it ended; if refused, where it began.
+  std::set<AgentId> ambiguous;  // Rovers that other attempts set down elsewhere for nearly the same cost.
+};
+
+using AttemptPointer = std::unique_ptr<Attempt>;  // Terms refer to the options beside them.
+
 class Solver {
  public:
   Solver(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last, const SolverOptions& options)
@@ -143,9 +92,9 @@ class Solver {
     rovers_ = FindRovers(checked_);
     const LoosePrior loose{options.loose_sigma_m, options.loose_sigma_rad};
     for (const Rover& rover : rovers_) starts_.push_back(FindStartPrior(checked_.nodes[rover.first], agents, loose));
+    unknown_ = FindUnknownRovers(checked_, rovers_, starts_);
     initial_ = FindInitialValues(checked_, rovers_, starts_, last.poses);
-    is_warm_ = static_cast<double>(initial_.warm_count) >= kWarmShare * static_cast<double>(checked_.nodes.size());
-    if (is_warm_) initial_.biases_m = EstimateWarmBiases(checked_, agents, initial_, last, options);
+    if (initial_.is_mostly_warm) initial_.biases_m = EstimateWarmBiases(checked_, agents, initial_, last, options);
   }
 
   Solution Run() {
@@ -153,88 +102,160 @@ class Solver {
     solution_.node_count = checked_.nodes.size();
     solution_.odometry_count = checked_.odometry.size();
     solution_.range_count = checked_.ranges.size();
-    std::vector<Pose> poses = initial_.poses;
-    std::vector<double> scales = initial_.scales;
     if (rovers_.empty()) {
       solution_.is_accepted = true;
       solution_.text = "no rover has a node yet";
+      TakePoses([this](std::size_t node) { return initial_.poses[node]; });
     } else {
-      Take(Best(), poses, scales);
-    }
-    solution_.rovers = JudgeRovers(checked_, rovers_, starts_, solution_.ranges, scales, ambiguous_);
-    solution_.rejected_range_count = static_cast<std::size_t>(std::count_if(
-        solution_.ranges.begin(), solution_.ranges.end(), [](const auto& range) { return !range.is_inlier; }));
-    for (std::size_t node = 0; node < poses.size(); ++node) {
-      solution_.poses.emplace(checked_.nodes[node].key, poses[node]);
+      Take(*Best());
     }
     return std::move(solution_);
   }
 
  private:
-  Attempt Best() {
-    const std::vector<std::size_t> unknown = FindUnknownRovers(rovers_, starts_, initial_);
-    if (is_warm_) solution_.beginning = SolveBeginning::kLastSolution;
-    if (unknown.empty() || checked_.ranges.empty()) return Try(initial_, starts_);
-    const std::vector<InitialValues> beginnings = ArrangeUnknownRovers(checked_, rovers_, unknown, agents_, initial_);
-    if (beginnings.size() == 1) return Try(initial_, starts_);
-    std::vector<Attempt> attempts;
+  bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
+
+  // From the last solution, and from the beginning where that leads nowhere.
+  AttemptPointer Best() const {
+    AttemptPointer best = BestFrom(initial_);
+    if (!initial_.has_warm || IsStopped() || !IsSuspect(*best)) return best;
+    AttemptPointer cold = BestFrom(FindInitialValues(checked_, rovers_, starts_, {}));
+    // A refused attempt's cost is that of its beginning, which the same place found again does not undercut.
+    const double margin = best->staged.is_accepted ? options_.ambiguous_cost : -options_.still_cost;
+    return IsBetter(*cold, *best, margin) ? std::move(cold) : std::move(best);
+  }
+
+  // From `initial` as it is, and with unknown rovers set down elsewhere.
+  AttemptPointer BestFrom(const InitialValues& initial) const {
+    std::vector<InitialValues> elsewhere;
+    if (!unknown_.empty()) {
+      elsewhere = ArrangeUnknownRovers(checked_, rovers_, starts_, unknown_, agents_, initial, options_.stop_requested);
+    }
+    const bool is_warm =
+        std::any_of(unknown_.begin(), unknown_.end(), [&](std::size_t i) { return HasWarmNode(rovers_[i], initial); });
+    std::vector<AttemptPointer> attempts;
+    const bool goes_on = initial.is_mostly_warm;
+    attempts.push_back(Try(initial, goes_on ? SolveBeginning::kLastSolution : SolveBeginning::kOdometry,
+                           goes_on && elsewhere.empty() ? options_.window_nodes : 0));
     std::size_t best = 0;
-    for (const InitialValues& beginning : beginnings) {
-      attempts.push_back(Try(beginning, StartsAt(starts_, rovers_, unknown, beginning)));
-      if (IsBetter(attempts.back(), attempts[best])) best = attempts.size() - 1;
+    for (const InitialValues& beginning : elsewhere) {
+      if (IsStopped()) break;
+      attempts.push_back(Try(beginning, SolveBeginning::kArrangedRovers, /*window_nodes=*/0));
+      // Where rovers stand already, another place has to be told from it.
+      const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
+      if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
     }
-    if (best > 0) solution_.beginning = SolveBeginning::kArrangedRovers;
-    for (const Attempt& attempt : attempts) {
-      const bool is_near = attempt.robust_cost - attempts[best].robust_cost < options_.ambiguous_cost;
-      if (!attempt.staged.is_accepted || !is_near) continue;
-      ambiguous_.merge(FindApart(checked_, attempt.staged.state, attempts[best].staged.state));
+    std::set<AgentId> ambiguous;
+    for (const AttemptPointer& attempt : attempts) {
+      const bool is_near = attempt->robust_cost - attempts[best]->robust_cost < options_.ambiguous_cost;
+      if (!attempt->staged.is_accepted || !is_near) continue;
+      ambiguous.merge(FindApart(checked_, attempt->staged.state, attempts[best]->staged.state));
     }
+    attempts[best]->ambiguous = std::move(ambiguous);
     return std::move(attempts[best]);
   }
 
-  static bool IsBetter(const Attempt& a, const Attempt& b) {
-    if (a.staged.is_accepted != b.staged.is_accepted) return a.staged.is_accepted;
-    return a.robust_cost < b.robust_cost;
+  static bool IsBetter(const Attempt& a, const Attempt& b, double margin) {
+    return a.staged.is_accepted && a.robust_cost < b.robust_cost - margin;
   }
 
-  Attempt Try(const InitialValues& initial, const std::vector<StartPrior>& starts) const {
-    const CostTerms terms(checked_, rovers_, starts, agents_, initial,
-                          FindFree(checked_, rovers_, options_.window_nodes), options_);
-    std::optional<std::vector<bool>> first_inliers;
-    if (is_warm_) {
-      first_inliers = FindFirstInliers(checked_, initial, terms.RangeResiduals(terms.initial()), last_, options_);
+  // Whether it was refused, or stands where most ranges of a rover say that it does not.
+  bool IsSuspect(const Attempt& attempt) const {
+    if (!attempt.staged.is_accepted) return true;
+    return attempt.options.window_nodes == 0 && HasMostlyRejected(checked_, attempt.staged.is_inlier);
+  }
+
+  AttemptPointer Try(const InitialValues& initial, SolveBeginning beginning, std::size_t window_nodes) const {
+    auto attempt = std::make_unique<Attempt>();
+    attempt->beginning = beginning;
+    attempt->initial = initial;
+    attempt->starts = StartsAt(initial);
+    attempt->options = options_;
+    attempt->options.window_nodes = window_nodes;
+    attempt->terms = MakeTerms(*attempt, attempt->options);
+    const CostTerms& terms = *attempt->terms;
+    std::optional<FirstVerdicts> first;
+    if (beginning == SolveBeginning::kLastSolution) {
+      first = FindFirstVerdicts(checked_, initial, terms.RangeResiduals(terms.initial()), last_, options_);
     }
-    Attempt attempt;
-    attempt.staged = SolveInStages(terms, checked_, first_inliers, options_);
-    if (!attempt.staged.is_accepted) return attempt;
-    attempt.ranges = JudgeRanges(checked_, terms, attempt.staged);
-    attempt.robust_cost = terms.RobustCost(attempt.staged.state);
-    if (!options_.covariance_of.empty()) attempt.covariances = CovariancesOf(terms, attempt.staged);
+    attempt->staged = SolveInStages(terms, checked_, first, attempt->options);
+    const bool is_accepted = attempt->staged.is_accepted;
+    const double cost = terms.RobustCost(is_accepted ? attempt->staged.state : terms.initial());
+    if (std::isfinite(cost)) attempt->robust_cost = cost;
     return attempt;
   }
 
-  std::map<NodeKey, Matrix6d> CovariancesOf(const CostTerms& terms, const StagedResult& staged) const {
-    std::vector<std::size_t> nodes;
-    for (const NodeKey& key : options_.covariance_of) {
-      if (const std::optional<std::size_t> node = checked_.Find(key)) nodes.push_back(*node);
-    }
-    const std::vector<Matrix6d> found = terms.Covariances(staged.is_inlier, nodes, staged.state);
-    std::map<NodeKey, Matrix6d> covariances;
-    for (std::size_t i = 0; i < found.size(); ++i) covariances[checked_.nodes[nodes[i]].key] = found[i];
-    return covariances;
+  std::unique_ptr<CostTerms> MakeTerms(const Attempt& attempt, const SolverOptions& options) const {
+    return std::make_unique<CostTerms>(checked_, rovers_, attempt.starts, agents_, attempt.initial,
+                                       FindFree(checked_, rovers_, attempt.initial, options.window_nodes), options);
   }
 
-  void Take(Attempt attempt, std::vector<Pose>& poses, std::vector<double>& scales) {
-    solution_.is_accepted = attempt.staged.is_accepted;
-    solution_.text = attempt.staged.text;
-    solution_.initial_cost = attempt.staged.initial_cost;
-    solution_.final_cost = attempt.staged.final_cost;
-    solution_.iterations = attempt.staged.iterations;
-    if (!attempt.staged.is_accepted) return;
-    for (std::size_t node = 0; node < poses.size(); ++node) poses[node] = FromBlock(attempt.staged.state.poses[node]);
-    std::copy_n(attempt.staged.state.numbers.begin(), scales.size(), scales.begin());
-    solution_.ranges = std::move(attempt.ranges);
-    solution_.covariances = std::move(attempt.covariances);
+  // A rover whose start nobody knows is held where this beginning has it, and so loosely that it costs nothing.
+  std::vector<StartPrior> StartsAt(const InitialValues& initial) const {
+    std::vector<StartPrior> starts = starts_;
+    for (const std::size_t i : unknown_) {
+      starts[i].map_from_node = initial.poses[rovers_[i].first];
+      starts[i].sigma_m = kFreeSigmaM;
+      starts[i].sigma_rad = kFreeSigmaRad;
+    }
+    return starts;
+  }
+
+  void Take(Attempt& attempt) {
+    StagedResult& staged = attempt.staged;
+    solution_.is_accepted = staged.is_accepted;
+    solution_.beginning = attempt.beginning;
+    solution_.text = staged.text;
+    solution_.initial_cost = staged.initial_cost;
+    solution_.final_cost = staged.final_cost;
+    solution_.iterations = staged.iterations;
+    if (!staged.is_accepted) return TakePoses([this](std::size_t node) { return initial_.poses[node]; });
+    if (initial_.has_warm && attempt.options.window_nodes == 0) {
+      staged.state =
+          KeepStill(checked_, rovers_, *attempt.terms, staged.is_inlier, last_, options_, std::move(staged.state));
+      solution_.final_cost = attempt.terms->Cost(staged.is_inlier, staged.state);
+    }
+    TakePoses([&staged](std::size_t node) { return FromBlock(staged.state.poses[node]); });
+    solution_.ranges = FindVerdicts(checked_, *attempt.terms, staged, /*is_all=*/false);
+    solution_.rejected_range_count = static_cast<std::size_t>(std::count_if(
+        solution_.ranges.begin(), solution_.ranges.end(), [](const auto& range) { return !range.is_inlier; }));
+    const std::vector<double> scales(staged.state.numbers.begin(),
+                                     staged.state.numbers.begin() + static_cast<std::ptrdiff_t>(rovers_.size()));
+    solution_.rovers =
+        JudgeRovers(checked_, rovers_, starts_, FindVerdicts(checked_, *attempt.terms, staged, /*is_all=*/true), scales,
+                    attempt.ambiguous);
+    TakeCovariances(attempt);
+  }
+
+  // Whether the graph says where in the map a node is, so that an error in the map means anything.
+  bool IsInMap(std::size_t node) const {
+    const AgentId agent = checked_.nodes[node].key.agent;
+    return std::any_of(solution_.rovers.begin(), solution_.rovers.end(), [agent](const RoverResult& rover) {
+      return rover.agent == agent && rover.anchoring != Anchoring::kUnanchored &&
+             rover.anchoring != Anchoring::kYawFree;
+    });
+  }
+
+  // As if every node had moved: in a window all others only stand for the sake of time.
+  void TakeCovariances(const Attempt& attempt) {
+    std::vector<std::size_t> nodes;
+    for (const NodeKey& key : options_.covariance_of) {
+      const std::optional<std::size_t> node = checked_.Find(key);
+      if (node && IsInMap(*node)) nodes.push_back(*node);
+    }
+    if (nodes.empty()) return;
+    SolverOptions full = options_;
+    full.window_nodes = 0;
+    const std::vector<Matrix6d> found =
+        MakeTerms(attempt, full)->Covariances(attempt.staged.is_inlier, nodes, attempt.staged.state);
+    for (std::size_t i = 0; i < found.size(); ++i) solution_.covariances[checked_.nodes[nodes[i]].key] = found[i];
+  }
+
+  template <typename PoseOf>
+  void TakePoses(const PoseOf& pose_of) {
+    for (std::size_t node = 0; node < checked_.nodes.size(); ++node) {
+      solution_.poses.emplace(checked_.nodes[node].key, pose_of(node));
+    }
   }
 
   const AgentFactsMap& agents_;
@@ -243,9 +264,8 @@ class Solver {
   const CheckedGraph checked_;
   std::vector<Rover> rovers_;
   std::vector<StartPrior> starts_;
+  std::vector<std::size_t> unknown_;  // Places in rovers_: without a configured start, joined by ranges.
   InitialValues initial_;
-  bool is_warm_ = false;
-  std::set<AgentId> ambiguous_;
   Solution solution_;
 };
 

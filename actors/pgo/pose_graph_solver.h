@@ -8,16 +8,22 @@
 //
 // in stages: leave out what is damaged (graph_check.h) -> begin at the last solution (initial_values.h) -> ranges under
 // a Cauchy loss, which one long range in twenty cannot pull away -> reject ranges beyond 3.5 sigma -> least squares on
-// the rest, ranges tested anew, until the tests say the same as before. Where nearly all nodes have been solved before,
-// the last verdicts take the place of the Cauchy stage: an unchanged graph then stays where it is. UWB through walls
-// and around rocks measures too long in bursts, and least squares on such ranges is worse than odometry alone.
+// the rest, ranges tested anew, until the tests say the same as before. UWB through walls and around rocks measures too
+// long in bursts, and least squares on such ranges is worse than odometry alone.
+//
+// A warm solve (nearly all nodes have been solved before) begins at the last verdicts instead of the Cauchy stage: an
+// unchanged graph stays where it is. Where a rover's new ranges do not fit its first guess, a Cauchy stage judges them
+// and those that were rejected, while the accepted ones count fully. What moved as a whole without cause goes back
+// (keep_still.h). A rover without a configured start is set down by its ranges (unknown_starts.h), in every solve anew:
+// elsewhere only where that is better by `ambiguous_cost` than where it stands.
 //
 // A solution is accepted only if all numbers are finite, Ceres converged, and F over the accepted ranges is no higher
-// than where the solve began. Otherwise `poses` are the initial values and `text` says why: never a crash.
+// than where the solve began. A warm one that is not, or that rejects most ranges of a rover, is solved from odometry,
+// too, and the lower robust cost counts. If none is accepted, `poses` are the initial values and `text` says why: never
+// a crash.
 //
 // Deterministic: the same values in any order give the same solution, to the last bit for one thread count and binary.
-// A pure function of its arguments; may run on any thread. Measured on one thread from odometry: 0.06 s for 450 nodes
-// with 306 ranges, 2 s for 10,000 nodes with 5,000.
+// A pure function of its arguments; may run on any thread. How long it takes: docs/benchmarks/pose_graph.md.
 //
 //   SolverOptions options;
 //   options.thread_count = 1;
@@ -38,7 +44,7 @@ namespace moondb {
 
 // Which way is up at a node. Raw poses come from visual-inertial odometry, which feels gravity: their roll and pitch
 // are right on slopes too. Recordings made on a floor have bare sums of noisy steps for raw poses, whose tilt is worth
-// nothing; there the ground is level. kChosen: level where no step tilts by more than its covariance explains.
+// nothing; there the ground is level. kChosen: for each rover by what its own way shows (ground.h).
 enum class GravityReference { kChosen, kRawPoses, kLevelGround };
 
 struct SolverOptions {
@@ -53,9 +59,15 @@ struct SolverOptions {
   GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
   double ambiguous_cost = 10;       // Two solutions whose F (robust) differ by less are told apart by nothing.
-  double loose_sigma_m = 10;        // Of a rover's first pose where no start is configured, and beyond a gap.
+  // What moved as a whole by more than either goes back where it was last, unless that costs more (keep_still.h).
+  double still_move_m = 0.01;
+  double still_move_rad = 0.002;
+  double still_cost = 0.25;
+  double loose_sigma_m = 10;  // Of a first pose without configured start that no ranges join, and beyond a gap.
   double loose_sigma_rad = 1;
-  // Only this many newest nodes of each rover move; scales, biases and all else stand. For a quick answer. 0: all.
+  // Only this many newest nodes of each rover move, and those that no solve has placed yet; scales, biases and all else
+  // stand. For a quick answer. 0: all. All move, too, where less than 80 % of the nodes have been solved before, and
+  // where a rover without a configured start might stand elsewhere.
   std::size_t window_nodes = 0;
   // Nodes whose covariance is wanted, too. Costs about as much as a warm solve.
   std::vector<NodeKey> covariance_of = {};
@@ -71,7 +83,7 @@ struct LastSolution {
 
 enum class Anchoring {
   kAnchored,    // Accepted ranges join it, directly or over others, with a configured start or two base stations.
-  kNoRanges,    // A configured start, then odometry alone: its error grows with the way.
+  kNoRanges,    // A configured start, then odometry alone: no accepted range to anybody who is in the map.
   kYawFree,     // Ranges join it with one base station and no start: all may turn about the base station.
   kAmbiguous,   // Somewhere else it would stand nearly as well.
   kUnanchored,  // Nothing ties it to the map: its poses are right among themselves only.
@@ -80,7 +92,7 @@ enum class Anchoring {
 // Where the solve that counts began.
 enum class SolveBeginning {
   kOdometry,        // Start poses and odometry.
-  kLastSolution,    // With at least 80 % of the nodes.
+  kLastSolution,    // With at least 80 % of the nodes that do not stand fixed.
   kArrangedRovers,  // Rovers without a known start were set down by their ranges.
 };
 
@@ -110,10 +122,11 @@ struct Solution {
   std::string text;                  // Empty, or why the poses are the old ones, or what was left out. One line.
   std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, base stations too.
   std::vector<RangeVerdict> ranges;  // Of the last stage; empty when not accepted.
-  // Of SolverOptions::covariance_of, as far as they are usable nodes and the graph determines them: of the position in
-  // the frame `map` (m), then of the turn in the node's own frame (rad).
+  // Of SolverOptions::covariance_of those of rovers whose place in the map is known (not kYawFree, not kUnanchored): of
+  // the position in the frame `map` (m), then of the turn in the node's own frame (rad). Also of nodes outside a
+  // window. A base station's nodes have none, and an ambiguous rover's holds at the place where it was set down.
   std::map<NodeKey, Matrix6d> covariances;
-  std::vector<RoverResult> rovers;  // By agent.
+  std::vector<RoverResult> rovers;  // By agent; empty when not accepted.
   LeftOutMap left_out;              // What was not usable.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;

@@ -12,6 +12,22 @@ namespace {
 // A rejected range comes back a little later than it went, lest tests say one thing and the other in turn.
 constexpr double kReturnPart = 0.9;
 constexpr double kNewRangeSlack = 2;  // A new node's first guess is odometry's.
+constexpr double kMisfitShareMax = 0.4;
+constexpr double kRejectedShareMax = 0.5;
+constexpr double kJudgedRangesMin = 4;  // Fewer say nothing of a rover.
+constexpr double kBurstIntervals = 3;   // Ranges further apart than so many of the pair's usual intervals are no burst.
+
+struct Share {
+  double part = 0;
+  double whole = 0;
+
+  void Add(bool is_part) {
+    part += is_part;
+    ++whole;
+  }
+
+  bool IsMoreThan(double share) const { return part > share * whole; }
+};
 
 // The ranges of each pair of agents, in order of time.
 std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
@@ -32,11 +48,18 @@ std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
 
 // What blocks a line of sight does so for a while: beside a rejected range of the same pair, one that errs the same way
 // needs less to be doubted.
-void ExtendBursts(const std::vector<std::size_t>& series, const std::vector<double>& residuals,
-                  const std::vector<double>& limits, std::vector<bool>& is_inlier) {
+void ExtendBursts(const CheckedGraph& graph, const std::vector<std::size_t>& series,
+                  const std::vector<double>& residuals, const std::vector<double>& limits,
+                  std::vector<bool>& is_inlier) {
+  const auto stamp_of = [&graph](std::size_t range) { return static_cast<double>(graph.ranges[range].edge->stamp_ns); };
+  std::vector<double> intervals;
+  for (std::size_t i = 1; i < series.size(); ++i) intervals.push_back(stamp_of(series[i]) - stamp_of(series[i - 1]));
+  std::sort(intervals.begin(), intervals.end());
+  const double apart_max = intervals.empty() ? 0 : kBurstIntervals * intervals[intervals.size() / 2];
   const auto extend = [&](std::size_t from, std::size_t to) {
     const bool is_same_way = residuals[from] * residuals[to] > 0;
-    if (!is_inlier[from] && is_same_way && std::abs(residuals[to]) > limits[to]) is_inlier[to] = false;
+    const bool is_near = std::abs(stamp_of(from) - stamp_of(to)) <= apart_max;
+    if (!is_inlier[from] && is_near && is_same_way && std::abs(residuals[to]) > limits[to]) is_inlier[to] = false;
   };
   for (std::size_t i = 1; i < series.size(); ++i) extend(series[i - 1], series[i]);
   for (std::size_t i = series.size(); i-- > 1;) extend(series[i], series[i - 1]);
@@ -54,23 +77,44 @@ std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms,
     burst_limits[i] = part * options.burst_sigmas;
   }
   for (const std::vector<std::size_t>& series : FindSeries(graph)) {
-    ExtendBursts(series, residuals, burst_limits, is_inlier);
+    ExtendBursts(graph, series, residuals, burst_limits, is_inlier);
   }
   return is_inlier;
 }
 
-std::vector<bool> FindFirstInliers(const CheckedGraph& graph, const InitialValues& initial,
-                                   const std::vector<double>& residuals, const LastSolution& last,
-                                   const SolverOptions& options) {
-  std::vector<bool> is_inlier(residuals.size());
+bool HasMostlyRejected(const CheckedGraph& graph, const std::vector<bool>& is_inlier) {
+  std::map<AgentId, Share> rejected;
+  for (std::size_t i = 0; i < graph.ranges.size(); ++i) {
+    rejected[graph.ranges[i].edge->from.agent].Add(!is_inlier[i]);
+    rejected[graph.ranges[i].edge->to.agent].Add(!is_inlier[i]);
+  }
+  return std::any_of(rejected.begin(), rejected.end(), [](const auto& agent) {
+    return agent.second.whole >= kJudgedRangesMin && agent.second.IsMoreThan(kRejectedShareMax);
+  });
+}
+
+FirstVerdicts FindFirstVerdicts(const CheckedGraph& graph, const InitialValues& initial,
+                                const std::vector<double>& residuals, const LastSolution& last,
+                                const SolverOptions& options) {
+  FirstVerdicts verdicts;
+  std::map<AgentId, Share> misfits;  // Of ranges with an agent's new nodes.
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const CheckedRange& range = graph.ranges[i];
-    const bool is_old = (initial.is_warm[range.from] || graph.nodes[range.from].is_fixed) &&
-                        (initial.is_warm[range.to] || graph.nodes[range.to].is_fixed);
-    is_inlier[i] = is_old ? !last.rejected.contains({range.edge->from, range.edge->to})
-                          : std::abs(residuals[i]) <= kNewRangeSlack * options.reject_sigmas;
+    const bool is_from_known = IsKnown(graph, initial, range.from);
+    const bool is_to_known = IsKnown(graph, initial, range.to);
+    const bool is_old = is_from_known && is_to_known;
+    const bool was_inlier = !is_old || !last.rejected.contains({range.edge->from, range.edge->to});
+    const bool fits = std::abs(residuals[i]) <= kNewRangeSlack * options.reject_sigmas;
+    verdicts.is_inlier.push_back(is_old ? was_inlier : fits);
+    verdicts.is_inlier_before.push_back(was_inlier);
+    verdicts.is_trusted.push_back(is_old && was_inlier);
+    if (!is_from_known) misfits[range.edge->from.agent].Add(!fits);
+    if (!is_to_known) misfits[range.edge->to.agent].Add(!fits);
   }
-  return is_inlier;
+  verdicts.is_doubtful = std::any_of(misfits.begin(), misfits.end(),
+                                     [](const auto& agent) { return agent.second.IsMoreThan(kMisfitShareMax); }) ||
+                         HasMostlyRejected(graph, verdicts.is_inlier);
+  return verdicts;
 }
 
 }  // namespace moondb

@@ -27,12 +27,21 @@ std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set
   return anchored;
 }
 
+// What stands in for a configured start.
+std::string WhereElse(const RoverResult& rover) {
+  if (rover.anchoring != Anchoring::kUnanchored) return ": its ranges say where it is";
+  return rover.range_count > 0 ? ": its ranges say how it stands to other rovers" : ": begins at its raw pose";
+}
+
 std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const StartPrior& start,
                    std::size_t part_count) {
   std::string text;
   const auto say = [&text](const std::string& line) { text += (text.empty() ? "" : "; ") + line; };
-  if (!start.is_configured) say("no start pose configured for its first node: begins at its raw pose");
-  if (rover.anchoring == Anchoring::kNoRanges) say("no accepted range: start pose and odometry alone");
+  if (!start.is_configured) say("no start pose configured for its first node" + WhereElse(rover));
+  if (rover.anchoring == Anchoring::kNoRanges) {
+    const std::string which = rover.range_count > 0 ? "no accepted range to a rover in the map" : "no accepted range";
+    say(which + ": start pose and odometry alone");
+  }
   if (rover.anchoring == Anchoring::kUnanchored) say("nothing ties it to the map");
   if (rover.anchoring == Anchoring::kYawFree) say("nothing says how it is turned about the base station");
   if (rover.anchoring == Anchoring::kAmbiguous) say("ambiguous: it would stand nearly as well elsewhere");
@@ -43,20 +52,10 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
   return text;
 }
 
-// Fixed nodes hold a team's place; two apart from each other its yaw, too.
-bool HoldFixedNodesYaw(const CheckedGraph& graph) {
-  const CheckedNode* first = nullptr;
-  for (const CheckedNode& node : graph.nodes) {
-    if (!node.is_fixed) continue;
-    if (first == nullptr) first = &node;
-    if ((node.raw.position_m - first->raw.position_m).head<2>().norm() > kApartM) return true;
-  }
-  return false;
-}
-
 struct RoversInMap {
   std::set<AgentId> anchored;
   std::set<AgentId> yaw_free;
+  std::map<AgentId, std::size_t> ranges_in_map;  // Accepted ones to others that are in the map, too.
 };
 
 RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rovers,
@@ -70,9 +69,15 @@ RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rover
     if (starts[i].is_configured) configured.insert(rovers[i].agent);
   }
   RoversInMap result;
-  if (HoldFixedNodesYaw(graph)) configured.insert(fixed.begin(), fixed.end());
+  if (FixedNodesHoldYaw(graph)) configured.insert(fixed.begin(), fixed.end());
   result.anchored = FindAnchored(ranges, configured);
   result.yaw_free = FindAnchored(ranges, fixed);
+  for (const RangeVerdict& range : ranges) {
+    const auto is_in_map = [&](AgentId agent) { return fixed.contains(agent) || result.anchored.contains(agent); };
+    if (!range.is_inlier) continue;
+    result.ranges_in_map[range.from.agent] += is_in_map(range.to.agent);
+    result.ranges_in_map[range.to.agent] += is_in_map(range.from.agent);
+  }
   return result;
 }
 
@@ -87,7 +92,7 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
     ++accepted[range.from.agent];
     ++accepted[range.to.agent];
   }
-  const RoversInMap in_map = FindInMap(graph, rovers, starts, ranges);
+  RoversInMap in_map = FindInMap(graph, rovers, starts, ranges);
   std::vector<RoverResult> results;
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     RoverResult result;
@@ -96,7 +101,7 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
     result.node_count = rovers[i].count;
     result.range_count = accepted[result.agent];
     if (in_map.anchored.contains(result.agent)) {
-      result.anchoring = result.range_count > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
+      result.anchoring = in_map.ranges_in_map[result.agent] > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
       if (ambiguous.contains(result.agent)) result.anchoring = Anchoring::kAmbiguous;
     } else if (in_map.yaw_free.contains(result.agent)) {
       result.anchoring = Anchoring::kYawFree;

@@ -10,8 +10,6 @@
 
 namespace moondb {
 
-inline constexpr double kApartM = 1;  // Places nearer than this count as one.
-
 // `scales`: s of each rover; `ambiguous`: rovers that would stand nearly as well elsewhere.
 std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,

@@ -35,4 +35,13 @@ AgentFactsMap FactsOf(const proto::TeamConfig& team) {
   return facts;
 }
 
+AgentFactsMap FactsOf(const Mission& mission) {
+  AgentFactsMap facts;
+  for (const MissionAgent& agent : mission.agents) {
+    facts[agent.id] = AgentFacts{
+        agent.id, agent.is_base_station, agent.start, agent.start_sigma_m, agent.start_sigma_rad, agent.antenna_m};
+  }
+  return facts;
+}
+
 }  // namespace moondb

@@ -67,6 +67,12 @@ TEST(G2oTest, ReadsAGraphOfEdgesAlone) {
   EXPECT_EQ(FormatG2o(*g2o), text);
 }
 
+TEST(G2oTest, RefusesToFixAVertexThatNoEdgeNames) {
+  const std::string edge = "EDGE_SE2 0 5 1 0 0.5 1 0 0 1 0 1\n";
+  EXPECT_TRUE(ParseG2o("FIX 5\n" + edge, "graph.g2o"));
+  EXPECT_EQ(ErrorOf("FIX 99\n" + edge), "graph.g2o:1: no vertex has the id 99");
+}
+
 TEST(G2oTest, NamesTheLineOfEachError) {
   const std::string text = kPlanar;
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 1 0 0 0\n"), "graph.g2o:4: the vertex 1 stands here a second time");

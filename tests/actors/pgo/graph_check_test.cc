@@ -58,6 +58,39 @@ TEST_F(GraphCheckTest, LeavesOutWhatIsDamagedAndSaysWhy) {
   EXPECT_EQ(checked.left_out.at(3).first, "agent 3, node 0: its pose is not finite or not a rotation");
 }
 
+TEST_F(GraphCheckTest, KeepsTheSameOneOfDoubledRecordsWhateverCameFirst) {
+  for (const bool is_first : {false, true}) {
+    graph_.nodes.resize(4);
+    const GraphNode other{{1, 1}, 0, Pose::FromPlanar(is_first ? 7 : 8, 0, 0)};
+    const GraphNode another{{1, 1}, 0, Pose::FromPlanar(is_first ? 8 : 7, 0, 0)};
+    graph_.nodes[1] = other;
+    graph_.nodes.push_back(another);
+    graph_.ranges = {{{1, 0}, {2, 0}, 0, is_first ? 3.0 : 4.0, 0.01}, {{1, 0}, {2, 0}, 0, is_first ? 4.0 : 3.0, 0.01}};
+    const CheckedGraph checked = Checked();
+    ASSERT_EQ(checked.nodes.size(), 5u);
+    EXPECT_EQ(checked.nodes[1].raw.position_m.x(), 7);
+    ASSERT_EQ(checked.ranges.size(), 1u);
+    EXPECT_EQ(checked.ranges[0].edge->range_m, 3);
+    EXPECT_EQ(checked.left_out.at(1).count, 2u);
+    EXPECT_EQ(checked.left_out.at(1).first, "agent 1, node 1: is there more than once");
+  }
+}
+
+TEST_F(GraphCheckTest, SaysNothingOfABaseStationThatTheGraphHasToo) {
+  graph_.nodes.push_back(GraphNode{{4, 0}, 0, Pose{}});
+  const CheckedGraph checked = Checked();
+  EXPECT_EQ(checked.nodes.size(), 5u);
+  EXPECT_TRUE(checked.left_out.empty());
+}
+
+TEST_F(GraphCheckTest, NormalisesTurns) {
+  graph_.odometry = {Step(0, 1)};
+  graph_.odometry[0].from_from_to.orientation.coeffs() *= 1.5;
+  const CheckedGraph checked = Checked();
+  ASSERT_EQ(checked.odometry.size(), 1u);
+  EXPECT_NEAR(checked.odometry[0].from_from_to.orientation.norm(), 1, 1e-12);
+}
+
 TEST_F(GraphCheckTest, FindsTheGapsOfARoversOdometry) {
   graph_.odometry = {Step(0, 1)};
   const CheckedGraph checked = Checked();

@@ -156,6 +156,43 @@ TEST_P(PlainSolverTest, SolvesWhatNothingJoins) {
   EXPECT_TRUE(solution.has_converged);
   EXPECT_LT(solution.cost, 1e-9);
   EXPECT_EQ(solution.poses.size(), 21u);
+  EXPECT_EQ(solution.text, "3 parts that nothing joins: how they stand to each other is not known");
+}
+
+// Landmarks that ranges alone tie to each other.
+TEST_P(PlainSolverTest, SolvesPointsAlone) {
+  Drive drive(GetParam());
+  const double height_m = GetParam() ? 0 : 2;
+  std::vector<std::size_t> points;
+  for (const Eigen::Vector3d& at :
+       {Eigen::Vector3d(0, 0, 0), {4, 0, 0}, {0, 3, height_m}, {5, 4, 0}, {1, 7, height_m}}) {
+    points.push_back(drive.AddPoint(at));
+    for (std::size_t i = 0; i + 1 < points.size(); ++i) drive.Range(points[i], points.back());
+  }
+  const PlainSolution solution = SolvePlainGraph(drive.graph(), OneThread());
+  EXPECT_TRUE(solution.has_converged) << solution.text;
+  EXPECT_LT(solution.cost, 1e-6);
+  EXPECT_LT(ShapeErrorM(drive.graph(), solution.poses), 0.01);
+}
+
+TEST_P(PlainSolverTest, SaysThatAMirroredShapeFitsAsWell) {
+  Drive drive(GetParam());
+  Pose pose;
+  std::vector<std::size_t> nodes;
+  for (std::uint64_t i = 0; i < 20; ++i) {  // A straight line.
+    nodes.push_back(drive.graph().nodes.size());
+    drive.graph().nodes.push_back({NodeKey{1, i}, pose, static_cast<std::int64_t>(i), false, false});
+    if (i > 0) drive.graph().steps.push_back({nodes[i - 1], nodes[i], Pose::FromPlanar(1, 0, 0), 100, 50});
+    pose = pose * Pose::FromPlanar(1, 0, 0);
+  }
+  // In space it takes two: one point on a circle about the line is the whole turned.
+  for (const Eigen::Vector3d& at : {Eigen::Vector3d(8, 5, 0), Eigen::Vector3d(12, -3, 0)}) {
+    const std::size_t point = drive.AddPoint(at);
+    for (const std::size_t node : nodes) drive.Range(node, point);
+  }
+  const PlainSolution solution = SolvePlainGraph(drive.graph(), OneThread());
+  EXPECT_TRUE(solution.has_converged);
+  EXPECT_EQ(solution.text, "ambiguous: another shape fits as well");
 }
 
 TEST_P(PlainSolverTest, SolvesOneNodeAndNone) {
@@ -178,6 +215,33 @@ TEST(PlainGraphTest, TakesVerticesFromEdgesWhereThereAreNoOthers) {
   const PlainSolution solution = SolvePlainGraph(graph, OneThread());
   EXPECT_TRUE(solution.has_converged);
   EXPECT_LT((solution.poses[2].position_m - Eigen::Vector3d(1 + 2 * std::cos(0.5), 2 * std::sin(0.5), 0)).norm(), 1e-9);
+}
+
+TEST(PlainGraphTest, DoesNotTakeAFailedSolveForTheBest) {
+  const std::string unit = " 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n";
+  const std::string huge = " 1e120 0 0 0 0 0 1e120 0 0 0 0 1e120 0 0 0 1e120 0 0 1e120 0 1e120\n";
+  const std::string text = "EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1" + unit + "EDGE_SE3:QUAT 1 2 1 0 0 0 0 0 1" + unit +
+                           "EDGE_SE3:QUAT 0 2 5 0 0 0 0 0 1" + huge;
+  const Result<G2o> g2o = ParseG2o(text, "graph.g2o");
+  ASSERT_TRUE(g2o) << ToString(g2o.error());
+  const PlainSolution solution = SolvePlainGraph(ToPlainGraph(*g2o), OneThread());
+  EXPECT_GE(solution.cost, 0);
+  EXPECT_EQ(solution.poses.size(), 3u);
+  EXPECT_TRUE(solution.has_converged || !solution.text.empty());
+}
+
+TEST(PlainSolverStopTest, StopsBeforeTheFirstRoad) {
+  Drive drive(true);
+  const auto a = drive.AddRobot(1, Pose{}, 20);
+  const auto b = drive.AddRobot(2, Pose::FromPlanar(15, -8, 2), 20);
+  for (std::size_t i = 0; i < a.size(); ++i) drive.Range(a[i], b[i]);
+  PlainOptions options = OneThread();
+  options.stop_requested = [] { return true; };
+  const PlainSolution solution = SolvePlainGraph(drive.graph(), options);
+  EXPECT_FALSE(solution.has_converged);
+  EXPECT_EQ(solution.text, "stopped");
+  EXPECT_EQ(solution.poses.size(), 40u);
+  EXPECT_FALSE(std::isfinite(solution.cost)) << "nothing was solved";
 }
 
 TEST(PlainSolverStopTest, StopsWhenAsked) {
