@@ -105,6 +105,7 @@ struct RoverResult {
   double odometry_scale = 1;  // 1 + s: true length over odometry's.
   std::size_t node_count = 0;
   std::size_t range_count = 0;  // Accepted ones at this rover.
+  std::size_t rejected_range_count = 0;
   std::string text;             // What could not be determined; empty when nothing.
 };
 

@@ -45,6 +45,11 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
   if (rover.anchoring == Anchoring::kUnanchored) say("nothing ties it to the map");
   if (rover.anchoring == Anchoring::kYawFree) say("nothing says how it is turned about the base station");
   if (rover.anchoring == Anchoring::kAmbiguous) say("ambiguous: it would stand nearly as well elsewhere");
+  if (3 * rover.rejected_range_count > rover.range_count + rover.rejected_range_count) {
+    say(std::to_string(rover.rejected_range_count) + " of its " +
+        std::to_string(rover.range_count + rover.rejected_range_count) +
+        " ranges contradict the rest: is its start right, or another rover's, are the radios?");
+  }
   if (part_count > 1) say("its odometry is interrupted in " + std::to_string(part_count - 1) + " places");
   if (const auto found = graph.left_out.find(rover.agent); found != graph.left_out.end()) {
     say(std::to_string(found->second.count) + " records left out, first: " + found->second.first);
@@ -87,10 +92,11 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
                                      const std::vector<StartPrior>& starts, const std::vector<RangeVerdict>& ranges,
                                      const std::vector<double>& scales, const std::set<AgentId>& ambiguous) {
   std::map<AgentId, std::size_t> accepted;
+  std::map<AgentId, std::size_t> rejected;
   for (const RangeVerdict& range : ranges) {
-    if (!range.is_inlier) continue;
-    ++accepted[range.from.agent];
-    ++accepted[range.to.agent];
+    std::map<AgentId, std::size_t>& counts = range.is_inlier ? accepted : rejected;
+    ++counts[range.from.agent];
+    ++counts[range.to.agent];
   }
   RoversInMap in_map = FindInMap(graph, rovers, starts, ranges);
   std::vector<RoverResult> results;
@@ -100,6 +106,7 @@ std::vector<RoverResult> JudgeRovers(const CheckedGraph& graph, const std::vecto
     result.odometry_scale = 1 + scales[i];
     result.node_count = rovers[i].count;
     result.range_count = accepted[result.agent];
+    result.rejected_range_count = rejected[result.agent];
     if (in_map.anchored.contains(result.agent)) {
       result.anchoring = in_map.ranges_in_map[result.agent] > 0 ? Anchoring::kAnchored : Anchoring::kNoRanges;
       if (ambiguous.contains(result.agent)) result.anchoring = Anchoring::kAmbiguous;

@@ -209,6 +209,28 @@ TEST_F(ProcessTest, OperatesTheWholeTeamThroughTheBaseStation) {
   EXPECT_THAT(MoonctlExpecting(0, {"--via", "base", "-a", "rover3", "status"}), HasSubstr("rover3"));
 }
 
+TEST_F(ProcessTest, TellsTheTeamsStoryAndReadsTheFileOfARunningAgent) {
+  MoonctlExpecting(0, {"up"});
+  MoonctlExpecting(0, {"role", "set", "rover2", "leader", "--reason", "sun is low"});
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  const std::string log = MoonctlExpecting(0, {"log"});
+  EXPECT_THAT(log, HasSubstr("started, moondb"));
+  EXPECT_THAT(log, HasSubstr("rover2 leads, "));
+  EXPECT_THAT(log, HasSubstr("role set: leader rover2 (sun is low) ("));
+  EXPECT_THAT(log, HasSubstr("sync now ("));
+  EXPECT_THAT(MoonctlExpecting(0, {"log", "--origin", "base"}), Not(HasSubstr("rover2")));
+  EXPECT_FALSE(List(MoonctlJson(0, {"log"}), "events").empty());
+
+  const std::string started = "SELECT count(*) FROM v_event WHERE kind = 'started'";
+  EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "db", "query", started}), HasSubstr("\n       4"));
+  MoonctlExpecting(2, {"-a", "rover2", "db", "query", "DELETE FROM agent_event"});
+  MoonctlExpecting(2, {"db", "query", started});
+  MoonctlExpecting(2, {"--via", "base", "-a", "rover2", "db", "query", started});
+  MoonctlExpecting(0, {"-a", "rover2", "db", "backup", folder_ / "copy.sqlite"});
+  MoonctlExpecting(2, {"-a", "rover2", "db", "backup", folder_ / "copy.sqlite"});
+  MoonctlExpecting(1, {"-a", "rover2", "db", "backup", folder_ / "none" / "copy.sqlite"});
+}
+
 TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   const auto agent = StartAgent("rover1");
   ASSERT_TRUE(Until([&] { return agent->Out().find("ready: rover1") == 0; }));

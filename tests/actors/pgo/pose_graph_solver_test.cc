@@ -44,6 +44,16 @@ TEST_F(PoseGraphSolverTest, ComesNearerToTheTruthThanOdometry) {
   }
 }
 
+TEST_F(PoseGraphSolverTest, SaysWhereRangesContradictAConfiguredStart) {
+  Scenario scenario = MakeScenario({.seed = 6});
+  for (const RoverResult& rover : Solve(scenario).rovers) EXPECT_EQ(rover.text, "");
+  scenario.agents.at(2).start->position_m.x() += 30;
+  const Solution solution = Solve(scenario);
+  ASSERT_TRUE(solution.is_accepted) << solution.text;
+  ASSERT_GE(solution.rovers.size(), 2u);
+  EXPECT_THAT(solution.rovers[1].text, testing::HasSubstr("ranges contradict the rest"));
+}
+
 TEST_F(PoseGraphSolverTest, FindsTheLongRanges) {
   for (const std::uint64_t seed : {4, 5}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
