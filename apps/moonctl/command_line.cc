@@ -5,6 +5,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/moonctl/command_notes.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/manual_page.h"
 
 namespace moondb {
 namespace {
@@ -19,16 +20,27 @@ void AddVersionCommand(CLI::App& app, CommandContext& context) {
   });
 }
 
+void AddManCommand(CLI::App& app, CommandContext& context) {
+  app.add_subcommand("man", "Print the manual page, moonctl.1")->callback([&app, &context] {
+    context.action = [&app, &context] {
+      const std::string page = ManualPage(app, MOONDB_VERSION);
+      JsonWriter json;
+      json.BeginObject().Key("roff").String(page).EndObject();
+      return context.Done(json.text(), page);
+    };
+  });
+}
+
 }  // namespace
 
 void AddCommandLine(CLI::App& app, CommandContext& context) {
   app.require_subcommand(1);
   app.fallthrough();  // Global options may stand behind the command.
-  app.add_option("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)");
-  app.add_option("-a,--agent", context.agent, "Ask this agent");
+  app.add_option("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)")->type_name("FILE");
+  app.add_option("-a,--agent", context.agent, "Ask this agent")->type_name("AGENT");
   app.add_flag("--json", context.is_json, "One JSON document on stdout");
-  app.add_option("--via", context.via, "Ask all agents through this one, over the radio: base");
-  app.add_option("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m");
+  app.add_option("--via", context.via, "Ask all agents through this one, over the radio: base")->type_name("AGENT");
+  app.add_option("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m")->type_name("DURATION");
   app.add_flag("--watch{2}", context.watch,
                "Again every 2 s (--watch=10: every 10 s); for commands that show something");
   app.set_version_flag("--version", "moonctl " MOONDB_VERSION);
@@ -44,6 +56,8 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   AddDbCommands(app, context);
   AddTraceCommand(app, context);
   AddConfigCommands(app, context);
+  AddCompletionCommand(app, context);
+  AddManCommand(app, context);
   AddVersionCommand(app, context);
   AddExamples(app);
 }

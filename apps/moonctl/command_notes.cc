@@ -48,7 +48,10 @@ constexpr CommandNote kNotes[] = {
     {"trace", "moonctl trace -a rover1 --actor sync --events 20", kShows},
     {"config check", "moonctl config check team.yaml"},
     {"config show", "moonctl config show team.yaml"},
+    {"config schema", "moonctl config schema > team.schema.json"},
     {"config init", "moonctl config init --agents 4 my-team/team.yaml"},
+    {"completion", "moonctl completion bash > ~/.local/share/bash-completion/completions/moonctl"},
+    {"man", "moonctl man > moonctl.1"},
     {"version", "moonctl version --json"},
 };
 

@@ -254,7 +254,7 @@ void AddGraphCommands(CLI::App& app, CommandContext& context) {
   auto file = std::make_shared<std::string>();
   CLI::App& imported =
       *group.add_subcommand("import", "Insert a PyFG or g2o file, each rover's part at its own agent (g2o: see -a)");
-  imported.add_option("file", *file, "A .g2o file; anything else is read as PyFG")->required();
+  imported.add_option("file", *file, "A .g2o file; anything else is read as PyFG")->type_name("FILE")->required();
   imported.callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });
 
   AddGraphExport(group, context);

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "apps/moonctl/command_line.h"
+#include "apps/moonctl/completion_command.h"
 #include "apps/moonctl/mistyped.h"
 #include "apps/moonctl/watch.h"
 
@@ -20,11 +21,14 @@ ExitCode Run(int argc, char** argv) {
   CommandContext context(OwnFolder());
   CLI::App app(kProgramDescription, kProgramName);
   AddCommandLine(app, context);
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  if (!words.empty() && words.front() == kCompleteWord) {
+    return PrintCompletions(app, {words.begin() + 1, words.end()}, context);
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return static_cast<ExitCode>(app.exit(error));  // --help
-    const std::vector<std::string> words(argv + 1, argv + argc);
     const auto mistyped = DescribeMistyped(app, words);
     // The flag may stand behind what could not be parsed.
     context.is_json = std::find(words.begin(), words.end(), "--json") != words.end();

@@ -68,11 +68,11 @@ void AddMapCommands(CLI::App& app, CommandContext& context) {
   group.require_subcommand(1);
   auto arguments = std::make_shared<MapArguments>();
   CLI::App& exported = *group.add_subcommand("export", "Merge at the leader (or -a) and write the map");
-  exported.add_option("folder", arguments->folder, "Made if it is missing")->required();
+  exported.add_option("folder", arguments->folder, "Made if it is missing")->type_name("FOLDER")->required();
   exported.add_option("--format", arguments->format, "ros (map.yaml and map.pgm) or png (a picture)")
       ->check(CLI::IsMember({"ros", "png"}));
   exported.add_flag("--raw-poses", arguments->use_raw_poses, "Ignore optimized poses");
-  exported.add_option("--agents", arguments->agents, "Maps of these agents only");
+  exported.add_option("--agents", arguments->agents, "Maps of these agents only")->type_name("AGENT");
   exported.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportMap(context, *arguments); }; });
   AddMapQuestions(group, context);

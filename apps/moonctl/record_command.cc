@@ -169,11 +169,14 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<RecordArguments>();
 
   CLI::App& insert = *group.add_subcommand("insert", "Insert one record, as the agent's own");
-  insert.add_option("type", arguments->type, "Such as temperature, or a custom type of the team file")->required();
+  insert.add_option("type", arguments->type, "Such as temperature, or a custom type of the team file")
+      ->type_name("DATATYPE")
+      ->required();
   insert.add_option("json", arguments->json,
                     "Its body, such as {\"celsius\": -20}; @FILE reads it. Of a custom type {\"payload\": BASE64, "
                     "\"latest_key\": BASE64, \"metadata\": TEXT}, or payload_text and latest_key_text");
-  insert.add_option("--payload-file", arguments->payload_file, "A custom type's payload is this file");
+  insert.add_option("--payload-file", arguments->payload_file, "A custom type's payload is this file")
+      ->type_name("FILE");
   insert.add_flag("--local", arguments->is_local, "Keep it on this agent");
   insert.callback(
       [&context, arguments] { context.action = [&context, arguments] { return InsertRecord(context, *arguments); }; });
@@ -184,8 +187,8 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
       [&context, arguments] { context.action = [&context, arguments] { return GetRecord(context, *arguments); }; });
 
   CLI::App& list = *group.add_subcommand("list", "The newest records");
-  list.add_option("type", arguments->type, "Of this data type only");
-  list.add_option("--origin", arguments->origin, "Of this agent only");
+  list.add_option("type", arguments->type, "Of this data type only")->type_name("DATATYPE");
+  list.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
   list.add_option("--limit", arguments->limit, "At most so many (20)")->check(CLI::Range(1u, kListMax));
   list.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ListRecords(context, *arguments); }; });
