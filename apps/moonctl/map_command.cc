@@ -52,11 +52,11 @@ FileNotes NotesOn(const proto::TeamConfig& team, const std::string& agent, const
   return {{"team", team.team()},
           {"agent", agent},
           {"time", FormatUtc(UtcNowNs())},
-          {"maps of", names.empty() ? "everybody" : names},
+          {"maps_of", names.empty() ? "everybody" : names},
           {"maps", FormatCount(reply.map_count())},
-          {"maps that wait for their nodes", FormatCount(reply.waiting_map_count())},
+          {"waiting_maps", FormatCount(reply.waiting_map_count())},
           {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"},
-          {"out of the agent's reach", unreached}};
+          {"out_of_reach", unreached}};
 }
 
 std::string ExportText(const MapExport& exported, const std::vector<std::filesystem::path>& files,
