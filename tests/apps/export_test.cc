@@ -110,12 +110,12 @@ TEST_F(ExportTest, SaysInOneLineWhatIsWrong) {
     EXPECT_EQ(std::count(outcome.error.begin(), outcome.error.end(), '\n'), 1) << outcome.error;
     EXPECT_EQ(outcome.out, "");
   };
-  check(2, "did you mean \"export\"?", {"map", "exprot", "x"});
-  check(2, "the team file does not say where the map lies", {"map", "export", "x", "--format", "geotiff"});
-  check(2, "no such file", {"map", "export", "x", "-t", folder_ / "none.yaml"});
+  check(2, "did you mean \"export\"?", {"map", "exprot", folder_ / "x"});
+  check(2, "the team file does not say where the map lies", {"map", "export", folder_ / "x", "--format", "geotiff"});
+  check(2, "no such file", {"map", "export", folder_ / "x", "-t", folder_ / "none.yaml"});
   check(2, "no such file", {"config", "show", folder_ / "none.yaml"});
-  check(3, "rover1 is not running", {"map", "export", "x", "-a", "rover1"});
-  EXPECT_FALSE(std::filesystem::exists("x"));
+  check(3, "rover1 is not running", {"map", "export", folder_ / "x", "-a", "rover1"});
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "x"));
   MoonctlExpecting(0, {"up"});
   check(1, "holds no map", {"map", "export", folder_ / "map"});
   EXPECT_FALSE(std::filesystem::exists(folder_ / "map"));

@@ -67,9 +67,9 @@ TEST_F(WatchTest, PrintsOneDocumentALineAsJson) {
 TEST_F(WatchTest, RefusesWhatChangesSomethingAndWhatIsNoPeriod) {
   for (const std::vector<std::string>& words : {std::vector<std::string>{"role", "swap"},
                                                 {"sync", "now"},
-                                                {"map", "export", "x"},
+                                                {"map", "export", folder_ / "x"},
                                                 {"up"},
-                                                {"config", "init", "x"}}) {
+                                                {"config", "init", folder_ / "x"}}) {
     std::vector<std::string> watched = words;
     watched.push_back("--watch");
     const Outcome outcome = Moonctl(watched);

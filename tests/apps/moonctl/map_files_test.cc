@@ -1,6 +1,11 @@
 #include "apps/moonctl/map_files.h"
 
 #include <gmock/gmock.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <thread>
 
 #include "model/png.h"
 #include "model/text.h"
@@ -47,6 +52,35 @@ TEST_F(MapFilesTest, EachFormatHoldsTheNotes) {
     ASSERT_TRUE(files) << ToString(files.error());
     EXPECT_THAT(*ReadTextFile(files->back()), HasSubstr("rover1")) << format;
   }
+}
+
+// What an interrupted process would leave behind, as a handler sees it.
+char picture_file[256];
+char text_file[256];
+std::atomic<int> half_count = 0;
+
+void LookAtFiles(int) {
+  if (::access(picture_file, F_OK) == 0 && ::access(text_file, F_OK) != 0) ++half_count;
+}
+
+TEST_F(MapFilesTest, ASignalFindsBothFilesOrNone) {
+  const auto before = std::signal(SIGINT, LookAtFiles);
+  const pthread_t writer = ::pthread_self();
+  std::atomic<bool> is_done = false;
+  std::thread sender([&] {
+    while (!is_done) ::pthread_kill(writer, SIGINT);
+  });
+  for (int i = 0; i < 200; ++i) {
+    MapExport exported = Export("nav2");
+    exported.folder = folder_.path() / std::to_string(i);
+    std::snprintf(picture_file, sizeof(picture_file), "%s/map.pgm", exported.folder.c_str());
+    std::snprintf(text_file, sizeof(text_file), "%s/map.yaml", exported.folder.c_str());
+    EXPECT_TRUE(WriteMapFiles(exported));
+  }
+  is_done = true;
+  sender.join();
+  std::signal(SIGINT, before);
+  EXPECT_EQ(half_count, 0);
 }
 
 TEST_F(MapFilesTest, SaysWhatToDoWhereNothingCanBeWritten) {
