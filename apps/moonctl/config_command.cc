@@ -76,7 +76,7 @@ proto::AgentConfig AgentOfMission(const MissionAgent& from, int port) {
 
 Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
   auto mission = ReadMission(arguments.mission);
-  if (!mission) return tl::unexpected(mission.error());
+  if (!mission) return tl::unexpected(InputError(mission.error()));
   proto::TeamConfig team;
   const auto folder = std::filesystem::weakly_canonical(arguments.mission);
   team.set_team(folder.filename().string());

@@ -44,7 +44,7 @@ ExitCode ImportGraph(CommandContext& context, const std::string& file) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
   auto pyfg = ReadImported(context, (*team)->config, file);
-  if (!pyfg) return context.Report(pyfg.error());
+  if (!pyfg) return context.Report(InputError(pyfg.error()));
   auto import = PrepareImport((*team)->config, *pyfg);
   if (!import) return context.Report(import.error());
 

@@ -90,7 +90,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
     return context.Report(Error{ErrorCode::kInvalid, "must be of the same format as the file that is solved", "--out"});
   }
   auto file = ReadGraphFile(arguments.file);
-  if (!file) return context.Report(file.error());
+  if (!file) return context.Report(InputError(file.error()));
   const auto graph = ToPlain(*file, arguments.fixed);
   if (!graph) return context.Report(graph.error());
   PlainOptions options;

@@ -47,7 +47,7 @@ Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& ar
   const Result<DataType> type = TypeNamed(arguments.type, team.config.custom_types());
   if (!type) return tl::unexpected(type.error());
   const Result<std::string> body = TextOrFile(arguments.json);
-  if (!body) return tl::unexpected(body.error());
+  if (!body) return tl::unexpected(InputError(body.error()));
   const bool has_file = !arguments.payload_file.empty();
   if (!IsCustom(*type)) {
     if (has_file) return Fail(ErrorCode::kInvalid, "only custom types have a payload", "--payload-file");
@@ -59,7 +59,7 @@ Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& ar
     return Fail(ErrorCode::kInvalid, "the JSON object has a payload too", "--payload-file");
   }
   Result<std::string> payload = ReadTextFile(arguments.payload_file, kCustomPayloadBytesMax);
-  if (!payload) return tl::unexpected(payload.error());
+  if (!payload) return tl::unexpected(InputError(payload.error()));
   record->mutable_custom()->set_payload(*std::move(payload));
   return record;
 }

@@ -119,7 +119,10 @@ TEST_F(ExportTest, SaysInOneLineWhatIsWrong) {
   MoonctlExpecting(0, {"up"});
   check(1, "holds no map", {"map", "export", folder_ / "map"});
   EXPECT_FALSE(std::filesystem::exists(folder_ / "map"));
-  check(1, "no such file", {"graph", "import", folder_ / "none.pyfg"});
+  check(2, "no such file", {"graph", "import", folder_ / "none.pyfg"});
+  check(2, "no such file", {"graph", "solve", folder_ / "none.g2o"});
+  check(2, "no such file", {"-a", "rover1", "record", "insert", "power", "@" + (folder_ / "none.json").string()});
+  check(2, "none", {"config", "init", folder_ / "new.yaml", "--mission", folder_ / "none"});
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNode, "-a", "rover2"});
   check(1, "choose another one", {"map", "export", "/proc/nothing", "-a", "rover2"});
   check(1, "cannot be written", {"graph", "export", "/proc/nothing", "-a", "rover2"});
