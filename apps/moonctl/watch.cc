@@ -12,6 +12,7 @@
 #include "apps/common/utc.h"
 #include "apps/moonctl/command_notes.h"
 #include "apps/moonctl/command_tree.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -30,9 +31,10 @@ const CLI::App& ChosenCommand(const CLI::App& root) {
   return *command;
 }
 
-std::string Heading(const CommandContext& context, bool is_first) {
+std::string Heading(const CommandContext& context, std::chrono::milliseconds period, bool is_first) {
   if (context.is_json) return "";
-  const std::string when = FormatUtc(UtcNowNs()) + ", every " + context.watch + " s";
+  const std::string when =
+      FormatUtc(UtcNowNs()) + ", every " + FormatDouble(static_cast<double>(period.count()) / 1000) + " s";
   return IsOnTerminal() ? kClear + when + "; Ctrl-C ends\n" : (is_first ? "" : "\n") + when + "\n";
 }
 
@@ -54,7 +56,7 @@ ExitCode RunWatched(const CLI::App& root, CommandContext& context) {
   ::signal(SIGINT, EndNow);
   ::signal(SIGTERM, EndNow);
   for (bool is_first = true;; is_first = false) {
-    context.heading = Heading(context, is_first);
+    context.heading = Heading(context, *period, is_first);
     const ExitCode code = context.action();
     last_code = static_cast<int>(code);
     if (code == ExitCode::kUsage || std::ferror(stdout) != 0) return code;
