@@ -9,9 +9,8 @@ namespace moondb {
 
 namespace {
 
-constexpr Color kUnknownColor = {72, 74, 80};
-constexpr Color kFreeColor = {232, 230, 222};
-constexpr Color kHazardColor = {139, 16, 20};
+constexpr std::array<Color, 3> kCellColors = {{{72, 74, 80}, {232, 230, 222}, {139, 16, 20}}};
+constexpr const Color& kUnknownColor = kCellColors[0];
 constexpr Color kPaperColor = {250, 250, 248};
 constexpr Color kGroundColor = {32, 33, 36};
 constexpr Color kInkColor = {236, 236, 236};
@@ -22,7 +21,6 @@ constexpr int kFontScale = 2;
 constexpr int kBarMargin = 6;
 constexpr int kBarHeight = kGlyphHeight * kFontScale + 2 * kBarMargin;
 constexpr int kGap = 8;
-constexpr int kCropMarginCells = 20;
 constexpr int kPlotMargin = 30;
 constexpr int kPlotHeightMin = 200;
 constexpr int kPlotHeightMax = 1800;
@@ -94,37 +92,7 @@ Image WithCaption(Image image, const std::string& caption) {
   return result;
 }
 
-// The part of the map that holds its known cells, with a margin; the map itself where nothing is known.
-MergedMap CropToKnown(const MergedMap& map) {
-  std::int32_t left = map.grid.width, right = -1, bottom = map.grid.height, top = -1;
-  for (std::int32_t row = 0; row < map.grid.height; ++row) {
-    for (std::int32_t column = 0; column < map.grid.width; ++column) {
-      if (map.grid.At(column, row) == Cell::kUnknown) continue;
-      left = std::min(left, column);
-      right = std::max(right, column);
-      bottom = std::min(bottom, row);
-      top = std::max(top, row);
-    }
-  }
-  if (right < 0) return map;
-  left = std::max(0, left - kCropMarginCells);
-  bottom = std::max(0, bottom - kCropMarginCells);
-  right = std::min(map.grid.width - 1, right + kCropMarginCells);
-  top = std::min(map.grid.height - 1, top + kCropMarginCells);
-  MergedMap part{Grid(right - left + 1, top - bottom + 1), map.resolution_um, map.origin_cell_x + left,
-                 map.origin_cell_y + bottom};
-  for (std::int32_t row = bottom; row <= top; ++row) {
-    for (std::int32_t column = left; column <= right; ++column) {
-      part.grid.At(column - left, row - bottom) = map.grid.At(column, row);
-    }
-  }
-  return part;
-}
-
-const Color& ColorOf(Cell cell) {
-  if (cell == Cell::kFree) return kFreeColor;
-  return cell == Cell::kHazard ? kHazardColor : kUnknownColor;
-}
+const Color& ColorOf(Cell cell) { return CellColors()[static_cast<std::size_t>(cell)]; }
 
 // From the frame `map` to pixels; rows grow downwards.
 struct View {
@@ -176,6 +144,18 @@ void DrawScale(Image& image, double pixels_per_m) {
 
 }  // namespace
 
+const std::array<Color, 3>& CellColors() { return kCellColors; }
+
+Image CellPicture(const MergedMap& map) {
+  Image image(map.grid.width, map.grid.height, 1);
+  for (int row = 0; row < image.height; ++row) {
+    for (int column = 0; column < image.width; ++column) {
+      *image.At(column, row) = static_cast<std::uint8_t>(map.grid.At(column, image.height - 1 - row));
+    }
+  }
+  return image;
+}
+
 Color AgentColor(std::size_t place) {
   // Told apart by people with any colour vision, on light ground and on dark.
   static constexpr Color kColors[] = {{0, 114, 178}, {213, 94, 0},   {0, 158, 115},  {204, 121, 167},
@@ -197,7 +177,7 @@ std::vector<Track> TracksOf(const std::map<NodeKey, Pose>& poses, const std::vec
 }
 
 Image DrawMap(const MergedMap& whole, const std::vector<Track>& tracks, const MapPictureOptions& options) {
-  const MergedMap map = options.is_cropped ? CropToKnown(whole) : whole;
+  const MergedMap map = options.is_cropped ? CroppedToKnown(whole, kCropMarginCells) : whole;
   const Grid& grid = map.grid;
   const int side = std::max({grid.width, grid.height, 1});
   // A map wider than any picture is thinned out: one pixel every `stride` cells.

@@ -19,7 +19,13 @@
 
 namespace moondb {
 
-using Color = std::array<std::uint8_t, 3>;
+inline constexpr int kCropMarginCells = 20;  // Left of what is unknown around a map.
+
+// Of unknown, free and hazard: dark grey, light, dark red.
+const std::array<Color, 3>& CellColors();
+
+// One gray pixel a cell, of value 0 unknown, 1 free, 2 hazard: for files that hold their colours beside the pixels.
+Image CellPicture(const MergedMap& map);
 
 // A colour for each agent, by its place in the team; repeats after eight.
 Color AgentColor(std::size_t place);
@@ -38,7 +44,7 @@ struct MapPictureOptions {
   bool is_cropped = true;   // To the known cells and a small margin; merged maps have wide unknown borders.
 };
 
-// Unknown dark grey, free light, hazard dark red, tracks on top.
+// In the colours of cells, tracks on top.
 Image DrawMap(const MergedMap& map, const std::vector<Track>& tracks, const MapPictureOptions& options = {});
 
 // Two pictures next to each other on a dark ground, tops aligned.

@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "model/check.h"
+#include "model/text.h"
 
 namespace moondb {
 
@@ -34,6 +35,34 @@ png_uint_32 FormatOf(int channels) {
 int ChannelsOf(png_uint_32 format) {
   if ((format & PNG_FORMAT_FLAG_ALPHA) != 0) return 4;
   return (format & PNG_FORMAT_FLAG_COLOR) != 0 ? 3 : 1;
+}
+
+constexpr std::size_t kHeaderBytes = 8 + 25;  // The signature and IHDR, which come first.
+
+std::string BigEndian(std::uint32_t value) {
+  std::string bytes;
+  for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift & 0xFF);
+  return bytes;
+}
+
+// As the PNG specification has it (Annex D).
+std::uint32_t Crc32(std::string_view bytes) {
+  std::uint32_t crc = 0xFFFFFFFF;
+  for (const char byte : bytes) {
+    crc ^= static_cast<unsigned char>(byte);
+    for (int bit = 0; bit < 8; ++bit) crc = (crc & 1) != 0 ? crc >> 1 ^ 0xEDB88320 : crc >> 1;
+  }
+  return ~crc;
+}
+
+// libpng's simple interface writes none.
+std::string TextChunks(const FileNotes& notes) {
+  std::string chunks;
+  for (const auto& [key, text] : notes) {
+    const std::string content = "tEXt" + key + '\0' + text;
+    chunks += BigEndian(static_cast<std::uint32_t>(content.size() - 4)) + content + BigEndian(Crc32(content));
+  }
+  return chunks;
 }
 
 bool IsWithinLimits(std::uint64_t width, std::uint64_t height, std::uint64_t channels) {
@@ -73,22 +102,37 @@ Result<Image> ReadPng(const std::filesystem::path& file) {
   return image;
 }
 
-Result<void> WritePng(const Image& image, const std::filesystem::path& file) {
+Result<std::string> PngBytes(const Image& image, const PngExtras& extras) {
   const bool has_known_channels = image.channels == 1 || image.channels == 3 || image.channels == 4;
   if (!has_known_channels || image.width < 1 || image.height < 1 ||
       !IsWithinLimits(static_cast<std::uint64_t>(image.width), static_cast<std::uint64_t>(image.height),
                       static_cast<std::uint64_t>(image.channels)) ||
       image.bytes.size() != static_cast<std::size_t>(image.width) * image.height * image.channels) {
-    return Fail(ErrorCode::kInvalid, "the picture's size is wrong or too large", file.string());
+    return Fail(ErrorCode::kInvalid, "the picture's size is wrong or too large");
+  }
+  if (!extras.palette.empty() && (image.channels != 1 || extras.palette.size() > 256)) {
+    return Fail(ErrorCode::kInvalid, "the picture has a palette that it cannot have");
   }
   PngImage png;
   png->width = static_cast<png_uint_32>(image.width);
   png->height = static_cast<png_uint_32>(image.height);
-  png->format = FormatOf(image.channels);
-  if (!png_image_write_to_file(png.get(), file.c_str(), 0, image.bytes.data(), 0, nullptr)) {
-    return Fail(ErrorCode::kInternal, std::string("cannot be written: ") + png->message, file.string());
+  png->format = extras.palette.empty() ? FormatOf(image.channels) : PNG_FORMAT_RGB_COLORMAP;
+  png->colormap_entries = static_cast<png_uint_32>(extras.palette.size());
+  const void* palette = extras.palette.empty() ? nullptr : extras.palette.front().data();
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(*png.get());
+  std::string bytes(size, '\0');
+  if (!png_image_write_to_memory(png.get(), bytes.data(), &size, 0, image.bytes.data(), 0, palette)) {
+    return Fail(ErrorCode::kInternal, std::string("cannot be made: ") + png->message);
   }
-  return {};
+  bytes.resize(size);
+  bytes.insert(kHeaderBytes, TextChunks(extras.notes));
+  return bytes;
+}
+
+Result<void> WritePng(const Image& image, const std::filesystem::path& file) {
+  const Result<std::string> bytes = PngBytes(image);
+  if (!bytes) return Fail(bytes.error().code, bytes.error().text, file.string());
+  return WriteTextFile(file, *bytes);
 }
 
 }  // namespace moondb

@@ -4,14 +4,19 @@
 // pure but for the file, and safe to call from any thread.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "model/error.h"
+#include "model/file_notes.h"
 
 namespace moondb {
+
+using Color = std::array<std::uint8_t, 3>;
 
 inline constexpr int kImageSideMax = 32768;
 inline constexpr std::size_t kImageBytesMax = 256 * 1024 * 1024;
@@ -39,7 +44,15 @@ struct Image {
 // truncated or damaged.
 Result<Image> ReadPng(const std::filesystem::path& file);
 
-// kInvalid if sides, channels and bytes disagree or exceed the limits; kInternal if the file cannot be written.
+struct PngExtras {
+  std::vector<Color> palette;  // Of a picture of 1 channel: its bytes are places in it, 256 at most. Empty: it is gray.
+  FileNotes notes;             // tEXt chunks, for people and programs.
+};
+
+// The bytes of the file. kInvalid if sides, channels, bytes and palette disagree or exceed the limits.
+Result<std::string> PngBytes(const Image& image, const PngExtras& extras = {});
+
+// As PngBytes; kInternal if the file cannot be written.
 Result<void> WritePng(const Image& image, const std::filesystem::path& file);
 
 }  // namespace moondb

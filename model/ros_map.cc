@@ -1,8 +1,5 @@
 #include "model/ros_map.h"
 
-#include <algorithm>
-#include <system_error>
-
 #include "model/text.h"
 
 namespace moondb {
@@ -23,13 +20,6 @@ char PixelOf(Cell cell) {
   return static_cast<char>(205);
 }
 
-bool IsPlain(const std::string& name) {
-  return !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '-' ||
-           c == '_';
-  });
-}
-
 // Whole micrometres over a million: one division, so that the shortest text is the decimal number itself.
 std::string Metres(double micrometres) { return FormatDouble(micrometres / kMicrometresPerMetre); }
 
@@ -44,26 +34,12 @@ std::string RosMapPgm(const Grid& grid) {
   return bytes;
 }
 
-std::string RosMapYaml(const MergedMap& map, const std::string& image_name) {
+std::string RosMapYaml(const MergedMap& map, const std::string& image_name, const FileNotes& notes) {
   const double resolution_um = map.resolution_um;
-  return "image: " + image_name + "\nmode: trinary\nresolution: " + Metres(resolution_um) + "\norigin: [" +
-         Metres(static_cast<double>(map.origin_cell_x) * resolution_um) + ", " +
+  return NotesText(notes, "# ") + "image: " + image_name + "\nmode: trinary\nresolution: " + Metres(resolution_um) +
+         "\norigin: [" + Metres(static_cast<double>(map.origin_cell_x) * resolution_um) + ", " +
          Metres(static_cast<double>(map.origin_cell_y) * resolution_um) +
          ", 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
-}
-
-Result<void> WriteRosMap(const MergedMap& map, const std::filesystem::path& folder, const std::string& basename) {
-  if (!IsPlain(basename)) {
-    return Fail(ErrorCode::kInvalid, "must be of letters, digits, '.', '-' and '_'", "basename");
-  }
-  if (map.grid.cells.empty() || map.resolution_um == 0) return Fail(ErrorCode::kInvalid, "the map is empty");
-  std::error_code failure;
-  std::filesystem::create_directories(folder, failure);
-  if (failure) return Fail(ErrorCode::kInternal, "cannot be made: " + failure.message(), folder.string());
-  // The picture first: whoever sees the yaml finds the picture that it names.
-  const Result<void> done = WriteTextFile(folder / (basename + ".pgm"), RosMapPgm(map.grid));
-  if (!done) return done;
-  return WriteTextFile(folder / (basename + ".yaml"), RosMapYaml(map, basename + ".pgm"));
 }
 
 }  // namespace moondb

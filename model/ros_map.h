@@ -4,21 +4,15 @@
 // 0.25 unknown would load as free. Numbers are written in full: ROS's own saver rounds 0.0125 to 0.013.
 #pragma once
 
-#include <filesystem>
 #include <string>
 
-#include "model/error.h"
+#include "model/file_notes.h"
 #include "model/traversability_map.h"
 
 namespace moondb {
 
-// Writes folder/basename.yaml and folder/basename.pgm, and makes the folder. kInvalid for an empty map, or a basename
-// that is empty or holds other characters than letters, digits, '.', '-' and '_'; kInternal if a file cannot be
-// written.
-Result<void> WriteRosMap(const MergedMap& map, const std::filesystem::path& folder, const std::string& basename);
-
-// The bytes of the two files.
+// The bytes of the two files; the map is not empty, and `image_name` a plain name. The notes are comments of the yaml.
 std::string RosMapPgm(const Grid& grid);
-std::string RosMapYaml(const MergedMap& map, const std::string& image_name);
+std::string RosMapYaml(const MergedMap& map, const std::string& image_name, const FileNotes& notes = {});
 
 }  // namespace moondb

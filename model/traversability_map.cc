@@ -1,5 +1,6 @@
 #include "model/traversability_map.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -38,6 +39,32 @@ Result<MapLayer> FromProto(const proto::MapLayer& layer, const std::string& fiel
 Grid::Grid(std::int32_t w, std::int32_t h, Cell fill)
     : width(w), height(h), cells(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), fill) {
   Check(w >= 0 && h >= 0, "a grid's sides are not negative");
+}
+
+MergedMap CroppedToKnown(const MergedMap& map, std::int32_t margin_cells) {
+  std::int32_t left = map.grid.width, right = -1, bottom = map.grid.height, top = -1;
+  for (std::int32_t row = 0; row < map.grid.height; ++row) {
+    for (std::int32_t column = 0; column < map.grid.width; ++column) {
+      if (map.grid.At(column, row) == Cell::kUnknown) continue;
+      left = std::min(left, column);
+      right = std::max(right, column);
+      bottom = std::min(bottom, row);
+      top = std::max(top, row);
+    }
+  }
+  if (right < 0) return map;
+  left = std::max(0, left - margin_cells);
+  bottom = std::max(0, bottom - margin_cells);
+  right = std::min(map.grid.width - 1, right + margin_cells);
+  top = std::min(map.grid.height - 1, top + margin_cells);
+  MergedMap part{Grid(right - left + 1, top - bottom + 1), map.resolution_um, map.origin_cell_x + left,
+                 map.origin_cell_y + bottom};
+  for (std::int32_t row = bottom; row <= top; ++row) {
+    for (std::int32_t column = left; column <= right; ++column) {
+      part.grid.At(column - left, row - bottom) = map.grid.At(column, row);
+    }
+  }
+  return part;
 }
 
 std::string PackCells(const Grid& grid) {

@@ -55,6 +55,9 @@ struct MergedMap {
   std::int64_t origin_cell_y = 0;
 };
 
+// The part that holds all known cells and a margin; the map itself where nothing is known.
+MergedMap CroppedToKnown(const MergedMap& map, std::int32_t margin_cells);
+
 // Packed cells, four a byte (proto/record.proto).
 std::string PackCells(const Grid& grid);
 

@@ -230,7 +230,7 @@ def run_demo(options, out):
         try:
             before_kill, at_end = tell(story, mission)
             with story.step("export the merged map, and score it against the truth"):
-                for form in ("png", "ros"):
+                for form in ("png", "nav2"):
                     team.moonctl("-a", "rover1", "map", "export", out / "map", "--format", form)
                 team.moonctl("-a", "rover1", "graph", "export", out / "graph.pyfg")
                 story.show(team.replay("score", "--mission", mission, "-a", "rover1", "--out", out, "--json",

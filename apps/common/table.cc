@@ -8,6 +8,9 @@
 namespace moondb {
 namespace {
 
+constexpr char kRed[] = "\x1b[31m";
+constexpr char kPlain[] = "\x1b[0m";
+
 // Characters, not bytes, so that names in UTF-8 stay aligned.
 std::size_t Width(const std::string& text) {
   return static_cast<std::size_t>(
@@ -26,9 +29,9 @@ std::string Format(const char* format, double value, const char* unit) {
 
 }  // namespace
 
-std::string Table::Text() const {
+std::string Table::Text(bool is_colored) const {
   std::vector<std::size_t> widths;
-  for (const auto& row : rows_) {
+  for (const auto& [row, tone] : rows_) {
     // What is last in its row runs on freely.
     for (std::size_t i = 0; i + 1 < row.size(); ++i) {
       if (i >= widths.size()) widths.resize(i + 1, 0);
@@ -36,7 +39,7 @@ std::string Table::Text() const {
     }
   }
   std::string text;
-  for (const auto& row : rows_) {
+  for (const auto& [row, tone] : rows_) {
     std::string line;
     for (std::size_t i = 0; i < row.size(); ++i) {
       const bool is_last = i + 1 == row.size();
@@ -45,7 +48,8 @@ std::string Table::Text() const {
     }
     std::replace_if(
         line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, '?');
-    text += line.substr(0, line.find_last_not_of(' ') + 1) + '\n';
+    line.resize(line.find_last_not_of(' ') + 1);
+    text += (is_colored && tone == Tone::kBad ? kRed + line + kPlain : line) + '\n';
   }
   return text;
 }

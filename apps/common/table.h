@@ -5,20 +5,29 @@
 #include <string>
 #include <vector>
 
+#include "apps/common/terminal.h"
+
 namespace moondb {
+
+// How a row stands out where colours are wanted. Nothing is green: what is not known to be bad is not known to be good.
+enum class Tone { kPlain, kBad };
 
 class Table {
  public:
-  explicit Table(std::vector<std::string> header) : rows_{std::move(header)} {}
+  explicit Table(std::vector<std::string> header) : rows_{{std::move(header), Tone::kPlain}} {}
 
   // A row may be shorter than the header, or longer: its last cell is never padded.
-  void Add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+  void Add(std::vector<std::string> row, Tone tone = Tone::kPlain) { rows_.push_back({std::move(row), tone}); }
 
   // One line each, columns two spaces apart, numbers to the right; control characters are shown as '?'.
-  std::string Text() const;
+  std::string Text(bool is_colored = AreColorsWanted()) const;
 
  private:
-  std::vector<std::vector<std::string>> rows_;
+  struct Row {
+    std::vector<std::string> cells;
+    Tone tone;
+  };
+  std::vector<Row> rows_;
 };
 
 // "1.5 MB", "812 B": powers of 1000.

@@ -1,7 +1,9 @@
 #include "apps/moonctl/command_context.h"
 
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 
 #include "apps/common/json_writer.h"
 #include "model/text.h"
@@ -123,19 +125,22 @@ ExitCode CommandContext::Report(const Error& error) const {
   if (is_json) {
     JsonWriter json;
     json.BeginObject().Key("error").WriteError(error).EndObject();
-    std::printf("%s\n", json.text().c_str());
-  } else {
-    std::fprintf(stderr, "moonctl: %s\n", ToString(error).c_str());
+    return Print(ExitCodeOf(error.code), json.text(), "");
   }
+  std::fputs(heading.c_str(), stdout);
+  std::fflush(stdout);
+  std::fprintf(stderr, "moonctl: %s\n", ToString(error).c_str());
   return ExitCodeOf(error.code);
 }
 
 ExitCode CommandContext::Print(ExitCode code, std::string_view json, std::string_view text) const {
   const std::string_view shown = is_json ? json : text;
+  if (!is_json) std::fputs(heading.c_str(), stdout);
   std::fwrite(shown.data(), 1, shown.size(), stdout);
   if (!shown.empty() && shown.back() != '\n') std::fputc('\n', stdout);
-  if (std::fflush(stdout) != 0) return ExitCode::kFailed;  // A full disk or a closed pipe.
-  return code;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return code;
+  std::fprintf(stderr, "moonctl: the result cannot be written: %s\n", std::strerror(errno));
+  return ExitCode::kFailed;
 }
 
 }  // namespace moondb

@@ -45,7 +45,11 @@ class CommandContext {
   std::string via;        // The agent through which all others are asked; empty: each is asked itself.
   bool is_json = false;
   std::string timeout;               // "3s", "500ms", "2m"; empty: each command's default.
+  std::string watch;                 // Seconds between two passes; empty: one pass.
   std::function<ExitCode()> action;  // Of the command that was chosen.
+
+  // Stands above each result for people; a watch sets it anew for each pass.
+  std::string heading;
 
   // Reads `timeout`; before any action.
   Result<void> ParseTimeout();
@@ -73,6 +77,7 @@ class CommandContext {
   // Say what came out, and give the exit code back.
   ExitCode Report(const Error& error) const;
   ExitCode Done(std::string_view json, std::string_view text) const { return Print(ExitCode::kDone, json, text); }
+  // kFailed where stdout takes no more: a full disk, a closed pipe.
   ExitCode Print(ExitCode code, std::string_view json, std::string_view text) const;
 
  private:

@@ -1,10 +1,13 @@
 #include <CLI/CLI.hpp>
+#include <cstdio>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
-#include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/config_schema.h"
+#include "apps/moonctl/config_show.h"
 #include "model/mission.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -30,15 +33,24 @@ ExitCode CheckConfig(CommandContext& context) {
 ExitCode ShowConfig(CommandContext& context) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
-  const proto::TeamConfig& config = (*team)->config;
-  Table table({"AGENT", "ID", "KIND", "ADDRESS", "KEY"});
-  for (const proto::AgentConfig& agent : config.agents()) {
-    const bool is_base = agent.kind() == proto::AGENT_KIND_BASE_STATION;
-    table.Add({agent.name(), std::to_string(agent.id()), is_base ? "base station" : "rover", agent.address(),
-               agent.key().empty() ? "(none)" : agent.key()});
-  }
-  return context.Done(ToJson(config), "team " + config.team() + ", leader " + config.roles().leader() + ", survivor " +
-                                          config.roles().survivor() + "\n" + table.Text());
+  const auto yaml = ReadTextFile(context.TeamPath());
+  if (!yaml) return context.Report(yaml.error());
+  const std::set<std::string> given = GivenFields(*yaml);
+  char hash[20];
+  std::snprintf(hash, sizeof(hash), "%016llx", static_cast<unsigned long long>((*team)->hash));
+  JsonWriter json;
+  json.BeginObject().Key("file").String(context.TeamPath().string()).Key("hash").String(hash);
+  json.Key("config").Raw(ToJson((*team)->config)).Key("defaults").BeginArray();
+  for (const std::string& field : DefaultedFields((*team)->config, given)) json.String(field);
+  json.EndArray().EndObject();
+  return context.Done(json.text(), "# " + context.TeamPath().string() + " with its defaults; hash " + hash + "\n" +
+                                       EffectiveYaml((*team)->config, given));
+}
+
+// The schema is the document, with --json and without.
+ExitCode ShowSchema(CommandContext& context) {
+  const std::string schema = TeamFileSchema();
+  return context.Done(schema, schema);
 }
 
 proto::AgentConfig AgentOfMission(const MissionAgent& from, int port) {
@@ -64,7 +76,7 @@ proto::AgentConfig AgentOfMission(const MissionAgent& from, int port) {
 
 Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
   auto mission = ReadMission(arguments.mission);
-  if (!mission) return tl::unexpected(mission.error());
+  if (!mission) return tl::unexpected(InputError(mission.error()));
   proto::TeamConfig team;
   const auto folder = std::filesystem::weakly_canonical(arguments.mission);
   team.set_team(folder.filename().string());
@@ -101,19 +113,22 @@ void AddConfigCommands(CLI::App& app, CommandContext& context) {
   // `config check FILE` is the same as `-t FILE config check`.
   const auto add_reader = [&](const char* name, const char* description, ExitCode (*run)(CommandContext&)) {
     CLI::App& command = *group.add_subcommand(name, description);
-    command.add_option("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)");
+    command.add_option("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)")->type_name("FILE");
     command.callback([&context, arguments, run] {
       if (!arguments->file.empty()) context.team_path = arguments->file;
       context.action = [&context, run] { return run(context); };
     });
   };
   add_reader("check", "Say all that is wrong with it", CheckConfig);
-  add_reader("show", "Show it with its defaults filled in", ShowConfig);
+  add_reader("show", "Show it in full; what it leaves to its default is marked", ShowConfig);
+  group.add_subcommand("schema", "Print the JSON Schema of team files, for editors")->callback([&context] {
+    context.action = [&context] { return ShowSchema(context); };
+  });
 
   CLI::App& init = *group.add_subcommand("init", "Write a team file to begin with, and its keys");
-  init.add_option("file", arguments->file, "Where to")->required();
+  init.add_option("file", arguments->file, "Where to")->type_name("FILE")->required();
   init.add_option("--agents", arguments->agent_count, "How many; the last is a base station")->check(CLI::Range(1, 64));
-  init.add_option("--mission", arguments->mission, "Take the agents of this mission folder");
+  init.add_option("--mission", arguments->mission, "Take the agents of this mission folder")->type_name("FOLDER");
   init.add_option("--first-port", arguments->first_port, "Loopback ports from here (7400)")
       ->check(CLI::Range(1, 65000));
   init.callback(

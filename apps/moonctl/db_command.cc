@@ -134,8 +134,8 @@ void AddDbCommands(CLI::App& app, CommandContext& context) {
 
   auto arguments = std::make_shared<DiffArguments>();
   CLI::App& diff = *group.add_subcommand("diff", "Compare what two agents hold; exit code 1 where they differ");
-  diff.add_option("first", arguments->first, "An agent")->required();
-  diff.add_option("second", arguments->second, "Another")->required();
+  diff.add_option("first", arguments->first, "An agent")->type_name("AGENT")->required();
+  diff.add_option("second", arguments->second, "Another")->type_name("AGENT")->required();
   diff.callback([&context, arguments] {
     context.action = [&context, arguments] { return CompareStores(context, arguments->first, arguments->second); };
   });

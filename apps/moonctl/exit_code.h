@@ -29,4 +29,10 @@ constexpr ExitCode ExitCodeOf(ErrorCode code) {
   }
 }
 
+// Of a file that the operator named: missing or damaged, the command line asks for what cannot be.
+inline Error InputError(Error error) {
+  error.code = ErrorCode::kInvalid;
+  return error;
+}
+
 }  // namespace moondb

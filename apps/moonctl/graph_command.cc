@@ -44,7 +44,7 @@ ExitCode ImportGraph(CommandContext& context, const std::string& file) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
   auto pyfg = ReadImported(context, (*team)->config, file);
-  if (!pyfg) return context.Report(pyfg.error());
+  if (!pyfg) return context.Report(InputError(pyfg.error()));
   auto import = PrepareImport((*team)->config, *pyfg);
   if (!import) return context.Report(import.error());
 
@@ -254,7 +254,7 @@ void AddGraphCommands(CLI::App& app, CommandContext& context) {
   auto file = std::make_shared<std::string>();
   CLI::App& imported =
       *group.add_subcommand("import", "Insert a PyFG or g2o file, each rover's part at its own agent (g2o: see -a)");
-  imported.add_option("file", *file, "A .g2o file; anything else is read as PyFG")->required();
+  imported.add_option("file", *file, "A .g2o file; anything else is read as PyFG")->type_name("FILE")->required();
   imported.callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });
 
   AddGraphExport(group, context);

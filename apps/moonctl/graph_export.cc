@@ -175,7 +175,9 @@ void AddGraphExport(CLI::App& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
   CLI::App& command = *group.add_subcommand(
       "export", "Write the graph that the leader (or -a) holds; what was judged of ranges goes to FILE.verdicts.csv");
-  command.add_option("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")->required();
+  command.add_option("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
+      ->type_name("FILE")
+      ->required();
   command
       .add_option("--format", arguments->format,
                   "pyfg, g2o (poses and odometry: it has no ranges), or tum (the trajectories alone)")

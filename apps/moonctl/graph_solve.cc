@@ -90,7 +90,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
     return context.Report(Error{ErrorCode::kInvalid, "must be of the same format as the file that is solved", "--out"});
   }
   auto file = ReadGraphFile(arguments.file);
-  if (!file) return context.Report(file.error());
+  if (!file) return context.Report(InputError(file.error()));
   const auto graph = ToPlain(*file, arguments.fixed);
   if (!graph) return context.Report(graph.error());
   PlainOptions options;
@@ -130,8 +130,10 @@ void AddGraphSolve(CLI::App& group, CommandContext& context) {
   auto arguments = std::make_shared<SolveArguments>();
   CLI::App& command =
       *group.add_subcommand("solve", "Solve a graph file by itself, every factor as it is written; asks no agent");
-  command.add_option("file", arguments->file, "A .g2o file; anything else is read as PyFG")->required();
-  command.add_option("--out", arguments->out, "Writes the same graph at the solved poses");
+  command.add_option("file", arguments->file, "A .g2o file; anything else is read as PyFG")
+      ->type_name("FILE")
+      ->required();
+  command.add_option("--out", arguments->out, "Writes the same graph at the solved poses")->type_name("FILE");
   command.add_option("--fix", arguments->fixed, "A vertex that stands still where the file has it (L0, or a g2o id)");
   command.add_flag("--vertices-as-start", arguments->starts_at_vertices,
                    "Begin where the file has the vertices; else they are not looked at: often they are the truth");

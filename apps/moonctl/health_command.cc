@@ -32,12 +32,12 @@ ExitCode ShowHealth(CommandContext& context) {
     const auto found = findings.find(agent->id());
     json.Key("findings").BeginArray();
     if (!status) {
-      table.Add({agent->name(), "unknown", Unreachable(status.error())});
+      table.Add({agent->name(), "unknown", Unreachable(status.error())}, Tone::kBad);
     } else if (found == findings.end()) {
       table.Add({agent->name(), "good"});
     }
     for (const std::string& what : found == findings.end() ? std::vector<std::string>{} : found->second) {
-      table.Add({agent->name(), "BAD", what});
+      table.Add({agent->name(), "BAD", what}, Tone::kBad);
       json.String(what);
     }
     json.EndArray().EndObject();

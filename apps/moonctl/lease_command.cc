@@ -68,14 +68,19 @@ void AddLeaseCommands(CLI::App& app, CommandContext& context) {
       *app.add_subcommand("drive", "Tell an agent (-a) that its robot drives: nothing bulky is shared then");
   drive.require_subcommand(1);
   CLI::App& on = *drive.add_subcommand("on", "From now on, for so long at most");
-  on.add_option("--for", arguments->duration, "Lapses by itself then: 40 (seconds), 10m, 2h")->required();
+  on.add_option("--for", arguments->duration, "Lapses by itself then: 40 (seconds), 10m, 2h")
+      ->type_name("DURATION")
+      ->required();
   on.callback([act] { act(proto::LEASE_KIND_DRIVING); });
   AddOff(drive, context, proto::LEASE_KIND_DRIVING, "It stands still");
 
   CLI::App& sleep = *app.add_subcommand("sleep", "Tell an agent (-a) that its robot sleeps: nothing is shared then");
   sleep.require_subcommand(0, 1);
-  CLI::Option* duration = sleep.add_option("--for", arguments->duration, "For so long: 40 (seconds), 10m, 8h");
-  sleep.add_option("--until", arguments->until, "Until then, in UTC: 2026-11-22T06:00Z")->excludes(duration);
+  CLI::Option* duration =
+      sleep.add_option("--for", arguments->duration, "For so long: 40 (seconds), 10m, 8h")->type_name("DURATION");
+  sleep.add_option("--until", arguments->until, "Until then, in UTC: 2026-11-22T06:00Z")
+      ->type_name("TIME")
+      ->excludes(duration);
   AddOff(sleep, context, proto::LEASE_KIND_SLEEPING, "It is awake");
   sleep.callback([&context, &sleep, arguments, act] {
     const bool is_on = !arguments->duration.empty() || !arguments->until.empty();

@@ -118,7 +118,7 @@ void AddLogCommand(CLI::App& app, CommandContext& context) {
   CLI::App& log =
       *app.add_subcommand("log", "The team's story as the leader (or -a) knows it: commands, roles, failures");
   log.add_option("--events", arguments->events, "At most so many, the newest (50)")->check(CLI::Range(1u, kEventsMax));
-  log.add_option("--origin", arguments->origin, "Of this agent only");
+  log.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
   log.add_flag("-f,--follow", arguments->follows, "Go on with what comes; with --json one document a line");
   log.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ShowLog(context, *arguments); }; });

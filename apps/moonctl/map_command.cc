@@ -3,62 +3,103 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/common/utc.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/map_files.h"
 #include "apps/moonctl/map_questions.h"
-#include "model/map_picture.h"
-#include "model/png.h"
-#include "model/ros_map.h"
 #include "model/text.h"
 
 namespace moondb {
 namespace {
 
-constexpr char kBaseName[] = "map";
-
 struct MapArguments {
   std::string folder;
-  std::string format = "ros";
+  std::string format = "nav2";
   bool use_raw_poses = false;
   std::vector<std::string> agents;
 };
 
-Result<void> WriteMap(const MapArguments& arguments, const MergedMap& map) {
-  const std::filesystem::path folder(arguments.folder);
-  if (arguments.format == "ros") return WriteRosMap(map, folder, kBaseName);
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) return Fail(ErrorCode::kInternal, "cannot make the folder: " + error.message(), folder.string());
-  return WritePng(DrawMap(map, {}), folder / (std::string(kBaseName) + ".png"));
+Result<proto::MergeRequest> MakeRequest(const proto::TeamConfig& team, const MapArguments& arguments) {
+  proto::MergeRequest request;
+  request.set_use_raw_poses(arguments.use_raw_poses);
+  for (const std::string& name : arguments.agents) {
+    auto agent = AgentNamed(team, name);
+    if (!agent) return tl::unexpected(agent.error());
+    request.add_agents((*agent)->id());
+  }
+  if (arguments.format != "geotiff" || team.has_site()) return request;
+  return Fail(ErrorCode::kInvalid,
+              "the team file does not say where the map lies; GeoTIFF needs site: {lat_deg: .., lon_deg: .., "
+              "north_yaw_rad: ..}",
+              "site");
+}
+
+// Whose newest records may not be in the map; "unknown" where the agent does not say.
+std::string UnreachedBy(Client& client) {
+  const auto status = client.Status();
+  if (!status) return "unknown";
+  std::string names;
+  for (const proto::PeerStatus& peer : status->peers()) {
+    if (!peer.is_connected()) names += (names.empty() ? "" : ", ") + peer.name();
+  }
+  return names.empty() ? "nobody" : names;
+}
+
+FileNotes NotesOn(const proto::TeamConfig& team, const std::string& agent, const MapArguments& arguments,
+                  const proto::MergeReply& reply, const std::string& unreached) {
+  std::string names;
+  for (const std::string& name : arguments.agents) names += (names.empty() ? "" : ", ") + name;
+  return {{"team", team.team()},
+          {"agent", agent},
+          {"time", FormatUtc(UtcNowNs())},
+          {"maps_of", names.empty() ? "everybody" : names},
+          {"maps", FormatCount(reply.map_count())},
+          {"waiting_maps", FormatCount(reply.waiting_map_count())},
+          {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"},
+          {"out_of_reach", unreached}};
+}
+
+std::string ExportText(const MapExport& exported, const std::vector<std::filesystem::path>& files,
+                       const proto::MergeReply& reply) {
+  const Grid& grid = exported.map.grid;
+  std::string text = "wrote";
+  for (const std::filesystem::path& file : files) text += " " + file.string();
+  text += ": " + std::to_string(grid.width) + " x " + std::to_string(grid.height) + " cells of " +
+          FormatDouble(exported.map.resolution_um / 1e6) + " m, merged by " + reply.backend() + " in " +
+          FormatFixed(reply.seconds(), 3) + " s\n";
+  return text + NotesText(exported.notes);
+}
+
+std::string ExportJson(const MapExport& exported, const std::vector<std::filesystem::path>& files,
+                       const proto::MergeReply& reply) {
+  JsonWriter json;
+  json.BeginObject().Key("files").BeginArray();
+  for (const std::filesystem::path& file : files) json.String(file.string());
+  json.EndArray().Key("notes").BeginObject();
+  for (const auto& [key, text] : exported.notes) json.Key(key).String(text);
+  json.EndObject().Key("merge").Raw(ToJson(reply)).EndObject();
+  return json.text();
 }
 
 ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
   auto team = context.Team();
   if (!team) return context.Report(team.error());
-  proto::MergeRequest request;
-  request.set_use_raw_poses(arguments.use_raw_poses);
-  for (const std::string& name : arguments.agents) {
-    auto agent = AgentNamed((*team)->config, name);
-    if (!agent) return context.Report(agent.error());
-    request.add_agents((*agent)->id());
-  }
+  const proto::TeamConfig& config = (*team)->config;
+  const auto request = MakeRequest(config, arguments);
+  if (!request) return context.Report(request.error());
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
-  auto merged = target->client->Merge(request);
+  auto merged = target->client->Merge(*request);
   if (!merged) return context.Report(merged.error());
+  const std::string& agent = target->agent->name();
   if (merged->map.grid.cells.empty()) {
-    return context.Report({ErrorCode::kNotFound, target->agent->name() + " holds no map that can be placed", {}});
+    return context.Report({ErrorCode::kNotFound, agent + " holds no map that can be placed", {}});
   }
-  if (auto written = WriteMap(arguments, merged->map); !written) return context.Report(written.error());
-
-  const Grid& grid = merged->map.grid;
-  const std::string text = "wrote " + arguments.folder + ": " + std::to_string(grid.width) + " x " +
-                           std::to_string(grid.height) + " cells of " + FormatDouble(merged->map.resolution_um / 1e6) +
-                           " m, " + FormatCount(merged->reply.map_count()) + " maps merged by " +
-                           merged->reply.backend() + " in " + FormatFixed(merged->reply.seconds(), 3) + " s" +
-                           (merged->reply.waiting_map_count() > 0
-                                ? ", " + FormatCount(merged->reply.waiting_map_count()) + " wait for their nodes"
-                                : "");
-  return context.Done(ToJson(merged->reply), text);
+  MapExport exported{arguments.folder, arguments.format, std::move(merged->map), config.site(), {}};
+  exported.notes = NotesOn(config, agent, arguments, merged->reply, UnreachedBy(*target->client));
+  const auto files = WriteMapFiles(exported);
+  if (!files) return context.Report(files.error());
+  return context.Done(ExportJson(exported, *files, merged->reply), ExportText(exported, *files, merged->reply));
 }
 
 }  // namespace
@@ -68,11 +109,14 @@ void AddMapCommands(CLI::App& app, CommandContext& context) {
   group.require_subcommand(1);
   auto arguments = std::make_shared<MapArguments>();
   CLI::App& exported = *group.add_subcommand("export", "Merge at the leader (or -a) and write the map");
-  exported.add_option("folder", arguments->folder, "Made if it is missing")->required();
-  exported.add_option("--format", arguments->format, "ros (map.yaml and map.pgm) or png (a picture)")
-      ->check(CLI::IsMember({"ros", "png"}));
+  exported.add_option("folder", arguments->folder, "Made if it is missing")->type_name("FOLDER")->required();
+  exported
+      .add_option(
+          "--format", arguments->format,
+          "nav2 (map.yaml and map.pgm), png (with a world file), or geotiff (on the Moon; see site in the team file)")
+      ->check(CLI::IsMember({"nav2", "png", "geotiff"}));
   exported.add_flag("--raw-poses", arguments->use_raw_poses, "Ignore optimized poses");
-  exported.add_option("--agents", arguments->agents, "Maps of these agents only");
+  exported.add_option("--agents", arguments->agents, "Maps of these agents only")->type_name("AGENT");
   exported.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportMap(context, *arguments); }; });
   AddMapQuestions(group, context);

@@ -185,7 +185,7 @@ void AddMapQuestions(CLI::App& group, CommandContext& context) {
   auto place = std::make_shared<Place>();
   CLI::App& why = *group.add_subcommand("why", "Why is a cell what it is? At the leader, or at -a");
   why.add_option("x", place->x_m, "Metres in the frame map")->required();
-  why.add_option("y", place->y_m)->required();
+  why.add_option("y", place->y_m, "And so")->required();
   why.callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
 
   CLI::App& stats =
@@ -194,11 +194,13 @@ void AddMapQuestions(CLI::App& group, CommandContext& context) {
 
   auto arguments = std::make_shared<QuarantineArguments>();
   CLI::App& quarantine = *group.add_subcommand("quarantine", "Leave an agent's maps out of all merged maps");
-  quarantine.add_option("--agent", arguments->agent, "Whose maps");
-  quarantine.add_option("--from", arguments->from, "Stamped from then on, in UTC: 2026-11-22T06:00Z");
-  quarantine.add_option("--to", arguments->to, "Stamped up to then");
+  quarantine.add_option("--agent", arguments->agent, "Whose maps")->type_name("AGENT");
+  quarantine.add_option("--from", arguments->from, "Stamped from then on, in UTC: 2026-11-22T06:00Z")
+      ->type_name("TIME");
+  quarantine.add_option("--to", arguments->to, "Stamped up to then")->type_name("TIME");
   quarantine.add_option("--reason", arguments->reason, "For people");
-  quarantine.add_option("--lift", arguments->lift, "Undo the quarantine of that ID, which map stats shows");
+  quarantine.add_option("--lift", arguments->lift, "Undo the quarantine of that ID, which map stats shows")
+      ->type_name("ID");
   quarantine.callback(
       [&context, arguments] { context.action = [&context, arguments] { return SetQuarantine(context, *arguments); }; });
 }

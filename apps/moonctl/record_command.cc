@@ -47,7 +47,7 @@ Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& ar
   const Result<DataType> type = TypeNamed(arguments.type, team.config.custom_types());
   if (!type) return tl::unexpected(type.error());
   const Result<std::string> body = TextOrFile(arguments.json);
-  if (!body) return tl::unexpected(body.error());
+  if (!body) return tl::unexpected(InputError(body.error()));
   const bool has_file = !arguments.payload_file.empty();
   if (!IsCustom(*type)) {
     if (has_file) return Fail(ErrorCode::kInvalid, "only custom types have a payload", "--payload-file");
@@ -59,7 +59,7 @@ Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& ar
     return Fail(ErrorCode::kInvalid, "the JSON object has a payload too", "--payload-file");
   }
   Result<std::string> payload = ReadTextFile(arguments.payload_file, kCustomPayloadBytesMax);
-  if (!payload) return tl::unexpected(payload.error());
+  if (!payload) return tl::unexpected(InputError(payload.error()));
   record->mutable_custom()->set_payload(*std::move(payload));
   return record;
 }
@@ -169,11 +169,14 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<RecordArguments>();
 
   CLI::App& insert = *group.add_subcommand("insert", "Insert one record, as the agent's own");
-  insert.add_option("type", arguments->type, "Such as temperature, or a custom type of the team file")->required();
+  insert.add_option("type", arguments->type, "Such as temperature, or a custom type of the team file")
+      ->type_name("DATATYPE")
+      ->required();
   insert.add_option("json", arguments->json,
                     "Its body, such as {\"celsius\": -20}; @FILE reads it. Of a custom type {\"payload\": BASE64, "
                     "\"latest_key\": BASE64, \"metadata\": TEXT}, or payload_text and latest_key_text");
-  insert.add_option("--payload-file", arguments->payload_file, "A custom type's payload is this file");
+  insert.add_option("--payload-file", arguments->payload_file, "A custom type's payload is this file")
+      ->type_name("FILE");
   insert.add_flag("--local", arguments->is_local, "Keep it on this agent");
   insert.callback(
       [&context, arguments] { context.action = [&context, arguments] { return InsertRecord(context, *arguments); }; });
@@ -184,8 +187,8 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
       [&context, arguments] { context.action = [&context, arguments] { return GetRecord(context, *arguments); }; });
 
   CLI::App& list = *group.add_subcommand("list", "The newest records");
-  list.add_option("type", arguments->type, "Of this data type only");
-  list.add_option("--origin", arguments->origin, "Of this agent only");
+  list.add_option("type", arguments->type, "Of this data type only")->type_name("DATATYPE");
+  list.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
   list.add_option("--limit", arguments->limit, "At most so many (20)")->check(CLI::Range(1u, kListMax));
   list.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ListRecords(context, *arguments); }; });

@@ -38,7 +38,7 @@ ExitCode ShowRoles(CommandContext& context) {
                  AgentName(team, roles.survivor()), roles.reason()});
       json.Key("role").String(role).Key("roles").Raw(ToJson(roles));
     } else {
-      table.Add({agent->name(), Unreachable(shown.error())});
+      table.Add({agent->name(), Unreachable(shown.error())}, Tone::kBad);
     }
     json.EndObject();
   }
@@ -152,8 +152,11 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
     command.add_flag("--dry-run", arguments->is_dry_run, "Say what would be, change nothing");
     command.add_option("--reason", arguments->reason, "Kept with the assignment");
   };
-  CLI::App& set = *role.add_subcommand("set", "AGENT leader|survivor [AGENT leader|survivor]");
-  set.add_option("pairs", arguments->words, "AGENT ROLE ...")->required()->expected(2, 4);
+  CLI::App& set = *role.add_subcommand("set", "Give roles: AGENT leader|survivor [AGENT leader|survivor]");
+  set.add_option("pairs", arguments->words, "AGENT ROLE ...")
+      ->type_name("{AGENT,leader,survivor}")
+      ->required()
+      ->expected(2, 4);
   add_common(set);
   set.callback([&context, arguments] {
     context.action = [&context, arguments] {
@@ -163,7 +166,7 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
     };
   });
   CLI::App& swap = *role.add_subcommand("swap", "Exchange leader and survivor");
-  swap.add_option("agents", arguments->words, "The two, to be sure")->expected(0, 2);
+  swap.add_option("agents", arguments->words, "The two, to be sure")->type_name("AGENT")->expected(0, 2);
   add_common(swap);
   swap.callback([&context, arguments] {
     context.action = [&context, arguments] {

@@ -168,7 +168,7 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
       const std::string text = RefusedText(team, *status, kind);
       if (!text.empty()) refused += agent->name() + ": " + text + "\n";
     } else {
-      table.Add({agent->name(), Unreachable(status.error())});
+      table.Add({agent->name(), Unreachable(status.error())}, Tone::kBad);
     }
     json.EndObject();
   }
@@ -184,8 +184,10 @@ void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, c
   CLI::App& now = *group.add_subcommand("now", "Start it, at the leader or at -a");
   now.add_flag("--wait", arguments->is_waiting, "Until everything is acknowledged");
   now.add_option("--max-bytes", arguments->bytes_max, "Each session ends when it has sent so many coded bytes")
+      ->type_name("BYTES")
       ->check(CLI::PositiveNumber);
-  if (kind == proto::SHARING_KIND_SYNC) now.add_option("--from", arguments->from, "Only from these agents");
+  if (kind == proto::SHARING_KIND_SYNC)
+    now.add_option("--from", arguments->from, "Only from these agents")->type_name("AGENT");
   now.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };
   });

@@ -213,11 +213,12 @@ ExitCode Down(CommandContext& context, const UpArguments& arguments) {
 void AddUpCommands(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<UpArguments>();
   CLI::App& up = *app.add_subcommand("up", "Start the whole team (or -a) on this machine");
-  up.add_option("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)");
-  up.add_option("--merge-backend", arguments->merge_backend, "auto, cpu or gl");
+  up.add_option("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
+      ->type_name("FOLDER");
+  up.add_option("--merge-backend", arguments->merge_backend, "auto, cpu or gl")->type_name("{auto,cpu,gl}");
   up.callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
   CLI::App& down = *app.add_subcommand("down", "Stop the whole team (or -a) on this machine");
-  down.add_option("--data-dir", arguments->data_folder, "As given to up");
+  down.add_option("--data-dir", arguments->data_folder, "As given to up")->type_name("FOLDER");
   down.callback(
       [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });
 }

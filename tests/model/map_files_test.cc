@@ -79,6 +79,9 @@ TEST_F(MapFilesTest, PngErrorsAreValues) {
   EXPECT_EQ(WritePng(wrong, folder_ / "wrong.png").error().code, ErrorCode::kInvalid);
   EXPECT_EQ(WritePng(Image(4, 4, 2), folder_ / "wrong.png").error().code, ErrorCode::kInvalid);
   EXPECT_EQ(WritePng(Image(4, 4, 1), folder_ / "nowhere" / "x.png").error().code, ErrorCode::kInternal);
+  std::filesystem::create_directories(folder_ / "taken.png" / "x");
+  EXPECT_THAT(WritePng(Image(4, 4, 1), folder_ / "taken.png").error().text, HasSubstr("cannot be written: "));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "taken.png.part")) << "nothing half-written is left";
 }
 
 TEST_F(MapFilesTest, PngOfAHugePictureIsRefusedBeforeItIsRead) {
@@ -90,11 +93,11 @@ TEST_F(MapFilesTest, PngOfAHugePictureIsRefusedBeforeItIsRead) {
 }
 
 TEST_F(MapFilesTest, RosMapIsWrittenToTheByte) {
-  ASSERT_TRUE(WriteRosMap(SmallMap(), folder_ / "new", "map"));
-  EXPECT_EQ(Slurp("new/map.yaml"),
-            "image: map.pgm\nmode: trinary\nresolution: 0.0125\norigin: [-0.0375, 0.0875, 0]\nnegate: 0\n"
+  EXPECT_EQ(RosMapYaml(SmallMap(), "map.pgm", {{"agent", "rover1"}, {"maps", "3"}}),
+            "# agent: rover1\n# maps: 3\nimage: map.pgm\nmode: trinary\nresolution: 0.0125\norigin: [-0.0375, 0.0875, "
+            "0]\nnegate: 0\n"
             "occupied_thresh: 0.65\nfree_thresh: 0.196\n");
-  EXPECT_EQ(Slurp("new/map.pgm"), "P5\n3 2\n255\n\xfe\xfe\xcd" + std::string(1, '\0') + "\xfe\xfe");
+  EXPECT_EQ(RosMapPgm(SmallMap().grid), "P5\n3 2\n255\n\xfe\xfe\xcd" + std::string(1, '\0') + "\xfe\xfe");
 }
 
 // The map server's rule: p = (255 - pixel) / 255; occupied above occupied_thresh, free below free_thresh.
@@ -115,10 +118,22 @@ TEST_F(MapFilesTest, RosMapLoadsAsWhatItWas) {
   }
 }
 
-TEST_F(MapFilesTest, RosMapRefusesWhatHasNoName) {
-  EXPECT_EQ(WriteRosMap(SmallMap(), folder_, "").error().field, "basename");
-  EXPECT_EQ(WriteRosMap(SmallMap(), folder_, "../map").error().field, "basename");
-  EXPECT_EQ(WriteRosMap(MergedMap{}, folder_, "map").error().code, ErrorCode::kInvalid);
+TEST_F(MapFilesTest, PngHoldsAPaletteAndSaysWhereItCameFrom) {
+  const Image cells = CellPicture(SmallMap());
+  EXPECT_EQ(cells.bytes, (std::vector<std::uint8_t>{1, 1, 0, 2, 1, 1}));
+  const auto bytes =
+      PngBytes(cells, {{CellColors().begin(), CellColors().end()}, {{"agent", "rover1"}, {"maps", "3"}}});
+  ASSERT_TRUE(bytes) << ToString(bytes.error());
+  EXPECT_THAT(*bytes, HasSubstr(std::string("tEXtagent\0rover1", 16)));
+  std::ofstream(folder_ / "cells.png", std::ios::binary) << *bytes;
+  const Result<Image> read = ReadPng(folder_ / "cells.png");
+  ASSERT_TRUE(read) << ToString(read.error());
+  ASSERT_EQ(read->channels, 3);
+  for (int i = 0; i < 6; ++i) {
+    const Color color = {read->bytes[3 * i], read->bytes[3 * i + 1], read->bytes[3 * i + 2]};
+    EXPECT_EQ(color, CellColors()[cells.bytes[i]]) << i;
+  }
+  EXPECT_EQ(PngBytes(Image(2, 2, 3), {{{1, 2, 3}}, {}}).error().code, ErrorCode::kInvalid);
 }
 
 TEST_F(MapFilesTest, MapPictureHasNorthUpAndTracksOnTop) {

@@ -1,0 +1,121 @@
+#include "apps/moonctl/manual_page.h"
+
+#include <CLI/CLI.hpp>
+
+#include "apps/moonctl/command_notes.h"
+#include "apps/moonctl/command_tree.h"
+
+namespace moondb {
+namespace {
+
+constexpr char kEnd[] = R"(.SH EXIT STATUS
+.TP
+.B 0
+Done.
+.TP
+.B 1
+Failed.
+.TP
+.B 2
+The command line, the team file or an input is wrong.
+.TP
+.B 3
+Some agents do not answer.
+.TP
+.B 4
+Refused: a role conflict, too old a state, not the leader.
+.TP
+.B 5
+Waiting for an acknowledgment or an answer took too long.
+.SH ENVIRONMENT
+.TP
+.B MOONDB_TEAM
+The team file, where \-t names none.
+.TP
+.B MOONDB_RUN_DIR
+The folder of the agents' sockets; else XDG_RUNTIME_DIR/moondb, else /tmp/moondb\-UID.
+.TP
+.B NO_COLOR
+Set to anything: no colours.
+)";
+
+// Plain text for a line of roff.
+std::string Escaped(const std::string& text) {
+  std::string escaped = text.starts_with(".") || text.starts_with("'") ? "\\&" : "";
+  for (const char c : text) {
+    if (c == '\\') {
+      escaped += "\\e";
+    } else if (c == '-') {
+      escaped += "\\-";
+    } else if (c == '\'') {
+      escaped += "\\(aq";
+    } else {
+      escaped += c == '\n' ? ' ' : c;
+    }
+  }
+  return escaped;
+}
+
+// "-a, --agent AGENT"; of arguments the name alone.
+std::string Heading(const CLI::Option& option) {
+  std::string names;
+  for (const std::string& name : option.get_snames()) names += (names.empty() ? "-" : ", -") + name;
+  for (const std::string& name : option.get_lnames()) names += (names.empty() ? "--" : ", --") + name;
+  const std::string type = TakesValue(option) ? " \\fI" + Escaped(option.get_type_name()) + "\\fR" : "";
+  return "\\fB" + Escaped(names.empty() ? option.get_name() : names) + "\\fR" + type;
+}
+
+std::string OptionText(const CLI::Option& option) {
+  return ".TP\n" + Heading(option) + "\n" + Escaped(option.get_description()) + "\n";
+}
+
+std::string OptionsText(const CLI::App& command) {
+  std::string text;
+  for (const CLI::Option* argument : ArgumentsOf(command)) text += OptionText(*argument);
+  for (const CLI::Option* option : OwnOptions(command)) {
+    if (option->get_name() != "--help") text += OptionText(*option);
+  }
+  return text;
+}
+
+std::string Synopsis(const CLI::App& command) {
+  std::string text = PathOf(command);
+  for (const CLI::Option* argument : ArgumentsOf(command)) {
+    text += argument->get_required() ? " " + argument->get_name() : " [" + argument->get_name() + "]";
+  }
+  return text;
+}
+
+// A group without options of its own is no command.
+bool IsCommand(const CLI::App& command) {
+  return SubcommandsOf(command).empty() || command.get_require_subcommand_min() == 0;
+}
+
+std::string CommandText(const CLI::App& command) {
+  std::string text = ".SS " + Escaped(Synopsis(command)) + "\n";
+  const CLI::App& group = *command.get_parent();
+  if (group.get_parent() != nullptr) text += Escaped(group.get_description()) + ".\n";  // "off" alone says little.
+  text += Escaped(command.get_description()) + ".\n";
+  text += OptionsText(command);
+  if (const CommandNote* note = NoteOf(command)) {
+    text += ".PP\n.nf\n" + Escaped(std::string(note->example)) + "\n.fi\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string ManualPage(const CLI::App& root, const std::string& version) {
+  std::string text = ".TH MOONCTL 1 \"\" \"moondb " + Escaped(version) + "\" \"User Commands\"\n";
+  text += ".SH NAME\nmoonctl \\- " + Escaped(root.get_description()) + "\n.SH SYNOPSIS\n.B moonctl\n";
+  text +=
+      "[\\fIoptions\\fR] \\fIcommand\\fR [\\fIarguments\\fR]\n.SH OPTIONS\nThey may stand before or behind the "
+      "command.\n";
+  text += OptionsText(root) + ".SH COMMANDS\n";
+  VisitCommands(root, [&text, &root](const CLI::App& command) {
+    if (&command != &root && IsCommand(command)) text += CommandText(command);
+  });
+  return text + kEnd;
+}
+
+}  // namespace moondb

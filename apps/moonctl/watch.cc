@@ -1,0 +1,67 @@
+#include "apps/moonctl/watch.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <thread>
+
+#include "apps/common/table.h"
+#include "apps/common/terminal.h"
+#include "apps/common/utc.h"
+#include "apps/moonctl/command_notes.h"
+#include "apps/moonctl/command_tree.h"
+#include "model/text.h"
+
+namespace moondb {
+namespace {
+
+constexpr char kClear[] = "\x1b[H\x1b[2J";
+constexpr std::size_t kBlockBytes = 1 << 20;
+
+volatile sig_atomic_t last_code = 0;
+
+// A pass writes its block at once and only at its end, so that it can be left anywhere.
+void EndNow(int) { ::_exit(last_code); }
+
+const CLI::App& ChosenCommand(const CLI::App& root) {
+  const CLI::App* command = &root;
+  while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
+  return *command;
+}
+
+std::string Heading(const CommandContext& context, std::chrono::milliseconds period, bool is_first) {
+  if (context.is_json) return "";
+  const std::string when =
+      FormatUtc(UtcNowNs()) + ", every " + FormatDouble(static_cast<double>(period.count()) / 1000) + " s";
+  return IsOnTerminal() ? kClear + when + "; Ctrl-C ends\n" : (is_first ? "" : "\n") + when + "\n";
+}
+
+}  // namespace
+
+ExitCode RunWatched(const CLI::App& root, CommandContext& context) {
+  const CLI::App& command = ChosenCommand(root);
+  const CommandNote* note = NoteOf(command);
+  if (note == nullptr || !note->is_showing) {
+    return context.Report(
+        {ErrorCode::kInvalid, PathOf(command) + " does more than show something: it is not repeated", "--watch"});
+  }
+  const auto period = ParseDuration(context.watch);
+  if (!period || *period < std::chrono::milliseconds(100)) {
+    return context.Report(
+        {ErrorCode::kInvalid, "expected seconds from 0.1 on, got \"" + context.watch + "\"", "--watch"});
+  }
+  std::setvbuf(stdout, nullptr, _IOFBF, kBlockBytes);
+  ::signal(SIGINT, EndNow);
+  ::signal(SIGTERM, EndNow);
+  for (bool is_first = true;; is_first = false) {
+    context.heading = Heading(context, *period, is_first);
+    const ExitCode code = context.action();
+    last_code = static_cast<int>(code);
+    if (code == ExitCode::kUsage || std::ferror(stdout) != 0) return code;
+    std::this_thread::sleep_for(*period);
+  }
+}
+
+}  // namespace moondb

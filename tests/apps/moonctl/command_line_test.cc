@@ -1,0 +1,78 @@
+// What every command owes to whoever types it: a description, an example that is right, a place in the manual.
+
+#include "apps/moonctl/command_line.h"
+
+#include <gmock/gmock.h>
+
+#include <CLI/CLI.hpp>
+
+#include "apps/moonctl/command_notes.h"
+#include "apps/moonctl/command_tree.h"
+#include "apps/moonctl/manual_page.h"
+
+namespace moondb {
+namespace {
+
+using testing::EndsWith;
+using testing::HasSubstr;
+
+class CommandLineTest : public testing::Test {
+ protected:
+  CommandLineTest() { AddCommandLine(app_, context_); }
+
+  CommandContext context_{"."};
+  CLI::App app_{kProgramDescription, kProgramName};
+};
+
+TEST_F(CommandLineTest, DescribesEveryCommandAndAllThatItTakes) {
+  int count = 0;
+  VisitCommands(app_, [&count](const CLI::App& command) {
+    ++count;
+    SCOPED_TRACE(PathOf(command));
+    EXPECT_NE(command.get_description(), "");
+    for (const CLI::Option* option : command.get_options())
+      EXPECT_NE(option->get_description(), "") << option->get_name();
+  });
+  EXPECT_GT(count, 40);
+}
+
+TEST_F(CommandLineTest, EndsEveryHelpWithAnExample) {
+  VisitCommands(app_, [](const CLI::App& command) {
+    SCOPED_TRACE(PathOf(command));
+    const CommandNote* note = NoteOf(command);
+    ASSERT_NE(note, nullptr);
+    EXPECT_THAT(command.help(), EndsWith("Example: " + std::string(note->example) + "\n"));
+    EXPECT_TRUE(note->path == PathOf(command) || !SubcommandsOf(command).empty()) << "it has one of its own";
+  });
+}
+
+TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
+  std::vector<std::pair<std::string, std::string>> examples;
+  VisitCommands(app_, [&examples](const CLI::App& command) {
+    if (const CommandNote* note = NoteOf(command)) examples.emplace_back(note->path, note->example);
+  });
+  for (const auto& [path, example] : examples) {
+    SCOPED_TRACE(example);
+    CommandContext context{"."};
+    CLI::App app(kProgramDescription, kProgramName);
+    AddCommandLine(app, context);
+    // What stands behind > is the shell's.
+    ASSERT_NO_THROW(app.parse(example.substr(0, example.find(" > ")), /*program_name_included=*/true));
+    EXPECT_TRUE(context.action != nullptr);
+    const CLI::App* chosen = &app;
+    while (!chosen->get_subcommands().empty()) chosen = chosen->get_subcommands().front();
+    EXPECT_TRUE(path.empty() || PathOf(*chosen) == path);
+  }
+}
+
+TEST_F(CommandLineTest, PutsEveryCommandIntoTheManual) {
+  const std::string page = ManualPage(app_, "1.2");
+  for (const char* line : {".SS role set pairs\n", ".SS map export folder\n", ".SS sleep off\n", ".SS status\n"}) {
+    EXPECT_THAT(page, HasSubstr(line));
+  }
+  EXPECT_THAT(page, HasSubstr("\\fB\\-a, \\-\\-agent\\fR \\fIAGENT\\fR"));
+  EXPECT_THAT(page, HasSubstr("moonctl \\-a rover2 record insert temperature \\(aq{"));
+}
+
+}  // namespace
+}  // namespace moondb
