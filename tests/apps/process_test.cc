@@ -219,7 +219,7 @@ TEST_F(ProcessTest, TellsTheTeamsStoryAndReadsTheFileOfARunningAgent) {
   EXPECT_THAT(log, HasSubstr("role set: leader rover2 (sun is low) ("));
   EXPECT_THAT(log, HasSubstr("sync now ("));
   EXPECT_THAT(MoonctlExpecting(0, {"log", "--origin", "base"}), Not(HasSubstr("rover2")));
-  EXPECT_FALSE(List(MoonctlJson(0, {"log"}), "events").empty());
+  EXPECT_GT(MoonctlJson(0, {"log"}).fields().at("events").list_value().values_size(), 6);
 
   const std::string started = "SELECT count(*) FROM v_event WHERE kind = 'started'";
   EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "db", "query", started}), HasSubstr("\n       4"));
