@@ -5,14 +5,16 @@ namespace moondb {
 namespace {
 
 constexpr int kCountLimit = 250;
-constexpr int kLearningShift = 16;   // Of weights.
-constexpr int kWeightMax = 1 << 23;  // 128: far beyond what is of use, so that no input overflows.
-constexpr int kBiasLogit = 256;      // The last input, always the same.
-constexpr int kMixedMax = 3000;      // Logits; beyond what Squash tells apart.
-constexpr int kRareShift = 9;        // They adapt by 1/512,
-constexpr int kRefinementShift = 6;  // the last table by 1/64.
-constexpr int kFinalMin = 24;        // No bit costs more than 12 bits,
-constexpr int kRareMin = 3;          // or 15 where it is nearly certain.
+constexpr int kWeightBits = 14;
+constexpr int kErrorShift = 2;              // So that an error fits 16 bits.
+constexpr int kLearningShift = 16;          // Of weights.
+constexpr std::int16_t kWeightMax = 30000;  // So that none overflows.
+constexpr int kBiasLogit = 256;             // The last input, always the same.
+constexpr int kMixedMax = 3000;             // Logits; beyond what Squash tells apart.
+constexpr int kRareShift = 9;               // They adapt by 1/512,
+constexpr int kRefinementShift = 6;         // the last table by 1/64.
+constexpr int kFinalMin = 24;               // No bit costs more than 12 bits,
+constexpr int kRareMin = 3;                 // or 15 where it is nearly certain.
 constexpr std::uint32_t kRefinementKnots = 33;
 constexpr int kRefinementStep = 128;  // Logits between two knots.
 constexpr int kRefinementMax = kRefinementStep * (static_cast<int>(kRefinementKnots) - 1) / 2;
@@ -26,19 +28,39 @@ constexpr std::array<std::uint32_t, kModelsWithPrevious> MakeSlotOffsets() {
 constexpr std::array<std::uint32_t, kModelsWithPrevious> kSlotOffsets = MakeSlotOffsets();
 constexpr std::uint32_t kSlotsPerDecision = kSlotOffsets.back() + kContextCounts.back();
 constexpr std::uint32_t kSetsPerDecision = kWeightSetCounts[0] + kWeightSetCounts[1];
-constexpr std::uint32_t kWeightsAlone = kDecisionCount * kSetsPerDecision * (kModelsAlone + 1);
-constexpr std::uint32_t kWeightsWithPrevious = kDecisionCount * kSetsPerDecision * (kModelsWithPrevious + 1);
+constexpr std::uint32_t kWeightsPerMode = kDecisionCount * kSetsPerDecision * kInputs;
 
-// 1 / (count + 1.6), of kProbabilityOne.
+constexpr int kRateBits = 14;
+
+// 1 / (count + 1.6), in 1/2^kRateBits.
 constexpr std::array<std::int32_t, BitModel::kCountMax + 1> MakeRates() {
   std::array<std::int32_t, BitModel::kCountMax + 1> rates{};
   for (std::size_t i = 0; i < rates.size(); ++i) {
-    rates[i] = static_cast<std::int32_t>(kProbabilityOne * 5 / (5 * i + 8));
+    rates[i] = static_cast<std::int32_t>((5u << kRateBits) / (5 * i + 8));
   }
   return rates;
 }
 
 constexpr std::array<std::int32_t, BitModel::kCountMax + 1> kRates = MakeRates();
+
+// Plain loops over 16 short numbers, which compilers turn into a few instructions.
+std::int32_t Sum(const std::int16_t* inputs, const std::int16_t* weights) {
+  std::int32_t sum = 0;
+  for (std::size_t i = 0; i < kInputs; ++i) sum += inputs[i] * weights[i];
+  return sum;
+}
+
+void Adjust(const std::int16_t* inputs, std::int16_t error, std::int16_t* weights) {
+  std::array<std::int16_t, kInputs> moved;  // Apart from the weights, so that no store is in a load's way.
+  for (std::size_t i = 0; i < kInputs; ++i) {
+    const std::int32_t step = (inputs[i] * error + (1 << (kLearningShift - 1))) >> kLearningShift;
+    moved[i] = static_cast<std::int16_t>(weights[i] + step);
+  }
+  for (std::size_t i = 0; i < kInputs; ++i) {
+    const std::int16_t least = moved[i] < -kWeightMax ? static_cast<std::int16_t>(-kWeightMax) : moved[i];
+    weights[i] = least > kWeightMax ? kWeightMax : least;
+  }
+}
 
 int Target(int bit) { return bit != 0 ? kProbabilityOne - 1 : 0; }
 
@@ -46,7 +68,7 @@ int Target(int bit) { return bit != 0 ? kProbabilityOne - 1 : 0; }
 
 BitModel::BitModel()
     : slots_(kDecisionCount * kSlotsPerDecision),
-      weights_(kWeightsAlone + kWeightsWithPrevious, kProbabilityOne * 3 / 10),
+      weights_(2 * kWeightsPerMode, (1 << kWeightBits) * 3 / 10),
       refinements_(2 * kDecisionCount * kRefinementCount * kRefinementKnots),
       count_limit_(kCountLimit) {
   rare_.fill(kProbabilityOne / 64);
@@ -68,18 +90,16 @@ int BitModel::Mix(const BitContexts& contexts) {
   last_.has_previous = contexts.has_previous;
   for (std::size_t i = 0; i < kModels; ++i) {
     last_.slots[i] = table * kSlotsPerDecision + kSlotOffsets[i] + contexts.models[i];
-    last_.inputs[i] = Stretch(slots_[last_.slots[i]].p);
+    last_.inputs[i] = static_cast<std::int16_t>(Stretch(slots_[last_.slots[i]].p));
   }
   last_.inputs[kModels] = kBiasLogit;
-  const std::uint32_t base = (kModels == kModelsAlone ? 0 : kWeightsAlone);
-  std::uint32_t set = table * kSetsPerDecision;
+  std::fill(last_.inputs.begin() + kModels + 1, last_.inputs.end(), std::int16_t{0});
+  std::uint32_t set = (contexts.has_previous ? kDecisionCount : 0) * kSetsPerDecision + table * kSetsPerDecision;
   for (std::size_t choice = 0; choice < kChoiceCount; ++choice) {
-    last_.weights[choice] = base + (set + contexts.weight_sets[choice]) * static_cast<std::uint32_t>(kModels + 1);
+    last_.weights[choice] = (set + contexts.weight_sets[choice]) * static_cast<std::uint32_t>(kInputs);
     set += kWeightSetCounts[choice];
-    const std::int32_t* weights = weights_.data() + last_.weights[choice];
-    std::int64_t sum = 0;
-    for (std::size_t i = 0; i <= kModels; ++i) sum += static_cast<std::int64_t>(weights[i]) * last_.inputs[i];
-    last_.mixed[choice] = static_cast<std::int32_t>(std::clamp<std::int64_t>(sum >> 16, -kMixedMax, kMixedMax));
+    const std::int32_t sum = Sum(last_.inputs.data(), weights_.data() + last_.weights[choice]);
+    last_.mixed[choice] = std::clamp(sum >> kWeightBits, -kMixedMax, kMixedMax);
   }
   const int logit = (last_.mixed[0] + last_.mixed[1]) >> 1;
   // Between the two knots of the last table that are nearest.
@@ -97,17 +117,13 @@ int BitModel::Mix(const BitContexts& contexts) {
 template <std::size_t kModels>
 void BitModel::Learn(int bit) {
   for (std::size_t choice = 0; choice < kChoiceCount; ++choice) {
-    const std::int32_t error = (bit << kProbabilityBits) - Squash(last_.mixed[choice]);
-    std::int32_t* weights = weights_.data() + last_.weights[choice];
-    for (std::size_t i = 0; i <= kModels; ++i) {
-      const std::int32_t step = (last_.inputs[i] * error + (1 << (kLearningShift - 1))) >> kLearningShift;
-      weights[i] = std::clamp(weights[i] + step, -kWeightMax, kWeightMax);
-    }
+    const int error = ((bit << kProbabilityBits) - Squash(last_.mixed[choice])) / (1 << kErrorShift);
+    Adjust(last_.inputs.data(), static_cast<std::int16_t>(error), weights_.data() + last_.weights[choice]);
   }
   for (std::size_t i = 0; i < kModels; ++i) {
     Slot& slot = slots_[last_.slots[i]];
-    const std::int64_t step = static_cast<std::int64_t>(Target(bit) - slot.p) * kRates[slot.count];
-    slot.p = static_cast<std::uint16_t>(slot.p + step / kProbabilityOne);
+    const std::int32_t step = (Target(bit) - slot.p) * kRates[slot.count];
+    slot.p = static_cast<std::uint16_t>(slot.p + (step >> kRateBits));
     if (slot.count < count_limit_) ++slot.count;
   }
   std::uint16_t& refined = refinements_[last_.refinement];

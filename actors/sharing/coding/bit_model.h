@@ -24,6 +24,7 @@ enum class Decision { kIsKnown = 0, kIsHazard = 1 };
 inline constexpr std::size_t kDecisionCount = 2;
 inline constexpr std::size_t kModelsAlone = 10;
 inline constexpr std::size_t kModelsWithPrevious = 14;
+inline constexpr std::size_t kInputs = 16;      // Of a mixing: models, one that is always the same, and zeros.
 inline constexpr std::size_t kChoiceCount = 2;  // Of weights.
 
 // How many contexts each model has, each choice of weights, and the last table.
@@ -64,9 +65,9 @@ class BitModel {
   // Contexts that have seen so much adapt no slower; at most kCountMax. Learning takes more than coding.
   void SetCountLimit(int limit) { count_limit_ = limit; }
 
-  // What learnt tables hold: all slots, all weights in 1/65536, the probabilities of rare bits.
+  // What learnt tables hold: all slots, all weights in 1/16384, the probabilities of rare bits.
   std::vector<Slot>& slots() { return slots_; }
-  std::vector<std::int32_t>& weights() { return weights_; }
+  std::vector<std::int16_t>& weights() { return weights_; }
   std::array<std::uint16_t, kDecisionCount>& rare() { return rare_; }
 
   static constexpr int kCountMax = 1000;
@@ -75,7 +76,7 @@ class BitModel {
   // Offsets into the three tables, and what was made of them.
   struct Prediction {
     std::array<std::uint32_t, kModelsWithPrevious> slots{};
-    std::array<std::int32_t, kModelsWithPrevious + 1> inputs{};
+    std::array<std::int16_t, kInputs> inputs{};
     std::array<std::uint32_t, kChoiceCount> weights{};
     std::array<std::int32_t, kChoiceCount> mixed{};
     std::uint32_t refinement = 0;
@@ -88,7 +89,7 @@ class BitModel {
   void Learn(int bit);
 
   std::vector<Slot> slots_;            // [decision][model][context]
-  std::vector<std::int32_t> weights_;  // Alone, then with a previous map: [decision][choice][set][input]
+  std::vector<std::int16_t> weights_;  // Alone, then with a previous map: [decision][choice][set][input]
   std::vector<std::uint16_t> refinements_;
   std::array<std::uint16_t, kDecisionCount> rare_;
   int count_limit_;

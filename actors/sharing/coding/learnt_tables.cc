@@ -24,7 +24,7 @@ constexpr std::array<std::size_t, 8> kRuns = {1, 2, 4, 8, 16, 64, 256, 1024};
 static_assert(kSlotCharacters + kRuns.size() <= kAlphabet.size());
 
 // A weight is two characters, a rare probability as well.
-constexpr int kWeightStep = 64;
+constexpr int kWeightStep = 8;
 constexpr int kBase = 91;
 constexpr int kWeightMax = kBase * kBase / 2;
 static_assert(kBase <= kAlphabet.size());
@@ -103,7 +103,7 @@ std::string WriteTables(BitModel& model) {
     text.push_back(kAlphabet[static_cast<std::size_t>(level + (slot.count >= kCounts[1] / 2 ? kLevels : 0))]);
   }
   WriteUnseen(unseen, text);
-  for (const std::int32_t weight : model.weights()) WritePair(Steps(weight, kWeightStep), text);
+  for (const std::int16_t weight : model.weights()) WritePair(Steps(weight, kWeightStep), text);
   for (const std::uint16_t rare : model.rare()) WritePair(rare, text);
   return text;
 }
@@ -112,7 +112,7 @@ BitModel ReadTables(std::string_view text) {
   BitModel model;
   Reader reader(text);
   ReadSlots(reader, model.slots());
-  for (std::int32_t& weight : model.weights()) weight = reader.Pair() * kWeightStep;
+  for (std::int16_t& weight : model.weights()) weight = static_cast<std::int16_t>(reader.Pair() * kWeightStep);
   for (std::uint16_t& rare : model.rare()) rare = static_cast<std::uint16_t>(std::max(reader.Pair(), 1));
   Check(reader.IsAtEnd(), "learnt tables are not too long");
   return model;

@@ -1,0 +1,101 @@
+// learn_map_tables: makes actors/sharing/coding/learnt_tables_data.cc, with which every run of coded maps begins.
+//
+//   learn_map_tables > actors/sharing/coding/learnt_tables_data.cc
+//
+// It learns from generated maps alone: lasers in buildings, cameras on the Moon, and maps that roll over one grid. What
+// it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new kMapFormatVersion.
+// Takes some minutes.
+#include <cstdio>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "actors/sharing/coding/learnt_tables.h"
+#include "actors/sharing/coding/map_codec.h"
+#include "apps/moondb_mission/mission_maker.h"
+#include "bench/laser_maps.h"
+#include "bench/rolling_maps.h"
+
+namespace moondb {
+namespace {
+
+// What is learnt stays right for longer than what one run sees.
+constexpr int kCountLimit = 400;
+constexpr int kDrives = 60;
+constexpr int kMapsPerDrive = 16;
+constexpr int kRollingMaps = 8;
+constexpr double kCameraMinutes = 3;
+
+using Drive = std::vector<TraversabilityMap>;
+
+// One drive each for the rovers of a generated mission.
+std::vector<Drive> MakeCameraDrives(std::uint64_t seed) {
+  MissionOptions options;
+  options.seed = seed;
+  options.minutes = kCameraMinutes;
+  options.terrain.side_m = 30;
+  options.terrain.rock_area_share = 0.01 + 0.01 * static_cast<double>(seed % 6);
+  const Result<MadeMission> made = MakeMission(options);
+  std::vector<Drive> drives(static_cast<std::size_t>(options.rover_count));
+  for (std::size_t i = 0; made && i < made->maps.size(); ++i) {
+    drives[made->maps[i].node.agent - 1].push_back(made->maps[i]);
+  }
+  return drives;
+}
+
+std::vector<Drive> MakeDrives() {
+  std::vector<Drive> drives;
+  for (int i = 0; i < kDrives; ++i) {
+    const std::uint64_t seed = static_cast<std::uint64_t>(i) + 1;
+    drives.push_back(MakeLaserMaps(seed, kMapsPerDrive));
+    if (i % 4 == 0) {
+      for (Drive& drive : MakeCameraDrives(seed)) drives.push_back(std::move(drive));
+    }
+    if (i % 10 == 0) {
+      RollingOptions rolling;
+      rolling.seed = seed;
+      rolling.map_count = kRollingMaps;
+      drives.push_back(MakeRollingMaps(rolling));
+    }
+  }
+  return drives;
+}
+
+void Learn(const Drive& drive, MapRunEncoder::Previous previous, BitModel& model) {
+  MapRunEncoder encoder(previous);
+  encoder.model() = model;
+  for (const TraversabilityMap& map : drive) {
+    if (encoder.map_count() < kRunMapsMax) encoder.Add(map.layers);
+  }
+  model = encoder.model();
+}
+
+void Print(std::string_view text) {
+  constexpr std::size_t kLineCharacters = 114;
+  std::printf("// Made by bench/learn_map_tables.cc; see there. Not to be changed by hand.\n");
+  std::printf("#include \"actors/sharing/coding/learnt_tables.h\"\n\nnamespace moondb {\n\n");
+  std::printf("// clang-format off\nconst std::string_view kLearntTables =\n");
+  while (!text.empty()) {
+    const std::string line(text.substr(0, kLineCharacters));
+    text.remove_prefix(line.size());
+    std::printf("    \"%s\"%s\n", line.c_str(), text.empty() ? ";" : "");
+  }
+  std::printf("// clang-format on\n\n}  // namespace moondb\n");
+}
+
+int Main() {
+  const std::vector<Drive> drives = MakeDrives();
+  BitModel model;
+  model.SetCountLimit(kCountLimit);
+  for (const MapRunEncoder::Previous previous :
+       {MapRunEncoder::Previous::kNever, MapRunEncoder::Previous::kWherePlaced}) {
+    for (const Drive& drive : drives) Learn(drive, previous, model);
+  }
+  Print(WriteTables(model));
+  return 0;
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main() { return moondb::Main(); }
