@@ -3,7 +3,8 @@
 //   learn_map_tables > actors/sharing/coding/learnt_tables_data.cc
 //
 // It learns from generated maps alone: lasers in buildings, cameras on the Moon, and maps that roll over one grid. What
-// it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new kMapFormatVersion.
+// it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a
+// new kBatchFormatVersion.
 // Takes some minutes.
 #include <cstdio>
 #include <string>
@@ -64,9 +65,7 @@ std::vector<Drive> MakeDrives() {
 void Learn(const Drive& drive, MapRunEncoder::Previous previous, BitModel& model) {
   MapRunEncoder encoder(previous);
   encoder.model() = model;
-  for (const TraversabilityMap& map : drive) {
-    if (encoder.map_count() < kRunMapsMax) encoder.Add(map.layers);
-  }
+  for (const TraversabilityMap& map : drive) encoder.Add(map.layers);
   model = encoder.model();
 }
 

@@ -2,6 +2,7 @@
 
 #include <xxhash.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "actors/sharing/coding/layer_coder.h"
@@ -127,30 +128,41 @@ bool AreHazardsNested(const CodedLayer& layer, const CodedLayer& coarser, const 
 
 }  // namespace
 
+std::uint64_t CellCountOf(const std::vector<MapLayer>& layers) {
+  std::uint64_t count = 0;
+  for (const MapLayer& layer : layers) {
+    count += static_cast<std::uint64_t>(layer.grid.width) * static_cast<std::uint64_t>(layer.grid.height);
+  }
+  return count;
+}
+
 bool IsCodable(const std::vector<MapLayer>& layers) {
   if (layers.empty() || layers.size() > static_cast<std::size_t>(kMapLayersMax)) return false;
-  std::uint64_t cells = 0;
   for (const MapLayer& layer : layers) {
     const Grid& grid = layer.grid;
     if (grid.width < 1 || grid.height < 1 || grid.width > kCodedMapSideMax || grid.height > kCodedMapSideMax)
       return false;
     if (layer.resolution_um < 1 || layer.resolution_um > kMapResolutionUmMax) return false;
-    cells += static_cast<std::uint64_t>(grid.width) * static_cast<std::uint64_t>(grid.height);
   }
-  return cells <= kCodedMapCellsMax;
+  return CellCountOf(layers) <= kCodedMapCellsMax;
 }
 
 MapRun::MapRun(const std::vector<MapLayer>* reference) : model_(LearntModel()) {
-  if (reference && IsCodable(*reference)) Keep(ToCoded(*reference));
+  if (!reference) return;
+  Check(IsCodable(*reference), "a reference is a map that can be coded");
+  Keep(ToCoded(*reference));
+}
+
+void MapRun::MakeRoomFor(const CodedLayers& layers) {
+  if (earlier_.size() < kRunMapsMax && earlier_cells_ + CellCount(layers) <= kRunCellsMax) return;
+  earlier_.clear();
+  earlier_cells_ = 0;
+  model_ = LearntModel();
 }
 
 void MapRun::Keep(CodedLayers layers) {
   earlier_cells_ += CellCount(layers);
   earlier_.push_back(std::move(layers));
-  while (earlier_.size() > kRunMapsMax || earlier_cells_ > kRunCellsMax) {
-    earlier_cells_ -= CellCount(earlier_.front());
-    earlier_.pop_front();
-  }
 }
 
 template <typename Coder>
@@ -186,29 +198,45 @@ void MapRun::CodeCells(const std::optional<Reference>& reference, const CodedLay
   }
 }
 
-void MapRunEncoder::Add(const std::vector<MapLayer>& layers) {
-  Check(IsCodable(layers) && map_count_ < kRunMapsMax, "a map that a run can hold");
-  CodedLayers source = ToCoded(layers);
-  std::optional<Placement> placement;
-  if (previous_ != Previous::kNever && !earlier_.empty()) placement = FindPlacement(earlier_.back(), source);
-  if (placement && previous_ == Previous::kWherePlaced) {
-    Code(Reference{1, *placement}, source, coder_, model_);
-  } else if (placement) {
-    RangeEncoder coder_with = coder_;
-    BitModel model_with = model_;
-    Code(Reference{1, *placement}, source, coder_with, model_with);
-    RangeEncoder coder_alone = coder_;
-    BitModel model_alone = model_;
-    Code(std::nullopt, source, coder_alone, model_alone);
-    const bool pays = coder_with.byte_count() < coder_alone.byte_count();
-    coder_ = std::move(pays ? coder_with : coder_alone);
-    model_ = std::move(pays ? model_with : model_alone);
+MapRunEncoder::MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference)
+    : MapRun(reference), previous_(previous) {}
+
+void MapRunEncoder::Add(const std::vector<MapLayer>& layers, std::uint32_t source) {
+  Check(IsCodable(layers), "a map that can be coded");
+  CodedLayers coded = ToCoded(layers);
+  MakeRoomFor(coded);
+  if (earlier_.empty()) sources_.clear();
+  const std::optional<Reference> reference = FindReference(coded, source);
+  if (reference && previous_ == Previous::kWhereItPays) {
+    CodeCheaper(*reference, coded);
   } else {
-    Code(std::nullopt, source, coder_, model_);
+    Code(reference, coded, coder_, model_);
   }
-  CodeBits(coder_, Checksum(source), kChecksumBits);
-  Keep(std::move(source));
-  ++map_count_;
+  CodeBits(coder_, Checksum(coded), kChecksumBits);
+  Keep(std::move(coded));
+  sources_.push_back(source);
+}
+
+std::optional<MapRun::Reference> MapRunEncoder::FindReference(const CodedLayers& layers, std::uint32_t source) const {
+  if (previous_ == Previous::kNever || earlier_.empty()) return std::nullopt;
+  const auto newest = std::find(sources_.rbegin(), sources_.rend(), source);
+  // Behind the last of those with a source lies the reference, if any.
+  const std::size_t maps_back = static_cast<std::size_t>(newest - sources_.rbegin()) + 1;
+  if (maps_back > earlier_.size()) return std::nullopt;
+  const std::optional<Placement> placement = FindPlacement(earlier_[earlier_.size() - maps_back], layers);
+  if (!placement) return std::nullopt;
+  return Reference{maps_back, *placement};
+}
+
+// Tries it with and without.
+void MapRunEncoder::CodeCheaper(const Reference& reference, const CodedLayers& source) {
+  RangeEncoder coder_alone = coder_;
+  BitModel model_alone = model_;
+  Code(reference, source, coder_, model_);
+  Code(std::nullopt, source, coder_alone, model_alone);
+  if (coder_alone.byte_count() > coder_.byte_count()) return;
+  coder_ = std::move(coder_alone);
+  model_ = std::move(model_alone);
 }
 
 void MapRunEncoder::Code(const std::optional<Reference>& reference, const CodedLayers& source, RangeEncoder& coder,
@@ -228,9 +256,13 @@ void MapRunEncoder::Code(const std::optional<Reference>& reference, const CodedL
 Result<void> MapRunDecoder::Decode(std::string_view coded, std::vector<std::vector<MapLayer>*>& maps) {
   if (has_failed_) return Fail(ErrorCode::kCorrupt, "follows what did not decode", "map");
   has_failed_ = true;
-  if (maps.size() > kRunMapsMax - map_count_) return Fail(ErrorCode::kCorrupt, "has more maps than a run", "map");
   RangeDecoder coder(coded);
+  std::uint64_t cell_count = 0;
   for (std::vector<MapLayer>* layers : maps) {
+    if (!IsCodable(*layers)) return Fail(ErrorCode::kCorrupt, "is larger than a coded map may be", "map");
+    cell_count += CellCountOf(*layers);
+    if (cell_count > kCodedCellsMax)
+      return Fail(ErrorCode::kCorrupt, "has more cells than may be coded at once", "map");
     const Result<void> done = DecodeMap(coder, *layers);
     if (!done) return done;
   }
@@ -240,7 +272,8 @@ Result<void> MapRunDecoder::Decode(std::string_view coded, std::vector<std::vect
 }
 
 Result<void> MapRunDecoder::DecodeMap(RangeDecoder& coder, std::vector<MapLayer>& layers) {
-  if (!IsCodable(layers)) return Fail(ErrorCode::kCorrupt, "is larger than a coded map may be", "map");
+  CodedLayers cells = Unknown(layers);
+  MakeRoomFor(cells);
   std::optional<Reference> reference;
   if (coder.Code(0, kEven) != 0) {
     reference.emplace();
@@ -249,14 +282,12 @@ Result<void> MapRunDecoder::DecodeMap(RangeDecoder& coder, std::vector<MapLayer>
       return Fail(ErrorCode::kCorrupt, "refers to a map that is not here", "map");
     reference->placement = CodePlacement(coder, {});
   }
-  CodedLayers cells = Unknown(layers);
   CodeCells(reference, cells, coder, model_, cells);
   if (CodeBits(coder, 0, kChecksumBits) != Checksum(cells)) {
     return Fail(ErrorCode::kCorrupt, "does not match its checksum", "map");
   }
   for (std::size_t i = 0; i < layers.size(); ++i) layers[i].grid = ToGrid(cells[i].cells);
   Keep(std::move(cells));
-  ++map_count_;
   return {};
 }
 

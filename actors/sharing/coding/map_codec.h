@@ -1,9 +1,10 @@
 // The map codec: the cells of local traversability maps, coded without loss by the cells about them, by the coarser
 // layer, and by an earlier map of the same run.
 //
-// A run is a row of at most kRunMapsMax maps whose coding goes on learning from one to the next; it travels as one
-// string or several, which the decoder must take in the same order. A run begins with what was learnt from generated
-// maps. Of a map only the cells are coded: sizes, resolutions and centres must be told to the decoder beforehand.
+// A run is a row of maps whose coding goes on learning from one to the next; it travels as one string or several, which
+// the decoder must take in the same order. It begins with what was learnt from generated maps, and begins anew by
+// itself where the next map would be one too many for it. Of a map only the cells are coded: sizes and resolutions must
+// be told to the decoder beforehand.
 //
 //   map        := reference placement? nested* layer* checksum        (all in one stream of the range coder)
 //   reference  := 0 | 1, 5 bits: how many maps back, less one
@@ -13,12 +14,10 @@
 //   checksum   := the low 16 bits of XXH64 over all cells, finest layer first
 //
 // Everything is in whole numbers, so that each end gets the same on every compiler and processor. A change to anything
-// here, to the tables or to the learnt ones, is a new format: see kMapFormatVersion. Not thread-safe.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -33,23 +32,22 @@
 
 namespace moondb {
 
-inline constexpr std::uint8_t kMapFormatVersion = 1;
 inline constexpr std::size_t kRunMapsMax = 32;
-inline constexpr std::uint64_t kCodedMapCellsMax = 1024 * 1024;  // Of all layers of one map: 0.1 s to decode.
-inline constexpr std::int32_t kCodedMapSideMax = 4096;           // Of a layer, in cells.
-inline constexpr std::uint64_t kRunCellsMax = 4 * 1024 * 1024;   // Of the earlier maps that a run keeps, 1 byte each.
+inline constexpr std::uint64_t kRunCellsMax = 4 * 1024 * 1024;   // Of a run's maps, all of which both ends keep.
+inline constexpr std::uint64_t kCodedCellsMax = kRunCellsMax;    // Of one string's maps: half a second to decode.
+inline constexpr std::uint64_t kCodedMapCellsMax = 1024 * 1024;  // Of one map.
+inline constexpr std::int32_t kCodedMapSideMax = 4096;           // Of a layer.
 
 // Whether these layers' sizes are within the limits above and those of traversability_map.h; other maps have to travel
 // in another form. Looks at no cell.
 bool IsCodable(const std::vector<MapLayer>& layers);
 
-// What both ends of a run have.
+// Of all layers.
+std::uint64_t CellCountOf(const std::vector<MapLayer>& layers);
+
+// What both ends have of a run: at most 6 MB.
 class MapRun {
  public:
-  // `reference`: a map that both ends hold already, as if it were the first of the run; null: none.
-  explicit MapRun(const std::vector<MapLayer>* reference);
-
-  std::size_t map_count() const { return map_count_; }
   // For learning tables; both ends would have to change it alike.
   BitModel& model() { return model_; }
 
@@ -59,38 +57,47 @@ class MapRun {
     Placement placement;
   };
 
+  // `reference`: a codable map that both ends hold already, as if it were the first of the run; null: none.
+  explicit MapRun(const std::vector<MapLayer>* reference);
+
+  void MakeRoomFor(const CodedLayers& layers);
   // Codes all that follows `placement`, fills cells.
   template <typename Coder>
   void CodeCells(const std::optional<Reference>& reference, const CodedLayers& source, Coder& coder, BitModel& model,
                  CodedLayers& cells);
   void Keep(CodedLayers layers);
 
-  BitModel model_;
-  RayTable rays_;
-  std::deque<CodedLayers> earlier_;  // Newest last.
+  std::vector<CodedLayers> earlier_;  // Newest last.
   std::uint64_t earlier_cells_ = 0;
-  std::size_t map_count_ = 0;
+  BitModel model_;
+
+ private:
+  RayTable rays_;
 };
 
+// Copies can be coded with on trial.
 class MapRunEncoder : public MapRun {
  public:
   // kWherePlaced is for learning: also where it costs more than it brings.
   enum class Previous { kNever, kWhereItPays, kWherePlaced };
 
-  explicit MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference = nullptr)
-      : MapRun(reference), previous_(previous) {}
+  explicit MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference = nullptr);
 
-  // Adds a map to the string that Finish returns. IsCodable must hold, map_count() must be below kRunMapsMax, and every
-  // cell must be unknown, free or a hazard.
-  void Add(const std::vector<MapLayer>& layers);
+  // Adds a map to the string that Finish returns. IsCodable must hold, every cell must be unknown, free or a hazard,
+  // and the string's maps must have no more than kCodedCellsMax cells. `source` tells apart whose map it is: the newest
+  // earlier one of the same source is tried as its previous map; a reference is of any.
+  void Add(const std::vector<MapLayer>& layers, std::uint32_t source = 0);
   // Of the string so far.
   std::size_t byte_count() const { return coder_.byte_count(); }
   std::string Finish() { return coder_.Finish(); }
 
  private:
+  std::optional<Reference> FindReference(const CodedLayers& layers, std::uint32_t source) const;
   void Code(const std::optional<Reference>& reference, const CodedLayers& source, RangeEncoder& coder, BitModel& model);
+  void CodeCheaper(const Reference& reference, const CodedLayers& source);
 
   Previous previous_;
+  std::vector<std::uint32_t> sources_;  // Of the newest earlier maps; a reference has none.
   RangeEncoder coder_;
 };
 
@@ -99,8 +106,8 @@ class MapRunDecoder : public MapRun {
   explicit MapRunDecoder(const std::vector<MapLayer>* reference = nullptr) : MapRun(reference) {}
 
   // Fills the cells of the next maps of the run, whose layers are as they were at the encoder but for the cells.
-  // kCorrupt: sizes beyond the limits, more maps than a run has, a reference to a map that is not here, a checksum that
-  // does not fit, bytes behind the last map. After an error the run is over: every call fails.
+  // kCorrupt: sizes beyond the limits, a reference to a map that is not here, a checksum that does not fit, bytes
+  // behind the last map. After an error the run is over: every call fails.
   Result<void> Decode(std::string_view coded, std::vector<std::vector<MapLayer>*>& maps);
 
  private:
