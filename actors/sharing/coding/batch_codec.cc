@@ -15,13 +15,14 @@ namespace {
 
 constexpr std::size_t kHashBytes = 8;
 constexpr std::size_t kChecksumBytes = 4;
+constexpr std::size_t kRowsKeptMax = 64 * 1024;  // Of a run's last batch, for the next one to refer to.
 
 // What stands beside the contents, in columns.
 struct Columns {
   std::vector<std::uint64_t> origins, epochs, types, seqs, hashes, are_maps;
 
-  static constexpr std::array<std::vector<std::uint64_t> Columns::*, 6> kAll = {&Columns::origins, &Columns::epochs, &Columns::types,
-                                      &Columns::seqs,    &Columns::hashes, &Columns::are_maps};
+  static constexpr std::array<std::vector<std::uint64_t> Columns::*, 6> kAll = {
+      &Columns::origins, &Columns::epochs, &Columns::types, &Columns::seqs, &Columns::hashes, &Columns::are_maps};
 };
 
 std::uint32_t Checksum(const std::vector<std::uint64_t>& hashes) {
@@ -74,45 +75,46 @@ RecordKey KeyAt(const Columns& columns, std::size_t i) {
           columns.seqs[i]};
 }
 
-void PutPacked(const std::string& plain, std::string& bytes) {
-  const std::optional<std::string> frame = CompressFrame(plain, FrameChecksum::kNone);
+void PutPacked(const std::string& plain, std::string_view before, std::string& bytes) {
+  const std::optional<std::string> frame = CompressFrame(plain, FrameChecksum::kNone, before);
   const bool is_smaller = frame && frame->size() < plain.size();
   const std::string& packed = is_smaller ? *frame : plain;
   PutVarint(packed.size() * 2 + (is_smaller ? 1 : 0), bytes);
   bytes += packed;
 }
 
-Result<std::string> TakePacked(ByteReader& reader) {
+Result<std::string> TakePacked(ByteReader& reader, std::string_view before) {
   const std::uint64_t mark = reader.Varint();
   const std::string_view packed = reader.Bytes(mark / 2);
   if (!reader.is_good()) return tl::unexpected(Corrupt("ends within its rows"));
-  if (mark % 2 == 1) return DecompressFrame(packed, kBatchRowsBytesMax);
+  if (mark % 2 == 1) return DecompressFrame(packed, kBatchRowsBytesMax, before);
   if (packed.size() > kBatchRowsBytesMax) return tl::unexpected(Corrupt("has more than 32 MiB of rows"));
   return std::string(packed);
 }
 
 // A batch's rows, taken apart.
 struct Rows {
+  std::string plain;  // What they were made of.
   std::uint32_t checksum = 0;
   Columns columns;
   std::vector<std::string> contents;  // Of maps whose cells are coded, their frames.
 };
 
-void PutRowsOf(const Columns& columns, std::uint32_t checksum, const std::vector<std::string_view>& contents,
-               std::string& bytes) {
+std::string WriteRows(const Columns& columns, std::uint32_t checksum, const std::vector<std::string_view>& contents) {
   std::string plain;
   PutVarint(contents.size(), plain);
   PutFixed(checksum, kChecksumBytes, plain);
   for (const auto column : Columns::kAll) PutColumn(columns.*column, plain);
   PutRows(contents, plain);
-  PutPacked(plain, bytes);
+  return plain;
 }
 
-Result<Rows> TakeRowsOf(ByteReader& batch, std::uint32_t record_count) {
-  const Result<std::string> plain = TakePacked(batch);
+Result<Rows> TakeRowsOf(ByteReader& batch, std::uint32_t record_count, std::string_view before) {
+  Result<std::string> plain = TakePacked(batch, before);
   if (!plain) return tl::unexpected(plain.error());
-  ByteReader reader(*plain);
   Rows rows;
+  rows.plain = *std::move(plain);
+  ByteReader reader(rows.plain);
   if (reader.Varint() != record_count) return tl::unexpected(Corrupt("does not hold as many records as it should"));
   rows.checksum = static_cast<std::uint32_t>(reader.Fixed(kChecksumBytes));
   for (const auto column : Columns::kAll) rows.columns.*column = TakeColumn(record_count, reader);
@@ -126,6 +128,10 @@ Result<Rows> TakeRowsOf(ByteReader& batch, std::uint32_t record_count) {
     }
   }
   return rows;
+}
+
+void KeepRows(std::string rows, std::string& kept) {
+  kept = rows.size() <= kRowsKeptMax ? std::move(rows) : std::string();
 }
 
 // Puts the cells back into the rows' maps.
@@ -152,6 +158,7 @@ Result<void> JoinMaps(std::string_view cells, MapRunDecoder& run, Rows& rows, st
   return {};
 }
 
+// Checks that all came back.
 Result<proto::RecordBatch> ToBatch(Rows rows) {
   proto::RecordBatch batch;
   std::vector<std::uint64_t> hashes;
@@ -167,12 +174,20 @@ Result<proto::RecordBatch> ToBatch(Rows rows) {
   return batch;
 }
 
+Result<proto::RecordBatch> DecodeRows(ByteReader& reader, std::uint32_t record_count) {
+  Result<Rows> rows = TakeRowsOf(reader, record_count, {});
+  if (!rows) return tl::unexpected(rows.error());
+  if (!reader.IsAtEnd()) return tl::unexpected(Corrupt("has bytes behind its end"));
+  return ToBatch(*std::move(rows));
+}
+
 }  // namespace
 
 BatchEncoder::BatchEncoder(MapRunEncoder::Previous previous) : previous_(previous), run_(previous) {}
 
 void BatchEncoder::BeginRun(const proto::StoredRecord* reference) {
   maps_before_ = 0;
+  rows_before_.clear();
   reference_.reset();
   const std::optional<SplitMap> map = reference ? SplitMapRecord(reference->content()) : std::nullopt;
   if (map) reference_ = MapReference{FromProto(reference->key()), reference->hash()};
@@ -208,8 +223,11 @@ std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
   }
   std::string bytes(1, static_cast<char>(kBatchFormatVersion));
   PutMaps(maps.size(), bytes);
-  PutRowsOf(columns, Checksum(hashes), contents, bytes);
-  if (!maps.empty()) bytes += run_.Finish();
+  std::string rows = WriteRows(columns, Checksum(hashes), contents);
+  PutPacked(rows, maps.empty() ? std::string_view() : rows_before_, bytes);
+  if (maps.empty()) return bytes;
+  KeepRows(std::move(rows), rows_before_);
+  bytes += run_.Finish();
   return bytes;
 }
 
@@ -240,20 +258,17 @@ Result<proto::RecordBatch> BatchDecoder::Decode(std::string_view coded, std::uin
   ByteReader reader(coded);
   const Result<Header> header = TakeHeader(reader);
   if (!header) return tl::unexpected(header.error());
-  Result<Rows> rows = TakeRowsOf(reader, record_count);
-  if (!rows) return tl::unexpected(rows.error());
-  const std::string_view cells = reader.Bytes(reader.left());
-  if (header->maps == kNoMaps) {
-    if (!cells.empty()) return tl::unexpected(Corrupt("has bytes behind its end"));
-    return ToBatch(*std::move(rows));
-  }
+  if (header->maps == kNoMaps) return DecodeRows(reader, record_count);
   const Result<void> begun =
       header->maps == kMapsWithReference ? BeginRun(header->reference, reference) : ContinueRun(header->maps_before);
   if (!begun) return tl::unexpected(begun.error());
   // Back in its place only when all went well: a run that lost its way has ended.
   std::optional<MapRunDecoder> run = std::exchange(run_, std::nullopt);
-  const Result<void> joined = JoinMaps(cells, *run, *rows, maps_before_);
+  Result<Rows> rows = TakeRowsOf(reader, record_count, rows_before_);
+  if (!rows) return tl::unexpected(rows.error());
+  const Result<void> joined = JoinMaps(reader.Bytes(reader.left()), *run, *rows, maps_before_);
   if (!joined) return tl::unexpected(joined.error());
+  KeepRows(std::move(rows->plain), rows_before_);
   Result<proto::RecordBatch> batch = ToBatch(*std::move(rows));
   if (batch) run_ = std::move(run);
   return batch;
@@ -265,6 +280,7 @@ Result<void> BatchDecoder::BeginRun(const MapReference& wanted, const proto::Sto
   if (!map) return Fail(ErrorCode::kNotFound, "refers to a map that is not held", "coded");
   run_.emplace(&map->layers);
   maps_before_ = 0;
+  rows_before_.clear();
   return {};
 }
 
@@ -272,6 +288,7 @@ Result<void> BatchDecoder::ContinueRun(std::uint64_t maps_before) {
   if (maps_before == 0) {
     run_.emplace();
     maps_before_ = 0;
+    rows_before_.clear();
   }
   if (!run_ || maps_before != maps_before_)
     return Fail(ErrorCode::kNotFound, "follows batches that are not here", "coded");

@@ -6,9 +6,10 @@
 //   rows    := record count, checksum, columns of origins, epochs, types, seqs, hashes and "its cells are coded",
 //   contents
 //
-// Those of a run's batches that have coded cells must be decoded in the order in which they were encoded: each says how
-// many such maps came before it, and a decoder that has seen another number refuses it. So a sender that was cut off
-// begins anew, as does one that wants a batch to be decodable on its own; where a batch says 0 the decoder does so too.
+// The frame of a run's later batch refers to the rows of the one before. Those of a run's batches that have coded cells
+// must be decoded in the order in which they were encoded: each says how many such maps came before it, and a decoder
+// that has seen another number refuses it. So a sender that was cut off begins anew, as does one that wants a batch to
+// be decodable on its own; where a batch says 0 the decoder does so too.
 //
 // Every content comes back byte for byte, or decoding fails: a map's record is taken apart only where joining it gives
 // the same bytes (map_record.h), other contents are taken apart into whatever they are made of, hashes are sent as what
@@ -59,6 +60,7 @@ class BatchEncoder {
   MapRunEncoder run_;
   std::optional<MapReference> reference_;
   std::uint64_t maps_before_ = 0;
+  std::string rows_before_;
 };
 
 // The map that must be held to decode this batch; nothing: none. kCorrupt where it cannot be read.
@@ -78,6 +80,7 @@ class BatchDecoder {
 
   std::optional<MapRunDecoder> run_;
   std::uint64_t maps_before_ = 0;
+  std::string rows_before_;
 };
 
 }  // namespace moondb

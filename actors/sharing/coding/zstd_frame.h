@@ -13,11 +13,12 @@ namespace moondb {
 
 enum class FrameChecksum { kNone, kPresent };
 
-// Nothing where zstd has no memory left.
-std::optional<std::string> CompressFrame(std::string_view plain, FrameChecksum checksum);
+// Nothing where zstd has no memory left. `before` is what both ends have seen already: the frame may refer to it, and
+// decodes only with it.
+std::optional<std::string> CompressFrame(std::string_view plain, FrameChecksum checksum, std::string_view before = {});
 
 // kCorrupt: not exactly one whole frame, one that does not state its size or states more than `plain_bytes_max`, bytes
 // that do not decode or whose checksum, where there is one, does not fit. Memory is taken only for what is allowed.
-Result<std::string> DecompressFrame(std::string_view frame, std::size_t plain_bytes_max);
+Result<std::string> DecompressFrame(std::string_view frame, std::size_t plain_bytes_max, std::string_view before = {});
 
 }  // namespace moondb

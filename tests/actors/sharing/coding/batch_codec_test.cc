@@ -205,7 +205,13 @@ TEST(BatchCodecTest, RefusesAFrameThatWouldFillTheMemory) {
 
 // Batches of an older node must stay readable. zstd writes other bytes in other versions; reading is what counts.
 TEST(BatchCodecTest, ReadsTheGoldenBytes) {
-  const std::string coded = "";
+  const std::string coded(
+      "\x01\x00\x8A\x01\x02\xD7\x81\x0F\x68\x00\x02\x00\x00\xA1\x98\xF5\xDB\xE0\xC3\xA6\x9E\x5F\x00\x00\x01\x00\x00\x01"
+      "\x01\x02"
+      "\x00\x00\x00\x00\x00\x00\x02\x01\x04\x02\x09\x06\x52\x02\x09\x07\x00\x80\x80\xA8\xB1\xE3\x9F\xE7\xCB\x17\x04\x00"
+      "\x94\x35"
+      "\x77\x00\x80\x80\x80\x80\x80\x80\x80\x9A\xC0\x01\x00",
+      73);
   const proto::RecordBatch batch = RowBatch(2);
   BatchDecoder decoder;
   ExpectDecodes(decoder, coded, batch);

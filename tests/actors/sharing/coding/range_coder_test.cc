@@ -70,7 +70,7 @@ TEST(RangeCoderTest, BeginsAnewAfterFinish) {
 }
 
 TEST(RangeCoderTest, NoticesBytesBehindTheEnd) {
-  std::vector<Bit> bits(400, Bit{1, 3000});
+  std::vector<Bit> bits(400, Bit{0, 30000});
   const std::string bytes = Encode(bits) + "more";
   RangeDecoder decoder(bytes);
   for (const Bit& bit : bits) decoder.Code(0, bit.probability);

@@ -38,37 +38,40 @@ std::size_t PackedSize(const Layers& layers) {
   return CompressFrame(cells, FrameChecksum::kNone)->size();
 }
 
-// Checks that every map comes back.
-std::size_t RunSize(const std::vector<Layers>& maps, std::size_t first, std::size_t count, Previous previous) {
-  MapRunEncoder encoder(previous);
-  const auto begin = maps.begin() + static_cast<std::ptrdiff_t>(first);
-  std::vector<Layers> decoded(begin, begin + static_cast<std::ptrdiff_t>(count));
+void ExpectDecodes(const std::string& coded, const std::vector<Layers>& maps) {
+  std::vector<Layers> decoded = maps;
   std::vector<Layers*> pointers;
   for (Layers& map : decoded) {
-    encoder.Add(map);
     for (MapLayer& layer : map) layer.grid.cells.clear();
     pointers.push_back(&map);
   }
-  const std::string coded = encoder.Finish();
   MapRunDecoder decoder;
-  EXPECT_TRUE(decoder.Decode(coded, pointers));
-  for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t layer = 0; layer < decoded[i].size(); ++layer) {
-      EXPECT_TRUE(decoded[i][layer].grid == maps[first + i][layer].grid);
+  ASSERT_TRUE(decoder.Decode(coded, pointers));
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    for (std::size_t layer = 0; layer < maps[i].size(); ++layer) {
+      ASSERT_TRUE(decoded[i][layer].grid == maps[i][layer].grid);
     }
   }
+}
+
+std::size_t RunSize(const std::vector<Layers>& maps, Previous previous) {
+  MapRunEncoder encoder(previous);
+  for (const Layers& map : maps) encoder.Add(map);
+  const std::string coded = encoder.Finish();
+  if (previous == Previous::kWhereItPays) ExpectDecodes(coded, maps);
   return coded.size();
 }
 
 void Measure(const std::vector<Layers>& maps, Sizes& sizes) {
   for (std::size_t i = 0; i < maps.size(); ++i) {
     sizes.packed += PackedSize(maps[i]);
-    sizes.single += RunSize(maps, i, 1, Previous::kNever);
+    sizes.single += RunSize({maps[i]}, Previous::kNever);
   }
   for (std::size_t i = 0; i < maps.size(); i += kRunMapsMax) {
-    const std::size_t count = std::min(kRunMapsMax, maps.size() - i);
-    sizes.batch += RunSize(maps, i, count, Previous::kNever);
-    sizes.previous += RunSize(maps, i, count, Previous::kWhereItPays);
+    const auto begin = maps.begin() + static_cast<std::ptrdiff_t>(i);
+    const std::vector<Layers> run(begin, begin + static_cast<std::ptrdiff_t>(std::min(kRunMapsMax, maps.size() - i)));
+    sizes.batch += RunSize(run, Previous::kNever);
+    sizes.previous += RunSize(run, Previous::kWhereItPays);
   }
 }
 

@@ -58,8 +58,8 @@ TEST(RowCodecTest, GivesEdgesWithTheirCovariancesBack) {
 
 TEST(RowCodecTest, GivesEveryDoubleBackToTheBit) {
   std::vector<std::string> rows;
-  for (const std::uint64_t bits : {std::uint64_t{0x7FF8000000000001}, 0xFFF8DEADBEEF0001u, 0x7FF0000000000001u, 0x8000000000000000u,
-                                   std::uint64_t{1}, 0x7FF0000000000000u}) {
+  for (const std::uint64_t bits : {std::uint64_t{0x7FF8000000000001}, 0xFFF8DEADBEEF0001u, 0x7FF0000000000001u,
+                                   0x8000000000000000u, std::uint64_t{1}, 0x7FF0000000000000u}) {
     proto::Record record;
     record.mutable_temperature()->set_celsius(std::bit_cast<double>(bits));
     rows.push_back(record.SerializeAsString());
