@@ -29,7 +29,7 @@ inline constexpr std::size_t kChoiceCount = 2;  // Of weights.
 
 // How many contexts each model has, each choice of weights, and the last table.
 inline constexpr std::array<std::uint32_t, kModelsWithPrevious> kContextCounts = {
-    2916, 11664, 4096, 10368, 3456, 11664, 13824, 3888, 2916, 8192, 3888, 5184, 8192, 6912};
+    2916, 11664, 4096, 10368, 3456, 11664, 13824, 3888, 2916, 8192, 5184, 5184, 8192, 6912};
 inline constexpr std::array<std::uint32_t, kChoiceCount> kWeightSetCounts = {144, 256};
 inline constexpr std::uint32_t kRefinementCount = 324;
 

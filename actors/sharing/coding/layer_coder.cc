@@ -86,7 +86,7 @@ class LayerCoder {
     const Coarser coarser = LookUp(column, row);
     const std::uint8_t* previous = context_.previous ? context_.previous->At(column, row) : nullptr;
     const std::uint32_t value = Coder::kIsEncoder ? *source_.At(column, row) : 0;
-    const bool is_rare = coarser.AreAllUnknown() && (!previous || *previous % 3 == kUnknown) &&
+    const bool is_rare = coarser.AreAllUnknown() && (!previous || LastOrUnknown(*previous) == kUnknown) &&
                          (at(-1, 0) | at(0, -1) | at(-1, -1) | at(1, -1) | at(-2, 0) | at(0, -2)) == kUnknown;
     if (is_rare) {
       if (CodeRare(Decision::kIsKnown, value != kUnknown)) {
@@ -167,16 +167,19 @@ class LayerCoder {
 
   void SetPreviousContexts(std::int32_t column, std::int32_t row, const Neighbours& at, const Coarser& c) {
     const Neighbours previous(context_.previous->At(column, row), quadrant_, context_.previous->stride());
-    const std::uint32_t here = previous(0, 0);
+    const auto last = [&previous](int columns_out, int rows_out) {
+      return LastOrUnknown(static_cast<CellMemory>(previous(columns_out, rows_out)));
+    };
+    const std::uint32_t here = LastCell(static_cast<CellMemory>(previous(0, 0)));
+    const std::uint32_t state = kMemoryStateOf[previous(0, 0)];
     const std::uint32_t inwards = Join(3, at(-1, 0), at(0, -1));
-    const std::uint32_t east = previous(1, 0) % 3, south = previous(0, 1) % 3;
+    const std::uint32_t east = last(1, 0);
     auto& models = contexts_.models;
-    models[10] = (Join(3, at(-1, 0), east, south, previous(-1, 0) % 3, previous(0, -1) % 3) * 4 + c.here) * 4 + here;
-    models[11] = ((Join(3, inwards, east, previous(1, 1) % 3) * 4 + c.sub()) * 4 + c.here) * 4 + here;
+    models[10] = (Join(3, east, last(0, 1), last(-1, 0), last(0, -1)) * 4 + c.here) * kMemoryStates + state;
+    models[11] = ((Join(3, inwards, east, last(1, 1)) * 4 + c.sub()) * 4 + c.here) * 4 + here;
     models[13] =
-        (((Join(3, inwards, at(1, -1)) * 4 + CoarserPrevious(column, row)) * 4 + c.here) * 4 + context_.depth) * 4 +
-        here;
-    contexts_.weight_sets[0] = (inwards * 4 + c.here) * 4 + here;
+        ((Join(3, inwards, at(1, -1)) * 4 + CoarserPrevious(column, row)) * 4 + c.here) * kMemoryStates + state;
+    contexts_.weight_sets[0] = (at(-1, 0) * 3 + c.here % 3) * kMemoryStates + state;
     contexts_.refinement = (inwards * 4 + c.here) * 4 + here;
   }
 
@@ -184,7 +187,7 @@ class LayerCoder {
     if (!context_.coarser || !context_.coarser_previous) return kNotCovered;
     const std::int32_t x = context_.columns->index[static_cast<std::size_t>(column)];
     const std::int32_t y = context_.rows->index[static_cast<std::size_t>(row)];
-    return x < 0 || y < 0 ? kNotCovered : *context_.coarser_previous->At(x, y);
+    return x < 0 || y < 0 ? kNotCovered : LastCell(*context_.coarser_previous->At(x, y));
   }
 
   // Those of many cells, of each of which only one bit counts: is it known, or is it a hazard?
@@ -203,7 +206,8 @@ class LayerCoder {
     const Neighbours before(previous, quadrant_, context_.previous->stride());
     std::uint32_t around = inwards;
     for (int row = -1; row <= 1; ++row) {
-      for (int column = -1; column <= 1; ++column) around = around * 2 + bit(before(column, row) % 3);
+      for (int column = -1; column <= 1; ++column)
+        around = around * 2 + bit(LastOrUnknown(static_cast<CellMemory>(before(column, row))));
     }
     contexts_.models[12] = around * 4 + c.here;
   }

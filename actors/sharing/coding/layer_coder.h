@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "actors/sharing/coding/bit_model.h"
+#include "actors/sharing/coding/cell_memory.h"
 #include "actors/sharing/coding/cell_plane.h"
 #include "actors/sharing/coding/ray_table.h"
 
@@ -27,14 +28,12 @@ struct LayerContext {
   const CellPlane* coarser = nullptr;  // Null: none, or it has another centre.
   const CoarserIndex* columns = nullptr;
   const CoarserIndex* rows = nullptr;
-  const CellPlane* previous = nullptr;  // The placed previous map on this layer's cells; null: none.
+  const CellPlane* previous = nullptr;  // The placed previous map's memory on this layer's cells; null: none.
   const CellPlane* coarser_previous = nullptr;
   std::uint32_t depth = 0;  // Layers that are finer, at most 3.
   // No cell is a hazard unless the coarser cell is one: then nothing is said of the others.
   bool are_hazards_nested = false;
 };
-
-inline constexpr std::uint8_t kNotCovered = 3;  // Of a placed previous map's cell.
 
 // Fills `cells`, which must be unknown everywhere; an encoder reads them from `source`, which is of the same size.
 template <typename Coder>

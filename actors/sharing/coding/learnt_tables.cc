@@ -19,6 +19,7 @@ constexpr int kLevelMax = 20;
 constexpr int kLevels = 2 * kLevelMax + 1;
 constexpr std::array<int, 2> kCounts = {4, 30};
 constexpr int kSlotCharacters = kLevels * static_cast<int>(kCounts.size());
+constexpr int kCountMin = 3;  // What has seen less is left out.
 // The others stand for so many slots that have seen nothing.
 constexpr std::array<std::size_t, 8> kRuns = {1, 2, 4, 8, 16, 64, 256, 1024};
 static_assert(kSlotCharacters + kRuns.size() <= kAlphabet.size());
@@ -35,6 +36,11 @@ std::array<int, 256> MakeDigits() {
   for (std::size_t i = 0; i < kAlphabet.size(); ++i)
     digits[static_cast<unsigned char>(kAlphabet[i])] = static_cast<int>(i);
   return digits;
+}
+
+// Of a set's weights some stand only to make it a round number of them.
+bool IsUsed(std::size_t weight, std::size_t weight_count) {
+  return weight % kInputs <= (weight < weight_count / 2 ? kModelsAlone : kModelsWithPrevious);
 }
 
 void WriteUnseen(std::size_t count, std::string& text) {
@@ -93,7 +99,7 @@ std::string WriteTables(BitModel& model) {
   std::string text;
   std::size_t unseen = 0;
   for (const BitModel::Slot& slot : model.slots()) {
-    if (slot.count < 2) {
+    if (slot.count < kCountMin) {
       ++unseen;
       continue;
     }
@@ -103,7 +109,10 @@ std::string WriteTables(BitModel& model) {
     text.push_back(kAlphabet[static_cast<std::size_t>(level + (slot.count >= kCounts[1] / 2 ? kLevels : 0))]);
   }
   WriteUnseen(unseen, text);
-  for (const std::int16_t weight : model.weights()) WritePair(Steps(weight, kWeightStep), text);
+  const std::vector<std::int16_t>& weights = model.weights();
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    if (IsUsed(i, weights.size())) WritePair(Steps(weights[i], kWeightStep), text);
+  }
   for (const std::uint16_t rare : model.rare()) WritePair(rare, text);
   return text;
 }
@@ -112,7 +121,10 @@ BitModel ReadTables(std::string_view text) {
   BitModel model;
   Reader reader(text);
   ReadSlots(reader, model.slots());
-  for (std::int16_t& weight : model.weights()) weight = static_cast<std::int16_t>(reader.Pair() * kWeightStep);
+  std::vector<std::int16_t>& weights = model.weights();
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    if (IsUsed(i, weights.size())) weights[i] = static_cast<std::int16_t>(reader.Pair() * kWeightStep);
+  }
   for (std::uint16_t& rare : model.rare()) rare = static_cast<std::uint16_t>(std::max(reader.Pair(), 1));
   Check(reader.IsAtEnd(), "learnt tables are not too long");
   return model;

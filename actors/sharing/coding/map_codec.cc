@@ -51,7 +51,7 @@ std::uint64_t CellCount(const CodedLayers& layers) {
 CodedLayers Unknown(const std::vector<MapLayer>& layers) {
   CodedLayers coded;
   for (const MapLayer& layer : layers) {
-    coded.push_back({CellPlane(layer.grid.width, layer.grid.height), layer.resolution_um});
+    coded.push_back({CellPlane(layer.grid.width, layer.grid.height), layer.resolution_um, {}});
   }
   return coded;
 }
@@ -150,7 +150,7 @@ bool IsCodable(const std::vector<MapLayer>& layers) {
 MapRun::MapRun(const std::vector<MapLayer>* reference) : model_(LearntModel()) {
   if (!reference) return;
   Check(IsCodable(*reference), "a reference is a map that can be coded");
-  Keep(ToCoded(*reference));
+  Keep(std::nullopt, ToCoded(*reference));
 }
 
 void MapRun::MakeRoomFor(const CodedLayers& layers) {
@@ -160,7 +160,18 @@ void MapRun::MakeRoomFor(const CodedLayers& layers) {
   model_ = LearntModel();
 }
 
-void MapRun::Keep(CodedLayers layers) {
+void MapRun::Keep(const std::optional<Reference>& reference, CodedLayers layers) {
+  for (CodedLayer& layer : layers) {
+    layer.memory = reference ? Place(EarlierOf(*reference), layer, layers.front().resolution_um, reference->placement)
+                             : CellPlane(layer.cells.width(), layer.cells.height());
+    for (std::int32_t row = 0; row < layer.cells.height(); ++row) {
+      const std::uint8_t* cells = layer.cells.At(0, row);
+      CellMemory* memory = layer.memory.At(0, row);
+      for (std::int32_t column = 0; column < layer.cells.width(); ++column) {
+        memory[column] = Remember(reference ? memory[column] : kNoMemory, cells[column]);
+      }
+    }
+  }
   earlier_cells_ += CellCount(layers);
   earlier_.push_back(std::move(layers));
 }
@@ -168,7 +179,7 @@ void MapRun::Keep(CodedLayers layers) {
 template <typename Coder>
 void MapRun::CodeCells(const std::optional<Reference>& reference, const CodedLayers& source, Coder& coder,
                        BitModel& model, CodedLayers& cells) {
-  const CodedLayers* earlier = reference ? &earlier_[earlier_.size() - reference->maps_back] : nullptr;
+  const CodedLayers* earlier = reference ? &EarlierOf(*reference) : nullptr;
   CellPlane coarser_previous;
   for (std::size_t i = cells.size(); i-- > 0;) {
     CodedLayer& layer = cells[i];
@@ -206,14 +217,14 @@ void MapRunEncoder::Add(const std::vector<MapLayer>& layers, std::uint32_t sourc
   CodedLayers coded = ToCoded(layers);
   MakeRoomFor(coded);
   if (earlier_.empty()) sources_.clear();
-  const std::optional<Reference> reference = FindReference(coded, source);
+  std::optional<Reference> reference = FindReference(coded, source);
   if (reference && previous_ == Previous::kWhereItPays) {
-    CodeCheaper(*reference, coded);
+    if (!CodeCheaper(*reference, coded)) reference.reset();
   } else {
     Code(reference, coded, coder_, model_);
   }
   CodeBits(coder_, Checksum(coded), kChecksumBits);
-  Keep(std::move(coded));
+  Keep(reference, std::move(coded));
   sources_.push_back(source);
 }
 
@@ -228,15 +239,16 @@ std::optional<MapRun::Reference> MapRunEncoder::FindReference(const CodedLayers&
   return Reference{maps_back, *placement};
 }
 
-// Tries it with and without.
-void MapRunEncoder::CodeCheaper(const Reference& reference, const CodedLayers& source) {
+// With the reference or without; true: with it.
+bool MapRunEncoder::CodeCheaper(const Reference& reference, const CodedLayers& source) {
   RangeEncoder coder_alone = coder_;
   BitModel model_alone = model_;
   Code(reference, source, coder_, model_);
   Code(std::nullopt, source, coder_alone, model_alone);
-  if (coder_alone.byte_count() > coder_.byte_count()) return;
+  if (coder_alone.byte_count() > coder_.byte_count()) return true;
   coder_ = std::move(coder_alone);
   model_ = std::move(model_alone);
+  return false;
 }
 
 void MapRunEncoder::Code(const std::optional<Reference>& reference, const CodedLayers& source, RangeEncoder& coder,
@@ -248,7 +260,7 @@ void MapRunEncoder::Code(const std::optional<Reference>& reference, const CodedL
   }
   CodedLayers cells;
   for (const CodedLayer& layer : source) {
-    cells.push_back({CellPlane(layer.cells.width(), layer.cells.height()), layer.resolution_um});
+    cells.push_back({CellPlane(layer.cells.width(), layer.cells.height()), layer.resolution_um, {}});
   }
   CodeCells(reference, source, coder, model, cells);
 }
@@ -287,7 +299,7 @@ Result<void> MapRunDecoder::DecodeMap(RangeDecoder& coder, std::vector<MapLayer>
     return Fail(ErrorCode::kCorrupt, "does not match its checksum", "map");
   }
   for (std::size_t i = 0; i < layers.size(); ++i) layers[i].grid = ToGrid(cells[i].cells);
-  Keep(std::move(cells));
+  Keep(reference, std::move(cells));
   return {};
 }
 

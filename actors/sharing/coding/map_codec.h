@@ -45,7 +45,7 @@ bool IsCodable(const std::vector<MapLayer>& layers);
 // Of all layers.
 std::uint64_t CellCountOf(const std::vector<MapLayer>& layers);
 
-// What both ends have of a run: at most 6 MB.
+// What both ends have of a run: at most 10 MB.
 class MapRun {
  public:
   // For learning tables; both ends would have to change it alike.
@@ -61,11 +61,15 @@ class MapRun {
   explicit MapRun(const std::vector<MapLayer>* reference);
 
   void MakeRoomFor(const CodedLayers& layers);
+  const CodedLayers& EarlierOf(const Reference& reference) const {
+    return earlier_[earlier_.size() - reference.maps_back];
+  }
   // Codes all that follows `placement`, fills cells.
   template <typename Coder>
   void CodeCells(const std::optional<Reference>& reference, const CodedLayers& source, Coder& coder, BitModel& model,
                  CodedLayers& cells);
-  void Keep(CodedLayers layers);
+  // Remembers a map that was coded so.
+  void Keep(const std::optional<Reference>& reference, CodedLayers layers);
 
   std::vector<CodedLayers> earlier_;  // Newest last.
   std::uint64_t earlier_cells_ = 0;
@@ -94,7 +98,7 @@ class MapRunEncoder : public MapRun {
  private:
   std::optional<Reference> FindReference(const CodedLayers& layers, std::uint32_t source) const;
   void Code(const std::optional<Reference>& reference, const CodedLayers& source, RangeEncoder& coder, BitModel& model);
-  void CodeCheaper(const Reference& reference, const CodedLayers& source);
+  bool CodeCheaper(const Reference& reference, const CodedLayers& source);
 
   Previous previous_;
   std::vector<std::uint32_t> sources_;  // Of the newest earlier maps; a reference has none.

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 
-#include "actors/sharing/coding/layer_coder.h"
-
 namespace moondb {
 
 namespace {
@@ -75,7 +73,7 @@ void Overlay(const CodedLayer& earlier, const Walk& walk, CellPlane& placed) {
       const std::int64_t from_column = x >> kPlaceBits;
       const std::int64_t from_row = y >> kPlaceBits;
       if (static_cast<std::uint64_t>(from_column) >= width || static_cast<std::uint64_t>(from_row) >= height) continue;
-      cell[column] = *earlier.cells.At(static_cast<std::int32_t>(from_column), static_cast<std::int32_t>(from_row));
+      cell[column] = *earlier.memory.At(static_cast<std::int32_t>(from_column), static_cast<std::int32_t>(from_row));
     }
   }
 }
@@ -88,7 +86,7 @@ CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32
                 const Placement& placement) {
   CellPlane placed(later.cells.width(), later.cells.height());
   for (std::int32_t row = 0; row < placed.height(); ++row) {
-    std::fill_n(placed.At(0, row), placed.width(), kNotCovered);
+    std::fill_n(placed.At(0, row), placed.width(), kNoMemory);
   }
   for (auto layer = earlier.rbegin(); layer != earlier.rend(); ++layer) {
     if (layer->resolution_um < later.resolution_um) break;

@@ -1,4 +1,4 @@
-// Placement: where one map lies in an earlier one, and the earlier one's cells on the later one's grid.
+// Placement: where one map lies in an earlier one, and what is remembered there on the later one's grid.
 //
 // The encoder looks for it (FindPlacement) and sends it; the decoder only applies it. All of it is in whole numbers, so
 // that both ends place alike; the search may change without changing the format.
@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "actors/sharing/coding/cell_memory.h"
 #include "actors/sharing/coding/cell_plane.h"
 
 namespace moondb {
@@ -16,6 +17,7 @@ namespace moondb {
 struct CodedLayer {
   CellPlane cells;  // As moondb::Cell.
   std::uint32_t resolution_um = 1;
+  CellPlane memory;  // As CellMemory; of earlier maps.
 };
 using CodedLayers = std::vector<CodedLayer>;
 
@@ -40,8 +42,8 @@ struct Rotation {
 inline constexpr int kRotationBits = 14;
 Rotation RotationOf(std::int32_t yaw);
 
-// The earlier map's cells under the middles of a later layer's cells, from its finest layer that is not finer than this
-// one; kNotCovered (layer_coder.h) where none reaches. `unit_um` is the resolution of the later map's finest layer.
+// The earlier map's memory under the middles of a later layer's cells, from its finest layer that is not finer than
+// this one; kNoMemory where none reaches. `unit_um` is the resolution of the later map's finest layer.
 CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32_t unit_um, const Placement& placement);
 
 // The placement at which hazards best lie on hazards, within some cells of the coarsest layer and any turn; none where

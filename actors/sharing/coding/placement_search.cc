@@ -8,14 +8,14 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kPointsMax = 96;       // Hazards of a layer that are looked at.
+constexpr std::size_t kPointsMax = 128;      // Hazards of a layer that are looked at.
 constexpr std::size_t kPointsMin = 6;        // Fewer say nothing.
 constexpr std::int32_t kReachCells = 6;      // Of the coarsest layer, either way.
 constexpr std::int32_t kCoarseTurnStep = 8;  // 2.8 degrees.
 constexpr std::size_t kCandidates = 3;
-constexpr std::int32_t kOnHazard = 4;
-constexpr std::int32_t kBesideHazard = 2;
-constexpr std::int32_t kOnFree = -1;
+constexpr std::int8_t kOnHazard = 4;
+constexpr std::int8_t kBesideHazard = 2;
+constexpr std::int8_t kOnFree = -1;
 constexpr std::uint8_t kHazard = 2;
 
 // A hazard of the later map: twice its micrometres from the middle.
@@ -23,6 +23,20 @@ struct Point {
   std::int64_t x = 0;
   std::int64_t y = 0;
 };
+
+bool IsHazard(const CellPlane& cells, std::int32_t column, std::int32_t row) {
+  return *cells.At(column, row) == kHazard;
+}
+
+// A hazard with others beside it; one that stands alone is mostly noise.
+bool IsSupported(const CellPlane& cells, std::int32_t column, std::int32_t row) {
+  if (!IsHazard(cells, column, row)) return false;
+  int beside = -1;
+  for (std::int32_t y = -1; y <= 1; ++y) {
+    for (std::int32_t x = -1; x <= 1; ++x) beside += IsHazard(cells, column + x, row + y) ? 1 : 0;
+  }
+  return beside > 0;
+}
 
 // What a hazard is worth on each cell of an earlier layer.
 class Field {
@@ -33,8 +47,15 @@ class Field {
         resolution_um_(layer.resolution_um),
         stride_(width_ + 2 * kReachCells),
         worth_(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_ + 2 * kReachCells)) {
+    const CellPlane& cells = layer.cells;
     for (std::int32_t row = 0; row < height_; ++row) {
-      for (std::int32_t column = 0; column < width_; ++column) *At(column, row) = Worth(layer.cells, column, row);
+      for (std::int32_t column = 0; column < width_; ++column)
+        *At(column, row) = *cells.At(column, row) == 0 ? 0 : kOnFree;
+    }
+    for (std::int32_t row = 0; row < height_; ++row) {
+      for (std::int32_t column = 0; column < width_; ++column) {
+        if (IsSupported(cells, column, row)) Mark(column, row);
+      }
     }
   }
 
@@ -54,14 +75,14 @@ class Field {
   }
 
  private:
-  static std::int8_t Worth(const CellPlane& cells, std::int32_t column, std::int32_t row) {
-    if (*cells.At(column, row) == kHazard) return kOnHazard;
+  // Of the cells around a hazard as well, where that is not worth more already.
+  void Mark(std::int32_t column, std::int32_t row) {
     for (std::int32_t y = -1; y <= 1; ++y) {
       for (std::int32_t x = -1; x <= 1; ++x) {
-        if (*cells.At(column + x, row + y) == kHazard) return kBesideHazard;
+        std::int8_t& worth = *At(column + x, row + y);
+        worth = std::max(worth, x == 0 && y == 0 ? kOnHazard : kBesideHazard);
       }
     }
-    return *cells.At(column, row) == 0 ? 0 : kOnFree;
   }
 
   std::int32_t width_;
@@ -71,19 +92,19 @@ class Field {
   std::vector<std::int8_t> worth_;
 };
 
+// Evenly some of the hazards that stand with others.
 std::vector<Point> PointsOf(const CodedLayer& layer) {
   std::vector<Point> points;
   const std::int64_t resolution = layer.resolution_um;
   for (std::int32_t row = 0; row < layer.cells.height(); ++row) {
-    const std::uint8_t* cells = layer.cells.At(0, row);
     for (std::int32_t column = 0; column < layer.cells.width(); ++column) {
-      if (cells[column] != kHazard) continue;
+      if (!IsSupported(layer.cells, column, row)) continue;
       points.push_back(
           {(2 * column + 1 - layer.cells.width()) * resolution, (2 * row + 1 - layer.cells.height()) * resolution});
     }
   }
   if (points.size() <= kPointsMax) return points;
-  std::vector<Point> some;  // Evenly from all.
+  std::vector<Point> some;
   for (std::size_t i = 0; i < kPointsMax; ++i) some.push_back(points[i * points.size() / kPointsMax]);
   return some;
 }
@@ -93,37 +114,49 @@ struct Candidate {
   std::int32_t score = 0;
 };
 
+// One layer of both maps.
+struct Level {
+  Field field;
+  std::vector<Point> points;
+};
+
 class Search {
  public:
-  Search(const CodedLayers& earlier, const CodedLayers& later)
-      : earlier_(earlier), later_(later), unit_um_(later.front().resolution_um) {}
+  Search(const CodedLayers& earlier, const CodedLayers& later) : unit_um_(later.front().resolution_um) {
+    for (std::size_t i = 0; i < std::min(earlier.size(), later.size()); ++i) {
+      levels_.push_back({Field(earlier[i]), PointsOf(later[i])});
+    }
+  }
 
   std::optional<Placement> Run() {
-    const std::size_t coarsest = std::min(earlier_.size(), later_.size()) - 1;
-    std::vector<Candidate> candidates = Coarse(coarsest);
-    for (std::size_t i = 0; i <= coarsest && !candidates.empty(); ++i) Refine(coarsest - i, candidates);
-    if (candidates.empty() || candidates.front().score <= 0) return std::nullopt;
+    std::vector<Candidate> candidates = Coarse();
+    if (candidates.empty()) return std::nullopt;
+    for (std::size_t i = levels_.size(); i-- > 0;) Refine(i, i + 1, 2, candidates);
+    candidates.resize(1);
+    Refine(0, levels_.size(), 1, candidates);
+    if (candidates.front().score <= 0) return std::nullopt;
     return candidates.front().placement;
   }
 
  private:
-  // The best placement of each of the best turns.
-  std::vector<Candidate> Coarse(std::size_t layer) const {
-    Field field(earlier_[layer]);
-    const std::vector<Point> points = PointsOf(later_[layer]);
+  // The best placement of each of the best turns, and of no turn: that is how maps roll.
+  std::vector<Candidate> Coarse() {
     std::vector<Candidate> best;
-    if (points.size() < kPointsMin) return best;
-    for (std::int32_t yaw = 0; yaw < kTurn; yaw += kCoarseTurnStep) best.push_back(BestShift(field, points, yaw));
+    if (levels_.back().points.size() < kPointsMin) return best;
+    for (std::int32_t yaw = 0; yaw < kTurn; yaw += kCoarseTurnStep) best.push_back(BestShift(yaw));
+    const Candidate straight = best.front();
     std::stable_sort(best.begin(), best.end(), [](const auto& a, const auto& b) { return a.score > b.score; });
-    best.resize(std::min(best.size(), kCandidates));
+    best.resize(kCandidates);
+    best.push_back(straight);
     return best;
   }
 
-  Candidate BestShift(Field& field, const std::vector<Point>& points, std::int32_t yaw) const {
+  Candidate BestShift(std::int32_t yaw) {
+    Field& field = levels_.back().field;
     const Rotation rotation = RotationOf(yaw);
     std::array<const std::int8_t*, kPointsMax> under;
     std::size_t count = 0;
-    for (const Point& point : points) {
+    for (const Point& point : levels_.back().points) {
       const std::int8_t* cell = field.Under(rotation.cosine * point.x - rotation.sine * point.y,
                                             rotation.sine * point.x + rotation.cosine * point.y);
       if (cell) under[count++] = cell;
@@ -145,23 +178,18 @@ class Search {
     return static_cast<std::int32_t>(std::clamp<std::int64_t>(units, kLeast, kMost));
   }
 
-  // Climbs from each candidate by steps of half a cell of this layer and the turn that goes with it.
-  void Refine(std::size_t layer, std::vector<Candidate>& candidates) const {
-    Field field(earlier_[layer]);
-    const std::vector<Point> points = PointsOf(later_[layer]);
-    if (points.size() < kPointsMin) return;
-    const std::int32_t step = std::max(1, Units(1, field) / 2);
-    const std::int32_t turn = 2;
+  // Climbs from each candidate by half cells of the first of these levels and by `turn`; the best comes first.
+  void Refine(std::size_t first, std::size_t end, std::int32_t turn, std::vector<Candidate>& candidates) {
+    const std::int32_t step = std::max(1, Units(1, levels_[first].field) / 2);
     for (Candidate& candidate : candidates) {
-      candidate.score = Score(field, points, candidate.placement);
-      Climb(field, points, step, turn, candidate);
+      candidate.score = Score(first, end, candidate.placement);
+      Climb(first, end, step, turn, candidate);
     }
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const auto& a, const auto& b) { return a.score > b.score; });
   }
 
-  void Climb(Field& field, const std::vector<Point>& points, std::int32_t step, std::int32_t turn,
-             Candidate& candidate) const {
+  void Climb(std::size_t first, std::size_t end, std::int32_t step, std::int32_t turn, Candidate& candidate) {
     constexpr int kRoundsMax = 12;
     for (int round = 0; round < kRoundsMax; ++round) {
       const Candidate before = candidate;
@@ -170,22 +198,24 @@ class Search {
         const Placement to{std::clamp(from.x + (move % 3 - 1) * step, kLeast, kMost),
                            std::clamp(from.y + (move / 3 % 3 - 1) * step, kLeast, kMost),
                            (from.yaw + (move / 9 - 1) * turn) & (kTurn - 1)};
-        const std::int32_t score = Score(field, points, to);
+        const std::int32_t score = Score(first, end, to);
         if (score > candidate.score) candidate = {to, score};
       }
       if (candidate.placement == before.placement) return;
     }
   }
 
-  std::int32_t Score(Field& field, const std::vector<Point>& points, const Placement& placement) const {
+  std::int32_t Score(std::size_t first, std::size_t end, const Placement& placement) {
     const Rotation rotation = RotationOf(placement.yaw);
     const std::int64_t x = (std::int64_t{placement.x} * unit_um_) << kRotationBits;
     const std::int64_t y = (std::int64_t{placement.y} * unit_um_) << kRotationBits;
     std::int32_t score = 0;
-    for (const Point& point : points) {
-      const std::int8_t* cell = field.Under(x + rotation.cosine * point.x - rotation.sine * point.y,
-                                            y + rotation.sine * point.x + rotation.cosine * point.y);
-      if (cell) score += *cell;
+    for (std::size_t i = first; i < end; ++i) {
+      for (const Point& point : levels_[i].points) {
+        const std::int8_t* cell = levels_[i].field.Under(x + rotation.cosine * point.x - rotation.sine * point.y,
+                                                         y + rotation.sine * point.x + rotation.cosine * point.y);
+        if (cell) score += *cell;
+      }
     }
     return score;
   }
@@ -193,9 +223,8 @@ class Search {
   static constexpr std::int32_t kLeast = -(1 << (kPlacementBits - 1));
   static constexpr std::int32_t kMost = (1 << (kPlacementBits - 1)) - 1;
 
-  const CodedLayers& earlier_;
-  const CodedLayers& later_;
   std::int64_t unit_um_;
+  std::vector<Level> levels_;
 };
 
 }  // namespace

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "actors/sharing/coding/layer_coder.h"
 #include "drawn_maps.h"
 
 namespace moondb {
@@ -22,6 +21,7 @@ CodedLayers ToCoded(const Layers& layers) {
         *added.cells.At(column, row) = static_cast<std::uint8_t>(layer.grid.At(column, row));
       }
     }
+    added.memory = added.cells;  // Nothing is believed.
   }
   return coded;
 }
@@ -49,12 +49,12 @@ TEST(PlacementTest, LeavesAMapWhereItIsWithoutMoving) {
 
 TEST(PlacementTest, ShiftsByHalfCellsAndTurns) {
   CodedLayers earlier = ToCoded(DrawLayers(1, 9, 9, [](int, int, int) { return Cell::kFree; }));
-  *earlier[0].cells.At(7, 4) = 2;  // 3 cells ahead of the middle.
+  *earlier[0].memory.At(7, 4) = 2;  // 3 cells ahead of the middle.
   CodedLayers later = ToCoded(DrawLayers(1, 9, 9, [](int, int, int) { return Cell::kUnknown; }));
   const std::uint32_t unit = later[0].resolution_um;
   EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(6, 4), 2);          // One cell nearer now.
   EXPECT_EQ(*Place(earlier, later[0], unit, {0, 0, kTurn / 4}).At(4, 1), 2);  // To the right after a turn to the left.
-  EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(8, 4), kNotCovered);
+  EXPECT_EQ(*Place(earlier, later[0], unit, {2, 0, 0}).At(8, 4), kNoMemory);
   EXPECT_EQ(*Place(earlier, later[0], unit, {0, 0, kTurn / 2}).At(1, 4), 2);
 }
 
