@@ -268,13 +268,14 @@ void MapRunEncoder::Code(const std::optional<Reference>& reference, const CodedL
 Result<void> MapRunDecoder::Decode(std::string_view coded, std::vector<std::vector<MapLayer>*>& maps) {
   if (has_failed_) return Fail(ErrorCode::kCorrupt, "follows what did not decode", "map");
   has_failed_ = true;
-  RangeDecoder coder(coded);
   std::uint64_t cell_count = 0;
-  for (std::vector<MapLayer>* layers : maps) {
+  for (const std::vector<MapLayer>* layers : maps) {
     if (!IsCodable(*layers)) return Fail(ErrorCode::kCorrupt, "is larger than a coded map may be", "map");
     cell_count += CellCountOf(*layers);
-    if (cell_count > kCodedCellsMax)
-      return Fail(ErrorCode::kCorrupt, "has more cells than may be coded at once", "map");
+  }
+  if (cell_count > kCodedCellsMax) return Fail(ErrorCode::kCorrupt, "has more cells than may be coded at once", "map");
+  RangeDecoder coder(coded);
+  for (std::vector<MapLayer>* layers : maps) {
     const Result<void> done = DecodeMap(coder, *layers);
     if (!done) return done;
   }

@@ -85,6 +85,12 @@ TEST(RowCodecTest, GivesBackWhatIsNotCanonical) {
                    TemperatureRecord(2).SerializeAsString()});
 }
 
+TEST(RowCodecTest, GivesBackRowsThatDifferInTheirNestingAlone) {
+  const std::string outside("\x62\x02\x08\x01\x10\x01", 6);  // A message of one field, and one behind it;
+  const std::string inside("\x62\x04\x08\x01\x10\x01", 6);   // a message of both.
+  ExpectRoundTrip({outside, inside, outside});
+}
+
 TEST(RowCodecTest, GivesBackMoreShapesThanItTakes) {
   std::vector<std::string> rows;
   for (int i = 0; i < 100; ++i) {
