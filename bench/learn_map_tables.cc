@@ -6,14 +6,17 @@
 // it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a
 // new kBatchFormatVersion.
 // Takes some minutes.
+#include <algorithm>
 #include <cstdio>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "actors/sharing/coding/learnt_tables.h"
 #include "actors/sharing/coding/map_codec.h"
 #include "apps/moondb_mission/mission_maker.h"
+#include "apps/moondb_mission/random.h"
 #include "bench/laser_maps.h"
 #include "bench/rolling_maps.h"
 
@@ -21,10 +24,11 @@ namespace moondb {
 namespace {
 
 // What is learnt stays right for longer than what one run sees.
-constexpr int kCountLimit = 400;
-constexpr int kDrives = 60;
+constexpr int kCountLimit = BitModel::kCountMax;
+constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;
 constexpr int kRollingMaps = 8;
+constexpr std::size_t kPieceMaps = 8;
 constexpr double kCameraMinutes = 3;
 
 using Drive = std::vector<TraversabilityMap>;
@@ -44,22 +48,35 @@ std::vector<Drive> MakeCameraDrives(std::uint64_t seed) {
   return drives;
 }
 
-std::vector<Drive> MakeDrives() {
-  std::vector<Drive> drives;
+// Adds a drive in pieces.
+void AddPieces(const Drive& drive, std::vector<Drive>& pieces) {
+  for (std::size_t first = 0; first < drive.size(); first += kPieceMaps) {
+    const auto begin = drive.begin() + static_cast<std::ptrdiff_t>(first);
+    pieces.emplace_back(begin, begin + static_cast<std::ptrdiff_t>(std::min(kPieceMaps, drive.size() - first)));
+  }
+}
+
+// In no order, so that what is learnt last is of all kinds.
+std::vector<Drive> MakePieces() {
+  std::vector<Drive> pieces;
   for (int i = 0; i < kDrives; ++i) {
     const std::uint64_t seed = static_cast<std::uint64_t>(i) + 1;
-    drives.push_back(MakeLaserMaps(seed, kMapsPerDrive));
-    if (i % 4 == 0) {
-      for (Drive& drive : MakeCameraDrives(seed)) drives.push_back(std::move(drive));
+    AddPieces(MakeLaserMaps(seed, kMapsPerDrive), pieces);
+    if (i % 15 == 0) {
+      for (const Drive& drive : MakeCameraDrives(seed)) AddPieces(drive, pieces);
     }
-    if (i % 10 == 0) {
+    if (i % 30 == 0) {
       RollingOptions rolling;
       rolling.seed = seed;
       rolling.map_count = kRollingMaps;
-      drives.push_back(MakeRollingMaps(rolling));
+      AddPieces(MakeRollingMaps(rolling), pieces);
     }
   }
-  return drives;
+  Random random(1);
+  for (std::size_t i = pieces.size(); i > 1; --i) {
+    std::swap(pieces[i - 1], pieces[static_cast<std::size_t>(random.Index(static_cast<int>(i)))]);
+  }
+  return pieces;
 }
 
 void Learn(const Drive& drive, MapRunEncoder::Previous previous, BitModel& model) {
@@ -83,12 +100,12 @@ void Print(std::string_view text) {
 }
 
 int Main() {
-  const std::vector<Drive> drives = MakeDrives();
+  const std::vector<Drive> pieces = MakePieces();
   BitModel model;
   model.SetCountLimit(kCountLimit);
   for (const MapRunEncoder::Previous previous :
        {MapRunEncoder::Previous::kNever, MapRunEncoder::Previous::kWherePlaced}) {
-    for (const Drive& drive : drives) Learn(drive, previous, model);
+    for (const Drive& drive : pieces) Learn(drive, previous, model);
   }
   Print(WriteTables(model));
   return 0;
