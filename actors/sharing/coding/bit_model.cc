@@ -7,7 +7,7 @@ namespace {
 constexpr int kCountLimit = 250;
 constexpr int kWeightBits = 14;
 constexpr int kErrorShift = 2;              // So that an error fits 16 bits.
-constexpr int kLearningShift = 16;          // Of weights.
+constexpr int kLearningShift = 15;          // Of weights.
 constexpr std::int16_t kWeightMax = 30000;  // So that none overflows.
 constexpr int kBiasLogit = 256;             // The last input, always the same.
 constexpr int kMixedMax = 3000;             // Logits; beyond what Squash tells apart.

@@ -13,16 +13,16 @@ namespace {
 constexpr std::string_view kAlphabet =
     "!#$%&'()*+,-./0123456789:;<=>@ABCDEFGHIJKLMNOPQRSTUVWXYZ[]^_`abcdefghijklmnopqrstuvwxyz{|}~";
 
-// A slot is one character: its logit in steps of half a unit, and how much it has seen.
+// A slot is one character: its logit in steps of half a unit.
 constexpr int kLevelStep = 128;
 constexpr int kLevelMax = 20;
 constexpr int kLevels = 2 * kLevelMax + 1;
-constexpr std::array<int, 2> kCounts = {4, 30};
-constexpr int kSlotCharacters = kLevels * static_cast<int>(kCounts.size());
-constexpr int kCountMin = 3;  // What has seen less is left out.
+// A run's first maps tell more of its kind than all that was learnt: so little weigh learnt slots against them.
+constexpr std::uint16_t kLearntCount = 11;
+constexpr int kCountMin = 5;  // What has seen less is left out.
 // The others stand for so many slots that have seen nothing.
 constexpr std::array<std::size_t, 8> kRuns = {1, 2, 4, 8, 16, 64, 256, 1024};
-static_assert(kSlotCharacters + kRuns.size() <= kAlphabet.size());
+static_assert(kLevels + kRuns.size() <= kAlphabet.size());
 
 // A weight is two characters, a rare probability as well.
 constexpr int kWeightStep = 8;
@@ -45,7 +45,7 @@ bool IsUsed(std::size_t weight, std::size_t weight_count) {
 
 void WriteUnseen(std::size_t count, std::string& text) {
   for (std::size_t i = kRuns.size(); i-- > 0;) {
-    for (; count >= kRuns[i]; count -= kRuns[i]) text.push_back(kAlphabet[kSlotCharacters + i]);
+    for (; count >= kRuns[i]; count -= kRuns[i]) text.push_back(kAlphabet[kLevels + i]);
   }
 }
 
@@ -83,12 +83,12 @@ class Reader {
 void ReadSlots(Reader& reader, std::vector<BitModel::Slot>& slots) {
   for (std::size_t i = 0; i < slots.size();) {
     const int digit = reader.Digit();
-    if (digit >= kSlotCharacters) {
-      i += kRuns[static_cast<std::size_t>(digit - kSlotCharacters)];
+    if (digit >= kLevels) {
+      i += kRuns[static_cast<std::size_t>(digit - kLevels)];
       continue;
     }
-    slots[i].p = static_cast<std::uint16_t>(Squash((digit % kLevels - kLevelMax) * kLevelStep));
-    slots[i].count = static_cast<std::uint16_t>(kCounts[static_cast<std::size_t>(digit / kLevels)]);
+    slots[i].p = static_cast<std::uint16_t>(Squash((digit - kLevelMax) * kLevelStep));
+    slots[i].count = kLearntCount;
     ++i;
   }
 }
@@ -106,7 +106,7 @@ std::string WriteTables(BitModel& model) {
     WriteUnseen(unseen, text);
     unseen = 0;
     const int level = std::clamp(Steps(Stretch(slot.p), kLevelStep), -kLevelMax, kLevelMax) + kLevelMax;
-    text.push_back(kAlphabet[static_cast<std::size_t>(level + (slot.count >= kCounts[1] / 2 ? kLevels : 0))]);
+    text.push_back(kAlphabet[static_cast<std::size_t>(level)]);
   }
   WriteUnseen(unseen, text);
   const std::vector<std::int16_t>& weights = model.weights();

@@ -94,7 +94,7 @@ TEST(MapCodecTest, LearnsThroughARun) {
   const std::vector<Layers> maps = Drive(16);
   std::size_t alone = 0;
   for (const Layers& map : maps) alone += Encode({map}, Previous::kNever).size();
-  EXPECT_LT(Encode(maps, Previous::kNever).size(), alone * 9 / 10);
+  EXPECT_LT(Encode(maps, Previous::kNever).size(), alone * 19 / 20);
 }
 
 TEST(MapCodecTest, GainsFromThePreviousMapWhateverTheTurn) {
@@ -123,7 +123,7 @@ TEST(MapCodecTest, TakesTheNewestMapOfTheSameSourceForThePrevious) {
 TEST(MapCodecTest, GainsFromAMapThatBothEndsHold) {
   const std::vector<Layers> maps = Drive(2);
   const std::size_t alone = Encode({maps[1]}, Previous::kWhereItPays).size();
-  EXPECT_LT(Encode({maps[1]}, Previous::kWhereItPays, &maps[0]).size(), alone * 9 / 10);
+  EXPECT_LT(Encode({maps[1]}, Previous::kWhereItPays, &maps[0]).size(), alone * 19 / 20);
   ExpectRoundTrip({maps[1]}, Previous::kWhereItPays, &maps[0]);
 }
 
@@ -231,11 +231,11 @@ TEST(MapCodecTest, WritesTheGoldenBytes) {
   for (const Layers& map : AdversarialMaps()) adversarial += Encode({map}, Previous::kNever) + "|";
   const std::vector<Layers> small = {DrawLayers(
       2, 4, 4, [](int layer, int column, int row) { return static_cast<Cell>((layer + column * row) % 3); })};
-  EXPECT_EQ(hash_of(adversarial), 9919843250758430642u);
-  EXPECT_EQ(hash_of(Encode(AdversarialMaps(), Previous::kNever)), 12288074787712140881u);
+  EXPECT_EQ(hash_of(adversarial), 16007101078288236084u);
+  EXPECT_EQ(hash_of(Encode(AdversarialMaps(), Previous::kNever)), 4260601223363408080u);
   EXPECT_LT(Encode(RollingBlocks(), Previous::kWherePlaced).size(), Encode(RollingBlocks(), Previous::kNever).size());
-  EXPECT_EQ(hash_of(Encode(RollingBlocks(), Previous::kWherePlaced)), 16238855456983469308u);
-  EXPECT_EQ(hash_of(Encode(small, Previous::kNever)), 11599343270485764567u);
+  EXPECT_EQ(hash_of(Encode(RollingBlocks(), Previous::kWherePlaced)), 6975038015779577220u);
+  EXPECT_EQ(hash_of(Encode(small, Previous::kNever)), 9959682941389959764u);
 }
 
 }  // namespace
