@@ -3,8 +3,9 @@
 //
 //   batch   := version, maps, size of rows * 2 + (1: as a zstd frame), rows, cells
 //   maps    := 0: no cells are coded | 1, maps before | 2, the reference: begins a run
-//   rows    := record count, checksum, columns of origins, epochs, types, seqs, hashes and "its cells are coded",
-//   contents
+//   rows    := record count, checksum, contents (row_codec.h) behind columns (number_column.h) of origins, epochs,
+//   types,
+//              seqs, hashes and "its cells are coded"
 //
 // The frame of a run's later batch refers to the rows of the one before. Those of a run's batches that have coded cells
 // must be decoded in the order in which they were encoded: each says how many such maps came before it, and a decoder
@@ -13,8 +14,8 @@
 //
 // Every content comes back byte for byte, or decoding fails: a map's record is taken apart only where joining it gives
 // the same bytes (map_record.h), other contents are taken apart into whatever they are made of, hashes are sent as what
-// they differ from HashRecord (mostly nothing), and the checksum covers all hashes anew. The records themselves are
-// checked by nobody here. Not thread-safe; both ends can be copied, for a trial.
+// they differ from HashRecord (mostly nothing), and the checksum covers all hashes. The records themselves are checked
+// by nobody here. Not thread-safe; both ends can be copied, for a trial.
 #pragma once
 
 #include <cstddef>
@@ -31,8 +32,9 @@
 namespace moondb {
 
 inline constexpr std::uint8_t kBatchFormatVersion = 1;
-inline constexpr std::size_t kBatchRowsBytesMax = 32 * 1024 * 1024;  // Of all rows as they are before zstd.
 inline constexpr std::size_t kBatchContentBytesMax = 32 * 1024 * 1024;
+inline constexpr std::size_t kBatchRowsBytesMax =
+    34 * 1024 * 1024;  // Before zstd: the contents and what is beside them.
 
 // A map that both ends hold.
 struct MapReference {

@@ -19,6 +19,7 @@ std::optional<std::string> CompressFrame(std::string_view plain, FrameChecksum c
 
 // kCorrupt: not exactly one whole frame, one that does not state its size or states more than `plain_bytes_max`, bytes
 // that do not decode or whose checksum, where there is one, does not fit. Memory is taken only for what is allowed.
+// kInternal: zstd has no memory left.
 Result<std::string> DecompressFrame(std::string_view frame, std::size_t plain_bytes_max, std::string_view before = {});
 
 }  // namespace moondb
