@@ -49,8 +49,9 @@ class Field {
         worth_(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_ + 2 * kReachCells)) {
     const CellPlane& cells = layer.cells;
     for (std::int32_t row = 0; row < height_; ++row) {
-      for (std::int32_t column = 0; column < width_; ++column)
+      for (std::int32_t column = 0; column < width_; ++column) {
         *At(column, row) = *cells.At(column, row) == 0 ? 0 : kOnFree;
+      }
     }
     for (std::int32_t row = 0; row < height_; ++row) {
       for (std::int32_t column = 0; column < width_; ++column) {
