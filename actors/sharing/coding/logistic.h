@@ -1,0 +1,58 @@
+// The logistic function and its inverse in whole numbers, so that every compiler and processor gets the same bits.
+//
+// A logit is ln(p / (1 - p)) in 1/256; a probability is that of a 1, in 1/65536. The compiler makes the tables from
+// whole numbers alone.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace moondb {
+
+inline constexpr int kProbabilityBits = 16;
+inline constexpr int kProbabilityOne = 1 << kProbabilityBits;
+inline constexpr int kLogitMax = 2815;  // 11: one in 60,000.
+
+// Of the logits 0 to kLogitMax.
+constexpr std::array<std::uint16_t, kLogitMax + 1> MakeSquashTable() {
+  constexpr std::uint64_t kOne = 1ull << 32;
+  constexpr std::uint64_t kStep = 4278222805;  // e^(-1/256).
+  std::array<std::uint16_t, kLogitMax + 1> table{};
+  std::uint64_t power = kOne;  // e^-x.
+  for (std::uint16_t& p : table) {
+    p = static_cast<std::uint16_t>((kOne << kProbabilityBits) / (kOne + power));
+    power = (power * kStep) >> 32;
+  }
+  return table;
+}
+
+inline constexpr std::array<std::uint16_t, kLogitMax + 1> kSquashTable = MakeSquashTable();
+
+// The probability at a logit, which may be any number; 1 to 65535.
+constexpr int Squash(int logit) {
+  const int size = std::min(logit < 0 ? -logit : logit, kLogitMax);
+  const int p = kSquashTable[static_cast<std::size_t>(size)];
+  return logit < 0 ? kProbabilityOne - p : p;
+}
+
+inline constexpr int kStretchBits = 12;  // Probabilities are told apart to so many bits before they are mixed.
+
+constexpr std::array<std::int16_t, 1 << kStretchBits> MakeStretchTable() {
+  std::array<std::int16_t, 1 << kStretchBits> table{};
+  int logit = -kLogitMax;
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const int middle = static_cast<int>((2 * i + 1) << (kProbabilityBits - kStretchBits - 1));
+    while (logit < kLogitMax && Squash(logit) < middle) ++logit;
+    table[i] = static_cast<std::int16_t>(logit);
+  }
+  return table;
+}
+
+inline constexpr std::array<std::int16_t, 1 << kStretchBits> kStretchTable = MakeStretchTable();
+
+// The logit of a probability from 0 to 65535.
+constexpr int Stretch(int p) { return kStretchTable[static_cast<std::size_t>(p >> (kProbabilityBits - kStretchBits))]; }
+
+}  // namespace moondb

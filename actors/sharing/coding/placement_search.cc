@@ -1,0 +1,238 @@
+// FindPlacement: correlates hazards, first on the coarsest layer over all turns, then finer and finer about the best.
+#include <algorithm>
+#include <array>
+
+#include "actors/sharing/coding/placement.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr std::size_t kPointsMax = 128;      // Hazards of a layer that are looked at.
+constexpr std::size_t kPointsMin = 6;        // Fewer say nothing.
+constexpr std::int32_t kReachCells = 6;      // Of the coarsest layer, either way.
+constexpr std::int32_t kCoarseTurnStep = 8;  // 2.8 degrees.
+constexpr std::size_t kCandidates = 3;
+constexpr std::int8_t kOnHazard = 4;
+constexpr std::int8_t kBesideHazard = 2;
+constexpr std::int8_t kOnFree = -1;
+constexpr std::uint8_t kHazard = 2;
+
+// A hazard of the later map: twice its micrometres from the middle.
+struct Point {
+  std::int64_t x = 0;
+  std::int64_t y = 0;
+};
+
+bool IsHazard(const CellPlane& cells, std::int32_t column, std::int32_t row) {
+  return *cells.At(column, row) == kHazard;
+}
+
+// A hazard with others beside it; one that stands alone is mostly noise.
+bool IsSupported(const CellPlane& cells, std::int32_t column, std::int32_t row) {
+  if (!IsHazard(cells, column, row)) return false;
+  int beside = -1;
+  for (std::int32_t y = -1; y <= 1; ++y) {
+    for (std::int32_t x = -1; x <= 1; ++x) beside += IsHazard(cells, column + x, row + y) ? 1 : 0;
+  }
+  return beside > 0;
+}
+
+// What a hazard is worth on each cell of an earlier layer.
+class Field {
+ public:
+  explicit Field(const CodedLayer& layer)
+      : width_(layer.cells.width()),
+        height_(layer.cells.height()),
+        resolution_um_(layer.resolution_um),
+        stride_(width_ + 2 * kReachCells),
+        worth_(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_ + 2 * kReachCells)) {
+    const CellPlane& cells = layer.cells;
+    for (std::int32_t row = 0; row < height_; ++row) {
+      for (std::int32_t column = 0; column < width_; ++column) {
+        *At(column, row) = *cells.At(column, row) == 0 ? 0 : kOnFree;
+      }
+    }
+    for (std::int32_t row = 0; row < height_; ++row) {
+      for (std::int32_t column = 0; column < width_; ++column) {
+        if (IsSupported(cells, column, row)) Mark(column, row);
+      }
+    }
+  }
+
+  std::int64_t resolution_um() const { return resolution_um_; }
+  std::int32_t stride() const { return stride_; }
+  std::int8_t* At(std::int32_t column, std::int32_t row) {
+    return worth_.data() + static_cast<std::ptrdiff_t>(row + kReachCells) * stride_ + column + kReachCells;
+  }
+
+  // The cell under a point given in 1/2^kRotationBits of twice micrometres from the middle; null outside.
+  const std::int8_t* Under(std::int64_t x, std::int64_t y) {
+    const std::int64_t unit = 2 * resolution_um_;
+    const std::int64_t column = ((x >> kRotationBits) + width_ * resolution_um_);
+    const std::int64_t row = ((y >> kRotationBits) + height_ * resolution_um_);
+    if (column < 0 || row < 0 || column >= width_ * unit || row >= height_ * unit) return nullptr;
+    return At(static_cast<std::int32_t>(column / unit), static_cast<std::int32_t>(row / unit));
+  }
+
+ private:
+  // Of the cells around a hazard as well, where that is not worth more already.
+  void Mark(std::int32_t column, std::int32_t row) {
+    for (std::int32_t y = -1; y <= 1; ++y) {
+      for (std::int32_t x = -1; x <= 1; ++x) {
+        std::int8_t& worth = *At(column + x, row + y);
+        worth = std::max(worth, x == 0 && y == 0 ? kOnHazard : kBesideHazard);
+      }
+    }
+  }
+
+  std::int32_t width_;
+  std::int32_t height_;
+  std::int64_t resolution_um_;
+  std::int32_t stride_;
+  std::vector<std::int8_t> worth_;
+};
+
+// Evenly some of the hazards that stand with others.
+std::vector<Point> PointsOf(const CodedLayer& layer) {
+  std::vector<Point> points;
+  const std::int64_t resolution = layer.resolution_um;
+  for (std::int32_t row = 0; row < layer.cells.height(); ++row) {
+    for (std::int32_t column = 0; column < layer.cells.width(); ++column) {
+      if (!IsSupported(layer.cells, column, row)) continue;
+      points.push_back(
+          {(2 * column + 1 - layer.cells.width()) * resolution, (2 * row + 1 - layer.cells.height()) * resolution});
+    }
+  }
+  if (points.size() <= kPointsMax) return points;
+  std::vector<Point> some;
+  for (std::size_t i = 0; i < kPointsMax; ++i) some.push_back(points[i * points.size() / kPointsMax]);
+  return some;
+}
+
+struct Candidate {
+  Placement placement;
+  std::int32_t score = 0;
+};
+
+// One layer of both maps.
+struct Level {
+  Field field;
+  std::vector<Point> points;
+};
+
+class Search {
+ public:
+  Search(const CodedLayers& earlier, const CodedLayers& later) : unit_um_(later.front().resolution_um) {
+    for (std::size_t i = 0; i < std::min(earlier.size(), later.size()); ++i) {
+      levels_.push_back({Field(earlier[i]), PointsOf(later[i])});
+    }
+  }
+
+  std::optional<Placement> Run() {
+    std::vector<Candidate> candidates = Coarse();
+    if (candidates.empty()) return std::nullopt;
+    for (std::size_t i = levels_.size(); i-- > 0;) Refine(i, i + 1, 2, candidates);
+    candidates.resize(1);
+    Refine(0, levels_.size(), 1, candidates);
+    if (candidates.front().score <= 0) return std::nullopt;
+    return candidates.front().placement;
+  }
+
+ private:
+  // The best placement of each of the best turns, and of no turn: that is how maps roll.
+  std::vector<Candidate> Coarse() {
+    std::vector<Candidate> best;
+    if (levels_.back().points.size() < kPointsMin) return best;
+    for (std::int32_t yaw = 0; yaw < kTurn; yaw += kCoarseTurnStep) best.push_back(BestShift(yaw));
+    const Candidate straight = best.front();
+    std::stable_sort(best.begin(), best.end(), [](const auto& a, const auto& b) { return a.score > b.score; });
+    best.resize(kCandidates);
+    best.push_back(straight);
+    return best;
+  }
+
+  Candidate BestShift(std::int32_t yaw) {
+    Field& field = levels_.back().field;
+    const Rotation rotation = RotationOf(yaw);
+    std::array<const std::int8_t*, kPointsMax> under;
+    std::size_t count = 0;
+    for (const Point& point : levels_.back().points) {
+      const std::int8_t* cell = field.Under(rotation.cosine * point.x - rotation.sine * point.y,
+                                            rotation.sine * point.x + rotation.cosine * point.y);
+      if (cell) under[count++] = cell;
+    }
+    Candidate best{{0, 0, yaw}, INT32_MIN};
+    for (std::int32_t y = -kReachCells; y <= kReachCells; ++y) {
+      for (std::int32_t x = -kReachCells; x <= kReachCells; ++x) {
+        const std::ptrdiff_t shift = static_cast<std::ptrdiff_t>(y) * field.stride() + x;
+        std::int32_t score = 0;
+        for (std::size_t i = 0; i < count; ++i) score += under[i][shift];
+        if (score > best.score) best = {{Units(x, field), Units(y, field), yaw}, score};
+      }
+    }
+    return best;
+  }
+
+  std::int32_t Units(std::int32_t cells, const Field& field) const {
+    const std::int64_t units = 2 * cells * field.resolution_um() / unit_um_;
+    return static_cast<std::int32_t>(std::clamp<std::int64_t>(units, kLeast, kMost));
+  }
+
+  // Climbs from each candidate by half cells of the first of these levels and by `turn`; the best comes first.
+  void Refine(std::size_t first, std::size_t end, std::int32_t turn, std::vector<Candidate>& candidates) {
+    const std::int32_t step = std::max(1, Units(1, levels_[first].field) / 2);
+    for (Candidate& candidate : candidates) {
+      candidate.score = Score(first, end, candidate.placement);
+      Climb(first, end, step, turn, candidate);
+    }
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const auto& a, const auto& b) { return a.score > b.score; });
+  }
+
+  void Climb(std::size_t first, std::size_t end, std::int32_t step, std::int32_t turn, Candidate& candidate) {
+    constexpr int kRoundsMax = 12;
+    for (int round = 0; round < kRoundsMax; ++round) {
+      const Candidate before = candidate;
+      for (std::int32_t move = 0; move < 27; ++move) {
+        const Placement& from = before.placement;
+        const Placement to{std::clamp(from.x + (move % 3 - 1) * step, kLeast, kMost),
+                           std::clamp(from.y + (move / 3 % 3 - 1) * step, kLeast, kMost),
+                           (from.yaw + (move / 9 - 1) * turn) & (kTurn - 1)};
+        const std::int32_t score = Score(first, end, to);
+        if (score > candidate.score) candidate = {to, score};
+      }
+      if (candidate.placement == before.placement) return;
+    }
+  }
+
+  std::int32_t Score(std::size_t first, std::size_t end, const Placement& placement) {
+    const Rotation rotation = RotationOf(placement.yaw);
+    const std::int64_t x = (std::int64_t{placement.x} * unit_um_) << kRotationBits;
+    const std::int64_t y = (std::int64_t{placement.y} * unit_um_) << kRotationBits;
+    std::int32_t score = 0;
+    for (std::size_t i = first; i < end; ++i) {
+      for (const Point& point : levels_[i].points) {
+        const std::int8_t* cell = levels_[i].field.Under(x + rotation.cosine * point.x - rotation.sine * point.y,
+                                                         y + rotation.sine * point.x + rotation.cosine * point.y);
+        if (cell) score += *cell;
+      }
+    }
+    return score;
+  }
+
+  static constexpr std::int32_t kLeast = -(1 << (kPlacementBits - 1));
+  static constexpr std::int32_t kMost = (1 << (kPlacementBits - 1)) - 1;
+
+  std::int64_t unit_um_;
+  std::vector<Level> levels_;
+};
+
+}  // namespace
+
+std::optional<Placement> FindPlacement(const CodedLayers& earlier, const CodedLayers& later) {
+  if (earlier.empty() || later.empty()) return std::nullopt;
+  return Search(earlier, later).Run();
+}
+
+}  // namespace moondb

@@ -1,0 +1,59 @@
+// wire_bench: bytes that whole missions and their maps take on the wire, in the paper's form and in the compact one.
+//
+//   wire_bench [--recorded FOLDER]... [--json]
+//
+// Without --recorded, the recorded missions in $MOONDB_DATA are measured beside the generated ones, where it is set.
+// Exit code 0: all was measured and came back as it was; 1: a mission could not be read or made; other: wrong
+// arguments.
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include "bench/wire_measure.h"
+
+namespace moondb {
+namespace {
+
+struct Options {
+  std::vector<std::string> recorded;
+  bool is_json = false;
+};
+
+bool Measure(const Result<WireMission>& mission, std::vector<WireSizes>& sizes) {
+  if (!mission) {
+    fmt::print(stderr, "wire_bench: {}\n", ToString(mission.error()));
+    return false;
+  }
+  sizes.push_back(MeasureMission(*mission));
+  return true;
+}
+
+int RunBench(Options options) {
+  const char* data = std::getenv("MOONDB_DATA");
+  if (options.recorded.empty() && data != nullptr) {
+    for (const char* name : {"intel_team", "orebro_team"}) options.recorded.push_back(std::string(data) + "/" + name);
+  }
+  std::vector<WireSizes> sizes;
+  if (!Measure(MakeRollingMission(), sizes) || !Measure(MakeSingleViewMission(), sizes)) return 1;
+  for (const std::string& folder : options.recorded) {
+    if (!Measure(ReadRecordedMission(folder), sizes)) return 1;
+  }
+  fmt::print("{}", options.is_json ? JsonOf(sizes) : TableOf(sizes));
+  return 0;
+}
+
+}  // namespace
+}  // namespace moondb
+
+int main(int argc, char** argv) {
+  moondb::Options options;
+  CLI::App app("Measures what missions take on the wire.", "wire_bench");
+  app.add_option("--recorded", options.recorded, "Recorded missions to measure as well")->check(CLI::ExistingDirectory);
+  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
+  CLI11_PARSE(app, argc, argv);
+  return moondb::RunBench(std::move(options));
+}

@@ -1,0 +1,294 @@
+#include "bench/wire_measure.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+
+#include "actors/sharing/coding/batch_codec.h"
+#include "actors/sharing/coding/zstd_frame.h"
+#include "model/check.h"
+#include "proto/message.pb.h"
+
+namespace moondb {
+
+namespace {
+
+using Previous = MapRunEncoder::Previous;
+using Layers = std::vector<MapLayer>;
+
+constexpr std::size_t kMessageBytesMax = 4 * 1024;  // Coded.
+constexpr std::size_t kRowsPerBatchMax = 1024;
+constexpr std::size_t kFrameBytes = 9 + 42;  // ZMTP's length and CURVE's box around a message.
+constexpr double kBytesPerSecond = 125'000;  // Of 1 Mbps.
+
+double ProcessorMs() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+proto::Message Envelope(const RecordKey& first) {
+  proto::Message message;
+  message.set_agent_id(first.stream.origin);
+  message.set_destination_id(1);
+  message.set_remaining(1000);
+  message.set_data_type(first.stream.type);
+  message.set_record_id(ToString(first));
+  message.set_source_actor("sync");
+  message.set_destination_actor("sharing");
+  message.set_hop_sender(first.stream.origin);
+  return message;
+}
+
+std::size_t SentBytes(const proto::Message& message) { return message.ByteSizeLong() + kFrameBytes; }
+
+std::size_t AcknowledgmentBytes(const RecordKey& last) {
+  proto::Message message = Envelope(last);
+  proto::Have& have = *message.mutable_have();
+  have.set_session_id(0xFEDCBA9876543210u);
+  have.set_batch_number(1000);
+  have.set_unacked_bytes_max(8192);
+  proto::StreamHave& stream = *have.mutable_have()->add_streams();
+  stream.set_origin_agent(last.stream.origin);
+  stream.set_epoch(last.stream.epoch);
+  stream.set_data_type(last.stream.type);
+  proto::Interval& held = *stream.add_held();
+  held.set_first(1);
+  held.set_last(last.seq);
+  return SentBytes(message);
+}
+
+// A message's and its acknowledgment's bytes.
+std::size_t BatchBytes(const std::string& coded, const proto::RecordBatch& batch) {
+  proto::Message message = Envelope(FromProto(batch.records(0).key()));
+  proto::Batch& body = *message.mutable_batch();
+  body.set_session_id(0xFEDCBA9876543210u);
+  body.set_batch_number(1000);
+  body.set_codec(proto::CODEC_ZSTD);
+  body.set_coded(coded);
+  body.set_record_count(static_cast<std::uint32_t>(batch.records_size()));
+  return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
+}
+
+// The fields of a record's body as SQL literals, one after the other; cells as X'..', one byte each.
+void AppendLiterals(const google::protobuf::Message& message, std::string& sql) {
+  using google::protobuf::FieldDescriptor;
+  const google::protobuf::Reflection& reflection = *message.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  reflection.ListFields(message, &fields);
+  for (const FieldDescriptor* field : fields) {
+    const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
+    for (int i = 0; i < count; ++i) {
+      const bool is_one = field->is_repeated();
+      if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
+        AppendLiterals(
+            is_one ? reflection.GetRepeatedMessage(message, field, i) : reflection.GetMessage(message, field), sql);
+      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) {
+        const double value =
+            is_one ? reflection.GetRepeatedDouble(message, field, i) : reflection.GetDouble(message, field);
+        sql += fmt::format(", {}", value);
+      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_UINT64) {
+        sql += fmt::format(", {}", reflection.GetUInt64(message, field));
+      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_UINT32) {
+        sql += fmt::format(", {}", reflection.GetUInt32(message, field));
+      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_INT64) {
+        sql += fmt::format(", {}", reflection.GetInt64(message, field));
+      }
+    }
+  }
+}
+
+std::string ToSql(const proto::StoredRecord& stored) {
+  proto::Record record;
+  Check(record.ParseFromString(stored.content()), "a mission's records parse");
+  std::string blobs;
+  for (proto::MapLayer& layer : *record.mutable_local_traversability_map()->mutable_layers()) {
+    const std::size_t cells = static_cast<std::size_t>(layer.width_cells()) * layer.height_cells();
+    blobs += ", X'" + std::string(2 * cells, '0') + "'";
+    layer.clear_cells();
+  }
+  const RecordKey key = FromProto(stored.key());
+  std::string sql =
+      fmt::format("INSERT INTO records_{} VALUES ('{}', {}", key.stream.type, ToString(key), key.stream.origin);
+  AppendLiterals(record, sql);
+  return sql + blobs + ");";
+}
+
+std::size_t PaperBytes(const WireMission& mission) {
+  std::size_t bytes = 0;
+  for (const WireStream& stream : mission.streams) {
+    for (const proto::StoredRecord& record : stream.records) {
+      const RecordKey key = FromProto(record.key());
+      proto::Message message = Envelope(key);
+      message.set_sql(ToSql(record));
+      bytes += SentBytes(message) + SentBytes(Envelope(key));
+    }
+  }
+  return bytes;
+}
+
+// Sends a stream in batches that just fit into messages.
+class Sender {
+ public:
+  explicit Sender(Previous previous) : encoder_(previous) {}
+
+  std::size_t Send(const WireStream& stream) {
+    std::size_t bytes = 0;
+    for (std::size_t next = 0; next < stream.records.size();) bytes += SendSome(stream, next);
+    return bytes;
+  }
+
+ private:
+  std::size_t SendSome(const WireStream& stream, std::size_t& next) {
+    for (std::size_t count = std::min({stream.records.size() - next, CountGuess(), kRowsPerBatchMax});;) {
+      proto::RecordBatch batch;
+      for (std::size_t i = 0; i < count; ++i) *batch.add_records() = stream.records[next + i];
+      BatchEncoder encoder = encoder_;
+      const std::string coded = encoder.Encode(batch);
+      bytes_per_record_ = static_cast<double>(coded.size()) / static_cast<double>(count);
+      if (coded.size() > kMessageBytesMax && count > 1) {
+        count = std::max<std::size_t>(1, std::min(count - 1, CountGuess()));
+        continue;
+      }
+      encoder_ = std::move(encoder);
+      next += count;
+      CheckDecodes(coded, batch);
+      return BatchBytes(coded, batch);
+    }
+  }
+
+  std::size_t CountGuess() const {
+    return std::max<std::size_t>(1, static_cast<std::size_t>(kMessageBytesMax * 0.97 / bytes_per_record_));
+  }
+
+  void CheckDecodes(const std::string& coded, const proto::RecordBatch& batch) {
+    const auto decoded = decoder_.Decode(coded, static_cast<std::uint32_t>(batch.records_size()));
+    Check(decoded && decoded->SerializeAsString() == batch.SerializeAsString(), "a batch comes back as it was");
+  }
+
+  BatchEncoder encoder_;
+  BatchDecoder decoder_;
+  double bytes_per_record_ = 100;
+};
+
+std::size_t MissionBytes(const WireMission& mission, Previous previous) {
+  Sender sender(previous);
+  std::size_t bytes = 0;
+  for (const WireStream& stream : mission.streams) bytes += sender.Send(stream);
+  return bytes;
+}
+
+std::size_t PackedBytes(const TraversabilityMap& map) {
+  std::string cells;
+  for (const MapLayer& layer : map.layers) cells += PackCells(layer.grid);
+  const auto frame = CompressFrame(cells, FrameChecksum::kNone);
+  Check(frame.has_value(), "zstd has memory");
+  return frame->size();
+}
+
+struct Times {
+  double encode_ms = 0;
+  double decode_ms = 0;
+};
+
+// Codes the maps as one run after the other and takes the time.
+std::size_t RunBytes(const std::vector<TraversabilityMap>& maps, Previous previous, Times& times) {
+  std::size_t bytes = 0;
+  for (std::size_t first = 0; first < maps.size(); first += kRunMapsMax) {
+    const std::size_t end = std::min(first + kRunMapsMax, maps.size());
+    const double start_ms = ProcessorMs();
+    MapRunEncoder encoder(previous);
+    for (std::size_t i = first; i < end; ++i) encoder.Add(maps[i].layers);
+    const std::string coded = encoder.Finish();
+    times.encode_ms += ProcessorMs() - start_ms;
+    bytes += coded.size();
+    std::vector<Layers> decoded;
+    std::vector<Layers*> pointers;
+    for (std::size_t i = first; i < end; ++i) decoded.push_back(maps[i].layers);
+    for (Layers& layers : decoded) {
+      for (MapLayer& layer : layers) layer.grid.cells.clear();
+      pointers.push_back(&layers);
+    }
+    const double decode_start_ms = ProcessorMs();
+    MapRunDecoder decoder;
+    Check(decoder.Decode(coded, pointers).has_value(), "maps decode");
+    times.decode_ms += ProcessorMs() - decode_start_ms;
+  }
+  return bytes;
+}
+
+void MeasureMaps(const WireMission& mission, WireSizes& sizes) {
+  Times alone, previous;
+  for (const std::vector<TraversabilityMap>& maps : mission.rover_maps) {
+    for (const TraversabilityMap& map : maps) {
+      sizes.map_2bit_zstd_bytes += PackedBytes(map);
+      MapRunEncoder encoder(Previous::kNever);
+      encoder.Add(map.layers);
+      sizes.map_single_bytes += encoder.Finish().size();
+    }
+    sizes.map_count += maps.size();
+    sizes.map_batch_bytes += RunBytes(maps, Previous::kNever, alone);
+    sizes.map_previous_bytes += RunBytes(maps, Previous::kWhereItPays, previous);
+  }
+  const double count = static_cast<double>(std::max<std::size_t>(sizes.map_count, 1));
+  sizes.encode_ms = alone.encode_ms / count;
+  sizes.decode_ms = alone.decode_ms / count;
+  sizes.encode_previous_ms = previous.encode_ms / count;
+  sizes.decode_previous_ms = previous.decode_ms / count;
+}
+
+std::string LineOf(const char* name, std::size_t bytes, std::size_t all) {
+  return fmt::format("  {:<22}{:>12}   1/{:<6.1f}{:>8.1f} s at 1 Mbps\n", name, bytes,
+                     static_cast<double>(all) / static_cast<double>(bytes),
+                     static_cast<double>(bytes) / kBytesPerSecond);
+}
+
+std::string ShareOf(const char* name, std::size_t bytes, const WireSizes& sizes) {
+  return fmt::format("  {:<22}{:>12}   {:.3f} of 2 bits a cell with zstd, {:.0f} bytes a map\n", name, bytes,
+                     static_cast<double>(bytes) / static_cast<double>(sizes.map_2bit_zstd_bytes),
+                     static_cast<double>(bytes) / static_cast<double>(sizes.map_count));
+}
+
+}  // namespace
+
+WireSizes MeasureMission(const WireMission& mission) {
+  WireSizes sizes;
+  sizes.name = mission.name;
+  for (const WireStream& stream : mission.streams) sizes.record_count += stream.records.size();
+  sizes.paper_sql_bytes = PaperBytes(mission);
+  sizes.alone_bytes = MissionBytes(mission, Previous::kNever);
+  sizes.previous_bytes = MissionBytes(mission, Previous::kWhereItPays);
+  MeasureMaps(mission, sizes);
+  return sizes;
+}
+
+std::string TableOf(const std::vector<WireSizes>& all) {
+  std::string text;
+  for (const WireSizes& sizes : all) {
+    text += fmt::format("{}: {} records, {} of them maps\n", sizes.name, sizes.record_count, sizes.map_count);
+    text += LineOf("paper_sql", sizes.paper_sql_bytes, sizes.paper_sql_bytes);
+    text += LineOf("alone", sizes.alone_bytes, sizes.paper_sql_bytes);
+    text += LineOf("previous", sizes.previous_bytes, sizes.paper_sql_bytes);
+    text += ShareOf("map_2bit_zstd", sizes.map_2bit_zstd_bytes, sizes);
+    text += ShareOf("map_single", sizes.map_single_bytes, sizes);
+    text += ShareOf("map_batch", sizes.map_batch_bytes, sizes);
+    text += ShareOf("map_previous", sizes.map_previous_bytes, sizes);
+    text += fmt::format("  ms a map: {:.2f} to encode, {:.2f} to decode; with the previous map {:.2f} and {:.2f}\n",
+                        sizes.encode_ms, sizes.decode_ms, sizes.encode_previous_ms, sizes.decode_previous_ms);
+  }
+  return text;
+}
+
+std::string JsonOf(const std::vector<WireSizes>& all) {
+  std::vector<std::string> missions;
+  for (const WireSizes& sizes : all) {
+    missions.push_back(fmt::format(
+        "{{\"name\": \"{}\", \"records\": {}, \"maps\": {}, \"paper_sql_bytes\": {}, \"alone_bytes\": {}, "
+        "\"previous_bytes\": {}, \"map_2bit_zstd_bytes\": {}, \"map_single_bytes\": {}, \"map_batch_bytes\": {}, "
+        "\"map_previous_bytes\": {}, \"encode_ms\": {:.3f}, \"decode_ms\": {:.3f}, \"encode_previous_ms\": {:.3f}, "
+        "\"decode_previous_ms\": {:.3f}}}",
+        sizes.name, sizes.record_count, sizes.map_count, sizes.paper_sql_bytes, sizes.alone_bytes, sizes.previous_bytes,
+        sizes.map_2bit_zstd_bytes, sizes.map_single_bytes, sizes.map_batch_bytes, sizes.map_previous_bytes,
+        sizes.encode_ms, sizes.decode_ms, sizes.encode_previous_ms, sizes.decode_previous_ms));
+  }
+  return fmt::format("{{\"missions\": [\n  {}]}}\n", fmt::join(missions, ",\n  "));
+}
+
+}  // namespace moondb

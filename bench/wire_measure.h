@@ -1,0 +1,35 @@
+// What a mission takes on the wire in each encoding, for wire_bench.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "bench/wire_mission.h"
+
+namespace moondb {
+
+struct WireSizes {
+  std::string name;
+  std::size_t record_count = 0;
+  std::size_t map_count = 0;
+  // The whole mission, with framing, CURVE and acknowledgments.
+  std::size_t paper_sql_bytes = 0;  // One populated SQL text a record, each acknowledged.
+  std::size_t alone_bytes = 0;      // Rows in columns, maps in runs, each without its previous map.
+  std::size_t previous_bytes = 0;   // The same with it.
+  // The cells of all maps, without anything around them.
+  std::size_t map_2bit_zstd_bytes = 0;
+  std::size_t map_single_bytes = 0;    // One map a run,
+  std::size_t map_batch_bytes = 0;     // runs of 32,
+  std::size_t map_previous_bytes = 0;  // and with the previous map.
+  // Of one map, of the processor's time.
+  double encode_ms = 0, decode_ms = 0, encode_previous_ms = 0, decode_previous_ms = 0;
+};
+
+// Checks on the way that everything comes back; Check stops where it does not.
+WireSizes MeasureMission(const WireMission& mission);
+
+std::string TableOf(const std::vector<WireSizes>& sizes);
+std::string JsonOf(const std::vector<WireSizes>& sizes);
+
+}  // namespace moondb

@@ -1,0 +1,76 @@
+#include "actors/sharing/coding/bit_model.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "actors/sharing/coding/learnt_tables.h"
+
+namespace moondb {
+namespace {
+
+// Contexts of which only the first model's differ.
+BitContexts ContextsOf(std::uint32_t first, bool has_previous = false) {
+  BitContexts contexts;
+  contexts.has_previous = has_previous;
+  contexts.models[0] = first;
+  return contexts;
+}
+
+void Show(const BitContexts& contexts, int bit, int times, BitModel& model) {
+  for (int i = 0; i < times; ++i) {
+    model.Predict(contexts);
+    model.Update(bit);
+  }
+}
+
+TEST(BitModelTest, ExpectsNothingAtFirst) {
+  BitModel model;
+  EXPECT_NEAR(model.Predict(ContextsOf(0)), kProbabilityOne / 2, kProbabilityOne / 5);
+}
+
+TEST(BitModelTest, LearnsWhatItSees) {
+  for (const bool has_previous : {false, true}) {
+    for (const int bit : {0, 1}) {
+      BitModel model;
+      Show(ContextsOf(7, has_previous), bit, 300, model);
+      const int p = model.Predict(ContextsOf(7, has_previous));
+      EXPECT_LT(bit == 1 ? kProbabilityOne - p : p, kProbabilityOne / 50);
+    }
+  }
+}
+
+TEST(BitModelTest, TrustsTheModelThatKnows) {
+  BitModel model;
+  std::mt19937 rng(61);
+  for (int i = 0; i < 4000; ++i) {
+    const std::uint32_t first = rng() % 2;
+    Show(ContextsOf(first), static_cast<int>(first), 1, model);  // All other models see noise.
+  }
+  EXPECT_GT(model.Predict(ContextsOf(1)), kProbabilityOne * 19 / 20);
+  EXPECT_LT(model.Predict(ContextsOf(0)), kProbabilityOne / 20);
+}
+
+TEST(BitModelTest, NeverRulesABitOut) {
+  BitModel model;
+  Show(ContextsOf(0), 1, 100'000, model);
+  EXPECT_LT(model.Predict(ContextsOf(0)), kProbabilityOne);
+  for (int i = 0; i < 100'000; ++i) model.UpdateRare(Decision::kIsKnown, 0);
+  EXPECT_GT(model.PredictRare(Decision::kIsKnown), 0);
+}
+
+TEST(BitModelTest, ComesOutOfItsTextNearlyAsItWas) {
+  BitModel model;
+  std::mt19937 rng(62);
+  for (int i = 0; i < 5000; ++i) Show(ContextsOf(rng() % 50, i % 3 == 0), rng() % 4 == 0 ? 1 : 0, 1, model);
+  BitModel read = ReadTables(WriteTables(model));
+  EXPECT_EQ(WriteTables(read), WriteTables(model));
+  for (std::uint32_t first = 0; first < 50; ++first) {
+    EXPECT_NEAR(Stretch(read.Predict(ContextsOf(first))), Stretch(model.Predict(ContextsOf(first))), 150) << first;
+  }
+}
+
+TEST(BitModelTest, HasLearntTables) { EXPECT_FALSE(kLearntTables.empty()); }
+
+}  // namespace
+}  // namespace moondb

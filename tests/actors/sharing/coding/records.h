@@ -1,0 +1,47 @@
+// Stored records for the tests of the row and batch codecs.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <string>
+
+#include "model/record_key.h"
+#include "proto/record.pb.h"
+
+namespace moondb {
+
+inline constexpr std::int64_t kFirstStampNs = 1'700'000'000'000'000'000;
+
+inline proto::Record TemperatureRecord(int index) {
+  proto::Record record;
+  record.set_stamp_ns(kFirstStampNs + index * std::int64_t{1'000'000'000});
+  record.mutable_temperature()->set_celsius(-20 + std::floor(100 * std::sin(index * 0.01)) / 10);
+  return record;
+}
+
+inline proto::Record NodeRecord(int index, std::mt19937_64& rng) {
+  proto::Record record;
+  record.set_stamp_ns(kFirstStampNs + index * std::int64_t{10'000'000'000});
+  proto::PoseGraphNode& node = *record.mutable_pose_graph_node();
+  node.mutable_node()->set_agent_id(2);
+  node.mutable_node()->set_index(static_cast<std::uint64_t>(index));
+  proto::Pose& pose = *node.mutable_map_from_node();
+  pose.mutable_position_m()->set_x(index * 0.5 + static_cast<double>(rng()) * 1e-20);
+  pose.mutable_position_m()->set_y(index * 0.1 + static_cast<double>(rng()) * 1e-20);
+  pose.mutable_orientation()->set_z(std::sin(index * 0.01));
+  pose.mutable_orientation()->set_w(std::cos(index * 0.01));
+  return record;
+}
+
+// With the hash that goes with it; seq is from 1.
+inline proto::StoredRecord Store(std::string content, std::uint32_t type, int index) {
+  const RecordKey key{{2, 0x5F3C9A1E0B7D4C21u, type}, static_cast<std::uint64_t>(index) + 1};
+  proto::StoredRecord stored;
+  *stored.mutable_key() = ToProto(key);
+  stored.set_hash(HashRecord(key, content));
+  stored.set_content(std::move(content));
+  return stored;
+}
+
+}  // namespace moondb
