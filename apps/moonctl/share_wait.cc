@@ -6,6 +6,7 @@
 
 #include "apps/common/progress.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/share_status.h"
 
 namespace moondb {
 namespace {
@@ -48,9 +49,11 @@ bool ShareWait::Poll(AgentId sender, bool is_baseline) {
       pair.completed_before = session.completed_sessions();
       pair.closed_before = session.closed_sessions();
       pair.limited_before = session.limited_sessions();
+      pair.coded_before = session.coded_bytes();
     }
     pair.remaining = session.remaining();
-    pair.acknowledged = session.acknowledged_records();
+    pair.coded_bytes = session.coded_bytes() - pair.coded_before;
+    pair.eta_s = session.is_open() ? PaceOf(session).eta_s : std::nullopt;
     pair.last_error = session.waits_for().empty() ? session.last_error() : session.waits_for();
     if (is_baseline) continue;
     const bool is_open = session.is_open() && !session.is_unasked();
@@ -70,6 +73,18 @@ std::string ShareWait::Missing() const {
     if (!state.last_error.empty()) text += " (" + state.last_error + ")";
   }
   return text;
+}
+
+std::string ShareWait::ProgressText(double remaining, std::size_t done) const {
+  double coded_bytes = 0;
+  double eta_s = 0;
+  for (const auto& [pair, state] : pairs_) {
+    coded_bytes += state.coded_bytes;
+    eta_s = std::max(eta_s, state.eta_s.value_or(0));
+  }
+  const std::string eta = eta_s >= 1 ? ", about " + FormatSeconds(eta_s) + " to go" : "";
+  return FormatCount(remaining) + " records left, " + FormatBytes(coded_bytes) + " sent" + eta + ", " +
+         std::to_string(done) + " of " + std::to_string(pairs_.size()) + " sessions complete";
 }
 
 bool ShareWait::is_any_limited() const {
@@ -95,9 +110,7 @@ Result<void> ShareWait::Wait(std::chrono::milliseconds timeout) {
     }
     most_remaining = std::max(most_remaining, remaining);
     const double total = most_remaining + static_cast<double>(pairs_.size());
-    progress.Show(most_remaining - remaining + static_cast<double>(done), total,
-                  FormatCount(remaining) + " records left, " + std::to_string(done) + " of " +
-                      std::to_string(pairs_.size()) + " sessions complete");
+    progress.Show(most_remaining - remaining + static_cast<double>(done), total, ProgressText(remaining, done));
     looks_done = done == pairs_.size() ? looks_done + 1 : 0;
     if (looks_done == 2) return {};
     if (is_any_closed) {

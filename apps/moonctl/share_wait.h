@@ -7,6 +7,7 @@
 #include <chrono>
 #include <compare>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,7 +44,9 @@ class ShareWait {
     double closed_before = 0;
     double limited_before = 0;
     double remaining = 0;
-    double acknowledged = 0;
+    double coded_before = 0;
+    double coded_bytes = 0;       // Sent since.
+    std::optional<double> eta_s;  // At its pace so far.
     bool is_done = false;
     bool is_limited = false;  // Done, as its order's bytes were used up.
     bool is_closed = false;   // Without being done.
@@ -54,6 +57,8 @@ class ShareWait {
   // False: it did not answer.
   bool Poll(AgentId sender, bool is_baseline);
   std::string Missing() const;
+  // "408 records left, 12.3 kB sent, about 4 s to go, 0 of 6 sessions complete".
+  std::string ProgressText(double remaining, std::size_t done) const;
 
   CommandContext& context_;
   std::map<AgentId, std::unique_ptr<Client>> clients_;

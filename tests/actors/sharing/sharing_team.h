@@ -35,6 +35,7 @@ inline proto::TeamConfig TestTeam(int rover_count) {
   share.set_edge_verdict(proto::POLICY_LATEST);
   share.set_local_traversability_map(proto::POLICY_ALL);
   share.set_map_quarantine(proto::POLICY_ALL);
+  share.set_agent_event(proto::POLICY_ALL);
   team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
   team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
   team.mutable_ground()->set_map_quarantine(proto::POLICY_ALL);
