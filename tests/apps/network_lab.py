@@ -184,14 +184,14 @@ class Team:
             time.sleep(0.2)
 
     def records(self, agent):
-        """(origin, epoch, type, seq) and hash of each shared record."""
+        """(origin, epoch, type, seq) and hash of each shared record; events apart, which come whenever they happen."""
         found = {}
         file = self.folder / NAMES[agent] / "moondb.sqlite"
         with contextlib.closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as db:
             tables = [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
             for table in tables:
                 columns = [row[1] for row in db.execute(f"PRAGMA table_info({table})")]
-                if not {"seq", "hash"} <= set(columns):
+                if not {"seq", "hash"} <= set(columns) or table == "agent_event":
                     continue
                 kind = "data_type" if "data_type" in columns else f"'{table}'"
                 rows = db.execute(f"SELECT origin, epoch, {kind}, seq, hash FROM {table} WHERE seq IS NOT NULL")

@@ -211,18 +211,18 @@ TEST_F(ProcessTest, OperatesTheWholeTeamThroughTheBaseStation) {
 
 TEST_F(ProcessTest, TellsTheTeamsStoryAndReadsTheFileOfARunningAgent) {
   MoonctlExpecting(0, {"up"});
-  MoonctlExpecting(0, {"role", "set", "rover2", "leader", "--reason", "sun is low"});
+  MoonctlExpecting(0, {"role", "set", "rover2", "leader", "rover1", "survivor", "--reason", "sun is low"});
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   const std::string log = MoonctlExpecting(0, {"log"});
   EXPECT_THAT(log, HasSubstr("started, moondb"));
   EXPECT_THAT(log, HasSubstr("rover2 leads, "));
-  EXPECT_THAT(log, HasSubstr("role set: leader rover2 (sun is low) ("));
+  EXPECT_THAT(log, HasSubstr("role set: leader rover2 survivor rover1 (sun is low) ("));
   EXPECT_THAT(log, HasSubstr("sync now ("));
   EXPECT_THAT(MoonctlExpecting(0, {"log", "--origin", "base"}), Not(HasSubstr("rover2")));
   EXPECT_GT(MoonctlJson(0, {"log"}).fields().at("events").list_value().values_size(), 6);
 
   const std::string started = "SELECT count(*) FROM v_event WHERE kind = 'started'";
-  EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "db", "query", started}), HasSubstr("\n       4"));
+  EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover2", "db", "query", started}), HasSubstr("\n4\n"));
   MoonctlExpecting(2, {"-a", "rover2", "db", "query", "DELETE FROM agent_event"});
   MoonctlExpecting(2, {"db", "query", started});
   MoonctlExpecting(2, {"--via", "base", "-a", "rover2", "db", "query", started});

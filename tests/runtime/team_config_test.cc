@@ -227,7 +227,7 @@ TEST(TeamConfigTest, DeclaresCustomTypes) {
   EXPECT_EQ(SharePolicyOf(team->config, 1999), proto::POLICY_NONE);
   EXPECT_EQ(GroundPolicyOf(team->config, 1999), proto::POLICY_LATEST);
   EXPECT_EQ(SharePolicyOf(team->config, 1001), proto::POLICY_NONE);
-  EXPECT_EQ(DataTypesOf(team->config).size(), 15u);
+  EXPECT_EQ(DataTypesOf(team->config).size(), 16u);
   EXPECT_EQ(DataTypesOf(team->config).back(), 1999u);
 }
 
