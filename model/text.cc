@@ -186,7 +186,8 @@ std::string OneLine(std::string_view text, std::size_t bytes_max) {
   std::string line;
   while (!text.empty() && line.size() < bytes_max) {
     const std::size_t bytes = Utf8CharacterBytes(text);
-    const bool is_shown = bytes > 1 || (bytes == 1 && text.front() >= ' ' && text.front() != '\x7F');
+    const bool is_c1 = bytes == 2 && text[0] == '\xC2' && static_cast<unsigned char>(text[1]) < 0xA0;
+    const bool is_shown = (bytes > 1 && !is_c1) || (bytes == 1 && text.front() >= ' ' && text.front() != '\x7F');
     line += is_shown ? text.substr(0, bytes) : "?";
     text.remove_prefix(std::max<std::size_t>(bytes, 1));
   }

@@ -106,7 +106,9 @@ void EventActor::Ask(Context& context, const std::string& actor, proto::Message 
 void EventActor::TellRise(Context& context, proto::EventKind kind, const std::string& source,
                           const std::string& counter, double count, const std::string& text) {
   double& told = counts_.try_emplace({source, counter}, heard_.contains(source) ? 0 : count).first->second;
-  const double rise = count - std::exchange(told, count);
+  // One that fell was made anew with what it counts.
+  const double before = std::exchange(told, count);
+  const double rise = count < before ? count : count - before;
   if (rise >= 1) Tell(context, kind, std::to_string(std::llround(rise)) + " " + text);
 }
 

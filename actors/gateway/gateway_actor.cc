@@ -14,7 +14,7 @@ namespace {
 
 enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
 
-constexpr std::size_t kShortAnswerBytes = 4096;  // As a control message an answer delays others by 32 ms at 1 Mbit/s.
+constexpr std::size_t kShortBytes = 4096;  // As a control message it delays others by 32 ms at 1 Mbit/s.
 
 proto::ControlReply ErrorReply(const Error& error) {
   proto::ControlReply reply;
@@ -39,6 +39,12 @@ std::string Names(const std::set<std::string>& names) {
   std::string text;
   for (const std::string& name : names) text += (text.empty() ? "" : " and ") + name;
   return text;
+}
+
+// Behind everything that is shared.
+void LetOthersGoFirst(proto::Message& message) {
+  message.set_ms_type(proto::DATA);
+  message.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
 }
 
 }  // namespace
@@ -78,8 +84,10 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
   if (auto checked = CheckRequest(options_.team, asked, request); !checked) {
     return Answer(context, client, message.request_id(), ErrorReply(checked.error()));
   }
-  if (is_for_self) WriteDown(context, request);
-  if (is_for_self && request.has_stop()) return OnStop(context, message);
+  if (is_for_self && request.has_stop()) {
+    WriteDown(context, request);
+    return OnStop(context, message);
+  }
   if (is_for_self && request.has_trace()) {
     proto::ControlReply reply;
     *reply.mutable_trace() = context.GetTrace(request.trace());
@@ -90,6 +98,7 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
     return Answer(context, client, message.request_id(), ErrorReply(error));
   }
 
+  if (is_for_self) WriteDown(context, request);
   const std::uint64_t id = next_id_++;
   Pending pending{client, message.request_id(), 0, {}, {}, 0};
   const Result<void> forwarded =
@@ -208,6 +217,12 @@ Result<void> GatewayActor::Relay(Context& context, const proto::ControlRequest& 
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(id);
   *message.mutable_control_request() = request;
+  const std::size_t bytes = request.ByteSizeLong();
+  if (bytes > options_.relay_bytes_max) {
+    return Fail(ErrorCode::kFull, "the request of " + std::to_string(bytes / 1024) +
+                                      " KiB is too long for the radio; send less at a time, or ask the agent itself");
+  }
+  if (bytes > kShortBytes) LetOthersGoFirst(message);
   switch (context.Send({pending.relayed_to, actor_name::kGateway}, std::move(message))) {
     case SendResult::kAccepted:
       return {};
@@ -391,12 +406,18 @@ void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t
     const std::string text = "the answer of " + std::to_string(bytes / 1024) +
                              " KiB is too long for the radio; ask for less, or ask the agent itself";
     *message.mutable_control_reply() = ErrorReply(Error{ErrorCode::kFull, text, {}});
-  } else if (bytes > kShortAnswerBytes) {
-    message.set_ms_type(proto::DATA);
-    message.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);  // Behind everything that is shared.
+  } else if (bytes > kShortBytes) {
+    LetOthersGoFirst(message);
   }
-  // A client that has gone needs no answer.
-  (void)context.Send(client, std::move(message));
+  const SendResult sent = context.Send(client, std::move(message));
+  // A client that has gone needs no answer. One behind the radio whose way is full of what is shared needs a short one.
+  if (sent != SendResult::kFull || !IsPeer(client.agent)) return;
+  proto::Message refusal;
+  refusal.set_ms_type(proto::CONTROL);
+  refusal.set_request_id(request_id);
+  const std::string text = "too much waits on the way back to " + NameOf(client.agent) + "; try again later";
+  *refusal.mutable_control_reply() = ErrorReply(Error{ErrorCode::kFull, text, {}});
+  (void)context.Send(client, std::move(refusal));
 }
 
 }  // namespace moondb

@@ -7,8 +7,8 @@
 //
 // A request for another agent of the team (ControlRequest.for_agent) goes to that one's gateway over the radio, and its
 // answer comes back: so an operator at the base station reaches the whole team. Agents of a team trust each other (they
-// hold each other's keys); no request travels further than from one agent to another. Questions and short answers go in
-// the control class; longer answers wait behind everything that is shared, and none is longer than `relay_bytes_max`.
+// hold each other's keys); no request travels further than from one agent to another. What is short goes in the
+// control class; what is longer waits behind everything that is shared, and nothing is longer than `relay_bytes_max`.
 //
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
 //
@@ -40,7 +40,7 @@ class GatewayActor final : public Actor {
     std::function<std::string()> merge_backend;  // Likewise: "cpu" or "gl"; asked at each status, on any thread.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
-    std::size_t relay_bytes_max = 256 * 1024;  // Of an answer to another agent: two seconds of the radio.
+    std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
     Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.

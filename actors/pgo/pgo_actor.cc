@@ -84,7 +84,8 @@ void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   roles_ = roles;
   if (is_new_term) AwaitQuiet(context);  // What came under another leader has not been solved here.
   if (phase_ == Phase::kIdle) return;
-  if (const std::optional<Error> error = WhyNotLeader()) FinishWith(context, *error);
+  if (const std::optional<Error> error = WhyNotLeader()) return FinishWith(context, *error);
+  if (is_new_term) FinishWith(context, Error{ErrorCode::kRefused, "the roles changed meanwhile; ask again", {}});
 }
 
 std::optional<Error> PgoActor::WhyNotLeader() const {
@@ -97,7 +98,8 @@ std::optional<Error> PgoActor::WhyNotLeader() const {
 }
 
 void PgoActor::OnOptimizeRequest(Context& context, const proto::Message& message) {
-  const Asker asker{context.sender(), message.request_id(), message.optimize_request()};
+  const bool is_late = phase_ == Phase::kWriting;
+  const Asker asker{context.sender(), message.request_id(), message.optimize_request(), is_late};
   proto::OptimizeReply refusal;
   if (const std::optional<Error> error = WhyNotLeader()) {
     *refusal.mutable_error() = ToProto(*error);
@@ -255,9 +257,10 @@ void PgoActor::Finish(Context& context) {
   const std::string question = request_.SerializeAsString();
   std::vector<Asker> waiting;
   for (Asker& asker : std::exchange(askers_, {})) {
-    if (asker.request.SerializeAsString() == question || !Leads()) {
+    if (!Leads() || (!asker.is_late && asker.request.SerializeAsString() == question)) {
       Answer(context, asker, reply_);
     } else {
+      asker.is_late = false;
       waiting.push_back(std::move(asker));
     }
   }

@@ -11,10 +11,11 @@
 //
 // Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy, read back here,
 // so a new leader continues from the last one's solution. An agent that is not the leader refuses (kRefused, with the
-// leader's name). A request that comes while one is worked on waits: for the same answer where it asks the same, else
-// for its turn; at most `askers_max`, then kFull. Storage that does not answer within `storage_timeout` gives
-// kTimedOut; what it committed stays and is not published again. A leader that loses its role meanwhile answers
-// kRefused and writes no further chunk: what a change of roles finds being solved is not published at all.
+// leader's name). A request that comes while one is worked on waits: for the same answer where it asks the same
+// before the solve begins, else for its turn; at most `askers_max`, then kFull. Storage that does not answer within
+// `storage_timeout` gives kTimedOut; what it committed stays and is not published again. A leader that loses its role
+// meanwhile answers kRefused and writes no further chunk: what a change of roles finds being solved is not published at
+// all.
 //
 // Listens to RolesChanged (also asked of RoleActor at the start), OptimizeRequest, GraphStatsRequest, RecordsStored.
 // Spawn it under actor_name::kPgo with a thread of its own: a solve takes up to seconds. Solves end early when the
@@ -61,6 +62,7 @@ class PgoActor final : public Actor {
     Address address;
     std::uint64_t request_id = 0;
     proto::OptimizeRequest request;
+    bool is_late = false;  // Asked after the solve in hand had read its records: the next one's.
   };
 
   bool IsFromStorage(const Context& context, const proto::Message& message) const;

@@ -12,6 +12,7 @@ namespace moondb {
 namespace {
 
 constexpr int kBusyTimeoutMs = 5000;
+constexpr int kStepsBetweenLooks = 10'000;  // Of SQLite's machine, at the clock.
 
 struct Close {
   void operator()(sqlite3* connection) const { sqlite3_close_v2(connection); }
@@ -72,14 +73,19 @@ QueryCell CellOf(sqlite3_stmt* statement, int column) {
           text == nullptr ? std::string() : std::string(text, size)};
 }
 
+int IsOver(void* deadline) {
+  return std::chrono::steady_clock::now() > *static_cast<std::chrono::steady_clock::time_point*>(deadline) ? 1 : 0;
+}
+
 bool IsBlank(const char* sql) { return std::string_view(sql).find_first_not_of(" \t\r\n;") == std::string_view::npos; }
 
-Result<Statement> Prepare(sqlite3* connection, const std::string& sql) {
+Result<Statement> Prepare(sqlite3* connection, const std::string& sql, const std::filesystem::path& file) {
   sqlite3_stmt* prepared = nullptr;
   const char* tail = nullptr;
   const int code = sqlite3_prepare_v2(connection, sql.c_str(), static_cast<int>(sql.size() + 1), &prepared, &tail);
   Statement statement(prepared);
-  if (code != SQLITE_OK) return Fail(ErrorCode::kInvalid, sqlite3_errmsg(connection), "query");
+  if ((code & 0xFF) == SQLITE_ERROR) return Fail(ErrorCode::kInvalid, sqlite3_errmsg(connection), "query");
+  if (code != SQLITE_OK) return FailWith(code, connection, file);
   if (prepared == nullptr) return Fail(ErrorCode::kInvalid, "holds no statement", "query");
   if (!IsBlank(tail)) return Fail(ErrorCode::kInvalid, "holds more than one statement", "query");
   if (sqlite3_stmt_readonly(prepared) == 0 || sqlite3_column_count(prepared) == 0) {
@@ -88,23 +94,33 @@ Result<Statement> Prepare(sqlite3* connection, const std::string& sql) {
   return statement;
 }
 
-// Whoever finds the copy under its name finds all of it.
-Result<void> Publish(const std::filesystem::path& part, const std::filesystem::path& to) {
-  const int descriptor = open(part.c_str(), O_RDONLY | O_CLOEXEC);
+bool SyncToDisk(const std::filesystem::path& file_or_folder) {
+  const int descriptor = open(file_or_folder.c_str(), O_RDONLY | O_CLOEXEC);
   const bool is_durable = descriptor >= 0 && fsync(descriptor) == 0;
   if (descriptor >= 0) close(descriptor);
+  return is_durable;
+}
+
+// Whoever finds the copy under its name finds all of it; a file that is there by now stays.
+Result<void> Publish(const std::filesystem::path& part, const std::filesystem::path& to) {
+  const std::filesystem::path folder = to.has_parent_path() ? to.parent_path() : ".";
   std::error_code error;
-  if (is_durable) std::filesystem::rename(part, to, error);
-  if (is_durable && !error) return {};
+  if (SyncToDisk(part) && link(part.c_str(), to.c_str()) == 0) {
+    std::filesystem::remove(part, error);
+    if (SyncToDisk(folder)) return {};
+  }
   return Fail(ErrorCode::kInternal, "cannot be written", to.string());
 }
 
 }  // namespace
 
-Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::string& sql, std::size_t rows_max) {
+Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::string& sql, std::size_t rows_max,
+                               std::chrono::milliseconds time_max) {
   const Result<Connection> connection = OpenToRead(file);
   if (!connection) return tl::unexpected(connection.error());
-  const Result<Statement> statement = Prepare(connection->get(), sql);
+  std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::now() + time_max;
+  sqlite3_progress_handler(connection->get(), kStepsBetweenLooks, IsOver, &deadline);
+  const Result<Statement> statement = Prepare(connection->get(), sql, file);
   if (!statement) return tl::unexpected(statement.error());
   QueryAnswer answer;
   const int columns = sqlite3_column_count(statement->get());
@@ -113,6 +129,7 @@ Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::str
   while (true) {
     const int code = sqlite3_step(statement->get());
     if (code == SQLITE_DONE) return answer;
+    if (code == SQLITE_INTERRUPT) return Fail(ErrorCode::kTimedOut, "takes too long; ask for less", "query");
     if (code == SQLITE_TOOBIG) return Fail(ErrorCode::kFull, "a value is too large", "query");
     if (code != SQLITE_ROW) return FailWith(code, connection->get(), file);
     if (answer.rows.size() == rows_max) {
@@ -120,7 +137,9 @@ Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::str
       return answer;
     }
     std::vector<QueryCell>& row = answer.rows.emplace_back();
-    for (int i = 0; i < columns; ++i) bytes += row.emplace_back(CellOf(statement->get(), i)).text.size();
+    for (int i = 0; i < columns; ++i) {
+      bytes += sizeof(QueryCell) + row.emplace_back(CellOf(statement->get(), i)).text.size();
+    }
     if (bytes > kQueryBytesMax) return Fail(ErrorCode::kFull, "the answer is too large; ask for less", "query");
   }
 }
@@ -132,15 +151,15 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   }
   const Result<Connection> source = OpenToRead(file);
   if (!source) return tl::unexpected(source.error());
-  const std::filesystem::path part = to.string() + ".part";
-  std::filesystem::remove(part, error);
+  const std::filesystem::path part = to.string() + ".part-" + std::to_string(getpid());
   Result<Connection> copy = Open(part, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   if (!copy) return tl::unexpected(copy.error());
   sqlite3_backup* backup = sqlite3_backup_init(copy->get(), "main", source->get(), "main");
   int code = backup == nullptr ? sqlite3_errcode(copy->get()) : sqlite3_backup_step(backup, -1);
   if (backup != nullptr) (void)sqlite3_backup_finish(backup);
   Result<void> done;
-  if (code != SQLITE_DONE) done = FailWith(code, nullptr, code == SQLITE_CORRUPT ? file : to);
+  const bool is_damaged = code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
+  if (code != SQLITE_DONE) done = FailWith(code, nullptr, is_damaged ? file : to);
   copy->reset();
   if (done) done = Publish(part, to);
   if (!done) std::filesystem::remove(part, error);

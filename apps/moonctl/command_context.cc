@@ -90,6 +90,10 @@ Result<AgentClient> CommandContext::Connect(const std::string& name) {
   if (!through) return tl::unexpected(through.error());
   auto client = ConnectTo(**team, **named, ClientOptions(), *through);
   if (!client) return tl::unexpected(client.error());
+  if (*through != nullptr) {
+    // That the one in between answers says nothing of the one that is meant.
+    if (auto there = (*client)->Roles(); !there) return tl::unexpected(there.error());
+  }
   return AgentClient{*named, std::move(*client)};
 }
 

@@ -40,7 +40,7 @@ void Write(const QueryCell& cell, JsonWriter& json) {
 ExitCode QueryFile(CommandContext& context, const StoreFileArguments& arguments) {
   const auto file = StoreOf(context, arguments.data_folder);
   if (!file) return context.Report(file.error());
-  const auto answer = QueryStore(*file, arguments.text, arguments.rows_max);
+  const auto answer = QueryStore(*file, arguments.text, arguments.rows_max, context.WaitTimeout());
   if (!answer) return context.Report(answer.error());
   Table table(answer->columns);
   JsonWriter json;

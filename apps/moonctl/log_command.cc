@@ -6,6 +6,7 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
 #include "model/event.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -40,7 +41,7 @@ Result<std::vector<LoggedEvent>> EventsOf(const proto::ReadReply& page) {
 std::vector<std::string> RowOf(const proto::TeamConfig& team, const LoggedEvent& event) {
   const proto::AgentEvent& body = event.record.agent_event();
   return {FormatUtc(event.record.stamp_ns()), AgentName(team, event.agent), EventKindName(body.kind()),
-          body.by().empty() ? body.text() : body.text() + " (" + body.by() + ")"};
+          OneLine(body.by().empty() ? body.text() : body.text() + " (" + body.by() + ")", 1024)};
 }
 
 std::string JsonOf(const proto::TeamConfig& team, const LoggedEvent& event) {
@@ -105,7 +106,9 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
     json += (json.empty() ? "" : arguments.follows ? "\n" : ",") + JsonOf((*team)->config, event);
   }
   if (!arguments.follows) {
-    return context.Done("{\"agent\":\"" + target->agent->name() + "\",\"events\":[" + json + "]}", table.Text());
+    const bool is_cut = !page->is_complete() && events->size() < arguments.events;
+    return context.Done("{\"agent\":\"" + target->agent->name() + "\",\"events\":[" + json + "]}",
+                        table.Text() + (is_cut ? "older ones do not fit into one answer\n" : ""));
   }
   if (const ExitCode shown = context.Done(json, table.Text()); shown != ExitCode::kDone) return shown;
   return Follow(context, *target->client, std::move(request), last_row_id);

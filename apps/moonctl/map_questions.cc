@@ -107,7 +107,8 @@ ExitCode ShowStats(CommandContext& context) {
   const std::string text = table.Text() + target->agent->name() + ": " + FormatCount(stats->free_cell_count()) +
                            " free and " + FormatCount(stats->hazard_cell_count()) + " hazard cells of " +
                            FormatDouble(stats->resolution_um() / 1e6) + " m, " + FormatBytes(stats->memory_bytes()) +
-                           " in memory, merged on " + stats->backend() + "\n" + RefusedText(*stats) + QuarantinesText(team, *stats);
+                           " in memory, merged on " + stats->backend() + "\n" + RefusedText(*stats) +
+                           QuarantinesText(team, *stats);
   return context.Print(ExitCode::kDone, ToJson(*stats), text);
 }
 

@@ -12,6 +12,7 @@ namespace moondb {
 namespace {
 
 constexpr std::chrono::milliseconds kPollPeriod(50);
+constexpr std::chrono::milliseconds kRelayedPollPeriod(1000);  // Over the radio, whose time the sharing needs.
 
 }  // namespace
 
@@ -34,7 +35,9 @@ ShareWait::ShareWait(CommandContext& context, std::vector<SharePair> pairs) : co
     if (Poll(agent, /*is_baseline=*/true)) continue;
     // Without it an earlier session would count as the one that is waited for.
     unreachable_.push_back(AgentName(team, agent));
-    std::erase_if(pairs_, [sender = agent](const auto& pair) { return pair.first.sender == sender; });
+    std::erase_if(pairs_, [lost = agent](const auto& pair) {
+      return pair.first.sender == lost || pair.first.destination == lost;
+    });
   }
 }
 
@@ -119,7 +122,7 @@ Result<void> ShareWait::Wait(std::chrono::milliseconds timeout) {
     if (std::chrono::steady_clock::now() >= deadline) {
       return Fail(ErrorCode::kTimedOut, "not acknowledged in time: " + Missing());
     }
-    std::this_thread::sleep_for(kPollPeriod);
+    std::this_thread::sleep_for(context_.via.empty() ? kPollPeriod : kRelayedPollPeriod);
   }
 }
 

@@ -162,7 +162,13 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   return context.Print(code, json.text(), table.Text());
 }
 
+Result<void> CheckHere(const CommandContext& context) {
+  if (context.via.empty()) return {};
+  return Fail(ErrorCode::kInvalid, "is about processes of this machine; run it there", "--via");
+}
+
 ExitCode Up(CommandContext& context, const UpArguments& arguments) {
+  if (auto here = CheckHere(context); !here) return context.Report(here.error());
   auto agents = LocalAgents(context, arguments);
   if (!agents) return context.Report(agents.error());
   const auto has_failed = [](const LocalAgent& agent) { return agent.is_failed; };
@@ -200,6 +206,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
 }
 
 ExitCode Down(CommandContext& context, const UpArguments& arguments) {
+  if (auto here = CheckHere(context); !here) return context.Report(here.error());
   auto agents = LocalAgents(context, arguments);
   if (!agents) return context.Report(agents.error());
   for (LocalAgent& agent : *agents) {

@@ -2,8 +2,8 @@
 """Runs the snippets of the guides, in the order in which they stand, and holds what is printed against what they say.
 
 A fenced block ```sh holds commands. In a block ```console lines that begin with "$ " are commands, and the lines below
-one are what it prints, standard error too: each must come in this order, numbers, sizes and users aside; a line "..."
-stands for any lines. A command must end with 0, or with N where it ends in "# exits with N". The blocks of one guide
+one are what it prints, standard error too: each must come in this order, numbers, sizes and users aside; more lines may
+come in between. A command must end with 0, or with N where it ends in "# exits with N". The blocks of one guide
 share one shell, in an empty folder with its own sockets; other blocks are not run.
 
 Usage: snippets_test.py PROGRAMS GUIDE...    PROGRAMS is the folder of moonctl and the others.
@@ -23,7 +23,7 @@ PORTS = range(7400, 7404)  # Of `moonctl config init`.
 HOME = "/home/anna"  # What the guides call the folder in which the snippets run.
 FENCE = re.compile(r"^```(sh|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 EXITS = re.compile(r"# exits with (\d+)\s*$")
-NUMBER = re.compile(r"-?\d[\da-fx.:]*( ?(?:[kMG]?B|[kM]?bit/s|[kMG]?B/s|ms|s|min|h|m|rad)\b)?")
+NUMBER = re.compile(r"(?<![A-Za-z_\d])-?\d[\da-fx.:]*( ?(?:[kMG]?B|[kM]?bit/s|[kMG]?B/s|ms|s|min|h|m|rad)\b)?")
 
 
 USER = re.compile(r"\w+@[\w.-]+")

@@ -54,10 +54,18 @@ TEST_F(StoreFileTest, RunsNothingThatChangesAnything) {
   EXPECT_EQ(QueryStore(file_, "SELECT count(*) FROM t", 1)->rows[0][0].text, "2");
 }
 
+TEST_F(StoreFileTest, GivesUpAQueryWithoutEnd) {
+  const auto endless =
+      QueryStore(file_, "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT max(x) FROM c", 1,
+                 std::chrono::milliseconds(1));
+  ASSERT_FALSE(endless.has_value());
+  EXPECT_EQ(endless.error().code, ErrorCode::kTimedOut);
+}
+
 TEST_F(StoreFileTest, SaysWhatIsNoStore) {
   EXPECT_EQ(QueryStore(folder_.path() / "none", "SELECT 1", 1).error().code, ErrorCode::kNotFound);
   std::ofstream(folder_.path() / "text") << std::string(5000, 'x');
-  EXPECT_EQ(QueryStore(folder_.path() / "text", "SELECT * FROM t", 1).error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(QueryStore(folder_.path() / "text", "SELECT * FROM t", 1).error().code, ErrorCode::kCorrupt);
   EXPECT_EQ(BackUpStore(folder_.path() / "text", folder_.path() / "copy").error().code, ErrorCode::kCorrupt);
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "copy"));
 }
