@@ -23,7 +23,8 @@ MARK = ".moondb-demo"
 # proto/types.proto, DataType.
 TYPE_NAMES = {1: "temperature", 2: "power", 3: "awake_status", 4: "mode", 5: "health", 10: "exploration",
               11: "distributed_measurements", 20: "pose_graph_node", 21: "pose_graph_edge", 22: "optimized_pose",
-              23: "edge_verdict", 30: "local_traversability_map"}
+              23: "edge_verdict", 30: "local_traversability_map",
+              31: "map_quarantine", 40: "agent_event"}
 
 
 class DemoError(Exception):
