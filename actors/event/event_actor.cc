@@ -3,9 +3,9 @@
 #include <cmath>
 #include <utility>
 
+#include "model/agent_name.h"
 #include "model/event.h"
 #include "model/term.h"
-#include "runtime/team_config.h"
 
 namespace moondb {
 
@@ -41,12 +41,6 @@ void EventActor::OnMessage(Context& context, const proto::Message& message) {
   }
 }
 
-std::string EventActor::NameOf(AgentId agent) const {
-  if (agent == 0) return "nobody";
-  const proto::AgentConfig* found = FindAgent(options_.team, agent);
-  return found != nullptr ? found->name() : "agent " + std::to_string(agent);
-}
-
 // Who issued the assignment tells it; the others would say the same again. The one of term 0 is the team file's.
 void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new = OrderOf(roles.term()) != OrderOf(roles_.term());
@@ -56,7 +50,7 @@ void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   if (!is_new || is_first || roles.term().issuer() != options_.self) return;
   const std::string reason = roles.reason().empty() ? "" : ": " + roles.reason();
   Tell(context, proto::EVENT_KIND_ROLES,
-       NameOf(static_cast<AgentId>(roles.leader())) + " leads, " + NameOf(static_cast<AgentId>(roles.survivor())) +
+       AgentName(options_.team, roles.leader()) + " leads, " + AgentName(options_.team, roles.survivor()) +
            " is the designated survivor, term " + std::to_string(roles.term().number()) + reason);
 }
 
@@ -89,7 +83,7 @@ void EventActor::OnShareStatus(Context& context, const std::string& actor, const
   TellRise(context, proto::EVENT_KIND_REJECTED, actor, "hellos", status.refused_hellos(),
            "beginnings of sharing were refused (another team, version or kind)");
   for (const proto::ShareSession& session : status.sessions()) {
-    const std::string to = NameOf(static_cast<AgentId>(session.destination()));
+    const std::string to = AgentName(options_.team, session.destination());
     const std::string why = session.last_error().empty() ? "" : ": " + session.last_error();
     TellRise(context, proto::EVENT_KIND_SHARING, actor, "to " + to, session.closed_sessions(),
              "sharings to " + to + " ended before all was acknowledged" + why);

@@ -5,8 +5,8 @@
 // sharing sessions that ended early. What happens a thousand times in a minute is one event with a count: a flood from
 // outside never becomes a flood of records. Commands are GatewayActor's to write down.
 //
-// Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's story. Where
-// storage refuses one it is lost. After a restart of this actor what was counted before counts as told.
+// Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's story.
+// Where storage refuses one it is lost. After a restart of this actor what was counted before counts as told.
 #pragma once
 
 #include <map>
@@ -45,7 +45,6 @@ class EventActor final : public Actor {
   // before this actor's life.
   void TellRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                 double count, const std::string& text);
-  std::string NameOf(AgentId agent) const;
 
   const Options options_;
   std::map<std::pair<std::string, std::string>, double> counts_;  // By source and counter.

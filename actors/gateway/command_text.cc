@@ -1,28 +1,22 @@
 #include "actors/gateway/command_text.h"
 
-#include <algorithm>
+#include "model/agent_name.h"
 
 namespace moondb {
 
 namespace {
 
-std::string NameOf(const proto::TeamConfig& team, std::uint32_t id) {
-  const auto found = std::find_if(team.agents().begin(), team.agents().end(),
-                                  [id](const proto::AgentConfig& agent) { return agent.id() == id; });
-  return found == team.agents().end() ? "agent " + std::to_string(id) : found->name();
-}
-
 std::string RoleText(const proto::TeamConfig& team, const proto::RoleSetRequest& set) {
   if (set.is_dry_run()) return "";
   std::string text = set.is_swap() ? "role swap" : "role set:";
-  if (set.leader() != 0) text += " leader " + NameOf(team, set.leader());
-  if (set.survivor() != 0) text += " survivor " + NameOf(team, set.survivor());
+  if (set.leader() != 0) text += " leader " + AgentName(team, set.leader());
+  if (set.survivor() != 0) text += " survivor " + AgentName(team, set.survivor());
   return set.reason().empty() ? text : text + " (" + set.reason() + ")";
 }
 
 std::string ShareText(const proto::TeamConfig& team, const proto::ShareRequest& share) {
   std::string text = share.kind() == proto::SHARING_KIND_SYNC ? "sync now" : "replicate now";
-  if (share.destination() != 0) text += " to " + NameOf(team, share.destination());
+  if (share.destination() != 0) text += " to " + AgentName(team, share.destination());
   return text;
 }
 

@@ -5,6 +5,7 @@
 
 #include "actors/gateway/command_text.h"
 #include "actors/gateway/request_check.h"
+#include "model/agent_name.h"
 #include "model/control_request.h"
 #include "model/event.h"
 #include "runtime/team_config.h"
@@ -112,7 +113,8 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
 void GatewayActor::WriteDown(Context& context, const proto::ControlRequest& request) {
   const std::string text = CommandText(options_.team, request);
   if (text.empty()) return;
-  const std::string through = IsPeer(context.sender().agent) ? ", through " + NameOf(context.sender().agent) : "";
+  const std::string through =
+      IsPeer(context.sender().agent) ? ", through " + AgentName(options_.team, context.sender().agent) : "";
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
   *message.mutable_insert_request()->add_records() =
@@ -227,16 +229,12 @@ Result<void> GatewayActor::Relay(Context& context, const proto::ControlRequest& 
     case SendResult::kAccepted:
       return {};
     case SendResult::kFull:
-      return Fail(ErrorCode::kFull, "too much waits on the way to " + NameOf(pending.relayed_to) + "; try again later");
+      return Fail(ErrorCode::kFull,
+                  "too much waits on the way to " + AgentName(options_.team, pending.relayed_to) + "; try again later");
     default:
-      return Fail(ErrorCode::kUnavailable,
-                  NameOf(pending.relayed_to) + " cannot be reached from " + NameOf(options_.self));
+      return Fail(ErrorCode::kUnavailable, AgentName(options_.team, pending.relayed_to) + " cannot be reached from " +
+                                               AgentName(options_.team, options_.self));
   }
-}
-
-std::string GatewayActor::NameOf(AgentId agent) const {
-  const proto::AgentConfig* found = FindAgent(options_.team, agent);
-  return found != nullptr ? found->name() : "agent " + std::to_string(agent);
 }
 
 Result<void> GatewayActor::Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
@@ -350,7 +348,8 @@ void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
   const auto found = pending_.find(timer.value());
   if (found == pending_.end()) return;
   const Pending& pending = found->second;
-  const std::string who = pending.relayed_to != 0 ? NameOf(pending.relayed_to) : Names(pending.waiting_for);
+  const std::string who =
+      pending.relayed_to != 0 ? AgentName(options_.team, pending.relayed_to) : Names(pending.waiting_for);
   *found->second.reply.mutable_error() = ToProto(Error{ErrorCode::kTimedOut, who + " did not answer in time", {}});
   Finish(context, found->first);
 }
@@ -362,7 +361,7 @@ void GatewayActor::OnPeerLost(Context& context, AgentId peer) {
   }
   for (const std::uint64_t id : lost) {
     const std::string text =
-        NameOf(peer) + " was lost before it answered; whether it did what it was asked is not known";
+        AgentName(options_.team, peer) + " was lost before it answered; whether it did what it was asked is not known";
     *pending_.at(id).reply.mutable_error() = ToProto(Error{ErrorCode::kUnavailable, text, {}});
     Finish(context, id);
   }
@@ -415,7 +414,8 @@ void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t
   proto::Message refusal;
   refusal.set_ms_type(proto::CONTROL);
   refusal.set_request_id(request_id);
-  const std::string text = "too much waits on the way back to " + NameOf(client.agent) + "; try again later";
+  const std::string text =
+      "too much waits on the way back to " + AgentName(options_.team, client.agent) + "; try again later";
   *refusal.mutable_control_reply() = ErrorReply(Error{ErrorCode::kFull, text, {}});
   (void)context.Send(client, std::move(refusal));
 }

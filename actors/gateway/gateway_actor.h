@@ -69,7 +69,6 @@ class GatewayActor final : public Actor {
   void OnPeerLost(Context& context, AgentId peer);
 
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
-  std::string NameOf(AgentId agent) const;
   void WriteDown(Context& context, const proto::ControlRequest& request);
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "actors/pgo/team_facts.h"
-#include "runtime/team_config.h"
+#include "model/agent_name.h"
 
 namespace moondb {
 
@@ -92,8 +92,7 @@ std::optional<Error> PgoActor::WhyNotLeader() const {
   if (!roles_) return Error{ErrorCode::kRefused, "this agent does not know the team's roles yet; try again", {}};
   if (roles_->leader() == options_.self) return std::nullopt;
   if (roles_->leader() == 0) return Error{ErrorCode::kRefused, "nobody leads: the leader solves the pose graph", {}};
-  const proto::AgentConfig* leader = FindAgent(options_.team, roles_->leader());
-  const std::string name = leader != nullptr ? leader->name() : "agent " + std::to_string(roles_->leader());
+  const std::string name = AgentName(options_.team, roles_->leader());
   return Error{ErrorCode::kRefused, "the leader solves the pose graph, and " + name + " leads; ask there", {}};
 }
 

@@ -20,12 +20,6 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
   return Fail(ErrorCode::kInvalid, "team " + team.team() + " has no agent \"" + name + "\"" + DidYouMean(name, names));
 }
 
-std::string AgentName(const proto::TeamConfig& team, AgentId agent) {
-  if (agent == 0) return "nobody";
-  const proto::AgentConfig* found = FindAgent(team, agent);
-  return found != nullptr ? found->name() : "agent " + std::to_string(agent);
-}
-
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options, const proto::AgentConfig* via) {
   const proto::AgentConfig& asked = via != nullptr ? *via : agent;

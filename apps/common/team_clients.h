@@ -6,15 +6,13 @@
 #include <vector>
 
 #include "client/client.h"
+#include "model/agent_name.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
 
 // kInvalid with a suggestion where the team has no agent of that name.
 Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name);
-
-// "rover2"; "agent 9" for one that the team does not have, "nobody" for 0.
-std::string AgentName(const proto::TeamConfig& team, AgentId agent);
 
 // The client knows the team's custom types. `via`: the agent that is connected to and asks `agent` over the radio;
 // null: `agent` itself.
