@@ -12,7 +12,7 @@ namespace moondb {
 namespace {
 
 constexpr int kBusyTimeoutMs = 5000;
-constexpr int kStepsBetweenLooks = 10'000;  // Of SQLite's machine, at the clock.
+constexpr int kStepsBetweenLooks = 10'000;  // Of SQLite's machine, at stop_requested.
 
 struct Close {
   void operator()(sqlite3* connection) const { sqlite3_close_v2(connection); }
@@ -73,9 +73,7 @@ QueryCell CellOf(sqlite3_stmt* statement, int column) {
           text == nullptr ? std::string() : std::string(text, size)};
 }
 
-int IsOver(void* deadline) {
-  return std::chrono::steady_clock::now() > *static_cast<std::chrono::steady_clock::time_point*>(deadline) ? 1 : 0;
-}
+int IsStopped(void* stop_requested) { return (*static_cast<const StopRequested*>(stop_requested))() ? 1 : 0; }
 
 bool IsBlank(const char* sql) { return std::string_view(sql).find_first_not_of(" \t\r\n;") == std::string_view::npos; }
 
@@ -115,11 +113,10 @@ Result<void> Publish(const std::filesystem::path& part, const std::filesystem::p
 }  // namespace
 
 Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::string& sql, std::size_t rows_max,
-                               std::chrono::milliseconds time_max) {
+                               StopRequested stop_requested) {
   const Result<Connection> connection = OpenToRead(file);
   if (!connection) return tl::unexpected(connection.error());
-  std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::now() + time_max;
-  sqlite3_progress_handler(connection->get(), kStepsBetweenLooks, IsOver, &deadline);
+  if (stop_requested) sqlite3_progress_handler(connection->get(), kStepsBetweenLooks, IsStopped, &stop_requested);
   const Result<Statement> statement = Prepare(connection->get(), sql, file);
   if (!statement) return tl::unexpected(statement.error());
   QueryAnswer answer;

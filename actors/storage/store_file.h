@@ -4,15 +4,17 @@
 // call: kNotFound (no such file), kCorrupt (damaged, or not a database), kInternal (anything else: I/O, permissions).
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "model/error.h"
 
 namespace moondb {
+
+using StopRequested = std::function<bool()>;
 
 struct QueryCell {
   enum class Kind { kNull, kNumber, kText, kBlob };
@@ -28,9 +30,10 @@ struct QueryAnswer {
 
 // One SELECT (or PRAGMA that asks). kInvalid: SQL that is wrong, that changes anything, or more than one statement;
 // kFull: a row or the answer is larger than kQueryBytesMax.
-// kTimedOut: it took longer than `time_max`; while it runs the agent's write-ahead log cannot begin anew.
+// `stop_requested` is polled; true ends it with kTimedOut. While a query runs the agent's write-ahead log cannot begin
+// anew.
 Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::string& sql, std::size_t rows_max,
-                               std::chrono::milliseconds time_max = std::chrono::seconds(60));
+                               StopRequested stop_requested = {});
 
 inline constexpr std::size_t kQueryBytesMax = 64 * 1024 * 1024;
 

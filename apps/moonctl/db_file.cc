@@ -1,3 +1,5 @@
+#include <chrono>
+
 #include "actors/storage/store_file.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/json_writer.h"
@@ -40,7 +42,9 @@ void Write(const QueryCell& cell, JsonWriter& json) {
 ExitCode QueryFile(CommandContext& context, const StoreFileArguments& arguments) {
   const auto file = StoreOf(context, arguments.data_folder);
   if (!file) return context.Report(file.error());
-  const auto answer = QueryStore(*file, arguments.text, arguments.rows_max, context.WaitTimeout());
+  const auto deadline = std::chrono::steady_clock::now() + context.WaitTimeout();
+  const auto answer = QueryStore(*file, arguments.text, arguments.rows_max,
+                                 [deadline] { return std::chrono::steady_clock::now() > deadline; });
   if (!answer) return context.Report(answer.error());
   Table table(answer->columns);
   JsonWriter json;

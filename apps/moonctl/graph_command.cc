@@ -95,6 +95,11 @@ std::string AnchoringText(proto::Anchoring anchoring) {
   }
 }
 
+// "rover2:17", as ParseNode reads it.
+std::string NodeName(const proto::TeamConfig& team, const NodeKey& node) {
+  return AgentName(team, node.agent) + ":" + std::to_string(node.index);
+}
+
 // One sigma of a coordinate: 0 to 2 place, 3 to 5 turn.
 std::string SigmaText(const proto::NodeCovariance& node, int coordinate, const char* unit) {
   const auto covariance = FromUpperTriangle(node.covariance());
@@ -120,8 +125,8 @@ std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply&
   if (solve.covariances().empty()) return text;
   Table spreads({"NODE", "X", "Y", "Z", "YAW"});
   for (const proto::NodeCovariance& node : solve.covariances()) {
-    spreads.Add({AgentName(team, node.node().agent_id()) + ":" + std::to_string(node.node().index()),
-                 SigmaText(node, 0, "m"), SigmaText(node, 1, "m"), SigmaText(node, 2, "m"), SigmaText(node, 5, "rad")});
+    spreads.Add({NodeName(team, FromProto(node.node())), SigmaText(node, 0, "m"), SigmaText(node, 1, "m"),
+                 SigmaText(node, 2, "m"), SigmaText(node, 5, "rad")});
   }
   return text + "one sigma:\n" + spreads.Text();
 }
@@ -165,17 +170,29 @@ struct PairStats {
 
 using AgentPair = std::pair<AgentId, AgentId>;  // The smaller id first.
 
-std::map<AgentPair, PairStats> FindPairs(const KnownGraph& known) {
+struct RejectedRange {
+  const RangeEdge* range = nullptr;
+  double residual_sigmas = 0;
+};
+
+struct RangeStats {
   std::map<AgentPair, PairStats> pairs;
+  std::vector<RejectedRange> rejected;
+};
+
+// Points into `known`.
+RangeStats FindRangeStats(const KnownGraph& known) {
+  RangeStats stats;
   for (const RangeEdge& range : known.graph().ranges) {
-    PairStats& pair = pairs[std::minmax(range.from.agent, range.to.agent)];
+    PairStats& pair = stats.pairs[std::minmax(range.from.agent, range.to.agent)];
     ++pair.range_count;
     const PublishedVerdict* verdict = known.FindVerdict({range.from, range.to});
     if (verdict == nullptr || verdict->is_inlier) continue;
+    stats.rejected.push_back({&range, verdict->residual_sigmas});
     ++pair.rejected_count;
     if (std::abs(verdict->residual_sigmas) > std::abs(pair.worst_sigmas)) pair.worst_sigmas = verdict->residual_sigmas;
   }
-  return pairs;
+  return stats;
 }
 
 std::string PairsText(const proto::TeamConfig& team, const std::map<AgentPair, PairStats>& pairs) {
@@ -189,24 +206,18 @@ std::string PairsText(const proto::TeamConfig& team, const std::map<AgentPair, P
   return table.Text();
 }
 
-// With the name of each rejected range.
-std::string RejectedText(const proto::TeamConfig& team, const KnownGraph& known) {
+std::string RejectedText(const proto::TeamConfig& team, const std::vector<RejectedRange>& rejected) {
   Table table({"REJECTED", "", "RANGE m", "SIGMAS"});
-  const auto name = [&team](const NodeKey& node) {
-    return AgentName(team, node.agent) + ":" + std::to_string(node.index);
-  };
-  for (const RangeEdge& range : known.graph().ranges) {
-    const PublishedVerdict* verdict = known.FindVerdict({range.from, range.to});
-    if (verdict == nullptr || verdict->is_inlier) continue;
-    table.Add(
-        {name(range.from), name(range.to), FormatFixed(range.range_m, 3), FormatFixed(verdict->residual_sigmas, 1)});
+  for (const auto& [range, residual_sigmas] : rejected) {
+    table.Add({NodeName(team, range->from), NodeName(team, range->to), FormatFixed(range->range_m, 3),
+               FormatFixed(residual_sigmas, 1)});
   }
   return table.Text();
 }
 
-void WriteRanges(const proto::TeamConfig& team, const KnownGraph& known, JsonWriter& json) {
+void WriteRanges(const proto::TeamConfig& team, const RangeStats& stats, JsonWriter& json) {
   json.Key("pairs").BeginArray();
-  for (const auto& [agents, pair] : FindPairs(known)) {
+  for (const auto& [agents, pair] : stats.pairs) {
     json.BeginObject().Key("agents").BeginArray();
     json.String(AgentName(team, agents.first)).String(AgentName(team, agents.second)).EndArray();
     json.Key("ranges").Number(static_cast<double>(pair.range_count));
@@ -214,11 +225,9 @@ void WriteRanges(const proto::TeamConfig& team, const KnownGraph& known, JsonWri
     json.Key("worst_sigmas").Number(pair.worst_sigmas).EndObject();
   }
   json.EndArray().Key("rejected").BeginArray();
-  for (const RangeEdge& range : known.graph().ranges) {
-    const PublishedVerdict* verdict = known.FindVerdict({range.from, range.to});
-    if (verdict == nullptr || verdict->is_inlier) continue;
-    json.BeginObject().Key("from").Raw(ToJson(ToProto(range.from))).Key("to").Raw(ToJson(ToProto(range.to)));
-    json.Key("range_m").Number(range.range_m).Key("residual_sigmas").Number(verdict->residual_sigmas).EndObject();
+  for (const auto& [range, residual_sigmas] : stats.rejected) {
+    json.BeginObject().Key("from").Raw(ToJson(ToProto(range->from))).Key("to").Raw(ToJson(ToProto(range->to)));
+    json.Key("range_m").Number(range->range_m).Key("residual_sigmas").Number(residual_sigmas).EndObject();
   }
   json.EndArray();
 }
@@ -235,12 +244,13 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
                          ? target->agent->name() + " has not solved the graph since it started\n"
                          : FormatCount(stats->solve_count()) + " solves since the start; the last one:\n" +
                                SolveText(team, stats->last_solve());
-  text += PairsText(team, FindPairs(*known));
-  if (has_edges) text += RejectedText(team, *known);
+  const RangeStats ranges = FindRangeStats(*known);
+  text += PairsText(team, ranges.pairs);
+  if (has_edges) text += RejectedText(team, ranges.rejected);
   JsonWriter json;
   json.BeginObject().Key("solve_count").Number(stats->solve_count());
   json.Key("last_solve").Raw(ToJson(stats->last_solve()));
-  WriteRanges(team, *known, json);
+  WriteRanges(team, ranges, json);
   json.EndObject();
   return context.Done(json.text(), text);
 }
