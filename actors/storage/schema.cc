@@ -212,6 +212,14 @@ std::string Version5() {
          " WHERE seq IS NOT NULL;";
 }
 
+// Version 6: what was written a day, and bundles for the ground.
+constexpr char kVersion6[] = R"sql(
+CREATE TABLE written(day INTEGER PRIMARY KEY, bytes INTEGER NOT NULL) STRICT;
+CREATE TABLE downlink_bundle(
+  number INTEGER PRIMARY KEY, made_ns INTEGER NOT NULL, record_count INTEGER NOT NULL, bytes INTEGER NOT NULL,
+  hash INTEGER NOT NULL, have BLOB NOT NULL, file BLOB) STRICT;
+)sql";
+
 // The step from version `from` to the next.
 std::string Step(int from) {
   switch (from) {
@@ -225,6 +233,8 @@ std::string Step(int from) {
       return Version4();
     case 4:
       return Version5();
+    case 5:
+      return kVersion6;
     default:
       return {};
   }

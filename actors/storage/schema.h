@@ -7,7 +7,8 @@
 // The views `replica` and `replication_log` are the paper's tables (Section 4), for people: the have-set decides.
 // All custom data types (proto/team.proto) share the table custom_record, whose payload is a part of `content`; the
 // view v_custom_record shows them by name, as far as the team file of the last start names them. 64-bit unsigned
-// numbers stand as the signed ones of the same bits.
+// numbers stand as the signed ones of the same bits. `written` counts what the store wrote to the disk, by day since
+// 1970. downlink_bundle keeps bundles for the ground; one that was acknowledged keeps its have-set, not its file.
 #pragma once
 
 #include "actors/storage/sqlite_database.h"
@@ -15,7 +16,7 @@
 namespace moondb {
 
 // A change of tables or views is a new version with its own step; steps that were ever released stay as they are.
-inline constexpr int kSchemaVersion = 5;
+inline constexpr int kSchemaVersion = 6;
 
 // Whether tables, indexes and views are still those of the file's version; others beside them are the user's own.
 // kCorrupt where not: a damaged statement of the schema would make SQLite fail in ways that look like something else.
