@@ -206,6 +206,9 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     }
     case proto::ControlRequest::kStop:   // Answered without the
     case proto::ControlRequest::kTrace:  // help of other actors.
+    case proto::ControlRequest::kPrune:
+    case proto::ControlRequest::kDownlink:
+    case proto::ControlRequest::kReadBundle:
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }

@@ -183,6 +183,9 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     case proto::ControlRequest::kFingerprint:
     case proto::ControlRequest::kCustom:
       return {};
+    case proto::ControlRequest::kPrune:
+    case proto::ControlRequest::kDownlink:
+    case proto::ControlRequest::kReadBundle:
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }
