@@ -263,6 +263,32 @@ Result<Client::Merged> Client::Merge(const proto::MergeRequest& merge) {
   return Merged{std::move(*map), std::move(*reply->mutable_merge())};
 }
 
+Result<proto::DownlinkReply> Client::Downlink(const proto::DownlinkRequest& downlink) {
+  proto::ControlRequest request;
+  *request.mutable_downlink() = downlink;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_downlink()); });
+}
+
+Result<std::string> Client::FetchBundle(std::uint32_t number,
+                                        const std::function<void(double bytes, double all)>& fetched) {
+  proto::ControlRequest request;
+  request.mutable_read_bundle()->set_number(number);
+  std::string file;
+  while (true) {
+    request.mutable_read_bundle()->set_first_byte(file.size());
+    const auto reply = Call(request);
+    if (!reply) return tl::unexpected(reply.error());
+    const proto::ReadBundleReply& part = reply->read_bundle();
+    const auto bytes = static_cast<double>(file.size() + part.part().size());
+    if (bytes > part.bundle().bytes() || (part.part().empty() && bytes < part.bundle().bytes())) {
+      return Fail(ErrorCode::kCorrupt, "the agent's bundle has another size than it says");
+    }
+    file += part.part();
+    fetched(bytes, part.bundle().bytes());
+    if (bytes == part.bundle().bytes()) return file;
+  }
+}
+
 Result<google::protobuf::Any> Client::Ask(const std::string& actor, const google::protobuf::Any& question) {
   proto::ControlRequest request;
   request.mutable_custom()->set_actor(actor);

@@ -112,6 +112,11 @@ class Client {
   // time: no tiles. A region is set before the first call. kUnavailable where it begins anew between two parts of an
   // answer.
   Result<MergedTiles> NextMapTiles(proto::MapTilesRequest& request);
+  // Makes the next bundle for the ground, says that one has arrived there, or shows what waits (nothing set).
+  Result<proto::DownlinkReply> Downlink(const proto::DownlinkRequest& request);
+  // A bundle's file, whole; `fetched` is told how many bytes are here, and of how many. kNotFound: no such bundle, or
+  // acknowledged; kCorrupt: its size is not what the agent says.
+  Result<std::string> FetchBundle(std::uint32_t number, const std::function<void(double bytes, double all)>& fetched);
   // Asks an actor of the user's own on the agent; its answer. kNotFound: the agent has none of that name.
   Result<google::protobuf::Any> Ask(const std::string& actor, const google::protobuf::Any& question);
   // The agent has agreed to stop; it ends shortly after.

@@ -21,7 +21,11 @@ void EventActor::OnStart(Context& context) {
   for (const proto::ActorStatus& actor : context.GetSystemStatus().actors) {
     if (actor.name() == context.self().actor) restarts = actor.restarts();
   }
-  if (restarts == 0) Tell(context, proto::EVENT_KIND_STARTED, "started, moondb " + options_.version);
+  if (restarts == 0) {
+    Tell(context, proto::EVENT_KIND_STARTED, "started, moondb " + options_.version);
+  } else {
+    Tell(context, proto::EVENT_KIND_RESTART, "the actor event failed, and was made anew (moonctl trace)");
+  }
   OnPeriod(context);
 }
 

@@ -6,7 +6,7 @@
 // outside never becomes a flood of records. Commands are GatewayActor's to write down.
 //
 // Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's story.
-// Where storage refuses one it is lost. After a restart of this actor what was counted before counts as told.
+// Where storage refuses one it is lost. A restart of this actor is one too; what was counted before it counts as told.
 #pragma once
 
 #include <map>

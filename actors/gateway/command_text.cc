@@ -27,6 +27,11 @@ std::string OptimizeText(const proto::OptimizeRequest& optimize) {
   return text;
 }
 
+std::string DownlinkText(const proto::DownlinkRequest& downlink) {
+  if (downlink.acknowledge() != 0) return "downlink ack " + std::to_string(downlink.acknowledge());
+  return downlink.bytes_max() == 0 ? "" : "downlink of " + std::to_string(downlink.bytes_max()) + " B";
+}
+
 }  // namespace
 
 std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request) {
@@ -37,6 +42,8 @@ std::string CommandText(const proto::TeamConfig& team, const proto::ControlReque
       return ShareText(team, request.share());
     case proto::ControlRequest::kOptimize:
       return OptimizeText(request.optimize());
+    case proto::ControlRequest::kDownlink:
+      return DownlinkText(request.downlink());
     case proto::ControlRequest::kStop:
       return "stop";
     default:

@@ -196,6 +196,12 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kMapTiles:
       *message.mutable_map_tiles_request() = request.map_tiles();
       return Ask(context, actor_name::kMerge, std::move(message), id, pending);
+    case proto::ControlRequest::kDownlink:
+      *message.mutable_downlink_request() = request.downlink();
+      return Ask(context, actor_name::kDownlink, std::move(message), id, pending);
+    case proto::ControlRequest::kReadBundle:
+      *message.mutable_read_bundle_request() = request.read_bundle();
+      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
     case proto::ControlRequest::kCustom: {
       const std::string& actor = request.custom().actor();
       if (!options_.own_actors.contains(actor)) {
@@ -207,8 +213,6 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kStop:   // Answered without the
     case proto::ControlRequest::kTrace:  // help of other actors.
     case proto::ControlRequest::kPrune:
-    case proto::ControlRequest::kDownlink:
-    case proto::ControlRequest::kReadBundle:
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }
@@ -318,6 +322,12 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
     case proto::Message::kMapTilesReply:
       *reply.mutable_map_tiles() = message.map_tiles_reply();
       return copy_error(message.map_tiles_reply().error());
+    case proto::Message::kDownlinkReply:
+      *reply.mutable_downlink() = message.downlink_reply();
+      return copy_error(message.downlink_reply().error());
+    case proto::Message::kReadBundleReply:
+      *reply.mutable_read_bundle() = message.read_bundle_reply();
+      return copy_error(message.read_bundle_reply().error());
     case proto::Message::kGraphStatsReply:
       *reply.mutable_graph_stats() = message.graph_stats_reply();
       return true;

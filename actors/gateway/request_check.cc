@@ -182,10 +182,10 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     case proto::ControlRequest::kVerify:
     case proto::ControlRequest::kFingerprint:
     case proto::ControlRequest::kCustom:
-      return {};
-    case proto::ControlRequest::kPrune:
     case proto::ControlRequest::kDownlink:
     case proto::ControlRequest::kReadBundle:
+      return {};
+    case proto::ControlRequest::kPrune:
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }

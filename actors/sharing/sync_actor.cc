@@ -5,6 +5,20 @@
 
 namespace moondb {
 
+proto::RecordFilter GroundRecords(const proto::TeamConfig& team) {
+  proto::RecordFilter filter;
+  for (const DataType type : DataTypesOf(team)) {
+    const proto::Policy policy = GroundPolicyOf(team, type);
+    if (policy == proto::POLICY_NONE) continue;
+    filter.add_data_types(type);
+    // Where rovers share all, more is held than the ground wants.
+    if (policy == proto::POLICY_LATEST && SharePolicyOf(team, type) == proto::POLICY_ALL) {
+      filter.add_newest_only_types(type);
+    }
+  }
+  return filter;
+}
+
 Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& request, bool is_leaders) {
   if (!is_from_here(context)) {
     const AgentId asker = context.sender().agent;
@@ -92,19 +106,10 @@ proto::RecordFilter SyncActor::OwnRecords() const {
 }
 
 proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
-  proto::RecordFilter filter;
+  const bool is_base = destination == BaseStationOf(team());
+  proto::RecordFilter filter = is_base ? GroundRecords(team()) : proto::RecordFilter();
   filter.set_own_records_of(destination);
-  if (destination == BaseStationOf(team())) {
-    for (const DataType type : DataTypesOf(team())) {
-      const proto::Policy policy = GroundPolicyOf(team(), type);
-      if (policy == proto::POLICY_NONE) continue;
-      filter.add_data_types(type);
-      // Where rovers share all, the leader holds more than the base station wants.
-      if (policy == proto::POLICY_LATEST && SharePolicyOf(team(), type) == proto::POLICY_ALL) {
-        filter.add_newest_only_types(type);
-      }
-    }
-  } else {
+  if (!is_base) {
     filter.add_origin_agents(self());
     filter.set_optimized_poses_of_agent(destination);
     for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {

@@ -16,6 +16,10 @@
 
 namespace moondb {
 
+// What the team file's `ground` asks for, of all origins: what the leader brings the base station, and what goes into
+// bundles. Without data types where it asks for nothing: to StorageActor that would mean all.
+proto::RecordFilter GroundRecords(const proto::TeamConfig& team);
+
 class SyncActor final : public SharingActor {
  public:
   explicit SyncActor(Options options) : SharingActor(std::move(options), proto::SHARING_KIND_SYNC) {}

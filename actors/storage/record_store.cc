@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "actors/storage/bundle_shelf.h"
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
 #include "actors/storage/role_history.h"
@@ -566,6 +567,20 @@ Result<proto::VerifyReply> RecordStore::Verify(const proto::VerifyRequest& reque
 
 Result<proto::FingerprintReply> RecordStore::TakeFingerprint(const proto::FingerprintRequest& request) {
   return moondb::TakeFingerprint(*database_, request);
+}
+
+Result<void> RecordStore::SaveBundle(const proto::SaveBundleRequest& request) {
+  return moondb::SaveBundle(*database_, request);
+}
+
+Result<proto::LoadBundlesReply> RecordStore::LoadBundles() { return moondb::LoadBundles(*database_); }
+
+Result<proto::ReadBundleReply> RecordStore::ReadBundle(const proto::ReadBundleRequest& request) {
+  return ReadBundlePart(*database_, request);
+}
+
+Result<void> RecordStore::AcknowledgeBundle(std::uint32_t number) {
+  return moondb::AcknowledgeBundle(*database_, number);
 }
 
 }  // namespace moondb

@@ -90,6 +90,12 @@ class RecordStore {
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
   Result<proto::FingerprintReply> TakeFingerprint(const proto::FingerprintRequest& request);
 
+  // As in actors/storage/bundle_shelf.h.
+  Result<void> SaveBundle(const proto::SaveBundleRequest& request);
+  Result<proto::LoadBundlesReply> LoadBundles();
+  Result<proto::ReadBundleReply> ReadBundle(const proto::ReadBundleRequest& request);
+  Result<void> AcknowledgeBundle(std::uint32_t number);
+
   // For tests and tools that look into the tables.
   Database& database() { return *database_; }
 

@@ -84,6 +84,11 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return;
     case proto::Message::kFingerprintRequest:
       return OnFingerprint(context, message.fingerprint_request());
+    case proto::Message::kSaveBundleRequest:
+    case proto::Message::kLoadBundlesRequest:
+    case proto::Message::kReadBundleRequest:
+    case proto::Message::kAckBundleRequest:
+      return OnBundle(context, message);
     default:
       spdlog::debug("storage: ignored a message of kind {}", static_cast<int>(message.body_case()));
   }
@@ -200,6 +205,31 @@ void StorageActor::OnFingerprint(Context& context, const proto::FingerprintReque
     *message.mutable_fingerprint_reply()->mutable_error() = ToProto(reply.error());
   }
   Answer(context, std::move(message));
+}
+
+void StorageActor::OnBundle(Context& context, const proto::Message& message) {
+  proto::Message reply;
+  const auto answer = [&](const auto& done, auto& body) {
+    if (done) return Answer(context, std::move(reply));
+    FailIfDamaged(context, done.error());
+    *body.mutable_error() = ToProto(done.error());
+    Answer(context, std::move(reply));
+  };
+  if (message.has_save_bundle_request()) {
+    return answer(store_->SaveBundle(message.save_bundle_request()), *reply.mutable_save_bundle_reply());
+  }
+  if (message.has_ack_bundle_request()) {
+    const std::uint32_t number = message.ack_bundle_request().number();
+    return answer(store_->AcknowledgeBundle(number), *reply.mutable_ack_bundle_reply());
+  }
+  if (message.has_read_bundle_request()) {
+    Result<proto::ReadBundleReply> part = store_->ReadBundle(message.read_bundle_request());
+    if (part) *reply.mutable_read_bundle_reply() = *std::move(part);
+    return answer(part, *reply.mutable_read_bundle_reply());
+  }
+  Result<proto::LoadBundlesReply> bundles = store_->LoadBundles();
+  if (bundles) *reply.mutable_load_bundles_reply() = *std::move(bundles);
+  answer(bundles, *reply.mutable_load_bundles_reply());
 }
 
 // The rows part by part, then what is held, then the file as a whole.

@@ -52,6 +52,7 @@ class StorageActor final : public Actor {
   void OnStatus(Context& context);
   void OnVerify(Context& context, const proto::VerifyRequest& request);
   void OnFingerprint(Context& context, const proto::FingerprintRequest& request);
+  void OnBundle(Context& context, const proto::Message& message);  // Any question about one.
   void Scrub(Context& context);
   bool MoveScrubOn(const proto::VerifyReply& reply);  // Whether that was the last part.
   void Answer(Context& context, proto::Message reply);

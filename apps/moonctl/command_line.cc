@@ -54,6 +54,7 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   AddMapCommands(app, context);
   AddRecordCommands(app, context);
   AddDbCommands(app, context);
+  AddDownlinkCommands(app, context);
   AddLogCommand(app, context);
   AddTraceCommand(app, context);
   AddConfigCommands(app, context);

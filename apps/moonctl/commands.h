@@ -20,6 +20,7 @@ void AddGraphCommands(CLI::App& app, CommandContext& context);
 void AddMapCommands(CLI::App& app, CommandContext& context);
 void AddRecordCommands(CLI::App& app, CommandContext& context);
 void AddDbCommands(CLI::App& app, CommandContext& context);
+void AddDownlinkCommands(CLI::App& app, CommandContext& context);
 void AddLogCommand(CLI::App& app, CommandContext& context);
 void AddTraceCommand(CLI::App& app, CommandContext& context);
 void AddConfigCommands(CLI::App& app, CommandContext& context);

@@ -5,6 +5,7 @@
 #include "apps/common/table.h"
 #include "apps/common/utc.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/record_json.h"
 #include "model/custom_types.h"
 #include "model/record_check.h"
 #include "model/text.h"
@@ -78,23 +79,6 @@ ExitCode InsertRecord(CommandContext& context, const RecordArguments& arguments)
   JsonWriter json;
   json.BeginObject().Key("key").String(key).EndObject();
   return context.Done(json.text(), arguments.is_local ? "stored, local" : key);
-}
-
-// Protobuf's JSON shows bytes as base64; people can read most keys and some payloads.
-void WriteTextOf(const std::string& name, const std::string& bytes, JsonWriter& json) {
-  if (!bytes.empty() && IsUtf8(bytes)) json.Key(name + "_text").String(bytes);
-}
-
-void WriteRecord(const proto::StoredRecord& stored, const proto::Record& record, const CustomTypes& custom_types,
-                 JsonWriter& json) {
-  json.BeginObject().Key("key").String(stored.key().seq() == 0 ? "" : ToString(FromProto(stored.key())));
-  json.Key("type").String(DataTypeName(stored.key().data_type(), custom_types));
-  json.Key("bytes").Number(static_cast<double>(stored.content().size()));
-  if (record.has_custom()) {
-    WriteTextOf("latest_key", record.custom().latest_key(), json);
-    WriteTextOf("payload", record.custom().payload(), json);
-  }
-  json.Key("record").Raw(ToJson(record)).EndObject();
 }
 
 ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {

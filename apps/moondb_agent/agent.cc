@@ -16,6 +16,7 @@
 #include "actors/pgo/pgo_actor.h"
 #include "actors/role/failover_actor.h"
 #include "actors/role/role_actor.h"
+#include "actors/sharing/downlink_actor.h"
 #include "actors/sharing/replica_actor.h"
 #include "actors/sharing/sync_actor.h"
 #include "actors/storage/storage_actor.h"
@@ -33,7 +34,7 @@ constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
 constexpr std::array kStandardActors = {actor_name::kStorage,  actor_name::kRole,  actor_name::kLease,
                                         actor_name::kFailover, actor_name::kSync,  actor_name::kReplica,
                                         actor_name::kPgo,      actor_name::kMerge, actor_name::kGateway,
-                                        actor_name::kClock,    actor_name::kEvent};
+                                        actor_name::kClock,    actor_name::kEvent, actor_name::kDownlink};
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
@@ -182,6 +183,11 @@ class Agent::Impl {
     event.team = team;
     event.version = options_.version;
     SpawnActor<EventActor>(*system_, actor_name::kEvent, Placement::kPool, std::move(event));
+
+    DownlinkActor::Options downlink;
+    downlink.self = self_;
+    downlink.team = team;
+    SpawnActor<DownlinkActor>(*system_, actor_name::kDownlink, Placement::kPool, std::move(downlink));
 
     PgoActor::Options pgo;
     pgo.self = self_;

@@ -64,6 +64,30 @@ class EventActorTest : public testing::Test {
 
 TEST_F(EventActorTest, TellsThatTheAgentStarted) { EXPECT_THAT(Told(), ElementsAre("started, moondb 1.2.3")); }
 
+class FailingActor final : public Actor {
+ public:
+  void OnStart(Context& context) override { context.Fail({ErrorCode::kInternal, "fails", {}}); }
+  void OnMessage(Context&, const proto::Message&) override {}
+};
+
+TEST(EventActorRestartTest, TellsThatItFailedItself) {
+  simulation::SimulatedTeam team(/*seed=*/1);
+  team.AddAgent(1);
+  bool has_failed = false;
+  team.Spawn(1, actor_name::kEvent, [&has_failed]() -> std::unique_ptr<Actor> {
+    if (!std::exchange(has_failed, true)) return std::make_unique<FailingActor>();
+    EventActor::Options options;
+    options.self = 1;
+    return std::make_unique<EventActor>(std::move(options));
+  });
+  team.AdvanceTime(minutes(5));
+  std::vector<std::string> texts;
+  for (const proto::Message& message : team.Take({1, actor_name::kStorage})) {
+    if (message.has_insert_request()) texts.push_back(message.insert_request().records(0).agent_event().text());
+  }
+  EXPECT_THAT(texts, ElementsAre("the actor event failed, and was made anew (moonctl trace)"));
+}
+
 TEST_F(EventActorTest, TellsRolesThatItsOwnAgentIssuedAfterTheFirst) {
   (void)Told();
   Roles(3, /*issuer=*/1, /*leader=*/2);  // As they were before the start.

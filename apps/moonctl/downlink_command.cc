@@ -1,0 +1,239 @@
+#include <CLI/CLI.hpp>
+
+#include "actors/sharing/bundle_file.h"
+#include "apps/common/progress.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/commands.h"
+#include "apps/moonctl/record_json.h"
+#include "model/text.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+struct DownlinkArguments {
+  std::uint32_t budget_kb = 0;
+  std::uint32_t number = 0;
+  std::string out;   // Where a bundle goes; empty: NAME-NUMBER.bundle here.
+  std::string file;  // A bundle.
+};
+
+std::string HashText(std::uint64_t hash) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+void WriteBundle(const proto::DownlinkBundle& bundle, JsonWriter& json) {
+  json.BeginObject().Key("number").Number(bundle.number());
+  json.Key("made").String(FormatUtc(bundle.made_ns()));
+  json.Key("records").Number(bundle.record_count()).Key("bytes").Number(bundle.bytes());
+  json.Key("hash").String(HashText(bundle.hash())).EndObject();
+}
+
+std::string Describe(const proto::DownlinkBundle& bundle) {
+  return "bundle " + std::to_string(bundle.number()) + ": " + FormatCount(bundle.record_count()) + " records, " +
+         FormatBytes(bundle.bytes());
+}
+
+std::string LeftText(double left_count) {
+  return left_count == 0 ? "nothing is left" : FormatCount(left_count) + " records are in no bundle yet";
+}
+
+// The agent of -a, without it the base station, else the leader.
+Result<AgentClient> ConnectToDownlinker(CommandContext& context) {
+  auto team = context.Team();
+  if (!team) return tl::unexpected(team.error());
+  const AgentId base = BaseStationOf((*team)->config);
+  if (!context.agent.empty() || base == 0) return context.ConnectToChosenOrLeader();
+  return context.Connect(AgentName((*team)->config, base));
+}
+
+// Fetches a bundle, checks it and writes it; gives back where.
+Result<std::string> Fetch(const AgentClient& from, std::uint32_t number, const std::string& out) {
+  Progress progress("bundle " + std::to_string(number));
+  const auto file = from.client->FetchBundle(number, [&progress](double bytes, double all) {
+    progress.Show(bytes, all, FormatBytes(bytes) + " of " + FormatBytes(all));
+  });
+  if (!file) return tl::unexpected(file.error());
+  if (auto read = ReadBundle(*file, [](const proto::StoredRecord&) { return Result<void>(); }); !read) {
+    return Fail(read.error().code, "bundle " + std::to_string(number) + " " + read.error().text);
+  }
+  const std::string path = out.empty() ? from.agent->name() + "-" + std::to_string(number) + ".bundle" : out;
+  if (auto written = WriteTextFile(path, *file); !written) return tl::unexpected(written.error());
+  return path;
+}
+
+ExitCode MakeBundle(CommandContext& context, const DownlinkArguments& arguments) {
+  auto target = ConnectToDownlinker(context);
+  if (!target) return context.Report(target.error());
+  proto::DownlinkRequest request;
+  request.set_bytes_max(std::uint64_t{1000} * arguments.budget_kb);
+  const auto reply = target->client->Downlink(request);
+  if (!reply) return context.Report(reply.error());
+  JsonWriter json;
+  json.BeginObject().Key("agent").String(target->agent->name()).Key("left").Number(reply->left_count());
+  if (!reply->has_made()) {
+    json.Key("bundle").Null().EndObject();
+    return context.Done(json.text(), "nothing to send: all that the ground asks for is in a bundle");
+  }
+  const std::string number = std::to_string(reply->made().number());
+  auto file = Fetch(*target, reply->made().number(), arguments.out);
+  if (!file) {
+    file.error().text += "; the bundle is made and waits: moonctl downlink get " + number;
+    return context.Report(file.error());
+  }
+  json.Key("bundle");
+  WriteBundle(reply->made(), json);
+  json.Key("file").String(*file).EndObject();
+  return context.Done(json.text(), Describe(reply->made()) + "; " + LeftText(reply->left_count()) + "\nwrote " + *file +
+                                       "; when the ground has it: moonctl downlink ack " + number);
+}
+
+ExitCode ListBundles(CommandContext& context) {
+  auto target = ConnectToDownlinker(context);
+  if (!target) return context.Report(target.error());
+  const auto reply = target->client->Downlink({});
+  if (!reply) return context.Report(reply.error());
+  Table table({"BUNDLE", "MADE", "RECORDS", "SIZE", "HASH"});
+  JsonWriter json;
+  json.BeginObject().Key("agent").String(target->agent->name()).Key("waiting").BeginArray();
+  for (const proto::DownlinkBundle& bundle : reply->waiting()) {
+    WriteBundle(bundle, json);
+    table.Add({std::to_string(bundle.number()), FormatUtc(bundle.made_ns()), FormatCount(bundle.record_count()),
+               FormatBytes(bundle.bytes()), HashText(bundle.hash())});
+  }
+  json.EndArray().Key("left").Number(reply->left_count()).EndObject();
+  const std::string waiting = reply->waiting().empty() ? "no bundle waits for its acknowledgment\n" : table.Text();
+  return context.Done(json.text(), waiting + LeftText(reply->left_count()));
+}
+
+ExitCode GetBundle(CommandContext& context, const DownlinkArguments& arguments) {
+  auto target = ConnectToDownlinker(context);
+  if (!target) return context.Report(target.error());
+  const auto file = Fetch(*target, arguments.number, arguments.out);
+  if (!file) return context.Report(file.error());
+  JsonWriter json;
+  json.BeginObject().Key("file").String(*file).EndObject();
+  return context.Done(json.text(), "wrote " + *file);
+}
+
+// That the bundle which waits under this number is the file's.
+Result<void> CheckSame(Client& client, const DownlinkArguments& arguments) {
+  const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
+  if (!file) return tl::unexpected(InputError(file.error()));
+  const auto reply = client.Downlink({});
+  if (!reply) return tl::unexpected(reply.error());
+  for (const proto::DownlinkBundle& bundle : reply->waiting()) {
+    if (bundle.number() != arguments.number) continue;
+    if (bundle.hash() == HashOfBundle(*file)) return {};
+    return Fail(ErrorCode::kRefused, "is not the bundle " + std::to_string(bundle.number()) + " that waits there",
+                arguments.file);
+  }
+  return Fail(ErrorCode::kNotFound, "no bundle " + std::to_string(arguments.number) + " waits there");
+}
+
+ExitCode AcknowledgeBundle(CommandContext& context, const DownlinkArguments& arguments) {
+  auto target = ConnectToDownlinker(context);
+  if (!target) return context.Report(target.error());
+  if (!arguments.file.empty()) {
+    if (auto same = CheckSame(*target->client, arguments); !same) return context.Report(same.error());
+  }
+  proto::DownlinkRequest request;
+  request.set_acknowledge(arguments.number);
+  const auto reply = target->client->Downlink(request);
+  if (!reply) return context.Report(reply.error());
+  JsonWriter json;
+  json.BeginObject().Key("acknowledged").Number(arguments.number);
+  json.Key("waiting").Number(reply->waiting_size()).Key("left").Number(reply->left_count()).EndObject();
+  return context.Done(json.text(), "the ground has bundle " + std::to_string(arguments.number) + "; " +
+                                       std::to_string(reply->waiting_size()) + " wait, " +
+                                       LeftText(reply->left_count()));
+}
+
+ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments) {
+  const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
+  if (!file) return context.Report(InputError(file.error()));
+  // The names of custom types stand in the team file; a bundle can be read without.
+  CustomTypes custom_types;
+  if (!context.TeamPath().empty()) {
+    const auto team = context.Team();
+    if (!team) return context.Report(team.error());
+    custom_types = (*team)->config.custom_types();
+  }
+  std::map<std::string, double> counts;
+  JsonWriter records;
+  records.BeginArray();
+  const auto head = ReadBundle(*file, [&](const proto::StoredRecord& stored) -> Result<void> {
+    proto::Record record;
+    if (!record.ParseFromString(stored.content())) {
+      return Fail(ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " does not decode");
+    }
+    counts[DataTypeName(stored.key().data_type(), custom_types)] += 1;
+    if (context.is_json) WriteRecord(stored, record, custom_types, records);
+    return {};
+  });
+  if (!head) return context.Report(InputError({head.error().code, head.error().text, arguments.file}));
+  records.EndArray();
+  JsonWriter json;
+  json.BeginObject().Key("team").String(head->team()).Key("agent").Number(head->agent_id());
+  json.Key("number").Number(head->number()).Key("made").String(FormatUtc(head->made_ns()));
+  json.Key("hash").String(HashText(HashOfBundle(*file))).Key("records").Raw(records.text()).EndObject();
+  Table table({"TYPE", "RECORDS"});
+  for (const auto& [type, count] : counts) table.Add({type, FormatCount(count)});
+  return context.Done(json.text(), "bundle " + std::to_string(head->number()) + " of team " + OneLine(head->team()) +
+                                       ", made by agent " + std::to_string(head->agent_id()) + " at " +
+                                       FormatUtc(head->made_ns()) + "\n" + table.Text());
+}
+
+void AddNumber(CLI::App& command, DownlinkArguments& arguments) {
+  command.add_option("number", arguments.number, "The bundle's")->type_name("NUMBER")->required();
+}
+
+void AddOut(CLI::App& command, DownlinkArguments& arguments) {
+  command.add_option("--out", arguments.out, "Where it goes; else AGENT-NUMBER.bundle here")->type_name("FILE");
+}
+
+}  // namespace
+
+void AddDownlinkCommands(CLI::App& app, CommandContext& context) {
+  auto arguments = std::make_shared<DownlinkArguments>();
+  const auto act = [&context, arguments](ExitCode (*action)(CommandContext&, const DownlinkArguments&)) {
+    return [&context, arguments, action] {
+      context.action = [&context, arguments, action] { return action(context, *arguments); };
+    };
+  };
+
+  CLI::App& group =
+      *app.add_subcommand("downlink", "Make a bundle for the ground, of what it lacks (at the base station, or -a)");
+  group.require_subcommand(0, 1);
+  group.add_option("--budget-kb", arguments->budget_kb, "Its file has at most so many kB (2 to 16000)")
+      ->type_name("KB")
+      ->check(CLI::Range(2u, 16000u));
+  AddOut(group, *arguments);
+
+  group.add_subcommand("list", "The bundles that wait for the ground's acknowledgment")->callback([&context] {
+    context.action = [&context] { return ListBundles(context); };
+  });
+  CLI::App& get = *group.add_subcommand("get", "Fetch a bundle that waits, once more");
+  AddNumber(get, *arguments);
+  AddOut(get, *arguments);
+  get.callback(act(GetBundle));
+  CLI::App& ack = *group.add_subcommand("ack", "The ground has a bundle: it need not be kept");
+  AddNumber(ack, *arguments);
+  ack.add_option("--file", arguments->file, "Only if it is this one")->type_name("FILE");
+  ack.callback(act(AcknowledgeBundle));
+  CLI::App& show = *group.add_subcommand("show", "What is in a bundle's file; --json prints its records");
+  show.add_option("file", arguments->file, "The bundle")->type_name("FILE")->required();
+  show.callback(act(ShowBundle));
+
+  group.callback([&context, &group, arguments, act] {
+    if (!group.get_subcommands().empty()) return;
+    if (arguments->budget_kb > 0) return act(MakeBundle)();
+    context.action = [&context] {
+      return context.Report({ErrorCode::kInvalid, "expected downlink --budget-kb N, list, get, ack or show", {}});
+    };
+  });
+}
+
+}  // namespace moondb
