@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <set>
 
 #include "actors/storage/storage_actor.h"
@@ -47,7 +48,7 @@ class DownlinkActorTest : public testing::Test {
       proto::PoseGraphNode& node = *record.mutable_pose_graph_node();
       node.mutable_node()->set_agent_id(kSelf);
       node.mutable_node()->set_index(static_cast<std::uint64_t>(next_index_++));
-      node.mutable_map_from_node()->mutable_position_m()->set_x(0.31 * i);
+      node.mutable_map_from_node()->mutable_position_m()->set_x(std::uniform_real_distribution(0., 9.)(rng_));
       node.mutable_map_from_node()->mutable_orientation()->set_w(1);
     }
     const proto::Message reply = Ask(actor_name::kStorage, message);
@@ -89,6 +90,7 @@ class DownlinkActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
   const Address asker_{kSelf, actor_name::kGateway};
   std::int64_t next_index_ = 1;
+  std::mt19937_64 rng_{1};  // Positions that do not compress: a node has 8 bytes at least.
 };
 
 TEST_F(DownlinkActorTest, PacksWhatTheGroundAsksForIntoBundlesWithoutRepeatingAny) {
@@ -111,6 +113,7 @@ TEST_F(DownlinkActorTest, PacksWhatTheGroundAsksForIntoBundlesWithoutRepeatingAn
     EXPECT_EQ(reply.left_count(), left);
   }
   EXPECT_EQ(seqs.size(), 300u);
+  EXPECT_GE(Order(0).waiting_size(), 2);
   const proto::DownlinkReply nothing = Order(2000);
   EXPECT_FALSE(IsError(nothing.error()));
   EXPECT_FALSE(nothing.has_made());
