@@ -49,6 +49,11 @@ Result<AgentClient> ConnectToDownlinker(CommandContext& context) {
   return context.Connect(AgentName((*team)->config, base));
 }
 
+// "moonctl downlink ack 7", with the -a of this command.
+std::string Typed(const CommandContext& context, const std::string& words) {
+  return "moonctl " + (context.agent.empty() ? "" : "-a " + context.agent + " ") + "downlink " + words;
+}
+
 // Fetches a bundle, checks it and writes it; gives back where.
 Result<std::string> Fetch(const AgentClient& from, std::uint32_t number, const std::string& out) {
   Progress progress("bundle " + std::to_string(number));
@@ -80,14 +85,14 @@ ExitCode MakeBundle(CommandContext& context, const DownlinkArguments& arguments)
   const std::string number = std::to_string(reply->made().number());
   auto file = Fetch(*target, reply->made().number(), arguments.out);
   if (!file) {
-    file.error().text += "; the bundle is made and waits: moonctl downlink get " + number;
+    file.error().text += "; the bundle is made and waits: " + Typed(context, "get " + number);
     return context.Report(file.error());
   }
   json.Key("bundle");
   WriteBundle(reply->made(), json);
   json.Key("file").String(*file).EndObject();
   return context.Done(json.text(), Describe(reply->made()) + "; " + LeftText(reply->left_count()) + "\nwrote " + *file +
-                                       "; when the ground has it: moonctl downlink ack " + number);
+                                       "; when the ground has it: " + Typed(context, "ack " + number));
 }
 
 ExitCode ListBundles(CommandContext& context) {

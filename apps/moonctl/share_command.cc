@@ -90,7 +90,9 @@ ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareA
   std::string text = std::string(KindName(kind)) + " at " + target->agent->name();
   const char* acknowledged = wait && wait->is_any_limited() ? ": what the limit allows is acknowledged, more is left"
                                                             : ": everything is acknowledged";
-  text += wait ? acknowledged : ": started, see moonctl " + std::string(KindName(kind)) + " status";
+  text += wait ? acknowledged
+               : ": started, see moonctl " + std::string(kind == proto::SHARING_KIND_SYNC ? "sync" : "replicate") +
+                     " status";
   if (wait && !wait->unreachable().empty()) text += "; unreachable: " + Joined(wait->unreachable());
   const bool is_partial = wait && !wait->unreachable().empty();
   return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, json.text(), text);

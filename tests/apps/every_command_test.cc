@@ -1,13 +1,16 @@
-// Every command of the real moonctl against a real team: all well, one agent killed, one agent frozen. What it prints as
-// text and as JSON, and its exit code.
+// Every command of the real moonctl against a real team: all well, one agent killed, one agent frozen. What it prints
+// as text and as JSON, and its exit code.
+#include <google/protobuf/struct.pb.h>
+#include <google/protobuf/util/json_util.h>
 #include <signal.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <fstream>
+#include <set>
 
 #include "apps/moonctl/command_line.h"
 #include "apps/moonctl/command_tree.h"
+#include "model/text.h"
 #include "tests/apps/process_team.h"
 
 namespace moondb {
@@ -17,100 +20,180 @@ using Words = std::vector<std::string>;
 
 // rover1 leads, rover2 survives; it is rover3 that is killed or frozen.
 struct Case {
-  Words words;     // The command's own words first.
-  int when_well;   // Exit codes.
+  Words words;    // The command's own words first; % is the number of the pass, @ the test's folder, KEY a record of
+                  // rover3.
+  int when_well;  // Exit codes.
   int when_killed;
   int when_frozen;
   std::string says;  // Among what it prints as text where all is well.
 };
 
-constexpr int kDone = 0, kFailed = 1, kUsage = 2, kUnreachable = 3, kRefused = 4, kTimedOut = 5;
+constexpr int kDone = 0, kFailed = 1, kUnreachable = 3;
 
 const std::vector<Case>& Cases() {
   static const std::vector<Case> cases = {
       {{"status"}, kDone, kUnreachable, kUnreachable, "designated_survivor"},
       {{"status", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
-      {{"health"}, kDone, kFailed, kFailed, "rover3"},
-      {{"up"}, kDone, kDone, kDone, "running"},
+      {{"health", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
       {{"role", "show"}, kDone, kUnreachable, kUnreachable, "rover2"},
-      {{"role", "history", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "rover1"},
+      {{"role", "history", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover1"},
       {{"role", "set", "rover2", "leader", "rover1", "survivor", "--dry-run"}, kDone, kDone, kDone, "rover2"},
       {{"role", "swap", "rover1", "rover2", "--dry-run"}, kDone, kDone, kDone, "rover2"},
       {{"sync", "now", "--from", "rover3"}, kDone, kDone, kDone, "rover1"},
       {{"sync", "status"}, kDone, kUnreachable, kUnreachable, "FROM"},
       {{"replicate", "now"}, kDone, kDone, kDone, "rover1"},
       {{"replicate", "status"}, kDone, kUnreachable, kUnreachable, "FROM"},
-      {{"drive", "on", "--for", "5", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "drives"},
-      {{"drive", "off", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "rover3"},
-      {{"sleep", "--for", "5", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "sleeps"},
-      {{"sleep", "off", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "rover3"},
-      {{"graph", "import", "mission.pyfg"}, kDone, kDone, kDone, "nodes"},
+      {{"drive", "on", "--for", "5", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "drives"},
+      {{"drive", "off", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
+      {{"sleep", "--for", "5", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "sleeps"},
+      {{"sleep", "off", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
+      {{"graph", "import", "@/more.pyfg"}, kDone, kDone, kDone, "nodes"},
       {{"graph", "optimize"}, kDone, kDone, kDone, "nodes"},
       {{"graph", "stats"}, kDone, kDone, kDone, "nodes"},
-      {{"graph", "export", "out.pyfg"}, kDone, kDone, kDone, "wrote"},
-      {{"graph", "solve", "mission.pyfg", "--out", "solved.pyfg"}, kDone, kDone, kDone, "solved.pyfg"},
-      {{"map", "export", "map"}, kDone, kUnreachable, kUnreachable, "map.yaml"},
+      {{"graph", "export", "@/out%.pyfg"}, kDone, kDone, kDone, "wrote"},
+      {{"graph", "solve", "@/mission/graph.pyfg", "--out", "@/solved%.pyfg"}, kDone, kDone, kDone, "@/solved%.pyfg"},
+      {{"map", "export", "@/map%"}, kDone, kDone, kDone, "map.yaml"},
       {{"map", "why", "0", "0"}, kDone, kDone, kDone, "rover"},
       {{"map", "stats"}, kDone, kDone, kDone, "rover"},
-      {{"map", "quarantine", "--agent", "rover2", "--from", "2026-11-21T10:00Z"}, kDone, kDone, kDone, "rover2"},
-      {{"record", "insert", "temperature", "{\"celsius\": -40}", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "3."},
-      {{"record", "list", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "temperature"},
-      {{"record", "get", "KEY", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "-40"},
+      {{"map", "quarantine", "--agent", "rover2", "--from", "2026-11-21T10:00Z"}, kDone, kDone, kDone, "stands"},
+      {{"record", "insert", "temperature", "{\"celsius\": -40}", "-a", "rover3"},
+       kDone,
+       kUnreachable,
+       kUnreachable,
+       "3."},
+      {{"record", "list", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "temperature"},
+      {{"record", "get", "KEY", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "pose_graph_node"},
       {{"db", "info"}, kDone, kUnreachable, kUnreachable, "DATABASE"},
       {{"db", "holdings"}, kDone, kUnreachable, kUnreachable, "rover3"},
-      {{"db", "verify", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "rover3"},
-      {{"db", "diff", "rover1", "rover3"}, kDone, kUnreachable, kTimedOut, "ORIGIN"},
+      {{"db", "verify", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
+      {{"db", "diff", "rover1", "rover3"}, kFailed, kUnreachable, kUnreachable, "ORIGIN"},
       // The file itself, which needs no agent.
       {{"db", "query", "select count(*) as n from temperature", "-a", "rover3"}, kDone, kDone, kDone, "n"},
-      {{"db", "backup", "rover3.sqlite", "-a", "rover3"}, kDone, kDone, kDone, "wrote"},
-      {{"downlink", "--budget-kb", "64"}, kDone, kDone, kDone, "bundle 1"},
+      {{"db", "backup", "@/rover3-%.sqlite", "-a", "rover3"}, kDone, kDone, kDone, "wrote"},
+      {{"downlink", "--budget-kb", "64", "--out", "@/new.bundle"}, kDone, kDone, kDone, "bundle 1"},
       {{"downlink", "list"}, kDone, kDone, kDone, "BUNDLE"},
-      {{"downlink", "get", "1", "--out", "one.bundle"}, kDone, kDone, kDone, "wrote one.bundle"},
-      {{"downlink", "show", "one.bundle"}, kDone, kDone, kDone, "TYPE"},
-      {{"log"}, kDone, kUnreachable, kUnreachable, "started"},
-      {{"trace", "-a", "rover3"}, kDone, kUnreachable, kTimedOut, "AGO"},
-      {{"config", "check"}, kDone, kDone, kDone, "rover"},
+      {{"downlink", "get", "%", "--out", "@/one.bundle"}, kDone, kDone, kDone, "wrote"},
+      {{"downlink", "show", "@/one.bundle"}, kDone, kDone, kDone, "TYPE"},
+      {{"log"}, kDone, kDone, kDone, "started"},
+      {{"trace", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "AGO"},
+      {{"config", "check"}, kDone, kDone, kDone, "no errors"},
       {{"config", "show"}, kDone, kDone, kDone, "agents"},
       {{"config", "schema"}, kDone, kDone, kDone, "definitions"},
-      {{"config", "init", "other/team.yaml"}, kDone, kDone, kDone, "wrote"},
+      {{"config", "init", "@/other%/team.yaml"}, kDone, kDone, kDone, "wrote"},
       {{"completion", "bash"}, kDone, kDone, kDone, "moonctl"},
       {{"man"}, kDone, kDone, kDone, ".TH"},
       {{"version"}, kDone, kDone, kDone, "moonctl"},
-      {{"downlink", "ack", "1"}, kDone, kDone, kDone, "bundle 1"},
-      {{"down", "-a", "rover3"}, kDone, kDone, kDone, "rover3"},
+      {{"downlink", "ack", "%"}, kDone, kDone, kDone, "bundle 1"},
   };
   return cases;
 }
 
+// Tested by the tests themselves: they change who runs.
+const std::set<std::string> kUpAndDown = {"up", "down"};
+
+// A document, whole; whether it is {"error": ...}.
+bool IsErrorJson(const std::string& text) {
+  google::protobuf::Value value;
+  EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(text, &value).ok()) << text.substr(0, 300);
+  return value.has_struct_value() && value.struct_value().fields().contains("error");
+}
+
 class EveryCommandTest : public ProcessTeam {
  protected:
+  // A team with a mission's records, all of which were shared.
   void SetUp() override {
-    ProcessTeam::SetUp();
-    MoonctlExpecting(kDone, {"up"});
+    environment_ = {{"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}};
+    ASSERT_EQ(Run({MOONDB_MISSION_PROGRAM, "generate", "--seed", "7", "--minutes", "1", "--out", folder_ / "mission"})
+                  .exit_code,
+              0);
+    MoonctlExpecting(kDone, {"config", "init", "--mission", folder_ / "mission", team_file_});
+    AdaptToTest(team_file_, folder_);
+    MoonctlExpecting(kDone, {"up", "--merge-backend", "cpu"});
+    ASSERT_EQ(Run({MOONDB_REPLAY_PROGRAM, "feed", "--mission", folder_ / "mission"}).exit_code, 0);
+    MoonctlExpecting(kDone, {"sync", "now", "--wait"});
+    MoonctlExpecting(kDone, {"replicate", "now", "--wait"});
+    const auto nodes = MoonctlJson(kDone, {"-a", "rover3", "record", "list", "pose_graph_node", "--limit", "1"});
+    key_ = nodes.fields().at("records").list_value().values(0).struct_value().fields().at("key").string_value();
+    ASSERT_TRUE(WriteTextFile(folder_ / "more.pyfg", "VERTEX_SE3:QUAT 900 A900 0 0 0 0 0 0 1\n"));
   }
+
+  Outcome RunOne(const Case& one, bool is_json) {
+    Words words = one.words;
+    for (std::string& word : words) {
+      if (word == "KEY") word = key_;
+      if (word.starts_with("@/")) word.replace(0, 1, folder_.string());
+      if (const std::size_t at = word.find('%'); at != std::string::npos) word.replace(at, 1, std::to_string(pass_));
+    }
+    words.insert(words.end(), {"--timeout", "300ms"});
+    if (is_json) words.emplace_back("--json");
+    return Moonctl(words);
+  }
+
+  // Each command as text, then each as JSON.
   void RunAll(int Case::*expected) {
-    for (const Case& one : Cases()) {
-      Words words = one.words;
-      words.insert(words.end(), {"--timeout", "400ms"});
-      const Outcome text = Moonctl(words);
-      std::string line;
-      for (const std::string& word : words) line += word + " ";
-      std::cout << text.exit_code << " " << line << "| " << text.out.substr(0, 70) << text.error.substr(0,150) << "\n";
-      (void)expected;
+    std::vector<bool> are_errors;
+    for (const bool is_json : {false, true}) {
+      ++pass_;
+      for (std::size_t i = 0; i < Cases().size(); ++i) {
+        const Case& one = Cases()[i];
+        std::string line = is_json ? "--json" : "";
+        for (const std::string& word : one.words) line += " " + word;
+        SCOPED_TRACE(line);
+        const Outcome outcome = RunOne(one, is_json);
+        EXPECT_EQ(outcome.exit_code, one.*expected) << outcome.out << outcome.error;
+        if (is_json) {
+          EXPECT_EQ(IsErrorJson(outcome.out), are_errors[i]) << outcome.out;
+        } else {
+          // What fails as a whole says so in one line; what shows something shows what it can.
+          are_errors.push_back(outcome.out.empty());
+          if (outcome.out.empty()) {
+            EXPECT_TRUE(outcome.error.starts_with("moonctl: ")) << outcome.error;
+          }
+        }
+        if (!is_json && expected == &Case::when_well) {
+          EXPECT_NE(outcome.out.find(one.says), std::string::npos) << outcome.out;
+        }
+      }
     }
   }
+
+  std::string key_;
+  int pass_ = 0;
 };
 
-TEST_F(EveryCommandTest, Probe) {
+TEST_F(EveryCommandTest, SaysWhatItDidWhetherAllAgentsAreThereOrNot) {
   RunAll(&Case::when_well);
-  std::cout << "=== killed\n";
-  (void)Moonctl({"up"});
+
   Kill("rover3");
   RunAll(&Case::when_killed);
-  std::cout << "=== frozen\n";
-  (void)Moonctl({"up"});
-  ASSERT_EQ(::kill(PidOf("rover3"), SIGSTOP), 0);
+  EXPECT_NE(MoonctlExpecting(kDone, {"up", "--merge-backend", "cpu"}).find("started"), std::string::npos);
+
+  const pid_t frozen = PidOf("rover3");
+  ASSERT_EQ(::kill(frozen, SIGSTOP), 0);
   RunAll(&Case::when_frozen);
+  ASSERT_EQ(::kill(frozen, SIGCONT), 0);
+  MoonctlExpecting(kDone, {"down"});
+  MoonctlExpecting(kUnreachable, {"status"});
+}
+
+// A new command has to be added above.
+TEST(EveryCommandListTest, KnowsEveryCommand) {
+  CommandContext context("");
+  CLI::App app;
+  AddCommandLine(app, context);
+  VisitCommands(app, [](const CLI::App& command) {
+    const std::string path = PathOf(command);
+    if (!SubcommandsOf(command).empty() || kUpAndDown.contains(path)) return;
+    const bool is_there = std::any_of(Cases().begin(), Cases().end(), [&path](const Case& one) {
+      std::string words;
+      for (const std::string& word : one.words) {
+        words += (words.empty() ? "" : " ") + word;
+        if (words == path) return true;
+      }
+      return false;
+    });
+    EXPECT_TRUE(is_there) << path;
+  });
 }
 
 }  // namespace
