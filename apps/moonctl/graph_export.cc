@@ -191,10 +191,7 @@ GraphFiles TumFiles(const proto::TeamConfig& team, const HeldGraph& held, const 
 
 Result<GraphFiles> FilesOf(const proto::TeamConfig& team, const HeldGraph& held, const ExportArguments& arguments,
                            const FileOrigin& origin, const FileNotes& notes) {
-  if (arguments.format == "tum") {
-    if (auto folder = MakeFolder(arguments.file); !folder) return tl::unexpected(folder.error());
-    return TumFiles(team, held, arguments, origin);
-  }
+  if (arguments.format == "tum") return TumFiles(team, held, arguments, origin);
   const Result<Pyfg> named = ToLetters(team, held.graph);
   if (!named) return tl::unexpected(named.error());
   if (arguments.format == "g2o") return G2oFiles(held, *named, arguments.file, notes);
@@ -212,7 +209,8 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
   const FileNotes notes = NotesOf(origin, NotesOn(arguments, held));
   auto made = FilesOf(team, held, arguments, origin, notes);
   if (!made) return context.Report(made.error());
-  if (auto written = WriteTogether(made->files); !written) return context.Report(written.error());
+  const std::string folder = arguments.format == "tum" ? arguments.file : "";
+  if (auto written = WriteTogether(folder, made->files); !written) return context.Report(written.error());
   made->json.Key("notes").WriteNotes(notes).EndObject();
   return context.Done(made->json.text(), made->text + NotesText(notes));
 }

@@ -52,8 +52,7 @@ std::string WorldFile(const MergedMap& map) {
 Result<std::vector<std::filesystem::path>> WriteMapFiles(const MapExport& exported) {
   const auto files = FilesOf(exported);
   if (!files) return tl::unexpected(files.error());
-  if (auto made = MakeFolder(exported.folder); !made) return tl::unexpected(made.error());
-  if (auto done = WriteTogether(*files); !done) return tl::unexpected(done.error());
+  if (auto done = WriteTogether(exported.folder, *files); !done) return tl::unexpected(done.error());
   std::vector<std::filesystem::path> written;
   for (const FileBytes& file : *files) written.push_back(file.file);
   return written;

@@ -26,22 +26,20 @@ class HeldSignals {
 
 }  // namespace
 
-Result<void> WriteTogether(const std::vector<FileBytes>& files) {
+Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files) {
   const HeldSignals held;
+  std::error_code failure;
+  if (!folder.empty()) std::filesystem::create_directories(folder, failure);
+  if (failure) {
+    return Fail(ErrorCode::kInternal, "the folder cannot be made: " + failure.message() + "; choose another one",
+                folder.string());
+  }
   for (const FileBytes& file : files) {
     if (auto done = WriteTextFile(file.file, file.bytes); !done) {
       return Fail(done.error().code, done.error().text + "; choose another folder, or make room", done.error().field);
     }
   }
   return {};
-}
-
-Result<void> MakeFolder(const std::filesystem::path& folder) {
-  std::error_code failure;
-  std::filesystem::create_directories(folder, failure);
-  if (!failure) return {};
-  return Fail(ErrorCode::kInternal, "the folder cannot be made: " + failure.message() + "; choose another one",
-              folder.string());
 }
 
 }  // namespace moondb

@@ -14,12 +14,9 @@ struct FileBytes {
   std::string bytes;
 };
 
-// Each is written beside and renamed, in this order; SIGINT, SIGTERM and SIGHUP wait until all of them are there, so
-// that none stands beside the other of an earlier time. kInternal, with the path and what to do, if one cannot be
-// written.
-Result<void> WriteTogether(const std::vector<FileBytes>& files);
-
-// The folder and those above it. kInternal, with the path and what to do.
-Result<void> MakeFolder(const std::filesystem::path& folder);
+// Makes `folder` (empty: none) where it is missing, then writes each file beside and renames it, in this order. SIGINT,
+// SIGTERM and SIGHUP wait until all of them are there, so that none stands beside the other of an earlier time.
+// kInternal, with the path and what to do, if the folder cannot be made or a file not be written.
+Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files);
 
 }  // namespace moondb
