@@ -43,8 +43,8 @@ TEST_F(DbFileTest, GivesCsvThatAnotherProgramReadsAsItIs) {
   EXPECT_THAT(MoonctlExpecting(0, {"-a", "rover1", "db", "query", sql, "--csv", "--out", file}),
               HasSubstr("answer.csv: 2 rows"));
   const Outcome read =
-      Run({"python3", "-c", "import csv, sys; print(list(csv.reader(open(sys.argv[1], encoding='utf-8', newline=''))))",
-           file});
+      Run({"/usr/bin/env", "python3", "-c",
+           "import csv, sys; print(list(csv.reader(open(sys.argv[1], encoding='utf-8', newline=''))))", file});
   EXPECT_EQ(read.out,
             "[['x,y', 'said', 'lines', 'absent', 'empty', 'blob', 'number', 'whole', 'text'], "
             "['a,b', 'say \"hi\"', 'two\\nlines', '', '', '00ff', '1.5', '-9223372036854775808', 'h\u00fcgel'], "
