@@ -117,12 +117,14 @@ ExitCode ShowHoldings(CommandContext& context) {
   return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + unreachable);
 }
 
-// A command on the file of -a; `Arguments` is what `command` takes.
+template <typename Arguments>
+using FileCommand = ExitCode (*)(CommandContext&, const Arguments&);
+
+// A command on the file of -a.
 template <typename Arguments>
 std::pair<CLI::App*, std::shared_ptr<Arguments>> AddFileCommand(CLI::App& group, CommandContext& context,
                                                                 const std::string& name, const std::string& description,
-                                                                ExitCode (*command)(CommandContext&,
-                                                                                    const Arguments&)) {
+                                                                FileCommand<Arguments> command) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* added = group.add_subcommand(name, description);
   added->add_option("--data-dir", arguments->data_folder, "As given to up");
@@ -133,7 +135,7 @@ std::pair<CLI::App*, std::shared_ptr<Arguments>> AddFileCommand(CLI::App& group,
 }
 
 void AddQuery(CLI::App& group, CommandContext& context) {
-  const auto [query, arguments] = AddFileCommand(
+  const auto [query, arguments] = AddFileCommand<QueryArguments>(
       group, context, "query", "Ask the file of -a, on this machine, in SQL; changes nothing", QueryFile);
   query->add_option("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)")->required();
   query->add_option("--limit", arguments->rows_max, "At most so many rows (1000; as CSV 1000000)")
@@ -143,7 +145,7 @@ void AddQuery(CLI::App& group, CommandContext& context) {
 }
 
 void AddBackUp(CLI::App& group, CommandContext& context) {
-  const auto [backup, arguments] = AddFileCommand(
+  const auto [backup, arguments] = AddFileCommand<StoreFileArguments>(
       group, context, "backup", "Copy the file of -a, on this machine, whole, while the agent runs", BackUpFile);
   backup->add_option("file", arguments->text, "Where to; must not be there yet")->required();
 }
