@@ -36,7 +36,7 @@ class DbFileTest : public ProcessTeam {
 TEST_F(DbFileTest, GivesCsvThatAnotherProgramReadsAsItIs) {
   MoonctlExpecting(0, {"up"});
   const std::string sql =
-      "SELECT 'a,b' AS \"x,y\", 'say \"hi\"' AS said, 'two' || char(10) || 'lines' AS lines, NULL AS absent, '' AS "
+      "SELECT 'a,b' AS \"x,y\", '\"hi\" said' AS said, 'two' || char(10) || 'lines' AS lines, NULL AS absent, '' AS "
       "empty, x'00ff' AS blob, 1.5 AS number, -9223372036854775808 AS whole, 'h\u00fcgel' AS text "
       "UNION ALL SELECT 1, 2, 3, 4, 5, 6, 7, 8, 9";
   const auto file = folder_ / "answer.csv";
@@ -47,7 +47,7 @@ TEST_F(DbFileTest, GivesCsvThatAnotherProgramReadsAsItIs) {
            "import csv, sys; print(list(csv.reader(open(sys.argv[1], encoding='utf-8', newline=''))))", file});
   EXPECT_EQ(read.out,
             "[['x,y', 'said', 'lines', 'absent', 'empty', 'blob', 'number', 'whole', 'text'], "
-            "['a,b', 'say \"hi\"', 'two\\nlines', '', '', '00ff', '1.5', '-9223372036854775808', 'h\u00fcgel'], "
+            "['a,b', '\"hi\" said', 'two\\nlines', '', '', '00ff', '1.5', '-9223372036854775808', 'h\u00fcgel'], "
             "['1', '2', '3', '4', '5', '6', '7', '8', '9']]\n")
       << read.error;
 
