@@ -22,8 +22,8 @@ Result<std::vector<TumPose>> ReadTum(const std::filesystem::path& file) {
   return ParseTum(*text, file.string());
 }
 
-std::string FormatTum(const std::vector<TumPose>& poses) {
-  std::string text;
+std::string FormatTum(const std::vector<TumPose>& poses, const FileNotes& notes) {
+  std::string text = NotesText(notes, "# ");
   for (const TumPose& pose : poses) {
     text += FormatStampNs(pose.stamp_ns);
     for (const double value : pose.map_from_body.position_m) text += " " + FormatDouble(value);
@@ -31,10 +31,6 @@ std::string FormatTum(const std::vector<TumPose>& poses) {
     text += "\n";
   }
   return text;
-}
-
-Result<void> WriteTum(const std::vector<TumPose>& poses, const std::filesystem::path& file) {
-  return WriteTextFile(file, FormatTum(poses));
 }
 
 }  // namespace moondb

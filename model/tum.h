@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "model/error.h"
+#include "model/file_notes.h"
 #include "model/geometry.h"
 
 namespace moondb {
@@ -30,8 +31,7 @@ Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& 
 // The same from a file; also the errors of ReadTextFile.
 Result<std::vector<TumPose>> ReadTum(const std::filesystem::path& file);
 
-std::string FormatTum(const std::vector<TumPose>& poses);
-
-Result<void> WriteTum(const std::vector<TumPose>& poses, const std::filesystem::path& file);
+// The notes stand above the poses as comments, which evo and rpg_trajectory_evaluation skip too.
+std::string FormatTum(const std::vector<TumPose>& poses, const FileNotes& notes = {});
 
 }  // namespace moondb

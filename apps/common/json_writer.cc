@@ -84,6 +84,12 @@ JsonWriter& JsonWriter::WriteError(const Error& error) {
   return EndObject();
 }
 
+JsonWriter& JsonWriter::WriteNotes(const FileNotes& notes) {
+  BeginObject();
+  for (const auto& [key, text] : notes) Key(key).String(text);
+  return EndObject();
+}
+
 std::string ErrorCodeName(ErrorCode code) {
   switch (code) {
     case ErrorCode::kInvalid:

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "model/error.h"
+#include "model/file_notes.h"
 
 namespace moondb {
 
@@ -28,6 +29,9 @@ class JsonWriter {
 
   // {"code":"refused","field":"...","text":"..."}
   JsonWriter& WriteError(const Error& error);
+
+  // {"team":"mission","agent":"rover1"}
+  JsonWriter& WriteNotes(const FileNotes& notes);
 
   const std::string& text() const { return text_; }
 

@@ -45,7 +45,7 @@ constexpr CommandNote kNotes[] = {
     {"db holdings", "moonctl db holdings", kShows},
     {"db verify", "moonctl db verify -a rover2"},
     {"db diff", "moonctl db diff rover1 rover2", kShows},
-    {"db query", "moonctl -a rover1 db query \"select * from replication_log limit 5\"", kShows},
+    {"db query", "moonctl -a rover1 db query \"select * from v_event\" --csv --out events.csv", kShows},
     {"db backup", "moonctl -a rover1 db backup rover1.sqlite"},
     {"downlink", "moonctl downlink --budget-kb 64"},
     {"downlink list", "moonctl downlink list", kShows},

@@ -117,6 +117,39 @@ ExitCode ShowHoldings(CommandContext& context) {
   return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + unreachable);
 }
 
+template <typename Arguments>
+using FileCommand = ExitCode (*)(CommandContext&, const Arguments&);
+
+// A command on the file of -a.
+template <typename Arguments>
+std::pair<CLI::App*, std::shared_ptr<Arguments>> AddFileCommand(CLI::App& group, CommandContext& context,
+                                                                const std::string& name, const std::string& description,
+                                                                FileCommand<Arguments> command) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* added = group.add_subcommand(name, description);
+  added->add_option("--data-dir", arguments->data_folder, "As given to up");
+  added->callback([&context, arguments, command] {
+    context.action = [&context, arguments, command] { return command(context, *arguments); };
+  });
+  return {added, arguments};
+}
+
+void AddQuery(CLI::App& group, CommandContext& context) {
+  const auto [query, arguments] = AddFileCommand<QueryArguments>(
+      group, context, "query", "Ask the file of -a, on this machine, in SQL; changes nothing", QueryFile);
+  query->add_option("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)")->required();
+  query->add_option("--limit", arguments->rows_max, "At most so many rows (1000; as CSV 1000000)")
+      ->check(CLI::Range(std::size_t{1}, kQueryRowsMax));
+  CLI::Option* csv = query->add_flag("--csv", arguments->is_csv, "As CSV: NULL is empty, a blob hexadecimal");
+  query->add_option("--out", arguments->out, "A file for the CSV")->type_name("FILE")->needs(csv);
+}
+
+void AddBackUp(CLI::App& group, CommandContext& context) {
+  const auto [backup, arguments] = AddFileCommand<StoreFileArguments>(
+      group, context, "backup", "Copy the file of -a, on this machine, whole, while the agent runs", BackUpFile);
+  backup->add_option("file", arguments->text, "Where to; must not be there yet")->required();
+}
+
 }  // namespace
 
 void AddDbCommands(CLI::App& app, CommandContext& context) {
@@ -140,22 +173,8 @@ void AddDbCommands(CLI::App& app, CommandContext& context) {
     context.action = [&context, arguments] { return CompareStores(context, arguments->first, arguments->second); };
   });
 
-  const auto add_file_command = [&](const std::string& name, const std::string& description, const std::string& what,
-                                    const std::string& meaning,
-                                    ExitCode (*command)(CommandContext&, const StoreFileArguments&)) {
-    auto file = std::make_shared<StoreFileArguments>();
-    CLI::App& added = *group.add_subcommand(name, description);
-    added.add_option(what, file->text, meaning)->required();
-    added.add_option("--data-dir", file->data_folder, "As given to up");
-    added.callback(
-        [&context, file, command] { context.action = [&context, file, command] { return command(context, *file); }; });
-    return std::pair(&added, file);
-  };
-  const auto [query, file] = add_file_command("query", "Ask the file of -a, on this machine, in SQL; changes nothing",
-                                              "sql", "One SELECT; views v_* are stable (docs/DATABASE.md)", QueryFile);
-  query->add_option("--limit", file->rows_max, "At most so many rows (1000)")->check(CLI::Range(1u, 1'000'000u));
-  add_file_command("backup", "Copy the file of -a, on this machine, whole, while the agent runs", "file",
-                   "Where to; must not be there yet", BackUpFile);
+  AddQuery(group, context);
+  AddBackUp(group, context);
 }
 
 }  // namespace moondb

@@ -18,10 +18,17 @@ ExitCode CompareStores(CommandContext& context, const std::string& first, const 
 struct StoreFileArguments {
   std::string text;         // The query, or where the backup goes.
   std::string data_folder;  // As given to `moonctl up`; empty: its default.
-  std::size_t rows_max = 1000;
 };
 
-ExitCode QueryFile(CommandContext& context, const StoreFileArguments& arguments);
+inline constexpr std::size_t kQueryRowsMax = 1'000'000;
+
+struct QueryArguments : StoreFileArguments {
+  std::size_t rows_max = 0;  // 0: as many as suit the form of the answer.
+  bool is_csv = false;
+  std::string out;  // A file for the CSV; empty: stdout.
+};
+
+ExitCode QueryFile(CommandContext& context, const QueryArguments& arguments);
 ExitCode BackUpFile(CommandContext& context, const StoreFileArguments& arguments);
 
 }  // namespace moondb

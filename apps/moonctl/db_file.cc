@@ -1,6 +1,8 @@
 #include <chrono>
+#include <cstdio>
 
 #include "actors/storage/store_file.h"
+#include "apps/common/csv.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
@@ -37,33 +39,79 @@ void Write(const QueryCell& cell, JsonWriter& json) {
   }
 }
 
-}  // namespace
-
-ExitCode QueryFile(CommandContext& context, const StoreFileArguments& arguments) {
-  const auto file = StoreOf(context, arguments.data_folder);
-  if (!file) return context.Report(file.error());
-  const auto deadline = std::chrono::steady_clock::now() + context.WaitTimeout();
-  const auto answer = QueryStore(*file, arguments.text, arguments.rows_max,
-                                 [deadline] { return std::chrono::steady_clock::now() > deadline; });
-  if (!answer) return context.Report(answer.error());
-  Table table(answer->columns);
+std::string JsonOf(const QueryAnswer& answer) {
   JsonWriter json;
   json.BeginObject().Key("columns").BeginArray();
-  for (const std::string& column : answer->columns) json.String(column);
+  for (const std::string& column : answer.columns) json.String(column);
   json.EndArray().Key("rows").BeginArray();
-  for (const std::vector<QueryCell>& row : answer->rows) {
-    std::vector<std::string> texts;
+  for (const std::vector<QueryCell>& row : answer.rows) {
     json.BeginArray();
-    for (const QueryCell& cell : row) {
-      texts.push_back(TextOf(cell));
-      Write(cell, json);
-    }
+    for (const QueryCell& cell : row) Write(cell, json);
     json.EndArray();
+  }
+  json.EndArray().Key("is_cut").Bool(answer.is_cut).EndObject();
+  return json.text();
+}
+
+std::string TableOf(const QueryAnswer& answer) {
+  Table table(answer.columns);
+  for (const std::vector<QueryCell>& row : answer.rows) {
+    std::vector<std::string> texts;
+    for (const QueryCell& cell : row) texts.push_back(TextOf(cell));
     table.Add(std::move(texts));
   }
-  json.EndArray().Key("is_cut").Bool(answer->is_cut).EndObject();
-  const std::string cut = answer->is_cut ? "and more; see --limit\n" : "";
-  return context.Done(json.text(), table.Text() + cut);
+  return table.Text() + (answer.is_cut ? "and more; see --limit\n" : "");
+}
+
+// What is NULL is left empty, a blob is its bytes in hexadecimal.
+std::string CsvOf(const QueryAnswer& answer) {
+  std::string text;
+  const char* separator = "";
+  for (const std::string& column : answer.columns) {
+    text += separator + CsvField(column);
+    separator = ",";
+  }
+  text += "\n";
+  for (const std::vector<QueryCell>& row : answer.rows) {
+    separator = "";
+    for (const QueryCell& cell : row) {
+      text += separator + (cell.kind == QueryCell::Kind::kNull ? "" : CsvField(cell.text));
+      separator = ",";
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+// A table that ends too early looks like one that is whole, so that it is said where no table is.
+ExitCode PutOutCsv(CommandContext& context, const QueryAnswer& answer, const std::string& out) {
+  if (answer.is_cut) std::fputs("moonctl: there are more rows; see --limit\n", stderr);
+  const std::string csv = CsvOf(answer);
+  if (out.empty()) return context.Done("", csv);
+  if (auto written = WriteTextFile(out, csv); !written) return context.Report(written.error());
+  JsonWriter json;
+  json.BeginObject().Key("file").String(out).Key("rows").Number(static_cast<double>(answer.rows.size()));
+  json.Key("is_cut").Bool(answer.is_cut).EndObject();
+  return context.Done(json.text(), "wrote " + out + ": " + std::to_string(answer.rows.size()) + " rows");
+}
+
+constexpr std::size_t kRowsShown = 1000;
+
+}  // namespace
+
+ExitCode QueryFile(CommandContext& context, const QueryArguments& arguments) {
+  if (context.is_json && arguments.is_csv && arguments.out.empty()) {
+    return context.Report({ErrorCode::kInvalid, "stdout holds --json or --csv, not both; give --out FILE", "--csv"});
+  }
+  const auto file = StoreOf(context, arguments.data_folder);
+  if (!file) return context.Report(file.error());
+  const std::size_t rows_max = arguments.is_csv ? kQueryRowsMax : kRowsShown;
+  const auto deadline = std::chrono::steady_clock::now() + context.WaitTimeout();
+  const auto answer = QueryStore(*file, arguments.text, arguments.rows_max == 0 ? rows_max : arguments.rows_max,
+                                 [deadline] { return std::chrono::steady_clock::now() > deadline; });
+  if (!answer) return context.Report(answer.error());
+  if (arguments.is_csv) return PutOutCsv(context, *answer, arguments.out);
+  return context.is_json ? context.Done(JsonOf(*answer), "") : context.Done("", TableOf(*answer));
 }
 
 ExitCode BackUpFile(CommandContext& context, const StoreFileArguments& arguments) {

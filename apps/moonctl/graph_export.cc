@@ -4,9 +4,11 @@
 
 #include "apps/common/graph_reading.h"
 #include "apps/common/json_writer.h"
+#include "apps/moonctl/file_origin.h"
 #include "apps/moonctl/g2o_graph.h"
 #include "apps/moonctl/graph_commands.h"
 #include "apps/moonctl/team_letters.h"
+#include "apps/moonctl/written_files.h"
 #include "model/text.h"
 #include "model/tum.h"
 
@@ -26,7 +28,8 @@ struct HeldGraph {
   PoseGraph graph;                                // At the chosen poses.
   std::vector<const PublishedVerdict*> verdicts;  // Of graph.ranges; null where nobody spoke of it.
   std::size_t rejected_count = 0;
-  std::size_t optimized_count = 0;  // Nodes that have an optimized pose.
+  std::size_t waiting_edge_count = 0;  // Edges that are left out.
+  std::set<NodeKey> optimized;         // Nodes that have an optimized pose.
 };
 
 HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
@@ -35,11 +38,12 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
   std::set<NodeKey> keys;
   for (GraphNode& node : held.graph.nodes) {
     keys.insert(node.key);
-    held.optimized_count += known.FindPublished(node.key) != nullptr ? 1 : 0;
+    if (known.FindPublished(node.key) != nullptr) held.optimized.insert(node.key);
     if (is_optimized) node.map_from_node = known.NewestPose(node);
   }
-  const auto arrange = [&keys](auto& edges) {
-    std::erase_if(edges, [&](const auto& edge) { return !keys.contains(edge.from) || !keys.contains(edge.to); });
+  const auto arrange = [&](auto& edges) {
+    held.waiting_edge_count +=
+        std::erase_if(edges, [&](const auto& edge) { return !keys.contains(edge.from) || !keys.contains(edge.to); });
     std::sort(edges.begin(), edges.end(), [](const auto& a, const auto& b) {
       return std::tie(a.from, a.to, a.stamp_ns) < std::tie(b.from, b.to, b.stamp_ns);
     });
@@ -55,7 +59,7 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
   return held;
 }
 
-// Under the file's letters; the base station is a landmark.
+// Under the file's letters; the base station is a landmark, without a stamp: PyFactorGraph's reader takes none there.
 Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
   std::map<AgentId, AgentId> letters;
   for (const auto& [letter, agent] : AgentsByLetter(team)) letters[agent] = letter;
@@ -73,7 +77,7 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
     const bool is_landmark = node.key.agent == base;
     node.key = rename(node.key);
     if (is_landmark) {
-      pyfg.landmarks.push_back({node.key, node.stamp_ns, node.map_from_node.position_m});
+      pyfg.landmarks.push_back({node.key, std::nullopt, node.map_from_node.position_m});
     } else {
       pyfg.graph.nodes.push_back(node);
     }
@@ -100,60 +104,98 @@ std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
   return text;
 }
 
-ExitCode ExportPyfg(CommandContext& context, const HeldGraph& held, const Pyfg& named, const std::string& file) {
-  const std::string verdicts = file + ".verdicts.csv";
-  if (auto written = WritePyfg(named, file); !written) return context.Report(written.error());
-  if (auto written = WriteTextFile(verdicts, VerdictsText(held, named)); !written) {
-    return context.Report(written.error());
-  }
-  JsonWriter json;
-  json.BeginObject().Key("file").String(file).Key("verdicts_file").String(verdicts);
-  json.Key("nodes").Number(static_cast<double>(held.graph.nodes.size()));
-  json.Key("optimized_nodes").Number(static_cast<double>(held.optimized_count));
-  json.Key("odometry").Number(static_cast<double>(held.graph.odometry.size()));
-  json.Key("ranges").Number(static_cast<double>(held.graph.ranges.size()));
-  json.Key("rejected_ranges").Number(static_cast<double>(held.rejected_count)).EndObject();
-  return context.Done(json.text(), "wrote " + file + ": " + Count(held.graph.nodes.size()) + " nodes (" +
-                                       Count(held.optimized_count) + " optimized), " +
-                                       Count(held.graph.odometry.size()) + " odometry edges, " +
-                                       Count(held.graph.ranges.size()) + " ranges\nwrote " + verdicts + ": " +
-                                       Count(held.rejected_count) + " of the ranges are rejected");
-}
-
-ExitCode ExportG2o(CommandContext& context, const HeldGraph& held, const Pyfg& named, const std::string& file) {
-  const Result<G2o> g2o = ToG2o(named);
-  if (!g2o) return context.Report(g2o.error());
-  if (auto written = WriteG2o(*g2o, file); !written) return context.Report(written.error());
-  JsonWriter json;
-  json.BeginObject().Key("file").String(file);
-  json.Key("nodes").Number(static_cast<double>(g2o->vertices.size()));
-  json.Key("optimized_nodes").Number(static_cast<double>(held.optimized_count));
-  json.Key("odometry").Number(static_cast<double>(g2o->edges.size()));
-  json.Key("left_out_ranges").Number(static_cast<double>(held.graph.ranges.size())).EndObject();
-  return context.Done(json.text(), "wrote " + file + ": " + Count(g2o->vertices.size()) + " nodes (" +
-                                       Count(held.optimized_count) + " optimized), " + Count(g2o->edges.size()) +
-                                       " odometry edges; g2o has no ranges: " + Count(held.graph.ranges.size()) +
-                                       " are left out");
-}
-
-// One file an agent: DIR/NAME.tum.
-ExitCode ExportTrajectories(CommandContext& context, const HeldGraph& held, const std::string& folder) {
-  const proto::TeamConfig& team = (*context.Team())->config;
-  std::map<AgentId, std::vector<TumPose>> tracks;
-  for (const GraphNode& node : held.graph.nodes) tracks[node.key.agent].push_back({node.stamp_ns, node.map_from_node});
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  JsonWriter json;
-  json.BeginObject().Key("files").BeginArray();
+// What becomes of a graph: files, and what is said of them.
+struct GraphFiles {
+  std::vector<FileBytes> files;
+  JsonWriter json;  // Begun; the notes and its end are to come.
   std::string text;
-  for (const auto& [agent, track] : tracks) {
-    const std::filesystem::path file = std::filesystem::path(folder) / (AgentName(team, agent) + ".tum");
-    if (auto written = WriteTum(track, file); !written) return context.Report(written.error());
-    json.String(file.string());
-    text += (text.empty() ? "" : "\n") + ("wrote " + file.string() + ": " + Count(track.size()) + " poses");
+};
+
+std::string PosesText(const ExportArguments& arguments) {
+  return arguments.poses == "raw" ? "raw" : "optimized, raw where there are none";
+}
+
+FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
+  FileNotes notes{{"poses", PosesText(arguments)},
+                  {"nodes", Count(held.graph.nodes.size())},
+                  {"optimized_nodes", Count(held.optimized.size())},
+                  {"odometry_edges", Count(held.graph.odometry.size())},
+                  {"ranges", Count(held.graph.ranges.size())},
+                  {"rejected_ranges", Count(held.rejected_count)},
+                  {"waiting_edges", Count(held.waiting_edge_count)}};
+  if (arguments.format == "g2o") notes.emplace_back("left_out", "the ranges, which g2o does not have");
+  return notes;
+}
+
+// A comment would break usual readers (PyFactorGraph's; of g2o those of Ceres' examples and SE-Sync), so that the notes
+// lie beside.
+FileBytes OriginFile(const std::string& file, const FileNotes& notes) {
+  return {file + ".origin.txt", NotesText(notes)};
+}
+
+GraphFiles PyfgFiles(const HeldGraph& held, const Pyfg& named, const std::string& file, const FileNotes& notes) {
+  const std::string verdicts = file + ".verdicts.csv";
+  GraphFiles made;
+  made.files = {OriginFile(file, notes), {verdicts, VerdictsText(held, named)}, {file, FormatPyfg(named)}};
+  made.json.BeginObject().Key("file").String(file).Key("verdicts_file").String(verdicts);
+  made.json.Key("origin_file").String(made.files.front().file.string());
+  made.json.Key("nodes").Number(static_cast<double>(held.graph.nodes.size()));
+  made.json.Key("optimized_nodes").Number(static_cast<double>(held.optimized.size()));
+  made.json.Key("odometry").Number(static_cast<double>(held.graph.odometry.size()));
+  made.json.Key("ranges").Number(static_cast<double>(held.graph.ranges.size()));
+  made.json.Key("rejected_ranges").Number(static_cast<double>(held.rejected_count));
+  made.text = "wrote " + file + " and beside it .verdicts.csv and .origin.txt\n";
+  return made;
+}
+
+Result<GraphFiles> G2oFiles(const HeldGraph& held, const Pyfg& named, const std::string& file, const FileNotes& notes) {
+  const Result<G2o> g2o = ToG2o(named);
+  if (!g2o) return tl::unexpected(g2o.error());
+  GraphFiles made;
+  made.files = {OriginFile(file, notes), {file, FormatG2o(*g2o)}};
+  made.json.BeginObject().Key("file").String(file).Key("origin_file").String(made.files.front().file.string());
+  made.json.Key("nodes").Number(static_cast<double>(g2o->vertices.size()));
+  made.json.Key("optimized_nodes").Number(static_cast<double>(held.optimized.size()));
+  made.json.Key("odometry").Number(static_cast<double>(g2o->edges.size()));
+  made.json.Key("left_out_ranges").Number(static_cast<double>(held.graph.ranges.size()));
+  made.text = "wrote " + file + " and beside it .origin.txt\n";
+  return made;
+}
+
+// One file an agent: DIR/NAME.tum. Each says of its own poses what the other formats say of all.
+GraphFiles TumFiles(const proto::TeamConfig& team, const HeldGraph& held, const ExportArguments& arguments,
+                    const FileOrigin& origin) {
+  std::map<AgentId, std::vector<TumPose>> tracks;
+  std::map<AgentId, std::size_t> optimized_counts;
+  for (const GraphNode& node : held.graph.nodes) {
+    tracks[node.key.agent].push_back({node.stamp_ns, node.map_from_node});
+    optimized_counts[node.key.agent] += held.optimized.contains(node.key) ? 1 : 0;
   }
-  json.EndArray().EndObject();
-  return context.Done(json.text(), text.empty() ? "the graph has no node" : text);
+  GraphFiles made;
+  made.json.BeginObject().Key("files").BeginArray();
+  for (const auto& [agent, track] : tracks) {
+    const std::string name = AgentName(team, agent);
+    const FileNotes notes = NotesOf(origin, {{"trajectory_of", name},
+                                             {"poses", PosesText(arguments)},
+                                             {"nodes", Count(track.size())},
+                                             {"optimized_nodes", Count(optimized_counts[agent])}});
+    const std::filesystem::path file = std::filesystem::path(arguments.file) / (name + ".tum");
+    made.files.push_back({file, FormatTum(track, notes)});
+    made.json.String(file.string());
+    made.text += "wrote " + file.string() + ": " + Count(track.size()) + " poses\n";
+  }
+  made.json.EndArray();
+  if (tracks.empty()) made.text = "the graph has no node\n";
+  return made;
+}
+
+Result<GraphFiles> FilesOf(const proto::TeamConfig& team, const HeldGraph& held, const ExportArguments& arguments,
+                           const FileOrigin& origin, const FileNotes& notes) {
+  if (arguments.format == "tum") return TumFiles(team, held, arguments, origin);
+  const Result<Pyfg> named = ToLetters(team, held.graph);
+  if (!named) return tl::unexpected(named.error());
+  if (arguments.format == "g2o") return G2oFiles(held, *named, arguments.file, notes);
+  return PyfgFiles(held, *named, arguments.file, notes);
 }
 
 ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) {
@@ -162,19 +204,25 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
   const auto known = ReadGraphOf(*target->client);
   if (!known) return context.Report(known.error());
   const HeldGraph held = Arrange(*known, arguments.poses == "optimized");
-  if (arguments.format == "tum") return ExportTrajectories(context, held, arguments.file);
-  const Result<Pyfg> named = ToLetters((*context.Team())->config, held.graph);
-  if (!named) return context.Report(named.error());
-  return arguments.format == "g2o" ? ExportG2o(context, held, *named, arguments.file)
-                                   : ExportPyfg(context, held, *named, arguments.file);
+  const proto::TeamConfig& team = (*context.Team())->config;
+  const FileOrigin origin = OriginOf(team, *target);
+  const FileNotes notes = NotesOf(origin, NotesOn(arguments, held));
+  auto made = FilesOf(team, held, arguments, origin, notes);
+  if (!made) return context.Report(made.error());
+  const std::string folder = arguments.format == "tum" ? arguments.file : "";
+  if (auto written = WriteTogether(folder, made->files); !written) return context.Report(written.error());
+  made->json.Key("notes").WriteNotes(notes).EndObject();
+  return context.Done(made->json.text(), made->text + NotesText(notes));
 }
 
 }  // namespace
 
 void AddGraphExport(CLI::App& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App& command = *group.add_subcommand(
-      "export", "Write the graph that the leader (or -a) holds; what was judged of ranges goes to FILE.verdicts.csv");
+  CLI::App& command = *group.add_subcommand("export",
+                                            "Write the graph that the leader (or -a) holds; what was judged of ranges "
+                                            "goes to FILE.verdicts.csv, where it came "
+                                            "from to FILE.origin.txt or (TUM) into the file");
   command.add_option("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
       ->type_name("FILE")
       ->required();

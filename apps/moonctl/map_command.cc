@@ -3,8 +3,8 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
-#include "apps/common/utc.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/file_origin.h"
 #include "apps/moonctl/map_files.h"
 #include "apps/moonctl/map_questions.h"
 #include "model/text.h"
@@ -34,29 +34,13 @@ Result<proto::MergeRequest> MakeRequest(const proto::TeamConfig& team, const Map
               "site");
 }
 
-// Whose newest records may not be in the map; "unknown" where the agent does not say.
-std::string UnreachedBy(Client& client) {
-  const auto status = client.Status();
-  if (!status) return "unknown";
-  std::string names;
-  for (const proto::PeerStatus& peer : status->peers()) {
-    if (!peer.is_connected()) names += (names.empty() ? "" : ", ") + peer.name();
-  }
-  return names.empty() ? "nobody" : names;
-}
-
-FileNotes NotesOn(const proto::TeamConfig& team, const std::string& agent, const MapArguments& arguments,
-                  const proto::MergeReply& reply, const std::string& unreached) {
+FileNotes NotesOn(const MapArguments& arguments, const proto::MergeReply& reply) {
   std::string names;
   for (const std::string& name : arguments.agents) names += (names.empty() ? "" : ", ") + name;
-  return {{"team", team.team()},
-          {"agent", agent},
-          {"time", FormatUtc(UtcNowNs())},
-          {"maps_of", names.empty() ? "everybody" : names},
+  return {{"maps_of", names.empty() ? "everybody" : names},
           {"maps", FormatCount(reply.map_count())},
           {"waiting_maps", FormatCount(reply.waiting_map_count())},
-          {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"},
-          {"out_of_reach", unreached}};
+          {"poses", arguments.use_raw_poses ? "raw" : "optimized, raw where there are none"}};
 }
 
 std::string ExportText(const MapExport& exported, const std::vector<std::filesystem::path>& files,
@@ -75,9 +59,7 @@ std::string ExportJson(const MapExport& exported, const std::vector<std::filesys
   JsonWriter json;
   json.BeginObject().Key("files").BeginArray();
   for (const std::filesystem::path& file : files) json.String(file.string());
-  json.EndArray().Key("notes").BeginObject();
-  for (const auto& [key, text] : exported.notes) json.Key(key).String(text);
-  json.EndObject().Key("merge").Raw(ToJson(reply)).EndObject();
+  json.EndArray().Key("notes").WriteNotes(exported.notes).Key("merge").Raw(ToJson(reply)).EndObject();
   return json.text();
 }
 
@@ -91,12 +73,11 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
   if (!target) return context.Report(target.error());
   auto merged = target->client->Merge(*request);
   if (!merged) return context.Report(merged.error());
-  const std::string& agent = target->agent->name();
   if (merged->map.grid.cells.empty()) {
-    return context.Report({ErrorCode::kNotFound, agent + " holds no map that can be placed", {}});
+    return context.Report({ErrorCode::kNotFound, target->agent->name() + " holds no map that can be placed", {}});
   }
   MapExport exported{arguments.folder, arguments.format, std::move(merged->map), config.site(), {}};
-  exported.notes = NotesOn(config, agent, arguments, merged->reply, UnreachedBy(*target->client));
+  exported.notes = NotesOf(OriginOf(config, *target), NotesOn(arguments, merged->reply));
   const auto files = WriteMapFiles(exported);
   if (!files) return context.Report(files.error());
   return context.Done(ExportJson(exported, *files, merged->reply), ExportText(exported, *files, merged->reply));

@@ -1,7 +1,6 @@
 #include "apps/moonctl/map_files.h"
 
-#include <signal.h>
-
+#include "apps/moonctl/written_files.h"
 #include "model/geotiff.h"
 #include "model/map_picture.h"
 #include "model/ros_map.h"
@@ -10,34 +9,13 @@
 namespace moondb {
 namespace {
 
-// What would end the process waits while this lives.
-class HeldSignals {
- public:
-  HeldSignals() {
-    sigset_t held;
-    ::sigemptyset(&held);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) ::sigaddset(&held, signal);
-    ::pthread_sigmask(SIG_BLOCK, &held, &before_);
-  }
-  ~HeldSignals() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  HeldSignals(const HeldSignals&) = delete;
-  HeldSignals& operator=(const HeldSignals&) = delete;
-
- private:
-  sigset_t before_;
-};
-
-struct FileBytes {
-  std::string name;
-  std::string bytes;
-};
-
 Result<std::vector<FileBytes>> PngFiles(const MapExport& exported) {
   const MergedMap map = CroppedToKnown(exported.map, kCropMarginCells);
   auto png = PngBytes(CellPicture(map), {{CellColors().begin(), CellColors().end()}, exported.notes});
   if (!png) return tl::unexpected(png.error());
   // The picture last: whoever sees it finds where it lies.
-  return std::vector<FileBytes>{{"map.pgw", WorldFile(map)}, {"map.png", *std::move(png)}};
+  return std::vector<FileBytes>{{exported.folder / "map.pgw", WorldFile(map)},
+                                {exported.folder / "map.png", *std::move(png)}};
 }
 
 Result<std::vector<FileBytes>> GeoTiffFiles(const MapExport& exported) {
@@ -45,11 +23,12 @@ Result<std::vector<FileBytes>> GeoTiffFiles(const MapExport& exported) {
   auto tiff = GeoTiffBytes(CroppedToKnown(exported.map, kCropMarginCells),
                            {site.lat_deg(), site.lon_deg(), site.north_yaw_rad()}, exported.notes);
   if (!tiff) return tl::unexpected(tiff.error());
-  return std::vector<FileBytes>{{"map.tif", *std::move(tiff)}};
+  return std::vector<FileBytes>{{exported.folder / "map.tif", *std::move(tiff)}};
 }
 
 std::vector<FileBytes> Nav2Files(const MapExport& exported) {
-  return {{"map.pgm", RosMapPgm(exported.map.grid)}, {"map.yaml", RosMapYaml(exported.map, "map.pgm", exported.notes)}};
+  return {{exported.folder / "map.pgm", RosMapPgm(exported.map.grid)},
+          {exported.folder / "map.yaml", RosMapYaml(exported.map, "map.pgm", exported.notes)}};
 }
 
 Result<std::vector<FileBytes>> FilesOf(const MapExport& exported) {
@@ -73,20 +52,9 @@ std::string WorldFile(const MergedMap& map) {
 Result<std::vector<std::filesystem::path>> WriteMapFiles(const MapExport& exported) {
   const auto files = FilesOf(exported);
   if (!files) return tl::unexpected(files.error());
-  const HeldSignals held;
-  std::error_code failure;
-  std::filesystem::create_directories(exported.folder, failure);
-  if (failure) {
-    return Fail(ErrorCode::kInternal, "the folder cannot be made: " + failure.message() + "; choose another one",
-                exported.folder.string());
-  }
+  if (auto done = WriteTogether(exported.folder, *files); !done) return tl::unexpected(done.error());
   std::vector<std::filesystem::path> written;
-  for (const FileBytes& file : *files) {
-    if (auto done = WriteTextFile(exported.folder / file.name, file.bytes); !done) {
-      return Fail(done.error().code, done.error().text + "; choose another folder, or make room", done.error().field);
-    }
-    written.push_back(exported.folder / file.name);
-  }
+  for (const FileBytes& file : *files) written.push_back(file.file);
   return written;
 }
 

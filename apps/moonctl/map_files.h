@@ -22,9 +22,7 @@ struct MapExport {
   FileNotes notes;
 };
 
-// The files written. Each is written beside and renamed; SIGINT, SIGTERM and SIGHUP wait until all of them are there,
-// so that no picture stands beside another map's text. kInternal, with the path and what to do, if one cannot be
-// written.
+// The files written, together (see WriteTogether). kInternal, with the path and what to do, if one cannot be written.
 Result<std::vector<std::filesystem::path>> WriteMapFiles(const MapExport& exported);
 
 // Six lines, as GIS programs read them: metres in the frame `map`.

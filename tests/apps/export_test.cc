@@ -6,8 +6,11 @@
 #include <random>
 #include <thread>
 
+#include "model/g2o.h"
 #include "model/png.h"
+#include "model/pyfg.h"
 #include "model/text.h"
+#include "model/tum.h"
 #include "tests/apps/process_team.h"
 
 namespace moondb {
@@ -15,6 +18,7 @@ namespace {
 
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::StartsWith;
 
 // rover2 stood 100 m from the origin; its maps lie about the origin.
 constexpr char kNode[] =
@@ -69,6 +73,45 @@ TEST_F(ExportTest, SaysWhereEachMapCameFromAndWhatIsMissing) {
   const auto json = MoonctlJson(0, {"-a", "rover2", "map", "export", folder_ / "map"});
   EXPECT_EQ(json.fields().at("notes").struct_value().fields().at("maps_of").string_value(), "everybody");
   EXPECT_EQ(json.fields().at("files").list_value().values_size(), 2);
+}
+
+TEST_F(ExportTest, SaysWhereEachGraphCameFromWhereItsReadersAllowIt) {
+  StartWithMap();
+  const auto text_of = [this](const char* name) { return *ReadTextFile(folder_ / name); };
+  const auto check = [](const std::string& notes) {
+    EXPECT_THAT(notes, HasSubstr("agent: rover2\n"));
+    EXPECT_THAT(notes, HasSubstr("poses: optimized, raw where there are none\n"));
+    EXPECT_THAT(notes, HasSubstr("nodes: 1\n"));
+    EXPECT_THAT(notes, HasSubstr("optimized_nodes: 0\n"));
+    EXPECT_THAT(notes, HasSubstr("out_of_reach: rover3\n"));
+  };
+  check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "g.pyfg"}));
+  check(text_of("g.pyfg.origin.txt"));
+  EXPECT_THAT(text_of("g.pyfg"), StartsWith("VERTEX_SE3:QUAT "));  // The format's own reader takes no comment.
+  EXPECT_TRUE(ReadPyfg(folder_ / "g.pyfg"));
+
+  check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "g.g2o", "--format", "g2o"}));
+  check(text_of("g.g2o.origin.txt"));
+  EXPECT_EQ(text_of("g.g2o").find('#'), std::string::npos);  // Nor do some of g2o's.
+  EXPECT_TRUE(ReadG2o(folder_ / "g.g2o"));
+
+  check(MoonctlExpecting(0, {"-a", "rover2", "graph", "export", folder_ / "t", "--format", "tum"}));
+  check(text_of("t/rover2.tum"));
+  EXPECT_THAT(text_of("t/rover2.tum"), HasSubstr("# trajectory_of: rover2\n"));
+  EXPECT_EQ(ReadTum(folder_ / "t" / "rover2.tum")->size(), 1u);
+
+  const auto json = MoonctlJson(0, {"-a", "rover2", "graph", "export", folder_ / "g.pyfg"});
+  EXPECT_EQ(json.fields().at("notes").struct_value().fields().at("out_of_reach").string_value(), "rover3");
+  EXPECT_EQ(json.fields().at("origin_file").string_value(), folder_ / "g.pyfg.origin.txt");
+}
+
+TEST_F(ExportTest, WritesTheBaseStationAsTheFormatsOwnReaderTakesIt) {
+  MoonctlExpecting(0, {"up"});
+  constexpr char kBase[] =
+      R"({"node": {"agent_id": 4}, "map_from_node": {"position_m": {"x": 1, "y": 2, "z": 3}, "orientation": {"w": 1}}})";
+  MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kBase, "-a", "base"});
+  MoonctlExpecting(0, {"-a", "base", "graph", "export", folder_ / "g.pyfg"});
+  EXPECT_EQ(*ReadTextFile(folder_ / "g.pyfg"), "VERTEX_XYZ L0 1 2 3\n");  // Without a stamp.
 }
 
 TEST_F(ExportTest, AllFormatsHoldTheSameCells) {

@@ -32,6 +32,13 @@ TEST(TumTest, WritesWhatReadsBackTheSame) {
   EXPECT_EQ(FormatTum(*ParseTum(written, "rover1.tum")), written);
 }
 
+TEST(TumTest, SaysInCommentsWhereThePosesCameFrom) {
+  const std::vector<TumPose> poses = *ParseTum(kText, "rover1.tum");
+  const std::string written = FormatTum(poses, {{"agent", "rover1"}, {"poses", "raw"}});
+  EXPECT_EQ(written, "# agent: rover1\n# poses: raw\n" + FormatTum(poses));
+  EXPECT_EQ(ParseTum(written, "rover1.tum")->size(), 2u);
+}
+
 TEST(TumTest, NamesTheLineOfEachError) {
   const std::string text = kText;
   EXPECT_EQ(ErrorOf(text + "1 2 3\n"), "rover1.tum:5: the line ends too early");

@@ -64,5 +64,11 @@ TEST(ProtoJsonTest, TakesTheBodyAlone) {
   EXPECT_EQ(text.find('\n'), std::string::npos) << text;
 }
 
+TEST(JsonWriterTest, WritesNotesAsOneObject) {
+  JsonWriter json;
+  json.BeginObject().Key("notes").WriteNotes({{"agent", "rover1"}, {"maps", "3"}}).Key("a").Number(1).EndObject();
+  EXPECT_EQ(json.text(), R"({"notes":{"agent":"rover1","maps":"3"},"a":1})");
+}
+
 }  // namespace
 }  // namespace moondb

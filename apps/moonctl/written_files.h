@@ -1,0 +1,22 @@
+// Files that belong together, written for others: a map's picture and its text, a graph and where it came from.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "model/error.h"
+
+namespace moondb {
+
+struct FileBytes {
+  std::filesystem::path file;
+  std::string bytes;
+};
+
+// Makes `folder` (empty: none) where it is missing, then writes each file beside and renames it, in this order. SIGINT,
+// SIGTERM and SIGHUP wait until all of them are there, so that none stands beside the other of an earlier time.
+// kInternal, with the path and what to do, if the folder cannot be made or a file not be written.
+Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files);
+
+}  // namespace moondb

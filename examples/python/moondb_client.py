@@ -1,0 +1,97 @@
+"""A client of a moondb agent in Python: the control protocol (proto/control.proto) over ZeroMQ, and nothing else.
+
+Needs pyzmq, protobuf and zstandard (Debian: python3-zmq python3-protobuf python3-zstandard), and the messages' modules:
+
+    protoc --python_out=. -I proto proto/*.proto
+
+One thread a client. Errors of the agent are AgentError, an agent that does not answer is TimeoutError.
+"""
+import getpass
+import os
+import pathlib
+import socket
+
+import zmq
+import zstandard
+
+import control_pb2
+import message_pb2
+
+
+class AgentError(Exception):
+    """What the agent says is wrong: `code` is an ErrorCode of types.proto, `field` names the part of the request."""
+
+    def __init__(self, error):
+        super().__init__(f"{error.field}: {error.text}" if error.field else error.text)
+        self.code, self.field = error.code, error.field
+
+
+def endpoint_of(team, agent):
+    """Where an agent of this machine listens for its own user's clients."""
+    folder = os.environ.get("MOONDB_RUN_DIR")
+    if not folder and os.environ.get("XDG_RUNTIME_DIR"):
+        folder = os.path.join(os.environ["XDG_RUNTIME_DIR"], "moondb")
+    folder = pathlib.Path(folder or f"/tmp/moondb-{os.geteuid()}").absolute()
+    return f"ipc://{folder}/{team}/{agent}.sock"
+
+
+class MoondbClient:
+    def __init__(self, endpoint, timeout_s=3.0):
+        self._dealer = zmq.Context.instance().socket(zmq.DEALER)
+        self._dealer.linger = 0
+        self._dealer.connect(endpoint)
+        self._endpoint, self._timeout_s, self._request_id = endpoint, timeout_s, 0
+        self._by = f"{getpass.getuser()}@{socket.gethostname()}"
+
+    def close(self):
+        self._dealer.close()
+
+    def call(self, request, timeout_s=None):
+        """Sends a ControlRequest, gives the ControlReply."""
+        self._request_id += 1
+        request.by = self._by
+        message = message_pb2.Message(ms_type=message_pb2.CONTROL, request_id=self._request_id, control_request=request)
+        self._dealer.send(message.SerializeToString())
+        while self._dealer.poll(1000 * (timeout_s or self._timeout_s)):
+            answer = message_pb2.Message.FromString(self._dealer.recv())
+            if answer.request_id != self._request_id:
+                continue  # Of a call that had timed out.
+            if answer.control_reply.error.code:
+                raise AgentError(answer.control_reply.error)
+            return answer.control_reply
+        raise TimeoutError(f"{self._endpoint} does not answer")
+
+    def status(self):
+        return self.call(control_pb2.ControlRequest(status={})).status
+
+    def insert(self, records):
+        """Stores records as this agent's own, whole or none of them; gives their keys."""
+        return self.call(control_pb2.ControlRequest(insert={"records": records})).insert.keys
+
+    def follow(self, data_types, wait_s=10.0):
+        """Yields the key and the bytes of each record that is there, and that comes; ends after wait_s without any."""
+        read = {"data_types": data_types, "wait_s": wait_s, "records_max": 100}
+        while True:
+            page = self.call(control_pb2.ControlRequest(read=read), timeout_s=wait_s + self._timeout_s).read
+            for stored in page.records:
+                yield stored.key, stored.content
+            if not page.row_ids:
+                return
+            read["after_row_id"] = page.row_ids[-1]
+
+    def merged_map(self):
+        """The merged map: a MergeReply and its cells, row by row from the smallest y; 0 unknown, 1 free, 2 hazard."""
+        reply = self.call(control_pb2.ControlRequest(merge={}), timeout_s=600).merge
+        size = reply.width_cells * reply.height_cells
+        if size == 0:
+            return reply, b""
+        return reply, zstandard.ZstdDecompressor().decompress(reply.zstd_cells, max_output_size=size)
+
+
+def key_text(key):
+    return f"{key.origin_agent}.{key.epoch:016x}.{key.data_type}.{key.seq}"
+
+
+def occupancy(cells):
+    """As nav_msgs/OccupancyGrid has it: -1 unknown, 0 free, 100 occupied; the same order of cells."""
+    return [(-1, 0, 100)[cell] for cell in cells]

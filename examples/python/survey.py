@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+"""What a robot's software does with its agent: stores a reading, a pose and a local map, and takes the merged map.
+
+Usage: survey.py TEAM AGENT AGENT_ID    The agent runs on this machine, as this user.
+"""
+import sys
+import time
+
+import record_pb2
+import types_pb2
+from moondb_client import MoondbClient, endpoint_of, key_text, occupancy
+
+
+def node_at(agent_id, index, x, y):
+    """A pose-graph node: the body in the frame `map`, metres, quaternion x y z w, as odometry has it."""
+    record = record_pb2.Record(stamp_ns=time.time_ns())
+    node = record.pose_graph_node
+    node.node.agent_id, node.node.index = agent_id, index
+    node.map_from_node.position_m.x, node.map_from_node.position_m.y = x, y
+    node.map_from_node.orientation.w = 1.0
+    return record
+
+
+def packed(cells):
+    """Four cells a byte, the first in the lowest bits (proto/record.proto)."""
+    packed_cells = bytearray((len(cells) + 3) // 4)
+    for i, cell in enumerate(cells):
+        packed_cells[i // 4] |= cell << 2 * (i % 4)
+    return bytes(packed_cells)
+
+
+def map_at(agent_id, index, cells, side, resolution_m):
+    """A local traversability map around a node; its origin is the middle of the grid, rows grow with y."""
+    record = record_pb2.Record(stamp_ns=time.time_ns())
+    local_map = record.local_traversability_map
+    local_map.node.agent_id, local_map.node.index = agent_id, index
+    local_map.node_from_map.position_m.x = 0.0
+    local_map.node_from_map.orientation.w = 1.0
+    local_map.layers.add(width_cells=side, height_cells=side, resolution_um=round(resolution_m * 1e6),
+                         cells=packed(cells))
+    return record
+
+
+def main():
+    team, agent, agent_id = sys.argv[1], sys.argv[2], int(sys.argv[3])
+    client = MoondbClient(endpoint_of(team, agent))
+    status = client.status()
+    print(f"{status.name} of team {status.team}, moondb {status.version}")
+
+    side = 40
+    hazard_ahead = [2 if column > 35 else 1 for row in range(side) for column in range(side)]
+    keys = client.insert([
+        record_pb2.Record(stamp_ns=time.time_ns(), temperature={"celsius": -40.5}),
+        node_at(agent_id, 0, x=5.0, y=2.0),
+        map_at(agent_id, 0, hazard_ahead, side, resolution_m=0.1),
+    ])
+    print("stored", len(keys), "records, the first as", key_text(keys[0]))
+
+    for key, content in client.follow([types_pb2.TEMPERATURE], wait_s=0.2):
+        print("read", key_text(key), record_pb2.Record.FromString(content).temperature.celsius)
+
+    merged, cells = client.merged_map()
+    grid = occupancy(cells)
+    cell_m = merged.resolution_um / 1e6
+    x_m, y_m = merged.origin_cell_x * cell_m, merged.origin_cell_y * cell_m
+    print(f"merged map of {merged.map_count:.0f}: {merged.width_cells} x {merged.height_cells} cells of {cell_m} m, "
+          f"lower left corner at ({x_m:.2f}, {y_m:.2f}), {grid.count(0)} free, {grid.count(100)} hazard")
+
+
+if __name__ == "__main__":
+    main()
