@@ -94,8 +94,8 @@ class Client {
 
   Result<proto::RoleShowReply> Roles(bool with_history = false);
   Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);
-  // This agent's robot drives, or sleeps, for so long from now on (at most 24 h); 0: no longer. Tell it again before it
-  // lapses. Who of the team drives or sleeps then.
+  // This agent's robot drives or sleeps, or its sharing is paused, for so long from now on (at most 24 h); 0: no longer.
+  // Tell it again before it lapses. Who of the team drives, sleeps or is paused then.
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
   Result<proto::ShareStatus> ShareStatus();

@@ -1,6 +1,9 @@
 #include "actors/gateway/command_text.h"
 
+#include <cmath>
+
 #include "model/agent_name.h"
+#include "model/leases.h"
 
 namespace moondb {
 
@@ -27,6 +30,13 @@ std::string OptimizeText(const proto::OptimizeRequest& optimize) {
   return text;
 }
 
+// Driving and sleeping are told many times a minute by robots' software. LeaseActor refuses what is out of bounds.
+std::string LeaseText(const proto::LeaseRequest& lease) {
+  if (lease.kind() != proto::LEASE_KIND_PAUSED || !CheckLeaseSeconds(lease.seconds(), "")) return "";
+  if (lease.seconds() == 0) return "sync resume";
+  return "sync pause for " + std::to_string(static_cast<int>(std::ceil(lease.seconds()))) + " s";
+}
+
 }  // namespace
 
 std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request) {
@@ -37,6 +47,8 @@ std::string CommandText(const proto::TeamConfig& team, const proto::ControlReque
       return ShareText(team, request.share());
     case proto::ControlRequest::kOptimize:
       return OptimizeText(request.optimize());
+    case proto::ControlRequest::kLease:
+      return LeaseText(request.lease());
     case proto::ControlRequest::kStop:
       return "stop";
     default:

@@ -22,6 +22,8 @@ constexpr CommandNote kNotes[] = {
     {"role set", "moonctl role set rover2 leader rover3 survivor --reason \"rover1 is lost\""},
     {"role swap", "moonctl role swap rover1 rover2 --dry-run"},
     {"sync now", "moonctl sync now --from rover2 --wait"},
+    {"sync pause", "moonctl sync pause --for 10m"},
+    {"sync resume", "moonctl sync resume -a rover2"},
     {"sync status", "moonctl sync status --watch", kShows},
     {"replicate now", "moonctl replicate now --wait --timeout 10m"},
     {"replicate status", "moonctl replicate status", kShows},
