@@ -30,6 +30,7 @@ struct Arguments {
   std::string data_folder;
   std::string log_level = "info";
   std::string log_file;
+  std::string log_format = "text";
   std::string merge_backend = "auto";
   std::string secret_key;
 };
@@ -41,6 +42,8 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--log-level", arguments.log_level, "From this level on")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
   app.add_option("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (stderr alone)");
+  app.add_option("--log-format", arguments.log_format, "Lines of text, or a JSON object a line")
+      ->check(CLI::IsMember({"text", "json"}));
   app.add_option("--merge-backend", arguments.merge_backend, "What merges maps")
       ->check(CLI::IsMember({"auto", "cpu", "gl"}));
   app.add_option("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
@@ -136,7 +139,9 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   if (!team) return Complain(program, kUsage, ToString(team.error()));
   const auto named = AgentNamed(team->config, arguments.agent);
   if (!named) return Complain(program, kUsage, ToString(named.error()));
-  if (auto log = InitLog(arguments.log_level, arguments.agent, arguments.log_file); !log) {
+  const bool logs_json = arguments.log_format == "json";
+  const LogFormat format = logs_json ? LogFormat::kJson : LogFormat::kText;
+  if (auto log = InitLog(arguments.log_level, arguments.agent, arguments.log_file, format); !log) {
     return Complain(program, kFailed, ToString(log.error()));
   }
 
@@ -151,9 +156,14 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   if (!agent) return Complain(program, kFailed, arguments.agent + ": " + ToString(agent.error()));
   (*agent)->WriteTraceOnCrash();
   if (program.on_running) program.on_running(**agent);
-  std::printf("ready: %s of team %s, clients at %s\n", arguments.agent.c_str(), team->config.team().c_str(),
-              (*agent)->client_endpoint().c_str());
-  std::fflush(stdout);
+  const std::string ready =
+      arguments.agent + " of team " + team->config.team() + ", clients at " + (*agent)->client_endpoint();
+  if (logs_json) {
+    spdlog::info("is ready: {}", ready);  // Where stdout and stderr are one file each line is JSON all the same.
+  } else {
+    std::printf("ready: %s\n", ready.c_str());
+    std::fflush(stdout);
+  }
   if (waiter.Wait() == kBeyondHelp) (*agent)->WriteTrace();
   spdlog::info("stopping");
   ::alarm(kStopSecondsMax);

@@ -1,6 +1,7 @@
 // The programs as an operator runs them: real processes, real sockets, a real disk, kill -9.
 
 #include <gmock/gmock.h>
+#include <google/protobuf/util/json_util.h>
 #include <signal.h>
 
 #include <algorithm>
@@ -240,6 +241,24 @@ TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
   // One second is the promise; a machine under load gets three.
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
+}
+
+TEST_F(ProcessTest, AgentsLogJsonWhereToldTo) {
+  MoonctlExpecting(0, {"up", "--log-format", "json"});
+  MoonctlExpecting(0, {"down"});
+  const std::string log = *ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log");
+  std::string_view rest = log;
+  std::set<std::string> texts;
+  while (!rest.empty()) {
+    const std::string line(TakeLine(rest));
+    google::protobuf::Struct event;
+    EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(line, &event).ok()) << line;
+    EXPECT_EQ(event.fields()["agent"].string_value(), "rover1") << line;
+    texts.insert(event.fields()["text"].string_value());
+  }
+  EXPECT_TRUE(texts.contains("stopping"));
+  EXPECT_TRUE(texts.contains("rover2 is connected"));
+  MoonctlExpecting(2, {"up", "--log-format", "xml"});
 }
 
 TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
