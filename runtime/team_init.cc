@@ -74,6 +74,7 @@ std::string AgentText(const proto::AgentConfig& agent) {
   add("address", "\"" + agent.address() + "\"");
   if (is_base) add("kind", "base_station");
   if (!agent.key().empty()) add("key", "\"" + agent.key() + "\"");
+  if (!agent.client_address().empty()) add("client_address", "\"" + agent.client_address() + "\"");
   if (is_base) add("position_m", List(agent.position_m()));
   if (agent.has_start()) add("start", StartText(agent.start()));
   if (!agent.antenna_m().empty()) add("antenna_m", List(agent.antenna_m()));

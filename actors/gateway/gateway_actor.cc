@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "actors/gateway/client_rights.h"
 #include "actors/gateway/command_text.h"
 #include "actors/gateway/request_check.h"
 #include "model/agent_name.h"
@@ -75,7 +76,20 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
 
 void GatewayActor::OnControlRequest(Context& context, const proto::Message& message) {
   const Address client = context.sender();
-  const proto::ControlRequest& request = message.control_request();
+  if (client.agent != kClients) return OnCheckedRequest(context, message, message.control_request());
+  if (auto allowed = CheckClientRights(message); !allowed) {
+    ++refused_requests_;
+    return Answer(context, client, message.request_id(), ErrorReply(allowed.error()));
+  }
+  if (message.client_name().empty()) return OnCheckedRequest(context, message, message.control_request());
+  proto::ControlRequest request = message.control_request();
+  request.set_by(message.client_name() + " (key)");
+  OnCheckedRequest(context, message, request);
+}
+
+void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& message,
+                                    const proto::ControlRequest& request) {
+  const Address client = context.sender();
   const bool is_for_self = request.for_agent() == options_.self || (request.for_agent() == 0 && !IsPeer(client.agent));
   if (IsPeer(client.agent) && !is_for_self) {
     const Error error{ErrorCode::kRefused, "another agent's request must be for this agent", "for_agent"};
@@ -378,6 +392,7 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
   if (options_.merge_backend) status.set_merge_backend(options_.merge_backend());
   status.set_version(options_.version);
   status.set_pid(options_.pid);
+  status.set_refused_clients(refused_requests_ + (options_.refused_handshakes ? options_.refused_handshakes() : 0));
 
   const SystemStatus system = context.GetSystemStatus();
   status.set_uptime_s(std::chrono::duration<double>(system.uptime).count());

@@ -10,7 +10,11 @@
 // hold each other's keys); no request travels further than from one agent to another. What is short goes in the
 // control class; what is longer waits behind everything that is shared, and nothing is longer than `relay_bytes_max`.
 //
+// A client that came with a key may ask what its rights allow (actors/gateway/client_rights.h), here and of other
+// agents through here; kRefused for the rest.
+//
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
+// Who it was, a client with a key does not say itself: its key's name stands there.
 //
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
 // kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one), kFull
@@ -38,6 +42,7 @@ class GatewayActor final : public Actor {
     std::string version;                         // Shown in status.
     std::uint32_t pid = 0;                       // Likewise.
     std::function<std::string()> merge_backend;  // Likewise: "cpu" or "gl"; asked at each status, on any thread.
+    std::function<double()> refused_handshakes;  // Likewise: of clients with unknown keys.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
@@ -63,6 +68,7 @@ class GatewayActor final : public Actor {
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);
+  void OnCheckedRequest(Context& context, const proto::Message& message, const proto::ControlRequest& request);
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
@@ -84,6 +90,7 @@ class GatewayActor final : public Actor {
   Options options_;
   std::map<std::uint64_t, Pending> pending_;  // By own request id.
   std::uint64_t next_id_ = 1;
+  double refused_requests_ = 0;  // For want of rights.
 };
 
 }  // namespace moondb

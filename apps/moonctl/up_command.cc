@@ -164,7 +164,8 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   return context.Print(code, json.text(), table.Text());
 }
 
-Result<void> CheckHere(const CommandContext& context) {
+Result<void> CheckHere(CommandContext& context) {
+  context.ForgetKey();
   if (context.via.empty()) return {};
   return Fail(ErrorCode::kInvalid, "is about processes of this machine; run it there", "--via");
 }

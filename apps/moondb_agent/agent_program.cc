@@ -33,6 +33,7 @@ struct Arguments {
   std::string log_format = "text";
   std::string merge_backend = "auto";
   std::string secret_key;
+  std::string clients_file;
 };
 
 void AddOptions(CLI::App& app, Arguments& arguments) {
@@ -46,6 +47,8 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
       ->check(CLI::IsMember({"text", "json"}));
   app.add_option("--merge-backend", arguments.merge_backend, "What merges maps")
       ->check(CLI::IsMember({"auto", "cpu", "gl"}));
+  app.add_option("--clients", arguments.clients_file,
+                 "File of the clients that client_address lets in (clients.yaml beside the team file)");
   app.add_option("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
 }
 
@@ -105,6 +108,7 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
                                                       : std::filesystem::path(arguments.data_folder);
   options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // Checked by the command line.
   options.secret_key_file = arguments.secret_key;
+  options.clients_file = arguments.clients_file;
   options.version = program.version;
   options.on_stop_requested = [&waiter] { waiter.Wake(kStopped); };
   options.on_fatal = [&waiter](const Error& error) {
