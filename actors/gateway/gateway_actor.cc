@@ -69,6 +69,11 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
         OnPeerLost(context, static_cast<AgentId>(message.peer_event().peer()));
       }
       return;
+    case proto::Message::kRecordsStored:
+      if (context.sender() == Address{options_.self, actor_name::kStorage}) {
+        OnRecordsStored(context, message.records_stored());
+      }
+      return;
     default:
       return OnAnswer(context, message);
   }
@@ -113,13 +118,27 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     return Answer(context, client, message.request_id(), ErrorReply(error));
   }
 
+  const bool is_feed = is_for_self && request.read().wait_s() > 0;
+  const auto feeds =
+      std::count_if(pending_.begin(), pending_.end(), [](const auto& entry) { return entry.second.feed; });
+  if (is_feed && static_cast<std::size_t>(feeds) >= options_.feeds_max) {
+    const Error error{ErrorCode::kFull, "too many reads wait for something to be stored; try again later", {}};
+    return Answer(context, client, message.request_id(), ErrorReply(error));
+  }
+
   if (is_for_self) WriteDown(context, request);
   const std::uint64_t id = next_id_++;
-  Pending pending{client, message.request_id(), 0, {}, {}, 0};
+  Pending pending{client, message.request_id(), 0, {}, {}, 0, {}, false};
   const Result<void> forwarded =
       is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
-  pending.timer = context.AfterTimer(TakesLong(request) ? options_.long_timeout : options_.timeout, kTimeOut, id);
+  Duration timeout = TakesLong(request) ? options_.long_timeout : options_.timeout;
+  if (is_feed) {
+    pending.feed = request.read();
+    BoundPage(*pending.feed, IsPeer(client.agent));
+    timeout = std::chrono::duration_cast<Duration>(std::chrono::duration<double>(request.read().wait_s()));
+  }
+  pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
 }
 
@@ -284,7 +303,46 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
     const Error error{ErrorCode::kInternal, context.sender().actor + " gave an answer of another kind", {}};
     *pending.reply.mutable_error() = ToProto(error);
   }
-  if (pending.waiting_for.empty()) Finish(context, found->first);
+  if (pending.waiting_for.empty() && !KeepsWaiting(context, found->first, pending)) Finish(context, found->first);
+}
+
+bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pending) {
+  const bool is_empty = pending.reply.read().records().empty() && !pending.reply.has_error();
+  if (!pending.feed || !is_empty) return false;
+  if (pending.is_stale) AskFeed(context, id, pending);
+  return !pending.reply.has_error();
+}
+
+void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending) {
+  pending.is_stale = false;
+  proto::Message message;
+  *message.mutable_read_request() = *pending.feed;
+  const auto asked = Ask(context, actor_name::kStorage, std::move(message), id, pending);
+  if (!asked) *pending.reply.mutable_error() = ToProto(asked.error());
+}
+
+void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  std::vector<std::uint64_t> failed;
+  for (auto& [id, pending] : pending_) {
+    if (!pending.feed) continue;
+    const auto& wanted = pending.feed->data_types();
+    const bool is_wanted =
+        wanted.empty() || std::find_first_of(wanted.begin(), wanted.end(), stored.data_types().begin(),
+                                             stored.data_types().end()) != wanted.end();
+    if (!is_wanted) continue;
+    pending.is_stale = true;
+    if (!pending.waiting_for.empty()) continue;  // Asked again when that answer is there.
+    AskFeed(context, id, pending);
+    if (pending.reply.has_error()) failed.push_back(id);
+  }
+  for (const std::uint64_t id : failed) Finish(context, id);
+}
+
+bool GatewayActor::EndsFeed(Context& context, std::uint64_t id, Pending& pending) {
+  pending.feed.reset();
+  if (pending.waiting_for.empty()) return true;
+  pending.timer = context.AfterTimer(options_.timeout, kTimeOut, id);
+  return false;
 }
 
 bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& reply) const {
@@ -364,7 +422,11 @@ void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kStopNow) return context.RequestStop();
   const auto found = pending_.find(timer.value());
   if (found == pending_.end()) return;
-  const Pending& pending = found->second;
+  Pending& pending = found->second;
+  if (pending.feed) {
+    if (EndsFeed(context, found->first, pending)) Finish(context, found->first);
+    return;
+  }
   const std::string who =
       pending.relayed_to != 0 ? AgentName(options_.team, pending.relayed_to) : Names(pending.waiting_for);
   *found->second.reply.mutable_error() = ToProto(Error{ErrorCode::kTimedOut, who + " did not answer in time", {}});

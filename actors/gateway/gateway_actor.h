@@ -16,6 +16,10 @@
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
 // Who it was, a client with a key does not say itself: its key's name stands there.
 //
+// A read with wait_s is a feed: where nothing is there yet it is kept here, and asked again when StorageActor says that
+// something of its types was stored, until the time is up; then its answer is an empty page. Nothing is queued for a
+// client: one that is slow asks later.
+//
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
 // kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one), kFull
 // (too much waits, here or at the actor; an answer too long for the radio), kUnavailable (no such actor; the agent that
@@ -26,6 +30,7 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -45,6 +50,7 @@ class GatewayActor final : public Actor {
     std::function<double()> refused_handshakes;  // Likewise: of clients with unknown keys.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
+    std::size_t feeds_max = 32;                // Of these, reads that wait for something to be stored.
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
@@ -65,6 +71,8 @@ class GatewayActor final : public Actor {
     std::set<std::string> waiting_for;  // Names of actors.
     proto::ControlReply reply;          // As far as it is known.
     TimerId timer = 0;
+    std::optional<proto::ReadRequest> feed;  // Waits, or is being asked anew.
+    bool is_stale = false;                   // Something was stored since the feed was asked.
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);
@@ -73,6 +81,12 @@ class GatewayActor final : public Actor {
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnPeerLost(Context& context, AgentId peer);
+  void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
+  // The answer of storage was empty: true if the feed goes on waiting, or asks again.
+  bool KeepsWaiting(Context& context, std::uint64_t id, Pending& pending);
+  void AskFeed(Context& context, std::uint64_t id, Pending& pending);
+  // True if it has come to its end, with an empty page; else storage's answer, under way now, is its last.
+  bool EndsFeed(Context& context, std::uint64_t id, Pending& pending);
 
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
   void WriteDown(Context& context, const proto::ControlRequest& request);

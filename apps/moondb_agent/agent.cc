@@ -125,6 +125,7 @@ class Agent::Impl {
     storage.self = self_;
     storage.team = team_.config;
     storage.notify = OwnActorNames();
+    storage.notify.push_back(actor_name::kGateway);
     storage.notify.push_back(actor_name::kMerge);
     storage.notify.push_back(actor_name::kPgo);
     return storage;
