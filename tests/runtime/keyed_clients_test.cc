@@ -1,30 +1,15 @@
 // Clients over TCP, under CURVE, with keys that are listed: real transports and raw sockets in one process.
-#include <arpa/inet.h>
 #include <gmock/gmock.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <thread>
 
 #include "model/text.h"
 #include "runtime/client_list.h"
+#include "tests/free_port.h"
 #include "tests/runtime/transport_fixture.h"
 
 namespace moondb {
 namespace {
-
-// A port that was free a moment ago.
-int FreePort() {
-  const int probe = socket(AF_INET, SOCK_STREAM, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  EXPECT_EQ(bind(probe, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
-  socklen_t length = sizeof(address);
-  getsockname(probe, reinterpret_cast<sockaddr*>(&address), &length);
-  close(probe);
-  return ntohs(address.sin_port);
-}
 
 class KeyedClientsTest : public TransportFixture {
  protected:
