@@ -18,6 +18,7 @@ constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
 constexpr int kKeepAliveSeconds = 60;
+constexpr int kHandshakeMs = 5000;
 constexpr char kIpc[] = "ipc://";
 constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
 
@@ -32,7 +33,8 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   router.Set(ZMQ_CURVE_SERVER, 1);
   router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
   router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
-  // A client whose machine went away must not be kept for ever.
+  // Neither one that says nothing nor one whose machine went away may be kept for ever.
+  router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMs);
   router.Set(ZMQ_TCP_KEEPALIVE, 1);
   router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAliveSeconds);
   if (endpoint.find('[') != std::string::npos) router.Set(ZMQ_IPV6, 1);

@@ -3,7 +3,8 @@
 // each request.
 //
 // libzmq ends the process when a client connects and the process may open no more files, and cannot be told how many
-// clients to let in: the limit on open files has to be well above the number of clients.
+// clients to let in: the limit on open files has to be well above the number of clients, those that are still at their
+// handshake included: a client_address belongs on a network of one's own.
 //
 // Send: any thread. All else: the transport's thread.
 #pragma once

@@ -19,7 +19,9 @@ constexpr char kHead[] =
     "# Lengths are metres, angles radians; what is left out has its default.\n";
 
 constexpr char kKeyNote[] =
-    "# key: the file of the agent's public key, which every agent needs; its secret NAME.sec stays on its agent.\n";
+    "# key: the file of the agent's public key, which every agent needs; its secret NAME.sec stays on its agent.\n"
+    "# client_address: \"tcp://HOST:PORT\", where clients from elsewhere are let in (`moonctl clients`); none by "
+    "default.\n";
 
 constexpr char kTail[] =
     R"(

@@ -14,7 +14,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
+enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2, kCommandPeriod = 3 };
 
 constexpr std::size_t kShortBytes = 4096;  // As a control message it delays others by 32 ms at 1 Mbit/s.
 
@@ -47,6 +47,15 @@ std::string Names(const std::set<std::string>& names) {
 void LetOthersGoFirst(proto::Message& message) {
   message.set_ms_type(proto::DATA);
   message.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
+}
+
+// A full disk does not keep anybody from changing roles.
+void Write(Context& context, AgentId self, const std::string& text, const std::string& by) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_insert_request()->add_records() =
+      MakeEvent(proto::EVENT_KIND_COMMAND, text, by, context.utc_now_ns());
+  (void)context.Send({self, actor_name::kStorage}, std::move(message));
 }
 
 }  // namespace
@@ -148,12 +157,23 @@ void GatewayActor::WriteDown(Context& context, const proto::ControlRequest& requ
   if (text.empty()) return;
   const std::string through =
       IsPeer(context.sender().agent) ? ", through " + AgentName(options_.team, context.sender().agent) : "";
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  *message.mutable_insert_request()->add_records() =
-      MakeEvent(proto::EVENT_KIND_COMMAND, text + through, request.by(), context.utc_now_ns());
-  // A full disk does not keep anybody from changing roles.
-  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
+  Commands& commands = commands_[request.request_case()];
+  if (commands.written >= options_.commands_max) {
+    ++commands.left_out;
+    commands.last_text = text + through;
+    commands.last_by = request.by();
+    return;
+  }
+  if (commands.written++ == 0) {
+    context.AfterTimer(options_.command_period, kCommandPeriod, static_cast<std::uint64_t>(request.request_case()));
+  }
+  Write(context, options_.self, text + through, request.by());
+}
+
+void GatewayActor::WriteDownLeftOut(Context& context, const Commands& commands) {
+  if (commands.left_out == 0) return;
+  Write(context, options_.self, commands.last_text + ": the last of " + std::to_string(commands.left_out) + " more",
+        commands.last_by);
 }
 
 void GatewayActor::OnStop(Context& context, const proto::Message& message) {
@@ -420,6 +440,10 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
 
 void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kStopNow) return context.RequestStop();
+  if (timer.kind() == kCommandPeriod) {
+    const auto kind = static_cast<proto::ControlRequest::RequestCase>(timer.value());
+    return WriteDownLeftOut(context, std::exchange(commands_[kind], {}));
+  }
   const auto found = pending_.find(timer.value());
   if (found == pending_.end()) return;
   Pending& pending = found->second;

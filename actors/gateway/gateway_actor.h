@@ -14,7 +14,8 @@
 // agents through here; kRefused for the rest.
 //
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
-// Who it was, a client with a key does not say itself: its key's name stands there.
+// Who it was, a client with a key does not say itself: its key's name stands there. Of one kind of command at most
+// `commands_max` in a period are written down, and then how many more there were: a program does not flood the story.
 //
 // A read with wait_s is a feed: where nothing is there yet it is kept here, and asked again when StorageActor says that
 // something of its types was stored, until the time is up; then its answer is an empty page. Nothing is queued for a
@@ -52,6 +53,8 @@ class GatewayActor final : public Actor {
     std::size_t pending_max = 256;
     std::size_t feeds_max = 32;                // Of these, reads that wait for something to be stored.
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
+    int commands_max = 20;
+    Duration command_period = std::chrono::minutes(1);
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
     Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.
@@ -75,6 +78,14 @@ class GatewayActor final : public Actor {
     bool is_stale = false;                   // Something was stored since the feed was asked.
   };
 
+  // Commands of one kind in the present period.
+  struct Commands {
+    int written = 0;
+    int left_out = 0;
+    std::string last_text;  // Of those left out.
+    std::string last_by;
+  };
+
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnCheckedRequest(Context& context, const proto::Message& message, const proto::ControlRequest& request);
   void OnStop(Context& context, const proto::Message& message);
@@ -90,6 +101,7 @@ class GatewayActor final : public Actor {
 
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
   void WriteDown(Context& context, const proto::ControlRequest& request);
+  void WriteDownLeftOut(Context& context, const Commands& commands);
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
   Result<void> Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
@@ -104,6 +116,7 @@ class GatewayActor final : public Actor {
   Options options_;
   std::map<std::uint64_t, Pending> pending_;  // By own request id.
   std::uint64_t next_id_ = 1;
+  std::map<proto::ControlRequest::RequestCase, Commands> commands_;
   double refused_requests_ = 0;  // For want of rights.
 };
 

@@ -95,10 +95,12 @@ TEST_F(ClientKeysProcessTest, FollowsRecordsAsTheyComeUntilItIsEnded) {
   MoonctlExpecting(0, {"up", "-a", "rover1"});
   const std::vector<std::string> insert = {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover1"};
   const std::string before = MoonctlExpecting(0, insert);
-  Child json({MOONCTL_PROGRAM, "record", "list", "temperature", "-f", "-a", "rover1", "--json"}, environment_, folder_);
+  for (const char* child : {"json", "text"}) std::filesystem::create_directory(folder_ / child);
+  Child json({MOONCTL_PROGRAM, "record", "list", "temperature", "-f", "-a", "rover1", "--json"}, environment_,
+             folder_ / "json");
   Child text(
       {"/bin/bash", "-c", std::string("set -o pipefail; ") + MOONCTL_PROGRAM + " record list -f -a rover1 | head -n 1"},
-      environment_, folder_);
+      environment_, folder_ / "text");
   // Each comes at once; only what was stored before it listened is not shown.
   std::string key;
   EXPECT_TRUE(Until([&] {

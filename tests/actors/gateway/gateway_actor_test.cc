@@ -318,6 +318,36 @@ proto::ControlRequest ReadAtTwo() {
   return request;
 }
 
+TEST_F(GatewayActorTest, OfManyCommandsOfAKindWritesDownSomeAndHowManyMore) {
+  proto::ControlRequest share;
+  share.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
+  share.set_by("robot");
+  const auto texts = [this] {
+    std::vector<std::string> events;
+    for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) {
+      events.push_back(asked.insert_request().records(0).agent_event().text());
+    }
+    return events;
+  };
+  for (std::uint64_t id = 0; id < 100; ++id) {
+    Request(share, id);
+    const auto asked = team_.Take({1, actor_name::kSync});
+    proto::Message done;
+    done.mutable_share_reply();
+    for (const proto::Message& order : asked) AnswerAs(actor_name::kSync, order, done);
+  }
+  EXPECT_EQ(Answers().size(), 100u) << "each is done";
+  EXPECT_EQ(texts(), std::vector<std::string>(20, "sync now"));
+  Request(Optimize());
+  EXPECT_EQ(texts(), std::vector<std::string>{"graph optimize"}) << "of another kind";
+  team_.AdvanceTime(seconds(61));
+  EXPECT_EQ(texts(), std::vector<std::string>{"sync now: the last of 80 more"});
+  Request(share);
+  EXPECT_EQ(texts(), std::vector<std::string>{"sync now"}) << "in the next minute";
+  team_.AdvanceTime(seconds(61));
+  EXPECT_TRUE(texts().empty());
+}
+
 // Reads that wait for something to be stored.
 class FeedTest : public GatewayActorTest {
  protected:
