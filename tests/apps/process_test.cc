@@ -253,8 +253,8 @@ TEST_F(ProcessTest, AgentsLogJsonWhereToldTo) {
     const std::string line(TakeLine(rest));
     google::protobuf::Struct event;
     EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(line, &event).ok()) << line;
-    EXPECT_EQ(event.fields()["agent"].string_value(), "rover1") << line;
-    texts.insert(event.fields()["text"].string_value());
+    EXPECT_EQ((*event.mutable_fields())["agent"].string_value(), "rover1") << line;
+    texts.insert((*event.mutable_fields())["text"].string_value());
   }
   EXPECT_TRUE(texts.contains("stopping"));
   EXPECT_TRUE(texts.contains("rover2 is connected"));

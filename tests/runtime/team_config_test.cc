@@ -368,6 +368,20 @@ TEST_F(TeamFileTest, OverwritesNothing) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
 }
 
+TEST_F(TeamFileTest, KeepsAddressesForClientsAndTellsThoseThatAreTaken) {
+  proto::TeamConfig config = ParseTeamFile(kGood, "t").value().config;
+  config.set_insecure(false);
+  config.mutable_agents(0)->set_client_address("tcp://10.0.0.1:7500");
+  config.mutable_agents(1)->set_client_address("tcp://10.0.0.2:7500");
+  ASSERT_TRUE(WriteTeam(folder_ / "team.yaml", config));
+  EXPECT_EQ(ReadTeamFile(folder_ / "team.yaml")->config.agents(1).client_address(), "tcp://10.0.0.2:7500");
+  config.mutable_agents(0)->set_client_address("tcp://10.0.0.2:7500");
+  EXPECT_THAT(WriteTeam(folder_ / "t", config).error().text,
+              HasSubstr("agents[1].client_address: tcp://10.0.0.2:7500 is already that of agents[0]"));
+  config.mutable_agents(0)->set_client_address(config.agents(1).address());
+  EXPECT_THAT(WriteTeam(folder_ / "t", config).error().text, HasSubstr("is already that of agents[1]"));
+}
+
 TEST_F(TeamFileTest, RefusesToWriteATeamThatCannotBe) {
   EXPECT_EQ(WriteInitialTeam(folder_ / "t", 0, 7400).error().field, "agent_count");
   EXPECT_EQ(WriteInitialTeam(folder_ / "t", 4, 65533).error().field, "first_port");
