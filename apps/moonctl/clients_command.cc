@@ -1,6 +1,4 @@
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <functional>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
@@ -17,10 +15,8 @@ namespace moondb {
 namespace {
 
 constexpr char kHead[] =
-    "# Whose keys agents let in at their client_address: view looks, share also inserts, shares and solves, command "
-    "may\n"
-    "# do everything. Agents read it again when it changes. `moonctl clients` edits it and keeps the comments at its "
-    "head.\n";
+    "# Whose keys agents let in at their client_address: view looks, share also inserts, shares and solves,\n"
+    "# command may do everything. Agents read it again when it changes; `moonctl clients` edits it.\n";
 
 struct ClientsArguments {
   std::string file;  // Empty: clients.yaml beside the team file.
@@ -64,11 +60,12 @@ Result<void> Write(const std::filesystem::path& file, const proto::ClientList& l
   return WriteTextFile(file, text);
 }
 
-proto::ListedClient* FindClient(proto::ClientList& list, const std::string& name) {
-  auto& clients = *list.mutable_clients();
-  const auto found = std::find_if(clients.begin(), clients.end(),
-                                  [&name](const proto::ListedClient& client) { return client.name() == name; });
-  return found == clients.end() ? nullptr : &*found;
+// Of the client in the list; -1: it is not there.
+int IndexOf(const proto::ClientList& list, const std::string& name) {
+  for (int i = 0; i < list.clients_size(); ++i) {
+    if (list.clients(i).name() == name) return i;
+  }
+  return -1;
 }
 
 Result<proto::ClientRights> ParseRights(const std::string& name) {
@@ -102,8 +99,8 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   if (!IsPlainName(arguments.name)) {
     return context.Report({ErrorCode::kInvalid, kPlainNameRule + Quoted(arguments.name), "NAME"});
   }
-  proto::ListedClient* client = FindClient(*list, arguments.name);
-  if (client != nullptr && !arguments.is_replacing) {
+  const int index = IndexOf(*list, arguments.name);
+  if (index >= 0 && !arguments.is_replacing) {
     return context.Report({ErrorCode::kRefused,
                            arguments.name + " is listed already; --replace puts a new key in the place of the old one",
                            {}});
@@ -113,10 +110,10 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   NewFiles files;
   const auto key = PublicKey(arguments, secret_file, files);
   if (!key) return context.Report(key.error());
-  if (client == nullptr) client = list->add_clients();
-  client->set_name(arguments.name);
-  client->set_key(*key);
-  client->set_rights(*rights);
+  proto::ListedClient& client = index >= 0 ? *list->mutable_clients(index) : *list->add_clients();
+  client.set_name(arguments.name);
+  client.set_key(*key);
+  client.set_rights(*rights);
   // Before the list, so that nobody is listed whose secret nobody has.
   if (auto published = files.Publish(); !published) return context.Report(published.error());
   if (auto written = Write(*file, *list); !written) return context.Report(written.error());
@@ -153,8 +150,8 @@ ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments
   if (!file) return context.Report(file.error());
   auto list = Read(*file);
   if (!list) return context.Report(list.error());
-  const proto::ListedClient* client = FindClient(*list, arguments.name);
-  if (client == nullptr) {
+  const int index = IndexOf(*list, arguments.name);
+  if (index < 0) {
     std::vector<std::string> names;
     for (const proto::ListedClient& listed : list->clients()) names.push_back(listed.name());
     return context.Report(
@@ -162,7 +159,7 @@ ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments
          file->string() + " lists no client \"" + arguments.name + "\"" + DidYouMean(arguments.name, names),
          {}});
   }
-  list->mutable_clients()->erase(list->mutable_clients()->begin() + (client - &list->clients(0)));
+  list->mutable_clients()->DeleteSubrange(index, 1);
   if (auto written = Write(*file, *list); !written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("revoked").String(arguments.name).EndObject();

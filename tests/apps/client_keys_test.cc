@@ -72,6 +72,11 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
   MoonctlExpecting(0, {"clients", "add", "wall", "--rights", "view", "--public-key", folder_ / "rover2.pub"});
   EXPECT_THAT(MoonctlExpecting(0, {"clients", "list"}), AllOf(HasSubstr("anna    command"), HasSubstr("wall    view")));
   EXPECT_THAT(*ReadTextFile(folder_ / "clients.yaml"), testing::StartsWith("# our own words\nclients:\n"));
+  MoonctlExpecting(0, {"clients", "add", "third", "--rights", "share"});
+  MoonctlExpecting(0, {"clients", "revoke", "wall"});
+  EXPECT_THAT(MoonctlExpecting(0, {"clients", "list"}),
+              AllOf(HasSubstr("anna"), HasSubstr("third"), Not(HasSubstr("wall"))));
+  MoonctlExpecting(0, {"clients", "add", "wall", "--rights", "view", "--public-key", folder_ / "rover2.pub"});
 
   const auto error = [this](int exit_code, std::vector<std::string> arguments) {
     const Outcome outcome = Moonctl(std::move(arguments));
@@ -81,7 +86,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "vew"}), HasSubstr("did you mean \"view\"?"));
   EXPECT_THAT(error(2, {"clients", "add", "B o b", "--rights", "view"}), HasSubstr("expected at most 32 lower-case"));
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view", "--public-key", folder_ / "rover2.pub"}),
-              HasSubstr("is already that of clients[1]"));
+              HasSubstr("is already that of clients[2]"));
   EXPECT_THAT(error(1, {"clients", "revoke", "ana"}), HasSubstr("did you mean \"anna\"?"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
   EXPECT_THAT(error(2, {"--key", folder_ / "none.sec", "status"}), HasSubstr("no such file"));
