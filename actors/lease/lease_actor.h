@@ -7,8 +7,8 @@
 // alone.
 //
 // Tells this agent's other actors by LeasesChanged, at each change and lapse (again to one whose mailbox is full), and
-// answers a LeaseShowRequest with it. Nothing is stored: a restarted agent neither drives nor sleeps nor is paused until
-// it is told so again, and hears from the others what they do.
+// answers a LeaseShowRequest with it. Nothing is stored: a restarted agent neither drives nor sleeps nor is paused
+// until it is told so again, and hears from the others what they do.
 #pragma once
 
 #include <map>
