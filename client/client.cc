@@ -35,7 +35,7 @@ Client::Client(std::unique_ptr<Connection> connection, Options options)
 Client::~Client() = default;
 
 Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::string agent_name, Options options) {
-  auto connection = std::make_unique<Connection>(std::move(endpoint), std::move(agent_name), options.message_bytes_max);
+  auto connection = std::make_unique<Connection>(std::move(endpoint), std::move(agent_name), options);
   if (auto opened = connection->Open(options.connect_timeout); !opened) {
     return tl::unexpected(opened.error());
   }

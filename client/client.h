@@ -9,7 +9,8 @@
 //   if (!client) return client.error();
 //   auto keys = (*client)->Insert({record});
 //
-// Errors of every call: kUnavailable (the agent is not running, or it went away during the call), kTimedOut,
+// Errors of every call: kUnavailable (the agent is not running, or it went away during the call), kTimedOut, kRefused
+// (the agent does not know the client's key, or the key does not allow this),
 // kInvalid (the request is larger than message_bytes_max), kCorrupt (an answer that does not decode), or what the
 // agent answered.
 #pragma once
@@ -43,6 +44,9 @@ class Client {
     AgentId for_agent =
         0;                // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
     std::string by = {};  // Who asks, for the team's story: "anna@hill". Empty: this user at this machine.
+    // Both in Z85 for an agent's client_address, whose clients.yaml lists the key; empty for its own machine's ipc.
+    std::string server_key = {};    // The agent's, public.
+    std::string secret_key = {};    // The client's.
     CustomTypes custom_types = {};  // The team file's (TeamConfig::custom_types): for their names.
   };
 
@@ -55,7 +59,8 @@ class Client {
   // Sees one stored record; an error ends the reading and is returned by ReadAll.
   using Visit = std::function<Result<void>(const proto::StoredRecord& stored, const proto::Record& record)>;
 
-  // `agent_name` stands in errors. An ipc endpoint where nobody listens fails at once, others after connect_timeout.
+  // `agent_name` stands in errors. An endpoint where nobody listens fails at once, one that is silent after
+  // connect_timeout.
   static Result<std::unique_ptr<Client>> Connect(std::string endpoint, std::string agent_name, Options options);
   ~Client();
 
@@ -94,8 +99,8 @@ class Client {
 
   Result<proto::RoleShowReply> Roles(bool with_history = false);
   Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);
-  // This agent's robot drives, or sleeps, for so long from now on (at most 24 h); 0: no longer. Tell it again before it
-  // lapses. Who of the team drives or sleeps then.
+  // This agent's robot drives or sleeps, or its sharing is paused, for so long from now on (at most 24 h); 0: no
+  // longer. Tell it again before it lapses. Who of the team drives, sleeps or is paused then.
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
   Result<proto::ShareStatus> ShareStatus();

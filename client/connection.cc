@@ -5,7 +5,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <string_view>
 #include <zmq.hpp>
@@ -18,6 +20,9 @@ using SteadyClock = std::chrono::steady_clock;
 constexpr std::string_view kIpc = "ipc://";
 // How often a wait for an answer looks whether the agent is still there.
 constexpr std::chrono::milliseconds kLivenessPeriod(100);
+// How often a wait for the connection looks whether it has failed.
+constexpr std::chrono::milliseconds kHandshakePeriod(20);
+constexpr std::size_t kKeyLength = 40;  // Z85 of 32 bytes.
 
 // libzmq retries an absent ipc peer silently; a plain connect tells at once. `error` is an errno, 0 for a listener.
 int ProbeSocket(const std::string& path) {
@@ -58,6 +63,25 @@ std::chrono::milliseconds Until(SteadyClock::time_point deadline) {
 struct Client::Connection::Sockets {
   zmq::context_t context;
   zmq::socket_t dealer{context, zmq::socket_type::dealer};
+  zmq::socket_t monitor{context, zmq::socket_type::pair};  // What becomes of the connection.
+
+  void Watch() {
+    constexpr char kMonitor[] = "inproc://monitor";
+    constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
+                            ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED;
+    if (zmq_socket_monitor(dealer.handle(), kMonitor, kEvents) != 0) throw zmq::error_t();
+    monitor.set(zmq::sockopt::linger, 0);
+    monitor.connect(kMonitor);
+  }
+  // The next of these; 0 if nothing has happened.
+  int NextEvent() {
+    zmq::message_t event;
+    zmq::message_t address;
+    if (!monitor.recv(event, zmq::recv_flags::dontwait) || !monitor.recv(address, zmq::recv_flags::none)) return 0;
+    std::uint16_t number = 0;
+    std::memcpy(&number, event.data(), sizeof(number));
+    return number;
+  }
 
   bool is_writable() { return (dealer.get(zmq::sockopt::events) & ZMQ_POLLOUT) != 0; }
   // A signal of the user's program does not end the wait.
@@ -72,8 +96,12 @@ struct Client::Connection::Sockets {
   }
 };
 
-Client::Connection::Connection(std::string endpoint, std::string agent_name, std::size_t message_bytes_max)
-    : endpoint_(std::move(endpoint)), agent_name_(std::move(agent_name)), message_bytes_max_(message_bytes_max) {}
+Client::Connection::Connection(std::string endpoint, std::string agent_name, const Options& options)
+    : endpoint_(std::move(endpoint)),
+      agent_name_(std::move(agent_name)),
+      message_bytes_max_(options.message_bytes_max),
+      server_key_(options.server_key),
+      secret_key_(options.secret_key) {}
 
 Client::Connection::~Connection() { Close(); }
 
@@ -89,15 +117,47 @@ Result<void> Client::Connection::Open(Duration timeout) {
     sockets->dealer.set(zmq::sockopt::immediate, true);    // Writable only when somebody is there.
     sockets->dealer.set(zmq::sockopt::reconnect_ivl, -1);  // A lost connection is never taken up silently.
     sockets->dealer.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(message_bytes_max_));
+    if (auto keyed = UseKeys(*sockets); !keyed) return keyed;
+    sockets->Watch();
     sockets->dealer.connect(endpoint_);
-    if (!sockets->Poll(ZMQ_POLLOUT, timeout)) {
-      return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " does not answer at " + endpoint_);
-    }
+    if (auto there = WaitForPeer(*sockets, timeout); !there) return there;
     sockets_ = std::move(sockets);
     return {};
   } catch (const zmq::error_t& error) {
     return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " at " + endpoint_ + ": " + error.what());
   }
+}
+
+Result<void> Client::Connection::UseKeys(Sockets& sockets) const {
+  if (secret_key_.empty()) return {};
+  std::array<char, kKeyLength + 1> public_key{};
+  if (server_key_.size() != kKeyLength || secret_key_.size() != kKeyLength ||
+      zmq_curve_public(public_key.data(), secret_key_.c_str()) != 0) {
+    return Fail(ErrorCode::kInvalid, "expected keys of 40 characters in Z85", "secret_key");
+  }
+  sockets.dealer.set(zmq::sockopt::curve_serverkey, server_key_);
+  sockets.dealer.set(zmq::sockopt::curve_publickey, std::string(public_key.data()));
+  sockets.dealer.set(zmq::sockopt::curve_secretkey, secret_key_);
+  return {};
+}
+
+Result<void> Client::Connection::WaitForPeer(Sockets& sockets, Duration timeout) const {
+  const auto deadline = SteadyClock::now() + timeout;
+  const std::string agent = "agent " + agent_name_;
+  while (!sockets.Poll(ZMQ_POLLOUT, std::min(Until(deadline), kHandshakePeriod))) {
+    switch (sockets.NextEvent()) {
+      case 0:
+        break;
+      case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
+        return Fail(ErrorCode::kRefused, agent + " does not let this key in");
+      default:
+        return Fail(ErrorCode::kUnavailable, agent + " does not listen at " + endpoint_ + ", or has another key");
+    }
+    if (SteadyClock::now() >= deadline) {
+      return Fail(ErrorCode::kUnavailable, agent + " does not answer at " + endpoint_);
+    }
+  }
+  return {};
 }
 
 Result<void> Client::Connection::Send(const std::string& frame) {

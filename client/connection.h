@@ -13,11 +13,12 @@ namespace moondb {
 
 class Client::Connection {
  public:
-  Connection(std::string endpoint, std::string agent_name, std::size_t message_bytes_max);
+  // `options` as given to Client::Connect.
+  Connection(std::string endpoint, std::string agent_name, const Options& options);
   ~Connection();
 
-  // Connects unless connected. kUnavailable if nobody answers within `timeout`; at once for an ipc socket that is
-  // missing or has no listener.
+  // Connects unless connected. kUnavailable if nobody answers within `timeout`; at once where there is no listener.
+  // kRefused if the agent does not know the key.
   Result<void> Open(Duration timeout);
   void Close();
 
@@ -29,9 +30,15 @@ class Client::Connection {
  private:
   struct Sockets;
 
+  Result<void> UseKeys(Sockets& sockets) const;
+  // Until somebody is there.
+  Result<void> WaitForPeer(Sockets& sockets, Duration timeout) const;
+
   std::string endpoint_;
   std::string agent_name_;
   std::size_t message_bytes_max_;
+  std::string server_key_;
+  std::string secret_key_;
   std::unique_ptr<Sockets> sockets_;  // Null while not connected.
 };
 

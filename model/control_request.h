@@ -6,11 +6,11 @@
 namespace moondb {
 
 // Its answer may take minutes: a solve, a merge (which all questions about the map may begin with), a whole file read,
-// a bundle made.
+// a bundle made, a wait for records.
 inline bool TakesLong(const proto::ControlRequest& request) {
   return request.has_optimize() || request.has_merge() || request.has_map_why() || request.has_map_stats() ||
          request.has_map_tiles() || request.downlink().bytes_max() > 0 ||
-         request.verify().part() == proto::VERIFY_PART_FILE;
+         request.verify().part() == proto::VERIFY_PART_FILE || request.read().wait_s() > 0;
 }
 
 }  // namespace moondb

@@ -25,14 +25,18 @@ Result<void> CheckLeaseSeconds(double seconds, const std::string& field) {
 
 std::string ToString(const proto::AgentLease& lease) {
   std::string text;
-  if (lease.driving_s() > 0) text = "drives for " + WholeSeconds(lease.driving_s());
-  if (lease.sleeping_s() > 0)
-    text += (text.empty() ? "" : " and ") + ("sleeps for " + WholeSeconds(lease.sleeping_s()));
-  return text + " more";
+  const auto add = [&text](const char* what, double seconds) {
+    if (seconds > 0) text += (text.empty() ? "" : " and ") + (what + WholeSeconds(seconds));
+  };
+  add("drives for ", lease.driving_s());
+  add("sleeps for ", lease.sleeping_s());
+  add("is paused for ", lease.paused_s());
+  return text.empty() ? "" : text + " more";
 }
 
 void Leases::Set(const proto::AgentLease& lease, Time now) {
-  until_[lease.agent_id()] = {now + FromSeconds(lease.driving_s()), now + FromSeconds(lease.sleeping_s())};
+  until_[lease.agent_id()] = {now + FromSeconds(lease.driving_s()), now + FromSeconds(lease.sleeping_s()),
+                              now + FromSeconds(lease.paused_s())};
 }
 
 void Leases::SetAll(const List& leases, Time now) {
@@ -46,6 +50,7 @@ proto::AgentLease Leases::LeftOf(AgentId agent, Time now) const {
   if (const auto found = until_.find(agent); found != until_.end()) {
     left.set_driving_s(SecondsUntil(found->second.driving, now));
     left.set_sleeping_s(SecondsUntil(found->second.sleeping, now));
+    left.set_paused_s(SecondsUntil(found->second.paused, now));
   }
   return left;
 }
@@ -53,7 +58,7 @@ proto::AgentLease Leases::LeftOf(AgentId agent, Time now) const {
 Leases::List Leases::Left(Time now) const {
   List leases;
   for (const auto& [agent, until] : until_) {
-    if (until.driving > now || until.sleeping > now) *leases.Add() = LeftOf(agent, now);
+    if (std::max({until.driving, until.sleeping, until.paused}) > now) *leases.Add() = LeftOf(agent, now);
   }
   return leases;
 }
@@ -61,17 +66,22 @@ Leases::List Leases::Left(Time now) const {
 std::optional<Leases::Time> Leases::NextLapse(Time now) const {
   std::optional<Time> next;
   for (const auto& [agent, until] : until_) {
-    for (const Time end : {until.driving, until.sleeping}) {
+    for (const Time end : {until.driving, until.sleeping, until.paused}) {
       if (end > now) next = std::min(next.value_or(end), end);
     }
   }
   return next;
 }
 
-bool Leases::IsQuiet(AgentId agent, Time now) const {
+bool Leases::MayBeSilent(AgentId agent, Time now) const {
   const auto found = until_.find(agent);
   if (found == until_.end()) return false;
   return found->second.sleeping > now || (is_quiet_while_driving_ && found->second.driving > now);
+}
+
+bool Leases::IsQuiet(AgentId agent, Time now) const {
+  const auto found = until_.find(agent);
+  return MayBeSilent(agent, now) || (found != until_.end() && found->second.paused > now);
 }
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// Leases: which agents of a team drive or sleep, and until when.
+// Leases: which agents of a team drive, sleep or are paused, and until when.
 //
 // A lease is a duration that counts down on this agent's own monotonic clock from when it became known here, never a
 // time of day: the agents' clocks differ and jump. It lapses by itself. Time comes in with each call. Plain value.
@@ -20,7 +20,7 @@ inline constexpr double kLeaseSecondsMax = 86400;
 // 0 to kLeaseSecondsMax; kInvalid with `field` otherwise.
 Result<void> CheckLeaseSeconds(double seconds, const std::string& field);
 
-// "drives for 40 s more", "drives for 40 s and sleeps for 600 s more".
+// "drives for 40 s more", "drives for 40 s and is paused for 600 s more"; empty for none of it.
 std::string ToString(const proto::AgentLease& lease);
 
 class Leases {
@@ -35,11 +35,13 @@ class Leases {
   void Set(const proto::AgentLease& lease, Time now);  // Takes the place of that agent's. Checked before.
   void SetAll(const List& leases, Time now);           // Takes the place of everybody's.
 
-  proto::AgentLease LeftOf(AgentId agent, Time now) const;  // Both 0 where it neither drives nor sleeps.
-  List Left(Time now) const;                                // Of those that do, by agent.
+  proto::AgentLease LeftOf(AgentId agent, Time now) const;  // 0 for what it does not do.
+  List Left(Time now) const;                                // Of those that do anything of it, by agent.
   std::optional<Time> NextLapse(Time now) const;
 
-  // Nothing bulky is to be sent by it or to it: it sleeps, or drives in a team that is quiet while driving.
+  // It sleeps, or drives in a team that is quiet while driving: who hears nothing of it need not take it for lost.
+  bool MayBeSilent(AgentId agent, Time now) const;
+  // Nothing bulky is to be sent by it or to it: it may be silent, or its sharing is paused.
   bool IsQuiet(AgentId agent, Time now) const;
   // The pair's window: neither is quiet.
   bool IsOpen(AgentId a, AgentId b, Time now) const { return !IsQuiet(a, now) && !IsQuiet(b, now); }
@@ -48,6 +50,7 @@ class Leases {
   struct Until {
     Time driving;
     Time sleeping;
+    Time paused;
   };
 
   bool is_quiet_while_driving_;

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "model/check.h"
-#include "runtime/inbound.h"
 #include "runtime/listen_address.h"
 #include "runtime/outbound.h"
 #include "runtime/private_folder.h"
+#include "runtime/zap_handler.h"
 
 namespace moondb {
 namespace {
@@ -17,7 +17,31 @@ constexpr int kQueueMessages = 16;  // Of one client, each way.
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
+constexpr int kKeepAliveSeconds = 60;
+constexpr int kHandshakeMs = 5000;
 constexpr char kIpc[] = "ipc://";
+constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
+
+Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
+  const std::filesystem::path path = endpoint.substr(std::string_view(kIpc).size());
+  if (const auto made = MakePrivateFolder(path.parent_path()); !made) return made;
+  if (const auto claimed = ClaimIpcPath(endpoint); !claimed) return claimed;
+  return router.Bind(endpoint);
+}
+
+Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, const std::string& secret_key) {
+  router.Set(ZMQ_CURVE_SERVER, 1);
+  router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
+  router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
+  // Neither one that says nothing nor one whose machine went away may be kept for ever.
+  router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMs);
+  router.Set(ZMQ_TCP_KEEPALIVE, 1);
+  router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAliveSeconds);
+  if (endpoint.find('[') != std::string::npos) router.Set(ZMQ_IPV6, 1);
+  const Result<std::string> numeric = NumericEndpoint(endpoint);
+  if (!numeric) return tl::unexpected(numeric.error());
+  return router.Bind(*numeric);
+}
 
 // What the client is told instead of a reply that it could not be sent.
 proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
@@ -37,10 +61,8 @@ proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::siz
 }  // namespace
 
 Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, WakeUp& wake_up, Options options) {
-  Check(options.endpoint.starts_with(kIpc), "clients come over ipc");
-  const std::filesystem::path path = options.endpoint.substr(std::string_view(kIpc).size());
-  if (const auto made = MakePrivateFolder(path.parent_path()); !made) return tl::unexpected(made.error());
-  if (const auto claimed = ClaimIpcPath(options.endpoint); !claimed) return tl::unexpected(claimed.error());
+  const bool is_ipc = options.endpoint.starts_with(kIpc);
+  Check(is_ipc == (options.identity_of == nullptr), "clients come over ipc, or with a key");
   Result<ZmqSocket> router = ZmqSocket::Make(context, ZMQ_ROUTER);
   if (!router) return tl::unexpected(router.error());
   // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
@@ -48,12 +70,17 @@ Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, 
   router->Set(ZMQ_RCVHWM, kQueueMessages);
   router->Set(ZMQ_SNDHWM, kQueueMessages);
   router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
-  if (const auto bound = router->Bind(options.endpoint); !bound) return tl::unexpected(bound.error());
+  const auto bound =
+      is_ipc ? ListenOnIpc(*router, options.endpoint) : ListenWithKeys(*router, options.endpoint, options.secret_key);
+  if (!bound) return tl::unexpected(bound.error());
   return std::unique_ptr<ClientDoor>(new ClientDoor(std::move(*router), wake_up, std::move(options)));
 }
 
 ClientDoor::ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options)
-    : options_(std::move(options)), router_(std::move(router)), wake_up_(wake_up), table_(kClientsMax) {}
+    : options_(std::move(options)),
+      router_(std::move(router)),
+      wake_up_(wake_up),
+      table_(kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
 
 SendResult ClientDoor::Send(const std::string& name, const proto::Message& message) {
   const std::optional<std::string> routing_id = table_.RoutingIdOf(name);
@@ -103,7 +130,10 @@ bool ClientDoor::Receive(const Transport::Deliver& deliver) {
 void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
   if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
   const std::string name = table_.NameOf(std::string(received.route.text()));
-  Result<OwnedMessage> message = ParseClientFrame(received.frame.text(), name, options_.self);
+  // Over ipc only this user comes.
+  ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
+  if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));
+  Result<OwnedMessage> message = ParseClientFrame(received.frame.text(), name, client, options_.self);
   if (!message) return log_.Warn("transport: a client " + message.error().text);
   deliver(std::move(*message));
 }

@@ -1,20 +1,24 @@
-// ClientDoor: the ROUTER at which an agent's clients ask and are answered, on ipc:// in a folder that only this user
-// can enter.
+// ClientDoor: a ROUTER at which an agent's clients ask and are answered: on ipc:// in a folder that only this user can
+// enter, where clients have all rights; or on tcp:// under CURVE, where a client has the rights that its key has at
+// each request.
 //
 // libzmq ends the process when a client connects and the process may open no more files, and cannot be told how many
-// clients to let in: the limit on open files has to be well above the number of clients.
+// clients to let in: the limit on open files has to be well above the number of clients, those that are still at their
+// handshake included: a client_address belongs on a network of one's own.
 //
 // Send: any thread. All else: the transport's thread.
 #pragma once
 
 #include <cstddef>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 
 #include "model/error.h"
 #include "runtime/client_table.h"
+#include "runtime/inbound.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/transport.h"
 #include "runtime/wake_up.h"
@@ -24,14 +28,19 @@ namespace moondb {
 
 class ClientDoor {
  public:
+  // Who comes with this key (Z85), at this moment.
+  using IdentityOf = std::function<ClientIdentity(const std::string& key)>;
+
   struct Options {
     AgentId self = 0;
-    std::string endpoint;               // ipc://...
+    std::string endpoint;               // ipc://..., or tcp:// and then with both of the next.
     std::size_t message_bytes_max = 0;  // Of requests and replies.
+    std::string secret_key;             // The agent's.
+    IdentityOf identity_of;
   };
 
-  // `wake_up` outlives the door. kUnavailable for an address in use, kInvalid for a folder that is not this user's
-  // alone (it is made if it is missing).
+  // `wake_up` outlives the door; of two doors of one agent one is keyed. kUnavailable for an address in use, kInvalid
+  // for a folder that is not this user's alone (it is made if it is missing).
   static Result<std::unique_ptr<ClientDoor>> Open(const ZmqContext& context, WakeUp& wake_up, Options options);
 
   // To the client that is named so (runtime/client_table.h). kUnreachable if it is not known; kFull if too much waits,
@@ -56,6 +65,7 @@ class ClientDoor {
   bool Receive(const Transport::Deliver& deliver);
   void OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver);
   void Flush();
+  bool is_keyed() const { return options_.identity_of != nullptr; }
 
   const Options options_;
   ZmqSocket router_;

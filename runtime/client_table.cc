@@ -13,7 +13,7 @@ std::string ClientTable::NameOf(const std::string& routing_id) {
     by_name_.erase(clients_.back().name);
     clients_.pop_back();
   }
-  clients_.push_front({routing_id, std::to_string(++named_)});
+  clients_.push_front({routing_id, prefix_ + std::to_string(++named_)});
   by_routing_id_[routing_id] = clients_.begin();
   by_name_[clients_.front().name] = clients_.begin();
   return clients_.front().name;

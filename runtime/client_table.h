@@ -9,12 +9,15 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace moondb {
 
 class ClientTable {
  public:
-  explicit ClientTable(std::size_t clients_max) : clients_max_(clients_max) {}
+  // `prefix` begins each name.
+  explicit ClientTable(std::size_t clients_max, std::string prefix = {})
+      : clients_max_(clients_max), prefix_(std::move(prefix)) {}
 
   // The name of the connection with this routing id, a new one ("1", "2", ...) if it is unknown.
   std::string NameOf(const std::string& routing_id);
@@ -32,6 +35,7 @@ class ClientTable {
   using Clients = std::list<Client>;
 
   const std::size_t clients_max_;
+  const std::string prefix_;
   mutable std::mutex mutex_;
   std::uint64_t named_ = 0;
   Clients clients_;  // The last heard first.

@@ -28,14 +28,18 @@ Result<std::string> ReadKey(const std::filesystem::path& path) {
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' ')) text.pop_back();
-  std::array<std::uint8_t, 32> bytes{};
-  if (text.size() != kKeyLength || zmq_z85_decode(bytes.data(), text.c_str()) == nullptr) {
+  if (!IsCurveKey(text)) {
     return Fail(ErrorCode::kInvalid, path.string() + ": not a key (one line of 40 characters in Z85)");
   }
   return text;
 }
 
 }  // namespace
+
+bool IsCurveKey(const std::string& text) {
+  std::array<std::uint8_t, 32> bytes{};
+  return text.size() == kKeyLength && zmq_z85_decode(bytes.data(), text.c_str()) != nullptr;
+}
 
 Result<CurveKeys> MakeCurveKeys() {
   std::array<char, kKeyLength + 1> public_key{};

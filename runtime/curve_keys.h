@@ -17,6 +17,9 @@ struct CurveKeys {
 // New ones, from the system's entropy. kInternal if libzmq was built without CURVE.
 Result<CurveKeys> MakeCurveKeys();
 
+// 40 characters in Z85.
+bool IsCurveKey(const std::string& text);
+
 // kInvalid: missing, not one key, or (secret) readable by others than its owner.
 Result<std::string> ReadPublicKey(const std::filesystem::path& path);
 Result<std::string> ReadSecretKey(const std::filesystem::path& path);

@@ -66,12 +66,15 @@ Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::op
     if (message->has_link_report() && !(messages.empty() && frame.empty())) {
       return Fail(ErrorCode::kCorrupt, "sent a report among other messages");
     }
+    message->clear_client_rights();
+    message->clear_client_name();
     messages.push_back(std::move(message));
   } while (!frame.empty());
   return messages;
 }
 
-Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string& connection, AgentId self) {
+Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string& connection,
+                                      const ClientIdentity& client, AgentId self) {
   OwnedMessage received;
   proto::Message& message = *received;
   if (const auto parsed = Parse(frame, &message); !parsed) return tl::unexpected(parsed.error());
@@ -81,6 +84,8 @@ Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string&
   message.set_source_actor(connection);
   message.set_destination_id(self);
   message.set_destination_actor(actor_name::kGateway);
+  message.set_client_rights(client.rights);
+  message.set_client_name(client.name);
   message.clear_term();
   message.clear_record_id();
   message.clear_sql();

@@ -1,13 +1,18 @@
 #include "runtime/log.h"
 
 #include <google/protobuf/stubs/logging.h>
+#include <spdlog/fmt/chrono.h>
+#include <spdlog/formatter.h>
 #include <spdlog/sinks/rotating_file_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include <chrono>
 #include <memory>
+#include <string_view>
 #include <vector>
 
+#include "model/json_text.h"
 #include "runtime/did_you_mean.h"
 
 namespace moondb {
@@ -15,10 +20,44 @@ namespace {
 
 constexpr std::size_t kFileBytesMax = 10 * 1024 * 1024;
 constexpr std::size_t kOldFilesMax = 3;
+constexpr char kNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789_-";
+
+// Takes the actor's or part's name off the front of `text`: of "lease: refused", "2/lease: refused" and, where the text
+// stays whole, "actor 2/lease failed"; empty if there is none.
+std::string_view TakeActor(std::string_view* text) {
+  constexpr std::string_view kActor = "actor ";
+  const bool is_in_sentence = text->starts_with(kActor);
+  std::string_view rest = *text;
+  if (is_in_sentence) rest.remove_prefix(kActor.size());
+  const std::size_t id_end = rest.find_first_not_of("0123456789");
+  if (id_end != 0 && id_end != std::string_view::npos && rest[id_end] == '/') rest.remove_prefix(id_end + 1);
+  const std::string_view name = rest.substr(0, rest.find_first_not_of(kNameLetters));
+  rest.remove_prefix(name.size());
+  if (!rest.starts_with(is_in_sentence ? " " : ": ")) return "";
+  if (!is_in_sentence) *text = rest.substr(2);
+  return name;
+}
+
+class JsonFormatter final : public spdlog::formatter {
+ public:
+  void format(const spdlog::details::log_msg& event, spdlog::memory_buf_t& line) override {
+    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(event.time.time_since_epoch()).count() % 1000;
+    std::string_view text(event.payload.data(), event.payload.size());
+    const std::string_view actor = TakeActor(&text);
+    fmt::format_to(std::back_inserter(line), R"({{"time":"{:%Y-%m-%dT%H:%M:%S}.{:03}Z","level":"{}","agent":{})",
+                   fmt::gmtime(std::chrono::system_clock::to_time_t(event.time)), ms,
+                   fmt::string_view(spdlog::level::to_string_view(event.level).data()),
+                   JsonString({event.logger_name.data(), event.logger_name.size()}));
+    if (!actor.empty()) fmt::format_to(std::back_inserter(line), R"(,"actor":{})", JsonString(actor));
+    fmt::format_to(std::back_inserter(line), ",\"text\":{}}}\n", JsonString(text));
+  }
+  std::unique_ptr<spdlog::formatter> clone() const override { return std::make_unique<JsonFormatter>(); }
+};
 
 }  // namespace
 
-Result<void> InitLog(const std::string& level, const std::string& agent_name, const std::string& file) {
+Result<void> InitLog(const std::string& level, const std::string& agent_name, const std::string& file,
+                     LogFormat format) {
   const std::vector<std::string> levels = {"trace", "debug", "info", "warning", "error", "critical", "off"};
   const spdlog::level::level_enum chosen = spdlog::level::from_str(level);
   // spdlog takes an unknown word for "off".
@@ -34,7 +73,11 @@ Result<void> InitLog(const std::string& level, const std::string& agent_name, co
       sinks.push_back(std::make_shared<spdlog::sinks::rotating_file_sink_mt>(file, kFileBytesMax, kOldFilesMax));
     }
     auto logger = std::make_shared<spdlog::logger>(agent_name, sinks.begin(), sinks.end());
-    logger->set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n %v", spdlog::pattern_time_type::utc);
+    if (format == LogFormat::kJson) {
+      logger->set_formatter(std::make_unique<JsonFormatter>());
+    } else {
+      logger->set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n %v", spdlog::pattern_time_type::utc);
+    }
     logger->set_level(chosen);
     logger->flush_on(spdlog::level::trace);  // Events are rare, and a crash must not swallow the last ones.
     spdlog::set_default_logger(std::move(logger));

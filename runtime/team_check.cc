@@ -27,15 +27,9 @@ std::string Number(double value) {
   return text;
 }
 
-bool IsName(const std::string& name) {
-  return !name.empty() && name.size() <= kNameLengthMax && std::all_of(name.begin(), name.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
-  });
-}
-
 // Of a custom type: it stands beside the built-in ones' names in commands and JSON.
 bool IsTypeName(const std::string& name) {
-  return IsName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
+  return IsPlainName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
 }
 
 bool IsHost(const std::string& host) {
@@ -49,8 +43,8 @@ bool IsHost(const std::string& host) {
          std::all_of(host.begin(), host.end(), is_host_character);
 }
 
-// Empty if `address` can be listened on and connected to.
-std::string WhyNoAddress(const std::string& address) {
+// Empty if `address` can be listened on and connected to; `who` does the latter.
+std::string WhyNoAddress(const std::string& address, const std::string& who) {
   if (address.rfind("ipc://", 0) == 0) {
     const std::string path = address.substr(6);
     if (path.empty() || path.front() != '/') return "expected an absolute path after ipc://";
@@ -63,7 +57,7 @@ std::string WhyNoAddress(const std::string& address) {
   }
   const std::string host = address.substr(6, colon - 6);
   if (host == "0.0.0.0" || host == "[::]" || host == "*") {
-    return "other agents connect to this address, so it cannot be " + Quoted(host);
+    return who + " connect to this address, so it cannot be " + Quoted(host);
   }
   if (!IsHost(host)) return "expected a host's name or number, got " + Quoted(host);
   int port = 0;
@@ -81,7 +75,7 @@ class Checker {
       : team_(team), places_(places), errors_(*errors) {}
 
   void Check() {
-    if (Require("team") && !IsName(team_.team())) Add("team", kNameRule + Quoted(team_.team()));
+    if (Require("team") && !IsPlainName(team_.team())) Add("team", kPlainNameRule + Quoted(team_.team()));
     CheckAgentCount();
     for (int i = 0; i < team_.agents_size(); ++i) CheckAgent(i);
     CheckDuplicates();
@@ -104,8 +98,6 @@ class Checker {
   }
 
  private:
-  static constexpr char kNameRule[] = "expected at most 32 lower-case letters, digits, - and _, got ";
-
   bool IsGiven(const std::string& field) const { return places_.count(field) > 0; }
 
   void Add(const std::string& field, const std::string& text) { errors_.Add(PlaceOf(places_, field), field, text); }
@@ -163,10 +155,13 @@ class Checker {
     const proto::AgentConfig& agent = team_.agents(index);
     const std::string path = AgentPath(index);
     if (Require(path + ".id")) CheckRange(path + ".id", agent.id(), 1, kAgentIdMax);
-    if (Require(path + ".name") && !IsName(agent.name())) Add(path + ".name", kNameRule + Quoted(agent.name()));
+    if (Require(path + ".name") && !IsPlainName(agent.name()))
+      Add(path + ".name", kPlainNameRule + Quoted(agent.name()));
     if (Require(path + ".address")) {
-      if (const std::string why = WhyNoAddress(agent.address()); !why.empty()) Add(path + ".address", why);
+      if (const std::string why = WhyNoAddress(agent.address(), "other agents"); !why.empty())
+        Add(path + ".address", why);
     }
+    CheckClientAddress(agent, path + ".client_address");
     if (!team_.insecure() && !IsGiven(path + ".key")) {
       Add(path + ".key", "missing: the file of the agent's public key (or `insecure: true` for the team)");
     }
@@ -174,6 +169,15 @@ class Checker {
     if (agent.key().ends_with(".sec")) Add(path + ".key", "expected the public key's file, not the secret's");
     CheckNumbers(path + ".antenna_m", agent.antenna_m(), "3 numbers (x, y, z)", 3, -100, 100);
     CheckPlace(agent, path);
+  }
+
+  void CheckClientAddress(const proto::AgentConfig& agent, const std::string& field) {
+    if (!IsGiven(field) || errors_.Has(field)) return;
+    if (!agent.client_address().starts_with("tcp://")) {
+      return Add(field, "expected tcp://HOST:PORT, got " + Quoted(agent.client_address()));
+    }
+    if (const std::string why = WhyNoAddress(agent.client_address(), "clients"); !why.empty()) return Add(field, why);
+    if (team_.insecure()) Add(field, "needs keys, which `insecure: true` does without");
   }
 
   // Rovers start somewhere, base stations are somewhere.
@@ -203,6 +207,20 @@ class Checker {
     check("name", [](const proto::AgentConfig& agent) { return agent.name(); });
     check("address", [](const proto::AgentConfig& agent) { return agent.address(); });
     check("key", [](const proto::AgentConfig& agent) { return agent.key(); });
+    check("client_address", [](const proto::AgentConfig& agent) { return agent.client_address(); });
+    CheckClientAddressesAreOthers();
+  }
+
+  // Than the addresses at which agents hear each other.
+  void CheckClientAddressesAreOthers() {
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      const std::string field = AgentPath(i) + ".client_address";
+      if (!IsGiven(field) || errors_.Has(field)) continue;
+      for (int j = 0; j < team_.agents_size(); ++j) {
+        if (team_.agents(i).client_address() != team_.agents(j).address()) continue;
+        Add(field, team_.agents(i).client_address() + " is already that of " + AgentPath(j));
+      }
+    }
   }
 
   // No two elements of `list` may have the same value of `field`.
@@ -331,6 +349,12 @@ void FillZeros(google::protobuf::RepeatedField<double>* numbers) {
 }
 
 }  // namespace
+
+bool IsPlainName(const std::string& name) {
+  return !name.empty() && name.size() <= kNameLengthMax && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+  });
+}
 
 void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors) {
   Checker(team, places, errors).Check();

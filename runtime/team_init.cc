@@ -19,7 +19,9 @@ constexpr char kHead[] =
     "# Lengths are metres, angles radians; what is left out has its default.\n";
 
 constexpr char kKeyNote[] =
-    "# key: the file of the agent's public key, which every agent needs; its secret NAME.sec stays on its agent.\n";
+    "# key: the file of the agent's public key, which every agent needs; its secret NAME.sec stays on its agent.\n"
+    "# client_address: \"tcp://HOST:PORT\", where clients from elsewhere are let in (`moonctl clients`); none by "
+    "default.\n";
 
 constexpr char kTail[] =
     R"(
@@ -74,6 +76,7 @@ std::string AgentText(const proto::AgentConfig& agent) {
   add("address", "\"" + agent.address() + "\"");
   if (is_base) add("kind", "base_station");
   if (!agent.key().empty()) add("key", "\"" + agent.key() + "\"");
+  if (!agent.client_address().empty()) add("client_address", "\"" + agent.client_address() + "\"");
   if (is_base) add("position_m", List(agent.position_m()));
   if (agent.has_start()) add("start", StartText(agent.start()));
   if (!agent.antenna_m().empty()) add("antenna_m", List(agent.antenna_m()));

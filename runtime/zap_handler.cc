@@ -24,14 +24,15 @@ Result<ZapHandler> ZapHandler::Make(const ZmqContext& context, std::map<std::str
 
 void ZapHandler::OnReadable() {
   for (std::vector<ZmqFrame> request; socket_.Receive(&request);) {
-    const std::optional<AgentId> agent = AgentOf(request);
-    if (!agent) ++refused_;
+    const std::optional<std::string> user = UserOf(request);
+    const bool is_client = request.size() > kDomain && request[kDomain].text() == kClientDomain;
+    if (!user) ++(is_client ? refused_clients_ : refused_agents_);
     const std::array<std::string, 6> reply = {
         "1.0",
         std::string(request.size() > kRequestId ? request[kRequestId].text() : ""),
-        agent ? "200" : "400",
-        agent ? "OK" : "no agent of the team has this key",
-        agent ? std::to_string(*agent) : "",
+        user ? "200" : "400",
+        user ? "OK" : "this key is not known here",
+        user.value_or(""),
         /*metadata=*/""};
     for (std::size_t i = 0; i < reply.size(); ++i) {
       ZmqFrame frame(reply[i]);
@@ -40,7 +41,7 @@ void ZapHandler::OnReadable() {
   }
 }
 
-std::optional<AgentId> ZapHandler::AgentOf(const std::vector<ZmqFrame>& request) const {
+std::optional<std::string> ZapHandler::UserOf(const std::vector<ZmqFrame>& request) const {
   if (request.size() != kPartCount || request[kVersion].text() != "1.0" || request[kMechanism].text() != "CURVE") {
     return std::nullopt;
   }
@@ -48,8 +49,11 @@ std::optional<AgentId> ZapHandler::AgentOf(const std::vector<ZmqFrame>& request)
   const std::string_view key = request[kKey].text();
   if (key.size() != 32) return std::nullopt;
   zmq_z85_encode(text.data(), reinterpret_cast<const std::uint8_t*>(key.data()), key.size());
+  if (request[kDomain].text() == kClientDomain) {
+    return is_client_ && is_client_(text.data()) ? std::optional<std::string>(text.data()) : std::nullopt;
+  }
   const auto agent = agents_.find(text.data());
-  return agent == agents_.end() ? std::nullopt : std::optional(agent->second);
+  return agent == agents_.end() ? std::nullopt : std::optional(std::to_string(agent->second));
 }
 
 AgentId AgentOfUserId(std::string_view user_id) {

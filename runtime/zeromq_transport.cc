@@ -15,6 +15,7 @@
 
 #include "model/check.h"
 #include "runtime/client_door.h"
+#include "runtime/client_list.h"
 #include "runtime/inbound.h"
 #include "runtime/listen_address.h"
 #include "runtime/peer_link.h"
@@ -72,6 +73,7 @@ class ZeroMqTransport::Impl {
     if (const auto opened = OpenZapHandler(); !opened) return opened;
     if (const auto opened = OpenRouter(); !opened) return opened;
     if (const auto opened = OpenClients(); !opened) return opened;
+    if (const auto opened = OpenKeyedClients(); !opened) return opened;
     if (const auto opened = OpenPeers(); !opened) return opened;
     thread_ = std::thread([this] { Run(); });
     return {};
@@ -79,7 +81,13 @@ class ZeroMqTransport::Impl {
 
   SendResult Send(const Address& to, const proto::Message& message) {
     Check(!message.has_link_report(), "only transports send link reports");
-    if (to.agent == kClients) return clients_ ? clients_->Send(to.actor, message) : SendResult::kUnreachable;
+    if (to.agent == kClients) {
+      SendResult sent = SendResult::kUnreachable;  // By a door that does not know the client.
+      for (const auto& door : doors_) {
+        if (sent == SendResult::kUnreachable) sent = door->Send(to.actor, message);
+      }
+      return sent;
+    }
     const auto peer = peers_.find(to.agent);
     return peer == peers_.end() ? SendResult::kNoPeer : peer->second->Send(message);
   }
@@ -89,6 +97,8 @@ class ZeroMqTransport::Impl {
     for (const auto& [id, peer] : peers_) statuses.push_back(peer->Status());
     return statuses;
   }
+
+  double refused_clients() const { return static_cast<double>(refused_clients_.load()); }
 
  private:
   Result<void> OpenZapHandler() {
@@ -113,7 +123,7 @@ class ZeroMqTransport::Impl {
     if (keys_) {
       router->Set(ZMQ_CURVE_SERVER, 1);
       router->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
-      router->Set(ZMQ_ZAP_DOMAIN, "moondb");
+      router->Set(ZMQ_ZAP_DOMAIN, ZapHandler::kAgentDomain);
     }
     const std::string& address = FindAgent(team_, options_.self)->address();
     if (address.find('[') != std::string::npos) router->Set(ZMQ_IPV6, 1);
@@ -130,10 +140,35 @@ class ZeroMqTransport::Impl {
     ClientDoor::Options options;
     options.self = options_.self;
     options.endpoint = options_.client_endpoint;
+    return OpenDoor(std::move(options));
+  }
+
+  Result<void> OpenKeyedClients() {
+    const std::string& address = FindAgent(team_, options_.self)->client_address();
+    if (address.empty()) return {};
+    Check(keys_.has_value(), "a team without keys has no client_address");
+    Result<ClientKeys> client_keys = ClientKeys::Open(options_.clients_file, std::chrono::steady_clock::now());
+    if (!client_keys) return tl::unexpected(client_keys.error());
+    client_keys_ = std::move(*client_keys);
+    zap_handler_->LetClientsIn([this](const std::string& key) {
+      return client_keys_->Find(key, std::chrono::steady_clock::now()).has_value();
+    });
+    ClientDoor::Options options;
+    options.self = options_.self;
+    options.endpoint = address;
+    options.secret_key = keys_->own.secret_key;
+    options.identity_of = [this](const std::string& key) {
+      const auto client = client_keys_->Find(key, std::chrono::steady_clock::now());
+      return client ? ClientIdentity{client->rights(), client->name()} : ClientIdentity();
+    };
+    return OpenDoor(std::move(options));
+  }
+
+  Result<void> OpenDoor(ClientDoor::Options options) {
     options.message_bytes_max = options_.message_bytes_max;
     Result<std::unique_ptr<ClientDoor>> door = ClientDoor::Open(context_, wake_up_, std::move(options));
     if (!door) return tl::unexpected(door.error());
-    clients_ = std::move(*door);
+    doors_.push_back(std::move(*door));
     return {};
   }
 
@@ -166,7 +201,7 @@ class ZeroMqTransport::Impl {
       Sleep();
       if (zap_handler_) OnHandshakes();
       has_more_ = ReceiveFromPeers();
-      if (clients_) has_more_ = clients_->Work(deliver_) || has_more_;
+      for (const auto& door : doors_) has_more_ = door->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
       for (const auto& [id, peer] : peers_) peer->Work(now, peer_changed_);
     }
@@ -180,9 +215,9 @@ class ZeroMqTransport::Impl {
     wake_up_.IsLooking();
     MonotonicTime deadline = MonotonicTime::max();
     for (const auto& [id, peer] : peers_) deadline = std::min(deadline, peer->deadline());
-    if (has_more_ || is_stopping_ || (clients_ && clients_->has_replies())) {
-      deadline = MonotonicTime::min();
-    }
+    const bool has_replies =
+        std::any_of(doors_.begin(), doors_.end(), [](const auto& door) { return door->has_replies(); });
+    if (has_more_ || is_stopping_ || has_replies) deadline = MonotonicTime::min();
     wake_up_.SleepsUntil(deadline);
     CollectFiles();
     const timespec timeout = TimeUntil(deadline);
@@ -218,20 +253,24 @@ class ZeroMqTransport::Impl {
     add(wake_up_.file());
     add(router_->file());
     add(zap_handler_ ? zap_handler_->file() : -1);
-    add(clients_ ? clients_->file() : -1);
+    for (std::size_t i = 0; i < kDoorsMax; ++i) add(i < doors_.size() ? doors_[i]->file() : -1);
     for (const auto& [id, peer] : peers_) {
       add(peer->socket_file());
       add(peer->monitor_file());
     }
   }
   static constexpr std::size_t kRouterFile = 1;
-  static constexpr std::size_t kOtherFiles = 4;  // Before those of peers.
+  static constexpr std::size_t kDoorsMax = 2;
+  static constexpr std::size_t kOtherFiles = 3 + kDoorsMax;  // Before those of peers.
 
   void OnHandshakes() {
-    const std::uint64_t refused_before = zap_handler_->refused();
+    const std::uint64_t refused_before = zap_handler_->refused_agents();
     zap_handler_->OnReadable();
-    if (zap_handler_->refused() > refused_before) {
+    if (zap_handler_->refused_agents() > refused_before) {
       refused_log_.Warn("transport: refused a connection whose key is not of this team");
+    }
+    if (refused_clients_.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
+      refused_client_log_.Warn("transport: refused a client whose key is not listed");
     }
   }
 
@@ -290,13 +329,16 @@ class ZeroMqTransport::Impl {
   WakeUp wake_up_;
   std::optional<ZapHandler> zap_handler_;
   std::optional<ZmqSocket> router_;
-  std::unique_ptr<ClientDoor> clients_;
+  std::optional<ClientKeys> client_keys_;
+  std::vector<std::unique_ptr<ClientDoor>> doors_;
   std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
 
   std::vector<pollfd> files_;
   bool is_busy_ = false;   // Peers sent something just now.
   bool has_more_ = false;  // A socket was not read from until nothing waits.
+  std::atomic<std::uint64_t> refused_clients_ = 0;
   RateLimitedLog refused_log_;
+  RateLimitedLog refused_client_log_;
   RateLimitedLog rejected_log_;
 
   std::atomic<bool> is_stopping_{false};
@@ -318,5 +360,7 @@ ZeroMqTransport::~ZeroMqTransport() = default;
 SendResult ZeroMqTransport::Send(const Address& to, const proto::Message& message) { return impl_->Send(to, message); }
 
 std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
+
+double ZeroMqTransport::refused_clients() const { return impl_->refused_clients(); }
 
 }  // namespace moondb

@@ -1,6 +1,9 @@
 #include "actors/gateway/command_text.h"
 
+#include <cmath>
+
 #include "model/agent_name.h"
+#include "model/leases.h"
 
 namespace moondb {
 
@@ -32,6 +35,13 @@ std::string DownlinkText(const proto::DownlinkRequest& downlink) {
   return downlink.bytes_max() == 0 ? "" : "downlink of " + std::to_string(downlink.bytes_max()) + " B";
 }
 
+// Driving and sleeping are told many times a minute by robots' software. LeaseActor refuses what is out of bounds.
+std::string LeaseText(const proto::LeaseRequest& lease) {
+  if (lease.kind() != proto::LEASE_KIND_PAUSED || !CheckLeaseSeconds(lease.seconds(), "")) return "";
+  if (lease.seconds() == 0) return "sync resume";
+  return "sync pause for " + std::to_string(static_cast<int>(std::ceil(lease.seconds()))) + " s";
+}
+
 }  // namespace
 
 std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request) {
@@ -44,6 +54,8 @@ std::string CommandText(const proto::TeamConfig& team, const proto::ControlReque
       return OptimizeText(request.optimize());
     case proto::ControlRequest::kDownlink:
       return DownlinkText(request.downlink());
+    case proto::ControlRequest::kLease:
+      return LeaseText(request.lease());
     case proto::ControlRequest::kStop:
       return "stop";
     default:

@@ -9,7 +9,7 @@
 namespace moondb {
 
 // "role set: leader rover2 (sun is low)". Empty for questions, and for what is told many times a minute by robots'
-// software or writes its own record: insert, and a lease that is renewed as it was.
+// software or writes its own record: insert, and that a robot drives or sleeps.
 std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request);
 
 }  // namespace moondb

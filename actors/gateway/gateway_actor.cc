@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "actors/gateway/client_rights.h"
 #include "actors/gateway/command_text.h"
 #include "actors/gateway/request_check.h"
 #include "model/agent_name.h"
@@ -13,7 +14,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2 };
+enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2, kCommandPeriod = 3 };
 
 constexpr std::size_t kShortBytes = 4096;  // As a control message it delays others by 32 ms at 1 Mbit/s.
 
@@ -48,6 +49,15 @@ void LetOthersGoFirst(proto::Message& message) {
   message.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
 }
 
+// A full disk does not keep anybody from changing roles.
+void Write(Context& context, AgentId self, const std::string& text, const std::string& by) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_insert_request()->add_records() =
+      MakeEvent(proto::EVENT_KIND_COMMAND, text, by, context.utc_now_ns());
+  (void)context.Send({self, actor_name::kStorage}, std::move(message));
+}
+
 }  // namespace
 
 void GatewayActor::OnStart(Context& context) {
@@ -68,6 +78,11 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
         OnPeerLost(context, static_cast<AgentId>(message.peer_event().peer()));
       }
       return;
+    case proto::Message::kRecordsStored:
+      if (context.sender() == Address{options_.self, actor_name::kStorage}) {
+        OnRecordsStored(context, message.records_stored());
+      }
+      return;
     default:
       return OnAnswer(context, message);
   }
@@ -75,7 +90,20 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
 
 void GatewayActor::OnControlRequest(Context& context, const proto::Message& message) {
   const Address client = context.sender();
-  const proto::ControlRequest& request = message.control_request();
+  if (client.agent != kClients) return OnCheckedRequest(context, message, message.control_request());
+  if (auto allowed = CheckClientRights(message); !allowed) {
+    ++refused_requests_;
+    return Answer(context, client, message.request_id(), ErrorReply(allowed.error()));
+  }
+  if (message.client_name().empty()) return OnCheckedRequest(context, message, message.control_request());
+  proto::ControlRequest request = message.control_request();
+  request.set_by(message.client_name() + " (key)");
+  OnCheckedRequest(context, message, request);
+}
+
+void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& message,
+                                    const proto::ControlRequest& request) {
+  const Address client = context.sender();
   const bool is_for_self = request.for_agent() == options_.self || (request.for_agent() == 0 && !IsPeer(client.agent));
   if (IsPeer(client.agent) && !is_for_self) {
     const Error error{ErrorCode::kRefused, "another agent's request must be for this agent", "for_agent"};
@@ -99,13 +127,27 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
     return Answer(context, client, message.request_id(), ErrorReply(error));
   }
 
+  const bool is_feed = is_for_self && request.read().wait_s() > 0;
+  const auto feeds =
+      std::count_if(pending_.begin(), pending_.end(), [](const auto& entry) { return entry.second.feed; });
+  if (is_feed && static_cast<std::size_t>(feeds) >= options_.feeds_max) {
+    const Error error{ErrorCode::kFull, "too many reads wait for something to be stored; try again later", {}};
+    return Answer(context, client, message.request_id(), ErrorReply(error));
+  }
+
   if (is_for_self) WriteDown(context, request);
   const std::uint64_t id = next_id_++;
-  Pending pending{client, message.request_id(), 0, {}, {}, 0};
+  Pending pending{client, message.request_id(), 0, {}, {}, 0, {}, false};
   const Result<void> forwarded =
       is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
-  pending.timer = context.AfterTimer(TakesLong(request) ? options_.long_timeout : options_.timeout, kTimeOut, id);
+  Duration timeout = TakesLong(request) ? options_.long_timeout : options_.timeout;
+  if (is_feed) {
+    pending.feed = request.read();
+    BoundPage(*pending.feed, IsPeer(client.agent));
+    timeout = std::chrono::duration_cast<Duration>(std::chrono::duration<double>(request.read().wait_s()));
+  }
+  pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
 }
 
@@ -115,12 +157,23 @@ void GatewayActor::WriteDown(Context& context, const proto::ControlRequest& requ
   if (text.empty()) return;
   const std::string through =
       IsPeer(context.sender().agent) ? ", through " + AgentName(options_.team, context.sender().agent) : "";
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  *message.mutable_insert_request()->add_records() =
-      MakeEvent(proto::EVENT_KIND_COMMAND, text + through, request.by(), context.utc_now_ns());
-  // A full disk does not keep anybody from changing roles.
-  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
+  Commands& commands = commands_[request.request_case()];
+  if (commands.written >= options_.commands_max) {
+    ++commands.left_out;
+    commands.last_text = text + through;
+    commands.last_by = request.by();
+    return;
+  }
+  if (commands.written++ == 0) {
+    context.AfterTimer(options_.command_period, kCommandPeriod, static_cast<std::uint64_t>(request.request_case()));
+  }
+  Write(context, options_.self, text + through, request.by());
+}
+
+void GatewayActor::WriteDownLeftOut(Context& context, const Commands& commands) {
+  if (commands.left_out == 0) return;
+  Write(context, options_.self, commands.last_text + ": the last of " + std::to_string(commands.left_out) + " more",
+        commands.last_by);
 }
 
 void GatewayActor::OnStop(Context& context, const proto::Message& message) {
@@ -274,7 +327,46 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
     const Error error{ErrorCode::kInternal, context.sender().actor + " gave an answer of another kind", {}};
     *pending.reply.mutable_error() = ToProto(error);
   }
-  if (pending.waiting_for.empty()) Finish(context, found->first);
+  if (pending.waiting_for.empty() && !KeepsWaiting(context, found->first, pending)) Finish(context, found->first);
+}
+
+bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pending) {
+  const bool is_empty = pending.reply.read().records().empty() && !pending.reply.has_error();
+  if (!pending.feed || !is_empty) return false;
+  if (pending.is_stale) AskFeed(context, id, pending);
+  return !pending.reply.has_error();
+}
+
+void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending) {
+  pending.is_stale = false;
+  proto::Message message;
+  *message.mutable_read_request() = *pending.feed;
+  const auto asked = Ask(context, actor_name::kStorage, std::move(message), id, pending);
+  if (!asked) *pending.reply.mutable_error() = ToProto(asked.error());
+}
+
+void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  std::vector<std::uint64_t> failed;
+  for (auto& [id, pending] : pending_) {
+    if (!pending.feed) continue;
+    const auto& wanted = pending.feed->data_types();
+    const bool is_wanted =
+        wanted.empty() || std::find_first_of(wanted.begin(), wanted.end(), stored.data_types().begin(),
+                                             stored.data_types().end()) != wanted.end();
+    if (!is_wanted) continue;
+    pending.is_stale = true;
+    if (!pending.waiting_for.empty()) continue;  // Asked again when that answer is there.
+    AskFeed(context, id, pending);
+    if (pending.reply.has_error()) failed.push_back(id);
+  }
+  for (const std::uint64_t id : failed) Finish(context, id);
+}
+
+bool GatewayActor::EndsFeed(Context& context, std::uint64_t id, Pending& pending) {
+  pending.feed.reset();
+  if (pending.waiting_for.empty()) return true;
+  pending.timer = context.AfterTimer(options_.timeout, kTimeOut, id);
+  return false;
 }
 
 bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& reply) const {
@@ -358,9 +450,17 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
 
 void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kStopNow) return context.RequestStop();
+  if (timer.kind() == kCommandPeriod) {
+    const auto kind = static_cast<proto::ControlRequest::RequestCase>(timer.value());
+    return WriteDownLeftOut(context, std::exchange(commands_[kind], {}));
+  }
   const auto found = pending_.find(timer.value());
   if (found == pending_.end()) return;
-  const Pending& pending = found->second;
+  Pending& pending = found->second;
+  if (pending.feed) {
+    if (EndsFeed(context, found->first, pending)) Finish(context, found->first);
+    return;
+  }
   const std::string who =
       pending.relayed_to != 0 ? AgentName(options_.team, pending.relayed_to) : Names(pending.waiting_for);
   *found->second.reply.mutable_error() = ToProto(Error{ErrorCode::kTimedOut, who + " did not answer in time", {}});
@@ -388,6 +488,7 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
   if (options_.merge_backend) status.set_merge_backend(options_.merge_backend());
   status.set_version(options_.version);
   status.set_pid(options_.pid);
+  status.set_refused_clients(refused_requests_ + (options_.refused_handshakes ? options_.refused_handshakes() : 0));
 
   const SystemStatus system = context.GetSystemStatus();
   status.set_uptime_s(std::chrono::duration<double>(system.uptime).count());

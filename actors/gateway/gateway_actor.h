@@ -10,7 +10,16 @@
 // hold each other's keys); no request travels further than from one agent to another. What is short goes in the
 // control class; what is longer waits behind everything that is shared, and nothing is longer than `relay_bytes_max`.
 //
+// A client that came with a key may ask what its rights allow (actors/gateway/client_rights.h), here and of other
+// agents through here; kRefused for the rest.
+//
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
+// Who it was, a client with a key does not say itself: its key's name stands there. Of one kind of command at most
+// `commands_max` in a period are written down, and then how many more there were: a program does not flood the story.
+//
+// A read with wait_s is a feed: where nothing is there yet it is kept here, and asked again when StorageActor says that
+// something of its types was stored, until the time is up; then its answer is an empty page. Nothing is queued for a
+// client: one that is slow asks later.
 //
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
 // kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one), kFull
@@ -22,6 +31,7 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -38,9 +48,13 @@ class GatewayActor final : public Actor {
     std::string version;                         // Shown in status.
     std::uint32_t pid = 0;                       // Likewise.
     std::function<std::string()> merge_backend;  // Likewise: "cpu" or "gl"; asked at each status, on any thread.
+    std::function<double()> refused_handshakes;  // Likewise: of clients with unknown keys.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
+    std::size_t feeds_max = 32;                // Of these, reads that wait for something to be stored.
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
+    int commands_max = 20;
+    Duration command_period = std::chrono::minutes(1);
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
     Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.
@@ -60,16 +74,34 @@ class GatewayActor final : public Actor {
     std::set<std::string> waiting_for;  // Names of actors.
     proto::ControlReply reply;          // As far as it is known.
     TimerId timer = 0;
+    std::optional<proto::ReadRequest> feed;  // Waits, or is being asked anew.
+    bool is_stale = false;                   // Something was stored since the feed was asked.
+  };
+
+  // Commands of one kind in the present period.
+  struct Commands {
+    int written = 0;
+    int left_out = 0;
+    std::string last_text;  // Of those left out.
+    std::string last_by;
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);
+  void OnCheckedRequest(Context& context, const proto::Message& message, const proto::ControlRequest& request);
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnPeerLost(Context& context, AgentId peer);
+  void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
+  // The answer of storage was empty: true if the feed goes on waiting, or asks again.
+  bool KeepsWaiting(Context& context, std::uint64_t id, Pending& pending);
+  void AskFeed(Context& context, std::uint64_t id, Pending& pending);
+  // True if it has come to its end, with an empty page; else storage's answer, under way now, is its last.
+  bool EndsFeed(Context& context, std::uint64_t id, Pending& pending);
 
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
   void WriteDown(Context& context, const proto::ControlRequest& request);
+  void WriteDownLeftOut(Context& context, const Commands& commands);
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
   Result<void> Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
@@ -84,6 +116,8 @@ class GatewayActor final : public Actor {
   Options options_;
   std::map<std::uint64_t, Pending> pending_;  // By own request id.
   std::uint64_t next_id_ = 1;
+  std::map<proto::ControlRequest::RequestCase, Commands> commands_;
+  double refused_requests_ = 0;  // For want of rights.
 };
 
 }  // namespace moondb

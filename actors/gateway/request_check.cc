@@ -76,6 +76,12 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
   if (read.origin_agents_size() > kFilterEntriesMax) {
     return Fail(ErrorCode::kInvalid, "too many agents", "read.origin_agents");
   }
+  if (!(read.wait_s() >= 0 && read.wait_s() <= kReadWaitMax_s)) {
+    return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "read.wait_s");
+  }
+  if (read.wait_s() > 0 && read.is_newest_first()) {
+    return Fail(ErrorCode::kInvalid, "is for what comes behind after_row_id, not for the newest first", "read.wait_s");
+  }
   return {};
 }
 

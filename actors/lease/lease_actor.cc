@@ -18,7 +18,8 @@ constexpr std::uint64_t kNumbersOfOneLife = 1 << 20;
 
 Result<void> Check(const proto::LeaseAnnounce& announce) {
   if (auto checked = CheckLeaseSeconds(announce.driving_s(), "driving_s"); !checked) return checked;
-  return CheckLeaseSeconds(announce.sleeping_s(), "sleeping_s");
+  if (auto checked = CheckLeaseSeconds(announce.sleeping_s(), "sleeping_s"); !checked) return checked;
+  return CheckLeaseSeconds(announce.paused_s(), "paused_s");
 }
 
 }  // namespace
@@ -102,8 +103,11 @@ Result<void> LeaseActor::Take(Context& context, const proto::LeaseRequest& reque
     case proto::LEASE_KIND_SLEEPING:
       lease.set_sleeping_s(request.seconds());
       break;
+    case proto::LEASE_KIND_PAUSED:
+      lease.set_paused_s(request.seconds());
+      break;
     default:
-      return Fail(ErrorCode::kInvalid, "must be driving or sleeping", "lease.kind");
+      return Fail(ErrorCode::kInvalid, "must be driving, sleeping or paused", "lease.kind");
   }
   leases_.Set(lease, context.now());
   return {};
@@ -131,6 +135,7 @@ void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::Le
     lease.set_agent_id(from);
     lease.set_driving_s(announce.driving_s());
     lease.set_sleeping_s(announce.sleeping_s());
+    lease.set_paused_s(announce.paused_s());
     leases_.Set(lease, context.now());
     OnChange(context);
   }
@@ -149,6 +154,7 @@ void LeaseActor::Announce(Context& context, AgentId to, bool is_reply) {
   announce.set_number(number_);
   announce.set_driving_s(lease.driving_s());
   announce.set_sleeping_s(lease.sleeping_s());
+  announce.set_paused_s(lease.paused_s());
   announce.set_known_number(peers_[to].heard.value_or(0));
   announce.set_is_reply(is_reply);
   (void)context.Send({to, actor_name::kLease}, std::move(message));  // Told again until it is known there.

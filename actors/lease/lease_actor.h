@@ -1,4 +1,4 @@
-// LeaseActor ("lease"): knows who of the team drives or sleeps, and for how long still (model/leases.h).
+// LeaseActor ("lease"): knows who of the team drives, sleeps or is paused, and for how long still (model/leases.h).
 //
 // This agent's own leases come by LeaseRequest from its own actors (clients' through the gateway), answered with a
 // LeaseReply; an error, kInvalid, names the field. They are announced to every other agent's LeaseActor at once, when
@@ -7,8 +7,8 @@
 // alone.
 //
 // Tells this agent's other actors by LeasesChanged, at each change and lapse (again to one whose mailbox is full), and
-// answers a LeaseShowRequest with it. Nothing is stored: a restarted agent neither drives nor sleeps until its robot
-// says so again, and hears from the others what they do.
+// answers a LeaseShowRequest with it. Nothing is stored: a restarted agent neither drives nor sleeps nor is paused
+// until it is told so again, and hears from the others what they do.
 #pragma once
 
 #include <map>

@@ -102,7 +102,8 @@ void FailoverActor::OnTimer(Context& context, std::uint64_t count) {
 bool FailoverActor::IsLeaderMissed(Context& context) const {
   return options_.team.roles().failover() == proto::FAILOVER_AUTOMATIC && roles_.survivor() == options_.self &&
          known_.contains(roles_.leader()) && !connected_.contains(roles_.leader()) &&
-         leases_.IsOpen(options_.self, roles_.leader(), context.now()) && ReachesAnyOther();
+         !leases_.MayBeSilent(options_.self, context.now()) && !leases_.MayBeSilent(roles_.leader(), context.now()) &&
+         ReachesAnyOther();
 }
 
 bool FailoverActor::ReachesAnyOther() const {

@@ -1,34 +1,11 @@
 #include "apps/common/json_writer.h"
 
 #include <cmath>
-#include <cstdio>
 
+#include "model/json_text.h"
 #include "model/text.h"
 
 namespace moondb {
-namespace {
-
-void AppendEscaped(std::string_view text, std::string& out) {
-  while (!text.empty()) {
-    const std::size_t length = Utf8CharacterBytes(text);
-    const char c = text[0];
-    if (length == 0) {
-      out += "\xEF\xBF\xBD";
-    } else if (c == '"' || c == '\\') {
-      out += '\\';
-      out += c;
-    } else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7F) {
-      char escape[8];
-      std::snprintf(escape, sizeof(escape), "\\u%04x", static_cast<unsigned>(c));
-      out += escape;
-    } else {
-      out += text.substr(0, length);
-    }
-    text.remove_prefix(length == 0 ? 1 : length);
-  }
-}
-
-}  // namespace
 
 void JsonWriter::Separate() {
   if (is_comma_due_) text_ += ',';
@@ -57,9 +34,7 @@ JsonWriter& JsonWriter::Key(std::string_view key) {
 
 JsonWriter& JsonWriter::String(std::string_view text) {
   Separate();
-  text_ += '"';
-  AppendEscaped(text, text_);
-  text_ += '"';
+  text_ += JsonString(text);
   return *this;
 }
 

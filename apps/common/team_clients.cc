@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "model/term.h"
+#include "runtime/curve_keys.h"
 #include "runtime/did_you_mean.h"
 
 namespace moondb {
@@ -10,6 +11,19 @@ namespace {
 
 constexpr std::size_t kBatchRecordsMax = 512;
 constexpr std::size_t kBatchBytesMax = 2'000'000;
+
+// Where clients with keys are let in, and the key by which they know the agent.
+Result<std::string> KeyedEndpoint(const TeamFile& team, const proto::AgentConfig& agent, Client::Options* options) {
+  if (agent.client_address().empty()) {
+    return Fail(ErrorCode::kUnavailable, agent.name() +
+                                             " has no client_address in the team file, where a key could be "
+                                             "shown; give --via an agent that has, or leave the key out");
+  }
+  const Result<std::string> key = ReadPublicKey(team.folder / agent.key());
+  if (!key) return tl::unexpected(key.error());
+  options->server_key = *key;
+  return agent.client_address();
+}
 
 }  // namespace
 
@@ -23,7 +37,8 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options, const proto::AgentConfig* via) {
   const proto::AgentConfig& asked = via != nullptr ? *via : agent;
-  auto endpoint = ClientEndpoint(team, asked.name());
+  auto endpoint =
+      options.secret_key.empty() ? ClientEndpoint(team, asked.name()) : KeyedEndpoint(team, asked, &options);
   if (!endpoint) return tl::unexpected(endpoint.error());
   options.custom_types = team.config.custom_types();
   options.for_agent = via != nullptr ? static_cast<AgentId>(agent.id()) : 0;

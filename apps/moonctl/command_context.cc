@@ -7,6 +7,7 @@
 
 #include "apps/common/json_writer.h"
 #include "model/text.h"
+#include "runtime/curve_keys.h"
 
 namespace moondb {
 namespace {
@@ -39,6 +40,16 @@ Result<void> CommandContext::ParseTimeout() {
   return Fail(ErrorCode::kInvalid, "expected a duration such as 3s, 500ms or 2m, got \"" + timeout + "\"", "--timeout");
 }
 
+Result<void> CommandContext::ReadKey() {
+  const char* from_environment = std::getenv("MOONDB_CLIENT_KEY");
+  const std::string file = key_file.empty() && from_environment != nullptr ? from_environment : key_file;
+  if (file.empty()) return {};
+  auto key = ReadSecretKey(file);
+  if (!key) return Fail(ErrorCode::kInvalid, key.error().text, "--key");
+  secret_key_ = *std::move(key);
+  return {};
+}
+
 std::filesystem::path CommandContext::TeamPath() const {
   if (!team_path.empty()) return team_path;
   const char* from_environment = std::getenv("MOONDB_TEAM");
@@ -59,6 +70,7 @@ Result<const TeamFile*> CommandContext::Team() {
 Client::Options CommandContext::ClientOptions() const {
   Client::Options options;
   options.timeout = timeout_.value_or(kShortTimeout);
+  options.secret_key = secret_key_;
   options.long_timeout = timeout_.value_or(kLongTimeout);
   options.connect_timeout = std::min(options.timeout, std::chrono::milliseconds(1000));
   return options;

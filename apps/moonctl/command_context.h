@@ -44,6 +44,7 @@ class CommandContext {
   std::string agent;      // Empty: the command's own choice.
   std::string via;        // The agent through which all others are asked; empty: each is asked itself.
   bool is_json = false;
+  std::string key_file;              // The client's secret key; empty: $MOONDB_CLIENT_KEY, and without that none.
   std::string timeout;               // "3s", "500ms", "2m"; empty: each command's default.
   std::string watch;                 // Seconds between two passes; empty: one pass.
   std::function<ExitCode()> action;  // Of the command that was chosen.
@@ -51,8 +52,11 @@ class CommandContext {
   // Stands above each result for people; a watch sets it anew for each pass.
   std::string heading;
 
-  // Reads `timeout`; before any action.
+  // Reads `timeout` and the key; before any action.
   Result<void> ParseTimeout();
+  Result<void> ReadKey();
+  // What follows is about processes of this machine.
+  void ForgetKey() { secret_key_.clear(); }
 
   // The team file, read once. Every error is kInvalid: nothing was started.
   Result<const TeamFile*> Team();
@@ -85,6 +89,7 @@ class CommandContext {
 
   std::filesystem::path program_folder_;
   std::optional<std::chrono::milliseconds> timeout_;
+  std::string secret_key_;
   std::optional<TeamFile> team_;
 };
 

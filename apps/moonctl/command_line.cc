@@ -40,6 +40,11 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   app.add_option("-a,--agent", context.agent, "Ask this agent")->type_name("AGENT");
   app.add_flag("--json", context.is_json, "One JSON document on stdout");
   app.add_option("--via", context.via, "Ask all agents through this one, over the radio: base")->type_name("AGENT");
+  app.add_option(
+         "--key", context.key_file,
+         "Secret key to be let in by, at agents' client_address (default: $MOONDB_CLIENT_KEY; without one agents "
+         "are reached on this machine alone)")
+      ->type_name("FILE");
   app.add_option("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m")->type_name("DURATION");
   app.add_flag("--watch{2}", context.watch,
                "Again every 2 s (--watch=10: every 10 s); for commands that show something");
@@ -50,6 +55,7 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   AddRoleCommands(app, context);
   AddShareCommands(app, context);
   AddLeaseCommands(app, context);
+  AddClientsCommands(app, context);
   AddGraphCommands(app, context);
   AddMapCommands(app, context);
   AddRecordCommands(app, context);

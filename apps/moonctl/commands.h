@@ -16,6 +16,7 @@ void AddHealthCommand(CLI::App& app, CommandContext& context);
 void AddRoleCommands(CLI::App& app, CommandContext& context);
 void AddShareCommands(CLI::App& app, CommandContext& context);
 void AddLeaseCommands(CLI::App& app, CommandContext& context);
+void AddClientsCommands(CLI::App& app, CommandContext& context);
 void AddGraphCommands(CLI::App& app, CommandContext& context);
 void AddMapCommands(CLI::App& app, CommandContext& context);
 void AddRecordCommands(CLI::App& app, CommandContext& context);

@@ -1,10 +1,10 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <thread>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/follow.h"
 #include "model/event.h"
 #include "model/text.h"
 
@@ -12,7 +12,6 @@ namespace moondb {
 namespace {
 
 constexpr std::uint32_t kEventsMax = 1000;
-constexpr std::chrono::seconds kFollowPeriod(1);
 
 struct LogArguments {
   std::uint32_t events = 50;
@@ -54,24 +53,21 @@ std::string JsonOf(const proto::TeamConfig& team, const LoggedEvent& event) {
   return json.text();
 }
 
-// One line an event, as it comes, until somebody ends it.
+std::string LineOf(const proto::TeamConfig& team, const LoggedEvent& event) {
+  std::string line;
+  for (const std::string& cell : RowOf(team, event)) line += (line.empty() ? "" : "  ") + cell;
+  return line;
+}
+
+// What comes behind `after_row_id`.
 ExitCode Follow(CommandContext& context, Client& client, proto::ReadRequest request, std::uint64_t after_row_id) {
   const proto::TeamConfig& team = (*context.Team())->config;
-  request.set_is_newest_first(false);
-  while (true) {
-    request.set_after_row_id(after_row_id);
-    const auto page = client.Read(request);
-    if (!page) return context.Report(page.error());
-    const auto events = EventsOf(*page);
-    if (!events) return context.Report(events.error());
-    for (const LoggedEvent& event : *events) {
-      after_row_id = event.row_id;
-      std::string line;
-      for (const std::string& cell : RowOf(team, event)) line += (line.empty() ? "" : "  ") + cell;
-      if (const ExitCode shown = context.Done(JsonOf(team, event), line); shown != ExitCode::kDone) return shown;
-    }
-    if (events->empty()) std::this_thread::sleep_for(kFollowPeriod);
-  }
+  request.set_after_row_id(after_row_id);
+  return FollowRecords(context, client, std::move(request),
+                       [&](const proto::StoredRecord& stored, const proto::Record& record) {
+                         const LoggedEvent event{0, static_cast<AgentId>(stored.key().origin_agent()), record};
+                         return context.is_json ? JsonOf(team, event) : LineOf(team, event);
+                       });
 }
 
 ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {

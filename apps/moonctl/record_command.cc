@@ -6,6 +6,7 @@
 #include "apps/common/utc.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/record_json.h"
+#include "apps/moonctl/follow.h"
 #include "model/custom_types.h"
 #include "model/record_check.h"
 #include "model/text.h"
@@ -25,6 +26,7 @@ struct RecordArguments {
   std::string origin;
   std::uint32_t limit = 20;
   bool is_local = false;
+  bool follows = false;
 };
 
 Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_types) {
@@ -104,6 +106,24 @@ ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
   return context.Report({ErrorCode::kNotFound, target->agent->name() + " does not hold " + arguments.key, {}});
 }
 
+// One line a record, as it comes.
+ExitCode FollowList(CommandContext& context, Client& client, proto::ReadRequest request) {
+  const proto::TeamConfig& team = (*context.Team())->config;
+  request.set_is_newest_first(false);
+  request.clear_records_max();
+  return FollowRecords(
+      context, client, std::move(request), [&](const proto::StoredRecord& stored, const proto::Record& record) {
+        if (context.is_json) {
+          JsonWriter json;
+          WriteRecord(stored, record, team.custom_types(), json);
+          return json.text();
+        }
+        const std::string key = stored.key().seq() == 0 ? "(local)" : ToString(FromProto(stored.key()));
+        return key + "  " + DataTypeName(stored.key().data_type(), team.custom_types()) + "  " +
+               AgentName(team, stored.key().origin_agent()) + "  " + FormatStampNs(record.stamp_ns());
+      });
+}
+
 ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) {
   proto::ReadRequest request;
   request.set_is_newest_first(true);
@@ -124,6 +144,7 @@ ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) 
   }
   auto target = ConnectToChosen(context);
   if (!target) return context.Report(target.error());
+  if (arguments.follows) return FollowList(context, *target->client, std::move(request));
   auto page = target->client->Read(request);
   if (!page) return context.Report(page.error());
 
@@ -172,6 +193,8 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
 
   CLI::App& list = *group.add_subcommand("list", "The newest records");
   list.add_option("type", arguments->type, "Of this data type only")->type_name("DATATYPE");
+  list.add_flag("-f,--follow", arguments->follows,
+                "What is stored from now on, a line each (with --json a document each), until Ctrl-C");
   list.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
   list.add_option("--limit", arguments->limit, "At most so many (20)")->check(CLI::Range(1u, kListMax));
   list.callback(

@@ -6,6 +6,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/pause_command.h"
 #include "apps/moonctl/share_status.h"
 #include "apps/moonctl/share_wait.h"
 
@@ -178,8 +179,8 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
   return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + refused);
 }
 
-void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,
-              const std::string& description) {
+CLI::App& AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,
+                   const std::string& description) {
   CLI::App& group = *app.add_subcommand(name, description);
   group.require_subcommand(1);
   auto arguments = std::make_shared<ShareArguments>();
@@ -197,12 +198,13 @@ void AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, c
   status.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShowShareStatus(context, kind); };
   });
+  return group;
 }
 
 }  // namespace
 
 void AddShareCommands(CLI::App& app, CommandContext& context) {
-  AddGroup(app, context, proto::SHARING_KIND_SYNC, "sync", "Bring records to the leader");
+  AddPauseCommands(AddGroup(app, context, proto::SHARING_KIND_SYNC, "sync", "Bring records to the leader"), context);
   AddGroup(app, context, proto::SHARING_KIND_REPLICATION, "replicate", "Bring all records to the survivor");
 }
 

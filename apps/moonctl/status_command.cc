@@ -41,7 +41,7 @@ std::string RemarksOn(const proto::AgentConfig& agent, const proto::AgentStatus&
   return clock.empty() ? "" : agent.name() + ": clock suspect: " + clock + "\n";
 }
 
-// Who drives or sleeps: an agent's own word, and of agents that do not answer what others know.
+// Who drives, sleeps or is paused: an agent's own word, and of agents that do not answer what others know.
 std::string LeasesText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
   std::map<AgentId, proto::AgentLease> known;
   for (const proto::AgentStatus& status : statuses) {

@@ -24,6 +24,7 @@ constexpr std::chrono::milliseconds kPollPeriod(20);
 struct UpArguments {
   std::string data_folder;    // Empty: moondb-data beside the team file.
   std::string merge_backend;  // Empty: the agent's own default.
+  std::string log_format;     // Likewise.
 };
 
 // One agent of this machine and what `up` or `down` did to it.
@@ -111,6 +112,7 @@ Result<void> Start(const CommandContext& context, const UpArguments& arguments, 
                                    "--data-dir",
                                    agent.folder.string()};
   if (!arguments.merge_backend.empty()) command.insert(command.end(), {"--merge-backend", arguments.merge_backend});
+  if (!arguments.log_format.empty()) command.insert(command.end(), {"--log-format", arguments.log_format});
   auto started = StartProcess(command, LogOf(agent));
   if (!started) return tl::unexpected(started.error());
   agent.pid = *started;
@@ -162,7 +164,8 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   return context.Print(code, json.text(), table.Text());
 }
 
-Result<void> CheckHere(const CommandContext& context) {
+Result<void> CheckHere(CommandContext& context) {
+  context.ForgetKey();
   if (context.via.empty()) return {};
   return Fail(ErrorCode::kInvalid, "is about processes of this machine; run it there", "--via");
 }
@@ -223,6 +226,10 @@ void AddUpCommands(CLI::App& app, CommandContext& context) {
   up.add_option("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
       ->type_name("FOLDER");
   up.add_option("--merge-backend", arguments->merge_backend, "auto, cpu or gl")->type_name("{auto,cpu,gl}");
+  up.add_option("--log-format", arguments->log_format,
+                "What agents write to their agent.log: text or json, an object a line")
+      ->type_name("{text,json}")
+      ->check(CLI::IsMember({"text", "json"}));
   up.callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
   CLI::App& down = *app.add_subcommand("down", "Stop the whole team (or -a) on this machine");
   down.add_option("--data-dir", arguments->data_folder, "As given to up")->type_name("FOLDER");

@@ -24,6 +24,7 @@
 #include "apps/common/team_clients.h"
 #include "model/check.h"
 #include "runtime/actor_system.h"
+#include "runtime/client_list.h"
 #include "runtime/zeromq_transport.h"
 
 namespace moondb {
@@ -125,6 +126,7 @@ class Agent::Impl {
     storage.self = self_;
     storage.team = team_.config;
     storage.notify = OwnActorNames();
+    storage.notify.push_back(actor_name::kGateway);
     storage.notify.push_back(actor_name::kMerge);
     storage.notify.push_back(actor_name::kPgo);
     return storage;
@@ -210,6 +212,7 @@ class Agent::Impl {
     gateway.version = options_.version;
     gateway.pid = static_cast<std::uint32_t>(::getpid());
     gateway.merge_backend = [this] { return ToString(merge_backend_); };
+    gateway.refused_handshakes = [this] { return transport_->refused_clients(); };  // It stands while actors run.
     for (const OwnActor& actor : options_.own_actors) gateway.own_actors.insert(actor.name);
     SpawnActor<GatewayActor>(*system_, actor_name::kGateway, Placement::kPool, std::move(gateway));
 
@@ -223,6 +226,7 @@ class Agent::Impl {
     options.self = self_;
     options.client_endpoint = endpoint_;
     options.secret_key_file = options_.secret_key_file;
+    options.clients_file = options_.clients_file.empty() ? team_.folder / kClientsFile : options_.clients_file;
     auto transport = ZeroMqTransport::Create(
         team_.config, team_.folder.string(), std::move(options),
         [this](OwnedMessage message) {

@@ -34,6 +34,7 @@ struct AgentOptions {
   std::filesystem::path data_folder;  // Made if it is missing; one process at a time.
   MergeBackend merge_backend = MergeBackend::kAuto;
   std::string secret_key_file;              // Empty: beside the public key.
+  std::filesystem::path clients_file;       // Empty: clients.yaml beside the team file.
   std::string version;                      // Shown in status.
   std::vector<OwnActor> own_actors;         // At most kOwnActorsMax. Started after the standard ones, ended before.
   std::function<void()> on_stop_requested;  // A client asked; some thread. Destroy the Agent elsewhere.

@@ -30,8 +30,10 @@ struct Arguments {
   std::string data_folder;
   std::string log_level = "info";
   std::string log_file;
+  std::string log_format = "text";
   std::string merge_backend = "auto";
   std::string secret_key;
+  std::string clients_file;
 };
 
 void AddOptions(CLI::App& app, Arguments& arguments) {
@@ -41,8 +43,12 @@ void AddOptions(CLI::App& app, Arguments& arguments) {
   app.add_option("--log-level", arguments.log_level, "From this level on")
       ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
   app.add_option("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (stderr alone)");
+  app.add_option("--log-format", arguments.log_format, "Lines of text, or a JSON object a line")
+      ->check(CLI::IsMember({"text", "json"}));
   app.add_option("--merge-backend", arguments.merge_backend, "What merges maps")
       ->check(CLI::IsMember({"auto", "cpu", "gl"}));
+  app.add_option("--clients", arguments.clients_file,
+                 "File of the clients that client_address lets in (clients.yaml beside the team file)");
   app.add_option("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
 }
 
@@ -102,6 +108,7 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
                                                       : std::filesystem::path(arguments.data_folder);
   options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // Checked by the command line.
   options.secret_key_file = arguments.secret_key;
+  options.clients_file = arguments.clients_file;
   options.version = program.version;
   options.on_stop_requested = [&waiter] { waiter.Wake(kStopped); };
   options.on_fatal = [&waiter](const Error& error) {
@@ -136,7 +143,9 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   if (!team) return Complain(program, kUsage, ToString(team.error()));
   const auto named = AgentNamed(team->config, arguments.agent);
   if (!named) return Complain(program, kUsage, ToString(named.error()));
-  if (auto log = InitLog(arguments.log_level, arguments.agent, arguments.log_file); !log) {
+  const bool logs_json = arguments.log_format == "json";
+  const LogFormat format = logs_json ? LogFormat::kJson : LogFormat::kText;
+  if (auto log = InitLog(arguments.log_level, arguments.agent, arguments.log_file, format); !log) {
     return Complain(program, kFailed, ToString(log.error()));
   }
 
@@ -151,9 +160,14 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   if (!agent) return Complain(program, kFailed, arguments.agent + ": " + ToString(agent.error()));
   (*agent)->WriteTraceOnCrash();
   if (program.on_running) program.on_running(**agent);
-  std::printf("ready: %s of team %s, clients at %s\n", arguments.agent.c_str(), team->config.team().c_str(),
-              (*agent)->client_endpoint().c_str());
-  std::fflush(stdout);
+  const std::string ready =
+      arguments.agent + " of team " + team->config.team() + ", clients at " + (*agent)->client_endpoint();
+  if (logs_json) {
+    spdlog::info("is ready: {}", ready);  // Where stdout and stderr are one file each line is JSON all the same.
+  } else {
+    std::printf("ready: %s\n", ready.c_str());
+    std::fflush(stdout);
+  }
   if (waiter.Wait() == kBeyondHelp) (*agent)->WriteTrace();
   spdlog::info("stopping");
   ::alarm(kStopSecondsMax);

@@ -19,7 +19,7 @@ MonotonicTime Until(double seconds, MonotonicTime now) {
   return now + std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
 }
 
-// What passes a window that driving shuts: states, and nothing that is the end of an order.
+// What passes a window that driving or a pause shuts: states, and nothing that is the end of an order.
 bool IsOfStates(const proto::Message& message) {
   const proto::Batch& batch = message.batch();
   if (message.remaining() == 0 || !batch.dropped().empty() || batch.has_piece()) return false;
@@ -45,12 +45,16 @@ void LeaseWatch::OnFailure(const std::string& actor) {
   if (actor == actor_name::kLease) leases_.clear();
 }
 
+MonotonicTime& LeaseWatch::UntilOf(Lease& lease, proto::LeaseKind kind) {
+  if (kind == proto::LEASE_KIND_PAUSED) return lease.paused_until;
+  return kind == proto::LEASE_KIND_DRIVING ? lease.driving_until : lease.sleeping_until;
+}
+
 void LeaseWatch::OnRequest(const proto::LeaseRequest& request, MonotonicTime now) {
   Lease& lease = leases_[self_];
   lease.ended = LastQuiet(self_, now);
   lease.told = now;
-  MonotonicTime& until = request.kind() == proto::LEASE_KIND_DRIVING ? lease.driving_until : lease.sleeping_until;
-  until = Until(request.seconds(), now);
+  UntilOf(lease, request.kind()) = Until(request.seconds(), now);
 }
 
 void LeaseWatch::OnAnnounce(AgentId from, const proto::LeaseAnnounce& announce, MonotonicTime now) {
@@ -63,6 +67,7 @@ void LeaseWatch::OnAnnounce(AgentId from, const proto::LeaseAnnounce& announce, 
   lease.told = now;
   lease.driving_until = Until(announce.driving_s(), now);
   lease.sleeping_until = Until(announce.sleeping_s(), now);
+  lease.paused_until = Until(announce.paused_s(), now);
 }
 
 std::optional<std::string> LeaseWatch::WhyQuiet(const std::string& actor, AgentId to, const proto::Message& message,
@@ -78,7 +83,10 @@ std::optional<std::string> LeaseWatch::WhyQuiet(const std::string& actor, AgentI
         actor + (message.has_hello() ? " sends a Hello while agent " : " sends a batch while agent ");
     if (lease.sleeping_until > now + kRounding) return what + std::to_string(end) + " sleeps";
     const bool is_driving = lease.driving_until > now + kRounding;
-    if (is_driving && message.has_batch() && !IsOfStates(message)) return what + std::to_string(end) + " drives";
+    const bool is_paused = lease.paused_until > now + kRounding;
+    if ((is_driving || is_paused) && message.has_batch() && !IsOfStates(message)) {
+      return what + std::to_string(end) + (is_driving ? " drives" : " is paused");
+    }
   }
   return std::nullopt;
 }

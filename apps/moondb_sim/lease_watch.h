@@ -1,5 +1,6 @@
-// LeaseWatch: who drives and who sleeps as one agent has been told, and what its sharing actors may not send meanwhile:
-// the rule quiet_window. It listens to what the agent's LeaseActor is told, not to what that one makes of it.
+// LeaseWatch: who drives, sleeps and is paused as one agent has been told, and what its sharing actors may not send
+// meanwhile: the rule quiet_window. It listens to what the agent's LeaseActor is told, not to what that one makes of
+// it.
 //
 // Of one life of the agent. All that happens within one instant of virtual time may happen in any order, so what was
 // told counts from the next instant on. An actor that was made anew has to ask what stands: until it is told, it knows
@@ -27,7 +28,8 @@ class LeaseWatch {
   // What is wrong with it if an actor of the agent sends this to another agent.
   std::optional<std::string> WhyQuiet(const std::string& actor, AgentId to, const proto::Message& message,
                                       MonotonicTime now) const;
-  // The last time up to now when `agent` drove or slept, as far as this one was told; MonotonicTime::min(): never.
+  // The last time up to now when `agent` drove or slept, and so might be silent, as far as this one was told;
+  // MonotonicTime::min(): never.
   MonotonicTime LastQuiet(AgentId agent, MonotonicTime now) const;
 
  private:
@@ -36,9 +38,12 @@ class LeaseWatch {
     MonotonicTime told;
     MonotonicTime driving_until = MonotonicTime::min();
     MonotonicTime sleeping_until = MonotonicTime::min();
+    MonotonicTime paused_until = MonotonicTime::min();
     MonotonicTime ended = MonotonicTime::min();  // The last one that another took the place of.
   };
 
+  // When what the request is about ends.
+  static MonotonicTime& UntilOf(Lease& lease, proto::LeaseKind kind);
   void OnRequest(const proto::LeaseRequest& request, MonotonicTime now);
   void OnAnnounce(AgentId from, const proto::LeaseAnnounce& announce, MonotonicTime now);
 

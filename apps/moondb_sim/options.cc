@@ -28,6 +28,7 @@ const std::vector<FaultKind>& FaultKinds() {
       {"long_kill", 1, "an agent, every other time a leader, is without power for 5 to 15 minutes"},
       {"drive", 6, "a rover's software says that it drives, for 10 to 120 seconds"},
       {"sleep", 1.5, "it says that it sleeps, for 1 to 20 minutes; every other time it is without power meanwhile"},
+      {"pause", 2, "an operator pauses the sharing of an agent, for 10 seconds to 10 minutes"},
   };
   return kinds;
 }

@@ -19,7 +19,7 @@
 //   mailbox_bounded    no mailbox holds more than 64 messages, none drops any
 //   nothing_refused    no agent refused or could not decode what another sent, but for a session that it lost
 //   quiet_window       an agent that sleeps, or has heard that the other does, sends it no Hello and no Batch; while
-//                      either drives, no Batch but of states (LeaseWatch)
+//                      either drives or is paused, no Batch but of states (LeaseWatch)
 //   failover_has_cause who takes the lead by itself is the survivor, and has missed the leader for leader_timeout_s
 //                      (FailoverWatch)
 //   failover_happens   a survivor that has missed its leader for so long takes the lead

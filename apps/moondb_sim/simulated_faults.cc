@@ -65,6 +65,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "long_kill") return KillLong();
   if (fault == "drive") return Drive();
   if (fault == "sleep") return Sleep();
+  if (fault == "pause") return Pause();
   if (fault == "clock") {
     const AgentId agent = world_.DrawAgent();
     world_.clock_offset[agent] = world_.rng() % 2 == 0 ? std::chrono::hours(6) : -std::chrono::hours(24 * 365 * 56);
@@ -168,6 +169,15 @@ void SimulatedFaults::Sleep() {
   if (world_.rng() % kEndedEarlyEvery != 0) return;
   world_.In(world_.DrawDuration(length),
             [this, rover] { robots_.SetLease(rover, proto::LEASE_KIND_SLEEPING, Duration::zero()); });
+}
+
+void SimulatedFaults::Pause() {
+  const AgentId agent = world_.DrawAgent();
+  const Duration length = seconds(10) + world_.DrawDuration(seconds(590));
+  robots_.SetLease(agent, proto::LEASE_KIND_PAUSED, length);
+  if (world_.rng() % kEndedEarlyEvery != 0) return;
+  world_.In(world_.DrawDuration(length),
+            [this, agent] { robots_.SetLease(agent, proto::LEASE_KIND_PAUSED, Duration::zero()); });
 }
 
 AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)); }

@@ -34,12 +34,12 @@ void SimulatedRobots::Start() {
   world_.At(world_.start + kOptimizePeriod, [this] { Optimize(); });
 }
 
-void SimulatedRobots::SetLease(AgentId rover, proto::LeaseKind kind, Duration length) {
+void SimulatedRobots::SetLease(AgentId agent, proto::LeaseKind kind, Duration length) {
   proto::Message message;
   message.mutable_lease_request()->set_kind(kind);
   message.mutable_lease_request()->set_seconds(std::chrono::duration<double>(length).count());
-  (void)world_.team.Post({rover, "driver"}, {rover, actor_name::kLease}, std::move(message));
-  (void)world_.team.Take({rover, "driver"});  // What was answered before.
+  (void)world_.team.Post({agent, "driver"}, {agent, actor_name::kLease}, std::move(message));
+  (void)world_.team.Take({agent, "driver"});  // What was answered before.
 }
 
 void SimulatedRobots::OnAgentEnded(AgentId agent) {

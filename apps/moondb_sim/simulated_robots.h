@@ -18,8 +18,8 @@ class SimulatedRobots {
 
   void Start();                           // Until the world is quiet.
   void TakeInsertReplies(AgentId agent);  // Tells the rules what is stored.
-  // The rover's own software tells its agent; seconds 0: no more. Nothing where that does not run.
-  void SetLease(AgentId rover, proto::LeaseKind kind, Duration length);
+  // The robot's own software, or an operator, tells its agent; 0: no more. Nothing where that does not run.
+  void SetLease(AgentId agent, proto::LeaseKind kind, Duration length);
   void OnAgentEnded(AgentId agent);  // Nothing that it was asked is answered any more.
 
  private:

@@ -1,6 +1,7 @@
 // The programs as an operator runs them: real processes, real sockets, a real disk, kill -9.
 
 #include <gmock/gmock.h>
+#include <google/protobuf/util/json_util.h>
 #include <signal.h>
 
 #include <algorithm>
@@ -242,6 +243,24 @@ TEST_F(ProcessTest, StopsOnASignalWithinASecond) {
   EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(3));
 }
 
+TEST_F(ProcessTest, AgentsLogJsonWhereToldTo) {
+  MoonctlExpecting(0, {"up", "--log-format", "json"});
+  MoonctlExpecting(0, {"down"});
+  const std::string log = *ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log");
+  std::string_view rest = log;
+  std::set<std::string> texts;
+  while (!rest.empty()) {
+    const std::string line(TakeLine(rest));
+    google::protobuf::Struct event;
+    EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(line, &event).ok()) << line;
+    EXPECT_EQ((*event.mutable_fields())["agent"].string_value(), "rover1") << line;
+    texts.insert((*event.mutable_fields())["text"].string_value());
+  }
+  EXPECT_TRUE(texts.contains("stopping"));
+  EXPECT_TRUE(texts.contains("rover2 is connected"));
+  MoonctlExpecting(2, {"up", "--log-format", "xml"});
+}
+
 TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
   const auto agent = StartAgent("rover1");
   ASSERT_TRUE(Until([&] { return agent->Out().find("ready: rover1") == 0; }));
@@ -387,6 +406,39 @@ TEST_F(ProcessTest, SharingWaitsWhileARoverDrives) {
   MoonctlExpecting(0, {"-a", "rover3", "sleep", "off"});
   EXPECT_TRUE(Until([&] { return MoonctlExpecting(0, {"status"}).find("sleeps") == std::string::npos; }));
   MoonctlExpecting(0, {"down"});
+}
+
+TEST_F(ProcessTest, AnOperatorPausesTheTeamAndOneAgentAndResumes) {
+  MoonctlExpecting(0, {"up"});
+  const std::string node =
+      KeyOf(MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"}));
+  EXPECT_THAT(MoonctlExpecting(0, {"sync", "pause"}), HasSubstr("rover2  is paused for 600 s more"));
+  EXPECT_THAT(MoonctlExpecting(0, {"sync", "resume", "-a", "rover3"}), HasSubstr("rover3  goes on"));
+  const auto paused = MoonctlJson(0, {"sync", "pause", "--for", "2h", "-a", "rover2"});
+  const auto& answers = paused.fields().at("agents").list_value();
+  ASSERT_EQ(answers.values_size(), 1);
+  const auto& lease = answers.values(0).struct_value().fields().at("lease").struct_value();
+  EXPECT_NEAR(lease.fields().at("paused_s").number_value(), 7200, 10);
+  EXPECT_TRUE(Until([&] {
+    const std::string known_to_leader = MoonctlExpecting(0, {"status", "-a", "rover1"});
+    return known_to_leader.find("base is paused for ") != std::string::npos &&
+           known_to_leader.find("rover3 is paused for ") == std::string::npos;
+  }));
+  MoonctlExpecting(0, {"sync", "now"});
+  EXPECT_TRUE(Until([&] {
+    return MoonctlExpecting(0, {"sync", "status"}).find("waits: rover2 is paused for 7") != std::string::npos;
+  }));
+  MoonctlExpecting(1, {"record", "get", node, "-a", "rover1"});
+
+  Kill("base");
+  EXPECT_THAT(MoonctlExpecting(3, {"sync", "resume"}), HasSubstr("base    unreachable: agent base is not running"));
+  EXPECT_TRUE(Until([&] { return Moonctl({"record", "get", node, "-a", "rover1"}).exit_code == 0; }));
+  EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover2"}),
+              testing::AllOf(HasSubstr("sync pause for 7200 s"), HasSubstr("sync resume")));
+  for (const char* bad : {"-5", "0", "25h", "soon", ""}) {
+    EXPECT_THAT(Moonctl({"sync", "pause", "--for", bad}).error, HasSubstr("--for")) << bad;
+  }
+  MoonctlExpecting(2, {"sync", "pause", "-a", "rover9"});
 }
 
 TEST_F(ProcessTest, SaysWhatIsWrongWithALease) {

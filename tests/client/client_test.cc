@@ -6,6 +6,7 @@
 
 #include <csignal>
 
+#include "client/record_feed.h"
 #include "tests/client/fake_agent.h"
 
 namespace moondb {
@@ -74,6 +75,94 @@ TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
   ASSERT_FALSE(optimized.has_value());
   EXPECT_EQ(optimized.error().code, ErrorCode::kRefused);
   EXPECT_EQ(optimized.error().text, "not the leader");
+}
+
+// Rows 1 to 5, of which two are a page; a wait for more ends with nothing.
+std::vector<std::string> AnswerRead(const proto::Message& request) {
+  const proto::ReadRequest& read = request.control_request().read();
+  proto::ControlReply reply;
+  proto::ReadReply& page = *reply.mutable_read();
+  const std::uint64_t first = read.is_newest_first() ? 5 : read.after_row_id() + 1;
+  for (std::uint64_t row = first; row <= 5 && page.row_ids_size() < 2; ++row) {
+    page.add_row_ids(row);
+    page.add_records()->mutable_key()->set_seq(row);
+  }
+  return {Frame(request, reply)};
+}
+
+TEST(RecordFeedTest, GivesEachRecordOnceInPages) {
+  proto::ReadRequest last;
+  FakeAgent agent([&last](const proto::Message& request) {
+    last = request.control_request().read();
+    return AnswerRead(request);
+  });
+  auto client = ConnectTo(agent);
+  proto::ReadRequest filter;
+  filter.add_data_types(proto::POWER);
+  filter.set_records_max(2);
+  filter.set_is_newest_first(true);  // Not heard.
+  RecordFeed feed(*client, filter);
+  std::vector<std::uint64_t> rows;
+  while (true) {
+    const auto page = feed.Next(std::chrono::milliseconds(0));
+    ASSERT_TRUE(page.has_value()) << ToString(page.error());
+    if (page->records().empty()) break;
+    EXPECT_LE(page->records_size(), 2);
+    rows.insert(rows.end(), page->row_ids().begin(), page->row_ids().end());
+  }
+  EXPECT_EQ(rows, (std::vector<std::uint64_t>{1, 2, 3, 4, 5}));
+  EXPECT_EQ(feed.after_row_id(), 5u);
+  agent.Stop();
+  EXPECT_EQ(last.data_types(0), proto::POWER);
+  EXPECT_EQ(last.records_max(), 2u);
+}
+
+TEST(RecordFeedTest, SkipsToNowAndGoesOnWhereItIsTold) {
+  FakeAgent agent(AnswerRead);
+  auto client = ConnectTo(agent);
+  RecordFeed from_now(*client, {});
+  ASSERT_TRUE(from_now.SkipToNow().has_value());
+  EXPECT_EQ(from_now.after_row_id(), 5u);
+  EXPECT_TRUE(from_now.Next(std::chrono::milliseconds(0))->records().empty());
+  proto::ReadRequest filter;
+  filter.set_after_row_id(4);
+  RecordFeed again(*client, filter);
+  EXPECT_EQ(again.Next(std::chrono::seconds(5))->row_ids(0), 5u);
+}
+
+TEST(RecordFeedTest, AsksToWaitNoLongerThanItsTime) {
+  double wait_s = -1;
+  FakeAgent agent([&wait_s](const proto::Message& request) {
+    wait_s = request.control_request().read().wait_s();
+    return AnswerRead(request);
+  });
+  auto client = ConnectTo(agent);
+  RecordFeed feed(*client, {});
+  ASSERT_TRUE(feed.Next(std::chrono::seconds(3)).has_value());
+  EXPECT_GT(wait_s, 1);
+  EXPECT_LE(wait_s, 3);
+  ASSERT_TRUE(feed.Next(std::chrono::hours(3)).has_value());
+  EXPECT_LE(wait_s, 60);
+}
+
+TEST(RecordFeedTest, TellsOfAnAnswerThatIsNone) {
+  FakeAgent agent([](const proto::Message& request) {
+    proto::ControlReply reply;
+    reply.mutable_read()->add_records();
+    return std::vector{Frame(request, reply)};
+  });
+  auto client = ConnectTo(agent);
+  RecordFeed feed(*client, {});
+  EXPECT_EQ(feed.Next(std::chrono::seconds(1)).error().code, ErrorCode::kCorrupt);
+}
+
+TEST(ClientTest, RefusesKeysThatAreNone) {
+  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>(); });
+  Client::Options options;
+  options.secret_key = "short";
+  const auto client = Client::Connect(agent.endpoint(), "rover1", options);
+  ASSERT_FALSE(client.has_value());
+  EXPECT_EQ(client.error().code, ErrorCode::kInvalid);
 }
 
 TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {

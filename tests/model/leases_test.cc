@@ -12,11 +12,12 @@ using std::chrono::seconds;
 
 constexpr Leases::Time kStart{std::chrono::hours(5)};
 
-proto::AgentLease Lease(AgentId agent, double driving_s, double sleeping_s) {
+proto::AgentLease Lease(AgentId agent, double driving_s, double sleeping_s, double paused_s = 0) {
   proto::AgentLease lease;
   lease.set_agent_id(agent);
   lease.set_driving_s(driving_s);
   lease.set_sleeping_s(sleeping_s);
+  lease.set_paused_s(paused_s);
   return lease;
 }
 
@@ -58,6 +59,24 @@ TEST(LeasesTest, ATeamThatTalksWhileDrivingIsQuietForSleepersOnly) {
   EXPECT_FALSE(leases.IsOpen(1, 3, kStart));
 }
 
+TEST(LeasesTest, APauseShutsTheWindowInAnyTeamAndIsNoSilence) {
+  for (const bool is_quiet_while_driving : {true, false}) {
+    Leases leases(is_quiet_while_driving);
+    leases.Set(Lease(2, 0, 0, 40), kStart);
+    leases.Set(Lease(3, 50, 0, 0), kStart);
+    leases.Set(Lease(4, 0, 50, 0), kStart);
+    EXPECT_FALSE(leases.IsOpen(1, 2, kStart));
+    EXPECT_FALSE(leases.MayBeSilent(2, kStart));
+    EXPECT_EQ(leases.MayBeSilent(3, kStart), is_quiet_while_driving);
+    EXPECT_TRUE(leases.MayBeSilent(4, kStart));
+    EXPECT_EQ(leases.LeftOf(2, kStart + seconds(15)).paused_s(), 25);
+    EXPECT_EQ(leases.NextLapse(kStart), kStart + seconds(40));
+    EXPECT_EQ(leases.Left(kStart + seconds(39)).size(), 3);
+    EXPECT_EQ(leases.Left(kStart + seconds(40)).size(), 2);
+    EXPECT_TRUE(leases.IsOpen(1, 2, kStart + seconds(40)));
+  }
+}
+
 TEST(LeasesTest, ChecksSeconds) {
   for (const double good : {0., 0.5, 86400.}) EXPECT_TRUE(CheckLeaseSeconds(good, "seconds")) << good;
   for (const double bad : {-0.1, 86400.1, std::nan(""), std::numeric_limits<double>::infinity()}) {
@@ -71,6 +90,9 @@ TEST(LeasesTest, SaysWhoDoesWhat) {
   EXPECT_EQ(ToString(Lease(2, 39.2, 0)), "drives for 40 s more");
   EXPECT_EQ(ToString(Lease(2, 0, 3600)), "sleeps for 3600 s more");
   EXPECT_EQ(ToString(Lease(2, 5, 7)), "drives for 5 s and sleeps for 7 s more");
+  EXPECT_EQ(ToString(Lease(2, 0, 0, 40)), "is paused for 40 s more");
+  EXPECT_EQ(ToString(Lease(2, 5, 0, 40)), "drives for 5 s and is paused for 40 s more");
+  EXPECT_EQ(ToString(Lease(2, 0, 0)), "");
 }
 
 }  // namespace

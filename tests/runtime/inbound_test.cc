@@ -85,7 +85,7 @@ TEST(InboundTest, RefusesWhatMustNotLeaveItsAgent) {
     ASSERT_NE(field, nullptr) << body;
     message.GetReflection()->MutableMessage(&message, field);
     EXPECT_EQ(ParsePeerFrame(ToPeerFrame(message), 2).error().code, ErrorCode::kRefused) << field->name();
-    EXPECT_EQ(ParseClientFrame(message.SerializeAsString(), "robot", 1).error().code, ErrorCode::kRefused)
+    EXPECT_EQ(ParseClientFrame(message.SerializeAsString(), "robot", {}, 1).error().code, ErrorCode::kRefused)
         << field->name();
   }
 }
@@ -99,12 +99,26 @@ TEST(InboundTest, RefusesAnAgentThatClaimsToBeAnother) {
 TEST(InboundTest, GivesWhateverAClientWritesToTheGatewayInTheClientsName) {
   proto::Message message = From(2);
   message.mutable_custom()->set_value("question");
-  const auto parsed = ParseClientFrame(message.SerializeAsString(), "robot", 1);
+  message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
+  message.set_client_name("operator");
+  const auto parsed = ParseClientFrame(message.SerializeAsString(), "robot", {proto::CLIENT_RIGHTS_VIEW, "anna"}, 1);
   ASSERT_TRUE(parsed.has_value()) << ToString(parsed.error());
   EXPECT_EQ((*parsed)->hop_sender(), kClients);
   EXPECT_EQ((*parsed)->source_actor(), "robot");
   EXPECT_EQ((*parsed)->destination_id(), 1u);
   EXPECT_EQ((*parsed)->destination_actor(), actor_name::kGateway);
+  EXPECT_EQ((*parsed)->client_rights(), proto::CLIENT_RIGHTS_VIEW);
+  EXPECT_EQ((*parsed)->client_name(), "anna");
+}
+
+TEST(InboundTest, HearsNoPeersWordForAClientsRights) {
+  proto::Message message = From(2);
+  message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
+  message.set_client_name("operator");
+  const auto parsed = ParsePeerFrame(ToPeerFrame(message), 2);
+  ASSERT_TRUE(parsed.has_value()) << ToString(parsed.error());
+  EXPECT_EQ(parsed->front()->client_rights(), proto::CLIENT_RIGHTS_NONE);
+  EXPECT_EQ(parsed->front()->client_name(), "");
 }
 
 }  // namespace

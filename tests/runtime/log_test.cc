@@ -1,6 +1,8 @@
 #include "runtime/log.h"
 
 #include <gmock/gmock.h>
+#include <google/protobuf/struct.pb.h>
+#include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -8,8 +10,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <random>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "tests/temporary_folder.h"
 
@@ -37,6 +41,60 @@ TEST_F(LogTest, WritesALineAnEvent) {
   spdlog::info("storage: ready");
   EXPECT_THAT(Text(),
               ::testing::MatchesRegex("[0-9]+-[0-9]+-[0-9]+T[0-9]+:[0-9]+:[0-9.]+Z info rover1 storage: ready\n"));
+}
+
+// What reads them is a parser that is not the writer's: protobuf's.
+std::vector<google::protobuf::Struct> Parsed(const std::string& text) {
+  std::vector<google::protobuf::Struct> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) {
+    const auto status = google::protobuf::util::JsonStringToMessage(line, &lines.emplace_back());
+    EXPECT_TRUE(status.ok()) << line;
+  }
+  return lines;
+}
+
+std::string Field(const google::protobuf::Struct& line, const std::string& name) {
+  const auto found = line.fields().find(name);
+  return found == line.fields().end() ? "absent" : found->second.string_value();
+}
+
+TEST_F(LogTest, WritesAJsonObjectALine) {
+  ASSERT_TRUE(InitLog("debug", "rover1", path_, LogFormat::kJson));
+  spdlog::warn("2/lease: refused what agent 3 announced: driving_s: expected");
+  spdlog::info("transport: rover2 is connected");
+  spdlog::debug("actor 1/sync failed: why");
+  spdlog::error("/data/moondb.sqlite: is damaged");
+  spdlog::info("stopping");
+  const auto lines = Parsed(Text());
+  ASSERT_EQ(lines.size(), 5u);
+  EXPECT_THAT(Field(lines[0], "time"), ::testing::MatchesRegex("20[0-9][0-9]-[0-9]+-[0-9]+T[0-9]+:[0-9]+:[0-9.]+Z"));
+  EXPECT_EQ(Field(lines[0], "level"), "warning");
+  EXPECT_EQ(Field(lines[0], "agent"), "rover1");
+  EXPECT_EQ(Field(lines[0], "actor"), "lease");
+  EXPECT_EQ(Field(lines[0], "text"), "refused what agent 3 announced: driving_s: expected");
+  EXPECT_EQ(Field(lines[1], "actor"), "transport");
+  EXPECT_EQ(Field(lines[2], "actor"), "sync");
+  EXPECT_EQ(Field(lines[2], "text"), "actor 1/sync failed: why");
+  EXPECT_EQ(Field(lines[3], "actor"), "absent");
+  EXPECT_EQ(Field(lines[3], "text"), "/data/moondb.sqlite: is damaged");
+  EXPECT_EQ(Field(lines[4], "text"), "stopping");
+}
+
+TEST_F(LogTest, NoTextBreaksOutOfItsJsonLine) {
+  ASSERT_TRUE(InitLog("info", "ro\"ver", path_, LogFormat::kJson));
+  std::mt19937_64 random(1);
+  std::vector<std::string> texts = {"quote \" back \\ line \n return \r nul \x01 del \x7F {\"a\":1}", ""};
+  for (int i = 0; i < 200; ++i) {
+    std::string& text = texts.emplace_back();
+    for (std::uint64_t length = random() % 40; length > 0; --length) text += static_cast<char>(random());
+  }
+  for (const std::string& text : texts) spdlog::info("storage: {}", text);
+  const auto lines = Parsed(Text());
+  ASSERT_EQ(lines.size(), texts.size());
+  EXPECT_EQ(Field(lines[0], "text"), texts[0]);
+  EXPECT_EQ(Field(lines[0], "agent"), "ro\"ver");
+  for (const auto& line : lines) EXPECT_EQ(Field(line, "actor"), "storage");
 }
 
 TEST_F(LogTest, RefusesAnUnknownLevel) {

@@ -77,6 +77,12 @@ const BadFile kBadFiles[] = {
      "t:5:36: agents[1].address: other agents connect to this address, so it cannot be \"0.0.0.0\""},
     {"BadHost", Good("127.0.0.1:7401", "a;b:7401"),
      "t:5:36: agents[1].address: expected a host's name or number, got \"a;b\""},
+    {"ClientAddressOfAnotherKind", Good("7401\"}", "7401\", client_address: \"ipc:///tmp/x\"}"),
+     "t:5:76: agents[1].client_address: expected tcp://HOST:PORT, got \"ipc:///tmp/x\""},
+    {"ClientWildcard", Good("7401\"}", "7401\", client_address: \"tcp://0.0.0.0:7500\"}"),
+     "t:5:76: agents[1].client_address: clients connect to this address, so it cannot be \"0.0.0.0\""},
+    {"ClientsWithoutKeys", Good("7401\"}", "7401\", client_address: \"tcp://10.0.0.1:7500\"}"),
+     "t:5:76: agents[1].client_address: needs keys, which `insecure: true` does without"},
     {"RelativeSocket", Good("tcp://127.0.0.1:7401", "ipc://x"),
      "t:5:36: agents[1].address: expected an absolute path after ipc://"},
     {"BadEnum", Good("base_station", "base_staton"),
@@ -360,6 +366,20 @@ TEST_F(TeamFileTest, OverwritesNothing) {
   EXPECT_EQ(written.error().text, (folder_ / "rover2.sec").string() + ": exists already and is left as it is");
   EXPECT_EQ(Text(folder_ / "rover2.sec"), "precious");
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_), {}), 1);
+}
+
+TEST_F(TeamFileTest, KeepsAddressesForClientsAndTellsThoseThatAreTaken) {
+  proto::TeamConfig config = ParseTeamFile(kGood, "t").value().config;
+  config.set_insecure(false);
+  config.mutable_agents(0)->set_client_address("tcp://10.0.0.1:7500");
+  config.mutable_agents(1)->set_client_address("tcp://10.0.0.2:7500");
+  ASSERT_TRUE(WriteTeam(folder_ / "team.yaml", config));
+  EXPECT_EQ(ReadTeamFile(folder_ / "team.yaml")->config.agents(1).client_address(), "tcp://10.0.0.2:7500");
+  config.mutable_agents(0)->set_client_address("tcp://10.0.0.2:7500");
+  EXPECT_THAT(WriteTeam(folder_ / "t", config).error().text,
+              HasSubstr("agents[1].client_address: tcp://10.0.0.2:7500 is already that of agents[0]"));
+  config.mutable_agents(0)->set_client_address(config.agents(1).address());
+  EXPECT_THAT(WriteTeam(folder_ / "t", config).error().text, HasSubstr("is already that of agents[1]"));
 }
 
 TEST_F(TeamFileTest, RefusesToWriteATeamThatCannotBe) {

@@ -33,6 +33,7 @@ class GatewayActorTest : public testing::Test {
     options.pid = 77;
     options.merge_backend = [] { return "cpu"; };
     options.pending_max = 4;
+    options.feeds_max = 2;
     options.own_actors = {"soil"};
     options.relay_bytes_max = 20'000;
     team_.Spawn(agent, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
@@ -315,6 +316,205 @@ proto::ControlRequest ReadAtTwo() {
   request.mutable_read();
   request.set_for_agent(2);
   return request;
+}
+
+TEST_F(GatewayActorTest, OfManyCommandsOfAKindWritesDownSomeAndHowManyMore) {
+  proto::ControlRequest share;
+  share.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
+  share.set_by("robot");
+  const auto texts = [this] {
+    std::vector<std::string> events;
+    for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) {
+      events.push_back(asked.insert_request().records(0).agent_event().text());
+    }
+    return events;
+  };
+  for (std::uint64_t id = 0; id < 100; ++id) {
+    Request(share, id);
+    const auto asked = team_.Take({1, actor_name::kSync});
+    proto::Message done;
+    done.mutable_share_reply();
+    for (const proto::Message& order : asked) AnswerAs(actor_name::kSync, order, done);
+  }
+  EXPECT_EQ(Answers().size(), 100u) << "each is done";
+  EXPECT_EQ(texts(), std::vector<std::string>(20, "sync now"));
+  Request(Optimize());
+  EXPECT_EQ(texts(), std::vector<std::string>{"graph optimize"}) << "of another kind";
+  team_.AdvanceTime(seconds(61));
+  EXPECT_EQ(texts(), std::vector<std::string>{"sync now: the last of 80 more"});
+  Request(share);
+  EXPECT_EQ(texts(), std::vector<std::string>{"sync now"}) << "in the next minute";
+  team_.AdvanceTime(seconds(61));
+  EXPECT_TRUE(texts().empty());
+}
+
+// Reads that wait for something to be stored.
+class FeedTest : public GatewayActorTest {
+ protected:
+  static proto::ControlRequest Feed(double wait_s, DataType type = 0) {
+    proto::ControlRequest request;
+    request.mutable_read()->set_wait_s(wait_s);
+    request.mutable_read()->set_after_row_id(7);
+    if (type != 0) request.mutable_read()->add_data_types(type);
+    return request;
+  }
+  // Storage's answer to what it was asked last.
+  void AnswerPage(const proto::Message& asked, int records) {
+    proto::Message page;
+    page.mutable_read_reply()->set_is_complete(true);
+    for (int i = 0; i < records; ++i) {
+      page.mutable_read_reply()->add_records();
+      page.mutable_read_reply()->add_row_ids(8 + i);
+    }
+    AnswerAs(actor_name::kStorage, asked, page);
+  }
+  void TellStored(DataType type, const std::string& actor = actor_name::kStorage) {
+    proto::Message stored;
+    stored.mutable_records_stored()->set_last_row_id(8);
+    stored.mutable_records_stored()->add_data_types(type);
+    (void)team_.Post({1, actor}, gateway_, stored);
+    team_.RunUntilIdle();
+  }
+  std::size_t AskedOfStorage() { return team_.Take({1, actor_name::kStorage}).size(); }
+};
+
+TEST_F(FeedTest, AnswersAtOnceWhereSomethingIsThere) {
+  Request(Feed(30));
+  const proto::Message asked = Asked(actor_name::kStorage);
+  EXPECT_EQ(asked.read_request().after_row_id(), 7u);
+  EXPECT_EQ(asked.read_request().records_max(), kReadRecordsDefault);
+  AnswerPage(asked, 2);
+  EXPECT_EQ(OnlyAnswer().read().row_ids_size(), 2);
+}
+
+TEST_F(FeedTest, WaitsUntilSomethingOfItsTypesIsStored) {
+  Request(Feed(30, proto::TEMPERATURE));
+  AnswerPage(Asked(actor_name::kStorage), 0);
+  EXPECT_TRUE(Answers().empty());
+  team_.AdvanceTime(seconds(10));
+  TellStored(proto::POWER);
+  TellStored(proto::TEMPERATURE, "soil");  // Nobody else's word.
+  EXPECT_EQ(AskedOfStorage(), 0u);
+  TellStored(proto::TEMPERATURE);
+  const proto::Message again = Asked(actor_name::kStorage);
+  TellStored(proto::TEMPERATURE);  // Stored since it was asked.
+  EXPECT_EQ(AskedOfStorage(), 0u);
+  AnswerPage(again, 0);  // Of another origin.
+  AnswerPage(Asked(actor_name::kStorage), 1);
+  EXPECT_EQ(OnlyAnswer().read().row_ids(0), 8u);
+  TellStored(proto::TEMPERATURE);
+  team_.AdvanceTime(seconds(100));
+  EXPECT_EQ(AskedOfStorage(), 0u);
+  EXPECT_TRUE(Answers().empty());
+}
+
+TEST_F(FeedTest, GivesAnEmptyPageWhenTheTimeIsUp) {
+  Request(Feed(30));
+  AnswerPage(Asked(actor_name::kStorage), 0);
+  team_.AdvanceTime(seconds(29));
+  EXPECT_TRUE(Answers().empty());
+  team_.AdvanceTime(seconds(2));
+  const proto::ControlReply reply = OnlyAnswer();
+  EXPECT_TRUE(reply.has_read());
+  EXPECT_FALSE(reply.has_error());
+  EXPECT_EQ(reply.read().records_size(), 0);
+}
+
+TEST_F(FeedTest, WaitsForStoragesAnswerWhenTheTimeIsUpMeanwhile) {
+  Request(Feed(5));
+  const proto::Message asked = Asked(actor_name::kStorage);
+  team_.AdvanceTime(seconds(10));
+  EXPECT_TRUE(Answers().empty());
+  AnswerPage(asked, 0);
+  EXPECT_TRUE(OnlyAnswer().has_read());
+  Request(Feed(5));
+  team_.AdvanceTime(seconds(66));
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_TIMED_OUT);
+}
+
+TEST_F(FeedTest, TakesSoManyAndNoMore) {
+  for (std::uint64_t id = 1; id <= 2; ++id) Request(Feed(30), id);
+  for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) AnswerPage(asked, 0);
+  Request(Feed(30), 3);
+  EXPECT_EQ(OnlyAnswer(3).error().code(), proto::ERROR_CODE_FULL);
+  proto::ControlRequest read;
+  read.mutable_read();
+  Request(read, 4);
+  AnswerPage(Asked(actor_name::kStorage), 0);
+  EXPECT_TRUE(OnlyAnswer(4).has_read()) << "a read that does not wait is none";
+  team_.AdvanceTime(seconds(31));
+  EXPECT_EQ(Answers().size(), 2u);
+  Request(Feed(30), 5);
+  EXPECT_EQ(AskedOfStorage(), 1u);
+}
+
+// A client with a key, and what it is answered at once.
+class KeyedClientTest : public GatewayActorTest {
+ protected:
+  proto::ControlReply RequestWith(proto::ClientRights rights, const proto::ControlRequest& request) {
+    proto::Message message;
+    message.set_request_id(5);
+    message.set_client_rights(rights);
+    message.set_client_name("anna");
+    *message.mutable_control_request() = request;
+    (void)team_.Post(keyed_, gateway_, message);
+    team_.RunUntilIdle();
+    const auto answers = team_.Take(keyed_);
+    return answers.empty() ? proto::ControlReply() : answers.front().control_reply();
+  }
+  static proto::ControlRequest SetLeader() {
+    proto::ControlRequest request;
+    request.mutable_role_set()->set_leader(2);
+    request.set_by("somebody else");
+    return request;
+  }
+  double RefusedClients() {
+    proto::ControlRequest request;
+    request.mutable_status();
+    Request(request, 77);
+    proto::Message storage;
+    storage.mutable_storage_status();
+    AnswerAs(actor_name::kStorage, Asked(actor_name::kStorage), storage);
+    proto::Message roles;
+    roles.mutable_role_show_reply();
+    AnswerAs(actor_name::kRole, Asked(actor_name::kRole), roles);
+    proto::Message leases;
+    leases.mutable_leases_changed();
+    AnswerAs(actor_name::kLease, Asked(actor_name::kLease), leases);
+    return OnlyAnswer(77).status().refused_clients();
+  }
+
+  const Address keyed_{kClients, "k1"};
+};
+
+TEST_F(KeyedClientTest, IsRefusedWhatItsKeyDoesNotAllowAndNothingComesOfIt) {
+  for (const auto rights : {proto::CLIENT_RIGHTS_NONE, proto::CLIENT_RIGHTS_VIEW, proto::CLIENT_RIGHTS_SHARE}) {
+    EXPECT_EQ(RequestWith(rights, SetLeader()).error().code(), proto::ERROR_CODE_REFUSED) << rights;
+  }
+  proto::ControlRequest relayed = SetLeader();
+  relayed.set_for_agent(2);
+  EXPECT_EQ(RequestWith(proto::CLIENT_RIGHTS_SHARE, relayed).error().code(), proto::ERROR_CODE_REFUSED);
+  EXPECT_EQ(RequestWith(proto::CLIENT_RIGHTS_VIEW, Optimize()).error().code(), proto::ERROR_CODE_REFUSED);
+  team_.AdvanceTime(seconds(1));
+  for (const char* actor : {actor_name::kRole, actor_name::kStorage, actor_name::kPgo}) {
+    EXPECT_TRUE(team_.Take({1, actor}).empty()) << actor;
+  }
+  EXPECT_TRUE(team_.Take({2, actor_name::kGateway}).empty());
+  EXPECT_EQ(RefusedClients(), 5);
+}
+
+TEST_F(KeyedClientTest, StandsInTheStoryByItsKeysName) {
+  EXPECT_FALSE(IsError(RequestWith(proto::CLIENT_RIGHTS_COMMAND, SetLeader()).error()));
+  const proto::Record record = Asked(actor_name::kStorage).insert_request().records(0);
+  EXPECT_EQ(record.agent_event().by(), "anna (key)");
+  EXPECT_TRUE(Asked(actor_name::kRole).has_role_set_request());
+  proto::ControlRequest relayed = SetLeader();
+  relayed.set_for_agent(2);
+  RequestWith(proto::CLIENT_RIGHTS_COMMAND, relayed);
+  team_.AdvanceTime(seconds(1));
+  const auto at_other = team_.Take({2, actor_name::kGateway});
+  ASSERT_EQ(at_other.size(), 1u);
+  EXPECT_EQ(at_other.front().control_request().by(), "anna (key)");
 }
 
 TEST_F(GatewayActorTest, WritesDownWhatItIsToldToDoBeforeItIsDoneAndByWhom) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 namespace moondb {
@@ -42,6 +43,18 @@ TEST(RequestCheckTest, NamesTheRecordWhoseAgentIsNotOfTheTeam) {
   auto* edge = request.mutable_insert()->add_records()->mutable_pose_graph_edge();
   edge->mutable_from()->set_agent_id(1);
   EXPECT_EQ(FieldOf(request), "insert.records[2].pose_graph_edge.to.agent_id");
+}
+
+TEST(RequestCheckTest, BoundsHowLongAReadWaits) {
+  proto::ControlRequest request;
+  request.mutable_read()->set_wait_s(60);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_read()->set_is_newest_first(true);
+  EXPECT_EQ(FieldOf(request), "read.wait_s");
+  for (const double bad : {-1., 60.5, std::nan("")}) {
+    request.mutable_read()->set_wait_s(bad);
+    EXPECT_EQ(FieldOf(request), "read.wait_s") << bad;
+  }
 }
 
 TEST(RequestCheckTest, BoundsTheRecordsOfOneInsert) {

@@ -17,6 +17,7 @@ using std::chrono::seconds;
 constexpr AgentId kAgents = 3;
 constexpr auto kDriving = proto::LEASE_KIND_DRIVING;
 constexpr auto kSleeping = proto::LEASE_KIND_SLEEPING;
+constexpr auto kPaused = proto::LEASE_KIND_PAUSED;
 
 // Rovers 1 to 3; their other actors are probes.
 class LeaseTeam {
@@ -46,17 +47,24 @@ class LeaseTeam {
     return answer ? answer->lease_reply() : proto::LeaseReply();
   }
 
-  // What `agent` knows of `other`, in whole seconds.
+  // What `agent` knows of `other`, in whole seconds: how long it drives and sleeps.
   std::pair<long, long> Known(AgentId agent, AgentId other) {
+    const proto::AgentLease lease = LeaseKnown(agent, other);
+    return {std::lround(lease.driving_s()), std::lround(lease.sleeping_s())};
+  }
+  long KnownPause(AgentId agent, AgentId other) { return std::lround(LeaseKnown(agent, other).paused_s()); }
+
+  proto::AgentLease LeaseKnown(AgentId agent, AgentId other) {
     proto::Message question;
     question.mutable_lease_show_request();
     (void)team_.Post({agent, "asker"}, {agent, actor_name::kLease}, question);
     const auto answer = team_.Expect({agent, "asker"}, proto::Message::kLeasesChanged, milliseconds(1));
-    if (!answer) return {-1, -1};
+    EXPECT_TRUE(answer);
+    if (!answer) return {};
     for (const proto::AgentLease& lease : answer->leases_changed().leases()) {
-      if (lease.agent_id() == other) return {std::lround(lease.driving_s()), std::lround(lease.sleeping_s())};
+      if (lease.agent_id() == other) return lease;
     }
-    return {0, 0};
+    return {};
   }
 
   bool AllKnow(AgentId agent, std::pair<long, long> lease) {
@@ -74,11 +82,13 @@ class LeaseActorTest : public testing::Test, protected LeaseTeam {
  protected:
   LeaseActorTest() : LeaseTeam(/*seed=*/1) {}
 
-  void Announce(AgentId from, AgentId to, std::uint64_t number, double driving_s, double sleeping_s = 0) {
+  void Announce(AgentId from, AgentId to, std::uint64_t number, double driving_s, double sleeping_s = 0,
+                double paused_s = 0) {
     proto::Message message;
     message.mutable_lease_announce()->set_number(number);
     message.mutable_lease_announce()->set_driving_s(driving_s);
     message.mutable_lease_announce()->set_sleeping_s(sleeping_s);
+    message.mutable_lease_announce()->set_paused_s(paused_s);
     (void)team_.Post({from, actor_name::kLease}, {to, actor_name::kLease}, message);
     team_.AdvanceTime(milliseconds(10));
   }
@@ -97,6 +107,24 @@ TEST_F(LeaseActorTest, TellsTheWholeTeamAtOnceAndCountsDownEverywhere) {
   team_.AdvanceTime(seconds(11));
   EXPECT_TRUE(AllKnow(2, {0, 3559}));
   EXPECT_TRUE(AllKnow(1, {0, 0}));
+}
+
+TEST_F(LeaseActorTest, TellsTheTeamOfAPauseThatStandsBesideTheOtherLeases) {
+  Set(2, kDriving, 40);
+  EXPECT_EQ(Set(2, kPaused, 600).leases(0).paused_s(), 600);
+  team_.AdvanceTime(seconds(50));
+  for (AgentId agent = 1; agent <= kAgents; ++agent) {
+    EXPECT_EQ(KnownPause(agent, 2), 550) << agent;
+    EXPECT_EQ(Known(agent, 2), std::pair(0L, 0L)) << agent;
+  }
+  team_.Take({1, actor_name::kSync});
+  const auto lapsed = team_.Expect({1, actor_name::kSync}, proto::Message::kLeasesChanged, minutes(10));
+  ASSERT_TRUE(lapsed);
+  EXPECT_TRUE(lapsed->leases_changed().leases().empty());
+  Set(2, kPaused, 600);
+  EXPECT_EQ(Set(2, kPaused, 0).leases_size(), 0);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_EQ(KnownPause(1, 2), 0);
 }
 
 TEST_F(LeaseActorTest, EndsEarlyOnItsRobotsWord) {
@@ -166,6 +194,7 @@ TEST_F(LeaseActorTest, RefusesAnnouncementsOutOfBounds) {
   for (const double bad : {-1., 86401., std::nan("")}) {
     Announce(2, 1, 7, bad);
     Announce(2, 1, 7, 5, bad);
+    Announce(2, 1, 7, 5, 5, bad);
   }
   Announce(9, 1, 7, 5);  // Not of the team.
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));

@@ -141,6 +141,19 @@ TEST_F(FailoverActorTest, WaitsWhileEitherDrives) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
+TEST_F(FailoverActorTest, APausedLeaderThatIsLostIsReplacedAndOneThatAnswersIsNot) {
+  StartWithFailover();
+  SetLease(1, proto::LEASE_KIND_PAUSED, 3600);
+  SetLease(2, proto::LEASE_KIND_PAUSED, 3600);
+  team_.AdvanceTime(minutes(30));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u) << "it answers";
+  Lose(1);
+  team_.AdvanceTime(seconds(119));
+  EXPECT_EQ(LeaderAsKnownTo(2), 1u);
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
 TEST_F(FailoverActorTest, DrivingStopsNothingInATeamThatTalksWhileDriving) {
   config_.mutable_radio()->set_quiet_while_driving(false);
   StartWithFailover();

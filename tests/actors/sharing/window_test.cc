@@ -1,4 +1,4 @@
-// Windows: leases of driving and sleeping, from a robot's word at one agent to the sessions of another.
+// Windows: leases of driving and sleeping, and pauses, from a robot's word at one agent to the sessions of another.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -56,6 +56,7 @@ class WindowTeam {
   }
   void Drive(AgentId agent, int duration_s) { SetLease(agent, proto::LEASE_KIND_DRIVING, duration_s); }
   void Sleep(AgentId agent, int duration_s) { SetLease(agent, proto::LEASE_KIND_SLEEPING, duration_s); }
+  void Pause(AgentId agent, int duration_s) { SetLease(agent, proto::LEASE_KIND_PAUSED, duration_s); }
 
   void Insert(AgentId agent, int count) {
     for (int i = 0; i < count; ++i) {
@@ -155,6 +156,28 @@ TEST_F(WindowTest, OpensAtOnceWhenTheDriveEndsEarly) {
   EXPECT_EQ(HeldByLeader(), 500u);
 }
 
+TEST_F(WindowTest, APausedAgentNeitherSendsNorIsSentAnythingBulkyButItsStates) {
+  stores_[2]->Insert(2, proto::POWER, "full");
+  ShareUntilTheMiddle();
+  Pause(2, 60);
+  ExpectSilence(seconds(59));
+  EXPECT_EQ(bulky_by_quiet_, 0);
+  EXPECT_THAT(WaitsFor(2), testing::StartsWith("rover2 is paused for "));
+  team_.AdvanceTime(seconds(30));
+  EXPECT_EQ(HeldByLeader(), 501u);
+
+  Insert(3, 20);
+  stores_[3]->Insert(3, proto::POWER, "full");
+  Pause(kLeader, 3600);
+  team_.AdvanceTime(seconds(1));
+  Share(team_, 3, ShareOrder(proto::SHARING_KIND_SYNC));
+  team_.AdvanceTime(minutes(5));
+  EXPECT_EQ(HeldByLeader(), 502u) << "the state";
+  Pause(kLeader, 0);
+  team_.AdvanceTime(seconds(5));
+  EXPECT_EQ(HeldByLeader(), 522u);
+}
+
 TEST_F(WindowTest, AnOrderWaitsAndSaysForWhat) {
   Insert(2, 20);
   Drive(2, 40);
@@ -237,7 +260,7 @@ TEST_F(WindowTest, ARestartedSharingActorKnowsTheLeases) {
   EXPECT_EQ(bulky_, 0);
 }
 
-TEST(WindowConfigTest, ATeamThatTalksWhileDrivingWaitsForSleepersOnly) {
+TEST(WindowConfigTest, ATeamThatTalksWhileDrivingWaitsForSleepersAndPausesOnly) {
   WindowTeam team(/*seed=*/1, /*is_quiet_while_driving=*/false);
   team.Insert(2, 20);
   team.Drive(2, 600);
@@ -249,9 +272,16 @@ TEST(WindowConfigTest, ATeamThatTalksWhileDrivingWaitsForSleepersOnly) {
   Share(team.team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
   team.team_.AdvanceTime(seconds(2));
   EXPECT_EQ(team.HeldByLeader(), 20u);
+  team.Sleep(2, 0);
+  team.team_.AdvanceTime(seconds(2));
+  team.Pause(2, 600);
+  team.Insert(2, 20);
+  Share(team.team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
+  team.team_.AdvanceTime(minutes(9));
+  EXPECT_EQ(team.HeldByLeader(), 40u) << "what waited for the sleeper, and nothing else";
 }
 
-// Random drives and sleeps over a lossy radio; then quiet, in which everything must arrive.
+// Random drives, sleeps and pauses over a lossy radio; then quiet, in which everything must arrive.
 class WindowRadioTest : public testing::TestWithParam<int> {};
 
 TEST_P(WindowRadioTest, LosesNothingWhateverOpensAndShuts) {
@@ -269,7 +299,9 @@ TEST_P(WindowRadioTest, LosesNothingWhateverOpensAndShuts) {
     Share(team.team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC));
     for (int step = 0; step < 20; ++step) {
       const auto agent = static_cast<AgentId>(1 + rng() % 4);
-      const auto kind = rng() % 3 == 0 ? proto::LEASE_KIND_SLEEPING : proto::LEASE_KIND_DRIVING;
+      constexpr proto::LeaseKind kKinds[] = {proto::LEASE_KIND_SLEEPING, proto::LEASE_KIND_DRIVING,
+                                             proto::LEASE_KIND_PAUSED};
+      const auto kind = kKinds[rng() % std::size(kKinds)];
       if (team.team_.now() >= team.quiet_until_[agent]) team.SetLease(agent, kind, static_cast<int>(rng() % 20));
       team.team_.AdvanceTime(milliseconds(rng() % 8000));
     }

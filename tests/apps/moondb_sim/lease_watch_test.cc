@@ -22,12 +22,13 @@ proto::Message Lease(proto::LeaseKind kind, double lease_s) {
   return message;
 }
 
-proto::Message Announcement(std::uint64_t number, double driving_s, double sleeping_s) {
+proto::Message Announcement(std::uint64_t number, double driving_s, double sleeping_s, double paused_s = 0) {
   proto::Message message;
   message.set_hop_sender(kOther);
   message.mutable_lease_announce()->set_number(number);
   message.mutable_lease_announce()->set_driving_s(driving_s);
   message.mutable_lease_announce()->set_sleeping_s(sleeping_s);
+  message.mutable_lease_announce()->set_paused_s(paused_s);
   return message;
 }
 
@@ -88,6 +89,18 @@ TEST_F(LeaseWatchTest, WhoDrivesSendsStatesAlone) {
   EXPECT_FALSE(MayBeSent(Batch(proto::POWER, 0), 1)) << "the end of an order";
   EXPECT_FALSE(MayBeSent(Batch(proto::POSE_GRAPH_NODE, 1), 1));
   EXPECT_TRUE(MayBeSent(Batch(proto::POSE_GRAPH_NODE, 1), 60));
+}
+
+TEST_F(LeaseWatchTest, WhoIsPausedSendsAndIsSentStatesAloneAndIsNotSilent) {
+  TellLease(Lease(proto::LEASE_KIND_PAUSED, 60));
+  TellLease(Announcement(5, 0, 0, 100));
+  EXPECT_TRUE(MayBeSent(Hello(), 1));
+  EXPECT_TRUE(MayBeSent(Batch(proto::POWER, 1), 1));
+  EXPECT_FALSE(MayBeSent(Batch(proto::POSE_GRAPH_NODE, 1), 1));
+  EXPECT_FALSE(MayBeSent(Batch(proto::POSE_GRAPH_NODE, 1), 61)) << "the other one";
+  EXPECT_TRUE(MayBeSent(Batch(proto::POSE_GRAPH_NODE, 1), 101));
+  EXPECT_EQ(watch_.LastQuiet(kSelf, At(30)), MonotonicTime::min());
+  EXPECT_EQ(watch_.LastQuiet(kOther, At(30)), MonotonicTime::min());
 }
 
 TEST_F(LeaseWatchTest, WhoSleepsIsSentNothing) {

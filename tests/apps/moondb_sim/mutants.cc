@@ -513,6 +513,10 @@ void IgnoreDriving(AgentId, proto::LeasesChanged& changed) {
   for (proto::AgentLease& lease : *changed.mutable_leases()) lease.set_driving_s(0);
 }
 
+void IgnorePauses(AgentId, proto::LeasesChanged& changed) {
+  for (proto::AgentLease& lease : *changed.mutable_leases()) lease.set_paused_s(0);
+}
+
 bool IsOrderToPeer(Context& context, const Address& to, const proto::Message& message) {
   return message.has_share_request() && to.agent != context.self().agent;
 }
@@ -742,6 +746,11 @@ const std::vector<Mutant>& Mutants() {
        {"quiet_window"},
        5,
        [](SimOptions& options) { HearLeases(options, IgnoreDriving); }},
+      {"SharesWhilePaused",
+       "sharing goes on in a pause",
+       {"quiet_window"},
+       5,
+       [](SimOptions& options) { HearLeases(options, IgnorePauses); }},
       {"NoWindowOpens",
        "sharing does not hear that nobody drives or sleeps any more",
        {"comes_to_rest", "nothing_lost", "survivor_is_leader", "home_again", "brought_out"},

@@ -1,0 +1,16 @@
+// What a client's key must allow for a request: one table for all requests. Plain functions, any thread.
+#pragma once
+
+#include "model/error.h"
+#include "proto/message.pb.h"
+
+namespace moondb {
+
+// CLIENT_RIGHTS_VIEW for what changes nothing, SHARE for what robots and planners do, COMMAND for the rest.
+proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request);
+
+// kRefused, for a client's message, where its key does not allow the request: the text says what it allows and what is
+// needed.
+Result<void> CheckClientRights(const proto::Message& message);
+
+}  // namespace moondb

@@ -1,0 +1,201 @@
+#include <CLI/CLI.hpp>
+
+#include "apps/common/json_writer.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/commands.h"
+#include "model/text.h"
+#include "runtime/client_list.h"
+#include "runtime/curve_keys.h"
+#include "runtime/did_you_mean.h"
+#include "runtime/new_files.h"
+#include "runtime/team_check.h"
+#include "runtime/yaml_reader.h"
+
+namespace moondb {
+namespace {
+
+constexpr char kHead[] =
+    "# Whose keys agents let in at their client_address: view looks, share also inserts, shares and solves,\n"
+    "# command may do everything. Agents read it again when it changes; `moonctl clients` edits it.\n";
+
+struct ClientsArguments {
+  std::string file;  // Empty: clients.yaml beside the team file.
+  std::string name;
+  std::string rights;
+  std::string public_key_file;  // Empty: keys are made.
+  std::string out;              // Of the secret key made; empty: NAME.sec beside the list.
+  bool is_replacing = false;
+};
+
+std::filesystem::path FileOf(const CommandContext& context, const ClientsArguments& arguments) {
+  return arguments.file.empty() ? context.TeamPath().parent_path() / kClientsFile
+                                : std::filesystem::path(arguments.file);
+}
+
+Result<std::filesystem::path> ListFile(CommandContext& context, const ClientsArguments& arguments) {
+  if (!arguments.file.empty() || !context.TeamPath().empty()) return FileOf(context, arguments);
+  return Fail(ErrorCode::kInvalid, "which team? Give -t team.yaml, set MOONDB_TEAM, or give --file clients.yaml");
+}
+
+// A list that is not there yet is empty.
+Result<proto::ClientList> Read(const std::filesystem::path& file) {
+  auto list = ReadClientList(file);
+  if (!list && list.error().code == ErrorCode::kNotFound) return proto::ClientList();
+  return list;
+}
+
+// The comments with which the file begins.
+std::string HeadOf(const std::filesystem::path& file) {
+  const auto text = ReadTextFile(file);
+  if (!text) return kHead;
+  std::string head;
+  for (std::string_view rest = *text; rest.starts_with("#");) head += std::string(TakeLine(rest)) + "\n";
+  return head;
+}
+
+Result<void> Write(const std::filesystem::path& file, const proto::ClientList& list) {
+  const std::string text = ClientListText(list, HeadOf(file));
+  // The agents' reader is the judge.
+  if (auto read = ParseClientList(text, file.string()); !read) return tl::unexpected(read.error());
+  return WriteTextFile(file, text);
+}
+
+// Of the client in the list; -1: it is not there.
+int IndexOf(const proto::ClientList& list, const std::string& name) {
+  for (int i = 0; i < list.clients_size(); ++i) {
+    if (list.clients(i).name() == name) return i;
+  }
+  return -1;
+}
+
+Result<proto::ClientRights> ParseRights(const std::string& name) {
+  std::vector<std::string> names;
+  for (const proto::ClientRights rights :
+       {proto::CLIENT_RIGHTS_VIEW, proto::CLIENT_RIGHTS_SHARE, proto::CLIENT_RIGHTS_COMMAND}) {
+    names.push_back(YamlName(*proto::ClientRights_descriptor()->FindValueByNumber(rights)));
+    if (names.back() == name) return rights;
+  }
+  return Fail(ErrorCode::kInvalid, "expected view, share or command, got \"" + name + "\"" + DidYouMean(name, names),
+              "--rights");
+}
+
+// The key that is to be listed. One that is made here waits in `files`, to be published when the list is written.
+Result<std::string> PublicKey(const ClientsArguments& arguments, const std::filesystem::path& secret_file,
+                              NewFiles& files) {
+  if (!arguments.public_key_file.empty()) return ReadPublicKey(arguments.public_key_file);
+  const auto keys = MakeCurveKeys();
+  if (!keys) return tl::unexpected(keys.error());
+  if (auto added = files.Add(secret_file, keys->secret_key + "\n", 0600); !added) return tl::unexpected(added.error());
+  return keys->public_key;
+}
+
+ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
+  const auto file = ListFile(context, arguments);
+  if (!file) return context.Report(file.error());
+  auto list = Read(*file);
+  if (!list) return context.Report(list.error());
+  const auto rights = ParseRights(arguments.rights);
+  if (!rights) return context.Report(rights.error());
+  if (!IsPlainName(arguments.name)) {
+    return context.Report({ErrorCode::kInvalid, kPlainNameRule + Quoted(arguments.name), "NAME"});
+  }
+  const int index = IndexOf(*list, arguments.name);
+  if (index >= 0 && !arguments.is_replacing) {
+    return context.Report({ErrorCode::kRefused,
+                           arguments.name + " is listed already; --replace puts a new key in the place of the old one",
+                           {}});
+  }
+  const std::filesystem::path secret_file =
+      arguments.out.empty() ? file->parent_path() / (arguments.name + ".sec") : std::filesystem::path(arguments.out);
+  NewFiles files;
+  const auto key = PublicKey(arguments, secret_file, files);
+  if (!key) return context.Report(key.error());
+  proto::ListedClient& client = index >= 0 ? *list->mutable_clients(index) : *list->add_clients();
+  client.set_name(arguments.name);
+  client.set_key(*key);
+  client.set_rights(*rights);
+  // Before the list, so that nobody is listed whose secret nobody has.
+  if (auto published = files.Publish(); !published) return context.Report(published.error());
+  if (auto written = Write(*file, *list); !written) return context.Report(written.error());
+
+  const bool is_made = arguments.public_key_file.empty();
+  JsonWriter json;
+  json.BeginObject().Key("name").String(arguments.name).Key("rights").String(arguments.rights);
+  json.Key("key").String(*key).Key("secret_file").String(is_made ? secret_file.string() : "").EndObject();
+  std::string text = arguments.name + " may " + arguments.rights + " at agents that have " + file->string();
+  if (is_made) text += "\n" + arguments.name + "'s secret key: " + secret_file.string() + "; for moonctl --key";
+  return context.Done(json.text(), text);
+}
+
+ExitCode ListClients(CommandContext& context, const ClientsArguments& arguments) {
+  const auto file = ListFile(context, arguments);
+  if (!file) return context.Report(file.error());
+  const auto list = Read(*file);
+  if (!list) return context.Report(list.error());
+  Table table({"CLIENT", "RIGHTS", "KEY"});
+  JsonWriter json;
+  json.BeginObject().Key("file").String(file->string()).Key("clients").BeginArray();
+  for (const proto::ListedClient& client : list->clients()) {
+    const std::string rights = YamlName(*proto::ClientRights_descriptor()->FindValueByNumber(client.rights()));
+    table.Add({client.name(), rights, client.key()});
+    json.BeginObject().Key("name").String(client.name()).Key("rights").String(rights);
+    json.Key("key").String(client.key()).EndObject();
+  }
+  json.EndArray().EndObject();
+  return context.Done(json.text(), table.Text());
+}
+
+ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments) {
+  const auto file = ListFile(context, arguments);
+  if (!file) return context.Report(file.error());
+  auto list = Read(*file);
+  if (!list) return context.Report(list.error());
+  const int index = IndexOf(*list, arguments.name);
+  if (index < 0) {
+    std::vector<std::string> names;
+    for (const proto::ListedClient& listed : list->clients()) names.push_back(listed.name());
+    return context.Report(
+        {ErrorCode::kNotFound,
+         file->string() + " lists no client \"" + arguments.name + "\"" + DidYouMean(arguments.name, names),
+         {}});
+  }
+  list->mutable_clients()->DeleteSubrange(index, 1);
+  if (auto written = Write(*file, *list); !written) return context.Report(written.error());
+  JsonWriter json;
+  json.BeginObject().Key("revoked").String(arguments.name).EndObject();
+  return context.Done(json.text(), arguments.name + " may nothing any more at agents that have " + file->string());
+}
+
+}  // namespace
+
+void AddClientsCommands(CLI::App& app, CommandContext& context) {
+  auto arguments = std::make_shared<ClientsArguments>();
+  CLI::App& clients = *app.add_subcommand("clients", "Whose keys agents let in at their client_address, and for what");
+  clients.require_subcommand(1);
+  const auto command = [&](const char* name, const char* description, auto action) -> CLI::App& {
+    CLI::App& added = *clients.add_subcommand(name, description);
+    added.add_option("--file", arguments->file, "The list (default: clients.yaml beside the team file)")
+        ->type_name("FILE");
+    added.callback([&context, arguments, action] {
+      context.action = [&context, arguments, action] { return action(context, *arguments); };
+    });
+    return added;
+  };
+  CLI::App& add = command("add", "List a client, with a key made now or its own", AddClient);
+  add.add_option("name", arguments->name, "Its name in the team's story")->required()->type_name("NAME");
+  add.add_option("--rights", arguments->rights, "view, share (also insert, share, solve) or command (everything)")
+      ->required()
+      ->type_name("{view,share,command}");
+  CLI::Option* public_key = add.add_option("--public-key", arguments->public_key_file,
+                                           "File of the client's own public key, in place of a new one")
+                                ->type_name("FILE");
+  add.add_option("--out", arguments->out, "Where the secret key made goes (default: NAME.sec beside the list)")
+      ->type_name("FILE")
+      ->excludes(public_key);
+  add.add_flag("--replace", arguments->is_replacing, "Of a client that is listed: its old key is known no longer");
+  command("list", "Who is listed", ListClients);
+  CLI::App& revoke = command("revoke", "A key is known no longer, also where it is connected now", RevokeClient);
+  revoke.add_option("name", arguments->name, "Of the client")->required()->type_name("NAME");
+}
+
+}  // namespace moondb

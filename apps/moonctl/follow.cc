@@ -1,0 +1,52 @@
+#include "apps/moonctl/follow.h"
+
+#include <signal.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <utility>
+
+#include "client/record_feed.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::chrono::seconds kWait(60);
+
+// A line is written at once and only at its end, so that it can be left anywhere.
+void EndNow(int) { ::_exit(static_cast<int>(ExitCode::kDone)); }
+
+// False where nobody reads any more, or the line cannot be written.
+bool PrintLine(const std::string& line) {
+  const std::string text = line + "\n";
+  return std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
+}
+
+}  // namespace
+
+ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadRequest filter,
+                       const std::function<std::string(const proto::StoredRecord&, const proto::Record&)>& line_of) {
+  ::signal(SIGINT, EndNow);
+  ::signal(SIGTERM, EndNow);
+  const bool is_from_now = filter.after_row_id() == 0;
+  RecordFeed feed(client, std::move(filter));
+  if (is_from_now) {
+    if (auto skipped = feed.SkipToNow(); !skipped) return context.Report(skipped.error());
+  }
+  while (true) {
+    const auto page = feed.Next(kWait);
+    if (!page) return context.Report(page.error());
+    for (const proto::StoredRecord& stored : page->records()) {
+      proto::Record record;
+      if (!record.ParseFromString(stored.content())) {
+        return context.Report({ErrorCode::kCorrupt, ToString(FromProto(stored.key())) + " does not decode", {}});
+      }
+      if (PrintLine(line_of(stored, record))) continue;
+      if (errno == EPIPE) return ExitCode::kDone;
+      return context.Report({ErrorCode::kInternal, "the result cannot be written", {}});
+    }
+  }
+}
+
+}  // namespace moondb

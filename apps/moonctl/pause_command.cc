@@ -1,0 +1,75 @@
+#include "apps/moonctl/pause_command.h"
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "apps/common/proto_json.h"
+#include "apps/common/table.h"
+#include "model/leases.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+
+// Of `agent`, in the leases that it answered with; 0 for what it does not do.
+proto::AgentLease LeaseOf(const proto::AgentConfig& agent, const proto::LeaseReply& reply) {
+  for (const proto::AgentLease& lease : reply.leases()) {
+    if (lease.agent_id() == agent.id()) return lease;
+  }
+  proto::AgentLease none;
+  none.set_agent_id(agent.id());
+  return none;
+}
+
+// One that cannot be reached does not keep the others from it.
+ExitCode SetPause(CommandContext& context, milliseconds duration) {
+  const auto answers =
+      context.AskEach([duration](Client& client) { return client.SetLease(proto::LEASE_KIND_PAUSED, duration); });
+  if (!answers) return context.Report(answers.error());
+  Table table({"AGENT", "SHARING"});
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  for (const auto& asked : *answers) {
+    const auto& [agent, reply] = asked;
+    BeginAgent(asked, json);
+    if (reply) {
+      const proto::AgentLease lease = LeaseOf(*agent, *reply);
+      const std::string text = ToString(lease);
+      table.Add({agent->name(), text.empty() ? "goes on" : text});
+      json.Key("lease").Raw(ToJson(lease));
+    } else {
+      table.Add({agent->name(), Unreachable(reply.error())}, Tone::kBad);
+    }
+    json.EndObject();
+  }
+  json.EndArray().EndObject();
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text());
+}
+
+}  // namespace
+
+void AddPauseCommands(CLI::App& sync, CommandContext& context) {
+  auto length = std::make_shared<std::string>("600");
+  CLI::App& pause = *sync.add_subcommand(
+      "pause", "Nothing bulky is shared with any agent, or with -a, until it lapses or sync resume");
+  pause.add_option("--for", *length, "Lapses by itself then: 40 (seconds), 10m, 2h; at most 24 h")
+      ->type_name("DURATION")
+      ->capture_default_str();
+  pause.callback([&context, length] {
+    context.action = [&context, length] {
+      const auto duration = ParseDuration(*length);
+      if (duration) return SetPause(context, *duration);
+      return context.Report({ErrorCode::kInvalid,
+                             "expected a duration of at most 24 h such as 40, 10m or 8h, got \"" + *length + "\"",
+                             "--for"});
+    };
+  });
+  sync.add_subcommand("resume", "The pause is over")->callback([&context] {
+    context.action = [&context] { return SetPause(context, milliseconds(0)); };
+  });
+}
+
+}  // namespace moondb

@@ -1,0 +1,15 @@
+// sync pause, sync resume: an operator's own window: nothing bulky is shared with an agent, or with any, for a while.
+#pragma once
+
+#include "apps/moonctl/command_context.h"
+
+namespace CLI {
+class App;
+}
+
+namespace moondb {
+
+// As in apps/moonctl/commands.h; `sync` is the group that they belong to.
+void AddPauseCommands(CLI::App& sync, CommandContext& context);
+
+}  // namespace moondb

@@ -1,0 +1,128 @@
+// Operators from elsewhere, with keys, and programs that follow records: real processes, TCP on this machine.
+
+#include <gmock/gmock.h>
+#include <signal.h>
+#include <sys/stat.h>
+
+#include "model/text.h"
+#include "tests/apps/process_team.h"
+#include "tests/free_port.h"
+
+namespace moondb {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+class ClientKeysProcessTest : public ProcessTeam {
+ protected:
+  // Rover1 lets clients in.
+  void SetUp() override {
+    ProcessTeam::SetUp();
+    std::string text = *ReadTextFile(team_file_);
+    const std::string name = "    name: rover1\n";
+    ASSERT_NE(text.find(name), std::string::npos);
+    text.insert(text.find(name) + name.size(),
+                "    client_address: \"tcp://127.0.0.1:" + std::to_string(FreePort()) + "\"\n");
+    ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
+  }
+  std::vector<std::string> With(const std::string& key, std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin(), {"--key", (folder_ / key).string()});
+    return arguments;
+  }
+};
+
+TEST_F(ClientKeysProcessTest, AKeyOpensWhatItsRightsAllowUntilItIsRevoked) {
+  const auto added = MoonctlJson(0, {"clients", "add", "anna", "--rights", "view"});
+  EXPECT_EQ(added.fields().at("secret_file").string_value(), (folder_ / "anna.sec").string());
+  struct stat status {};
+  ASSERT_EQ(::stat((folder_ / "anna.sec").c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600u);
+  MoonctlExpecting(0, {"up"});
+
+  EXPECT_THAT(MoonctlExpecting(0, With("anna.sec", {"status", "-a", "rover1"})), HasSubstr("leader"));
+  EXPECT_THAT(MoonctlExpecting(0, With("anna.sec", {"status", "--via", "rover1"})),
+              AllOf(HasSubstr("rover3"), Not(HasSubstr("unreachable"))));
+  const Outcome refused =
+      Moonctl(With("anna.sec", {"record", "insert", "temperature", "{\"celsius\": 1}", "-a", "rover1"}));
+  EXPECT_EQ(refused.exit_code, 4);
+  EXPECT_THAT(refused.error, HasSubstr("this needs the right to share; the key of anna has the right to view"));
+  MoonctlExpecting(4, With("anna.sec", {"role", "swap", "--via", "rover1"}));
+  EXPECT_THAT(MoonctlExpecting(3, With("anna.sec", {"status", "-a", "rover2"})), HasSubstr("no client_address"));
+
+  MoonctlExpecting(4, {"clients", "add", "anna", "--rights", "share"});
+  MoonctlExpecting(0, {"clients", "add", "anna", "--rights", "share", "--replace", "--out", folder_ / "new.sec"});
+  EXPECT_TRUE(Until([&] { return Moonctl(With("new.sec", {"sync", "now", "-a", "rover1"})).exit_code == 0; }));
+  EXPECT_THAT(MoonctlExpecting(3, With("anna.sec", {"status", "-a", "rover1"})), HasSubstr("does not let this key in"));
+  EXPECT_THAT(MoonctlExpecting(0, {"log"}), HasSubstr("sync now (anna (key))"));
+
+  MoonctlExpecting(0, {"clients", "revoke", "anna"});
+  EXPECT_TRUE(Until([&] { return Moonctl(With("new.sec", {"status", "-a", "rover1"})).exit_code == 3; }));
+  const auto shown = MoonctlJson(0, {"status", "-a", "rover1"});
+  const auto& agent = shown.fields().at("agents").list_value().values(0).struct_value().fields().at("status");
+  EXPECT_GE(agent.struct_value().fields().at("refused_clients").number_value(), 2);
+  MoonctlExpecting(0, With("new.sec", {"down"}));  // About processes of this machine.
+}
+
+TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
+  MoonctlExpecting(0, {"clients", "list"});
+  ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "# our own words\nclients: []\n").has_value());
+  MoonctlExpecting(0, {"clients", "add", "anna", "--rights", "command"});
+  MoonctlExpecting(0, {"clients", "add", "wall", "--rights", "view", "--public-key", folder_ / "rover2.pub"});
+  EXPECT_THAT(MoonctlExpecting(0, {"clients", "list"}), AllOf(HasSubstr("anna    command"), HasSubstr("wall    view")));
+  EXPECT_THAT(*ReadTextFile(folder_ / "clients.yaml"), testing::StartsWith("# our own words\nclients:\n"));
+  MoonctlExpecting(0, {"clients", "add", "third", "--rights", "share"});
+  MoonctlExpecting(0, {"clients", "revoke", "wall"});
+  EXPECT_THAT(MoonctlExpecting(0, {"clients", "list"}),
+              AllOf(HasSubstr("anna"), HasSubstr("third"), Not(HasSubstr("wall"))));
+  MoonctlExpecting(0, {"clients", "add", "wall", "--rights", "view", "--public-key", folder_ / "rover2.pub"});
+
+  const auto error = [this](int exit_code, std::vector<std::string> arguments) {
+    const Outcome outcome = Moonctl(std::move(arguments));
+    EXPECT_EQ(outcome.exit_code, exit_code) << outcome.error;
+    return outcome.error;
+  };
+  EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "vew"}), HasSubstr("did you mean \"view\"?"));
+  EXPECT_THAT(error(2, {"clients", "add", "B o b", "--rights", "view"}), HasSubstr("expected at most 32 lower-case"));
+  EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view", "--public-key", folder_ / "rover2.pub"}),
+              HasSubstr("is already that of clients[2]"));
+  EXPECT_THAT(error(1, {"clients", "revoke", "ana"}), HasSubstr("did you mean \"anna\"?"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
+  EXPECT_THAT(error(2, {"--key", folder_ / "none.sec", "status"}), HasSubstr("no such file"));
+  ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "clients: [{nmae: x}]\n").has_value());
+  EXPECT_THAT(error(2, {"clients", "list"}), HasSubstr("clients.yaml:1:"));
+  EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("did you mean \"name\"?"));
+  EXPECT_THAT(MoonctlExpecting(1, {"up", "-a", "rover1"}), HasSubstr("clients.yaml:1:"));
+}
+
+TEST_F(ClientKeysProcessTest, FollowsRecordsAsTheyComeUntilItIsEnded) {
+  MoonctlExpecting(0, {"up", "-a", "rover1"});
+  const std::vector<std::string> insert = {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover1"};
+  const std::string before = MoonctlExpecting(0, insert);
+  for (const char* child : {"json", "text"}) std::filesystem::create_directory(folder_ / child);
+  Child json({MOONCTL_PROGRAM, "record", "list", "temperature", "-f", "-a", "rover1", "--json"}, environment_,
+             folder_ / "json");
+  Child text(
+      {"/bin/bash", "-c", std::string("set -o pipefail; ") + MOONCTL_PROGRAM + " record list -f -a rover1 | head -n 1"},
+      environment_, folder_ / "text");
+  // Each comes at once; only what was stored before it listened is not shown.
+  std::string key;
+  EXPECT_TRUE(Until([&] {
+    key = MoonctlExpecting(0, insert);
+    key.resize(key.size() - 1);
+    return json.Out().find(key) != std::string::npos;
+  }));
+  EXPECT_THAT(json.Out(), AllOf(Not(HasSubstr(before)), HasSubstr("\"celsius\":-20")));
+  MoonctlExpecting(0, insert);
+  MoonctlExpecting(0, insert);
+  const Outcome piped = text.Wait();
+  EXPECT_EQ(piped.exit_code, 0);
+  EXPECT_EQ(piped.error, "");
+  EXPECT_THAT(piped.out, HasSubstr("  temperature  rover1  "));
+  json.Signal(SIGINT);
+  EXPECT_EQ(json.Wait().exit_code, 0);
+}
+
+}  // namespace
+}  // namespace moondb
