@@ -26,6 +26,7 @@ struct Blob {
   std::string_view bytes;
 };
 
+class CountingFiles;
 class Database;
 
 // One use of a prepared statement; gives it back when it goes out of scope. The same SQL cannot be in use twice.
@@ -107,11 +108,15 @@ class Database {
   std::uint64_t BytesOnDisk() const;    // File and write-ahead log; 0 in memory.
   std::uint64_t WalBytes() const;       // Of those, the write-ahead log's.
   std::uint64_t DiskFreeBytes() const;  // Where the file lies; 0 in memory.
+  // Of the file, pages that hold nothing and are written again before it grows.
+  Result<std::uint64_t> FreePageBytes();
+  // By this object, to file and log (actors/storage/counting_files.h).
+  std::uint64_t WrittenBytes() const;
 
  private:
   friend class Query;
   friend class Transaction;
-  explicit Database(std::string path) : path_(std::move(path)) {}
+  Database(std::string path, const std::string& vfs);
   Result<void> Lock();
   std::uint64_t FileBytes(const char* ending) const;  // Of the path with this ending; 0 where there is no such file.
   tl::unexpected<Error> FailWith(int code) const;
@@ -119,6 +124,7 @@ class Database {
 
   std::string path_;
   int lock_file_ = -1;
+  std::unique_ptr<CountingFiles> files_;
   sqlite3* connection_ = nullptr;
   Durability durability_ = Durability::kFull;
   std::unordered_map<std::string, Query::Prepared> statements_;
