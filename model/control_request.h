@@ -8,7 +8,7 @@ namespace moondb {
 // Its answer may take minutes: a solve, a merge (which all questions about the map may begin with), a whole file read.
 inline bool TakesLong(const proto::ControlRequest& request) {
   return request.has_optimize() || request.has_merge() || request.has_map_why() || request.has_map_stats() ||
-         request.has_map_tiles() || request.verify().part() == proto::VERIFY_PART_FILE;
+         request.has_map_tiles() || request.has_prune() || request.verify().part() == proto::VERIFY_PART_FILE;
 }
 
 }  // namespace moondb

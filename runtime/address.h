@@ -37,6 +37,7 @@ inline constexpr char kLease[] = "lease";
 inline constexpr char kGateway[] = "gateway";
 inline constexpr char kClock[] = "clock";
 inline constexpr char kEvent[] = "event";
+inline constexpr char kRetention[] = "retention";
 }  // namespace actor_name
 
 }  // namespace moondb

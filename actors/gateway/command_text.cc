@@ -1,6 +1,9 @@
 #include "actors/gateway/command_text.h"
 
+#include <cstdio>
+
 #include "model/agent_name.h"
+#include "model/record_key.h"
 
 namespace moondb {
 
@@ -27,6 +30,23 @@ std::string OptimizeText(const proto::OptimizeRequest& optimize) {
   return text;
 }
 
+// "5m"-like words are moonctl's: here the numbers stand as they were sent.
+std::string PruneText(const proto::PruneOrder& prune) {
+  if (prune.is_dry_run()) return "";
+  std::string text = prune.beaten_maps() ? "db prune beaten maps" : "db prune";
+  for (const DataType type : prune.data_types()) text += " " + DataTypeName(type);
+  char limit[64];
+  if (prune.older_than_s() > 0) {
+    std::snprintf(limit, sizeof limit, " older than %.0f s", prune.older_than_s());
+    text += limit;
+  }
+  if (prune.content_bytes_max() > 0) {
+    std::snprintf(limit, sizeof limit, ", at most %.0f bytes", prune.content_bytes_max());
+    text += limit;
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request) {
@@ -37,6 +57,8 @@ std::string CommandText(const proto::TeamConfig& team, const proto::ControlReque
       return ShareText(team, request.share());
     case proto::ControlRequest::kOptimize:
       return OptimizeText(request.optimize());
+    case proto::ControlRequest::kPrune:
+      return PruneText(request.prune());
     case proto::ControlRequest::kStop:
       return "stop";
     default:

@@ -196,6 +196,9 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kMapTiles:
       *message.mutable_map_tiles_request() = request.map_tiles();
       return Ask(context, actor_name::kMerge, std::move(message), id, pending);
+    case proto::ControlRequest::kPrune:
+      *message.mutable_prune_order() = request.prune();
+      return Ask(context, actor_name::kRetention, std::move(message), id, pending);
     case proto::ControlRequest::kCustom: {
       const std::string& actor = request.custom().actor();
       if (!options_.own_actors.contains(actor)) {
@@ -206,7 +209,6 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     }
     case proto::ControlRequest::kStop:   // Answered without the
     case proto::ControlRequest::kTrace:  // help of other actors.
-    case proto::ControlRequest::kPrune:
     case proto::ControlRequest::kDownlink:
     case proto::ControlRequest::kReadBundle:
     case proto::ControlRequest::REQUEST_NOT_SET:
@@ -300,6 +302,9 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
     case proto::Message::kFingerprintReply:
       *reply.mutable_fingerprint() = message.fingerprint_reply();
       return copy_error(message.fingerprint_reply().error());
+    case proto::Message::kPruneReply:
+      *reply.mutable_prune() = message.prune_reply();
+      return copy_error(message.prune_reply().error());
     case proto::Message::kShareReply:
       *reply.mutable_share() = message.share_reply();
       return copy_error(message.share_reply().error());

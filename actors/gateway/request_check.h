@@ -21,6 +21,7 @@ inline constexpr int kFilterEntriesMax = 1024;
 inline constexpr std::size_t kReasonBytesMax = 256;
 inline constexpr double kMapCoordinateMax_m = 1e9;
 inline constexpr double kMapWaitMax_s = 60;
+inline constexpr double kPruneAgeMax_s = 1e9;
 inline constexpr int kCovariancesMax = 64;
 inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
 
@@ -29,7 +30,8 @@ inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
 // kInvalid, with the field named as in "insert.records[3].pose_graph_node.node.agent_id": no request set, an agent
 // that is not of the team, an insert without records or with too many, a share without a kind or to `self`, a role
 // change that changes nothing or a reason that is too long, filters that are too long, a window that is to begin from
-// scratch, too many covariances, a place beyond
+// scratch, too many covariances, too many types to prune or any beside beaten maps, limits of a prune that are
+// negative, a place beyond
 // kMapCoordinateMax_m, a region that ends before it begins, a wait beyond kMapWaitMax_s.
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request);
 

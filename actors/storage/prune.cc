@@ -7,6 +7,8 @@
 #include <tuple>
 #include <utility>
 
+#include "model/prune_rules.h"
+
 namespace moondb {
 
 namespace {
@@ -165,19 +167,6 @@ class Chooser {
 };
 
 }  // namespace
-
-bool IsKeptUnlessNamed(DataType type) {
-  switch (type) {
-    case proto::POSE_GRAPH_NODE:
-    case proto::POSE_GRAPH_EDGE:
-    case proto::OPTIMIZED_POSE:
-    case proto::EDGE_VERDICT:
-    case proto::MAP_QUARANTINE:
-      return true;
-    default:
-      return false;
-  }
-}
 
 Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const SharingRules& rules,
                                   const proto::PruneRequest& request, std::int64_t utc_now_ns) {

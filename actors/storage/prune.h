@@ -1,9 +1,8 @@
 // ChooseToPrune: the rows that a PruneRequest (proto/storage.proto) may take away, oldest first.
 //
-// Only shared records under the policy `all` that are held here and that every one of `acknowledged` had. Types whose
-// records hang together - nodes and edges of the pose graph, and what is said of them; quarantines of maps - go only
-// where the request names them: without its nodes a graph is broken, and without its quarantine a map counts again. A
-// record whose stamp comes from a suspect clock is of unknown age: no `older_than_s` takes it.
+// Only shared records under the policy `all` that are held here and that every one of `acknowledged` had; of some types
+// only where the request names them (model/prune_rules.h). A record whose stamp comes from a suspect clock is of
+// unknown age: no `older_than_s` takes it.
 //
 // Looks at keys, stamps and lengths of all that may go, not at contents (but for what is old enough, to see whether its
 // stamp can be trusted): about a microsecond a record.
@@ -24,9 +23,6 @@ inline constexpr std::size_t kPruneRowsMax = 2000;                        // Of 
 inline constexpr std::uint64_t kPruneContentBytesMax = 64 * 1024 * 1024;  // of contents, or one larger record.
 inline constexpr int kPruneNamedMax = 4096;                               // PruneRequest.records.
 inline constexpr std::size_t kPruneCandidatesMax = 262'144;  // Of more, the oldest of the streams that come first.
-
-// Whether the type goes only where it is named.
-bool IsKeptUnlessNamed(DataType type);
 
 struct PruneChoice {
   struct Chosen {
