@@ -93,7 +93,7 @@ class RecordStore {
   Result<void> NotePeerHave(const proto::PeerHave& note);
   // `day` is today, since 1970, for the bytes written.
   Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
-  // Once a minute and before the end: what was written to the disk is written down, if anything was.
+  // Once a minute: what was written to the disk is written down, if anything was.
   Result<void> SaveWritten(std::uint32_t day) { return write_count_.Save(*database_, day); }
 
   // Removes rows, or counts those that would go; durable when this returns. Errors as ChooseToPrune has them.

@@ -33,9 +33,7 @@ std::string Megabytes(double bytes) {
 StorageActor::StorageActor(Options options)
     : options_(std::move(options)), clock_judge_(BaseStationOf(options_.team)) {}
 
-StorageActor::~StorageActor() {
-  if (store_) (void)store_->SaveWritten(today_);
-}
+StorageActor::~StorageActor() = default;
 
 RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   RecordStore::Options store;
@@ -250,8 +248,7 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
 }
 
 void StorageActor::SaveWritten(Context& context) {
-  today_ = DayOf(context.utc_now_ns());
-  const Result<void> saved = store_->SaveWritten(today_);
+  const Result<void> saved = store_->SaveWritten(DayOf(context.utc_now_ns()));
   if (!saved) Note(context, "bytes written", saved.error());
   (void)context.AfterTimer(options_.written_period, kSaveWritten);
 }

@@ -71,7 +71,6 @@ class StorageActor final : public Actor {
   std::string clock_suspect_;  // The last verdict.
   std::unique_ptr<RecordStore> store_;
   proto::VerifyRequest next_scrub_;
-  std::uint32_t today_ = 0;  // Days since 1970, as of the last message that asked.
   RateLimitedLog rejected_log_;
 };
 

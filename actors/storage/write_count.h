@@ -2,7 +2,7 @@
 // wears.
 //
 // Counted where SQLite hands bytes to the file system (actors/storage/counting_files.h): what that one writes beyond
-// them is not in it, and what a process wrote in the last minute before it was killed. The day is the agent's clock's,
+// them is not in it, and what a process wrote in the last minute before its end. The day is the agent's clock's,
 // and a minute across midnight counts for the day that it ends in.
 #pragma once
 

@@ -40,6 +40,7 @@ class SimulatedFaults {
   void KillLong();
   void Drive();
   void Sleep();
+  void Prune();
   AgentId DrawRover();
   void SetRoles(AgentId agent, proto::RoleSetRequest request);
 

@@ -91,8 +91,8 @@ class RetentionActorTest : public testing::Test {
     map.mutable_node_from_map()->mutable_position_m();
     map.mutable_node_from_map()->mutable_orientation()->set_w(1);
     proto::MapLayer& layer = *map.add_layers();
-    layer.set_width_cells(static_cast<std::uint32_t>(cells));
-    layer.set_height_cells(1);
+    layer.set_width_cells(8);
+    layer.set_height_cells(static_cast<std::uint32_t>(cells / 8));
     layer.set_resolution_um(50'000);
     layer.set_cells(std::string((cells + 3) / 4, '\x12'));
     return record;
