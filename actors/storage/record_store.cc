@@ -296,18 +296,11 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
   const bool has_map = std::any_of(request.records().begin(), request.records().end(),
                                    [](const proto::Record& record) { return record.has_local_traversability_map(); });
   if (!has_map) return {};
-  const Result<std::uint64_t> used = UsedBytes();
+  const Result<std::uint64_t> used = database_->UsedPageBytes();
   if (!used) return tl::unexpected(used.error());
   if (*used < options_.map_store_bytes_max) return {};
   return Fail(ErrorCode::kFull, "the store's budget (retention.store_mb_max) is used up: no more maps are taken, and " +
                                     std::string("what is left of the disk is for states"));
-}
-
-Result<std::uint64_t> RecordStore::UsedBytes() {
-  const Result<std::uint64_t> free = database_->FreePageBytes();
-  if (!free) return tl::unexpected(free.error());
-  const std::uint64_t bytes = database_->BytesOnDisk();
-  return bytes - std::min(bytes, *free);  // Pages may be freed in the log, where the file does not have them yet.
 }
 
 RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
@@ -588,9 +581,9 @@ Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
     added.set_data_type(key.second);
     added.set_count(static_cast<double>(count));
   }
-  const Result<std::uint64_t> used = UsedBytes();
+  const Result<std::uint64_t> used = database_->UsedPageBytes();
   if (!used) return tl::unexpected(used.error());
-  status.set_database_bytes(static_cast<double>(*used));
+  status.set_database_bytes(static_cast<double>(*used + database_->WalBytes()));
   status.set_disk_free_bytes(static_cast<double>(database_->DiskFreeBytes()));
   status.set_epoch(epoch_);
   status.set_rejected_count(static_cast<double>(rejected_count_));

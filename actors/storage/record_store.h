@@ -53,7 +53,7 @@ class RecordStore {
     CustomTypes custom_types;     // Of the team file, complete.
     std::uint64_t seed = 0;       // Of the epochs' random bits.
     std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
-    // Beyond so much of file and log no own map is taken (kFull), so that maps leave room for states; 0: no limit.
+    // When the tables take so much no own map is taken (kFull), so that maps leave room for states; 0: no limit.
     std::uint64_t map_store_bytes_max = 0;
     bool is_checked = false;  // This process opened it before: it is not read through again (1 ms a MB).
   };
@@ -118,7 +118,6 @@ class RecordStore {
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<void> CheckOwner();
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
-  Result<std::uint64_t> UsedBytes();  // Of file and log, without pages that hold nothing.
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   void NoteOwnEpoch(const StreamKey& stream);
   void NoteOwnEpochs(const proto::HaveSet& have);

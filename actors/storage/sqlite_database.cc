@@ -248,8 +248,6 @@ Result<void> Database::QuickCheck() {
 
 void Database::LeaveAsItIs() { (void)sqlite3_db_config(connection_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr); }
 
-std::uint64_t Database::BytesOnDisk() const { return FileBytes("") + WalBytes(); }
-
 std::uint64_t Database::WalBytes() const { return FileBytes("-wal"); }
 
 std::uint64_t Database::FileBytes(const char* ending) const {
@@ -266,12 +264,14 @@ std::uint64_t Database::DiskFreeBytes() const {
   return error ? 0 : space.available;
 }
 
-Result<std::uint64_t> Database::FreePageBytes() {
-  const Result<std::int64_t> pages = Number("PRAGMA freelist_count");
+Result<std::uint64_t> Database::UsedPageBytes() {
+  const Result<std::int64_t> pages = Number("PRAGMA page_count");
   if (!pages) return tl::unexpected(pages.error());
+  const Result<std::int64_t> free_pages = Number("PRAGMA freelist_count");
+  if (!free_pages) return tl::unexpected(free_pages.error());
   const Result<std::int64_t> page_bytes = Number("PRAGMA page_size");
   if (!page_bytes) return tl::unexpected(page_bytes.error());
-  return static_cast<std::uint64_t>(*pages * *page_bytes);
+  return static_cast<std::uint64_t>((*pages - *free_pages) * *page_bytes);
 }
 
 std::uint64_t Database::WrittenBytes() const { return files_->written_bytes(); }

@@ -105,11 +105,10 @@ class Database {
   void LeaveAsItIs();
 
   const std::string& path() const { return path_; }
-  std::uint64_t BytesOnDisk() const;    // File and write-ahead log; 0 in memory.
-  std::uint64_t WalBytes() const;       // Of those, the write-ahead log's.
+  std::uint64_t WalBytes() const;       // Of the write-ahead log; 0 in memory.
   std::uint64_t DiskFreeBytes() const;  // Where the file lies; 0 in memory.
-  // Of the file, pages that hold nothing and are written again before it grows.
-  Result<std::uint64_t> FreePageBytes();
+  // Of what the file holds, or will when the log is moved into it: without pages that are free to be written again.
+  Result<std::uint64_t> UsedPageBytes();
   // By this object, to file and log (actors/storage/counting_files.h).
   std::uint64_t WrittenBytes() const;
 

@@ -215,7 +215,7 @@ void StorageActor::OnStatus(Context& context) {
 std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
   const proto::RetentionConfig& retention = options_.team.retention();
   const double free_min = retention.disk_free_mb_min() * kMegabyte;
-  const bool has_disk = options_.vfs.empty() && status.database_bytes() > 0;
+  const bool has_disk = options_.vfs.empty() && options_.path != ":memory:";
   if (has_disk && status.disk_free_bytes() < free_min) {
     return Megabytes(status.disk_free_bytes()) + " of disk are free, fewer than the " + Megabytes(free_min) +
            " of retention.disk_free_mb_min";

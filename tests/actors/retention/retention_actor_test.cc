@@ -151,6 +151,12 @@ class RetentionActorTest : public testing::Test {
     return Ask(agent, actor_name::kStorage, std::move(question)).storage_status();
   }
 
+  // On the radio, from now on.
+  void LoseHaveSets(bool is_lost) {
+    team_.SetFilter(
+        [is_lost](AgentId, AgentId, const proto::Message& message) { return !is_lost || !message.has_have_reply(); });
+  }
+
   void AnswerMerge(AgentId agent, const std::vector<proto::RecordKey>& beaten) {
     const auto asked = team_.Expect({agent, actor_name::kMerge}, proto::Message::kBeatenMapsRequest, minutes(1));
     ASSERT_TRUE(asked);
@@ -225,11 +231,11 @@ TEST_F(RetentionActorTest, RemovesNothingWithoutASurvivor) {
 TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   Start();
   Insert(kRover, EventOf(1));
-  team_.SetFilter([](AgentId, AgentId, const proto::Message& message) { return !message.has_have_reply(); });
+  LoseHaveSets(true);
   std::uint64_t request_id = 0;
   team_.RecordSent({kRover, actor_name::kRetention});
   Order(kRover, {});
-  team_.RunUntilIdle();
+  team_.AdvanceTime(seconds(2));
   for (const proto::Message& sent : team_.TakeSent({kRover, actor_name::kRetention})) {
     if (sent.has_have_request()) request_id = sent.request_id();
   }
@@ -241,6 +247,7 @@ TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   stream.set_epoch(1);
   stream.set_data_type(proto::AGENT_EVENT);
   stream.add_held()->set_first(5);
+  LoseHaveSets(false);
   (void)team_.Post({kLeader, actor_name::kRetention}, {kRover, actor_name::kRetention}, std::move(lie));
   const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
   ASSERT_TRUE(answer);
@@ -252,10 +259,10 @@ TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
 TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
   Start();
   Insert(kLeader, EventOf(1));
-  team_.SetFilter([](AgentId, AgentId, const proto::Message& message) { return !message.has_have_reply(); });
+  LoseHaveSets(true);
   team_.RecordSent({kLeader, actor_name::kRetention});
   Order(kLeader, {});
-  team_.RunUntilIdle();
+  team_.AdvanceTime(seconds(2));
   proto::Message claim;
   for (const proto::Message& sent : team_.TakeSent({kLeader, actor_name::kRetention})) {
     if (sent.has_have_request()) claim.set_request_id(sent.request_id());
@@ -268,6 +275,7 @@ TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
     stream.add_held()->set_first(1);
     stream.mutable_held(0)->set_last(1);
   }
+  LoseHaveSets(false);
   (void)team_.Post({kRover, actor_name::kRetention}, {kLeader, actor_name::kRetention}, claim);
   (void)team_.Post({kSurvivor, "impostor"}, {kLeader, actor_name::kRetention}, claim);
   const auto answer = team_.Expect({kLeader, actor_name::kGateway}, proto::Message::kPruneReply, minutes(1));
