@@ -5,7 +5,7 @@
 // unknown age: no `older_than_s` takes it.
 //
 // Looks at keys, stamps and lengths of all that may go, not at contents (but for what is old enough, to see whether its
-// stamp can be trusted): about a microsecond a record.
+// stamp can be trusted).
 #pragma once
 
 #include <cstdint>
