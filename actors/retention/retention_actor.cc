@@ -47,8 +47,8 @@ void RetentionActor::OnMessage(Context& context, const proto::Message& message) 
   const AgentId from = context.sender().agent;
   if (from == options_.self) return OnLocal(context, message);
   if (FindAgent(options_.team, from) == nullptr || context.sender().actor != actor_name::kRetention) return;
-  if (message.has_have_request()) OnPeersQuestion(context, from, message.request_id());
-  if (message.has_have_reply()) OnPeersHave(context, from, message);
+  if (message.control_request().has_have()) OnPeersQuestion(context, from, message.request_id());
+  if (message.control_reply().has_have()) OnPeersHave(context, from, message);
 }
 
 void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
@@ -128,7 +128,7 @@ void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) 
   proto::Message answer;
   answer.set_ms_type(proto::CONTROL);
   answer.set_request_id(found->second.request_id);
-  *answer.mutable_have_reply() = message.have_reply();
+  *answer.mutable_control_reply()->mutable_have() = message.have_reply();
   (void)context.Send({found->first, actor_name::kRetention}, std::move(answer));
   asked_.erase(found);
 }
@@ -186,7 +186,7 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
     proto::Message question;
     question.set_ms_type(proto::CONTROL);
     question.set_request_id(request_id_);
-    question.mutable_have_request()->set_is_for_peer(true);
+    question.mutable_control_request()->mutable_have();
     if (context.Send({agent, actor_name::kRetention}, std::move(question)) == SendResult::kAccepted) continue;
     return Refuse(context, name + ", cannot be reached");
   }
@@ -195,10 +195,10 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
 void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::Message& message) {
   const auto awaited = job_.awaited.find(peer);
   if (!IsAnswer(message, Stage::kPeers) || awaited == job_.awaited.end()) return;
-  if (const Result<HaveSet> have = FromProto(message.have_reply().have()); !have) {
+  if (const Result<HaveSet> have = FromProto(message.control_reply().have().have()); !have) {
     return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
   }
-  job_.acknowledged.push_back(message.have_reply().have());
+  job_.acknowledged.push_back(message.control_reply().have().have());
   job_.awaited.erase(awaited);
   if (job_.awaited.empty()) DoStep(context);
 }

@@ -3,11 +3,12 @@
 // answered with a PruneReply).
 //
 // Before anything goes it asks the RetentionActors of the leader and of the designated survivor, those that are not
-// this agent itself, what they have NOW, over the radio; storage then removes only what all of them had. If one of them
-// cannot be reached, is silent, or there is none, nothing goes, and PruneReply.text says who. In turn it answers the
-// same question of other agents, from its own storage. What others send is checked here: a have-set that cannot be is
-// an answer that did not come. Which agents hold the roles is asked anew each time; an agent that has missed a change
-// asks those who held them before, who had it all.
+// this agent itself, what they have NOW, over the radio (ControlRequest.have: a HaveRequest of its own must not leave
+// an agent); storage then removes only what all of them had. If one of them cannot be reached, is silent, or there is
+// none, nothing goes, and PruneReply.text says who. In turn it answers the same question of other agents, from its own
+// storage. What others send is checked here: a have-set that cannot be is an answer that did not come. Which agents
+// hold the roles is asked anew each time; an agent that has missed a change asks those who held them before, who had it
+// all.
 //
 // One thing at a time: an order that comes meanwhile is refused with kFull. After maps went, MergeActor is told (by the
 // PruneReply) and merges what is left. After a restart nothing is left to do: each request to storage is whole by

@@ -222,9 +222,9 @@ class Mission {
           error.code == ErrorCode::kNotFound || (error.code == ErrorCode::kUnavailable && lives_.is_damaged(from));
       if (!is_usual) world_.Violate("nothing_refused", who + ToString(error));
     }
-    if (message.has_have_request()) prunes_.at(from).OnQuestion(world_.roles[from]);
-    if (message.has_have_reply()) {
-      const Result<HaveSet> have = FromProto(message.have_reply().have());
+    if (message.control_request().has_have()) prunes_.at(from).OnQuestion(world_.roles[from]);
+    if (message.control_reply().has_have()) {
+      const Result<HaveSet> have = FromProto(message.control_reply().have().have());
       if (have) prunes_.at(to).OnAnswer(from, *have);
       if (have) world_.rules.SeeHave(from, *have);
     }

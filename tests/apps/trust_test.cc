@@ -186,6 +186,7 @@ TEST_F(TrustTest, PrunesWhatLeaderAndSurvivorHaveAndNothingElse) {
   MoonctlExpecting(0, {"sync", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"db", "holdings"}),
               testing::ContainsRegex("rover3 +pose_graph_node +2500 +2500 +- "));
+  MoonctlExpecting(0, {"replicate", "now", "--wait"});
   EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover1", "rover2"}), HasSubstr("hold the same"));
   MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
   EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3"}), HasSubstr("db prune pose_graph_node"));

@@ -568,7 +568,7 @@ TEST_F(MergeActorTest, MergesWhatIsLeftAfterMapsWerePruned) {
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
   EXPECT_EQ(team_.Post({kSelf, actor_name::kRetention}, {kSelf, actor_name::kMerge}, std::move(pruned)),
             SendResult::kAccepted);
-  EXPECT_EQ(Decode(Merge()), (Rows{".?"}));
+  EXPECT_EQ(Decode(Merge()), (Rows{". "}));
 }
 
 TEST_F(MergeActorTest, AQuarantineMayBeLiftedBeforeItComes) {

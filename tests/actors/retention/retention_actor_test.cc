@@ -153,8 +153,9 @@ class RetentionActorTest : public testing::Test {
 
   // On the radio, from now on.
   void LoseHaveSets(bool is_lost) {
-    team_.SetFilter(
-        [is_lost](AgentId, AgentId, const proto::Message& message) { return !is_lost || !message.has_have_reply(); });
+    team_.SetFilter([is_lost](AgentId, AgentId, const proto::Message& message) {
+      return !is_lost || !message.control_reply().has_have();
+    });
   }
 
   void AnswerMerge(AgentId agent, const std::vector<proto::RecordKey>& beaten) {
@@ -237,12 +238,12 @@ TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   Order(kRover, {});
   team_.AdvanceTime(seconds(2));
   for (const proto::Message& sent : team_.TakeSent({kRover, actor_name::kRetention})) {
-    if (sent.has_have_request()) request_id = sent.request_id();
+    if (sent.control_request().has_have()) request_id = sent.request_id();
   }
   ASSERT_NE(request_id, 0u);
   proto::Message lie;
   lie.set_request_id(request_id);
-  proto::StreamHave& stream = *lie.mutable_have_reply()->mutable_have()->add_streams();
+  proto::StreamHave& stream = *lie.mutable_control_reply()->mutable_have()->mutable_have()->add_streams();
   stream.set_origin_agent(kRover);
   stream.set_epoch(1);
   stream.set_data_type(proto::AGENT_EVENT);
@@ -265,10 +266,10 @@ TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
   team_.AdvanceTime(seconds(2));
   proto::Message claim;
   for (const proto::Message& sent : team_.TakeSent({kLeader, actor_name::kRetention})) {
-    if (sent.has_have_request()) claim.set_request_id(sent.request_id());
+    if (sent.control_request().has_have()) claim.set_request_id(sent.request_id());
   }
   for (const proto::StoredRecord& record : RecordsOf(kLeader)) {
-    proto::StreamHave& stream = *claim.mutable_have_reply()->mutable_have()->add_streams();
+    proto::StreamHave& stream = *claim.mutable_control_reply()->mutable_have()->mutable_have()->add_streams();
     stream.set_origin_agent(kLeader);
     stream.set_epoch(record.key().epoch());
     stream.set_data_type(proto::AGENT_EVENT);
@@ -347,7 +348,7 @@ TEST_F(RetentionActorTest, AsksNobodyWhereTheTeamFileSetsNoLimits) {
   const std::uint64_t bytes = team_.radio_bytes();
   team_.AdvanceTime(minutes(60));
   team_.SetFilter([](AgentId, AgentId, const proto::Message& message) {
-    EXPECT_FALSE(message.has_have_request());
+    EXPECT_FALSE(message.control_request().has_have());
     return true;
   });
   team_.AdvanceTime(minutes(60));
