@@ -143,9 +143,9 @@ TEST_F(RulesTest, HaveSetSpeaksOfRows) {
 TEST_F(RulesTest, WhatIsPrunedIsOwedToNobodyUnlessSomebodyHoldsIt) {
   const RecordKey key = Key(2, 5, proto::POSE_GRAPH_NODE, 1);
   Insert(2, key, {});
-  Rest(Have({}, {key}), Have({key}), {});
-  Rest(Have({key}), Have({}, {key}), {});
-  Rest(Have({}), Have({}, {key}), {});  // The leader's disk was lost meanwhile, and nobody holds it.
+  Rest(Have({}, {key}), Have({key}), Have({}, {key}));
+  Rest(Have({key}), Have({}, {key}), Have({}, {key}));
+  Rest(Have({}), Have({}, {key}), Have({}, {key}));  // The leader's disk was lost meanwhile, and nobody holds it.
   EXPECT_THAT(broken_, IsEmpty());
   Rest(Have({}), Have({}, {key}), Have({key}));
   EXPECT_THAT(broken_, ElementsAre("nothing_lost"));
