@@ -172,6 +172,12 @@ Result<proto::RoleShowReply> Client::SetRoles(const proto::RoleSetRequest& set) 
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_roles()); });
 }
 
+Result<proto::PruneReply> Client::Prune(const proto::PruneOrder& order) {
+  proto::ControlRequest request;
+  *request.mutable_prune() = order;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_prune()); });
+}
+
 Result<proto::LeaseReply> Client::SetLease(proto::LeaseKind kind, Duration duration) {
   proto::ControlRequest request;
   request.mutable_lease()->set_kind(kind);

@@ -95,6 +95,8 @@ class Client {
   Result<HaveSet> Have();
   // One part of the agent's store, as proto/storage.proto says: some records at a time.
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
+  // Lets the agent remove what need not be kept. PruneReply.text: nothing could go, and why.
+  Result<proto::PruneReply> Prune(const proto::PruneOrder& order);
   Result<proto::FingerprintReply> Fingerprint(const proto::FingerprintRequest& request);
 
   Result<proto::RoleShowReply> Roles(bool with_history = false);

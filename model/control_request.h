@@ -9,7 +9,7 @@ namespace moondb {
 // a bundle made, a wait for records.
 inline bool TakesLong(const proto::ControlRequest& request) {
   return request.has_optimize() || request.has_merge() || request.has_map_why() || request.has_map_stats() ||
-         request.has_map_tiles() || request.downlink().bytes_max() > 0 ||
+         request.has_map_tiles() || request.has_prune() || request.downlink().bytes_max() > 0 ||
          request.verify().part() == proto::VERIFY_PART_FILE || request.read().wait_s() > 0;
 }
 

@@ -38,6 +38,7 @@ inline constexpr char kGateway[] = "gateway";
 inline constexpr char kClock[] = "clock";
 inline constexpr char kEvent[] = "event";
 inline constexpr char kDownlink[] = "downlink";
+inline constexpr char kRetention[] = "retention";
 }  // namespace actor_name
 
 }  // namespace moondb

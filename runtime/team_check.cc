@@ -93,6 +93,11 @@ class Checker {
     CheckRange("site.lon_deg", team_.site().lon_deg(), -180, 360);
     CheckRange("site.north_yaw_rad", team_.site().north_yaw_rad(), -kAngleMax_rad, kAngleMax_rad);
     CheckRange("map.resolution_m", team_.map().resolution_m(), 0.001, 10);
+    CheckRange("retention.keep_days", team_.retention().keep_days(), 0, 36500);
+    CheckRange("retention.keep_event_days", team_.retention().keep_event_days(), 0, 36500);
+    CheckRange("retention.map_part_max", team_.retention().map_part_max(), 0, 1);
+    CheckRange("retention.disk_free_mb_min", team_.retention().disk_free_mb_min(), 0, 1e9);
+    CheckStoreBudget();
     CheckCustomTypes();
     CheckNumbers("map.footprint_m", team_.map().footprint_m(), "2 numbers (length and width)", 2, 0.01, 10);
   }
@@ -236,6 +241,13 @@ class Checker {
     }
   }
 
+  // A small one would be used up by the log and the tables themselves.
+  void CheckStoreBudget() {
+    const double megabytes = team_.retention().store_mb_max();
+    if (!IsGiven("retention.store_mb_max") || megabytes == 0 || (megabytes >= 1 && megabytes <= 1e9)) return;
+    Add("retention.store_mb_max", "expected 0, for no budget, or 1 to 1e+09, got " + Number(megabytes));
+  }
+
   void CheckCustomTypes() {
     const int count = team_.custom_types_size();
     if (count > kCustomTypeCountMax) {
@@ -375,6 +387,8 @@ void FillDefaults(const Places& places, proto::TeamConfig* team) {
   if (!is_given("radio.budget_kbps")) team->mutable_radio()->set_budget_kbps(1000);
   if (!is_given("radio.quiet_while_driving")) team->mutable_radio()->set_quiet_while_driving(true);
   if (!is_given("pose_graph.solve_by_itself")) team->mutable_pose_graph()->set_solve_by_itself(true);
+  if (!is_given("retention.map_part_max")) team->mutable_retention()->set_map_part_max(0.7);
+  if (!is_given("retention.disk_free_mb_min")) team->mutable_retention()->set_disk_free_mb_min(512);
   if (!is_given("map.resolution_m")) team->mutable_map()->set_resolution_m(0.05);
   if (!is_given("map.footprint_m")) {
     team->mutable_map()->add_footprint_m(0.75);

@@ -41,6 +41,9 @@ ground:
 # The leader solves the pose graph by itself when records have stopped coming, or on `moonctl graph optimize` alone.
 pose_graph: {solve_by_itself: %s}
 
+# What an agent need not keep for ever, where leader and designated survivor have it (docs/OPERATING.md, Space):
+# retention: {keep_days: 90, keep_event_days: 30, store_mb_max: 4000, map_part_max: 0.7, disk_free_mb_min: 512}
+
 map: {resolution_m: %s, footprint_m: [%s, %s]}   # The merged map's cells; a rover's length and width.
 )";
 

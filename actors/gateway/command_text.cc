@@ -1,9 +1,11 @@
 #include "actors/gateway/command_text.h"
 
 #include <cmath>
+#include <cstdio>
 
 #include "model/agent_name.h"
 #include "model/leases.h"
+#include "model/record_key.h"
 
 namespace moondb {
 
@@ -42,6 +44,23 @@ std::string LeaseText(const proto::LeaseRequest& lease) {
   return "sync pause for " + std::to_string(static_cast<int>(std::ceil(lease.seconds()))) + " s";
 }
 
+// "5m"-like words are moonctl's: here the numbers stand as they were sent.
+std::string PruneText(const proto::PruneOrder& prune) {
+  if (prune.is_dry_run()) return "";
+  std::string text = prune.beaten_maps() ? "db prune beaten maps" : "db prune";
+  for (const DataType type : prune.data_types()) text += " " + DataTypeName(type);
+  char limit[64];
+  if (prune.older_than_s() > 0) {
+    std::snprintf(limit, sizeof limit, " older than %.0f s", prune.older_than_s());
+    text += limit;
+  }
+  if (prune.content_bytes_max() > 0) {
+    std::snprintf(limit, sizeof limit, ", at most %.0f bytes", prune.content_bytes_max());
+    text += limit;
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request) {
@@ -56,6 +75,8 @@ std::string CommandText(const proto::TeamConfig& team, const proto::ControlReque
       return DownlinkText(request.downlink());
     case proto::ControlRequest::kLease:
       return LeaseText(request.lease());
+    case proto::ControlRequest::kPrune:
+      return PruneText(request.prune());
     case proto::ControlRequest::kStop:
       return "stop";
     default:

@@ -255,6 +255,9 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kReadBundle:
       *message.mutable_read_bundle_request() = request.read_bundle();
       return Ask(context, actor_name::kStorage, std::move(message), id, pending);
+    case proto::ControlRequest::kPrune:
+      *message.mutable_prune_order() = request.prune();
+      return Ask(context, actor_name::kRetention, std::move(message), id, pending);
     case proto::ControlRequest::kCustom: {
       const std::string& actor = request.custom().actor();
       if (!options_.own_actors.contains(actor)) {
@@ -265,7 +268,6 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     }
     case proto::ControlRequest::kStop:   // Answered without the
     case proto::ControlRequest::kTrace:  // help of other actors.
-    case proto::ControlRequest::kPrune:
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }
@@ -396,6 +398,9 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
     case proto::Message::kFingerprintReply:
       *reply.mutable_fingerprint() = message.fingerprint_reply();
       return copy_error(message.fingerprint_reply().error());
+    case proto::Message::kPruneReply:
+      *reply.mutable_prune() = message.prune_reply();
+      return copy_error(message.prune_reply().error());
     case proto::Message::kShareReply:
       *reply.mutable_share() = message.share_reply();
       return copy_error(message.share_reply().error());

@@ -128,6 +128,22 @@ Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeR
   return {};
 }
 
+Result<void> CheckPrune(const proto::PruneOrder& prune) {
+  if (!(prune.older_than_s() >= 0 && prune.older_than_s() <= kPruneAgeMax_s)) {
+    return Fail(ErrorCode::kInvalid, "must lie between 0 and 1e9 s", "prune.older_than_s");
+  }
+  if (!(prune.content_bytes_max() >= 0 && std::isfinite(prune.content_bytes_max()))) {
+    return Fail(ErrorCode::kInvalid, "must not be negative", "prune.content_bytes_max");
+  }
+  if (prune.data_types_size() > kFilterEntriesMax) {
+    return Fail(ErrorCode::kInvalid, "too many data types", "prune.data_types");
+  }
+  if (prune.beaten_maps() && !prune.data_types().empty()) {
+    return Fail(ErrorCode::kInvalid, "beaten maps are maps: no types beside them", "prune.data_types");
+  }
+  return {};
+}
+
 Result<void> CheckCoordinate(double metres, const std::string& field) {
   if (std::abs(metres) <= kMapCoordinateMax_m) return {};  // Not for NaN.
   return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
@@ -174,6 +190,8 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
       auto checked = CheckCoordinate(request.map_why().x_m(), "map_why.x_m");
       return checked ? CheckCoordinate(request.map_why().y_m(), "map_why.y_m") : checked;
     }
+    case proto::ControlRequest::kPrune:
+      return CheckPrune(request.prune());
     case proto::ControlRequest::kMapTiles:
       return CheckMapTiles(request.map_tiles());
     case proto::ControlRequest::kMapStats:
@@ -191,7 +209,6 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     case proto::ControlRequest::kDownlink:
     case proto::ControlRequest::kReadBundle:
       return {};
-    case proto::ControlRequest::kPrune:
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }

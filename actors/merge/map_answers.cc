@@ -123,6 +123,16 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
   return reply;
 }
 
+proto::BeatenMapsReply BeatenMapsOf(const Merger& merger, std::uint32_t records_max) {
+  const int count_max = static_cast<int>(std::min(records_max, kBeatenMapsMax));
+  proto::BeatenMapsReply reply;
+  for (const MapWins& wins : merger.CountWins()) {
+    if (reply.records_size() >= count_max) break;
+    if (wins.cells == 0 && wins.placed.map->key.seq != 0) *reply.add_records() = ToProto(wins.placed.map->key);
+  }
+  return reply;
+}
+
 proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger) {
   std::map<AgentId, proto::AgentMapStats> agents;
   for (const MapWins& wins : merger.CountWins()) {

@@ -50,6 +50,9 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
     case proto::Message::kMapTilesRequest:
       *reply.mutable_map_tiles_reply()->mutable_error() = ToProto(error);
       break;
+    case proto::Message::kBeatenMapsRequest:
+      *reply.mutable_control_reply()->mutable_error() = ToProto(error);
+      break;
     default:
       *reply.mutable_merge_reply()->mutable_error() = ToProto(error);
   }
@@ -97,6 +100,7 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kMapWhyRequest:
     case proto::Message::kMapStatsRequest:
     case proto::Message::kMapTilesRequest:
+    case proto::Message::kBeatenMapsRequest:
       // This agent's gateway has looked at them, nobody at a peer's.
       if (context.sender().agent == options_.self) OnQuestion(context, message);
       return;
@@ -104,6 +108,9 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
       if (context.sender() == Address{options_.self, actor_name::kStorage}) {
         OnRecordsStored(context, message.records_stored());
       }
+      return;
+    case proto::Message::kPruneReply:
+      if (context.sender() == Address{options_.self, actor_name::kRetention}) OnPruned(context);
       return;
     case proto::Message::kReadReply:
       if (context.sender() == Address{options_.self, actor_name::kStorage}) OnReadReply(context, message);
@@ -132,6 +139,12 @@ void MergeActor::OnQuestion(Context& context, const proto::Message& message) {
 
 void MergeActor::StartReading(Context& context) {
   covered_count_ = waiting_.size();
+  if (std::exchange(is_outdated_, false)) {
+    collection_ = MapCollection(CollectionOptions(options_.team));
+    unusable_map_count_ = 0;
+    after_row_id_ = 0;
+    is_current_ = false;
+  }
   RequestPage(context);
 }
 
@@ -173,8 +186,16 @@ void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
 }
 
 void MergeActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  if (std::any_of(stored.data_types().begin(), stored.data_types().end(), IsRead)) LookSoon(context);
+}
+
+void MergeActor::OnPruned(Context& context) {
+  is_outdated_ = true;
+  LookSoon(context);
+}
+
+void MergeActor::LookSoon(Context& context) {
   if (subscribed_.empty() || is_look_due_) return;
-  if (std::none_of(stored.data_types().begin(), stored.data_types().end(), IsRead)) return;
   is_look_due_ = true;
   (void)context.AfterTimer(options_.look_period, kLook);
 }
@@ -285,10 +306,13 @@ std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiti
   if (question.has_map_tiles_request()) return AnswerTiles(context, waiting);
   if (question.has_map_why_request()) {
     *answer.mutable_map_why_reply() = WhyOf(collection_, *merger_, question.map_why_request());
+  } else if (question.has_beaten_maps_request()) {
+    *answer.mutable_beaten_maps_reply() = BeatenMapsOf(*merger_, question.beaten_maps_request().records_max());
   } else {
     *answer.mutable_map_stats_reply() = StatsOf(collection_, *merger_);
     answer.mutable_map_stats_reply()->set_backend(backend_->description());
-    answer.mutable_map_stats_reply()->set_refused_map_count(static_cast<double>(unusable_map_count_ + unplaced_map_count_));
+    answer.mutable_map_stats_reply()->set_refused_map_count(
+        static_cast<double>(unusable_map_count_ + unplaced_map_count_));
   }
   return answer;
 }

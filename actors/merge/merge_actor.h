@@ -12,6 +12,9 @@
 // A MapTilesRequest with wait_s is a subscription: where nothing has changed it waits, at most so long, and is looked
 // at again when StorageActor tells of new records (it names this actor in `notify`), once in look_period at most.
 //
+// RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest), and tells with its PruneReply that
+// maps are gone: then everything is read anew for the next question. An error of a BeatenMapsRequest is a ControlReply.
+//
 // Errors in replies: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
 // kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), kInvalid
 // (the team file's map does not fit CheckGrid), and StorageActor's own.
@@ -66,6 +69,8 @@ class MergeActor final : public Actor {
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnReadReply(Context& context, const proto::Message& message);
+  void OnPruned(Context& context);
+  void LookSoon(Context& context);  // At the subscriptions.
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
 
@@ -96,6 +101,7 @@ class MergeActor final : public Actor {
   std::string backend_description_;         // As it was told last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   bool is_current_ = false;                 // It has all that is in collection_.
+  bool is_outdated_ = false;                // collection_ has maps that are gone: it is to be read anew.
   std::size_t unusable_map_count_ = 0;      // Of records: cells too fine for the grid.
   std::size_t unplaced_map_count_ = 0;      // Maps and footprints that merger_ did not take the last time.
   std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.

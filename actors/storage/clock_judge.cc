@@ -22,10 +22,21 @@ bool Agree(std::int64_t offset_a_ns, std::int64_t offset_b_ns) {
 
 void ClockJudge::NotePeer(AgentId peer, std::int64_t utc_ns, Time now) {
   if (IsPlausible(utc_ns)) {
-    peer_offsets_ns_[peer] = utc_ns - now.time_since_epoch().count();
+    peers_[peer] = {utc_ns - now.time_since_epoch().count(), now};
   } else {
-    peer_offsets_ns_.erase(peer);
+    peers_.erase(peer);
   }
+}
+
+std::vector<ClockJudge::PeerOffset> ClockJudge::PeerOffsets(std::int64_t utc_ns, Time now) const {
+  std::vector<PeerOffset> offsets;
+  for (const auto& [agent, peer] : peers_) {
+    // By doubles: this agent's own clock may say anything, and a difference overflow.
+    const double offset_ns = static_cast<double>(peer.offset_ns) + static_cast<double>(now.time_since_epoch().count()) -
+                             static_cast<double>(utc_ns);
+    offsets.push_back({agent, offset_ns / kSecondNs, std::chrono::duration<double>(now - peer.heard).count()});
+  }
+  return offsets;
 }
 
 ClockJudge::Verdict ClockJudge::Judge(std::int64_t utc_ns, Time now) {
@@ -48,11 +59,11 @@ ClockJudge::Verdict ClockJudge::Judge(std::int64_t utc_ns, Time now) {
 
   int agreeing = 1;  // This one.
   int differing = 0;
-  for (const auto& [peer, peer_offset_ns] : peer_offsets_ns_) {
-    ++(Agree(offset_ns, peer_offset_ns) ? agreeing : differing);
+  for (const auto& [agent, peer] : peers_) {
+    ++(Agree(offset_ns, peer.offset_ns) ? agreeing : differing);
   }
-  const auto base = peer_offsets_ns_.find(base_station_);
-  const bool is_off_base = base != peer_offsets_ns_.end() && !Agree(offset_ns, base->second);
+  const auto base = peers_.find(base_station_);
+  const bool is_off_base = base != peers_.end() && !Agree(offset_ns, base->second.offset_ns);
   const bool is_off = differing > agreeing || (differing == agreeing && is_off_base);
   if (!is_off && agreeing > 1) unproven_jump_s_ = 0;
   if (is_off) {

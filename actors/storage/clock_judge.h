@@ -17,6 +17,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "model/ids.h"
 
@@ -33,6 +34,14 @@ class ClockJudge {
   // A peer said just now that it is `utc_ns` (since 1970). What cannot be is taken as no report.
   void NotePeer(AgentId peer, std::int64_t utc_ns, Time now);
 
+  // How much later the peers' clocks are than this agent's, which says `utc_ns`, as each said last.
+  struct PeerOffset {
+    AgentId peer = 0;
+    double offset_s = 0;
+    double age_s = 0;  // Of that word.
+  };
+  std::vector<PeerOffset> PeerOffsets(std::int64_t utc_ns, Time now) const;
+
   struct Verdict {
     std::string suspect;      // Why, for people; empty: it is not.
     bool has_jumped = false;  // Since it was last asked.
@@ -42,10 +51,14 @@ class ClockJudge {
 
  private:
   const AgentId base_station_;
-  std::map<AgentId, std::int64_t> peer_offsets_ns_;  // Of their UTC to this agent's monotonic clock.
-  std::optional<std::int64_t> offset_ns_;            // Of its own, when it was last asked.
-  double unproven_jump_s_ = 0;                       // 0: none.
-  bool was_never_set_ = false;                       // When it was last asked.
+  struct Peer {
+    std::int64_t offset_ns = 0;  // Of its UTC to this agent's monotonic clock.
+    Time heard;
+  };
+  std::map<AgentId, Peer> peers_;
+  std::optional<std::int64_t> offset_ns_;  // Of its own, when it was last asked.
+  double unproven_jump_s_ = 0;             // 0: none.
+  bool was_never_set_ = false;             // When it was last asked.
 };
 
 }  // namespace moondb

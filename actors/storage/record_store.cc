@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "actors/storage/bundle_shelf.h"
+#include "actors/storage/prune.h"
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
 #include "actors/storage/role_history.h"
@@ -56,12 +57,14 @@ class RecordStore::Writing {
     if (!done) return done;
     ++next_row_id_;
     types_.insert(key.stream.type);
+    if (key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ += content.size();
     if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
     return {};
   }
 
   Result<void> DeleteRow(const RecordTable& table, const RecordTable::Row& row) {
     if (row.key.seq != 0) store_.ledger_.AddDropped(row.key.stream, {row.key.seq, row.key.seq});
+    if (row.key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ -= row.content_bytes;
     return table.Delete(*store_.database_, row.row_id);
   }
 
@@ -75,6 +78,7 @@ class RecordStore::Writing {
     if (next_row_id_ != store_.next_row_id_) stored.set_last_row_id(next_row_id_ - 1);
     for (const DataType type : types_) stored.add_data_types(type);
     store_.next_row_id_ = next_row_id_;
+    store_.map_bytes_ = map_bytes_;
     if (epoch != 0) store_.epoch_ = epoch;
     store_.own_epoch_highest_ = std::max(store_.own_epoch_highest_, store_.epoch_);
     return {};
@@ -82,11 +86,16 @@ class RecordStore::Writing {
 
  private:
   Writing(RecordStore& store, Transaction transaction)
-      : epoch(store.epoch_), store_(store), transaction_(std::move(transaction)), next_row_id_(store.next_row_id_) {}
+      : epoch(store.epoch_),
+        store_(store),
+        transaction_(std::move(transaction)),
+        next_row_id_(store.next_row_id_),
+        map_bytes_(store.map_bytes_) {}
 
   RecordStore& store_;
   Transaction transaction_;
   std::uint64_t next_row_id_;
+  std::uint64_t map_bytes_;
   std::set<DataType> types_;
 };
 
@@ -126,11 +135,15 @@ Result<void> RecordStore::Load() {
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
   if (!next_row_id) return tl::unexpected(next_row_id.error());
   next_row_id_ = static_cast<std::uint64_t>(*next_row_id);
+  if (const Result<void> loaded = write_count_.Load(*database_); !loaded) return loaded;
   if (!options_.is_checked) {
     if (const Result<void> mended = MendFromRows(); !mended) return mended;
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
+  const Result<std::uint64_t> map_bytes = FindRecordTable(proto::LOCAL_TRAVERSABILITY_MAP)->SumContentBytes(*database_);
+  if (!map_bytes) return tl::unexpected(map_bytes.error());
+  map_bytes_ = *map_bytes;
   return {};
 }
 
@@ -164,8 +177,10 @@ Result<void> RecordStore::MendFromRows() {
     if (!have.held.Minus(mended.Get(stream).held).is_empty()) gone.emplace(stream.origin, stream.type);
   }
   for (const auto& [stream, have] : ledger_.have().streams()) {
-    // What a lost row had replaced may be the newest that is left with a peer, which is to send it.
-    if (gone.contains({stream.origin, stream.type})) continue;
+    // What a lost row had replaced may be the newest that is left with a peer, which is to send it. Under `all` nothing
+    // is replaced: what was dropped was pruned.
+    const bool may_be_replaced = rules_.PolicyOf(stream.type) != proto::POLICY_ALL;
+    if (may_be_replaced && gone.contains({stream.origin, stream.type})) continue;
     const IntervalSet dropped = have.dropped.Minus(mended.Get(stream).held);
     if (!dropped.is_empty()) mended[stream].dropped = dropped;
   }
@@ -277,9 +292,22 @@ Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const
   return {};
 }
 
+Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) {
+  if (options_.map_store_bytes_max == 0) return {};
+  const bool has_map = std::any_of(request.records().begin(), request.records().end(),
+                                   [](const proto::Record& record) { return record.has_local_traversability_map(); });
+  if (!has_map) return {};
+  const Result<std::uint64_t> used = database_->UsedPageBytes();
+  if (!used) return tl::unexpected(used.error());
+  if (*used < options_.map_store_bytes_max) return {};
+  return Fail(ErrorCode::kFull, "the store's budget (retention.store_mb_max) is used up: no more maps are taken, and " +
+                                    std::string("what is left of the disk is for states"));
+}
+
 RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
   Inserted result;
   Result<void> done = CheckInsert(request);
+  if (done) done = CheckRoomForMaps(request);
   std::vector<std::string> contents;
   for (int i = 0; done && i < request.records_size(); ++i) {
     contents.push_back(SerializeRecord(request.records(i)));
@@ -505,7 +533,8 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
 HaveSet RecordStore::ForPeer(const HaveSet& have) const {
   HaveSet told;
   for (const auto& [stream, state] : have.streams()) {
-    if (rules_.IsLatest(stream.type)) {
+    const bool is_pruned = !rules_.MayBeDropped(stream.type) && !state.dropped.is_empty();
+    if (rules_.IsLatest(stream.type) || is_pruned) {
       told[stream].dropped = state.Had();
     } else {
       told[stream] = state;
@@ -537,7 +566,7 @@ Result<void> RecordStore::NotePeerHave(const proto::PeerHave& note) {
   return peer_log_.Note(*database_, note);
 }
 
-Result<proto::StorageStatus> RecordStore::GetStatus() {
+Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
   std::map<std::pair<AgentId, DataType>, std::uint64_t> counts;
   for (const auto& [stream, have] : ledger_.have().streams()) counts[{stream.origin, stream.type}] += have.held.Count();
   for (const RecordTable& table : RecordTables()) {
@@ -553,12 +582,52 @@ Result<proto::StorageStatus> RecordStore::GetStatus() {
     added.set_data_type(key.second);
     added.set_count(static_cast<double>(count));
   }
-  status.set_database_bytes(static_cast<double>(database_->BytesOnDisk()));
+  const Result<std::uint64_t> used = database_->UsedPageBytes();
+  if (!used) return tl::unexpected(used.error());
+  status.set_database_bytes(static_cast<double>(*used + database_->WalBytes()));
   status.set_disk_free_bytes(static_cast<double>(database_->DiskFreeBytes()));
   status.set_epoch(epoch_);
   status.set_rejected_count(static_cast<double>(rejected_count_));
   status.set_wal_bytes(static_cast<double>(database_->WalBytes()));
+  status.set_map_bytes(static_cast<double>(map_bytes_));
+  status.set_pruned_count(static_cast<double>(pruned_count_));
+  for (const auto& [written_on, bytes] : write_count_.Days(*database_, day)) {
+    proto::DayBytes& added = *status.add_written();
+    added.set_day(written_on);
+    added.set_bytes(static_cast<double>(bytes));
+  }
   return status;
+}
+
+Result<proto::PruneReply> RecordStore::Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns) {
+  const Result<PruneChoice> choice = ChooseToPrune(*database_, ledger_.have(), rules_, request, utc_now_ns);
+  if (!choice) return tl::unexpected(choice.error());
+  if (!request.is_dry_run() && !choice->rows.empty()) {
+    Result<Writing> writing = Writing::Begin(*this);
+    if (!writing) return tl::unexpected(writing.error());
+    for (const PruneChoice::Chosen& chosen : choice->rows) {
+      if (const Result<void> done = writing->DeleteRow(*chosen.table, chosen.row); !done) {
+        return tl::unexpected(done.error());
+      }
+    }
+    proto::RecordsStored nothing;
+    if (const Result<void> done = writing->Commit(nothing); !done) return tl::unexpected(done.error());
+    pruned_count_ += choice->rows.size();
+  }
+  std::map<DataType, proto::PrunedType> by_type;
+  for (const PruneChoice::Chosen& chosen : choice->rows) {
+    proto::PrunedType& pruned = by_type[chosen.row.key.stream.type];
+    pruned.set_record_count(pruned.record_count() + 1);
+    pruned.set_content_bytes(pruned.content_bytes() + static_cast<double>(chosen.row.content_bytes));
+  }
+  proto::PruneReply reply;
+  for (auto& [type, pruned] : by_type) {
+    pruned.set_data_type(type);
+    *reply.add_pruned() = std::move(pruned);
+  }
+  reply.set_unacknowledged_count(choice->unacknowledged_count);
+  reply.set_is_complete(choice->is_complete);
+  return reply;
 }
 
 Result<proto::VerifyReply> RecordStore::Verify(const proto::VerifyRequest& request) {

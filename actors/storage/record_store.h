@@ -16,6 +16,9 @@
 // - A peer's drops are taken for `latest` and carried types only, and only where something newer of that origin
 //   and type is held here; a row that is the newest of its key stays until its superseder comes. Batches may
 //   overtake each other, and what would have replaced it may be lost for ever with its only disk.
+// - What was pruned (actors/storage/prune.h) is had and dropped: it is never fetched again, and the drop stays here,
+//   since drops travel for `latest` and carried types only. Should this disk be lost, what others still hold comes
+//   back. A node or edge that was pruned and is inserted again is a new record.
 //
 // From one thread at a time. Not moved, not copied: Open gives a pointer.
 #pragma once
@@ -33,6 +36,7 @@
 #include "actors/storage/record_tables.h"
 #include "actors/storage/sharing_rules.h"
 #include "actors/storage/sqlite_database.h"
+#include "actors/storage/write_count.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {
@@ -49,7 +53,9 @@ class RecordStore {
     CustomTypes custom_types;     // Of the team file, complete.
     std::uint64_t seed = 0;       // Of the epochs' random bits.
     std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
-    bool is_checked = false;      // This process opened it before: it is not read through again (1 ms a MB).
+    // When the tables take so much no own map is taken (kFull), so that maps leave room for states; 0: no limit.
+    std::uint64_t map_store_bytes_max = 0;
+    bool is_checked = false;  // This process opened it before: it is not read through again (1 ms a MB).
   };
 
   // Opens, reads through and where needed creates or migrates the file. A damaged one is set aside and an empty one
@@ -85,7 +91,13 @@ class RecordStore {
   Result<void> SaveRoles(const proto::RoleAssignment& roles);
   Result<proto::LoadRolesReply> LoadRoles();
   Result<void> NotePeerHave(const proto::PeerHave& note);
-  Result<proto::StorageStatus> GetStatus();
+  // `day` is today, since 1970, for the bytes written.
+  Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
+  // Once a minute: what was written to the disk is written down, if anything was.
+  Result<void> SaveWritten(std::uint32_t day) { return write_count_.Save(*database_, day); }
+
+  // Removes rows, or counts those that would go; durable when this returns. Errors as ChooseToPrune has them.
+  Result<proto::PruneReply> Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   // As in actors/storage/verify.h.
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
   Result<proto::FingerprintReply> TakeFingerprint(const proto::FingerprintRequest& request);
@@ -111,6 +123,7 @@ class RecordStore {
   Result<void> MendFromRows();
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<void> CheckOwner();
+  Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   void NoteOwnEpoch(const StreamKey& stream);
   void NoteOwnEpochs(const proto::HaveSet& have);
@@ -144,11 +157,14 @@ class RecordStore {
   std::unique_ptr<Database> database_;
   HaveLedger ledger_;
   PeerLog peer_log_;
+  WriteCount write_count_;
   std::mt19937_64 random_;
   std::uint64_t epoch_ = 0;              // 0: the next shared insert begins one.
   std::uint64_t own_epoch_highest_ = 0;  // Known anywhere.
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;
+  std::uint64_t pruned_count_ = 0;
+  std::uint64_t map_bytes_ = 0;  // Of the contents of maps.
   std::string set_aside_;
 };
 

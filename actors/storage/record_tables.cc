@@ -154,7 +154,8 @@ void RecordTable::MakeSql(const std::string& type, const std::string& columns) {
   for (int i = 0; i < column_count; ++i) insert_ += ", ?";
   insert_ += ")";
   delete_ = "DELETE FROM " + name_ + " WHERE row_id = ?";
-  const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + " FROM " + name_;
+  const std::string row =
+      "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + ", length(content) FROM " + name_;
   // For a built-in type `20 = ?5`: true of every row, found once.
   const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4 AND " + type + " = ?5";
   find_ = row + " WHERE origin = ? AND epoch = ? AND seq = ? AND " + type + " = ?";
@@ -177,6 +178,9 @@ void RecordTable::MakeSql(const std::string& type, const std::string& columns) {
   }
   read_after_ = content + " WHERE row_id > ? ORDER BY row_id";
   read_newest_first_ = content + " ORDER BY row_id DESC";
+  read_heads_ = "SELECT row_id, seq, stamp_ns, length(content) FROM " + name_ + in_interval + " ORDER BY seq";
+  read_record_ = "SELECT content FROM " + name_ + " WHERE row_id = ?";
+  sum_content_bytes_ = "SELECT coalesce(sum(length(content)), 0) FROM " + name_;
   count_not_shared_ =
       "SELECT " + type + " AS type, count(*) FROM " + name_ + " WHERE origin = ? AND epoch IS NULL GROUP BY type";
 }
@@ -219,8 +223,8 @@ Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
     if (!*step) return rows;
     const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2),
                            static_cast<DataType>(query.Integer(6))};
-    rows.push_back(
-        Row{query.Unsigned(0), RecordKey{stream, query.Unsigned(3)}, query.Unsigned(4), std::string(query.Bytes(5))});
+    rows.push_back(Row{query.Unsigned(0), RecordKey{stream, query.Unsigned(3)}, query.Unsigned(4),
+                       std::string(query.Bytes(5)), query.Unsigned(7)});
   }
 }
 
@@ -290,6 +294,33 @@ Result<std::uint64_t> RecordTable::CountInterval(Database& database, const Strea
   const Result<bool> row = query.Step();
   if (!row) return tl::unexpected(row.error());
   return query.Unsigned(0);
+}
+
+Query RecordTable::ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first,
+                             std::uint64_t last) const {
+  Query query = database.Prepare(read_heads_);
+  query << stream.origin << stream.epoch << first << last << stream.type;
+  return query;
+}
+
+Result<proto::Record> RecordTable::ReadRecord(Database& database, std::uint64_t row_id) const {
+  Query query = database.Prepare(read_record_);
+  query << row_id;
+  const Result<bool> row = query.Step();
+  if (!row) return tl::unexpected(row.error());
+  if (!*row) return Fail(ErrorCode::kNotFound, "there is no such row", name_);
+  proto::Record record;
+  const std::string_view content = query.Bytes(0);
+  if (!record.ParseFromArray(content.data(), static_cast<int>(content.size()))) {
+    return Fail(ErrorCode::kCorrupt, "a row of " + name_ + " does not parse");
+  }
+  return record;
+}
+
+Result<std::uint64_t> RecordTable::SumContentBytes(Database& database) const {
+  const Result<std::int64_t> sum = database.Number(sum_content_bytes_);
+  if (!sum) return tl::unexpected(sum.error());
+  return static_cast<std::uint64_t>(*sum);
 }
 
 Query RecordTable::ReadAfter(Database& database, std::uint64_t row_id) const {

@@ -43,6 +43,7 @@ class RecordTable {
     RecordKey key;  // seq 0: not shared.
     std::uint64_t hash = 0;
     std::string latest_key;
+    std::uint64_t content_bytes = 0;
   };
   Result<std::optional<Row>> Find(Database& database, const RecordKey& key) const;
   // Shared or not, of one origin and type.
@@ -66,6 +67,12 @@ class RecordTable {
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, AgentId agent) const;
+  // Columns 0 row_id, 1 seq, 2 stamp_ns, 3 the content's bytes; the contents themselves are not read.
+  Query ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last) const;
+  // kNotFound where there is none.
+  Result<proto::Record> ReadRecord(Database& database, std::uint64_t row_id) const;
+  // Of all rows, shared or not. Reads no contents, but goes through the table.
+  Result<std::uint64_t> SumContentBytes(Database& database) const;
   // All rows: after `row_id` with rising row_id, or from the newest down.
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
@@ -89,7 +96,7 @@ class RecordTable {
   BindColumns bind_;
   std::string insert_, delete_, find_, find_by_latest_key_, find_newest_, find_in_interval_, find_by_natural_key_;
   std::string read_interval_, count_interval_, read_interval_of_agent_, count_interval_of_agent_;
-  std::string read_after_, read_newest_first_, count_not_shared_;
+  std::string read_after_, read_newest_first_, count_not_shared_, read_heads_, read_record_, sum_content_bytes_;
 };
 
 // One for each built-in type, in the order of the types' numbers, then the custom types'.

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "actors/storage/counting_files.h"
 #include "model/check.h"
 
 namespace moondb {
@@ -115,15 +116,18 @@ std::string_view Query::Bytes(int column) const {
 
 bool Query::IsNull(int column) const { return sqlite3_column_type(prepared_->statement, column) == SQLITE_NULL; }
 
+Database::Database(std::string path, const std::string& vfs)
+    : path_(std::move(path)), files_(std::make_unique<CountingFiles>(vfs)) {}
+
 Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::uint64_t bytes_max,
                                                  const std::string& vfs) {
-  std::unique_ptr<Database> database(new Database(path));
+  std::unique_ptr<Database> database(new Database(path, vfs));
   if (vfs.empty()) {
     if (const Result<void> locked = database->Lock(); !locked) return tl::unexpected(locked.error());
   }
-  const int code = sqlite3_open_v2(path.c_str(), &database->connection_,
-                                   SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX,
-                                   vfs.empty() ? nullptr : vfs.c_str());
+  const int code =
+      sqlite3_open_v2(path.c_str(), &database->connection_,
+                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, database->files_->name());
   if (code != SQLITE_OK) return database->FailWith(code);
   sqlite3_extended_result_codes(database->connection_, 1);
   sqlite3_busy_timeout(database->connection_, kBusyTimeoutMs);
@@ -133,8 +137,9 @@ Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::u
       return tl::unexpected(done.error());
     }
   }
+  // Debian's SQLite would write zeros over all that is deleted: as many bytes again, on flash that wears.
   Result<void> done = database->Execute(
-      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA journal_size_limit=16777216;"
+      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA journal_size_limit=16777216; PRAGMA secure_delete=FAST;"
       "PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;");
   if (done && bytes_max != 0) {
     const Result<std::int64_t> page_bytes = database->Number("PRAGMA page_size");
@@ -243,8 +248,6 @@ Result<void> Database::QuickCheck() {
 
 void Database::LeaveAsItIs() { (void)sqlite3_db_config(connection_, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr); }
 
-std::uint64_t Database::BytesOnDisk() const { return FileBytes("") + WalBytes(); }
-
 std::uint64_t Database::WalBytes() const { return FileBytes("-wal"); }
 
 std::uint64_t Database::FileBytes(const char* ending) const {
@@ -260,6 +263,18 @@ std::uint64_t Database::DiskFreeBytes() const {
   const std::filesystem::space_info space = std::filesystem::space(path_, error);
   return error ? 0 : space.available;
 }
+
+Result<std::uint64_t> Database::UsedPageBytes() {
+  const Result<std::int64_t> pages = Number("PRAGMA page_count");
+  if (!pages) return tl::unexpected(pages.error());
+  const Result<std::int64_t> free_pages = Number("PRAGMA freelist_count");
+  if (!free_pages) return tl::unexpected(free_pages.error());
+  const Result<std::int64_t> page_bytes = Number("PRAGMA page_size");
+  if (!page_bytes) return tl::unexpected(page_bytes.error());
+  return static_cast<std::uint64_t>((*pages - *free_pages) * *page_bytes);
+}
+
+std::uint64_t Database::WrittenBytes() const { return files_->written_bytes(); }
 
 Result<void> Database::SetDurability(Durability durability) {
   if (durability == durability_) return {};

@@ -26,6 +26,7 @@ struct Blob {
   std::string_view bytes;
 };
 
+class CountingFiles;
 class Database;
 
 // One use of a prepared statement; gives it back when it goes out of scope. The same SQL cannot be in use twice.
@@ -104,14 +105,17 @@ class Database {
   void LeaveAsItIs();
 
   const std::string& path() const { return path_; }
-  std::uint64_t BytesOnDisk() const;    // File and write-ahead log; 0 in memory.
-  std::uint64_t WalBytes() const;       // Of those, the write-ahead log's.
+  std::uint64_t WalBytes() const;       // Of the write-ahead log; 0 in memory.
   std::uint64_t DiskFreeBytes() const;  // Where the file lies; 0 in memory.
+  // Of what the file holds, or will when the log is moved into it: without pages that are free to be written again.
+  Result<std::uint64_t> UsedPageBytes();
+  // By this object, to file and log (actors/storage/counting_files.h).
+  std::uint64_t WrittenBytes() const;
 
  private:
   friend class Query;
   friend class Transaction;
-  explicit Database(std::string path) : path_(std::move(path)) {}
+  Database(std::string path, const std::string& vfs);
   Result<void> Lock();
   std::uint64_t FileBytes(const char* ending) const;  // Of the path with this ending; 0 where there is no such file.
   tl::unexpected<Error> FailWith(int code) const;
@@ -119,6 +123,7 @@ class Database {
 
   std::string path_;
   int lock_file_ = -1;
+  std::unique_ptr<CountingFiles> files_;
   sqlite3* connection_ = nullptr;
   Durability durability_ = Durability::kFull;
   std::unordered_map<std::string, Query::Prepared> statements_;

@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <cstdio>
 #include <utility>
 
 #include "model/text.h"
@@ -11,7 +12,21 @@ namespace moondb {
 
 namespace {
 
-enum TimerKind : std::uint32_t { kScrub = 1 };
+enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2 };
+
+constexpr double kMegabyte = 1e6;
+constexpr double kBudgetUsedMax = 0.9;  // RetentionActor removes before that; beyond it, it could not.
+
+std::uint32_t DayOf(std::int64_t utc_ns) {
+  constexpr std::int64_t kDayNs = 86'400'000'000'000;
+  return utc_ns < 0 ? 0 : static_cast<std::uint32_t>(utc_ns / kDayNs);
+}
+
+std::string Megabytes(double bytes) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.0f MB", bytes / kMegabyte);
+  return text;
+}
 
 }  // namespace
 
@@ -26,6 +41,7 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   store.vfs = options.vfs;
   store.self = options.self;
   store.bytes_max = options.bytes_max;
+  store.map_store_bytes_max = static_cast<std::uint64_t>(options.team.retention().store_mb_max() * kMegabyte);
   store.is_checked = options.is_checked;
   for (const proto::AgentConfig& agent : options.team.agents()) store.team.insert(agent.id());
   for (const DataType type : BuiltInDataTypes()) store.policies[type] = SharePolicyOf(options.team, type);
@@ -44,6 +60,7 @@ void StorageActor::OnStart(Context& context) {
   }
   store_ = *std::move(store);
   (void)IsClockSuspect(context);  // From here on a jump is seen.
+  SaveWritten(context);
   next_scrub_.set_part(proto::VERIFY_PART_ROWS);
   if (options_.scrub_period > Duration::zero()) (void)context.AfterTimer(options_.scrub_period, kScrub);
 }
@@ -80,8 +97,12 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kVerifyRequest:
       return OnVerify(context, message.verify_request());
     case proto::Message::kTimer:
-      if (message.timer().kind() == kScrub && context.sender() == context.self()) Scrub(context);
+      if (context.sender() != context.self()) return;
+      if (message.timer().kind() == kScrub) Scrub(context);
+      if (message.timer().kind() == kSaveWritten) SaveWritten(context);
       return;
+    case proto::Message::kPruneRequest:
+      return OnPrune(context, message.prune_request());
     case proto::Message::kFingerprintRequest:
       return OnFingerprint(context, message.fingerprint_request());
     case proto::Message::kSaveBundleRequest:
@@ -175,13 +196,66 @@ void StorageActor::OnLoadRoles(Context& context) {
 }
 
 void StorageActor::OnStatus(Context& context) {
-  Result<proto::StorageStatus> status = store_->GetStatus();
+  const std::int64_t utc_ns = context.utc_now_ns();
+  Result<proto::StorageStatus> status = store_->GetStatus(DayOf(utc_ns));
   if (!status) Note(context, "status", status.error());
   (void)IsClockSuspect(context);
   proto::Message reply;
-  *reply.mutable_storage_status() = status ? *std::move(status) : proto::StorageStatus();
-  reply.mutable_storage_status()->set_clock_suspect(clock_suspect_);
+  proto::StorageStatus& shown = *reply.mutable_storage_status();
+  if (status) {
+    shown = *std::move(status);
+    shown.set_space_low(SpaceLow(shown));
+  }
+  shown.set_clock_suspect(clock_suspect_);
+  shown.set_database_bytes_max(options_.team.retention().store_mb_max() * kMegabyte);
+  for (const ClockJudge::PeerOffset& offset : clock_judge_.PeerOffsets(utc_ns, context.now())) {
+    proto::PeerClockOffset& added = *shown.add_peer_clocks();
+    added.set_agent_id(offset.peer);
+    added.set_offset_s(offset.offset_s);
+    added.set_age_s(offset.age_s);
+  }
   Answer(context, std::move(reply));
+}
+
+std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
+  const proto::RetentionConfig& retention = options_.team.retention();
+  const double free_min = retention.disk_free_mb_min() * kMegabyte;
+  const bool has_disk = options_.vfs.empty() && options_.path != ":memory:";
+  if (has_disk && status.disk_free_bytes() < free_min) {
+    return Megabytes(status.disk_free_bytes()) + " of disk are free, fewer than the " + Megabytes(free_min) +
+           " of retention.disk_free_mb_min";
+  }
+  const double budget = retention.store_mb_max() * kMegabyte;
+  if (budget > 0 && status.database_bytes() - status.wal_bytes() > kBudgetUsedMax * budget) {
+    return "the store takes " + Megabytes(status.database_bytes() - status.wal_bytes()) + " of the " +
+           Megabytes(budget) + " of retention.store_mb_max, and nothing more of it may go yet";
+  }
+  return "";
+}
+
+// By its age nothing goes while this agent cannot tell what time it is.
+void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request) {
+  proto::Message message;
+  proto::PruneReply& reply = *message.mutable_prune_reply();
+  if (request.older_than_s() > 0 && IsClockSuspect(context)) {
+    reply.set_text("this agent's clock is suspect, and so is the age of records: " + clock_suspect_);
+    reply.set_is_complete(true);
+    return Answer(context, std::move(message));
+  }
+  Result<proto::PruneReply> pruned = store_->Prune(request, context.utc_now_ns());
+  if (pruned) {
+    reply = *std::move(pruned);
+  } else {
+    Note(context, "prune", pruned.error());
+    *reply.mutable_error() = ToProto(pruned.error());
+  }
+  Answer(context, std::move(message));
+}
+
+void StorageActor::SaveWritten(Context& context) {
+  const Result<void> saved = store_->SaveWritten(DayOf(context.utc_now_ns()));
+  if (!saved) Note(context, "bytes written", saved.error());
+  (void)context.AfterTimer(options_.written_period, kSaveWritten);
 }
 
 // An operator looks: what is damaged is told, and nothing done about it.

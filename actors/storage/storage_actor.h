@@ -25,11 +25,12 @@ class StorageActor final : public Actor {
     std::string path;                 // The database file; its folder exists. ":memory:" for tests.
     std::string vfs;                  // Empty: the system's files. Else as of Database::Open.
     AgentId self = 0;                 // This agent, which is in `team`.
-    proto::TeamConfig team;           // Checked; its agents, policies `share` and custom types are read.
+    proto::TeamConfig team;           // Checked; its agents, policies `share`, custom types and `retention` are read.
     std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.
     std::uint64_t bytes_max = 0;      // Of the file; 0: as the disk allows.
-    Duration scrub_period = std::chrono::hours(24);  // From the end of a reading to the next one; zero: never.
-    Duration scrub_pause = std::chrono::minutes(1);  // Between two parts of one, each kVerifyBytesMax at most.
+    Duration written_period = std::chrono::minutes(1);  // Between two times of writing down what was written.
+    Duration scrub_period = std::chrono::hours(24);     // From the end of a reading to the next one; zero: never.
+    Duration scrub_pause = std::chrono::minutes(1);     // Between two parts of one, each kVerifyBytesMax at most.
     bool is_checked = false;  // As RecordStore::Options: the actor's restarts take no longer for a large file.
   };
 
@@ -50,10 +51,14 @@ class StorageActor final : public Actor {
   void OnSaveRoles(Context& context, const proto::SaveRolesRequest& request);
   void OnLoadRoles(Context& context);
   void OnStatus(Context& context);
+  void OnPrune(Context& context, const proto::PruneRequest& request);
   void OnVerify(Context& context, const proto::VerifyRequest& request);
   void OnFingerprint(Context& context, const proto::FingerprintRequest& request);
   void OnBundle(Context& context, const proto::Message& message);  // Any question about one.
   void Scrub(Context& context);
+  void SaveWritten(Context& context);
+  // Why there is little room left; empty: there is enough.
+  std::string SpaceLow(const proto::StorageStatus& status) const;
   bool MoveScrubOn(const proto::VerifyReply& reply);  // Whether that was the last part.
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);

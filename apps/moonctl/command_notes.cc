@@ -49,6 +49,7 @@ constexpr CommandNote kNotes[] = {
     {"db info", "moonctl db info", kShows},
     {"db holdings", "moonctl db holdings", kShows},
     {"db verify", "moonctl db verify -a rover2"},
+    {"db prune", "moonctl -a rover2 db prune --older-than 30d --dry-run"},
     {"db diff", "moonctl db diff rover1 rover2", kShows},
     {"db query", "moonctl -a rover1 db query \"select * from v_event\" --csv --out events.csv", kShows},
     {"db backup", "moonctl -a rover1 db backup rover1.sqlite"},

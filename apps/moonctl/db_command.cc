@@ -51,19 +51,51 @@ std::string RowsText(const CustomTypes& custom_types, const AgentAnswers<proto::
   return table.Text();
 }
 
+// By the agent's own calendar: its last day is today.
+struct WrittenBytes {
+  double today = 0;
+  double yesterday = 0;
+  double mean = 0;  // Of the days that it knows, today's part too.
+};
+
+WrittenBytes WrittenBytesOf(const proto::StorageStatus& storage) {
+  WrittenBytes written;
+  if (storage.written().empty()) return written;
+  const std::uint32_t today = storage.written().rbegin()->day();
+  double sum = 0;
+  for (const proto::DayBytes& day : storage.written()) {
+    if (day.day() == today) written.today = day.bytes();
+    if (day.day() + 1 == today) written.yesterday = day.bytes();
+    sum += day.bytes();
+  }
+  written.mean = sum / storage.written_size();
+  return written;
+}
+
+std::string BudgetText(const proto::StorageStatus& storage) {
+  return storage.database_bytes_max() > 0 ? FormatBytes(storage.database_bytes_max()) : "-";
+}
+
 ExitCode ShowInfo(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Status(); });
   if (!answers) return context.Report(answers.error());
-  Table table({"AGENT", "DATABASE", "OF IT WAL", "DISK FREE", "REFUSED"});
+  Table table({"AGENT", "DATABASE", "BUDGET", "MAPS", "OF IT WAL", "DISK FREE", "WRITTEN TODAY", "YESTERDAY",
+               "MEAN A DAY", "PRUNED", "REFUSED"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
+  std::string remarks;
   for (const auto& asked : *answers) {
     const auto& [agent, status] = asked;
     BeginAgent(asked, json);
     if (status) {
       const proto::StorageStatus& storage = status->storage();
-      table.Add({agent->name(), FormatBytes(storage.database_bytes()), FormatBytes(storage.wal_bytes()),
-                 FormatBytes(storage.disk_free_bytes()), FormatCount(storage.rejected_count())});
+      const WrittenBytes written = WrittenBytesOf(storage);
+      table.Add({agent->name(), FormatBytes(storage.database_bytes()), BudgetText(storage),
+                 FormatBytes(storage.map_bytes()), FormatBytes(storage.wal_bytes()),
+                 FormatBytes(storage.disk_free_bytes()), FormatBytes(written.today), FormatBytes(written.yesterday),
+                 FormatBytes(written.mean), FormatCount(storage.pruned_count()),
+                 FormatCount(storage.rejected_count())});
+      if (!storage.space_low().empty()) remarks += agent->name() + ": space low: " + storage.space_low() + "\n";
       json.Key("storage").Raw(ToJson(storage));
     } else {
       table.Add({agent->name(), Unreachable(status.error())});
@@ -72,7 +104,8 @@ ExitCode ShowInfo(CommandContext& context) {
   }
   json.EndArray().EndObject();
   const CustomTypes& custom_types = (*context.Team())->config.custom_types();
-  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + "\n" + RowsText(custom_types, *answers));
+  return context.Print(ExitCodeOf(*answers), json.text(),
+                       table.Text() + remarks + "\n" + RowsText(custom_types, *answers));
 }
 
 std::string HoldingText(const Holding& holding) {
@@ -171,6 +204,25 @@ void AddDbCommands(CLI::App& app, CommandContext& context) {
   diff.add_option("second", arguments->second, "Another")->type_name("AGENT")->required();
   diff.callback([&context, arguments] {
     context.action = [&context, arguments] { return CompareStores(context, arguments->first, arguments->second); };
+  });
+
+  auto prune_arguments = std::make_shared<PruneArguments>();
+  CLI::App& prune = *group.add_subcommand(
+      "prune",
+      "Remove from the store of -a what leader and designated survivor have too; exit code 4 where they cannot "
+      "be asked");
+  prune.add_option("--older-than", prune_arguments->older_than, "By their stamps: 30d, 12h, 90m")->type_name("AGE");
+  prune
+      .add_option("--type", prune_arguments->types,
+                  "Of this data type; may be repeated. The pose graph and quarantines go only where named")
+      ->type_name("DATATYPE");
+  prune.add_flag("--beaten-maps", prune_arguments->beaten_maps, "Maps that win no cell of the merged map, only these");
+  prune.add_option("--max-mb", prune_arguments->megabytes_max, "Until so much is removed (MB), oldest first")
+      ->type_name("MB")
+      ->check(CLI::Range(0.001, 1e9));
+  prune.add_flag("--dry-run", prune_arguments->is_dry_run, "Only tell what would go");
+  prune.callback([&context, prune_arguments] {
+    context.action = [&context, prune_arguments] { return PruneStore(context, *prune_arguments); };
   });
 
   AddQuery(group, context);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "apps/moonctl/command_context.h"
 
@@ -13,6 +14,19 @@ ExitCode VerifyStores(CommandContext& context);
 
 // What two agents hold and the other lacks, and whether what both hold is the same: kFailed where not.
 ExitCode CompareStores(CommandContext& context, const std::string& first, const std::string& second);
+
+// Of `db prune`, on one agent.
+struct PruneArguments {
+  std::string older_than;  // "30d", "12h"; empty: of any age.
+  std::vector<std::string> types;
+  bool beaten_maps = false;
+  double megabytes_max = 0;  // 0: no limit.
+  bool is_dry_run = false;
+};
+
+// Lets the agent of -a remove what need not be kept, and tells what went: kRefused where nothing could, since leader or
+// survivor cannot be asked.
+ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments);
 
 // Of `db query` and `db backup`, which work on an agent's file on this machine.
 struct StoreFileArguments {

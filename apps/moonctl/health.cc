@@ -1,6 +1,7 @@
 #include "apps/moonctl/health.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
@@ -54,9 +55,7 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
   if (!status.storage().clock_suspect().empty()) {
     findings.push_back("clock suspect: " + status.storage().clock_suspect());
   }
-  if (status.storage().disk_free_bytes() < kDiskFreeBytesMin) {
-    findings.push_back("only " + FormatBytes(status.storage().disk_free_bytes()) + " of disk are free");
-  }
+  if (!status.storage().space_low().empty()) findings.push_back("space low: " + status.storage().space_low());
   for (const proto::ActorStatus& actor : status.actors()) {
     if (actor.restarts() > 0) {
       findings.push_back(actor.name() + " failed and was made anew " + FormatCount(actor.restarts()) + " times");
@@ -64,6 +63,15 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
     if (actor.dropped() > 0) {
       findings.push_back(actor.name() + " had no room for " + FormatCount(actor.dropped()) + " messages");
     }
+  }
+}
+
+void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
+  for (const proto::PeerClockOffset& clock : status.storage().peer_clocks()) {
+    if (std::abs(clock.offset_s()) <= kClockOffsetMax_s) continue;
+    findings.push_back("its clock is " + FormatSeconds(std::abs(clock.offset_s())) +
+                       (clock.offset_s() > 0 ? " behind " : " ahead of ") + AgentName(team, clock.agent_id()) +
+                       "'s, as that one said " + FormatSeconds(clock.age_s()) + " ago");
   }
 }
 
@@ -97,6 +105,7 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
       JudgeRoles(team, *report.status, newest, findings);
       JudgePeers(team, *report.status, findings);
       JudgeSelf(*report.status, findings);
+      JudgeClocks(team, *report.status, findings);
     }
     if (report.shares) JudgeShares(team, *report.shares, findings);
     if (!findings.empty()) all[agent] = std::move(findings);

@@ -11,8 +11,8 @@
 
 namespace moondb {
 
-inline constexpr double kDiskFreeBytesMin = 256e6;  // Less, and days of maps do not fit.
-inline constexpr double kNoProgressMax_s = 60;      // Of an open session that waits for no window.
+inline constexpr double kClockOffsetMax_s = 10;  // Between two agents; the message takes a part of it.
+inline constexpr double kNoProgressMax_s = 60;   // Of an open session that waits for no window.
 
 // Of one agent; what it did not answer is not judged.
 struct AgentReport {

@@ -38,7 +38,9 @@ std::vector<std::string> Row(const proto::AgentConfig& agent, const proto::Agent
 // A line for each thing that a person should know.
 std::string RemarksOn(const proto::AgentConfig& agent, const proto::AgentStatus& status) {
   const std::string& clock = status.storage().clock_suspect();
-  return clock.empty() ? "" : agent.name() + ": clock suspect: " + clock + "\n";
+  const std::string& space = status.storage().space_low();
+  return (clock.empty() ? "" : agent.name() + ": clock suspect: " + clock + "\n") +
+         (space.empty() ? "" : agent.name() + ": space low: " + space + "\n");
 }
 
 // Who drives, sleeps or is paused: an agent's own word, and of agents that do not answer what others know.

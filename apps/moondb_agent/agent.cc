@@ -14,6 +14,7 @@
 #include "actors/merge/gather_pool.h"
 #include "actors/merge/merge_actor.h"
 #include "actors/pgo/pgo_actor.h"
+#include "actors/retention/retention_actor.h"
 #include "actors/role/failover_actor.h"
 #include "actors/role/role_actor.h"
 #include "actors/sharing/downlink_actor.h"
@@ -32,10 +33,10 @@ namespace {
 
 // Longer than what lies between two batches of a sync.
 constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
-constexpr std::array kStandardActors = {actor_name::kStorage,  actor_name::kRole,  actor_name::kLease,
-                                        actor_name::kFailover, actor_name::kSync,  actor_name::kReplica,
-                                        actor_name::kPgo,      actor_name::kMerge, actor_name::kGateway,
-                                        actor_name::kClock,    actor_name::kEvent, actor_name::kDownlink};
+constexpr std::array kStandardActors = {
+    actor_name::kStorage, actor_name::kRole,     actor_name::kLease,    actor_name::kFailover, actor_name::kSync,
+    actor_name::kReplica, actor_name::kPgo,      actor_name::kMerge,    actor_name::kGateway,  actor_name::kClock,
+    actor_name::kEvent,   actor_name::kDownlink, actor_name::kRetention};
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
@@ -179,6 +180,11 @@ class Agent::Impl {
     sharing.config_hash = team_.hash;
     SpawnActor<SyncActor>(*system_, actor_name::kSync, Placement::kPool, sharing);
     SpawnActor<ReplicaActor>(*system_, actor_name::kReplica, Placement::kPool, std::move(sharing));
+
+    RetentionActor::Options retention;
+    retention.self = self_;
+    retention.team = team;
+    SpawnActor<RetentionActor>(*system_, actor_name::kRetention, Placement::kPool, std::move(retention));
 
     EventActor::Options event;
     event.self = self_;

@@ -1,6 +1,6 @@
 // Agent: one team member's whole runtime: data folder, actors, transport, put together and taken apart in order.
 //
-//   storage (own thread), clock, role, lease, failover, sync, replica, pgo (own), merge (own), gateway, your own; then
+//   storage (own thread), clock, role, lease, failover, sync, replica, retention, event, pgo (own), merge (own), gateway, your own; then
 //   the transport
 //
 // What can be wrong with the world (the folder, the database, keys, ports, a forced GL) is found before anything runs

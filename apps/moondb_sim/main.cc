@@ -65,6 +65,7 @@ void PrintRun(const SimReport& report) {
     std::printf("a survivor with an empty disk held all again after %.1f s at 1 Mbit/s and %.2f MB\n", report.refill_s,
                 static_cast<double>(report.refill_bytes) / 1e6);
   }
+  if (report.pruned > 0) std::printf("%.0f records pruned\n", report.pruned);
   if (report.failovers > 0) std::printf("%d times a survivor took the lead by itself\n", report.failovers);
   for (const auto& [fault, count] : report.faults) std::printf("  %-14s %d times\n", fault.c_str(), count);
 }

@@ -7,6 +7,12 @@
 
 namespace moondb::simulation {
 
+namespace {
+
+constexpr std::uint64_t kPrunedEvery = 3;
+
+}  // namespace
+
 const std::vector<FaultKind>& FaultKinds() {
   static const std::vector<FaultKind> kinds = {
       {"weather", 6, "loss up to 30 %, repeats, latency and order of the radio change"},
@@ -29,6 +35,9 @@ const std::vector<FaultKind>& FaultKinds() {
       {"drive", 6, "a rover's software says that it drives, for 10 to 120 seconds"},
       {"sleep", 1.5, "it says that it sleeps, for 1 to 20 minutes; every other time it is without power meanwhile"},
       {"pause", 2, "an operator pauses the sharing of an agent, for 10 seconds to 10 minutes"},
+      {"prune", 4,
+       "the operator prunes an agent, every other time its part of the pose graph's nodes too; in one seed "
+       "of three"},
   };
   return kinds;
 }
@@ -41,6 +50,8 @@ double SimOptions::BudgetKbps() const {
 double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   const auto set = faults_per_hour.find(kind.name);
   if (set != faults_per_hour.end()) return set->second;
+  // What was pruned hides from the rules what was lost: most seeds run without.
+  if (kind.name == "prune" && seed % kPrunedEvery != 0) return 0;
   return is_faultless ? 0 : kind.per_hour;
 }
 

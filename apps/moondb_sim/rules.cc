@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "apps/moondb_sim/prune_watch.h"
+
 namespace moondb::simulation {
 namespace {
 
@@ -45,6 +47,15 @@ std::string ToString(const Rules::PoseVersion& version) {
   const auto& [term, run] = version;
   return "run " + std::to_string(run) + " of term " + std::to_string(std::get<0>(term)) + " by agent " +
          std::to_string(std::get<1>(term));
+}
+
+Records WithoutPruned(const Records& records, const HaveSet& have) {
+  const HaveSet pruned = PrunedOf(have);
+  Records left;
+  for (const auto& [key, content] : records) {
+    if (!pruned.Get(key.stream).dropped.Contains(key.seq)) left.emplace_hint(left.end(), key, content);
+  }
+  return left;
 }
 
 IntervalSet HeldOf(const StreamHave& stream) { return stream.held; }
@@ -236,7 +247,7 @@ void Rules::CheckRest(const TeamAtRest& team) {
   const HaveSet& leaders = team.have.at(team.leader);
   for (const auto& [agent, have] : team.have) CheckHave(agent, have);
   for (const auto& [agent, have] : team.have) CheckRows(agent, have, team.records.at(agent));
-  CheckLost(team.leader, leaders);
+  CheckLost(team);
   CheckLeadersStates(team.leader, leaders);
   CheckSurvivor(team);
   for (const auto& [agent, have] : team.have) {
@@ -257,11 +268,18 @@ void Rules::CheckRows(AgentId agent, const HaveSet& have, const Records& records
   }
 }
 
-void Rules::CheckLost(AgentId leader, const HaveSet& have) const {
+void Rules::CheckLost(const TeamAtRest& team) const {
   for (const auto& [key, stream] : inserted_.streams()) {
-    const IntervalSet lacking = stream.held.Minus(have.Get(key).Had());
+    IntervalSet pruned;
+    IntervalSet held;
+    for (const auto& [agent, have] : team.have) {
+      pruned.Add(PrunedOf(have).Get(key).dropped);
+      held.Add(have.Get(key).held);
+    }
+    const IntervalSet gone = pruned.Minus(held);
+    const IntervalSet lacking = stream.held.Minus(gone).Minus(team.have.at(team.leader).Get(key).Had());
     if (lacking.is_empty()) continue;
-    report_("nothing_lost", "the leader, " + NameOf(leader) + ", lacks " + Some(key, lacking));
+    report_("nothing_lost", "the leader, " + NameOf(team.leader) + ", lacks " + Some(key, lacking));
   }
 }
 
@@ -277,9 +295,12 @@ void Rules::CheckLeadersStates(AgentId leader, const HaveSet& have) const {
 }
 
 void Rules::CheckSurvivor(const TeamAtRest& team) const {
-  const Records& leaders = team.records.at(team.leader);
-  const Records& survivors = team.records.at(team.survivor);
-  if (leaders == survivors && team.have.at(team.leader) == team.have.at(team.survivor)) return;
+  const HaveSet& leader_has = team.have.at(team.leader);
+  const HaveSet& survivor_has = team.have.at(team.survivor);
+  const Records leaders = WithoutPruned(team.records.at(team.leader), survivor_has);
+  const Records survivors = WithoutPruned(team.records.at(team.survivor), leader_has);
+  const bool is_any_pruned = !PrunedOf(leader_has).streams().empty() || !PrunedOf(survivor_has).streams().empty();
+  if (leaders == survivors && (is_any_pruned || leader_has == survivor_has)) return;
   const auto [here, there] = std::mismatch(leaders.begin(), leaders.end(), survivors.begin(), survivors.end());
   std::string first = "their have-sets differ";
   if (there != survivors.end()) first = "the survivor has " + ToString(there->first);

@@ -8,8 +8,11 @@
 //   pose_goes_up       no agent's newest optimized pose of a node is of an older term and run than before
 //   newest_state       no agent drops a state before it holds a newer one; at rest the leader holds each agent's last
 //                      state that any disk still had
-//   nothing_lost       at rest leader and survivor had all that was stored anywhere, unless all disks with it were lost
-//   survivor_is_leader at rest the survivor holds what the leader holds
+//   nothing_lost       at rest leader and survivor had all that was stored anywhere, unless all disks with it were
+//   lost, or
+//                      it was pruned wherever it was
+//   survivor_is_leader at rest the survivor holds what the leader holds, but for what either of them pruned
+//   pruned_is_had      an agent prunes only what leader and survivor have just told it they had (PruneWatch)
 //   home_again         at rest an agent holds what the team holds of it
 //   brought_out        at rest rovers have their nodes' poses of the leader, the base station what `ground` asks for
 //   one_leader         at rest all agents run, know their roles, and have the same
@@ -103,7 +106,7 @@ class Rules {
   void CheckPoses(AgentId agent, const HaveSet& have);
   void CheckLeadersStates(AgentId leader, const HaveSet& have) const;
   void CheckRows(AgentId agent, const HaveSet& have, const Records& records) const;
-  void CheckLost(AgentId leader, const HaveSet& have) const;
+  void CheckLost(const TeamAtRest& team) const;
   void CheckSurvivor(const TeamAtRest& team) const;
   void CheckHome(AgentId agent, const HaveSet& leaders, const HaveSet& own) const;
   void CheckBroughtOut(AgentId agent, const TeamAtRest& team) const;

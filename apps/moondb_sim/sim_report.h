@@ -20,6 +20,7 @@ struct SimReport {
   std::uint64_t have_bytes = 0;   // Of these, messages with have-sets.
   std::uint64_t batch_bytes = 0;  // And those with records.
   std::uint64_t trace_hash = 0;
+  double pruned = 0;    // Records.
   int failovers = 0;    // Requests of survivors to lead.
   double refill_s = 0;  // With SimOptions::measures_refill, over a radio of 1 Mbit/s; negative: not within a day.
   std::uint64_t refill_bytes = 0;

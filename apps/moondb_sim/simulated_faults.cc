@@ -66,6 +66,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "drive") return Drive();
   if (fault == "sleep") return Sleep();
   if (fault == "pause") return Pause();
+  if (fault == "prune") return Prune();
   if (fault == "clock") {
     const AgentId agent = world_.DrawAgent();
     world_.clock_offset[agent] = world_.rng() % 2 == 0 ? std::chrono::hours(6) : -std::chrono::hours(24 * 365 * 56);
@@ -178,6 +179,19 @@ void SimulatedFaults::Pause() {
   if (world_.rng() % kEndedEarlyEvery != 0) return;
   world_.In(world_.DrawDuration(length),
             [this, agent] { robots_.SetLease(agent, proto::LEASE_KIND_PAUSED, Duration::zero()); });
+}
+
+void SimulatedFaults::Prune() {
+  const AgentId agent = world_.DrawAgent();
+  proto::Message message;
+  proto::PruneOrder& order = *message.mutable_prune_order();
+  if (world_.rng() % 2 == 0) order.set_older_than_s(600 * world_.Draw());
+  if (world_.rng() % 2 == 0) order.set_content_bytes_max(20'000 * world_.Draw());
+  if (world_.rng() % 2 == 0) {
+    order.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
+    order.add_data_types(proto::POSE_GRAPH_NODE);
+  }
+  (void)world_.team.Post({agent, "operator"}, {agent, actor_name::kRetention}, std::move(message));
 }
 
 AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)); }

@@ -41,6 +41,7 @@ class SimulatedFaults {
   void Drive();
   void Sleep();
   void Pause();
+  void Prune();
   AgentId DrawRover();
   void SetRoles(AgentId agent, proto::RoleSetRequest request);
 

@@ -11,6 +11,7 @@
 
 #include "actors/clock/clock_actor.h"
 #include "actors/lease/lease_actor.h"
+#include "actors/retention/retention_actor.h"
 #include "actors/role/failover_actor.h"
 #include "actors/role/role_actor.h"
 #include "actors/sharing/replica_actor.h"
@@ -20,6 +21,7 @@
 #include "apps/moondb_sim/budget_watch.h"
 #include "apps/moondb_sim/failover_watch.h"
 #include "apps/moondb_sim/lease_watch.h"
+#include "apps/moondb_sim/prune_watch.h"
 #include "apps/moondb_sim/session_watch.h"
 #include "apps/moondb_sim/simulated_faults.h"
 #include "apps/moondb_sim/simulated_robots.h"
@@ -58,6 +60,7 @@ class Mission {
       // To and from each other agent, sync and replication.
       const double burst_bytes =
           4.0 * (world_.base - 1) * static_cast<double>(world_.options.session.unacked_bytes_max);
+      prunes_.emplace(agent, PruneWatch(agent));
       budgets_.emplace(agent, BudgetWatch(world_.options.BudgetKbps() * 1000 / 8, burst_bytes));
     }
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
@@ -119,6 +122,7 @@ class Mission {
     Spawn<RoleActor>(agent, actor_name::kRole, RoleActor::Options());
     Spawn<LeaseActor>(agent, actor_name::kLease, LeaseActor::Options());
     Spawn<FailoverActor>(agent, actor_name::kFailover, FailoverActor::Options());
+    Spawn<RetentionActor>(agent, actor_name::kRetention, RetentionActor::Options());
     SharingActor::Options sharing;
     sharing.config_hash = 1;
     sharing.session = world_.options.session;
@@ -147,6 +151,14 @@ class Mission {
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
                                               " records of a peer");
+        break;
+      case proto::Message::kPruneRequest:
+        prunes_.at(actor.agent).OnPruneRequest();
+        break;
+      case proto::Message::kPruneReply:
+        for (const proto::PrunedType& pruned : message.prune_reply().pruned()) {
+          if (actor.actor == actor_name::kRetention) world_.report.pruned += pruned.record_count();
+        }
         break;
       case proto::Message::kHave:
         watches_[{actor.agent, actor.actor, message.hop_sender()}].OnHave(message.have());
@@ -210,6 +222,12 @@ class Mission {
           error.code == ErrorCode::kNotFound || (error.code == ErrorCode::kUnavailable && lives_.is_damaged(from));
       if (!is_usual) world_.Violate("nothing_refused", who + ToString(error));
     }
+    if (message.control_request().has_have()) prunes_.at(from).OnQuestion(world_.roles[from]);
+    if (message.control_reply().has_have()) {
+      const Result<HaveSet> have = FromProto(message.control_reply().have().have());
+      if (have) prunes_.at(to).OnAnswer(from, *have);
+      if (have) world_.rules.SeeHave(from, *have);
+    }
     if (message.has_have()) {
       world_.report.have_bytes += message.ByteSizeLong();
       const Result<HaveSet> have = FromProto(message.have().have());
@@ -251,8 +269,15 @@ class Mission {
       if (const auto wrong = failovers_.at(agent).WhyOverdue(leases_.at(agent), world_.team.now())) {
         Violate("failover_happens", agent, *wrong);
       }
-      if (const std::optional<HaveSet> have = world_.HaveOf(agent)) world_.rules.CheckHave(agent, *have);
+      if (const std::optional<HaveSet> have = world_.HaveOf(agent)) {
+        world_.rules.CheckHave(agent, *have);
+        CheckPruned(agent, *have);
+      }
     }
+  }
+
+  void CheckPruned(AgentId agent, const HaveSet& have) {
+    if (const auto wrong = prunes_.at(agent).OnHave(have)) Violate("pruned_is_had", agent, *wrong);
   }
 
   void BecomeQuiet() {
@@ -297,6 +322,7 @@ class Mission {
       const std::optional<HaveSet> have = world_.HaveOf(agent);
       if (!have) return world_.Violate("starts", "storage of agent " + std::to_string(agent) + " does not answer");
       team.have[agent] = *have;
+      CheckPruned(agent, *have);
       team.records[agent] = ReadAll(agent);
     }
     world_.rules.CheckRest(team);
@@ -393,6 +419,7 @@ class Mission {
   bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
   std::map<AgentId, BudgetWatch> budgets_;
+  std::map<AgentId, PruneWatch> prunes_;
   std::map<AgentId, LeaseWatch> leases_;
   std::map<AgentId, FailoverWatch> failovers_;
   SimulatedWorld world_;

@@ -171,6 +171,47 @@ TEST_F(TrustTest, FindsDamageInAStore) {
   EXPECT_THAT(Moonctl({"db", "verfy"}).error, HasSubstr("did you mean \"verify\"?"));
 }
 
+TEST_F(TrustTest, PrunesWhatLeaderAndSurvivorHaveAndNothingElse) {
+  Start();
+  const std::vector<std::string> prune = {"-a", "rover3", "db", "prune", "--type", "pose_graph_node"};
+  EXPECT_THAT(MoonctlExpecting(0, prune), testing::ContainsRegex("all +0 +0 B\n.*2,?500 more stay until"));
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  MoonctlExpecting(0, {"replicate", "now", "--wait"});
+  std::vector<std::string> dry_run = prune;
+  dry_run.push_back("--dry-run");
+  EXPECT_THAT(MoonctlExpecting(0, dry_run), testing::ContainsRegex("pose_graph_node +2,?500 "));
+  EXPECT_EQ(List(MoonctlJson(0, prune), "pruned").size(), 1u);
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "holdings"}),
+              testing::ContainsRegex("rover3 +pose_graph_node +2500 +2500 +- "));
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "holdings"}),
+              testing::ContainsRegex("rover3 +pose_graph_node +2500 +2500 +- "));
+  MoonctlExpecting(0, {"replicate", "now", "--wait"});
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "diff", "rover1", "rover2"}), HasSubstr("hold the same"));
+  MoonctlExpecting(0, {"db", "verify", "-a", "rover3"});
+  EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3"}), HasSubstr("db prune pose_graph_node"));
+
+  Kill("rover2");
+  EXPECT_THAT(MoonctlExpecting(4, prune), HasSubstr("rover3 removes nothing: rover2, the designated survivor,"));
+  EXPECT_THAT(Text(MoonctlJson(4, prune), "text"), HasSubstr("rover2, the designated survivor,"));
+}
+
+TEST_F(TrustTest, SaysWhatIsWrongWithAPrune) {
+  EXPECT_THAT(Moonctl({"db", "prune", "--max-mb", "1"}).error, HasSubstr("Give its agent with -a"));
+  const auto error_of = [this](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"-a", "rover3", "db", "prune"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Outcome outcome = Moonctl(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.error;
+    return outcome.error;
+  };
+  EXPECT_THAT(error_of({}), HasSubstr("of what?"));
+  EXPECT_THAT(error_of({"--older-than", "soon"}), HasSubstr("expected an age such as 30d"));
+  EXPECT_THAT(error_of({"--older-than", "-3d"}), HasSubstr("--older-than"));
+  EXPECT_THAT(error_of({"--type", "nodes"}), HasSubstr("no data type \"nodes\""));
+  EXPECT_THAT(error_of({"--max-mb", "0"}), HasSubstr("--max-mb"));
+}
+
 TEST_F(TrustTest, ShowsSizes) {
   Start();
   EXPECT_THAT(MoonctlExpecting(0, {"db", "info"}),
@@ -180,6 +221,7 @@ TEST_F(TrustTest, ShowsSizes) {
   const Struct& storage = Field(agents[0], "storage").struct_value();
   EXPECT_GT(Number(storage, "wal_bytes"), 0);
   EXPECT_GT(Number(storage, "database_bytes"), Number(storage, "wal_bytes"));
+  EXPECT_GE(Number(List(storage, "written").back(), "bytes"), Number(storage, "wal_bytes"));
 }
 
 }  // namespace

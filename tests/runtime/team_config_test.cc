@@ -124,6 +124,13 @@ const BadFile kBadFiles[] = {
     {"Budget", GoodAnd("radio: {budget_kbps: -1}"), "t:7:22: radio.budget_kbps: expected 1 to 1000000, got -1"},
     {"StatesPeriod", GoodAnd("radio: {states_period_s: 0.5}"),
      "t:7:26: radio.states_period_s: expected 0, for never, or 1 to 86400, got 0.5"},
+    {"Retention", GoodAnd("retention: {keep_days: -1, keep_event_days: 40000, store_mb_max: 0.5, map_part_max: 1.5}"),
+     "t:7:24: retention.keep_days: expected 0 to 36500, got -1\n"
+     "t:7:45: retention.keep_event_days: expected 0 to 36500, got 40000\n"
+     "t:7:66: retention.store_mb_max: expected 0, for no budget, or 1 to 1e+09, got 0.5\n"
+     "t:7:85: retention.map_part_max: expected 0 to 1, got 1.5"},
+    {"RetentionDisk", GoodAnd("retention: {disk_free_mb_min: .nan}"),
+     "t:7:31: retention.disk_free_mb_min: expected a finite number, got \".nan\""},
     {"QuarantinePolicy", GoodAnd("share: {map_quarantine: latest}"),
      "t:7:25: share.map_quarantine: expected none or all, got \"latest\""},
     {"NotBool", GoodAnd("radio: {quiet_while_driving: yes}"),
@@ -204,6 +211,10 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(config.roles().leader_timeout_s(), 120);
   EXPECT_EQ(config.radio().budget_kbps(), 1000);
   EXPECT_TRUE(config.radio().quiet_while_driving());
+  EXPECT_EQ(config.retention().map_part_max(), 0.7);
+  EXPECT_EQ(config.retention().disk_free_mb_min(), 512);
+  EXPECT_EQ(config.retention().store_mb_max(), 0);
+  EXPECT_FALSE(config.retention().drop_beaten_maps());
   EXPECT_EQ(config.map().resolution_m(), 0.05);
   EXPECT_THAT(config.map().footprint_m(), ::testing::ElementsAre(0.75, 0.5));
   EXPECT_THAT(config.agents(0).antenna_m(), ::testing::ElementsAre(0, 0, 0));

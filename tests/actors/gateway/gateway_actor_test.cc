@@ -243,6 +243,18 @@ TEST_F(GatewayActorTest, PassesALeaseOnAndItsErrorBack) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
 }
 
+TEST_F(GatewayActorTest, PassesAPruneOnAndItsAnswerBack) {
+  proto::ControlRequest request;
+  request.mutable_prune()->set_older_than_s(5);
+  Request(request);
+  const proto::Message asked = Asked(actor_name::kRetention);
+  EXPECT_EQ(asked.prune_order().older_than_s(), 5);
+  proto::Message answer;
+  answer.mutable_prune_reply()->set_text("rover2 cannot be reached");
+  AnswerAs(actor_name::kRetention, asked, answer);
+  EXPECT_EQ(OnlyAnswer().prune().text(), "rover2 cannot be reached");
+}
+
 TEST_F(GatewayActorTest, AnswersWhatIsNoRequestAtOnce) {
   Request({});
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);

@@ -57,6 +57,28 @@ TEST(RequestCheckTest, BoundsHowLongAReadWaits) {
   }
 }
 
+TEST(RequestCheckTest, RefusesPrunesThatCannotBe) {
+  proto::ControlRequest request;
+  proto::PruneOrder& prune = *request.mutable_prune();
+  EXPECT_EQ(FieldOf(request), "ok");
+  prune.set_older_than_s(-1);
+  EXPECT_EQ(FieldOf(request), "prune.older_than_s");
+  prune.set_older_than_s(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(FieldOf(request), "prune.older_than_s");
+  prune.set_older_than_s(60);
+  prune.set_content_bytes_max(std::numeric_limits<double>::infinity());
+  EXPECT_EQ(FieldOf(request), "prune.content_bytes_max");
+  prune.set_content_bytes_max(1e6);
+  prune.set_beaten_maps(true);
+  EXPECT_EQ(FieldOf(request), "ok");
+  prune.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
+  EXPECT_EQ(FieldOf(request), "prune.data_types");
+  prune.set_beaten_maps(false);
+  EXPECT_EQ(FieldOf(request), "ok");
+  for (int i = 0; i < kFilterEntriesMax; ++i) prune.add_data_types(1);
+  EXPECT_EQ(FieldOf(request), "prune.data_types");
+}
+
 TEST(RequestCheckTest, BoundsTheRecordsOfOneInsert) {
   proto::ControlRequest request;
   for (int i = 0; i <= kInsertRecordsMax; ++i) request.mutable_insert()->add_records()->mutable_temperature();

@@ -527,6 +527,50 @@ TEST_F(MergeActorTest, LeavesQuarantinedMapsOutUntilTheyAreLifted) {
   EXPECT_EQ(Stats().quarantines_size(), 2);
 }
 
+TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
+  StoreNode(4, 0);
+  StoreMap(4, {"#"});
+  const proto::RecordKey beaten = LastKey();
+  StoreMap(4, {"#"});
+  store_->records.back().mutable_key()->set_seq(0);  // A local one: it is nobody's to prune.
+  StoreMap(4, {"."});
+  Start();
+  proto::Message question;
+  question.mutable_beaten_maps_request()->set_records_max(10);
+  const proto::BeatenMapsReply reply = AskAnything(question)->beaten_maps_reply();
+  ASSERT_EQ(reply.records_size(), 1) << reply.DebugString();
+  EXPECT_EQ(reply.records(0).seq(), beaten.seq());
+  question.mutable_beaten_maps_request()->set_records_max(0);
+  EXPECT_TRUE(AskAnything(question)->beaten_maps_reply().records().empty());
+}
+
+TEST_F(MergeActorTest, TellsAnErrorOfTheQuestionForBeatenMaps) {
+  store_->has_error = true;
+  store_->error = {ErrorCode::kInternal, "no disk", {}};
+  Start();
+  proto::Message question;
+  question.mutable_beaten_maps_request()->set_records_max(10);
+  EXPECT_EQ(AskAnything(question)->control_reply().error().text(), "no disk");
+}
+
+TEST_F(MergeActorTest, MergesWhatIsLeftAfterMapsWerePruned) {
+  StoreNode(4, 0);
+  StoreMap(4, {"#."});
+  StoreMap(4, {".?"});
+  Start();
+  EXPECT_EQ(Decode(Merge()), (Rows{".."}));
+  store_->records.erase(store_->records.begin() + 1);  // The row ids do not matter: all is read anew.
+  EXPECT_EQ(Decode(Merge()), (Rows{".."}));
+  proto::Message pruned;
+  pruned.mutable_prune_reply();
+  EXPECT_EQ(team_.Post({kSelf, "impostor"}, {kSelf, actor_name::kMerge}, proto::Message(pruned)),
+            SendResult::kAccepted);
+  EXPECT_EQ(Decode(Merge()), (Rows{".."}));
+  EXPECT_EQ(team_.Post({kSelf, actor_name::kRetention}, {kSelf, actor_name::kMerge}, std::move(pruned)),
+            SendResult::kAccepted);
+  EXPECT_EQ(Decode(Merge()), (Rows{". "}));
+}
+
 TEST_F(MergeActorTest, AQuarantineMayBeLiftedBeforeItComes) {
   StoreNode(4, 0);
   StoreMap(4, {"#"});

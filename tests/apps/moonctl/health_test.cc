@@ -20,7 +20,6 @@ class HealthTest : public testing::Test {
       status.mutable_roles()->set_leader(1);
       status.mutable_roles()->set_survivor(2);
       status.mutable_roles()->mutable_term()->set_number(4);
-      status.mutable_storage()->set_disk_free_bytes(1e9);
       proto::PeerStatus& peer = *status.add_peers();
       peer.set_agent_id(3 - id);
       peer.set_is_connected(true);
@@ -59,13 +58,25 @@ TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {
 
 TEST_F(HealthTest, FindsWhatAnAgentSuffersItself) {
   Status(1).mutable_storage()->set_clock_suspect("it jumped");
-  Status(1).mutable_storage()->set_disk_free_bytes(1e6);
+  Status(1).mutable_storage()->set_space_low("1 MB of disk are free");
   proto::ActorStatus& actor = *Status(1).add_actors();
   actor.set_name("sync");
   actor.set_restarts(2);
   actor.set_dropped(7);
-  EXPECT_THAT(Of(1), ElementsAre("clock suspect: it jumped", "only 1.0 MB of disk are free",
+  EXPECT_THAT(Of(1), ElementsAre("clock suspect: it jumped", "space low: 1 MB of disk are free",
                                  "sync failed and was made anew 2 times", "sync had no room for 7 messages"));
+}
+
+TEST_F(HealthTest, FindsClocksThatDifferTooMuch) {
+  proto::PeerClockOffset& clock = *Status(1).mutable_storage()->add_peer_clocks();
+  clock.set_agent_id(2);
+  clock.set_age_s(30);
+  clock.set_offset_s(kClockOffsetMax_s);
+  EXPECT_THAT(Of(1), IsEmpty());
+  clock.set_offset_s(75);
+  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s behind rover2's, as that one said 30 s ago"));
+  clock.set_offset_s(-75);
+  EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s ahead of rover2's, as that one said 30 s ago"));
 }
 
 TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {

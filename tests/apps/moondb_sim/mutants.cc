@@ -605,6 +605,19 @@ const std::vector<Mutant>& Mutants() {
        {"comes_to_rest", "one_assignment", "one_leader"},
        15,
        Wrapped<WithoutTerms>(kRole)},
+      {"PrunesBeforeTheSurvivorHasIt",
+       "storage is told only what one of leader and survivor has",
+       {"pruned_is_had"},
+       15,
+       [](SimOptions& options) {
+         options.faults_per_hour["prune"] = 40;
+         Hears(kStorage, [](Context&, proto::Message& message) {
+           if (message.prune_request().acknowledged_size() > 1) {
+             message.mutable_prune_request()->mutable_acknowledged()->RemoveLast();
+           }
+           return true;
+         })(options);
+       }},
       {"TermsWithoutIssuer",
        "terms of one number are one",
        {"one_assignment", "one_leader", "comes_to_rest"},

@@ -140,6 +140,17 @@ TEST_F(RulesTest, HaveSetSpeaksOfRows) {
   EXPECT_EQ(broken_.size(), 3u);
 }
 
+TEST_F(RulesTest, WhatIsPrunedIsOwedToNobodyUnlessSomebodyHoldsIt) {
+  const RecordKey key = Key(2, 5, proto::POSE_GRAPH_NODE, 1);
+  Insert(2, key, {});
+  Rest(Have({}, {key}), Have({key}), Have({}, {key}));
+  Rest(Have({key}), Have({}, {key}), Have({}, {key}));
+  Rest(Have({}), Have({}, {key}), Have({}, {key}));  // The leader's disk was lost meanwhile, and nobody holds it.
+  EXPECT_THAT(broken_, IsEmpty());
+  Rest(Have({}), Have({}, {key}), Have({key}));
+  EXPECT_THAT(broken_, ElementsAre("nothing_lost"));
+}
+
 TEST_F(RulesTest, StateIsDroppedForANewerOneOnly) {
   rules_.CheckHave(3, Have({Key(1, 6, proto::POWER, 1)}, {Key(1, 5, proto::POWER, 7)}));
   EXPECT_THAT(broken_, IsEmpty());

@@ -1,0 +1,322 @@
+#include "actors/retention/retention_actor.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "model/agent_name.h"
+#include "model/custom_types.h"
+#include "model/have_set.h"
+#include "runtime/team_config.h"
+
+namespace moondb {
+namespace {
+
+enum TimerKind : std::uint32_t { kLook = 1, kStage = 2 };
+
+constexpr std::uint32_t kBeatenMapsMax = 4096;
+
+double BytesOf(const proto::PruneReply& reply) {
+  double bytes = 0;
+  for (const proto::PrunedType& pruned : reply.pruned()) bytes += pruned.content_bytes();
+  return bytes;
+}
+
+double CountOf(const proto::PruneReply& reply) {
+  double count = 0;
+  for (const proto::PrunedType& pruned : reply.pruned()) count += pruned.record_count();
+  return count;
+}
+
+bool HasMaps(const proto::PruneReply& reply) {
+  return std::any_of(reply.pruned().begin(), reply.pruned().end(), [](const proto::PrunedType& pruned) {
+    return pruned.data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
+  });
+}
+
+}  // namespace
+
+void RetentionActor::OnStart(Context& context) {
+  // A random start, so that an answer to an earlier life meets no question of this one.
+  request_id_ = context.rng()();
+  (void)context.AfterTimer(options_.period, kLook);
+}
+
+void RetentionActor::OnMessage(Context& context, const proto::Message& message) {
+  const AgentId from = context.sender().agent;
+  if (from == options_.self) return OnLocal(context, message);
+  if (FindAgent(options_.team, from) == nullptr || context.sender().actor != actor_name::kRetention) return;
+  if (message.control_request().has_have()) OnPeersQuestion(context, from, message.request_id());
+  if (message.control_reply().has_have()) OnPeersHave(context, from, message);
+}
+
+void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kTimer:
+      if (context.sender() == context.self()) OnTimer(context, message.timer());
+      return;
+    case proto::Message::kPruneOrder:
+      return OnOrder(context, message);
+    case proto::Message::kHaveReply:
+      return OnOwnHave(context, message);
+    case proto::Message::kStorageStatus: {
+      if (!IsAnswer(message, Stage::kStatus)) return;
+      Job job;
+      job.plan = PlanOf(options_.team.retention(), DataTypesOf(options_.team), message.storage_status());
+      return Begin(context, std::move(job));
+    }
+    case proto::Message::kRoleShowReply:
+      if (IsAnswer(message, Stage::kRoles)) OnRoles(context, message.role_show_reply().roles());
+      return;
+    case proto::Message::kBeatenMapsReply:
+      if (!IsAnswer(message, Stage::kBeatenMaps)) return;
+      *job_.plan[job_.step].request.mutable_records() = message.beaten_maps_reply().records();
+      job_.plan[job_.step].is_of_beaten_maps = false;
+      if (message.beaten_maps_reply().records().empty()) ++job_.step;  // No records would mean any.
+      return DoStep(context);
+    case proto::Message::kPruneReply:
+      if (IsAnswer(message, Stage::kPruning)) OnPruned(context, message.prune_reply());
+      return;
+    case proto::Message::kControlReply:  // Holds nothing but an error.
+      if (stage_ != Stage::kIdle && message.request_id() == request_id_) {
+        GiveUp(context, FromProto(message.control_reply().error()));
+      }
+      return;
+    default:
+      return;
+  }
+}
+
+void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
+  if (timer.kind() == kLook) {
+    (void)context.AfterTimer(options_.period, kLook);
+    if (stage_ != Stage::kIdle || !HasLimits(options_.team.retention())) return;
+    Enter(context, Stage::kStatus, options_.own_timeout);
+    proto::Message question;
+    question.mutable_storage_status_request();
+    Ask(context, actor_name::kStorage, std::move(question));
+    return;
+  }
+  if (timer.kind() != kStage || stage_ == Stage::kIdle || timer.value() != request_id_) return;
+  if (stage_ == Stage::kPeers) return Refuse(context, job_.awaited.begin()->second + ", did not answer in time");
+  const char* who = stage_ == Stage::kRoles        ? actor_name::kRole
+                    : stage_ == Stage::kBeatenMaps ? actor_name::kMerge
+                                                   : actor_name::kStorage;
+  GiveUp(context, {ErrorCode::kTimedOut, std::string(who) + " did not answer in time", {}});
+}
+
+// --- What others want to know ---
+
+void RetentionActor::OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id) {
+  Asked& asked = asked_[peer];
+  asked.request_id = request_id;
+  asked.storage_request_id = context.rng()();
+  proto::Message question;
+  question.set_ms_type(proto::CONTROL);
+  question.set_request_id(asked.storage_request_id);
+  question.mutable_have_request()->set_is_for_peer(true);
+  // Without an answer the peer keeps what it has.
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(question));
+}
+
+void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) {
+  const auto found = std::find_if(asked_.begin(), asked_.end(), [&message](const auto& one) {
+    return one.second.storage_request_id == message.request_id();
+  });
+  if (found == asked_.end()) return;
+  proto::Message answer;
+  answer.set_ms_type(proto::CONTROL);
+  answer.set_request_id(found->second.request_id);
+  *answer.mutable_control_reply()->mutable_have() = message.have_reply();
+  (void)context.Send({found->first, actor_name::kRetention}, std::move(answer));
+  asked_.erase(found);
+}
+
+// --- What this agent removes ---
+
+void RetentionActor::OnOrder(Context& context, const proto::Message& message) {
+  if (const Result<void> checked = CheckOrder(message.prune_order()); !checked) {
+    proto::Message reply;
+    reply.set_ms_type(proto::CONTROL);
+    *reply.mutable_prune_reply()->mutable_error() = ToProto(checked.error());
+    (void)context.Reply(std::move(reply));
+    return;
+  }
+  Job job;
+  job.asker = context.sender();
+  job.asker_request_id = message.request_id();
+  job.plan = PlanOf(message.prune_order());
+  Begin(context, std::move(job));
+}
+
+Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
+  for (int i = 0; i < order.data_types_size(); ++i) {
+    const DataType type = order.data_types(i);
+    if (SharePolicyOf(options_.team, type) == proto::POLICY_ALL) continue;
+    return Fail(ErrorCode::kInvalid,
+                DataTypeName(type, options_.team.custom_types()) +
+                    " is not kept under the policy all: nothing of it is "
+                    "ever pruned",
+                "prune.data_types[" + std::to_string(i) + "]");
+  }
+  if (stage_ == Stage::kIdle) return {};
+  return Fail(ErrorCode::kFull, "this agent prunes already; try again later");
+}
+
+void RetentionActor::Begin(Context& context, Job job) {
+  job_ = std::move(job);
+  if (job_.plan.empty()) return Finish(context);
+  Enter(context, Stage::kRoles, options_.own_timeout);
+  proto::Message question;
+  question.mutable_role_show_request();
+  Ask(context, actor_name::kRole, std::move(question));
+}
+
+void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
+  if (roles.leader() == 0) return Refuse(context, "the team has no leader");
+  if (roles.survivor() == 0) return Refuse(context, "the team has no designated survivor");
+  for (const auto& [agent, role] :
+       {std::pair(roles.leader(), "the leader"), std::pair(roles.survivor(), "the designated survivor")}) {
+    if (agent == options_.self) continue;
+    job_.awaited[static_cast<AgentId>(agent)] = AgentName(options_.team, static_cast<AgentId>(agent)) + ", " + role;
+  }
+  Enter(context, Stage::kPeers, options_.peer_timeout);
+  for (const auto& [agent, name] : job_.awaited) {
+    proto::Message question;
+    question.set_ms_type(proto::CONTROL);
+    question.set_request_id(request_id_);
+    question.mutable_control_request()->mutable_have();
+    if (context.Send({agent, actor_name::kRetention}, std::move(question)) == SendResult::kAccepted) continue;
+    return Refuse(context, name + ", cannot be reached");
+  }
+}
+
+void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::Message& message) {
+  const auto awaited = job_.awaited.find(peer);
+  if (!IsAnswer(message, Stage::kPeers) || awaited == job_.awaited.end()) return;
+  if (const Result<HaveSet> have = FromProto(message.control_reply().have().have()); !have) {
+    return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
+  }
+  job_.acknowledged.push_back(message.control_reply().have().have());
+  job_.awaited.erase(awaited);
+  if (job_.awaited.empty()) DoStep(context);
+}
+
+void RetentionActor::DoStep(Context& context) {
+  const auto is_done = [this](const PruneStep& step) {
+    return step.until_bytes > 0 && job_.removed_bytes >= step.until_bytes;
+  };
+  while (job_.step < job_.plan.size() && is_done(job_.plan[job_.step])) ++job_.step;
+  if (job_.step == job_.plan.size()) {
+    job_.reply.set_is_complete(true);
+    return Finish(context);
+  }
+  const PruneStep& step = job_.plan[job_.step];
+  proto::Message message;
+  if (step.is_of_beaten_maps) {
+    Enter(context, Stage::kBeatenMaps, options_.merge_timeout);
+    message.mutable_beaten_maps_request()->set_records_max(kBeatenMapsMax);
+    Ask(context, actor_name::kMerge, std::move(message));
+    return;
+  }
+  proto::PruneRequest& request = *message.mutable_prune_request();
+  request = step.request;
+  request.mutable_acknowledged()->Assign(job_.acknowledged.begin(), job_.acknowledged.end());
+  if (step.until_bytes > 0) request.set_content_bytes_max(step.until_bytes - job_.removed_bytes);
+  Enter(context, Stage::kPruning, options_.own_timeout);
+  Ask(context, actor_name::kStorage, std::move(message));
+}
+
+void RetentionActor::OnPruned(Context& context, const proto::PruneReply& reply) {
+  if (IsError(reply.error())) return GiveUp(context, FromProto(reply.error()));
+  if (!reply.text().empty()) {
+    job_.reply.set_text(reply.text());
+    ++job_.step;
+    return DoStep(context);
+  }
+  const PruneStep& step = job_.plan[job_.step];
+  AddPruned(reply);
+  // One that removed nothing and yet is not at its end would go on for ever.
+  const bool goes_on = !reply.is_complete() && !step.request.is_dry_run() && !reply.pruned().empty();
+  if (!goes_on) {
+    job_.reply.set_unacknowledged_count(job_.reply.unacknowledged_count() + reply.unacknowledged_count());
+    ++job_.step;
+  }
+  DoStep(context);
+}
+
+void RetentionActor::AddPruned(const proto::PruneReply& reply) {
+  job_.removed_bytes += BytesOf(reply);
+  for (const proto::PrunedType& pruned : reply.pruned()) {
+    auto& types = *job_.reply.mutable_pruned();
+    auto known = std::find_if(types.begin(), types.end(), [&pruned](const proto::PrunedType& type) {
+      return type.data_type() == pruned.data_type();
+    });
+    if (known == types.end()) {
+      *job_.reply.add_pruned() = pruned;
+      continue;
+    }
+    known->set_record_count(known->record_count() + pruned.record_count());
+    known->set_content_bytes(known->content_bytes() + pruned.content_bytes());
+  }
+}
+
+// --- The way through ---
+
+void RetentionActor::Enter(Context& context, Stage stage, Duration timeout) {
+  context.Cancel(stage_timer_);
+  stage_ = stage;
+  ++request_id_;
+  stage_timer_ = context.AfterTimer(timeout, kStage, request_id_);
+}
+
+void RetentionActor::Ask(Context& context, const char* actor, proto::Message message) {
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(request_id_);
+  const SendResult sent = context.Send({options_.self, actor}, std::move(message));
+  if (sent == SendResult::kAccepted) return;
+  GiveUp(context, {ErrorCode::kUnavailable, std::string(actor) + " cannot be asked: " + ToString(sent), {}});
+}
+
+void RetentionActor::Refuse(Context& context, const std::string& text) {
+  job_.reply.set_text(text);
+  job_.reply.set_is_complete(true);
+  Finish(context);
+}
+
+void RetentionActor::GiveUp(Context& context, const Error& error) {
+  *job_.reply.mutable_error() = ToProto(error);
+  Finish(context);
+}
+
+void RetentionActor::Finish(Context& context) {
+  context.Cancel(stage_timer_);
+  stage_ = Stage::kIdle;
+  const Job job = std::exchange(job_, {});
+  const bool is_dry_run = !job.plan.empty() && job.plan.front().request.is_dry_run();
+  if (HasMaps(job.reply) && !is_dry_run) {
+    proto::Message news;
+    *news.mutable_prune_reply() = job.reply;
+    (void)context.Send({options_.self, actor_name::kMerge}, std::move(news));  // Not every agent merges.
+  }
+  if (job.asker) {
+    proto::Message reply;
+    reply.set_ms_type(proto::CONTROL);
+    reply.set_request_id(job.asker_request_id);
+    *reply.mutable_prune_reply() = job.reply;
+    (void)context.Send(*job.asker, std::move(reply));
+    return;
+  }
+  if (CountOf(job.reply) > 0) {
+    spdlog::info("{}: removed {:.0f} records, {:.0f} bytes; {:.0f} had to stay for leader or survivor",
+                 ToString(context.self()), CountOf(job.reply), BytesOf(job.reply), job.reply.unacknowledged_count());
+  }
+  const std::string refusal = IsError(job.reply.error()) ? ToString(FromProto(job.reply.error())) : job.reply.text();
+  if (!refusal.empty() && refusal != last_refusal_) {
+    spdlog::warn("{}: removes nothing: {}", ToString(context.self()), refusal);
+  }
+  last_refusal_ = refusal;
+}
+
+}  // namespace moondb

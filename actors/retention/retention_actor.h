@@ -1,0 +1,102 @@
+// RetentionActor ("retention"): removes from this agent's store what need not be kept: now and then what the team
+// file's `retention` limits say (actors/retention/retention_plan.h), and at once what an operator orders (PruneOrder,
+// answered with a PruneReply).
+//
+// Before anything goes it asks the RetentionActors of the leader and of the designated survivor, those that are not
+// this agent itself, what they have NOW, over the radio (ControlRequest.have: a HaveRequest of its own must not leave
+// an agent); storage then removes only what all of them had. If one of them cannot be reached, is silent, or there is
+// none, nothing goes, and PruneReply.text says who. In turn it answers the same question of other agents, from its own
+// storage. What others send is checked here: a have-set that cannot be is an answer that did not come. Which agents
+// hold the roles is asked anew each time; an agent that has missed a change asks those who held them before, who had it
+// all.
+//
+// One thing at a time: an order that comes meanwhile is refused with kFull. After maps went, MergeActor is told (by the
+// PruneReply) and merges what is left. After a restart nothing is left to do: each request to storage is whole by
+// itself.
+//
+// Errors in replies: kInvalid (a type that nothing is pruned of), kFull (see there), kUnavailable (no storage, no
+// merge), kTimedOut (they are silent), and theirs.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "actors/retention/retention_plan.h"
+#include "proto/team.pb.h"
+#include "runtime/actor.h"
+
+namespace moondb {
+
+class RetentionActor final : public Actor {
+ public:
+  struct Options {
+    AgentId self = 0;
+    proto::TeamConfig team;                             // Complete and checked.
+    Duration period = std::chrono::minutes(10);         // From one look at the limits to the next.
+    Duration peer_timeout = std::chrono::seconds(20);   // For leader and survivor to say what they have.
+    Duration own_timeout = std::chrono::seconds(60);    // For this agent's storage and roles,
+    Duration merge_timeout = std::chrono::minutes(10);  // and its merging, which may have much to read.
+  };
+
+  explicit RetentionActor(Options options) : options_(std::move(options)) {}
+
+  void OnStart(Context& context) override;
+  void OnMessage(Context& context, const proto::Message& message) override;
+
+ private:
+  enum class Stage { kIdle, kStatus, kRoles, kPeers, kBeatenMaps, kPruning };
+
+  // What is under way.
+  struct Job {
+    std::optional<Address> asker;  // None: the limits.
+    std::uint64_t asker_request_id = 0;
+    PrunePlan plan;
+    std::size_t step = 0;  // Of the plan.
+    std::vector<proto::HaveSet> acknowledged;
+    std::map<AgentId, std::string> awaited;  // Peers, as people know them.
+    double removed_bytes = 0;
+    proto::PruneReply reply;  // As far as it goes.
+  };
+
+  // A peer that asked what this agent has.
+  struct Asked {
+    std::uint64_t request_id = 0;          // Its own,
+    std::uint64_t storage_request_id = 0;  // and this one's to storage.
+  };
+
+  void OnLocal(Context& context, const proto::Message& message);
+  void OnTimer(Context& context, const proto::Timer& timer);
+  void OnOrder(Context& context, const proto::Message& message);
+  Result<void> CheckOrder(const proto::PruneOrder& order) const;
+  void OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id);
+  void OnOwnHave(Context& context, const proto::Message& message);
+  void OnPeersHave(Context& context, AgentId peer, const proto::Message& message);
+  void OnRoles(Context& context, const proto::RoleAssignment& roles);
+  void OnPruned(Context& context, const proto::PruneReply& reply);
+
+  bool IsAnswer(const proto::Message& message, Stage stage) const {
+    return stage_ == stage && message.request_id() == request_id_;
+  }
+  void Enter(Context& context, Stage stage, Duration timeout);
+  // Sends with the stage's request id; gives up where it is refused.
+  void Ask(Context& context, const char* actor, proto::Message message);
+  void Begin(Context& context, Job job);
+  void DoStep(Context& context);
+  void AddPruned(const proto::PruneReply& reply);
+  // Nothing can go, and why.
+  void Refuse(Context& context, const std::string& text);
+  void GiveUp(Context& context, const Error& error);
+  void Finish(Context& context);
+
+  const Options options_;
+  Stage stage_ = Stage::kIdle;
+  Job job_;
+  std::uint64_t request_id_ = 0;  // Of the stage's questions.
+  TimerId stage_timer_ = 0;
+  std::map<AgentId, Asked> asked_;  // One of each peer at most: its newest.
+  std::string last_refusal_;        // Of the limits, so that it is logged once.
+};
+
+}  // namespace moondb

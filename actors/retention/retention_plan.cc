@@ -1,0 +1,71 @@
+#include "actors/retention/retention_plan.h"
+
+#include <algorithm>
+
+#include "model/prune_rules.h"
+
+namespace moondb {
+namespace {
+
+constexpr double kDay_s = 86'400;
+constexpr double kMegabyte = 1e6;
+
+void AddAgeSteps(const proto::RetentionConfig& retention, const std::vector<DataType>& team_types, PrunePlan& plan) {
+  if (retention.keep_event_days() > 0) {
+    PruneStep& step = plan.emplace_back();
+    step.request.add_data_types(proto::AGENT_EVENT);
+    step.request.set_older_than_s(retention.keep_event_days() * kDay_s);
+  }
+  if (retention.keep_days() <= 0) return;
+  PruneStep& step = plan.emplace_back();
+  step.request.set_older_than_s(retention.keep_days() * kDay_s);
+  if (retention.keep_event_days() <= 0) return;  // All types, as storage has them.
+  for (const DataType type : team_types) {
+    if (type != proto::AGENT_EVENT && !IsKeptUnlessNamed(type)) step.request.add_data_types(type);
+  }
+}
+
+void AddSizeSteps(const proto::RetentionConfig& retention, const proto::StorageStatus& status, PrunePlan& plan) {
+  const double budget = retention.store_mb_max() * kMegabyte;
+  const double used = status.database_bytes() - status.wal_bytes();
+  if (budget <= 0 || used <= kBudgetHigh * budget) return;
+  const double to_free = used - kBudgetLow * budget;
+  if (retention.drop_beaten_maps()) {
+    PruneStep& beaten = plan.emplace_back();
+    beaten.is_of_beaten_maps = true;
+    beaten.until_bytes = to_free;
+  }
+  const double map_excess = status.map_bytes() - retention.map_part_max() * kBudgetLow * budget;
+  if (map_excess > 0) {
+    PruneStep& maps = plan.emplace_back();
+    maps.request.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
+    maps.until_bytes = std::min(to_free, map_excess);
+  }
+  plan.emplace_back().until_bytes = to_free;
+}
+
+}  // namespace
+
+bool HasLimits(const proto::RetentionConfig& retention) {
+  return retention.keep_days() > 0 || retention.keep_event_days() > 0 || retention.store_mb_max() > 0;
+}
+
+PrunePlan PlanOf(const proto::RetentionConfig& retention, const std::vector<DataType>& team_types,
+                 const proto::StorageStatus& status) {
+  PrunePlan plan;
+  AddAgeSteps(retention, team_types, plan);
+  AddSizeSteps(retention, status, plan);
+  return plan;
+}
+
+PrunePlan PlanOf(const proto::PruneOrder& order) {
+  PruneStep step;
+  step.request.set_is_dry_run(order.is_dry_run());
+  step.request.set_older_than_s(order.older_than_s());
+  *step.request.mutable_data_types() = order.data_types();
+  step.is_of_beaten_maps = order.beaten_maps();
+  step.until_bytes = order.content_bytes_max();
+  return {step};
+}
+
+}  // namespace moondb

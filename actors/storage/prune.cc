@@ -1,0 +1,179 @@
+#include "actors/storage/prune.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include "model/prune_rules.h"
+
+namespace moondb {
+
+namespace {
+
+constexpr double kAgeMax_s = 1e9;  // 30 years.
+constexpr double kSecondNs = 1e9;
+
+IntervalSet Common(const IntervalSet& a, const IntervalSet& b) { return a.Minus(a.Minus(b)); }
+
+bool IsNumber(double value) { return value >= 0 && std::isfinite(value); }
+
+Result<std::vector<HaveSet>> ReadAcknowledged(const proto::PruneRequest& request) {
+  std::vector<HaveSet> acknowledged;
+  for (const proto::HaveSet& told : request.acknowledged()) {
+    Result<HaveSet> have = FromProto(told);
+    if (!have) return tl::unexpected(have.error());
+    acknowledged.push_back(*std::move(have));
+  }
+  if (acknowledged.empty()) return Fail(ErrorCode::kInvalid, "nobody has said what he has", "acknowledged");
+  return acknowledged;
+}
+
+Result<void> CheckNumbers(const proto::PruneRequest& request) {
+  if (request.records_size() > kPruneNamedMax) {
+    return Fail(ErrorCode::kInvalid, "more than " + std::to_string(kPruneNamedMax) + " records", "records");
+  }
+  if (!IsNumber(request.older_than_s()) || request.older_than_s() > kAgeMax_s) {
+    return Fail(ErrorCode::kInvalid, "must lie between 0 and 1e9 s", "older_than_s");
+  }
+  if (!IsNumber(request.content_bytes_max())) {
+    return Fail(ErrorCode::kInvalid, "must not be negative", "content_bytes_max");
+  }
+  return {};
+}
+
+class Chooser {
+ public:
+  Chooser(Database& database, const SharingRules& rules, const proto::PruneRequest& request,
+          std::vector<HaveSet> acknowledged, std::int64_t utc_now_ns)
+      : database_(database), rules_(rules), request_(request), acknowledged_(std::move(acknowledged)) {
+    if (request.older_than_s() > 0) {
+      stamped_before_ns_ = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * kSecondNs);
+    }
+    for (const proto::RecordKey& key : request.records()) {
+      if (key.seq() >= 1 && key.seq() <= kSeqMax) named_[FromProto(key).stream].held.Add(key.seq());
+    }
+  }
+
+  Result<PruneChoice> Choose(const HaveSet& have) {
+    for (const auto& [stream, in_stream] : have.streams()) {
+      if (!IsMeant(stream.type)) continue;
+      const IntervalSet meant =
+          request_.records().empty() ? in_stream.held : Common(in_stream.held, named_.Get(stream).held);
+      IntervalSet acknowledged = meant;
+      for (const HaveSet& peer : acknowledged_) acknowledged = Common(acknowledged, peer.Get(stream).Had());
+      if (const Result<void> done = AddCandidates(stream, acknowledged); !done) return tl::unexpected(done.error());
+      if (const Result<void> done = CountKept(stream, meant.Minus(acknowledged)); !done) {
+        return tl::unexpected(done.error());
+      }
+    }
+    TakeOldest();
+    return std::move(choice_);
+  }
+
+ private:
+  bool IsMeant(DataType type) const {
+    if (rules_.PolicyOf(type) != proto::POLICY_ALL || FindRecordTable(type) == nullptr) return false;
+    const auto& types = request_.data_types();
+    if (types.empty()) return !IsKeptUnlessNamed(type);
+    return std::find(types.begin(), types.end(), type) != types.end();
+  }
+
+  // Steps over the rows of some seqs that are old enough; `take` tells whether to go on.
+  template <typename Take>
+  Result<void> VisitOld(const StreamKey& stream, const IntervalSet& seqs, Take take) {
+    const RecordTable& table = *FindRecordTable(stream.type);
+    for (const IntervalSet::Interval& interval : seqs.intervals()) {
+      Query query = table.ReadHeads(database_, stream, interval.first, interval.last);
+      while (true) {
+        const Result<bool> step = query.Step();
+        if (!step) return tl::unexpected(step.error());
+        if (!*step) break;
+        PruneChoice::Chosen row{&table, query.Integer(2), {}};
+        row.row.row_id = query.Unsigned(0);
+        row.row.key = {stream, query.Unsigned(1)};
+        row.row.content_bytes = query.Unsigned(3);
+        const Result<bool> is_old = IsOld(row);
+        if (!is_old) return tl::unexpected(is_old.error());
+        if (*is_old && !take(std::move(row))) return {};
+      }
+    }
+    return {};
+  }
+
+  Result<bool> IsOld(const PruneChoice::Chosen& row) {
+    if (!stamped_before_ns_) return true;
+    if (row.stamp_ns >= *stamped_before_ns_) return false;
+    const Result<proto::Record> record = row.table->ReadRecord(database_, row.row.row_id);
+    if (!record) return tl::unexpected(record.error());
+    return !record->is_clock_suspect();
+  }
+
+  Result<void> AddCandidates(const StreamKey& stream, const IntervalSet& seqs) {
+    return VisitOld(stream, seqs, [this](PruneChoice::Chosen row) {
+      if (choice_.rows.size() < kPruneCandidatesMax) {
+        choice_.rows.push_back(std::move(row));
+      } else {
+        choice_.is_complete = false;
+      }
+      return choice_.is_complete;
+    });
+  }
+
+  Result<void> CountKept(const StreamKey& stream, const IntervalSet& seqs) {
+    if (!stamped_before_ns_) {
+      choice_.unacknowledged_count += static_cast<double>(seqs.Count());
+      return {};
+    }
+    return VisitOld(stream, seqs, [this](const PruneChoice::Chosen&) {
+      ++choice_.unacknowledged_count;
+      return true;
+    });
+  }
+
+  void TakeOldest() {
+    std::vector<PruneChoice::Chosen>& rows = choice_.rows;
+    std::sort(rows.begin(), rows.end(), [](const PruneChoice::Chosen& a, const PruneChoice::Chosen& b) {
+      return std::tie(a.stamp_ns, a.row.key) < std::tie(b.stamp_ns, b.row.key);
+    });
+    double bytes = 0;
+    std::size_t count = 0;
+    for (; count < rows.size(); ++count) {
+      const auto row_bytes = static_cast<double>(rows[count].row.content_bytes);
+      if (request_.content_bytes_max() > 0 && bytes >= request_.content_bytes_max()) {
+        choice_.is_complete = true;  // So much was asked for.
+        break;
+      }
+      const bool is_full =
+          count == kPruneRowsMax || (count > 0 && bytes + row_bytes > static_cast<double>(kPruneContentBytesMax));
+      if (is_full && !request_.is_dry_run()) {
+        choice_.is_complete = false;
+        break;
+      }
+      bytes += row_bytes;
+    }
+    rows.resize(count);
+  }
+
+  Database& database_;
+  const SharingRules& rules_;
+  const proto::PruneRequest& request_;
+  const std::vector<HaveSet> acknowledged_;
+  std::optional<std::int64_t> stamped_before_ns_;
+  HaveSet named_;
+  PruneChoice choice_;
+};
+
+}  // namespace
+
+Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const SharingRules& rules,
+                                  const proto::PruneRequest& request, std::int64_t utc_now_ns) {
+  if (const Result<void> checked = CheckNumbers(request); !checked) return tl::unexpected(checked.error());
+  Result<std::vector<HaveSet>> acknowledged = ReadAcknowledged(request);
+  if (!acknowledged) return tl::unexpected(acknowledged.error());
+  return Chooser(database, rules, request, *std::move(acknowledged), utc_now_ns).Choose(have);
+}
+
+}  // namespace moondb

@@ -1,0 +1,98 @@
+#include <cmath>
+#include <optional>
+
+#include "apps/common/proto_json.h"
+#include "apps/common/table.h"
+#include "apps/moonctl/db_commands.h"
+#include "model/custom_types.h"
+#include "model/text.h"
+
+namespace moondb {
+namespace {
+
+constexpr double kMegabyte = 1e6;
+constexpr double kAgeMax_s = 1e9;
+
+// "30d", "12h", "90m", "40" (seconds).
+std::optional<double> ParseAge(const std::string& text) {
+  struct Unit {
+    char letter;
+    double seconds;
+  };
+  constexpr Unit kUnits[] = {{'d', 86'400}, {'h', 3600}, {'m', 60}, {'s', 1}};
+  double factor = 1;
+  std::string number = text;
+  for (const Unit& unit : kUnits) {
+    if (text.empty() || text.back() != unit.letter) continue;
+    factor = unit.seconds;
+    number.pop_back();
+  }
+  const std::optional<double> value = ParseDouble(number);
+  if (!value || !(*value > 0) || *value * factor > kAgeMax_s) return std::nullopt;
+  return *value * factor;
+}
+
+Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomTypes& custom_types) {
+  proto::PruneOrder order;
+  order.set_is_dry_run(arguments.is_dry_run);
+  order.set_beaten_maps(arguments.beaten_maps);
+  if (!arguments.older_than.empty()) {
+    const std::optional<double> age_s = ParseAge(arguments.older_than);
+    if (!age_s) {
+      return Fail(ErrorCode::kInvalid, "expected an age such as 30d or 12h, got \"" + arguments.older_than + "\"",
+                  "--older-than");
+    }
+    order.set_older_than_s(*age_s);
+  }
+  for (const std::string& name : arguments.types) {
+    const auto type = DataTypeFromName(name, custom_types);
+    if (!type) return Fail(ErrorCode::kInvalid, "no data type \"" + name + "\"", "--type");
+    order.add_data_types(*type);
+  }
+  order.set_content_bytes_max(arguments.megabytes_max * kMegabyte);
+  const bool is_limited =
+      order.older_than_s() > 0 || order.beaten_maps() || !order.data_types().empty() || order.content_bytes_max() > 0;
+  if (is_limited) return order;
+  return Fail(ErrorCode::kInvalid, "of what? Give --older-than, --type, --beaten-maps or --max-mb");
+}
+
+std::string PrunedText(const std::string& agent, const proto::PruneReply& reply, bool is_dry_run,
+                       const CustomTypes& custom_types) {
+  if (!reply.text().empty()) return agent + " removes nothing: " + reply.text();
+  Table table({"TYPE", is_dry_run ? "WOULD GO" : "GONE", "CONTENTS"});
+  double count = 0;
+  double bytes = 0;
+  for (const proto::PrunedType& pruned : reply.pruned()) {
+    table.Add({DataTypeName(pruned.data_type(), custom_types), FormatCount(pruned.record_count()),
+               FormatBytes(pruned.content_bytes())});
+    count += pruned.record_count();
+    bytes += pruned.content_bytes();
+  }
+  table.Add({"all", FormatCount(count), FormatBytes(bytes)});
+  const std::string kept =
+      reply.unacknowledged_count() > 0
+          ? FormatCount(reply.unacknowledged_count()) + " more stay until leader and designated survivor have them"
+          : "";
+  return table.Text() + kept;
+}
+
+}  // namespace
+
+ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments) {
+  if (context.agent.empty()) {
+    return context.Report({ErrorCode::kInvalid, "whose store? Give its agent with -a", "--agent"});
+  }
+  const auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  const CustomTypes& custom_types = (*team)->config.custom_types();
+  const auto order = OrderOf(arguments, custom_types);
+  if (!order) return context.Report(order.error());
+  auto chosen = context.Connect(context.agent);
+  if (!chosen) return context.Report(chosen.error());
+  const auto reply = chosen->client->Prune(*order);
+  if (!reply) return context.Report(reply.error());
+  return context.Print(reply->text().empty() ? ExitCode::kDone : ExitCode::kRefused, ToJson(*reply),
+                       PrunedText(chosen->agent->name(), *reply, order->is_dry_run(), custom_types));
+}
+
+}  // namespace moondb

@@ -1,0 +1,37 @@
+// PruneWatch: whether one simulated agent pruned only what leader and designated survivor had told it, when it asked
+// them, that they had. Fed with what is seen from outside: questions and answers on the radio, and its have-sets.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "model/have_set.h"
+#include "proto/types.pb.h"
+
+namespace moondb::simulation {
+
+// What was dropped of types of which nothing is superseded: it was pruned.
+HaveSet PrunedOf(const HaveSet& have);
+
+class PruneWatch {
+ public:
+  explicit PruneWatch(AgentId self) : self_(self) {}
+
+  // It asks what another has, acting on these roles.
+  void OnQuestion(const proto::RoleAssignment& roles) { roles_ = roles; }
+  void OnAnswer(AgentId from, const HaveSet& have) { told_[from] = have; }
+  // Storage is told to prune.
+  void OnPruneRequest();
+
+  // What is wrong with what it has now, whole.
+  std::optional<std::string> OnHave(const HaveSet& have) const;
+
+ private:
+  const AgentId self_;
+  proto::RoleAssignment roles_;
+  std::map<AgentId, HaveSet> told_;
+  HaveSet allowed_;  // Held: what leader and survivor had at one of its prunes.
+};
+
+}  // namespace moondb::simulation

@@ -1,0 +1,465 @@
+#include "actors/retention/retention_actor.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "actors/role/role_actor.h"
+#include "actors/storage/storage_actor.h"
+#include "runtime/simulation/simulated_team.h"
+#include "tests/temporary_folder.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+constexpr AgentId kLeader = 1;
+constexpr AgentId kSurvivor = 2;
+constexpr AgentId kRover = 3;
+constexpr std::int64_t kDayNs = 86'400'000'000'000;
+
+// Rovers 1 to 3 with storage, roles and retention; records are carried between them by hand. Merge is a probe.
+class RetentionActorTest : public testing::Test {
+ protected:
+  RetentionActorTest() {
+    config_.set_team("test");
+    for (AgentId agent = 1; agent <= 3; ++agent) {
+      config_.add_agents()->set_id(agent);
+      config_.mutable_agents()->rbegin()->set_name("rover" + std::to_string(agent));
+    }
+    config_.mutable_roles()->set_leader("rover1");
+    config_.mutable_roles()->set_survivor("rover2");
+    config_.mutable_share()->set_agent_event(proto::POLICY_ALL);
+    config_.mutable_share()->set_local_traversability_map(proto::POLICY_ALL);
+    config_.mutable_share()->set_pose_graph_node(proto::POLICY_ALL);
+    config_.mutable_share()->set_power(proto::POLICY_LATEST);
+  }
+
+  void Start() {
+    for (AgentId agent = 1; agent <= 3; ++agent) team_.AddAgent(agent);
+    for (AgentId agent = 1; agent <= 3; ++agent) {
+      StorageActor::Options storage;
+      storage.path = folder_.File(std::to_string(agent) + ".db");
+      Spawn<StorageActor>(agent, actor_name::kStorage, storage);
+      Spawn<RoleActor>(agent, actor_name::kRole, RoleActor::Options());
+      RetentionActor::Options retention;
+      Spawn<RetentionActor>(agent, actor_name::kRetention, retention);
+    }
+    team_.AdvanceTime(seconds(1));
+  }
+
+  template <typename ActorType, typename Options>
+  void Spawn(AgentId agent, const char* name, Options options) {
+    options.self = agent;
+    options.team = config_;
+    team_.Spawn(agent, name, [options] { return std::make_unique<ActorType>(options); });
+  }
+
+  proto::Message Ask(AgentId agent, const char* actor, proto::Message question) {
+    (void)team_.Take({agent, "asker"});
+    (void)team_.Post({agent, "asker"}, {agent, actor}, std::move(question));
+    team_.RunUntilIdle();
+    const std::vector<proto::Message> answers = team_.Take({agent, "asker"});
+    EXPECT_EQ(answers.size(), 1u);
+    return answers.empty() ? proto::Message() : answers.front();
+  }
+
+  void Insert(AgentId agent, const proto::Record& record) {
+    proto::Message message;
+    *message.mutable_insert_request()->add_records() = record;
+    const proto::Message answer = Ask(agent, actor_name::kStorage, std::move(message));
+    EXPECT_FALSE(IsError(answer.insert_reply().error())) << answer.DebugString();
+  }
+
+  proto::Record EventOf(std::int64_t age_days, const std::string& text = "it was so") {
+    proto::Record record;
+    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDayNs);
+    record.mutable_agent_event()->set_kind(proto::EVENT_KIND_COMMAND);
+    record.mutable_agent_event()->set_text(text);
+    return record;
+  }
+
+  proto::Record MapOf(AgentId agent, std::uint64_t index, std::int64_t age_days, std::size_t cells = 65536) {
+    proto::Record record;
+    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDayNs);
+    proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
+    map.mutable_node()->set_agent_id(agent);
+    map.mutable_node()->set_index(index);
+    map.mutable_node_from_map()->mutable_position_m();
+    map.mutable_node_from_map()->mutable_orientation()->set_w(1);
+    proto::MapLayer& layer = *map.add_layers();
+    layer.set_width_cells(8);
+    layer.set_height_cells(static_cast<std::uint32_t>(cells / 8));
+    layer.set_resolution_um(50'000);
+    layer.set_cells(std::string((cells + 3) / 4, '\x12'));
+    return record;
+  }
+
+  std::vector<proto::StoredRecord> RecordsOf(AgentId agent) {
+    std::vector<proto::StoredRecord> records;
+    proto::Message question;
+    question.mutable_read_request();
+    while (true) {
+      const proto::ReadReply reply = Ask(agent, actor_name::kStorage, question).read_reply();
+      records.insert(records.end(), reply.records().begin(), reply.records().end());
+      if (reply.is_complete() || reply.row_ids().empty()) return records;
+      question.mutable_read_request()->set_after_row_id(*reply.row_ids().rbegin());
+    }
+  }
+
+  std::size_t CountOf(AgentId agent, DataType type) {
+    const auto records = RecordsOf(agent);
+    return static_cast<std::size_t>(std::count_if(
+        records.begin(), records.end(), [type](const auto& record) { return record.key().data_type() == type; }));
+  }
+
+  void Bring(AgentId from, AgentId to) {
+    proto::Message message;
+    message.mutable_store_request()->set_sender(from);
+    for (const proto::StoredRecord& record : RecordsOf(from)) *message.mutable_store_request()->add_records() = record;
+    (void)Ask(to, actor_name::kStorage, std::move(message));
+  }
+
+  void Order(AgentId agent, proto::PruneOrder order) {
+    proto::Message message;
+    message.set_request_id(77);
+    *message.mutable_prune_order() = std::move(order);
+    (void)team_.Post({agent, actor_name::kGateway}, {agent, actor_name::kRetention}, std::move(message));
+  }
+
+  proto::PruneReply Prune(AgentId agent, const proto::PruneOrder& order = {}) {
+    Order(agent, order);
+    const auto answer = team_.Expect({agent, actor_name::kGateway}, proto::Message::kPruneReply, minutes(5));
+    EXPECT_TRUE(answer);
+    if (!answer) return {};
+    EXPECT_EQ(answer->request_id(), 77u);
+    return answer->prune_reply();
+  }
+
+  static double GoneOf(const proto::PruneReply& reply) {
+    double count = 0;
+    for (const proto::PrunedType& pruned : reply.pruned()) count += pruned.record_count();
+    return count;
+  }
+
+  proto::StorageStatus StatusOf(AgentId agent) {
+    proto::Message question;
+    question.mutable_storage_status_request();
+    return Ask(agent, actor_name::kStorage, std::move(question)).storage_status();
+  }
+
+  // On the radio, from now on.
+  void LoseHaveSets(bool is_lost) {
+    team_.SetFilter([is_lost](AgentId, AgentId, const proto::Message& message) {
+      return !is_lost || !message.control_reply().has_have();
+    });
+  }
+
+  void AnswerMerge(AgentId agent, const std::vector<proto::RecordKey>& beaten) {
+    const auto asked = team_.Expect({agent, actor_name::kMerge}, proto::Message::kBeatenMapsRequest, minutes(1));
+    ASSERT_TRUE(asked);
+    proto::Message answer;
+    answer.set_request_id(asked->request_id());
+    answer.mutable_beaten_maps_reply()->mutable_records()->Assign(beaten.begin(), beaten.end());
+    (void)team_.Post({agent, actor_name::kMerge}, {agent, actor_name::kRetention}, std::move(answer));
+  }
+
+  TemporaryFolder folder_;
+  proto::TeamConfig config_;
+  simulation::SimulatedTeam team_{1};
+};
+
+TEST_F(RetentionActorTest, RemovesWhatLeaderAndSurvivorHaveNow) {
+  Start();
+  Insert(kRover, EventOf(1, "both"));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  Insert(kRover, EventOf(1, "leader alone"));
+  Bring(kRover, kLeader);
+  const proto::PruneReply reply = Prune(kRover);
+  EXPECT_EQ(reply.text(), "");
+  EXPECT_TRUE(reply.is_complete());
+  EXPECT_EQ(GoneOf(reply), 1);
+  EXPECT_EQ(reply.unacknowledged_count(), 1);
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+  EXPECT_EQ(RecordsOf(kLeader).size(), 2u);
+}
+
+TEST_F(RetentionActorTest, TheLeaderAsksTheSurvivorAloneAndTheOtherWayRound) {
+  Start();
+  Insert(kLeader, EventOf(1));
+  Bring(kLeader, kSurvivor);
+  team_.SetLink(kLeader, kRover, false);
+  EXPECT_EQ(GoneOf(Prune(kLeader)), 1);
+  team_.SetLink(kSurvivor, kRover, false);
+  EXPECT_EQ(GoneOf(Prune(kSurvivor)), 1);
+}
+
+TEST_F(RetentionActorTest, RemovesNothingWhileTheSurvivorCannotBeReached) {
+  Start();
+  Insert(kRover, EventOf(1));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  team_.SetLink(kRover, kSurvivor, false);
+  const proto::PruneReply reply = Prune(kRover);
+  EXPECT_EQ(reply.text(), "rover2, the designated survivor, cannot be reached");
+  EXPECT_EQ(GoneOf(reply), 0);
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+  team_.SetLink(kRover, kSurvivor, true);
+  EXPECT_EQ(GoneOf(Prune(kRover)), 1);
+}
+
+TEST_F(RetentionActorTest, RemovesNothingWhileTheLeaderIsSilent) {
+  Start();
+  Insert(kRover, EventOf(1));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  team_.SetLink(kRover, kLeader, false, /*tell=*/false);
+  EXPECT_EQ(Prune(kRover).text(), "rover1, the leader, did not answer in time");
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+}
+
+TEST_F(RetentionActorTest, RemovesNothingWithoutASurvivor) {
+  config_.mutable_roles()->clear_survivor();
+  Start();
+  Insert(kRover, EventOf(1));
+  EXPECT_EQ(Prune(kRover).text(), "the team has no designated survivor");
+}
+
+TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
+  Start();
+  Insert(kRover, EventOf(1));
+  LoseHaveSets(true);
+  std::uint64_t request_id = 0;
+  team_.RecordSent({kRover, actor_name::kRetention});
+  Order(kRover, {});
+  team_.AdvanceTime(seconds(2));
+  for (const proto::Message& sent : team_.TakeSent({kRover, actor_name::kRetention})) {
+    if (sent.control_request().has_have()) request_id = sent.request_id();
+  }
+  ASSERT_NE(request_id, 0u);
+  proto::Message lie;
+  lie.set_request_id(request_id);
+  proto::StreamHave& stream = *lie.mutable_control_reply()->mutable_have()->mutable_have()->add_streams();
+  stream.set_origin_agent(kRover);
+  stream.set_epoch(1);
+  stream.set_data_type(proto::AGENT_EVENT);
+  stream.add_held()->set_first(5);
+  LoseHaveSets(false);
+  (void)team_.Post({kLeader, actor_name::kRetention}, {kRover, actor_name::kRetention}, std::move(lie));
+  const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
+  ASSERT_TRUE(answer);
+  EXPECT_TRUE(answer->prune_reply().text().starts_with("rover1, the leader, says what cannot be: "))
+      << answer->prune_reply().text();
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+}
+
+TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
+  Start();
+  Insert(kLeader, EventOf(1));
+  LoseHaveSets(true);
+  team_.RecordSent({kLeader, actor_name::kRetention});
+  Order(kLeader, {});
+  team_.AdvanceTime(seconds(2));
+  proto::Message claim;
+  for (const proto::Message& sent : team_.TakeSent({kLeader, actor_name::kRetention})) {
+    if (sent.control_request().has_have()) claim.set_request_id(sent.request_id());
+  }
+  for (const proto::StoredRecord& record : RecordsOf(kLeader)) {
+    proto::StreamHave& stream = *claim.mutable_control_reply()->mutable_have()->mutable_have()->add_streams();
+    stream.set_origin_agent(kLeader);
+    stream.set_epoch(record.key().epoch());
+    stream.set_data_type(proto::AGENT_EVENT);
+    stream.add_held()->set_first(1);
+    stream.mutable_held(0)->set_last(1);
+  }
+  LoseHaveSets(false);
+  (void)team_.Post({kRover, actor_name::kRetention}, {kLeader, actor_name::kRetention}, claim);
+  (void)team_.Post({kSurvivor, "impostor"}, {kLeader, actor_name::kRetention}, claim);
+  const auto answer = team_.Expect({kLeader, actor_name::kGateway}, proto::Message::kPruneReply, minutes(1));
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->prune_reply().text(), "rover2, the designated survivor, did not answer in time");
+  EXPECT_EQ(RecordsOf(kLeader).size(), 1u);
+}
+
+TEST_F(RetentionActorTest, TakesOneOrderAtATime) {
+  Start();
+  Order(kRover, {});
+  const proto::PruneReply second = Prune(kRover);
+  EXPECT_NE(second.error().text().find("prunes already"), std::string::npos);
+  const auto first = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, minutes(1));
+  ASSERT_TRUE(first);
+  EXPECT_FALSE(IsError(first->prune_reply().error()));
+}
+
+TEST_F(RetentionActorTest, RefusesTypesOfWhichNothingIsEverPruned) {
+  Start();
+  proto::PruneOrder order;
+  order.add_data_types(proto::POWER);
+  const proto::PruneReply reply = Prune(kRover, order);
+  EXPECT_EQ(reply.error().field(), "prune.data_types[0]") << reply.DebugString();
+}
+
+TEST_F(RetentionActorTest, RemovesNothingByAgeWhileItsClockIsSuspect) {
+  Start();
+  Insert(kRover, EventOf(1));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  team_.SetUtcOffset(kRover, std::chrono::hours(24 * 365));
+  proto::PruneOrder order;
+  order.set_older_than_s(30 * 86400);
+  EXPECT_NE(Prune(kRover, order).text().find("clock is suspect"), std::string::npos);
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+}
+
+TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesNowAndThen) {
+  config_.mutable_retention()->set_keep_event_days(30);
+  Start();
+  Insert(kRover, EventOf(31, "old"));
+  Insert(kRover, EventOf(29, "young"));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  team_.AdvanceTime(minutes(9));
+  EXPECT_EQ(RecordsOf(kRover).size(), 2u);
+  team_.AdvanceTime(minutes(2));
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+  EXPECT_EQ(StatusOf(kRover).pruned_count(), 1);
+}
+
+TEST_F(RetentionActorTest, TriesAgainWhenTheOthersAreBack) {
+  config_.mutable_retention()->set_keep_days(30);
+  Start();
+  Insert(kRover, EventOf(31));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  team_.SetLink(kRover, kLeader, false);
+  team_.AdvanceTime(minutes(25));
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+  team_.SetLink(kRover, kLeader, true);
+  team_.AdvanceTime(minutes(10));
+  EXPECT_EQ(RecordsOf(kRover).size(), 0u);
+}
+
+TEST_F(RetentionActorTest, AsksNobodyWhereTheTeamFileSetsNoLimits) {
+  Start();
+  const std::uint64_t bytes = team_.radio_bytes();
+  team_.AdvanceTime(minutes(60));
+  team_.SetFilter([](AgentId, AgentId, const proto::Message& message) {
+    EXPECT_FALSE(message.control_request().has_have());
+    return true;
+  });
+  team_.AdvanceTime(minutes(60));
+  EXPECT_LT(team_.radio_bytes() - bytes, 10'000u);
+}
+
+// Half of a budget of 1 MB is for maps; they take it all.
+TEST_F(RetentionActorTest, LetsMapsGoFirstAndLeavesGraphAndStates) {
+  config_.mutable_retention()->set_store_mb_max(1);
+  config_.mutable_retention()->set_map_part_max(0.5);
+  Start();
+  proto::Record power;
+  power.set_stamp_ns(1);
+  power.mutable_power()->set_battery_ratio(0.5);
+  Insert(kRover, power);
+  proto::Record node;
+  node.set_stamp_ns(1);
+  node.mutable_pose_graph_node()->mutable_node()->set_agent_id(kRover);
+  node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m();
+  node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
+  Insert(kRover, node);
+  for (int i = 0; i < 100; ++i) Insert(kRover, EventOf(300));
+  for (int i = 0; StatusOf(kRover).map_bytes() < 0.75e6; ++i) Insert(kRover, MapOf(kRover, 1, 200 - i));
+  const std::size_t maps = CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP);
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  team_.AdvanceTime(minutes(11));
+  const proto::StorageStatus after = StatusOf(kRover);
+  EXPECT_LT(CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP), maps);
+  EXPECT_LE(after.map_bytes(), 0.75e6);
+  EXPECT_GT(after.map_bytes(), 0.2e6);
+  EXPECT_EQ(CountOf(kRover, proto::AGENT_EVENT), 100u) << "older than the maps, but within their part";
+  EXPECT_EQ(CountOf(kRover, proto::POWER), 1u);
+  EXPECT_EQ(CountOf(kRover, proto::POSE_GRAPH_NODE), 1u);
+  EXPECT_EQ(after.space_low(), "");
+}
+
+TEST_F(RetentionActorTest, SaysThatSpaceIsLowWhereNothingMayGo) {
+  config_.mutable_retention()->set_store_mb_max(1);
+  config_.mutable_retention()->set_map_part_max(0.5);
+  Start();
+  for (int i = 0; StatusOf(kRover).database_bytes() - StatusOf(kRover).wal_bytes() <= 0.95e6; ++i) {
+    Insert(kRover, MapOf(kRover, 1, 200 - i));
+    ASSERT_LT(i, 1000);
+  }
+  const std::size_t maps = CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP);
+  team_.AdvanceTime(minutes(11));
+  EXPECT_EQ(CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP), maps);
+  EXPECT_NE(StatusOf(kRover).space_low().find("of retention.store_mb_max"), std::string::npos);
+  EXPECT_EQ(StatusOf(kRover).database_bytes_max(), 1e6);
+}
+
+TEST_F(RetentionActorTest, TakesBeatenMapsAndTellsMerge) {
+  Start();
+  for (std::uint64_t i = 1; i <= 3; ++i) Insert(kRover, MapOf(kRover, i, 1, 64));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  const proto::RecordKey beaten = RecordsOf(kRover)[1].key();
+  proto::PruneOrder order;
+  order.set_beaten_maps(true);
+  Order(kRover, order);
+  AnswerMerge(kRover, {beaten});
+  const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(GoneOf(answer->prune_reply()), 1);
+  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, seconds(1)));
+  for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), beaten.seq());
+}
+
+TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {
+  Start();
+  Insert(kRover, MapOf(kRover, 1, 1, 64));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  proto::PruneOrder order;
+  order.set_beaten_maps(true);
+  Order(kRover, order);
+  AnswerMerge(kRover, {});
+  const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(GoneOf(answer->prune_reply()), 0);
+  EXPECT_EQ(RecordsOf(kRover).size(), 1u);
+}
+
+TEST_F(RetentionActorTest, SaysWhyMergeCouldNotTell) {
+  Start();
+  proto::PruneOrder order;
+  order.set_beaten_maps(true);
+  Order(kRover, order);
+  const auto asked = team_.Expect({kRover, actor_name::kMerge}, proto::Message::kBeatenMapsRequest, minutes(1));
+  ASSERT_TRUE(asked);
+  proto::Message answer;
+  answer.set_request_id(asked->request_id());
+  *answer.mutable_control_reply()->mutable_error() = ToProto(Error{ErrorCode::kFull, "too much waits", {}});
+  (void)team_.Post({kRover, actor_name::kMerge}, {kRover, actor_name::kRetention}, std::move(answer));
+  const auto reply = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
+  ASSERT_TRUE(reply);
+  EXPECT_EQ(reply->prune_reply().error().text(), "too much waits");
+}
+
+TEST_F(RetentionActorTest, GoesOnAfterARestartInTheMiddle) {
+  Start();
+  Insert(kRover, EventOf(1));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  Order(kRover, {});
+  team_.CrashActor({kRover, actor_name::kRetention});
+  team_.AdvanceTime(seconds(5));
+  EXPECT_EQ(GoneOf(Prune(kRover)), RecordsOf(kLeader).size() == 1 && StatusOf(kRover).pruned_count() == 1 ? 1 : 0);
+  EXPECT_TRUE(RecordsOf(kRover).empty());
+}
+
+}  // namespace
+}  // namespace moondb
