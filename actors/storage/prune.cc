@@ -4,9 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <set>
 #include <tuple>
 #include <utility>
 
+#include "actors/storage/bundle_shelf.h"
 #include "model/prune_rules.h"
 
 namespace moondb {
@@ -47,8 +49,13 @@ Result<void> CheckNumbers(const proto::PruneRequest& request) {
 class Chooser {
  public:
   Chooser(Database& database, const SharingRules& rules, const proto::PruneRequest& request,
-          std::vector<HaveSet> acknowledged, std::int64_t utc_now_ns)
-      : database_(database), rules_(rules), request_(request), acknowledged_(std::move(acknowledged)) {
+          std::vector<HaveSet> acknowledged, HaveSet bundled, std::int64_t utc_now_ns)
+      : database_(database),
+        rules_(rules),
+        request_(request),
+        acknowledged_(std::move(acknowledged)),
+        bundled_(std::move(bundled)) {
+    for (const auto& [stream, in_stream] : bundled_.streams()) bundled_types_.insert(stream.type);
     if (request.older_than_s() > 0) {
       stamped_before_ns_ = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * kSecondNs);
     }
@@ -64,6 +71,7 @@ class Chooser {
           request_.records().empty() ? in_stream.held : Common(in_stream.held, named_.Get(stream).held);
       IntervalSet acknowledged = meant;
       for (const HaveSet& peer : acknowledged_) acknowledged = Common(acknowledged, peer.Get(stream).Had());
+      if (bundled_types_.contains(stream.type)) acknowledged = Common(acknowledged, bundled_.Get(stream).Had());
       if (const Result<void> done = AddCandidates(stream, acknowledged); !done) return tl::unexpected(done.error());
       if (const Result<void> done = CountKept(stream, meant.Minus(acknowledged)); !done) {
         return tl::unexpected(done.error());
@@ -161,6 +169,8 @@ class Chooser {
   const SharingRules& rules_;
   const proto::PruneRequest& request_;
   const std::vector<HaveSet> acknowledged_;
+  const HaveSet bundled_;  // In bundles for the ground, and of which types they have held any.
+  std::set<DataType> bundled_types_;
   std::optional<std::int64_t> stamped_before_ns_;
   HaveSet named_;
   PruneChoice choice_;
@@ -173,7 +183,11 @@ Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const
   if (const Result<void> checked = CheckNumbers(request); !checked) return tl::unexpected(checked.error());
   Result<std::vector<HaveSet>> acknowledged = ReadAcknowledged(request);
   if (!acknowledged) return tl::unexpected(acknowledged.error());
-  return Chooser(database, rules, request, *std::move(acknowledged), utc_now_ns).Choose(have);
+  const Result<proto::LoadBundlesReply> bundles = LoadBundles(database);
+  if (!bundles) return tl::unexpected(bundles.error());
+  Result<HaveSet> bundled = FromProto(bundles->taken());
+  if (!bundled) return tl::unexpected(bundled.error());
+  return Chooser(database, rules, request, *std::move(acknowledged), *std::move(bundled), utc_now_ns).Choose(have);
 }
 
 }  // namespace moondb

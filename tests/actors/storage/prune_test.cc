@@ -103,6 +103,22 @@ TEST_F(PruneTest, RemovesForGoodWhatLeaderAndSurvivorHave) {
   ExpectSound();
 }
 
+TEST_F(PruneTest, KeepsForTheGroundWhatIsInNoBundleYet) {
+  InsertOne(*store_, SoilOf(3, "in a bundle"));
+  proto::SaveBundleRequest bundle;
+  bundle.mutable_bundle()->set_number(1);
+  bundle.set_file("file");
+  *bundle.mutable_have() = store_->GetHave().have();
+  ASSERT_TRUE(store_->SaveBundle(bundle));
+  InsertOne(*store_, SoilOf(3, "in none"));
+  InsertOne(*store_, Aged(MapRecord({1, 1}), 3));  // Of which the ground has never asked for any.
+  BringAll();
+  const proto::PruneReply reply = Prune(Acknowledged());
+  EXPECT_EQ(CountOf(reply), 2);
+  EXPECT_EQ(reply.unacknowledged_count(), 1);
+  EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"in none"});
+}
+
 TEST_F(PruneTest, KeepsWhatOneOfThemLacks) {
   InsertOne(*store_, SoilOf(3, "both"));
   BringAll();
