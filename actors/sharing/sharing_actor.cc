@@ -269,6 +269,7 @@ SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, Agent
   SharingSession::Options session_options = options_.session;
   session_options.state_types = StateTypesOf(options_.team);
   session_options.schemas = SchemasOf(options_.team.custom_types());
+  if (options_.team.radio().codec() != proto::CODEC_UNSPECIFIED) session_options.codec = options_.team.radio().codec();
   SharingSession session(std::move(session_options), kind_, destination, context.rng()());
   (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
   return outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first->second;

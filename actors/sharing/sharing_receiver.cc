@@ -158,6 +158,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
       if (is_asked) *have.mutable_have()->add_streams() = stream;
     }
     have.set_is_whole(true);
+    have.add_codecs(proto::CODEC_COMPACT);
     const PartOfWhole part = pieces_.PartFrom(sender);
     have.set_part_hash(part.hash);
     have.set_part_bytes(part.bytes);

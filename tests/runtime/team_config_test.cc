@@ -120,6 +120,8 @@ const BadFile kBadFiles[] = {
      "t:7:26: radio.states_period_s: expected 0, for never, or 1 to 86400, got 0.5"},
     {"QuarantinePolicy", GoodAnd("share: {map_quarantine: latest}"),
      "t:7:25: share.map_quarantine: expected none or all, got \"latest\""},
+    {"Codec", GoodAnd("radio: {codec: gzip}"),
+     "t:7:16: radio.codec: expected plain, zstd, compact or paper_sql, got \"gzip\""},
     {"NotBool", GoodAnd("radio: {quiet_while_driving: yes}"),
      "t:7:30: radio.quiet_while_driving: expected true or false, got \"yes\""},
     {"Policy", GoodAnd("share: {health: lastest}"),
@@ -198,6 +200,7 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(config.roles().leader_timeout_s(), 120);
   EXPECT_EQ(config.radio().budget_kbps(), 1000);
   EXPECT_TRUE(config.radio().quiet_while_driving());
+  EXPECT_EQ(config.radio().codec(), proto::CODEC_COMPACT);
   EXPECT_EQ(config.map().resolution_m(), 0.05);
   EXPECT_THAT(config.map().footprint_m(), ::testing::ElementsAre(0.75, 0.5));
   EXPECT_THAT(config.agents(0).antenna_m(), ::testing::ElementsAre(0, 0, 0));
