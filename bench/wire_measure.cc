@@ -7,6 +7,7 @@
 
 #include "actors/sharing/coding/batch_codec.h"
 #include "actors/sharing/coding/zstd_frame.h"
+#include "actors/storage/paper_sql.h"
 #include "model/check.h"
 #include "proto/message.pb.h"
 
@@ -67,57 +68,15 @@ std::size_t BatchBytes(const std::string& coded, const proto::RecordBatch& batch
   return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
 }
 
-// The fields of a record's body as SQL literals, one after the other; cells as X'..', one byte each.
-void AppendLiterals(const google::protobuf::Message& message, std::string& sql) {
-  using google::protobuf::FieldDescriptor;
-  const google::protobuf::Reflection& reflection = *message.GetReflection();
-  std::vector<const FieldDescriptor*> fields;
-  reflection.ListFields(message, &fields);
-  for (const FieldDescriptor* field : fields) {
-    const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
-    for (int i = 0; i < count; ++i) {
-      const bool is_one = field->is_repeated();
-      if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-        AppendLiterals(
-            is_one ? reflection.GetRepeatedMessage(message, field, i) : reflection.GetMessage(message, field), sql);
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) {
-        const double value =
-            is_one ? reflection.GetRepeatedDouble(message, field, i) : reflection.GetDouble(message, field);
-        sql += fmt::format(", {}", value);
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_UINT64) {
-        sql += fmt::format(", {}", reflection.GetUInt64(message, field));
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_UINT32) {
-        sql += fmt::format(", {}", reflection.GetUInt32(message, field));
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_INT64) {
-        sql += fmt::format(", {}", reflection.GetInt64(message, field));
-      }
-    }
-  }
-}
-
-std::string ToSql(const proto::StoredRecord& stored) {
-  proto::Record record;
-  Check(record.ParseFromString(stored.content()), "a mission's records parse");
-  std::string blobs;
-  for (proto::MapLayer& layer : *record.mutable_local_traversability_map()->mutable_layers()) {
-    const std::size_t cells = static_cast<std::size_t>(layer.width_cells()) * layer.height_cells();
-    blobs += ", X'" + std::string(2 * cells, '0') + "'";
-    layer.clear_cells();
-  }
-  const RecordKey key = FromProto(stored.key());
-  std::string sql =
-      fmt::format("INSERT INTO records_{} VALUES ('{}', {}", key.stream.type, ToString(key), key.stream.origin);
-  AppendLiterals(record, sql);
-  return sql + blobs + ");";
-}
-
 std::size_t PaperBytes(const WireMission& mission) {
   std::size_t bytes = 0;
   for (const WireStream& stream : mission.streams) {
     for (const proto::StoredRecord& record : stream.records) {
       const RecordKey key = FromProto(record.key());
       proto::Message message = Envelope(key);
-      message.set_sql(ToSql(record));
+      const std::optional<std::string> sql = SqlOf(record);
+      Check(sql.has_value(), "a mission's records have their statement");
+      message.set_sql(*sql);
       bytes += SentBytes(message) + SentBytes(Envelope(key));
     }
   }
@@ -143,10 +102,7 @@ class Sender {
 
  private:
   std::size_t SendSome(const WireStream& stream, std::size_t& next) {
-    proto::RecordBatch some;
-    for (std::size_t i = next; i < stream.records.size() && i < next + kRowsPerBatchMax && IsRoom(some); ++i) {
-      *some.add_records() = stream.records[i];
-    }
+    const proto::RecordBatch some = SomeOf(stream, next);
     const double start_ms = ProcessorMs();
     if (run_ == Run::kOneBatch) encoder_.BeginRun();
     const CodedRows coded = encoder_.EncodeSome(some, kMessageBytesMax);
@@ -159,11 +115,16 @@ class Sender {
   }
 
   // No more than a session asks its storage for.
-  static bool IsRoom(const proto::RecordBatch& batch) {
+  static proto::RecordBatch SomeOf(const WireStream& stream, std::size_t first) {
     constexpr std::size_t kContentBytesMax = 256 * 1024;
-    std::size_t bytes = 0;
-    for (const proto::StoredRecord& record : batch.records()) bytes += record.content().size();
-    return bytes < kContentBytesMax;
+    proto::RecordBatch some;
+    std::size_t content_bytes = 0;
+    const std::size_t end = std::min(stream.records.size(), first + kRowsPerBatchMax);
+    for (std::size_t i = first; i < end && content_bytes < kContentBytesMax; ++i) {
+      content_bytes += stream.records[i].content().size();
+      *some.add_records() = stream.records[i];
+    }
+    return some;
   }
 
   void CheckDecodes(const std::string& coded, const proto::RecordBatch& batch) {

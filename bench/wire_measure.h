@@ -14,7 +14,7 @@ struct WireSizes {
   std::size_t record_count = 0;
   std::size_t map_count = 0;
   // The whole mission, with framing, CURVE and acknowledgments.
-  std::size_t paper_sql_bytes = 0;  // One populated SQL text a record, each acknowledged.
+  std::size_t paper_sql_bytes = 0;  // One populated statement a record (actors/storage/paper_sql.h), each acknowledged.
   std::size_t alone_bytes = 0;      // Rows in columns, maps in runs, each without its previous map.
   std::size_t previous_bytes = 0;   // The same with it.
   std::size_t sent_bytes = 0;       // As sessions send it: each batch a run of its own, the previous map while it pays.

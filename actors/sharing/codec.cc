@@ -54,6 +54,11 @@ CodedBatch EncodePlainUpTo(const proto::RecordBatch& batch, bool may_compress, s
 CodedBatch EncodeBatch(const proto::RecordBatch& batch) { return EncodePlain(batch, /*may_compress=*/true); }
 
 CodedBatch SharingEncoder::Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max) {
+  if (codec == proto::CODEC_PAPER_SQL) {
+    std::optional<std::string> sql;
+    if (paper_sql_.sql_of && batch.records_size() > 0) sql = paper_sql_.sql_of(batch.records(0));
+    if (sql) return {proto::CODEC_PAPER_SQL, *std::move(sql), 1};
+  }
   if (codec != proto::CODEC_COMPACT) return EncodePlainUpTo(batch, codec != proto::CODEC_PLAIN, bytes_max);
   compact_.BeginRun();
   CodedRows rows = compact_.EncodeSome(batch, bytes_max);
@@ -72,6 +77,17 @@ Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view code
   const Result<std::string> plain = DecompressFrame(coded, kDecodedBytesMax);
   if (!plain) return tl::unexpected(plain.error());
   return Parse(*plain, record_count);
+}
+
+Result<proto::RecordBatch> DecodePaperSql(const PaperSql& paper_sql, std::string_view sql, std::string_view record_id) {
+  if (!paper_sql.record_of) return Fail(ErrorCode::kCorrupt, "is not known here", "codec");
+  const Result<RecordKey> key = ParseRecordKey(record_id);
+  if (!key) return Fail(ErrorCode::kCorrupt, key.error().text, "record_id");
+  Result<proto::StoredRecord> record = paper_sql.record_of(sql, *key);
+  if (!record) return tl::unexpected(record.error());
+  proto::RecordBatch batch;
+  *batch.add_records() = *std::move(record);
+  return batch;
 }
 
 }  // namespace moondb

@@ -9,11 +9,15 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "actors/sharing/coding/batch_codec.h"
 #include "model/error.h"
+#include "model/record_key.h"
 #include "proto/sharing.pb.h"
 #include "proto/storage.pb.h"
 
@@ -29,17 +33,27 @@ struct CodedBatch {
   int record_count = 0;
 };
 
+// The paper's form: one record's populated statement, and back (actors/storage/paper_sql.h, which knows SQLite). Where
+// it is empty, CODEC_PAPER_SQL is neither written nor read.
+struct PaperSql {
+  std::function<std::optional<std::string>(const proto::StoredRecord&)> sql_of;
+  std::function<Result<proto::StoredRecord>(std::string_view sql, const RecordKey& key)> record_of;
+};
+
 // All of it, as a zstd frame or plain.
 CodedBatch EncodeBatch(const proto::RecordBatch& batch);
 
 // Codes one session's batches, and learns from each how many records fit into the next. Not thread-safe.
 class SharingEncoder {
  public:
-  // As many of the first records as fit into `bytes_max`, at least one, whatever its size: in `codec` (one of those
-  // that DecodeBatch reads), or where that is smaller as a zstd frame or plain.
+  explicit SharingEncoder(PaperSql paper_sql = {}) : paper_sql_(std::move(paper_sql)) {}
+
+  // As many of the first records as fit into `bytes_max`, at least one, whatever its size: in `codec`, or where that is
+  // smaller (of CODEC_PAPER_SQL, where it is not possible) as a zstd frame or plain. With CODEC_PAPER_SQL one record.
   CodedBatch Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
+  PaperSql paper_sql_;
   BatchEncoder compact_{MapRunEncoder::Previous::kWhileItPays};
 };
 
@@ -47,5 +61,8 @@ class SharingEncoder {
 // frame, or another number of records than `record_count`; kNotFound for compact bytes that cannot be decoded by
 // themselves. The records themselves are StorageActor's to check. Safe from any thread.
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count);
+
+// The one record that a statement makes; `record_id`: as it was announced. kCorrupt where there is no such form here.
+Result<proto::RecordBatch> DecodePaperSql(const PaperSql& paper_sql, std::string_view sql, std::string_view record_id);
 
 }  // namespace moondb

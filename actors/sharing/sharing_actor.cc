@@ -38,6 +38,7 @@ void SharingActor::OnStart(Context& context) {
   receiver.kind = kind_;
   receiver.bytes_per_second_max = BudgetOf(options_.team);
   receiver.schemas = SchemasOf(options_.team.custom_types());
+  receiver.paper_sql = options_.session.paper_sql;
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
   receiver_.emplace(std::move(receiver), context.rng()());

@@ -80,6 +80,7 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       session_id_(first_id),
       request_id_(first_id),
       pacer_(options_.unacked_bytes_max),
+      encoder_(options_.paper_sql),
       backoff_(options_.resend_after) {}
 
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max) {
@@ -488,12 +489,16 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
     return NextPiece();
   }
   proto::Batch& batch = *result.message.mutable_batch();
+  const std::size_t coded_bytes = coded.bytes.size();
   batch.set_codec(coded.codec);
-  batch.set_coded(std::move(coded.bytes));
+  if (coded.codec == proto::CODEC_PAPER_SQL) {
+    result.message.set_sql(std::move(coded.bytes));
+  } else {
+    batch.set_coded(std::move(coded.bytes));
+  }
   batch.set_record_count(static_cast<std::uint32_t>(count));
   // What is dropped never travels before what superseded it.
   if (remaining == 0) {
-    const std::size_t coded_bytes = batch.coded().size();
     result.dropped = FirstDropped(reply, bytes_max - std::min(bytes_max, coded_bytes));
     batch.mutable_dropped()->Assign(result.dropped.begin(), result.dropped.end());
   }
@@ -519,7 +524,7 @@ SharingSession::CodedRecords SharingSession::NextPiece() {
 void SharingSession::Address(CodedRecords& batch, std::uint64_t remaining) const {
   batch.message.mutable_batch()->set_session_id(session_id_);
   batch.message.mutable_batch()->set_batch_number(next_batch_number_);
-  batch.bytes = batch.message.batch().ByteSizeLong();
+  batch.bytes = batch.message.batch().ByteSizeLong() + batch.message.sql().size();
   batch.message.set_ms_type(proto::DATA);
   batch.message.set_remaining(remaining);
   batch.message.set_destination_id(destination_);
