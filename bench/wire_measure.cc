@@ -116,7 +116,7 @@ class Sender {
 
   // No more than a session asks its storage for.
   static proto::RecordBatch SomeOf(const WireStream& stream, std::size_t first) {
-    constexpr std::size_t kContentBytesMax = 256 * 1024;
+    constexpr std::size_t kContentBytesMax = 72 * 1024;
     proto::RecordBatch some;
     std::size_t content_bytes = 0;
     const std::size_t end = std::min(stream.records.size(), first + kRowsPerBatchMax);
