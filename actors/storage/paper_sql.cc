@@ -112,9 +112,15 @@ std::string Quoted(const std::string& text) {
   return quoted + "'";
 }
 
-std::string Real(double value) {
-  char text[32];
-  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
+// SQLite reads one in some thousand numbers as the one beside it; with more digits it does not.
+enum class Digits { kFew, kMany };
+
+std::string Real(double value, Digits digits) {
+  constexpr int kManyDigits = 17;
+  char text[40];
+  const auto end = digits == Digits::kFew
+                       ? std::to_chars(text, text + sizeof text, value).ptr
+                       : std::to_chars(text, text + sizeof text, value, std::chars_format::general, kManyDigits).ptr;
   std::string literal(text, end);
   // An integer's literal would come back as one.
   return literal.find_first_of(".en") == std::string::npos ? literal + ".0" : literal;
@@ -123,15 +129,15 @@ std::string Real(double value) {
 std::string Integer(std::int64_t value) { return std::to_string(value); }
 
 // Of one value; `index` as in PathStep.
-std::string LiteralOf(const Message& message, const PathStep& step) {
+std::string LiteralOf(const Message& message, const PathStep& step, Digits digits) {
   const Reflection& all = *message.GetReflection();
   const FieldDescriptor* field = step.field;
   const int i = step.index;
   switch (field->cpp_type()) {
     case FieldDescriptor::CPPTYPE_DOUBLE:
-      return Real(i < 0 ? all.GetDouble(message, field) : all.GetRepeatedDouble(message, field, i));
+      return Real(i < 0 ? all.GetDouble(message, field) : all.GetRepeatedDouble(message, field, i), digits);
     case FieldDescriptor::CPPTYPE_FLOAT:
-      return Real(i < 0 ? all.GetFloat(message, field) : all.GetRepeatedFloat(message, field, i));
+      return Real(i < 0 ? all.GetFloat(message, field) : all.GetRepeatedFloat(message, field, i), digits);
     case FieldDescriptor::CPPTYPE_INT32:
       return Integer(i < 0 ? all.GetInt32(message, field) : all.GetRepeatedInt32(message, field, i));
     case FieldDescriptor::CPPTYPE_INT64:
@@ -172,7 +178,7 @@ bool HasAnyField(const Message& message) {
 }
 
 // Nothing where the column has no value.
-std::optional<std::string> ValueOf(const proto::Record& record, const Column& column) {
+std::optional<std::string> ValueOf(const proto::Record& record, const Column& column, Digits digits) {
   const Message* message = &record;
   for (std::size_t i = 0; i + 1 < column.path.size(); ++i) {
     if (!IsThere(*message, column.path[i])) return std::nullopt;
@@ -182,7 +188,7 @@ std::optional<std::string> ValueOf(const proto::Record& record, const Column& co
   if (!IsThere(*message, last)) return std::nullopt;
   const bool is_message = last.field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
   if (is_message && HasAnyField(Within(*message, last))) return std::nullopt;
-  return LiteralOf(*message, last);
+  return LiteralOf(*message, last, digits);
 }
 
 // One value of a row that was read.
@@ -370,6 +376,18 @@ Result<proto::Record> ReadRow(const PaperTable& table, const RecordKey& key, sql
   return record;
 }
 
+std::string StatementOf(const proto::Record& record, const RecordKey& key, const PaperTable& table, Digits digits) {
+  std::string names = "record_id, agent_id";
+  std::string values = "'" + ToString(key) + "', " + std::to_string(key.stream.origin);
+  for (const Column& column : table.columns) {
+    const std::optional<std::string> value = ValueOf(record, column, digits);
+    if (!value) continue;
+    names += ", " + column.name;
+    values += ", " + *value;
+  }
+  return "INSERT INTO " + table.name + " (" + names + ") VALUES (" + values + ")";
+}
+
 }  // namespace
 
 std::optional<std::string> SqlOf(const proto::StoredRecord& stored) {
@@ -377,20 +395,12 @@ std::optional<std::string> SqlOf(const proto::StoredRecord& stored) {
   const std::optional<PaperTable> table = TableOf(key.stream.type);
   proto::Record record;
   if (!table || !record.ParseFromString(stored.content()) || !SpreadCells(record)) return std::nullopt;
-  std::string names = "record_id, agent_id";
-  std::string values = "'" + ToString(key) + "', " + std::to_string(key.stream.origin);
-  for (const Column& column : table->columns) {
-    const std::optional<std::string> value = ValueOf(record, column);
-    if (!value) continue;
-    names += ", " + column.name;
-    values += ", " + *value;
-    if (values.size() > kPaperSqlBytesMax) return std::nullopt;
+  for (const Digits digits : {Digits::kFew, Digits::kMany}) {
+    std::string sql = StatementOf(record, key, *table, digits);
+    const Result<proto::StoredRecord> back = RecordOf(sql, key);
+    if (back && back->content() == stored.content() && back->hash() == stored.hash()) return sql;
   }
-  std::string sql = "INSERT INTO " + table->name + " (" + names + ") VALUES (" + values + ")";
-  // SQLite's own way of reading numbers decides, too.
-  const Result<proto::StoredRecord> back = RecordOf(sql, key);
-  const bool is_same = back && back->content() == stored.content() && back->hash() == stored.hash();
-  return is_same ? std::optional(std::move(sql)) : std::nullopt;
+  return std::nullopt;
 }
 
 Result<proto::StoredRecord> RecordOf(std::string_view sql, const RecordKey& key) {

@@ -129,6 +129,19 @@ TEST(PaperSqlTest, GivesEmptyMessagesAndFarNumbersBack) {
   }
 }
 
+TEST(PaperSqlTest, GivesNumbersBackThatSqliteReadsWrongAtFirst) {
+  const unsigned seed = 7;
+  SCOPED_TRACE(seed);
+  std::mt19937_64 rng(seed);
+  std::normal_distribution<double> draw(0, 100);
+  for (int round = 0; round < 500; ++round) {
+    proto::Record record;
+    proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+    for (int i = 0; i < 21; ++i) edge.mutable_relative_pose()->add_covariance(draw(rng));
+    ExpectComesBack(record);
+  }
+}
+
 TEST(PaperSqlTest, LeavesWhatWouldNotComeBackToOtherCodecs) {
   proto::Record record = TemperatureRecord(std::nan(""));
   EXPECT_FALSE(SqlOf(Store(record)));
