@@ -7,6 +7,7 @@
 
 #include "actors/sharing/coding/batch_codec.h"
 #include "actors/sharing/coding/zstd_frame.h"
+#include "actors/storage/paper_sql.h"
 #include "model/check.h"
 #include "proto/message.pb.h"
 
@@ -61,54 +62,10 @@ std::size_t BatchBytes(const std::string& coded, const proto::RecordBatch& batch
   proto::Batch& body = *message.mutable_batch();
   body.set_session_id(0xFEDCBA9876543210u);
   body.set_batch_number(1000);
-  body.set_codec(proto::CODEC_ZSTD);
+  body.set_codec(proto::CODEC_COMPACT);
   body.set_coded(coded);
   body.set_record_count(static_cast<std::uint32_t>(batch.records_size()));
   return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
-}
-
-// The fields of a record's body as SQL literals, one after the other; cells as X'..', one byte each.
-void AppendLiterals(const google::protobuf::Message& message, std::string& sql) {
-  using google::protobuf::FieldDescriptor;
-  const google::protobuf::Reflection& reflection = *message.GetReflection();
-  std::vector<const FieldDescriptor*> fields;
-  reflection.ListFields(message, &fields);
-  for (const FieldDescriptor* field : fields) {
-    const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
-    for (int i = 0; i < count; ++i) {
-      const bool is_one = field->is_repeated();
-      if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
-        AppendLiterals(
-            is_one ? reflection.GetRepeatedMessage(message, field, i) : reflection.GetMessage(message, field), sql);
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE) {
-        const double value =
-            is_one ? reflection.GetRepeatedDouble(message, field, i) : reflection.GetDouble(message, field);
-        sql += fmt::format(", {}", value);
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_UINT64) {
-        sql += fmt::format(", {}", reflection.GetUInt64(message, field));
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_UINT32) {
-        sql += fmt::format(", {}", reflection.GetUInt32(message, field));
-      } else if (field->cpp_type() == FieldDescriptor::CPPTYPE_INT64) {
-        sql += fmt::format(", {}", reflection.GetInt64(message, field));
-      }
-    }
-  }
-}
-
-std::string ToSql(const proto::StoredRecord& stored) {
-  proto::Record record;
-  Check(record.ParseFromString(stored.content()), "a mission's records parse");
-  std::string blobs;
-  for (proto::MapLayer& layer : *record.mutable_local_traversability_map()->mutable_layers()) {
-    const std::size_t cells = static_cast<std::size_t>(layer.width_cells()) * layer.height_cells();
-    blobs += ", X'" + std::string(2 * cells, '0') + "'";
-    layer.clear_cells();
-  }
-  const RecordKey key = FromProto(stored.key());
-  std::string sql =
-      fmt::format("INSERT INTO records_{} VALUES ('{}', {}", key.stream.type, ToString(key), key.stream.origin);
-  AppendLiterals(record, sql);
-  return sql + blobs + ");";
 }
 
 std::size_t PaperBytes(const WireMission& mission) {
@@ -117,17 +74,22 @@ std::size_t PaperBytes(const WireMission& mission) {
     for (const proto::StoredRecord& record : stream.records) {
       const RecordKey key = FromProto(record.key());
       proto::Message message = Envelope(key);
-      message.set_sql(ToSql(record));
+      const std::optional<std::string> sql = SqlOf(record);
+      Check(sql.has_value(), "a mission's records have their statement");
+      message.set_sql(*sql);
       bytes += SentBytes(message) + SentBytes(Envelope(key));
     }
   }
   return bytes;
 }
 
-// Sends a stream in batches that just fit into messages.
+// How a sender codes what it has.
+enum class Run { kAcrossBatches, kOneBatch };
+
+// Sends streams in batches that just fit into messages.
 class Sender {
  public:
-  explicit Sender(Previous previous) : encoder_(previous) {}
+  Sender(Previous previous, Run run) : run_(run), encoder_(previous) {}
 
   std::size_t Send(const WireStream& stream) {
     std::size_t bytes = 0;
@@ -135,44 +97,61 @@ class Sender {
     return bytes;
   }
 
+  double encode_ms() const { return encode_ms_; }
+  double decode_ms() const { return decode_ms_; }
+
  private:
   std::size_t SendSome(const WireStream& stream, std::size_t& next) {
-    for (std::size_t count = std::min({stream.records.size() - next, CountGuess(), kRowsPerBatchMax});;) {
-      proto::RecordBatch batch;
-      for (std::size_t i = 0; i < count; ++i) *batch.add_records() = stream.records[next + i];
-      BatchEncoder encoder = encoder_;
-      const std::string coded = encoder.Encode(batch);
-      bytes_per_record_ = static_cast<double>(coded.size()) / static_cast<double>(count);
-      if (coded.size() > kMessageBytesMax && count > 1) {
-        count = std::max<std::size_t>(1, std::min(count - 1, CountGuess()));
-        continue;
-      }
-      encoder_ = std::move(encoder);
-      next += count;
-      CheckDecodes(coded, batch);
-      return BatchBytes(coded, batch);
-    }
+    const proto::RecordBatch some = SomeOf(stream, next);
+    const double start_ms = ProcessorMs();
+    if (run_ == Run::kOneBatch) encoder_.BeginRun();
+    const CodedRows coded = encoder_.EncodeSome(some, kMessageBytesMax);
+    encode_ms_ += ProcessorMs() - start_ms;
+    proto::RecordBatch batch;
+    for (std::size_t i = 0; i < coded.record_count; ++i) *batch.add_records() = stream.records[next + i];
+    next += coded.record_count;
+    CheckDecodes(coded.bytes, batch);
+    return BatchBytes(coded.bytes, batch);
   }
 
-  std::size_t CountGuess() const {
-    return std::max<std::size_t>(1, static_cast<std::size_t>(kMessageBytesMax * 0.97 / bytes_per_record_));
+  // No more than a session asks its storage for.
+  static proto::RecordBatch SomeOf(const WireStream& stream, std::size_t first) {
+    constexpr std::size_t kContentBytesMax = 72 * 1024;
+    proto::RecordBatch some;
+    std::size_t content_bytes = 0;
+    const std::size_t end = std::min(stream.records.size(), first + kRowsPerBatchMax);
+    for (std::size_t i = first; i < end && content_bytes < kContentBytesMax; ++i) {
+      content_bytes += stream.records[i].content().size();
+      *some.add_records() = stream.records[i];
+    }
+    return some;
   }
 
   void CheckDecodes(const std::string& coded, const proto::RecordBatch& batch) {
+    const double start_ms = ProcessorMs();
     const auto decoded = decoder_.Decode(coded, static_cast<std::uint32_t>(batch.records_size()));
+    decode_ms_ += ProcessorMs() - start_ms;
     Check(decoded && decoded->SerializeAsString() == batch.SerializeAsString(), "a batch comes back as it was");
   }
 
+  Run run_;
   BatchEncoder encoder_;
   BatchDecoder decoder_;
-  double bytes_per_record_ = 100;
+  double encode_ms_ = 0, decode_ms_ = 0;
 };
 
-std::size_t MissionBytes(const WireMission& mission, Previous previous) {
-  Sender sender(previous);
+struct Cost {
   std::size_t bytes = 0;
-  for (const WireStream& stream : mission.streams) bytes += sender.Send(stream);
-  return bytes;
+  double encode_ms = 0, decode_ms = 0;  // All of it.
+};
+
+Cost MissionCost(const WireMission& mission, Previous previous, Run run) {
+  Sender sender(previous, run);
+  Cost cost;
+  for (const WireStream& stream : mission.streams) cost.bytes += sender.Send(stream);
+  cost.encode_ms = sender.encode_ms();
+  cost.decode_ms = sender.decode_ms();
+  return cost;
 }
 
 std::size_t PackedBytes(const TraversabilityMap& map) {
@@ -253,9 +232,14 @@ WireSizes MeasureMission(const WireMission& mission) {
   sizes.name = mission.name;
   for (const WireStream& stream : mission.streams) sizes.record_count += stream.records.size();
   sizes.paper_sql_bytes = PaperBytes(mission);
-  sizes.alone_bytes = MissionBytes(mission, Previous::kNever);
-  sizes.previous_bytes = MissionBytes(mission, Previous::kWhereItPays);
+  sizes.alone_bytes = MissionCost(mission, Previous::kNever, Run::kAcrossBatches).bytes;
+  sizes.previous_bytes = MissionCost(mission, Previous::kWhereItPays, Run::kAcrossBatches).bytes;
   MeasureMaps(mission, sizes);
+  const Cost sent = MissionCost(mission, Previous::kWhileItPays, Run::kOneBatch);
+  const double map_count = static_cast<double>(std::max<std::size_t>(sizes.map_count, 1));
+  sizes.sent_bytes = sent.bytes;
+  sizes.sent_encode_ms = sent.encode_ms / map_count;
+  sizes.sent_decode_ms = sent.decode_ms / map_count;
   return sizes;
 }
 
@@ -266,12 +250,15 @@ std::string TableOf(const std::vector<WireSizes>& all) {
     text += LineOf("paper_sql", sizes.paper_sql_bytes, sizes.paper_sql_bytes);
     text += LineOf("alone", sizes.alone_bytes, sizes.paper_sql_bytes);
     text += LineOf("previous", sizes.previous_bytes, sizes.paper_sql_bytes);
+    text += LineOf("as sessions send it", sizes.sent_bytes, sizes.paper_sql_bytes);
     text += ShareOf("map_2bit_zstd", sizes.map_2bit_zstd_bytes, sizes);
     text += ShareOf("map_single", sizes.map_single_bytes, sizes);
     text += ShareOf("map_batch", sizes.map_batch_bytes, sizes);
     text += ShareOf("map_previous", sizes.map_previous_bytes, sizes);
     text += fmt::format("  ms a map: {:.2f} to encode, {:.2f} to decode; with the previous map {:.2f} and {:.2f}\n",
                         sizes.encode_ms, sizes.decode_ms, sizes.encode_previous_ms, sizes.decode_previous_ms);
+    text += fmt::format("  as sessions send it, ms a map, rows and all: {:.2f} to encode, {:.2f} to decode\n",
+                        sizes.sent_encode_ms, sizes.sent_decode_ms);
   }
   return text;
 }
@@ -281,12 +268,14 @@ std::string JsonOf(const std::vector<WireSizes>& all) {
   for (const WireSizes& sizes : all) {
     missions.push_back(fmt::format(
         "{{\"name\": \"{}\", \"records\": {}, \"maps\": {}, \"paper_sql_bytes\": {}, \"alone_bytes\": {}, "
-        "\"previous_bytes\": {}, \"map_2bit_zstd_bytes\": {}, \"map_single_bytes\": {}, \"map_batch_bytes\": {}, "
+        "\"previous_bytes\": {}, \"sent_bytes\": {}, \"map_2bit_zstd_bytes\": {}, \"map_single_bytes\": {}, "
+        "\"map_batch_bytes\": {}, "
         "\"map_previous_bytes\": {}, \"encode_ms\": {:.3f}, \"decode_ms\": {:.3f}, \"encode_previous_ms\": {:.3f}, "
-        "\"decode_previous_ms\": {:.3f}}}",
+        "\"decode_previous_ms\": {:.3f}, \"sent_encode_ms\": {:.3f}, \"sent_decode_ms\": {:.3f}}}",
         sizes.name, sizes.record_count, sizes.map_count, sizes.paper_sql_bytes, sizes.alone_bytes, sizes.previous_bytes,
-        sizes.map_2bit_zstd_bytes, sizes.map_single_bytes, sizes.map_batch_bytes, sizes.map_previous_bytes,
-        sizes.encode_ms, sizes.decode_ms, sizes.encode_previous_ms, sizes.decode_previous_ms));
+        sizes.sent_bytes, sizes.map_2bit_zstd_bytes, sizes.map_single_bytes, sizes.map_batch_bytes,
+        sizes.map_previous_bytes, sizes.encode_ms, sizes.decode_ms, sizes.encode_previous_ms, sizes.decode_previous_ms,
+        sizes.sent_encode_ms, sizes.sent_decode_ms));
   }
   return fmt::format("{{\"missions\": [\n  {}]}}\n", fmt::join(missions, ",\n  "));
 }

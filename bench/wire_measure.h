@@ -14,9 +14,10 @@ struct WireSizes {
   std::size_t record_count = 0;
   std::size_t map_count = 0;
   // The whole mission, with framing, CURVE and acknowledgments.
-  std::size_t paper_sql_bytes = 0;  // One populated SQL text a record, each acknowledged.
+  std::size_t paper_sql_bytes = 0;  // One populated statement a record (actors/storage/paper_sql.h), each acknowledged.
   std::size_t alone_bytes = 0;      // Rows in columns, maps in runs, each without its previous map.
   std::size_t previous_bytes = 0;   // The same with it.
+  std::size_t sent_bytes = 0;       // As sessions send it: each batch a run of its own, the previous map while it pays.
   // The cells of all maps, without anything around them.
   std::size_t map_2bit_zstd_bytes = 0;
   std::size_t map_single_bytes = 0;    // One map a run,
@@ -24,6 +25,7 @@ struct WireSizes {
   std::size_t map_previous_bytes = 0;  // and with the previous map.
   // Of one map, of the processor's time.
   double encode_ms = 0, decode_ms = 0, encode_previous_ms = 0, decode_previous_ms = 0;
+  double sent_encode_ms = 0, sent_decode_ms = 0;  // As sessions send it; all records of the mission, by its maps.
 };
 
 // Checks on the way that everything comes back; Check stops where it does not.

@@ -13,9 +13,11 @@ namespace moondb {
 namespace {
 
 // proto/message.proto numbers its bodies in groups: from Timer on those of the runtime and of storage, which never
-// leave their agent, then from Hello on those between agents.
+// leave their agent, then from Hello on those between agents; what storage is asked of bundles stands behind.
 bool IsWithinAgent(const proto::Message& message) {
-  return message.body_case() >= proto::Message::kTimer && message.body_case() < proto::Message::kHello;
+  const auto is_from_to = [body = message.body_case()](auto first, auto last) { return body >= first && body <= last; };
+  return is_from_to(proto::Message::kTimer, proto::Message::kBeatenMapsReply) ||
+         is_from_to(proto::Message::kSaveBundleRequest, proto::Message::kAckBundleReply);
 }
 
 // Nobody would read them; their memory would stay with a message that is used again (OwnedMessage).

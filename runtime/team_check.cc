@@ -385,6 +385,7 @@ void FillDefaults(const Places& places, proto::TeamConfig* team) {
   FillRoles(team);
   if (!is_given("roles.leader_timeout_s")) team->mutable_roles()->set_leader_timeout_s(120);
   if (!is_given("radio.budget_kbps")) team->mutable_radio()->set_budget_kbps(1000);
+  if (!is_given("radio.codec")) team->mutable_radio()->set_codec(proto::CODEC_COMPACT);
   if (!is_given("radio.quiet_while_driving")) team->mutable_radio()->set_quiet_while_driving(true);
   if (!is_given("pose_graph.solve_by_itself")) team->mutable_pose_graph()->set_solve_by_itself(true);
   if (!is_given("retention.map_part_max")) team->mutable_retention()->set_map_part_max(0.7);

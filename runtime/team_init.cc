@@ -29,8 +29,9 @@ constexpr char kTail[] =
 # automatic (the survivor takes the lead of a leader that is silent for leader_timeout_s).
 roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
-# What one agent may send and receive together; how often states go to the leader unasked (0: never).
-radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s}
+# What one agent may send and receive together; how often states go to the leader unasked (0: never); how records are
+# coded: compact, or to compare with it zstd, plain or paper_sql.
+radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s, codec: %s}
 
 # Sharing policies: none, latest or all. `share` is what rovers send to the leader and the leader to the designated
 # survivor, `ground` what the base station is sent.
@@ -137,12 +138,12 @@ std::string TeamText(const proto::TeamConfig& team) {
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
-  text +=
-      Format(kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()),
-                     Number(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
-                     Number(team.radio().states_period_s()), PoliciesText(team.share()), PoliciesText(team.ground()),
-                     team.pose_graph().solve_by_itself() ? "true" : "false", Number(team.map().resolution_m()),
-                     Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+  text += Format(
+      kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
+              team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
+              YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())), PoliciesText(team.share()),
+              PoliciesText(team.ground()), team.pose_graph().solve_by_itself() ? "true" : "false",
+              Number(team.map().resolution_m()), Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
             ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
@@ -161,6 +162,7 @@ Places PlacesOf(const proto::TeamConfig& team) {
   }
   if (team.roles().leader_timeout_s() > 0) places["roles.leader_timeout_s"] = {};
   if (team.radio().budget_kbps() > 0) places["radio.budget_kbps"] = {};
+  if (team.radio().codec() != proto::CODEC_UNSPECIFIED) places["radio.codec"] = {};
   if (team.has_radio()) places["radio.quiet_while_driving"] = {};
   if (team.has_pose_graph()) places["pose_graph.solve_by_itself"] = {};
   if (team.map().resolution_m() > 0) places["map.resolution_m"] = {};

@@ -53,8 +53,11 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
                 "insert.records");
   }
   for (int i = 0; i < insert.records_size(); ++i) {
-    auto checked = CheckAgentsOfRecord(team, insert.records(i), "insert.records[" + std::to_string(i) + "]");
-    if (!checked) return checked;
+    const std::string at = "insert.records[" + std::to_string(i) + "]";
+    if (insert.records(i).has_agent_event()) {
+      return Fail(ErrorCode::kInvalid, "only agents themselves write down what happened", at + ".agent_event");
+    }
+    if (auto checked = CheckAgentsOfRecord(team, insert.records(i), at); !checked) return checked;
   }
   return {};
 }

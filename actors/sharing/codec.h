@@ -1,16 +1,23 @@
-// The coded form of a batch of records on the wire: a serialised RecordBatch, as one zstd frame where that is smaller.
+// The coded form of a batch of records on the wire: in the compact form (coding/batch_codec.h), or a serialised
+// RecordBatch, as one zstd frame where that is smaller.
 //
-// A batch is coded as a whole, since zstd makes single small rows larger. The frame states its decoded size and
-// carries a checksum, so that a decoder knows its limits before it allocates and notices damage. zstd's bytes differ
-// between its versions; only decoding is the contract. Pure functions, safe from any thread.
+// A batch is coded as a whole, since zstd makes single small rows larger, and by itself, so that it can be decoded
+// whatever became of those before. Every form carries a checksum and states what it decodes to, so that a decoder knows
+// its limits before it allocates and notices damage. zstd's bytes differ between its versions; only decoding is the
+// contract.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
+#include "actors/sharing/coding/batch_codec.h"
 #include "model/error.h"
+#include "model/record_key.h"
 #include "proto/sharing.pb.h"
 #include "proto/storage.pb.h"
 
@@ -23,12 +30,39 @@ inline constexpr std::uint32_t kBatchRecordsMax = 4096;
 struct CodedBatch {
   proto::Codec codec = proto::CODEC_PLAIN;
   std::string bytes;
+  int record_count = 0;
 };
 
+// The paper's form: one record's populated statement, and back (actors/storage/paper_sql.h, which knows SQLite). Where
+// it is empty, CODEC_PAPER_SQL is neither written nor read.
+struct PaperSql {
+  std::function<std::optional<std::string>(const proto::StoredRecord&)> sql_of;
+  std::function<Result<proto::StoredRecord>(std::string_view sql, const RecordKey& key)> record_of;
+};
+
+// All of it, as a zstd frame or plain.
 CodedBatch EncodeBatch(const proto::RecordBatch& batch);
 
+// Codes one session's batches, and learns from each how many records fit into the next. Not thread-safe.
+class SharingEncoder {
+ public:
+  explicit SharingEncoder(PaperSql paper_sql = {}) : paper_sql_(std::move(paper_sql)) {}
+
+  // As many of the first records as fit into `bytes_max`, at least one, whatever its size: in `codec`, or where that is
+  // smaller (of CODEC_PAPER_SQL, where it is not possible) as a zstd frame or plain. With CODEC_PAPER_SQL one record.
+  CodedBatch Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max);
+
+ private:
+  PaperSql paper_sql_;
+  BatchEncoder compact_{MapRunEncoder::Previous::kWhileItPays};
+};
+
 // kCorrupt for a codec that is unknown here, bytes that do not decode, a size beyond the limits above, more than one
-// frame, or another number of records than `record_count`. The records themselves are StorageActor's to check.
+// frame, or another number of records than `record_count`; kNotFound for compact bytes that cannot be decoded by
+// themselves. The records themselves are StorageActor's to check. Safe from any thread.
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count);
+
+// The one record that a statement makes; `record_id`: as it was announced. kCorrupt where there is no such form here.
+Result<proto::RecordBatch> DecodePaperSql(const PaperSql& paper_sql, std::string_view sql, std::string_view record_id);
 
 }  // namespace moondb

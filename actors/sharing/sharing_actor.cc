@@ -38,6 +38,7 @@ void SharingActor::OnStart(Context& context) {
   receiver.kind = kind_;
   receiver.bytes_per_second_max = BudgetOf(options_.team);
   receiver.schemas = SchemasOf(options_.team.custom_types());
+  receiver.paper_sql = options_.session.paper_sql;
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
   receiver_.emplace(std::move(receiver), context.rng()());
@@ -269,6 +270,7 @@ SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, Agent
   SharingSession::Options session_options = options_.session;
   session_options.state_types = StateTypesOf(options_.team);
   session_options.schemas = SchemasOf(options_.team.custom_types());
+  if (options_.team.radio().codec() != proto::CODEC_UNSPECIFIED) session_options.codec = options_.team.radio().codec();
   SharingSession session(std::move(session_options), kind_, destination, context.rng()());
   (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
   return outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first->second;

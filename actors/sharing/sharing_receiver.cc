@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "actors/sharing/codec.h"
 #include "model/have_set.h"
 
 namespace moondb {
@@ -105,7 +104,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     ++counts_.dropped_messages;
     return SharingActions();
   }
-  std::string whole;
+  std::optional<std::string> whole;
   if (batch.has_piece()) {
     // A late copy: of an earlier record, it would cost the present one.
     if (batch.batch_number() <= incoming.last_piece_batch) return SharingActions();
@@ -123,8 +122,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     }
     whole = **std::move(taken);
   }
-  Result<proto::RecordBatch> records =
-      DecodeBatch(batch.codec(), batch.has_piece() ? whole : batch.coded(), batch.record_count());
+  Result<proto::RecordBatch> records = Decode(message, whole);
   const Result<void> dropped = CheckDropped(batch);
   if (!records || !dropped) {
     ++counts_.damaged_messages;
@@ -158,6 +156,8 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
       if (is_asked) *have.mutable_have()->add_streams() = stream;
     }
     have.set_is_whole(true);
+    have.add_codecs(proto::CODEC_COMPACT);
+    if (options_.paper_sql.record_of) have.add_codecs(proto::CODEC_PAPER_SQL);
     const PartOfWhole part = pieces_.PartFrom(sender);
     have.set_part_hash(part.hash);
     have.set_part_bytes(part.bytes);
@@ -203,6 +203,16 @@ Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
 SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& hello, Error error) {
   ++counts_.refused_hellos;
   return Refuse(sender, hello.session_id(), std::move(error));
+}
+
+Result<proto::RecordBatch> SharingReceiver::Decode(const proto::Message& message,
+                                                   const std::optional<std::string>& whole) const {
+  const proto::Batch& batch = message.batch();
+  if (batch.codec() == proto::CODEC_PAPER_SQL) {
+    if (batch.record_count() != 1) return Fail(ErrorCode::kCorrupt, "is not 1", "record_count");
+    return DecodePaperSql(options_.paper_sql, whole ? *whole : message.sql(), message.record_id());
+  }
+  return DecodeBatch(batch.codec(), whole ? *whole : batch.coded(), batch.record_count());
 }
 
 // All of them come in over one radio: together they may fill it no further than one of them would.

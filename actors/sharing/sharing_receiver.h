@@ -15,9 +15,11 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 
+#include "actors/sharing/codec.h"
 #include "actors/sharing/pieces.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/error.h"
@@ -41,6 +43,7 @@ class SharingReceiver {
     std::chrono::nanoseconds sending_after = std::chrono::seconds(5);
     double bytes_per_second_max = 0;  // Of the radio's budget, likewise; 0: no limit.
     TypeSchemas schemas;              // What this agent understands by each type.
+    PaperSql paper_sql;               // For CODEC_PAPER_SQL.
     std::size_t sessions_max = 16;    // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
@@ -92,6 +95,8 @@ class SharingReceiver {
   Result<void> CheckHello(const proto::Hello& hello) const;
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
+  // `whole`: of pieces, all their bytes.
+  Result<proto::RecordBatch> Decode(const proto::Message& message, const std::optional<std::string>& whole) const;
   void Grant(Incoming& incoming, proto::Have& have) const;
   bool IsMoving(const Incoming& incoming, Time now) const;
 

@@ -8,11 +8,13 @@
 namespace moondb {
 namespace {
 
-// What one MissingRequest may bring into memory, whatever the ratio says.
+// What one MissingRequest may bring into memory, whatever the ratio says; and what is coded within one message's
+// handling: at most 300,000 cells of maps, which take some 15 ms here and at the destination. With more of them in a
+// batch the two that fit into the credit are not there and decoded before the radio is idle.
 constexpr double kContentBytesMin = 512;
-constexpr double kContentBytesMax = 64 * 1024;
+constexpr double kContentBytesMax = 72 * 1024;
 constexpr std::uint32_t kRecordsMax = 1024;
-constexpr double kRatioMin = 0.02;
+constexpr double kRatioMin = 0.01;
 // Smaller batches cost more in headers and commits than they save in waiting.
 constexpr std::size_t kBatchBytesMin = 1024;
 // Beside a batch's own bytes: the heads of its frames, and its acknowledgment, which travels over the same radio.
@@ -36,10 +38,17 @@ bool Has(const HaveSet& have, const RecordKey& key) {
   return stream.held.Contains(key.seq) || stream.dropped.Contains(key.seq);
 }
 
-CodedBatch EncodeFirst(const proto::MissingReply& reply, int count) {
-  proto::RecordBatch batch;
-  for (int i = 0; i < count; ++i) *batch.add_records() = reply.records(i);
-  return EncodeBatch(batch);
+// Takes the batch's first records off what is missing by type, of which nothing is told yet.
+std::vector<proto::TypeBacklog> BacklogOf(const proto::MissingReply& reply, int sent_count) {
+  std::vector<proto::TypeBacklog> backlog(reply.backlog().begin(), reply.backlog().end());
+  for (int i = reply.records_size(); i-- > sent_count;) {
+    const DataType type = reply.records(i).key().data_type();
+    if (backlog.empty() || backlog.front().data_type() != type) {
+      backlog.emplace(backlog.begin())->set_data_type(type);
+    }
+    backlog.front().set_records(backlog.front().records() + 1);
+  }
+  return backlog;
 }
 
 // As many intervals as fit into `bytes_max`, at least one.
@@ -72,6 +81,7 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       session_id_(first_id),
       request_id_(first_id),
       pacer_(options_.unacked_bytes_max),
+      encoder_(options_.paper_sql),
       backoff_(options_.resend_after) {}
 
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max) {
@@ -132,6 +142,7 @@ void SharingSession::End(SharingActions& actions) {
   phase_ = Phase::kClosed;
   ForgetUnderWay();
   missing_count_ = 0;  // Nobody asks for them any more.
+  missing_types_.clear();
   is_remaining_known_ = false;
   TellStorage({}, /*is_closed=*/true, actions);
 }
@@ -150,6 +161,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
     have_ = *std::move(heard);
     part_ = {have.part_hash(), have.part_bytes()};
     other_schema_types_ = TypesNotFor(options_.schemas, have.schemas());
+    is_codec_read_ = std::find(have.codecs().begin(), have.codecs().end(), options_.codec) != have.codecs().end();
     phase_ = Phase::kSending;
     last_progress_ = now;
     answered_ = now;
@@ -210,6 +222,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   if (reply.records().empty() && is_end_known) {
     is_exhausted_ = true;
     missing_count_ = 0;
+    missing_types_.clear();
   } else {
     ready_ = Code(reply);
     missing_count_ = ready_->message.remaining();
@@ -278,6 +291,8 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_is_remaining_known(is_remaining_known_);
   status.mutable_other_schema_types()->Assign(other_schema_types_.begin(), other_schema_types_.end());
   status.set_bytes_per_second_max(pacer_.rate());
+  if (is_remaining_known_) *status.mutable_backlog() = {missing_types_.begin(), missing_types_.end()};
+  status.set_codec(codec_sent_);
   if (phase_ == Phase::kSending) {
     status.set_session_s(std::chrono::duration<double>(now - answered_).count());
     status.set_session_acknowledged_records(session_acknowledged_records_);
@@ -406,8 +421,9 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   *request.mutable_destination_have() = ToProto(ExpectedHave());
   *request.mutable_filter() = is_for_states_ ? StatesMeant() : filter_;
   request.mutable_filter()->mutable_not_data_types()->Assign(other_schema_types_.begin(), other_schema_types_.end());
-  // A little less than what should fit: coding a batch again to cut it costs more than the spare bytes.
-  const double content_bytes = 0.9 * static_cast<double>(BatchBytesMax()) / coded_ratio_;
+  // What cannot be cut without being coded anew should just fit.
+  const double share = CodecNow() == proto::CODEC_COMPACT ? 1.25 : 0.9;
+  const double content_bytes = share * static_cast<double>(BatchBytesMax()) / coded_ratio_;
   request.set_content_bytes_max(
       static_cast<std::uint32_t>(std::clamp(content_bytes, kContentBytesMin, kContentBytesMax)));
   request.set_records_max(kRecordsMax);
@@ -425,6 +441,7 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   if (bytes_left_) *bytes_left_ -= std::min<std::uint64_t>(*bytes_left_, batch.bytes);
   sent_records_ += static_cast<double>(batch.keys.size());
   coded_bytes_ += static_cast<double>(batch.bytes);
+  codec_sent_ = message.batch().codec();
   actions.push_back({destination_, std::move(message)});
   TellStorage(batch.keys, /*is_closed=*/false, actions);
   under_way_.emplace(number, std::move(batch));
@@ -444,16 +461,17 @@ bool SharingSession::MayLeave(const CodedRecords& batch) const {
   return batch.message.remaining() > 0 && unacked_bytes_ + batch.bytes <= credit_bytes_;
 }
 
+proto::Codec SharingSession::CodecNow() const {
+  const bool is_always_read = options_.codec == proto::CODEC_PLAIN || options_.codec == proto::CODEC_ZSTD;
+  return is_always_read || is_codec_read_ ? options_.codec : proto::CODEC_ZSTD;
+}
+
 SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& reply) {
   const std::size_t bytes_max = BatchBytesMax();
-  int count = reply.records_size();
-  CodedBatch coded = EncodeFirst(reply, count);
-  while (coded.bytes.size() > bytes_max && count > 1) {
-    const auto fitting = static_cast<int>(static_cast<double>(count) * static_cast<double>(bytes_max) /
-                                          static_cast<double>(coded.bytes.size()));
-    count = std::clamp(fitting, 1, count - 1);
-    coded = EncodeFirst(reply, count);
-  }
+  proto::RecordBatch records;
+  *records.mutable_records() = reply.records();
+  CodedBatch coded = encoder_.Encode(CodecNow(), records, bytes_max);
+  const int count = coded.record_count;
   CodedRecords result;
   std::size_t content_bytes = 0;
   for (int i = 0; i < count; ++i) {
@@ -464,6 +482,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
     const double ratio = static_cast<double>(coded.bytes.size()) / static_cast<double>(content_bytes);
     coded_ratio_ = std::max(kRatioMin, 0.5 * (coded_ratio_ + ratio));
   }
+  missing_types_ = BacklogOf(reply, count);
   std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
   if (is_for_states_) ++remaining;  // The end is not told before the rest of the order has gone.
   if (coded.bytes.size() > bytes_max && count == 1) {
@@ -471,12 +490,16 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
     return NextPiece();
   }
   proto::Batch& batch = *result.message.mutable_batch();
+  const std::size_t coded_bytes = coded.bytes.size();
   batch.set_codec(coded.codec);
-  batch.set_coded(std::move(coded.bytes));
+  if (coded.codec == proto::CODEC_PAPER_SQL) {
+    result.message.set_sql(std::move(coded.bytes));
+  } else {
+    batch.set_coded(std::move(coded.bytes));
+  }
   batch.set_record_count(static_cast<std::uint32_t>(count));
   // What is dropped never travels before what superseded it.
   if (remaining == 0) {
-    const std::size_t coded_bytes = batch.coded().size();
     result.dropped = FirstDropped(reply, bytes_max - std::min(bytes_max, coded_bytes));
     batch.mutable_dropped()->Assign(result.dropped.begin(), result.dropped.end());
   }
@@ -502,7 +525,7 @@ SharingSession::CodedRecords SharingSession::NextPiece() {
 void SharingSession::Address(CodedRecords& batch, std::uint64_t remaining) const {
   batch.message.mutable_batch()->set_session_id(session_id_);
   batch.message.mutable_batch()->set_batch_number(next_batch_number_);
-  batch.bytes = batch.message.batch().ByteSizeLong();
+  batch.bytes = batch.message.batch().ByteSizeLong() + batch.message.sql().size();
   batch.message.set_ms_type(proto::DATA);
   batch.message.set_remaining(remaining);
   batch.message.set_destination_id(destination_);

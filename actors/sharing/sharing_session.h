@@ -55,6 +55,8 @@ class SharingSession {
     std::size_t batch_bytes_max = 4 * 1024;                // Coded. A larger record travels in pieces of this size.
     std::size_t bytes_per_second_min = 16 * 1024;          // A slower radio is given up on and tried again.
     std::vector<DataType> state_types;                     // What may pass a window of kStatesOnly.
+    proto::Codec codec = proto::CODEC_COMPACT;             // Where the destination reads it; else zstd.
+    PaperSql paper_sql;                                    // For CODEC_PAPER_SQL.
     TypeSchemas schemas;                                   // What this agent understands by each type.
   };
 
@@ -131,6 +133,8 @@ class SharingSession {
   std::size_t BatchBytesMax() const;
   bool MayLeave(const CodedRecords& batch) const;
   void SetPace(Time now);
+  // That of the options where the destination reads it.
+  proto::Codec CodecNow() const;
   // As many of the records as fit into one message, or the first piece of one that does not; learns the ratio.
   CodedRecords Code(const proto::MissingReply& reply);
   CodedRecords NextPiece();
@@ -186,8 +190,12 @@ class SharingSession {
   std::size_t unacked_bytes_ = 0;
   std::size_t credit_bytes_ = 0;
   std::uint32_t next_batch_number_ = 1;
-  std::uint64_t missing_count_ = 0;  // Behind what is ready and under way.
-  double coded_ratio_ = 0.5;         // Coded bytes per content byte, smoothed.
+  std::uint64_t missing_count_ = 0;                // Behind what is ready and under way.
+  std::vector<proto::TypeBacklog> missing_types_;  // The same by data type.
+  bool is_codec_read_ = false;                     // By the destination, that of the options.
+  SharingEncoder encoder_;
+  double coded_ratio_ = 0.5;  // Coded bytes per content byte, smoothed.
+  proto::Codec codec_sent_ = proto::CODEC_UNSPECIFIED;
   Duration backoff_{};
   Time deadline_{};
   Time last_progress_{};

@@ -134,6 +134,11 @@ class MissingFinder {
       left = *count;
     }
     reply.set_remaining(reply.remaining() + left);
+    if (left == 0) return {};
+    const bool is_known = !reply.backlog().empty() && reply.backlog().rbegin()->data_type() == stream.type;
+    proto::TypeBacklog& backlog = is_known ? *reply.mutable_backlog()->rbegin() : *reply.add_backlog();
+    backlog.set_data_type(stream.type);
+    backlog.set_records(backlog.records() + static_cast<double>(left));
     return {};
   }
 

@@ -1,4 +1,6 @@
 #include <CLI/CLI.hpp>
+#include <filesystem>
+#include <limits>
 
 #include "actors/sharing/bundle_file.h"
 #include "apps/common/progress.h"
@@ -54,6 +56,14 @@ std::string Typed(const CommandContext& context, const std::string& words) {
   return "moonctl " + (context.agent.empty() ? "" : "-a " + context.agent + " ") + "downlink " + words;
 }
 
+// What is there already may be the only copy of a bundle of the same number, from before a store was lost.
+Result<void> KeepAnother(const std::string& path, const std::string& file) {
+  if (!std::filesystem::exists(path)) return {};
+  const auto present = ReadTextFile(path, kBundleBytesMax);
+  if (present && *present == file) return {};
+  return Fail(ErrorCode::kRefused, "is there already and is another file; give --out", path);
+}
+
 // Fetches a bundle, checks it and writes it; gives back where.
 Result<std::string> Fetch(const AgentClient& from, std::uint32_t number, const std::string& out) {
   Progress progress("bundle " + std::to_string(number));
@@ -65,6 +75,7 @@ Result<std::string> Fetch(const AgentClient& from, std::uint32_t number, const s
     return Fail(read.error().code, "bundle " + std::to_string(number) + " " + read.error().text);
   }
   const std::string path = out.empty() ? from.agent->name() + "-" + std::to_string(number) + ".bundle" : out;
+  if (auto kept = KeepAnother(path, *file); !kept) return tl::unexpected(kept.error());
   if (auto written = WriteTextFile(path, *file); !written) return tl::unexpected(written.error());
   return path;
 }
@@ -192,7 +203,10 @@ ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments)
 }
 
 void AddNumber(CLI::App& command, DownlinkArguments& arguments) {
-  command.add_option("number", arguments.number, "The bundle's")->type_name("NUMBER")->required();
+  command.add_option("number", arguments.number, "The bundle's")
+      ->type_name("NUMBER")
+      ->check(CLI::Range(1u, std::numeric_limits<std::uint32_t>::max()))
+      ->required();
 }
 
 void AddOut(CLI::App& command, DownlinkArguments& arguments) {

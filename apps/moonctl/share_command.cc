@@ -144,6 +144,21 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::ShareStatus&
   return text;
 }
 
+// What each session has left to send, by type; empty where nothing is.
+std::string BacklogText(const proto::TeamConfig& team, const std::string& agent, const proto::ShareStatus& status,
+                        proto::SharingKind kind) {
+  std::string text;
+  for (const proto::ShareSession& session : status.sessions()) {
+    if (session.kind() != kind || session.backlog().empty()) continue;
+    std::vector<std::string> types;
+    for (const proto::TypeBacklog& type : session.backlog()) {
+      types.push_back(FormatCount(type.records()) + " " + DataTypeName(type.data_type(), team.custom_types()));
+    }
+    text += agent + " has left for " + AgentName(team, session.destination()) + ": " + Joined(types) + "\n";
+  }
+  return text;
+}
+
 void WriteRefused(const proto::TeamConfig& team, const proto::ShareStatus& status, JsonWriter& json) {
   json.Key("rejected_records").Number(status.rejected_records());
   json.Key("damaged_messages").Number(status.damaged_messages());
@@ -158,7 +173,7 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
   const auto answers = context.AskEach([](Client& client) { return client.ShareStatus(); });
   if (!answers) return context.Report(answers.error());
   Table table(ShareStatusHeader());
-  std::string refused;
+  std::string backlog, refused;
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
   for (const auto& asked : *answers) {
@@ -168,6 +183,7 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
       const proto::TeamConfig& team = (*context.Team())->config;
       ShowSessions(team, agent->name(), *status, kind, table, json);
       WriteRefused(team, *status, json);
+      backlog += BacklogText(team, agent->name(), *status, kind);
       const std::string text = RefusedText(team, *status, kind);
       if (!text.empty()) refused += agent->name() + ": " + text + "\n";
     } else {
@@ -176,7 +192,7 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + refused);
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + backlog + refused);
 }
 
 CLI::App& AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,

@@ -20,6 +20,7 @@
 #include "actors/sharing/downlink_actor.h"
 #include "actors/sharing/replica_actor.h"
 #include "actors/sharing/sync_actor.h"
+#include "actors/storage/paper_sql.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
@@ -178,6 +179,7 @@ class Agent::Impl {
     sharing.self = self_;
     sharing.team = team;
     sharing.config_hash = team_.hash;
+    sharing.session.paper_sql = {SqlOf, RecordOf};
     SpawnActor<SyncActor>(*system_, actor_name::kSync, Placement::kPool, sharing);
     SpawnActor<ReplicaActor>(*system_, actor_name::kReplica, Placement::kPool, std::move(sharing));
 

@@ -78,13 +78,53 @@ TEST(InboundTest, RefusesFramesThatNoTransportMakes) {
   EXPECT_EQ(ParsePeerFrame("", 2).error().code, ErrorCode::kCorrupt);
 }
 
+// Every body but those that are listed here, so that a new one is refused until somebody lists it.
 TEST(InboundTest, RefusesWhatMustNotLeaveItsAgent) {
-  for (const int body : {20, 21, 22, 23, 30, 33, 40, 47}) {
+  const std::set<std::string> may_leave = {"hello",
+                                           "have",
+                                           "batch",
+                                           "refusal",
+                                           "share_request",
+                                           "share_reply",
+                                           "share_status_request",
+                                           "share_status",
+                                           "role_announce",
+                                           "lease_announce",
+                                           "link_report",
+                                           "clock_report",
+                                           "optimize_request",
+                                           "optimize_reply",
+                                           "merge_request",
+                                           "merge_reply",
+                                           "role_show_request",
+                                           "role_show_reply",
+                                           "role_set_request",
+                                           "graph_stats_request",
+                                           "graph_stats_reply",
+                                           "lease_request",
+                                           "lease_show_request",
+                                           "lease_reply",
+                                           "map_why_request",
+                                           "map_why_reply",
+                                           "map_stats_request",
+                                           "map_stats_reply",
+                                           "map_tiles_request",
+                                           "map_tiles_reply",
+                                           "prune_order",
+                                           "control_request",
+                                           "control_reply",
+                                           "downlink_request",
+                                           "downlink_reply",
+                                           "custom"};
+  const auto* bodies = proto::Message::descriptor()->FindOneofByName("body");
+  for (int i = 0; i < bodies->field_count(); ++i) {
+    const auto* field = bodies->field(i);
     proto::Message message = From(2);
-    const auto* field = proto::Message::descriptor()->FindFieldByNumber(body);
-    ASSERT_NE(field, nullptr) << body;
     message.GetReflection()->MutableMessage(&message, field);
-    EXPECT_EQ(ParsePeerFrame(ToPeerFrame(message), 2).error().code, ErrorCode::kRefused) << field->name();
+    const auto parsed = ParsePeerFrame(ToPeerFrame(message), 2);
+    EXPECT_EQ(parsed.has_value(), may_leave.contains(field->name())) << field->name();
+    if (parsed) continue;
+    EXPECT_EQ(parsed.error().code, ErrorCode::kRefused) << field->name();
     EXPECT_EQ(ParseClientFrame(message.SerializeAsString(), "robot", {}, 1).error().code, ErrorCode::kRefused)
         << field->name();
   }

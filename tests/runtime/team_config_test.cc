@@ -133,6 +133,8 @@ const BadFile kBadFiles[] = {
      "t:7:31: retention.disk_free_mb_min: expected a finite number, got \".nan\""},
     {"QuarantinePolicy", GoodAnd("share: {map_quarantine: latest}"),
      "t:7:25: share.map_quarantine: expected none or all, got \"latest\""},
+    {"Codec", GoodAnd("radio: {codec: gzip}"),
+     "t:7:16: radio.codec: expected plain, zstd, compact or paper_sql, got \"gzip\""},
     {"NotBool", GoodAnd("radio: {quiet_while_driving: yes}"),
      "t:7:30: radio.quiet_while_driving: expected true or false, got \"yes\""},
     {"Policy", GoodAnd("share: {health: lastest}"),
@@ -215,6 +217,7 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(config.retention().disk_free_mb_min(), 512);
   EXPECT_EQ(config.retention().store_mb_max(), 0);
   EXPECT_FALSE(config.retention().drop_beaten_maps());
+  EXPECT_EQ(config.radio().codec(), proto::CODEC_COMPACT);
   EXPECT_EQ(config.map().resolution_m(), 0.05);
   EXPECT_THAT(config.map().footprint_m(), ::testing::ElementsAre(0.75, 0.5));
   EXPECT_THAT(config.agents(0).antenna_m(), ::testing::ElementsAre(0, 0, 0));

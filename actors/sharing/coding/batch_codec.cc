@@ -1,5 +1,8 @@
 #include "actors/sharing/coding/batch_codec.h"
 
+#include <algorithm>
+#include <deque>
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -16,6 +19,10 @@ namespace {
 constexpr std::size_t kHashBytes = 8;
 constexpr std::size_t kChecksumBytes = 4;
 constexpr std::size_t kRowsKeptMax = 64 * 1024;  // Of a run's last batch, for the next one to refer to.
+constexpr std::size_t kHeadBytes = 48;           // Of a batch and its rows, at most, where nothing is packed.
+// Before any were coded. What is too little for rows costs little: only cells take long to code anew.
+constexpr double kRowRatioAtFirst = 0.1;
+constexpr double kFrameRatioAtFirst = 0.5;
 
 // What stands beside the contents, in columns.
 struct Columns {
@@ -183,7 +190,7 @@ Result<proto::RecordBatch> DecodeRows(ByteReader& reader, std::uint32_t record_c
 
 }  // namespace
 
-BatchEncoder::BatchEncoder(MapRunEncoder::Previous previous) : previous_(previous), run_(previous) {}
+BatchEncoder::BatchEncoder(MapRunEncoder::Previous previous) : previous_(previous) {}
 
 void BatchEncoder::BeginRun(const proto::StoredRecord* reference) {
   maps_before_ = 0;
@@ -191,44 +198,112 @@ void BatchEncoder::BeginRun(const proto::StoredRecord* reference) {
   reference_.reset();
   const std::optional<SplitMap> map = reference ? SplitMapRecord(reference->content()) : std::nullopt;
   if (map) reference_ = MapReference{FromProto(reference->key()), reference->hash()};
-  run_ = MapRunEncoder(previous_, map ? &map->layers : nullptr);
+  run_.reset();
+  if (map) run_.emplace(previous_, &map->layers, trials_);
 }
 
-std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
+// Records taken apart, whose cells are in the run already.
+struct BatchEncoder::Parts {
   Columns columns;
   std::vector<std::uint64_t> hashes;
-  std::vector<SplitMap> maps;
-  maps.reserve(static_cast<std::size_t>(batch.records_size()));  // Contents refer to them.
+  std::deque<std::string> frames;  // Of maps; contents refer to them.
   std::vector<std::string_view> contents;
+  std::size_t content_bytes = 0;
   std::uint64_t cell_count = 0;
-  for (const proto::StoredRecord& record : batch.records()) {
-    const RecordKey key = FromProto(record.key());
-    columns.origins.push_back(key.stream.origin);
-    columns.epochs.push_back(key.stream.epoch);
-    columns.types.push_back(key.stream.type);
-    columns.seqs.push_back(key.seq);
-    columns.hashes.push_back(record.hash() ^ HashRecord(key, record.content()));
-    hashes.push_back(record.hash());
-    contents.push_back(record.content());
-    std::optional<SplitMap> map;
-    if (key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map = SplitMapRecord(record.content());
-    const std::uint64_t cells = map ? CellCountOf(map->layers) : 0;
-    const bool is_coded = map && cell_count + cells <= kCodedCellsMax;
-    columns.are_maps.push_back(is_coded ? 1 : 0);
-    if (!is_coded) continue;
-    cell_count += cells;
-    maps.push_back(*std::move(map));
-    contents.back() = maps.back().frame;
-    run_.Add(maps.back().layers, key.stream.origin);
+  double row_bytes = kHeadBytes;  // As expected.
+};
+
+std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
+  return EncodeUpTo(batch, static_cast<std::size_t>(batch.records_size()), SIZE_MAX).bytes;
+}
+
+CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max) {
+  const BatchEncoder start = *this;
+  std::size_t records_max = static_cast<std::size_t>(batch.records_size());
+  while (true) {
+    CodedRows coded = EncodeUpTo(batch, records_max, bytes_max);
+    if (coded.bytes.size() <= bytes_max || coded.record_count <= 1) return coded;
+    // Expected too little of rows: rarely with maps, whose cells would be coded anew.
+    records_max =
+        std::clamp<std::size_t>(coded.record_count * bytes_max / coded.bytes.size(), 1, coded.record_count - 1);
+    std::map<DataType, double> learnt = std::move(row_ratios_);
+    *this = start;
+    row_ratios_ = std::move(learnt);
   }
+}
+
+CodedRows BatchEncoder::EncodeUpTo(const proto::RecordBatch& batch, std::size_t records_max, std::size_t bytes_max) {
+  Parts parts;
+  for (const proto::StoredRecord& record : batch.records()) {
+    if (parts.contents.size() == records_max || !AddRecord(record, bytes_max, parts)) break;
+  }
+  return {Finish(parts), parts.contents.size()};
+}
+
+bool BatchEncoder::AddRecord(const proto::StoredRecord& record, std::size_t bytes_max, Parts& parts) {
+  const RecordKey key = FromProto(record.key());
+  std::optional<SplitMap> map;
+  if (key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map = SplitMapRecord(record.content());
+  const std::uint64_t cells = map ? CellCountOf(map->layers) : 0;
+  if (parts.cell_count + cells > kCodedCellsMax) map.reset();
+  const std::size_t content_bytes = map ? map->frame.size() : record.content().size();
+  const auto known = row_ratios_.find(key.stream.type);
+  const double at_first = map ? kFrameRatioAtFirst : kRowRatioAtFirst;
+  const double ratio = known == row_ratios_.end() ? at_first : known->second;
+  const double row_bytes = parts.row_bytes + static_cast<double>(content_bytes) * ratio;
+  const auto fits = [&](std::size_t cell_bytes) {
+    return parts.contents.empty() || row_bytes + static_cast<double>(cell_bytes) <= static_cast<double>(bytes_max);
+  };
+  if (!fits(CellBytes() + (map ? last_map_bytes_ : 0))) return false;
+  if (map) {
+    if (!run_) run_.emplace(previous_, nullptr, trials_);
+    // It may turn out larger than the one before.
+    const std::size_t bytes_before = CellBytes();
+    std::optional<MapRunEncoder> before;
+    if (!fits(bytes_before + 2 * last_map_bytes_)) before = run_;
+    run_->Add(map->layers, key.stream.origin);
+    trials_ = run_->trials();
+    last_map_bytes_ = CellBytes() - bytes_before;
+    if (before && !fits(CellBytes())) {
+      run_ = std::move(before);
+      return false;
+    }
+    parts.cell_count += cells;
+    parts.frames.push_back(std::move(map->frame));
+  }
+  parts.columns.origins.push_back(key.stream.origin);
+  parts.columns.epochs.push_back(key.stream.epoch);
+  parts.columns.types.push_back(key.stream.type);
+  parts.columns.seqs.push_back(key.seq);
+  parts.columns.hashes.push_back(record.hash() ^ HashRecord(key, record.content()));
+  parts.columns.are_maps.push_back(map ? 1 : 0);
+  parts.hashes.push_back(record.hash());
+  parts.contents.push_back(map ? std::string_view(parts.frames.back()) : std::string_view(record.content()));
+  parts.content_bytes += content_bytes;
+  parts.row_bytes = row_bytes;
+  return true;
+}
+
+std::string BatchEncoder::Finish(const Parts& parts) {
+  const bool has_maps = !parts.frames.empty();
   std::string bytes(1, static_cast<char>(kBatchFormatVersion));
-  PutMaps(maps.size(), bytes);
-  std::string rows = WriteRows(columns, Checksum(hashes), contents);
-  PutPacked(rows, maps.empty() ? std::string_view() : rows_before_, bytes);
-  if (maps.empty()) return bytes;
+  PutMaps(parts.frames.size(), bytes);
+  std::string rows = WriteRows(parts.columns, Checksum(parts.hashes), parts.contents);
+  PutPacked(rows, has_maps ? rows_before_ : std::string_view(), bytes);
+  LearnRowRatio(parts, bytes.size());
+  if (!has_maps) return bytes;
   KeepRows(std::move(rows), rows_before_);
-  bytes += run_.Finish();
+  bytes += run_->Finish();
   return bytes;
+}
+
+// A tenth more than it took: of what does not fit, maps would be coded twice.
+void BatchEncoder::LearnRowRatio(const Parts& parts, std::size_t packed_bytes) {
+  const auto& types = parts.columns.types;
+  const bool is_of_one_type = std::adjacent_find(types.begin(), types.end(), std::not_equal_to<>()) == types.end();
+  if (parts.content_bytes == 0 || !is_of_one_type) return;
+  const double row_bytes = std::max(static_cast<double>(packed_bytes) - kHeadBytes, 0.0);
+  row_ratios_[static_cast<DataType>(types.front())] = 1.1 * row_bytes / static_cast<double>(parts.content_bytes);
 }
 
 void BatchEncoder::PutMaps(std::size_t map_count, std::string& bytes) {

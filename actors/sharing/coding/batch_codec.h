@@ -20,6 +20,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -43,6 +44,12 @@ struct MapReference {
   bool operator==(const MapReference&) const = default;
 };
 
+// Some first records of a batch.
+struct CodedRows {
+  std::string bytes;
+  std::size_t record_count = 0;
+};
+
 class BatchEncoder {
  public:
   explicit BatchEncoder(MapRunEncoder::Previous previous);
@@ -55,14 +62,31 @@ class BatchEncoder {
   // records themselves, outside of their contents, are left out.
   std::string Encode(const proto::RecordBatch& batch);
 
+  // As many of the first records as fit into `bytes_max`, give or take one, and at least one, whatever its size. Takes
+  // hardly longer than to encode these alone: maps are coded one after the other until no other is expected to fit,
+  // rows are estimated by how the last ones of their type turned out.
+  CodedRows EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max);
+
  private:
+  struct Parts;
+
+  CodedRows EncodeUpTo(const proto::RecordBatch& batch, std::size_t records_max, std::size_t bytes_max);
+  // False: with it the bytes are too many; it was not added.
+  bool AddRecord(const proto::StoredRecord& record, std::size_t bytes_max, Parts& parts);
+  std::string Finish(const Parts& parts);
   void PutMaps(std::size_t map_count, std::string& bytes);
+  std::size_t CellBytes() const { return run_ ? run_->byte_count() : 0; }
+  void LearnRowRatio(const Parts& parts, std::size_t packed_bytes);
 
   MapRunEncoder::Previous previous_;
-  MapRunEncoder run_;
+  PreviousTrials trials_;
+  std::optional<MapRunEncoder> run_;  // From its first map or reference on.
   std::optional<MapReference> reference_;
   std::uint64_t maps_before_ = 0;
   std::string rows_before_;
+  // For estimates: packed bytes a byte of content, without cells, by data type; bytes of the last map's cells.
+  std::map<DataType, double> row_ratios_;
+  std::size_t last_map_bytes_ = 0;
 };
 
 // The map that must be held to decode this batch; nothing: none. kCorrupt where it cannot be read.

@@ -33,8 +33,8 @@ std::int32_t CodeSigned(Coder& coder, std::int32_t value, int count) {
 }
 
 template <typename Coder>
-Placement CodePlacement(Coder& coder, const Placement& placement) {
-  Placement coded;
+MapPlacement CodePlacement(Coder& coder, const MapPlacement& placement) {
+  MapPlacement coded;
   coded.x = CodeSigned(coder, placement.x, kPlacementBits);
   coded.y = CodeSigned(coder, placement.y, kPlacementBits);
   coded.yaw = static_cast<std::int32_t>(CodeBits(coder, static_cast<std::uint32_t>(placement.yaw), kTurnBits));
@@ -173,7 +173,7 @@ void MapRun::Keep(const std::optional<Reference>& reference, CodedLayers layers)
     }
   }
   earlier_cells_ += CellCount(layers);
-  earlier_.push_back(std::move(layers));
+  earlier_.push_back(std::make_shared<const CodedLayers>(std::move(layers)));
 }
 
 template <typename Coder>
@@ -209,42 +209,70 @@ void MapRun::CodeCells(const std::optional<Reference>& reference, const CodedLay
   }
 }
 
-MapRunEncoder::MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference)
-    : MapRun(reference), previous_(previous) {}
+MapRunEncoder::MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference, const PreviousTrials& trials)
+    : MapRun(reference), previous_(previous), trials_(trials) {}
 
 void MapRunEncoder::Add(const std::vector<MapLayer>& layers, std::uint32_t source) {
   Check(IsCodable(layers), "a map that can be coded");
   CodedLayers coded = ToCoded(layers);
   MakeRoomFor(coded);
   if (earlier_.empty()) sources_.clear();
-  std::optional<Reference> reference = FindReference(coded, source);
-  if (reference && previous_ == Previous::kWhereItPays) {
-    if (!CodeCheaper(*reference, coded)) reference.reset();
+  std::optional<Reference> reference;
+  if (const std::optional<std::size_t> maps_back = MapsBackTo(source)) {
+    reference = CodeBehind(*maps_back, coded);
   } else {
-    Code(reference, coded, coder_, model_);
+    Code(std::nullopt, coded, coder_, model_);
   }
   CodeBits(coder_, Checksum(coded), kChecksumBits);
   Keep(reference, std::move(coded));
   sources_.push_back(source);
 }
 
-std::optional<MapRun::Reference> MapRunEncoder::FindReference(const CodedLayers& layers, std::uint32_t source) const {
-  if (previous_ == Previous::kNever || earlier_.empty()) return std::nullopt;
+PreviousTrials::Way MapRunEncoder::WayOfNext() const {
+  switch (previous_) {
+    case Previous::kNever:
+      return PreviousTrials::Way::kAlone;
+    case Previous::kWhereItPays:
+      return PreviousTrials::Way::kBoth;
+    case Previous::kWhileItPays:
+      return trials_.next();
+    case Previous::kWherePlaced:
+      return PreviousTrials::Way::kWithPrevious;
+  }
+  return PreviousTrials::Way::kAlone;
+}
+
+std::optional<std::size_t> MapRunEncoder::MapsBackTo(std::uint32_t source) const {
   const auto newest = std::find(sources_.rbegin(), sources_.rend(), source);
   // Behind the last of those with a source lies the reference, if any.
   const std::size_t maps_back = static_cast<std::size_t>(newest - sources_.rbegin()) + 1;
   if (maps_back > earlier_.size()) return std::nullopt;
-  const std::optional<Placement> placement = FindPlacement(earlier_[earlier_.size() - maps_back], layers);
-  if (!placement) return std::nullopt;
-  return Reference{maps_back, *placement};
+  return maps_back;
+}
+
+std::optional<MapRun::Reference> MapRunEncoder::CodeBehind(std::size_t maps_back, const CodedLayers& source) {
+  const PreviousTrials::Way way = WayOfNext();
+  std::optional<MapPlacement> placement;
+  if (way != PreviousTrials::Way::kAlone) placement = FindPlacement(*earlier_[earlier_.size() - maps_back], source);
+  std::optional<Reference> reference;
+  if (placement) reference = Reference{maps_back, *placement};
+  if (!reference || way == PreviousTrials::Way::kWithPrevious) {
+    Code(reference, source, coder_, model_);
+    trials_.Coded(way, reference.has_value());
+  } else if (!CodeCheaper(*reference, source)) {
+    reference.reset();
+  }
+  return reference;
 }
 
 // With the reference or without; true: with it.
 bool MapRunEncoder::CodeCheaper(const Reference& reference, const CodedLayers& source) {
+  const std::size_t bytes_before = coder_.byte_count();
   RangeEncoder coder_alone = coder_;
   BitModel model_alone = model_;
   Code(reference, source, coder_, model_);
   Code(std::nullopt, source, coder_alone, model_alone);
+  trials_.Compared(coder_alone.byte_count() - bytes_before, coder_.byte_count() - bytes_before);
   if (coder_alone.byte_count() > coder_.byte_count()) return true;
   coder_ = std::move(coder_alone);
   model_ = std::move(model_alone);

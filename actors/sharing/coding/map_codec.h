@@ -18,6 +18,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -25,6 +26,7 @@
 
 #include "actors/sharing/coding/bit_model.h"
 #include "actors/sharing/coding/placement.h"
+#include "actors/sharing/coding/previous_trials.h"
 #include "actors/sharing/coding/range_coder.h"
 #include "actors/sharing/coding/ray_table.h"
 #include "model/error.h"
@@ -54,7 +56,7 @@ class MapRun {
  protected:
   struct Reference {
     std::size_t maps_back = 0;
-    Placement placement;
+    MapPlacement placement;
   };
 
   // `reference`: a codable map that both ends hold already, as if it were the first of the run; null: none.
@@ -62,7 +64,7 @@ class MapRun {
 
   void MakeRoomFor(const CodedLayers& layers);
   const CodedLayers& EarlierOf(const Reference& reference) const {
-    return earlier_[earlier_.size() - reference.maps_back];
+    return *earlier_[earlier_.size() - reference.maps_back];
   }
   // Codes all that follows `placement`, fills cells.
   template <typename Coder>
@@ -71,7 +73,7 @@ class MapRun {
   // Remembers a map that was coded so.
   void Keep(const std::optional<Reference>& reference, CodedLayers layers);
 
-  std::vector<CodedLayers> earlier_;  // Newest last.
+  std::vector<std::shared_ptr<const CodedLayers>> earlier_;  // Newest last; copies of a run share them.
   std::uint64_t earlier_cells_ = 0;
   BitModel model_;
 
@@ -82,10 +84,13 @@ class MapRun {
 // Copies can be coded with on trial.
 class MapRunEncoder : public MapRun {
  public:
-  // kWherePlaced is for learning: also where it costs more than it brings.
-  enum class Previous { kNever, kWhereItPays, kWherePlaced };
+  // kWhereItPays tries it with each map, which takes three times as long as to code the map alone; kWhileItPays rests
+  // where it brings little (previous_trials.h). kWherePlaced is for learning: also where it costs more than it brings.
+  enum class Previous { kNever, kWhereItPays, kWhileItPays, kWherePlaced };
 
-  explicit MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference = nullptr);
+  // `trials`: what was found out in earlier runs, with kWhileItPays.
+  explicit MapRunEncoder(Previous previous, const std::vector<MapLayer>* reference = nullptr,
+                         const PreviousTrials& trials = {});
 
   // Adds a map to the string that Finish returns. IsCodable must hold, every cell must be unknown, free or a hazard,
   // and the string's maps must have no more than kCodedCellsMax cells. `source` tells apart whose map it is: the newest
@@ -94,13 +99,19 @@ class MapRunEncoder : public MapRun {
   // Of the string so far.
   std::size_t byte_count() const { return coder_.byte_count(); }
   std::string Finish() { return coder_.Finish(); }
+  const PreviousTrials& trials() const { return trials_; }
 
  private:
-  std::optional<Reference> FindReference(const CodedLayers& layers, std::uint32_t source) const;
+  PreviousTrials::Way WayOfNext() const;
+  // How many maps back the newest one of that source is.
+  std::optional<std::size_t> MapsBackTo(std::uint32_t source) const;
+  // Codes a map that has a previous one; with which placement of that, if with any.
+  std::optional<Reference> CodeBehind(std::size_t maps_back, const CodedLayers& source);
   void Code(const std::optional<Reference>& reference, const CodedLayers& source, RangeEncoder& coder, BitModel& model);
   bool CodeCheaper(const Reference& reference, const CodedLayers& source);
 
   Previous previous_;
+  PreviousTrials trials_;
   std::vector<std::uint32_t> sources_;  // Of the newest earlier maps; a reference has none.
   RangeEncoder coder_;
 };

@@ -41,7 +41,8 @@ struct Walk {
   std::int64_t step_x = 0, step_y = 0;  // Per column; a row further is (-step_y, step_x).
 };
 
-Walk MakeWalk(const CodedLayer& earlier, const CodedLayer& later, std::uint32_t unit_um, const Placement& placement) {
+Walk MakeWalk(const CodedLayer& earlier, const CodedLayer& later, std::uint32_t unit_um,
+              const MapPlacement& placement) {
   const Rotation rotation = RotationOf(placement.yaw);
   const std::int64_t from = later.resolution_um;
   const std::int64_t to = earlier.resolution_um;
@@ -83,7 +84,7 @@ void Overlay(const CodedLayer& earlier, const Walk& walk, CellPlane& placed) {
 Rotation RotationOf(std::int32_t yaw) { return {Sine((yaw + kTurn / 4) & (kTurn - 1)), Sine(yaw & (kTurn - 1))}; }
 
 CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32_t unit_um,
-                const Placement& placement) {
+                const MapPlacement& placement) {
   CellPlane placed(later.cells.width(), later.cells.height());
   for (std::int32_t row = 0; row < placed.height(); ++row) {
     std::fill_n(placed.At(0, row), placed.width(), kNoMemory);

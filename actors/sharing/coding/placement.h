@@ -1,4 +1,4 @@
-// Placement: where one map lies in an earlier one, and what is remembered there on the later one's grid.
+// MapPlacement: where one map lies in an earlier one, and what is remembered there on the later one's grid.
 //
 // The encoder looks for it (FindPlacement) and sends it; the decoder only applies it. All of it is in whole numbers, so
 // that both ends place alike; the search may change without changing the format.
@@ -27,11 +27,11 @@ inline constexpr std::int32_t kTurn = 1 << kTurnBits;
 
 // earlier_from_later. x and y in half cells of the later map's finest layer, -2048 to 2047; yaw in 1/1024 turn, 0 to
 // 1023.
-struct Placement {
+struct MapPlacement {
   std::int32_t x = 0;
   std::int32_t y = 0;
   std::int32_t yaw = 0;
-  bool operator==(const Placement&) const = default;
+  bool operator==(const MapPlacement&) const = default;
 };
 
 // Cosine and sine of a yaw, in 1/16384.
@@ -44,10 +44,11 @@ Rotation RotationOf(std::int32_t yaw);
 
 // The earlier map's memory under the middles of a later layer's cells, from its finest layer that is not finer than
 // this one; kNoMemory where none reaches. `unit_um` is the resolution of the later map's finest layer.
-CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32_t unit_um, const Placement& placement);
+CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32_t unit_um,
+                const MapPlacement& placement);
 
 // The placement at which hazards best lie on hazards, within some cells of the coarsest layer and any turn; none where
 // there is nothing to go by. Takes some 3 ms for four layers of 100 x 100.
-std::optional<Placement> FindPlacement(const CodedLayers& earlier, const CodedLayers& later);
+std::optional<MapPlacement> FindPlacement(const CodedLayers& earlier, const CodedLayers& later);
 
 }  // namespace moondb

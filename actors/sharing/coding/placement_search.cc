@@ -111,7 +111,7 @@ std::vector<Point> PointsOf(const CodedLayer& layer) {
 }
 
 struct Candidate {
-  Placement placement;
+  MapPlacement placement;
   std::int32_t score = 0;
 };
 
@@ -129,7 +129,7 @@ class Search {
     }
   }
 
-  std::optional<Placement> Run() {
+  std::optional<MapPlacement> Run() {
     std::vector<Candidate> candidates = Coarse();
     if (candidates.empty()) return std::nullopt;
     for (std::size_t i = levels_.size(); i-- > 0;) Refine(i, i + 1, 2, candidates);
@@ -195,10 +195,10 @@ class Search {
     for (int round = 0; round < kRoundsMax; ++round) {
       const Candidate before = candidate;
       for (std::int32_t move = 0; move < 27; ++move) {
-        const Placement& from = before.placement;
-        const Placement to{std::clamp(from.x + (move % 3 - 1) * step, kLeast, kMost),
-                           std::clamp(from.y + (move / 3 % 3 - 1) * step, kLeast, kMost),
-                           (from.yaw + (move / 9 - 1) * turn) & (kTurn - 1)};
+        const MapPlacement& from = before.placement;
+        const MapPlacement to{std::clamp(from.x + (move % 3 - 1) * step, kLeast, kMost),
+                              std::clamp(from.y + (move / 3 % 3 - 1) * step, kLeast, kMost),
+                              (from.yaw + (move / 9 - 1) * turn) & (kTurn - 1)};
         const std::int32_t score = Score(first, end, to);
         if (score > candidate.score) candidate = {to, score};
       }
@@ -206,7 +206,7 @@ class Search {
     }
   }
 
-  std::int32_t Score(std::size_t first, std::size_t end, const Placement& placement) {
+  std::int32_t Score(std::size_t first, std::size_t end, const MapPlacement& placement) {
     const Rotation rotation = RotationOf(placement.yaw);
     const std::int64_t x = (std::int64_t{placement.x} * unit_um_) << kRotationBits;
     const std::int64_t y = (std::int64_t{placement.y} * unit_um_) << kRotationBits;
@@ -230,7 +230,7 @@ class Search {
 
 }  // namespace
 
-std::optional<Placement> FindPlacement(const CodedLayers& earlier, const CodedLayers& later) {
+std::optional<MapPlacement> FindPlacement(const CodedLayers& earlier, const CodedLayers& later) {
   if (earlier.empty() || later.empty()) return std::nullopt;
   return Search(earlier, later).Run();
 }

@@ -79,6 +79,12 @@ TEST(RequestCheckTest, RefusesPrunesThatCannotBe) {
   EXPECT_EQ(FieldOf(request), "prune.data_types");
 }
 
+TEST(RequestCheckTest, LetsNoClientWriteTheTeamsStory) {
+  proto::ControlRequest request;
+  request.mutable_insert()->add_records()->mutable_agent_event()->set_text("role swap");
+  EXPECT_EQ(FieldOf(request), "insert.records[0].agent_event");
+}
+
 TEST(RequestCheckTest, BoundsTheRecordsOfOneInsert) {
   proto::ControlRequest request;
   for (int i = 0; i <= kInsertRecordsMax; ++i) request.mutable_insert()->add_records()->mutable_temperature();

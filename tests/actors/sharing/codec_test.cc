@@ -5,6 +5,8 @@
 
 #include <random>
 
+#include "tests/actors/sharing/coding/records.h"
+
 namespace moondb {
 namespace {
 
@@ -95,6 +97,99 @@ TEST(CodecTest, RefusesOtherCodecsCountsAndTrailingBytes) {
   EXPECT_EQ(CodeOf(DecodeBatch(coded.codec, coded.bytes, 19)), ErrorCode::kCorrupt);
   EXPECT_EQ(CodeOf(DecodeBatch(coded.codec, coded.bytes, kBatchRecordsMax + 1)), ErrorCode::kCorrupt);
   EXPECT_EQ(CodeOf(DecodeBatch(coded.codec, coded.bytes + coded.bytes, 20)), ErrorCode::kCorrupt);
+}
+
+constexpr std::size_t kMessageBytes = 4096;
+
+proto::RecordBatch RowsAndMaps() {
+  proto::RecordBatch batch = RowBatch(200);
+  batch.MergeFrom(MapBatch(0, 4));
+  return batch;
+}
+
+proto::RecordBatch From(const proto::RecordBatch& batch, int first, int count) {
+  proto::RecordBatch part;
+  for (int i = first; i < first + count; ++i) *part.add_records() = batch.records(i);
+  return part;
+}
+
+TEST(CodecTest, CodesMapsAndRowsInAFractionOfZstd) {
+  for (const proto::RecordBatch& batch : {RowBatch(200), MapBatch(0, 4), RowsAndMaps()}) {
+    const CodedBatch coded = SharingEncoder().Encode(proto::CODEC_COMPACT, batch, 1'000'000);
+    EXPECT_EQ(coded.codec, proto::CODEC_COMPACT);
+    ASSERT_EQ(coded.record_count, batch.records_size());
+    EXPECT_LT(coded.bytes.size(), EncodeBatch(batch).bytes.size() / 2);
+    const auto decoded = DecodeBatch(coded.codec, coded.bytes, static_cast<std::uint32_t>(batch.records_size()));
+    ASSERT_TRUE(decoded) << ToString(decoded.error());
+    EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString());
+  }
+}
+
+TEST(CodecTest, FillsMessagesEachOfWhichIsDecodableByItself) {
+  std::mt19937_64 rng(2);
+  proto::RecordBatch batch;
+  for (int i = 0; i < 1000; ++i) {
+    *batch.add_records() = Store(NodeRecord(i, rng).SerializeAsString(), proto::POSE_GRAPH_NODE, i);
+  }
+  batch.MergeFrom(MapBatch(0, 60));
+  SharingEncoder encoder;
+  std::size_t bytes = 0, messages = 0;
+  for (int first = 0; first < batch.records_size(); ++messages) {
+    const int count = std::min(batch.records_size() - first, 1000);
+    const CodedBatch coded = encoder.Encode(proto::CODEC_COMPACT, From(batch, first, count), kMessageBytes);
+    ASSERT_GE(coded.record_count, 1);
+    EXPECT_LE(coded.bytes.size(), kMessageBytes);
+    const auto decoded = DecodeBatch(coded.codec, coded.bytes, static_cast<std::uint32_t>(coded.record_count));
+    ASSERT_TRUE(decoded) << ToString(decoded.error());
+    EXPECT_EQ(decoded->SerializeAsString(), From(batch, first, coded.record_count).SerializeAsString());
+    first += coded.record_count;
+    bytes += coded.bytes.size();
+  }
+  EXPECT_GE(static_cast<double>(bytes) / static_cast<double>(messages), 0.75 * kMessageBytes);
+}
+
+TEST(CodecTest, GivesOneRecordThatIsTooLargeForAMessageAlone) {
+  proto::RecordBatch batch;
+  for (int i = 0; i < 3; ++i) *batch.add_records() = Store(Noise(2 * kMessageBytes), 1234, i);
+  for (const auto codec : {proto::CODEC_COMPACT, proto::CODEC_ZSTD, proto::CODEC_PLAIN}) {
+    const CodedBatch coded = SharingEncoder().Encode(codec, batch, kMessageBytes);
+    EXPECT_EQ(coded.record_count, 1);
+    EXPECT_GT(coded.bytes.size(), 2 * kMessageBytes);
+    EXPECT_TRUE(DecodeBatch(coded.codec, coded.bytes, 1));
+  }
+}
+
+TEST(CodecTest, FallsBackWhereZstdOrNothingIsSmaller) {
+  EXPECT_EQ(SharingEncoder().Encode(proto::CODEC_COMPACT, BatchOf(1, ""), kMessageBytes).codec, proto::CODEC_PLAIN);
+  const proto::RecordBatch noise = From(RowBatch(200), 0, 200);
+  EXPECT_EQ(SharingEncoder().Encode(proto::CODEC_ZSTD, noise, kMessageBytes).codec, proto::CODEC_ZSTD);
+  EXPECT_EQ(SharingEncoder().Encode(proto::CODEC_PLAIN, noise, kMessageBytes).codec, proto::CODEC_PLAIN);
+}
+
+TEST(CodecTest, RefusesEveryTruncationAndWrongCountsOfTheCompactForm) {
+  const proto::RecordBatch batch = RowsAndMaps();
+  const CodedBatch coded = SharingEncoder().Encode(proto::CODEC_COMPACT, batch, 1'000'000);
+  const auto count = static_cast<std::uint32_t>(coded.record_count);
+  for (std::size_t size = 0; size < coded.bytes.size(); size += 3) {
+    EXPECT_FALSE(DecodeBatch(coded.codec, coded.bytes.substr(0, size), count)) << size;
+  }
+  for (const std::uint32_t other : {0u, 1u, count - 1, count + 1, kBatchRecordsMax, kBatchRecordsMax + 1}) {
+    EXPECT_EQ(CodeOf(DecodeBatch(coded.codec, coded.bytes, other)), ErrorCode::kCorrupt) << other;
+  }
+  EXPECT_FALSE(DecodeBatch(coded.codec, coded.bytes + "x", count));
+}
+
+TEST(CodecTest, NeverGivesOtherRecordsForADamagedByteOfTheCompactForm) {
+  const proto::RecordBatch batch = RowsAndMaps();
+  const CodedBatch coded = SharingEncoder().Encode(proto::CODEC_COMPACT, batch, 1'000'000);
+  for (std::size_t i = 0; i < coded.bytes.size(); i += 2) {
+    std::string damaged = coded.bytes;
+    damaged[i] = static_cast<char>(damaged[i] ^ 0x10);
+    const auto decoded = DecodeBatch(coded.codec, damaged, static_cast<std::uint32_t>(coded.record_count));
+    if (decoded) {
+      EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString()) << i;
+    }
+  }
 }
 
 }  // namespace

@@ -52,6 +52,10 @@ class MemoryStore {
                                                          reply.records_size() >= int(request.records_max())));
       if (is_full) {
         reply.set_remaining(reply.remaining() + 1);
+        const bool is_known = !reply.backlog().empty() && reply.backlog().rbegin()->data_type() == key.stream.type;
+        proto::TypeBacklog& backlog = is_known ? *reply.mutable_backlog()->rbegin() : *reply.add_backlog();
+        backlog.set_data_type(key.stream.type);
+        backlog.set_records(backlog.records() + 1);
         continue;
       }
       bytes += content.size();

@@ -11,6 +11,7 @@
 #include <set>
 
 #include "actors/role/role_actor.h"
+#include "actors/storage/paper_sql.h"
 #include "actors/storage/storage_actor.h"
 #include "model/have_set.h"
 #include "tests/actors/sharing/sharing_team.h"
@@ -43,7 +44,8 @@ class RealTeam {
  public:
   using Records = std::map<RecordKey, std::string>;
 
-  explicit RealTeam(std::uint64_t seed) : team_(seed) {
+  explicit RealTeam(std::uint64_t seed, proto::Codec codec = proto::CODEC_COMPACT) : team_(seed) {
+    config_.mutable_radio()->set_codec(codec);
     static int count = 0;
     folder_ = std::filesystem::path(testing::TempDir()) /
               ("moondb_real_team_" + std::to_string(::getpid()) + "_" + std::to_string(count++));
@@ -55,6 +57,7 @@ class RealTeam {
       if (message.has_have()) claimed_[from].Merge(*FromProto(message.have().have()));
       if (message.has_have()) have_bytes_[{from, to}] += message.ByteSizeLong();
       if (message.has_batch()) records_to_[to] += message.batch().record_count();
+      if (message.has_batch() && message.batch().codec() == proto::CODEC_PAPER_SQL) ++statements_;
       return true;
     });
   }
@@ -66,6 +69,8 @@ class RealTeam {
     std::error_code ignored;
     std::filesystem::remove_all(folder_, ignored);
   }
+
+  std::size_t statements() const { return statements_; }
 
   void Settle() { team_.AdvanceTime(seconds(10)); }
 
@@ -251,7 +256,7 @@ class RealTeam {
     role.self = agent;
     role.team = config_;
     team_.Spawn(agent, actor_name::kRole, [role] { return std::make_unique<RoleActor>(role); });
-    SpawnSharing(team_, agent, config_);
+    SpawnSharing(team_, agent, config_, {SqlOf, RecordOf});
   }
 
   static proto::Record& AddRecord(proto::InsertRequest& request) {
@@ -278,7 +283,8 @@ class RealTeam {
     return answers.empty() ? proto::Message() : answers.back();
   }
 
-  const proto::TeamConfig config_ = TestTeam(3);
+  proto::TeamConfig config_ = TestTeam(3);
+  std::size_t statements_ = 0;
   std::filesystem::path folder_;
   simulation::SimulatedTeam team_;
   std::map<AgentId, std::uint64_t> next_index_;
@@ -307,6 +313,20 @@ TEST(RealTeamTest, LeaderThenSurvivorHaveEverythingAndNothingGoesTwice) {
   EXPECT_EQ(counts[proto::POSE_GRAPH_NODE], 600);
   EXPECT_EQ(counts[proto::LOCAL_TRAVERSABILITY_MAP], 30);
   team.ExpectNothingIsSentTwice();
+}
+
+// The baseline of every benchmark works, too, and brings the same.
+TEST(RealTeamTest, ThePapersStatementsBringEverythingToo) {
+  RealTeam team(/*seed=*/7, proto::CODEC_PAPER_SQL);
+  team.Settle();
+  for (AgentId agent = 1; agent <= 3; ++agent) {
+    team.InsertNodes(agent, 20);
+    team.InsertMap(agent, agent);
+    team.InsertPower(agent, 0.1);
+  }
+  team.SyncAndReplicate();
+  team.ExpectConverged();
+  EXPECT_GT(team.statements(), 100u);
 }
 
 TEST(RealTeamTest, NewLeaderIsSentOnlyWhatItLacks) {

@@ -78,6 +78,8 @@ TEST_F(SharingReceiverTest, AnswersAHelloWithTheWholeHaveSet) {
   EXPECT_TRUE(have.is_whole());
   EXPECT_EQ(have.unacked_bytes_max(), 8u * 1024);
   EXPECT_EQ(have.have().streams(0).origin_agent(), 3u);
+  ASSERT_EQ(have.codecs_size(), 1);
+  EXPECT_EQ(have.codecs(0), proto::CODEC_COMPACT);
 }
 
 TEST_F(SharingReceiverTest, SpeaksOfTheOriginsThatTheHelloAsksFor) {

@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "tests/actors/sharing/coding/records.h"
 #include "tests/actors/sharing/memory_store.h"
 
 namespace moondb {
@@ -63,6 +64,7 @@ class SharingSessionTest : public testing::Test {
     *have.mutable_schemas() = schemas_;
     have.set_part_hash(pieces_.PartFrom(kSelf).hash);
     have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
+    for (const proto::Codec codec : codecs_) have.add_codecs(codec);
     Take(session_.OnHave(have, now_));
   }
 
@@ -146,9 +148,10 @@ class SharingSessionTest : public testing::Test {
 
   SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
   SharingSession::Time now_{};
-  std::uint32_t credit_ = 8 * 1024;  // That the destination grants.
-  std::uint32_t granted_rate_ = 0;   // Likewise.
-  TypeSchemas schemas_;              // Of the destination, where it tells them.
+  std::uint32_t credit_ = 8 * 1024;   // That the destination grants.
+  std::uint32_t granted_rate_ = 0;    // Likewise.
+  TypeSchemas schemas_;               // Of the destination, where it tells them.
+  std::vector<proto::Codec> codecs_;  // That the destination reads, as it says.
   MemoryStore source_;
   MemoryStore destination_;
   PieceCollector pieces_{1'000'000};  // The destination's.
@@ -1008,6 +1011,64 @@ TEST_F(SharingSessionTest, ALimitHoldsForRecordsInPiecesToo) {
   RunToEnd();
   EXPECT_EQ(destination_.have(), source_.have());
   EXPECT_LT(Status().coded_bytes(), 33'000) << "it goes on where it ended";
+}
+
+TEST_F(SharingSessionTest, CodesCompactlyForADestinationThatReadsIt) {
+  const proto::RecordBatch maps = MapBatch(0, 60);
+  for (const proto::StoredRecord& map : maps.records()) {
+    source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, map.content());
+  }
+  codecs_ = {proto::CODEC_COMPACT};
+  Order();
+  AnswerHello();
+  std::size_t batches = 0;
+  for (const proto::Message& message : RunToEnd()) {
+    EXPECT_EQ(message.batch().codec(), proto::CODEC_COMPACT);
+    EXPECT_LE(message.batch().coded().size(), 4096u);
+    ++batches;
+  }
+  EXPECT_LE(batches, 12u);
+  EXPECT_EQ(destination_.records().size(), 60u);
+  EXPECT_EQ(Status().codec(), proto::CODEC_COMPACT);
+}
+
+TEST_F(SharingSessionTest, CodesWithZstdForAnOlderDestination) {
+  const proto::RecordBatch rows = RowBatch(300);
+  for (const proto::StoredRecord& record : rows.records()) {
+    source_.Insert(kSelf, proto::TEMPERATURE, record.content());
+  }
+  Order();
+  AnswerHello();
+  for (const proto::Message& message : RunToEnd()) EXPECT_EQ(message.batch().codec(), proto::CODEC_ZSTD);
+  EXPECT_EQ(destination_.records().size(), 300u);
+  EXPECT_EQ(Status().codec(), proto::CODEC_ZSTD);
+}
+
+TEST_F(SharingSessionTest, CodesAsItsOptionsSay) {
+  SharingSession::Options options = Options();
+  options.codec = proto::CODEC_PLAIN;
+  session_ = SharingSession(options, proto::SHARING_KIND_SYNC, kDestination, 1000);
+  source_.Insert(kSelf, proto::TEMPERATURE, std::string(1000, 'a'));
+  codecs_ = {proto::CODEC_COMPACT};
+  Order();
+  AnswerHello();
+  for (const proto::Message& message : RunToEnd()) EXPECT_EQ(message.batch().codec(), proto::CODEC_PLAIN);
+}
+
+TEST_F(SharingSessionTest, SaysWhatIsLeftByType) {
+  for (int i = 0; i < 3; ++i) source_.Insert(kSelf, proto::POWER, Noise(1500));
+  for (int i = 0; i < 9; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(1500));
+  Order();
+  AnswerHello();
+  const proto::ShareSession status = Status();
+  double left = 0;
+  for (const proto::TypeBacklog& type : status.backlog()) left += type.records();
+  ASSERT_EQ(status.backlog_size(), 1);  // States are under way or ready.
+  EXPECT_EQ(status.backlog(0).data_type(), static_cast<std::uint32_t>(proto::POSE_GRAPH_NODE));
+  EXPECT_LT(left, 9);
+  EXPECT_GT(left, 4);
+  RunToEnd();
+  EXPECT_TRUE(Status().backlog().empty());
 }
 
 TEST_F(SharingSessionTest, LeavesOutWhatTheDestinationUnderstandsDifferently) {

@@ -50,8 +50,10 @@ inline SharingActor::Options SharingOptions(AgentId self, const proto::TeamConfi
   return options;
 }
 
-inline void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::TeamConfig& config) {
-  const SharingActor::Options options = SharingOptions(agent, config);
+inline void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::TeamConfig& config,
+                         const PaperSql& paper_sql = {}) {
+  SharingActor::Options options = SharingOptions(agent, config);
+  options.session.paper_sql = paper_sql;
   team.Spawn(agent, actor_name::kSync, [options] { return std::make_unique<SyncActor>(options); });
   team.Spawn(agent, actor_name::kReplica, [options] { return std::make_unique<ReplicaActor>(options); });
 }

@@ -601,6 +601,11 @@ TEST(RecordStoreTest, SendsUrgentClassesFirstAndCountsWhatRemains) {
   const proto::MissingReply one = *store->GetMissing(tiny);
   EXPECT_EQ(one.records_size(), 1);
   EXPECT_EQ(one.remaining(), 4u);
+  std::vector<std::pair<DataType, double>> backlog;
+  for (const proto::TypeBacklog& type : one.backlog()) backlog.emplace_back(type.data_type(), type.records());
+  const std::vector<std::pair<DataType, double>> expected = {
+      {proto::POSE_GRAPH_NODE, 2}, {proto::POSE_GRAPH_EDGE, 1}, {proto::LOCAL_TRAVERSABILITY_MAP, 1}};
+  EXPECT_EQ(backlog, expected);
 }
 
 TEST(RecordStoreTest, TellsOfDropsOnlyWhenNothingRemains) {

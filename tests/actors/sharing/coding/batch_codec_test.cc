@@ -12,28 +12,6 @@ namespace {
 
 using Previous = MapRunEncoder::Previous;
 
-proto::StoredRecord MapOf(const Layers& layers, int index) {
-  proto::Record record;
-  record.set_stamp_ns(kFirstStampNs + index);
-  *record.mutable_local_traversability_map() =
-      ToProto(TraversabilityMap{{2, static_cast<std::uint64_t>(index)}, Pose::FromPlanar(0.2, 0, 0), layers});
-  return Store(record.SerializeAsString(), proto::LOCAL_TRAVERSABILITY_MAP, index);
-}
-
-proto::RecordBatch MapBatch(int first, int count) {
-  proto::RecordBatch batch;
-  for (int i = first; i < first + count; ++i) *batch.add_records() = MapOf(RoomMap(7, -2 + 0.3 * i, 0, 0.4 * i), i);
-  return batch;
-}
-
-proto::RecordBatch RowBatch(int count) {
-  proto::RecordBatch batch;
-  for (int i = 0; i < count; ++i) {
-    *batch.add_records() = Store(TemperatureRecord(i).SerializeAsString(), proto::TEMPERATURE, i);
-  }
-  return batch;
-}
-
 proto::RecordBatch MixedBatch() {
   proto::RecordBatch batch = MapBatch(0, 3);
   batch.MergeFrom(RowBatch(5));

@@ -69,7 +69,7 @@ TEST(PlacementTest, TakesACoarserLayerWhereTheFinerEnds) {
 TEST(PlacementTest, FindsHowTheRobotMoved) {
   for (const auto& [x_m, y_m, yaw_rad] :
        {std::tuple{0.5, -0.3, 0.6}, {-0.8, 0.2, -2.0}, {0.0, 0.0, 3.0}, {1.0, 1.0, 0.0}}) {
-    const std::optional<Placement> found =
+    const std::optional<MapPlacement> found =
         FindPlacement(ToCoded(RoomMap(6, 0, 0, 0, 4, 100)), ToCoded(RoomMap(6, x_m, y_m, yaw_rad, 4, 100)));
     ASSERT_TRUE(found);
     EXPECT_NEAR(found->x * 0.025, x_m, 0.11);

@@ -8,6 +8,8 @@
 
 #include "model/record_key.h"
 #include "proto/record.pb.h"
+#include "proto/storage.pb.h"
+#include "tests/actors/sharing/coding/drawn_maps.h"
 
 namespace moondb {
 
@@ -42,6 +44,29 @@ inline proto::StoredRecord Store(std::string content, std::uint32_t type, int in
   stored.set_hash(HashRecord(key, content));
   stored.set_content(std::move(content));
   return stored;
+}
+
+inline proto::StoredRecord MapOf(const Layers& layers, int index) {
+  proto::Record record;
+  record.set_stamp_ns(kFirstStampNs + index);
+  *record.mutable_local_traversability_map() =
+      ToProto(TraversabilityMap{{2, static_cast<std::uint64_t>(index)}, Pose::FromPlanar(0.2, 0, 0), layers});
+  return Store(record.SerializeAsString(), proto::LOCAL_TRAVERSABILITY_MAP, index);
+}
+
+// Of a robot that drives through a room and turns.
+inline proto::RecordBatch MapBatch(int first, int count) {
+  proto::RecordBatch batch;
+  for (int i = first; i < first + count; ++i) *batch.add_records() = MapOf(RoomMap(7, -2 + 0.3 * i, 0, 0.4 * i), i);
+  return batch;
+}
+
+inline proto::RecordBatch RowBatch(int count) {
+  proto::RecordBatch batch;
+  for (int i = 0; i < count; ++i) {
+    *batch.add_records() = Store(TemperatureRecord(i).SerializeAsString(), proto::TEMPERATURE, i);
+  }
+  return batch;
 }
 
 }  // namespace moondb

@@ -172,6 +172,22 @@ TEST(RowCodecTest, RefusesShapesThatAreNone) {
   EXPECT_TRUE(refuses(deep));
 }
 
+// Some 34 bytes, that would take gigabytes.
+TEST(RowCodecTest, RefusesAShapeOfMoreDoublesThanThereMayBe) {
+  std::string bytes;
+  PutVarint(1, bytes);      // A row,
+  PutVarint(1, bytes);      // a shape,
+  PutVarint(1, bytes);      // a part of it:
+  bytes.push_back('\x05');  // doubles,
+  PutVarint(1 << 3 | 2, bytes);
+  PutVarint(300'000'000, bytes);  // so many.
+  ByteReader reader(bytes);
+  EXPECT_TRUE(TakeRows(1000, reader).empty());
+  EXPECT_FALSE(reader.is_good());
+  ByteReader shape_reader(std::string_view(bytes).substr(2));
+  EXPECT_TRUE(TakeShape(shape_reader).empty());
+}
+
 TEST(RowCodecTest, SurvivesMutatedBytes) {
   const unsigned seed = 44;
   SCOPED_TRACE(seed);

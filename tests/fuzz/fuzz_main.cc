@@ -1,0 +1,17 @@
+// One of libFuzzer's programs; MOONDB_FUZZED names its decoder.
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "tests/fuzz/decoders.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const moondb::FuzzedDecoder* const decoder = [] {
+    for (const moondb::FuzzedDecoder& each : moondb::FuzzedDecoders()) {
+      if (std::strcmp(each.name, MOONDB_FUZZED) == 0) return &each;
+    }
+    __builtin_trap();
+  }();
+  decoder->run({reinterpret_cast<const char*>(data), size});
+  return 0;
+}
