@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <random>
 #include <utility>
 
 #include "model/agent_name.h"
@@ -40,7 +41,13 @@ bool HasMaps(const proto::PruneReply& reply) {
 void RetentionActor::OnStart(Context& context) {
   // A random start, so that an answer to an earlier life meets no question of this one.
   request_id_ = context.rng()();
-  (void)context.AfterTimer(options_.period, kLook);
+  LookLater(context);
+}
+
+// Not all agents of a team at once, for ever.
+void RetentionActor::LookLater(Context& context) {
+  const double part = std::uniform_real_distribution(0.5, 1.0)(context.rng());
+  (void)context.AfterTimer(std::chrono::duration_cast<Duration>(part * options_.period), kLook);
 }
 
 void RetentionActor::OnMessage(Context& context, const proto::Message& message) {
@@ -80,6 +87,7 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
       return;
     case proto::Message::kControlReply:  // Holds nothing but an error.
       if (stage_ != Stage::kIdle && message.request_id() == request_id_) {
+        if (SkipsBeatenMaps(context)) return;
         GiveUp(context, FromProto(message.control_reply().error()));
       }
       return;
@@ -90,7 +98,7 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
 
 void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kLook) {
-    (void)context.AfterTimer(options_.period, kLook);
+    LookLater(context);
     if (stage_ != Stage::kIdle || !HasLimits(options_.team.retention())) return;
     Enter(context, Stage::kStatus, options_.own_timeout);
     proto::Message question;
@@ -100,22 +108,40 @@ void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
   }
   if (timer.kind() != kStage || stage_ == Stage::kIdle || timer.value() != request_id_) return;
   if (stage_ == Stage::kPeers) return Refuse(context, job_.awaited.begin()->second + ", did not answer in time");
+  if (SkipsBeatenMaps(context)) return;
   const char* who = stage_ == Stage::kRoles        ? actor_name::kRole
                     : stage_ == Stage::kBeatenMaps ? actor_name::kMerge
                                                    : actor_name::kStorage;
   GiveUp(context, {ErrorCode::kTimedOut, std::string(who) + " did not answer in time", {}});
 }
 
+// The limits go on without what MergeActor cannot tell.
+bool RetentionActor::SkipsBeatenMaps(Context& context) {
+  if (stage_ != Stage::kBeatenMaps || job_.asker) return false;
+  ++job_.step;
+  DoStep(context);
+  return true;
+}
+
+bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.front().request.is_dry_run(); }
+
 // --- What others want to know ---
 
+// Two that remove the same records because each holds them for the other would lose them. So who removes vouches for
+// nothing meanwhile; where two ask each other at once, the one with the larger id gives way.
 void RetentionActor::OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id) {
+  const bool asks_peer = stage_ == Stage::kPeers && job_.peers.contains(peer);
+  if (asks_peer && peer < options_.self) Refuse(context, AgentName(options_.team, peer) + " removes something, too");
+  if (stage_ != Stage::kIdle && stage_ != Stage::kStatus && !IsDryRun()) {
+    return Vouch(context, peer, request_id, proto::HaveReply());
+  }
   Asked& asked = asked_[peer];
   asked.request_id = request_id;
   asked.storage_request_id = context.rng()();
   proto::Message question;
   question.set_ms_type(proto::CONTROL);
   question.set_request_id(asked.storage_request_id);
-  question.mutable_have_request()->set_is_for_peer(true);
+  question.mutable_have_request();
   // Without an answer the peer keeps what it has.
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(question));
 }
@@ -125,12 +151,22 @@ void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) 
     return one.second.storage_request_id == message.request_id();
   });
   if (found == asked_.end()) return;
+  proto::HaveReply had;
+  for (const proto::StreamHave& stream : message.have_reply().have().streams()) {
+    // Of other types nothing is ever pruned, and their gaps are many.
+    if (SharePolicyOf(options_.team, stream.data_type()) == proto::POLICY_ALL)
+      *had.mutable_have()->add_streams() = stream;
+  }
+  Vouch(context, found->first, found->second.request_id, std::move(had));
+  asked_.erase(found);
+}
+
+void RetentionActor::Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply had) {
   proto::Message answer;
   answer.set_ms_type(proto::CONTROL);
-  answer.set_request_id(found->second.request_id);
-  *answer.mutable_control_reply()->mutable_have() = message.have_reply();
-  (void)context.Send({found->first, actor_name::kRetention}, std::move(answer));
-  asked_.erase(found);
+  answer.set_request_id(request_id);
+  *answer.mutable_control_reply()->mutable_have() = std::move(had);
+  (void)context.Send({peer, actor_name::kRetention}, std::move(answer));
 }
 
 // --- What this agent removes ---
@@ -167,6 +203,10 @@ Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
 void RetentionActor::Begin(Context& context, Job job) {
   job_ = std::move(job);
   if (job_.plan.empty()) return Finish(context);
+  AskRoles(context);
+}
+
+void RetentionActor::AskRoles(Context& context) {
   Enter(context, Stage::kRoles, options_.own_timeout);
   proto::Message question;
   question.mutable_role_show_request();
@@ -176,9 +216,13 @@ void RetentionActor::Begin(Context& context, Job job) {
 void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   if (roles.leader() == 0) return Refuse(context, "the team has no leader");
   if (roles.survivor() == 0) return Refuse(context, "the team has no designated survivor");
+  job_.awaited.clear();
+  job_.peers.clear();
+  job_.asked_at = context.now();
   for (const auto& [agent, role] :
        {std::pair(roles.leader(), "the leader"), std::pair(roles.survivor(), "the designated survivor")}) {
     if (agent == options_.self) continue;
+    job_.peers[static_cast<AgentId>(agent)] = {};
     job_.awaited[static_cast<AgentId>(agent)] = AgentName(options_.team, static_cast<AgentId>(agent)) + ", " + role;
   }
   Enter(context, Stage::kPeers, options_.peer_timeout);
@@ -195,10 +239,9 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
 void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::Message& message) {
   const auto awaited = job_.awaited.find(peer);
   if (!IsAnswer(message, Stage::kPeers) || awaited == job_.awaited.end()) return;
-  if (const Result<HaveSet> have = FromProto(message.control_reply().have().have()); !have) {
-    return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
-  }
-  job_.acknowledged.push_back(message.control_reply().have().have());
+  const Result<HaveSet> have = FromProto(message.control_reply().have().have());
+  if (!have) return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
+  job_.peers[peer] = *have;
   job_.awaited.erase(awaited);
   if (job_.awaited.empty()) DoStep(context);
 }
@@ -220,9 +263,16 @@ void RetentionActor::DoStep(Context& context) {
     Ask(context, actor_name::kMerge, std::move(message));
     return;
   }
+  if (context.now() - job_.asked_at > options_.vouched_for) return AskRoles(context);
   proto::PruneRequest& request = *message.mutable_prune_request();
   request = step.request;
-  request.mutable_acknowledged()->Assign(job_.acknowledged.begin(), job_.acknowledged.end());
+  HaveSet held;
+  for (const auto& [peer, had] : job_.peers) {
+    *request.add_acknowledged() = ToProto(had);
+    for (const auto& [stream, state] : had.streams()) held[stream].held.Add(state.held);
+  }
+  // What is old goes everywhere; of all else one of them has to keep a copy.
+  if (step.request.older_than_s() == 0) *request.add_acknowledged() = ToProto(held);
   if (step.until_bytes > 0) request.set_content_bytes_max(step.until_bytes - job_.removed_bytes);
   Enter(context, Stage::kPruning, options_.own_timeout);
   Ask(context, actor_name::kStorage, std::move(message));
@@ -293,8 +343,8 @@ void RetentionActor::GiveUp(Context& context, const Error& error) {
 void RetentionActor::Finish(Context& context) {
   context.Cancel(stage_timer_);
   stage_ = Stage::kIdle;
+  const bool is_dry_run = IsDryRun();
   const Job job = std::exchange(job_, {});
-  const bool is_dry_run = !job.plan.empty() && job.plan.front().request.is_dry_run();
   if (HasMaps(job.reply) && !is_dry_run) {
     proto::Message news;
     *news.mutable_prune_reply() = job.reply;
@@ -314,7 +364,7 @@ void RetentionActor::Finish(Context& context) {
   }
   const std::string refusal = IsError(job.reply.error()) ? ToString(FromProto(job.reply.error())) : job.reply.text();
   if (!refusal.empty() && refusal != last_refusal_) {
-    spdlog::warn("{}: removes nothing: {}", ToString(context.self()), refusal);
+    spdlog::warn("{}: removes nothing{}: {}", ToString(context.self()), CountOf(job.reply) > 0 ? " more" : "", refusal);
   }
   last_refusal_ = refusal;
 }

@@ -4,11 +4,12 @@
 //
 // Before anything goes it asks the RetentionActors of the leader and of the designated survivor, those that are not
 // this agent itself, what they have NOW, over the radio (ControlRequest.have: a HaveRequest of its own must not leave
-// an agent); storage then removes only what all of them had. If one of them cannot be reached, is silent, or there is
-// none, nothing goes, and PruneReply.text says who. In turn it answers the same question of other agents, from its own
-// storage. What others send is checked here: a have-set that cannot be is an answer that did not come. Which agents
-// hold the roles is asked anew each time; an agent that has missed a change asks those who held them before, who had it
-// all.
+// an agent), and again when a minute has passed; storage then removes only what all of them had and, unless it goes by
+// its age, only what one of them still holds: so that size alone never takes the last copy. If one of them cannot be
+// reached, is silent, or there is none, nothing goes, and PruneReply.text says who. In turn it answers the same
+// question of other agents, from its own storage; while it removes something itself it vouches for nothing. What others
+// send is checked here: a have-set that cannot be is an answer that did not come. Which agents hold the roles is asked
+// anew each time; an agent that has missed a change asks those who held them before.
 //
 // One thing at a time: an order that comes meanwhile is refused with kFull. After maps went, MergeActor is told (by the
 // PruneReply) and merges what is left. After a restart nothing is left to do: each request to storage is whole by
@@ -24,6 +25,7 @@
 #include <vector>
 
 #include "actors/retention/retention_plan.h"
+#include "model/have_set.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 
@@ -33,9 +35,10 @@ class RetentionActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;                             // Complete and checked.
-    Duration period = std::chrono::minutes(10);         // From one look at the limits to the next.
+    proto::TeamConfig team;                      // Complete and checked.
+    Duration period = std::chrono::minutes(10);  // From one look at the limits to the next, at most; half at least.
     Duration peer_timeout = std::chrono::seconds(20);   // For leader and survivor to say what they have.
+    Duration vouched_for = std::chrono::minutes(1);     // How long their word holds; then they are asked again.
     Duration own_timeout = std::chrono::seconds(60);    // For this agent's storage and roles,
     Duration merge_timeout = std::chrono::minutes(10);  // and its merging, which may have much to read.
   };
@@ -53,9 +56,10 @@ class RetentionActor final : public Actor {
     std::optional<Address> asker;  // None: the limits.
     std::uint64_t asker_request_id = 0;
     PrunePlan plan;
-    std::size_t step = 0;  // Of the plan.
-    std::vector<proto::HaveSet> acknowledged;
-    std::map<AgentId, std::string> awaited;  // Peers, as people know them.
+    std::size_t step = 0;                    // Of the plan.
+    std::map<AgentId, HaveSet> peers;        // What leader and survivor had, as they said;
+    MonotonicTime asked_at;                  // when they were asked.
+    std::map<AgentId, std::string> awaited;  // Those who have not answered, as people know them.
     double removed_bytes = 0;
     proto::PruneReply reply;  // As far as it goes.
   };
@@ -70,6 +74,11 @@ class RetentionActor final : public Actor {
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnOrder(Context& context, const proto::Message& message);
   Result<void> CheckOrder(const proto::PruneOrder& order) const;
+  void LookLater(Context& context);
+  bool SkipsBeatenMaps(Context& context);  // True: the limits go on without.
+  bool IsDryRun() const;
+  void Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply had);
+  void AskRoles(Context& context);
   void OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id);
   void OnOwnHave(Context& context, const proto::Message& message);
   void OnPeersHave(Context& context, AgentId peer, const proto::Message& message);

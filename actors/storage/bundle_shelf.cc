@@ -48,6 +48,16 @@ Result<HaveSet> AcknowledgedHave(Database& database) {
   }
 }
 
+// What is gone here never comes into a bundle: beside it, what was in one has few gaps.
+HaveSet WithoutGaps(const HaveSet& have, const HaveSet& own) {
+  HaveSet filled;
+  for (const auto& [stream, state] : have.streams()) {
+    filled[stream].dropped = state.Had();
+    filled[stream].dropped.Add(own.Get(stream).dropped);
+  }
+  return filled;
+}
+
 }  // namespace
 
 Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& request) {
@@ -109,7 +119,7 @@ Result<proto::ReadBundleReply> ReadBundlePart(Database& database, const proto::R
   return reply;
 }
 
-Result<void> AcknowledgeBundle(Database& database, std::uint32_t number) {
+Result<void> AcknowledgeBundle(Database& database, std::uint32_t number, const HaveSet& own) {
   Result<Transaction> transaction = Transaction::Begin(database);
   if (!transaction) return tl::unexpected(transaction.error());
   Result<HaveSet> have = AcknowledgedHave(database);
@@ -124,7 +134,7 @@ Result<void> AcknowledgeBundle(Database& database, std::uint32_t number) {
     have->Merge(HaveOf(bundle, 0));
   }
   {
-    const std::string all = ToProto(*have).SerializeAsString();
+    const std::string all = ToProto(WithoutGaps(*have, own)).SerializeAsString();
     Query empty = database.Prepare("UPDATE downlink_bundle SET have = x'' WHERE file IS NULL");
     if (const Result<void> done = empty.Run(); !done) return done;
     Query acknowledge = database.Prepare("UPDATE downlink_bundle SET have = ?, file = NULL WHERE number = ?");

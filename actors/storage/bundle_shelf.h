@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "actors/storage/sqlite_database.h"
+#include "model/have_set.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {
@@ -19,7 +20,7 @@ Result<void> SaveBundle(Database& database, const proto::SaveBundleRequest& requ
 Result<proto::LoadBundlesReply> LoadBundles(Database& database);
 // From first_byte on; nothing behind the end. kNotFound: no such bundle, or acknowledged: its file is gone.
 Result<proto::ReadBundleReply> ReadBundlePart(Database& database, const proto::ReadBundleRequest& request);
-// Again: nothing changes. kNotFound: no such bundle.
-Result<void> AcknowledgeBundle(Database& database, std::uint32_t number);
+// `own`: this agent's have-set. Again: nothing changes. kNotFound: no such bundle.
+Result<void> AcknowledgeBundle(Database& database, std::uint32_t number, const HaveSet& own);
 
 }  // namespace moondb

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <set>
 #include <tuple>
 #include <utility>
 
@@ -49,13 +48,12 @@ Result<void> CheckNumbers(const proto::PruneRequest& request) {
 class Chooser {
  public:
   Chooser(Database& database, const SharingRules& rules, const proto::PruneRequest& request,
-          std::vector<HaveSet> acknowledged, HaveSet bundled, std::int64_t utc_now_ns)
+          std::vector<HaveSet> acknowledged, std::optional<HaveSet> bundled, std::int64_t utc_now_ns)
       : database_(database),
         rules_(rules),
         request_(request),
         acknowledged_(std::move(acknowledged)),
         bundled_(std::move(bundled)) {
-    for (const auto& [stream, in_stream] : bundled_.streams()) bundled_types_.insert(stream.type);
     if (request.older_than_s() > 0) {
       stamped_before_ns_ = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * kSecondNs);
     }
@@ -71,13 +69,15 @@ class Chooser {
           request_.records().empty() ? in_stream.held : Common(in_stream.held, named_.Get(stream).held);
       IntervalSet acknowledged = meant;
       for (const HaveSet& peer : acknowledged_) acknowledged = Common(acknowledged, peer.Get(stream).Had());
-      if (bundled_types_.contains(stream.type)) acknowledged = Common(acknowledged, bundled_.Get(stream).Had());
+      if (bundled_ && rules_.for_ground.contains(stream.type)) {
+        acknowledged = Common(acknowledged, bundled_->Get(stream).Had());
+      }
       if (const Result<void> done = AddCandidates(stream, acknowledged); !done) return tl::unexpected(done.error());
       if (const Result<void> done = CountKept(stream, meant.Minus(acknowledged)); !done) {
         return tl::unexpected(done.error());
       }
     }
-    TakeOldest();
+    if (const Result<void> done = TakeOldest(); !done) return tl::unexpected(done.error());
     return std::move(choice_);
   }
 
@@ -103,20 +103,19 @@ class Chooser {
         row.row.row_id = query.Unsigned(0);
         row.row.key = {stream, query.Unsigned(1)};
         row.row.content_bytes = query.Unsigned(3);
-        const Result<bool> is_old = IsOld(row);
-        if (!is_old) return tl::unexpected(is_old.error());
-        if (*is_old && !take(std::move(row))) return {};
+        const bool is_old = !stamped_before_ns_ || row.stamp_ns < *stamped_before_ns_;
+        if (is_old && !take(std::move(row))) return {};
       }
     }
     return {};
   }
 
-  Result<bool> IsOld(const PruneChoice::Chosen& row) {
-    if (!stamped_before_ns_) return true;
-    if (row.stamp_ns >= *stamped_before_ns_) return false;
+  // Reads the record, so only of those whose turn has come.
+  Result<bool> IsOfUnknownAge(const PruneChoice::Chosen& row) {
+    if (!stamped_before_ns_) return false;
     const Result<proto::Record> record = row.table->ReadRecord(database_, row.row.row_id);
     if (!record) return tl::unexpected(record.error());
-    return !record->is_clock_suspect();
+    return record->is_clock_suspect();
   }
 
   Result<void> AddCandidates(const StreamKey& stream, const IntervalSet& seqs) {
@@ -141,36 +140,39 @@ class Chooser {
     });
   }
 
-  void TakeOldest() {
-    std::vector<PruneChoice::Chosen>& rows = choice_.rows;
-    std::sort(rows.begin(), rows.end(), [](const PruneChoice::Chosen& a, const PruneChoice::Chosen& b) {
+  Result<void> TakeOldest() {
+    std::vector<PruneChoice::Chosen> candidates = std::exchange(choice_.rows, {});
+    std::sort(candidates.begin(), candidates.end(), [](const PruneChoice::Chosen& a, const PruneChoice::Chosen& b) {
       return std::tie(a.stamp_ns, a.row.key) < std::tie(b.stamp_ns, b.row.key);
     });
     double bytes = 0;
-    std::size_t count = 0;
-    for (; count < rows.size(); ++count) {
-      const auto row_bytes = static_cast<double>(rows[count].row.content_bytes);
+    for (PruneChoice::Chosen& row : candidates) {
+      const auto row_bytes = static_cast<double>(row.row.content_bytes);
       if (request_.content_bytes_max() > 0 && bytes >= request_.content_bytes_max()) {
         choice_.is_complete = true;  // So much was asked for.
         break;
       }
+      const std::size_t count = choice_.rows.size();
       const bool is_full =
           count == kPruneRowsMax || (count > 0 && bytes + row_bytes > static_cast<double>(kPruneContentBytesMax));
       if (is_full && !request_.is_dry_run()) {
         choice_.is_complete = false;
         break;
       }
+      const Result<bool> is_of_unknown_age = IsOfUnknownAge(row);
+      if (!is_of_unknown_age) return tl::unexpected(is_of_unknown_age.error());
+      if (*is_of_unknown_age) continue;
       bytes += row_bytes;
+      choice_.rows.push_back(std::move(row));
     }
-    rows.resize(count);
+    return {};
   }
 
   Database& database_;
   const SharingRules& rules_;
   const proto::PruneRequest& request_;
   const std::vector<HaveSet> acknowledged_;
-  const HaveSet bundled_;  // In bundles for the ground, and of which types they have held any.
-  std::set<DataType> bundled_types_;
+  const std::optional<HaveSet> bundled_;  // In bundles for the ground; none: none was ever made.
   std::optional<std::int64_t> stamped_before_ns_;
   HaveSet named_;
   PruneChoice choice_;
@@ -185,9 +187,13 @@ Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const
   if (!acknowledged) return tl::unexpected(acknowledged.error());
   const Result<proto::LoadBundlesReply> bundles = LoadBundles(database);
   if (!bundles) return tl::unexpected(bundles.error());
-  Result<HaveSet> bundled = FromProto(bundles->taken());
-  if (!bundled) return tl::unexpected(bundled.error());
-  return Chooser(database, rules, request, *std::move(acknowledged), *std::move(bundled), utc_now_ns).Choose(have);
+  std::optional<HaveSet> bundled;
+  if (bundles->last_number() > 0) {
+    Result<HaveSet> taken = FromProto(bundles->taken());
+    if (!taken) return tl::unexpected(taken.error());
+    bundled = *std::move(taken);
+  }
+  return Chooser(database, rules, request, *std::move(acknowledged), std::move(bundled), utc_now_ns).Choose(have);
 }
 
 }  // namespace moondb

@@ -1,9 +1,9 @@
 // ChooseToPrune: the rows that a PruneRequest (proto/storage.proto) may take away, oldest first.
 //
 // Only shared records under the policy `all` that are held here and that every one of `acknowledged` had; of some types
-// only where the request names them (model/prune_rules.h). Where bundles for the ground have held any record of a type
-// (actors/storage/bundle_shelf.h), only those of it that are in one: it keeps a copy of its own. A record whose stamp comes from a suspect clock is of
-// unknown age: no `older_than_s` takes it.
+// only where the request names them (model/prune_rules.h). Where bundles for the ground were ever made
+// (actors/storage/bundle_shelf.h), of the types that go there (SharingRules::for_ground) only what is in one: it keeps
+// a copy of its own. A record whose stamp comes from a suspect clock is of unknown age: no `older_than_s` takes it.
 //
 // Looks at keys, stamps and lengths of all that may go, not at contents (but for what is old enough, to see whether its
 // stamp can be trusted).

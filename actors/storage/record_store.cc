@@ -297,11 +297,20 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
   const bool has_map = std::any_of(request.records().begin(), request.records().end(),
                                    [](const proto::Record& record) { return record.has_local_traversability_map(); });
   if (!has_map) return {};
-  const Result<std::uint64_t> used = database_->UsedPageBytes();
+  const Result<std::uint64_t> used = UsedByRecords();
   if (!used) return tl::unexpected(used.error());
   if (*used < options_.map_store_bytes_max) return {};
   return Fail(ErrorCode::kFull, "the store's budget (retention.store_mb_max) is used up: no more maps are taken, and " +
                                     std::string("what is left of the disk is for states"));
+}
+
+// Bundles, whose number is bounded, push no records out.
+Result<std::uint64_t> RecordStore::UsedByRecords() {
+  const Result<std::uint64_t> used = database_->UsedPageBytes();
+  if (!used) return used;
+  const Result<std::int64_t> bundles = database_->Number("SELECT coalesce(sum(length(file)), 0) FROM downlink_bundle");
+  if (!bundles) return tl::unexpected(bundles.error());
+  return *used - std::min(*used, static_cast<std::uint64_t>(*bundles));
 }
 
 RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
@@ -582,7 +591,7 @@ Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
     added.set_data_type(key.second);
     added.set_count(static_cast<double>(count));
   }
-  const Result<std::uint64_t> used = database_->UsedPageBytes();
+  const Result<std::uint64_t> used = UsedByRecords();
   if (!used) return tl::unexpected(used.error());
   status.set_database_bytes(static_cast<double>(*used + database_->WalBytes()));
   status.set_disk_free_bytes(static_cast<double>(database_->DiskFreeBytes()));
@@ -649,7 +658,7 @@ Result<proto::ReadBundleReply> RecordStore::ReadBundle(const proto::ReadBundleRe
 }
 
 Result<void> RecordStore::AcknowledgeBundle(std::uint32_t number) {
-  return moondb::AcknowledgeBundle(*database_, number);
+  return moondb::AcknowledgeBundle(*database_, number, ledger_.have());
 }
 
 }  // namespace moondb

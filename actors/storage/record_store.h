@@ -50,9 +50,10 @@ class RecordStore {
     std::set<AgentId> team;  // All agents, this one too. Records from or about others are refused.
     // Of sharing, by built-in type; those without one are not shared.
     SharingRules::Policies policies;
-    CustomTypes custom_types;     // Of the team file, complete.
-    std::uint64_t seed = 0;       // Of the epochs' random bits.
-    std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
+    CustomTypes custom_types;       // Of the team file, complete.
+    std::set<DataType> for_ground;  // As SharingRules has it.
+    std::uint64_t seed = 0;         // Of the epochs' random bits.
+    std::uint64_t bytes_max = 0;    // Of the file; 0: as the disk allows.
     // When the tables take so much no own map is taken (kFull), so that maps leave room for states; 0: no limit.
     std::uint64_t map_store_bytes_max = 0;
     bool is_checked = false;  // This process opened it before: it is not read through again (1 ms a MB).
@@ -116,13 +117,14 @@ class RecordStore {
 
   RecordStore(Options options, std::unique_ptr<Database> database)
       : options_(std::move(options)),
-        rules_{options_.self, options_.policies, options_.custom_types},
+        rules_{options_.self, options_.policies, options_.custom_types, options_.for_ground},
         database_(std::move(database)),
         random_(options_.seed) {}
   Result<void> Load();
   Result<void> MendFromRows();
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<void> CheckOwner();
+  Result<std::uint64_t> UsedByRecords();  // Bytes of pages.
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   void NoteOwnEpoch(const StreamKey& stream);

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <utility>
 
 #include "model/custom_types.h"
@@ -19,6 +20,8 @@ struct SharingRules {
   AgentId self = 0;
   Policies policies;         // Of the built-in types; those without one are not shared.
   CustomTypes custom_types;  // Complete: with policy and priority.
+  // Of which the ground wants all, at the agent that brings it there; elsewhere none.
+  std::set<DataType> for_ground = {};
 
   // POLICY_NONE for a type that the team does not know.
   proto::Policy PolicyOf(DataType type) const;

@@ -46,6 +46,11 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   for (const proto::AgentConfig& agent : options.team.agents()) store.team.insert(agent.id());
   for (const DataType type : BuiltInDataTypes()) store.policies[type] = SharePolicyOf(options.team, type);
   store.custom_types = options.team.custom_types();
+  if (options.self == BaseStationOf(options.team)) {
+    for (const DataType type : DataTypesOf(options.team)) {
+      if (GroundPolicyOf(options.team, type) == proto::POLICY_ALL) store.for_ground.insert(type);
+    }
+  }
   return store;
 }
 

@@ -34,8 +34,8 @@ Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
   Query store = database.Prepare("INSERT OR REPLACE INTO written VALUES(?, ?)");
   store << day << days[day];
   if (const Result<void> done = store.Run(); !done) return done;
-  Query forget = database.Prepare("DELETE FROM written WHERE day < ?");
-  forget << days.begin()->first;
+  Query forget = database.Prepare("DELETE FROM written WHERE day < ? OR day > ?");
+  forget << days.begin()->first << day;
   if (const Result<void> done = forget.Run(); !done) return done;
   if (const Result<void> done = transaction->Commit(); !done) return done;
   days_ = std::move(days);
@@ -46,6 +46,7 @@ Result<void> WriteCount::Save(Database& database, std::uint32_t day) {
 
 std::map<std::uint32_t, std::uint64_t> WriteCount::Days(const Database& database, std::uint32_t day) const {
   std::map<std::uint32_t, std::uint64_t> days = days_;
+  days.erase(days.upper_bound(day), days.end());  // Of a clock that was ahead once.
   days[day] += database.WrittenBytes() - counted_;
   KeepLast(days);
   return days;

@@ -102,8 +102,9 @@ ExitCode MakeBundle(CommandContext& context, const DownlinkArguments& arguments)
   json.Key("bundle");
   WriteBundle(reply->made(), json);
   json.Key("file").String(*file).EndObject();
-  return context.Done(json.text(), Describe(reply->made()) + "; " + LeftText(reply->left_count()) + "\nwrote " + *file +
-                                       "; when the ground has it: " + Typed(context, "ack " + number));
+  return context.Done(json.text(),
+                      Describe(reply->made()) + "; " + LeftText(reply->left_count()) + "\nwrote " + *file +
+                          "; when the ground has it: " + Typed(context, "ack " + number + " --file " + *file));
 }
 
 ExitCode ListBundles(CommandContext& context) {

@@ -19,7 +19,10 @@ class PruneWatch {
   explicit PruneWatch(AgentId self) : self_(self) {}
 
   // It asks what another has, acting on these roles.
-  void OnQuestion(const proto::RoleAssignment& roles) { roles_ = roles; }
+  void OnQuestion(const proto::RoleAssignment& roles) {
+    roles_ = roles;
+    told_.clear();
+  }
   void OnAnswer(AgentId from, const HaveSet& have) { told_[from] = have; }
   // Storage is told to prune.
   void OnPruneRequest();

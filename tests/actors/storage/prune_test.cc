@@ -104,6 +104,9 @@ TEST_F(PruneTest, RemovesForGoodWhatLeaderAndSurvivorHave) {
 }
 
 TEST_F(PruneTest, KeepsForTheGroundWhatIsInNoBundleYet) {
+  RecordStore::Options options = StoreOptionsOf(1);
+  options.for_ground = {1000, proto::AGENT_EVENT};
+  store_ = OpenStore(options);
   InsertOne(*store_, SoilOf(3, "in a bundle"));
   proto::SaveBundleRequest bundle;
   bundle.mutable_bundle()->set_number(1);
@@ -111,11 +114,15 @@ TEST_F(PruneTest, KeepsForTheGroundWhatIsInNoBundleYet) {
   *bundle.mutable_have() = store_->GetHave().have();
   ASSERT_TRUE(store_->SaveBundle(bundle));
   InsertOne(*store_, SoilOf(3, "in none"));
-  InsertOne(*store_, Aged(MapRecord({1, 1}), 3));  // Of which the ground has never asked for any.
+  proto::Record event;
+  event.mutable_agent_event()->set_kind(proto::EVENT_KIND_STARTED);
+  event.mutable_agent_event()->set_text("of a type that no bundle has held yet");
+  InsertOne(*store_, Aged(event, 3));
+  InsertOne(*store_, Aged(MapRecord({1, 1}), 3));  // For which the ground does not ask.
   BringAll();
   const proto::PruneReply reply = Prune(Acknowledged());
   EXPECT_EQ(CountOf(reply), 2);
-  EXPECT_EQ(reply.unacknowledged_count(), 1);
+  EXPECT_EQ(reply.unacknowledged_count(), 2);
   EXPECT_EQ(PayloadsIn(*store_), std::set<std::string>{"in none"});
 }
 

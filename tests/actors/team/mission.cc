@@ -261,6 +261,7 @@ class Mission {
       const Address client{kClients, std::to_string(++call_count_)};
       proto::Message message;
       message.set_ms_type(proto::CONTROL);
+      message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
       *message.mutable_control_request() = requests[i];
       const SendResult sent = team_.Post(client, {agent, actor_name::kGateway}, std::move(message));
       if (sent == SendResult::kAccepted) waiting[i] = client;
