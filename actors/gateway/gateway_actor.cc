@@ -43,6 +43,14 @@ std::string Names(const std::set<std::string>& names) {
   return text;
 }
 
+// Who a client is, for the story: one without a key may not pass for one that has it.
+std::string ByOf(const proto::Message& message) {
+  constexpr std::string_view kByKey = " (key)";
+  if (!message.client_name().empty()) return message.client_name() + std::string(kByKey);
+  const std::string& by = message.control_request().by();
+  return by.substr(0, by.find(kByKey));
+}
+
 // Behind everything that is shared.
 void LetOthersGoFirst(proto::Message& message) {
   message.set_ms_type(proto::DATA);
@@ -95,9 +103,10 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
     ++refused_requests_;
     return Answer(context, client, message.request_id(), ErrorReply(allowed.error()));
   }
-  if (message.client_name().empty()) return OnCheckedRequest(context, message, message.control_request());
+  const std::string by = ByOf(message);
+  if (by == message.control_request().by()) return OnCheckedRequest(context, message, message.control_request());
   proto::ControlRequest request = message.control_request();
-  request.set_by(message.client_name() + " (key)");
+  request.set_by(by);
   OnCheckedRequest(context, message, request);
 }
 

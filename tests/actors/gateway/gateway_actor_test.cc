@@ -529,6 +529,19 @@ TEST_F(KeyedClientTest, StandsInTheStoryByItsKeysName) {
   EXPECT_EQ(at_other.front().control_request().by(), "anna (key)");
 }
 
+TEST_F(KeyedClientTest, CannotBePassedForByOneWithoutAKey) {
+  proto::Message message;
+  message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // As over ipc.
+  *message.mutable_control_request() = SetLeader();
+  for (const auto& [said, written] : std::map<std::string, std::string>{
+           {"anna (key)", "anna"}, {"anna (key) (key) ", "anna"}, {"anna@hill", "anna@hill"}}) {
+    message.mutable_control_request()->set_by(said);
+    (void)team_.Post({kClients, "c1"}, gateway_, message);
+    team_.RunUntilIdle();
+    EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), written);
+  }
+}
+
 TEST_F(GatewayActorTest, WritesDownWhatItIsToldToDoBeforeItIsDoneAndByWhom) {
   proto::ControlRequest request;
   request.mutable_role_set()->set_leader(2);
