@@ -146,13 +146,14 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
 
   if (is_for_self) WriteDown(context, request);
   const std::uint64_t id = next_id_++;
-  Pending pending{client, message.request_id(), 0, {}, {}, 0, {}, false};
+  Pending pending{client, message.request_id(), 0, {}, {}, 0, {}, false, 0};
   const Result<void> forwarded =
       is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
   Duration timeout = TakesLong(request) ? options_.long_timeout : options_.timeout;
   if (is_feed) {
     pending.feed = request.read();
+    pending.known_row_id = last_row_id_;
     BoundPage(*pending.feed, IsPeer(client.agent));
     timeout = std::chrono::duration_cast<Duration>(std::chrono::duration<double>(request.read().wait_s()));
   }
@@ -344,12 +345,16 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
 bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pending) {
   const bool is_empty = pending.reply.read().records().empty() && !pending.reply.has_error();
   if (!pending.feed || !is_empty) return false;
+  if (pending.reply.read().is_complete()) {  // Then only what came since may be wanted.
+    pending.feed->set_after_row_id(std::max(pending.feed->after_row_id(), pending.known_row_id));
+  }
   if (pending.is_stale) AskFeed(context, id, pending);
   return !pending.reply.has_error();
 }
 
 void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending) {
   pending.is_stale = false;
+  pending.known_row_id = last_row_id_;
   proto::Message message;
   *message.mutable_read_request() = *pending.feed;
   const auto asked = Ask(context, actor_name::kStorage, std::move(message), id, pending);
@@ -357,6 +362,7 @@ void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending)
 }
 
 void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  last_row_id_ = stored.last_row_id();
   std::vector<std::uint64_t> failed;
   for (auto& [id, pending] : pending_) {
     if (!pending.feed) continue;

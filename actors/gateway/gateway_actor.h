@@ -77,6 +77,7 @@ class GatewayActor final : public Actor {
     TimerId timer = 0;
     std::optional<proto::ReadRequest> feed;  // Waits, or is being asked anew.
     bool is_stale = false;                   // Something was stored since the feed was asked.
+    std::uint64_t known_row_id = 0;          // The last of the rows that the feed was asked with.
   };
 
   // Commands of one kind in the present period.
@@ -118,7 +119,8 @@ class GatewayActor final : public Actor {
   std::map<std::uint64_t, Pending> pending_;  // By own request id.
   std::uint64_t next_id_ = 1;
   std::map<proto::ControlRequest::RequestCase, Commands> commands_;
-  double refused_requests_ = 0;  // For want of rights.
+  std::uint64_t last_row_id_ = 0;  // Of what storage told of.
+  double refused_requests_ = 0;    // For want of rights.
 };
 
 }  // namespace moondb

@@ -380,9 +380,9 @@ class FeedTest : public GatewayActorTest {
     }
     AnswerAs(actor_name::kStorage, asked, page);
   }
-  void TellStored(DataType type, const std::string& actor = actor_name::kStorage) {
+  void TellStored(DataType type, const std::string& actor = actor_name::kStorage, std::uint64_t last_row_id = 8) {
     proto::Message stored;
-    stored.mutable_records_stored()->set_last_row_id(8);
+    stored.mutable_records_stored()->set_last_row_id(last_row_id);
     stored.mutable_records_stored()->add_data_types(type);
     (void)team_.Post({1, actor}, gateway_, stored);
     team_.RunUntilIdle();
@@ -418,6 +418,21 @@ TEST_F(FeedTest, WaitsUntilSomethingOfItsTypesIsStored) {
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(AskedOfStorage(), 0u);
   EXPECT_TRUE(Answers().empty());
+}
+
+TEST_F(FeedTest, AsksAnewOnlyForWhatCameSinceTheLastEmptyAnswer) {
+  Request(Feed(30));
+  AnswerPage(Asked(actor_name::kStorage), 0);
+  TellStored(proto::POWER, actor_name::kStorage, 20);
+  const proto::Message first = Asked(actor_name::kStorage);
+  EXPECT_EQ(first.read_request().after_row_id(), 7u);
+  TellStored(proto::POWER, actor_name::kStorage, 25);  // The answer under way may not know of these.
+  AnswerPage(first, 0);
+  const proto::Message second = Asked(actor_name::kStorage);
+  EXPECT_EQ(second.read_request().after_row_id(), 20u);
+  AnswerPage(second, 0);
+  TellStored(proto::POWER, actor_name::kStorage, 30);
+  EXPECT_EQ(Asked(actor_name::kStorage).read_request().after_row_id(), 25u);
 }
 
 TEST_F(FeedTest, GivesAnEmptyPageWhenTheTimeIsUp) {
