@@ -131,22 +131,16 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     *reply.mutable_trace() = context.GetTrace(request.trace());
     return Answer(context, client, message.request_id(), std::move(reply));
   }
-  if (pending_.size() >= options_.pending_max) {
-    const Error error{ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later", {}};
-    return Answer(context, client, message.request_id(), ErrorReply(error));
-  }
-
   const bool is_feed = is_for_self && request.read().wait_s() > 0;
-  const auto feeds =
-      std::count_if(pending_.begin(), pending_.end(), [](const auto& entry) { return entry.second.feed; });
-  if (is_feed && static_cast<std::size_t>(feeds) >= options_.feeds_max) {
-    const Error error{ErrorCode::kFull, "too many reads wait for something to be stored; try again later", {}};
-    return Answer(context, client, message.request_id(), ErrorReply(error));
+  Pending pending;
+  pending.client = client;
+  pending.client_name = message.client_name();
+  pending.client_request_id = message.request_id();
+  if (auto room = CheckRoom(pending, is_feed); !room) {
+    return Answer(context, client, message.request_id(), ErrorReply(room.error()));
   }
-
   if (is_for_self) WriteDown(context, request);
   const std::uint64_t id = next_id_++;
-  Pending pending{client, message.request_id(), 0, {}, {}, 0, {}, false, 0};
   const Result<void> forwarded =
       is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
@@ -159,6 +153,32 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   }
   pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
+}
+
+Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const {
+  std::size_t feeds = 0;
+  std::size_t own = 0;
+  std::size_t own_feeds = 0;
+  for (const auto& [id, other] : pending_) {
+    const bool is_own =
+        other.client_name == pending.client_name && (!pending.client_name.empty() || other.client == pending.client);
+    feeds += other.feed ? 1 : 0;
+    own += is_own ? 1 : 0;
+    own_feeds += is_own && other.feed ? 1 : 0;
+  }
+  if (pending_.size() >= options_.pending_max) {
+    return Fail(ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later");
+  }
+  if (own >= options_.pending_of_client_max) {
+    return Fail(ErrorCode::kFull, "too many requests of this client wait for an answer; try again later");
+  }
+  if (is_feed && feeds >= options_.feeds_max) {
+    return Fail(ErrorCode::kFull, "too many reads wait for something to be stored; try again later");
+  }
+  if (is_feed && own_feeds >= options_.feeds_of_client_max) {
+    return Fail(ErrorCode::kFull, "too many reads of this client wait for something to be stored; try again later");
+  }
+  return {};
 }
 
 // Storage takes it before anything that the command makes other actors ask of it.

@@ -475,6 +475,34 @@ TEST_F(FeedTest, TakesSoManyAndNoMore) {
   EXPECT_EQ(AskedOfStorage(), 1u);
 }
 
+TEST_F(FeedTest, LeavesRoomToOtherClients) {
+  GatewayActor::Options options;
+  options.self = 2;
+  options.team = team_config_;
+  options.pending_of_client_max = 2;
+  options.feeds_of_client_max = 1;
+  const Address gateway{2, actor_name::kGateway};
+  team_.Spawn(2, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
+  const auto ask = [&](const std::string& connection, const std::string& key_name, const proto::ControlRequest& asked) {
+    proto::Message message;
+    message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
+    message.set_client_name(key_name);
+    *message.mutable_control_request() = asked;
+    (void)team_.Post({kClients, connection}, gateway, message);
+    team_.RunUntilIdle();
+    const auto answers = team_.Take({kClients, connection});
+    return answers.empty() ? "" : answers.front().control_reply().error().text();
+  };
+  EXPECT_EQ(ask("k1", "anna", Feed(30)), "");
+  EXPECT_THAT(ask("k2", "anna", Feed(30)), testing::HasSubstr("too many reads of this client"));
+  EXPECT_EQ(ask("k2", "anna", Optimize()), "");
+  EXPECT_THAT(ask("k3", "anna", Optimize()), testing::HasSubstr("too many requests of this client"));
+  EXPECT_EQ(ask("k4", "bob", Feed(30)), "");
+  EXPECT_EQ(ask("1", "", Feed(30)), "");
+  EXPECT_NE(ask("1", "", Feed(30)), "");
+  EXPECT_EQ(ask("2", "", Feed(30)), "");
+}
+
 // A client with a key, and what it is answered at once.
 class KeyedClientTest : public GatewayActorTest {
  protected:
