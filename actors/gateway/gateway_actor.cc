@@ -144,12 +144,13 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   const Result<void> forwarded =
       is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
-  Duration timeout = TakesLong(request) ? options_.long_timeout : options_.timeout;
+  // The other agent waits as long as it is asked to, then answers.
+  Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
     pending.feed = request.read();
     pending.known_row_id = last_row_id_;
     BoundPage(*pending.feed, IsPeer(client.agent));
-    timeout = std::chrono::duration_cast<Duration>(std::chrono::duration<double>(request.read().wait_s()));
+    timeout = WaitOf(request);
   }
   pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));

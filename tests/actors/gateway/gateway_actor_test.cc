@@ -628,6 +628,16 @@ TEST_F(GatewayActorTest, AsksAnotherAgentAndBringsItsAnswerBack) {
   EXPECT_TRUE(OnlyAnswer(42).read().is_complete());
 }
 
+TEST_F(GatewayActorTest, WaitsForAnotherAgentsWaitingReadALittleLongerThanItWaits) {
+  proto::ControlRequest request = ReadAtTwo();
+  request.mutable_read()->set_wait_s(30);
+  Request(request);
+  team_.AdvanceTime(seconds(89));
+  EXPECT_TRUE(Answers().empty());
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_TIMED_OUT);
+}
+
 TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {
   SpawnGateway(2);
   for (const std::size_t bytes : {10'000u, 30'000u}) {
