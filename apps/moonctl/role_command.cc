@@ -38,7 +38,7 @@ ExitCode ShowRoles(CommandContext& context) {
                  AgentName(team, roles.survivor()), roles.reason()});
       json.Key("role").String(role).Key("roles").Raw(ToJson(roles));
     } else {
-      table.Add({agent->name(), Unreachable(shown.error())}, Tone::kBad);
+      table.Add({agent->name(), WhyNoAnswer(shown.error())}, Tone::kBad);
     }
     json.EndObject();
   }
