@@ -91,7 +91,12 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
               HasSubstr("is already that of clients[2]"));
   EXPECT_THAT(error(1, {"clients", "revoke", "ana"}), HasSubstr("did you mean \"anna\"?"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
-  EXPECT_THAT(error(2, {"--key", folder_ / "none.sec", "status"}), HasSubstr("no such file"));
+  EXPECT_THAT(error(2, {"--key", folder_ / "none.sec", "status"}),
+              AllOf(HasSubstr("--key"), HasSubstr("no such file")));
+  environment_["MOONDB_CLIENT_KEY"] = folder_ / "none.sec";
+  EXPECT_THAT(error(2, {"role", "swap"}), AllOf(HasSubstr("MOONDB_CLIENT_KEY"), HasSubstr("no such file")));
+  MoonctlExpecting(0, {"clients", "list"});  // It needs no key.
+  environment_.erase("MOONDB_CLIENT_KEY");
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "clients: [{nmae: x}]\n").has_value());
   EXPECT_THAT(error(2, {"clients", "list"}), HasSubstr("clients.yaml:1:"));
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("did you mean \"name\"?"));
