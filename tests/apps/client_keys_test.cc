@@ -97,10 +97,36 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
   EXPECT_THAT(error(2, {"role", "swap"}), AllOf(HasSubstr("MOONDB_CLIENT_KEY"), HasSubstr("no such file")));
   MoonctlExpecting(0, {"clients", "list"});  // It needs no key.
   environment_.erase("MOONDB_CLIENT_KEY");
+  // Neither a secret without a listed client nor a lost word of people.
+  const std::string list = *ReadTextFile(folder_ / "clients.yaml");
+  std::filesystem::create_directory(folder_ / "clients.yaml.part");
+  EXPECT_THAT(error(1, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("cannot be written"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
+  std::filesystem::remove(folder_ / "clients.yaml.part");
+  ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", list + "  # until May\n").has_value());
+  EXPECT_THAT(error(4, {"clients", "revoke", "anna"}), HasSubstr("this comment would be lost"));
+  EXPECT_EQ(*ReadTextFile(folder_ / "clients.yaml"), list + "  # until May\n");
+
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "clients: [{nmae: x}]\n").has_value());
   EXPECT_THAT(error(2, {"clients", "list"}), HasSubstr("clients.yaml:1:"));
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("did you mean \"name\"?"));
-  EXPECT_THAT(MoonctlExpecting(1, {"up", "-a", "rover1"}), HasSubstr("clients.yaml:1:"));
+  MoonctlExpecting(0, {"up", "-a", "rover1"});  // Nobody is let in; its log says why.
+  EXPECT_THAT(*ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log"),
+              AllOf(HasSubstr("clients.yaml:1:"), HasSubstr("nobody is let in")));
+}
+
+TEST_F(ClientKeysProcessTest, ManyAddClientsAtOnceAndNoneIsLost) {
+  std::vector<std::unique_ptr<Child>> children;
+  for (int i = 0; i < 8; ++i) {
+    const std::string name = "c" + std::to_string(i);
+    std::filesystem::create_directory(folder_ / name);
+    children.push_back(
+        std::make_unique<Child>(std::vector<std::string>{MOONCTL_PROGRAM, "clients", "add", name, "--rights", "view"},
+                                environment_, folder_ / name));
+  }
+  for (const auto& child : children) EXPECT_EQ(child->Wait().exit_code, 0);
+  const std::string shown = MoonctlExpecting(0, {"clients", "list"});
+  for (int i = 0; i < 8; ++i) EXPECT_THAT(shown, HasSubstr("c" + std::to_string(i) + " "));
 }
 
 TEST_F(ClientKeysProcessTest, FollowsRecordsAsTheyComeUntilItIsEnded) {
