@@ -120,6 +120,12 @@ TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneCo
     if (rights != proto::CLIENT_RIGHTS_NONE) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   EXPECT_EQ(rights, proto::CLIENT_RIGHTS_NONE);
+  proto::Message large;
+  large.mutable_control_request()->set_by(std::string(100'000, 'x'));
+  client.Send(large.SerializeAsString());  // Not even read.
+  const OwnedMessage short_one = HeardOf(client);
+  ASSERT_NE(short_one, nullptr);
+  EXPECT_TRUE(short_one->control_request().has_status());
   RawDealer again(address_, &keys);
   EXPECT_EQ(again.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
   const RawDealer::Keys replaced = With(next);
