@@ -7,6 +7,7 @@
 #include <functional>
 #include <utility>
 
+#include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/curve_keys.h"
 #include "runtime/team_check.h"
@@ -92,9 +93,9 @@ Result<proto::ClientList> ReadClientList(const std::filesystem::path& path) {
 std::string ClientListText(const proto::ClientList& list, const std::string& head) {
   std::string text = head + (list.clients().empty() ? "clients: []\n" : "clients:\n");
   for (const proto::ListedClient& client : list.clients()) {
-    const auto* rights = proto::ClientRights_descriptor()->FindValueByNumber(client.rights());
     // Z85 has neither quotes nor backslashes.
-    text += "  - {name: " + client.name() + ", key: \"" + client.key() + "\", rights: " + YamlName(*rights) + "}\n";
+    text += "  - {name: " + client.name() + ", key: \"" + client.key() + "\", rights: " + RightsName(client.rights()) +
+            "}\n";
   }
   return text;
 }

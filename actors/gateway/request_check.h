@@ -22,7 +22,6 @@ inline constexpr int kFilterEntriesMax = 1024;
 inline constexpr std::size_t kReasonBytesMax = 256;
 inline constexpr double kMapCoordinateMax_m = 1e9;
 inline constexpr double kMapWaitMax_s = 60;
-inline constexpr double kPruneAgeMax_s = 1e9;
 inline constexpr int kCovariancesMax = 64;
 inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
 

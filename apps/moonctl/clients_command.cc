@@ -10,13 +10,13 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/client_list.h"
 #include "runtime/curve_keys.h"
 #include "runtime/did_you_mean.h"
 #include "runtime/new_files.h"
 #include "runtime/team_check.h"
-#include "runtime/yaml_reader.h"
 
 namespace moondb {
 namespace {
@@ -130,7 +130,7 @@ Result<proto::ClientRights> ParseRights(const std::string& name) {
   std::vector<std::string> names;
   for (const proto::ClientRights rights :
        {proto::CLIENT_RIGHTS_VIEW, proto::CLIENT_RIGHTS_SHARE, proto::CLIENT_RIGHTS_COMMAND}) {
-    names.push_back(YamlName(*proto::ClientRights_descriptor()->FindValueByNumber(rights)));
+    names.push_back(RightsName(rights));
     if (names.back() == name) return rights;
   }
   return Fail(ErrorCode::kInvalid, "expected view, share or command, got \"" + name + "\"" + DidYouMean(name, names),
@@ -198,7 +198,7 @@ ExitCode ListClients(CommandContext& context, const ClientsArguments& arguments)
   JsonWriter json;
   json.BeginObject().Key("file").String(file->string()).Key("clients").BeginArray();
   for (const proto::ListedClient& client : list->clients()) {
-    const std::string rights = YamlName(*proto::ClientRights_descriptor()->FindValueByNumber(client.rights()));
+    const std::string rights = RightsName(client.rights());
     table.Add({client.name(), rights, client.key()});
     json.BeginObject().Key("name").String(client.name()).Key("rights").String(rights);
     json.Key("key").String(client.key()).EndObject();
