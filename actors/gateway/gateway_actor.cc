@@ -45,10 +45,14 @@ std::string Names(const std::set<std::string>& names) {
 
 // Who a client is, for the story: one without a key may not pass for one that has it.
 std::string ByOf(const proto::Message& message) {
-  constexpr std::string_view kByKey = " (key)";
-  if (!message.client_name().empty()) return message.client_name() + std::string(kByKey);
-  const std::string& by = message.control_request().by();
-  return by.substr(0, by.find(kByKey));
+  constexpr char kByKey[] = "(key)";
+  if (!message.client_name().empty()) return message.client_name() + " " + kByKey;
+  std::string by = message.control_request().by();
+  const std::size_t claim = by.find(kByKey);
+  if (claim == std::string::npos) return by;
+  by.resize(claim);
+  while (by.ends_with(' ')) by.pop_back();
+  return by;
 }
 
 // Behind everything that is shared.

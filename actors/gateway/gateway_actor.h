@@ -15,7 +15,7 @@
 //
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
 // Who it was, a client with a key does not say itself: "anna (key)" stands there, by its key's name; of what one
-// without a key says, " (key)" and what follows is dropped. Of one kind of command at most `commands_max` in a period
+// without a key says, "(key)" and what follows is dropped. Of one kind of command at most `commands_max` in a period
 // are written down, and then how many more there were: a program does not flood the story.
 //
 // A read with wait_s is a feed: where nothing is there yet it is kept here, and asked again when StorageActor says that

@@ -577,7 +577,7 @@ TEST_F(KeyedClientTest, CannotBePassedForByOneWithoutAKey) {
   message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // As over ipc.
   *message.mutable_control_request() = SetLeader();
   for (const auto& [said, written] : std::map<std::string, std::string>{
-           {"anna (key)", "anna"}, {"anna (key) (key) ", "anna"}, {"anna@hill", "anna@hill"}}) {
+           {"anna (key)", "anna"}, {"anna(key) (key) ", "anna"}, {"anna@hill", "anna@hill"}}) {
     message.mutable_control_request()->set_by(said);
     (void)team_.Post({kClients, "c1"}, gateway_, message);
     team_.RunUntilIdle();
