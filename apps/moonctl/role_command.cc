@@ -109,6 +109,7 @@ Result<proto::RoleSetRequest> ParseSwap(CommandContext& context, const std::vect
 // Whom to tell: -a; else the agent that is to lead; else the leader; else anyone who answers.
 Result<AgentClient> ChooseTarget(CommandContext& context, const proto::RoleSetRequest& request) {
   if (!context.agent.empty()) return context.Connect(context.agent);
+  if (auto options = context.ClientOptions(); !options) return tl::unexpected(options.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   if (request.leader() != 0) {
     if (auto connected = context.Connect(AgentName(team, request.leader()))) return connected;
