@@ -44,7 +44,7 @@ Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::strin
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
-  return Call(request, TakesLong(request) ? options_.long_timeout : options_.timeout);
+  return Call(request, TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout);
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, Duration timeout) {

@@ -38,7 +38,7 @@ class Client {
 
   struct Options {
     Duration connect_timeout = std::chrono::seconds(1);
-    Duration timeout = std::chrono::seconds(10);        // Of a call, once connected.
+    Duration timeout = std::chrono::seconds(10);        // Of a call, once connected; beyond a read's wait_s.
     Duration long_timeout = std::chrono::seconds(600);  // Of what TakesLong (model/control_request.h).
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
     AgentId for_agent =

@@ -12,6 +12,8 @@
 #include <string_view>
 #include <zmq.hpp>
 
+#include "model/curve_key.h"
+
 namespace moondb {
 namespace {
 
@@ -22,7 +24,6 @@ constexpr std::string_view kIpc = "ipc://";
 constexpr std::chrono::milliseconds kLivenessPeriod(100);
 // How often a wait for the connection looks whether it has failed.
 constexpr std::chrono::milliseconds kHandshakePeriod(20);
-constexpr std::size_t kKeyLength = 40;  // Z85 of 32 bytes.
 
 // libzmq retries an absent ipc peer silently; a plain connect tells at once. `error` is an errno, 0 for a listener.
 int ProbeSocket(const std::string& path) {
@@ -130,8 +131,8 @@ Result<void> Client::Connection::Open(Duration timeout) {
 
 Result<void> Client::Connection::UseKeys(Sockets& sockets) const {
   if (secret_key_.empty()) return {};
-  std::array<char, kKeyLength + 1> public_key{};
-  if (server_key_.size() != kKeyLength || secret_key_.size() != kKeyLength ||
+  std::array<char, kCurveKeyLength + 1> public_key{};
+  if (server_key_.size() != kCurveKeyLength || secret_key_.size() != kCurveKeyLength ||
       zmq_curve_public(public_key.data(), secret_key_.c_str()) != 0) {
     return Fail(ErrorCode::kInvalid, "expected keys of 40 characters in Z85", "secret_key");
   }

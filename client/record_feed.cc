@@ -10,8 +10,6 @@ using std::chrono::milliseconds;
 
 // Of one request: an agent waits no longer than a minute, and one that is frozen is noticed.
 constexpr milliseconds kWaitMax(20'000);
-// For the answer, beyond the wait.
-constexpr milliseconds kAnswerTime(10'000);
 
 }  // namespace
 
@@ -34,7 +32,7 @@ Result<proto::ReadReply> RecordFeed::Next(Client::Duration timeout) {
     *request.mutable_read() = request_;
     request.mutable_read()->set_is_newest_first(false);
     request.mutable_read()->set_wait_s(std::chrono::duration<double>(wait).count());
-    auto reply = client_.Call(request, wait + kAnswerTime);
+    auto reply = client_.Call(request);
     if (!reply) return tl::unexpected(reply.error());
     proto::ReadReply& page = *reply->mutable_read();
     if (page.records_size() != page.row_ids_size()) {

@@ -6,6 +6,8 @@
 
 namespace moondb {
 
+inline constexpr double kPruneAgeMax_s = 1e9;  // 30 years.
+
 // Types that are pruned only where they are named: their records hang together. A graph without some of its nodes is
 // broken, and a map without its quarantine counts again.
 inline bool IsKeptUnlessNamed(DataType type) {

@@ -14,6 +14,9 @@ namespace moondb {
 namespace {
 
 constexpr int kQueueMessages = 16;  // Of one client, each way.
+// Of one client with a key, to be taken in: each may be as large as a message may be, and clients ask one by one.
+constexpr int kKeyedQueueMessages = 2;
+constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
@@ -67,7 +70,7 @@ Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, 
   if (!router) return tl::unexpected(router.error());
   // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
   router->Set(ZMQ_ROUTER_MANDATORY, 1);
-  router->Set(ZMQ_RCVHWM, kQueueMessages);
+  router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedQueueMessages);
   router->Set(ZMQ_SNDHWM, kQueueMessages);
   router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
   const auto bound =
@@ -133,6 +136,9 @@ void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Delive
   // Over ipc only this user comes.
   ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
   if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));
+  if (client.rights == proto::CLIENT_RIGHTS_NONE && received.frame.size() > kRefusedBytesMax) {
+    return log_.Warn("transport: dropped a large request of a client whose key is not listed");
+  }
   Result<OwnedMessage> message = ParseClientFrame(received.frame.text(), name, client, options_.self);
   if (!message) return log_.Warn("transport: a client " + message.error().text);
   deliver(std::move(*message));

@@ -7,6 +7,7 @@
 #include <functional>
 #include <utility>
 
+#include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/curve_keys.h"
 #include "runtime/team_check.h"
@@ -92,18 +93,18 @@ Result<proto::ClientList> ReadClientList(const std::filesystem::path& path) {
 std::string ClientListText(const proto::ClientList& list, const std::string& head) {
   std::string text = head + (list.clients().empty() ? "clients: []\n" : "clients:\n");
   for (const proto::ListedClient& client : list.clients()) {
-    const auto* rights = proto::ClientRights_descriptor()->FindValueByNumber(client.rights());
     // Z85 has neither quotes nor backslashes.
-    text += "  - {name: " + client.name() + ", key: \"" + client.key() + "\", rights: " + YamlName(*rights) + "}\n";
+    text += "  - {name: " + client.name() + ", key: \"" + client.key() + "\", rights: " + RightsName(client.rights()) +
+            "}\n";
   }
   return text;
 }
 
-Result<ClientKeys> ClientKeys::Open(std::filesystem::path path, Time now) {
+ClientKeys ClientKeys::Open(std::filesystem::path path, Time now) {
   ClientKeys keys(std::move(path));
   keys.looked_ = now;
   keys.version_ = keys.Look();
-  if (auto read = keys.Read(); !read) return tl::unexpected(read.error());
+  keys.Read("nobody is let in until it is mended");
   return keys;
 }
 
@@ -112,11 +113,7 @@ std::optional<proto::ListedClient> ClientKeys::Find(const std::string& key, Time
     looked_ = now;
     if (const Version version = Look(); version != version_) {
       version_ = version;
-      if (const auto read = Read(); !read) {
-        std::string errors = ToString(read.error());
-        std::replace(errors.begin(), errors.end(), '\n', ';');
-        spdlog::error("transport: {}; who was listed before stays so", errors);
-      }
+      Read("who was listed before stays so");
     }
   }
   const auto found = by_key_.find(key);
@@ -126,16 +123,20 @@ std::optional<proto::ListedClient> ClientKeys::Find(const std::string& key, Time
 ClientKeys::Version ClientKeys::Look() const {
   struct stat status {};
   if (stat(path_.c_str(), &status) != 0) return {};
-  return {status.st_ino, status.st_size, status.st_mtim.tv_sec * 1'000'000'000 + status.st_mtim.tv_nsec};
+  return {status.st_ino, status.st_size, status.st_ctim.tv_sec * 1'000'000'000 + status.st_ctim.tv_nsec};
 }
 
-Result<void> ClientKeys::Read() {
+void ClientKeys::Read(const char* if_wrong) {
   const Result<proto::ClientList> list = ReadClientList(path_);
-  if (!list && list.error().code != ErrorCode::kNotFound) return tl::unexpected(list.error());
+  if (!list && list.error().code != ErrorCode::kNotFound) {
+    std::string errors = ToString(list.error());
+    std::replace(errors.begin(), errors.end(), '\n', ';');
+    return spdlog::error("transport: {}; {}", errors, if_wrong);
+  }
   by_key_.clear();
-  if (!list) return {};
+  if (!list) return spdlog::warn("transport: there is no {}: no client is let in by a key", path_.string());
   for (const proto::ListedClient& client : list->clients()) by_key_[client.key()] = client;
-  return {};
+  spdlog::info("transport: {} lists {} client(s)", path_.string(), by_key_.size());
 }
 
 }  // namespace moondb

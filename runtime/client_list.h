@@ -40,25 +40,26 @@ class ClientKeys {
   // How often at most the file is looked at.
   static constexpr std::chrono::seconds kLookPeriod{1};
 
-  // kInvalid for a file that is wrong. One that is missing lists nobody.
-  static Result<ClientKeys> Open(std::filesystem::path path, Time now);
+  // A file that is missing, wrong or unreadable lists nobody, so that an agent always starts; the log says so.
+  static ClientKeys Open(std::filesystem::path path, Time now);
 
   // The client that has this public key (Z85) now; none if it is not listed. A file that has become wrong leaves the
-  // list as it was, and is logged once.
+  // list as it was; one that is gone lists nobody. Each reading is logged once.
   std::optional<proto::ListedClient> Find(const std::string& key, Time now);
 
  private:
   // Of the file; equal ones are taken for the same content.
   struct Version {
     std::uint64_t inode = 0;
-    std::int64_t bytes = -1;  // -1: there is no file.
-    std::int64_t changed_ns = 0;
+    std::int64_t bytes = -1;      // -1: there is no file.
+    std::int64_t changed_ns = 0;  // Its content or who may read it.
     bool operator==(const Version&) const = default;
   };
 
   explicit ClientKeys(std::filesystem::path path) : path_(std::move(path)) {}
   Version Look() const;
-  Result<void> Read();
+  // Logs what it came to, with `if_wrong` behind an error.
+  void Read(const char* if_wrong);
 
   std::filesystem::path path_;
   Version version_;

@@ -6,10 +6,11 @@
 #include <array>
 #include <fstream>
 
+#include "model/curve_key.h"
+
 namespace moondb {
 namespace {
 
-constexpr std::size_t kKeyLength = 40;  // Z85 of 32 bytes.
 constexpr std::size_t kKeyFileBytesMax = 64;
 
 Result<void> CheckIsFile(const std::filesystem::path& path) {
@@ -38,12 +39,12 @@ Result<std::string> ReadKey(const std::filesystem::path& path) {
 
 bool IsCurveKey(const std::string& text) {
   std::array<std::uint8_t, 32> bytes{};
-  return text.size() == kKeyLength && zmq_z85_decode(bytes.data(), text.c_str()) != nullptr;
+  return text.size() == kCurveKeyLength && zmq_z85_decode(bytes.data(), text.c_str()) != nullptr;
 }
 
 Result<CurveKeys> MakeCurveKeys() {
-  std::array<char, kKeyLength + 1> public_key{};
-  std::array<char, kKeyLength + 1> secret_key{};
+  std::array<char, kCurveKeyLength + 1> public_key{};
+  std::array<char, kCurveKeyLength + 1> secret_key{};
   if (zmq_curve_keypair(public_key.data(), secret_key.data()) != 0) {
     return Fail(ErrorCode::kInternal, std::string("cannot make CURVE keys: ") + zmq_strerror(zmq_errno()));
   }
@@ -63,7 +64,7 @@ Result<std::string> ReadSecretKey(const std::filesystem::path& path) {
 }
 
 Result<std::string> PublicKeyOf(const std::string& secret_key) {
-  std::array<char, kKeyLength + 1> public_key{};
+  std::array<char, kCurveKeyLength + 1> public_key{};
   if (zmq_curve_public(public_key.data(), secret_key.c_str()) != 0) {
     return Fail(ErrorCode::kInvalid, "not a secret CURVE key");
   }

@@ -37,7 +37,8 @@ bool HoldsMemory(const std::string& text) { return text.capacity() > std::string
 void Empty(proto::Message& message) {
   const bool holds_memory = message.body_case() != proto::Message::BODY_NOT_SET || message.has_term() ||
                             HoldsMemory(message.record_id()) || HoldsMemory(message.sql()) ||
-                            HoldsMemory(message.source_actor()) || HoldsMemory(message.destination_actor());
+                            HoldsMemory(message.source_actor()) || HoldsMemory(message.destination_actor()) ||
+                            HoldsMemory(message.client_name());
   if (!holds_memory) return message.Clear();
   std::destroy_at(&message);
   std::construct_at(&message);

@@ -147,9 +147,7 @@ class ZeroMqTransport::Impl {
     const std::string& address = FindAgent(team_, options_.self)->client_address();
     if (address.empty()) return {};
     Check(keys_.has_value(), "a team without keys has no client_address");
-    Result<ClientKeys> client_keys = ClientKeys::Open(options_.clients_file, std::chrono::steady_clock::now());
-    if (!client_keys) return tl::unexpected(client_keys.error());
-    client_keys_ = std::move(*client_keys);
+    client_keys_ = ClientKeys::Open(options_.clients_file, std::chrono::steady_clock::now());
     zap_handler_->LetClientsIn([this](const std::string& key) {
       return client_keys_->Find(key, std::chrono::steady_clock::now()).has_value();
     });

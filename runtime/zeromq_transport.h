@@ -41,8 +41,8 @@ class ZeroMqTransport final : public Transport {
   // Binds and starts: both callbacks may come before this returns, so that they have to wait until there is somebody to
   // tell. `team` is checked; `team_folder` is where relative key files lie. Errors: kUnavailable for an address in use,
   // kInvalid for a key file that is missing, malformed, readable by others (secret) or does not fit the public key in
-  // the team file, for a folder of client_endpoint that is not this user's alone (it is made if it is missing), and for
-  // a clients_file that is wrong.
+  // the team file, and for a folder of client_endpoint that is not this user's alone (it is made if it is missing). A
+  // clients_file that is wrong lets nobody in until it is mended, and is logged.
   static Result<std::unique_ptr<ZeroMqTransport>> Create(const proto::TeamConfig& team, const std::string& team_folder,
                                                          Options options, Deliver deliver, PeerChanged peer_changed);
   ~ZeroMqTransport() override;  // Joins the thread; what waits in outboxes is dropped.

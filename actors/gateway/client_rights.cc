@@ -1,25 +1,8 @@
 #include "actors/gateway/client_rights.h"
 
-#include <string>
+#include "model/rights_name.h"
 
 namespace moondb {
-namespace {
-
-// "share": as clients.yaml has it.
-std::string RightsName(proto::ClientRights rights) {
-  switch (rights) {
-    case proto::CLIENT_RIGHTS_VIEW:
-      return "view";
-    case proto::CLIENT_RIGHTS_SHARE:
-      return "share";
-    case proto::CLIENT_RIGHTS_COMMAND:
-      return "command";
-    default:
-      return "none";
-  }
-}
-
-}  // namespace
 
 proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request) {
   switch (request) {

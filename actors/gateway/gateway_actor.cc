@@ -43,6 +43,18 @@ std::string Names(const std::set<std::string>& names) {
   return text;
 }
 
+// Who a client is, for the story: one without a key may not pass for one that has it.
+std::string ByOf(const proto::Message& message) {
+  constexpr char kByKey[] = "(key)";
+  if (!message.client_name().empty()) return message.client_name() + " " + kByKey;
+  std::string by = message.control_request().by();
+  const std::size_t claim = by.find(kByKey);
+  if (claim == std::string::npos) return by;
+  by.resize(claim);
+  while (by.ends_with(' ')) by.pop_back();
+  return by;
+}
+
 // Behind everything that is shared.
 void LetOthersGoFirst(proto::Message& message) {
   message.set_ms_type(proto::DATA);
@@ -95,9 +107,10 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
     ++refused_requests_;
     return Answer(context, client, message.request_id(), ErrorReply(allowed.error()));
   }
-  if (message.client_name().empty()) return OnCheckedRequest(context, message, message.control_request());
+  const std::string by = ByOf(message);
+  if (by == message.control_request().by()) return OnCheckedRequest(context, message, message.control_request());
   proto::ControlRequest request = message.control_request();
-  request.set_by(message.client_name() + " (key)");
+  request.set_by(by);
   OnCheckedRequest(context, message, request);
 }
 
@@ -122,33 +135,55 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     *reply.mutable_trace() = context.GetTrace(request.trace());
     return Answer(context, client, message.request_id(), std::move(reply));
   }
-  if (pending_.size() >= options_.pending_max) {
-    const Error error{ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later", {}};
-    return Answer(context, client, message.request_id(), ErrorReply(error));
-  }
-
   const bool is_feed = is_for_self && request.read().wait_s() > 0;
-  const auto feeds =
-      std::count_if(pending_.begin(), pending_.end(), [](const auto& entry) { return entry.second.feed; });
-  if (is_feed && static_cast<std::size_t>(feeds) >= options_.feeds_max) {
-    const Error error{ErrorCode::kFull, "too many reads wait for something to be stored; try again later", {}};
-    return Answer(context, client, message.request_id(), ErrorReply(error));
+  Pending pending;
+  pending.client = client;
+  pending.client_name = message.client_name();
+  pending.client_request_id = message.request_id();
+  if (auto room = CheckRoom(pending, is_feed); !room) {
+    return Answer(context, client, message.request_id(), ErrorReply(room.error()));
   }
-
   if (is_for_self) WriteDown(context, request);
   const std::uint64_t id = next_id_++;
-  Pending pending{client, message.request_id(), 0, {}, {}, 0, {}, false};
   const Result<void> forwarded =
       is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
-  Duration timeout = TakesLong(request) ? options_.long_timeout : options_.timeout;
+  // The other agent waits as long as it is asked to, then answers.
+  Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
     pending.feed = request.read();
+    pending.known_row_id = last_row_id_;
     BoundPage(*pending.feed, IsPeer(client.agent));
-    timeout = std::chrono::duration_cast<Duration>(std::chrono::duration<double>(request.read().wait_s()));
+    timeout = WaitOf(request);
   }
   pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
+}
+
+Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const {
+  std::size_t feeds = 0;
+  std::size_t own = 0;
+  std::size_t own_feeds = 0;
+  for (const auto& [id, other] : pending_) {
+    const bool is_own =
+        other.client_name == pending.client_name && (!pending.client_name.empty() || other.client == pending.client);
+    feeds += other.feed ? 1 : 0;
+    own += is_own ? 1 : 0;
+    own_feeds += is_own && other.feed ? 1 : 0;
+  }
+  if (pending_.size() >= options_.pending_max) {
+    return Fail(ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later");
+  }
+  if (own >= options_.pending_of_client_max) {
+    return Fail(ErrorCode::kFull, "too many requests of this client wait for an answer; try again later");
+  }
+  if (is_feed && feeds >= options_.feeds_max) {
+    return Fail(ErrorCode::kFull, "too many reads wait for something to be stored; try again later");
+  }
+  if (is_feed && own_feeds >= options_.feeds_of_client_max) {
+    return Fail(ErrorCode::kFull, "too many reads of this client wait for something to be stored; try again later");
+  }
+  return {};
 }
 
 // Storage takes it before anything that the command makes other actors ask of it.
@@ -335,12 +370,16 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
 bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pending) {
   const bool is_empty = pending.reply.read().records().empty() && !pending.reply.has_error();
   if (!pending.feed || !is_empty) return false;
+  if (pending.reply.read().is_complete()) {  // Then only what came since may be wanted.
+    pending.feed->set_after_row_id(std::max(pending.feed->after_row_id(), pending.known_row_id));
+  }
   if (pending.is_stale) AskFeed(context, id, pending);
   return !pending.reply.has_error();
 }
 
 void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending) {
   pending.is_stale = false;
+  pending.known_row_id = last_row_id_;
   proto::Message message;
   *message.mutable_read_request() = *pending.feed;
   const auto asked = Ask(context, actor_name::kStorage, std::move(message), id, pending);
@@ -348,6 +387,7 @@ void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending)
 }
 
 void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  last_row_id_ = stored.last_row_id();
   std::vector<std::uint64_t> failed;
   for (auto& [id, pending] : pending_) {
     if (!pending.feed) continue;

@@ -14,19 +14,21 @@
 // agents through here; kRefused for the rest.
 //
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
-// Who it was, a client with a key does not say itself: its key's name stands there. Of one kind of command at most
-// `commands_max` in a period are written down, and then how many more there were: a program does not flood the story.
+// Who it was, a client with a key does not say itself: "anna (key)" stands there, by its key's name; of what one
+// without a key says, "(key)" and what follows is dropped. Of one kind of command at most `commands_max` in a period
+// are written down, and then how many more there were: a program does not flood the story.
 //
 // A read with wait_s is a feed: where nothing is there yet it is kept here, and asked again when StorageActor says that
 // something of its types was stored, until the time is up; then its answer is an empty page. Nothing is queued for a
 // client: one that is slow asks later.
 //
-// What waits for an answer is bounded: `pending_max` requests, each with a timeout. Errors that clients see from here:
-// kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one), kFull
-// (too much waits, here or at the actor; an answer too long for the radio), kUnavailable (no such actor; the agent that
-// it is for cannot be reached, or was lost), kNotFound (a custom request to what is no actor of the user's), kTimedOut
-// (the actor, or the other agent, did not answer). After a restart of this
-// actor what waited is forgotten; the clients' own timeouts tell them.
+// What waits for an answer is bounded: `pending_max` requests, each with a timeout, and so many of one client that
+// others have their share: one key counts as one client, over however many connections. Errors that clients see from
+// here: kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one),
+// kFull (too much waits, here or at the actor; an answer too long for the radio), kUnavailable (no such actor; the
+// agent that it is for cannot be reached, or was lost), kNotFound (a custom request to what is no actor of the user's),
+// kTimedOut (the actor, or the other agent, did not answer). After a restart of this actor what waited is forgotten;
+// the clients' own timeouts tell them.
 #pragma once
 
 #include <functional>
@@ -51,7 +53,9 @@ class GatewayActor final : public Actor {
     std::function<double()> refused_handshakes;  // Likewise: of clients with unknown keys.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
-    std::size_t feeds_max = 32;                // Of these, reads that wait for something to be stored.
+    std::size_t pending_of_client_max = 64;    // Of these, those of one key, connection or other agent.
+    std::size_t feeds_max = 32;                // Of pending_max, reads that wait for something to be stored.
+    std::size_t feeds_of_client_max = 8;       // Of these, likewise.
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
     int commands_max = 20;
     Duration command_period = std::chrono::minutes(1);
@@ -69,6 +73,7 @@ class GatewayActor final : public Actor {
   // A client's request that waits for one or more actors of this agent.
   struct Pending {
     Address client;
+    std::string client_name;  // Of its key; empty: it has none.
     std::uint64_t client_request_id = 0;
     AgentId relayed_to = 0;             // Its gateway is waited for; 0: actors of this agent.
     std::set<std::string> waiting_for;  // Names of actors.
@@ -76,6 +81,7 @@ class GatewayActor final : public Actor {
     TimerId timer = 0;
     std::optional<proto::ReadRequest> feed;  // Waits, or is being asked anew.
     bool is_stale = false;                   // Something was stored since the feed was asked.
+    std::uint64_t known_row_id = 0;          // The last of the rows that the feed was asked with.
   };
 
   // Commands of one kind in the present period.
@@ -88,6 +94,8 @@ class GatewayActor final : public Actor {
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnCheckedRequest(Context& context, const proto::Message& message, const proto::ControlRequest& request);
+  // kFull where the client, or all together, may not wait for one answer more.
+  Result<void> CheckRoom(const Pending& pending, bool is_feed) const;
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
@@ -117,7 +125,8 @@ class GatewayActor final : public Actor {
   std::map<std::uint64_t, Pending> pending_;  // By own request id.
   std::uint64_t next_id_ = 1;
   std::map<proto::ControlRequest::RequestCase, Commands> commands_;
-  double refused_requests_ = 0;  // For want of rights.
+  std::uint64_t last_row_id_ = 0;  // Of what storage told of.
+  double refused_requests_ = 0;    // For want of rights.
 };
 
 }  // namespace moondb

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string>
 
+#include "model/prune_rules.h"
+
 namespace moondb {
 namespace {
 

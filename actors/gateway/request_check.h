@@ -4,6 +4,7 @@
 // that need the team: that the agents that a request names are members. Plain functions, any thread.
 #pragma once
 
+#include "model/control_request.h"
 #include "model/error.h"
 #include "model/ids.h"
 #include "proto/control.pb.h"
@@ -21,8 +22,6 @@ inline constexpr int kFilterEntriesMax = 1024;
 inline constexpr std::size_t kReasonBytesMax = 256;
 inline constexpr double kMapCoordinateMax_m = 1e9;
 inline constexpr double kMapWaitMax_s = 60;
-inline constexpr double kReadWaitMax_s = 60;
-inline constexpr double kPruneAgeMax_s = 1e9;
 inline constexpr int kCovariancesMax = 64;
 inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
 

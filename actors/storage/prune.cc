@@ -14,7 +14,6 @@ namespace moondb {
 
 namespace {
 
-constexpr double kAgeMax_s = 1e9;  // 30 years.
 constexpr double kSecondNs = 1e9;
 
 IntervalSet Common(const IntervalSet& a, const IntervalSet& b) { return a.Minus(a.Minus(b)); }
@@ -36,7 +35,7 @@ Result<void> CheckNumbers(const proto::PruneRequest& request) {
   if (request.records_size() > kPruneNamedMax) {
     return Fail(ErrorCode::kInvalid, "more than " + std::to_string(kPruneNamedMax) + " records", "records");
   }
-  if (!IsNumber(request.older_than_s()) || request.older_than_s() > kAgeMax_s) {
+  if (!IsNumber(request.older_than_s()) || request.older_than_s() > kPruneAgeMax_s) {
     return Fail(ErrorCode::kInvalid, "must lie between 0 and 1e9 s", "older_than_s");
   }
   if (!IsNumber(request.content_bytes_max())) {

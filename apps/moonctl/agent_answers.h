@@ -1,8 +1,7 @@
 // What several agents answered to one question, as commands show it: each that was asked stands there, if only with why
-// it did not answer.
+// it gave none.
 #pragma once
 
-#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -21,22 +20,35 @@ struct AgentAnswer {
 template <typename T>
 using AgentAnswers = std::vector<AgentAnswer<T>>;
 
-// kUnreachable where one did not answer.
-template <typename T>
-ExitCode ExitCodeOf(const AgentAnswers<T>& answers) {
-  const bool are_all_there =
-      std::all_of(answers.begin(), answers.end(), [](const auto& one) { return one.answer.has_value(); });
-  return are_all_there ? ExitCode::kDone : ExitCode::kUnreachable;
+// One that answered with an error, or does not let this client in, is there.
+inline bool IsUnreachable(const Error& error) {
+  return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kTimedOut;
 }
 
-// Begins one agent's object: its name, whether it answered, and the error if not.
+// kUnreachable where one did not answer; else that of the first error.
+template <typename T>
+ExitCode ExitCodeOf(const AgentAnswers<T>& answers) {
+  ExitCode code = ExitCode::kDone;
+  for (const auto& [agent, answer] : answers) {
+    if (answer) continue;
+    if (IsUnreachable(answer.error())) return ExitCode::kUnreachable;
+    if (code == ExitCode::kDone) code = ExitCodeOf(answer.error().code);
+  }
+  return code;
+}
+
+// Begins one agent's object: its name, whether it answered, and the error if that is what it answered, or why not.
 template <typename T>
 void BeginAgent(const AgentAnswer<T>& asked, JsonWriter& json) {
-  json.BeginObject().Key("name").String(asked.agent->name()).Key("is_reachable").Bool(asked.answer.has_value());
+  const bool is_reachable = asked.answer.has_value() || !IsUnreachable(asked.answer.error());
+  json.BeginObject().Key("name").String(asked.agent->name()).Key("is_reachable").Bool(is_reachable);
   if (!asked.answer) json.Key("error").WriteError(asked.answer.error());
 }
 
 // For people, in place of an answer.
-inline std::string Unreachable(const Error& error) { return "unreachable: " + ToString(error); }
+inline std::string WhyNoAnswer(const Error& error) {
+  if (IsUnreachable(error)) return "unreachable: " + ToString(error);
+  return (error.code == ErrorCode::kRefused ? "refused: " : "failed: ") + ToString(error);
+}
 
 }  // namespace moondb

@@ -1,15 +1,22 @@
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
+#include <cstring>
+#include <utility>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/client_list.h"
 #include "runtime/curve_keys.h"
 #include "runtime/did_you_mean.h"
 #include "runtime/new_files.h"
 #include "runtime/team_check.h"
-#include "runtime/yaml_reader.h"
 
 namespace moondb {
 namespace {
@@ -44,20 +51,71 @@ Result<proto::ClientList> Read(const std::filesystem::path& file) {
   return list;
 }
 
-// The comments with which the file begins.
-std::string HeadOf(const std::filesystem::path& file) {
+// While it lives, others that change files of the folder by moonctl wait.
+class FolderLock {
+ public:
+  static Result<FolderLock> Take(const std::filesystem::path& folder) {
+    const std::string path = folder.empty() ? "." : folder.string();
+    FolderLock lock(::open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    int failed = lock.folder_ < 0 ? -1 : ::flock(lock.folder_, LOCK_EX);
+    while (failed != 0 && lock.folder_ >= 0 && errno == EINTR) failed = ::flock(lock.folder_, LOCK_EX);
+    if (failed != 0) return Fail(ErrorCode::kInternal, std::string("cannot be locked: ") + std::strerror(errno), path);
+    return lock;
+  }
+  FolderLock(FolderLock&& other) noexcept : folder_(std::exchange(other.folder_, -1)) {}
+  FolderLock& operator=(FolderLock&& other) = delete;
+  ~FolderLock() {
+    if (folder_ >= 0) ::close(folder_);
+  }
+
+ private:
+  explicit FolderLock(int folder) : folder_(folder) {}
+  int folder_;
+};
+
+// A list on its way from the file back into it.
+struct ListEdit {
+  FolderLock lock;
+  std::filesystem::path file;
+  std::string head;  // The comments with which the file begins.
+  proto::ClientList list;
+};
+
+// The head, which stays; kRefused for comments elsewhere, which would be lost.
+Result<std::string> HeadOf(const std::filesystem::path& file) {
   const auto text = ReadTextFile(file);
   if (!text) return kHead;
   std::string head;
-  for (std::string_view rest = *text; rest.starts_with("#");) head += std::string(TakeLine(rest)) + "\n";
+  std::string_view rest = *text;
+  std::size_t number = 1;
+  for (; rest.starts_with("#"); ++number) head += std::string(TakeLine(rest)) + "\n";
+  for (; !rest.empty(); ++number) {
+    const std::string_view line = TakeLine(rest);
+    // A key may hold a '#', but no blank.
+    if (!line.starts_with("#") && line.find(" #") == line.npos && line.find("\t#") == line.npos) continue;
+    return Fail(ErrorCode::kRefused, "this comment would be lost: bring it to the head of the file, or edit it by hand",
+                FileLine(file.string(), number));
+  }
   return head;
 }
 
-Result<void> Write(const std::filesystem::path& file, const proto::ClientList& list) {
-  const std::string text = ClientListText(list, HeadOf(file));
-  // The agents' reader is the judge.
-  if (auto read = ParseClientList(text, file.string()); !read) return tl::unexpected(read.error());
-  return WriteTextFile(file, text);
+Result<ListEdit> BeginEdit(CommandContext& context, const ClientsArguments& arguments) {
+  auto file = ListFile(context, arguments);
+  if (!file) return tl::unexpected(file.error());
+  auto lock = FolderLock::Take(file->parent_path());
+  if (!lock) return tl::unexpected(lock.error());
+  auto list = Read(*file);
+  if (!list) return tl::unexpected(list.error());
+  auto head = HeadOf(*file);
+  if (!head) return tl::unexpected(head.error());
+  return ListEdit{*std::move(lock), *std::move(file), *std::move(head), *std::move(list)};
+}
+
+// As the file is to be. The agents' reader is the judge.
+Result<std::string> TextOf(const ListEdit& edit) {
+  std::string text = ClientListText(edit.list, edit.head);
+  if (auto read = ParseClientList(text, edit.file.string()); !read) return tl::unexpected(read.error());
+  return text;
 }
 
 // Of the client in the list; -1: it is not there.
@@ -72,7 +130,7 @@ Result<proto::ClientRights> ParseRights(const std::string& name) {
   std::vector<std::string> names;
   for (const proto::ClientRights rights :
        {proto::CLIENT_RIGHTS_VIEW, proto::CLIENT_RIGHTS_SHARE, proto::CLIENT_RIGHTS_COMMAND}) {
-    names.push_back(YamlName(*proto::ClientRights_descriptor()->FindValueByNumber(rights)));
+    names.push_back(RightsName(rights));
     if (names.back() == name) return rights;
   }
   return Fail(ErrorCode::kInvalid, "expected view, share or command, got \"" + name + "\"" + DidYouMean(name, names),
@@ -90,41 +148,45 @@ Result<std::string> PublicKey(const ClientsArguments& arguments, const std::file
 }
 
 ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
-  const auto file = ListFile(context, arguments);
-  if (!file) return context.Report(file.error());
-  auto list = Read(*file);
-  if (!list) return context.Report(list.error());
+  auto edit = BeginEdit(context, arguments);
+  if (!edit) return context.Report(edit.error());
   const auto rights = ParseRights(arguments.rights);
   if (!rights) return context.Report(rights.error());
   if (!IsPlainName(arguments.name)) {
     return context.Report({ErrorCode::kInvalid, kPlainNameRule + Quoted(arguments.name), "NAME"});
   }
-  const int index = IndexOf(*list, arguments.name);
+  const int index = IndexOf(edit->list, arguments.name);
   if (index >= 0 && !arguments.is_replacing) {
     return context.Report({ErrorCode::kRefused,
                            arguments.name + " is listed already; --replace puts a new key in the place of the old one",
                            {}});
   }
-  const std::filesystem::path secret_file =
-      arguments.out.empty() ? file->parent_path() / (arguments.name + ".sec") : std::filesystem::path(arguments.out);
+  const std::filesystem::path secret_file = arguments.out.empty() ? edit->file.parent_path() / (arguments.name + ".sec")
+                                                                  : std::filesystem::path(arguments.out);
   NewFiles files;
   const auto key = PublicKey(arguments, secret_file, files);
   if (!key) return context.Report(key.error());
-  proto::ListedClient& client = index >= 0 ? *list->mutable_clients(index) : *list->add_clients();
+  proto::ListedClient& client = index >= 0 ? *edit->list.mutable_clients(index) : *edit->list.add_clients();
   client.set_name(arguments.name);
   client.set_key(*key);
   client.set_rights(*rights);
+  const auto text = TextOf(*edit);
+  if (!text) return context.Report(text.error());
+  const bool is_made = arguments.public_key_file.empty();
   // Before the list, so that nobody is listed whose secret nobody has.
   if (auto published = files.Publish(); !published) return context.Report(published.error());
-  if (auto written = Write(*file, *list); !written) return context.Report(written.error());
+  if (auto written = WriteTextFile(edit->file, *text); !written) {
+    std::error_code ignored;
+    if (is_made) std::filesystem::remove(secret_file, ignored);
+    return context.Report(written.error());
+  }
 
-  const bool is_made = arguments.public_key_file.empty();
   JsonWriter json;
   json.BeginObject().Key("name").String(arguments.name).Key("rights").String(arguments.rights);
   json.Key("key").String(*key).Key("secret_file").String(is_made ? secret_file.string() : "").EndObject();
-  std::string text = arguments.name + " may " + arguments.rights + " at agents that have " + file->string();
-  if (is_made) text += "\n" + arguments.name + "'s secret key: " + secret_file.string() + "; for moonctl --key";
-  return context.Done(json.text(), text);
+  std::string shown = arguments.name + " may " + arguments.rights + " at agents that have " + edit->file.string();
+  if (is_made) shown += "\n" + arguments.name + "'s secret key: " + secret_file.string() + "; for moonctl --key";
+  return context.Done(json.text(), shown);
 }
 
 ExitCode ListClients(CommandContext& context, const ClientsArguments& arguments) {
@@ -136,7 +198,7 @@ ExitCode ListClients(CommandContext& context, const ClientsArguments& arguments)
   JsonWriter json;
   json.BeginObject().Key("file").String(file->string()).Key("clients").BeginArray();
   for (const proto::ListedClient& client : list->clients()) {
-    const std::string rights = YamlName(*proto::ClientRights_descriptor()->FindValueByNumber(client.rights()));
+    const std::string rights = RightsName(client.rights());
     table.Add({client.name(), rights, client.key()});
     json.BeginObject().Key("name").String(client.name()).Key("rights").String(rights);
     json.Key("key").String(client.key()).EndObject();
@@ -146,24 +208,24 @@ ExitCode ListClients(CommandContext& context, const ClientsArguments& arguments)
 }
 
 ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments) {
-  const auto file = ListFile(context, arguments);
-  if (!file) return context.Report(file.error());
-  auto list = Read(*file);
-  if (!list) return context.Report(list.error());
-  const int index = IndexOf(*list, arguments.name);
+  auto edit = BeginEdit(context, arguments);
+  if (!edit) return context.Report(edit.error());
+  const int index = IndexOf(edit->list, arguments.name);
   if (index < 0) {
     std::vector<std::string> names;
-    for (const proto::ListedClient& listed : list->clients()) names.push_back(listed.name());
+    for (const proto::ListedClient& listed : edit->list.clients()) names.push_back(listed.name());
     return context.Report(
         {ErrorCode::kNotFound,
-         file->string() + " lists no client \"" + arguments.name + "\"" + DidYouMean(arguments.name, names),
+         edit->file.string() + " lists no client \"" + arguments.name + "\"" + DidYouMean(arguments.name, names),
          {}});
   }
-  list->mutable_clients()->DeleteSubrange(index, 1);
-  if (auto written = Write(*file, *list); !written) return context.Report(written.error());
+  edit->list.mutable_clients()->DeleteSubrange(index, 1);
+  const auto text = TextOf(*edit);
+  if (!text) return context.Report(text.error());
+  if (auto written = WriteTextFile(edit->file, *text); !written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("revoked").String(arguments.name).EndObject();
-  return context.Done(json.text(), arguments.name + " may nothing any more at agents that have " + file->string());
+  return context.Done(json.text(), arguments.name + " may nothing any more at agents that have " + edit->file.string());
 }
 
 }  // namespace
@@ -194,7 +256,8 @@ void AddClientsCommands(CLI::App& app, CommandContext& context) {
       ->excludes(public_key);
   add.add_flag("--replace", arguments->is_replacing, "Of a client that is listed: its old key is known no longer");
   command("list", "Who is listed", ListClients);
-  CLI::App& revoke = command("revoke", "A key is known no longer, also where it is connected now", RevokeClient);
+  CLI::App& revoke = command(
+      "revoke", "A key is known no longer, also where it is connected now: from its next request on", RevokeClient);
   revoke.add_option("name", arguments->name, "Of the client")->required()->type_name("NAME");
 }
 

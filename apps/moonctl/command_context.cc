@@ -12,6 +12,7 @@
 namespace moondb {
 namespace {
 
+constexpr char kKeyVariable[] = "MOONDB_CLIENT_KEY";
 constexpr std::chrono::milliseconds kShortTimeout(3000);
 constexpr std::chrono::milliseconds kLongTimeout(600'000);
 
@@ -40,14 +41,15 @@ Result<void> CommandContext::ParseTimeout() {
   return Fail(ErrorCode::kInvalid, "expected a duration such as 3s, 500ms or 2m, got \"" + timeout + "\"", "--timeout");
 }
 
-Result<void> CommandContext::ReadKey() {
-  const char* from_environment = std::getenv("MOONDB_CLIENT_KEY");
-  const std::string file = key_file.empty() && from_environment != nullptr ? from_environment : key_file;
-  if (file.empty()) return {};
-  auto key = ReadSecretKey(file);
-  if (!key) return Fail(ErrorCode::kInvalid, key.error().text, "--key");
-  secret_key_ = *std::move(key);
-  return {};
+Result<std::string> CommandContext::SecretKey() {
+  if (secret_key_) return *secret_key_;
+  const char* from_environment = std::getenv(kKeyVariable);
+  const bool is_option = !key_file.empty() || from_environment == nullptr;
+  const std::string file = is_option ? key_file : from_environment;
+  const auto key = file.empty() ? Result<std::string>(std::string()) : ReadSecretKey(file);
+  if (!key) return Fail(ErrorCode::kInvalid, key.error().text, is_option ? "--key" : kKeyVariable);
+  secret_key_ = *key;
+  return key;
 }
 
 std::filesystem::path CommandContext::TeamPath() const {
@@ -67,10 +69,12 @@ Result<const TeamFile*> CommandContext::Team() {
   return &*team_;
 }
 
-Client::Options CommandContext::ClientOptions() const {
+Result<Client::Options> CommandContext::ClientOptions() {
+  const auto key = SecretKey();
+  if (!key) return tl::unexpected(key.error());
   Client::Options options;
   options.timeout = timeout_.value_or(kShortTimeout);
-  options.secret_key = secret_key_;
+  options.secret_key = *key;
   options.long_timeout = timeout_.value_or(kLongTimeout);
   options.connect_timeout = std::min(options.timeout, std::chrono::milliseconds(1000));
   return options;
@@ -90,7 +94,9 @@ Result<proto::RoleAssignment> CommandContext::Roles() {
   if (!team) return tl::unexpected(team.error());
   auto through = Via();
   if (!through) return tl::unexpected(through.error());
-  return NewestRoles(**team, ClientOptions(), *through);
+  auto options = ClientOptions();
+  if (!options) return tl::unexpected(options.error());
+  return NewestRoles(**team, *options, *through);
 }
 
 Result<AgentClient> CommandContext::Connect(const std::string& name) {
@@ -100,7 +106,9 @@ Result<AgentClient> CommandContext::Connect(const std::string& name) {
   if (!named) return tl::unexpected(named.error());
   auto through = Via();
   if (!through) return tl::unexpected(through.error());
-  auto client = ConnectTo(**team, **named, ClientOptions(), *through);
+  auto options = ClientOptions();
+  if (!options) return tl::unexpected(options.error());
+  auto client = ConnectTo(**team, **named, *options, *through);
   if (!client) return tl::unexpected(client.error());
   if (*through != nullptr) {
     // That the one in between answers says nothing of the one that is meant.

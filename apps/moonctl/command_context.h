@@ -52,19 +52,19 @@ class CommandContext {
   // Stands above each result for people; a watch sets it anew for each pass.
   std::string heading;
 
-  // Reads `timeout` and the key; before any action.
+  // Reads `timeout`; before any action.
   Result<void> ParseTimeout();
-  Result<void> ReadKey();
-  // What follows is about processes of this machine.
-  void ForgetKey() { secret_key_.clear(); }
+  // What follows is about processes of this machine, and needs no key.
+  void ForgetKey() { secret_key_ = ""; }
 
   // The team file, read once. Every error is kInvalid: nothing was started.
   Result<const TeamFile*> Team();
   std::filesystem::path TeamPath() const;
   const std::filesystem::path& program_folder() const { return program_folder_; }
 
-  // Timeouts: of short calls 3 s, of long ones and of waiting 600 s, unless --timeout says otherwise.
-  Client::Options ClientOptions() const;
+  // Timeouts: of short calls 3 s, of long ones and of waiting 600 s, unless --timeout says otherwise. The key is read
+  // here, once: kInvalid, with the option or the variable that named its file.
+  Result<Client::Options> ClientOptions();
   std::chrono::milliseconds WaitTimeout() const;
 
   Result<AgentClient> Connect(const std::string& name);
@@ -72,6 +72,7 @@ class CommandContext {
   // The agent of -a, without it all of the team. kInvalid for one that the team does not have.
   Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
   // Asks each of them by `ask`, a Result<T>(Client&); one that cannot be reached stands in the answers too.
+  // kInvalid for a key that cannot be read.
   template <typename Ask>
   auto AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>>;
 
@@ -85,11 +86,12 @@ class CommandContext {
   ExitCode Print(ExitCode code, std::string_view json, std::string_view text) const;
 
  private:
+  Result<std::string> SecretKey();          // Empty: none.
   Result<const proto::AgentConfig*> Via();  // Null: each agent is asked itself.
 
   std::filesystem::path program_folder_;
   std::optional<std::chrono::milliseconds> timeout_;
-  std::string secret_key_;
+  std::optional<std::string> secret_key_;  // Once it was read.
   std::optional<TeamFile> team_;
 };
 
@@ -97,6 +99,7 @@ template <typename Ask>
 auto CommandContext::AskEach(Ask ask) -> Result<AgentAnswers<AnswerOf<Ask>>> {
   const auto agents = ChosenAgents();
   if (!agents) return tl::unexpected(agents.error());
+  if (auto key = SecretKey(); !key) return tl::unexpected(key.error());
   AgentAnswers<AnswerOf<Ask>> answers;
   for (const proto::AgentConfig* chosen : *agents) {
     const auto connected = Connect(chosen->name());

@@ -98,7 +98,7 @@ ExitCode ShowInfo(CommandContext& context) {
       if (!storage.space_low().empty()) remarks += agent->name() + ": space low: " + storage.space_low() + "\n";
       json.Key("storage").Raw(ToJson(storage));
     } else {
-      table.Add({agent->name(), Unreachable(status.error())});
+      table.Add({agent->name(), WhyNoAnswer(status.error())});
     }
     json.EndObject();
   }
@@ -120,14 +120,14 @@ ExitCode ShowHoldings(CommandContext& context) {
   const proto::TeamConfig& team = (*context.Team())->config;
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
-  std::string unreachable;
+  std::string without;
   std::vector<HaveSet> haves;
   for (const auto& asked : *answers) {
     const auto& [agent, have] = asked;
     BeginAgent(asked, json);
     json.EndObject();
     haves.push_back(have ? *have : HaveSet());
-    if (!have) unreachable += agent->name() + " is " + Unreachable(have.error()) + "\n";
+    if (!have) without += agent->name() + ": " + WhyNoAnswer(have.error()) + "\n";
   }
   json.EndArray().Key("holdings").BeginArray();
   Table table(HeaderOf({"ORIGIN", "TYPE"}, *answers));
@@ -147,7 +147,7 @@ ExitCode ShowHoldings(CommandContext& context) {
     table.Add(std::move(row));
   }
   json.EndArray().EndObject();
-  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + unreachable);
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + without);
 }
 
 template <typename Arguments>

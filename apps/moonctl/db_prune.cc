@@ -5,13 +5,13 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/db_commands.h"
 #include "model/custom_types.h"
+#include "model/prune_rules.h"
 #include "model/text.h"
 
 namespace moondb {
 namespace {
 
 constexpr double kMegabyte = 1e6;
-constexpr double kAgeMax_s = 1e9;
 
 // "30d", "12h", "90m", "40" (seconds).
 std::optional<double> ParseAge(const std::string& text) {
@@ -28,7 +28,7 @@ std::optional<double> ParseAge(const std::string& text) {
     number.pop_back();
   }
   const std::optional<double> value = ParseDouble(number);
-  if (!value || !(*value > 0) || *value * factor > kAgeMax_s) return std::nullopt;
+  if (!value || !(*value > 0) || *value * factor > kPruneAgeMax_s) return std::nullopt;
   return *value * factor;
 }
 

@@ -119,7 +119,7 @@ ExitCode VerifyStores(CommandContext& context) {
       WriteVerification(*found, json);
       findings += FindingsText(agent->name(), *found);
     } else {
-      table.Add({agent->name(), Unreachable(found.error())});
+      table.Add({agent->name(), WhyNoAnswer(found.error())});
     }
     json.EndObject();
   }

@@ -34,9 +34,16 @@ ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadReque
   if (is_from_now) {
     if (auto skipped = feed.SkipToNow(); !skipped) return context.Report(skipped.error());
   }
+  bool is_late = false;
   while (true) {
     const auto page = feed.Next(kWait);
-    if (!page) return context.Report(page.error());
+    if (!page && page.error().code != ErrorCode::kTimedOut) return context.Report(page.error());
+    if (!page) {  // A radio that lost a frame, or an agent at work: told once.
+      const bool is_told = std::exchange(is_late, true);
+      if (!is_told) std::fprintf(stderr, "moonctl: %s; going on\n", ToString(page.error()).c_str());
+      continue;
+    }
+    is_late = false;
     for (const proto::StoredRecord& stored : page->records()) {
       proto::Record record;
       if (!record.ParseFromString(stored.content())) {

@@ -32,7 +32,7 @@ ExitCode ShowHealth(CommandContext& context) {
     const auto found = findings.find(agent->id());
     json.Key("findings").BeginArray();
     if (!status) {
-      table.Add({agent->name(), "unknown", Unreachable(status.error())}, Tone::kBad);
+      table.Add({agent->name(), "unknown", WhyNoAnswer(status.error())}, Tone::kBad);
     } else if (found == findings.end()) {
       table.Add({agent->name(), "good"});
     }

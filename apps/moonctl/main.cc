@@ -35,7 +35,6 @@ ExitCode Run(int argc, char** argv) {
     return context.Report({ErrorCode::kInvalid, mistyped.value_or(error.what()), {}});
   }
   if (auto parsed = context.ParseTimeout(); !parsed) return context.Report(parsed.error());
-  if (auto read = context.ReadKey(); !read) return context.Report(read.error());
   return context.watch.empty() ? context.action() : RunWatched(app, context);
 }
 

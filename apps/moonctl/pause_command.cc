@@ -41,7 +41,7 @@ ExitCode SetPause(CommandContext& context, milliseconds duration) {
       table.Add({agent->name(), text.empty() ? "goes on" : text});
       json.Key("lease").Raw(ToJson(lease));
     } else {
-      table.Add({agent->name(), Unreachable(reply.error())}, Tone::kBad);
+      table.Add({agent->name(), WhyNoAnswer(reply.error())}, Tone::kBad);
     }
     json.EndObject();
   }

@@ -38,7 +38,7 @@ ExitCode ShowRoles(CommandContext& context) {
                  AgentName(team, roles.survivor()), roles.reason()});
       json.Key("role").String(role).Key("roles").Raw(ToJson(roles));
     } else {
-      table.Add({agent->name(), Unreachable(shown.error())}, Tone::kBad);
+      table.Add({agent->name(), WhyNoAnswer(shown.error())}, Tone::kBad);
     }
     json.EndObject();
   }
@@ -109,6 +109,7 @@ Result<proto::RoleSetRequest> ParseSwap(CommandContext& context, const std::vect
 // Whom to tell: -a; else the agent that is to lead; else the leader; else anyone who answers.
 Result<AgentClient> ChooseTarget(CommandContext& context, const proto::RoleSetRequest& request) {
   if (!context.agent.empty()) return context.Connect(context.agent);
+  if (auto options = context.ClientOptions(); !options) return tl::unexpected(options.error());
   const proto::TeamConfig& team = (*context.Team())->config;
   if (request.leader() != 0) {
     if (auto connected = context.Connect(AgentName(team, request.leader()))) return connected;

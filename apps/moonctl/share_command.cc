@@ -187,7 +187,7 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
       const std::string text = RefusedText(team, *status, kind);
       if (!text.empty()) refused += agent->name() + ": " + text + "\n";
     } else {
-      table.Add({agent->name(), Unreachable(status.error())}, Tone::kBad);
+      table.Add({agent->name(), WhyNoAnswer(status.error())}, Tone::kBad);
     }
     json.EndObject();
   }

@@ -78,7 +78,7 @@ ExitCode ShowStatus(CommandContext& context) {
       json.Key("status").Raw(ToJson(*status));
       statuses.push_back(*status);
     } else {
-      table.Add({agent->name(), std::to_string(agent->id()), Unreachable(status.error())}, Tone::kBad);
+      table.Add({agent->name(), std::to_string(agent->id()), WhyNoAnswer(status.error())}, Tone::kBad);
     }
     json.EndObject();
   }

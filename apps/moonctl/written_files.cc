@@ -24,6 +24,20 @@ class HeldSignals {
   sigset_t before_;
 };
 
+std::filesystem::path AsideOf(const FileBytes& file) { return file.file.string() + ".new"; }
+
+Result<void> WriteThenRename(const std::vector<FileBytes>& files) {
+  for (const FileBytes& file : files) {
+    if (auto done = WriteTextFile(AsideOf(file), file.bytes); !done) return done;
+  }
+  for (const FileBytes& file : files) {
+    std::error_code failure;
+    std::filesystem::rename(AsideOf(file), file.file, failure);
+    if (failure) return Fail(ErrorCode::kInternal, "cannot be written: " + failure.message(), file.file.string());
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files) {
@@ -34,10 +48,9 @@ Result<void> WriteTogether(const std::filesystem::path& folder, const std::vecto
     return Fail(ErrorCode::kInternal, "the folder cannot be made: " + failure.message() + "; choose another one",
                 folder.string());
   }
-  for (const FileBytes& file : files) {
-    if (auto done = WriteTextFile(file.file, file.bytes); !done) {
-      return Fail(done.error().code, done.error().text + "; choose another folder, or make room", done.error().field);
-    }
+  if (auto done = WriteThenRename(files); !done) {
+    for (const FileBytes& file : files) std::filesystem::remove(AsideOf(file), failure);
+    return Fail(done.error().code, done.error().text + "; choose another folder, or make room", done.error().field);
   }
   return {};
 }

@@ -14,9 +14,10 @@ struct FileBytes {
   std::string bytes;
 };
 
-// Makes `folder` (empty: none) where it is missing, then writes each file beside and renames it, in this order. SIGINT,
-// SIGTERM and SIGHUP wait until all of them are there, so that none stands beside the other of an earlier time.
-// kInternal, with the path and what to do, if the folder cannot be made or a file not be written.
+// Makes `folder` (empty: none) where it is missing, then writes all files beside and renames them, in this order: what
+// cannot be written, on a full disk say, leaves the files of an earlier time. SIGINT, SIGTERM and SIGHUP wait until all
+// of them are there, so that none stands beside the other of an earlier time. kInternal, with the path and what to do,
+// if the folder cannot be made or a file not be written.
 Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files);
 
 }  // namespace moondb

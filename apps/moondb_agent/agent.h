@@ -1,7 +1,7 @@
 // Agent: one team member's whole runtime: data folder, actors, transport, put together and taken apart in order.
 //
-//   storage (own thread), clock, role, lease, failover, sync, replica, retention, event, pgo (own), merge (own), gateway, your own; then
-//   the transport
+//   storage (own thread), clock, role, lease, failover, sync, replica, retention, event, downlink, pgo (own),
+//   merge (own), gateway, your own; then the transport
 //
 // What can be wrong with the world (the folder, the database, keys, ports, a forced GL) is found before anything runs
 // and comes back as one error. Create and destroy it on one thread; the callbacks come on others.

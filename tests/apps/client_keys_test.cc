@@ -54,11 +54,13 @@ TEST_F(ClientKeysProcessTest, AKeyOpensWhatItsRightsAllowUntilItIsRevoked) {
   MoonctlExpecting(4, {"clients", "add", "anna", "--rights", "share"});
   MoonctlExpecting(0, {"clients", "add", "anna", "--rights", "share", "--replace", "--out", folder_ / "new.sec"});
   EXPECT_TRUE(Until([&] { return Moonctl(With("new.sec", {"sync", "now", "-a", "rover1"})).exit_code == 0; }));
-  EXPECT_THAT(MoonctlExpecting(3, With("anna.sec", {"status", "-a", "rover1"})), HasSubstr("does not let this key in"));
+  EXPECT_THAT(MoonctlExpecting(4, With("anna.sec", {"status", "-a", "rover1"})),
+              HasSubstr("refused: agent rover1 does not let this key in"));
   EXPECT_THAT(MoonctlExpecting(0, {"log"}), HasSubstr("sync now (anna (key))"));
 
   MoonctlExpecting(0, {"clients", "revoke", "anna"});
-  EXPECT_TRUE(Until([&] { return Moonctl(With("new.sec", {"status", "-a", "rover1"})).exit_code == 3; }));
+  EXPECT_TRUE(Until([&] { return Moonctl(With("new.sec", {"status", "-a", "rover1"})).exit_code == 4; }));
+  EXPECT_EQ(Moonctl(With("new.sec", {"status"})).exit_code, 3) << "the others are not reached";
   const auto shown = MoonctlJson(0, {"status", "-a", "rover1"});
   const auto& agent = shown.fields().at("agents").list_value().values(0).struct_value().fields().at("status");
   EXPECT_GE(agent.struct_value().fields().at("refused_clients").number_value(), 2);
@@ -89,11 +91,42 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
               HasSubstr("is already that of clients[2]"));
   EXPECT_THAT(error(1, {"clients", "revoke", "ana"}), HasSubstr("did you mean \"anna\"?"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
-  EXPECT_THAT(error(2, {"--key", folder_ / "none.sec", "status"}), HasSubstr("no such file"));
+  EXPECT_THAT(error(2, {"--key", folder_ / "none.sec", "status"}),
+              AllOf(HasSubstr("--key"), HasSubstr("no such file")));
+  environment_["MOONDB_CLIENT_KEY"] = folder_ / "none.sec";
+  EXPECT_THAT(error(2, {"role", "swap"}), AllOf(HasSubstr("MOONDB_CLIENT_KEY"), HasSubstr("no such file")));
+  MoonctlExpecting(0, {"clients", "list"});  // It needs no key.
+  environment_.erase("MOONDB_CLIENT_KEY");
+  // Neither a secret without a listed client nor a lost word of people.
+  const std::string list = *ReadTextFile(folder_ / "clients.yaml");
+  std::filesystem::create_directory(folder_ / "clients.yaml.part");
+  EXPECT_THAT(error(1, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("cannot be written"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
+  std::filesystem::remove(folder_ / "clients.yaml.part");
+  ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", list + "  # until May\n").has_value());
+  EXPECT_THAT(error(4, {"clients", "revoke", "anna"}), HasSubstr("this comment would be lost"));
+  EXPECT_EQ(*ReadTextFile(folder_ / "clients.yaml"), list + "  # until May\n");
+
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", "clients: [{nmae: x}]\n").has_value());
   EXPECT_THAT(error(2, {"clients", "list"}), HasSubstr("clients.yaml:1:"));
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("did you mean \"name\"?"));
-  EXPECT_THAT(MoonctlExpecting(1, {"up", "-a", "rover1"}), HasSubstr("clients.yaml:1:"));
+  MoonctlExpecting(0, {"up", "-a", "rover1"});  // Nobody is let in; its log says why.
+  EXPECT_THAT(*ReadTextFile(folder_ / "moondb-data" / "rover1" / "agent.log"),
+              AllOf(HasSubstr("clients.yaml:1:"), HasSubstr("nobody is let in")));
+}
+
+TEST_F(ClientKeysProcessTest, ManyAddClientsAtOnceAndNoneIsLost) {
+  std::vector<std::unique_ptr<Child>> children;
+  for (int i = 0; i < 8; ++i) {
+    const std::string name = "c" + std::to_string(i);
+    std::filesystem::create_directory(folder_ / name);
+    children.push_back(
+        std::make_unique<Child>(std::vector<std::string>{MOONCTL_PROGRAM, "clients", "add", name, "--rights", "view"},
+                                environment_, folder_ / name));
+  }
+  for (const auto& child : children) EXPECT_EQ(child->Wait().exit_code, 0);
+  const std::string shown = MoonctlExpecting(0, {"clients", "list"});
+  for (int i = 0; i < 8; ++i) EXPECT_THAT(shown, HasSubstr("c" + std::to_string(i) + " "));
 }
 
 TEST_F(ClientKeysProcessTest, FollowsRecordsAsTheyComeUntilItIsEnded) {

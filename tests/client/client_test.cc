@@ -145,6 +145,24 @@ TEST(RecordFeedTest, AsksToWaitNoLongerThanItsTime) {
   EXPECT_LE(wait_s, 60);
 }
 
+TEST(RecordFeedTest, GoesOnAfterAnAnswerThatDidNotComeInTime) {
+  std::atomic<bool> is_silent = true;
+  FakeAgent agent([&is_silent](const proto::Message& request) {
+    return is_silent ? std::vector<std::string>() : AnswerRead(request);
+  });
+  Client::Options options;
+  options.timeout = std::chrono::milliseconds(50);
+  auto client = ConnectTo(agent, options);
+  proto::ReadRequest filter;
+  filter.set_after_row_id(4);
+  RecordFeed feed(*client, filter);
+  EXPECT_EQ(feed.Next(std::chrono::milliseconds(10)).error().code, ErrorCode::kTimedOut);
+  is_silent = false;
+  const auto page = feed.Next(std::chrono::seconds(60));
+  ASSERT_TRUE(page.has_value()) << ToString(page.error());
+  EXPECT_EQ(page->row_ids(0), 5u);
+}
+
 TEST(RecordFeedTest, TellsOfAnAnswerThatIsNone) {
   FakeAgent agent([](const proto::Message& request) {
     proto::ControlReply reply;

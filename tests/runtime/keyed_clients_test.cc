@@ -120,6 +120,12 @@ TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneCo
     if (rights != proto::CLIENT_RIGHTS_NONE) std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
   EXPECT_EQ(rights, proto::CLIENT_RIGHTS_NONE);
+  proto::Message large;
+  large.mutable_control_request()->set_by(std::string(100'000, 'x'));
+  client.Send(large.SerializeAsString());  // Not even read.
+  const OwnedMessage short_one = HeardOf(client);
+  ASSERT_NE(short_one, nullptr);
+  EXPECT_TRUE(short_one->control_request().has_status());
   RawDealer again(address_, &keys);
   EXPECT_EQ(again.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
   const RawDealer::Keys replaced = With(next);
@@ -130,15 +136,20 @@ TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneCo
   EXPECT_EQ(heard->client_rights(), proto::CLIENT_RIGHTS_COMMAND);
 }
 
-TEST_F(KeyedClientsTest, DoesNotStartWithAWrongListOrAnAddressInUse) {
+TEST_F(KeyedClientsTest, StartsWithNobodyWhereTheListIsWrong) {
   ASSERT_TRUE(WriteTextFile(clients_file_, "clients: 5\n").has_value());
+  StartWithClients();
+  const RawDealer::Keys keys = With(anna_);
+  RawDealer client(address_, &keys);
+  EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  RawDealer own(ClientEndpointHere());
+  EXPECT_NE(HeardOf(own), nullptr);
+}
+
+TEST_F(KeyedClientsTest, DoesNotStartWithAnAddressInUse) {
   ZeroMqTransport::Options options;
   options.clients_file = clients_file_;
-  const auto wrong = Create(1, options);
-  ASSERT_FALSE(wrong);
-  EXPECT_EQ(wrong.error().code, ErrorCode::kInvalid);
-  std::filesystem::remove(clients_file_);
-  Start(1, options);  // Nobody is listed.
+  Start(1, options);
   team_.config.mutable_agents(1)->set_client_address(address_);
   const auto taken = Create(2, options);
   ASSERT_FALSE(taken);

@@ -380,9 +380,9 @@ class FeedTest : public GatewayActorTest {
     }
     AnswerAs(actor_name::kStorage, asked, page);
   }
-  void TellStored(DataType type, const std::string& actor = actor_name::kStorage) {
+  void TellStored(DataType type, const std::string& actor = actor_name::kStorage, std::uint64_t last_row_id = 8) {
     proto::Message stored;
-    stored.mutable_records_stored()->set_last_row_id(8);
+    stored.mutable_records_stored()->set_last_row_id(last_row_id);
     stored.mutable_records_stored()->add_data_types(type);
     (void)team_.Post({1, actor}, gateway_, stored);
     team_.RunUntilIdle();
@@ -418,6 +418,21 @@ TEST_F(FeedTest, WaitsUntilSomethingOfItsTypesIsStored) {
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(AskedOfStorage(), 0u);
   EXPECT_TRUE(Answers().empty());
+}
+
+TEST_F(FeedTest, AsksAnewOnlyForWhatCameSinceTheLastEmptyAnswer) {
+  Request(Feed(30));
+  AnswerPage(Asked(actor_name::kStorage), 0);
+  TellStored(proto::POWER, actor_name::kStorage, 20);
+  const proto::Message first = Asked(actor_name::kStorage);
+  EXPECT_EQ(first.read_request().after_row_id(), 7u);
+  TellStored(proto::POWER, actor_name::kStorage, 25);  // The answer under way may not know of these.
+  AnswerPage(first, 0);
+  const proto::Message second = Asked(actor_name::kStorage);
+  EXPECT_EQ(second.read_request().after_row_id(), 20u);
+  AnswerPage(second, 0);
+  TellStored(proto::POWER, actor_name::kStorage, 30);
+  EXPECT_EQ(Asked(actor_name::kStorage).read_request().after_row_id(), 25u);
 }
 
 TEST_F(FeedTest, GivesAnEmptyPageWhenTheTimeIsUp) {
@@ -458,6 +473,34 @@ TEST_F(FeedTest, TakesSoManyAndNoMore) {
   EXPECT_EQ(Answers().size(), 2u);
   Request(Feed(30), 5);
   EXPECT_EQ(AskedOfStorage(), 1u);
+}
+
+TEST_F(FeedTest, LeavesRoomToOtherClients) {
+  GatewayActor::Options options;
+  options.self = 2;
+  options.team = team_config_;
+  options.pending_of_client_max = 2;
+  options.feeds_of_client_max = 1;
+  const Address gateway{2, actor_name::kGateway};
+  team_.Spawn(2, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
+  const auto ask = [&](const std::string& connection, const std::string& key_name, const proto::ControlRequest& asked) {
+    proto::Message message;
+    message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
+    message.set_client_name(key_name);
+    *message.mutable_control_request() = asked;
+    (void)team_.Post({kClients, connection}, gateway, message);
+    team_.RunUntilIdle();
+    const auto answers = team_.Take({kClients, connection});
+    return answers.empty() ? "" : answers.front().control_reply().error().text();
+  };
+  EXPECT_EQ(ask("k1", "anna", Feed(30)), "");
+  EXPECT_THAT(ask("k2", "anna", Feed(30)), testing::HasSubstr("too many reads of this client"));
+  EXPECT_EQ(ask("k2", "anna", Optimize()), "");
+  EXPECT_THAT(ask("k3", "anna", Optimize()), testing::HasSubstr("too many requests of this client"));
+  EXPECT_EQ(ask("k4", "bob", Feed(30)), "");
+  EXPECT_EQ(ask("1", "", Feed(30)), "");
+  EXPECT_NE(ask("1", "", Feed(30)), "");
+  EXPECT_EQ(ask("2", "", Feed(30)), "");
 }
 
 // A client with a key, and what it is answered at once.
@@ -529,6 +572,19 @@ TEST_F(KeyedClientTest, StandsInTheStoryByItsKeysName) {
   EXPECT_EQ(at_other.front().control_request().by(), "anna (key)");
 }
 
+TEST_F(KeyedClientTest, CannotBePassedForByOneWithoutAKey) {
+  proto::Message message;
+  message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // As over ipc.
+  *message.mutable_control_request() = SetLeader();
+  for (const auto& [said, written] : std::map<std::string, std::string>{
+           {"anna (key)", "anna"}, {"anna(key) (key) ", "anna"}, {"anna@hill", "anna@hill"}}) {
+    message.mutable_control_request()->set_by(said);
+    (void)team_.Post({kClients, "c1"}, gateway_, message);
+    team_.RunUntilIdle();
+    EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), written);
+  }
+}
+
 TEST_F(GatewayActorTest, WritesDownWhatItIsToldToDoBeforeItIsDoneAndByWhom) {
   proto::ControlRequest request;
   request.mutable_role_set()->set_leader(2);
@@ -570,6 +626,16 @@ TEST_F(GatewayActorTest, AsksAnotherAgentAndBringsItsAnswerBack) {
   ASSERT_EQ(team_.Post({2, actor_name::kStorage}, {2, actor_name::kGateway}, page), SendResult::kAccepted);
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(OnlyAnswer(42).read().is_complete());
+}
+
+TEST_F(GatewayActorTest, WaitsForAnotherAgentsWaitingReadALittleLongerThanItWaits) {
+  proto::ControlRequest request = ReadAtTwo();
+  request.mutable_read()->set_wait_s(30);
+  Request(request);
+  team_.AdvanceTime(seconds(89));
+  EXPECT_TRUE(Answers().empty());
+  team_.AdvanceTime(seconds(2));
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_TIMED_OUT);
 }
 
 TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {

@@ -94,7 +94,18 @@ TEST_F(MapFilesTest, SaysWhatToDoWhereNothingCanBeWritten) {
   ASSERT_FALSE(failed);
   EXPECT_THAT(failed.error().text, HasSubstr("choose another folder"));
   EXPECT_FALSE(std::filesystem::exists(File("map.yaml"))) << "no text without its picture";
-  EXPECT_FALSE(std::filesystem::exists(File("map.pgm.part")));
+  EXPECT_FALSE(std::filesystem::exists(File("map.pgm.new")));
+}
+
+TEST_F(MapFilesTest, LeavesTheFilesOfAnEarlierTimeWhereOneCannotBeWritten) {
+  ASSERT_TRUE(WriteMapFiles(Export("nav2")));
+  const std::string before = *ReadTextFile(File("map.pgm"));
+  std::filesystem::create_directories(File("map.yaml.new.part"));  // Where the second would be written.
+  MapExport other = Export("nav2");
+  other.map.grid.At(10, 10) = Cell::kHazard;
+  ASSERT_FALSE(WriteMapFiles(other));
+  EXPECT_EQ(*ReadTextFile(File("map.pgm")), before);
+  EXPECT_FALSE(std::filesystem::exists(File("map.pgm.new")));
 }
 
 }  // namespace

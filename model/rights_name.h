@@ -1,0 +1,24 @@
+// What people call a client's rights.
+#pragma once
+
+#include <string>
+
+#include "proto/control.pb.h"
+
+namespace moondb {
+
+// "share": as clients.yaml has it.
+inline std::string RightsName(proto::ClientRights rights) {
+  switch (rights) {
+    case proto::CLIENT_RIGHTS_VIEW:
+      return "view";
+    case proto::CLIENT_RIGHTS_SHARE:
+      return "share";
+    case proto::CLIENT_RIGHTS_COMMAND:
+      return "command";
+    default:
+      return "none";
+  }
+}
+
+}  // namespace moondb
