@@ -130,7 +130,7 @@ class EveryCommandTest : public ProcessTeam {
       if (word.starts_with("@/")) word.replace(0, 1, folder_.string());
       if (const std::size_t at = word.find('%'); at != std::string::npos) word.replace(at, 1, std::to_string(pass_));
     }
-    words.insert(words.end(), {"--timeout", "300ms"});
+    words.insert(words.end(), {"--timeout", "1s"});
     if (is_json) words.emplace_back("--json");
     return Moonctl(words);
   }
