@@ -18,6 +18,9 @@ constexpr double kLeaderTimeoutS = 120;
 constexpr std::uint64_t kStatesEvery = 2;  // Seeds: their agents send states unasked.
 constexpr double kStatesPeriodS = 300;
 
+// Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
+constexpr std::uint64_t kCompactEvery = 4;
+
 proto::TeamConfig MakeTeam(const SimOptions& options) {
   proto::TeamConfig team;
   team.set_team("simulated");
@@ -34,6 +37,7 @@ proto::TeamConfig MakeTeam(const SimOptions& options) {
   team.mutable_roles()->set_leader_timeout_s(kLeaderTimeoutS);
   team.mutable_radio()->set_quiet_while_driving(true);
   if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
+  team.mutable_radio()->set_codec(options.seed % kCompactEvery == 1 ? proto::CODEC_COMPACT : proto::CODEC_ZSTD);
   if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriodS);
   proto::SharePolicies& share = *team.mutable_share();
   share.set_power(proto::POLICY_LATEST);

@@ -130,7 +130,7 @@ class EveryCommandTest : public ProcessTeam {
       if (word.starts_with("@/")) word.replace(0, 1, folder_.string());
       if (const std::size_t at = word.find('%'); at != std::string::npos) word.replace(at, 1, std::to_string(pass_));
     }
-    words.insert(words.end(), {"--timeout", "1s"});
+    words.insert(words.end(), {"--timeout", timeout_});
     if (is_json) words.emplace_back("--json");
     return Moonctl(words);
   }
@@ -164,6 +164,7 @@ class EveryCommandTest : public ProcessTeam {
   }
 
   std::string key_;
+  std::string timeout_ = "3s";
   int pass_ = 0;
 };
 
@@ -176,6 +177,7 @@ TEST_F(EveryCommandTest, SaysWhatItDidWhetherAllAgentsAreThereOrNot) {
 
   const pid_t frozen = PidOf("rover3");
   ASSERT_EQ(::kill(frozen, SIGSTOP), 0);
+  timeout_ = "600ms";  // Waited in vain for, many times.
   RunAll(&Case::when_frozen);
   ASSERT_EQ(::kill(frozen, SIGCONT), 0);
   MoonctlExpecting(kDone, {"down"});

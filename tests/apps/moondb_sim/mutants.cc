@@ -788,7 +788,7 @@ const std::vector<Mutant>& Mutants() {
       {"FailoverTooSoon",
        "a survivor waits for a tenth of the time",
        {"failover_has_cause"},
-       5,
+       12,
        Wrapped<WaitsTooShort>(kFailover)},
       {"WithoutFailover",
        "no survivor takes the lead",
