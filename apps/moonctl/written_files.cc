@@ -28,7 +28,9 @@ std::filesystem::path AsideOf(const FileBytes& file) { return file.file.string()
 
 Result<void> WriteThenRename(const std::vector<FileBytes>& files) {
   for (const FileBytes& file : files) {
-    if (auto done = WriteTextFile(AsideOf(file), file.bytes); !done) return done;
+    if (auto done = WriteTextFile(AsideOf(file), file.bytes); !done) {
+      return Fail(done.error().code, done.error().text, file.file.string());
+    }
   }
   for (const FileBytes& file : files) {
     std::error_code failure;
