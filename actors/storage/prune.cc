@@ -184,9 +184,10 @@ Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const
   if (const Result<void> checked = CheckNumbers(request); !checked) return tl::unexpected(checked.error());
   Result<std::vector<HaveSet>> acknowledged = ReadAcknowledged(request);
   if (!acknowledged) return tl::unexpected(acknowledged.error());
-  const Result<proto::LoadBundlesReply> bundles = LoadBundles(database);
-  if (!bundles) return tl::unexpected(bundles.error());
   std::optional<HaveSet> bundled;
+  Result<proto::LoadBundlesReply> bundles;
+  if (!rules.for_ground.empty()) bundles = LoadBundles(database);  // Elsewhere they hold nobody's record back.
+  if (!bundles) return tl::unexpected(bundles.error());
   if (bundles->last_number() > 0) {
     Result<HaveSet> taken = FromProto(bundles->taken());
     if (!taken) return tl::unexpected(taken.error());
