@@ -83,13 +83,10 @@ std::size_t PaperBytes(const WireMission& mission) {
   return bytes;
 }
 
-// How a sender codes what it has.
-enum class Run { kAcrossBatches, kOneBatch };
-
 // Sends streams in batches that just fit into messages.
 class Sender {
  public:
-  Sender(Previous previous, Run run) : run_(run), encoder_(previous) {}
+  explicit Sender(Previous previous) : encoder_(previous) {}
 
   std::size_t Send(const WireStream& stream) {
     std::size_t bytes = 0;
@@ -104,7 +101,6 @@ class Sender {
   std::size_t SendSome(const WireStream& stream, std::size_t& next) {
     const proto::RecordBatch some = SomeOf(stream, next);
     const double start_ms = ProcessorMs();
-    if (run_ == Run::kOneBatch) encoder_.BeginRun();
     const CodedRows coded = encoder_.EncodeSome(some, kMessageBytesMax);
     encode_ms_ += ProcessorMs() - start_ms;
     proto::RecordBatch batch;
@@ -134,7 +130,6 @@ class Sender {
     Check(decoded && decoded->SerializeAsString() == batch.SerializeAsString(), "a batch comes back as it was");
   }
 
-  Run run_;
   BatchEncoder encoder_;
   BatchDecoder decoder_;
   double encode_ms_ = 0, decode_ms_ = 0;
@@ -145,8 +140,8 @@ struct Cost {
   double encode_ms = 0, decode_ms = 0;  // All of it.
 };
 
-Cost MissionCost(const WireMission& mission, Previous previous, Run run) {
-  Sender sender(previous, run);
+Cost MissionCost(const WireMission& mission, Previous previous) {
+  Sender sender(previous);
   Cost cost;
   for (const WireStream& stream : mission.streams) cost.bytes += sender.Send(stream);
   cost.encode_ms = sender.encode_ms();
@@ -232,10 +227,10 @@ WireSizes MeasureMission(const WireMission& mission) {
   sizes.name = mission.name;
   for (const WireStream& stream : mission.streams) sizes.record_count += stream.records.size();
   sizes.paper_sql_bytes = PaperBytes(mission);
-  sizes.alone_bytes = MissionCost(mission, Previous::kNever, Run::kAcrossBatches).bytes;
-  sizes.previous_bytes = MissionCost(mission, Previous::kWhereItPays, Run::kAcrossBatches).bytes;
+  sizes.alone_bytes = MissionCost(mission, Previous::kNever).bytes;
+  sizes.previous_bytes = MissionCost(mission, Previous::kWhereItPays).bytes;
   MeasureMaps(mission, sizes);
-  const Cost sent = MissionCost(mission, Previous::kWhileItPays, Run::kOneBatch);
+  const Cost sent = MissionCost(mission, Previous::kWhileItPays);
   const double map_count = static_cast<double>(std::max<std::size_t>(sizes.map_count, 1));
   sizes.sent_bytes = sent.bytes;
   sizes.sent_encode_ms = sent.encode_ms / map_count;

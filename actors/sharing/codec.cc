@@ -59,20 +59,30 @@ CodedBatch SharingEncoder::Encode(proto::Codec codec, const proto::RecordBatch& 
     if (paper_sql_.sql_of && batch.records_size() > 0) sql = paper_sql_.sql_of(batch.records(0));
     if (sql) return {proto::CODEC_PAPER_SQL, *std::move(sql), 1};
   }
-  if (codec != proto::CODEC_COMPACT) return EncodePlainUpTo(batch, codec != proto::CODEC_PLAIN, bytes_max);
-  compact_.BeginRun();
+  if (codec == proto::CODEC_COMPACT) return EncodeCompact(batch, bytes_max);
+  return EncodePlainUpTo(batch, codec != proto::CODEC_PLAIN, bytes_max);
+}
+
+CodedBatch SharingEncoder::EncodeCompact(const proto::RecordBatch& batch, std::size_t bytes_max) {
   CodedRows rows = compact_.EncodeSome(batch, bytes_max);
   const int count = static_cast<int>(rows.record_count);
+  if (rows.run_part != RunPart::kNone) return {proto::CODEC_COMPACT, std::move(rows.bytes), count, rows.run_part};
   CodedBatch plain = EncodePlain(FirstOf(batch, count), /*may_compress=*/true);
   if (plain.bytes.size() <= rows.bytes.size()) return plain;
   return {proto::CODEC_COMPACT, std::move(rows.bytes), count};
 }
 
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count) {
+  BatchDecoder alone;
+  return DecodeBatch(codec, coded, record_count, alone);
+}
+
+Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count,
+                                       BatchDecoder& run) {
   if (coded.size() > kCodedBytesMax) return Fail(ErrorCode::kCorrupt, "is larger than 32 MiB", "coded");
   if (record_count > kBatchRecordsMax) return Fail(ErrorCode::kCorrupt, "is above 4096", "record_count");
   if (codec == proto::CODEC_PLAIN) return Parse(coded, record_count);
-  if (codec == proto::CODEC_COMPACT) return BatchDecoder().Decode(coded, record_count);
+  if (codec == proto::CODEC_COMPACT) return run.Decode(coded, record_count);
   if (codec != proto::CODEC_ZSTD) return Fail(ErrorCode::kCorrupt, "is not known here", "codec");
   const Result<std::string> plain = DecompressFrame(coded, kDecodedBytesMax);
   if (!plain) return tl::unexpected(plain.error());

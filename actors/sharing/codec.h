@@ -1,10 +1,10 @@
 // The coded form of a batch of records on the wire: in the compact form (coding/batch_codec.h), or a serialised
 // RecordBatch, as one zstd frame where that is smaller.
 //
-// A batch is coded as a whole, since zstd makes single small rows larger, and by itself, so that it can be decoded
-// whatever became of those before. Every form carries a checksum and states what it decodes to, so that a decoder knows
-// its limits before it allocates and notices damage. zstd's bytes differ between its versions; only decoding is the
-// contract.
+// A batch is coded as a whole, since zstd makes single small rows larger. Batches of maps in the compact form make up
+// runs, in which each leans on those before; all others can be decoded whatever became of those before. Every form
+// carries a checksum and states what it decodes to, so that a decoder knows its limits before it allocates and notices
+// damage. zstd's bytes differ between its versions; only decoding is the contract.
 #pragma once
 
 #include <cstddef>
@@ -31,6 +31,7 @@ struct CodedBatch {
   proto::Codec codec = proto::CODEC_PLAIN;
   std::string bytes;
   int record_count = 0;
+  RunPart run_part = RunPart::kNone;
 };
 
 // The paper's form: one record's populated statement, and back (actors/storage/paper_sql.h, which knows SQLite). Where
@@ -48,18 +49,28 @@ class SharingEncoder {
  public:
   explicit SharingEncoder(PaperSql paper_sql = {}) : paper_sql_(std::move(paper_sql)) {}
 
+  // The next batch can be decoded without those before: one of them was not decoded, or may not have been.
+  void BeginRun() { compact_.BeginRun(); }
+
   // As many of the first records as fit into `bytes_max`, at least one, whatever its size: in `codec`, or where that is
   // smaller (of CODEC_PAPER_SQL, where it is not possible) as a zstd frame or plain. With CODEC_PAPER_SQL one record.
+  // The first of a run has the same bytes each time (pieces.h).
   CodedBatch Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
+  CodedBatch EncodeCompact(const proto::RecordBatch& batch, std::size_t bytes_max);
+
   PaperSql paper_sql_;
   BatchEncoder compact_{MapRunEncoder::Previous::kWhileItPays};
 };
 
 // kCorrupt for a codec that is unknown here, bytes that do not decode, a size beyond the limits above, more than one
-// frame, or another number of records than `record_count`; kNotFound for compact bytes that cannot be decoded by
-// themselves. The records themselves are StorageActor's to check. Safe from any thread.
+// frame, or another number of records than `record_count`; kNotFound for a batch that leans on others than `run` has
+// decoded. The records themselves are StorageActor's to check.
+Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count,
+                                       BatchDecoder& run);
+
+// By itself. Safe from any thread.
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count);
 
 // The one record that a statement makes; `record_id`: as it was announced. kCorrupt where there is no such form here.

@@ -115,14 +115,17 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
       ++counts_.damaged_messages;
       return tl::unexpected(taken.error());
     }
-    if (!*taken) {
-      SharingAction acknowledgment{sender, AcknowledgmentOf(message, proto::RecordBatch())};
-      Grant(incoming, *acknowledgment.message.mutable_have());
-      return SharingActions{std::move(acknowledgment)};
-    }
+    if (!*taken) return AnswerWithoutRecords(sender, message, incoming);
     whole = **std::move(taken);
   }
-  Result<proto::RecordBatch> records = Decode(message, whole);
+  const bool is_late = batch.batch_number() <= incoming.last_decoded_batch;
+  Result<proto::RecordBatch> records = Decode(message, whole, incoming);
+  if (!records && records.error().code == ErrorCode::kNotFound) {
+    if (is_late) return SharingActions();
+    SharingActions answer = AnswerWithoutRecords(sender, message, incoming);
+    answer.front().message.mutable_have()->set_needs_new_run(true);
+    return answer;
+  }
   const Result<void> dropped = CheckDropped(batch);
   if (!records || !dropped) {
     ++counts_.damaged_messages;
@@ -140,6 +143,13 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   SharingActions actions;
   actions.push_back(std::move(action));
   return actions;
+}
+
+SharingActions SharingReceiver::AnswerWithoutRecords(AgentId sender, const proto::Message& message,
+                                                     Incoming& incoming) const {
+  SharingAction answer{sender, AcknowledgmentOf(message, proto::RecordBatch())};
+  Grant(incoming, *answer.message.mutable_have());
+  return {std::move(answer)};
 }
 
 SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply) {
@@ -206,13 +216,20 @@ SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& 
 }
 
 Result<proto::RecordBatch> SharingReceiver::Decode(const proto::Message& message,
-                                                   const std::optional<std::string>& whole) const {
+                                                   const std::optional<std::string>& whole, Incoming& incoming) const {
   const proto::Batch& batch = message.batch();
   if (batch.codec() == proto::CODEC_PAPER_SQL) {
     if (batch.record_count() != 1) return Fail(ErrorCode::kCorrupt, "is not 1", "record_count");
     return DecodePaperSql(options_.paper_sql, whole ? *whole : message.sql(), message.record_id());
   }
-  return DecodeBatch(batch.codec(), whole ? *whole : batch.coded(), batch.record_count());
+  const std::string& coded = whole ? *whole : batch.coded();
+  // A late copy would put the run back to where it was.
+  if (batch.batch_number() <= incoming.last_decoded_batch)
+    return DecodeBatch(batch.codec(), coded, batch.record_count());
+  Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), coded, batch.record_count(), incoming.run);
+  if (records) incoming.last_decoded_batch = batch.batch_number();
+  if (message.remaining() == 0) incoming.run = BatchDecoder();
+  return records;
 }
 
 // All of them come in over one radio: together they may fill it no further than one of them would.

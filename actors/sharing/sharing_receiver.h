@@ -7,7 +7,9 @@
 // Keeps nothing that matters: what was stored shows in the have-set. A sender has one session; its newer Hello
 // replaces it. Everything is bounded: sessions, StoreRequests that wait per sender, coded and decoded bytes. A batch
 // of an unknown session is refused with kNotFound, so that its sender starts over at once; a damaged one is counted
-// and dropped. Records are taken from any agent of the team, whatever its role or term: they are immutable and named.
+// and dropped; for one that leans on others that are not here its sender is asked for a new run (coding/batch_codec.h),
+// of which at most 10 MB are kept for each. Records are taken from any agent of the team, whatever its role or term:
+// they are immutable and named.
 //
 // A plain state machine like SharingSession; whether the sender belongs to the team is the caller's to check.
 #pragma once
@@ -89,6 +91,8 @@ class SharingReceiver {
     bool is_other_schema = false;
     bool is_at_end = false;  // It said that nothing remains.
     std::uint32_t last_piece_batch = 0;
+    BatchDecoder run;
+    std::uint32_t last_decoded_batch = 0;
     double bytes_per_second = 0;  // As granted last; 0: no limit.
   };
 
@@ -96,7 +100,9 @@ class SharingReceiver {
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
   // `whole`: of pieces, all their bytes.
-  Result<proto::RecordBatch> Decode(const proto::Message& message, const std::optional<std::string>& whole) const;
+  Result<proto::RecordBatch> Decode(const proto::Message& message, const std::optional<std::string>& whole,
+                                    Incoming& incoming) const;
+  SharingActions AnswerWithoutRecords(AgentId sender, const proto::Message& message, Incoming& incoming) const;
   void Grant(Incoming& incoming, proto::Have& have) const;
   bool IsMoving(const Incoming& incoming, Time now) const;
 

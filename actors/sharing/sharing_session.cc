@@ -174,12 +174,20 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   credit_bytes_ = std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max());
   granted_rate_ = have.bytes_per_second_max();
   SetPace(now);
+  if (have.needs_new_run()) {
+    OnRunBroken(have.batch_number());
+    Fill(now, actions);
+    return actions;
+  }
   const std::size_t under_way_before = under_way_.size();
   const double acknowledged_before = acknowledged_records_;
   Acknowledge(have.batch_number());
   if (under_way_.size() < under_way_before) {
     last_progress_ = now;
-    if (acknowledged_records_ > acknowledged_before) is_refused_ = false;
+    if (acknowledged_records_ > acknowledged_before) {
+      is_refused_ = false;
+      is_each_by_itself_ = false;
+    }
     // Pieces are acknowledged by a destination, too, that cannot store what they make up.
     if (!is_refused_) {
       backoff_ = options_.resend_after;
@@ -442,6 +450,7 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   sent_records_ += static_cast<double>(batch.keys.size());
   coded_bytes_ += static_cast<double>(batch.bytes);
   codec_sent_ = message.batch().codec();
+  if (message.remaining() == 0) BeginRun();  // The destination forgets the run with the end of the order.
   actions.push_back({destination_, std::move(message)});
   TellStorage(batch.keys, /*is_closed=*/false, actions);
   under_way_.emplace(number, std::move(batch));
@@ -470,9 +479,12 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   const std::size_t bytes_max = BatchBytesMax();
   proto::RecordBatch records;
   *records.mutable_records() = reply.records();
+  if (is_each_by_itself_) BeginRun();
   CodedBatch coded = encoder_.Encode(CodecNow(), records, bytes_max);
   const int count = coded.record_count;
   CodedRecords result;
+  result.run_part = coded.run_part;
+  result.run = run_;
   std::size_t content_bytes = 0;
   for (int i = 0; i < count; ++i) {
     result.keys.push_back(FromProto(reply.records(i).key()));
@@ -486,7 +498,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
   if (is_for_states_) ++remaining;  // The end is not told before the rest of the order has gone.
   if (coded.bytes.size() > bytes_max && count == 1) {
-    large_ = Large{result.keys.front(), remaining, PieceCutter(std::move(coded), 1, part_)};
+    large_ = Large{result.keys.front(), remaining, PieceCutter(std::move(coded), 1, part_), result.run_part};
     return NextPiece();
   }
   proto::Batch& batch = *result.message.mutable_batch();
@@ -515,8 +527,11 @@ SharingSession::CodedRecords SharingSession::NextPiece() {
     return piece;
   }
   piece.keys = {large_->key};
+  piece.run_part = large_->run_part;
+  piece.run = run_;
   missing_count_ = large_->remaining;
   is_end_told_ = missing_count_ == 0;
+  if (large_->cutter.is_resumed()) BeginRun();
   large_.reset();
   Address(piece, missing_count_);
   return piece;
@@ -580,12 +595,42 @@ void SharingSession::Acknowledge(std::uint32_t batch_number) {
 
 // Batches travel nearly in order: one that is still open when the second after it is acknowledged was lost.
 void SharingSession::GiveUpBatchesBefore(std::uint32_t batch_number) {
-  while (!under_way_.empty() && under_way_.begin()->first + 2 <= batch_number) {
-    ++resends_;
-    unacked_bytes_ -= under_way_.begin()->second.bytes;
-    under_way_.erase(under_way_.begin());
-    AskAnew();
+  while (!under_way_.empty() && under_way_.begin()->first + 2 <= batch_number) GiveUp(under_way_.begin());
+}
+
+void SharingSession::GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batch) {
+  const CodedRecords given_up = std::move(batch->second);
+  under_way_.erase(batch);
+  ++resends_;
+  unacked_bytes_ -= given_up.bytes;
+  if (given_up.run_part != RunPart::kNone && given_up.run == run_) BreakRun();
+  AskAnew();
+}
+
+// Only what leans on others can need them: so a destination that always says so is not listened to for ever.
+void SharingSession::OnRunBroken(std::uint32_t batch_number) {
+  const auto broken = under_way_.find(batch_number);
+  if (broken == under_way_.end() || broken->second.run_part != RunPart::kLater) return;
+  const std::uint64_t run = broken->second.run;
+  if (run == run_) is_each_by_itself_ = true;
+  for (auto it = under_way_.begin(); it != under_way_.end() && it->first <= batch_number;) {
+    const auto batch = it++;
+    if (batch->second.run_part != RunPart::kNone && batch->second.run == run) GiveUp(batch);
   }
+}
+
+void SharingSession::BreakRun() {
+  const RunPart next_part = large_ ? large_->run_part : ready_ ? ready_->run_part : RunPart::kNone;
+  if (next_part == RunPart::kLater) {
+    ready_.reset();
+    large_.reset();
+  }
+  BeginRun();
+}
+
+void SharingSession::BeginRun() {
+  encoder_.BeginRun();
+  ++run_;
 }
 
 // What storage said is missing is no longer all.
@@ -597,9 +642,10 @@ void SharingSession::AskAnew() {
   if (!ready_ || ready_->message.remaining() > 0) return;
   if (ready_->message.batch().has_piece()) {
     ready_->message.set_remaining(1);  // The last piece of a record: it is not the end any more.
-  } else {
-    ready_.reset();
+    return;
   }
+  if (ready_->run_part != RunPart::kNone) BeginRun();
+  ready_.reset();
 }
 
 void SharingSession::ForgetUnderWay() {
@@ -607,6 +653,7 @@ void SharingSession::ForgetUnderWay() {
   ready_.reset();
   large_.reset();
   under_way_.clear();
+  BeginRun();
   unacked_bytes_ = 0;
   paced_until_.reset();
   next_batch_number_ = 1;

@@ -21,6 +21,9 @@
 // and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up.
 // Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
 //
+// Batches of maps make up runs (codec.h). A run ends with whatever may leave the destination without one of its
+// batches: a batch that is given up, a restart, the end of an order, or the destination's word that it cannot read one.
+//
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
 
@@ -111,6 +114,8 @@ class SharingSession {
     std::vector<RecordKey> keys;
     std::vector<proto::StreamHave> dropped;
     std::size_t bytes = 0;
+    RunPart run_part = RunPart::kNone;
+    std::uint64_t run = 0;  // Whose part it is.
   };
 
   void LookAgain(Time now, SharingActions& actions);
@@ -144,6 +149,12 @@ class SharingSession {
   HaveSet ExpectedHave() const;
   void Acknowledge(std::uint32_t batch_number);
   void GiveUpBatchesBefore(std::uint32_t batch_number);
+  // The destination lacks what this batch leans on.
+  void OnRunBroken(std::uint32_t batch_number);
+  void GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batch);
+  // One of its batches was given up: what was coded behind that has to be coded anew.
+  void BreakRun();
+  void BeginRun();
   void AskAnew();
   void ForgetUnderWay();
   void TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed, SharingActions& actions) const;
@@ -183,6 +194,7 @@ class SharingSession {
     RecordKey key;
     std::uint64_t remaining = 0;  // Behind it.
     PieceCutter cutter;
+    RunPart run_part = RunPart::kNone;
   };
   std::optional<Large> large_;
   PartOfWhole part_;                                 // That the destination has, as it said.
@@ -194,7 +206,9 @@ class SharingSession {
   std::vector<proto::TypeBacklog> missing_types_;  // The same by data type.
   bool is_codec_read_ = false;                     // By the destination, that of the options.
   SharingEncoder encoder_;
-  double coded_ratio_ = 0.5;  // Coded bytes per content byte, smoothed.
+  std::uint64_t run_ = 0;           // Of the next batch of maps.
+  bool is_each_by_itself_ = false;  // Batches of maps: a run was broken, and nothing was acknowledged since.
+  double coded_ratio_ = 0.5;        // Coded bytes per content byte, smoothed.
   proto::Codec codec_sent_ = proto::CODEC_UNSPECIFIED;
   Duration backoff_{};
   Time deadline_{};

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 
-#include "actors/sharing/codec.h"
-
 namespace moondb::simulation {
+
+// Whatever its number is.
+constexpr AgentId kSender = 1;
 
 void SessionWatch::OnHello(const proto::Hello& hello) {
   *this = SessionWatch(limits_);
@@ -42,7 +43,8 @@ void SessionWatch::OnHave(const proto::Have& have) {
   have_.Merge(*heard);
   std::erase_if(under_way_, [&](const auto& entry) {
     // The second behind it was acknowledged: the sender takes it for lost, and sends its records again.
-    const bool is_given_up = entry.first + 2 <= have.batch_number();
+    // All of a run that the receiver cannot read are, too.
+    const bool is_given_up = entry.first + (have.needs_new_run() ? 0 : 2) <= have.batch_number();
     return entry.first == have.batch_number() || is_given_up || IsHad(entry.second);
   });
 }
@@ -57,9 +59,12 @@ Result<SessionWatch::Handed> SessionWatch::Open(const proto::Message& message) {
     const Result<RecordKey> key = ParseRecordKey(message.record_id());
     if (!key) return tl::unexpected(key.error());
     if (is_last) handed.keys.push_back(*key);
+    const auto whole = pieces_.Take(kSender, batch);
+    // What began in an earlier session is of no run.
+    if (whole && *whole) (void)DecodeBatch(batch.codec(), **whole, batch.record_count(), run_);
     return handed;
   }
-  const Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
+  const Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count(), run_);
   if (!records) return tl::unexpected(records.error());
   for (const proto::StoredRecord& record : records->records()) handed.keys.push_back(FromProto(record.key()));
   return handed;

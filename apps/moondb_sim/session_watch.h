@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "actors/sharing/codec.h"
+#include "actors/sharing/pieces.h"
 #include "actors/sharing/sharing_session.h"
 #include "model/have_set.h"
 #include "proto/message.pb.h"
@@ -30,13 +32,16 @@ class SessionWatch {
     std::vector<RecordKey> keys;
     std::size_t bytes = 0;
   };
-  static Result<Handed> Open(const proto::Message& message);
+  Result<Handed> Open(const proto::Message& message);
   bool IsHad(const Handed& batch) const;
 
   SharingSession::Options limits_;
   std::uint64_t session_id_ = 0;
   HaveSet have_;  // Of the receiver, as the sender heard it.
   std::map<std::uint32_t, Handed> under_way_;
+  // All that was sent is decoded, in its order.
+  BatchDecoder run_;
+  PieceCollector pieces_{kCodedBytesMax};
 };
 
 }  // namespace moondb::simulation

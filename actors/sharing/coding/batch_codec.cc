@@ -237,7 +237,9 @@ CodedRows BatchEncoder::EncodeUpTo(const proto::RecordBatch& batch, std::size_t 
   for (const proto::StoredRecord& record : batch.records()) {
     if (parts.contents.size() == records_max || !AddRecord(record, bytes_max, parts)) break;
   }
-  return {Finish(parts), parts.contents.size()};
+  RunPart part = RunPart::kNone;
+  if (!parts.frames.empty()) part = maps_before_ == 0 ? RunPart::kFirst : RunPart::kLater;
+  return {Finish(parts), parts.contents.size(), part};
 }
 
 bool BatchEncoder::AddRecord(const proto::StoredRecord& record, std::size_t bytes_max, Parts& parts) {

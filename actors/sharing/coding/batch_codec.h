@@ -44,10 +44,15 @@ struct MapReference {
   bool operator==(const MapReference&) const = default;
 };
 
+// kNone: without coded cells, so that it needs no other batch and none needs it. kFirst: begins a run. kLater: cannot
+// be decoded without the run's batches before.
+enum class RunPart { kNone, kFirst, kLater };
+
 // Some first records of a batch.
 struct CodedRows {
   std::string bytes;
   std::size_t record_count = 0;
+  RunPart run_part = RunPart::kNone;
 };
 
 class BatchEncoder {

@@ -125,7 +125,7 @@ TEST(CodecTest, CodesMapsAndRowsInAFractionOfZstd) {
   }
 }
 
-TEST(CodecTest, FillsMessagesEachOfWhichIsDecodableByItself) {
+TEST(CodecTest, FillsMessagesThatAreDecodableInTheirOrder) {
   std::mt19937_64 rng(2);
   proto::RecordBatch batch;
   for (int i = 0; i < 1000; ++i) {
@@ -133,19 +133,36 @@ TEST(CodecTest, FillsMessagesEachOfWhichIsDecodableByItself) {
   }
   batch.MergeFrom(MapBatch(0, 60));
   SharingEncoder encoder;
+  BatchDecoder run;
   std::size_t bytes = 0, messages = 0;
   for (int first = 0; first < batch.records_size(); ++messages) {
     const int count = std::min(batch.records_size() - first, 1000);
     const CodedBatch coded = encoder.Encode(proto::CODEC_COMPACT, From(batch, first, count), kMessageBytes);
     ASSERT_GE(coded.record_count, 1);
     EXPECT_LE(coded.bytes.size(), kMessageBytes);
-    const auto decoded = DecodeBatch(coded.codec, coded.bytes, static_cast<std::uint32_t>(coded.record_count));
+    const auto decoded = DecodeBatch(coded.codec, coded.bytes, static_cast<std::uint32_t>(coded.record_count), run);
     ASSERT_TRUE(decoded) << ToString(decoded.error());
     EXPECT_EQ(decoded->SerializeAsString(), From(batch, first, coded.record_count).SerializeAsString());
     first += coded.record_count;
     bytes += coded.bytes.size();
   }
   EXPECT_GE(static_cast<double>(bytes) / static_cast<double>(messages), 0.75 * kMessageBytes);
+}
+
+TEST(CodecTest, BeginsARunAnewWhereItIsTold) {
+  SharingEncoder encoder;
+  const CodedBatch first = encoder.Encode(proto::CODEC_COMPACT, MapBatch(0, 8), 1'000'000);
+  const CodedBatch later = encoder.Encode(proto::CODEC_COMPACT, MapBatch(8, 8), 1'000'000);
+  encoder.BeginRun();
+  const CodedBatch alone = encoder.Encode(proto::CODEC_COMPACT, MapBatch(8, 8), 1'000'000);
+  EXPECT_EQ(first.run_part, RunPart::kFirst);
+  EXPECT_EQ(later.run_part, RunPart::kLater);
+  EXPECT_EQ(alone.run_part, RunPart::kFirst);
+  EXPECT_LT(later.bytes.size(), alone.bytes.size());
+  EXPECT_EQ(CodeOf(DecodeBatch(later.codec, later.bytes, 8)), ErrorCode::kNotFound);
+  EXPECT_TRUE(DecodeBatch(alone.codec, alone.bytes, 8));
+  EXPECT_EQ(encoder.Encode(proto::CODEC_COMPACT, RowBatch(50), 1'000'000).run_part, RunPart::kNone);
+  EXPECT_EQ(encoder.Encode(proto::CODEC_COMPACT, MapBatch(16, 8), 1'000'000).run_part, RunPart::kLater);
 }
 
 TEST(CodecTest, GivesOneRecordThatIsTooLargeForAMessageAlone) {

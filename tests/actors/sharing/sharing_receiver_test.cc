@@ -5,6 +5,7 @@
 #include "actors/sharing/codec.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
+#include "tests/actors/sharing/coding/records.h"
 
 namespace moondb {
 namespace {
@@ -43,6 +44,37 @@ class SharingReceiverTest : public testing::Test {
     message.mutable_batch()->set_coded(coded.bytes);
     message.mutable_batch()->set_record_count(1);
     return message;
+  }
+
+  // A run of some batches, from number 1, each with some maps.
+  static std::vector<proto::Message> RunOf(std::uint64_t session_id, std::uint32_t count) {
+    SharingEncoder encoder;
+    std::vector<proto::Message> batches;
+    for (std::uint32_t number = 1; number <= count; ++number) {
+      CodedBatch coded = encoder.Encode(proto::CODEC_COMPACT, MapBatch(4 * static_cast<int>(number), 4), 1'000'000);
+      proto::Message& message = batches.emplace_back(Batch(session_id, number));
+      message.mutable_batch()->set_codec(coded.codec);
+      message.mutable_batch()->set_coded(coded.bytes);
+      message.mutable_batch()->set_record_count(static_cast<std::uint32_t>(coded.record_count));
+    }
+    return batches;
+  }
+
+  // A StoreRequest with all of them.
+  bool IsStored(const proto::Message& batch) {
+    const auto actions = receiver_.OnBatch(2, batch, now_);
+    if (!actions || actions->size() != 1 || !actions->front().message.has_store_request()) return false;
+    const int count = actions->front().message.store_request().records_size();
+    return count == static_cast<int>(batch.batch().record_count());
+  }
+
+  bool IsNewRunAskedFor(const proto::Message& batch) {
+    const auto actions = receiver_.OnBatch(2, batch, now_);
+    if (!actions || actions->size() != 1 || !actions->front().message.has_have()) return false;
+    const proto::Have& have = actions->front().message.have();
+    EXPECT_EQ(have.batch_number(), batch.batch().batch_number());
+    EXPECT_GT(have.unacked_bytes_max(), 0u);
+    return have.needs_new_run();
   }
 
   static ErrorCode RefusalOf(const SharingActions& actions) {
@@ -315,6 +347,53 @@ TEST_F(SharingReceiverTest, TellsItsSchemasToWhoHasOthers) {
   };
   EXPECT_TRUE(answer_to(2, HashSchemas(options.schemas)).schemas().empty());
   EXPECT_EQ(answer_to(3, 5).schemas_size(), options.schemas.size());
+}
+
+TEST_F(SharingReceiverTest, ReadsARunInItsOrderAndAsksForANewOneOtherwise) {
+  OpenSession(2, 10);
+  const std::vector<proto::Message> run = RunOf(10, 4);
+  EXPECT_TRUE(IsStored(run[0]));
+  EXPECT_TRUE(IsStored(run[1]));
+  EXPECT_TRUE(IsNewRunAskedFor(run[3]));
+  EXPECT_TRUE(IsStored(run[2])) << "it came late";
+  EXPECT_TRUE(IsStored(run[3]));
+  EXPECT_EQ(receiver_.counts().damaged_messages, 0);
+}
+
+TEST_F(SharingReceiverTest, LateCopiesLeaveARunWhereItIs) {
+  OpenSession(2, 10);
+  const std::vector<proto::Message> run = RunOf(10, 3);
+  EXPECT_TRUE(IsStored(run[0]));
+  EXPECT_TRUE(IsStored(run[1]));
+  EXPECT_TRUE(IsStored(run[0])) << "it can be read by itself";
+  const auto late = receiver_.OnBatch(2, run[1], now_);
+  ASSERT_TRUE(late);
+  EXPECT_TRUE(late->empty());
+  EXPECT_TRUE(IsStored(run[2]));
+}
+
+TEST_F(SharingReceiverTest, ADamagedBatchEndsItsRun) {
+  OpenSession(2, 10);
+  std::vector<proto::Message> run = RunOf(10, 3);
+  EXPECT_TRUE(IsStored(run[0]));
+  std::string& coded = *run[1].mutable_batch()->mutable_coded();
+  coded[coded.size() / 2] = static_cast<char>(coded[coded.size() / 2] ^ 1);
+  EXPECT_FALSE(receiver_.OnBatch(2, run[1], now_));
+  EXPECT_EQ(receiver_.counts().damaged_messages, 1);
+  EXPECT_TRUE(IsNewRunAskedFor(run[2]));
+}
+
+TEST_F(SharingReceiverTest, ForgetsARunWithTheSessionAndWithTheEndOfItsOrder) {
+  OpenSession(2, 10);
+  std::vector<proto::Message> run = RunOf(10, 4);
+  EXPECT_TRUE(IsStored(run[0]));
+  OpenSession(2, 11);
+  run[1].mutable_batch()->set_session_id(11);
+  EXPECT_TRUE(IsNewRunAskedFor(run[1]));
+  run[0].mutable_batch()->set_session_id(11);
+  run[0].set_remaining(0);
+  EXPECT_TRUE(IsStored(run[0]));
+  EXPECT_TRUE(IsNewRunAskedFor(run[1]));
 }
 
 }  // namespace

@@ -78,9 +78,15 @@ class SharingSessionTest : public testing::Test {
       coded = *whole;
     }
     proto::StoreRequest request;
-    *request.mutable_records() = DecodeBatch(batch.codec(), coded, batch.record_count())->records();
-    *request.mutable_dropped() = batch.dropped();
     proto::Have have = AcknowledgmentOf(batch);
+    const auto records = DecodeBatch(batch.codec(), coded, batch.record_count(), run_);
+    if (!records) {
+      EXPECT_EQ(records.error().code, ErrorCode::kNotFound) << ToString(records.error());
+      have.set_needs_new_run(true);
+      return have;
+    }
+    *request.mutable_records() = records->records();
+    *request.mutable_dropped() = batch.dropped();
     *have.mutable_have() = destination_.Store(request).had();
     return have;
   }
@@ -95,6 +101,19 @@ class SharingSessionTest : public testing::Test {
   }
 
   void Acknowledge(const proto::Message& batch) { Take(session_.OnHave(Store(batch), now_)); }
+
+  void InsertMaps(int count, int first = 0) {
+    const proto::RecordBatch maps = MapBatch(first, count);
+    for (const proto::StoredRecord& map : maps.records()) {
+      source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, map.content());
+    }
+    codecs_ = {proto::CODEC_COMPACT};
+  }
+
+  static bool IsReadByItself(const proto::Message& message) {
+    const proto::Batch& batch = message.batch();
+    return DecodeBatch(batch.codec(), batch.coded(), batch.record_count()).has_value();
+  }
 
   // Stores and acknowledges until nothing is sent any more; all batches.
   std::vector<proto::Message> RunToEnd() {
@@ -154,7 +173,8 @@ class SharingSessionTest : public testing::Test {
   std::vector<proto::Codec> codecs_;  // That the destination reads, as it says.
   MemoryStore source_;
   MemoryStore destination_;
-  PieceCollector pieces_{1'000'000};  // The destination's.
+  PieceCollector pieces_{1'000'000};  // The destination's, as is the next.
+  BatchDecoder run_;
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
   proto::RecordFilter asked_for_;  // The last filter that storage was given.
@@ -1014,11 +1034,7 @@ TEST_F(SharingSessionTest, ALimitHoldsForRecordsInPiecesToo) {
 }
 
 TEST_F(SharingSessionTest, CodesCompactlyForADestinationThatReadsIt) {
-  const proto::RecordBatch maps = MapBatch(0, 60);
-  for (const proto::StoredRecord& map : maps.records()) {
-    source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, map.content());
-  }
-  codecs_ = {proto::CODEC_COMPACT};
+  InsertMaps(60);
   Order();
   AnswerHello();
   std::size_t batches = 0;
@@ -1030,6 +1046,125 @@ TEST_F(SharingSessionTest, CodesCompactlyForADestinationThatReadsIt) {
   EXPECT_LE(batches, 12u);
   EXPECT_EQ(destination_.records().size(), 60u);
   EXPECT_EQ(Status().codec(), proto::CODEC_COMPACT);
+}
+
+TEST_F(SharingSessionTest, ItsBatchesOfMapsLeanOnThoseBefore) {
+  InsertMaps(60);
+  Order();
+  AnswerHello();
+  const std::vector<proto::Message> batches = RunToEnd();
+  ASSERT_GE(batches.size(), 3u);
+  EXPECT_TRUE(IsReadByItself(batches.front()));
+  for (std::size_t i = 1; i < batches.size(); ++i) EXPECT_FALSE(IsReadByItself(batches[i])) << i;
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().resends(), 0);
+}
+
+TEST_F(SharingSessionTest, ARunBeginsAnewWithEachHello) {
+  InsertMaps(60);
+  Order();
+  AnswerHello();
+  Acknowledge(sent_.front());
+  sent_.clear();
+  Take(session_.OnConnected(now_));
+  run_ = BatchDecoder();
+  AnswerHello();
+  EXPECT_TRUE(IsReadByItself(sent_.front()));
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, ARunBeginsAnewBehindTheEndOfAnOrder) {
+  InsertMaps(20);
+  Order();
+  AnswerHello();
+  while (sent_.back().remaining() > 0) {
+    for (const proto::Message& message : TakeSent()) Acknowledge(message);
+  }
+  const std::vector<proto::Message> last = TakeSent();
+  InsertMaps(4, 20);
+  Order();
+  for (const proto::Message& message : last) Acknowledge(message);
+  ASSERT_FALSE(sent_.empty());
+  EXPECT_TRUE(IsReadByItself(sent_.front()));
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, SendsALostBatchOfARunAgainWithoutWaiting) {
+  for (std::size_t lost = 0; lost < 4; ++lost) {
+    SCOPED_TRACE(lost);
+    source_ = MemoryStore();
+    destination_ = MemoryStore();
+    run_ = BatchDecoder();
+    session_ = SharingSession(Options(), proto::SHARING_KIND_SYNC, kDestination, 1000);
+    InsertMaps(60);
+    Order();
+    AnswerHello();
+    std::size_t number = 0;
+    while (!sent_.empty()) {
+      for (const proto::Message& message : TakeSent()) {
+        if (number++ != lost) Acknowledge(message);
+      }
+    }
+    EXPECT_EQ(destination_.have(), source_.have());
+    EXPECT_FALSE(session_.is_open());
+    EXPECT_GE(Status().resends(), 1);
+    EXPECT_LE(Status().resends(), 8 * 1024 / 1500) << "what was under way";
+  }
+}
+
+TEST_F(SharingSessionTest, ADamagedBatchEndsItsRun) {
+  InsertMaps(60);
+  Order();
+  AnswerHello();
+  const std::vector<proto::Message> sent = TakeSent();
+  ASSERT_GE(sent.size(), 2u);
+  std::string damaged = sent[0].batch().coded();
+  damaged[damaged.size() / 2] = static_cast<char>(damaged[damaged.size() / 2] ^ 1);
+  EXPECT_FALSE(DecodeBatch(sent[0].batch().codec(), damaged, sent[0].batch().record_count(), run_));
+  for (std::size_t i = 1; i < sent.size(); ++i) Acknowledge(sent[i]);
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(SharingSessionTest, ADestinationThatNeverReadsARunIsTriedLessAndLessOften) {
+  InsertMaps(60);
+  Order();
+  AnswerHello();
+  const auto answer_all = [this] {
+    std::size_t count = 0;
+    for (std::vector<proto::Message> sent = TakeSent(); !sent.empty(); sent = TakeSent()) {
+      for (const proto::Message& message : sent) {
+        if (!message.has_batch()) continue;
+        proto::Have have = AcknowledgmentOf(message.batch());
+        have.set_needs_new_run(true);
+        Take(session_.OnHave(have, now_));
+        ++count;
+      }
+    }
+    return count;
+  };
+  constexpr std::size_t kUnderWayMax = 6;
+  EXPECT_LE(answer_all(), 2 * kUnderWayMax);
+  Advance(seconds(6));
+  AnswerHello();
+  EXPECT_LE(answer_all(), kUnderWayMax);
+}
+
+TEST_F(SharingSessionTest, MapsThatTravelInPiecesArePartsOfTheRun) {
+  std::mt19937_64 rng(3);
+  const auto any_cell = [&rng](int, int, int) { return static_cast<Cell>(rng() % 3); };
+  const proto::StoredRecord large = MapOf(DrawLayers(1, 300, 300, any_cell), 0);
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, large.content());
+  InsertMaps(20);
+  Order();
+  AnswerHello();
+  bool has_pieces = false;
+  for (const proto::Message& message : RunToEnd()) has_pieces |= message.batch().has_piece();
+  EXPECT_TRUE(has_pieces);
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().resends(), 0);
 }
 
 TEST_F(SharingSessionTest, CodesWithZstdForAnOlderDestination) {
