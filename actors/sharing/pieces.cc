@@ -18,7 +18,6 @@ std::uint64_t HashOf(const std::string& bytes) {
 PieceCutter::PieceCutter(CodedBatch whole, std::uint32_t record_count, const PartOfWhole& had)
     : whole_(std::move(whole)), record_count_(record_count), hash_(HashOf(whole_.bytes)) {
   if (had.hash == hash_ && had.bytes < whole_.bytes.size()) next_ = had.bytes;
-  is_resumed_ = next_ > 0;
 }
 
 proto::Batch PieceCutter::Next(std::size_t bytes_max) {

@@ -34,15 +34,12 @@ class PieceCutter {
   // codec, coded, record_count and piece of the next batch, at most `bytes_max` (not 0) of the whole.
   proto::Batch Next(std::size_t bytes_max);
   bool is_done() const { return next_ == whole_.bytes.size(); }
-  // The first pieces travelled in an earlier session.
-  bool is_resumed() const { return is_resumed_; }
 
  private:
   CodedBatch whole_;
   std::uint32_t record_count_;
   std::uint64_t hash_;
   std::size_t next_ = 0;
-  bool is_resumed_ = false;
 };
 
 class PieceCollector {

@@ -531,7 +531,6 @@ SharingSession::CodedRecords SharingSession::NextPiece() {
   piece.run = run_;
   missing_count_ = large_->remaining;
   is_end_told_ = missing_count_ == 0;
-  if (large_->cutter.is_resumed()) BeginRun();
   large_.reset();
   Address(piece, missing_count_);
   return piece;
@@ -599,11 +598,9 @@ void SharingSession::GiveUpBatchesBefore(std::uint32_t batch_number) {
 }
 
 void SharingSession::GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batch) {
-  const CodedRecords given_up = std::move(batch->second);
-  under_way_.erase(batch);
   ++resends_;
-  unacked_bytes_ -= given_up.bytes;
-  if (given_up.run_part != RunPart::kNone && given_up.run == run_) BreakRun();
+  unacked_bytes_ -= batch->second.bytes;
+  under_way_.erase(batch);
   AskAnew();
 }
 
@@ -617,15 +614,6 @@ void SharingSession::OnRunBroken(std::uint32_t batch_number) {
     const auto batch = it++;
     if (batch->second.run_part != RunPart::kNone && batch->second.run == run) GiveUp(batch);
   }
-}
-
-void SharingSession::BreakRun() {
-  const RunPart next_part = large_ ? large_->run_part : ready_ ? ready_->run_part : RunPart::kNone;
-  if (next_part == RunPart::kLater) {
-    ready_.reset();
-    large_.reset();
-  }
-  BeginRun();
 }
 
 void SharingSession::BeginRun() {

@@ -152,8 +152,6 @@ class SharingSession {
   // The destination lacks what this batch leans on.
   void OnRunBroken(std::uint32_t batch_number);
   void GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batch);
-  // One of its batches was given up: what was coded behind that has to be coded anew.
-  void BreakRun();
   void BeginRun();
   void AskAnew();
   void ForgetUnderWay();

@@ -60,11 +60,12 @@ Result<SessionWatch::Handed> SessionWatch::Open(const proto::Message& message) {
     if (!key) return tl::unexpected(key.error());
     if (is_last) handed.keys.push_back(*key);
     const auto whole = pieces_.Take(kSender, batch);
-    // What began in an earlier session is of no run.
+    if (!whole) is_all_heard_ = false;  // Its first pieces travelled in an earlier session.
     if (whole && *whole) (void)DecodeBatch(batch.codec(), **whole, batch.record_count(), run_);
     return handed;
   }
   const Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count(), run_);
+  if (!records && records.error().code == ErrorCode::kNotFound && !is_all_heard_) return handed;
   if (!records) return tl::unexpected(records.error());
   for (const proto::StoredRecord& record : records->records()) handed.keys.push_back(FromProto(record.key()));
   return handed;

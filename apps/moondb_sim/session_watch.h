@@ -42,6 +42,7 @@ class SessionWatch {
   // All that was sent is decoded, in its order.
   BatchDecoder run_;
   PieceCollector pieces_{kCodedBytesMax};
+  bool is_all_heard_ = true;
 };
 
 }  // namespace moondb::simulation
