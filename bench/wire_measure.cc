@@ -57,13 +57,14 @@ std::size_t AcknowledgmentBytes(const RecordKey& last) {
 }
 
 // A message's and its acknowledgment's bytes.
-std::size_t BatchBytes(const std::string& coded, const proto::RecordBatch& batch) {
+std::size_t BatchBytes(const CodedRows& coded, const proto::RecordBatch& batch) {
   proto::Message message = Envelope(FromProto(batch.records(0).key()));
   proto::Batch& body = *message.mutable_batch();
   body.set_session_id(0xFEDCBA9876543210u);
   body.set_batch_number(1000);
   body.set_codec(proto::CODEC_COMPACT);
-  body.set_coded(coded);
+  body.set_coded(coded.bytes);
+  if (coded.run_part != RunPart::kNone) body.set_run(1);
   body.set_record_count(static_cast<std::uint32_t>(batch.records_size()));
   return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
 }
@@ -107,7 +108,7 @@ class Sender {
     for (std::size_t i = 0; i < coded.record_count; ++i) *batch.add_records() = stream.records[next + i];
     next += coded.record_count;
     CheckDecodes(coded.bytes, batch);
-    return BatchBytes(coded.bytes, batch);
+    return BatchBytes(coded, batch);
   }
 
   // No more than a session asks its storage for.

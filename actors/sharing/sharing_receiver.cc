@@ -54,7 +54,10 @@ proto::Message AcknowledgmentOf(const proto::Message& message, const proto::Reco
 }  // namespace
 
 SharingReceiver::SharingReceiver(Options options, std::uint64_t first_request_id)
-    : options_(std::move(options)), next_request_id_(first_request_id), schema_hash_(HashSchemas(options_.schemas)) {}
+    : options_(std::move(options)),
+      next_request_id_(first_request_id),
+      runs_(options_.runs_max),
+      schema_hash_(HashSchemas(options_.schemas)) {}
 
 SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hello, Time now) {
   if (Result<void> checked = CheckHello(hello); !checked) return RefuseHello(sender, hello, checked.error());
@@ -119,13 +122,14 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     whole = **std::move(taken);
   }
   const bool is_late = batch.batch_number() <= incoming.last_decoded_batch;
-  Result<proto::RecordBatch> records = Decode(message, whole, incoming);
+  Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
   if (!records && records.error().code == ErrorCode::kNotFound) {
     if (is_late) return SharingActions();
     SharingActions answer = AnswerWithoutRecords(sender, message, incoming);
     answer.front().message.mutable_have()->set_needs_new_run(true);
     return answer;
   }
+  if (records) incoming.last_decoded_batch = std::max(incoming.last_decoded_batch, batch.batch_number());
   const Result<void> dropped = CheckDropped(batch);
   if (!records || !dropped) {
     ++counts_.damaged_messages;
@@ -167,6 +171,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     }
     have.set_is_whole(true);
     have.add_codecs(proto::CODEC_COMPACT);
+    have.set_keeps_runs(true);
     if (options_.paper_sql.record_of) have.add_codecs(proto::CODEC_PAPER_SQL);
     const PartOfWhole part = pieces_.PartFrom(sender);
     have.set_part_hash(part.hash);
@@ -215,21 +220,16 @@ SharingActions SharingReceiver::RefuseHello(AgentId sender, const proto::Hello& 
   return Refuse(sender, hello.session_id(), std::move(error));
 }
 
-Result<proto::RecordBatch> SharingReceiver::Decode(const proto::Message& message,
-                                                   const std::optional<std::string>& whole, Incoming& incoming) const {
+Result<proto::RecordBatch> SharingReceiver::Decode(AgentId sender, const proto::Message& message,
+                                                   const std::optional<std::string>& whole, bool is_late) {
   const proto::Batch& batch = message.batch();
   if (batch.codec() == proto::CODEC_PAPER_SQL) {
     if (batch.record_count() != 1) return Fail(ErrorCode::kCorrupt, "is not 1", "record_count");
     return DecodePaperSql(options_.paper_sql, whole ? *whole : message.sql(), message.record_id());
   }
   const std::string& coded = whole ? *whole : batch.coded();
-  // A late copy would put the run back to where it was.
-  if (batch.batch_number() <= incoming.last_decoded_batch)
-    return DecodeBatch(batch.codec(), coded, batch.record_count());
-  Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), coded, batch.record_count(), incoming.run);
-  if (records) incoming.last_decoded_batch = batch.batch_number();
-  if (message.remaining() == 0) incoming.run = BatchDecoder();
-  return records;
+  // A late copy would put its run back to where it was.
+  return is_late ? DecodeBatch(batch.codec(), coded, batch.record_count()) : runs_.Decode(sender, batch, coded);
 }
 
 // All of them come in over one radio: together they may fill it no further than one of them would.

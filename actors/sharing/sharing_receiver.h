@@ -7,9 +7,8 @@
 // Keeps nothing that matters: what was stored shows in the have-set. A sender has one session; its newer Hello
 // replaces it. Everything is bounded: sessions, StoreRequests that wait per sender, coded and decoded bytes. A batch
 // of an unknown session is refused with kNotFound, so that its sender starts over at once; a damaged one is counted
-// and dropped; for one that leans on others that are not here its sender is asked for a new run (coding/batch_codec.h),
-// of which at most 10 MB are kept for each. Records are taken from any agent of the team, whatever its role or term:
-// they are immutable and named.
+// and dropped; for one that leans on others that are not here its sender is asked for a new run (run_decoders.h).
+// Records are taken from any agent of the team, whatever its role or term: they are immutable and named.
 //
 // A plain state machine like SharingSession; whether the sender belongs to the team is the caller's to check.
 #pragma once
@@ -23,6 +22,7 @@
 
 #include "actors/sharing/codec.h"
 #include "actors/sharing/pieces.h"
+#include "actors/sharing/run_decoders.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/error.h"
 #include "model/type_schema.h"
@@ -48,6 +48,7 @@ class SharingReceiver {
     PaperSql paper_sql;               // For CODEC_PAPER_SQL.
     std::size_t sessions_max = 16;    // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
+    std::size_t runs_max = 8;  // Kept: 80 MB at most, some 3 MB each of maps of 4 x 100 x 100 cells.
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
   };
 
@@ -91,7 +92,6 @@ class SharingReceiver {
     bool is_other_schema = false;
     bool is_at_end = false;  // It said that nothing remains.
     std::uint32_t last_piece_batch = 0;
-    BatchDecoder run;
     std::uint32_t last_decoded_batch = 0;
     double bytes_per_second = 0;  // As granted last; 0: no limit.
   };
@@ -100,8 +100,8 @@ class SharingReceiver {
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
   // `whole`: of pieces, all their bytes.
-  Result<proto::RecordBatch> Decode(const proto::Message& message, const std::optional<std::string>& whole,
-                                    Incoming& incoming) const;
+  Result<proto::RecordBatch> Decode(AgentId sender, const proto::Message& message,
+                                    const std::optional<std::string>& whole, bool is_late);
   SharingActions AnswerWithoutRecords(AgentId sender, const proto::Message& message, Incoming& incoming) const;
   void Grant(Incoming& incoming, proto::Have& have) const;
   bool IsMoving(const Incoming& incoming, Time now) const;
@@ -110,9 +110,10 @@ class SharingReceiver {
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
   PieceCollector pieces_{kCodedBytesMax};
+  RunDecoders runs_;
   Time now_{};  // Of what was heard last.
   std::size_t moving_elsewhere_ = 0;
-  const std::uint64_t schema_hash_;
+  std::uint64_t schema_hash_;
   std::set<AgentId> other_configs_;
   Counts counts_;
 };

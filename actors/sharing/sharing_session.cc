@@ -82,6 +82,7 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       request_id_(first_id),
       pacer_(options_.unacked_bytes_max),
       encoder_(options_.paper_sql),
+      run_(std::max<std::uint32_t>(static_cast<std::uint32_t>(first_id), 1)),
       backoff_(options_.resend_after) {}
 
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max) {
@@ -161,6 +162,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
     have_ = *std::move(heard);
     part_ = {have.part_hash(), have.part_bytes()};
     other_schema_types_ = TypesNotFor(options_.schemas, have.schemas());
+    are_runs_kept_ = have.keeps_runs();
     is_codec_read_ = std::find(have.codecs().begin(), have.codecs().end(), options_.codec) != have.codecs().end();
     phase_ = Phase::kSending;
     last_progress_ = now;
@@ -450,7 +452,6 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   sent_records_ += static_cast<double>(batch.keys.size());
   coded_bytes_ += static_cast<double>(batch.bytes);
   codec_sent_ = message.batch().codec();
-  if (message.remaining() == 0) BeginRun();  // The destination forgets the run with the end of the order.
   actions.push_back({destination_, std::move(message)});
   TellStorage(batch.keys, /*is_closed=*/false, actions);
   under_way_.emplace(number, std::move(batch));
@@ -479,7 +480,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   const std::size_t bytes_max = BatchBytesMax();
   proto::RecordBatch records;
   *records.mutable_records() = reply.records();
-  if (is_each_by_itself_) BeginRun();
+  if (is_each_by_itself_ || !are_runs_kept_) BeginRun();
   CodedBatch coded = encoder_.Encode(CodecNow(), records, bytes_max);
   const int count = coded.record_count;
   CodedRecords result;
@@ -504,6 +505,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   proto::Batch& batch = *result.message.mutable_batch();
   const std::size_t coded_bytes = coded.bytes.size();
   batch.set_codec(coded.codec);
+  if (coded.run_part != RunPart::kNone) batch.set_run(run_);
   if (coded.codec == proto::CODEC_PAPER_SQL) {
     result.message.set_sql(std::move(coded.bytes));
   } else {
@@ -522,6 +524,7 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
 SharingSession::CodedRecords SharingSession::NextPiece() {
   CodedRecords piece;
   *piece.message.mutable_batch() = large_->cutter.Next(BatchBytesMax() - kPieceHeadBytes);
+  if (large_->run_part != RunPart::kNone) piece.message.mutable_batch()->set_run(run_);
   if (!large_->cutter.is_done()) {
     Address(piece, large_->remaining + 1);
     return piece;
@@ -608,7 +611,7 @@ void SharingSession::GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batc
 void SharingSession::OnRunBroken(std::uint32_t batch_number) {
   const auto broken = under_way_.find(batch_number);
   if (broken == under_way_.end() || broken->second.run_part != RunPart::kLater) return;
-  const std::uint64_t run = broken->second.run;
+  const std::uint32_t run = broken->second.run;
   if (run == run_) is_each_by_itself_ = true;
   for (auto it = under_way_.begin(); it != under_way_.end() && it->first <= batch_number;) {
     const auto batch = it++;
@@ -618,7 +621,11 @@ void SharingSession::OnRunBroken(std::uint32_t batch_number) {
 
 void SharingSession::BeginRun() {
   encoder_.BeginRun();
-  ++run_;
+  if (++run_ == 0) ++run_;
+}
+
+bool SharingSession::IsOfRun(const CodedRecords& batch) const {
+  return batch.run_part != RunPart::kNone && batch.run == run_;
 }
 
 // What storage said is missing is no longer all.
@@ -632,16 +639,19 @@ void SharingSession::AskAnew() {
     ready_->message.set_remaining(1);  // The last piece of a record: it is not the end any more.
     return;
   }
-  if (ready_->run_part != RunPart::kNone) BeginRun();
+  if (IsOfRun(*ready_)) BeginRun();
   ready_.reset();
 }
 
 void SharingSession::ForgetUnderWay() {
   AskAnew();
+  const auto is_of_run = [this](const auto& batch) { return IsOfRun(batch.second); };
+  const bool is_large_of_run = large_ && large_->run_part != RunPart::kNone;
+  const bool is_ready_of_run = ready_ && IsOfRun(*ready_);
+  if (is_large_of_run || is_ready_of_run || std::any_of(under_way_.begin(), under_way_.end(), is_of_run)) BeginRun();
   ready_.reset();
   large_.reset();
   under_way_.clear();
-  BeginRun();
   unacked_bytes_ = 0;
   paced_until_.reset();
   next_batch_number_ = 1;

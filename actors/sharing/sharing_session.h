@@ -21,8 +21,8 @@
 // and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up.
 // Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
 //
-// Batches of maps make up runs (codec.h). A run ends with whatever may leave the destination without one of its
-// batches: a batch that is given up, a restart, the end of an order, or the destination's word that it cannot read one.
+// Batches of maps make up runs (codec.h), which go on from order to order. A new one begins where the destination may
+// lack a batch of the present one: it was under way when the session started over, or the destination says so.
 //
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
@@ -115,7 +115,7 @@ class SharingSession {
     std::vector<proto::StreamHave> dropped;
     std::size_t bytes = 0;
     RunPart run_part = RunPart::kNone;
-    std::uint64_t run = 0;  // Whose part it is.
+    std::uint32_t run = 0;  // Whose part it is.
   };
 
   void LookAgain(Time now, SharingActions& actions);
@@ -149,6 +149,7 @@ class SharingSession {
   HaveSet ExpectedHave() const;
   void Acknowledge(std::uint32_t batch_number);
   void GiveUpBatchesBefore(std::uint32_t batch_number);
+  bool IsOfRun(const CodedRecords& batch) const;  // Of the present one.
   // The destination lacks what this batch leans on.
   void OnRunBroken(std::uint32_t batch_number);
   void GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batch);
@@ -204,8 +205,9 @@ class SharingSession {
   std::vector<proto::TypeBacklog> missing_types_;  // The same by data type.
   bool is_codec_read_ = false;                     // By the destination, that of the options.
   SharingEncoder encoder_;
-  std::uint64_t run_ = 0;           // Of the next batch of maps.
-  bool is_each_by_itself_ = false;  // Batches of maps: a run was broken, and nothing was acknowledged since.
+  std::uint32_t run_;               // The present run's number, not 0; random at first.
+  bool are_runs_kept_ = false;      // By the destination.
+  bool is_each_by_itself_ = false;  // Each batch begins a run: one was broken, and nothing was acknowledged since.
   double coded_ratio_ = 0.5;        // Coded bytes per content byte, smoothed.
   proto::Codec codec_sent_ = proto::CODEC_UNSPECIFIED;
   Duration backoff_{};

@@ -8,8 +8,9 @@ namespace moondb::simulation {
 constexpr AgentId kSender = 1;
 
 void SessionWatch::OnHello(const proto::Hello& hello) {
-  *this = SessionWatch(limits_);
   session_id_ = hello.session_id();
+  have_ = HaveSet();
+  under_way_.clear();
 }
 
 std::vector<std::pair<std::string, std::string>> SessionWatch::OnBatch(const proto::Message& message) {
@@ -60,12 +61,12 @@ Result<SessionWatch::Handed> SessionWatch::Open(const proto::Message& message) {
     if (!key) return tl::unexpected(key.error());
     if (is_last) handed.keys.push_back(*key);
     const auto whole = pieces_.Take(kSender, batch);
-    if (!whole) is_all_heard_ = false;  // Its first pieces travelled in an earlier session.
-    if (whole && *whole) (void)DecodeBatch(batch.codec(), **whole, batch.record_count(), run_);
+    if (whole && *whole) (void)runs_.Decode(kSender, batch, **whole);
+    if (!whole) unheard_run_ = batch.run();
     return handed;
   }
-  const Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), batch.coded(), batch.record_count(), run_);
-  if (!records && records.error().code == ErrorCode::kNotFound && !is_all_heard_) return handed;
+  const Result<proto::RecordBatch> records = runs_.Decode(kSender, batch, batch.coded());
+  if (!records && batch.run() != 0 && batch.run() == unheard_run_) return handed;
   if (!records) return tl::unexpected(records.error());
   for (const proto::StoredRecord& record : records->records()) handed.keys.push_back(FromProto(record.key()));
   return handed;

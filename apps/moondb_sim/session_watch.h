@@ -10,6 +10,7 @@
 
 #include "actors/sharing/codec.h"
 #include "actors/sharing/pieces.h"
+#include "actors/sharing/run_decoders.h"
 #include "actors/sharing/sharing_session.h"
 #include "model/have_set.h"
 #include "proto/message.pb.h"
@@ -40,9 +41,9 @@ class SessionWatch {
   HaveSet have_;  // Of the receiver, as the sender heard it.
   std::map<std::uint32_t, Handed> under_way_;
   // All that was sent is decoded, in its order.
-  BatchDecoder run_;
   PieceCollector pieces_{kCodedBytesMax};
-  bool is_all_heard_ = true;
+  RunDecoders runs_{1};
+  std::uint32_t unheard_run_ = 0;  // It began in pieces, some of which were not sent to here.
 };
 
 }  // namespace moondb::simulation

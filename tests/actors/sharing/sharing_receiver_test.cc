@@ -55,14 +55,15 @@ class SharingReceiverTest : public testing::Test {
       proto::Message& message = batches.emplace_back(Batch(session_id, number));
       message.mutable_batch()->set_codec(coded.codec);
       message.mutable_batch()->set_coded(coded.bytes);
+      message.mutable_batch()->set_run(7);
       message.mutable_batch()->set_record_count(static_cast<std::uint32_t>(coded.record_count));
     }
     return batches;
   }
 
   // A StoreRequest with all of them.
-  bool IsStored(const proto::Message& batch) {
-    const auto actions = receiver_.OnBatch(2, batch, now_);
+  bool IsStored(const proto::Message& batch, AgentId sender = 2) {
+    const auto actions = receiver_.OnBatch(sender, batch, now_);
     if (!actions || actions->size() != 1 || !actions->front().message.has_store_request()) return false;
     const int count = actions->front().message.store_request().records_size();
     return count == static_cast<int>(batch.batch().record_count());
@@ -383,17 +384,38 @@ TEST_F(SharingReceiverTest, ADamagedBatchEndsItsRun) {
   EXPECT_TRUE(IsNewRunAskedFor(run[2]));
 }
 
-TEST_F(SharingReceiverTest, ForgetsARunWithTheSessionAndWithTheEndOfItsOrder) {
+TEST_F(SharingReceiverTest, KeepsRunsFromSessionToSession) {
   OpenSession(2, 10);
-  std::vector<proto::Message> run = RunOf(10, 4);
+  std::vector<proto::Message> run = RunOf(10, 2);
+  run[0].set_remaining(0);
   EXPECT_TRUE(IsStored(run[0]));
   OpenSession(2, 11);
   run[1].mutable_batch()->set_session_id(11);
-  EXPECT_TRUE(IsNewRunAskedFor(run[1]));
-  run[0].mutable_batch()->set_session_id(11);
-  run[0].set_remaining(0);
+  EXPECT_TRUE(IsStored(run[1]));
+}
+
+TEST_F(SharingReceiverTest, TellsRunsApartByTheirNumbers) {
+  OpenSession(2, 10);
+  std::vector<proto::Message> run = RunOf(10, 2);
   EXPECT_TRUE(IsStored(run[0]));
-  EXPECT_TRUE(IsNewRunAskedFor(run[1]));
+  run[1].mutable_batch()->set_run(8);
+  EXPECT_TRUE(IsNewRunAskedFor(run[1])) << "run 8 has as many maps before it as are here of run 7";
+  run[1].mutable_batch()->set_run(7);
+  EXPECT_TRUE(IsStored(run[1]));
+}
+
+TEST_F(SharingReceiverTest, BoundsTheRunsThatItKeeps) {
+  SharingReceiver::Options options = Options();
+  options.runs_max = 2;
+  receiver_ = SharingReceiver(options, 500);
+  const std::vector<proto::Message> run = RunOf(10, 2);
+  for (const AgentId sender : {2u, 3u, 4u}) {
+    OpenSession(sender, 10);
+    EXPECT_TRUE(IsStored(run[0], sender));
+  }
+  EXPECT_TRUE(IsNewRunAskedFor(run[1])) << "agent 2 was silent for longest";
+  EXPECT_TRUE(IsStored(run[1], 3));
+  EXPECT_TRUE(IsStored(run[1], 4));
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "actors/sharing/run_decoders.h"
 #include "tests/actors/sharing/coding/records.h"
 #include "tests/actors/sharing/memory_store.h"
 
@@ -65,6 +66,7 @@ class SharingSessionTest : public testing::Test {
     have.set_part_hash(pieces_.PartFrom(kSelf).hash);
     have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
     for (const proto::Codec codec : codecs_) have.add_codecs(codec);
+    have.set_keeps_runs(are_runs_kept_);
     Take(session_.OnHave(have, now_));
   }
 
@@ -79,7 +81,7 @@ class SharingSessionTest : public testing::Test {
     }
     proto::StoreRequest request;
     proto::Have have = AcknowledgmentOf(batch);
-    const auto records = DecodeBatch(batch.codec(), coded, batch.record_count(), run_);
+    const auto records = runs_.Decode(kSelf, batch, coded);
     if (!records) {
       EXPECT_EQ(records.error().code, ErrorCode::kNotFound) << ToString(records.error());
       have.set_needs_new_run(true);
@@ -174,7 +176,8 @@ class SharingSessionTest : public testing::Test {
   MemoryStore source_;
   MemoryStore destination_;
   PieceCollector pieces_{1'000'000};  // The destination's, as is the next.
-  BatchDecoder run_;
+  RunDecoders runs_{1};
+  bool are_runs_kept_ = true;
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
   proto::RecordFilter asked_for_;  // The last filter that storage was given.
@@ -1060,34 +1063,53 @@ TEST_F(SharingSessionTest, ItsBatchesOfMapsLeanOnThoseBefore) {
   EXPECT_EQ(Status().resends(), 0);
 }
 
-TEST_F(SharingSessionTest, ARunBeginsAnewWithEachHello) {
+TEST_F(SharingSessionTest, ARunGoesOnInTheNextOrder) {
+  InsertMaps(20);
+  Order();
+  AnswerHello();
+  RunToEnd();
+  InsertMaps(4, 20);
+  Order();
+  AnswerHello();
+  for (const proto::Message& message : RunToEnd()) EXPECT_FALSE(IsReadByItself(message));
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().resends(), 0);
+}
+
+TEST_F(SharingSessionTest, ARunBeginsAnewWhereTheDestinationForgotIt) {
+  InsertMaps(20);
+  Order();
+  AnswerHello();
+  RunToEnd();
+  InsertMaps(4, 20);
+  Order();
+  runs_ = RunDecoders(1);
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().resends(), 1);
+}
+
+TEST_F(SharingSessionTest, ARunBeginsAnewWhereABatchOfItWasUnderWay) {
   InsertMaps(60);
   Order();
   AnswerHello();
   Acknowledge(sent_.front());
+  ASSERT_GT(sent_.size(), 1u);
   sent_.clear();
   Take(session_.OnConnected(now_));
-  run_ = BatchDecoder();
   AnswerHello();
   EXPECT_TRUE(IsReadByItself(sent_.front()));
   RunToEnd();
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
-TEST_F(SharingSessionTest, ARunBeginsAnewBehindTheEndOfAnOrder) {
-  InsertMaps(20);
+TEST_F(SharingSessionTest, CodesEachBatchByItselfForADestinationThatKeepsNoRuns) {
+  are_runs_kept_ = false;
+  InsertMaps(60);
   Order();
   AnswerHello();
-  while (sent_.back().remaining() > 0) {
-    for (const proto::Message& message : TakeSent()) Acknowledge(message);
-  }
-  const std::vector<proto::Message> last = TakeSent();
-  InsertMaps(4, 20);
-  Order();
-  for (const proto::Message& message : last) Acknowledge(message);
-  ASSERT_FALSE(sent_.empty());
-  EXPECT_TRUE(IsReadByItself(sent_.front()));
-  RunToEnd();
+  for (const proto::Message& message : RunToEnd()) EXPECT_TRUE(IsReadByItself(message));
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
@@ -1108,7 +1130,7 @@ TEST_F(SharingSessionTest, SendsALostBatchOfARunAgainWithoutWaiting) {
     SCOPED_TRACE(lost);
     source_ = MemoryStore();
     destination_ = MemoryStore();
-    run_ = BatchDecoder();
+    runs_ = RunDecoders(1);
     session_ = SharingSession(Options(), proto::SHARING_KIND_SYNC, kDestination, 1000);
     InsertMaps(60);
     Order();
@@ -1134,7 +1156,7 @@ TEST_F(SharingSessionTest, ADamagedBatchEndsItsRun) {
   ASSERT_GE(sent.size(), 2u);
   std::string damaged = sent[0].batch().coded();
   damaged[damaged.size() / 2] = static_cast<char>(damaged[damaged.size() / 2] ^ 1);
-  EXPECT_FALSE(DecodeBatch(sent[0].batch().codec(), damaged, sent[0].batch().record_count(), run_));
+  EXPECT_FALSE(runs_.Decode(kSelf, sent[0].batch(), damaged));
   for (std::size_t i = 1; i < sent.size(); ++i) Acknowledge(sent[i]);
   RunToEnd();
   EXPECT_EQ(destination_.have(), source_.have());
