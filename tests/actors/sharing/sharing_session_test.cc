@@ -1093,9 +1093,9 @@ TEST_F(SharingSessionTest, ARunBeginsAnewWhereTheDestinationForgotIt) {
 TEST_F(SharingSessionTest, ARunBeginsAnewWhereABatchOfItWasUnderWay) {
   InsertMaps(60);
   Order();
-  AnswerHello();
+  AnswerHello(2048);
   Acknowledge(sent_.front());
-  ASSERT_GT(sent_.size(), 1u);
+  ASSERT_GT(sent_.back().remaining(), 0u);
   sent_.clear();
   Take(session_.OnConnected(now_));
   AnswerHello();
