@@ -20,6 +20,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -135,6 +136,7 @@ def main():
     parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     in_own_network()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # The team is stopped then, too.
     measured = measure(arguments.programs, arguments.mission, arguments.codec)
     print(json.dumps(measured, indent=1) if arguments.json else table_of(measured))
 
