@@ -1,19 +1,33 @@
 #!/usr/bin/env python3
-"""Counts what crosses the sockets when a real team shares a recorded mission: moondb_agent processes under CURVE, over
-TCP on a loopback device that nobody else uses (a network namespace of its own; needs root).
+"""Counts what crosses the sockets when a real team shares a whole mission, as wire_bench counts it: moondb_agent processes
+under CURVE, over TCP on a loopback device that nobody else uses (a network namespace of its own; needs root).
 
-Each rover's records go to the leader, and all to the designated survivor. Printed are the coded bytes that the sessions
-count, what the device counted (payload, ZeroMQ, CURVE, acknowledgments, TCP, IP and 14 bytes of Ethernet a packet, both
-ways), and the second over the first.
+Each rover's agent is given its records. Two more agents have none: the leader, to which all is synced, and the
+designated survivor, to which the leader replicates all. So every record crosses twice, and each of the two is what one
+destination costs that lacks everything: that is to be set against the same records as the paper's statements.
 
-Usage: socket_bytes.py PROGRAMS MISSION [CODEC]    PROGRAMS is the folder of moonctl; CODEC compact, the default, or zstd.
+Usage: socket_bytes.py PROGRAMS MISSION [CODEC] [--json]
+    PROGRAMS  folder of moonctl, moondb_agent and wire_feed
+    MISSION   rolling, single_view, or the folder of a recorded mission
+    CODEC     compact, the default; zstd, plain; or paper_sql, whose statements are then sent in earnest
+
+Of each crossing: records acknowledged and coded bytes as the sessions count them; bytes and packets on the device
+(payload, ZeroMQ, CURVE, acknowledgments, TCP, IP and 14 bytes of Ethernet a packet, both ways); paper_sql, which
+wire_bench computes; and how many times smaller than that the device's bytes are.
 """
+import argparse
 import json
 import os
 import pathlib
+import re
+import signal
 import subprocess
 import sys
 import tempfile
+
+AGENT_COUNT = 7  # Four for records, the leader, the survivor, and the base station, which is sent nothing.
+LEADER, SURVIVOR = "rover5", "rover6"
+PATIENCE = "3h"
 
 
 def in_own_network():
@@ -32,44 +46,99 @@ def loopback():
     raise SystemExit("no loopback device")
 
 
-def main():
-    if len(sys.argv) not in (3, 4):
-        raise SystemExit(__doc__.strip())
-    in_own_network()
-    programs, mission = (pathlib.Path(path).resolve() for path in sys.argv[1:3])
-    codec = sys.argv[3] if len(sys.argv) == 4 else "compact"
+def team_text(text, codec):
+    """All states are shared, not the latest alone, and nothing that agents write by themselves."""
+    head, share, ground = re.fullmatch(r"(.*\nshare:\n)(.*)(\nground:\n.*)", text, re.DOTALL).groups()
+    share = re.sub(r"(temperature|power): latest", r"\1: all", share)
+    share = share.replace("agent_event: all", "agent_event: none")
+    text = head + share + re.sub(r"(?m)^(  \w+): (all|latest)$", r"\1: none", ground)
+    for old, new in ((r"leader: \w+", f"leader: {LEADER}"), (r"survivor: \w+", f"survivor: {SURVIVOR}"),
+                     ("codec: compact", f"codec: {codec}"), ("solve_by_itself: true", "solve_by_itself: false")):
+        text, count = re.subn(old, new, text)
+        assert count == 1, f"the team file has no {old}"
+    return text
+
+
+class Team:
+    def __init__(self, programs, folder, codec):
+        self.programs = programs
+        self.file = pathlib.Path(folder) / "team.yaml"
+        self.environment = dict(os.environ, MOONDB_RUN_DIR=f"{folder}/run", MOONDB_TEAM=str(self.file))
+        self.data = pathlib.Path(folder) / "data"
+        self.run("moonctl", "config", "init", "--agents", AGENT_COUNT, self.file)
+        self.file.write_text(team_text(self.file.read_text(), codec))
+
+    def run(self, program, *arguments):
+        done = subprocess.run([self.programs / program, *map(str, arguments)], env=self.environment,
+                              stdout=subprocess.PIPE, text=True)
+        if done.returncode != 0:
+            raise SystemExit(f"{program} {' '.join(map(str, arguments))} failed")
+        return done.stdout
+
+    def sessions(self, kind):
+        """Records acknowledged and bytes coded, by sender and destination."""
+        return {(agent["name"], session["to"]): (int(session["session"]["acknowledged_records"]),
+                                                  int(session["session"]["coded_bytes"]))
+                for agent in json.loads(self.run("moonctl", kind, "status", "--json"))["agents"]
+                for session in agent["sessions"]}
+
+    def cross(self, kind):
+        """Shares all there is, once."""
+        sessions_before, device_before = self.sessions(kind), loopback()
+        self.run("moonctl", "--timeout", PATIENCE, kind, "now", "--wait")
+        device_after = loopback()
+        directions = []
+        for pair, (records, coded) in sorted(self.sessions(kind).items()):
+            records_before, coded_before = sessions_before.get(pair, (0, 0))
+            if records > records_before:
+                directions.append({"from": pair[0], "to": pair[1], "records": records - records_before,
+                                   "coded": coded - coded_before})
+        return {"directions": directions, "records": sum(each["records"] for each in directions),
+                "coded": sum(each["coded"] for each in directions), "device": device_after[0] - device_before[0],
+                "packets": device_after[1] - device_before[1]}
+
+
+def measure(programs, mission, codec):
     with tempfile.TemporaryDirectory(prefix="moondb-bytes-") as folder:
-        team = pathlib.Path(folder) / "team.yaml"
-        environment = dict(os.environ, MOONDB_RUN_DIR=f"{folder}/run", MOONDB_TEAM=str(team))
-
-        def run(program, *arguments):
-            return subprocess.run([programs / program, *map(str, arguments)], env=environment, check=True,
-                                  capture_output=True, text=True).stdout
-
-        run("moonctl", "config", "init", "--mission", mission, team)
-        text = team.read_text()
-        for old, new in ("codec: compact", f"codec: {codec}"), ("solve_by_itself: true", "solve_by_itself: false"):
-            assert old in text, f"the team file has no {old}"
-            text = text.replace(old, new)
-        team.write_text(text)
-        run("moonctl", "up", "--merge-backend", "cpu")
+        team = Team(programs, folder, codec)
         try:
-            run("moondb_replay", "feed", "--mission", mission)
-            bytes_before, packets_before = loopback()
-            run("moonctl", "sync", "now", "--wait")
-            run("moonctl", "replicate", "now", "--wait")
-            bytes_after, packets_after = loopback()
-            records = coded = 0
-            for kind in "sync", "replicate":
-                for agent in json.loads(run("moonctl", kind, "status", "--json"))["agents"]:
-                    for session in agent.get("sessions", []):
-                        records += session["session"]["acknowledged_records"]
-                        coded += session["session"]["coded_bytes"]
+            team.run("moonctl", "up", "--merge-backend", "cpu", "--data-dir", team.data)
+            fed = json.loads(team.run("wire_feed", mission))
+            crossings = {kind: team.cross(kind) for kind in ("sync", "replicate")}
         finally:
-            run("moonctl", "down")
-    crossed = bytes_after - bytes_before
-    print(f"{mission.name}, {codec}: {records:.0f} records acknowledged, {coded:.0f} bytes coded, {crossed} bytes in "
-          f"{packets_after - packets_before} packets: {crossed / coded:.3f} times")
+            team.run("moonctl", "down", "--data-dir", team.data)
+    for kind, crossing in crossings.items():
+        if crossing["records"] != fed["records"]:
+            raise SystemExit(f"{kind} brought {crossing['records']} of {fed['records']} records")
+        crossing["paper_sql"] = fed["paper_sql_bytes"]
+        crossing["ratio"] = round(fed["paper_sql_bytes"] / crossing["device"], 1)
+    return {"mission": fed["mission"], "codec": codec, "records": fed["records"], "maps": fed["maps"],
+            "crossings": crossings}
+
+
+def table_of(measured):
+    columns = ("records", "coded", "device", "packets", "paper_sql")
+    lines = [f"{measured['mission']}, {measured['codec']}: {measured['records']} records, {measured['maps']} of them maps",
+             f"  {'':18}" + "".join(f"{name:>12}" for name in columns) + f"{'ratio':>9}"]
+    for kind, crossing in measured["crossings"].items():
+        ratio = f"1/{crossing['ratio']}"
+        lines.append(f"  {kind:18}" + "".join(f"{crossing[name]:>12}" for name in columns) + f"{ratio:>9}")
+        for each in crossing["directions"]:
+            lines.append(f"    {each['from'] + ' to ' + each['to']:16}{each['records']:>12}{each['coded']:>12}")
+    return "\n".join(lines)
+
+
+def main():
+    parser = argparse.ArgumentParser(usage=__doc__)
+    parser.add_argument("programs", type=lambda path: pathlib.Path(path).resolve())
+    parser.add_argument("mission")
+    parser.add_argument("codec", nargs="?", default="compact", choices=("compact", "zstd", "plain", "paper_sql"))
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    in_own_network()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # The team is stopped then, too.
+    measured = measure(arguments.programs, arguments.mission, arguments.codec)
+    print(json.dumps(measured, indent=1) if arguments.json else table_of(measured))
 
 
 if __name__ == "__main__":

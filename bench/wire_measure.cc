@@ -69,21 +69,6 @@ std::size_t BatchBytes(const CodedRows& coded, const proto::RecordBatch& batch) 
   return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
 }
 
-std::size_t PaperBytes(const WireMission& mission) {
-  std::size_t bytes = 0;
-  for (const WireStream& stream : mission.streams) {
-    for (const proto::StoredRecord& record : stream.records) {
-      const RecordKey key = FromProto(record.key());
-      proto::Message message = Envelope(key);
-      const std::optional<std::string> sql = SqlOf(record);
-      Check(sql.has_value(), "a mission's records have their statement");
-      message.set_sql(*sql);
-      bytes += SentBytes(message) + SentBytes(Envelope(key));
-    }
-  }
-  return bytes;
-}
-
 // Sends streams in batches that just fit into messages.
 class Sender {
  public:
@@ -223,11 +208,32 @@ std::string ShareOf(const char* name, std::size_t bytes, const WireSizes& sizes)
 
 }  // namespace
 
+std::size_t RecordCount(const WireMission& mission) {
+  std::size_t count = 0;
+  for (const WireStream& stream : mission.streams) count += stream.records.size();
+  return count;
+}
+
+std::size_t PaperSqlBytes(const WireMission& mission) {
+  std::size_t bytes = 0;
+  for (const WireStream& stream : mission.streams) {
+    for (const proto::StoredRecord& record : stream.records) {
+      const RecordKey key = FromProto(record.key());
+      proto::Message message = Envelope(key);
+      const std::optional<std::string> sql = SqlOf(record);
+      Check(sql.has_value(), "a mission's records have their statement");
+      message.set_sql(*sql);
+      bytes += SentBytes(message) + SentBytes(Envelope(key));
+    }
+  }
+  return bytes;
+}
+
 WireSizes MeasureMission(const WireMission& mission) {
   WireSizes sizes;
   sizes.name = mission.name;
-  for (const WireStream& stream : mission.streams) sizes.record_count += stream.records.size();
-  sizes.paper_sql_bytes = PaperBytes(mission);
+  sizes.record_count = RecordCount(mission);
+  sizes.paper_sql_bytes = PaperSqlBytes(mission);
   sizes.alone_bytes = MissionCost(mission, Previous::kNever).bytes;
   sizes.previous_bytes = MissionCost(mission, Previous::kWhereItPays).bytes;
   MeasureMaps(mission, sizes);

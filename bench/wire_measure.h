@@ -28,6 +28,11 @@ struct WireSizes {
   double sent_encode_ms = 0, sent_decode_ms = 0;  // As sessions send it; all records of the mission, by its maps.
 };
 
+std::size_t RecordCount(const WireMission& mission);
+
+// WireSizes::paper_sql_bytes. Check stops where a record has no statement.
+std::size_t PaperSqlBytes(const WireMission& mission);
+
 // Checks on the way that everything comes back; Check stops where it does not.
 WireSizes MeasureMission(const WireMission& mission);
 

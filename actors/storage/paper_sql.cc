@@ -27,6 +27,8 @@ constexpr std::size_t kColumnsMax = 1500;
 // More than to put that many values into a row.
 constexpr int kStepsMax = 20'000;
 
+constexpr char kNoInsert[] = "is not an insert into the table of its type";
+
 struct PathStep {
   const FieldDescriptor* field = nullptr;
   int index = -1;  // Of a repeated field.
@@ -335,6 +337,29 @@ DatabaseHandle OpenFor(const PaperTable& table) {
   return database;
 }
 
+// For what stands outside of quoted values SQLite takes a hundred times its bytes, and looks for each name among all
+// columns: so there may be no more of it than SqlOf writes. With these characters alone, quotes are what they seem.
+bool IsShortOutsideQuotes(std::string_view sql, const PaperTable& table) {
+  constexpr std::size_t kNumberBytesMax = 32;  // With what parts it from the next.
+  constexpr std::size_t kOtherBytesMax = 160;
+  constexpr std::string_view kSigns = "_ ,.()+-";
+  std::size_t left = kOtherBytesMax + table.name.size();
+  for (const Column& column : table.columns) left += column.name.size() + kNumberBytesMax;
+  bool is_quoted = false;
+  char before = 0;
+  for (const char letter : sql) {
+    if (letter == '\'') {
+      is_quoted = !is_quoted;
+    } else if (!is_quoted) {
+      const bool is_known = std::isalnum(static_cast<unsigned char>(letter)) || kSigns.find(letter) != kSigns.npos;
+      const bool is_comment = letter == '-' && before == '-';
+      if (!is_known || is_comment || left-- == 0) return false;
+    }
+    before = letter;
+  }
+  return true;
+}
+
 Result<void> Run(std::string_view sql, PaperTable& table, sqlite3* database) {
   sqlite3_set_authorizer(database, Authorize, &table.name);
   sqlite3_progress_handler(database, kStepsMax, Stop, nullptr);
@@ -342,7 +367,7 @@ Result<void> Run(std::string_view sql, PaperTable& table, sqlite3* database) {
   const char* tail = nullptr;
   const int result = sqlite3_prepare_v2(database, sql.data(), static_cast<int>(sql.size()), &prepared, &tail);
   const Statement statement(prepared);
-  if (result != SQLITE_OK || !statement) return tl::unexpected(Corrupt("is not an insert into the table of its type"));
+  if (result != SQLITE_OK || !statement) return tl::unexpected(Corrupt(kNoInsert));
   if (tail != sql.data() + sql.size()) return tl::unexpected(Corrupt("has something behind its statement"));
   if (sqlite3_step(prepared) != SQLITE_DONE) return tl::unexpected(Corrupt("does not run"));
   if (sqlite3_changes(database) != 1) return tl::unexpected(Corrupt("does not insert exactly one row"));
@@ -407,6 +432,7 @@ Result<proto::StoredRecord> RecordOf(std::string_view sql, const RecordKey& key)
   if (sql.size() > kPaperSqlBytesMax) return tl::unexpected(Corrupt("is longer than 8 MiB"));
   std::optional<PaperTable> table = TableOf(key.stream.type);
   if (!table) return tl::unexpected(Corrupt("is of a type that has no table"));
+  if (!IsShortOutsideQuotes(sql, *table)) return tl::unexpected(Corrupt(kNoInsert));
   const DatabaseHandle database = OpenFor(*table);
   if (!database) return Fail(ErrorCode::kInternal, "no database in memory can be made", "sql");
   if (const Result<void> run = Run(sql, *table, database.get()); !run) return tl::unexpected(run.error());

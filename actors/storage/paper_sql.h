@@ -9,8 +9,9 @@
 //
 // A peer's statement never comes near the store: it is run in an empty database of its own in memory that has this one
 // table, under an authorizer that lets it insert there and nothing else (no function, no subquery, no other statement
-// behind it), with SQLite's limits lowered and so many steps; and it must have made exactly one row, with the announced
-// record_id and agent_id. What that row holds becomes a record, to be checked like any other (record_door.h).
+// behind it), with SQLite's limits lowered, so many steps, and no more outside of quotes than its table's columns need;
+// and it must have made exactly one row, with the announced record_id and agent_id. What that row holds becomes a
+// record, to be checked like any other (record_door.h).
 // Pure functions, safe from any thread.
 #pragma once
 

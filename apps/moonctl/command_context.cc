@@ -34,6 +34,12 @@ std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text) {
   return std::chrono::milliseconds(static_cast<std::int64_t>(*number * scale));
 }
 
+Result<std::chrono::milliseconds> ParseLeaseDuration(const std::string& text) {
+  if (const auto duration = ParseDuration(text)) return *duration;
+  return Fail(ErrorCode::kInvalid, "expected a duration of at most 24 h such as 40, 10m or 8h, got \"" + text + "\"",
+              "--for");
+}
+
 Result<void> CommandContext::ParseTimeout() {
   if (timeout.empty()) return {};
   timeout_ = ParseDuration(timeout);

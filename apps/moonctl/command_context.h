@@ -31,6 +31,9 @@ struct AgentClient {
 // "3s", "500ms", "2m", "8h", "1.5" (seconds). Nothing for anything else, 0, less, and more than 24 h.
 std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text);
 
+// Of a lease's --for: kInvalid, with that field and an example, where ParseDuration gives nothing.
+Result<std::chrono::milliseconds> ParseLeaseDuration(const std::string& text);
+
 // The T of an `ask` that gives a Result<T>.
 template <typename Ask>
 using AnswerOf = typename std::invoke_result_t<Ask, Client&>::value_type;

@@ -28,10 +28,7 @@ Result<milliseconds> DurationUntil(const std::string& time) {
 }
 
 Result<milliseconds> DurationOf(const LeaseArguments& arguments) {
-  if (!arguments.until.empty()) return DurationUntil(arguments.until);
-  if (const auto duration = ParseDuration(arguments.duration)) return *duration;
-  const std::string expected = "expected a duration of at most 24 h such as 40, 10m or 8h";
-  return Fail(ErrorCode::kInvalid, expected + ", got \"" + arguments.duration + "\"", "--for");
+  return arguments.until.empty() ? ParseLeaseDuration(arguments.duration) : DurationUntil(arguments.until);
 }
 
 ExitCode SetLease(CommandContext& context, proto::LeaseKind kind, const Result<milliseconds>& duration) {

@@ -60,11 +60,8 @@ void AddPauseCommands(CLI::App& sync, CommandContext& context) {
       ->capture_default_str();
   pause.callback([&context, length] {
     context.action = [&context, length] {
-      const auto duration = ParseDuration(*length);
-      if (duration) return SetPause(context, *duration);
-      return context.Report({ErrorCode::kInvalid,
-                             "expected a duration of at most 24 h such as 40, 10m or 8h, got \"" + *length + "\"",
-                             "--for"});
+      const auto duration = ParseLeaseDuration(*length);
+      return duration ? SetPause(context, *duration) : context.Report(duration.error());
     };
   });
   sync.add_subcommand("resume", "The pause is over")->callback([&context] {

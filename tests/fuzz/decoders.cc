@@ -7,6 +7,7 @@
 #include "actors/sharing/coding/byte_text.h"
 #include "actors/sharing/coding/map_record.h"
 #include "actors/sharing/coding/row_codec.h"
+#include "actors/storage/paper_sql.h"
 #include "model/check.h"
 
 namespace moondb {
@@ -109,12 +110,25 @@ void RunReference(std::string_view bytes) {
   Check(joined && *joined == bytes, "a map that was taken apart can be joined");
 }
 
+// Data type (2 bytes), the statement of a record that kFuzzedSqlKey names.
+void RunSql(std::string_view bytes) {
+  RecordKey key = kFuzzedSqlKey;
+  key.stream.type = static_cast<DataType>(TakeNumber(2, bytes));
+  const auto record = RecordOf(bytes, key);
+  if (!record) return;
+  Check(FromProto(record->key()) == key, "a statement makes the announced record");
+  const std::optional<std::string> sql = SqlOf(*record);
+  if (!sql) return;
+  const auto again = RecordOf(*sql, key);
+  Check(again && again->content() == record->content(), "a record comes back when stated again");
+}
+
 }  // namespace
 
 const std::vector<FuzzedDecoder>& FuzzedDecoders() {
-  static const std::vector<FuzzedDecoder> decoders = {{"batch", RunBatch}, {"run", RunRun},
-                                                      {"map", RunMap},     {"rows", RunRows},
-                                                      {"plain", RunPlain}, {"reference", RunReference}};
+  static const std::vector<FuzzedDecoder> decoders = {
+      {"batch", RunBatch},         {"run", RunRun}, {"map", RunMap}, {"rows", RunRows}, {"plain", RunPlain},
+      {"reference", RunReference}, {"sql", RunSql}};
   return decoders;
 }
 

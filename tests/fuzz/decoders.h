@@ -1,11 +1,16 @@
-// What reads bytes of peers in actors/sharing, each behind one entry that takes any bytes: for libFuzzer
-// (`cmake --preset fuzz`) and for fuzz_smoke_test.cc, which runs them everywhere.
+// What reads bytes of peers in actors/sharing and actors/storage, each behind one entry that takes any bytes: for
+// libFuzzer (`cmake --preset fuzz`) and for fuzz_smoke_test.cc, which runs them everywhere.
 #pragma once
 
 #include <string_view>
 #include <vector>
 
+#include "model/record_key.h"
+
 namespace moondb {
+
+// Which record the statements in the corpus of "sql" are about, but for its data type.
+inline const RecordKey kFuzzedSqlKey{{2, 0x5F3C9A1E0B7D4C21u, 0}, 1};
 
 struct FuzzedDecoder {
   const char* name;  // Also of its folder in tests/fuzz/corpus.

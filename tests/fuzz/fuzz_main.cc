@@ -1,4 +1,6 @@
 // One of libFuzzer's programs; MOONDB_FUZZED names its decoder.
+#include <google/protobuf/stubs/logging.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -7,6 +9,7 @@
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const moondb::FuzzedDecoder* const decoder = [] {
+    google::protobuf::SetLogHandler(nullptr);  // As agents do (runtime/log.cc).
     for (const moondb::FuzzedDecoder& each : moondb::FuzzedDecoders()) {
       if (std::strcmp(each.name, MOONDB_FUZZED) == 0) return &each;
     }

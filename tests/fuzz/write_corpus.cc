@@ -3,10 +3,15 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <utility>
 
 #include "actors/sharing/codec.h"
 #include "actors/sharing/coding/row_codec.h"
+#include "actors/storage/paper_sql.h"
+#include "model/check.h"
+#include "model/record_check.h"
 #include "tests/actors/sharing/coding/records.h"
+#include "tests/fuzz/decoders.h"
 
 namespace moondb {
 namespace {
@@ -62,6 +67,69 @@ std::string CodedRows(const proto::RecordBatch& batch) {
   return bytes;
 }
 
+bool WriteStatement(const std::filesystem::path& folder, const std::string& name, const proto::Record& record) {
+  RecordKey key = kFuzzedSqlKey;
+  key.stream.type = TypeOf(record);
+  proto::StoredRecord stored;
+  *stored.mutable_key() = ToProto(key);
+  stored.set_content(record.SerializeAsString());
+  stored.set_hash(HashRecord(key, stored.content()));
+  const std::optional<std::string> sql = SqlOf(stored);
+  Check(sql.has_value(), "the corpus is of records that have their statement");
+  return Write(folder, "sql", name, Number(key.stream.type, 2) + *sql);
+}
+
+bool WriteStatements(const std::filesystem::path& folder) {
+  std::mt19937_64 rng(1);
+  proto::Record map, edge, custom;
+  bool is_written = map.ParseFromString(MapOf(RoomMap(7, 0, 0, 0, /*layer_count=*/2, /*cells=*/8), 0).content());
+  edge.mutable_pose_graph_edge()->mutable_relative_pose()->add_covariance(1e-300);
+  custom.mutable_custom()->set_data_type(1007);
+  custom.mutable_custom()->set_payload(std::string("\0'--", 4));
+  custom.mutable_custom()->set_metadata("it's \"quoted\"; --");
+  is_written = is_written && WriteStatement(folder, "temperature", TemperatureRecord(0)) &&
+               WriteStatement(folder, "node", NodeRecord(3, rng)) && WriteStatement(folder, "edge", edge) &&
+               WriteStatement(folder, "map", map) && WriteStatement(folder, "custom", custom);
+
+  const std::string begin = "INSERT INTO temperature (record_id, agent_id, celsius) ";
+  RecordKey key = kFuzzedSqlKey;
+  key.stream.type = proto::TEMPERATURE;
+  const std::string start = "('" + ToString(key) + "', 2, ";
+  const auto with = [&](const std::string& value) { return begin + "VALUES " + start + value + ")"; };
+  const std::string endless = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) ";
+  const std::pair<const char*, std::string> hostile[] = {
+      {"attach", "ATTACH '/tmp/moondb_fuzz' AS other"},
+      {"vacuum_into", "VACUUM INTO '/tmp/moondb_fuzz'"},
+      {"pragma", "PRAGMA writable_schema = 1"},
+      {"load_extension", with("load_extension('x')")},
+      {"endless_select", endless + "SELECT count(*) FROM c"},
+      {"endless_insert", begin + endless + "SELECT '" + ToString(key) + "', 2, x FROM c"},
+      {"update", "UPDATE temperature SET celsius = 0"},
+      {"delete", "DELETE FROM temperature"},
+      {"replace", "INSERT OR REPLACE INTO temperature (record_id, agent_id, celsius) VALUES " + start + "1)"},
+      {"upsert", with("1") + " ON CONFLICT DO UPDATE SET celsius = 2"},
+      {"returning", with("1") + " RETURNING celsius"},
+      {"two_statements", with("1") + "; " + with("2")},
+      {"two_rows", with("1") + ", " + start + "2)"},
+      {"trigger", "CREATE TRIGGER t AFTER INSERT ON temperature BEGIN SELECT 1; END"},
+      {"schema", "INSERT INTO sqlite_master (name, tbl_name, rootpage) VALUES " + start + "1)"},
+      {"zeroblob", with("zeroblob(1000000000)")},
+      {"printf", with("printf('%1000000000d', 1)")},
+      {"like", with("'" + std::string(200, 'a') + "' LIKE '" + std::string(60, '%') + "'")},
+      {"deep", with(std::string(200, '(') + "1" + std::string(200, ')'))},
+      {"odd_blob", with("X'ABC'")},
+      {"open_blob", with("X'AB")},
+      {"parameter", with("?")},
+      {"comment", with("1") + " -- '"},
+      {"other_quotes", with("\"'\"")},
+      {"other_row", "INSERT INTO temperature (record_id, agent_id) VALUES ('" + ToString(key) + "', 3)"},
+  };
+  for (const auto& [name, sql] : hostile) {
+    is_written = is_written && Write(folder, "sql", name, Number(proto::TEMPERATURE, 2) + sql);
+  }
+  return is_written;
+}
+
 bool WriteAll(const std::filesystem::path& folder) {
   const auto counted = [](const proto::RecordBatch& batch) {
     return Number(static_cast<std::size_t>(batch.records_size()), 2);
@@ -83,7 +151,7 @@ bool WriteAll(const std::filesystem::path& folder) {
          Write(folder, "plain", "plain", Number(0, 1) + counted(rows) + rows.SerializeAsString()) &&
          Write(folder, "plain", "frame", Number(1, 1) + counted(Mixed()) + EncodeBatch(Mixed()).bytes) &&
          Write(folder, "reference", "head", with_reference.Encode(MapBatch(1, 1))) &&
-         Write(folder, "reference", "map", MapOf(RoomMap(7, 0, 0, 0, 1, 24), 0).content());
+         Write(folder, "reference", "map", MapOf(RoomMap(7, 0, 0, 0, 1, 24), 0).content()) && WriteStatements(folder);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "actors/storage/paper_sql.h"
 
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 
 #include <cmath>
 #include <random>
@@ -127,6 +128,9 @@ TEST(PaperSqlTest, GivesEmptyMessagesAndFarNumbersBack) {
     record.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m()->set_x(value);
     ExpectComesBack(record);
   }
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  for (int i = 0; i < 36; ++i) edge.mutable_relative_pose()->add_covariance(-2.2250738585072014e-308);
+  ExpectComesBack(record);
 }
 
 TEST(PaperSqlTest, GivesNumbersBackThatSqliteReadsWrongAtFirst) {
@@ -219,6 +223,39 @@ TEST(PaperSqlTest, BoundsWhatAStatementTakes) {
   EXPECT_FALSE(RecordOf("INSERT INTO local_traversability_map (record_id, agent_id, layers_15_width_cells) VALUES ('" +
                             ToString(map_key) + "', 3, 1)",
                         map_key));
+}
+
+// SQLite would take a gigabyte for some of these, and many seconds for others.
+TEST(PaperSqlTest, RefusesLongStatementsBeforeSqliteReadsThem) {
+  const auto long_one = [](std::string sql, const std::string& again) {
+    while (sql.size() + again.size() < kPaperSqlBytesMax) sql += again;
+    return sql;
+  };
+  const std::string begin = "INSERT INTO temperature (record_id, agent_id, celsius) VALUES ";
+  const std::string statements[] = {
+      long_one(begin + "(1, 1, 1)", ",(1)"),
+      long_one(begin + "('''', 1, 1)", ",('''')"),
+      long_one(begin + "(1", ",1"),
+      long_one(begin + "(1 IN (1", ",1"),
+      long_one(begin + "(abs(1", ",1"),
+      long_one(begin + "(CASE", " WHEN 1 THEN 1"),
+      long_one(begin + "(1, 1, 1) RETURNING 1", ",1"),
+      long_one("INSERT INTO temperature (celsius", ",celsius"),
+      long_one("INSERT INTO temperature (celsius) SELECT 1", " UNION SELECT 1"),
+      // What is not SQLite's quote hides nothing.
+      long_one(begin + "(\"'\"", ",1"),
+      long_one(begin + "([']", ",1"),
+      long_one(begin + "(`'`", ",1"),
+      long_one(begin + "(--'\n1", ",1"),
+      long_one(begin + "(/*'*/1", ",1"),
+      long_one(begin + "($a(')", ",1"),
+  };
+  for (const std::string& sql : statements) {
+    const std::string start = sql.substr(0, 80);
+    sqlite3_memory_highwater(/*resetFlag=*/1);
+    EXPECT_FALSE(RecordOf(sql, kKey)) << start;
+    EXPECT_LT(sqlite3_memory_highwater(0), 1'000'000) << start;
+  }
 }
 
 TEST(PaperSqlTest, SurvivesMutatedStatements) {

@@ -1,0 +1,69 @@
+// Batches that a node of format version 1 has written: they must stay readable, whatever is written today.
+#include <gtest/gtest.h>
+
+#include "actors/sharing/coding/batch_codec.h"
+#include "records.h"
+
+namespace moondb {
+namespace {
+
+std::string FromHex(std::string_view hex) {
+  std::string bytes;
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2) {
+    bytes.push_back(static_cast<char>(std::stoi(std::string(hex.substr(i, 2)), nullptr, 16)));
+  }
+  return bytes;
+}
+
+// Blocks that roll by, of which each map shows a little more.
+Layers RollingMap(int index) {
+  return DrawLayers(2, 24, 24, [index](int layer, int column, int row) {
+    const int x = (((column - 12) << layer) + 4 * index + 1024) >> 3;
+    const int y = (((row - 12) << layer) + 1024) >> 3;
+    return (7 * x + 13 * y + x * y) % 5 == 0 ? Cell::kHazard : Cell::kFree;
+  });
+}
+
+// Two maps and three rows, of which the second batch has the next ones.
+proto::RecordBatch BatchFrom(int index) {
+  proto::RecordBatch batch;
+  for (int i = index; i < index + 2; ++i) *batch.add_records() = MapOf(RollingMap(i), i);
+  for (int i = index; i < index + 3; ++i) {
+    *batch.add_records() = Store(TemperatureRecord(i).SerializeAsString(), proto::TEMPERATURE, i);
+  }
+  return batch;
+}
+
+// Begins a run: its second map leans on its first.
+constexpr std::string_view kFirst =
+    "010100E90228B52FFD603600550500D2C82029706D3AB0782807853A9C52DCF31C5A1998120FC12DFC7F45001C872B3C25602A4441DA44A4"
+    "1B91290507EB371DC30843EC2AFE0D5B1F15CA01DA6CEE146D8EF47992CFE77506784A9491261363DE5F980A8559650FECF6ECD705BA5B48"
+    "4D1726A69AEE754C93A33037CAB26F673E7FDB047F905E4C301D51C814B1D8E94BE23358010E00F92E74281C08140826EBEA401772BAFBF0"
+    "A11D8BDE86204135B0531A9B659FDA9627E296B8DB1062CB71E6B9723D85F86386DEADB3E2FC05F8DF068290B5B14D25CAB127BC8722242B";
+
+// Goes on with it: its maps lean on the first batch's, its rows refer to the first batch's rows.
+constexpr std::string_view kSecond =
+    "010102A30128B52FFD20D3450200A4020555863D8203021901000002820101000200020201010180A8FEEAEA01E6CC99B3E6CCF999C00106"
+    "31010A0057DB6A350520284DAC390EFBBAB06BE0B00C001A02C27294F5067DFDDFFFFF6EB918D2ACD3ED480C1D166D638635";
+
+void ExpectIs(const Result<proto::RecordBatch>& decoded, const proto::RecordBatch& batch) {
+  ASSERT_TRUE(decoded) << ToString(decoded.error());
+  EXPECT_EQ(decoded->SerializeAsString(), batch.SerializeAsString());
+}
+
+TEST(GoldenBatchesTest, ABatchWithMapsAndRowsOfAnOlderNodeIsRead) {
+  BatchDecoder decoder;
+  ExpectIs(decoder.Decode(FromHex(kFirst), 5), BatchFrom(0));
+}
+
+TEST(GoldenBatchesTest, ARunOfAnOlderNodeIsReadOn) {
+  BatchDecoder decoder;
+  ExpectIs(decoder.Decode(FromHex(kFirst), 5), BatchFrom(0));
+  ExpectIs(decoder.Decode(FromHex(kSecond), 5), BatchFrom(2));
+  const auto alone = BatchDecoder().Decode(FromHex(kSecond), 5);
+  ASSERT_FALSE(alone);
+  EXPECT_EQ(alone.error().code, ErrorCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace moondb
