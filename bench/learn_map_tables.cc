@@ -23,7 +23,7 @@ namespace moondb {
 namespace {
 
 // What is learnt stays right for longer than what one run sees.
-constexpr int kCountLimit = BitModel::kCountMax;
+constexpr std::uint32_t kCountLimit = BitModel::kCountMax;
 constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;
 constexpr int kRollingMaps = 8;

@@ -19,7 +19,7 @@ namespace moondb {
 
 // Which cell of the next coarser layer holds the middle of each column (or row), and in which half of it.
 struct CoarserIndex {
-  std::vector<std::int32_t> index;  // -2 where it lies outside.
+  std::vector<std::int32_t> index;  // -1 where it lies outside.
   std::vector<std::uint8_t> half;
 };
 

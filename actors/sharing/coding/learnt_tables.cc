@@ -18,8 +18,8 @@ constexpr int kLevelStep = 128;
 constexpr int kLevelMax = 20;
 constexpr int kLevels = 2 * kLevelMax + 1;
 // A run's first maps tell more of its kind than all that was learnt: so little weigh learnt slots against them.
-constexpr std::uint16_t kLearntCount = 11;
-constexpr int kCountMin = 5;  // What has seen less is left out.
+constexpr int kLearntCount = 11;
+constexpr std::uint32_t kCountMin = 5;  // What has seen less is left out.
 // The others stand for so many slots that have seen nothing.
 constexpr std::array<std::size_t, 8> kRuns = {1, 2, 4, 8, 16, 64, 256, 1024};
 static_assert(kLevels + kRuns.size() <= kAlphabet.size());
@@ -87,8 +87,7 @@ void ReadSlots(Reader& reader, std::vector<BitModel::Slot>& slots) {
       i += kRuns[static_cast<std::size_t>(digit - kLevels)];
       continue;
     }
-    slots[i].p = static_cast<std::uint16_t>(Squash((digit - kLevelMax) * kLevelStep));
-    slots[i].count = kLearntCount;
+    slots[i] = BitModel::Slot(Squash((digit - kLevelMax) * kLevelStep), kLearntCount);
     ++i;
   }
 }
@@ -99,13 +98,14 @@ std::string WriteTables(BitModel& model) {
   std::string text;
   std::size_t unseen = 0;
   for (const BitModel::Slot& slot : model.slots()) {
-    if (slot.count < kCountMin) {
+    if (slot.count() < kCountMin) {
       ++unseen;
       continue;
     }
     WriteUnseen(unseen, text);
     unseen = 0;
-    const int level = std::clamp(Steps(Stretch(slot.p), kLevelStep), -kLevelMax, kLevelMax) + kLevelMax;
+    const int level =
+        std::clamp(Steps(Stretch(static_cast<int>(slot.p())), kLevelStep), -kLevelMax, kLevelMax) + kLevelMax;
     text.push_back(kAlphabet[static_cast<std::size_t>(level)]);
   }
   WriteUnseen(unseen, text);

@@ -13,28 +13,30 @@ namespace moondb {
 
 inline constexpr int kProbabilityBits = 16;
 inline constexpr int kProbabilityOne = 1 << kProbabilityBits;
-inline constexpr int kLogitMax = 2815;  // 11: one in 60,000.
+inline constexpr int kLogitMax = 2815;   // 11: one in 60,000.
+inline constexpr int kSquashMax = 3000;  // Beyond what Squash tells apart.
 
-// Of the logits 0 to kLogitMax.
-constexpr std::array<std::uint16_t, kLogitMax + 1> MakeSquashTable() {
+// Of the logits -kSquashMax to kSquashMax.
+constexpr std::array<std::uint16_t, 2 * kSquashMax + 1> MakeSquashTable() {
   constexpr std::uint64_t kOne = 1ull << 32;
   constexpr std::uint64_t kStep = 4278222805;  // e^(-1/256).
-  std::array<std::uint16_t, kLogitMax + 1> table{};
+  std::array<std::uint16_t, 2 * kSquashMax + 1> table{};
   std::uint64_t power = kOne;  // e^-x.
-  for (std::uint16_t& p : table) {
-    p = static_cast<std::uint16_t>((kOne << kProbabilityBits) / (kOne + power));
-    power = (power * kStep) >> 32;
+  for (int logit = 0; logit <= kSquashMax; ++logit) {
+    const std::uint64_t p = (kOne << kProbabilityBits) / (kOne + power);
+    table[static_cast<std::size_t>(kSquashMax + logit)] = static_cast<std::uint16_t>(p);
+    if (logit != 0)
+      table[static_cast<std::size_t>(kSquashMax - logit)] = static_cast<std::uint16_t>(kProbabilityOne - p);
+    if (logit < kLogitMax) power = (power * kStep) >> 32;
   }
   return table;
 }
 
-inline constexpr std::array<std::uint16_t, kLogitMax + 1> kSquashTable = MakeSquashTable();
+inline constexpr std::array<std::uint16_t, 2 * kSquashMax + 1> kSquashTable = MakeSquashTable();
 
 // The probability at a logit, which may be any number; 1 to 65535.
 constexpr int Squash(int logit) {
-  const int size = std::min(logit < 0 ? -logit : logit, kLogitMax);
-  const int p = kSquashTable[static_cast<std::size_t>(size)];
-  return logit < 0 ? kProbabilityOne - p : p;
+  return kSquashTable[static_cast<std::size_t>(std::clamp(logit, -kSquashMax, kSquashMax) + kSquashMax)];
 }
 
 inline constexpr int kStretchBits = 12;  // Probabilities are told apart to so many bits before they are mixed.

@@ -14,8 +14,9 @@ RayTable::Ray MakeRay(std::int32_t x, std::int32_t y) {
   const std::int32_t longer = std::max({x, y, 1});
   for (std::size_t i = 0; i < RayTable::kSteps; ++i) {
     const std::int32_t steps = static_cast<std::int32_t>(i) + 1;
-    ray.columns_in[i] = static_cast<std::uint8_t>((2 * steps * x + longer) / (2 * longer));
-    ray.rows_in[i] = static_cast<std::uint8_t>((2 * steps * y + longer) / (2 * longer));
+    const std::int32_t columns_in = (2 * steps * x + longer) / (2 * longer);
+    const std::int32_t rows_in = (2 * steps * y + longer) / (2 * longer);
+    ray.cells_in[i] = static_cast<std::uint8_t>(columns_in + 4 * rows_in);
   }
   const std::int32_t slope = std::min(x, y) * 4 / (longer + 1);
   ray.bearing = static_cast<std::uint8_t>((y > x ? 4 : 0) + slope);

@@ -15,9 +15,8 @@ class RayTable {
   static constexpr std::size_t kSteps = 3;
 
   struct Ray {
-    // The cells 1, 2 and 3 steps nearer to the centre: so many columns and rows inwards, 0 to 3.
-    std::array<std::uint8_t, kSteps> columns_in;
-    std::array<std::uint8_t, kSteps> rows_in;
+    // The cells 1, 2 and 3 steps nearer to the centre: so many columns inwards, 0 to 3, and 4 times as many rows.
+    std::array<std::uint8_t, kSteps> cells_in;
     std::uint8_t bearing;   // Within the quadrant, 0 to 7.
     std::uint8_t distance;  // A class, 0 to 7.
   };

@@ -19,14 +19,13 @@ BitContexts ContextsOf(std::uint32_t first, bool has_previous = false) {
 
 void Show(const BitContexts& contexts, int bit, int times, BitModel& model) {
   for (int i = 0; i < times; ++i) {
-    model.Predict(contexts);
-    model.Update(bit);
+    model.Update(model.Predict(contexts), bit);
   }
 }
 
 TEST(BitModelTest, ExpectsNothingAtFirst) {
   BitModel model;
-  EXPECT_NEAR(model.Predict(ContextsOf(0)), kProbabilityOne / 2, kProbabilityOne / 5);
+  EXPECT_NEAR(model.Predict(ContextsOf(0)).probability, kProbabilityOne / 2, kProbabilityOne / 5);
 }
 
 TEST(BitModelTest, LearnsWhatItSees) {
@@ -34,7 +33,7 @@ TEST(BitModelTest, LearnsWhatItSees) {
     for (const int bit : {0, 1}) {
       BitModel model;
       Show(ContextsOf(7, has_previous), bit, 300, model);
-      const int p = model.Predict(ContextsOf(7, has_previous));
+      const int p = model.Predict(ContextsOf(7, has_previous)).probability;
       EXPECT_LT(bit == 1 ? kProbabilityOne - p : p, kProbabilityOne / 50);
     }
   }
@@ -47,14 +46,14 @@ TEST(BitModelTest, TrustsTheModelThatKnows) {
     const std::uint32_t first = rng() % 2;
     Show(ContextsOf(first), static_cast<int>(first), 1, model);  // All other models see noise.
   }
-  EXPECT_GT(model.Predict(ContextsOf(1)), kProbabilityOne * 19 / 20);
-  EXPECT_LT(model.Predict(ContextsOf(0)), kProbabilityOne / 20);
+  EXPECT_GT(model.Predict(ContextsOf(1)).probability, kProbabilityOne * 19 / 20);
+  EXPECT_LT(model.Predict(ContextsOf(0)).probability, kProbabilityOne / 20);
 }
 
 TEST(BitModelTest, NeverRulesABitOut) {
   BitModel model;
   Show(ContextsOf(0), 1, 100'000, model);
-  EXPECT_LT(model.Predict(ContextsOf(0)), kProbabilityOne);
+  EXPECT_LT(model.Predict(ContextsOf(0)).probability, kProbabilityOne);
   for (int i = 0; i < 100'000; ++i) model.UpdateRare(Decision::kIsKnown, 0);
   EXPECT_GT(model.PredictRare(Decision::kIsKnown), 0);
 }
@@ -66,7 +65,9 @@ TEST(BitModelTest, ComesOutOfItsTextNearlyAsItWas) {
   BitModel read = ReadTables(WriteTables(model));
   EXPECT_EQ(WriteTables(read), WriteTables(model));
   for (std::uint32_t first = 0; first < 50; ++first) {
-    EXPECT_NEAR(Stretch(read.Predict(ContextsOf(first))), Stretch(model.Predict(ContextsOf(first))), 150) << first;
+    const BitContexts contexts = ContextsOf(first);
+    EXPECT_NEAR(Stretch(read.Predict(contexts).probability), Stretch(model.Predict(contexts).probability), 150)
+        << first;
   }
 }
 

@@ -224,6 +224,20 @@ std::vector<Layers> RollingBlocks() {
   return maps;
 }
 
+// Of more cells in a row than are made ready at once.
+std::vector<Layers> WideMaps() {
+  std::vector<Layers> maps;
+  for (int i = 0; i < 3; ++i) {
+    maps.push_back(DrawLayers(3, 151, 90, [i](int layer, int column, int row) {
+      const int x = (((column - 75) << layer) + 4 * i + 1024) >> 3;
+      const int y = (((row - 45) << layer) + 1024) >> 3;
+      if ((x * 3 + y * 5) % 11 < 3 || (column * 31 + row * 17 + i * 7) % 89 == 0) return Cell::kUnknown;
+      return (7 * x + 13 * y + x * y) % 5 == 0 ? Cell::kHazard : Cell::kFree;
+    }));
+  }
+  return maps;
+}
+
 // What it writes is the wire format: a change here is a new kBatchFormatVersion.
 TEST(MapCodecTest, WritesTheGoldenBytes) {
   const auto hash_of = [](const std::string& bytes) { return XXH64(bytes.data(), bytes.size(), 0); };
@@ -236,6 +250,13 @@ TEST(MapCodecTest, WritesTheGoldenBytes) {
   EXPECT_LT(Encode(RollingBlocks(), Previous::kWherePlaced).size(), Encode(RollingBlocks(), Previous::kNever).size());
   EXPECT_EQ(hash_of(Encode(RollingBlocks(), Previous::kWherePlaced)), 6975038015779577220u);
   EXPECT_EQ(hash_of(Encode(small, Previous::kNever)), 9959682941389959764u);
+}
+
+TEST(MapCodecTest, WritesTheGoldenBytesOfWideMaps) {
+  const auto hash_of = [](const std::string& bytes) { return XXH64(bytes.data(), bytes.size(), 0); };
+  EXPECT_EQ(hash_of(Encode(WideMaps(), Previous::kNever)), 10796012693193619213u);
+  EXPECT_EQ(hash_of(Encode(WideMaps(), Previous::kWherePlaced)), 12817401328065089537u);
+  ExpectRoundTrip(WideMaps(), Previous::kWherePlaced);
 }
 
 }  // namespace

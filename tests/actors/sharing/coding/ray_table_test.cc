@@ -12,10 +12,8 @@ TEST(RayTableTest, LeadsInwards) {
   const RayTable::Ray& diagonal = table.RowAt(30)[30];
   const RayTable::Ray& sideways = table.RowAt(0)[30];
   for (std::size_t i = 0; i < RayTable::kSteps; ++i) {
-    EXPECT_EQ(diagonal.columns_in[i], i + 1);
-    EXPECT_EQ(diagonal.rows_in[i], i + 1);
-    EXPECT_EQ(sideways.columns_in[i], i + 1);
-    EXPECT_EQ(sideways.rows_in[i], 0);
+    EXPECT_EQ(diagonal.cells_in[i], (i + 1) + 4 * (i + 1));
+    EXPECT_EQ(sideways.cells_in[i], i + 1);
   }
 }
 
@@ -30,7 +28,7 @@ TEST(RayTableTest, StaysWithinItsClassesWhateverTheSize) {
         ASSERT_LT(ray.bearing, 8);
         ASSERT_LT(ray.distance, 8);
         for (std::size_t i = 0; i < RayTable::kSteps; ++i)
-          ASSERT_LE(std::max(ray.columns_in[i], ray.rows_in[i]), i + 1);
+          ASSERT_LE(std::max(ray.cells_in[i] % 4, ray.cells_in[i] / 4), static_cast<int>(i) + 1);
       }
     }
   }
