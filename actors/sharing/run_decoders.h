@@ -1,8 +1,8 @@
 // RunDecoders: what a receiver keeps of the runs of maps that come in (coding/batch_codec.h).
 //
 // A run goes on from batch to batch and from session to session of its sender, which numbers its runs: so a map leans
-// on the one before whenever that came. Kept is one run for each sender, at most 10 MB of it, and those of the senders
-// that were heard last; whose is not kept begins a new one. Not thread-safe.
+// on the one before whenever that came. Kept is one run for each sender, at most 10 MB of it (40 where all layers
+// are single rows), and those of the senders that were heard last; whose is not kept begins a new one. Not thread-safe.
 #pragma once
 
 #include <cstddef>

@@ -48,7 +48,7 @@ class SharingReceiver {
     PaperSql paper_sql;               // For CODEC_PAPER_SQL.
     std::size_t sessions_max = 16;    // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
-    std::size_t runs_max = 8;  // Kept: 80 MB at most, some 3 MB each of maps of 4 x 100 x 100 cells.
+    std::size_t runs_max = 8;  // Kept (run_decoders.h): some 4 MB each of maps of 4 x 100 x 100 cells.
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
   };
 
