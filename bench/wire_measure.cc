@@ -64,7 +64,7 @@ std::size_t BatchBytes(const CodedRows& coded, const proto::RecordBatch& batch) 
   body.set_batch_number(1000);
   body.set_codec(proto::CODEC_COMPACT);
   body.set_coded(coded.bytes);
-  if (coded.run_part != RunPart::kNone) body.set_run(1);
+  if (coded.has_cells) body.set_run(1);
   body.set_record_count(static_cast<std::uint32_t>(batch.records_size()));
   return SentBytes(message) + AcknowledgmentBytes(FromProto(batch.records(batch.records_size() - 1).key()));
 }

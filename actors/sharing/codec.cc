@@ -53,6 +53,11 @@ CodedBatch EncodePlainUpTo(const proto::RecordBatch& batch, bool may_compress, s
 
 CodedBatch EncodeBatch(const proto::RecordBatch& batch) { return EncodePlain(batch, /*may_compress=*/true); }
 
+void SharingEncoder::BeginRun() {
+  compact_.BeginRun();
+  if (++run_ == 0) ++run_;
+}
+
 CodedBatch SharingEncoder::Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max) {
   if (codec == proto::CODEC_PAPER_SQL) {
     std::optional<std::string> sql;
@@ -66,7 +71,7 @@ CodedBatch SharingEncoder::Encode(proto::Codec codec, const proto::RecordBatch& 
 CodedBatch SharingEncoder::EncodeCompact(const proto::RecordBatch& batch, std::size_t bytes_max) {
   CodedRows rows = compact_.EncodeSome(batch, bytes_max);
   const int count = static_cast<int>(rows.record_count);
-  if (rows.run_part != RunPart::kNone) return {proto::CODEC_COMPACT, std::move(rows.bytes), count, rows.run_part};
+  if (rows.has_cells) return {proto::CODEC_COMPACT, std::move(rows.bytes), count, run_, rows.leans_on_others};
   CodedBatch plain = EncodePlain(FirstOf(batch, count), /*may_compress=*/true);
   if (plain.bytes.size() <= rows.bytes.size()) return plain;
   return {proto::CODEC_COMPACT, std::move(rows.bytes), count};

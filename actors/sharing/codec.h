@@ -7,6 +7,7 @@
 // damage. zstd's bytes differ between its versions; only decoding is the contract.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -31,7 +32,8 @@ struct CodedBatch {
   proto::Codec codec = proto::CODEC_PLAIN;
   std::string bytes;
   int record_count = 0;
-  RunPart run_part = RunPart::kNone;
+  std::uint32_t run = 0;         // Of maps, of which it is a part; 0: of none.
+  bool leans_on_others = false;  // It cannot be decoded without the run's batches before.
 };
 
 // The paper's form: one record's populated statement, and back (actors/storage/paper_sql.h, which knows SQLite). Where
@@ -44,23 +46,29 @@ struct PaperSql {
 // All of it, as a zstd frame or plain.
 CodedBatch EncodeBatch(const proto::RecordBatch& batch);
 
-// Codes one session's batches, and learns from each how many records fit into the next. Not thread-safe.
+// Codes the batches to one destination: learns from each how many records fit into the next, and keeps the run of maps
+// that goes on from one to the other. Not thread-safe.
 class SharingEncoder {
  public:
-  explicit SharingEncoder(PaperSql paper_sql = {}) : paper_sql_(std::move(paper_sql)) {}
+  // Numbers its runs from `first_run` on, which differs from those of an earlier process.
+  explicit SharingEncoder(PaperSql paper_sql = {}, std::uint32_t first_run = 1)
+      : paper_sql_(std::move(paper_sql)), run_(std::max<std::uint32_t>(first_run, 1)) {}
 
   // The next batch can be decoded without those before: one of them was not decoded, or may not have been.
-  void BeginRun() { compact_.BeginRun(); }
+  void BeginRun();
+  // The present one; not 0.
+  std::uint32_t run() const { return run_; }
 
   // As many of the first records as fit into `bytes_max`, at least one, whatever its size: in `codec`, or where that is
-  // smaller (of CODEC_PAPER_SQL, where it is not possible) as a zstd frame or plain. With CODEC_PAPER_SQL one record.
-  // The first of a run has the same bytes each time (pieces.h).
+  // smaller (of CODEC_PAPER_SQL, where it is not possible) as a zstd frame or plain, but for maps in CODEC_COMPACT.
+  // With CODEC_PAPER_SQL one record. The first of a run has the same bytes each time (pieces.h).
   CodedBatch Encode(proto::Codec codec, const proto::RecordBatch& batch, std::size_t bytes_max);
 
  private:
   CodedBatch EncodeCompact(const proto::RecordBatch& batch, std::size_t bytes_max);
 
   PaperSql paper_sql_;
+  std::uint32_t run_;
   BatchEncoder compact_{MapRunEncoder::Previous::kWhileItPays};
 };
 

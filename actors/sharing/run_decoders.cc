@@ -5,20 +5,40 @@
 
 namespace moondb {
 
-Result<proto::RecordBatch> RunDecoders::Decode(AgentId sender, const proto::Batch& batch, std::string_view coded) {
-  if (batch.run() == 0) return DecodeBatch(batch.codec(), coded, batch.record_count());
-  const auto of_sender = std::find_if(runs_.begin(), runs_.end(), [&](const Run& run) { return run.sender == sender; });
-  if (of_sender != runs_.end() && of_sender->number == batch.run()) {
-    runs_.splice(runs_.end(), runs_, of_sender);
-    return DecodeBatch(batch.codec(), coded, batch.record_count(), of_sender->decoder);
+bool RunDecoders::TakePlace(AgentId sender, Time now) {
+  Place* place = Find(sender);
+  if (place == nullptr && places_.size() < places_max_) {
+    place = &places_.emplace_back();
+  } else if (place == nullptr && !places_.empty()) {
+    const auto is_longer_silent = [](const Place& a, const Place& b) { return a.last_heard < b.last_heard; };
+    place = &*std::min_element(places_.begin(), places_.end(), is_longer_silent);
+    if (now - place->last_heard <= idle_after_) return false;
+    *place = Place();
   }
-  Run begun{sender, batch.run(), {}};
-  Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), coded, batch.record_count(), begun.decoder);
+  if (place == nullptr) return false;
+  place->sender = sender;
+  place->last_heard = now;
+  return true;
+}
+
+Result<proto::RecordBatch> RunDecoders::Decode(AgentId sender, const proto::Batch& batch, std::string_view coded,
+                                               Time now) {
+  Place* place = Find(sender);
+  if (place == nullptr || batch.run() == 0) return DecodeBatch(batch.codec(), coded, batch.record_count());
+  place->last_heard = now;
+  if (place->run == batch.run()) return DecodeBatch(batch.codec(), coded, batch.record_count(), place->decoder);
+  BatchDecoder begun;
+  Result<proto::RecordBatch> records = DecodeBatch(batch.codec(), coded, batch.record_count(), begun);
   if (!records) return records;
-  if (of_sender != runs_.end()) runs_.erase(of_sender);
-  runs_.push_back(std::move(begun));
-  if (runs_.size() > runs_max_) runs_.pop_front();
+  place->run = batch.run();
+  place->decoder = std::move(begun);
   return records;
+}
+
+RunDecoders::Place* RunDecoders::Find(AgentId sender) {
+  const auto found =
+      std::find_if(places_.begin(), places_.end(), [sender](const Place& p) { return p.sender == sender; });
+  return found == places_.end() ? nullptr : &*found;
 }
 
 }  // namespace moondb

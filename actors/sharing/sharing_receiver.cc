@@ -56,7 +56,7 @@ proto::Message AcknowledgmentOf(const proto::Message& message, const proto::Reco
 SharingReceiver::SharingReceiver(Options options, std::uint64_t first_request_id)
     : options_(std::move(options)),
       next_request_id_(first_request_id),
-      runs_(options_.runs_max),
+      runs_(options_.run_places_max, options_.idle_after),
       schema_hash_(HashSchemas(options_.schemas)) {}
 
 SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hello, Time now) {
@@ -121,7 +121,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     if (!*taken) return AnswerWithoutRecords(sender, message, incoming);
     whole = **std::move(taken);
   }
-  const bool is_late = batch.batch_number() <= incoming.last_decoded_batch;
+  const bool is_late = batch.batch_number() <= incoming.last_run_batch;
   Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
   if (!records && records.error().code == ErrorCode::kNotFound) {
     if (is_late) return SharingActions();
@@ -129,7 +129,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     answer.front().message.mutable_have()->set_needs_new_run(true);
     return answer;
   }
-  if (records) incoming.last_decoded_batch = std::max(incoming.last_decoded_batch, batch.batch_number());
+  if (records && batch.run() != 0) incoming.last_run_batch = std::max(incoming.last_run_batch, batch.batch_number());
   const Result<void> dropped = CheckDropped(batch);
   if (!records || !dropped) {
     ++counts_.damaged_messages;
@@ -171,7 +171,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     }
     have.set_is_whole(true);
     have.add_codecs(proto::CODEC_COMPACT);
-    have.set_keeps_runs(true);
+    have.set_keeps_runs(runs_.TakePlace(sender, now_));
     if (options_.paper_sql.record_of) have.add_codecs(proto::CODEC_PAPER_SQL);
     const PartOfWhole part = pieces_.PartFrom(sender);
     have.set_part_hash(part.hash);
@@ -229,7 +229,7 @@ Result<proto::RecordBatch> SharingReceiver::Decode(AgentId sender, const proto::
   }
   const std::string& coded = whole ? *whole : batch.coded();
   // A late copy would put its run back to where it was.
-  return is_late ? DecodeBatch(batch.codec(), coded, batch.record_count()) : runs_.Decode(sender, batch, coded);
+  return is_late ? DecodeBatch(batch.codec(), coded, batch.record_count()) : runs_.Decode(sender, batch, coded, now_);
 }
 
 // All of them come in over one radio: together they may fill it no further than one of them would.

@@ -48,7 +48,7 @@ class SharingReceiver {
     PaperSql paper_sql;               // For CODEC_PAPER_SQL.
     std::size_t sessions_max = 16;    // When full, one that was silent for idle_after gives way.
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
-    std::size_t runs_max = 8;  // Kept (run_decoders.h): some 4 MB each of maps of 4 x 100 x 100 cells.
+    std::size_t run_places_max = 8;                  // Of senders whose runs of maps are kept (run_decoders.h).
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
   };
 
@@ -92,8 +92,8 @@ class SharingReceiver {
     bool is_other_schema = false;
     bool is_at_end = false;  // It said that nothing remains.
     std::uint32_t last_piece_batch = 0;
-    std::uint32_t last_decoded_batch = 0;
-    double bytes_per_second = 0;  // As granted last; 0: no limit.
+    std::uint32_t last_run_batch = 0;  // Of a run of maps, that was decoded.
+    double bytes_per_second = 0;       // As granted last; 0: no limit.
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;

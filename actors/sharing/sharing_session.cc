@@ -81,8 +81,7 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       session_id_(first_id),
       request_id_(first_id),
       pacer_(options_.unacked_bytes_max),
-      encoder_(options_.paper_sql),
-      run_(std::max<std::uint32_t>(static_cast<std::uint32_t>(first_id), 1)),
+      encoder_(options_.paper_sql, static_cast<std::uint32_t>(first_id)),
       backoff_(options_.resend_after) {}
 
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max) {
@@ -136,6 +135,7 @@ SharingActions SharingSession::Close() {
   if (!is_open()) return actions;
   if (!is_unasked_) ++closed_sessions_;
   End(actions);
+  encoder_.BeginRun();  // The run may be some megabytes, and nobody may ever share with this destination again.
   return actions;
 }
 
@@ -162,7 +162,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
     have_ = *std::move(heard);
     part_ = {have.part_hash(), have.part_bytes()};
     other_schema_types_ = TypesNotFor(options_.schemas, have.schemas());
-    are_runs_kept_ = have.keeps_runs();
+    is_each_by_itself_ = !have.keeps_runs();
     is_codec_read_ = std::find(have.codecs().begin(), have.codecs().end(), options_.codec) != have.codecs().end();
     phase_ = Phase::kSending;
     last_progress_ = now;
@@ -186,10 +186,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   Acknowledge(have.batch_number());
   if (under_way_.size() < under_way_before) {
     last_progress_ = now;
-    if (acknowledged_records_ > acknowledged_before) {
-      is_refused_ = false;
-      is_each_by_itself_ = false;
-    }
+    if (acknowledged_records_ > acknowledged_before) is_refused_ = false;
     // Pieces are acknowledged by a destination, too, that cannot store what they make up.
     if (!is_refused_) {
       backoff_ = options_.resend_after;
@@ -480,12 +477,12 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   const std::size_t bytes_max = BatchBytesMax();
   proto::RecordBatch records;
   *records.mutable_records() = reply.records();
-  if (is_each_by_itself_ || !are_runs_kept_) BeginRun();
+  if (is_each_by_itself_) encoder_.BeginRun();
   CodedBatch coded = encoder_.Encode(CodecNow(), records, bytes_max);
   const int count = coded.record_count;
   CodedRecords result;
-  result.run_part = coded.run_part;
-  result.run = run_;
+  result.run = coded.run;
+  result.leans_on_others = coded.leans_on_others;
   std::size_t content_bytes = 0;
   for (int i = 0; i < count; ++i) {
     result.keys.push_back(FromProto(reply.records(i).key()));
@@ -499,13 +496,14 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
   std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
   if (is_for_states_) ++remaining;  // The end is not told before the rest of the order has gone.
   if (coded.bytes.size() > bytes_max && count == 1) {
-    large_ = Large{result.keys.front(), remaining, PieceCutter(std::move(coded), 1, part_), result.run_part};
+    large_ = Large{result.keys.front(), remaining, PieceCutter(std::move(coded), 1, part_), result.run,
+                   result.leans_on_others};
     return NextPiece();
   }
   proto::Batch& batch = *result.message.mutable_batch();
   const std::size_t coded_bytes = coded.bytes.size();
   batch.set_codec(coded.codec);
-  if (coded.run_part != RunPart::kNone) batch.set_run(run_);
+  batch.set_run(coded.run);
   if (coded.codec == proto::CODEC_PAPER_SQL) {
     result.message.set_sql(std::move(coded.bytes));
   } else {
@@ -524,14 +522,14 @@ SharingSession::CodedRecords SharingSession::Code(const proto::MissingReply& rep
 SharingSession::CodedRecords SharingSession::NextPiece() {
   CodedRecords piece;
   *piece.message.mutable_batch() = large_->cutter.Next(BatchBytesMax() - kPieceHeadBytes);
-  if (large_->run_part != RunPart::kNone) piece.message.mutable_batch()->set_run(run_);
+  piece.message.mutable_batch()->set_run(large_->run);
   if (!large_->cutter.is_done()) {
     Address(piece, large_->remaining + 1);
     return piece;
   }
   piece.keys = {large_->key};
-  piece.run_part = large_->run_part;
-  piece.run = run_;
+  piece.run = large_->run;
+  piece.leans_on_others = large_->leans_on_others;
   missing_count_ = large_->remaining;
   is_end_told_ = missing_count_ == 0;
   large_.reset();
@@ -610,22 +608,15 @@ void SharingSession::GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batc
 // Only what leans on others can need them: so a destination that always says so is not listened to for ever.
 void SharingSession::OnRunBroken(std::uint32_t batch_number) {
   const auto broken = under_way_.find(batch_number);
-  if (broken == under_way_.end() || broken->second.run_part != RunPart::kLater) return;
+  if (broken == under_way_.end() || !broken->second.leans_on_others) return;
   const std::uint32_t run = broken->second.run;
-  if (run == run_) is_each_by_itself_ = true;
-  for (auto it = under_way_.begin(); it != under_way_.end() && it->first <= batch_number;) {
-    const auto batch = it++;
-    if (batch->second.run_part != RunPart::kNone && batch->second.run == run) GiveUp(batch);
+  if (large_ && large_->run == run) {
+    large_.reset();
+    ready_.reset();
   }
-}
-
-void SharingSession::BeginRun() {
-  encoder_.BeginRun();
-  if (++run_ == 0) ++run_;
-}
-
-bool SharingSession::IsOfRun(const CodedRecords& batch) const {
-  return batch.run_part != RunPart::kNone && batch.run == run_;
+  if (ready_ && ready_->run == run) ready_.reset();
+  if (encoder_.run() == run) is_each_by_itself_ = true;
+  GiveUp(broken);
 }
 
 // What storage said is missing is no longer all.
@@ -635,20 +626,19 @@ void SharingSession::AskAnew() {
   is_end_told_ = false;
   if (large_) large_->remaining = std::max<std::uint64_t>(large_->remaining, 1);
   if (!ready_ || ready_->message.remaining() > 0) return;
-  if (ready_->message.batch().has_piece()) {
-    ready_->message.set_remaining(1);  // The last piece of a record: it is not the end any more.
+  if (ready_->keys.empty()) {
+    ready_.reset();
     return;
   }
-  if (IsOfRun(*ready_)) BeginRun();
-  ready_.reset();
+  // It is not the end any more.
+  ready_->dropped.clear();
+  ready_->message.mutable_batch()->clear_dropped();
+  Address(*ready_, 1);
 }
 
 void SharingSession::ForgetUnderWay() {
+  if (ready_ || large_ || !under_way_.empty()) encoder_.BeginRun();
   AskAnew();
-  const auto is_of_run = [this](const auto& batch) { return IsOfRun(batch.second); };
-  const bool is_large_of_run = large_ && large_->run_part != RunPart::kNone;
-  const bool is_ready_of_run = ready_ && IsOfRun(*ready_);
-  if (is_large_of_run || is_ready_of_run || std::any_of(under_way_.begin(), under_way_.end(), is_of_run)) BeginRun();
   ready_.reset();
   large_.reset();
   under_way_.clear();

@@ -22,7 +22,8 @@
 // Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
 //
 // Batches of maps make up runs (codec.h), which go on from order to order. A new one begins where the destination may
-// lack a batch of the present one: it was under way when the session started over, or the destination says so.
+// lack a batch of the present one: something was under way or ready when the session started over, one was lost, or the
+// destination says so; and when it is closed.
 //
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
@@ -114,8 +115,8 @@ class SharingSession {
     std::vector<RecordKey> keys;
     std::vector<proto::StreamHave> dropped;
     std::size_t bytes = 0;
-    RunPart run_part = RunPart::kNone;
-    std::uint32_t run = 0;  // Whose part it is.
+    std::uint32_t run = 0;         // As of CodedBatch.
+    bool leans_on_others = false;  // Likewise.
   };
 
   void LookAgain(Time now, SharingActions& actions);
@@ -149,11 +150,9 @@ class SharingSession {
   HaveSet ExpectedHave() const;
   void Acknowledge(std::uint32_t batch_number);
   void GiveUpBatchesBefore(std::uint32_t batch_number);
-  bool IsOfRun(const CodedRecords& batch) const;  // Of the present one.
   // The destination lacks what this batch leans on.
   void OnRunBroken(std::uint32_t batch_number);
   void GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batch);
-  void BeginRun();
   void AskAnew();
   void ForgetUnderWay();
   void TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed, SharingActions& actions) const;
@@ -193,7 +192,8 @@ class SharingSession {
     RecordKey key;
     std::uint64_t remaining = 0;  // Behind it.
     PieceCutter cutter;
-    RunPart run_part = RunPart::kNone;
+    std::uint32_t run = 0;  // As of CodedBatch.
+    bool leans_on_others = false;
   };
   std::optional<Large> large_;
   PartOfWhole part_;                                 // That the destination has, as it said.
@@ -205,9 +205,7 @@ class SharingSession {
   std::vector<proto::TypeBacklog> missing_types_;  // The same by data type.
   bool is_codec_read_ = false;                     // By the destination, that of the options.
   SharingEncoder encoder_;
-  std::uint32_t run_;               // The present run's number, not 0; random at first.
-  bool are_runs_kept_ = false;      // By the destination.
-  bool is_each_by_itself_ = false;  // Each batch begins a run: one was broken, and nothing was acknowledged since.
+  bool is_each_by_itself_ = false;  // Batches of maps: the destination keeps no run of this session's, or lost one.
   double coded_ratio_ = 0.5;        // Coded bytes per content byte, smoothed.
   proto::Codec codec_sent_ = proto::CODEC_UNSPECIFIED;
   Duration backoff_{};

@@ -11,6 +11,7 @@ void SessionWatch::OnHello(const proto::Hello& hello) {
   session_id_ = hello.session_id();
   have_ = HaveSet();
   under_way_.clear();
+  runs_.TakePlace(kSender, {});
 }
 
 std::vector<std::pair<std::string, std::string>> SessionWatch::OnBatch(const proto::Message& message) {
@@ -44,8 +45,7 @@ void SessionWatch::OnHave(const proto::Have& have) {
   have_.Merge(*heard);
   std::erase_if(under_way_, [&](const auto& entry) {
     // The second behind it was acknowledged: the sender takes it for lost, and sends its records again.
-    // All of a run that the receiver cannot read are, too.
-    const bool is_given_up = entry.first + (have.needs_new_run() ? 0 : 2) <= have.batch_number();
+    const bool is_given_up = !have.needs_new_run() && entry.first + 2 <= have.batch_number();
     return entry.first == have.batch_number() || is_given_up || IsHad(entry.second);
   });
 }
@@ -61,12 +61,14 @@ Result<SessionWatch::Handed> SessionWatch::Open(const proto::Message& message) {
     if (!key) return tl::unexpected(key.error());
     if (is_last) handed.keys.push_back(*key);
     const auto whole = pieces_.Take(kSender, batch);
-    if (whole && *whole) (void)runs_.Decode(kSender, batch, **whole);
     if (!whole) unheard_run_ = batch.run();
+    if (!whole || !*whole) return handed;
+    const Result<proto::RecordBatch> record = runs_.Decode(kSender, batch, **whole, {});
+    if (!record && batch.run() != unheard_run_) return tl::unexpected(record.error());
     return handed;
   }
-  const Result<proto::RecordBatch> records = runs_.Decode(kSender, batch, batch.coded());
-  if (!records && batch.run() != 0 && batch.run() == unheard_run_) return handed;
+  const Result<proto::RecordBatch> records = runs_.Decode(kSender, batch, batch.coded(), {});
+  if (!records && records.error().code == ErrorCode::kNotFound && batch.run() == unheard_run_) return handed;
   if (!records) return tl::unexpected(records.error());
   for (const proto::StoredRecord& record : records->records()) handed.keys.push_back(FromProto(record.key()));
   return handed;

@@ -42,7 +42,7 @@ class SessionWatch {
   std::map<std::uint32_t, Handed> under_way_;
   // All that was sent is decoded, in its order.
   PieceCollector pieces_{kCodedBytesMax};
-  RunDecoders runs_{1};
+  RunDecoders runs_{1, {}};
   std::uint32_t unheard_run_ = 0;  // It began in pieces, some of which were not sent to here.
 };
 

@@ -218,7 +218,12 @@ std::string BatchEncoder::Encode(const proto::RecordBatch& batch) {
 }
 
 CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t bytes_max) {
-  const BatchEncoder start = *this;
+  // Without maps only what was learnt of rows' sizes changes.
+  const auto is_map = [](const proto::StoredRecord& record) {
+    return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
+  };
+  std::optional<BatchEncoder> start;
+  if (std::any_of(batch.records().begin(), batch.records().end(), is_map)) start = *this;
   std::size_t records_max = static_cast<std::size_t>(batch.records_size());
   while (true) {
     CodedRows coded = EncodeUpTo(batch, records_max, bytes_max);
@@ -226,8 +231,9 @@ CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t 
     // Expected too little of rows: rarely with maps, whose cells would be coded anew.
     records_max =
         std::clamp<std::size_t>(coded.record_count * bytes_max / coded.bytes.size(), 1, coded.record_count - 1);
+    if (!start) continue;
     std::map<DataType, double> learnt = std::move(row_ratios_);
-    *this = start;
+    *this = *start;
     row_ratios_ = std::move(learnt);
   }
 }
@@ -237,9 +243,9 @@ CodedRows BatchEncoder::EncodeUpTo(const proto::RecordBatch& batch, std::size_t 
   for (const proto::StoredRecord& record : batch.records()) {
     if (parts.contents.size() == records_max || !AddRecord(record, bytes_max, parts)) break;
   }
-  RunPart part = RunPart::kNone;
-  if (!parts.frames.empty()) part = maps_before_ == 0 ? RunPart::kFirst : RunPart::kLater;
-  return {Finish(parts), parts.contents.size(), part};
+  const bool has_cells = !parts.frames.empty();
+  const bool leans_on_others = has_cells && (maps_before_ > 0 || reference_);
+  return {Finish(parts), parts.contents.size(), has_cells, leans_on_others};
 }
 
 bool BatchEncoder::AddRecord(const proto::StoredRecord& record, std::size_t bytes_max, Parts& parts) {

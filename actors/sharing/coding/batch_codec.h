@@ -44,15 +44,12 @@ struct MapReference {
   bool operator==(const MapReference&) const = default;
 };
 
-// kNone: without coded cells, so that it needs no other batch and none needs it. kFirst: begins a run. kLater: cannot
-// be decoded without the run's batches before.
-enum class RunPart { kNone, kFirst, kLater };
-
 // Some first records of a batch.
 struct CodedRows {
   std::string bytes;
   std::size_t record_count = 0;
-  RunPart run_part = RunPart::kNone;
+  bool has_cells = false;        // Of maps: it is a part of the run.
+  bool leans_on_others = false;  // It cannot be decoded without the run's batches before.
 };
 
 class BatchEncoder {

@@ -155,14 +155,17 @@ TEST(CodecTest, BeginsARunAnewWhereItIsTold) {
   const CodedBatch later = encoder.Encode(proto::CODEC_COMPACT, MapBatch(8, 8), 1'000'000);
   encoder.BeginRun();
   const CodedBatch alone = encoder.Encode(proto::CODEC_COMPACT, MapBatch(8, 8), 1'000'000);
-  EXPECT_EQ(first.run_part, RunPart::kFirst);
-  EXPECT_EQ(later.run_part, RunPart::kLater);
-  EXPECT_EQ(alone.run_part, RunPart::kFirst);
+  EXPECT_FALSE(first.leans_on_others);
+  EXPECT_TRUE(later.leans_on_others);
+  EXPECT_FALSE(alone.leans_on_others);
+  EXPECT_NE(first.run, 0u);
+  EXPECT_EQ(first.run, later.run);
+  EXPECT_NE(first.run, alone.run);
   EXPECT_LT(later.bytes.size(), alone.bytes.size());
   EXPECT_EQ(CodeOf(DecodeBatch(later.codec, later.bytes, 8)), ErrorCode::kNotFound);
   EXPECT_TRUE(DecodeBatch(alone.codec, alone.bytes, 8));
-  EXPECT_EQ(encoder.Encode(proto::CODEC_COMPACT, RowBatch(50), 1'000'000).run_part, RunPart::kNone);
-  EXPECT_EQ(encoder.Encode(proto::CODEC_COMPACT, MapBatch(16, 8), 1'000'000).run_part, RunPart::kLater);
+  EXPECT_EQ(encoder.Encode(proto::CODEC_COMPACT, RowBatch(50), 1'000'000).run, 0u);
+  EXPECT_TRUE(encoder.Encode(proto::CODEC_COMPACT, MapBatch(16, 8), 1'000'000).leans_on_others);
 }
 
 TEST(CodecTest, GivesOneRecordThatIsTooLargeForAMessageAlone) {

@@ -90,6 +90,13 @@ class SharingReceiverTest : public testing::Test {
     return asked.empty() ? 0 : asked[0].message.request_id();
   }
 
+  // Storage answers, too; the answer to the Hello.
+  proto::Have Open(AgentId sender, std::uint64_t session_id) {
+    const SharingActions answered = receiver_.OnHaveReply(OpenSession(sender, session_id), proto::HaveReply());
+    EXPECT_EQ(answered.size(), 1u);
+    return answered.empty() ? proto::Have() : answered[0].message.have();
+  }
+
   SharingReceiver receiver_{Options(), 500};
   SharingReceiver::Time now_{};
 };
@@ -351,7 +358,7 @@ TEST_F(SharingReceiverTest, TellsItsSchemasToWhoHasOthers) {
 }
 
 TEST_F(SharingReceiverTest, ReadsARunInItsOrderAndAsksForANewOneOtherwise) {
-  OpenSession(2, 10);
+  Open(2, 10);
   const std::vector<proto::Message> run = RunOf(10, 4);
   EXPECT_TRUE(IsStored(run[0]));
   EXPECT_TRUE(IsStored(run[1]));
@@ -362,7 +369,7 @@ TEST_F(SharingReceiverTest, ReadsARunInItsOrderAndAsksForANewOneOtherwise) {
 }
 
 TEST_F(SharingReceiverTest, LateCopiesLeaveARunWhereItIs) {
-  OpenSession(2, 10);
+  Open(2, 10);
   const std::vector<proto::Message> run = RunOf(10, 3);
   EXPECT_TRUE(IsStored(run[0]));
   EXPECT_TRUE(IsStored(run[1]));
@@ -374,7 +381,7 @@ TEST_F(SharingReceiverTest, LateCopiesLeaveARunWhereItIs) {
 }
 
 TEST_F(SharingReceiverTest, ADamagedBatchEndsItsRun) {
-  OpenSession(2, 10);
+  Open(2, 10);
   std::vector<proto::Message> run = RunOf(10, 3);
   EXPECT_TRUE(IsStored(run[0]));
   std::string& coded = *run[1].mutable_batch()->mutable_coded();
@@ -385,17 +392,17 @@ TEST_F(SharingReceiverTest, ADamagedBatchEndsItsRun) {
 }
 
 TEST_F(SharingReceiverTest, KeepsRunsFromSessionToSession) {
-  OpenSession(2, 10);
+  Open(2, 10);
   std::vector<proto::Message> run = RunOf(10, 2);
   run[0].set_remaining(0);
   EXPECT_TRUE(IsStored(run[0]));
-  OpenSession(2, 11);
+  Open(2, 11);
   run[1].mutable_batch()->set_session_id(11);
   EXPECT_TRUE(IsStored(run[1]));
 }
 
 TEST_F(SharingReceiverTest, TellsRunsApartByTheirNumbers) {
-  OpenSession(2, 10);
+  Open(2, 10);
   std::vector<proto::Message> run = RunOf(10, 2);
   EXPECT_TRUE(IsStored(run[0]));
   run[1].mutable_batch()->set_run(8);
@@ -404,18 +411,28 @@ TEST_F(SharingReceiverTest, TellsRunsApartByTheirNumbers) {
   EXPECT_TRUE(IsStored(run[1]));
 }
 
-TEST_F(SharingReceiverTest, BoundsTheRunsThatItKeeps) {
+TEST_F(SharingReceiverTest, ABatchWithoutMapsMayOvertakeOneOfARun) {
+  Open(2, 10);
+  const std::vector<proto::Message> run = RunOf(10, 2);
+  EXPECT_TRUE(IsStored(run[0]));
+  EXPECT_TRUE(IsStored(Batch(10, 3)));
+  EXPECT_TRUE(IsStored(run[1]));
+}
+
+TEST_F(SharingReceiverTest, KeepsRunsOfSoManySendersAndTellsTheOthers) {
   SharingReceiver::Options options = Options();
-  options.runs_max = 2;
+  options.run_places_max = 2;
   receiver_ = SharingReceiver(options, 500);
   const std::vector<proto::Message> run = RunOf(10, 2);
-  for (const AgentId sender : {2u, 3u, 4u}) {
-    OpenSession(sender, 10);
-    EXPECT_TRUE(IsStored(run[0], sender));
-  }
-  EXPECT_TRUE(IsNewRunAskedFor(run[1])) << "agent 2 was silent for longest";
+  const auto is_run_kept = [this](AgentId sender) { return Open(sender, 10).keeps_runs(); };
+  EXPECT_TRUE(is_run_kept(2));
+  EXPECT_TRUE(is_run_kept(3));
+  EXPECT_FALSE(is_run_kept(4));
+  for (const AgentId sender : {2u, 3u, 4u}) EXPECT_TRUE(IsStored(run[0], sender));
+  EXPECT_TRUE(IsStored(run[1], 2));
   EXPECT_TRUE(IsStored(run[1], 3));
-  EXPECT_TRUE(IsStored(run[1], 4));
+  now_ += options.idle_after + seconds(1);
+  EXPECT_TRUE(is_run_kept(4)) << "the others were silent";
 }
 
 }  // namespace

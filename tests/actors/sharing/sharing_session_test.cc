@@ -66,7 +66,7 @@ class SharingSessionTest : public testing::Test {
     have.set_part_hash(pieces_.PartFrom(kSelf).hash);
     have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
     for (const proto::Codec codec : codecs_) have.add_codecs(codec);
-    have.set_keeps_runs(are_runs_kept_);
+    have.set_keeps_runs(are_runs_kept_ && runs_.TakePlace(kSelf, now_));
     Take(session_.OnHave(have, now_));
   }
 
@@ -81,7 +81,7 @@ class SharingSessionTest : public testing::Test {
     }
     proto::StoreRequest request;
     proto::Have have = AcknowledgmentOf(batch);
-    const auto records = runs_.Decode(kSelf, batch, coded);
+    const auto records = runs_.Decode(kSelf, batch, coded, now_);
     if (!records) {
       EXPECT_EQ(records.error().code, ErrorCode::kNotFound) << ToString(records.error());
       have.set_needs_new_run(true);
@@ -176,7 +176,7 @@ class SharingSessionTest : public testing::Test {
   MemoryStore source_;
   MemoryStore destination_;
   PieceCollector pieces_{1'000'000};  // The destination's, as is the next.
-  RunDecoders runs_{1};
+  RunDecoders runs_{1, {}};
   bool are_runs_kept_ = true;
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
@@ -1083,7 +1083,7 @@ TEST_F(SharingSessionTest, ARunBeginsAnewWhereTheDestinationForgotIt) {
   RunToEnd();
   InsertMaps(4, 20);
   Order();
-  runs_ = RunDecoders(1);
+  runs_ = RunDecoders(1, {});
   AnswerHello();
   RunToEnd();
   EXPECT_EQ(destination_.have(), source_.have());
@@ -1120,9 +1120,60 @@ TEST_F(SharingSessionTest, AnOrderBeforeTheEndCostsTheRunNothing) {
   ASSERT_GT(sent_.back().remaining(), 0u) << "the end waits for these";
   InsertMaps(4, 20);
   Order();
-  RunToEnd();
+  const std::vector<proto::Message> batches = RunToEnd();
+  for (std::size_t i = 1; i < batches.size(); ++i) EXPECT_FALSE(IsReadByItself(batches[i])) << i;
   EXPECT_EQ(destination_.have(), source_.have());
   EXPECT_EQ(Status().resends(), 0);
+}
+
+// Of what was coded behind the lost batch nothing leaves any more.
+TEST_F(SharingSessionTest, SendsNothingMoreOfARunThatIsBroken) {
+  InsertMaps(60);
+  Order();
+  AnswerHello(2048);
+  const proto::Message first = sent_.front();
+  sent_.erase(sent_.begin());
+  Acknowledge(first);
+  runs_ = RunDecoders(1, {});
+  runs_.TakePlace(kSelf, now_);
+  for (const proto::Message& message : TakeSent()) Acknowledge(message);
+  ASSERT_FALSE(sent_.empty());
+  for (const proto::Message& message : RunToEnd()) EXPECT_TRUE(IsReadByItself(message));
+}
+
+TEST_F(SharingSessionTest, ALargeMapThatLeansOnOthersIsCodedAnewWhereTheyAreNotThere) {
+  InsertMaps(20);
+  Order();
+  AnswerHello();
+  RunToEnd();
+  InsertMaps(1, 20);
+  std::mt19937_64 rng(3);
+  const auto any_cell = [&rng](int, int, int) { return static_cast<Cell>(rng() % 3); };
+  for (int i = 21; i < 23; ++i) {
+    source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, MapOf(DrawLayers(1, 200, 200, any_cell), i).content());
+  }
+  runs_ = RunDecoders(1, {});
+  Order();
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+  EXPECT_EQ(Status().resends(), 1);
+}
+
+TEST_F(SharingSessionTest, AnAcknowledgmentThatComesAfterGivingUpCounts) {
+  InsertMaps(60);
+  Order();
+  AnswerHello();
+  const std::vector<proto::Message> sent = TakeSent();
+  ASSERT_GE(sent.size(), 2u);
+  const proto::Have stored = Store(sent[1]);  // Before the first: it asks for a new run.
+  EXPECT_TRUE(stored.needs_new_run());
+  Take(session_.OnHave(stored, now_));
+  for (std::size_t i = 0; i < sent.size(); ++i) {
+    if (i != 1) Acknowledge(sent[i]);
+  }
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
 }
 
 TEST_F(SharingSessionTest, SendsALostBatchOfARunAgainWithoutWaiting) {
@@ -1130,7 +1181,7 @@ TEST_F(SharingSessionTest, SendsALostBatchOfARunAgainWithoutWaiting) {
     SCOPED_TRACE(lost);
     source_ = MemoryStore();
     destination_ = MemoryStore();
-    runs_ = RunDecoders(1);
+    runs_ = RunDecoders(1, {});
     session_ = SharingSession(Options(), proto::SHARING_KIND_SYNC, kDestination, 1000);
     InsertMaps(60);
     Order();
@@ -1156,7 +1207,7 @@ TEST_F(SharingSessionTest, ADamagedBatchEndsItsRun) {
   ASSERT_GE(sent.size(), 2u);
   std::string damaged = sent[0].batch().coded();
   damaged[damaged.size() / 2] = static_cast<char>(damaged[damaged.size() / 2] ^ 1);
-  EXPECT_FALSE(runs_.Decode(kSelf, sent[0].batch(), damaged));
+  EXPECT_FALSE(runs_.Decode(kSelf, sent[0].batch(), damaged, now_));
   for (std::size_t i = 1; i < sent.size(); ++i) Acknowledge(sent[i]);
   RunToEnd();
   EXPECT_EQ(destination_.have(), source_.have());
