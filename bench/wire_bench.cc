@@ -38,11 +38,13 @@ int RunBench(Options options) {
     for (const char* name : {"intel_team", "orebro_team"}) options.recorded.push_back(std::string(data) + "/" + name);
   }
   std::vector<WireSizes> sizes;
-  if (!Measure(MakeRollingMission(), sizes) || !Measure(MakeSingleViewMission(), sizes)) return 1;
+  const WireMission rolling = MakeRollingMission();
+  if (!Measure(rolling, sizes) || !Measure(MakeSingleViewMission(), sizes)) return 1;
   for (const std::string& folder : options.recorded) {
     if (!Measure(ReadRecordedMission(folder), sizes)) return 1;
   }
-  fmt::print("{}", options.is_json ? JsonOf(sizes) : TableOf(sizes));
+  const CodingTimes times = MeasureTimes(rolling);
+  fmt::print("{}", options.is_json ? JsonOf(sizes, times) : TableOf(sizes, times));
   return 0;
 }
 

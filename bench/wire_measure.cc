@@ -8,6 +8,7 @@
 #include "actors/sharing/coding/batch_codec.h"
 #include "actors/sharing/coding/zstd_frame.h"
 #include "actors/storage/paper_sql.h"
+#include "bench/rolling_maps.h"
 #include "model/check.h"
 #include "proto/message.pb.h"
 
@@ -174,6 +175,22 @@ std::size_t RunBytes(const std::vector<TraversabilityMap>& maps, Previous previo
   return bytes;
 }
 
+// Codes one stream's records in batches and takes the time.
+void CodeRows(const WireStream& stream, Times& times) {
+  for (std::size_t next = 0; next < stream.records.size();) {
+    proto::RecordBatch batch;
+    const std::size_t end = std::min(stream.records.size(), next + kRowsPerBatchMax);
+    for (; next < end; ++next) *batch.add_records() = stream.records[next];
+    const double start_ms = ProcessorMs();
+    const std::string coded = BatchEncoder(Previous::kNever).Encode(batch);
+    times.encode_ms += ProcessorMs() - start_ms;
+    const double decode_start_ms = ProcessorMs();
+    const auto decoded = BatchDecoder().Decode(coded, static_cast<std::uint32_t>(batch.records_size()));
+    times.decode_ms += ProcessorMs() - decode_start_ms;
+    Check(decoded && decoded->records_size() == batch.records_size(), "rows decode");
+  }
+}
+
 void MeasureMaps(const WireMission& mission, WireSizes& sizes) {
   Times alone, previous;
   for (const std::vector<TraversabilityMap>& maps : mission.rover_maps) {
@@ -245,7 +262,33 @@ WireSizes MeasureMission(const WireMission& mission) {
   return sizes;
 }
 
-std::string TableOf(const std::vector<WireSizes>& all) {
+CodingTimes MeasureTimes(const WireMission& mission) {
+  constexpr int kRowRepeats = 20;
+  CodingTimes times;
+  RollingOptions options;
+  options.map_count = 3 * static_cast<int>(kRunMapsMax);
+  options.cells_per_side = 100;
+  const std::vector<TraversabilityMap> maps = MakeRollingMaps(options);
+  Times alone, previous;
+  RunBytes(maps, Previous::kNever, alone);
+  RunBytes(maps, Previous::kWhereItPays, previous);
+  times.map_encode_ms = alone.encode_ms / options.map_count;
+  times.map_decode_ms = alone.decode_ms / options.map_count;
+  times.map_encode_previous_ms = previous.encode_ms / options.map_count;
+  times.map_decode_previous_ms = previous.decode_ms / options.map_count;
+  Times rows;
+  double row_count = 0;
+  for (const WireStream& stream : mission.streams) {
+    if (stream.data_type == proto::LOCAL_TRAVERSABILITY_MAP) continue;
+    for (int i = 0; i < kRowRepeats; ++i) CodeRows(stream, rows);
+    row_count += static_cast<double>(kRowRepeats * stream.records.size());
+  }
+  times.encoded_rows_per_s = row_count / rows.encode_ms * 1000;
+  times.decoded_rows_per_s = row_count / rows.decode_ms * 1000;
+  return times;
+}
+
+std::string TableOf(const std::vector<WireSizes>& all, const CodingTimes& times) {
   std::string text;
   for (const WireSizes& sizes : all) {
     text += fmt::format("{}: {} records, {} of them maps\n", sizes.name, sizes.record_count, sizes.map_count);
@@ -262,10 +305,16 @@ std::string TableOf(const std::vector<WireSizes>& all) {
     text += fmt::format("  as sessions send it, ms a map, rows and all: {:.2f} to encode, {:.2f} to decode\n",
                         sizes.sent_encode_ms, sizes.sent_decode_ms);
   }
+  text += fmt::format(
+      "a map of 4 x 100 x 100 that rolls: {:.2f} ms to encode, {:.2f} to decode; with the previous map {:.2f} and "
+      "{:.2f}\n",
+      times.map_encode_ms, times.map_decode_ms, times.map_encode_previous_ms, times.map_decode_previous_ms);
+  text += fmt::format("rows: {:.2f} million a second encoded, {:.2f} decoded\n", times.encoded_rows_per_s / 1e6,
+                      times.decoded_rows_per_s / 1e6);
   return text;
 }
 
-std::string JsonOf(const std::vector<WireSizes>& all) {
+std::string JsonOf(const std::vector<WireSizes>& all, const CodingTimes& times) {
   std::vector<std::string> missions;
   for (const WireSizes& sizes : all) {
     missions.push_back(fmt::format(
@@ -279,7 +328,12 @@ std::string JsonOf(const std::vector<WireSizes>& all) {
         sizes.map_previous_bytes, sizes.encode_ms, sizes.decode_ms, sizes.encode_previous_ms, sizes.decode_previous_ms,
         sizes.sent_encode_ms, sizes.sent_decode_ms));
   }
-  return fmt::format("{{\"missions\": [\n  {}]}}\n", fmt::join(missions, ",\n  "));
+  const std::string coding = fmt::format(
+      "{{\"map_encode_ms\": {:.3f}, \"map_decode_ms\": {:.3f}, \"map_encode_previous_ms\": {:.3f}, "
+      "\"map_decode_previous_ms\": {:.3f}, \"encoded_rows_per_s\": {:.0f}, \"decoded_rows_per_s\": {:.0f}}}",
+      times.map_encode_ms, times.map_decode_ms, times.map_encode_previous_ms, times.map_decode_previous_ms,
+      times.encoded_rows_per_s, times.decoded_rows_per_s);
+  return fmt::format("{{\"missions\": [\n  {}],\n \"times\": {}}}\n", fmt::join(missions, ",\n  "), coding);
 }
 
 }  // namespace moondb
