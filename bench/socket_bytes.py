@@ -12,7 +12,7 @@ Usage: socket_bytes.py PROGRAMS MISSION [CODEC] [--json]
     CODEC     compact, the default; zstd, plain; or paper_sql, whose statements are then sent in earnest
 
 Of each crossing: records acknowledged and coded bytes as the sessions count them; bytes and packets on the device
-(payload, ZeroMQ, CURVE, acknowledgments, TCP, IP and 14 bytes of Ethernet a packet, both ways); paper_sql, which
+(payload, ZeroMQ, CURVE, acknowledgments, TCP and IP in packets of at most 1,500 bytes, both ways); paper_sql, which
 wire_bench computes; and how many times smaller than that the device's bytes are.
 """
 import argparse
@@ -33,7 +33,7 @@ PATIENCE = "3h"
 def in_own_network():
     if not os.environ.get("MOONDB_OWN_NETWORK"):
         os.environ["MOONDB_OWN_NETWORK"] = "1"
-        os.execvp("unshare", ["unshare", "-n", "bash", "-c", 'ip link set lo up; exec "$@"', "bash", sys.executable,
+        os.execvp("unshare", ["unshare", "-n", "bash", "-c", 'ip link set lo mtu 1500 gso_max_segs 1 up; exec "$@"', "bash", sys.executable,
                               *sys.argv])
 
 

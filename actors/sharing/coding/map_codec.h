@@ -47,7 +47,7 @@ bool IsCodable(const std::vector<MapLayer>& layers);
 // Of all layers.
 std::uint64_t CellCountOf(const std::vector<MapLayer>& layers);
 
-// What both ends have of a run: at most 10 MB.
+// What both ends have of a run: at most 10 MB, or 42 where layers are two cells wide.
 class MapRun {
  public:
   // For learning tables; both ends would have to change it alike.
