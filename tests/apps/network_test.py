@@ -63,6 +63,8 @@ def tell(team, network, mission, started):
     team.moonctl("role", "swap")
     team.share("sync")
     team.share("replicate")
+    # What the deposed leader was replicating comes to the new one beside these.
+    team.until(lambda: team.records(1) == team.records(0), "leader and survivor do not come to hold the same")
     say(started, f"leader and survivor hold the same {check_same(team, 1, 0)} records")
 
     say(started, "the new leader is killed for good; the survivor leads, rover3 survives")
