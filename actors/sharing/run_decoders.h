@@ -2,8 +2,8 @@
 //
 // A run goes on from batch to batch and from session to session of its sender, which numbers its runs: so a map leans
 // on the one before whenever that came. There are places for so many senders, each with one run: some 4 MB of maps of
-// 4 x 100 x 100 cells, at most 10 MB, or 42 of layers two cells wide. A sender without a place codes each batch by itself.
-// Not thread-safe.
+// 4 x 100 x 100 cells, at most 10 MB, or 42 of layers two cells wide. A sender without a place codes each batch by
+// itself. Not thread-safe.
 #pragma once
 
 #include <chrono>

@@ -112,6 +112,20 @@ class SharingSessionTest : public testing::Test {
     codecs_ = {proto::CODEC_COMPACT};
   }
 
+  // Orders once these are stored as well; the destination answers the Hello.
+  void OrderMaps(int count, int first = 0, std::uint32_t credit = 8 * 1024) {
+    InsertMaps(count, first);
+    Order();
+    AnswerHello(credit);
+  }
+
+  // One that is too large for a message.
+  void InsertNoiseMap(int index, int side) {
+    const auto any_cell = [this](int, int, int) { return static_cast<Cell>(rng_() % 3); };
+    const proto::StoredRecord map = MapOf(DrawLayers(1, side, side, any_cell), index);
+    source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, map.content());
+  }
+
   static bool IsReadByItself(const proto::Message& message) {
     const proto::Batch& batch = message.batch();
     return DecodeBatch(batch.codec(), batch.coded(), batch.record_count()).has_value();
@@ -178,6 +192,7 @@ class SharingSessionTest : public testing::Test {
   PieceCollector pieces_{1'000'000};  // The destination's, as is the next.
   RunDecoders runs_{1, {}};
   bool are_runs_kept_ = true;
+  std::mt19937_64 rng_{3};
   std::vector<proto::Message> sent_;
   std::vector<proto::PeerHave> peer_haves_;
   proto::RecordFilter asked_for_;  // The last filter that storage was given.
@@ -1037,9 +1052,7 @@ TEST_F(SharingSessionTest, ALimitHoldsForRecordsInPiecesToo) {
 }
 
 TEST_F(SharingSessionTest, CodesCompactlyForADestinationThatReadsIt) {
-  InsertMaps(60);
-  Order();
-  AnswerHello();
+  OrderMaps(60);
   std::size_t batches = 0;
   for (const proto::Message& message : RunToEnd()) {
     EXPECT_EQ(message.batch().codec(), proto::CODEC_COMPACT);
@@ -1052,9 +1065,7 @@ TEST_F(SharingSessionTest, CodesCompactlyForADestinationThatReadsIt) {
 }
 
 TEST_F(SharingSessionTest, ItsBatchesOfMapsLeanOnThoseBefore) {
-  InsertMaps(60);
-  Order();
-  AnswerHello();
+  OrderMaps(60);
   const std::vector<proto::Message> batches = RunToEnd();
   ASSERT_GE(batches.size(), 3u);
   EXPECT_TRUE(IsReadByItself(batches.front()));
@@ -1064,22 +1075,16 @@ TEST_F(SharingSessionTest, ItsBatchesOfMapsLeanOnThoseBefore) {
 }
 
 TEST_F(SharingSessionTest, ARunGoesOnInTheNextOrder) {
-  InsertMaps(20);
-  Order();
-  AnswerHello();
+  OrderMaps(20);
   RunToEnd();
-  InsertMaps(4, 20);
-  Order();
-  AnswerHello();
+  OrderMaps(4, 20);
   for (const proto::Message& message : RunToEnd()) EXPECT_FALSE(IsReadByItself(message));
   EXPECT_EQ(destination_.have(), source_.have());
   EXPECT_EQ(Status().resends(), 0);
 }
 
 TEST_F(SharingSessionTest, ARunBeginsAnewWhereTheDestinationForgotIt) {
-  InsertMaps(20);
-  Order();
-  AnswerHello();
+  OrderMaps(20);
   RunToEnd();
   InsertMaps(4, 20);
   Order();
@@ -1091,9 +1096,7 @@ TEST_F(SharingSessionTest, ARunBeginsAnewWhereTheDestinationForgotIt) {
 }
 
 TEST_F(SharingSessionTest, ARunBeginsAnewWhereABatchOfItWasUnderWay) {
-  InsertMaps(60);
-  Order();
-  AnswerHello(2048);
+  OrderMaps(60, 0, 2048);
   Acknowledge(sent_.front());
   ASSERT_GT(sent_.back().remaining(), 0u);
   sent_.clear();
@@ -1106,17 +1109,13 @@ TEST_F(SharingSessionTest, ARunBeginsAnewWhereABatchOfItWasUnderWay) {
 
 TEST_F(SharingSessionTest, CodesEachBatchByItselfForADestinationThatKeepsNoRuns) {
   are_runs_kept_ = false;
-  InsertMaps(60);
-  Order();
-  AnswerHello();
+  OrderMaps(60);
   for (const proto::Message& message : RunToEnd()) EXPECT_TRUE(IsReadByItself(message));
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
 TEST_F(SharingSessionTest, AnOrderBeforeTheEndCostsTheRunNothing) {
-  InsertMaps(20);
-  Order();
-  AnswerHello();
+  OrderMaps(20);
   ASSERT_GT(sent_.back().remaining(), 0u) << "the end waits for these";
   InsertMaps(4, 20);
   Order();
@@ -1128,9 +1127,7 @@ TEST_F(SharingSessionTest, AnOrderBeforeTheEndCostsTheRunNothing) {
 
 // Of what was coded behind the lost batch nothing leaves any more.
 TEST_F(SharingSessionTest, SendsNothingMoreOfARunThatIsBroken) {
-  InsertMaps(60);
-  Order();
-  AnswerHello(2048);
+  OrderMaps(60, 0, 2048);
   const proto::Message first = sent_.front();
   sent_.erase(sent_.begin());
   Acknowledge(first);
@@ -1142,16 +1139,10 @@ TEST_F(SharingSessionTest, SendsNothingMoreOfARunThatIsBroken) {
 }
 
 TEST_F(SharingSessionTest, ALargeMapThatLeansOnOthersIsCodedAnewWhereTheyAreNotThere) {
-  InsertMaps(20);
-  Order();
-  AnswerHello();
+  OrderMaps(20);
   RunToEnd();
   InsertMaps(1, 20);
-  std::mt19937_64 rng(3);
-  const auto any_cell = [&rng](int, int, int) { return static_cast<Cell>(rng() % 3); };
-  for (int i = 21; i < 23; ++i) {
-    source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, MapOf(DrawLayers(1, 200, 200, any_cell), i).content());
-  }
+  for (int i = 21; i < 23; ++i) InsertNoiseMap(i, 200);
   runs_ = RunDecoders(1, {});
   Order();
   AnswerHello();
@@ -1161,9 +1152,7 @@ TEST_F(SharingSessionTest, ALargeMapThatLeansOnOthersIsCodedAnewWhereTheyAreNotT
 }
 
 TEST_F(SharingSessionTest, AnAcknowledgmentThatComesAfterGivingUpCounts) {
-  InsertMaps(60);
-  Order();
-  AnswerHello();
+  OrderMaps(60);
   const std::vector<proto::Message> sent = TakeSent();
   ASSERT_GE(sent.size(), 2u);
   const proto::Have stored = Store(sent[1]);  // Before the first: it asks for a new run.
@@ -1183,9 +1172,7 @@ TEST_F(SharingSessionTest, SendsALostBatchOfARunAgainWithoutWaiting) {
     destination_ = MemoryStore();
     runs_ = RunDecoders(1, {});
     session_ = SharingSession(Options(), proto::SHARING_KIND_SYNC, kDestination, 1000);
-    InsertMaps(60);
-    Order();
-    AnswerHello();
+    OrderMaps(60);
     std::size_t number = 0;
     while (!sent_.empty()) {
       for (const proto::Message& message : TakeSent()) {
@@ -1200,9 +1187,7 @@ TEST_F(SharingSessionTest, SendsALostBatchOfARunAgainWithoutWaiting) {
 }
 
 TEST_F(SharingSessionTest, ADamagedBatchEndsItsRun) {
-  InsertMaps(60);
-  Order();
-  AnswerHello();
+  OrderMaps(60);
   const std::vector<proto::Message> sent = TakeSent();
   ASSERT_GE(sent.size(), 2u);
   std::string damaged = sent[0].batch().coded();
@@ -1214,9 +1199,7 @@ TEST_F(SharingSessionTest, ADamagedBatchEndsItsRun) {
 }
 
 TEST_F(SharingSessionTest, ADestinationThatNeverReadsARunIsTriedLessAndLessOften) {
-  InsertMaps(60);
-  Order();
-  AnswerHello();
+  OrderMaps(60);
   const auto answer_all = [this] {
     std::size_t count = 0;
     for (std::vector<proto::Message> sent = TakeSent(); !sent.empty() && count < 100; sent = TakeSent()) {
@@ -1238,13 +1221,8 @@ TEST_F(SharingSessionTest, ADestinationThatNeverReadsARunIsTriedLessAndLessOften
 }
 
 TEST_F(SharingSessionTest, MapsThatTravelInPiecesArePartsOfTheRun) {
-  std::mt19937_64 rng(3);
-  const auto any_cell = [&rng](int, int, int) { return static_cast<Cell>(rng() % 3); };
-  const proto::StoredRecord large = MapOf(DrawLayers(1, 300, 300, any_cell), 0);
-  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, large.content());
-  InsertMaps(20);
-  Order();
-  AnswerHello();
+  InsertNoiseMap(0, 300);
+  OrderMaps(20);
   bool has_pieces = false;
   for (const proto::Message& message : RunToEnd()) has_pieces |= message.batch().has_piece();
   EXPECT_TRUE(has_pieces);
