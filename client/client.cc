@@ -10,6 +10,7 @@
 #include "client/connection.h"
 #include "client/merged_map.h"
 #include "model/control_request.h"
+#include "model/team_id.h"
 #include "proto/message.pb.h"
 
 namespace moondb {
@@ -29,18 +30,18 @@ std::string UserAtMachine() {
 
 }  // namespace
 
-Client::Client(std::unique_ptr<Connection> connection, Options options)
-    : connection_(std::move(connection)), options_(std::move(options)) {}
+Client::Client(std::unique_ptr<Connection> connection, std::string agent_name, Options options)
+    : connection_(std::move(connection)), agent_name_(std::move(agent_name)), options_(std::move(options)) {}
 
 Client::~Client() = default;
 
 Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::string agent_name, Options options) {
-  auto connection = std::make_unique<Connection>(std::move(endpoint), std::move(agent_name), options);
+  auto connection = std::make_unique<Connection>(std::move(endpoint), agent_name, options);
   if (auto opened = connection->Open(options.connect_timeout); !opened) {
     return tl::unexpected(opened.error());
   }
   if (options.by.empty()) options.by = UserAtMachine();
-  return std::unique_ptr<Client>(new Client(std::move(connection), std::move(options)));
+  return std::unique_ptr<Client>(new Client(std::move(connection), std::move(agent_name), std::move(options)));
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
@@ -55,6 +56,7 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
   *message.mutable_control_request() = request;
   message.mutable_control_request()->set_for_agent(options_.for_agent);
   message.mutable_control_request()->set_by(options_.by);
+  message.mutable_control_request()->set_team_id(TeamIdBytes(options_.team_id));
   if (message.ByteSizeLong() > options_.message_bytes_max) {
     return Fail(ErrorCode::kInvalid, "the request is larger than a message may be");
   }
@@ -70,9 +72,18 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
       return Fail(ErrorCode::kCorrupt, "the agent's answer does not decode");
     }
     if (answer.request_id() != id) continue;  // Of a call that had timed out.
+    if (auto same = CheckTeam(answer.control_reply()); !same) return tl::unexpected(same.error());
     if (IsError(answer.control_reply().error())) return tl::unexpected(FromProto(answer.control_reply().error()));
+    if (options_.on_config_hash) options_.on_config_hash(answer.control_reply().config_hash());
     return std::move(*answer.mutable_control_reply());
   }
+}
+
+Result<void> Client::CheckTeam(const proto::ControlReply& reply) const {
+  const std::string own = TeamIdBytes(options_.team_id);
+  if (own.empty() || reply.team_id() == own) return {};
+  return Fail(ErrorCode::kRefused, "what answers for agent " + agent_name_ + " is of another team: its team id is " +
+                                       TeamIdStart(reply.team_id()) + ", this team's " + TeamIdStart(own));
 }
 
 Result<proto::AgentStatus> Client::Status() {
@@ -176,6 +187,12 @@ Result<proto::PruneReply> Client::Prune(const proto::PruneOrder& order) {
   proto::ControlRequest request;
   *request.mutable_prune() = order;
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_prune()); });
+}
+
+Result<std::uint32_t> Client::Acknowledge(std::int64_t until_ns) {
+  proto::ControlRequest request;
+  request.mutable_acknowledge()->set_until_ns(until_ns);
+  return Call(request).map([](const proto::ControlReply& reply) { return reply.acknowledge().count(); });
 }
 
 Result<proto::LeaseReply> Client::SetLease(proto::LeaseKind kind, Duration duration) {

@@ -44,6 +44,12 @@ class Client {
     AgentId for_agent =
         0;                // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
     std::string by = {};  // Who asks, for the team's story: "anna@hill". Empty: this user at this machine.
+    // TeamConfig::team_id of the client's team file. An agent of another team refuses, and its answers are refused;
+    // empty: any team's are taken.
+    std::string team_id = {};
+    // Sees TeamFile::hash of the agent that did what it was asked, which may be for_agent: another one than the
+    // client's comes from another team file. An error may be of the agent in between, and is left out.
+    std::function<void(std::uint64_t config_hash)> on_config_hash = {};
     // Both in Z85 for an agent's client_address, whose clients.yaml lists the key; empty for its own machine's ipc.
     std::string server_key = {};    // The agent's, public.
     std::string secret_key = {};    // The client's.
@@ -93,6 +99,8 @@ class Client {
 
   // What the agent holds and dropped of each stream.
   Result<HaveSet> Have();
+  // Of what the agent's status shows as findings, those up to that stamp are none any more; how many these were.
+  Result<std::uint32_t> Acknowledge(std::int64_t until_ns);
   // One part of the agent's store, as proto/storage.proto says: some records at a time.
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
   // Lets the agent remove what need not be kept. PruneReply.text: nothing could go, and why.
@@ -131,9 +139,11 @@ class Client {
 
  private:
   class Connection;
-  Client(std::unique_ptr<Connection> connection, Options options);
+  Result<void> CheckTeam(const proto::ControlReply& reply) const;
+  Client(std::unique_ptr<Connection> connection, std::string agent_name, Options options);
 
   std::unique_ptr<Connection> connection_;
+  std::string agent_name_;  // It is connected to this one.
   Options options_;
   std::uint64_t next_request_id_ = 1;
 };

@@ -1,9 +1,5 @@
 #include "client/connection.h"
 
-#include <sys/socket.h>
-#include <sys/un.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -12,6 +8,7 @@
 #include <string_view>
 #include <zmq.hpp>
 
+#include "client/local_socket.h"
 #include "model/curve_key.h"
 
 namespace moondb {
@@ -25,24 +22,11 @@ constexpr std::chrono::milliseconds kLivenessPeriod(100);
 // How often a wait for the connection looks whether it has failed.
 constexpr std::chrono::milliseconds kHandshakePeriod(20);
 
-// libzmq retries an absent ipc peer silently; a plain connect tells at once. `error` is an errno, 0 for a listener.
-int ProbeSocket(const std::string& path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  if (path.size() >= sizeof(address.sun_path)) return ENAMETOOLONG;
-  std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
-  const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (probe < 0) return errno;
-  const int error = ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 ? 0 : errno;
-  ::close(probe);
-  return error == EAGAIN ? 0 : error;  // A full backlog is a listener too.
-}
-
 Result<void> CheckListener(const std::string& endpoint, const std::string& agent_name) {
   if (!endpoint.starts_with(kIpc)) return {};
   const std::string path = endpoint.substr(kIpc.size());
   const std::string absent = "agent " + agent_name + " is not running (";
-  switch (const int error = ProbeSocket(path)) {
+  switch (const int error = ProbeLocalSocket(path)) {
     case 0:
       return {};
     case ENOENT:

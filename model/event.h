@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "proto/control.pb.h"
 #include "proto/record.pb.h"
 
 namespace moondb {
@@ -17,5 +20,33 @@ proto::Record MakeEvent(proto::EventKind kind, std::string_view text, std::strin
 
 // "started": as people and scripts read it.
 std::string EventKindName(proto::EventKind kind);
+
+// --- Findings: what an operator must hear of, and nothing mends by itself ---
+
+inline constexpr std::size_t kFindingsMax = 32;
+
+// Of EVENT_KIND_LOST. A peer's event of its return takes the place of that of its loss.
+inline constexpr char kEndedWithoutStopping[] = "the process before ended without stopping";
+std::string LostPeerText(const std::string& peer);
+std::string BackPeerText(const std::string& peer, double away_s);
+// Whether a finding says that this peer was lost and is not back.
+bool SaysLost(const std::string& text, const std::string& peer);
+
+// Of EVENT_KIND_ACKNOWLEDGED: findings up to that stamp, the number of which is for people. And that stamp again.
+std::string AcknowledgedText(std::int64_t until_ns, std::size_t count);
+std::optional<std::int64_t> AcknowledgedUntil(const std::string& text);
+
+// One of an agent's own.
+struct OwnEvent {
+  std::int64_t stamp_ns = 0;
+  proto::EventKind kind = proto::EVENT_KIND_UNSPECIFIED;
+  std::string text;
+};
+
+// What nobody has acknowledged, oldest first, of an agent's events in the order in which it wrote them down. An
+// acknowledgment is of what was written down before it, with a stamp up to its own, so that a clock that was ahead once
+// hides nothing later. What happened several times stands once, with the last stamp and how often. Of more than
+// kFindingsMax the newest.
+std::vector<proto::HealthFinding> FindingsOf(const std::vector<OwnEvent>& events);
 
 }  // namespace moondb

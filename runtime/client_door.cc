@@ -1,5 +1,8 @@
 #include "runtime/client_door.h"
 
+#include <sys/stat.h>
+
+#include <cerrno>
 #include <filesystem>
 #include <optional>
 #include <utility>
@@ -22,6 +25,7 @@ constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
 constexpr int kKeepAliveSeconds = 60;
 constexpr int kHandshakeMs = 5000;
+constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr char kIpc[] = "ipc://";
 constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
 
@@ -113,6 +117,24 @@ SendResult ClientDoor::Push(const std::string& routing_id, const proto::Message&
 bool ClientDoor::has_replies() const {
   const std::lock_guard lock(mutex_);
   return !replies_.empty();
+}
+
+void ClientDoor::KeepPlace(std::chrono::steady_clock::time_point now) {
+  if (is_keyed() || now < looks_at_) return;
+  looks_at_ = now + kPlacePeriod;
+  if (!is_listening_) {
+    const auto listening = ListenOnIpc(router_, options_.endpoint);
+    is_listening_ = listening.has_value();
+    log_.Warn(is_listening_ ? "transport: listens anew for clients" : "transport: " + ToString(listening.error()));
+    return;
+  }
+  struct stat status {};
+  const std::string path = options_.endpoint.substr(std::string_view(kIpc).size());
+  if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
+  log_.Warn("transport: the socket for clients was removed: " + path);
+  // libzmq takes the file away as it closes, later: a new one made at once would go with it.
+  router_.Unbind(options_.endpoint);
+  is_listening_ = false;
 }
 
 // Sending may take in libzmq's news of requests, so that receiving comes last.

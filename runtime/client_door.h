@@ -9,6 +9,7 @@
 // Send: any thread. All else: the transport's thread.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <deque>
 #include <functional>
@@ -51,6 +52,14 @@ class ClientDoor {
   bool Work(const Transport::Deliver& deliver);
   bool has_replies() const;
 
+  // Listens anew where somebody has removed the socket's file, as a login manager does at logout: until then nobody new
+  // comes in. To be called now and then.
+  void KeepPlace(std::chrono::steady_clock::time_point now);
+  // When KeepPlace has something to do for sure.
+  std::chrono::steady_clock::time_point deadline() const {
+    return is_listening_ ? std::chrono::steady_clock::time_point::max() : looks_at_;
+  }
+
   int file() const { return router_.file(); }
 
  private:
@@ -72,6 +81,8 @@ class ClientDoor {
   WakeUp& wake_up_;
   ClientTable table_;
   RateLimitedLog log_;
+  bool is_listening_ = true;
+  std::chrono::steady_clock::time_point looks_at_{};  // When KeepPlace looks again.
 
   mutable std::mutex mutex_;
   std::deque<Reply> replies_;

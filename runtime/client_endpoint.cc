@@ -1,28 +1,52 @@
+#include "runtime/client_endpoint.h"
+
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 
+#include "model/team_id.h"
 #include "runtime/private_folder.h"
-#include "runtime/team_config.h"
 
 namespace moondb {
 namespace {
 
 constexpr std::size_t kSocketPathLengthMax = 107;  // sockaddr_un, less its final 0.
 
-std::filesystem::path RunFolder() {
-  // An empty variable counts as unset.
-  if (const char* folder = std::getenv("MOONDB_RUN_DIR"); folder != nullptr && *folder != '\0') return folder;
-  if (const char* folder = std::getenv("XDG_RUNTIME_DIR"); folder != nullptr && *folder != '\0') {
-    return std::filesystem::path(folder) / "moondb";
-  }
-  return "/tmp/moondb-" + std::to_string(geteuid());
+// An empty variable counts as unset.
+std::filesystem::path FolderIn(const char* variable) {
+  const char* folder = std::getenv(variable);
+  return folder == nullptr ? "" : folder;
+}
+
+// "moon-4f2a91c0": two teams of one name on one machine are apart.
+std::string TeamFolder(const proto::TeamConfig& team) {
+  const std::string id = TeamIdBytes(team.team_id());
+  return id.empty() ? team.team() : team.team() + "-" + TeamIdStart(id);
 }
 
 }  // namespace
 
+std::vector<std::filesystem::path> RunFolders() {
+  std::vector<std::filesystem::path> folders;
+  const auto add = [&folders](const std::filesystem::path& folder) {
+    if (std::find(folders.begin(), folders.end(), folder) == folders.end()) folders.push_back(folder);
+  };
+  if (const auto folder = FolderIn("MOONDB_RUN_DIR"); !folder.empty()) add(folder);
+  if (const auto folder = FolderIn("XDG_RUNTIME_DIR"); !folder.empty()) add(folder / "moondb");
+  const std::string user = std::to_string(geteuid());
+  add("/tmp/moondb-" + user);
+  add("/run/user/" + user + "/moondb");
+  return folders;
+}
+
 Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name) {
-  const std::filesystem::path folder = std::filesystem::absolute(RunFolder()) / team.config.team();
+  return ClientEndpointIn(RunFolders().front(), team, agent_name);
+}
+
+Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, const TeamFile& team,
+                                     const std::string& agent_name) {
+  const std::filesystem::path folder = std::filesystem::absolute(run_folder) / TeamFolder(team.config);
   const std::string path = (folder / (agent_name + ".sock")).string();
   if (path.size() > kSocketPathLengthMax) {
     return Fail(ErrorCode::kInvalid, path + ": longer than a socket's path may be (107 characters); " +

@@ -1,4 +1,4 @@
-// LinkCredit, ReceivedCount: how much may be under way to a peer, by what the peer says has arrived.
+// LinkCredit, LargeFrameNotice, ReceivedCount: how much may be under way to a peer, by what the peer says has arrived.
 //
 // A high-water mark counts messages on this side alone: a peer that does not read still lets megabytes into libzmq and
 // the two kernels, which then are stale, late and lost with the connection. So each end tells the other how many bytes
@@ -71,6 +71,19 @@ class LinkCredit {
   std::uint64_t reported_bytes_ = 0;
   std::optional<Round> round_;  // None: nothing is under way.
   bool was_blocked_ = false;    // In this round.
+};
+
+// What the receiver was last told of a large frame to come. An announcement speaks of the next frame alone: another
+// frame, or a report without one, that goes first takes it back.
+class LargeFrameNotice {
+ public:
+  void OnReportSent(std::uint64_t coming_bytes) { announced_bytes_ = coming_bytes; }
+  void OnFrameSent() { announced_bytes_ = 0; }
+  // The receiver waits patiently for a frame of so many bytes.
+  bool Covers(std::uint64_t frame_bytes) const { return announced_bytes_ == frame_bytes; }
+
+ private:
+  std::uint64_t announced_bytes_ = 0;
 };
 
 // The receiving end.

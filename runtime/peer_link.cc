@@ -257,7 +257,7 @@ void PeerLink::OnEvent(int event, MonotonicTime now) {
       health_.OnOpened(now);
       is_opening_due_ = true;
       is_asking_ = false;
-      is_large_announced_ = false;
+      large_frame_notice_ = {};
       is_socket_full_ = false;
       changes_.push_back(true);
       return;
@@ -351,10 +351,8 @@ void PeerLink::Flush(MonotonicTime now) {
   while (const Outbox::Entry* front = outbox_.Front()) {
     const std::size_t bytes = front->frame.size();
     if (bytes <= credit_.credit_bytes() || !credit_.HasRoomFor(bytes)) break;
-    if (!is_large_announced_ && !SendReport(bytes)) break;
-    is_large_announced_ = true;
+    if (!large_frame_notice_.Covers(bytes) && !SendReport(bytes)) break;
     if (!SendFrame(now, *front)) break;
-    is_large_announced_ = false;
     outbox_.PopFront();
     SendWaiting(now);
   }
@@ -386,6 +384,7 @@ bool PeerLink::SendReport(std::uint64_t coming_bytes) {
   }
   report.set_coming_bytes(coming_bytes);
   if (!HandOver(ToPeerFrame(message))) return false;
+  large_frame_notice_.OnReportSent(coming_bytes);
   ++sent_reports_;
   received_.OnReported();
   told_credit_bytes_ = credit_bytes;
@@ -397,6 +396,7 @@ bool PeerLink::SendReport(std::uint64_t coming_bytes) {
 
 bool PeerLink::SendFrame(MonotonicTime now, const Outbox::Entry& entry) {
   if (!HandOver(entry.frame)) return false;
+  large_frame_notice_.OnFrameSent();
   credit_.OnSent(now, entry.frame.size());
   sent_messages_ += entry.messages;
   sent_bytes_ += entry.frame.size();

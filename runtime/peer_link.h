@@ -128,7 +128,7 @@ class PeerLink {
   MonotonicTime last_sent_;            // When Send was last called,
   int sent_in_a_row_ = 0;              // and how often without a pause.
   bool is_socket_full_ = false;        // Until its file tells of news.
-  bool is_large_announced_ = false;    // The outbox's front is, in a report.
+  LargeFrameNotice large_frame_notice_;
 
   // Of the transport's thread, since the last Work.
   bool is_heard_ = false;

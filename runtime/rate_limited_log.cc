@@ -4,17 +4,22 @@
 
 namespace moondb {
 
-void RateLimitedLog::Warn(const std::string& text) {
+void RateLimitedLog::Warn(const std::string& text) { Log(/*is_error=*/false, text); }
+
+void RateLimitedLog::Error(const std::string& text) { Log(/*is_error=*/true, text); }
+
+void RateLimitedLog::Log(bool is_error, const std::string& text) {
   const auto now = std::chrono::steady_clock::now();
   if (now < next_) {
     ++left_out_;
     return;
   }
   next_ = now + period_;
+  const auto level = is_error ? spdlog::level::err : spdlog::level::warn;
   if (left_out_ > 0) {
-    spdlog::warn("{} (and {} more like it before)", text, left_out_);
+    spdlog::log(level, "{} (and {} more like it before)", text, left_out_);
   } else {
-    spdlog::warn("{}", text);
+    spdlog::log(level, "{}", text);
   }
   left_out_ = 0;
 }

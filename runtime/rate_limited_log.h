@@ -1,4 +1,5 @@
-// RateLimitedLog: a warning that a peer can cause at will is told at most once in a while, with how many were left out.
+// RateLimitedLog: a line that a peer, or a disk that is full, can cause at will is logged at most once in a while, with
+// how many were left out.
 #pragma once
 
 #include <chrono>
@@ -13,8 +14,11 @@ class RateLimitedLog {
   explicit RateLimitedLog(std::chrono::seconds period = std::chrono::seconds(10)) : period_(period) {}
 
   void Warn(const std::string& text);
+  void Error(const std::string& text);
 
  private:
+  void Log(bool is_error, const std::string& text);
+
   std::chrono::seconds period_;
   std::chrono::steady_clock::time_point next_{};
   std::uint64_t left_out_ = 0;

@@ -5,11 +5,14 @@
 #include <charconv>
 #include <cstdio>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "model/custom_types.h"
 #include "model/ids.h"
+#include "model/keep_rule.h"
 #include "model/record_check.h"
+#include "model/team_id.h"
 #include "runtime/did_you_mean.h"
 
 namespace moondb {
@@ -19,6 +22,7 @@ constexpr std::size_t kNameLengthMax = 32;
 constexpr std::size_t kKeyFileLengthMax = 255;
 constexpr std::size_t kSocketPathLengthMax = 107;  // sockaddr_un, less its final 0.
 constexpr double kCoordinateMax_m = 1e6;
+constexpr double kHistoryMegabytes = 64;
 constexpr double kAngleMax_rad = 6.283185307179586;  // A whole turn either way.
 
 std::string Number(double value) {
@@ -76,6 +80,7 @@ class Checker {
 
   void Check() {
     if (Require("team") && !IsPlainName(team_.team())) Add("team", kPlainNameRule + Quoted(team_.team()));
+    CheckTeamId();
     CheckAgentCount();
     for (int i = 0; i < team_.agents_size(); ++i) CheckAgent(i);
     CheckDuplicates();
@@ -97,7 +102,9 @@ class Checker {
     CheckRange("retention.keep_event_days", team_.retention().keep_event_days(), 0, 36500);
     CheckRange("retention.map_part_max", team_.retention().map_part_max(), 0, 1);
     CheckRange("retention.disk_free_mb_min", team_.retention().disk_free_mb_min(), 0, 1e9);
+    CheckRange("retention.history_mb_max", team_.retention().history_mb_max(), 0, 1e6);
     CheckStoreBudget();
+    CheckKeepPolicies();
     CheckCustomTypes();
     CheckNumbers("map.footprint_m", team_.map().footprint_m(), "2 numbers (length and width)", 2, 0.01, 10);
   }
@@ -133,6 +140,12 @@ class Checker {
     for (int i = 0; i < numbers.size(); ++i) {
       CheckRange(field + "[" + std::to_string(i) + "]", numbers.Get(i), low, high);
     }
+  }
+
+  void CheckTeamId() {
+    if (!IsGiven("team_id")) return Add("team_id", "missing: `moonctl config check --fix` gives the file one");
+    if (errors_.Has("team_id") || IsTeamId(team_.team_id())) return;
+    Add("team_id", "expected 32 digits of 0 to 9 and a to f, got " + Quoted(team_.team_id()));
   }
 
   void CheckAgentCount() {
@@ -248,6 +261,35 @@ class Checker {
     Add("retention.store_mb_max", "expected 0, for no budget, or 1 to 1e+09, got " + Number(megabytes));
   }
 
+  void CheckKeepPolicies() {
+    const auto* descriptor = proto::KeepPolicies::descriptor();
+    for (int i = 0; i < descriptor->field_count(); ++i) {
+      const auto* field = descriptor->field(i);
+      // The same type has the same name in both.
+      const auto* shared = proto::SharePolicies::descriptor()->FindFieldByName(field->name());
+      const int given = team_.share().GetReflection()->GetEnumValue(team_.share(), shared);
+      const proto::Policy share =
+          given == proto::POLICY_UNSPECIFIED ? proto::POLICY_LATEST : static_cast<proto::Policy>(given);
+      CheckKeep("keep." + field->name(), team_.keep().GetReflection()->GetString(team_.keep(), field), share,
+                "share." + field->name());
+    }
+  }
+
+  // `share`, which stands at `share_field`, is the type's policy.
+  void CheckKeep(const std::string& field, const std::string& text, proto::Policy share,
+                 const std::string& share_field) {
+    if (!IsGiven(field) || errors_.Has(field) || errors_.Has(share_field)) return;
+    const std::optional<KeepRule> rule = ParseKeepRule(text);
+    if (!rule) {
+      return Add(field, "expected all, latest or a duration such as 7d or 12h, got " + Quoted(text) +
+                            DidYouMean(text, {"all", "latest"}));
+    }
+    if (share == proto::POLICY_LATEST || rule->IsOfAnyAge()) return;
+    const std::string policy = YamlName(*proto::Policy_descriptor()->FindValueByNumber(share));
+    Add(field, "nothing of it is superseded, since " + share_field + " is " + policy + ": expected all, got " +
+                   Quoted(text) + " (retention.keep_days lets old records go)");
+  }
+
   void CheckCustomTypes() {
     const int count = team_.custom_types_size();
     if (count > kCustomTypeCountMax) {
@@ -271,6 +313,8 @@ class Checker {
     }
     CheckRange(path + ".priority", type.priority(), 1, 9);
     CheckRange(path + ".bytes_max", type.bytes_max(), 1, kCustomPayloadBytesMax);
+    CheckKeep(path + ".keep", type.keep(), type.share() == proto::POLICY_UNSPECIFIED ? proto::POLICY_ALL : type.share(),
+              path + ".share");
   }
 
   void CheckRoles() {
@@ -332,6 +376,27 @@ proto::SharePolicies StatesLatest() {
   return policies;
 }
 
+// One that means the same is the same text, so that equal files have equal hashes.
+std::string KeepText(const std::string& given, const std::string& by_default) {
+  const std::optional<KeepRule> rule = ParseKeepRule(given);
+  return rule ? ToString(*rule) : by_default;
+}
+
+// `share` is complete. What only solving writes, and rewrites with each run, keeps nothing.
+void FillKeep(proto::TeamConfig* team) {
+  proto::KeepPolicies& keep = *team->mutable_keep();
+  const auto* descriptor = proto::KeepPolicies::descriptor();
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const auto* field = descriptor->field(i);
+    const auto* shared = proto::SharePolicies::descriptor()->FindFieldByName(field->name());
+    const bool is_latest = team->share().GetReflection()->GetEnumValue(team->share(), shared) == proto::POLICY_LATEST;
+    const bool is_derived = field->number() == proto::OPTIMIZED_POSE || field->number() == proto::EDGE_VERDICT;
+    const auto* reflection = keep.GetReflection();
+    reflection->SetString(&keep, field,
+                          KeepText(reflection->GetString(keep, field), is_latest && is_derived ? "latest" : "all"));
+  }
+}
+
 void FillRoles(proto::TeamConfig* team) {
   proto::RolesConfig* roles = team->mutable_roles();
   const auto first_rover_except = [&](const std::string& other) -> std::string {
@@ -351,6 +416,7 @@ void FillCustomTypes(proto::TeamConfig* team) {
     if (type.ground() == proto::POLICY_UNSPECIFIED) type.set_ground(proto::POLICY_NONE);
     if (type.priority() == 0) type.set_priority(5);
     if (type.bytes_max() == 0) type.set_bytes_max(4096);
+    type.set_keep(KeepText(type.keep(), "all"));
   }
   std::sort(types.begin(), types.end(),
             [](const proto::CustomType& a, const proto::CustomType& b) { return a.id() < b.id(); });
@@ -390,6 +456,7 @@ void FillDefaults(const Places& places, proto::TeamConfig* team) {
   if (!is_given("pose_graph.solve_by_itself")) team->mutable_pose_graph()->set_solve_by_itself(true);
   if (!is_given("retention.map_part_max")) team->mutable_retention()->set_map_part_max(0.7);
   if (!is_given("retention.disk_free_mb_min")) team->mutable_retention()->set_disk_free_mb_min(512);
+  if (!is_given("retention.history_mb_max")) team->mutable_retention()->set_history_mb_max(kHistoryMegabytes);
   if (!is_given("map.resolution_m")) team->mutable_map()->set_resolution_m(0.05);
   if (!is_given("map.footprint_m")) {
     team->mutable_map()->add_footprint_m(0.75);
@@ -401,6 +468,7 @@ void FillDefaults(const Places& places, proto::TeamConfig* team) {
   share.set_edge_verdict(proto::POLICY_LATEST);
   share.set_local_traversability_map(proto::POLICY_ALL);
   FillPolicies(share, team->mutable_share());
+  FillKeep(team);
   FillCustomTypes(team);
 }
 

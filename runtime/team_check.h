@@ -22,9 +22,11 @@ void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors
 //
 // Policies of `share`: states latest, nodes and edges all, optimized poses and verdicts latest, maps all.
 // Policies of `ground`: states latest, nodes all, optimized poses latest, the rest none.
-// Custom types: share all, ground none, priority 5, payloads of at most 4096 bytes; sorted by id, since their order
-// means nothing. Leader: the first rover; survivor: the next one. Leader's timeout 120 s, budget 1000 kbps, quiet while
-// driving, cells of 0.05 m, a footprint of 0.75 m by 0.5 m, antennas at 0, start poses known to 0.05 m and 0.01 rad.
+// Policies of `keep`: states all, optimized poses and verdicts latest; 64 MB of history.
+// Custom types: share all, ground none, priority 5, payloads of at most 4096 bytes, keep all; sorted by id, since their
+// order means nothing. Leader: the first rover; survivor: the next one. Leader's timeout 120 s, budget 1000 kbps, quiet
+// while driving, cells of 0.05 m, a footprint of 0.75 m by 0.5 m, antennas at 0, start poses known to 0.05 m and 0.01
+// rad.
 void FillDefaults(const Places& places, proto::TeamConfig* team);
 
 }  // namespace moondb

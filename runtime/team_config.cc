@@ -123,6 +123,16 @@ proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type) {
   return custom == nullptr ? BuiltInPolicyOf(team.ground(), type) : custom->ground();
 }
 
+KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type) {
+  if (const proto::CustomType* custom = FindCustomType(team.custom_types(), type)) {
+    return ParseKeepRule(custom->keep()).value_or(KeepRule{});
+  }
+  if (type > static_cast<DataType>(proto::DataType_MAX)) return {};
+  const auto* field = proto::KeepPolicies::descriptor()->FindFieldByNumber(static_cast<int>(type));
+  if (field == nullptr) return {};
+  return ParseKeepRule(team.keep().GetReflection()->GetString(team.keep(), field)).value_or(KeepRule{});
+}
+
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team) {
   proto::RoleAssignment roles;
   if (const auto* leader = FindAgent(team, team.roles().leader())) roles.set_leader(leader->id());

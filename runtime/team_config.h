@@ -11,6 +11,7 @@
 
 #include "model/error.h"
 #include "model/ids.h"
+#include "model/keep_rule.h"
 #include "proto/team.pb.h"
 
 namespace moondb {
@@ -40,6 +41,9 @@ std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);
 // for one that the team does not know.
 proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type);
 proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type);
+
+// What stays at its origin of a type's superseded records; all where nothing of it is superseded.
+KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type);
 
 // The assignment of the file, as term 0.
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team);

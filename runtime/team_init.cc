@@ -1,14 +1,15 @@
-// Writing team files; reading them is in team_config.cc.
+#include "runtime/team_init.h"
+
 #include <cstdio>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include "model/custom_types.h"
+#include "model/team_id.h"
 #include "runtime/curve_keys.h"
 #include "runtime/new_files.h"
 #include "runtime/team_check.h"
-#include "runtime/team_config.h"
 #include "runtime/yaml_reader.h"
 
 namespace moondb {
@@ -34,16 +35,22 @@ roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s, codec: %s}
 
 # Sharing policies: none, latest or all. `share` is what rovers send to the leader and the leader to the designated
-# survivor, `ground` what the base station is sent.
+# survivor, `ground` what the base station is sent. Of a type under `latest` only the newest record is shared.
 share:
 %s
 ground:
+%s
+# What each robot's own disk keeps, as its history, of its own records that newer ones have superseded under `latest`:
+# all, latest (they go at once) or for how long, as 7d or 12h; within retention.history_mb_max (64), the oldest go
+# first. Nobody else has this history: it is lost with the disk.
+keep:
 %s
 # The leader solves the pose graph by itself when records have stopped coming, or on `moonctl graph optimize` alone.
 pose_graph: {solve_by_itself: %s}
 
 # What an agent need not keep for ever, where leader and designated survivor have it (docs/OPERATING.md, Space):
-# retention: {keep_days: 90, keep_event_days: 30, store_mb_max: 4000, map_part_max: 0.7, disk_free_mb_min: 512}
+# retention: {keep_days: 90, keep_event_days: 30, store_mb_max: 4000, map_part_max: 0.7, disk_free_mb_min: 512,
+#   history_mb_max: 64}
 
 map: {resolution_m: %s, footprint_m: [%s, %s]}   # The merged map's cells; a rover's length and width.
 )";
@@ -97,7 +104,17 @@ std::string CustomTypesText(const CustomTypes& types) {
     text += "  - {id: " + std::to_string(type.id()) + ", name: " + type.name() +
             ", share: " + policy_name(type.share()) + ", ground: " + policy_name(type.ground()) +
             ", priority: " + std::to_string(type.priority()) + ", bytes_max: " + std::to_string(type.bytes_max()) +
-            "}\n";
+            ", keep: " + type.keep() + "}\n";
+  }
+  return text;
+}
+
+std::string KeepText(const proto::KeepPolicies& keep) {
+  std::string text;
+  const auto* descriptor = proto::KeepPolicies::descriptor();
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const auto* field = descriptor->field(i);
+    text += "  " + field->name() + ": " + keep.GetReflection()->GetString(keep, field) + "\n";
   }
   return text;
 }
@@ -126,10 +143,16 @@ std::string Format(const char* format, const std::vector<std::string>& values) {
   return text;
 }
 
+std::string TeamIdLine(const std::string& team_id, const std::string& line_end) {
+  // A text, whatever its digits: without quotes some would be numbers.
+  return "team_id: \"" + team_id + "\"   # Tells this team from any other, for ever." + line_end;
+}
+
 // `team` is complete.
 std::string TeamText(const proto::TeamConfig& team) {
   std::string text = kHead;
   text += "team: " + team.team() + "\n";
+  text += TeamIdLine(team.team_id(), "\n");
   if (team.insecure()) text += "insecure: true   # Anybody who reaches the ports can speak as any agent.\n";
   text += "\n";
   if (!team.insecure()) text += kKeyNote;
@@ -139,11 +162,12 @@ std::string TeamText(const proto::TeamConfig& team) {
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
   text += Format(
-      kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
-              team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
-              YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())), PoliciesText(team.share()),
-              PoliciesText(team.ground()), team.pose_graph().solve_by_itself() ? "true" : "false",
-              Number(team.map().resolution_m()), Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+      kTail,
+      {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
+       team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
+       YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())), PoliciesText(team.share()),
+       PoliciesText(team.ground()), KeepText(team.keep()), team.pose_graph().solve_by_itself() ? "true" : "false",
+       Number(team.map().resolution_m()), Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
             ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
@@ -181,6 +205,11 @@ Result<void> AddKeys(const std::filesystem::path& public_path, NewFiles* files) 
 
 Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& given) {
   proto::TeamConfig team = given;
+  if (team.team_id().empty()) {
+    const Result<std::string> id = MakeTeamId();
+    if (!id) return tl::unexpected(id.error());
+    team.set_team_id(*id);
+  }
   if (!team.insecure()) {
     for (proto::AgentConfig& agent : *team.mutable_agents()) {
       if (agent.key().empty()) agent.set_key(agent.name() + ".pub");
@@ -210,7 +239,46 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   return files.Publish();
 }
 
-Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port) {
+std::string PlainNameOf(const std::string& text) {
+  std::string name;
+  for (const char c : text) {
+    const char small = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    const bool is_plain = IsPlainName(std::string(1, small));
+    if (is_plain || (!name.empty() && name.back() != '-')) name += is_plain ? small : '-';
+  }
+  while (!name.empty() && (!IsPlainName(name) || name.ends_with('-'))) name.pop_back();  // Of too many letters.
+  return name.empty() ? "team" : name;
+}
+
+Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_id) {
+  const auto read = [](const std::string& text, proto::TeamConfig* team) {
+    Places places;
+    PlacedErrors errors("");  // Of other fields: they are told when the file is checked.
+    ReadYaml(text, team, &places, &errors);
+    return places;
+  };
+  proto::TeamConfig before;
+  const Places places = read(yaml, &before);
+  if (const auto name = places.find("team"); name != places.end()) {
+    std::size_t at = 0;
+    for (int line = 1; line < name->second.line && at != std::string::npos; ++line) at = yaml.find('\n', at) + 1;
+    const std::size_t end = yaml.find('\n', at);
+    const bool has_end = end != std::string::npos;
+    const std::string line_end = has_end && end > 0 && yaml[end - 1] == '\r' ? "\r\n" : "\n";
+    const std::string indent = yaml.substr(at, yaml.find_first_not_of(' ', at) - at);
+    std::string fixed = yaml;
+    fixed.insert(has_end ? end + 1 : yaml.size(), (has_end ? "" : "\n") + indent + TeamIdLine(team_id, line_end));
+    // The reader is the judge: it finds the same team, and the id.
+    proto::TeamConfig after;
+    (void)read(fixed, &after);
+    before.set_team_id(team_id);
+    if (after.SerializeAsString() == before.SerializeAsString()) return fixed;
+  }
+  return Fail(ErrorCode::kInvalid, "no place for a line is found; add  team_id: \"" + team_id + "\"  by hand");
+}
+
+Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,
+                              const std::string& name) {
   if (agent_count < 1 || agent_count > kAgentCountMax) {
     return Fail(ErrorCode::kInvalid,
                 "expected 1 to " + std::to_string(kAgentCountMax) + " agents, got " + std::to_string(agent_count),
@@ -223,7 +291,7 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
                 "first_port");
   }
   proto::TeamConfig team;
-  team.set_team("moon");
+  team.set_team(name.empty() ? PlainNameOf(std::filesystem::absolute(path).parent_path().filename().string()) : name);
   for (int i = 0; i < agent_count; ++i) {
     proto::AgentConfig* agent = team.add_agents();
     const bool is_base = i > 0 && i + 1 == agent_count;
@@ -239,6 +307,10 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
     }
   }
   return WriteTeam(path, team);
+}
+
+Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port) {
+  return WriteInitialTeam(path, agent_count, first_port, "");
 }
 
 }  // namespace moondb

@@ -199,6 +199,8 @@ class ZeroMqTransport::Impl {
       Sleep();
       if (zap_handler_) OnHandshakes();
       has_more_ = ReceiveFromPeers();
+      // Listening may take in libzmq's news of requests, so that the door's work comes last.
+      for (const auto& door : doors_) door->KeepPlace(std::chrono::steady_clock::now());
       for (const auto& door : doors_) has_more_ = door->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
       for (const auto& [id, peer] : peers_) peer->Work(now, peer_changed_);
@@ -213,6 +215,7 @@ class ZeroMqTransport::Impl {
     wake_up_.IsLooking();
     MonotonicTime deadline = MonotonicTime::max();
     for (const auto& [id, peer] : peers_) deadline = std::min(deadline, peer->deadline());
+    for (const auto& door : doors_) deadline = std::min(deadline, door->deadline());
     const bool has_replies =
         std::any_of(doors_.begin(), doors_.end(), [](const auto& door) { return door->has_replies(); });
     if (has_more_ || is_stopping_ || has_replies) deadline = MonotonicTime::min();

@@ -79,6 +79,8 @@ Result<void> ZmqSocket::Bind(const std::string& endpoint) {
   return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": " + zmq_strerror(zmq_errno()));
 }
 
+void ZmqSocket::Unbind(const std::string& endpoint) { (void)zmq_unbind(get(), endpoint.c_str()); }
+
 Result<void> ZmqSocket::Connect(const std::string& endpoint) {
   if (zmq_connect(get(), endpoint.c_str()) == 0) return {};
   return Fail(ErrorCode::kUnavailable, "cannot connect to " + endpoint + ": " + zmq_strerror(zmq_errno()));

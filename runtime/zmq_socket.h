@@ -68,6 +68,8 @@ class ZmqSocket {
 
   // kUnavailable: "Address already in use" and the like.
   Result<void> Bind(const std::string& endpoint);
+  // No longer; those that are connected stay. libzmq closes in its own time, and takes the file of an ipc socket away.
+  void Unbind(const std::string& endpoint);
   Result<void> Connect(const std::string& endpoint);
 
   // A socket that tells what becomes of this one's connections, from now on: ZMQ_EVENT_* of `events`. `endpoint` is

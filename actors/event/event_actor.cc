@@ -1,5 +1,6 @@
 #include "actors/event/event_actor.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -12,6 +13,17 @@ namespace moondb {
 namespace {
 
 constexpr std::uint32_t kPeriod = 1;
+constexpr std::size_t kAskersMax = 64;
+constexpr std::size_t kAcknowledgmentsMax = 16;
+constexpr Duration kAcknowledgmentTimeout = std::chrono::minutes(2);  // Whoever asked has given up before.
+
+// Neither need be heard of: it sleeps, or drives in a team that is quiet then.
+bool MayBeSilent(const proto::TeamConfig& team, const proto::LeasesChanged& leases, AgentId agent) {
+  return std::any_of(leases.leases().begin(), leases.leases().end(), [&](const proto::AgentLease& lease) {
+    const bool is_quiet = team.radio().quiet_while_driving() && lease.driving_s() > 0;
+    return lease.agent_id() == agent && (lease.sleeping_s() > 0 || is_quiet);
+  });
+}
 
 }  // namespace
 
@@ -26,6 +38,9 @@ void EventActor::OnStart(Context& context) {
   } else {
     Tell(context, proto::EVENT_KIND_RESTART, "the actor event failed, and was made anew (moonctl trace)");
   }
+  // A random start, so that an answer to an earlier life meets no question of this one.
+  next_request_id_ = context.rng()() | 1;
+  context.WatchPeers();
   OnPeriod(context);
 }
 
@@ -40,6 +55,19 @@ void EventActor::OnMessage(Context& context, const proto::Message& message) {
       return OnStorageStatus(context, message.storage_status());
     case proto::Message::kShareStatus:
       return OnShareStatus(context, context.sender().actor, message.share_status());
+    case proto::Message::kPeerEvent:
+      return OnPeerEvent(context, message.peer_event());
+    case proto::Message::kLeasesChanged:
+      return OnLeases(context, message.leases_changed());
+    case proto::Message::kFindingsRequest:
+      return OnAsker(context, message.request_id(), std::nullopt);
+    case proto::Message::kAcknowledgeRequest:
+      return OnAsker(context, message.request_id(), message.acknowledge_request().until_ns());
+    case proto::Message::kFindingsReply:
+      if (message.request_id() == findings_request_id_) OnFindings(context, message.findings_reply());
+      return;
+    case proto::Message::kInsertReply:
+      return OnInserted(context, message.request_id(), message.insert_reply());
     default:
       return;
   }
@@ -70,7 +98,150 @@ void EventActor::OnPeriod(Context& context) {
   Ask(context, actor_name::kStorage, message);
   message.mutable_share_status_request();
   Ask(context, actor_name::kSync, message);
-  Ask(context, actor_name::kReplica, std::move(message));
+  Ask(context, actor_name::kReplica, message);
+  message.mutable_lease_show_request();
+  Ask(context, actor_name::kLease, std::move(message));
+  std::erase_if(acknowledgments_, [&context](const auto& waiting) {
+    return context.now() - waiting.second.asked_at > kAcknowledgmentTimeout;
+  });
+  AskFindings(context);  // Where storage did not answer.
+}
+
+void EventActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
+  const auto agent = static_cast<AgentId>(event.peer());
+  const auto known = peers_.find(agent);
+  if (!event.is_connected()) {
+    if (known == peers_.end() || !std::exchange(known->second.is_connected, false)) return;
+    known->second.lost_at = context.now();
+    known->second.lost_utc_ns = context.utc_now_ns();
+    return;
+  }
+  Peer& peer = peers_[agent];
+  peer.is_connected = true;
+  peer.is_back_told = false;
+  if (peer.is_told) return TellBack(context, agent, peer, peer.lost_utc_ns);
+  TellWhoIsBack(context);
+}
+
+void EventActor::TellBack(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns) {
+  peer.is_told = false;
+  peer.is_back_told = true;
+  const double away_s = static_cast<double>(context.utc_now_ns() - lost_utc_ns) / 1e9;
+  TellAt(context, proto::EVENT_KIND_LOST, BackPeerText(AgentName(options_.team, agent), away_s), context.utc_now_ns());
+}
+
+// Peers whose loss an earlier life of this agent wrote down.
+void EventActor::TellWhoIsBack(Context& context) {
+  for (const proto::HealthFinding& finding : std::vector(findings_)) {
+    for (auto& [agent, peer] : peers_) {
+      const bool is_back = peer.is_connected && !peer.is_back_told;
+      if (is_back && SaysLost(finding.text(), AgentName(options_.team, agent))) {
+        TellBack(context, agent, peer, finding.stamp_ns());
+      }
+    }
+  }
+}
+
+void EventActor::OnLeases(Context& context, const proto::LeasesChanged& leases) {
+  const bool is_silent = MayBeSilent(options_.team, leases, options_.self);
+  for (auto& [agent, peer] : peers_) {
+    if (peer.is_connected || peer.is_told) continue;
+    if (is_silent || MayBeSilent(options_.team, leases, agent)) {
+      // Its time begins when it should be heard again.
+      peer.lost_at = context.now();
+      peer.lost_utc_ns = context.utc_now_ns();
+      continue;
+    }
+    const bool was_told_lately = peer.last_told_at && context.now() - *peer.last_told_at < options_.lost_again_after;
+    if (was_told_lately || context.now() - peer.lost_at < options_.lost_after) continue;
+    peer.is_told = true;
+    peer.last_told_at = context.now();
+    TellAt(context, proto::EVENT_KIND_LOST, LostPeerText(AgentName(options_.team, agent)), peer.lost_utc_ns);
+  }
+}
+
+void EventActor::OnAsker(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns) {
+  const Asker asker{context.sender(), request_id, until_ns};
+  if (known_version_ == findings_version_ || askers_.size() >= kAskersMax) return AnswerAsker(context, asker);
+  askers_.push_back(asker);
+  AskFindings(context);
+}
+
+void EventActor::AskFindings(Context& context) {
+  if (known_version_ == findings_version_) return;
+  asked_version_ = findings_version_;
+  findings_request_id_ = next_request_id_++;
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(findings_request_id_);
+  message.mutable_findings_request();
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
+}
+
+void EventActor::OnFindings(Context& context, const proto::FindingsReply& reply) {
+  findings_.assign(reply.findings().begin(), reply.findings().end());
+  known_version_ = asked_version_;
+  TellWhoIsBack(context);
+  if (known_version_ != findings_version_) return;  // Asked again already, or in the next period.
+  for (const Asker& asker : std::exchange(askers_, {})) {
+    if (known_version_ == findings_version_) {
+      AnswerAsker(context, asker);
+    } else {
+      askers_.push_back(asker);  // One before acknowledged what this one is to be shown.
+    }
+  }
+}
+
+void EventActor::AnswerAsker(Context& context, const Asker& asker) {
+  if (asker.acknowledges_until_ns) return Acknowledge(context, asker);
+  proto::Message message;
+  message.mutable_findings_reply()->mutable_findings()->Add(findings_.begin(), findings_.end());
+  Reply(context, asker.from, asker.request_id, std::move(message));
+}
+
+void EventActor::Acknowledge(Context& context, const Asker& asker) {
+  const std::int64_t until_ns = *asker.acknowledges_until_ns;
+  proto::Message message;
+  proto::AcknowledgeReply& reply = *message.mutable_acknowledge_reply();
+  const auto count = std::count_if(findings_.begin(), findings_.end(), [until_ns](const proto::HealthFinding& finding) {
+    return finding.stamp_ns() <= until_ns;
+  });
+  const bool is_full = acknowledgments_.size() >= kAcknowledgmentsMax;
+  if (is_full) {
+    *reply.mutable_error() =
+        ToProto(Error{ErrorCode::kFull, "too many acknowledgments wait to be stored; try again later", {}});
+  }
+  if (count == 0 || is_full) return Reply(context, asker.from, asker.request_id, std::move(message));
+  const std::uint64_t id = next_request_id_++;
+  acknowledgments_[id] = {asker.from, asker.request_id, static_cast<std::uint32_t>(count), context.now()};
+  proto::Message insert;
+  insert.set_ms_type(proto::CONTROL);
+  insert.set_request_id(id);
+  *insert.mutable_insert_request()->add_records() =
+      MakeEvent(proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText(until_ns, static_cast<std::size_t>(count)), "",
+                context.utc_now_ns());
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(insert));  // Else it is never answered.
+  ++findings_version_;
+  AskFindings(context);
+}
+
+void EventActor::OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& reply) {
+  const auto node = acknowledgments_.extract(request_id);
+  if (node.empty()) return;
+  proto::Message message;
+  proto::AcknowledgeReply& body = *message.mutable_acknowledge_reply();
+  if (IsError(reply.error())) {
+    *body.mutable_error() = reply.error();
+  } else {
+    body.set_count(node.mapped().count);
+  }
+  Reply(context, node.mapped().from, node.mapped().request_id, std::move(message));
+}
+
+void EventActor::Reply(Context& context, const Address& to, std::uint64_t request_id, proto::Message message) {
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(request_id);
+  (void)context.Send(to, std::move(message));
 }
 
 void EventActor::OnStorageStatus(Context& context, const proto::StorageStatus& status) {
@@ -110,11 +281,18 @@ void EventActor::TellRise(Context& context, proto::EventKind kind, const std::st
   if (rise >= 1) Tell(context, kind, std::to_string(std::llround(rise)) + " " + text);
 }
 
-void EventActor::Tell(Context& context, proto::EventKind kind, const std::string& text) const {
+void EventActor::Tell(Context& context, proto::EventKind kind, const std::string& text) {
+  TellAt(context, kind, text, context.utc_now_ns());
+}
+
+void EventActor::TellAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t stamp_ns) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
-  *message.mutable_insert_request()->add_records() = MakeEvent(kind, text, "", context.utc_now_ns());
+  *message.mutable_insert_request()->add_records() = MakeEvent(kind, text, "", stamp_ns);
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
+  if (kind != proto::EVENT_KIND_LOST) return;
+  ++findings_version_;
+  AskFindings(context);
 }
 
 }  // namespace moondb

@@ -5,14 +5,25 @@
 // sharing sessions that ended early. What happens a thousand times in a minute is one event with a count: a flood from
 // outside never becomes a flood of records. Commands are GatewayActor's to write down.
 //
+// A peer that was connected and is not for `lost_after` is lost, unless it or this agent said that it sleeps or, in a
+// team that is quiet while driving, drives: that is an event under the time at which it was lost, once a loss, and its
+// return another; of one peer at most one loss in `lost_again_after`.
+//
+// Losses and damage are findings (model/event.h) until an operator acknowledges them. What they are, the events in the
+// store say (actors/storage/findings.h): this actor asks StorageActor after each that it wrote down, and answers a
+// FindingsRequest with what it was told. An AcknowledgeRequest is answered when its event is stored; kFull where too
+// many wait for that.
+//
 // Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's story.
 // Where storage refuses one it is lost. A restart of this actor is one too; what was counted before it counts as told.
 #pragma once
 
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
@@ -26,6 +37,8 @@ class EventActor final : public Actor {
     proto::TeamConfig team;  // Complete and checked.
     std::string version;     // Told at the start.
     Duration period = std::chrono::minutes(1);
+    Duration lost_after = std::chrono::minutes(1);         // Longer than a radio's flap; looked at each period.
+    Duration lost_again_after = std::chrono::minutes(10);  // Between two events of one peer that is lost again.
   };
 
   explicit EventActor(Options options) : options_(std::move(options)) {}
@@ -34,13 +47,53 @@ class EventActor final : public Actor {
   void OnMessage(Context& context, const proto::Message& message) override;
 
  private:
+  struct Peer {
+    bool is_connected = false;
+    bool is_told = false;                       // Its loss is in the event log, and its return is not.
+    bool is_back_told = false;                  // Its return is in the event log.
+    MonotonicTime lost_at;                      // When the connection was lost, while there is none.
+    std::int64_t lost_utc_ns = 0;               // The same moment, UTC.
+    std::optional<MonotonicTime> last_told_at;  // When its loss was written down last.
+  };
+
+  // Actors that asked for the findings before they were known.
+  struct Asker {
+    Address from;
+    std::uint64_t request_id = 0;
+    std::optional<std::int64_t> acknowledges_until_ns;  // Else wants to know.
+  };
+
+  // An acknowledgment whose event is on its way into the store.
+  struct Acknowledgment {
+    Address from;
+    std::uint64_t request_id = 0;
+    std::uint32_t count = 0;
+    MonotonicTime asked_at;
+  };
+
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
   void OnPeriod(Context& context);
   void OnStorageStatus(Context& context, const proto::StorageStatus& status);
   void OnShareStatus(Context& context, const std::string& actor, const proto::ShareStatus& status);
 
+  void OnPeerEvent(Context& context, const proto::PeerEvent& event);
+  void OnLeases(Context& context, const proto::LeasesChanged& leases);
+  void TellWhoIsBack(Context& context);
+  void TellBack(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns);
+  void OnFindings(Context& context, const proto::FindingsReply& reply);
+  void OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& reply);
+
+  // A FindingsRequest, or an AcknowledgeRequest with its stamp.
+  void OnAsker(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
+  void AskFindings(Context& context);
+  void AnswerAsker(Context& context, const Asker& asker);
+  void Acknowledge(Context& context, const Asker& asker);
+  static void Reply(Context& context, const Address& to, std::uint64_t request_id, proto::Message message);
+
   void Ask(Context& context, const std::string& actor, proto::Message message) const;
-  void Tell(Context& context, proto::EventKind kind, const std::string& text) const;
+  void Tell(Context& context, proto::EventKind kind, const std::string& text);
+  // Of a finding, that happened at another time than now.
+  void TellAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t stamp_ns);
   // `counter` names a number that only rises; told is by how much it rose: "3 TEXT". What `source` said first was
   // before this actor's life.
   void TellRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
@@ -50,6 +103,16 @@ class EventActor final : public Actor {
   std::map<std::pair<std::string, std::string>, double> counts_;  // By source and counter.
   std::set<std::string> heard_;                                   // Sources.
   proto::RoleAssignment roles_;
+  std::map<AgentId, Peer> peers_;  // Those connected since this actor started.
+
+  std::vector<proto::HealthFinding> findings_;  // As StorageActor said last.
+  std::uint64_t findings_version_ = 1;          // Rises with each event that changes them.
+  std::uint64_t known_version_ = 0;             // The version of findings_ that is known.
+  std::uint64_t asked_version_ = 0;
+  std::uint64_t findings_request_id_ = 0;  // The id of the last question to storage.
+  std::vector<Asker> askers_;
+  std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // By request id.
+  std::uint64_t next_request_id_ = 0;
 };
 
 }  // namespace moondb

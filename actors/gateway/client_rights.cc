@@ -31,6 +31,7 @@ proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request) 
     case proto::ControlRequest::kStop:
     case proto::ControlRequest::kPrune:
     case proto::ControlRequest::kDownlink:
+    case proto::ControlRequest::kAcknowledge:
     case proto::ControlRequest::REQUEST_NOT_SET:
       break;
   }

@@ -9,6 +9,8 @@
 #include "model/agent_name.h"
 #include "model/control_request.h"
 #include "model/event.h"
+#include "model/team_id.h"
+#include "model/term.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
@@ -31,6 +33,11 @@ void AddSessions(const proto::ShareStatus& part, proto::ShareStatus& whole) {
   whole.set_damaged_messages(whole.damaged_messages() + part.damaged_messages());
   whole.set_dropped_messages(whole.dropped_messages() + part.dropped_messages());
   whole.set_refused_hellos(whole.refused_hellos() + part.refused_hellos());
+  // Both actors act on these roles at least: one hears of new ones a moment before the other.
+  if (!whole.has_roles() || IsNewer(whole.roles().term(), part.roles().term())) *whole.mutable_roles() = part.roles();
+  whole.mutable_gathers_from()->MergeFrom(part.gathers_from());
+  whole.mutable_gathers_later()->MergeFrom(part.gathers_later());
+  if (part.gathers_now_from() != 0) whole.set_gathers_now_from(part.gathers_now_from());
   for (const AgentId agent : part.other_config_agents()) {
     const auto& known = whole.other_config_agents();
     if (std::find(known.begin(), known.end(), agent) == known.end()) whole.add_other_config_agents(agent);
@@ -121,6 +128,9 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   if (IsPeer(client.agent) && !is_for_self) {
     const Error error{ErrorCode::kRefused, "another agent's request must be for this agent", "for_agent"};
     return Answer(context, client, message.request_id(), ErrorReply(error));
+  }
+  if (auto same = CheckTeamOf(request, options_.team); !same) {
+    return Answer(context, client, message.request_id(), ErrorReply(same.error()));
   }
   const AgentId asked = is_for_self ? options_.self : static_cast<AgentId>(request.for_agent());
   if (auto checked = CheckRequest(options_.team, asked, request); !checked) {
@@ -229,7 +239,9 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
       message.mutable_role_show_request();
       if (auto asked = Ask(context, actor_name::kRole, message, id, pending); !asked) return asked;
       message.mutable_lease_show_request();
-      return Ask(context, actor_name::kLease, std::move(message), id, pending);
+      if (auto asked = Ask(context, actor_name::kLease, message, id, pending); !asked) return asked;
+      message.mutable_findings_request();
+      return Ask(context, actor_name::kEvent, std::move(message), id, pending);
     }
     case proto::ControlRequest::kInsert:
       *message.mutable_insert_request() = request.insert();
@@ -290,6 +302,9 @@ Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest
     case proto::ControlRequest::kReadBundle:
       *message.mutable_read_bundle_request() = request.read_bundle();
       return Ask(context, actor_name::kStorage, std::move(message), id, pending);
+    case proto::ControlRequest::kAcknowledge:
+      *message.mutable_acknowledge_request() = request.acknowledge();
+      return Ask(context, actor_name::kEvent, std::move(message), id, pending);
     case proto::ControlRequest::kPrune:
       *message.mutable_prune_order() = request.prune();
       return Ask(context, actor_name::kRetention, std::move(message), id, pending);
@@ -316,6 +331,7 @@ Result<void> GatewayActor::Relay(Context& context, const proto::ControlRequest& 
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(id);
   *message.mutable_control_request() = request;
+  message.mutable_control_request()->set_team_id(TeamIdBytes(options_.team.team_id()));
   const std::size_t bytes = request.ByteSizeLong();
   if (bytes > options_.relay_bytes_max) {
     return Fail(ErrorCode::kFull, "the request of " + std::to_string(bytes / 1024) +
@@ -480,10 +496,19 @@ bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& 
     case proto::Message::kLeasesChanged:
       *reply.mutable_status()->mutable_leases() = message.leases_changed().leases();
       return true;
+    case proto::Message::kFindingsReply:
+      *reply.mutable_status()->mutable_findings() = message.findings_reply().findings();
+      return true;
+    case proto::Message::kAcknowledgeReply:
+      *reply.mutable_acknowledge() = message.acknowledge_reply();
+      return copy_error(message.acknowledge_reply().error());
     case proto::Message::kRoleShowReply:
       if (reply.has_status()) {
         *reply.mutable_status()->mutable_roles() = message.role_show_reply().roles();
         reply.mutable_status()->set_refused_announcements(message.role_show_reply().refused_announcements());
+        if (message.role_show_reply().has_unstored()) {
+          *reply.mutable_status()->mutable_unstored_roles() = message.role_show_reply().unstored();
+        }
       } else {
         *reply.mutable_roles() = message.role_show_reply();
       }
@@ -553,30 +578,36 @@ void GatewayActor::Finish(Context& context, std::uint64_t id) {
   Answer(context, pending.client, pending.client_request_id, std::move(pending.reply));
 }
 
-void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t request_id,
-                          proto::ControlReply reply) {
+proto::Message GatewayActor::MessageOf(std::uint64_t request_id, proto::ControlReply reply) const {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(request_id);
   *message.mutable_control_reply() = std::move(reply);
+  proto::ControlReply& said = *message.mutable_control_reply();
+  if (said.team_id().empty() && said.config_hash() == 0) {
+    said.set_team_id(TeamIdBytes(options_.team.team_id()));
+    said.set_config_hash(options_.config_hash);
+  }
+  return message;
+}
+
+void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t request_id,
+                          proto::ControlReply reply) {
+  proto::Message message = MessageOf(request_id, std::move(reply));
   const std::size_t bytes = IsPeer(client.agent) ? message.control_reply().ByteSizeLong() : 0;
   if (bytes > options_.relay_bytes_max) {
     const std::string text = "the answer of " + std::to_string(bytes / 1024) +
                              " KiB is too long for the radio; ask for less, or ask the agent itself";
-    *message.mutable_control_reply() = ErrorReply(Error{ErrorCode::kFull, text, {}});
+    message = MessageOf(request_id, ErrorReply(Error{ErrorCode::kFull, text, {}}));
   } else if (bytes > kShortBytes) {
     LetOthersGoFirst(message);
   }
   const SendResult sent = context.Send(client, std::move(message));
   // A client that has gone needs no answer. One behind the radio whose way is full of what is shared needs a short one.
   if (sent != SendResult::kFull || !IsPeer(client.agent)) return;
-  proto::Message refusal;
-  refusal.set_ms_type(proto::CONTROL);
-  refusal.set_request_id(request_id);
   const std::string text =
       "too much waits on the way back to " + AgentName(options_.team, client.agent) + "; try again later";
-  *refusal.mutable_control_reply() = ErrorReply(Error{ErrorCode::kFull, text, {}});
-  (void)context.Send(client, std::move(refusal));
+  (void)context.Send(client, MessageOf(request_id, ErrorReply(Error{ErrorCode::kFull, text, {}})));
 }
 
 }  // namespace moondb

@@ -3,7 +3,7 @@
 // Takes Message{control_request} from clients, checks it, hands it to the actor whose duty it is under a request id of
 // its own, and answers with Message{control_reply} under the client's. An error of the reply inside is copied to
 // ControlReply.error, so that a client has one place to look. Status is put together here from StorageActor, RoleActor,
-// LeaseActor and the system.
+// LeaseActor, EventActor and the system.
 //
 // A request for another agent of the team (ControlRequest.for_agent) goes to that one's gateway over the radio, and its
 // answer comes back: so an operator at the base station reaches the whole team. Agents of a team trust each other (they
@@ -12,6 +12,9 @@
 //
 // A client that came with a key may ask what its rights allow (actors/gateway/client_rights.h), here and of other
 // agents through here; kRefused for the rest.
+//
+// A request for another team (ControlRequest.team_id) is refused before anything comes of it, here and at the agent
+// that it is relayed to; each answer says whose it is, by team and team file.
 //
 // What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
 // Who it was, a client with a key does not say itself: "anna (key)" stands there, by its key's name; of what one
@@ -47,6 +50,7 @@ class GatewayActor final : public Actor {
   struct Options {
     AgentId self = 0;
     proto::TeamConfig team;                      // Complete and checked.
+    std::uint64_t config_hash = 0;               // TeamFile::hash; in each answer.
     std::string version;                         // Shown in status.
     std::uint32_t pid = 0;                       // Likewise.
     std::function<std::string()> merge_backend;  // Likewise: "cpu" or "gl"; asked at each status, on any thread.
@@ -120,6 +124,8 @@ class GatewayActor final : public Actor {
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;
   void Finish(Context& context, std::uint64_t id);
   void Answer(Context& context, const Address& client, std::uint64_t request_id, proto::ControlReply reply);
+  // Says whose answer it is, unless another agent that was asked has said so.
+  proto::Message MessageOf(std::uint64_t request_id, proto::ControlReply reply) const;
 
   Options options_;
   std::map<std::uint64_t, Pending> pending_;  // By own request id.

@@ -5,6 +5,8 @@
 #include <string>
 
 #include "model/prune_rules.h"
+#include "model/team_id.h"
+#include "model/term.h"
 
 namespace moondb {
 namespace {
@@ -87,7 +89,28 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
   if (read.wait_s() > 0 && read.is_newest_first()) {
     return Fail(ErrorCode::kInvalid, "is for what comes behind after_row_id, not for the newest first", "read.wait_s");
   }
+  if (read.wait_s() > 0 && read.is_history()) {
+    return Fail(ErrorCode::kInvalid, "is for what is stored, not for what was superseded", "read.wait_s");
+  }
   return {};
+}
+
+// Of a term that a client read at an agent; 0 issues the team file's.
+Result<void> CheckTerm(const proto::TeamConfig& team, const proto::Term& term, const std::string& field) {
+  if (term.number() > kTermNumberMax) {
+    return Fail(ErrorCode::kInvalid, "is above " + std::to_string(kTermNumberMax), field + ".number");
+  }
+  if (term.issuer() == 0) return {};
+  return CheckMember(team, term.issuer(), field + ".issuer");
+}
+
+Result<void> CheckExpectedRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
+  if (auto checked = CheckTerm(team, roles.term(), "role_set.expected.term"); !checked) return checked;
+  if (roles.leader() != 0) {
+    if (auto checked = CheckMember(team, roles.leader(), "role_set.expected.leader"); !checked) return checked;
+  }
+  if (roles.survivor() == 0) return {};
+  return CheckMember(team, roles.survivor(), "role_set.expected.survivor");
 }
 
 Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set) {
@@ -96,6 +119,9 @@ Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetReq
   }
   if (set.reason().size() > kReasonBytesMax) {
     return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kReasonBytesMax) + " bytes", "role_set.reason");
+  }
+  if (set.has_expected()) {
+    if (auto checked = CheckExpectedRoles(team, set.expected()); !checked) return checked;
   }
   if (set.leader() != 0) {
     if (auto checked = CheckMember(team, set.leader(), "role_set.leader"); !checked) return checked;
@@ -114,6 +140,8 @@ Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto
       return Fail(ErrorCode::kInvalid, "is this agent itself", "share.destination");
     }
   }
+  if (auto checked = CheckTerm(team, share.expected_term(), "share.expected_term"); !checked) return checked;
+  if (share.order() != 0) return Fail(ErrorCode::kInvalid, "is given by agents alone", "share.order");
   return CheckMembers(team, share.from_agents(), "share.from_agents");
 }
 
@@ -146,6 +174,9 @@ Result<void> CheckPrune(const proto::PruneOrder& prune) {
   if (prune.beaten_maps() && !prune.data_types().empty()) {
     return Fail(ErrorCode::kInvalid, "beaten maps are maps: no types beside them", "prune.data_types");
   }
+  if (prune.beaten_maps() && prune.is_history()) {
+    return Fail(ErrorCode::kInvalid, "maps are never superseded: no history of them is kept", "prune.is_history");
+  }
   return {};
 }
 
@@ -174,6 +205,17 @@ Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
 
 }  // namespace
 
+Result<void> CheckTeamOf(const proto::ControlRequest& request, const proto::TeamConfig& team) {
+  if (request.team_id().empty()) return {};
+  if (request.team_id().size() != kTeamIdBytes) {
+    return Fail(ErrorCode::kInvalid, "must have 16 bytes, or none", "team_id");
+  }
+  const std::string own = TeamIdBytes(team.team_id());
+  if (request.team_id() == own) return {};
+  return Fail(ErrorCode::kRefused, "this agent is of another team: " + team.team() + " with the team id " +
+                                       TeamIdStart(own) + ", the request is for " + TeamIdStart(request.team_id()));
+}
+
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request) {
   if (request.for_agent() != 0) {
     if (auto checked = CheckMember(team, request.for_agent(), "for_agent"); !checked) return checked;
@@ -197,6 +239,9 @@ Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const pro
     }
     case proto::ControlRequest::kPrune:
       return CheckPrune(request.prune());
+    case proto::ControlRequest::kAcknowledge:
+      if (request.acknowledge().until_ns() > 0) return {};
+      return Fail(ErrorCode::kInvalid, "must be the stamp of a finding", "acknowledge.until_ns");
     case proto::ControlRequest::kMapTiles:
       return CheckMapTiles(request.map_tiles());
     case proto::ControlRequest::kMapStats:

@@ -29,15 +29,14 @@ void PgoActor::OnStart(Context& context) {
   (void)context.Send({options_.self, actor_name::kRole}, std::move(message));
 }
 
+// Clients come through this agent's gateway, which has checked their requests; peers have nothing to ask here.
 void PgoActor::OnMessage(Context& context, const proto::Message& message) {
-  const bool is_own_agents = context.sender().agent == options_.self;
+  if (context.sender().agent != options_.self) return;
   switch (message.body_case()) {
     case proto::Message::kRolesChanged:
-      if (is_own_agents) OnRoles(context, message.roles_changed().roles());
-      return;
+      return OnRoles(context, message.roles_changed().roles());
     case proto::Message::kRoleShowReply:
-      if (is_own_agents) OnRoles(context, message.role_show_reply().roles());
-      return;
+      return OnRoles(context, message.role_show_reply().roles());
     case proto::Message::kOptimizeRequest:
       return OnOptimizeRequest(context, message);
     case proto::Message::kGraphStatsRequest:
@@ -49,12 +48,9 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
       if (IsFromStorage(context, message) && phase_ == Phase::kWriting) OnInsertReply(context, message.insert_reply());
       return;
     case proto::Message::kTimer:
-      if (is_own_agents) OnTimer(context, message.timer());
-      return;
+      return OnTimer(context, message.timer());
     case proto::Message::kRecordsStored:
-      if (context.sender() == Address{options_.self, actor_name::kStorage}) {
-        OnRecordsStored(context, message.records_stored());
-      }
+      if (context.sender().actor == actor_name::kStorage) OnRecordsStored(context, message.records_stored());
       return;
     default:
       return;

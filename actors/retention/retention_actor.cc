@@ -123,6 +123,9 @@ bool RetentionActor::SkipsBeatenMaps(Context& context) {
   return true;
 }
 
+// Which nobody else has, so that nobody is asked.
+bool RetentionActor::IsOfHistory() const { return !job_.plan.empty() && job_.plan.front().request.is_history(); }
+
 bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.front().request.is_dry_run(); }
 
 // --- What others want to know ---
@@ -187,7 +190,7 @@ void RetentionActor::OnOrder(Context& context, const proto::Message& message) {
 }
 
 Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
-  for (int i = 0; i < order.data_types_size(); ++i) {
+  for (int i = 0; i < order.data_types_size() && !order.is_history(); ++i) {
     const DataType type = order.data_types(i);
     if (SharePolicyOf(options_.team, type) == proto::POLICY_ALL) continue;
     return Fail(ErrorCode::kInvalid,
@@ -203,6 +206,7 @@ Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
 void RetentionActor::Begin(Context& context, Job job) {
   job_ = std::move(job);
   if (job_.plan.empty()) return Finish(context);
+  if (IsOfHistory()) return DoStep(context);
   AskRoles(context);
 }
 
@@ -263,7 +267,7 @@ void RetentionActor::DoStep(Context& context) {
     Ask(context, actor_name::kMerge, std::move(message));
     return;
   }
-  if (context.now() - job_.asked_at > options_.vouched_for) return AskRoles(context);
+  if (!IsOfHistory() && context.now() - job_.asked_at > options_.vouched_for) return AskRoles(context);
   proto::PruneRequest& request = *message.mutable_prune_request();
   request = step.request;
   HaveSet held;

@@ -11,6 +11,9 @@
 // send is checked here: a have-set that cannot be is an answer that did not come. Which agents hold the roles is asked
 // anew each time; an agent that has missed a change asks those who held them before.
 //
+// Of the history of this agent's own robot (PruneOrder.is_history), which nobody else has, what is ordered goes at
+// once.
+//
 // One thing at a time: an order that comes meanwhile is refused with kFull. After maps went, MergeActor is told (by the
 // PruneReply) and merges what is left. After a restart nothing is left to do: each request to storage is whole by
 // itself.
@@ -77,6 +80,7 @@ class RetentionActor final : public Actor {
   void LookLater(Context& context);
   bool SkipsBeatenMaps(Context& context);  // True: the limits go on without.
   bool IsDryRun() const;
+  bool IsOfHistory() const;
   void Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply had);
   void AskRoles(Context& context);
   void OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id);

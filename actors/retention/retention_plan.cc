@@ -61,6 +61,7 @@ PrunePlan PlanOf(const proto::RetentionConfig& retention, const std::vector<Data
 PrunePlan PlanOf(const proto::PruneOrder& order) {
   PruneStep step;
   step.request.set_is_dry_run(order.is_dry_run());
+  step.request.set_is_history(order.is_history());
   step.request.set_older_than_s(order.older_than_s());
   *step.request.mutable_data_types() = order.data_types();
   step.is_of_beaten_maps = order.beaten_maps();

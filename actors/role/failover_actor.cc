@@ -11,7 +11,11 @@
 namespace moondb {
 namespace {
 
+enum TimerKind : std::uint32_t { kMissed = 0, kCheck = 1 };
+
 constexpr std::uint64_t kTakeLead = 1;  // The request's id; its answer tells nothing that RolesChanged does not.
+
+constexpr int kChecksInTimeout = 3;
 
 }  // namespace
 
@@ -35,10 +39,14 @@ void FailoverActor::OnStart(Context& context) {
 }
 
 void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
-  if (context.sender().agent != options_.self) return;
+  if (context.sender().agent != options_.self) {
+    if (message.has_leader_check()) OnLeaderCheck(context, message.leader_check());
+    return;
+  }
   switch (message.body_case()) {
     case proto::Message::kTimer:
-      return OnTimer(context, message.timer().value());
+      OnTimer(context, message.timer());
+      break;
     case proto::Message::kPeerEvent:
       OnPeerEvent(message.peer_event());
       break;
@@ -67,7 +75,10 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
 }
 
 void FailoverActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
-  if (!IsNewer(roles.term(), roles_.term())) return;
+  // In one term this agent's own role comes later, where it could not be stored at first.
+  const bool is_known = roles.leader() == roles_.leader() && roles.survivor() == roles_.survivor() &&
+                        OrderOf(roles.term()) == OrderOf(roles_.term());
+  if (is_known || IsNewer(roles_.term(), roles.term())) return;
   StopCounting(context);  // It may be another leader.
   roles_ = roles;
 }
@@ -81,10 +92,31 @@ void FailoverActor::OnPeerEvent(const proto::PeerEvent& event) {
   }
 }
 
-void FailoverActor::OnTimer(Context& context, std::uint64_t count) {
-  if (count != count_) return;
+void FailoverActor::OnTimer(Context& context, const proto::Timer& timer) {
+  if (timer.kind() == kCheck) {
+    check_timer_ = 0;
+    if (!MayAskLeader(context)) return;
+    proto::Message question;
+    question.set_ms_type(proto::CONTROL);
+    question.mutable_leader_check();
+    (void)context.Send({roles_.leader(), actor_name::kFailover}, std::move(question));
+    return;
+  }
+  if (timer.value() != count_) return;
   timer_ = 0;
-  if (!IsLeaderMissed(context)) return;
+  if (IsLeaderMissed(context)) TakeLead(context);
+}
+
+// The survivor alone is answered: to anybody else this would be a message for nothing.
+void FailoverActor::OnLeaderCheck(Context& context, const proto::LeaderCheck& check) {
+  if (!IsAutomatic() || check.is_reply() || context.sender().agent != roles_.survivor()) return;
+  proto::Message answer;
+  answer.set_ms_type(proto::CONTROL);
+  answer.mutable_leader_check()->set_is_reply(true);
+  (void)context.Reply(std::move(answer));
+}
+
+void FailoverActor::TakeLead(Context& context) {
   const std::string leader = FindAgent(options_.team, roles_.leader())->name();
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
@@ -92,18 +124,22 @@ void FailoverActor::OnTimer(Context& context, std::uint64_t count) {
   proto::RoleSetRequest& request = *message.mutable_role_set_request();
   request.set_leader(options_.self);
   request.set_survivor(NextSurvivor());
+  *request.mutable_expected() = roles_;
   request.set_reason("failover: " + leader + " was silent for " +
                      std::to_string(std::chrono::duration_cast<std::chrono::seconds>(leader_timeout_).count()) + " s");
   spdlog::warn("{}: takes the lead, {}", ToString(context.self()), request.reason());
   (void)context.Send({options_.self, actor_name::kRole}, std::move(message));
-  Review(context);  // Counts anew until RoleActor says that this agent leads.
+}
+
+bool FailoverActor::MayAskLeader(const Context& context) const {
+  return IsAutomatic() && roles_.survivor() == options_.self && connected_.contains(roles_.leader()) &&
+         !leases_.MayBeSilent(options_.self, context.now()) && !leases_.MayBeSilent(roles_.leader(), context.now());
 }
 
 bool FailoverActor::IsLeaderMissed(Context& context) const {
-  return options_.team.roles().failover() == proto::FAILOVER_AUTOMATIC && roles_.survivor() == options_.self &&
-         known_.contains(roles_.leader()) && !connected_.contains(roles_.leader()) &&
-         !leases_.MayBeSilent(options_.self, context.now()) && !leases_.MayBeSilent(roles_.leader(), context.now()) &&
-         ReachesAnyOther();
+  return IsAutomatic() && roles_.survivor() == options_.self && known_.contains(roles_.leader()) &&
+         !connected_.contains(roles_.leader()) && !leases_.MayBeSilent(options_.self, context.now()) &&
+         !leases_.MayBeSilent(roles_.leader(), context.now()) && ReachesAnyOther();
 }
 
 bool FailoverActor::ReachesAnyOther() const {
@@ -122,8 +158,11 @@ AgentId FailoverActor::NextSurvivor() const {
 }
 
 void FailoverActor::Review(Context& context) {
+  if (check_timer_ == 0 && MayAskLeader(context)) {
+    check_timer_ = context.AfterTimer(leader_timeout_ / kChecksInTimeout, kCheck);
+  }
   if (!IsLeaderMissed(context)) return StopCounting(context);
-  if (timer_ == 0) timer_ = context.AfterTimer(leader_timeout_, 0, ++count_);
+  if (timer_ == 0) timer_ = context.AfterTimer(leader_timeout_, kMissed, ++count_);
 }
 
 void FailoverActor::StopCounting(Context& context) {

@@ -4,12 +4,13 @@
 
 #include <utility>
 
+#include "model/agent_name.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kTell = 4 };
+enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kTell = 4, kStore = 5 };
 
 RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   RoleLogic::Options logic;
@@ -17,6 +18,7 @@ RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   for (const proto::AgentConfig& agent : options.team.agents()) logic.agents.push_back(agent.id());
   logic.initial = InitialRoles(options.team);
   logic.check = [team = options.team](const proto::RoleAssignment& roles) { return CheckRoles(team, roles); };
+  logic.name_of = [team = options.team](AgentId agent) { return AgentName(team, agent); };
   logic.leader_wait = options.leader_wait;
   logic.announce_after = options.announce_after;
   logic.announce_after_max = options.announce_after_max;
@@ -78,7 +80,11 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
   switch (timer.kind()) {
     case kStorage:
       storage_timer_ = 0;
+      Perform(context, logic_.OnSaveLate());
       return AskStorage(context);
+    case kStore:
+      store_timer_ = 0;
+      return Perform(context, logic_.OnStoreTimer());
     case kAnnounce:
       announce_timer_ = 0;
       return Perform(context, logic_.OnAnnounceTimer());
@@ -116,7 +122,7 @@ void RoleActor::OnSaveRolesReply(Context& context, const proto::Message& message
   storage_timer_ = 0;
   if (IsError(message.save_roles_reply().error())) {
     const Error error = FromProto(message.save_roles_reply().error());
-    spdlog::error("{}: the roles could not be stored: {}", ToString(context.self()), ToString(error));
+    unstored_log_.Error(ToString(context.self()) + ": the roles could not be stored: " + ToString(error));
     Perform(context, logic_.OnSaveFailed());
     return AnswerAsker(context, error);
   }
@@ -196,6 +202,10 @@ void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
     announce_timer_ = context.AfterTimer(*actions.announce_timer, kAnnounce);
   }
   if (actions.leader_timer) context.AfterTimer(*actions.leader_timer, kLeader);
+  if (actions.store_timer) {
+    if (store_timer_ != 0) context.Cancel(store_timer_);
+    store_timer_ = context.AfterTimer(*actions.store_timer, kStore);
+  }
 }
 
 void RoleActor::Apply(Context& context, const proto::RoleAssignment& roles) {

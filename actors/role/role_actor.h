@@ -1,10 +1,10 @@
 // RoleActor ("role"): holds this agent's role assignment and agrees on it with the other agents (RoleLogic).
 //
-// Stores an assignment through StorageActor before it acts: Context::SetRoles, RolesChanged to this agent's other
-// actors (again and again to one whose mailbox is full), RoleAnnounce to the other agents' RoleActors. Answers
-// RoleShowRequest and RoleSetRequest with RoleShowReply, or with a ControlReply that holds nothing but an error. Both
-// are taken from this agent's own actors only, as clients come through the gateway. After a restart everything comes
-// back from storage.
+// Stores an assignment through StorageActor before it acts (one that cannot be stored makes it give up its role at
+// once, as RoleLogic says): Context::SetRoles, RolesChanged to this agent's other actors (again and again to one whose
+// mailbox is full), RoleAnnounce to the other agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with
+// RoleShowReply, or with a ControlReply that holds nothing but an error. Both are taken from this agent's own actors
+// only, as clients come through the gateway. After a restart everything comes back from storage.
 //
 // On StepDown (an actor of this agent fails again and again) it gives up the agent's role to an agent that is
 // connected, now or as soon as there is one.
@@ -67,12 +67,14 @@ class RoleActor final : public Actor {
   RoleLogic logic_;
   std::uint64_t storage_request_id_ = 0;
   TimerId storage_timer_ = 0;
+  TimerId store_timer_ = 0;
   TimerId announce_timer_ = 0;
   TimerId tell_timer_ = 0;
   proto::Message roles_changed_;     // What stands.
   std::vector<std::string> untold_;  // Own actors that do not know it yet.
   double refused_announcements_ = 0;
   RateLimitedLog refused_log_;
+  RateLimitedLog unstored_log_;
   std::optional<Asker> asker_;
   std::set<AgentId> connected_;
   std::optional<std::string> step_down_reason_;  // Until the role is given up.

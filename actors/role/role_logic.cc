@@ -37,10 +37,15 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
 
 Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const {
   if (!is_loaded_) return Fail(ErrorCode::kUnavailable, "the stored roles are still being read; try again");
+  if (unstored_) {
+    return Fail(ErrorCode::kRefused, "term " + std::to_string(unstored_->term().number()) +
+                                         " is known here but cannot be stored; ask another agent, with -a");
+  }
   if (saving_) return Fail(ErrorCode::kUnavailable, "another change is being stored; try again");
   if (request.reason().size() > kReasonBytesMax) {
     return Fail(ErrorCode::kInvalid, "is longer than 256 bytes", "reason");
   }
+  if (Result<void> checked = CheckExpected(request); !checked) return tl::unexpected(checked.error());
   proto::RoleAssignment roles;
   if (request.is_swap()) {
     if (request.leader() != 0 || request.survivor() != 0) {
@@ -67,6 +72,7 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
 
 Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
                                                          std::int64_t now_ns) const {
+  if (unstored_) return Fail(ErrorCode::kNotFound, "this agent has given its role up already");
   if (!is_loaded_ || saving_) return Fail(ErrorCode::kUnavailable, "the roles are being read or stored");
   if (current_.leader() != options_.self && current_.survivor() != options_.self) {
     return Fail(ErrorCode::kNotFound, "this agent has no role to give up");
@@ -124,6 +130,8 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
   } else if (IsNewer(current_.term(), theirs.term())) {
     confirmed_.erase(from);
     Tell(from, /*is_reply=*/true, actions);
+  } else if (unstored_ && IsNewer(unstored_->term(), theirs.term())) {
+    return actions;  // Its sender will hear of the newer one from an agent that holds it.
   } else if (!saving_) {
     actions = Adopt(theirs);
     saving_holders_.insert(from);
@@ -140,12 +148,14 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   history_.push_back(current_);
   if (history_.size() > kHistoryMax) history_.erase(history_.begin());
   confirmed_ = std::move(saving_holders_);
+  if (unstored_ && !IsNewer(unstored_->term(), current_.term())) unstored_.reset();
+  own_unstored_.reset();
   is_waiting_to_lead_ = IsFromEarlierLife(current_);
   if (is_waiting_to_lead_) {
     TakeNewTerm(/*is_start=*/current_.term().issuer() == options_.self, actions);
     return actions;
   }
-  actions.apply = current_;
+  actions.apply = InForce();
   if (answer_to_ != 0) Tell(std::exchange(answer_to_, 0), /*is_reply=*/true, actions);
   announce_delay_ = options_.announce_after;
   TellUnconfirmed(actions);
@@ -154,9 +164,54 @@ RoleLogic::Actions RoleLogic::OnSaved() {
 
 RoleLogic::Actions RoleLogic::OnSaveFailed() {
   Actions actions;
-  saving_.reset();
-  if (is_waiting_to_lead_) actions.leader_timer = options_.leader_wait;
+  if (!saving_) return actions;
+  const proto::RoleAssignment failed = *std::exchange(saving_, std::nullopt);
+  if (!IsOwnTerm(failed)) {
+    ActWithoutOwnRole(failed, actions);
+    actions.store_timer = options_.store_after;
+  } else if (is_waiting_to_lead_) {
+    // What it led in before it heard that it leads again is over.
+    const bool is_first = !std::exchange(own_unstored_, failed).has_value();
+    if (is_first) actions.apply = InForce();
+    actions.leader_timer = options_.leader_wait;
+  }
   return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnSaveLate() {
+  Actions actions;
+  if (saving_ && !IsOwnTerm(*saving_)) ActWithoutOwnRole(*saving_, actions);
+  return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnStoreTimer() {
+  Actions actions;
+  if (!unstored_) return actions;
+  if (saving_) {
+    actions.store_timer = options_.store_after;
+  } else {
+    actions.save = Adopt(*unstored_).save;
+  }
+  return actions;
+}
+
+void RoleLogic::ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions) {
+  const bool is_known = unstored_ && OrderOf(unstored_->term()) == OrderOf(unstored.term());
+  unstored_ = unstored;
+  is_waiting_to_lead_ = false;
+  if (!is_known) actions.apply = InForce();
+}
+
+proto::RoleAssignment RoleLogic::InForce() const {
+  proto::RoleAssignment roles = unstored_ ? *unstored_ : current_;
+  const bool may_not_lead = unstored_ || (is_waiting_to_lead_ && own_unstored_);
+  if (may_not_lead && roles.leader() == options_.self) roles.set_leader(0);
+  if (unstored_ && roles.survivor() == options_.self) roles.set_survivor(0);
+  return roles;
+}
+
+bool RoleLogic::IsOwnTerm(const proto::RoleAssignment& roles) const {
+  return roles.term().issuer() == options_.self && roles.term().issuer_epoch() == own_epoch_;
 }
 
 RoleLogic::Actions RoleLogic::OnAnnounceTimer() {
@@ -185,10 +240,28 @@ RoleLogic::Actions RoleLogic::OnPeerConnected(AgentId peer) {
 
 proto::RoleShowReply RoleLogic::Show(bool with_history) const {
   proto::RoleShowReply reply;
-  *reply.mutable_roles() = current_;
-  for (const AgentId agent : confirmed_) reply.add_confirmed_by(agent);
+  *reply.mutable_roles() = InForce();
+  if (unstored_ || own_unstored_) *reply.mutable_unstored() = unstored_ ? *unstored_ : *own_unstored_;
+  if (!unstored_) {
+    for (const AgentId agent : confirmed_) reply.add_confirmed_by(agent);
+  }
   if (with_history) reply.mutable_history()->Assign(history_.begin(), history_.end());
   return reply;
+}
+
+Result<void> RoleLogic::CheckExpected(const proto::RoleSetRequest& request) const {
+  const proto::RoleAssignment& expected = request.expected();
+  const bool is_met = OrderOf(expected.term()) == OrderOf(current_.term()) && expected.leader() == current_.leader() &&
+                      expected.survivor() == current_.survivor();
+  if (!request.has_expected() || is_met) return {};
+  const auto& name = options_.name_of;
+  const auto term = [&name](const proto::Term& of) {
+    return "term " + std::to_string(of.number()) + (of.issuer() == 0 ? "" : " by " + name(of.issuer()));
+  };
+  return Fail(ErrorCode::kRefused,
+              name(options_.self) + " holds " + term(current_.term()) + ": " + name(current_.leader()) + " leads, " +
+                  name(current_.survivor()) + " survives; the request relies on " + term(expected.term()),
+              "expected");
 }
 
 Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const {
@@ -204,6 +277,11 @@ Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const
   }
   if (roles.reason().size() > kReasonBytesMax) {
     return Fail(ErrorCode::kRefused, "is longer than 256 bytes", "roles.reason");
+  }
+  // A change keeps the survivor or names another one, so a team that begins with one always has one. An agent that
+  // cannot store that it survives acts on roles without itself, and these are no assignment.
+  if (roles.survivor() == 0 && options_.initial.survivor() != 0) {
+    return Fail(ErrorCode::kRefused, "is missing", "roles.survivor");
   }
   return options_.check(roles);
 }

@@ -11,6 +11,11 @@
 // acts, so that nothing of an earlier life of it shares a term with this one. So does one that lost its disk and hears
 // from the others that it leads. Term 0 is the team file's.
 //
+// Durable before it is acted on holds for taking a role, not for giving one up: where an assignment that another agent
+// decided cannot be stored, this agent acts on it without the roles that it would have there itself, neither leads nor
+// survives, confirms nothing, and stores it as soon as the disk takes it. After a restart before that it begins with
+// the assignment that its disk has, as ever. A new term of its own that cannot be stored is nobody's: it does not lead.
+//
 // A plain state machine: inputs return what is to be done. Not thread-safe.
 #pragma once
 
@@ -39,9 +44,12 @@ class RoleLogic {
     std::vector<AgentId> agents;                                      // Of the team, this one too.
     proto::RoleAssignment initial;                                    // Of the team file, term 0.
     std::function<Result<void>(const proto::RoleAssignment&)> check;  // Whether the team can have these roles.
+    // In errors; "nobody" for 0.
+    std::function<std::string(AgentId)> name_of = [](AgentId agent) { return "agent " + std::to_string(agent); };
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);       // To agents that have not confirmed; doubles
     Duration announce_after_max = std::chrono::seconds(60);  // up to this.
+    Duration store_after = std::chrono::seconds(5);  // An assignment of others that could not be stored, once more.
   };
 
   static constexpr std::size_t kReasonBytesMax = 256;
@@ -57,10 +65,11 @@ class RoleLogic {
   // What is to be done, in this order.
   struct Actions {
     std::optional<proto::RoleAssignment> save;   // To storage; then OnSaved.
-    std::optional<proto::RoleAssignment> apply;  // Durable: act on it.
+    std::optional<proto::RoleAssignment> apply;  // Act on it: it is durable, or without roles of this agent's own.
     std::vector<Announcement> announcements;
     std::optional<Duration> announce_timer;  // Then OnAnnounceTimer; replaces an earlier one.
     std::optional<Duration> leader_timer;    // Then OnLeaderTimer.
+    std::optional<Duration> store_timer;     // Then OnStoreTimer.
   };
 
   explicit RoleLogic(Options options) : options_(std::move(options)) {}
@@ -71,7 +80,9 @@ class RoleLogic {
   bool is_loaded() const { return is_loaded_; }
 
   // The assignment that `request` means, not stored yet. kUnavailable before OnLoaded and while another one is being
-  // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named.
+  // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named, for a request
+  // that relies on another term, leader or survivor than the present ones (`expected`), and while a newer assignment is
+  // known that cannot be stored here.
   Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
   // The assignment by which this agent gives up its role to those that are `connected`: a leader to the designated
   // survivor, else to another that may lead; it becomes the survivor itself only where nobody else can. kNotFound if
@@ -87,17 +98,21 @@ class RoleLogic {
   // Storage's answer for the assignment being stored.
   Actions OnSaved();
   Actions OnSaveFailed();
+  // It does not answer for a while: it is asked again, and may still say either.
+  Actions OnSaveLate();
+  Actions OnStoreTimer();
   const std::optional<proto::RoleAssignment>& saving() const { return saving_; }
 
   Actions OnAnnounceTimer();
   Actions OnLeaderTimer(std::int64_t now_ns);
   Actions OnPeerConnected(AgentId peer);
 
-  const proto::RoleAssignment& current() const { return current_; }
+  const proto::RoleAssignment& current() const { return current_; }  // Durable.
   proto::RoleShowReply Show(bool with_history) const;
 
  private:
   std::optional<proto::RoleAssignment> WithoutOwnRole(const std::set<AgentId>& connected) const;
+  Result<void> CheckExpected(const proto::RoleSetRequest& request) const;
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
   proto::Term NextTerm() const;
   bool IsMember(AgentId agent) const;
@@ -105,6 +120,10 @@ class RoleLogic {
   // need not remember, if its disk was lost or is an old copy.
   bool IsFromEarlierLife(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const { return confirmed_.size() >= options_.agents.size(); }
+  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // Of this agent's present life.
+  // What this agent acts on.
+  proto::RoleAssignment InForce() const;
+  void ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions);
   void Tell(AgentId to, bool is_reply, Actions& actions) const;
   void TellUnconfirmed(Actions& actions);
   void Confirm(AgentId agent, Actions& actions);
@@ -121,8 +140,10 @@ class RoleLogic {
   std::vector<proto::RoleAssignment> history_;
   std::set<AgentId> confirmed_;  // Known to hold current_.
   std::optional<proto::RoleAssignment> saving_;
-  std::set<AgentId> saving_holders_;  // Known to hold saving_.
-  AgentId answer_to_ = 0;             // Waits for our word that saving_ is held here too.
+  std::set<AgentId> saving_holders_;                   // Known to hold saving_.
+  std::optional<proto::RoleAssignment> unstored_;      // Of others, newer than current_, and not durable here.
+  std::optional<proto::RoleAssignment> own_unstored_;  // The last one by which this agent wanted to lead.
+  AgentId answer_to_ = 0;                              // Waits for our word that saving_ is held here too.
   Duration announce_delay_{};
 };
 

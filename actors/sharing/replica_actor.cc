@@ -44,6 +44,22 @@ void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& pre
 
 // --- What a leader gathers ---
 
+void ReplicaActor::AddStatus(const Context& context, proto::ShareStatus& status) const {
+  for (const AgentId agent : to_ask_) {
+    status.add_gathers_from(agent);
+    if (CanBeAsked(context, agent)) continue;
+    proto::LaterGathering& later = *status.add_gathers_later();
+    later.set_agent(agent);
+    later.set_is_away(!is_connected(agent));
+    later.set_why(is_connected(agent) ? WhyWindowIsShut(context, agent) : "is out of reach");
+  }
+  status.set_gathers_now_from(asked_);
+}
+
+bool ReplicaActor::CanBeAsked(const Context& context, AgentId agent) const {
+  return is_connected(agent) && IsWindowOpen(context, agent);
+}
+
 void ReplicaActor::BeginGathering(Context& context) {
   CancelOrders(context);
   to_ask_.clear();
@@ -63,9 +79,8 @@ void ReplicaActor::BeginGathering(Context& context) {
 
 void ReplicaActor::AskNext(Context& context) {
   ++step_;
-  const auto next = std::find_if(to_ask_.begin(), to_ask_.end(), [this, &context](AgentId agent) {
-    return is_connected(agent) && IsWindowOpen(context, agent);
-  });
+  const auto next = std::find_if(to_ask_.begin(), to_ask_.end(),
+                                 [this, &context](AgentId agent) { return CanBeAsked(context, agent); });
   asked_ = next == to_ask_.end() ? 0 : *next;
   if (asked_ == 0) return;
   OrderFrom(context, asked_);

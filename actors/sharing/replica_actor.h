@@ -30,7 +30,9 @@ class ReplicaActor final : public SharingActor {
   void OnReceived(Context& context, AgentId sender, bool is_all) override;
   void OnOrderRefused(Context& context, AgentId peer) override;
   void OnStepTimer(Context& context, std::uint64_t step) override;
+  void AddStatus(const Context& context, proto::ShareStatus& status) const override;
 
+  bool CanBeAsked(const Context& context, AgentId agent) const;
   void BeginGathering(Context& context);
   void AskNext(Context& context);
   void PassOver(Context& context);

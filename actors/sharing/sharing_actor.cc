@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/order_number.h"
+#include "model/team_id.h"
 #include "model/term.h"
 #include "model/text.h"
 
@@ -32,8 +34,11 @@ std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
 void SharingActor::OnStart(Context& context) {
   context.WatchPeers();
   roles_ = InitialRoles(options_.team);
+  const std::uint64_t random = context.rng()();
+  last_order_ = BeginOrderNumbers(random);
   SharingReceiver::Options receiver;
   receiver.team = options_.team.team();
+  receiver.team_id = TeamIdBytes(options_.team.team_id());
   receiver.config_hash = options_.config_hash;
   receiver.kind = kind_;
   receiver.bytes_per_second_max = BudgetOf(options_.team);
@@ -41,7 +46,7 @@ void SharingActor::OnStart(Context& context) {
   receiver.paper_sql = options_.session.paper_sql;
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
-  receiver_.emplace(std::move(receiver), context.rng()());
+  receiver_.emplace(std::move(receiver), random);
   // After a restart of this actor alone nobody else would say what the roles and leases are.
   proto::Message question;
   question.set_ms_type(proto::CONTROL);
@@ -118,7 +123,7 @@ void SharingActor::OnPeer(Context& context, const proto::Message& message) {
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
     case proto::Message::kShareReply:
-      return OnShareReply(context, peer, message.share_reply());
+      return OnShareReply(context, message);
     default:
       return;
   }
@@ -136,7 +141,10 @@ void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
   if (!was_other_config && receiver_->other_configs().contains(peer)) {
     refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) + " runs with another team configuration");
   }
-  if (OrderOf(hello.roles().term()) != OrderOf(roles_.term())) {
+  // An agent whose disk takes no newer roles acts on them without its own: that is no assignment to hand on.
+  const bool is_assignment = hello.roles().leader() != 0 &&
+                             (hello.roles().survivor() != 0 || InitialRoles(options_.team).survivor() == 0);
+  if (is_assignment && OrderOf(hello.roles().term()) != OrderOf(roles_.term())) {
     // One of the two has missed a change; RoleActor knows what to do, agent_id tells it about whom.
     proto::Message announce;
     announce.set_agent_id(peer);
@@ -154,8 +162,11 @@ void SharingActor::OnBatch(Context& context, const proto::Message& message) {
                       ": " + ToString(actions.error()));
     return;
   }
+  // What was refused, dropped, late or not to be decoded without others brings nothing.
+  const bool is_taken =
+      !actions->empty() && !actions->front().message.has_refusal() && !actions->front().message.have().needs_new_run();
   Perform(context, *std::move(actions));
-  OnReceived(context, context.sender().agent, /*is_all=*/false);
+  if (is_taken) OnReceived(context, context.sender().agent, /*is_all=*/false);
 }
 
 void SharingActor::OnStoreReply(Context& context, const proto::Message& message) {
@@ -177,12 +188,17 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   const proto::ShareRequest& request = message.share_request();
   const bool is_leaders =
       !is_from_here(context) && (context.sender().agent == roles_.leader() || IsNewer(message.term(), roles_.term()));
-  const Result<void> checked = CheckShareRequest(request);
+  Result<void> checked = CheckShareRequest(request);
+  if (checked) checked = CheckExpectedTerm(context, request);
+  in_hand_ = {context.sender().agent, is_from_here(context) ? ++last_order_ : request.order()};
   const Result<int> started =
       checked ? Share(context, request, is_leaders) : Result<int>(tl::unexpected(checked.error()));
+  const ShareOrderId carried_out = std::exchange(in_hand_, {});
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
   proto::ShareReply& body = *reply.mutable_share_reply();
+  *body.mutable_roles() = roles_;
+  body.set_order(carried_out.number);
   if (started) {
     body.set_session_count(static_cast<std::uint32_t>(*started));
   } else {
@@ -198,8 +214,12 @@ void SharingActor::OnShareStatusRequest(Context& context) {
   for (const auto& [destination, outgoing] : outgoing_) {
     proto::ShareSession& session = *status.add_sessions();
     session = outgoing.session.Status(context.now());
-    if (session.is_open()) session.set_waits_for(WhyWindowIsShut(context, destination));
+    if (!session.is_open()) continue;
+    session.set_waits_for(WhyWindowIsShut(context, destination));
+    session.set_waits_for_s(SecondsUntilWindowOpens(context, destination));
   }
+  *status.mutable_roles() = roles_;
+  AddStatus(context, status);
   status.set_received_records(receiver_->counts().received_records);
   status.set_rejected_records(receiver_->counts().rejected_records);
   status.set_damaged_messages(receiver_->counts().damaged_messages);
@@ -215,9 +235,7 @@ void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
     if (Outgoing* outgoing = FindOutgoing(event.peer())) {
       Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
     }
-    if (const auto order = orders_.find(event.peer()); order != orders_.end()) {
-      OrderFrom(context, event.peer(), order->second.bytes_max);
-    }
+    if (orders_.contains(event.peer())) BeginOrder(context, event.peer());
   } else {
     connected_.erase(event.peer());
   }
@@ -247,6 +265,7 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
 }
 
 void SharingActor::SetRoles(Context& context, const proto::RoleAssignment& roles) {
+  if (IsNewer(roles_.term(), roles.term())) return;  // An old answer that a change has overtaken on its lane.
   const proto::RoleAssignment previous = std::exchange(roles_, roles);
   OnNewRoles(context, previous);
 }
@@ -265,6 +284,19 @@ Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request)
   return {};
 }
 
+Result<void> SharingActor::CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const {
+  const bool is_relied_on = is_from_here(context) && request.has_expected_term() && request.destination() == 0;
+  if (!is_relied_on || OrderOf(request.expected_term()) == OrderOf(roles_.term())) return {};
+  return Fail(ErrorCode::kRefused,
+              "the roles have changed: " + NameOf(options_.self) + " acts on term " + TermText(roles_.term()) +
+                  ", the order relies on term " + TermText(request.expected_term()),
+              "expected_term");
+}
+
+std::string SharingActor::TermText(const proto::Term& term) const {
+  return std::to_string(term.number()) + (term.issuer() == 0 ? "" : " by " + NameOf(term.issuer()));
+}
+
 SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, AgentId destination) {
   if (Outgoing* outgoing = FindOutgoing(destination)) return *outgoing;
   SharingSession::Options session_options = options_.session;
@@ -280,7 +312,7 @@ void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilt
                         std::uint64_t bytes_max) {
   Outgoing& outgoing = FindOrMakeOutgoing(context, destination);
   outgoing.is_by_role = is_by_role;
-  Perform(context, outgoing, outgoing.session.Order(std::move(filter), context.now(), bytes_max));
+  Perform(context, outgoing, outgoing.session.Order(std::move(filter), context.now(), bytes_max, in_hand_));
 }
 
 void SharingActor::BringStatesUnasked(Context& context, AgentId destination) {
@@ -312,7 +344,13 @@ void SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes
   const auto known = orders_.find(peer);
   if (known != orders_.end() && known->second.bytes_max == 0) bytes_max = 0;  // One without a limit stands.
   ShareOrder& order = orders_[peer];
+  order.number = in_hand_.agent == options_.self && in_hand_.number != 0 ? in_hand_.number : ++last_order_;
   order.bytes_max = bytes_max;
+  BeginOrder(context, peer);
+}
+
+void SharingActor::BeginOrder(Context& context, AgentId peer) {
+  ShareOrder& order = orders_[peer];
   if (order.timer != 0) context.Cancel(order.timer);
   order.delay = options_.session.resend_after;
   SendOrder(context, peer);
@@ -326,6 +364,8 @@ void SharingActor::SendOrder(Context& context, AgentId peer) {
   message.mutable_share_request()->set_destination(options_.self);
   ShareOrder& order = orders_[peer];
   message.mutable_share_request()->set_bytes_max(order.bytes_max);
+  message.mutable_share_request()->set_order(order.number);
+  message.set_request_id(order.number);  // The answer has it too, so that an earlier order's is not taken for it.
   (void)context.Send({peer, context.self().actor}, std::move(message));  // Sent again when the timer comes.
   order.timer = context.AfterTimer(order.delay, kOrder, peer);
 }
@@ -337,8 +377,11 @@ void SharingActor::OnOrderTimer(Context& context, AgentId peer) {
   SendOrder(context, peer);
 }
 
-void SharingActor::OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply) {
-  if (!orders_.contains(peer)) return;
+void SharingActor::OnShareReply(Context& context, const proto::Message& message) {
+  const AgentId peer = context.sender().agent;
+  const proto::ShareReply& reply = message.share_reply();
+  const auto order = orders_.find(peer);
+  if (order == orders_.end() || order->second.number != message.request_id()) return;
   CancelOrder(context, peer);
   if (!IsError(reply.error())) return;
   spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
@@ -387,6 +430,16 @@ std::string SharingActor::WhyWindowIsShut(const Context& context, AgentId peer) 
   return "";
 }
 
+double SharingActor::SecondsUntilWindowOpens(const Context& context, AgentId peer) const {
+  double seconds = 0;
+  for (const AgentId end : {options_.self, peer}) {
+    if (!leases_.IsQuiet(end, context.now())) continue;
+    const proto::AgentLease left = leases_.LeftOf(end, context.now());
+    seconds = std::max({seconds, left.driving_s(), left.sleeping_s(), left.paused_s()});
+  }
+  return seconds;
+}
+
 SharingActor::Outgoing* SharingActor::FindOutgoing(AgentId destination) {
   const auto it = outgoing_.find(destination);
   return it == outgoing_.end() ? nullptr : &it->second;
@@ -399,6 +452,7 @@ void SharingActor::Perform(Context& context, Outgoing& outgoing, SharingActions 
       proto::Hello& hello = *action.message.mutable_hello();
       hello.set_protocol_version(kSharingProtocolVersion);
       hello.set_team(options_.team.team());
+      hello.set_team_id(TeamIdBytes(options_.team.team_id()));
       hello.set_config_hash(options_.config_hash);
       *hello.mutable_roles() = roles_;
       *action.message.mutable_term() = roles_.term();

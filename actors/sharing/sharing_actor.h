@@ -58,11 +58,13 @@ class SharingActor : public Actor {
   virtual void OnOrderRefused(Context&, AgentId) {}
   // Once, at the actor's start.
   virtual void OnStarted(Context&) {}
+  // Adds what only this kind of sharing knows.
+  virtual void AddStatus(const Context&, proto::ShareStatus&) const {}
   // A timer that StartStepTimer started.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
-  // Orders a session; `is_by_role` ones end when CloseByRole is called.
-  // `bytes_max`: as of SharingSession::Order.
+  // Orders a session; `is_by_role` ones end when CloseByRole is called. Within Share the session hears of the request's
+  // number. `bytes_max`: as of SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
   // This agent's latest states, at least (SharingSession::BringUnasked).
@@ -77,6 +79,8 @@ class SharingActor : public Actor {
   void StartStepTimer(Context& context, Duration delay, std::uint64_t step);
   // Neither this agent nor that one drives or sleeps.
   bool IsWindowOpen(const Context& context, AgentId peer) const;
+  // "rover2 drives for 40 s more"; empty where it is open.
+  std::string WhyWindowIsShut(const Context& context, AgentId peer) const;
 
   const proto::TeamConfig& team() const { return options_.team; }
   const SharingSession::Options& session_options() const { return options_.session; }
@@ -86,10 +90,12 @@ class SharingActor : public Actor {
   bool is_connected(AgentId peer) const { return connected_.contains(peer); }
   bool is_from_here(const Context& context) const { return context.sender().agent == options_.self; }
   std::string NameOf(AgentId agent) const;
+  std::string TermText(const proto::Term& term) const;  // "4 by rover2".
 
  private:
   // To an agent that has not answered yet.
   struct ShareOrder {
+    std::uint64_t number = 0;
     std::uint64_t bytes_max = 0;
     Duration delay{};
     TimerId timer = 0;
@@ -108,8 +114,9 @@ class SharingActor : public Actor {
   void OnBatch(Context& context, const proto::Message& message);
   void OnStoreReply(Context& context, const proto::Message& message);
   void OnShareRequest(Context& context, const proto::Message& message);
-  void OnShareReply(Context& context, AgentId peer, const proto::ShareReply& reply);
+  void OnShareReply(Context& context, const proto::Message& message);
   void OnOrderTimer(Context& context, AgentId peer);
+  void BeginOrder(Context& context, AgentId peer);
   void SendOrder(Context& context, AgentId peer);
   void OnShareStatusRequest(Context& context);
   void OnLink(Context& context, const proto::PeerEvent& event);
@@ -117,9 +124,12 @@ class SharingActor : public Actor {
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
+  // kRefused where a client of this agent relies on the roles of another term.
+  Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;
 
   SharingSession::Window WindowTo(const Context& context, AgentId peer) const;
-  std::string WhyWindowIsShut(const Context& context, AgentId peer) const;  // Empty: it is open.
+  // As far as both ends' leases say.
+  double SecondsUntilWindowOpens(const Context& context, AgentId peer) const;
   Outgoing* FindOutgoing(AgentId destination);
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
@@ -135,6 +145,8 @@ class SharingActor : public Actor {
   Leases leases_;
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
+  std::uint64_t last_order_ = 0;          // That this life of the actor gave or took of a client.
+  ShareOrderId in_hand_;                  // The request that Share carries out now.
   std::optional<SharingReceiver> receiver_;
   std::optional<std::size_t> moving_told_;  // To the other sharing actor.
   std::size_t moving_elsewhere_ = 0;        // As it told.

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/have_set.h"
+#include "model/team_id.h"
 
 namespace moondb {
 namespace {
@@ -205,7 +206,12 @@ Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
   if (hello.protocol_version() != kSharingProtocolVersion) {
     return Fail(ErrorCode::kRefused, "this agent speaks version 1 of sharing", "protocol_version");
   }
-  if (hello.team() != options_.team) return Fail(ErrorCode::kRefused, "this agent is of another team", "team");
+  if (hello.team_id() != options_.team_id) {
+    return Fail(ErrorCode::kRefused,
+                "this agent is of another team: " + options_.team + " with the team id " +
+                    TeamIdStart(options_.team_id) + ", the Hello's is " + TeamIdStart(hello.team_id()),
+                "team_id");
+  }
   if (hello.kind() != options_.kind) return Fail(ErrorCode::kRefused, "is not this actor's", "kind");
   if (hello.session_id() == 0) return Fail(ErrorCode::kRefused, "is missing", "session_id");
   if (hello.origin_agents().size() > static_cast<int>(kAgentIdMax))

@@ -37,7 +37,8 @@ class SharingReceiver {
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
   struct Options {
-    std::string team;
+    std::string team;     // Its name, for people.
+    std::string team_id;  // As messages carry it (model/team_id.h); Hellos of another one are refused.
     std::uint64_t config_hash = 0;
     proto::SharingKind kind = proto::SHARING_KIND_SYNC;
     std::uint32_t unacked_bytes_max = 8 * 1024;  // The credit that those who are sending are granted together.

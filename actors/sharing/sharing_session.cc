@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/order_number.h"
 #include "model/text.h"
 
 namespace moondb {
@@ -84,8 +85,9 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       encoder_(options_.paper_sql, static_cast<std::uint32_t>(first_id)),
       backoff_(options_.resend_after) {}
 
-SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max) {
+SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max, ShareOrderId id) {
   SharingActions actions;
+  Note(id);
   const bool is_limited = bytes_max != 0 && (!is_ordered() || bytes_left_);
   bytes_left_ = is_limited ? std::optional(bytes_max) : std::nullopt;
   filter_ = std::move(filter);
@@ -93,6 +95,21 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::
   is_unasked_ = false;
   LookAgain(now, actions);
   return actions;
+}
+
+void SharingSession::Note(ShareOrderId id) {
+  if (id.number == 0) return;
+  KnownOrder& known = orders_[id.agent];
+  known.is_open = true;
+  known.order.set_agent(id.agent);
+  // A late copy of an earlier order takes nothing back.
+  if (!HasReached(known.order.ordered(), id.number)) known.order.set_ordered(id.number);
+}
+
+void SharingSession::EndOrders(void (proto::SessionOrder::*set_reached)(std::uint64_t)) {
+  for (auto& [agent, known] : orders_) {
+    if (std::exchange(known.is_open, false)) (known.order.*set_reached)(known.order.ordered());
+  }
 }
 
 SharingActions SharingSession::BringUnasked(const proto::RecordFilter& states, Time now) {
@@ -134,6 +151,7 @@ SharingActions SharingSession::Close() {
   SharingActions actions;
   if (!is_open()) return actions;
   if (!is_unasked_) ++closed_sessions_;
+  EndOrders(&proto::SessionOrder::set_closed);
   End(actions);
   encoder_.BeginRun();  // The run may be some megabytes, and nobody may ever share with this destination again.
   return actions;
@@ -300,6 +318,7 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_bytes_per_second_max(pacer_.rate());
   if (is_remaining_known_) *status.mutable_backlog() = {missing_types_.begin(), missing_types_.end()};
   status.set_codec(codec_sent_);
+  for (const auto& [agent, known] : orders_) *status.add_orders() = known.order;
   if (phase_ == Phase::kSending) {
     status.set_session_s(std::chrono::duration<double>(now - answered_).count());
     status.set_session_acknowledged_records(session_acknowledged_records_);
@@ -387,6 +406,7 @@ void SharingSession::Complete(SharingActions& actions) {
   phase_ = Phase::kClosed;
   if (is_unasked_) return TellStorage({}, /*is_closed=*/true, actions);
   ++completed_sessions_;
+  EndOrders(&proto::SessionOrder::set_completed);
   std::uint64_t refused_count = 0;
   for (const auto& [key, stream] : refused_.streams()) refused_count += stream.held.Count();
   last_error_ = refused_count == 0 ? "" : "the destination did not take " + std::to_string(refused_count) + " records";
@@ -396,6 +416,7 @@ void SharingSession::Complete(SharingActions& actions) {
 void SharingSession::EndLimitedOrder(SharingActions& actions) {
   NoteError("ended with its order's bytes; more is left to share");
   ++limited_sessions_;
+  EndOrders(&proto::SessionOrder::set_limited);
   End(actions);
 }
 

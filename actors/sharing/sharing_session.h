@@ -47,6 +47,12 @@
 
 namespace moondb {
 
+// Who gave an order, and what it is called there (model/order_number.h). 0: an order that nobody waits for.
+struct ShareOrderId {
+  AgentId agent = 0;
+  std::uint64_t number = 0;
+};
+
 class SharingSession {
  public:
   using Duration = std::chrono::nanoseconds;
@@ -71,8 +77,9 @@ class SharingSession {
 
   // Start, or, when open, look again for records once all is sent: what was stored before this is included.
   // `bytes_max` not 0: it ends when so many coded bytes are sent, give or take a batch, and the destination is not
-  // told; an open order without that limit stays without.
-  SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0);
+  // told; an open order without that limit stays without. Status says by `id` how the order ended: only a session that
+  // completes after this has completed it.
+  SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
   // States that nobody ordered, when no session is open: one that does not count, that tells no end and that any order
   // takes the place of. An open session is reminded that there may be new records.
   SharingActions BringUnasked(const proto::RecordFilter& states, Time now);
@@ -119,6 +126,15 @@ class SharingSession {
     bool leans_on_others = false;  // Likewise.
   };
 
+  // The newest order of one agent.
+  struct KnownOrder {
+    proto::SessionOrder order;
+    bool is_open = false;  // The session has not ended since.
+  };
+
+  void Note(ShareOrderId id);
+  // The session ends: each open order has come so far.
+  void EndOrders(void (proto::SessionOrder::*set_reached)(std::uint64_t));
   void LookAgain(Time now, SharingActions& actions);
   bool IsForStates() const { return window_ == Window::kStatesOnly || is_unasked_; }
   // Whose streams the filter is about; empty: everybody's.
@@ -164,8 +180,9 @@ class SharingSession {
 
   Phase phase_ = Phase::kClosed;
   Window window_ = Window::kOpen;
-  bool is_waiting_ = false;     // For the window to open; nothing is sent.
-  bool is_unasked_ = false;     // As of BringUnasked.
+  bool is_waiting_ = false;  // For the window to open; nothing is sent.
+  bool is_unasked_ = false;  // As of BringUnasked.
+  std::map<AgentId, KnownOrder> orders_;
   bool is_for_states_ = false;  // Since the last Hello, only states are sent.
   proto::RecordFilter filter_;
   std::uint64_t session_id_;

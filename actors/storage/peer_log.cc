@@ -67,7 +67,10 @@ Result<bool> PeerLog::ReadAll(Database& database) {
 }
 
 Result<void> PeerLog::Load(Database& database) {
-  if (const Result<void> done = database.Execute("DELETE FROM handed_over"); !done) return done;
+  // Of a life before this one. It only shows, so that a disk that takes no write now does not matter.
+  const Result<std::int64_t> is_any = database.Number("SELECT EXISTS(SELECT 1 FROM handed_over)");
+  if (!is_any) return tl::unexpected(is_any.error());
+  if (*is_any != 0) (void)database.Execute("DELETE FROM handed_over");
   had_.clear();
   const Result<bool> is_sound = ReadAll(database);
   if (!is_sound) return tl::unexpected(is_sound.error());

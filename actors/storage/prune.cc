@@ -31,19 +31,6 @@ Result<std::vector<HaveSet>> ReadAcknowledged(const proto::PruneRequest& request
   return acknowledged;
 }
 
-Result<void> CheckNumbers(const proto::PruneRequest& request) {
-  if (request.records_size() > kPruneNamedMax) {
-    return Fail(ErrorCode::kInvalid, "more than " + std::to_string(kPruneNamedMax) + " records", "records");
-  }
-  if (!IsNumber(request.older_than_s()) || request.older_than_s() > kPruneAgeMax_s) {
-    return Fail(ErrorCode::kInvalid, "must lie between 0 and 1e9 s", "older_than_s");
-  }
-  if (!IsNumber(request.content_bytes_max())) {
-    return Fail(ErrorCode::kInvalid, "must not be negative", "content_bytes_max");
-  }
-  return {};
-}
-
 class Chooser {
  public:
   Chooser(Database& database, const SharingRules& rules, const proto::PruneRequest& request,
@@ -179,9 +166,22 @@ class Chooser {
 
 }  // namespace
 
+Result<void> CheckPruneLimits(const proto::PruneRequest& request) {
+  if (request.records_size() > kPruneNamedMax) {
+    return Fail(ErrorCode::kInvalid, "more than " + std::to_string(kPruneNamedMax) + " records", "records");
+  }
+  if (!IsNumber(request.older_than_s()) || request.older_than_s() > kPruneAgeMax_s) {
+    return Fail(ErrorCode::kInvalid, "must lie between 0 and 1e9 s", "older_than_s");
+  }
+  if (!IsNumber(request.content_bytes_max())) {
+    return Fail(ErrorCode::kInvalid, "must not be negative", "content_bytes_max");
+  }
+  return {};
+}
+
 Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const SharingRules& rules,
                                   const proto::PruneRequest& request, std::int64_t utc_now_ns) {
-  if (const Result<void> checked = CheckNumbers(request); !checked) return tl::unexpected(checked.error());
+  if (const Result<void> checked = CheckPruneLimits(request); !checked) return tl::unexpected(checked.error());
   Result<std::vector<HaveSet>> acknowledged = ReadAcknowledged(request);
   if (!acknowledged) return tl::unexpected(acknowledged.error());
   std::optional<HaveSet> bundled;

@@ -36,6 +36,9 @@ struct PruneChoice {
   bool is_complete = true;          // Else more may go, beyond a limit above.
 };
 
+// The request's numbers: kInvalid, with the field named, for one that is negative, none or too large.
+Result<void> CheckPruneLimits(const proto::PruneRequest& request);
+
 // `have` is this agent's own, `utc_now_ns` since 1970. kInvalid, with the field named: nobody's have-set or a malformed
 // one, too many records, a number that is negative or none; else fails as Database does.
 Result<PruneChoice> ChooseToPrune(Database& database, const HaveSet& have, const SharingRules& rules,

@@ -1,6 +1,9 @@
 // ReadPage: pages through all record tables in the order of storing, by merging their rows.
 #pragma once
 
+#include <functional>
+#include <vector>
+
 #include "actors/storage/sqlite_database.h"
 #include "proto/storage.pb.h"
 
@@ -14,5 +17,10 @@ inline constexpr std::uint32_t kPageRecordsMax = 10'000;
 
 // At least one record, even a larger one. Fails as Database does.
 Result<proto::ReadReply> ReadPage(Database& database, const proto::ReadRequest& request);
+
+// The same of queries that each give rows as RecordTable::ReadAfter or ReadNewestFirst does; rows that `accepts`
+// refuses are left out.
+Result<proto::ReadReply> ReadMerged(std::vector<Query> queries, const proto::ReadRequest& request,
+                                    const std::function<bool(const Query&)>& accepts = nullptr);
 
 }  // namespace moondb

@@ -3,10 +3,12 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <optional>
 #include <utility>
 
 #include "actors/storage/bundle_shelf.h"
+#include "actors/storage/disk_guard.h"
 #include "actors/storage/prune.h"
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
@@ -14,6 +16,7 @@
 #include "actors/storage/schema.h"
 #include "actors/storage/verify.h"
 #include "model/check.h"
+#include "model/event.h"
 #include "model/record_check.h"
 
 namespace moondb {
@@ -21,11 +24,9 @@ namespace moondb {
 namespace {
 
 constexpr std::size_t kRejectionsKept = 8;
-constexpr int kEpochRandomBits = 48;
-// 16384 lives of this agent that a lost disk knew of; who claims more would use up the epochs that are left.
-constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (kEpochRandomBits + 14);
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
+constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Of history, for a record that found no room.
 
 // A robot that repeats a record may find its agent's clock judged otherwise by then.
 std::string OtherwiseMarked(proto::Record record) {
@@ -33,8 +34,26 @@ std::string OtherwiseMarked(proto::Record record) {
   return SerializeRecord(record);
 }
 
-// The origin's own order of its records.
-std::pair<std::uint64_t, std::uint64_t> OrderOf(const RecordKey& key) { return {key.stream.epoch, key.seq}; }
+// Whether one of these rows is shared and above that.
+bool IsBelow(const RecordOrder& order, const std::vector<RecordTable::Row>& rows) {
+  return std::any_of(rows.begin(), rows.end(),
+                     [&order](const RecordTable::Row& row) { return row.key.seq != 0 && row.order() > order; });
+}
+
+// For the index beside the log. SQLite calls a disk that has none an I/O error.
+bool HasRoomForIndex(const RecordStore::Options& options) {
+  if (!options.vfs.empty() || options.path == ":memory:") return true;
+  constexpr std::uintmax_t kIndexBytes = 32 * 1024;
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(options.path, error);
+  return error || space.available >= kIndexBytes;
+}
+
+std::string SetAsideText(const std::string& aside) {
+  return "the store was damaged and is set aside as " + aside +
+         "; an empty one was begun, and what no other agent had is in that file alone";
+}
+
 
 }  // namespace
 
@@ -45,10 +64,31 @@ class RecordStore::Writing {
     Result<Transaction> transaction = Transaction::Begin(*store.database_);
     if (!transaction) return tl::unexpected(transaction.error());
     store.ledger_.Forget();
+    store.history_.Forget();
     return Writing(store, *std::move(transaction));
   }
 
-  std::uint64_t epoch = 0;  // Of own records.
+  // Of own records: the present one, or one that begins now.
+  Result<std::uint64_t> OwnEpoch() {
+    if (epoch_ != 0) return epoch_;
+    const Result<OwnEpochs::Next> next = store_.own_epochs_.Draw(store_.random_);
+    if (!next) return tl::unexpected(next.error());
+    if (const Result<void> done = store_.own_epochs_.Write(*store_.database_, *next); !done) {
+      return tl::unexpected(done.error());
+    }
+    begun_ = *next;
+    epoch_ = next->epoch;
+    return epoch_;
+  }
+
+  // The key of the next own record of that type.
+  Result<RecordKey> NextKey(DataType type) {
+    const Result<std::uint64_t> epoch = OwnEpoch();
+    if (!epoch) return tl::unexpected(epoch.error());
+    const StreamKey stream{store_.options_.self, *epoch, type};
+    const StreamHave& had = store_.ledger_.Get(stream);
+    return RecordKey{stream, std::max(had.held.Max(), had.dropped.Max()) + 1};
+  }
 
   Result<void> InsertRow(const RecordKey& key, const proto::Record& record, const std::string& content,
                          std::uint64_t hash) {
@@ -68,6 +108,14 @@ class RecordStore::Writing {
     return table.Delete(*store_.database_, row.row_id);
   }
 
+  // A newer record of its key takes its place.
+  Result<void> Supersede(const RecordTable& table, const RecordTable::Row& row) {
+    if (row.key.stream.origin == store_.options_.self) {
+      if (const Result<void> done = store_.history_.Take(*store_.database_, table, row); !done) return done;
+    }
+    return DeleteRow(table, row);
+  }
+
   Result<void> Commit(proto::RecordsStored& stored) {
     if (const Result<void> done = store_.ledger_.Write(*store_.database_); !done) return done;
     if (next_row_id_ != store_.next_row_id_) {
@@ -75,25 +123,28 @@ class RecordStore::Writing {
     }
     if (const Result<void> done = transaction_.Commit(); !done) return done;
     store_.ledger_.Keep();
+    store_.history_.Keep();
     if (next_row_id_ != store_.next_row_id_) stored.set_last_row_id(next_row_id_ - 1);
     for (const DataType type : types_) stored.add_data_types(type);
     store_.next_row_id_ = next_row_id_;
     store_.map_bytes_ = map_bytes_;
-    if (epoch != 0) store_.epoch_ = epoch;
-    store_.own_epoch_highest_ = std::max(store_.own_epoch_highest_, store_.epoch_);
+    if (begun_) store_.own_epochs_.NoteBegun(*begun_);
+    store_.epoch_ = epoch_;
     return {};
   }
 
  private:
   Writing(RecordStore& store, Transaction transaction)
-      : epoch(store.epoch_),
-        store_(store),
+      : store_(store),
         transaction_(std::move(transaction)),
+        epoch_(store.epoch_),
         next_row_id_(store.next_row_id_),
         map_bytes_(store.map_bytes_) {}
 
   RecordStore& store_;
   Transaction transaction_;
+  std::uint64_t epoch_;
+  std::optional<OwnEpochs::Next> begun_;
   std::uint64_t next_row_id_;
   std::uint64_t map_bytes_;
   std::set<DataType> types_;
@@ -108,12 +159,61 @@ Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
   if (!aside) return tl::unexpected(aside.error());
   spdlog::error("storage: {}; it is set aside as {}, and an empty one begun", ToString(store.error()), *aside);
   store = OpenFile(options);
-  if (store) (*store)->set_aside_ = *aside;
+  if (store) {
+    (*store)->set_aside_ = *aside;
+    (*store)->damage_.push_back(SetAsideText(*aside));
+  }
   return store;
 }
 
+Result<void> RecordStore::WriteDown(proto::EventKind kind, const std::string& text, std::int64_t utc_now_ns) {
+  proto::InsertRequest request;
+  *request.add_records() = MakeEvent(kind, text, "", utc_now_ns);
+  const Inserted inserted = Insert(request);
+  if (IsError(inserted.reply.error())) return tl::unexpected(FromProto(inserted.reply.error()));
+  return {};
+}
+
+Result<void> RecordStore::WriteDownLastLife(std::int64_t utc_now_ns) {
+  const Result<std::vector<OwnEvent>> last = ReadOwnEvents(*database_, options_.self, 1);
+  if (!last) return tl::unexpected(last.error());
+  if (last->empty() && set_aside_.empty()) {
+    set_aside_ = Database::LastSetAside(options_.path, options_.vfs);
+    if (!set_aside_.empty()) damage_.push_back(SetAsideText(set_aside_));
+  }
+  const Result<bool> has_ended = HasEndedWithoutStopping(*database_, options_.self);
+  if (!has_ended) return tl::unexpected(has_ended.error());
+  for (const std::string& text : damage_) {
+    if (const Result<void> done = WriteDown(proto::EVENT_KIND_DAMAGE, text, utc_now_ns); !done) return done;
+  }
+  if (!*has_ended) return {};
+  return WriteDown(proto::EVENT_KIND_LOST, kEndedWithoutStopping, utc_now_ns);
+}
+
+Result<void> RecordStore::WriteDownStop(std::int64_t utc_now_ns) {
+  return WriteDown(proto::EVENT_KIND_STOPPED, "stopped, as it was asked to", utc_now_ns);
+}
+
 Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& options) {
-  Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max, options.vfs);
+  Result<std::unique_ptr<RecordStore>> store = OpenFile(options, Database::Access::kShared);
+  if (store || !IsOfTheDisk(store.error())) return store;
+  const bool is_full = store.error().code == ErrorCode::kFull || !HasRoomForIndex(options);
+  if (is_full && ReserveFile(options.path, options.vfs).GiveUp()) {
+    spdlog::warn("storage: the disk is full: gave up the reserve beside {} to start", options.path);
+    store = OpenFile(options, Database::Access::kShared);
+    if (store || !IsOfTheDisk(store.error())) return store;
+  }
+  Result<std::unique_ptr<RecordStore>> alone = OpenFile(options, Database::Access::kAlone);
+  if (alone || alone.error().code == ErrorCode::kCorrupt) return alone;
+  if (is_full) {
+    const std::string files = options.vfs.empty() ? DeletableFiles(options.path) : "";
+    store.error().text += "; the disk is full" + (files.empty() ? files : ": delete " + files);
+  }
+  return store;
+}
+
+Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& options, Database::Access access) {
+  Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max, options.vfs, access);
   if (!database) return tl::unexpected(database.error());
   std::unique_ptr<RecordStore> store(new RecordStore(options, *std::move(database)));
   const Result<void> loaded = store->Load();
@@ -130,7 +230,10 @@ Result<void> RecordStore::Load() {
   if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
   if (const Result<void> checked = CheckOwner(); !checked) return checked;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
-  for (const auto& [stream, have] : ledger_.have().streams()) NoteOwnEpoch(stream);  // Of rows, too, that are damaged.
+  if (const Result<void> loaded = own_epochs_.Load(*database_); !loaded) return loaded;
+  for (const auto& [stream, have] : ledger_.have().streams()) {  // Of rows, too, that are damaged.
+    if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
+  }
   if (const Result<void> loaded = peer_log_.Load(*database_); !loaded) return loaded;
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
   if (!next_row_id) return tl::unexpected(next_row_id.error());
@@ -144,7 +247,7 @@ Result<void> RecordStore::Load() {
   const Result<std::uint64_t> map_bytes = FindRecordTable(proto::LOCAL_TRAVERSABILITY_MAP)->SumContentBytes(*database_);
   if (!map_bytes) return tl::unexpected(map_bytes.error());
   map_bytes_ = *map_bytes;
-  return {};
+  return history_.Load(*database_);
 }
 
 // SQLite's own check sees a broken tree, not a changed byte. A row whose hash is right is there, whatever the ledger
@@ -173,6 +276,11 @@ Result<void> RecordStore::MendFromRows() {
       }
     }
   }
+  const Result<std::vector<History::Found>> damaged_history = history_.FindDamaged(*database_);
+  if (!damaged_history) return tl::unexpected(damaged_history.error());
+  const Result<std::uint64_t> history_row_id_max = history_.MaxRowId(*database_);
+  if (!history_row_id_max) return tl::unexpected(history_row_id_max.error());
+  row_id_max = std::max(row_id_max, *history_row_id_max);
   for (const auto& [stream, have] : ledger_.have().streams()) {
     if (!have.held.Minus(mended.Get(stream).held).is_empty()) gone.emplace(stream.origin, stream.type);
   }
@@ -187,22 +295,39 @@ Result<void> RecordStore::MendFromRows() {
   const bool is_row_id_sound = next_row_id_ > row_id_max && next_row_id_ <= kRowIdMax;
   if (!is_row_id_sound) next_row_id_ = row_id_max + 1;
   const bool is_ledger_sound = ledger_.is_sound() && mended == ledger_.have();
-  if (is_ledger_sound && damaged.empty() && is_row_id_sound) return {};
+  const bool is_history_sound = damaged_history->empty();
+  if (is_ledger_sound && damaged.empty() && is_row_id_sound && is_history_sound) return {};
 
   Result<Transaction> transaction = Transaction::Begin(*database_);
   if (!transaction) return tl::unexpected(transaction.error());
   for (const auto& [table, row_id] : damaged) {
     if (const Result<void> done = table->Delete(*database_, row_id); !done) return done;
   }
+  for (const History::Found& found : *damaged_history) {
+    Query query = database_->Prepare("DELETE FROM history WHERE data_type = ? AND row_id = ?");
+    query << found.type << found.row_id;
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
   if (const Result<void> done = ledger_.Replace(*database_, mended); !done) return done;
   if (const Result<void> done = WriteNextRowId(next_row_id_); !done) return done;
   if (const Result<void> done = transaction->Commit(); !done) return done;
   ledger_.Keep();
-  for (const auto& [stream, have] : mended.streams()) NoteOwnEpoch(stream);
+  for (const auto& [stream, have] : mended.streams()) {
+    if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
+  }
+  if (!is_history_sound) {
+    damage_.push_back(std::to_string(damaged_history->size()) +
+                      " superseded states of the store's history were damaged and are removed; nobody else has them");
+    spdlog::error("storage: {}: {}", database_->path(), damage_.back());
+  }
+  if (is_ledger_sound && damaged.empty() && is_row_id_sound) return {};
   spdlog::error(
       "storage: {} was damaged within: {} records were wrong, and its have-set {}; peers will be asked for what it "
       "lacks",
       database_->path(), damaged.size(), is_ledger_sound ? "right" : "too");
+  damage_.push_back("the store was damaged within: " + std::to_string(damaged.size()) + " records were wrong" +
+                    (is_ledger_sound ? "" : ", and so was its have-set") +
+                    "; other agents are asked for what it lacks, and what none of them had is lost");
   return {};
 }
 
@@ -214,14 +339,39 @@ Result<void> RecordStore::WriteNextRowId(std::uint64_t row_id) {
 
 // Two agents numbering in one copied file would give two records one name.
 Result<void> RecordStore::CheckOwner() {
-  Result<Transaction> transaction = Transaction::Begin(*database_);
-  if (!transaction) return tl::unexpected(transaction.error());
   const Result<std::int64_t> owner = database_->Number("SELECT value FROM meta WHERE name = 'own_agent'");
   if (!owner && owner.error().code != ErrorCode::kNotFound) return tl::unexpected(owner.error());
   if (owner && *owner != options_.self) {
     return Fail(ErrorCode::kRefused, "database " + database_->path() + " belongs to agent " + std::to_string(*owner) +
                                          ", not to agent " + std::to_string(options_.self));
   }
+  const Result<void> done = WriteTeam();
+  if (done || !owner || !IsOfTheDisk(done.error())) return done;
+  start_trouble_ = done.error();
+  return {};
+}
+
+// For people who query the file. Only what differs: a start on a full disk has nothing to write then.
+Result<void> RecordStore::WriteTeam() {
+  std::string is_same = "SELECT (SELECT count(*) FROM meta WHERE name = 'own_agent')";
+  std::string agents;
+  for (const AgentId agent : options_.team) agents += (agents.empty() ? "" : ",") + std::to_string(agent);
+  is_same += " AND (SELECT group_concat(agent_id) FROM (SELECT agent_id FROM team_agent ORDER BY agent_id)) IS '" +
+             agents + "' AND (SELECT count(*) FROM custom_type) = " + std::to_string(options_.custom_types.size());
+  const Result<std::int64_t> is_written = database_->Number(is_same);
+  if (!is_written) return tl::unexpected(is_written.error());
+  bool has_types = *is_written != 0;
+  for (const proto::CustomType& type : options_.custom_types) {
+    Query query = database_->Prepare("SELECT 1 FROM custom_type WHERE data_type = ? AND name = ?");
+    query << type.id() << std::string_view(type.name());
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    has_types = has_types && *row;
+  }
+  if (has_types) return {};
+
+  Result<Transaction> transaction = Transaction::Begin(*database_);
+  if (!transaction) return tl::unexpected(transaction.error());
   std::string sql = "INSERT OR IGNORE INTO meta VALUES('own_agent', " + std::to_string(options_.self) + ");";
   sql += "DELETE FROM team_agent;";
   for (const AgentId agent : options_.team) sql += "INSERT INTO team_agent VALUES(" + std::to_string(agent) + ");";
@@ -235,44 +385,144 @@ Result<void> RecordStore::CheckOwner() {
   return transaction->Commit();
 }
 
+Result<void> RecordStore::TryToWrite() {
+  Result<Transaction> transaction = Transaction::Begin(*database_, Database::Durability::kFull);
+  if (!transaction) return tl::unexpected(transaction.error());
+  if (const Result<void> done = WriteNextRowId(next_row_id_); !done) return done;
+  return transaction->Commit();
+}
+
 Result<void> RecordStore::CheckOwnRecord(const proto::Record& record) const {
   const Result<void> checked = CheckOwnership(record, options_.self, options_.team);
   return checked && record.has_custom() ? CheckDeclared(record.custom(), options_.custom_types) : checked;
 }
 
-void RecordStore::NoteOwnEpoch(const StreamKey& stream) {
-  if (stream.origin != options_.self) return;
-  own_epoch_highest_ = std::max(own_epoch_highest_, stream.epoch);
-  // New records under a lower epoch would count as older than those that peers already have.
-  if (epoch_ < own_epoch_highest_) epoch_ = 0;
+// --- Own epochs ---
+
+bool RecordStore::IsPossible(const StreamKey& stream) const {
+  return stream.origin != options_.self || own_epochs_.IsPossible(stream.epoch);
 }
 
-// Of what a peer says that it has; what cannot be is passed over and counted.
-void RecordStore::NoteOwnEpochs(const proto::HaveSet& have) {
-  for (const proto::StreamHave& claimed : have.streams()) {
-    const StreamKey stream{claimed.origin_agent(), claimed.epoch(), claimed.data_type()};
-    if (IsPossible(stream)) {
-      NoteOwnEpoch(stream);
+// All against what was known before: claims that climb on each other's shoulders are none.
+std::set<std::uint64_t> RecordStore::PossibleEpochs(const std::set<std::uint64_t>& claimed) {
+  std::set<std::uint64_t> possible;
+  for (const std::uint64_t epoch : claimed) {
+    if (own_epochs_.IsPossible(epoch)) {
+      possible.insert(epoch);
     } else {
       ++rejected_count_;
     }
   }
+  return possible;
 }
 
-bool RecordStore::IsPossible(const StreamKey& stream) const {
-  return stream.origin != options_.self || stream.epoch <= own_epoch_highest_ ||
-         stream.epoch - own_epoch_highest_ <= kOwnEpochJumpMax;
+Result<void> RecordStore::LearnOwnEpochs(const proto::HaveSet& claimed) {
+  std::set<std::uint64_t> epochs;
+  for (const proto::StreamHave& stream : claimed.streams()) {
+    if (stream.origin_agent() == options_.self) epochs.insert(stream.epoch());
+  }
+  return LearnOwnEpochs(PossibleEpochs(epochs));
 }
 
-Result<std::uint64_t> RecordStore::NextEpoch() {
-  const std::uint64_t counter = own_epoch_highest_ >> kEpochRandomBits;
-  const std::uint64_t random = random_() >> (64 - kEpochRandomBits);
-  if (counter < 0xFFFF) return ((counter + 1) << kEpochRandomBits) | random;
-  // The counter is used up: go on above the highest epoch, by random steps.
-  const std::uint64_t left = UINT64_MAX - own_epoch_highest_;
-  if (left == 0) return Fail(ErrorCode::kInternal, "no epochs are left for this agent's records");
-  return own_epoch_highest_ + 1 + random_() % std::min<std::uint64_t>(left, 0xFFFF'FFFF);
+Result<void> RecordStore::LearnOwnEpochs(const std::set<std::uint64_t>& epochs) {
+  for (const std::uint64_t epoch : epochs) {
+    if (own_epochs_.IsKnown(epoch)) continue;
+    own_epochs_.Learn(epoch);
+    is_restate_due_ = true;
+  }
+  // New records under a lower epoch would count as older than those that peers already have.
+  if (epoch_ < own_epochs_.highest()) epoch_ = 0;
+  if (!is_restate_due_) return {};
+  const Result<void> done = Restate();
+  is_restate_due_ = !done;
+  return done;
 }
+
+Result<void> RecordStore::Restate() {
+  const Result<std::vector<RecordKey>> endangered = FindEndangered();
+  if (!endangered) return tl::unexpected(endangered.error());
+  if (endangered->empty()) return {};
+  Result<Writing> writing = Writing::Begin(*this);
+  if (!writing) return tl::unexpected(writing.error());
+  for (const RecordKey& key : *endangered) {
+    if (const Result<void> done = RestateOne(key, *writing); !done) return done;
+  }
+  if (const Result<void> done = writing->Commit(restated_); !done) return done;
+  spdlog::info("storage: a peer knows a later epoch of this agent's, of a disk that was lost or put back: {} newest {}",
+               endangered->size(),
+               endangered->size() == 1 ? "state is stored once more" : "states are stored once more");
+  return {};
+}
+
+// The states that stand, in the order in which they were inserted.
+Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
+  std::vector<RecordKey> found;
+  const std::set<std::uint64_t> epochs = own_epochs_.Endangered();
+  if (epochs.empty()) return found;
+  std::map<DataType, std::map<std::uint64_t, IntervalSet>> newest;
+  for (const auto& [stream, have] : ledger_.have().streams()) {
+    const bool may_be_superseded = rules_.IsLatest(stream.type) && !IsVersioned(stream.type);
+    if (stream.origin != options_.self || !may_be_superseded || have.held.is_empty()) continue;
+    if (!epochs.contains(stream.epoch)) continue;
+    if (!newest.contains(stream.type)) {
+      auto of_type = FindRecordTable(stream.type)->FindNewest(*database_, options_.self, stream.type);
+      if (!of_type) return tl::unexpected(of_type.error());
+      newest[stream.type] = *std::move(of_type);
+    }
+    for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
+      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) found.push_back({stream, seq});
+    }
+  }
+  return found;
+}
+
+Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing) {
+  const RecordTable& table = *FindRecordTable(old_key.stream.type);
+  const Result<std::optional<RecordTable::Row>> row = table.Find(*database_, old_key);
+  if (!row) return tl::unexpected(row.error());
+  std::string content;
+  if (*row) {
+    Query query = table.ReadInterval(*database_, old_key.stream, old_key.seq, old_key.seq, /*agent=*/0);
+    if (const Result<bool> read = query.Step(); !read) return tl::unexpected(read.error());
+    content = table.Read(query).content();
+  }
+  proto::Record record;
+  if (!*row || HashRecord(old_key, content) != (*row)->hash || !record.ParseFromString(content)) {
+    return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: " + ToString(old_key));
+  }
+  const Result<RecordKey> key = writing.NextKey(old_key.stream.type);
+  if (!key) return tl::unexpected(key.error());
+  if (const Result<void> done = writing.DeleteRow(table, **row); !done) return done;
+  return writing.InsertRow(*key, record, content, HashRecord(*key, content));
+}
+
+proto::RecordsStored RecordStore::TakeRestated() { return std::exchange(restated_, {}); }
+
+Result<void> RecordStore::NoteEpochReport(const proto::EpochReport& report) {
+  if (report.epochs_size() > kEpochReportMax) {
+    return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kEpochReportMax), "epochs");
+  }
+  std::uint64_t last = 0;
+  for (const std::uint64_t epoch : report.epochs()) {
+    if (epoch <= last) return Fail(ErrorCode::kInvalid, "are not in rising order from 1", "epochs");
+    last = epoch;
+  }
+  return LearnOwnEpochs(PossibleEpochs({report.epochs().begin(), report.epochs().end()}));
+}
+
+proto::EpochReport RecordStore::ReportEpochs(AgentId origin) const {
+  std::set<std::uint64_t> epochs;
+  const auto& streams = ledger_.have().streams();
+  for (auto it = streams.lower_bound({origin, 0, 0}); it != streams.end() && it->first.origin == origin; ++it) {
+    epochs.insert(it->first.epoch);
+    if (epochs.size() > kEpochReportMax) epochs.erase(epochs.begin());
+  }
+  proto::EpochReport report;
+  report.mutable_epochs()->Add(epochs.begin(), epochs.end());
+  return report;
+}
+
+// --- Inserts ---
 
 Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const {
   if (request.records_size() > kInsertRecordsMax) {
@@ -304,13 +554,13 @@ Result<void> RecordStore::CheckRoomForMaps(const proto::InsertRequest& request) 
                                     std::string("what is left of the disk is for states"));
 }
 
-// Bundles, whose number is bounded, push no records out.
+// Bundles and history, which are bounded, push no records out.
 Result<std::uint64_t> RecordStore::UsedByRecords() {
   const Result<std::uint64_t> used = database_->UsedPageBytes();
   if (!used) return used;
   const Result<std::int64_t> bundles = database_->Number("SELECT coalesce(sum(length(file)), 0) FROM downlink_bundle");
   if (!bundles) return tl::unexpected(bundles.error());
-  return *used - std::min(*used, static_cast<std::uint64_t>(*bundles));
+  return *used - std::min(*used, static_cast<std::uint64_t>(*bundles) + history_.sum().bytes);
 }
 
 RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
@@ -324,7 +574,15 @@ RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
     done = Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRecordContentBytesMax) + " bytes",
                 "records[" + std::to_string(i) + "]");
   }
-  if (done && request.records_size() > 0) done = InsertAll(request, contents, result);
+  std::uint64_t bytes = 0;
+  for (const std::string& content : contents) bytes += content.size();
+  if (done && request.records_size() > 0) {
+    done = InsertAll(request, contents, result);
+    if (!done && MakesRoom(done.error(), bytes)) {
+      result = Inserted();
+      done = InsertAll(request, contents, result);
+    }
+  }
   if (!done) {
     result = Inserted();
     *result.reply.mutable_error() = ToProto(done.error());
@@ -366,23 +624,23 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
   }
   RecordKey key{StreamKey{options_.self, 0, type}, 0};
   if (!is_local) {
-    if (writing.epoch == 0) {
-      const Result<std::uint64_t> epoch = NextEpoch();
-      if (!epoch) return tl::unexpected(epoch.error());
-      writing.epoch = *epoch;
-    }
-    key.stream.epoch = writing.epoch;
-    const StreamHave& had = ledger_.Get(key.stream);
-    key.seq = std::max(had.held.Max(), had.dropped.Max()) + 1;
+    const Result<RecordKey> next = writing.NextKey(type);
+    if (!next) return tl::unexpected(next.error());
+    key = *next;
   }
   if (rules_.IsLatest(type)) {
     const Result<std::vector<RecordTable::Row>> olds =
         table.FindByLatestKey(*database_, options_.self, type, LatestKey(record));
     if (!olds) return tl::unexpected(olds.error());
+    if (!is_local && IsBelow(OrderOf(key, record), *olds)) {
+      ledger_.AddDropped(key.stream, {key.seq, key.seq});
+      reply_key = ToProto(key);
+      return {};
+    }
     for (const RecordTable::Row& old : *olds) {
       // What stays on this agent cannot supersede what peers are owed.
       if (is_local && old.key.seq != 0) continue;
-      if (const Result<void> done = writing.DeleteRow(table, old); !done) return done;
+      if (const Result<void> done = writing.Supersede(table, old); !done) return done;
     }
   }
   reply_key = ToProto(key);
@@ -419,17 +677,32 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
     if (!checked) Reject(checked.error(), result);
   }
   for (const auto& [stream, have] : dropped.streams()) touched.insert(stream);
+  std::set<std::uint64_t> own_epochs;
+  for (const StreamKey& stream : touched) {
+    if (stream.origin == options_.self) own_epochs.insert(stream.epoch);
+  }
 
-  if (const Result<void> done = StoreAll(opened, dropped, result); !done) {
+  const Stored before = result;
+  const std::uint64_t rejected_before = rejected_count_;
+  const auto store = [&] {
+    const Result<void> learnt = LearnOwnEpochs(own_epochs);
+    return learnt ? StoreAll(opened, dropped, result) : learnt;
+  };
+  std::uint64_t bytes = 0;
+  for (const Opened& record : opened) bytes += record.stored->content().size();
+  Result<void> done = store();
+  if (!done && MakesRoom(done.error(), bytes)) {
+    result = before;
+    rejected_count_ = rejected_before;
+    done = store();
+  }
+  if (!done) {
     result = Stored();
     *result.reply.mutable_error() = ToProto(done.error());
     return result;
   }
   HaveSet had;
-  for (const StreamKey& stream : touched) {
-    had[stream] = ledger_.have().Get(stream);
-    NoteOwnEpoch(stream);
-  }
+  for (const StreamKey& stream : touched) had[stream] = ledger_.have().Get(stream);
   *result.reply.mutable_had() = ToProto(ForPeer(had));
   return result;
 }
@@ -463,16 +736,13 @@ Result<void> RecordStore::StoreOne(const Opened& opened, Writing& writing, Store
     const Result<std::vector<RecordTable::Row>> others =
         table.FindByLatestKey(*database_, opened.key.stream.origin, opened.key.stream.type, LatestKey(opened.record));
     if (!others) return tl::unexpected(others.error());
-    const bool is_late = std::any_of(others->begin(), others->end(), [&opened](const RecordTable::Row& other) {
-      return other.key.seq != 0 && OrderOf(other.key) > OrderOf(opened.key);
-    });
-    if (is_late) {
+    if (IsBelow(OrderOf(opened.key, opened.record), *others)) {
       ledger_.AddDropped(opened.key.stream, {opened.key.seq, opened.key.seq});
       return {};
     }
     for (const RecordTable::Row& other : *others) {
       if (other.key.seq == 0) continue;
-      if (const Result<void> done = writing.DeleteRow(table, other); !done) return done;
+      if (const Result<void> done = writing.Supersede(table, other); !done) return done;
     }
   }
   result.reply.set_stored_count(result.reply.stored_count() + 1);
@@ -505,9 +775,7 @@ Result<bool> RecordStore::IsSuperseded(const RecordTable& table, const RecordTab
   const Result<std::vector<RecordTable::Row>> others =
       table.FindByLatestKey(*database_, row.key.stream.origin, row.key.stream.type, row.latest_key);
   if (!others) return tl::unexpected(others.error());
-  return std::any_of(others->begin(), others->end(), [&row](const RecordTable::Row& other) {
-    return other.key.seq != 0 && OrderOf(other.key) > OrderOf(row.key);
-  });
+  return IsBelow(row.order(), *others);
 }
 
 Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing) {
@@ -516,9 +784,11 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   const IntervalSet never_held = dropped.Minus(held);
   IntervalSet superseded = never_held;
   const RecordKey newest = ledger_.NewestHeld(stream.origin, stream.type);
-  if (newest.seq == 0 || newest.stream.epoch < stream.epoch) {
+  // Term and run, which a drop does not tell, may put its record below any that is held.
+  const bool is_order_told = !IsVersioned(stream.type);
+  if (newest.seq == 0 || (is_order_told && newest.stream.epoch < stream.epoch)) {
     superseded = IntervalSet();
-  } else if (newest.stream.epoch == stream.epoch) {
+  } else if (is_order_told && newest.stream.epoch == stream.epoch) {
     IntervalSet not_older;
     not_older.Add({newest.seq, kSeqMax});
     superseded = never_held.Minus(not_older);
@@ -533,7 +803,7 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
       const Result<bool> is_superseded = IsSuperseded(table, row);
       if (!is_superseded) return tl::unexpected(is_superseded.error());
       if (!*is_superseded) continue;
-      if (const Result<void> done = writing.DeleteRow(table, row); !done) return done;
+      if (const Result<void> done = writing.Supersede(table, row); !done) return done;
     }
   }
   return {};
@@ -560,18 +830,57 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 }
 
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
-  NoteOwnEpochs(request.destination_have());
+  // A disk that takes nothing now keeps nobody from getting what is there: what is endangered is stored once more before
+  // the first record of a later epoch comes home.
+  const Result<void> learnt = LearnOwnEpochs(request.destination_have());
+  if (!learnt && learnt.error().code == ErrorCode::kCorrupt) return tl::unexpected(learnt.error());
   return FindMissing(*database_, ledger_.have(), rules_, request);
 }
 
-Result<proto::ReadReply> RecordStore::Read(const proto::ReadRequest& request) { return ReadPage(*database_, request); }
+Result<proto::ReadReply> RecordStore::Read(const proto::ReadRequest& request) {
+  return request.is_history() ? history_.Read(*database_, request) : ReadPage(*database_, request);
+}
+
+Result<bool> RecordStore::TrimHistory(std::optional<std::int64_t> utc_now_ns) {
+  history_.Forget();
+  if (!history_.NeedsTrim()) return false;
+  Result<Writing> writing = Writing::Begin(*this);
+  if (!writing) return tl::unexpected(writing.error());
+  const Result<bool> has_more = history_.Trim(*database_, utc_now_ns);
+  if (!has_more) return has_more;
+  proto::RecordsStored nothing;
+  if (const Result<void> done = writing->Commit(nothing); !done) return tl::unexpected(done.error());
+  return has_more;
+}
+
+Result<std::uint64_t> RecordStore::DropHistory(std::uint64_t bytes) {
+  if (history_.sum().count == 0) return 0;
+  Result<Writing> writing = Writing::Begin(*this);
+  if (!writing) return tl::unexpected(writing.error());
+  const Result<std::uint64_t> freed = history_.Drop(*database_, bytes);
+  if (!freed) return freed;
+  proto::RecordsStored nothing;
+  if (const Result<void> done = writing->Commit(nothing); !done) return tl::unexpected(done.error());
+  return freed;
+}
+
+bool RecordStore::MakesRoom(const Error& failure, std::uint64_t content_bytes) {
+  history_.Forget();
+  if (failure.code != ErrorCode::kFull || history_.sum().count == 0) return false;
+  // Rows of the history lie on pages with others, and records take more than their contents.
+  const Result<std::uint64_t> freed = DropHistory(std::max(kRoomBytesMin, 2 * content_bytes));
+  if (freed && *freed > 0) {
+    spdlog::warn("storage: {} is full; {} bytes of history were removed for new records", database_->path(), *freed);
+  }
+  return freed && *freed > 0;
+}
 
 Result<void> RecordStore::SaveRoles(const proto::RoleAssignment& roles) { return moondb::SaveRoles(*database_, roles); }
 
 Result<proto::LoadRolesReply> RecordStore::LoadRoles() { return moondb::LoadRoles(*database_); }
 
 Result<void> RecordStore::NotePeerHave(const proto::PeerHave& note) {
-  NoteOwnEpochs(note.acknowledged());
+  if (const Result<void> done = LearnOwnEpochs(note.acknowledged()); !done) return done;
   return peer_log_.Note(*database_, note);
 }
 
@@ -594,12 +903,14 @@ Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
   const Result<std::uint64_t> used = UsedByRecords();
   if (!used) return tl::unexpected(used.error());
   status.set_database_bytes(static_cast<double>(*used + database_->WalBytes()));
-  status.set_disk_free_bytes(static_cast<double>(database_->DiskFreeBytes()));
+  status.set_disk_free_bytes(static_cast<double>(database_->GetDiskSpace().value_or(DiskSpace()).free_bytes));
   status.set_epoch(epoch_);
   status.set_rejected_count(static_cast<double>(rejected_count_));
   status.set_wal_bytes(static_cast<double>(database_->WalBytes()));
   status.set_map_bytes(static_cast<double>(map_bytes_));
   status.set_pruned_count(static_cast<double>(pruned_count_));
+  status.set_history_count(static_cast<double>(history_.sum().count));
+  status.set_history_bytes(static_cast<double>(history_.sum().bytes));
   for (const auto& [written_on, bytes] : write_count_.Days(*database_, day)) {
     proto::DayBytes& added = *status.add_written();
     added.set_day(written_on);
@@ -608,9 +919,25 @@ Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
   return status;
 }
 
-Result<proto::PruneReply> RecordStore::Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns) {
-  const Result<PruneChoice> choice = ChooseToPrune(*database_, ledger_.have(), rules_, request, utc_now_ns);
+Result<proto::PruneReply> RecordStore::PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns) {
+  Result<Writing> writing = Writing::Begin(*this);
+  if (!writing) return tl::unexpected(writing.error());
+  Result<proto::PruneReply> reply = history_.Prune(*database_, request, utc_now_ns);
+  if (!reply || request.is_dry_run()) return reply;
+  proto::RecordsStored nothing;
+  if (const Result<void> done = writing->Commit(nothing); !done) return tl::unexpected(done.error());
+  return reply;
+}
+
+Result<proto::PruneReply> RecordStore::Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns,
+                                             std::size_t rows_max) {
+  if (request.is_history()) return PruneHistory(request, utc_now_ns);
+  Result<PruneChoice> choice = ChooseToPrune(*database_, ledger_.have(), rules_, request, utc_now_ns);
   if (!choice) return tl::unexpected(choice.error());
+  if (choice->rows.size() > rows_max) {
+    choice->rows.resize(rows_max);
+    choice->is_complete = false;
+  }
   if (!request.is_dry_run() && !choice->rows.empty()) {
     Result<Writing> writing = Writing::Begin(*this);
     if (!writing) return tl::unexpected(writing.error());

@@ -3,19 +3,26 @@
 //
 // Records are immutable and named by (origin, epoch, data type, seq). Each call that writes is one transaction; when
 // it fails, file and memory are as before and the store goes on. Rules:
-// - An epoch begins at the first shared insert of a process: 16 bits of a counter above every own epoch known here,
-//   then 48 random bits, so that a lost or restored disk never uses a name twice. Where a peer turns out to know a
-//   later own epoch (this disk was lost), the present one is closed and the next insert begins one above it; an epoch
-//   that is thousands of lives ahead is refused.
+// - An epoch begins at the first shared insert of a process, above every own epoch known here
+//   (actors/storage/own_epochs.h), so that a lost or restored disk never uses a name twice. Where a peer turns out to
+//   know a later own epoch (this disk was lost), the present one is closed, and what is written next begins one above
+//   it; an epoch that is thousands of lives ahead is refused.
+// - The newest states of epochs that such a later one cannot have known are *restated*: stored once more, unchanged,
+//   under an epoch above all known ones, in one transaction and before any row of the later epoch. So an older state
+//   that comes home never replaces a newer one. Where that fails nothing is stored, and it is done again.
 // - seqs have no gap within (epoch, type): they are allocated in the transaction that stores their rows.
-// - Under the policy `latest` only the newest record of (origin, type, latest key) is kept, newest by (epoch, seq); the
-//   older one's row goes and its seq becomes dropped in the transaction that stores the newer one. A record that
-//   comes after its superseder is dropped at once.
+// - Under the policy `latest` only the newest record of (origin, type, latest key) is kept, newest by (epoch, seq), and
+//   of optimized poses and verdicts by their term and run before that (RecordOrder); the older one's row goes and its
+//   seq becomes dropped in the transaction that stores the newer one. A record that comes after its superseder, or is
+//   inserted below it, is dropped at once.
+// - Of this agent's own records what is superseded moves into its history, as far as that keeps it
+//   (actors/storage/history.h); when the file or the disk is full, history goes first.
 // - A custom type must be declared for own inserts alone: peers' records of any custom type are carried
 //   (actors/storage/sharing_rules.h), and a type that is no longer declared keeps its rows.
 // - A peer's drops are taken for `latest` and carried types only, and only where something newer of that origin
-//   and type is held here; a row that is the newest of its key stays until its superseder comes. Batches may
-//   overtake each other, and what would have replaced it may be lost for ever with its only disk.
+//   and type is held here (anything of it, for poses and verdicts, whose order a drop does not tell); a row that is the
+//   newest of its key stays until its superseder comes. Batches may overtake each other, and what would have replaced
+//   it may be lost for ever with its only disk.
 // - What was pruned (actors/storage/prune.h) is had and dropped: it is never fetched again, and the drop stays here,
 //   since drops travel for `latest` and carried types only. Should this disk be lost, what others still hold comes
 //   back. A node or edge that was pruned and is inserted again is a new record.
@@ -25,18 +32,23 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <random>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "actors/storage/findings.h"
 #include "actors/storage/have_ledger.h"
+#include "actors/storage/history.h"
 #include "actors/storage/missing_records.h"
+#include "actors/storage/own_epochs.h"
 #include "actors/storage/peer_log.h"
 #include "actors/storage/record_tables.h"
 #include "actors/storage/sharing_rules.h"
 #include "actors/storage/sqlite_database.h"
 #include "actors/storage/write_count.h"
+#include "proto/sharing.pb.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {
@@ -57,15 +69,31 @@ class RecordStore {
     // When the tables take so much no own map is taken (kFull), so that maps leave room for states; 0: no limit.
     std::uint64_t map_store_bytes_max = 0;
     bool is_checked = false;  // This process opened it before: it is not read through again (1 ms a MB).
+    History::Rules history;   // What of own superseded records is kept; by default nothing.
   };
 
   // Opens, reads through and where needed creates or migrates the file. A damaged one is set aside and an empty one
   // begun, in a new epoch: peers fill it again with what they have. A shared record whose content is not what its hash
-  // says, or that is gone, is had no more, so that peers send it again. kRefused: of a newer version, of another
-  // program or another agent. kUnavailable: in use by another process. kFull, kInternal, kCorrupt: as it says.
+  // says, or that is gone, is had no more, so that peers send it again. A file of ours opens on a disk that is full,
+  // fails or is read-only, too, unless it has to be mended: the reserve is given up for it, and what a start writes
+  // down for people waits for a later one. kRefused: of a newer version, of another program or another agent.
+  // kUnavailable: in use by another process. kFull, kInternal, kCorrupt: as it says.
   static Result<std::unique_ptr<RecordStore>> Open(Options options);
+  // Why the start could not write what it wanted to; empty: it could, or had nothing to write.
+  const std::optional<Error>& start_trouble() const { return start_trouble_; }
   // Where a damaged file was set aside when this one was opened; else empty.
   const std::string& set_aside() const { return set_aside_; }
+  // What this opening found damaged, a line each; empty: nothing.
+  const std::vector<std::string>& damage() const { return damage_; }
+
+  // Once, as a process starts and before its actors run: writes down, as events, what this opening found damaged and
+  // whether the process before ended without stopping. A damaged file that an opening set aside which came to nothing
+  // more is found, too: nobody has written down anything in the store that followed it.
+  Result<void> WriteDownLastLife(std::int64_t utc_now_ns);
+  // As a process ends that was asked to, after all else: so that the next one finds nothing to write down.
+  Result<void> WriteDownStop(std::int64_t utc_now_ns);
+  // As in actors/storage/findings.h.
+  Result<std::vector<proto::HealthFinding>> Findings() { return ReadFindings(*database_, options_.self); }
 
   // Own records: all of them, or none and an error. A second record of one natural key (node, edge) with the same
   // content gives the first one's key; with other content it is kInvalid.
@@ -86,8 +114,18 @@ class RecordStore {
 
   proto::HaveReply GetHave(const proto::HaveRequest& request = {}) const;
 
+  // What a peer says of this agent's own epochs: at most kEpochReportMax, rising, none 0; else kInvalid, and none is
+  // heard. One that cannot be is passed over and counted as rejected.
+  Result<void> NoteEpochReport(const proto::EpochReport& report);
+  // The highest epochs of `origin` of which anything was had, for that agent itself.
+  proto::EpochReport ReportEpochs(AgentId origin) const;
+  static constexpr int kEpochReportMax = 64;
+  // What was restated since the last call, in whichever call that was.
+  proto::RecordsStored TakeRestated();
+
   // Errors: kInvalid for a malformed have-set, else as Database.
   Result<proto::MissingReply> GetMissing(const proto::MissingRequest& request);
+  // A page of what is held, or with is_history of what this agent's own robot has superseded.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
   Result<void> SaveRoles(const proto::RoleAssignment& roles);
   Result<proto::LoadRolesReply> LoadRoles();
@@ -97,8 +135,18 @@ class RecordStore {
   // Once a minute: what was written to the disk is written down, if anything was.
   Result<void> SaveWritten(std::uint32_t day) { return write_count_.Save(*database_, day); }
 
-  // Removes rows, or counts those that would go; durable when this returns. Errors as ChooseToPrune has them.
-  Result<proto::PruneReply> Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns);
+  // Removes rows, or counts those that would go; durable when this returns. At most `rows_max` of them: on a full disk
+  // what a few need is there. Errors as ChooseToPrune has them.
+  Result<proto::PruneReply> Prune(const proto::PruneRequest& request, std::int64_t utc_now_ns,
+                                  std::size_t rows_max = SIZE_MAX);
+  // Writes what is there already: whether the disk takes it.
+  Result<void> TryToWrite();
+  // Now and then: lets superseded states go that are kept for a time only, some at a time; true where more may go.
+  // None: this agent cannot tell the time.
+  Result<bool> TrimHistory(std::optional<std::int64_t> utc_now_ns);
+  // Where space is short: removes the oldest superseded states until so many bytes are free within the file, or none is
+  // left; how many were freed. Durable when this returns.
+  Result<std::uint64_t> DropHistory(std::uint64_t bytes);
   // As in actors/storage/verify.h.
   Result<proto::VerifyReply> Verify(const proto::VerifyRequest& request);
   Result<proto::FingerprintReply> TakeFingerprint(const proto::FingerprintRequest& request);
@@ -119,18 +167,24 @@ class RecordStore {
       : options_(std::move(options)),
         rules_{options_.self, options_.policies, options_.custom_types, options_.for_ground},
         database_(std::move(database)),
+        history_(options_.self, options_.history),
         random_(options_.seed) {}
   Result<void> Load();
   Result<void> MendFromRows();
+  Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<void> CheckOwner();
   Result<std::uint64_t> UsedByRecords();  // Bytes of pages.
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
-  void NoteOwnEpoch(const StreamKey& stream);
-  void NoteOwnEpochs(const proto::HaveSet& have);
+  // Own epochs that others know. Restates what that endangers, also what could not be restated before.
+  Result<void> LearnOwnEpochs(const std::set<std::uint64_t>& epochs);
+  Result<void> LearnOwnEpochs(const proto::HaveSet& claimed);
+  std::set<std::uint64_t> PossibleEpochs(const std::set<std::uint64_t>& claimed);
+  Result<void> Restate();
+  Result<std::vector<RecordKey>> FindEndangered();
+  Result<void> RestateOne(const RecordKey& old_key, Writing& writing);
   bool IsPossible(const StreamKey& stream) const;  // Not of an own epoch that cannot be.
-  Result<std::uint64_t> NextEpoch();
 
   Result<void> InsertAll(const proto::InsertRequest& request, const std::vector<std::string>& contents,
                          Inserted& result);
@@ -151,23 +205,33 @@ class RecordStore {
   Result<void> CheckDropped(const proto::StreamHave& dropped, HaveSet& accepted) const;
   Result<bool> IsSuperseded(const RecordTable& table, const RecordTable::Row& row);
   void Reject(Error error, Stored& result);
+  // True where `failure` is a full file or disk, and history made room: the transaction may be tried once more.
+  bool MakesRoom(const Error& failure, std::uint64_t content_bytes);
 
   static Result<std::unique_ptr<RecordStore>> OpenFile(const Options& options);
+  static Result<std::unique_ptr<RecordStore>> OpenFile(const Options& options, Database::Access access);
+  Result<void> WriteTeam();
+  Result<void> WriteDown(proto::EventKind kind, const std::string& text, std::int64_t utc_now_ns);
 
   const Options options_;
   const SharingRules rules_;
   std::unique_ptr<Database> database_;
   HaveLedger ledger_;
+  History history_;
   PeerLog peer_log_;
   WriteCount write_count_;
   std::mt19937_64 random_;
-  std::uint64_t epoch_ = 0;              // 0: the next shared insert begins one.
-  std::uint64_t own_epoch_highest_ = 0;  // Known anywhere.
+  std::uint64_t epoch_ = 0;  // 0: the next shared insert begins one.
+  OwnEpochs own_epochs_;
+  bool is_restate_due_ = false;  // Since an epoch was learnt that may endanger states.
+  proto::RecordsStored restated_;
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;
   std::uint64_t pruned_count_ = 0;
   std::uint64_t map_bytes_ = 0;  // Of the contents of maps.
   std::string set_aside_;
+  std::optional<Error> start_trouble_;
+  std::vector<std::string> damage_;
 };
 
 }  // namespace moondb

@@ -5,6 +5,7 @@
 
 #include "model/check.h"
 #include "model/record_check.h"
+#include "model/text.h"
 
 namespace moondb {
 
@@ -106,6 +107,16 @@ void FromRecord(const proto::Record& record, std::string_view, Query& query) {
   kBind(record, query);
 }
 
+// "a, b": SQL for {"a": ..., "b": ...} of a row.
+std::string JsonSql(const std::string& columns) {
+  std::string sql;
+  for (std::string_view column : Split(columns, ',')) {
+    column.remove_prefix(std::min(column.find_first_not_of(' '), column.size()));
+    sql += (sql.empty() ? "json_object('" : ", '") + std::string(column) + "', " + std::string(column);
+  }
+  return sql + ")";
+}
+
 std::vector<RecordTable> MakeTables() {
   const std::string pose = "x, y, z, qx, qy, qz, qw";
   const std::string ends = "from_agent, from_index, to_agent, to_index, is_range, ";
@@ -137,6 +148,15 @@ std::vector<RecordTable> MakeTables() {
 
 }  // namespace
 
+bool IsVersioned(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
+
+RecordOrder OrderOf(const RecordKey& key, const proto::Record& record) {
+  RecordOrder::Version version;
+  if (record.has_optimized_pose()) version = {OrderOf(record.optimized_pose().term()), record.optimized_pose().run()};
+  if (record.has_edge_verdict()) version = {OrderOf(record.edge_verdict().term()), record.edge_verdict().run()};
+  return {version, key.stream.epoch, key.seq};
+}
+
 RecordTable::RecordTable(DataType data_type, const std::string& columns, const std::string& agent_condition,
                          BindColumns bind)
     : type_(data_type), name_(DataTypeName(data_type)), agent_condition_(agent_condition), bind_(bind) {
@@ -153,18 +173,25 @@ void RecordTable::MakeSql(const std::string& type, const std::string& columns) {
             columns + ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
   for (int i = 0; i < column_count; ++i) insert_ += ", ?";
   insert_ += ")";
+  copy_to_history_ =
+      "INSERT INTO history(data_type, row_id, epoch, seq, stamp_ns, latest_key, hash, fields, content) SELECT " + type +
+      ", row_id, epoch, seq, stamp_ns, latest_key, hash, " + JsonSql(columns) + ", content FROM " + name_ +
+      " WHERE row_id = ?";
   delete_ = "DELETE FROM " + name_ + " WHERE row_id = ?";
-  const std::string row =
-      "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + ", length(content) FROM " + name_;
+  const bool is_versioned = IsVersioned(type_);
+  const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + ", length(content)" +
+                          (is_versioned ? ", term_number, term_issuer, term_issuer_epoch, run" : "") + " FROM " + name_;
   // For a built-in type `20 = ?5`: true of every row, found once.
   const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4 AND " + type + " = ?5";
   find_ = row + " WHERE origin = ? AND epoch = ? AND seq = ? AND " + type + " = ?";
   find_by_latest_key_ = row + " WHERE origin = ? AND " + type + " = ? AND latest_key = ?";
   // `(x < 0), x` orders unsigned numbers.
-  find_newest_ =
-      "SELECT epoch, seq FROM (SELECT epoch, seq, row_number() OVER (PARTITION BY latest_key ORDER BY epoch < 0 DESC, "
-      "epoch DESC, seq DESC) AS place FROM " +
-      name_ + " WHERE origin = ? AND " + type + " = ? AND seq IS NOT NULL) WHERE place = 1";
+  const std::string by_version =
+      "term_number < 0 DESC, term_number DESC, term_issuer DESC, term_issuer_epoch < 0 DESC, term_issuer_epoch DESC, "
+      "run < 0 DESC, run DESC, ";
+  find_newest_ = "SELECT epoch, seq FROM (SELECT epoch, seq, row_number() OVER (PARTITION BY latest_key ORDER BY " +
+                 (is_versioned ? by_version : "") + "epoch < 0 DESC, epoch DESC, seq DESC) AS place FROM " + name_ +
+                 " WHERE origin = ? AND " + type + " = ? AND seq IS NOT NULL) WHERE place = 1";
   find_in_interval_ = row + in_interval;
   find_by_natural_key_ = "SELECT epoch, seq, content FROM " + name_ + " WHERE natural_key = ? AND origin = ? AND " +
                          type + " = ? ORDER BY row_id LIMIT 1";
@@ -223,8 +250,12 @@ Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
     if (!*step) return rows;
     const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2),
                            static_cast<DataType>(query.Integer(6))};
+    RecordOrder::Version version;
+    if (IsVersioned(type_)) {
+      version = {{query.Unsigned(8), static_cast<AgentId>(query.Integer(9)), query.Unsigned(10)}, query.Unsigned(11)};
+    }
     rows.push_back(Row{query.Unsigned(0), RecordKey{stream, query.Unsigned(3)}, query.Unsigned(4),
-                       std::string(query.Bytes(5)), query.Unsigned(7)});
+                       std::string(query.Bytes(5)), query.Unsigned(7), version});
   }
 }
 
@@ -343,7 +374,7 @@ Result<std::map<DataType, std::uint64_t>> RecordTable::CountNotShared(Database& 
   }
 }
 
-proto::StoredRecord RecordTable::Read(const Query& query) const {
+proto::StoredRecord RecordTable::Read(const Query& query) {
   proto::StoredRecord record;
   record.mutable_key()->set_origin_agent(static_cast<AgentId>(query.Integer(1)));
   record.mutable_key()->set_epoch(query.Unsigned(2));

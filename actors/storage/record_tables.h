@@ -10,15 +10,32 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "actors/storage/sqlite_database.h"
 #include "model/have_set.h"
 #include "model/ids.h"
 #include "model/record_key.h"
+#include "model/term.h"
 #include "proto/record.pb.h"
 
 namespace moondb {
+
+// Types whose records bear the term and run of the solve that they come from: optimized poses and edge verdicts.
+bool IsVersioned(DataType type);
+
+// Which of an origin's records of one type and latest key stands: the greatest. Versioned ones go by term and run, so
+// that what a leader derived in a newer term stands whatever the epoch; then, as all others, by epoch and seq.
+struct RecordOrder {
+  using Version = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;  // Term and run.
+
+  Version version;  // Zeros for types that are not versioned.
+  std::uint64_t epoch = 0;
+  std::uint64_t seq = 0;
+  auto operator<=>(const RecordOrder&) const = default;
+};
+RecordOrder OrderOf(const RecordKey& key, const proto::Record& record);
 
 class RecordTable {
  public:
@@ -44,12 +61,15 @@ class RecordTable {
     std::uint64_t hash = 0;
     std::string latest_key;
     std::uint64_t content_bytes = 0;
+    RecordOrder::Version version;
+
+    RecordOrder order() const { return {version, key.stream.epoch, key.seq}; }
   };
   Result<std::optional<Row>> Find(Database& database, const RecordKey& key) const;
   // Shared or not, of one origin and type.
   Result<std::vector<Row>> FindByLatestKey(Database& database, AgentId origin, DataType type,
                                            std::string_view latest_key) const;
-  // The shared records of one origin and type that are each the newest of their latest key, by epoch.
+  // The shared records of one origin and type that are each the greatest of their latest key (RecordOrder), by epoch.
   Result<std::map<std::uint64_t, IntervalSet>> FindNewest(Database& database, AgentId origin, DataType type) const;
   Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                           std::uint64_t last) const;
@@ -79,10 +99,13 @@ class RecordTable {
   // By data type.
   Result<std::map<DataType, std::uint64_t>> CountNotShared(Database& database, AgentId origin) const;
 
+  // SQL that copies the row of one row id into the table `history`, with the typed columns as JSON.
+  const std::string& copy_to_history() const { return copy_to_history_; }
+
   bool knows_agent() const { return !agent_condition_.empty(); }
 
   // A record as ReadInterval, ReadAfter and ReadNewestFirst give it.
-  proto::StoredRecord Read(const Query& query) const;
+  static proto::StoredRecord Read(const Query& query);
 
  private:
   // `type` is SQL for a row's data type.
@@ -97,6 +120,7 @@ class RecordTable {
   std::string insert_, delete_, find_, find_by_latest_key_, find_newest_, find_in_interval_, find_by_natural_key_;
   std::string read_interval_, count_interval_, read_interval_of_agent_, count_interval_of_agent_;
   std::string read_after_, read_newest_first_, count_not_shared_, read_heads_, read_record_, sum_content_bytes_;
+  std::string copy_to_history_;
 };
 
 // One for each built-in type, in the order of the types' numbers, then the custom types'.

@@ -220,6 +220,44 @@ CREATE TABLE downlink_bundle(
   hash INTEGER NOT NULL, have BLOB NOT NULL, file BLOB) STRICT;
 )sql";
 
+// Version 7. Which epochs this file's history began.
+constexpr char kOwnEpochV7[] = "CREATE TABLE own_epoch(epoch INTEGER PRIMARY KEY, hash INTEGER NOT NULL) STRICT;";
+
+// What a robot's own superseded states were (actors/storage/history.h). Clustered by type.
+constexpr char kHistoryV7[] = R"sql(
+CREATE TABLE history(
+  data_type INTEGER NOT NULL, row_id INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
+  latest_key ANY NOT NULL, hash INTEGER NOT NULL, fields TEXT NOT NULL, content BLOB NOT NULL,
+  PRIMARY KEY(data_type, row_id)) STRICT, WITHOUT ROWID;
+CREATE VIEW v_history AS
+  SELECT h.row_id, h.data_type, $TYPE AS type, own.value AS agent_id,
+    CASE WHEN h.seq IS NOT NULL THEN printf('%d.%016x.%d.%d', own.value, h.epoch, h.data_type, h.seq) END AS record_id,
+    h.stamp_ns, h.latest_key, h.fields,
+    substr(h.content, json_extract(h.fields, '$.payload_at') + 1, json_extract(h.fields, '$.payload_bytes')) AS payload
+  FROM history h CROSS JOIN meta own LEFT JOIN custom_type t ON t.data_type = h.data_type
+  WHERE own.name = 'own_agent';
+)sql";
+
+// The kinds of events that operators acknowledge (model/event.h).
+constexpr char kEventViewV7[] = R"sql(
+DROP VIEW v_event;
+CREATE VIEW v_event AS
+  SELECT row_id, origin AS agent_id, stamp_ns,
+    CASE kind WHEN 1 THEN 'started' WHEN 2 THEN 'command' WHEN 3 THEN 'roles' WHEN 4 THEN 'restart'
+      WHEN 5 THEN 'sharing' WHEN 6 THEN 'rejected' WHEN 7 THEN 'damage' WHEN 8 THEN 'lost' WHEN 9 THEN 'stopped'
+      WHEN 10 THEN 'acknowledged' ELSE 'unknown' END AS kind, text, given_by
+  FROM agent_event;
+)sql";
+
+std::string Version7() {
+  std::string type = "CASE h.data_type";
+  for (const TableV1& table : kTablesV1)
+    type += " WHEN " + std::to_string(table.data_type) + " THEN '" + table.name + "'";
+  type += " ELSE COALESCE(t.name, 'type_' || h.data_type) END";
+  std::string sql = kHistoryV7;
+  return kOwnEpochV7 + sql.replace(sql.find("$TYPE"), 5, type) + kEventViewV7;
+}
+
 // The step from version `from` to the next.
 std::string Step(int from) {
   switch (from) {
@@ -235,6 +273,8 @@ std::string Step(int from) {
       return Version5();
     case 5:
       return kVersion6;
+    case 6:
+      return Version7();
     default:
       return {};
   }

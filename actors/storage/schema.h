@@ -9,6 +9,9 @@
 // view v_custom_record shows them by name, as far as the team file of the last start names them. 64-bit unsigned
 // numbers stand as the signed ones of the same bits. `written` counts what the store wrote to the disk, by day since
 // 1970. downlink_bundle keeps bundles for the ground; one that was acknowledged keeps its have-set, not its file.
+// own_epoch says which epochs of the own agent this file's history began (own_epochs.h).
+// `history` keeps this agent's own superseded states (actors/storage/history.h), with their typed columns as JSON in
+// `fields`; the view v_history shows them by name.
 #pragma once
 
 #include "actors/storage/sqlite_database.h"
@@ -16,7 +19,7 @@
 namespace moondb {
 
 // A change of tables or views is a new version with its own step; steps that were ever released stay as they are.
-inline constexpr int kSchemaVersion = 6;
+inline constexpr int kSchemaVersion = 7;
 
 // Whether tables, indexes and views are still those of the file's version; others beside them are the user's own.
 // kCorrupt where not: a damaged statement of the schema would make SQLite fail in ways that look like something else.

@@ -3,14 +3,18 @@
 #include <fcntl.h>
 #include <sqlite3.h>
 #include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <utility>
 
 #include "actors/storage/counting_files.h"
+#include "actors/storage/reserve_file.h"
 #include "model/check.h"
 
 namespace moondb {
@@ -19,11 +23,19 @@ namespace {
 
 constexpr char kInMemory[] = ":memory:";
 constexpr int kBusyTimeoutMs = 2000;
+constexpr std::uint64_t kPageBytes = 4096;            // SQLite's default.
+constexpr std::uint64_t kLogPagesMax = 1000;          // Likewise: then it moves the log into the file.
+constexpr std::uint64_t kLogPagesMin = 16;            // On a tiny disk.
+constexpr std::uint64_t kLogBytesKept = 16ull << 20;  // Of a log that was moved; what is longer is cut.
+
+std::string AsidePath(const std::string& path, int number) { return path + ".damaged-" + std::to_string(number); }
 
 ErrorCode CodeOf(int sqlite_code) {
   switch (sqlite_code & 0xFF) {
     case SQLITE_FULL:
       return ErrorCode::kFull;
+    case SQLITE_READONLY:
+      return sqlite_code == SQLITE_READONLY_DBMOVED ? ErrorCode::kCorrupt : ErrorCode::kInternal;
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
       return ErrorCode::kCorrupt;
@@ -33,6 +45,30 @@ ErrorCode CodeOf(int sqlite_code) {
     default:
       return ErrorCode::kInternal;
   }
+}
+
+std::filesystem::path FolderOf(const std::string& path) {
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  return folder.empty() ? "." : folder;
+}
+
+bool IsReadOnly(const std::string& path) {
+  struct statvfs status {};
+  return ::statvfs(FolderOf(path).c_str(), &status) == 0 && (status.f_flag & ST_RDONLY) != 0;
+}
+
+// "file:PATH", with what has a meaning in a URI escaped.
+std::string UriOf(const std::string& path) {
+  std::string uri = "file:";
+  for (const char letter : path) {
+    if (letter == '%' || letter == '?' || letter == '#') {
+      constexpr char kDigits[] = "0123456789abcdef";
+      uri += {'%', kDigits[(letter >> 4) & 15], kDigits[letter & 15]};
+    } else {
+      uri += letter;
+    }
+  }
+  return uri;
 }
 
 }  // namespace
@@ -116,38 +152,65 @@ std::string_view Query::Bytes(int column) const {
 
 bool Query::IsNull(int column) const { return sqlite3_column_type(prepared_->statement, column) == SQLITE_NULL; }
 
-Database::Database(std::string path, const std::string& vfs)
-    : path_(std::move(path)), files_(std::make_unique<CountingFiles>(vfs)) {}
+// On a read-only file system nobody else can write either: no locks, whose files may be missing.
+Database::Database(std::string path, const std::string& vfs, Access access)
+    : path_(std::move(path)),
+      access_(access),
+      is_on_system_(vfs.empty() && path_ != kInMemory),
+      files_(std::make_unique<CountingFiles>(access == Access::kReadOnly ? "unix-none" : vfs)) {}
 
 Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::uint64_t bytes_max,
-                                                 const std::string& vfs) {
-  std::unique_ptr<Database> database(new Database(path, vfs));
-  if (vfs.empty()) {
+                                                 const std::string& vfs, Access access) {
+  const bool is_on_system = vfs.empty() && path != kInMemory;
+  if (is_on_system && IsReadOnly(path)) access = Access::kReadOnly;
+  std::unique_ptr<Database> database(new Database(path, vfs, access));
+  if (is_on_system) {
     if (const Result<void> locked = database->Lock(); !locked) return tl::unexpected(locked.error());
   }
-  const int code =
-      sqlite3_open_v2(path.c_str(), &database->connection_,
-                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX, database->files_->name());
-  if (code != SQLITE_OK) return database->FailWith(code);
-  sqlite3_extended_result_codes(database->connection_, 1);
-  sqlite3_busy_timeout(database->connection_, kBusyTimeoutMs);
-  // Then WAL needs no shared memory, which other file systems need not have.
-  if (!vfs.empty()) {
-    if (const Result<void> done = database->Execute("PRAGMA locking_mode=EXCLUSIVE"); !done) {
-      return tl::unexpected(done.error());
-    }
+  if (const Result<void> opened = database->OpenConnection(vfs); !opened) return tl::unexpected(opened.error());
+  if (const Result<void> done = database->Configure(bytes_max); !done) return tl::unexpected(done.error());
+  if (const Result<void> there = database->CheckInPlace(); !there) return tl::unexpected(there.error());
+  return database;
+}
+
+Result<void> Database::OpenConnection(const std::string& vfs) {
+  std::string name = path_;
+  int flags = SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX;
+  if (access_ == Access::kReadOnly) {
+    // A log is read beside the file; where there is none, SQLite must not want to make one.
+    name = UriOf(path_) + (WalBytes() > 0 ? "?mode=ro" : "?immutable=1");
+    flags = SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_URI;
+  }
+  const int code = sqlite3_open_v2(name.c_str(), &connection_, flags, files_->name());
+  if (code != SQLITE_OK) return FailWith(code);
+  sqlite3_extended_result_codes(connection_, 1);
+  sqlite3_busy_timeout(connection_, kBusyTimeoutMs);
+  // Then WAL needs no shared memory: other file systems need not have it, and a full disk has no room for it.
+  if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");
+  return {};
+}
+
+Result<void> Database::Configure(std::uint64_t bytes_max) {
+  if (access_ == Access::kReadOnly) return Execute("PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;");
+  std::uint64_t log_pages = kLogPagesMax;
+  std::uint64_t log_bytes = kLogBytesKept;
+  // On a small disk the log stays well below the reserve, which has to take it in.
+  if (const std::optional<DiskSpace> space = GetDiskSpace()) {
+    const std::uint64_t reserve = ReserveBytesFor(space->capacity_bytes);
+    log_pages = std::clamp(reserve / 4 / kPageBytes, kLogPagesMin, kLogPagesMax);
+    log_bytes = std::min(log_bytes, std::max(reserve, kLogPagesMin * kPageBytes));
   }
   // Debian's SQLite would write zeros over all that is deleted: as many bytes again, on flash that wears.
-  Result<void> done = database->Execute(
-      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA journal_size_limit=16777216; PRAGMA secure_delete=FAST;"
-      "PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY;");
+  Result<void> done = Execute(
+      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA secure_delete=FAST;"
+      "PRAGMA trusted_schema=OFF; PRAGMA temp_store=MEMORY; PRAGMA journal_size_limit=" +
+      std::to_string(log_bytes) + "; PRAGMA wal_autocheckpoint=" + std::to_string(log_pages));
   if (done && bytes_max != 0) {
-    const Result<std::int64_t> page_bytes = database->Number("PRAGMA page_size");
+    const Result<std::int64_t> page_bytes = Number("PRAGMA page_size");
     if (!page_bytes) return tl::unexpected(page_bytes.error());
-    done = database->Execute("PRAGMA max_page_count=" + std::to_string(bytes_max / *page_bytes + 1));
+    done = Execute("PRAGMA max_page_count=" + std::to_string(bytes_max / *page_bytes + 1));
   }
-  if (!done) return tl::unexpected(done.error());
-  return database;
+  return done;
 }
 
 Result<std::string> Database::SetAside(const std::string& path, const std::string& vfs) {
@@ -163,8 +226,11 @@ Result<std::string> Database::SetAside(const std::string& path, const std::strin
       return Fail(ErrorCode::kFull, "database " + path + " is damaged, and " + std::to_string(kDamagedMax) +
                                         " damaged ones lie beside it already: look at the disk");
     }
-    const std::string candidate = path + ".damaged-" + std::to_string(number);
-    if (!std::filesystem::exists(candidate)) aside = candidate;
+    const std::string candidate = AsidePath(path, number);
+    std::error_code error;
+    const bool is_taken = std::filesystem::exists(candidate, error);
+    if (error) return Fail(ErrorCode::kInternal, "cannot look at " + candidate + ": " + error.message());
+    if (!is_taken) aside = candidate;
   }
   // The log first: if this process ends in between, it must not be taken for a log of the next file.
   for (const char* ending : {"-wal", ""}) {
@@ -176,6 +242,15 @@ Result<std::string> Database::SetAside(const std::string& path, const std::strin
   std::error_code ignored;
   std::filesystem::remove(path + "-shm", ignored);  // Of the file that is gone.
   return aside;
+}
+
+std::string Database::LastSetAside(const std::string& path, const std::string& vfs) {
+  if (!vfs.empty() || path == kInMemory) return "";
+  for (int number = kDamagedMax; number > 0; --number) {
+    std::error_code error;
+    if (std::filesystem::exists(AsidePath(path, number), error)) return AsidePath(path, number);
+  }
+  return "";
 }
 
 Database::~Database() {
@@ -192,6 +267,10 @@ Result<void> Database::Lock() {
   if (path_ == kInMemory) return {};
   const std::string lock_path = path_ + ".lock";
   lock_file_ = open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (lock_file_ < 0 && errno == EROFS) {
+    lock_file_ = open(lock_path.c_str(), O_RDONLY | O_CLOEXEC);
+    if (lock_file_ < 0) return {};  // Nobody writes there.
+  }
   if (lock_file_ < 0) return Fail(ErrorCode::kInternal, "cannot create " + lock_path + ": " + std::strerror(errno));
   if (flock(lock_file_, LOCK_EX | LOCK_NB) != 0) {
     return Fail(ErrorCode::kUnavailable, "database " + path_ + " is in use by another process");
@@ -200,6 +279,9 @@ Result<void> Database::Lock() {
 }
 
 tl::unexpected<Error> Database::FailWith(int code) const {
+  const bool is_full = (code & 0xFF) == SQLITE_IOERR && connection_ != nullptr &&
+                       (sqlite3_system_errno(connection_) == ENOSPC || sqlite3_system_errno(connection_) == EDQUOT);
+  if (is_full) code = SQLITE_FULL;
   std::string text = sqlite3_errstr(code);
   // The connection's own words say more, unless they are about something else.
   if (connection_ && (sqlite3_errcode(connection_) & 0xFF) == (code & 0xFF)) text = sqlite3_errmsg(connection_);
@@ -257,21 +339,97 @@ std::uint64_t Database::FileBytes(const char* ending) const {
   return error ? 0 : size;
 }
 
-std::uint64_t Database::DiskFreeBytes() const {
-  if (path_ == kInMemory) return 0;
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(path_, error);
-  return error ? 0 : space.available;
+bool Database::IsOnReadOnlyFileSystem() const { return is_on_system_ && IsReadOnly(path_); }
+
+std::optional<DiskSpace> Database::GetDiskSpace() const {
+  if (path_ == kInMemory) return std::nullopt;
+  DiskSpace space;
+  if (!is_on_system_) {
+    const int code = sqlite3_file_control(connection_, "main", kDiskSpaceControl, &space);
+    return code == SQLITE_OK ? std::optional(space) : std::nullopt;
+  }
+  struct statvfs status {};
+  if (::statvfs(FolderOf(path_).c_str(), &status) != 0 || status.f_blocks == 0) return std::nullopt;
+  space.free_bytes = std::uint64_t{status.f_bavail} * status.f_frsize;
+  space.capacity_bytes = std::uint64_t{status.f_blocks} * status.f_frsize;
+  return space;
+}
+
+Result<std::uint64_t> Database::FreePageBytes() {
+  const Result<std::int64_t> pages = Number("PRAGMA freelist_count");
+  if (!pages) return tl::unexpected(pages.error());
+  const Result<std::int64_t> page_bytes = Number("PRAGMA page_size");
+  if (!page_bytes) return tl::unexpected(page_bytes.error());
+  return static_cast<std::uint64_t>(*pages * *page_bytes);
+}
+
+Result<void> Database::Checkpoint() {
+  const int code = sqlite3_wal_checkpoint_v2(connection_, nullptr, SQLITE_CHECKPOINT_RESTART, nullptr, nullptr);
+  if (code != SQLITE_OK) return FailWith(code);
+  return {};
+}
+
+Result<void> Database::CheckInPlace() {
+  if (!is_on_system_ || access_ == Access::kReadOnly) return {};
+  const std::uint64_t bytes_before = file_bytes_;
+  if (const Result<void> there = CheckFile("", file_, file_bytes_); !there) return there;
+  if (file_bytes_ < bytes_before) {
+    // Another program may have vacuumed it: then it is as long as its own first page says.
+    if (file_bytes_ < BytesByHeader()) {
+      return NotInPlace(
+          "", "was cut from " + std::to_string(bytes_before) + " to " + std::to_string(file_bytes_) + " bytes");
+    }
+  }
+  std::uint64_t ignored = 0;
+  return CheckFile("-wal", log_, ignored);
+}
+
+std::uint64_t Database::BytesByHeader() const {
+  constexpr sqlite3_int64 kPageSizeAt = 16;
+  constexpr sqlite3_int64 kPageCountAt = 28;
+  // Through SQLite's own handle: to close another one of the file would free SQLite's locks on it.
+  sqlite3_file* file = nullptr;
+  unsigned char size[2] = {};
+  unsigned char count[4] = {};
+  const bool is_read = sqlite3_file_control(connection_, "main", SQLITE_FCNTL_FILE_POINTER, &file) == SQLITE_OK &&
+                       file != nullptr && file->pMethods->xRead(file, size, sizeof size, kPageSizeAt) == SQLITE_OK &&
+                       file->pMethods->xRead(file, count, sizeof count, kPageCountAt) == SQLITE_OK;
+  if (!is_read) return UINT64_MAX;
+  const std::uint64_t page_bytes = size[0] * 256u + size[1];
+  const std::uint64_t pages = (count[0] * 256u + count[1]) * 65536u + count[2] * 256u + count[3];
+  return pages * (page_bytes == 1 ? 65536 : page_bytes);
+}
+
+Result<void> Database::CheckFile(const char* ending, std::optional<FileIdentity>& opened, std::uint64_t& bytes) {
+  struct stat status {};
+  if (::stat((path_ + ending).c_str(), &status) != 0) {
+    // A log is there once SQLite has made it; and any other error of the disk says nothing of where the file is.
+    if (!opened || (errno != ENOENT && errno != ENOTDIR)) return {};
+    return NotInPlace(ending, "was removed or moved");
+  }
+  if (!opened) opened = FileIdentity{status.st_dev, status.st_ino};
+  bytes = static_cast<std::uint64_t>(status.st_size);
+  if (opened->device == status.st_dev && opened->inode == status.st_ino) return {};
+  return NotInPlace(ending, "was replaced by another file");
+}
+
+tl::unexpected<Error> Database::NotInPlace(const char* ending, const std::string& what) {
+  LeaveAsItIs();  // A file that lies at the path by now may have a log of its own.
+  return Fail(ErrorCode::kCorrupt, (*ending == 0 ? "database " : "the log of a database, ") + path_ + ending + ", " +
+                                       what +
+                                       " while this agent had it open: what it stored now would be found by "
+                                       "nobody; put the file back and start the agent again, or start it "
+                                       "without it: peers fill an empty store again with what they have");
 }
 
 Result<std::uint64_t> Database::UsedPageBytes() {
   const Result<std::int64_t> pages = Number("PRAGMA page_count");
   if (!pages) return tl::unexpected(pages.error());
-  const Result<std::int64_t> free_pages = Number("PRAGMA freelist_count");
-  if (!free_pages) return tl::unexpected(free_pages.error());
   const Result<std::int64_t> page_bytes = Number("PRAGMA page_size");
   if (!page_bytes) return tl::unexpected(page_bytes.error());
-  return static_cast<std::uint64_t>((*pages - *free_pages) * *page_bytes);
+  const Result<std::uint64_t> free_bytes = FreePageBytes();
+  if (!free_bytes) return free_bytes;
+  return static_cast<std::uint64_t>(*pages * *page_bytes) - *free_bytes;
 }
 
 std::uint64_t Database::WrittenBytes() const { return files_->written_bytes(); }
@@ -299,9 +457,12 @@ Transaction::~Transaction() {
 }
 
 Result<void> Transaction::Commit() {
+  // Before it, as the commit may move the log into a file that was cut, and so make it longer; after it, for the
+  // answer.
+  if (const Result<void> there = database_->CheckInPlace(); !there) return there;
   const Result<void> committed = database_->Prepare("COMMIT").Run();
-  if (committed) database_ = nullptr;
-  return committed;
+  if (!committed) return committed;
+  return std::exchange(database_, nullptr)->CheckInPlace();
 }
 
 }  // namespace moondb

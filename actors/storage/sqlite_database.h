@@ -4,13 +4,17 @@
 // 64-bit numbers are stored as the signed number of the same bits: compare them in C++, or in SQL by
 // `(x < 0), x`.
 //
-// Errors of every call: kFull (disk or size limit), kCorrupt (damaged file, or none of SQLite's), kUnavailable (locked
-// by another process), kInternal (anything else: I/O, permissions). After an error inside a Transaction, let it go.
+// Errors of every call: kFull (disk or size limit), kCorrupt (damaged file, or none of SQLite's; or it is not the file
+// at its path any more), kUnavailable (locked by another process), kInternal (anything else: I/O, permissions, a
+// read-only file system). After an error inside a Transaction, let it go.
 #pragma once
+
+#include <sys/types.h>
 
 #include <concepts>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -28,6 +32,14 @@ struct Blob {
 
 class CountingFiles;
 class Database;
+
+struct DiskSpace {
+  std::uint64_t free_bytes = 0;
+  std::uint64_t capacity_bytes = 0;
+};
+
+// Of a VFS that is not the system's: the file control by which it fills a DiskSpace. SQLite leaves numbers from 100 on.
+inline constexpr int kDiskSpaceControl = 5301;
 
 // One use of a prepared statement; gives it back when it goes out of scope. The same SQL cannot be in use twice.
 class Query {
@@ -76,15 +88,24 @@ class Database {
   // How much a commit survives: kFull even a power cut, kNormal a killed process.
   enum class Durability { kFull, kNormal };
 
+  enum class Access {
+    kShared,   // Other processes may read it beside this one.
+    kAlone,    // None can: without the index beside the log (PATH-shm), for which a full or failing disk has no room.
+    kReadOnly  // On a read-only file system; every write fails with kInternal.
+  };
+
   // Opens or creates `path` in WAL mode; ":memory:" gives one that goes with this object. A file is locked (PATH.lock)
   // against a second writer, but other processes may read it. `bytes_max` bounds the file; 0: the disk does. `vfs`:
-  // another file system that is registered with SQLite, for simulations; nobody else uses it.
+  // another file system that is registered with SQLite, for simulations; nobody else uses it. On a read-only file
+  // system the access is kReadOnly, whatever was asked for, and a file that is not there kInternal.
   static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0,
-                                                const std::string& vfs = {});
+                                                const std::string& vfs = {}, Access access = Access::kShared);
   // Renames a damaged file that is not open, with its write-ahead log, to PATH.damaged-1 or the next number that is
   // free; the new path. kFull when there are kDamagedMax already: the disk needs a person. In a `vfs`: deletes it.
   static Result<std::string> SetAside(const std::string& path, const std::string& vfs = {});
   static constexpr int kDamagedMax = 10;
+  // The last file that was set aside from `path` and is still there; empty: none is. Empty in a `vfs`.
+  static std::string LastSetAside(const std::string& path, const std::string& vfs = {});
   ~Database();
   Database(const Database&) = delete;
   Database& operator=(const Database&) = delete;
@@ -105,8 +126,16 @@ class Database {
   void LeaveAsItIs();
 
   const std::string& path() const { return path_; }
-  std::uint64_t WalBytes() const;       // Of the write-ahead log; 0 in memory.
-  std::uint64_t DiskFreeBytes() const;  // Where the file lies; 0 in memory.
+  Access access() const { return access_; }
+  bool IsOnReadOnlyFileSystem() const;
+  std::uint64_t WalBytes() const;                 // Of the write-ahead log; 0 in memory.
+  std::optional<DiskSpace> GetDiskSpace() const;  // Where the file lies; none in memory, and where nobody can say.
+  Result<std::uint64_t> FreePageBytes();          // Within the file, free to be written again.
+  // Moves what the log holds into the file, so that the log begins anew.
+  Result<void> Checkpoint();
+  // kCorrupt where file or log are not those at their paths any more, or the file was cut: removed, moved, replaced or
+  // truncated by somebody else while it was open. What was written since reaches nobody. Two calls of stat.
+  Result<void> CheckInPlace();
   // Of what the file holds, or will when the log is moved into it: without pages that are free to be written again.
   Result<std::uint64_t> UsedPageBytes();
   // By this object, to file and log (actors/storage/counting_files.h).
@@ -115,13 +144,27 @@ class Database {
  private:
   friend class Query;
   friend class Transaction;
-  Database(std::string path, const std::string& vfs);
+  struct FileIdentity {
+    dev_t device;
+    ino_t inode;
+  };
+  Database(std::string path, const std::string& vfs, Access access);
   Result<void> Lock();
+  Result<void> OpenConnection(const std::string& vfs);
+  Result<void> Configure(std::uint64_t bytes_max);
+  Result<void> CheckFile(const char* ending, std::optional<FileIdentity>& opened, std::uint64_t& bytes);
+  std::uint64_t BytesByHeader() const;  // As long as the file must be, by its first page.
+  tl::unexpected<Error> NotInPlace(const char* ending, const std::string& what);
   std::uint64_t FileBytes(const char* ending) const;  // Of the path with this ending; 0 where there is no such file.
   tl::unexpected<Error> FailWith(int code) const;
   Result<void> SetDurability(Durability durability);
 
   std::string path_;
+  Access access_ = Access::kShared;
+  bool is_on_system_ = false;  // A file that the system knows by its path.
+  std::optional<FileIdentity> file_;
+  std::optional<FileIdentity> log_;
+  std::uint64_t file_bytes_ = 0;  // When last looked at.
   int lock_file_ = -1;
   std::unique_ptr<CountingFiles> files_;
   sqlite3* connection_ = nullptr;
@@ -137,6 +180,7 @@ class Transaction {
   Transaction& operator=(Transaction&&) = delete;
   ~Transaction();
 
+  // Without an error it is durable in the file that lies at the database's path (Database::CheckInPlace).
   Result<void> Commit();
 
  private:

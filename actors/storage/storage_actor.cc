@@ -2,9 +2,11 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <utility>
 
+#include "model/agent_name.h"
 #include "model/text.h"
 #include "runtime/team_config.h"
 
@@ -12,7 +14,10 @@ namespace moondb {
 
 namespace {
 
-enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2 };
+enum TimerKind : std::uint32_t { kScrub = 1, kSaveWritten = 2, kTend = 3, kTrimHistory = 4 };
+
+// Of one prune on a full disk: what so few rows need to go is little.
+constexpr std::size_t kRowsOnFullDisk = 200;
 
 constexpr double kMegabyte = 1e6;
 constexpr double kBudgetUsedMax = 0.9;  // RetentionActor removes before that; beyond it, it could not.
@@ -28,12 +33,30 @@ std::string Megabytes(double bytes) {
   return text;
 }
 
+constexpr std::uint64_t kHistoryDropBytes = 1024 * 1024;
+
+// Before anything is refused for want of room: pages that become free within the file count as room.
+void DropHistoryWhereShort(const DiskGuard& disk, RecordStore& store) {
+  const Result<void> room = disk.CheckRoom(store.database(), DiskGuard::Kind::kMap);
+  if (room || room.error().code != ErrorCode::kFull) return;
+  const Result<std::uint64_t> freed = store.DropHistory(kHistoryDropBytes);
+  if (freed && *freed > 0) spdlog::warn("storage: the disk is short: {} bytes of history were removed", *freed);
+}
+
 }  // namespace
 
 StorageActor::StorageActor(Options options)
-    : options_(std::move(options)), clock_judge_(BaseStationOf(options_.team)) {}
+    : options_(std::move(options)),
+      clock_judge_(BaseStationOf(options_.team)),
+      disk_(options_.path, options_.vfs, AgentName(options_.team, options_.self)) {}
 
-StorageActor::~StorageActor() = default;
+StorageActor::~StorageActor() {
+  const std::optional<std::int64_t> stopped_at_ns =
+      store_ && options_.stopped_at_ns ? options_.stopped_at_ns() : std::nullopt;
+  if (!stopped_at_ns) return;
+  const Result<void> written = store_->WriteDownStop(*stopped_at_ns);
+  if (!written) spdlog::warn("storage: that it stopped is not written down: {}", ToString(written.error()));
+}
 
 RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   RecordStore::Options store;
@@ -46,6 +69,11 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   for (const proto::AgentConfig& agent : options.team.agents()) store.team.insert(agent.id());
   for (const DataType type : BuiltInDataTypes()) store.policies[type] = SharePolicyOf(options.team, type);
   store.custom_types = options.team.custom_types();
+  store.history.bytes_max = static_cast<std::uint64_t>(options.team.retention().history_mb_max() * kMegabyte);
+  for (const DataType type : DataTypesOf(options.team)) {
+    if (SharePolicyOf(options.team, type) != proto::POLICY_LATEST) continue;
+    store.history.keep[type] = KeepRuleOf(options.team, type);
+  }
   if (options.self == BaseStationOf(options.team)) {
     for (const DataType type : DataTypesOf(options.team)) {
       if (GroundPolicyOf(options.team, type) == proto::POLICY_ALL) store.for_ground.insert(type);
@@ -55,24 +83,40 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
 }
 
 void StorageActor::OnStart(Context& context) {
+  if (!OpenStore(context)) return;
+  context.WatchPeers();
+  (void)IsClockSuspect(context);  // From here on a jump is seen.
+  SaveWritten(context);
+  (void)context.AfterTimer(options_.tend_period, kTend);
+  (void)context.AfterTimer(options_.history_period, kTrimHistory);
+  next_scrub_.set_part(proto::VERIFY_PART_ROWS);
+  if (options_.scrub_period > Duration::zero()) (void)context.AfterTimer(options_.scrub_period, kScrub);
+}
+
+bool StorageActor::OpenStore(Context& context) {
   RecordStore::Options options = StoreOptions(options_);
   options.seed = context.rng()();
   Result<std::unique_ptr<RecordStore>> store = RecordStore::Open(std::move(options));
   if (!store) {
     spdlog::error("storage: {}", ToString(store.error()));
     context.Fail(store.error());
-    return;
+    return false;
   }
   store_ = *std::move(store);
-  (void)IsClockSuspect(context);  // From here on a jump is seen.
-  SaveWritten(context);
-  next_scrub_.set_part(proto::VERIFY_PART_ROWS);
-  if (options_.scrub_period > Duration::zero()) (void)context.AfterTimer(options_.scrub_period, kScrub);
+  if (store_->database().access() == Database::Access::kReadOnly) {
+    NoteWrite(disk_.CheckRoom(store_->database(), DiskGuard::Kind::kRecord));
+  } else if (store_->start_trouble()) {
+    NoteWrite(tl::unexpected(*store_->start_trouble()));
+  }
+  return true;
 }
 
 void StorageActor::OnMessage(Context& context, const proto::Message& message) {
   if (!store_) return;
+  if (context.sender().agent != options_.self) return OnFromPeer(context, message);
   switch (message.body_case()) {
+    case proto::Message::kPeerEvent:
+      return OnPeerEvent(context, message.peer_event());
     case proto::Message::kInsertRequest:
       return OnInsert(context, message.insert_request());
     case proto::Message::kStoreRequest:
@@ -90,13 +134,12 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return OnSaveRoles(context, message.save_roles_request());
     case proto::Message::kLoadRolesRequest:
       return OnLoadRoles(context);
-    case proto::Message::kPeerHave: {
-      const Result<void> noted = store_->NotePeerHave(message.peer_have());
-      if (!noted) Note(context, "replication log", noted.error());
-      return;
-    }
+    case proto::Message::kPeerHave:
+      return OnPeerHave(context, message.peer_have());
     case proto::Message::kStorageStatusRequest:
       return OnStatus(context);
+    case proto::Message::kFindingsRequest:
+      return OnFindings(context);
     case proto::Message::kPeerClock:
       return clock_judge_.NotePeer(message.peer_clock().peer(), message.peer_clock().utc_ns(), context.now());
     case proto::Message::kVerifyRequest:
@@ -105,6 +148,8 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       if (context.sender() != context.self()) return;
       if (message.timer().kind() == kScrub) Scrub(context);
       if (message.timer().kind() == kSaveWritten) SaveWritten(context);
+      if (message.timer().kind() == kTend) Tend(context);
+      if (message.timer().kind() == kTrimHistory) TrimHistory(context);
       return;
     case proto::Message::kPruneRequest:
       return OnPrune(context, message.prune_request());
@@ -120,14 +165,51 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
   }
 }
 
+void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
+  const AgentId peer = context.sender().agent;
+  if (!message.has_epoch_report() || FindAgent(options_.team, peer) == nullptr) {
+    return spdlog::debug("storage: ignored a message of kind {} from agent {}", static_cast<int>(message.body_case()),
+                         peer);
+  }
+  const Result<void> noted = store_->NoteEpochReport(message.epoch_report());
+  if (!noted && noted.error().code == ErrorCode::kInvalid) {
+    return rejected_log_.Warn("storage: rejected from agent " + std::to_string(peer) + ": " +
+                              OneLine(ToString(noted.error())));
+  }
+  if (!noted) Note(context, "a report of epochs", noted.error());
+  Notify(context, store_->TakeRestated());
+}
+
+void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
+  if (!event.is_connected()) return;
+  proto::Message report;
+  report.set_ms_type(proto::CONTROL);
+  *report.mutable_epoch_report() = store_->ReportEpochs(event.peer());
+  if (report.epoch_report().epochs().empty()) return;
+  (void)context.Send({event.peer(), actor_name::kStorage}, std::move(report));  // Lost, it comes with the next link.
+}
+
+void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
+  const Result<void> noted = store_->NotePeerHave(note);
+  if (!noted) Note(context, "replication log", noted.error());
+  Notify(context, store_->TakeRestated());
+}
+
 void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
+  const bool has_map = std::any_of(request.records().begin(), request.records().end(),
+                                   [](const proto::Record& record) { return record.has_local_traversability_map(); });
   RecordStore::Inserted inserted;
-  if (IsClockSuspect(context)) {
+  const auto kind = has_map ? DiskGuard::Kind::kMap : DiskGuard::Kind::kRecord;
+  if (const Result<void> room = disk_.CheckRoom(store_->database(), kind); !room) {
+    *inserted.reply.mutable_error() = ToProto(room.error());
+  } else if (IsClockSuspect(context)) {
     proto::InsertRequest marked = request;
     for (proto::Record& record : *marked.mutable_records()) record.set_is_clock_suspect(true);
     inserted = store_->Insert(marked);
+    NoteWrite(inserted.reply.error(), inserted.stored);
   } else {
     inserted = store_->Insert(request);
+    NoteWrite(inserted.reply.error(), inserted.stored);
   }
   if (IsError(inserted.reply.error())) FailIfDamaged(context, FromProto(inserted.reply.error()));
   proto::Message reply;
@@ -137,19 +219,50 @@ void StorageActor::OnInsert(Context& context, const proto::InsertRequest& reques
 }
 
 void StorageActor::OnStore(Context& context, const proto::StoreRequest& request) {
-  RecordStore::Stored stored = store_->Store(request);
+  RecordStore::Stored stored = StoreAsRoomAllows(request);
   for (const Error& rejection : stored.rejections) {
     rejected_log_.Warn("storage: rejected from agent " + std::to_string(request.sender()) + ": " +
                        OneLine(ToString(rejection)));
   }
   if (IsError(stored.reply.error())) {
-    spdlog::error("storage: stored nothing from agent {}: {}", request.sender(), stored.reply.error().text());
+    failed_log_.Error("storage: did not store all from agent " + std::to_string(request.sender()) + ": " +
+                      stored.reply.error().text());
     FailIfDamaged(context, FromProto(stored.reply.error()));
   }
   proto::Message reply;
   *reply.mutable_store_reply() = std::move(stored.reply);
   Answer(context, std::move(reply));
+  Notify(context, store_->TakeRestated());
   Notify(context, stored.stored);
+}
+
+// An error keeps the sender's session open until there is room again; what was stored all the same shows in the
+// have-set by then.
+RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& request) {
+  const auto is_map = [](const proto::StoredRecord& record) {
+    return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
+  };
+  const bool has_map = std::any_of(request.records().begin(), request.records().end(), is_map);
+  Result<void> room = disk_.CheckRoom(store_->database(), DiskGuard::Kind::kRecord);
+  RecordStore::Stored stored;
+  if (room && has_map) room = disk_.CheckRoom(store_->database(), DiskGuard::Kind::kMap);
+  if (room) {
+    stored = store_->Store(request);
+    NoteWrite(stored.reply.error(), stored.stored);
+    return stored;
+  }
+  if (has_map && disk_.CheckRoom(store_->database(), DiskGuard::Kind::kRecord)) {
+    proto::StoreRequest others = request;
+    others.clear_records();
+    for (const proto::StoredRecord& record : request.records()) {
+      if (!is_map(record)) *others.add_records() = record;
+    }
+    stored = store_->Store(others);
+    NoteWrite(stored.reply.error(), stored.stored);
+    stored.reply.Clear();
+  }
+  *stored.reply.mutable_error() = ToProto(room.error());
+  return stored;
 }
 
 void StorageActor::OnMissing(Context& context, const proto::MissingRequest& request) {
@@ -163,6 +276,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));
+  Notify(context, store_->TakeRestated());
 }
 
 void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
@@ -180,12 +294,36 @@ void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
 void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& request) {
   proto::Message reply;
   proto::SaveRolesReply& body = *reply.mutable_save_roles_reply();
-  const Result<void> saved = store_->SaveRoles(request.roles());
+  const Result<void> saved = WriteInAnyCase([&] { return store_->SaveRoles(request.roles()); });
   if (!saved) {
     FailIfDamaged(context, saved.error());
     *body.mutable_error() = ToProto(saved.error());
   }
   Answer(context, std::move(reply));
+}
+
+template <typename Write>
+auto StorageActor::WriteInAnyCase(Write write) -> decltype(write()) {
+  auto done = write();
+  const bool is_full = !done && done.error().code == ErrorCode::kFull && options_.bytes_max == 0;
+  if (is_full && disk_.GiveUpReserve(store_->database())) done = write();
+  NoteWrite(done ? Result<void>() : tl::unexpected(done.error()));
+  if (!done && done.error().code == ErrorCode::kFull) done.error().text += "; " + disk_.Advice();
+  return done;
+}
+
+void StorageActor::NoteWrite(const Result<void>& written) {
+  if (written) {
+    if (disk_.NoteSuccess()) spdlog::info("storage: the disk takes writes again");
+  } else if (disk_.NoteFailure(store_->database(), written.error())) {
+    trouble_log_.Error("storage: nothing can be written: " + disk_.trouble() + "; what is there is read and shared");
+  }
+}
+
+// Of records: an error that is no disk's says nothing about it, nor does a request that stored no row.
+void StorageActor::NoteWrite(const proto::Error& error, const proto::RecordsStored& stored) {
+  if (IsError(error)) return NoteWrite(tl::unexpected(FromProto(error)));
+  if (stored.last_row_id() != 0) NoteWrite(Result<void>());
 }
 
 void StorageActor::OnLoadRoles(Context& context) {
@@ -209,9 +347,11 @@ void StorageActor::OnStatus(Context& context) {
   proto::StorageStatus& shown = *reply.mutable_storage_status();
   if (status) {
     shown = *std::move(status);
+    disk_.Describe(store_->database(), shown);
     shown.set_space_low(SpaceLow(shown));
   }
   shown.set_clock_suspect(clock_suspect_);
+  shown.set_set_aside(options_.set_aside);
   shown.set_database_bytes_max(options_.team.retention().store_mb_max() * kMegabyte);
   for (const ClockJudge::PeerOffset& offset : clock_judge_.PeerOffsets(utc_ns, context.now())) {
     proto::PeerClockOffset& added = *shown.add_peer_clocks();
@@ -222,10 +362,19 @@ void StorageActor::OnStatus(Context& context) {
   Answer(context, std::move(reply));
 }
 
+void StorageActor::OnFindings(Context& context) {
+  proto::Message reply;
+  Result<std::vector<proto::HealthFinding>> findings = store_->Findings();
+  if (!findings) Note(context, "findings", findings.error());
+  proto::FindingsReply& body = *reply.mutable_findings_reply();
+  if (findings) body.mutable_findings()->Add(findings->begin(), findings->end());
+  Answer(context, std::move(reply));
+}
+
 std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {
   const proto::RetentionConfig& retention = options_.team.retention();
   const double free_min = retention.disk_free_mb_min() * kMegabyte;
-  const bool has_disk = options_.vfs.empty() && options_.path != ":memory:";
+  const bool has_disk = options_.vfs.empty() && store_->database().GetDiskSpace().has_value();
   if (has_disk && status.disk_free_bytes() < free_min) {
     return Megabytes(status.disk_free_bytes()) + " of disk are free, fewer than the " + Megabytes(free_min) +
            " of retention.disk_free_mb_min";
@@ -248,6 +397,11 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
     return Answer(context, std::move(message));
   }
   Result<proto::PruneReply> pruned = store_->Prune(request, context.utc_now_ns());
+  if (!pruned && pruned.error().code == ErrorCode::kFull) {
+    pruned = WriteInAnyCase([&] { return store_->Prune(request, context.utc_now_ns(), kRowsOnFullDisk); });
+  } else if (pruned && !pruned->pruned().empty() && !request.is_dry_run()) {
+    NoteWrite(Result<void>());
+  }
   if (pruned) {
     reply = *std::move(pruned);
   } else {
@@ -257,10 +411,49 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
   Answer(context, std::move(message));
 }
 
+// Looks at what changes without a message: the file, its disk, the reserve.
+void StorageActor::Tend(Context& context) {
+  if (const Result<void> there = store_->database().CheckInPlace(); !there) return Note(context, "", there.error());
+  const bool is_writable = store_->database().access() != Database::Access::kReadOnly;
+  if (!is_writable && !store_->database().IsOnReadOnlyFileSystem()) return OpenAnew(context);
+  if (is_writable && !disk_.trouble().empty()) {
+    const Result<void> written = store_->TryToWrite();
+    NoteWrite(written);
+    if (!written) FailIfDamaged(context, written.error());
+    // Others may read the file again.
+    const bool is_alone = store_->database().access() == Database::Access::kAlone && options_.vfs.empty();
+    if (written && is_alone) return OpenAnew(context);
+  }
+  if (is_writable) DropHistoryWhereShort(disk_, *store_);
+  const bool is_reserve_growing = disk_.Tend(store_->database(), context.rng());
+  (void)context.AfterTimer(is_reserve_growing ? options_.reserve_pause : options_.tend_period, kTend);
+}
+
+// The rows are the same ones: other actors, which have read on from them, go on.
+void StorageActor::OpenAnew(Context& context) {
+  spdlog::info("storage: the disk can be written again; opens {} anew", options_.path);
+  store_.reset();
+  disk_.NoteSuccess();
+  if (OpenStore(context)) (void)context.AfterTimer(options_.tend_period, kTend);
+}
+
 void StorageActor::SaveWritten(Context& context) {
-  const Result<void> saved = store_->SaveWritten(DayOf(context.utc_now_ns()));
-  if (!saved) Note(context, "bytes written", saved.error());
+  if (disk_.trouble().empty()) {
+    const Result<void> saved = store_->SaveWritten(DayOf(context.utc_now_ns()));
+    if (!saved) Note(context, "bytes written", saved.error());
+  }
   (void)context.AfterTimer(options_.written_period, kSaveWritten);
+}
+
+// States that are kept for a time, and a limit that became lower. By its age nothing goes while this agent cannot tell
+// what time it is.
+void StorageActor::TrimHistory(Context& context) {
+  const bool tells_time = !IsClockSuspect(context);
+  const Result<bool> has_more =
+      store_->TrimHistory(tells_time ? std::optional<std::int64_t>(context.utc_now_ns()) : std::nullopt);
+  if (!has_more) Note(context, "history", has_more.error());
+  const bool goes_on = has_more && *has_more;
+  (void)context.AfterTimer(goes_on ? options_.history_pause : options_.history_period, kTrimHistory);
 }
 
 // An operator looks: what is damaged is told, and nothing done about it.
@@ -368,7 +561,12 @@ void StorageActor::Answer(Context& context, proto::Message reply) {
 }
 
 void StorageActor::Note(Context& context, const char* what, const Error& error) {
-  spdlog::error("storage: {}: {}", what, ToString(error));
+  const std::string line = "storage: " + std::string(what) + (*what == 0 ? "" : ": ") + ToString(error);
+  if (error.code == ErrorCode::kCorrupt) {
+    spdlog::error("{}", line);  // Once: the process ends.
+  } else {
+    failed_log_.Error(line);
+  }
   FailIfDamaged(context, error);
 }
 

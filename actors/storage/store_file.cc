@@ -7,6 +7,8 @@
 #include <memory>
 #include <utility>
 
+#include "actors/storage/own_epochs.h"
+
 namespace moondb {
 
 namespace {
@@ -99,6 +101,12 @@ bool SyncToDisk(const std::filesystem::path& file_or_folder) {
   return is_durable;
 }
 
+Result<void> ForgetIncarnation(sqlite3* copy, const std::filesystem::path& to) {
+  const int code = sqlite3_exec(copy, kForgetIncarnationSql, nullptr, nullptr, nullptr);
+  if (code != SQLITE_OK) return FailWith(code, copy, to);
+  return {};
+}
+
 // Whoever finds the copy under its name finds all of it; a file that is there by now stays.
 Result<void> Publish(const std::filesystem::path& part, const std::filesystem::path& to) {
   const std::filesystem::path folder = to.has_parent_path() ? to.parent_path() : ".";
@@ -157,6 +165,8 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   Result<void> done;
   const bool is_damaged = code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
   if (code != SQLITE_DONE) done = FailWith(code, nullptr, is_damaged ? file : to);
+  // The store goes on while the copy lies somewhere: put back, it must not pass for what the store has become.
+  if (done) done = ForgetIncarnation(copy->get(), to);
   copy->reset();
   if (done) done = Publish(part, to);
   if (!done) std::filesystem::remove(part, error);

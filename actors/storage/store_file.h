@@ -37,8 +37,10 @@ Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::str
 
 inline constexpr std::size_t kQueryBytesMax = 64 * 1024 * 1024;
 
-// A copy that is whole, even while the agent writes; durable when this returns. kInvalid: `to` is there already;
-// kFull: the disk is.
+// A copy that is whole, even while the agent writes; durable when this returns. The copy is without the store's
+// incarnation (own_epochs.h): put back as an agent's store it begins another, so that what the store has become since
+// is not taken for what the copy knew. kInvalid: `to` is there already; kFull: the disk is; kInternal: `file` is no
+// store.
 Result<void> BackUpStore(const std::filesystem::path& file, const std::filesystem::path& to);
 
 }  // namespace moondb

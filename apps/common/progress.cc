@@ -22,9 +22,12 @@ Progress::~Progress() {
 void Progress::Show(double done, double total, const std::string& text) {
   const auto now = std::chrono::steady_clock::now();
   const bool is_end = done >= total;
-  if (done == last_done_) return;
-  if (!is_end && now - last_shown_ < (is_terminal_ ? std::chrono::milliseconds(50) : std::chrono::seconds(1))) return;
+  const bool is_only_text = done == last_done_;
+  if (is_only_text && (is_end || text == last_text_)) return;
+  const std::chrono::milliseconds line_period = is_only_text ? std::chrono::seconds(10) : std::chrono::seconds(1);
+  if (!is_end && now - last_shown_ < (is_terminal_ ? std::chrono::milliseconds(50) : line_period)) return;
   last_done_ = done;
+  last_text_ = text;
   last_shown_ = now;
   const double ratio = total > 0 ? std::clamp(done / total, 0.0, 1.0) : 1.0;
   if (is_terminal_) {

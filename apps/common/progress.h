@@ -1,5 +1,5 @@
 // Progress: how far long work is, on stderr: a bar that is drawn anew on a terminal, plain lines elsewhere (at most one
-// a second and the last). Not thread-safe.
+// a second and the last; one in ten seconds while nothing but the text changes). Not thread-safe.
 #pragma once
 
 #include <chrono>
@@ -20,6 +20,7 @@ class Progress {
   bool is_terminal_;
   bool is_line_open_ = false;
   double last_done_ = -1;
+  std::string last_text_;
   std::chrono::steady_clock::time_point last_shown_{};
 };
 

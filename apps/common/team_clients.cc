@@ -1,8 +1,6 @@
 #include "apps/common/team_clients.h"
 
-#include <optional>
-
-#include "model/term.h"
+#include "apps/common/local_endpoint.h"
 #include "runtime/curve_keys.h"
 #include "runtime/did_you_mean.h"
 
@@ -25,6 +23,13 @@ Result<std::string> KeyedEndpoint(const TeamFile& team, const proto::AgentConfig
   return agent.client_address();
 }
 
+Result<std::string> LocalEndpointOf(const TeamFile& team, const proto::AgentConfig& agent) {
+  const Result<LocalEndpoint> found = FindLocalEndpoint(team, agent);
+  if (!found) return tl::unexpected(found.error());
+  if (found->endpoint.empty()) return Fail(ErrorCode::kUnavailable, found->why);
+  return found->endpoint;
+}
+
 }  // namespace
 
 Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name) {
@@ -37,26 +42,12 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options, const proto::AgentConfig* via) {
   const proto::AgentConfig& asked = via != nullptr ? *via : agent;
-  auto endpoint =
-      options.secret_key.empty() ? ClientEndpoint(team, asked.name()) : KeyedEndpoint(team, asked, &options);
+  auto endpoint = options.secret_key.empty() ? LocalEndpointOf(team, asked) : KeyedEndpoint(team, asked, &options);
   if (!endpoint) return tl::unexpected(endpoint.error());
   options.custom_types = team.config.custom_types();
+  options.team_id = team.config.team_id();
   options.for_agent = via != nullptr ? static_cast<AgentId>(agent.id()) : 0;
   return Client::Connect(*endpoint, asked.name(), std::move(options));
-}
-
-Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options,
-                                          const proto::AgentConfig* via) {
-  std::optional<proto::RoleAssignment> newest;
-  for (const proto::AgentConfig& agent : team.config.agents()) {
-    auto client = ConnectTo(team, agent, options, via);
-    if (!client) continue;
-    auto shown = (*client)->Roles();
-    if (!shown) continue;
-    if (!newest || IsNewer(shown->roles().term(), newest->term())) newest = shown->roles();
-  }
-  if (!newest) return Fail(ErrorCode::kUnavailable, "no agent of team " + team.config.team() + " answers");
-  return *newest;
 }
 
 Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& records,

@@ -20,10 +20,6 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options, const proto::AgentConfig* via = nullptr);
 
-// The assignment with the newest term among all agents that answer. kUnavailable if none does.
-Result<proto::RoleAssignment> NewestRoles(const TeamFile& team, Client::Options options,
-                                          const proto::AgentConfig* via = nullptr);
-
 // Inserts in the given order, in batches of at most 512 records and about 2 MB; `inserted` is called after each batch
 // with the count so far. Stops at the first error.
 Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& records,

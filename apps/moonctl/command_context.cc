@@ -1,11 +1,14 @@
 #include "apps/moonctl/command_context.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <utility>
 
 #include "apps/common/json_writer.h"
+#include "apps/moonctl/health.h"
 #include "model/text.h"
 #include "runtime/curve_keys.h"
 
@@ -13,26 +16,11 @@ namespace moondb {
 namespace {
 
 constexpr char kKeyVariable[] = "MOONDB_CLIENT_KEY";
+constexpr char kViaVariable[] = "MOONDB_VIA";
 constexpr std::chrono::milliseconds kShortTimeout(3000);
 constexpr std::chrono::milliseconds kLongTimeout(600'000);
 
-// Of a unit in milliseconds; 0: no such unit.
-double ScaleOf(std::string_view unit) {
-  if (unit == "ms") return 1;
-  if (unit == "s") return 1000;
-  if (unit == "m" || unit == "min") return 60'000;
-  return unit == "h" ? 3'600'000 : 0;
-}
-
 }  // namespace
-
-std::optional<std::chrono::milliseconds> ParseDuration(std::string_view text) {
-  const std::size_t unit_at = text.find_first_not_of("0123456789.");
-  const double scale = ScaleOf(unit_at == std::string_view::npos ? "s" : text.substr(unit_at));
-  const auto number = ParseDouble(text.substr(0, unit_at));
-  if (!number || scale == 0 || *number <= 0 || *number * scale > 86'400'000) return std::nullopt;
-  return std::chrono::milliseconds(static_cast<std::int64_t>(*number * scale));
-}
 
 Result<std::chrono::milliseconds> ParseLeaseDuration(const std::string& text) {
   if (const auto duration = ParseDuration(text)) return *duration;
@@ -89,38 +77,79 @@ Result<Client::Options> CommandContext::ClientOptions() {
 std::chrono::milliseconds CommandContext::WaitTimeout() const { return timeout_.value_or(kLongTimeout); }
 
 Result<const proto::AgentConfig*> CommandContext::Via() {
-  if (via.empty()) return nullptr;
-  auto team = Team();
-  if (!team) return tl::unexpected(team.error());
-  return AgentNamed((*team)->config, via);
-}
-
-Result<proto::RoleAssignment> CommandContext::Roles() {
-  auto team = Team();
-  if (!team) return tl::unexpected(team.error());
-  auto through = Via();
-  if (!through) return tl::unexpected(through.error());
-  auto options = ClientOptions();
-  if (!options) return tl::unexpected(options.error());
-  return NewestRoles(**team, *options, *through);
-}
-
-Result<AgentClient> CommandContext::Connect(const std::string& name) {
+  if (is_here_) return nullptr;
+  const char* from_environment = std::getenv(kViaVariable);
+  const bool is_option = !via.empty() || from_environment == nullptr;
+  const std::string name = is_option ? via : from_environment;
+  if (name.empty()) return nullptr;
   auto team = Team();
   if (!team) return tl::unexpected(team.error());
   auto named = AgentNamed((*team)->config, name);
-  if (!named) return tl::unexpected(named.error());
+  if (!named && !is_option) return Fail(named.error().code, named.error().text, kViaVariable);
+  return named;
+}
+
+std::uint64_t CommandContext::ConfigHashOf(AgentId of) const {
+  const auto hash = config_hashes_.find(of);
+  return hash == config_hashes_.end() ? 0 : hash->second;
+}
+
+void CommandContext::NoteConfigHash(const proto::AgentConfig& of, std::uint64_t hash) {
+  const std::uint64_t known = std::exchange(config_hashes_[of.id()], hash);
+  if (hash == 0 || hash == known || hash == team_->hash) return;
+  std::fprintf(stderr, "moonctl: %s runs with another team file: %s\n", of.name().c_str(),
+               OtherConfigText(hash, team_->hash).c_str());
+}
+
+// Not for a program, which reads it in the document.
+void CommandContext::NoteRelay(const proto::AgentConfig& by) {
+  if (std::find(relays_.begin(), relays_.end(), by.name()) != relays_.end()) return;
+  relays_.push_back(by.name());
+  if (!is_json) std::fprintf(stderr, "moonctl: through %s, over the radio\n", by.name().c_str());
+}
+
+void CommandContext::NoteRemark(const std::string& text) {
+  if (remarks_.insert(text).second) std::fprintf(stderr, "moonctl: %s\n", text.c_str());
+}
+
+Result<TeamReach*> CommandContext::Reach() {
+  if (reach_) return reach_.get();
+  auto team = Team();
+  if (!team) return tl::unexpected(team.error());
   auto through = Via();
   if (!through) return tl::unexpected(through.error());
   auto options = ClientOptions();
   if (!options) return tl::unexpected(options.error());
-  auto client = ConnectTo(**team, **named, *options, *through);
-  if (!client) return tl::unexpected(client.error());
-  if (*through != nullptr) {
-    // That the one in between answers says nothing of the one that is meant.
-    if (auto there = (*client)->Roles(); !there) return tl::unexpected(there.error());
-  }
-  return AgentClient{*named, std::move(*client)};
+  TeamReach::Options reach;
+  reach.client = *std::move(options);
+  reach.via = *through;
+  reach.on_config_hash = [this](const proto::AgentConfig& of, std::uint64_t hash) { NoteConfigHash(of, hash); };
+  reach.on_relay = [this](const proto::AgentConfig& by) { NoteRelay(by); };
+  reach.on_remark = [this](const std::string& text) { NoteRemark(text); };
+  reach_ = std::make_unique<TeamReach>(**team, std::move(reach));
+  return reach_.get();
+}
+
+Result<proto::RoleAssignment> CommandContext::Roles() {
+  auto reach = Reach();
+  if (!reach) return tl::unexpected(reach.error());
+  return (*reach)->NewestRoles();
+}
+
+Result<AgentClient> CommandContext::Connect(const std::string& name) {
+  auto reach = Reach();
+  if (!reach) return tl::unexpected(reach.error());
+  auto named = AgentNamed(team_->config, name);
+  if (!named) return tl::unexpected(named.error());
+  return (*reach)->Connect(**named);
+}
+
+Result<AgentClient> CommandContext::ConnectHere(const std::string& name) {
+  auto reach = Reach();
+  if (!reach) return tl::unexpected(reach.error());
+  auto named = AgentNamed(team_->config, name);
+  if (!named) return tl::unexpected(named.error());
+  return (*reach)->ConnectHere(**named);
 }
 
 Result<std::vector<const proto::AgentConfig*>> CommandContext::ChosenAgents() {
@@ -139,13 +168,19 @@ Result<std::vector<const proto::AgentConfig*>> CommandContext::ChosenAgents() {
 
 Result<AgentClient> CommandContext::ConnectToChosenOrLeader() {
   if (!agent.empty()) return Connect(agent);
-  auto team = Team();
-  if (!team) return tl::unexpected(team.error());
   auto roles = Roles();
   if (!roles) return tl::unexpected(roles.error());
-  if (roles->leader() == 0) return Fail(ErrorCode::kRefused, "nobody leads the team; see moonctl role set");
-  auto leader = Connect(AgentName((*team)->config, roles->leader()));
-  if (!leader) {
+  return ConnectToLeaderOf(*roles);
+}
+
+Result<AgentClient> CommandContext::ConnectToLeaderOf(const proto::RoleAssignment& roles) {
+  auto team = Team();
+  if (!team) return tl::unexpected(team.error());
+  if (roles.leader() == 0) return Fail(ErrorCode::kRefused, "nobody leads the team; see moonctl role set");
+  auto leader = Connect(AgentName((*team)->config, roles.leader()));
+  // One that others hear is not lost, whatever keeps it from answering here.
+  const proto::AgentConfig* named = FindAgent((*team)->config, static_cast<AgentId>(roles.leader()));
+  if (!leader && IsUnreachable(leader.error()) && named != nullptr && !reach_->IsHeard(*named)) {
     leader.error().text += "; it leads the team: if it is lost, let the survivor lead by moonctl role set";
   }
   return leader;
@@ -163,8 +198,21 @@ ExitCode CommandContext::Report(const Error& error) const {
   return ExitCodeOf(error.code);
 }
 
+std::string CommandContext::WithVia(std::string_view json) const {
+  const std::size_t end = json.rfind('}');
+  if (relays_.empty() || end == std::string_view::npos || !json.starts_with('{')) return std::string(json);
+  std::string names;
+  for (const std::string& name : relays_) names += (names.empty() ? "" : ", ") + name;
+  const bool is_first = json.find_first_not_of(" \n", 1) == end;
+  JsonWriter value;
+  value.String(names);
+  return std::string(json.substr(0, end)) + (is_first ? "" : ",") + "\"via\":" + value.text() +
+         std::string(json.substr(end));
+}
+
 ExitCode CommandContext::Print(ExitCode code, std::string_view json, std::string_view text) const {
-  const std::string_view shown = is_json ? json : text;
+  const std::string document = is_json ? WithVia(json) : "";
+  const std::string_view shown = is_json ? document : text;
   if (!is_json) std::fputs(heading.c_str(), stdout);
   std::fwrite(shown.data(), 1, shown.size(), stdout);
   if (!shown.empty() && shown.back() != '\n') std::fputc('\n', stdout);

@@ -39,7 +39,11 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   app.add_option("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)")->type_name("FILE");
   app.add_option("-a,--agent", context.agent, "Ask this agent")->type_name("AGENT");
   app.add_flag("--json", context.is_json, "One JSON document on stdout");
-  app.add_option("--via", context.via, "Ask all agents through this one, over the radio: base")->type_name("AGENT");
+  app.add_option(
+         "--via", context.via,
+         "Ask all agents through this one, over the radio (default: $MOONDB_VIA; without one agents that are not on "
+         "this machine are asked through one that is)")
+      ->type_name("AGENT");
   app.add_option(
          "--key", context.key_file,
          "Secret key to be let in by, at agents' client_address (default: $MOONDB_CLIENT_KEY; without one agents "

@@ -17,6 +17,7 @@ constexpr CommandNote kNotes[] = {
     {"down", "moonctl down"},
     {"status", "moonctl status --watch=5", kShows},
     {"health", "moonctl health --json", kShows},
+    {"health acknowledge", "moonctl health acknowledge -a rover2"},
     {"role show", "moonctl role show", kShows},
     {"role history", "moonctl role history -a rover2", kShows},
     {"role set", "moonctl role set rover2 leader rover3 survivor --reason \"rover1 is lost\""},

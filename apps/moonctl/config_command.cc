@@ -1,23 +1,60 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
 
+#include "apps/common/hash_text.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/config_schema.h"
 #include "apps/moonctl/config_show.h"
+#include "apps/moonctl/written_files.h"
 #include "model/mission.h"
+#include "model/team_id.h"
 #include "model/text.h"
+#include "runtime/team_init.h"
 
 namespace moondb {
 namespace {
 
 struct ConfigArguments {
   std::string file;
+  std::string name;
   std::string mission;
   int agent_count = 4;
   int first_port = 7400;
+  bool is_fixing = false;
 };
+
+// Gives the file a team id, if that is what it lacks; empty where it lacks none. What else is wrong with it is told by
+// whoever reads it next.
+Result<std::string> AddTeamId(const std::filesystem::path& file) {
+  const auto yaml = ReadTextFile(file);
+  if (!yaml) return tl::unexpected(yaml.error());
+  const std::set<std::string> given = GivenFields(*yaml);
+  if (given.empty() || given.contains("team_id")) return std::string();
+  const auto id = MakeTeamId();
+  if (!id) return tl::unexpected(id.error());
+  const auto fixed = WithTeamId(*yaml, *id);
+  if (!fixed) return Fail(fixed.error().code, fixed.error().text, file.string());
+  if (auto replaced = ReplaceFile(file, *fixed); !replaced) return tl::unexpected(replaced.error());
+  return *id;
+}
+
+// The same file on every agent, the id included.
+ExitCode FixConfig(CommandContext& context) {
+  if (context.TeamPath().empty()) return context.Report(context.Team().error());
+  const auto id = AddTeamId(context.TeamPath());
+  if (!id) return context.Report(id.error());
+  auto team = context.Team();
+  if (!team) return context.Report(team.error());
+  const std::string file = context.TeamPath().string();
+  JsonWriter json;
+  json.BeginObject().Key("file").String(file).Key("team").String((*team)->config.team());
+  json.Key("team_id").String((*team)->config.team_id()).Key("is_changed").Bool(!id->empty()).EndObject();
+  const std::string text = id->empty()
+                               ? "has a team id; nothing to mend"
+                               : "has the team id " + *id + " now; copy it to every agent of the team and restart them";
+  return context.Done(json.text(), file + ": " + text);
+}
 
 ExitCode CheckConfig(CommandContext& context) {
   auto team = context.Team();
@@ -36,8 +73,7 @@ ExitCode ShowConfig(CommandContext& context) {
   const auto yaml = ReadTextFile(context.TeamPath());
   if (!yaml) return context.Report(yaml.error());
   const std::set<std::string> given = GivenFields(*yaml);
-  char hash[20];
-  std::snprintf(hash, sizeof(hash), "%016llx", static_cast<unsigned long long>((*team)->hash));
+  const std::string hash = HashText((*team)->hash);
   JsonWriter json;
   json.BeginObject().Key("file").String(context.TeamPath().string()).Key("hash").String(hash);
   json.Key("config").Raw(ToJson((*team)->config)).Key("defaults").BeginArray();
@@ -79,7 +115,7 @@ Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
   if (!mission) return tl::unexpected(InputError(mission.error()));
   proto::TeamConfig team;
   const auto folder = std::filesystem::weakly_canonical(arguments.mission);
-  team.set_team(folder.filename().string());
+  team.set_team(arguments.name.empty() ? PlainNameOf(folder.filename().string()) : arguments.name);
   int port = arguments.first_port;
   for (const MissionAgent& agent : mission->agents) {
     *team.add_agents() = AgentOfMission(agent, port++);
@@ -95,9 +131,9 @@ Result<void> WriteTeamOfMission(const ConfigArguments& arguments) {
 }
 
 ExitCode InitConfig(CommandContext& context, const ConfigArguments& arguments) {
-  const auto written = arguments.mission.empty()
-                           ? WriteInitialTeam(arguments.file, arguments.agent_count, arguments.first_port)
-                           : WriteTeamOfMission(arguments);
+  const auto written = arguments.mission.empty() ? WriteInitialTeam(arguments.file, arguments.agent_count,
+                                                                    arguments.first_port, arguments.name)
+                                                 : WriteTeamOfMission(arguments);
   if (!written) return context.Report(written.error());
   JsonWriter json;
   json.BeginObject().Key("file").String(arguments.file).EndObject();
@@ -111,15 +147,19 @@ void AddConfigCommands(CLI::App& app, CommandContext& context) {
   group.require_subcommand(1);
   auto arguments = std::make_shared<ConfigArguments>();
   // `config check FILE` is the same as `-t FILE config check`.
-  const auto add_reader = [&](const char* name, const char* description, ExitCode (*run)(CommandContext&)) {
+  const auto add_reader = [&](const char* name, const char* description,
+                              const std::function<ExitCode(CommandContext&)>& run) -> CLI::App& {
     CLI::App& command = *group.add_subcommand(name, description);
     command.add_option("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)")->type_name("FILE");
     command.callback([&context, arguments, run] {
       if (!arguments->file.empty()) context.team_path = arguments->file;
       context.action = [&context, run] { return run(context); };
     });
+    return command;
   };
-  add_reader("check", "Say all that is wrong with it", CheckConfig);
+  add_reader("check", "Say all that is wrong with it", [arguments](CommandContext& asked) {
+    return arguments->is_fixing ? FixConfig(asked) : CheckConfig(asked);
+  }).add_flag("--fix", arguments->is_fixing, "Give it the team id that it lacks; all else stays as it is");
   add_reader("show", "Show it in full; what it leaves to its default is marked", ShowConfig);
   group.add_subcommand("schema", "Print the JSON Schema of team files, for editors")->callback([&context] {
     context.action = [&context] { return ShowSchema(context); };
@@ -127,6 +167,7 @@ void AddConfigCommands(CLI::App& app, CommandContext& context) {
 
   CLI::App& init = *group.add_subcommand("init", "Write a team file to begin with, and its keys");
   init.add_option("file", arguments->file, "Where to")->type_name("FILE")->required();
+  init.add_option("--name", arguments->name, "The team's name (the folder's)")->type_name("NAME");
   init.add_option("--agents", arguments->agent_count, "How many; the last is a base station")->check(CLI::Range(1, 64));
   init.add_option("--mission", arguments->mission, "Take the agents of this mission folder")->type_name("FOLDER");
   init.add_option("--first-port", arguments->first_port, "Loopback ports from here (7400)")

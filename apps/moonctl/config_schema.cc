@@ -28,12 +28,18 @@ struct FieldFacts {
 };
 
 constexpr std::string_view kName = "^[a-z0-9_-]{1,32}$";
+constexpr std::string_view kTeamId = "^[0-9a-f]{32}$";
+constexpr std::string_view kKeep = "^(all|latest|[0-9.]+(d|h|m|min|s))$";
 constexpr std::string_view kTypeName = "^[a-z][a-z0-9_]{0,31}$";
 
 // By message and field; the ranges are those of runtime/team_check.cc.
 const std::map<std::string_view, FieldFacts> kFacts = {
     {"TeamConfig.team",
      {.description = "The team's name: lower-case letters, digits, - and _", .is_required = true, .pattern = kName}},
+    {"TeamConfig.team_id",
+     {.description = "Tells this team from every other: made by moonctl config init, or config check --fix",
+      .is_required = true,
+      .pattern = kTeamId}},
     {"TeamConfig.agents",
      {.description = "All agents; the same file stands on each", .is_required = true, .items_min = 1, .items_max = 64}},
     {"TeamConfig.roles", {.description = "Who leads at the very beginning; roles that were set later win"}},
@@ -46,6 +52,8 @@ const std::map<std::string_view, FieldFacts> kFacts = {
     {"TeamConfig.custom_types", {.description = "Data types of the team's own", .items_max = 64}},
     {"TeamConfig.retention", {.description = "What an agent need not keep for ever"}},
     {"TeamConfig.pose_graph", {.description = "The pose graph's solver"}},
+    {"TeamConfig.keep",
+     {.description = "What a robot's own disk keeps of its own states that newer ones have superseded under latest"}},
     {"AgentConfig.id",
      {.description = "For ever: records are named by it", .is_required = true, .low = 1, .high = 65535}},
     {"AgentConfig.name", {.description = "Lower-case letters, digits, - and _", .is_required = true, .pattern = kName}},
@@ -89,6 +97,7 @@ const std::map<std::string_view, FieldFacts> kFacts = {
     {"CustomType.ground", {.description = "As in ground; none by default"}},
     {"CustomType.priority", {.description = "1 goes first among the custom types", .low = 1, .high = 9}},
     {"CustomType.bytes_max", {.description = "Of a payload", .low = 1, .high = 8388608}},
+    {"CustomType.keep", {.description = "As in keep; all by default", .pattern = kKeep}},
     {"SiteConfig.lat_deg", {.description = "Latitude of the origin of the frame map (deg)", .low = -90, .high = 90}},
     {"SiteConfig.lon_deg",
      {.description = "Longitude of the origin of the frame map, east (deg)", .low = -180, .high = 360}},
@@ -103,6 +112,10 @@ const std::map<std::string_view, FieldFacts> kFacts = {
     {"RetentionConfig.map_part_max", {.description = "Of that budget, what maps may take", .low = 0, .high = 1}},
     {"RetentionConfig.disk_free_mb_min",
      {.description = "With less left on the disk an agent says so (MB)", .low = 0, .high = 1e9}},
+    {"RetentionConfig.history_mb_max",
+     {.description = "Superseded states that a robot's own disk keeps (MB): the oldest go first; 0: none are kept",
+      .low = 0,
+      .high = 1e6}},
     {"RetentionConfig.drop_beaten_maps",
      {.description = "Maps that win no cell of the merged map go when the budget is short"}},
     {"PoseGraphConfig.solve_by_itself",
@@ -115,6 +128,9 @@ const std::map<std::string_view, FieldFacts> kFacts = {
 FieldFacts FactsOf(const FieldDescriptor& field) {
   if (field.containing_type() == proto::SharePolicies::descriptor()) {
     return {.description = "none, latest (only the newest of each) or all"};
+  }
+  if (field.containing_type() == proto::KeepPolicies::descriptor()) {
+    return {.description = "all, latest (nothing) or for how long: 7d, 12h", .pattern = kKeep};
   }
   const auto facts = kFacts.find(field.containing_type()->name() + "." + field.name());
   return facts == kFacts.end() ? FieldFacts{} : facts->second;

@@ -76,10 +76,15 @@ std::string BudgetText(const proto::StorageStatus& storage) {
   return storage.database_bytes_max() > 0 ? FormatBytes(storage.database_bytes_max()) : "-";
 }
 
+std::string HistoryText(const proto::StorageStatus& storage) {
+  if (storage.history_count() == 0) return "-";
+  return FormatCount(storage.history_count()) + ", " + FormatBytes(storage.history_bytes());
+}
+
 ExitCode ShowInfo(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Status(); });
   if (!answers) return context.Report(answers.error());
-  Table table({"AGENT", "DATABASE", "BUDGET", "MAPS", "OF IT WAL", "DISK FREE", "WRITTEN TODAY", "YESTERDAY",
+  Table table({"AGENT", "DATABASE", "BUDGET", "MAPS", "HISTORY", "OF IT WAL", "DISK FREE", "WRITTEN TODAY", "YESTERDAY",
                "MEAN A DAY", "PRUNED", "REFUSED"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
@@ -91,7 +96,7 @@ ExitCode ShowInfo(CommandContext& context) {
       const proto::StorageStatus& storage = status->storage();
       const WrittenBytes written = WrittenBytesOf(storage);
       table.Add({agent->name(), FormatBytes(storage.database_bytes()), BudgetText(storage),
-                 FormatBytes(storage.map_bytes()), FormatBytes(storage.wal_bytes()),
+                 FormatBytes(storage.map_bytes()), HistoryText(storage), FormatBytes(storage.wal_bytes()),
                  FormatBytes(storage.disk_free_bytes()), FormatBytes(written.today), FormatBytes(written.yesterday),
                  FormatBytes(written.mean), FormatCount(storage.pruned_count()),
                  FormatCount(storage.rejected_count())});
@@ -217,6 +222,10 @@ void AddDbCommands(CLI::App& app, CommandContext& context) {
                   "Of this data type; may be repeated. The pose graph and quarantines go only where named")
       ->type_name("DATATYPE");
   prune.add_flag("--beaten-maps", prune_arguments->beaten_maps, "Maps that win no cell of the merged map, only these");
+  prune
+      .add_flag("--history", prune_arguments->is_history,
+                "Superseded states that its own robot keeps, only these; nobody else has them")
+      ->excludes("--beaten-maps");
   prune.add_option("--max-mb", prune_arguments->megabytes_max, "Until so much is removed (MB), oldest first")
       ->type_name("MB")
       ->check(CLI::Range(0.001, 1e9));

@@ -18,10 +18,12 @@ Result<std::filesystem::path> StoreOf(CommandContext& context, const std::string
   if (!context.via.empty()) return Fail(ErrorCode::kInvalid, "reads a file on this machine; run it there", "--via");
   const auto agents = context.ChosenAgents();
   if (!agents) return tl::unexpected(agents.error());
-  const std::string& name = agents->front()->name();
-  const std::filesystem::path folder =
-      data_folder.empty() ? DefaultDataFolder(context.TeamPath(), name) : std::filesystem::path(data_folder) / name;
-  return folder / kDatabaseFile;
+  const TeamFile& team = **context.Team();
+  const std::filesystem::path root =
+      data_folder.empty() ? DefaultDataRoot(team.folder) : std::filesystem::path(data_folder);
+  const auto folder = FindDataFolder(root, team.config, *agents->front());
+  if (!folder) return tl::unexpected(folder.error());
+  return *folder / kDatabaseFile;
 }
 
 std::string TextOf(const QueryCell& cell) {

@@ -1,5 +1,5 @@
-#include <cmath>
-#include <optional>
+#include <chrono>
+#include <cstdint>
 
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
@@ -13,36 +13,20 @@ namespace {
 
 constexpr double kMegabyte = 1e6;
 
-// "30d", "12h", "90m", "40" (seconds).
-std::optional<double> ParseAge(const std::string& text) {
-  struct Unit {
-    char letter;
-    double seconds;
-  };
-  constexpr Unit kUnits[] = {{'d', 86'400}, {'h', 3600}, {'m', 60}, {'s', 1}};
-  double factor = 1;
-  std::string number = text;
-  for (const Unit& unit : kUnits) {
-    if (text.empty() || text.back() != unit.letter) continue;
-    factor = unit.seconds;
-    number.pop_back();
-  }
-  const std::optional<double> value = ParseDouble(number);
-  if (!value || !(*value > 0) || *value * factor > kPruneAgeMax_s) return std::nullopt;
-  return *value * factor;
-}
+constexpr auto kAgeMax = std::chrono::milliseconds(static_cast<std::int64_t>(kPruneAgeMax_s * 1000));
 
 Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomTypes& custom_types) {
   proto::PruneOrder order;
   order.set_is_dry_run(arguments.is_dry_run);
   order.set_beaten_maps(arguments.beaten_maps);
+  order.set_is_history(arguments.is_history);
   if (!arguments.older_than.empty()) {
-    const std::optional<double> age_s = ParseAge(arguments.older_than);
-    if (!age_s) {
+    const auto age = ParseDuration(arguments.older_than, kAgeMax);
+    if (!age) {
       return Fail(ErrorCode::kInvalid, "expected an age such as 30d or 12h, got \"" + arguments.older_than + "\"",
                   "--older-than");
     }
-    order.set_older_than_s(*age_s);
+    order.set_older_than_s(std::chrono::duration<double>(*age).count());
   }
   for (const std::string& name : arguments.types) {
     const auto type = DataTypeFromName(name, custom_types);
@@ -50,10 +34,10 @@ Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomT
     order.add_data_types(*type);
   }
   order.set_content_bytes_max(arguments.megabytes_max * kMegabyte);
-  const bool is_limited =
-      order.older_than_s() > 0 || order.beaten_maps() || !order.data_types().empty() || order.content_bytes_max() > 0;
+  const bool is_limited = order.older_than_s() > 0 || order.beaten_maps() || order.is_history() ||
+                          !order.data_types().empty() || order.content_bytes_max() > 0;
   if (is_limited) return order;
-  return Fail(ErrorCode::kInvalid, "of what? Give --older-than, --type, --beaten-maps or --max-mb");
+  return Fail(ErrorCode::kInvalid, "of what? Give --older-than, --type, --beaten-maps, --history or --max-mb");
 }
 
 std::string PrunedText(const std::string& agent, const proto::PruneReply& reply, bool is_dry_run,

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "apps/common/hash_text.h"
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
+#include "model/event.h"
 #include "model/term.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -16,7 +19,11 @@ using Findings = std::vector<std::string>;
 proto::RoleAssignment NewestOf(const std::map<std::uint32_t, AgentReport>& reports) {
   proto::RoleAssignment newest;
   for (const auto& [agent, report] : reports) {
-    if (report.status && !IsNewer(newest.term(), report.status->roles().term())) newest = report.status->roles();
+    if (!report.status) continue;
+    // What cannot be stored is acted on without that agent's own role; another may have it whole.
+    const proto::RoleAssignment& roles =
+        report.status->has_unstored_roles() ? report.status->unstored_roles() : report.status->roles();
+    if (!IsNewer(newest.term(), roles.term())) newest = roles;
   }
   return newest;
 }
@@ -29,7 +36,9 @@ bool IsAsleep(const proto::AgentStatus& status, std::uint32_t agent) {
 
 void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status, const proto::RoleAssignment& newest,
                 Findings& findings) {
-  if (OrderOf(status.roles().term()) != OrderOf(newest.term())) {
+  if (status.has_unstored_roles()) {
+    findings.push_back(UnstoredText(team, status.unstored_roles()));
+  } else if (OrderOf(status.roles().term()) != OrderOf(newest.term())) {
     findings.push_back("acts on the roles of term " + std::to_string(status.roles().term().number()) + ", where term " +
                        std::to_string(newest.term().number()) + " is known");
   } else if (status.agent_id() == newest.leader() && newest.survivor() == 0) {
@@ -52,10 +61,20 @@ void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status,
 }
 
 void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
+  for (const proto::HealthFinding& finding : status.findings()) {
+    findings.push_back(FormatUtc(finding.stamp_ns()) + ": " + OneLine(finding.text(), kEventTextBytesMax) +
+                       " (not acknowledged)");
+  }
   if (!status.storage().clock_suspect().empty()) {
     findings.push_back("clock suspect: " + status.storage().clock_suspect());
   }
-  if (!status.storage().space_low().empty()) findings.push_back("space low: " + status.storage().space_low());
+  if (!status.storage().write_trouble().empty()) {
+    findings.push_back("stores nothing: " + status.storage().write_trouble());
+  } else if (!status.storage().refused_inserts().empty()) {
+    findings.push_back(status.storage().refused_inserts());
+  } else if (!status.storage().space_low().empty()) {
+    findings.push_back("space low: " + status.storage().space_low());
+  }
   for (const proto::ActorStatus& actor : status.actors()) {
     if (actor.restarts() > 0) {
       findings.push_back(actor.name() + " failed and was made anew " + FormatCount(actor.restarts()) + " times");
@@ -95,8 +114,19 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
 
 }  // namespace
 
+std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored) {
+  return "cannot store term " + std::to_string(unstored.term().number()) + " (leader " +
+         AgentName(team, unstored.leader()) + ", survivor " + AgentName(team, unstored.survivor()) +
+         "): until it can it neither leads nor survives";
+}
+
+std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here) {
+  return "hash " + HashText(theirs) + ", here " + HashText(here);
+}
+
 std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamConfig& team,
-                                                             const std::map<std::uint32_t, AgentReport>& reports) {
+                                                             const std::map<std::uint32_t, AgentReport>& reports,
+                                                             std::uint64_t config_hash) {
   const proto::RoleAssignment newest = NewestOf(reports);
   std::map<std::uint32_t, Findings> all;
   for (const auto& [agent, report] : reports) {
@@ -108,6 +138,9 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
       JudgeClocks(team, *report.status, findings);
     }
     if (report.shares) JudgeShares(team, *report.shares, findings);
+    if (config_hash != 0 && report.config_hash != 0 && report.config_hash != config_hash) {
+      findings.push_back("runs with another team file: " + OtherConfigText(report.config_hash, config_hash));
+    }
     if (!findings.empty()) all[agent] = std::move(findings);
   }
   return all;

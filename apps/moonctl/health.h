@@ -18,10 +18,20 @@ inline constexpr double kNoProgressMax_s = 60;   // Of an open session that wait
 struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;
+  std::uint64_t config_hash = 0;  // Of its team file; 0: it did not say.
 };
 
-// By agent id, a line for each thing that is wrong; none where all is well. `unreachable` agents have no status.
+// By agent id, a line for each thing that is wrong; none where all is well. `unreachable` agents have no status. What
+// an agent found that no operator has acknowledged (AgentStatus.findings) is wrong until one does.
+// `config_hash`: of the team file that `team` was read from; 0: agents' own are not compared with it.
 std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamConfig& team,
-                                                             const std::map<std::uint32_t, AgentReport>& reports);
+                                                             const std::map<std::uint32_t, AgentReport>& reports,
+                                                             std::uint64_t config_hash = 0);
+
+// "hash 9f3a..., here 4c01...": of an agent whose team file is another one than the one that was read here.
+std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here);
+
+// That an agent knows of a newer assignment and its disk does not take it.
+std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored);
 
 }  // namespace moondb

@@ -1,9 +1,12 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
+#include "model/event.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -20,7 +23,9 @@ ExitCode ShowHealth(CommandContext& context) {
   for (const auto& [agent, share] : *shares) {
     if (share) reports[agent->id()].shares = *share;
   }
-  const auto findings = FindingsOn((*context.Team())->config, reports);
+  for (auto& [agent, report] : reports) report.config_hash = context.ConfigHashOf(agent);
+  const TeamFile& team = **context.Team();
+  const auto findings = FindingsOn(team.config, reports, team.hash);
 
   Table table({"AGENT", "HEALTH", "WHAT"});
   JsonWriter json;
@@ -44,14 +49,75 @@ ExitCode ShowHealth(CommandContext& context) {
   }
   json.EndArray().EndObject();
   const ExitCode code = findings.empty() ? ExitCodeOf(*statuses) : ExitCode::kFailed;
-  return context.Print(code, json.text(), table.Text());
+  const bool has_news = std::any_of(statuses->begin(), statuses->end(), [](const auto& asked) {
+    return asked.answer && !asked.answer->findings().empty();
+  });
+  const std::string hint =
+      has_news ? "what is not acknowledged stays until `moonctl health acknowledge` (or -a) says that it was read\n"
+               : "";
+  return context.Print(code, json.text(), table.Text() + hint);
+}
+
+struct Acknowledged {
+  std::vector<proto::HealthFinding> findings;  // As they were shown to it.
+};
+
+// What the agent shows now: what comes in between is not acknowledged unseen.
+Result<Acknowledged> AcknowledgeAt(Client& client) {
+  const Result<proto::AgentStatus> status = client.Status();
+  if (!status) return tl::unexpected(status.error());
+  Acknowledged acknowledged;
+  std::int64_t until_ns = 0;
+  for (const proto::HealthFinding& finding : status->findings()) {
+    acknowledged.findings.push_back(finding);
+    until_ns = std::max<std::int64_t>(until_ns, finding.stamp_ns());
+  }
+  if (acknowledged.findings.empty()) return acknowledged;
+  const Result<std::uint32_t> count = client.Acknowledge(until_ns);
+  if (!count) return tl::unexpected(count.error());
+  return acknowledged;
+}
+
+ExitCode AcknowledgeHealth(CommandContext& context) {
+  const auto answers = context.AskEach(AcknowledgeAt);
+  if (!answers) return context.Report(answers.error());
+  Table table({"AGENT", "ACKNOWLEDGED"});
+  JsonWriter json;
+  json.BeginObject().Key("agents").BeginArray();
+  for (const auto& asked : *answers) {
+    const auto& [agent, acknowledged] = asked;
+    BeginAgent(asked, json);
+    json.Key("acknowledged").BeginArray();
+    if (!acknowledged) {
+      table.Add({agent->name(), WhyNoAnswer(acknowledged.error())}, Tone::kBad);
+    } else if (acknowledged->findings.empty()) {
+      table.Add({agent->name(), "-"});
+    }
+    const auto findings = acknowledged ? acknowledged->findings : std::vector<proto::HealthFinding>();
+    for (const proto::HealthFinding& finding : findings) {
+      const std::string text = FormatUtc(finding.stamp_ns()) + ": " + OneLine(finding.text(), kEventTextBytesMax);
+      table.Add({agent->name(), text});
+      json.String(text);
+    }
+    json.EndArray().EndObject();
+  }
+  json.EndArray().EndObject();
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text());
 }
 
 }  // namespace
 
 void AddHealthCommand(CLI::App& app, CommandContext& context) {
-  app.add_subcommand("health", "What is wrong, for people and scripts: ends with 0 only where all agents are well")
-      ->callback([&context] { context.action = [&context] { return ShowHealth(context); }; });
+  CLI::App& health = *app.add_subcommand(
+      "health", "What is wrong, for people and scripts: ends with 0 only where all agents are well");
+  health.require_subcommand(0, 1);
+  health
+      .add_subcommand("acknowledge", "You have read what was found: lost peers, damage, ends without stopping (or -a)")
+      ->callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
+  health.callback([&context, &health] {
+    if (!health.get_subcommands().empty()) return;
+    context.action = [&context] { return ShowHealth(context); };
+  });
 }
 
 }  // namespace moondb

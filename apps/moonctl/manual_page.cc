@@ -32,8 +32,15 @@ Waiting for an acknowledgment or an answer took too long.
 .B MOONDB_TEAM
 The team file, where \-t names none.
 .TP
+.B MOONDB_VIA
+The agent through which all are asked, where \-\-via names none.
+.TP
+.B MOONDB_CLIENT_KEY
+The client's secret key, where \-\-key names none.
+.TP
 .B MOONDB_RUN_DIR
-The folder of the agents' sockets; else XDG_RUNTIME_DIR/moondb, else /tmp/moondb\-UID.
+The folder of the agents' sockets; else XDG_RUNTIME_DIR/moondb, else /tmp/moondb\-UID. An agent that was started with
+another one is found by its data folder.
 .TP
 .B NO_COLOR
 Set to anything: no colours.

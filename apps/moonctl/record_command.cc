@@ -27,6 +27,7 @@ struct RecordArguments {
   std::uint32_t limit = 20;
   bool is_local = false;
   bool follows = false;
+  bool is_history = false;
 };
 
 Result<DataType> TypeNamed(const std::string& name, const CustomTypes& custom_types) {
@@ -127,6 +128,7 @@ ExitCode FollowList(CommandContext& context, Client& client, proto::ReadRequest 
 ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) {
   proto::ReadRequest request;
   request.set_is_newest_first(true);
+  request.set_is_history(arguments.is_history);
   request.set_records_max(arguments.limit);
   request.set_content_bytes_max(8 * 1024 * 1024);
   auto team = context.Team();
@@ -193,9 +195,13 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
 
   CLI::App& list = *group.add_subcommand("list", "The newest records");
   list.add_option("type", arguments->type, "Of this data type only")->type_name("DATATYPE");
-  list.add_flag("-f,--follow", arguments->follows,
-                "What is stored from now on, a line each (with --json a document each), until Ctrl-C");
+  CLI::Option* follow =
+      list.add_flag("-f,--follow", arguments->follows,
+                    "What is stored from now on, a line each (with --json a document each), until Ctrl-C");
   list.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
+  list.add_flag("--history", arguments->is_history,
+                "Instead what the agent's own robot superseded and its disk still keeps (`keep` in the team file)")
+      ->excludes(follow);
   list.add_option("--limit", arguments->limit, "At most so many (20)")->check(CLI::Range(1u, kListMax));
   list.callback(
       [&context, arguments] { context.action = [&context, arguments] { return ListRecords(context, *arguments); }; });

@@ -1,9 +1,13 @@
 #include <CLI/CLI.hpp>
+#include <functional>
+#include <set>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/health.h"
+#include "apps/moonctl/role_change.h"
 #include "runtime/did_you_mean.h"
 
 namespace moondb {
@@ -13,6 +17,7 @@ namespace {
 struct RoleArguments {
   std::vector<std::string> words;
   bool is_dry_run = false;
+  bool is_at_once = false;
   std::string reason;
 };
 
@@ -28,6 +33,7 @@ ExitCode ShowRoles(CommandContext& context) {
   Table table({"AGENT", "OWN ROLE", "TERM", "LEADER", "SURVIVOR", "REASON"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
+  std::string remarks;
   for (const auto& asked : *answers) {
     const auto& [agent, shown] = asked;
     BeginAgent(asked, json);
@@ -37,13 +43,17 @@ ExitCode ShowRoles(CommandContext& context) {
       table.Add({agent->name(), role, TermText(team, roles.term()), AgentName(team, roles.leader()),
                  AgentName(team, roles.survivor()), roles.reason()});
       json.Key("role").String(role).Key("roles").Raw(ToJson(roles));
+      if (shown->has_unstored()) {
+        json.Key("unstored").Raw(ToJson(shown->unstored()));
+        remarks += agent->name() + ": " + UnstoredText(team, shown->unstored()) + "\n";
+      }
     } else {
       table.Add({agent->name(), WhyNoAnswer(shown.error())}, Tone::kBad);
     }
     json.EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(ExitCodeOf(*answers), json.text(), table.Text());
+  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + remarks);
 }
 
 ExitCode ShowHistory(CommandContext& context) {
@@ -87,54 +97,69 @@ Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const st
 }
 
 // "swap rover1 rover2": these two must be the leader and the survivor, or it is not what the operator thinks.
-Result<proto::RoleSetRequest> ParseSwap(CommandContext& context, const std::vector<std::string>& words) {
+Result<proto::RoleSetRequest> ParseSwap(const proto::TeamConfig& team, const std::vector<std::string>& words,
+                                        const proto::RoleAssignment& standing) {
   proto::RoleSetRequest request;
   request.set_is_swap(true);
   if (words.empty()) return request;
-  auto team = context.Team();
-  if (!team) return tl::unexpected(team.error());
-  auto a = AgentNamed((*team)->config, words[0]);
-  auto b = AgentNamed((*team)->config, words[1]);
+  auto a = AgentNamed(team, words[0]);
+  auto b = AgentNamed(team, words[1]);
   if (!a || !b) return tl::unexpected(!a ? a.error() : b.error());
-  auto roles = context.Roles();
-  if (!roles) return tl::unexpected(roles.error());
   const std::set<AgentId> named{(*a)->id(), (*b)->id()};
-  if (named != std::set<AgentId>{roles->leader(), roles->survivor()}) {
-    return Fail(ErrorCode::kRefused, "leader and survivor are " + AgentName((*team)->config, roles->leader()) +
-                                         " and " + AgentName((*team)->config, roles->survivor()));
+  if (named != std::set<AgentId>{standing.leader(), standing.survivor()}) {
+    return Fail(ErrorCode::kRefused, "leader and survivor are " + AgentName(team, standing.leader()) + " and " +
+                                         AgentName(team, standing.survivor()));
   }
   return request;
 }
 
-// Whom to tell: -a; else the agent that is to lead; else the leader; else anyone who answers.
-Result<AgentClient> ChooseTarget(CommandContext& context, const proto::RoleSetRequest& request) {
-  if (!context.agent.empty()) return context.Connect(context.agent);
-  if (auto options = context.ClientOptions(); !options) return tl::unexpected(options.error());
-  const proto::TeamConfig& team = (*context.Team())->config;
-  if (request.leader() != 0) {
-    if (auto connected = context.Connect(AgentName(team, request.leader()))) return connected;
-  }
-  if (auto leader = context.ConnectToChosenOrLeader()) return leader;
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (auto connected = context.Connect(agent.name())) return connected;
-  }
-  return Fail(ErrorCode::kUnavailable, "no agent of team " + team.team() + " answers");
+// What the request relies on: the roles that the agent of -a holds, without it the newest ones of the team.
+Result<proto::RoleAssignment> StandingRoles(CommandContext& context) {
+  if (context.agent.empty()) return context.Roles();
+  auto chosen = context.Connect(context.agent);
+  if (!chosen) return tl::unexpected(chosen.error());
+  auto held = chosen->client->Roles();
+  if (!held) return tl::unexpected(held.error());
+  return held->roles();
 }
 
-ExitCode ChangeRoles(CommandContext& context, Result<proto::RoleSetRequest> request, const RoleArguments& arguments) {
+std::string JsonOf(const RoleChange::Done& done) {
+  JsonWriter json;
+  json.BeginObject().Key("roles").Raw(ToJson(done.shown.roles())).Key("confirmed_by").BeginArray();
+  for (const AgentId agent : done.shown.confirmed_by()) json.Number(agent);
+  json.EndArray().Key("not_confirmed").BeginArray();
+  for (const std::string& name : done.not_confirmed) json.String(name);
+  json.EndArray().EndObject();
+  return json.text();
+}
+
+using ParseWords = std::function<Result<proto::RoleSetRequest>(const proto::TeamConfig&, const proto::RoleAssignment&)>;
+
+ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const RoleArguments& arguments) {
+  auto team_file = context.Team();
+  if (!team_file) return context.Report(team_file.error());
+  const proto::TeamConfig& team = (*team_file)->config;
+  // What is typed wrong is said before anybody is asked.
+  if (auto parsed = parse(team, {}); !parsed && parsed.error().code == ErrorCode::kInvalid) {
+    return context.Report(parsed.error());
+  }
+  const auto standing = StandingRoles(context);
+  if (!standing) return context.Report(standing.error());
+  auto request = parse(team, *standing);
   if (!request) return context.Report(request.error());
   request->set_is_dry_run(arguments.is_dry_run);
   request->set_reason(arguments.reason);
-  auto target = ChooseTarget(context, *request);
-  if (!target) return context.Report(target.error());
-  auto shown = target->client->SetRoles(*request);
-  if (!shown) return context.Report(shown.error());
+  const auto done = RoleChange(context, *standing).Make(*std::move(request), !arguments.is_at_once);
+  if (!done) return context.Report(done.error());
 
-  const proto::TeamConfig& team = (*context.Team())->config;
+  const proto::RoleAssignment& roles = done->shown.roles();
   std::string text = arguments.is_dry_run ? "would be: " : "";
-  text += "term " + TermText(team, shown->roles().term()) + ": leader " + AgentName(team, shown->roles().leader()) +
-          ", survivor " + AgentName(team, shown->roles().survivor());
-  return context.Done(ToJson(*shown), text);
+  text += "term " + TermText(team, roles.term()) + ": leader " + AgentName(team, roles.leader()) + ", survivor " +
+          AgentName(team, roles.survivor());
+  std::string missing;
+  for (const std::string& name : done->not_confirmed) missing += (missing.empty() ? "" : " and ") + name;
+  if (!missing.empty()) text += "; not confirmed yet by " + missing + ", which will hear of it when reached";
+  return context.Print(missing.empty() ? ExitCode::kDone : ExitCode::kUnreachable, JsonOf(*done), text);
 }
 
 }  // namespace
@@ -152,6 +177,7 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
   const auto add_common = [&arguments](CLI::App& command) {
     command.add_flag("--dry-run", arguments->is_dry_run, "Say what would be, change nothing");
     command.add_option("--reason", arguments->reason, "Kept with the assignment");
+    command.add_flag("--no-wait", arguments->is_at_once, "Not until the new leader and survivor have confirmed");
   };
   CLI::App& set = *role.add_subcommand("set", "Give roles: AGENT leader|survivor [AGENT leader|survivor]");
   set.add_option("pairs", arguments->words, "AGENT ROLE ...")
@@ -161,9 +187,10 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
   add_common(set);
   set.callback([&context, arguments] {
     context.action = [&context, arguments] {
-      auto team = context.Team();
-      if (!team) return context.Report(team.error());
-      return ChangeRoles(context, ParsePairs((*team)->config, arguments->words), *arguments);
+      const auto parse = [arguments](const proto::TeamConfig& team, const proto::RoleAssignment&) {
+        return ParsePairs(team, arguments->words);
+      };
+      return ChangeRoles(context, parse, *arguments);
     };
   });
   CLI::App& swap = *role.add_subcommand("swap", "Exchange leader and survivor");
@@ -174,9 +201,10 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
       if (arguments->words.size() == 1) {
         return context.Report({ErrorCode::kInvalid, "expected two agents, or none", {}});
       }
-      auto team = context.Team();
-      if (!team) return context.Report(team.error());
-      return ChangeRoles(context, ParseSwap(context, arguments->words), *arguments);
+      const auto parse = [arguments](const proto::TeamConfig& team, const proto::RoleAssignment& standing) {
+        return ParseSwap(team, arguments->words, standing);
+      };
+      return ChangeRoles(context, parse, *arguments);
     };
   });
 }

@@ -1,6 +1,9 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <set>
+#include <thread>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -9,6 +12,7 @@
 #include "apps/moonctl/pause_command.h"
 #include "apps/moonctl/share_status.h"
 #include "apps/moonctl/share_wait.h"
+#include "model/term.h"
 
 namespace moondb {
 namespace {
@@ -23,6 +27,13 @@ const char* KindName(proto::SharingKind kind) {
   return kind == proto::SHARING_KIND_REPLICATION ? "replication" : "sync";
 }
 
+// Whether the request means that agent's records.
+std::function<bool(AgentId)> IsAsked(const proto::ShareRequest& request) {
+  return [from = std::set<AgentId>(request.from_agents().begin(), request.from_agents().end())](AgentId agent) {
+    return from.empty() || from.contains(agent);
+  };
+}
+
 // Which sessions a request at `target` starts (proto/sharing.proto): at the leader, from those asked and then from
 // itself to all; elsewhere from the agent to the leader.
 std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId target,
@@ -30,10 +41,7 @@ std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleA
   if (request.kind() == proto::SHARING_KIND_REPLICATION) return {{target, roles.survivor(), request.kind()}};
   if (target != roles.leader()) return {{target, roles.leader(), request.kind()}};
   std::vector<SharePair> pairs;
-  const auto& from = request.from_agents();
-  const auto is_meant = [&from](AgentId agent) {
-    return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
-  };
+  const auto is_meant = IsAsked(request);
   for (const proto::AgentConfig& agent : team.agents()) {
     if (agent.id() == target) continue;
     if (is_meant(agent.id())) pairs.push_back({agent.id(), target, request.kind()});
@@ -63,40 +71,180 @@ std::string Joined(const std::vector<std::string>& words) {
   return text;
 }
 
+// What came of an order.
+struct Shared {
+  std::string agent;  // That took it.
+  std::uint32_t session_count = 0;
+  bool is_waited = false;
+  bool is_limited = false;
+  std::vector<std::string> unreachable;
+  std::vector<ShareWait::NotGathered> not_gathered;
+};
+
+// One order of an operator's, given to the agent of -a or to the leader. It names the term whose roles moonctl has
+// read; where that agent acts on another one, or the roles change while moonctl waits, moonctl begins anew.
+class ShareOrder {
+ public:
+  ShareOrder(CommandContext& context, proto::ShareRequest request, bool is_waiting)
+      : context_(context), request_(std::move(request)), is_waiting_(is_waiting), limit_(context) {}
+
+  // kRefused where the roles do not come to rest.
+  Result<Shared> Give();
+
+ private:
+  struct Target {
+    AgentClient client;
+    proto::RoleAssignment roles;
+  };
+
+  // Nothing: the roles have changed, see changed_.
+  Result<std::optional<Shared>> Try();
+  Result<std::optional<Target>> ChooseTarget();
+  Result<std::uint64_t> Order(Target& target, Shared& shared);
+  std::string TermText(const proto::RoleAssignment& roles) const;
+
+  CommandContext& context_;
+  proto::ShareRequest request_;
+  bool is_waiting_;
+  WaitLimit limit_;
+  std::string changed_;
+};
+
+constexpr char kExpectedTerm[] = "expected_term";  // Field of the refusal.
+// Before each beginning. A new leader stores its term and asks around for up to 2 s before it acts.
+constexpr std::chrono::milliseconds kPauses[] = {std::chrono::milliseconds(100), std::chrono::milliseconds(300),
+                                                 std::chrono::milliseconds(1000), std::chrono::milliseconds(2000),
+                                                 std::chrono::milliseconds(3000)};
+
+Result<Shared> ShareOrder::Give() {
+  auto shared = Try();
+  for (const std::chrono::milliseconds pause : kPauses) {
+    if (!shared || *shared || limit_.is_over()) break;
+    std::this_thread::sleep_for(pause);
+    shared = Try();
+  }
+  if (!shared) return tl::unexpected(shared.error());
+  if (*shared) return **std::move(shared);
+  return Fail(ErrorCode::kRefused, "the roles do not come to rest: " + changed_ + "; see moonctl role show");
+}
+
+Result<std::optional<Shared>> ShareOrder::Try() {
+  auto target = ChooseTarget();
+  if (!target) return tl::unexpected(target.error());
+  if (!*target) return std::nullopt;
+  Client& client = *(*target)->client.client;
+  const proto::RoleAssignment& roles = (*target)->roles;
+  Shared shared;
+  shared.agent = (*target)->client.agent->name();
+  const auto is_changed = [this](const Error& error) {
+    if (error.field != kExpectedTerm) return false;
+    changed_ = error.text;
+    return true;
+  };
+  *request_.mutable_expected_term() = roles.term();
+  if (!is_waiting_) {
+    const auto ordered = Order(**target, shared);
+    if (!ordered && is_changed(ordered.error())) return std::nullopt;
+    if (!ordered) return tl::unexpected(ordered.error());
+    return shared;
+  }
+  ShareWait::Options options;
+  options.target = (*target)->client.agent->id();
+  options.roles = roles;
+  options.pairs = PairsOf((*context_.Team())->config, roles, options.target, request_);
+  // What a limit ends is not all in any case.
+  if (options.target == roles.leader() && request_.bytes_max() == 0) options.is_gathering_meant = IsAsked(request_);
+  ShareWait wait(context_, std::move(options));
+  const auto is_done = wait.Wait([&] { return Order(**target, shared); }, limit_);
+  if (!is_done && is_changed(is_done.error())) return std::nullopt;
+  if (!is_done) return tl::unexpected(is_done.error());
+  const auto now = client.Roles();
+  const bool is_term_kept = *is_done && now && OrderOf(now->roles().term()) == OrderOf(roles.term());
+  if (!is_term_kept) {
+    if (*is_done && !now) return tl::unexpected(now.error());
+    const proto::RoleAssignment& newer = wait.newer_roles() ? *wait.newer_roles() : now->roles();
+    changed_ = "the order was given in " + TermText(roles) + ", now " + TermText(newer) + " stands";
+    return std::nullopt;
+  }
+  shared.is_waited = true;
+  shared.is_limited = wait.is_any_limited();
+  shared.unreachable = wait.unreachable();
+  for (const ShareWait::NotGathered& from : wait.not_gathered()) shared.not_gathered.push_back(from);
+  return shared;
+}
+
+Result<std::optional<ShareOrder::Target>> ShareOrder::ChooseTarget() {
+  std::optional<proto::RoleAssignment> newest;
+  if (context_.agent.empty()) {
+    auto roles = context_.Roles();
+    if (!roles) return tl::unexpected(roles.error());
+    newest = *roles;
+  }
+  auto client = newest ? context_.ConnectToLeaderOf(*newest) : context_.Connect(context_.agent);
+  if (!client) return tl::unexpected(client.error());
+  auto held = client->client->Roles();
+  if (!held) return tl::unexpected(held.error());
+  if (newest && OrderOf(held->roles().term()) != OrderOf(newest->term())) {
+    changed_ = client->agent->name() + " holds " + TermText(held->roles()) + ", another agent " + TermText(*newest);
+    return std::nullopt;
+  }
+  return Target{*std::move(client), held->roles()};
+}
+
+Result<std::uint64_t> ShareOrder::Order(Target& target, Shared& shared) {
+  auto reply = target.client.client->Share(request_);
+  if (!reply) return tl::unexpected(reply.error());
+  shared.session_count = reply->session_count();
+  return reply->order();
+}
+
+std::string ShareOrder::TermText(const proto::RoleAssignment& roles) const {
+  const proto::Term& term = roles.term();
+  return "term " + std::to_string(term.number()) +
+         (term.issuer() == 0 ? "" : " by " + AgentName((*context_.Team())->config, term.issuer()));
+}
+
+std::string JsonOf(const Shared& shared, proto::SharingKind kind) {
+  JsonWriter json;
+  json.BeginObject().Key("agent").String(shared.agent).Key("kind").String(KindName(kind));
+  json.Key("session_count").Number(shared.session_count);
+  json.Key("is_acknowledged").Bool(shared.is_waited && !shared.is_limited);
+  json.Key("unreachable").BeginArray();
+  for (const std::string& name : shared.unreachable) json.String(name);
+  json.EndArray().Key("not_gathered").BeginArray();
+  for (const ShareWait::NotGathered& from : shared.not_gathered) {
+    json.BeginObject().Key("agent").String(from.agent).Key("why").String(from.why).EndObject();
+  }
+  json.EndArray().EndObject();
+  return json.text();
+}
+
+std::string TextOf(const Shared& shared, proto::SharingKind kind) {
+  std::string text = std::string(KindName(kind)) + " at " + shared.agent;
+  if (!shared.is_waited) {
+    return text + ": started, see moonctl " + (kind == proto::SHARING_KIND_SYNC ? "sync" : "replicate") + " status";
+  }
+  text += shared.is_limited ? ": what the limit allows is acknowledged, more is left" : ": everything is acknowledged";
+  if (!shared.unreachable.empty()) text += "; unreachable: " + Joined(shared.unreachable);
+  std::vector<std::string> not_gathered;
+  for (const ShareWait::NotGathered& from : shared.not_gathered) {
+    const auto& named = shared.unreachable;
+    if (std::find(named.begin(), named.end(), from.agent) == named.end()) {
+      not_gathered.push_back(from.agent + " (" + from.why + ")");
+    }
+  }
+  if (!not_gathered.empty()) text += "; not there yet is what is held only by " + Joined(not_gathered);
+  return text;
+}
+
 ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareArguments& arguments) {
   auto request = MakeRequest(context, kind, arguments);
   if (!request) return context.Report(request.error());
-  auto target = context.ConnectToChosenOrLeader();
-  if (!target) return context.Report(target.error());
-  auto roles = target->client->Roles();
-  if (!roles) return context.Report(roles.error());
-
-  std::optional<ShareWait> wait;
-  if (arguments.is_waiting) {
-    const proto::TeamConfig& team = (*context.Team())->config;
-    wait.emplace(context, PairsOf(team, roles->roles(), target->agent->id(), *request));
-  }
-  auto reply = target->client->Share(*request);
-  if (!reply) return context.Report(reply.error());
-  if (wait) {
-    if (auto done = wait->Wait(context.WaitTimeout()); !done) return context.Report(done.error());
-  }
-
-  JsonWriter json;
-  json.BeginObject().Key("agent").String(target->agent->name()).Key("kind").String(KindName(kind));
-  json.Key("session_count").Number(reply->session_count()).Key("is_acknowledged").Bool(wait && !wait->is_any_limited());
-  json.Key("unreachable").BeginArray();
-  for (const std::string& name : wait ? wait->unreachable() : std::vector<std::string>{}) json.String(name);
-  json.EndArray().EndObject();
-  std::string text = std::string(KindName(kind)) + " at " + target->agent->name();
-  const char* acknowledged = wait && wait->is_any_limited() ? ": what the limit allows is acknowledged, more is left"
-                                                            : ": everything is acknowledged";
-  text += wait ? acknowledged
-               : ": started, see moonctl " + std::string(kind == proto::SHARING_KIND_SYNC ? "sync" : "replicate") +
-                     " status";
-  if (wait && !wait->unreachable().empty()) text += "; unreachable: " + Joined(wait->unreachable());
-  const bool is_partial = wait && !wait->unreachable().empty();
-  return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, json.text(), text);
+  const auto shared = ShareOrder(context, *std::move(request), arguments.is_waiting).Give();
+  if (!shared) return context.Report(shared.error());
+  const bool is_partial = !shared->unreachable.empty() || !shared->not_gathered.empty();
+  return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, JsonOf(*shared, kind),
+                       TextOf(*shared, kind));
 }
 
 void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& session, JsonWriter& json) {

@@ -5,6 +5,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/health.h"
 #include "model/leases.h"
 
 namespace moondb {
@@ -36,11 +37,33 @@ std::vector<std::string> Row(const proto::AgentConfig& agent, const proto::Agent
 }
 
 // A line for each thing that a person should know.
-std::string RemarksOn(const proto::AgentConfig& agent, const proto::AgentStatus& status) {
-  const std::string& clock = status.storage().clock_suspect();
-  const std::string& space = status.storage().space_low();
-  return (clock.empty() ? "" : agent.name() + ": clock suspect: " + clock + "\n") +
-         (space.empty() ? "" : agent.name() + ": space low: " + space + "\n");
+std::string RemarksOn(const proto::TeamConfig& team, const proto::AgentConfig& agent,
+                      const proto::AgentStatus& status) {
+  const proto::StorageStatus& storage = status.storage();
+  std::string remarks;
+  const auto remark = [&](const std::string& text) { remarks += agent.name() + ": " + text + "\n"; };
+  if (!storage.clock_suspect().empty()) remark("clock suspect: " + storage.clock_suspect());
+  if (status.has_unstored_roles()) remark(UnstoredText(team, status.unstored_roles()));
+  if (!storage.write_trouble().empty()) {
+    remark("stores nothing: " + storage.write_trouble());
+  } else if (!storage.refused_inserts().empty()) {
+    remark(storage.refused_inserts());
+  } else if (!storage.space_low().empty()) {
+    remark("space low: " + storage.space_low());
+  }
+  return remarks;
+}
+
+// Two agents that lead are two parts of a team, or one that does not know better yet. Empty: there is at most one.
+std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::AgentStatus>& statuses) {
+  std::string leaders;
+  int count = 0;
+  for (const proto::AgentStatus& status : statuses) {
+    if (status.role() != proto::ROLE_LEADER) continue;
+    leaders += (count++ == 0 ? "" : " and ") + AgentName(team, status.agent_id()) + " (term " +
+               std::to_string(status.roles().term().number()) + ")";
+  }
+  return count < 2 ? "" : leaders + " lead: they do not reach each other, or have not agreed yet\n";
 }
 
 // Who drives, sleeps or is paused: an agent's own word, and of agents that do not answer what others know.
@@ -74,7 +97,7 @@ ExitCode ShowStatus(CommandContext& context) {
     json.Key("id").Number(agent->id());
     if (status) {
       table.Add(Row(*agent, *status));
-      remarks += RemarksOn(*agent, *status);
+      remarks += RemarksOn((*context.Team())->config, *agent, *status);
       json.Key("status").Raw(ToJson(*status));
       statuses.push_back(*status);
     } else {
@@ -84,7 +107,9 @@ ExitCode ShowStatus(CommandContext& context) {
   }
   json.EndArray().EndObject();
   const std::string leases = LeasesText((*context.Team())->config, statuses);
-  return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + leases + remarks);
+  const std::string leaders = LeadersText((*context.Team())->config, statuses);
+  const ExitCode code = leaders.empty() ? ExitCodeOf(*answers) : ExitCode::kFailed;
+  return context.Print(code, json.text(), table.Text() + leases + leaders + remarks);
 }
 
 }  // namespace

@@ -1,7 +1,10 @@
 #include <signal.h>
+#include <stdlib.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <set>
 #include <thread>
 #include <tuple>
@@ -12,6 +15,7 @@
 #include "apps/moonctl/agent_process.h"
 #include "apps/moonctl/commands.h"
 #include "model/term.h"
+#include "model/text.h"
 
 namespace moondb {
 namespace {
@@ -31,10 +35,12 @@ struct UpArguments {
 struct LocalAgent {
   std::string name;
   std::filesystem::path folder;
+  std::filesystem::path log;
   pid_t pid = 0;
   std::string state;
   std::string role = "-";
   bool is_ours = false;  // Started by this command.
+  std::string remark;    // A line below the table; empty: none.
   bool is_failed = false;
 };
 
@@ -50,7 +56,7 @@ bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& co
 }
 
 Result<proto::AgentStatus> AskStatus(CommandContext& context, const LocalAgent& agent) {
-  auto connected = context.Connect(agent.name);
+  auto connected = context.ConnectHere(agent.name);
   if (!connected) return tl::unexpected(connected.error());
   return connected->client->Status();
 }
@@ -72,10 +78,24 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     if (!context.agent.empty() && agent.name() != context.agent) continue;
     LocalAgent& local = agents.emplace_back();
     local.name = agent.name();
-    local.folder = arguments.data_folder.empty() ? DefaultDataFolder(context.TeamPath(), agent.name())
-                                                 : std::filesystem::absolute(arguments.data_folder) / agent.name();
+    const auto root = arguments.data_folder.empty() ? DefaultDataRoot((*team)->folder)
+                                                    : std::filesystem::absolute(arguments.data_folder);
+    const auto folder = FindDataFolder(root, (*team)->config, agent);
+    if (!folder) {
+      // Another team's process is neither started nor stopped in this one's place.
+      local.is_failed = true;
+      local.state = "failed: " + ToString(folder.error());
+      continue;
+    }
+    local.folder = *folder;
     local.pid = OwnerOf(local.folder);
-    const pid_t answering = AnsweringProcess(context, local);
+    if (folder->filename() != agent.name()) local.remark = agent.name() + " keeps its data in " + folder->string();
+    const auto status = AskStatus(context, local);
+    if (status && status->name() != agent.name()) {
+      local.remark += (local.remark.empty() ? "" : "\n") + agent.name() + " is called " + OneLine(status->name()) +
+                      " until it is started again";
+    }
+    const pid_t answering = status ? static_cast<pid_t>(status->pid()) : 0;
     if (answering == 0 || answering == local.pid) continue;
     // Not the one that was asked for: neither started beside it nor stopped in its place.
     local.is_failed = true;
@@ -84,7 +104,14 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
   return agents;
 }
 
-std::filesystem::path LogOf(const LocalAgent& agent) { return agent.folder / "agent.log"; }
+// In the data folder; on a read-only file system a new file elsewhere.
+std::filesystem::path LogFor(const LocalAgent& agent) {
+  if (::access(agent.folder.c_str(), W_OK) == 0 || errno != EROFS) return agent.folder / "agent.log";
+  std::string name = std::filesystem::temp_directory_path() / ("moondb-" + agent.name + "-XXXXXX");
+  const int log = ::mkstemp(name.data());
+  if (log >= 0) ::close(log);
+  return log >= 0 ? name : "/dev/null";
+}
 
 // All of them know one and the same assignment, and its leader has taken a term of its own (actors/role). Fills in
 // what their roles are.
@@ -113,7 +140,8 @@ Result<void> Start(const CommandContext& context, const UpArguments& arguments, 
                                    agent.folder.string()};
   if (!arguments.merge_backend.empty()) command.insert(command.end(), {"--merge-backend", arguments.merge_backend});
   if (!arguments.log_format.empty()) command.insert(command.end(), {"--log-format", arguments.log_format});
-  auto started = StartProcess(command, LogOf(agent));
+  agent.log = LogFor(agent);
+  auto started = StartProcess(command, agent.log);
   if (!started) return tl::unexpected(started.error());
   agent.pid = *started;
   agent.is_ours = true;
@@ -131,8 +159,8 @@ void StopOurs(std::vector<LocalAgent>& agents) {
 }
 
 void Shutdown(CommandContext& context, LocalAgent& agent) {
-  const auto is_gone = [&] { return OwnerOf(agent.folder) == 0 && !context.Connect(agent.name); };
-  auto connected = context.Connect(agent.name);
+  const auto is_gone = [&] { return OwnerOf(agent.folder) == 0 && !context.ConnectHere(agent.name); };
+  auto connected = context.ConnectHere(agent.name);
   if (agent.pid == 0 && !connected) {
     agent.state = "not running";
     return;
@@ -152,7 +180,9 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
   ExitCode code = ExitCode::kDone;
+  std::string remarks;
   for (const LocalAgent& agent : agents) {
+    if (!agent.remark.empty()) remarks += agent.remark + "\n";
     if (agent.is_failed) code = ExitCode::kFailed;
     const std::string pid = agent.pid == 0 ? "-" : std::to_string(agent.pid);
     table.Add({agent.name, pid, agent.state, agent.role, agent.folder.string()});
@@ -161,11 +191,11 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
     json.Key("data_folder").String(agent.folder.string()).EndObject();
   }
   json.EndArray().EndObject();
-  return context.Print(code, json.text(), table.Text());
+  return context.Print(code, json.text(), table.Text() + remarks);
 }
 
 Result<void> CheckHere(CommandContext& context) {
-  context.ForgetKey();
+  context.StayHere();
   if (context.via.empty()) return {};
   return Fail(ErrorCode::kInvalid, "is about processes of this machine; run it there", "--via");
 }
@@ -193,9 +223,9 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     agent.state = agent.is_ours ? "started" : "was running";
     agent.is_failed = has_ended || !is_decided;
     if (has_ended) {
-      agent.state = "failed: " + LastLine(LogOf(agent));
+      agent.state = "failed: " + LastLine(agent.log);
     } else if (!is_decided) {
-      agent.state = "does not answer; see " + LogOf(agent).string();
+      agent.state = "does not answer; see " + agent.log.string();
       if (agent.is_ours) ::kill(agent.pid, SIGKILL);
     }
   }

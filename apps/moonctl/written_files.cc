@@ -1,6 +1,10 @@
 #include "apps/moonctl/written_files.h"
 
+#include <fcntl.h>
 #include <signal.h>
+#include <unistd.h>
+
+#include <cerrno>
 
 #include "model/text.h"
 
@@ -55,6 +59,29 @@ Result<void> WriteTogether(const std::filesystem::path& folder, const std::vecto
     return Fail(done.error().code, done.error().text + "; choose another folder, or make room", done.error().field);
   }
   return {};
+}
+
+Result<void> ReplaceFile(const std::filesystem::path& file, const std::string& bytes) {
+  const HeldSignals held;
+  const auto failed = [&file](const std::error_code& failure) {
+    return Fail(ErrorCode::kInternal, "cannot be written: " + failure.message(), file.string());
+  };
+  std::error_code failure;
+  const std::filesystem::path target = std::filesystem::canonical(file, failure);
+  if (failure) return failed(failure);
+  const auto mode = std::filesystem::status(target, failure).permissions();
+  if (failure) return failed(failure);
+  const std::filesystem::path aside = AsideOf({target, ""});
+  if (auto done = WriteTextFile(aside, bytes); !done) return Fail(done.error().code, done.error().text, file.string());
+  std::filesystem::permissions(aside, mode, failure);
+  const int descriptor = failure ? -1 : ::open(aside.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor >= 0 && ::fsync(descriptor) != 0) failure = std::error_code(errno, std::generic_category());
+  if (descriptor >= 0) ::close(descriptor);
+  if (!failure) std::filesystem::rename(aside, target, failure);
+  if (!failure) return {};
+  std::error_code ignored;
+  std::filesystem::remove(aside, ignored);
+  return failed(failure);
 }
 
 }  // namespace moondb

@@ -20,4 +20,8 @@ struct FileBytes {
 // if the folder cannot be made or a file not be written.
 Result<void> WriteTogether(const std::filesystem::path& folder, const std::vector<FileBytes>& files);
 
+// Puts `bytes` in the place of a file that is there, at once and on the disk: a crash leaves the one or the other. It
+// keeps who may read it; a link stays one, and the file that it leads to is replaced. kInternal with the path.
+Result<void> ReplaceFile(const std::filesystem::path& file, const std::string& bytes);
+
 }  // namespace moondb

@@ -1,9 +1,13 @@
 #include "apps/moondb_agent/agent.h"
 
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
+#include <cstdlib>
+#include <optional>
+#include <random>
 #include <set>
 #include <utility>
 
@@ -24,6 +28,7 @@
 #include "actors/storage/storage_actor.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
+#include "apps/common/utc.h"
 #include "model/check.h"
 #include "runtime/actor_system.h"
 #include "runtime/client_list.h"
@@ -41,11 +46,17 @@ constexpr std::array kStandardActors = {
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
-// What the operator should hear now and not from an actor's third restart.
-Result<void> CheckStore(const StorageActor::Options& options) {
-  auto store = RecordStore::Open(StorageActor::StoreOptions(options));
+// What the operator should hear now and not from an actor's third restart. What is news of the time before is written
+// down at once, since this start may still come to nothing. The file that was set aside; empty: none was.
+Result<std::string> CheckStore(const StorageActor::Options& options) {
+  RecordStore::Options store_options = StorageActor::StoreOptions(options);
+  std::random_device entropy;
+  store_options.seed = std::uint64_t{entropy()} << 32 | entropy();
+  auto store = RecordStore::Open(std::move(store_options));
   if (!store) return tl::unexpected(store.error());
-  return {};
+  const Result<void> written = (*store)->WriteDownLastLife(UtcNowNs());
+  if (!written) spdlog::warn("how the process before ended is not written down: {}", ToString(written.error()));
+  return (*store)->set_aside();
 }
 
 Result<void> CheckOwnActors(const std::vector<OwnActor>& actors) {
@@ -92,6 +103,7 @@ class Agent::Impl {
 
   ~Impl() {
     if (dumps_on_crash_) DumpTraceOnCrash(nullptr, "");
+    if (!has_failed_) stopped_at_ns_ = UtcNowNs();
     // Actors end while the transport still stands (they may send to it); then nothing calls the system any more.
     if (system_ != nullptr) system_->Stop();
     transport_.reset();
@@ -102,12 +114,17 @@ class Agent::Impl {
     auto endpoint = ClientEndpoint(team_, options_.name);
     if (!endpoint) return tl::unexpected(endpoint.error());
     endpoint_ = *endpoint;
-    if (auto checked = CheckStore(StorageOptions()); !checked) return checked;
+    const Result<std::string> set_aside = CheckStore(StorageOptions());
+    if (!set_aside) return tl::unexpected(set_aside.error());
+    set_aside_ = *set_aside;
     if (options_.merge_backend == MergeBackend::kGl) {
       if (auto gl = CreateGatherBackend(MergeBackend::kGl); !gl) return tl::unexpected(gl.error());
     }
     MakeSystem();
-    return Run();
+    if (auto running = Run(); !running) return running;
+    // For clients whose environment is another one; a full disk keeps nobody from starting.
+    if (auto told = WriteEndpoint(options_.data_folder, endpoint_); !told) spdlog::warn("{}", ToString(told.error()));
+    return {};
   }
 
   const std::string& endpoint() const { return endpoint_; }
@@ -144,13 +161,22 @@ class Agent::Impl {
     ActorSystem::Options system;
     system.self = self_;
     system.base_station = BaseStationOf(team_.config);
-    system.on_fatal = options_.on_fatal;
+    system.on_fatal = [this](const Error& error) {
+      has_failed_ = true;
+      if (!options_.on_fatal) std::abort();
+      options_.on_fatal(error);
+    };
     system.on_stop_requested = options_.on_stop_requested;
     system_ = std::make_unique<ActorSystem>(std::move(system));
 
     const proto::TeamConfig& team = team_.config;
     StorageActor::Options storage = StorageOptions();
     storage.is_checked = true;  // By CheckStore.
+    storage.set_aside = set_aside_;
+    storage.stopped_at_ns = [this]() -> std::optional<std::int64_t> {
+      const std::int64_t stopped_at_ns = stopped_at_ns_;
+      return stopped_at_ns == 0 ? std::nullopt : std::optional(stopped_at_ns);
+    };
     SpawnActor<StorageActor>(*system_, actor_name::kStorage, Placement::kOwnThread, std::move(storage));
 
     ClockActor::Options clock;
@@ -217,6 +243,7 @@ class Agent::Impl {
     GatewayActor::Options gateway;
     gateway.self = self_;
     gateway.team = team;
+    gateway.config_hash = team_.hash;
     gateway.version = options_.version;
     gateway.pid = static_cast<std::uint32_t>(::getpid());
     gateway.merge_backend = [this] { return ToString(merge_backend_); };
@@ -253,7 +280,10 @@ class Agent::Impl {
   DataFolderLock lock_;  // Freed last: the database is closed before.
   AgentId self_ = 0;
   std::string endpoint_;
+  std::string set_aside_;  // At this start.
   bool dumps_on_crash_ = false;
+  std::atomic<bool> has_failed_ = false;         // An actor is beyond help: this is no end that was asked for.
+  std::atomic<std::int64_t> stopped_at_ns_ = 0;  // 0: it runs, or failed.
   std::atomic<bool> is_running_ = false;
   std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // That merges now.
   std::unique_ptr<ActorSystem> system_;
@@ -276,6 +306,11 @@ Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions o
   if (auto checked = CheckOwnActors(options.own_actors); !checked) return tl::unexpected(checked.error());
   auto lock = DataFolderLock::Take(options.data_folder);
   if (!lock) return tl::unexpected(lock.error());
+  const DataOwner owner = DataOwnerOf(team.config, *FindAgent(team.config, options.name));
+  if (auto marked = MarkDataFolder(options.data_folder, owner); !marked) {
+    if (marked.error().code == ErrorCode::kRefused) return tl::unexpected(marked.error());
+    spdlog::warn("{}", ToString(marked.error()));  // On a full disk; the store itself says whose it is.
+  }
   auto impl = std::make_unique<Impl>(team, std::move(options), std::move(*lock));
   if (auto started = impl->Start(); !started) return tl::unexpected(started.error());
   return std::unique_ptr<Agent>(new Agent(std::move(impl)));

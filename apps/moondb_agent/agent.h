@@ -21,7 +21,7 @@
 namespace moondb {
 
 // An actor of the user's, supervised like the standard ones. Others reach it by its name: actors of this agent and of
-// others with Message.custom (or any body that may leave an agent), clients with Client::Ask. It is told, as it may
+// others with Message.custom, clients with Client::Ask. It is told, as it may
 // ignore, RecordsStored after each commit of new rows, RolesChanged and LeasesChanged after each change of these.
 struct OwnActor {
   std::string name;  // 1 to 32 lower-case letters, digits, - and _; none of the standard actors'.

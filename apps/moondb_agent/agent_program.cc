@@ -101,11 +101,15 @@ class StopWaiter {
   std::atomic<int> exit_code_ = kStopped;
 };
 
+Result<std::filesystem::path> DataFolderOf(const Arguments& arguments, const TeamFile& team,
+                                           const proto::AgentConfig& agent) {
+  if (!arguments.data_folder.empty()) return std::filesystem::path(arguments.data_folder);
+  return FindDataFolder(DefaultDataRoot(team.folder), team.config, agent);
+}
+
 AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program, StopWaiter& waiter) {
   AgentOptions options;
   options.name = arguments.agent;
-  options.data_folder = arguments.data_folder.empty() ? DefaultDataFolder(arguments.team, arguments.agent)
-                                                      : std::filesystem::path(arguments.data_folder);
   options.merge_backend = *ParseMergeBackend(arguments.merge_backend);  // Checked by the command line.
   options.secret_key_file = arguments.secret_key;
   options.clients_file = arguments.clients_file;
@@ -151,6 +155,12 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
 
   StopWaiter waiter;
   AgentOptions options = MakeOptions(arguments, program, waiter);
+  auto folder = DataFolderOf(arguments, *team, **named);
+  if (!folder) return Complain(program, kFailed, ToString(folder.error()));
+  if (arguments.data_folder.empty() && folder->filename() != arguments.agent) {
+    spdlog::info("the data stay in {}: an agent is found by its id", folder->string());
+  }
+  options.data_folder = *std::move(folder);
   if (program.make_actors) {
     auto actors = program.make_actors((*named)->id(), team->config);
     if (!actors) return Complain(program, kUsage, ToString(actors.error()));

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "actors/storage/have_ledger.h"
+#include "actors/storage/own_epochs.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/disk_damage.h"
 
@@ -38,7 +39,10 @@ bool AgentLives::CheckStore(AgentId agent) {
   storage.team = world_.config;
   was_cut_ = false;
   const Result<std::unique_ptr<RecordStore>> store = RecordStore::Open(StorageActor::StoreOptions(storage));
-  if (!store && !was_cut_) {
+  // What has to be mended, or made anew, waits for a disk that can be written.
+  const bool is_broken = broken_.contains(agent) && world_.disk.IsInTrouble(SimulatedWorld::Prefix(agent));
+  if (store) broken_.erase(agent);
+  if (!store && !was_cut_ && !is_broken) {
     world_.Violate("starts", "agent " + std::to_string(agent) + " does not start: " + ToString(store.error()));
   }
   if (store && !(*store)->set_aside().empty()) damaged_.erase(agent);
@@ -103,6 +107,7 @@ void AgentLives::Restart(AgentId agent) {
   const auto fault = disk_fault_.find(agent);
   if (fault != disk_fault_.end()) {
     BreakDisk(agent, fault->second);
+    broken_.insert(agent);
     disk_fault_.erase(fault);
   } else if (world_.rng() % 4 == 0) {
     old_disks_[agent] = world_.disk.Save(SimulatedWorld::Prefix(agent));
@@ -111,6 +116,7 @@ void AgentLives::Restart(AgentId agent) {
   to_restart_.erase(agent);
   failures_[agent] = world_.team.restarts(agent);
   world_.team.Restart(agent);
+  robots_.OnAgentStarted(agent);
   TellOthers(agent, true);
   CheckHave(agent);
 }
@@ -121,8 +127,9 @@ void AgentLives::BreakDisk(AgentId agent, const std::string& fault) {
   if (fault == "damage") {
     world_.disk.Damage(SimulatedWorld::Prefix(agent));
     damaged_.insert(agent);
-  } else if (fault == "old_disk" && old != old_disks_.end()) {
+  } else if ((fault == "old_disk" || fault == "backup") && old != old_disks_.end()) {
     world_.disk.Restore(SimulatedWorld::Prefix(agent), old->second);
+    if (fault == "backup") MarkBackup(agent);
   } else {
     world_.disk.Wipe(SimulatedWorld::Prefix(agent));
   }
@@ -130,9 +137,19 @@ void AgentLives::BreakDisk(AgentId agent, const std::string& fault) {
   world_.rules.ForgetRoles(agent);
 }
 
+// As `moonctl db backup` leaves its copy. One of a damaged disk is as it is.
+void AgentLives::MarkBackup(AgentId agent) {
+  world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
+  Result<std::unique_ptr<Database>> database = Database::Open(SimulatedWorld::PathOf(agent), 0, world_.disk.name());
+  if (database && (*database)->QuickCheck()) (void)(*database)->Execute(kForgetIncarnationSql);
+}
+
 // All that the disk holds is held for certain, but for what is damaged.
 void AgentLives::BreakDatabase(AgentId agent, const std::string& fault) {
   world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
+  // What breaks it writes to it.
+  world_.disk.SetRoom(SimulatedWorld::Prefix(agent), std::nullopt);
+  world_.disk.SetFailing(SimulatedWorld::Prefix(agent), false);
   Result<std::unique_ptr<Database>> database = Database::Open(SimulatedWorld::PathOf(agent), 0, world_.disk.name());
   HaveLedger ledger;
   // It is damaged already, or its agent did not live to make it.

@@ -44,6 +44,7 @@ class AgentLives {
   void TellOthers(AgentId agent, bool is_up);
   void BreakDisk(AgentId agent, const std::string& fault);
   void BreakDatabase(AgentId agent, const std::string& fault);
+  void MarkBackup(AgentId agent);
   void CheckHave(AgentId agent);
 
   SimulatedWorld& world_;
@@ -54,6 +55,7 @@ class AgentLives {
   std::set<AgentId> to_restart_;               // They do not run, and will again.
   std::map<AgentId, Duration> down_for_;       // Of those that are killed for so long.
   std::set<AgentId> gone_;                     // They do not run, and the others know.
+  std::set<AgentId> broken_;                   // Disks that BreakDisk changed, until their store opens.
   std::set<AgentId> damaged_;                  // Disks that were damaged in many places.
   std::map<AgentId, std::uint64_t> failures_;  // Of actors, which were meant to fail; as SimulatedTeam::restarts.
 };

@@ -68,7 +68,9 @@ void FailoverWatch::OnFailure(const std::string& actor, MonotonicTime now) {
 }
 
 void FailoverWatch::SetRoles(const proto::RoleAssignment& roles, MonotonicTime now) {
-  if (!IsNewer(roles.term(), roles_.term())) return;
+  const bool is_known = roles.leader() == roles_.leader() && roles.survivor() == roles_.survivor() &&
+                        OrderOf(roles.term()) == OrderOf(roles_.term());
+  if (is_known || IsNewer(roles_.term(), roles.term())) return;
   roles_ = roles;
   roles_since_ = now;
 }

@@ -25,6 +25,7 @@ const std::vector<FaultKind>& FaultKinds() {
       {"fail", 12, "an actor fails at a message"},
       {"wipe", 0.5, "an agent comes back with an empty disk"},
       {"old_disk", 0.5, "an agent comes back with an older copy of its disk"},
+      {"backup", 0.25, "an agent comes back with an older backup of its store, as `moonctl db backup` makes it"},
       {"damage", 0.5, "an agent comes back with a disk that is damaged in many places"},
       {"damage_record", 1, "an agent comes back with one byte of one record changed"},
       {"damage_interval", 1, "an agent comes back with one interval of its have-set changed"},
@@ -38,6 +39,8 @@ const std::vector<FaultKind>& FaultKinds() {
       {"prune", 4,
        "the operator prunes an agent, every other time its part of the pose graph's nodes too; in one seed "
        "of three"},
+      {"full", 1.5, "an agent's disk is full for 1 to 10 minutes, every third time from a start on"},
+      {"failing", 1.5, "likewise, it fails: each write is an I/O error, perhaps in the middle"},
   };
   return kinds;
 }

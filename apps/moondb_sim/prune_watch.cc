@@ -1,11 +1,13 @@
 #include "apps/moondb_sim/prune_watch.h"
 
+#include "apps/moondb_sim/state_watch.h"
+
 namespace moondb::simulation {
 
 HaveSet PrunedOf(const HaveSet& have) {
   HaveSet pruned;
   for (const auto& [key, stream] : have.streams()) {
-    const bool is_superseded = key.type == proto::POWER || key.type == proto::OPTIMIZED_POSE;
+    const bool is_superseded = IsState(key.type) || key.type == proto::OPTIMIZED_POSE;
     if (!is_superseded && !stream.dropped.is_empty()) pruned[key].dropped = stream.dropped;
   }
   return pruned;

@@ -1,7 +1,5 @@
 #include "apps/moondb_sim/rules.h"
 
-#include <xxhash.h>
-
 #include <algorithm>
 #include <iterator>
 
@@ -15,20 +13,19 @@ std::pair<std::uint64_t, std::uint64_t> OrderOf(const RecordKey& key) { return {
 
 bool IsSameSeries(const StreamKey& a, const StreamKey& b) { return a.origin == b.origin && a.type == b.type; }
 
-// The last record of each origin among the states that `seqs` gives of a stream; seq 0: none.
+// The last record of each origin and type among the states that `seqs` gives of a stream; seq 0: none.
+using LastOfSeries = std::map<std::pair<AgentId, DataType>, RecordKey>;
 template <typename SeqsOf>
-std::map<AgentId, RecordKey> LastStates(const HaveSet& have, const SeqsOf& seqs) {
-  std::map<AgentId, RecordKey> last;
+LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
+  LastOfSeries last;
   for (const auto& [key, stream] : have.streams()) {
-    if (key.type != proto::POWER) continue;
+    if (!IsState(key.type)) continue;
     const RecordKey candidate{key, seqs(stream).Max()};
-    RecordKey& known = last[key.origin];
+    RecordKey& known = last[{key.origin, key.type}];
     if (candidate.seq > 0 && OrderOf(candidate) > OrderOf(known)) known = candidate;
   }
   return last;
 }
-
-std::uint64_t HashOf(const std::string& content) { return XXH64(content.data(), content.size(), 0); }
 
 std::string NameOf(AgentId agent) { return "agent " + std::to_string(agent); }
 
@@ -64,12 +61,13 @@ IntervalSet HadOf(const StreamHave& stream) { return stream.Had(); }
 }  // namespace
 
 void Rules::SeeRecord(const RecordKey& key, const std::string& content, AgentId where) {
-  const std::uint64_t hash = HashOf(content);
+  const std::uint64_t hash = ContentHash(content);
   const auto [known, is_new] = content_of_.emplace(key, hash);
   if (known->second != hash) {
     report_("one_content", NameOf(where) + " has another content of " + ToString(key));
   }
   if (!is_new) return;
+  states_.OnContent(key, hash);
   CheckAsInserted(key);
   proto::Record record;
   if (record.ParseFromString(content)) NamePose(key, record);
@@ -90,19 +88,27 @@ void Rules::CheckAsInserted(const RecordKey& key) const {
   report_("one_content", ToString(key) + " is not what its robot inserted");
 }
 
-void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
-  const auto known = roles_of_.find(agent);
-  if (known != roles_of_.end() && IsNewer(known->second.term(), roles.term())) {
+void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable) {
+  for (const auto* acted_on : {&roles_of_, &unstored_roles_of_}) {
+    const auto known = acted_on->find(agent);
+    if (known == acted_on->end() || !IsNewer(known->second.term(), roles.term())) continue;
     report_("term_goes_up", NameOf(agent) + " went from term " + std::to_string(known->second.term().number()) +
                                 " to " + std::to_string(roles.term().number()));
   }
-  roles_of_[agent] = roles;
-  const std::string who = std::to_string(roles.leader()) + "/" + std::to_string(roles.survivor());
-  const auto assignment = assignment_of_.emplace(roles.term().SerializeAsString(), who).first;
-  if (assignment->second != who) {
-    report_("one_assignment", "term " + roles.term().ShortDebugString() + " is " + assignment->second +
-                                  " and, at agent " + std::to_string(agent) + ", " + who);
-  }
+  (is_durable ? roles_of_ : unstored_roles_of_)[agent] = roles;
+  // An agent leaves out its own role where it cannot store it, and its lead until it has a term of its own.
+  const bool is_whole = roles.leader() != 0 && (is_durable || roles.survivor() != 0);
+  const std::string term = roles.term().SerializeAsString();
+  if (is_whole) assignment_of_.emplace(term, std::pair(roles.leader(), roles.survivor()));
+  const auto assignment = assignment_of_.find(term);
+  if (assignment == assignment_of_.end()) return;
+  const auto [leader, survivor] = assignment->second;
+  const bool is_same = (roles.leader() == leader || (roles.leader() == 0 && leader == agent)) &&
+                       (roles.survivor() == survivor || (roles.survivor() == 0 && survivor == agent));
+  if (is_same) return;
+  report_("one_assignment", "term " + roles.term().ShortDebugString() + " is " + std::to_string(leader) + "/" +
+                                std::to_string(survivor) + " and, at agent " + std::to_string(agent) + ", " +
+                                std::to_string(roles.leader()) + "/" + std::to_string(roles.survivor()));
 }
 
 void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record) {
@@ -110,8 +116,10 @@ void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record
   held_[agent][key.stream].held.Add(key.seq);
   proto::Record marked = record;
   marked.set_is_clock_suspect(true);
-  inserted_as_[key] = {HashOf(record.SerializeAsString()), HashOf(marked.SerializeAsString())};
+  inserted_as_[key] = {ContentHash(record.SerializeAsString()), ContentHash(marked.SerializeAsString())};
   CheckAsInserted(key);
+  states_.OnContent(key, inserted_as_[key].first);
+  states_.OnHeld(agent, key);
   NamePose(key, record);
   const auto name = pose_names_.find(key);
   if (name == pose_names_.end()) return;
@@ -129,11 +137,13 @@ void Rules::SeeHave(AgentId agent, const HaveSet& have) { held_[agent].Merge(hav
 void Rules::ForgetDisk(AgentId agent) {
   held_.erase(agent);
   poses_of_.erase(agent);
+  states_.ForgetDisk(agent);
   ForgetWhatIsLost();
 }
 
 void Rules::ForgetRecord(AgentId agent, const RecordKey& key) {
   poses_of_.erase(agent);
+  states_.ForgetDisk(agent);
   HaveSet left;
   for (const auto& [stream, have] : held_[agent].streams()) {
     left[stream] = have;
@@ -173,7 +183,7 @@ void Rules::ForgetWhatIsLost() {
 bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {
   if (newer == older) return true;
   if (!IsSameSeries(newer.stream, older.stream) || OrderOf(older) > OrderOf(newer)) return false;
-  if (newer.stream.type == proto::POWER) return true;
+  if (IsState(newer.stream.type)) return true;
   const auto a = pose_names_.find(newer);
   const auto b = pose_names_.find(older);
   return a != pose_names_.end() && b != pose_names_.end() && a->second.node == b->second.node;
@@ -185,6 +195,16 @@ void Rules::CheckHave(AgentId agent, const HaveSet& have) {
   CheckHeld(agent, have);
   CheckStates(agent, have);
   CheckPoses(agent, have);
+  SeeStatesHeld(agent, have);
+}
+
+void Rules::SeeStatesHeld(AgentId agent, const HaveSet& have) {
+  for (const auto& [stream, seqs] : have.streams()) {
+    if (!IsState(stream.type)) continue;
+    for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
+      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) states_.OnHeld(agent, {stream, seq});
+    }
+  }
 }
 
 void Rules::CheckHeld(AgentId agent, const HaveSet& have) const {
@@ -201,9 +221,9 @@ void Rules::CheckHeld(AgentId agent, const HaveSet& have) const {
 }
 
 void Rules::CheckStates(AgentId agent, const HaveSet& have) const {
-  const std::map<AgentId, RecordKey> held = LastStates(have, HeldOf);
-  for (const auto& [origin, key] : LastStates(have, HadOf)) {
-    if (key.seq == 0 || held.at(origin) == key) continue;
+  const LastOfSeries held = LastStates(have, HeldOf);
+  for (const auto& [series, key] : LastStates(have, HadOf)) {
+    if (key.seq == 0 || held.at(series) == key) continue;
     report_("newest_state", NameOf(agent) + " dropped state " + ToString(key) + " and holds none that is newer");
   }
 }
@@ -215,27 +235,23 @@ void Rules::CheckPoses(AgentId agent, const HaveSet& have) {
   }
   Poses& known = poses_of_[agent];
   if (held == known.held) return;
-  std::map<Node, Pose> newest;
+  std::map<Node, PoseVersion> newest;
   for (const auto& [stream, seqs] : held.streams()) {
     for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
         const auto name = pose_names_.find({stream, seq});
         if (name == pose_names_.end()) return;  // Its insert was not answered yet.
-        Pose& pose = newest[name->second.node];
-        if (name->second.version > pose.version) pose = {name->second.version, stream};
+        PoseVersion& version = newest[name->second.node];
+        version = std::max(version, name->second.version);
       }
     }
   }
   for (const auto& [node, before] : known.newest) {
     const auto now = newest.find(node);
-    if (now != newest.end() && now->second.version >= before.version) continue;
-    // What an agent that lost its disk writes before it hears of its own later epochs gives way to those.
-    const bool is_later_epoch = now != newest.end() && now->second.stream.origin == before.stream.origin &&
-                                now->second.stream.epoch > before.stream.epoch;
-    if (is_later_epoch) continue;
-    report_("pose_goes_up", NameOf(agent) + " held " + ToString(before.version) + " of node " +
-                                std::to_string(node.first) + "/" + std::to_string(node.second) + ", and now " +
-                                (now == newest.end() ? "none" : ToString(now->second.version)));
+    if (now != newest.end() && now->second >= before) continue;
+    report_("pose_goes_up", NameOf(agent) + " held " + ToString(before) + " of node " + std::to_string(node.first) +
+                                "/" + std::to_string(node.second) + ", and now " +
+                                (now == newest.end() ? "none" : ToString(now->second)));
     break;
   }
   known = {std::move(held), std::move(newest)};
@@ -249,6 +265,10 @@ void Rules::CheckRest(const TeamAtRest& team) {
   for (const auto& [agent, have] : team.have) CheckRows(agent, have, team.records.at(agent));
   CheckLost(team);
   CheckLeadersStates(team.leader, leaders);
+  for (const auto& [agent, records] : team.records) {
+    const auto wrong = states_.WhyOld(agent, agent == team.leader ? 0 : agent, records);
+    if (wrong) report_("newest_state", *wrong);
+  }
   CheckSurvivor(team);
   for (const auto& [agent, have] : team.have) {
     CheckHome(agent, leaders, have);
@@ -284,10 +304,10 @@ void Rules::CheckLost(const TeamAtRest& team) const {
 }
 
 void Rules::CheckLeadersStates(AgentId leader, const HaveSet& have) const {
-  std::map<AgentId, RecordKey> leaders = LastStates(have, HeldOf);
+  LastOfSeries leaders = LastStates(have, HeldOf);
   for (const auto& [agent, held] : held_) {
-    for (const auto& [origin, key] : LastStates(held, HeldOf)) {
-      if (OrderOf(leaders[origin]) >= OrderOf(key)) continue;
+    for (const auto& [series, key] : LastStates(held, HeldOf)) {
+      if (OrderOf(leaders[series]) >= OrderOf(key)) continue;
       report_("newest_state", "the leader, agent " + std::to_string(leader) + ", lacks the state " + ToString(key) +
                                   ", which agent " + std::to_string(agent) + " has");
     }

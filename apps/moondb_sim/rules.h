@@ -6,8 +6,9 @@
 //   acknowledged_held  what an agent said it had, or its disk held, is there after a crash (until it was damaged)
 //   one_pose_a_run     a node has at most one optimized pose of a term and run
 //   pose_goes_up       no agent's newest optimized pose of a node is of an older term and run than before
-//   newest_state       no agent drops a state before it holds a newer one; at rest the leader holds each agent's last
-//                      state that any disk still had
+//   newest_state       no agent drops a state before it holds a newer one; at rest the leader and the agent itself hold
+//                      the state of each type and key that its robot gave last, of those that an acknowledging disk
+//                      which was not lost since had (StateWatch)
 //   nothing_lost       at rest leader and survivor had all that was stored anywhere, unless all disks with it were
 //   lost, or
 //                      it was pruned wherever it was
@@ -15,6 +16,8 @@
 //   pruned_is_had      an agent prunes only what leader and survivor have just told it they had (PruneWatch)
 //   home_again         at rest an agent holds what the team holds of it
 //   brought_out        at rest rovers have their nodes' poses of the leader, the base station what `ground` asks for
+//   steps_down         an agent that cannot store a newer assignment neither leads nor survives
+//   history_is_own     at rest an agent's history is of its own robot, sound, within its limit, and not held
 //   one_leader         at rest all agents run, know their roles, and have the same
 //   comes_to_rest      at rest no session is open, and no byte goes on for ever
 //   unacked_bounded    a session has no more bytes under way than its limit, nor in one message
@@ -36,6 +39,7 @@
 #include <tuple>
 #include <utility>
 
+#include "apps/moondb_sim/state_watch.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/term.h"
@@ -50,8 +54,6 @@ struct Violation {
   std::uint64_t step = 0;  // Messages handled by then.
   std::string text;
 };
-
-using Records = std::map<RecordKey, std::string>;  // Contents.
 
 struct TeamAtRest {
   AgentId leader = 0;
@@ -70,7 +72,11 @@ class Rules {
 
   // A record was seen: on its way to a store, or read.
   void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
-  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles);
+  // `agent` acts on these; not durable: only until its RoleActor ends.
+  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable = true);
+  void ForgetUnstoredRoles(AgentId agent) { unstored_roles_of_.erase(agent); }
+  // The robot of `agent` gives it that, in the order in which it was learnt.
+  void SeeGiven(AgentId agent, const proto::Record& record) { states_.OnGiven(agent, record); }
   // The robot of `agent` was told that it is stored there, marked or not as of a suspect clock.
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
   // `agent` told another that it has these, or its disk holds them while it does not run.
@@ -103,6 +109,7 @@ class Rules {
   // Both are of the same `latest` key, or one record.
   bool Replaces(const RecordKey& newer, const RecordKey& older) const;
   void CheckHeld(AgentId agent, const HaveSet& have) const;
+  void SeeStatesHeld(AgentId agent, const HaveSet& have);
   void CheckPoses(AgentId agent, const HaveSet& have);
   void CheckLeadersStates(AgentId leader, const HaveSet& have) const;
   void CheckRows(AgentId agent, const HaveSet& have, const Records& records) const;
@@ -114,19 +121,17 @@ class Rules {
   const Report report_;
   std::map<RecordKey, std::uint64_t> content_of_;                             // Hashes.
   std::map<RecordKey, std::pair<std::uint64_t, std::uint64_t>> inserted_as_;  // Likewise: as it was, and marked.
-  std::map<std::string, std::string> assignment_of_;                          // By term.
-  std::map<AgentId, proto::RoleAssignment> roles_of_;
+  std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;          // Leader and survivor, by term.
+  std::map<AgentId, proto::RoleAssignment> roles_of_;                         // Durable.
+  std::map<AgentId, proto::RoleAssignment> unstored_roles_of_;
+  StateWatch states_;
   HaveSet inserted_;                 // Without what was lost with all disks that had it.
   std::map<AgentId, HaveSet> held_;  // What each certainly has.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
-  struct Pose {
-    PoseVersion version;
-    StreamKey stream;
-  };
   struct Poses {
     HaveSet held;  // When last looked at.
-    std::map<Node, Pose> newest;
+    std::map<Node, PoseVersion> newest;
   };
   std::map<AgentId, Poses> poses_of_;
 };

@@ -7,13 +7,15 @@
 #include <cstring>
 #include <vector>
 
+#include "actors/storage/sqlite_database.h"
 #include "model/check.h"
 
 namespace moondb::simulation {
 namespace {
 
 constexpr int kSectorBytes = 512;
-constexpr double kJulianDay2026 = 2461041.5;  // 2026-01-01 UTC.
+constexpr std::uint64_t kCapacityBytes = 4 << 20;  // As files are told: the reserve goes by it.
+constexpr double kJulianDay2026 = 2461041.5;       // 2026-01-01 UTC.
 
 std::atomic<std::uint64_t> disk_count = 0;
 
@@ -109,21 +111,27 @@ struct DiskCalls {
     Count(handle);
     File* file = Live(handle);
     if (file == nullptr) return SQLITE_IOERR_WRITE;
-    file->Write(static_cast<std::size_t>(offset),
-                std::string(static_cast<const char*>(bytes), static_cast<std::size_t>(count)));
-    return SQLITE_OK;
+    SimulatedDisk& disk = *Of(handle).disk;
+    const auto end = static_cast<std::size_t>(offset) + static_cast<std::size_t>(count);
+    const std::size_t longer = end > file->content.size() ? end - file->content.size() : 0;
+    std::string written(static_cast<const char*>(bytes), static_cast<std::size_t>(count));
+    const bool is_failing = disk.IsFailing(file->path);
+    if (is_failing) written.resize(disk.rng_() % (written.size() + 1));
+    if (longer > 0 && disk.RoomFor(file->path).value_or(longer) < longer) return SQLITE_FULL;
+    if (!written.empty()) file->Write(static_cast<std::size_t>(offset), std::move(written));
+    return is_failing ? SQLITE_IOERR_WRITE : SQLITE_OK;
   }
   static int Truncate(sqlite3_file* handle, sqlite3_int64 size) {
     Count(handle);
     File* file = Live(handle);
-    if (file == nullptr) return SQLITE_IOERR_TRUNCATE;
+    if (file == nullptr || Of(handle).disk->IsFailing(file->path)) return SQLITE_IOERR_TRUNCATE;
     file->Truncate(static_cast<std::size_t>(size));
     return SQLITE_OK;
   }
   static int Sync(sqlite3_file* handle, int) {
     Count(handle);
     File* file = Live(handle);
-    if (file == nullptr) return SQLITE_IOERR_FSYNC;
+    if (file == nullptr || Of(handle).disk->IsFailing(file->path)) return SQLITE_IOERR_FSYNC;
     ++Of(handle).disk->sync_count_;
     file->unsynced.clear();
     return SQLITE_OK;
@@ -139,7 +147,14 @@ struct DiskCalls {
     *is_locked = 0;
     return SQLITE_OK;
   }
-  static int FileControl(sqlite3_file*, int, void*) { return SQLITE_NOTFOUND; }
+  static int FileControl(sqlite3_file* handle, int control, void* argument) {
+    const File* file = Live(handle);
+    if (control != kDiskSpaceControl || file == nullptr) return SQLITE_NOTFOUND;
+    auto& space = *static_cast<DiskSpace*>(argument);
+    space.capacity_bytes = kCapacityBytes;
+    space.free_bytes = Of(handle).disk->RoomFor(file->path).value_or(kCapacityBytes);
+    return SQLITE_OK;
+  }
   static int SectorSize(sqlite3_file*) { return kSectorBytes; }
   static int DeviceCharacteristics(sqlite3_file*) { return 0; }
 
@@ -186,6 +201,7 @@ struct DiskCalls {
     SimulatedDisk& disk = DiskOf(vfs);
     const auto file = disk.files_.find(path);
     if (file == disk.files_.end()) return SQLITE_IOERR_DELETE_NOENT;
+    if (disk.IsFailing(path)) return SQLITE_IOERR_DELETE;
     disk.files_.erase(file);
     return SQLITE_OK;
   }
@@ -243,6 +259,34 @@ void SimulatedDisk::CountCall(const std::string& path) {
   for (auto& [prefix, left] : calls_left_) {
     if (left > 0 && path.starts_with(prefix) && --left == 0) return CutPower(prefix);
   }
+}
+
+void SimulatedDisk::SetRoom(const std::string& prefix, std::optional<std::uint64_t> room) {
+  bytes_max_.erase(prefix);
+  if (room) bytes_max_[prefix] = bytes(prefix) + *room;
+}
+
+void SimulatedDisk::SetFailing(const std::string& prefix, bool is_failing) {
+  failing_.erase(prefix);
+  if (is_failing) failing_.insert(prefix);
+}
+
+bool SimulatedDisk::IsInTrouble(const std::string& prefix) const {
+  return bytes_max_.contains(prefix) || failing_.contains(prefix);
+}
+
+bool SimulatedDisk::IsFailing(const std::string& path) const {
+  return std::any_of(failing_.begin(), failing_.end(),
+                     [&path](const std::string& prefix) { return path.starts_with(prefix); });
+}
+
+std::optional<std::uint64_t> SimulatedDisk::RoomFor(const std::string& path) const {
+  for (const auto& [prefix, bytes_max] : bytes_max_) {
+    if (!path.starts_with(prefix)) continue;
+    const std::uint64_t used = bytes(prefix);
+    return bytes_max > used ? bytes_max - used : 0;
+  }
+  return std::nullopt;
 }
 
 void SimulatedDisk::CutPowerAfter(const std::string& prefix, int calls) { calls_left_[prefix] = calls; }

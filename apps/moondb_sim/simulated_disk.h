@@ -14,7 +14,9 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <random>
+#include <set>
 #include <string>
 
 namespace moondb::simulation {
@@ -39,6 +41,11 @@ class SimulatedDisk {
   using Image = std::map<std::string, std::string>;  // What each file would hold after a power cut, by path.
   Image Save(const std::string& prefix) const;
   void Restore(const std::string& prefix, const Image& image);
+  // Its files together become at most so much longer than they are now; none: as long as they like.
+  void SetRoom(const std::string& prefix, std::optional<std::uint64_t> bytes);
+  void SetFailing(const std::string& prefix, bool is_failing);
+  bool IsInTrouble(const std::string& prefix) const;
+
   // Some bytes of the largest file become others.
   void Damage(const std::string& prefix);
 
@@ -51,12 +58,17 @@ class SimulatedDisk {
   struct Vfs;
 
   std::shared_ptr<File> Find(const std::string& path) const;
+  bool IsFailing(const std::string& path) const;
+  // How many more bytes the files of its disk may have; none: as many as they like.
+  std::optional<std::uint64_t> RoomFor(const std::string& path) const;
   void CountCall(const std::string& path);
 
   std::string name_;
   std::mt19937_64 rng_;
   std::map<std::string, std::shared_ptr<File>> files_;
-  std::map<std::string, int> calls_left_;  // Until the power is cut, by prefix; 0: it is not.
+  std::map<std::string, int> calls_left_;           // Until the power is cut, by prefix; 0: it is not.
+  std::map<std::string, std::uint64_t> bytes_max_;  // Of full disks, by prefix.
+  std::set<std::string> failing_;                   // Prefixes.
   std::uint64_t sync_count_ = 0;
   std::unique_ptr<Vfs> vfs_;
 };

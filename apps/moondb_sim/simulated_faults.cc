@@ -11,6 +11,7 @@ using std::chrono::minutes;
 using std::chrono::seconds;
 
 constexpr std::uint64_t kEndedEarlyEvery = 3;  // Of the leases, by the rover's own word.
+constexpr std::uint64_t kStartsInTroubleEvery = 3;
 constexpr Duration kGoesToSleep = seconds(3);  // From a robot's word to when its computer has no power.
 
 }  // namespace
@@ -21,6 +22,10 @@ void SimulatedFaults::Start() {
 
 void SimulatedFaults::End() {
   fail_next_ = 0;
+  for (AgentId agent = 1; agent <= world_.base; ++agent) {
+    world_.disk.SetRoom(SimulatedWorld::Prefix(agent), std::nullopt);
+    world_.disk.SetFailing(SimulatedWorld::Prefix(agent), false);
+  }
   world_.team.radio() = RadioOptions();
   deaf_.clear();
   world_.team.Heal();
@@ -59,7 +64,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
     fail_next_ = world_.DrawAgent();
     return;
   }
-  if (fault == "wipe" || fault == "old_disk" || fault.starts_with("damage")) {
+  if (fault == "wipe" || fault == "old_disk" || fault == "backup" || fault.starts_with("damage")) {
     return lives_.KillWithDisk(world_.DrawAgent(), fault);
   }
   if (fault == "long_kill") return KillLong();
@@ -67,6 +72,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "sleep") return Sleep();
   if (fault == "pause") return Pause();
   if (fault == "prune") return Prune();
+  if (fault == "full" || fault == "failing") return TroubleDisk(fault == "full");
   if (fault == "clock") {
     const AgentId agent = world_.DrawAgent();
     world_.clock_offset[agent] = world_.rng() % 2 == 0 ? std::chrono::hours(6) : -std::chrono::hours(24 * 365 * 56);
@@ -192,6 +198,21 @@ void SimulatedFaults::Prune() {
     order.add_data_types(proto::POSE_GRAPH_NODE);
   }
   (void)world_.team.Post({agent, "operator"}, {agent, actor_name::kRetention}, std::move(message));
+}
+
+void SimulatedFaults::TroubleDisk(bool is_full) {
+  const AgentId agent = world_.DrawAgent();
+  const std::string prefix = SimulatedWorld::Prefix(agent);
+  const Duration length = minutes(1) + world_.DrawDuration(minutes(9));
+  world_.disk_trouble_until[agent] = std::max(world_.disk_trouble_until[agent], world_.team.now() + length);
+  if (world_.rng() % kStartsInTroubleEvery == 0) lives_.Kill(agent);
+  if (is_full) {
+    world_.disk.SetRoom(prefix, 0);
+    world_.In(length, [this, prefix] { world_.disk.SetRoom(prefix, std::nullopt); });
+  } else {
+    world_.disk.SetFailing(prefix, true);
+    world_.In(length, [this, prefix] { world_.disk.SetFailing(prefix, false); });
+  }
 }
 
 AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)); }

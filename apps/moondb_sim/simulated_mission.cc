@@ -27,6 +27,7 @@
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
+#include "model/term.h"
 #include "runtime/team_config.h"
 
 namespace moondb::simulation {
@@ -165,7 +166,18 @@ class Mission {
         break;
       case proto::Message::kRolesChanged:
         world_.roles[actor.agent] = message.roles_changed().roles();
-        world_.rules.SeeRoles(actor.agent, message.roles_changed().roles());
+        SeeRoles(actor.agent, message.roles_changed().roles());
+        break;
+      case proto::Message::kLoadRolesReply: {
+        const auto& history = message.load_roles_reply().history();
+        durable_term_[actor.agent] = history.empty() ? proto::Term() : history.rbegin()->term();
+        break;
+      }
+      case proto::Message::kSaveRolesRequest:
+        saving_term_[actor.agent] = message.save_roles_request().roles().term();
+        break;
+      case proto::Message::kSaveRolesReply:
+        if (!IsError(message.save_roles_reply().error())) durable_term_[actor.agent] = saving_term_[actor.agent];
         break;
       default:
         break;
@@ -173,14 +185,20 @@ class Mission {
     WatchWindows(actor, message);
     const Fault fault = faults_.AtHandler(actor.agent);
     if (fault != Fault::kNone) {
+      if (actor.actor == actor_name::kRole) world_.rules.ForgetUnstoredRoles(actor.agent);
       leases_.at(actor.agent).OnFailure(actor.actor);
       failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
     }
     return fault;
   }
 
+  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
+    world_.rules.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), durable_term_[agent]));
+  }
+
   // The agent's next life begins.
   void Forget(AgentId agent) {
+    world_.rules.ForgetUnstoredRoles(agent);
     leases_.insert_or_assign(agent, LeaseWatch(agent));
     failovers_.erase(agent);
     failovers_.emplace(agent, FailoverWatch(agent, world_.config, world_.team.now()));
@@ -219,7 +237,8 @@ class Mission {
       const Error error = FromProto(message.refusal().error());
       // A session that its receiver does not know any more; a store that failed.
       const bool is_usual =
-          error.code == ErrorCode::kNotFound || (error.code == ErrorCode::kUnavailable && lives_.is_damaged(from));
+          error.code == ErrorCode::kNotFound ||
+          (error.code == ErrorCode::kUnavailable && (lives_.is_damaged(from) || world_.HadDiskTrouble(from)));
       if (!is_usual) world_.Violate("nothing_refused", who + ToString(error));
     }
     if (message.control_request().has_have()) prunes_.at(from).OnQuestion(world_.roles[from]);
@@ -266,6 +285,7 @@ class Mission {
       lives_.CheckFailures(agent);
       if (!world_.team.is_running(agent)) continue;
       lives_.CheckMailboxes(agent);
+      CheckSteppedDown(agent);
       if (const auto wrong = failovers_.at(agent).WhyOverdue(leases_.at(agent), world_.team.now())) {
         Violate("failover_happens", agent, *wrong);
       }
@@ -274,6 +294,18 @@ class Mission {
         CheckPruned(agent, *have);
       }
     }
+  }
+
+  void CheckSteppedDown(AgentId agent) {
+    proto::Message question;
+    question.mutable_role_show_request();
+    const proto::Message answer = world_.AskActor(agent, actor_name::kRole, std::move(question));
+    if (!answer.role_show_reply().has_unstored() || !world_.roles.contains(agent)) return;
+    const proto::RoleAssignment& roles = world_.roles[agent];
+    if (roles.leader() != agent && roles.survivor() != agent) return;
+    Violate("steps_down", agent,
+            "acts on a role of term " + std::to_string(roles.term().number()) + " and cannot store term " +
+                std::to_string(answer.role_show_reply().unstored().term().number()));
   }
 
   void CheckPruned(AgentId agent, const HaveSet& have) {
@@ -313,6 +345,28 @@ class Mission {
     }
   }
 
+  void CheckHistory(AgentId agent, const HaveSet& have) {
+    proto::Message question;
+    question.mutable_read_request()->set_is_history(true);
+    question.mutable_read_request()->set_records_max(10'000);
+    const proto::Message answer = world_.AskActor(agent, actor_name::kStorage, std::move(question));
+    proto::Message status;
+    status.mutable_storage_status_request();
+    const proto::Message sums = world_.AskActor(agent, actor_name::kStorage, std::move(status));
+    std::string wrong;
+    for (const proto::StoredRecord& record : answer.read_reply().records()) {
+      const RecordKey key = FromProto(record.key());
+      const bool is_held = key.seq != 0 && have.Get(key.stream).held.Contains(key.seq);
+      if (key.stream.origin != agent || is_held || HashRecord(key, record.content()) != record.hash()) {
+        wrong = ToString(key);
+      }
+    }
+    const double count = sums.storage_status().history_count();
+    if (answer.read_reply().records_size() != count) wrong = "its sums";
+    if (sums.storage_status().history_bytes() > world_.config.retention().history_mb_max() * 1e6) wrong = "its size";
+    if (!wrong.empty()) world_.Violate("history_is_own", "agent " + std::to_string(agent) + ": " + wrong);
+  }
+
   void CheckRest() {
     const std::optional<proto::RoleAssignment> roles = CheckRoles();
     if (!roles) return;
@@ -323,6 +377,7 @@ class Mission {
       if (!have) return world_.Violate("starts", "storage of agent " + std::to_string(agent) + " does not answer");
       team.have[agent] = *have;
       CheckPruned(agent, *have);
+      CheckHistory(agent, *have);
       team.records[agent] = ReadAll(agent);
     }
     world_.rules.CheckRest(team);
@@ -390,12 +445,20 @@ class Mission {
     return static_cast<std::uint64_t>(sessions * kSessionBytesMax);
   }
 
+  // The survivor's questions to the leader, with the answers (FailoverActor).
+  std::uint64_t LeaderCheckBytesMax(Duration length) const {
+    constexpr double kCheckBytesMax = 128;
+    if (world_.config.roles().failover() != proto::FAILOVER_AUTOMATIC) return 0;
+    const double period_s = world_.config.roles().leader_timeout_s() / 3;
+    return static_cast<std::uint64_t>((std::chrono::duration<double>(length).count() / period_s + 1) * kCheckBytesMax);
+  }
+
   void CheckBytesEnd() {
     world_.team.AdvanceTime(minutes(1));  // Nobody orders anything any more.
     const std::uint64_t before = world_.team.radio_bytes();
     world_.team.AdvanceTime(minutes(10));
     const std::uint64_t bytes = world_.team.radio_bytes() - before;
-    if (bytes <= StatesBytesMax(minutes(10))) return;
+    if (bytes <= StatesBytesMax(minutes(10)) + LeaderCheckBytesMax(minutes(10))) return;
     world_.Violate("comes_to_rest", std::to_string(bytes) + " bytes in ten minutes without orders");
   }
 
@@ -419,6 +482,8 @@ class Mission {
   bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
   std::map<AgentId, BudgetWatch> budgets_;
+  std::map<AgentId, proto::Term> durable_term_;  // On each agent's disk, as its RoleActor knows.
+  std::map<AgentId, proto::Term> saving_term_;
   std::map<AgentId, PruneWatch> prunes_;
   std::map<AgentId, LeaseWatch> leases_;
   std::map<AgentId, FailoverWatch> failovers_;

@@ -13,7 +13,11 @@ constexpr Duration kInsertPeriod = seconds(10);
 constexpr int kInsertsPerMap = 6;
 constexpr std::uint64_t kQuarantineEvery = 60;  // Inserts, on average.
 constexpr std::uint64_t kLargeMapEvery = 30;    // About 15 kB coded, where the others have 0.2 kB.
-constexpr std::size_t kOpenMax = 100;
+constexpr std::size_t kOpenMax = 32;
+constexpr std::uint64_t kSilentEvery = 4;  // Seeds, from the third on.
+constexpr Duration kSilence = std::chrono::hours(1);
+constexpr std::uint64_t kBeacons = 5;  // Keys.
+constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
 constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
 constexpr std::uint64_t kOptimizedStep = 6;
@@ -42,6 +46,18 @@ void SimulatedRobots::SetLease(AgentId agent, proto::LeaseKind kind, Duration le
   (void)world_.team.Take({agent, "driver"});  // What was answered before.
 }
 
+bool SimulatedRobots::IsSilent() const { return world_.options.seed % kSilentEvery == kSilentEvery - 1; }
+
+void SimulatedRobots::OnAgentStarted(AgentId agent) {
+  if (!IsSilent() || agent == world_.base || world_.is_quiet) return;
+  robots_[agent].silent_until = MonotonicTime();
+  // At once, or a little later.
+  if (world_.rng() % 2 == 0) TellState(agent);
+  world_.In(world_.DrawDuration(kOptimizedAfterStart), [this, agent] {
+    if (!world_.is_quiet && world_.Leaders().contains(agent)) OptimizeAt(agent);
+  });
+}
+
 void SimulatedRobots::OnAgentEnded(AgentId agent) {
   robots_[agent].asked.clear();
   (void)world_.team.Take({agent, "robot"});
@@ -53,10 +69,7 @@ void SimulatedRobots::Work(AgentId rover) {
   if (!world_.is_quiet) world_.In(kInsertPeriod, [this, rover] { Work(rover); });
   if (world_.is_quiet) return;
   Robot& robot = robots_[rover];
-  proto::Record state;
-  state.set_stamp_ns(world_.ClockOf(rover));
-  state.mutable_power()->set_battery_ratio(0.5 + 0.5 * world_.Draw());
-  Insert(rover, {std::move(state)});
+  if (world_.team.now() >= robot.silent_until) TellState(rover);
   proto::Record node;
   node.set_stamp_ns(world_.ClockOf(rover));
   *node.mutable_pose_graph_node()->mutable_node() = Node(rover, robot.next_node);
@@ -69,6 +82,21 @@ void SimulatedRobots::Work(AgentId rover) {
   while (robot.open.size() > kOpenMax) robot.open.pop_front();
   for (const proto::Record& record : robot.open) Insert(rover, {record});
   robot.open.clear();
+}
+
+void SimulatedRobots::TellState(AgentId rover) {
+  proto::Record state;
+  state.set_stamp_ns(world_.ClockOf(rover));
+  state.mutable_power()->set_battery_ratio(0.5 + 0.5 * world_.Draw());
+  Insert(rover, {std::move(state)});
+  if (!IsSilent()) return;
+  proto::Record beacon;
+  beacon.set_stamp_ns(world_.ClockOf(rover));
+  beacon.mutable_custom()->set_data_type(kBeacon);
+  beacon.mutable_custom()->set_latest_key(std::to_string(world_.rng() % kBeacons));
+  beacon.mutable_custom()->set_payload(std::to_string(world_.rng()));
+  Insert(rover, {std::move(beacon)});
+  if (world_.team.is_running(rover)) robots_[rover].silent_until = world_.team.now() + kSilence;
 }
 
 void SimulatedRobots::SetPose(proto::Pose& pose) {
@@ -118,6 +146,7 @@ void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) 
   message.set_request_id(++request_id_);
   for (const proto::Record& record : records) *message.mutable_insert_request()->add_records() = record;
   const SendResult sent = world_.team.Post({agent, "robot"}, {agent, actor_name::kStorage}, std::move(message));
+  for (const proto::Record& record : records) world_.rules.SeeGiven(agent, record);
   if (sent == SendResult::kAccepted) robots_[agent].asked[request_id_] = std::move(records);
 }
 
@@ -140,6 +169,12 @@ void SimulatedRobots::TakeInsertReplies(AgentId agent) {
 
 void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Record>& records,
                                    const proto::InsertReply& reply) {
+  if (IsError(reply.error()) && world_.HadDiskTrouble(agent)) {
+    for (const proto::Record& record : records) {
+      if (record.has_pose_graph_node()) robots_[agent].open.push_back({record});
+    }
+    return;
+  }
   if (IsError(reply.error())) {
     return world_.Violate("starts", "an insert failed: " + reply.error().text());
   }
@@ -156,25 +191,27 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
 void SimulatedRobots::Optimize() {
   if (world_.is_quiet) return;
   world_.In(kOptimizePeriod, [this] { Optimize(); });
-  for (const AgentId leader : world_.Leaders()) {
-    TakeInsertReplies(leader);
-    std::vector<proto::Record> poses;
-    const std::uint64_t run = ++run_[{leader, world_.roles[leader].term().number()}];
-    for (AgentId rover = 1; rover < world_.base; ++rover) {
-      const std::uint64_t nodes = robots_[rover].next_node;
-      std::uint64_t index = nodes - std::min(nodes, kOptimizedNodes);
-      for (index += kOptimizedStep - 1; index < nodes; index += kOptimizedStep) {
-        proto::Record& record = poses.emplace_back();
-        record.set_stamp_ns(world_.ClockOf(leader));
-        proto::OptimizedPose& pose = *record.mutable_optimized_pose();
-        *pose.mutable_node() = Node(rover, index);
-        SetPose(*pose.mutable_map_from_node());
-        *pose.mutable_term() = world_.roles[leader].term();
-        pose.set_run(run);
-      }
+  for (const AgentId leader : world_.Leaders()) OptimizeAt(leader);
+}
+
+void SimulatedRobots::OptimizeAt(AgentId leader) {
+  TakeInsertReplies(leader);
+  std::vector<proto::Record> poses;
+  const std::uint64_t run = ++run_[{leader, world_.roles[leader].term().number()}];
+  for (AgentId rover = 1; rover < world_.base; ++rover) {
+    const std::uint64_t nodes = robots_[rover].next_node;
+    std::uint64_t index = nodes - std::min(nodes, kOptimizedNodes);
+    for (index += kOptimizedStep - 1; index < nodes; index += kOptimizedStep) {
+      proto::Record& record = poses.emplace_back();
+      record.set_stamp_ns(world_.ClockOf(leader));
+      proto::OptimizedPose& pose = *record.mutable_optimized_pose();
+      *pose.mutable_node() = Node(rover, index);
+      SetPose(*pose.mutable_map_from_node());
+      *pose.mutable_term() = world_.roles[leader].term();
+      pose.set_run(run);
     }
-    if (!poses.empty()) Insert(leader, std::move(poses));
   }
+  if (!poses.empty()) Insert(leader, std::move(poses));
 }
 
 }  // namespace moondb::simulation

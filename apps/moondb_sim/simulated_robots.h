@@ -1,5 +1,7 @@
 // SimulatedRobots: what stands around the agents: rovers that insert a state and a node every ten seconds and a map
-// every minute, and again what was not answered; and the optimizer of whoever leads.
+// every minute, and again what was not answered; and the optimizer of whoever leads. In one seed of four rovers say
+// what state they are in when their agent starts, and then for an hour no more, and a leader that starts optimizes at
+// once.
 #pragma once
 
 #include <cstdint>
@@ -20,17 +22,22 @@ class SimulatedRobots {
   void TakeInsertReplies(AgentId agent);  // Tells the rules what is stored.
   // The robot's own software, or an operator, tells its agent; 0: no more. Nothing where that does not run.
   void SetLease(AgentId agent, proto::LeaseKind kind, Duration length);
-  void OnAgentEnded(AgentId agent);  // Nothing that it was asked is answered any more.
+  void OnAgentStarted(AgentId agent);  // Before it hears of any other.
+  void OnAgentEnded(AgentId agent);    // Nothing that it was asked is answered any more.
 
  private:
   struct Robot {
     std::uint64_t next_node = 0;
+    MonotonicTime silent_until{};  // With states.
     std::map<std::uint64_t, std::vector<proto::Record>> asked;
     std::deque<proto::Record> open;  // To be inserted.
   };
 
+  bool IsSilent() const;
   void Work(AgentId rover);
+  void TellState(AgentId rover);
   void Optimize();
+  void OptimizeAt(AgentId leader);
   void SetPose(proto::Pose& pose);
   proto::Record Quarantine();
   proto::Record MapAt(AgentId rover, std::uint64_t index);

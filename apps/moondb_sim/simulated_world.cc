@@ -18,6 +18,9 @@ constexpr double kLeaderTimeoutS = 120;
 constexpr std::uint64_t kStatesEvery = 2;  // Seeds: their agents send states unasked.
 constexpr double kStatesPeriodS = 300;
 
+constexpr std::uint64_t kKeepsAllEvery = 2;  // Seeds: superseded states go for want of room alone.
+constexpr double kHistoryMegabytes = 0.02;
+
 // Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
 constexpr std::uint64_t kCompactEvery = 4;
 
@@ -45,6 +48,17 @@ proto::TeamConfig MakeTeam(const SimOptions& options) {
   share.set_optimized_pose(proto::POLICY_LATEST);
   share.set_local_traversability_map(proto::POLICY_ALL);
   share.set_map_quarantine(proto::POLICY_ALL);
+  proto::CustomType& beacon = *team.add_custom_types();
+  beacon.set_id(kBeacon);
+  beacon.set_name("beacon");
+  beacon.set_share(proto::POLICY_LATEST);
+  beacon.set_ground(proto::POLICY_LATEST);
+  beacon.set_priority(5);
+  beacon.set_bytes_max(64);
+  // Enough for some minutes of states, so that the oldest go all the time.
+  team.mutable_retention()->set_history_mb_max(kHistoryMegabytes);
+  team.mutable_keep()->set_power(options.seed % kKeepsAllEvery == 0 ? "all" : "30m");
+  team.mutable_keep()->set_optimized_pose("1h");
   team.mutable_ground()->set_power(proto::POLICY_LATEST);
   team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
   team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
@@ -108,6 +122,11 @@ void SimulatedWorld::Violate(const std::string& rule, std::string text) {
   }
   if (HasEnough()) return;
   report.violations.push_back({rule, NowS(), report.messages, std::move(text)});
+}
+
+bool SimulatedWorld::HadDiskTrouble(AgentId agent) const {
+  const auto until = disk_trouble_until.find(agent);
+  return until != disk_trouble_until.end() && team.now() < until->second + std::chrono::minutes(1);
 }
 
 std::set<AgentId> SimulatedWorld::Leaders() const {

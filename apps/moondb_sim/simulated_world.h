@@ -49,6 +49,8 @@ class SimulatedWorld {
   bool HasEnough() const;  // Violations, to end the run.
   void NoteEvent(const Address& actor, const proto::Message& message);
 
+  // Its disk was full or failed a minute ago or later: it may refuse what it is to store.
+  bool HadDiskTrouble(AgentId agent) const;
   std::set<AgentId> Leaders() const;  // Those running that lead as far as they know.
   // Its last answer, which it gives at once; empty if it gives none.
   proto::Message AskActor(AgentId agent, const char* actor, proto::Message question);
@@ -62,6 +64,7 @@ class SimulatedWorld {
   std::multimap<MonotonicTime, Action> schedule;
   std::map<AgentId, proto::RoleAssignment> roles;  // What each running agent acts on.
   std::map<AgentId, Duration> clock_offset;
+  std::map<AgentId, MonotonicTime> disk_trouble_until;
   bool is_quiet = false;   // No more faults, nor inserts.
   bool is_asking = false;  // Of the checks' own questions: no actor fails at them.
   SimulatedDisk disk;

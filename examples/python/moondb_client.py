@@ -9,6 +9,7 @@ One thread a client. Errors of the agent are AgentError, an agent that does not 
 import getpass
 import os
 import pathlib
+import re
 import socket
 
 import zmq
@@ -26,21 +27,30 @@ class AgentError(Exception):
         self.code, self.field = error.code, error.field
 
 
-def endpoint_of(team, agent):
+def team_of(team_file):
+    """The name and the id of the team of a team file, as `moonctl config init` writes it."""
+    fields = dict(re.findall(r"^(team|team_id):\s*\"?([\w-]+)", pathlib.Path(team_file).read_text(), re.MULTILINE))
+    return fields["team"], fields["team_id"]
+
+
+def endpoint_of(team_file, agent):
     """Where an agent of this machine listens for its own user's clients."""
     folder = os.environ.get("MOONDB_RUN_DIR")
     if not folder and os.environ.get("XDG_RUNTIME_DIR"):
         folder = os.path.join(os.environ["XDG_RUNTIME_DIR"], "moondb")
     folder = pathlib.Path(folder or f"/tmp/moondb-{os.geteuid()}").absolute()
-    return f"ipc://{folder}/{team}/{agent}.sock"
+    name, team_id = team_of(team_file)
+    return f"ipc://{folder}/{name}-{team_id[:8]}/{agent}.sock"
 
 
 class MoondbClient:
-    def __init__(self, endpoint, timeout_s=3.0):
+    def __init__(self, endpoint, team_id, timeout_s=3.0):
+        """`team_id` as in the team file: an agent of another team refuses."""
         self._dealer = zmq.Context.instance().socket(zmq.DEALER)
         self._dealer.linger = 0
         self._dealer.connect(endpoint)
         self._endpoint, self._timeout_s, self._request_id = endpoint, timeout_s, 0
+        self._team_id = bytes.fromhex(team_id)
         self._by = f"{getpass.getuser()}@{socket.gethostname()}"
 
     def close(self):
@@ -49,13 +59,15 @@ class MoondbClient:
     def call(self, request, timeout_s=None):
         """Sends a ControlRequest, gives the ControlReply."""
         self._request_id += 1
-        request.by = self._by
+        request.by, request.team_id = self._by, self._team_id
         message = message_pb2.Message(ms_type=message_pb2.CONTROL, request_id=self._request_id, control_request=request)
         self._dealer.send(message.SerializeToString())
         while self._dealer.poll(1000 * (timeout_s or self._timeout_s)):
             answer = message_pb2.Message.FromString(self._dealer.recv())
             if answer.request_id != self._request_id:
                 continue  # Of a call that had timed out.
+            if answer.control_reply.team_id != self._team_id:
+                raise ValueError(f"{self._endpoint} is of another team")
             if answer.control_reply.error.code:
                 raise AgentError(answer.control_reply.error)
             return answer.control_reply

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 """What a robot's software does with its agent: stores a reading, a pose and a local map, and takes the merged map.
 
-Usage: survey.py TEAM AGENT AGENT_ID    The agent runs on this machine, as this user.
+Usage: survey.py TEAM_FILE AGENT AGENT_ID    The agent runs on this machine, as this user.
 """
 import sys
 import time
 
 import record_pb2
 import types_pb2
-from moondb_client import MoondbClient, endpoint_of, key_text, occupancy
+from moondb_client import MoondbClient, endpoint_of, key_text, occupancy, team_of
 
 
 def node_at(agent_id, index, x, y):
@@ -42,8 +42,8 @@ def map_at(agent_id, index, cells, side, resolution_m):
 
 
 def main():
-    team, agent, agent_id = sys.argv[1], sys.argv[2], int(sys.argv[3])
-    client = MoondbClient(endpoint_of(team, agent))
+    team_file, agent, agent_id = sys.argv[1], sys.argv[2], int(sys.argv[3])
+    client = MoondbClient(endpoint_of(team_file, agent), team_of(team_file)[1])
     status = client.status()
     print(f"{status.name} of team {status.team}, moondb {status.version}")
 

@@ -191,7 +191,7 @@ class Team:
             tables = [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
             for table in tables:
                 columns = [row[1] for row in db.execute(f"PRAGMA table_info({table})")]
-                if not {"seq", "hash"} <= set(columns) or table == "agent_event":
+                if not {"origin", "seq", "hash"} <= set(columns) or table == "agent_event":
                     continue
                 kind = "data_type" if "data_type" in columns else f"'{table}'"
                 rows = db.execute(f"SELECT origin, epoch, {kind}, seq, hash FROM {table} WHERE seq IS NOT NULL")

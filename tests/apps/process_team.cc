@@ -30,7 +30,7 @@ void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::
 
 void ProcessTeam::SetUp() {
   environment_ = {{"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}};
-  const Outcome made = Run({MOONCTL_PROGRAM, "config", "init", "--agents", "4", team_file_});
+  const Outcome made = Run({MOONCTL_PROGRAM, "config", "init", "--name", "moon", "--agents", "4", team_file_});
   ASSERT_EQ(made.exit_code, 0) << made.error;
   AdaptToTest(team_file_, folder_);
 }
@@ -38,7 +38,7 @@ void ProcessTeam::SetUp() {
 void ProcessTeam::TearDown() {
   for (const char* name : {"rover1", "rover2", "rover3", "base"}) {
     if (HasFailure()) {
-      const auto log = ReadTextFile(DefaultDataFolder(team_file_, name) / "agent.log");
+      const auto log = ReadTextFile(DefaultDataRoot(folder_) / name / "agent.log");
       if (log) std::cerr << "--- log of " << name << "\n" << *log;
     }
     if (PidOf(name) > 0) Kill(name);
@@ -85,7 +85,7 @@ std::unique_ptr<Client> ProcessTeam::Connect(const std::string& name) {
   return client ? std::move(*client) : nullptr;
 }
 
-pid_t ProcessTeam::PidOf(const std::string& name) { return OwnerOf(DefaultDataFolder(team_file_, name)); }
+pid_t ProcessTeam::PidOf(const std::string& name) { return OwnerOf(DefaultDataRoot(folder_) / name); }
 
 void ProcessTeam::Kill(const std::string& name) {
   const pid_t pid = PidOf(name);

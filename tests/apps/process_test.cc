@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <fstream>
 #include <random>
+#include <set>
 
 #include "model/text.h"
 #include "tests/apps/process_team.h"
@@ -30,14 +31,14 @@ constexpr char kNodeJson[] = R"({
 std::string KeyOf(const std::string& out) { return out.substr(0, out.find('\n')); }
 
 // Maps of noise, so that they are not coded to nothing.
-std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed) {
+std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agent = 2) {
   std::mt19937_64 random(seed);
   std::vector<proto::Record> records;
   for (int i = 0; i < count; ++i) {
     proto::Record& record = records.emplace_back();
     record.set_stamp_ns(i + 1);
     proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
-    map.mutable_node()->set_agent_id(2);
+    map.mutable_node()->set_agent_id(agent);
     map.mutable_node_from_map()->mutable_position_m();
     map.mutable_node_from_map()->mutable_orientation()->set_w(1);
     proto::MapLayer& layer = *map.add_layers();
@@ -131,6 +132,84 @@ TEST_F(ProcessTest, TellsScriptsWhetherAllIsWell) {
   EXPECT_FALSE(MoonctlJson(1, {"health"}).fields().at("is_healthy").bool_value());
 }
 
+// Eight kilobytes of noise in the middle of a stopped agent's file.
+void DamageStore(const std::filesystem::path& file, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::string noise(8192, '\0');
+  for (char& byte : noise) byte = static_cast<char>(random());
+  std::fstream store(file, std::ios::in | std::ios::out | std::ios::binary);
+  store.seekp(4096);
+  store.write(noise.data(), static_cast<std::streamsize>(noise.size()));
+  ASSERT_TRUE(store.good());
+}
+
+TEST_F(ProcessTest, DamageAndAnEndWithoutStoppingAreNewsUntilTheyAreAcknowledged) {
+  MoonctlExpecting(0, {"up"});
+  ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; }));
+  MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"});
+  MoonctlExpecting(0, {"down"});
+  MoonctlExpecting(0, {"up"});
+  ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; })) << "all were stopped in order";
+  EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3"}), HasSubstr("stopped, as it was asked to"));
+
+  MoonctlExpecting(0, {"down", "-a", "rover3"});
+  constexpr std::uint64_t kSeed = 20261122;
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  const std::filesystem::path store = folder_ / "moondb-data" / "rover3" / "moondb.sqlite";
+  DamageStore(store, kSeed);
+  MoonctlExpecting(0, {"up"});
+  std::string text = Moonctl({"health", "-a", "rover3"}).out;
+  EXPECT_THAT(text, HasSubstr("set aside as " + store.string() + ".damaged-1"));
+  EXPECT_THAT(text, HasSubstr("not acknowledged"));
+  EXPECT_EQ(Moonctl({"health", "-a", "rover3"}).exit_code, 1);
+  // Events of the lost store may have come home by now, but none was stored before it.
+  const std::string first = "SELECT kind, text FROM v_event WHERE agent_id = 3 ORDER BY row_id LIMIT 1";
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "query", first, "-a", "rover3"}), HasSubstr("damage"));
+  EXPECT_THAT(MoonctlExpecting(0, {"log", "-a", "rover3", "--origin", "rover3"}), HasSubstr("set aside as"));
+  const auto status = MoonctlJson(0, {"status", "-a", "rover3"});
+  EXPECT_THAT(status.DebugString(), HasSubstr("damaged-1"));
+
+  Kill("rover2");
+  MoonctlExpecting(0, {"up"});
+  EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, HasSubstr("the process before ended without stopping"));
+  EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge", "-a", "rover2"}), HasSubstr("ended without stopping"));
+  EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, Not(HasSubstr("ended without stopping")));
+  EXPECT_THAT(Moonctl({"health", "-a", "rover3"}).out, HasSubstr("set aside")) << "rover2's alone were";
+  EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge"}), HasSubstr("set aside"));
+  ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; }));
+  // The acknowledgment outlives the agent, and the log keeps what was acknowledged.
+  MoonctlExpecting(0, {"down", "-a", "rover3"});
+  MoonctlExpecting(0, {"up"});
+  ASSERT_TRUE(Until([this] { return Moonctl({"health", "-a", "rover3"}).exit_code == 0; }));
+  text = MoonctlExpecting(0, {"log", "-a", "rover3", "--origin", "rover3"});
+  EXPECT_THAT(text, HasSubstr("set aside as"));
+  EXPECT_THAT(text, HasSubstr("acknowledged"));
+}
+
+TEST_F(ProcessTest, ShowsAndPrunesTheHistoryOfARobotsStates) {
+  MoonctlExpecting(0, {"up"});
+  for (const char* body : {"{\"celsius\": -20}", "{\"celsius\": -21}", "{\"celsius\": -22}"}) {
+    MoonctlExpecting(0, {"record", "insert", "temperature", body, "-a", "rover3"});
+  }
+  const auto rows = [](const std::string& table) { return std::count(table.begin(), table.end(), '\n') - 1; };
+  EXPECT_EQ(rows(MoonctlExpecting(0, {"record", "list", "temperature", "-a", "rover3"})), 1);
+  const std::vector<std::string> list = {"record", "list", "temperature", "--history", "-a", "rover3"};
+  EXPECT_EQ(rows(MoonctlExpecting(0, list)), 2);
+  std::vector<std::string> relayed = list;
+  relayed.insert(relayed.end(), {"--via", "base"});
+  ASSERT_TRUE(Until([&] { return Moonctl(relayed).exit_code == 0; }));
+  EXPECT_EQ(rows(MoonctlExpecting(0, relayed)), 2);
+  const std::string sql = "SELECT min(fields ->> 'celsius') AS coldest FROM v_history WHERE type = 'temperature'";
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "query", sql, "-a", "rover3"}), HasSubstr("-21"));
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "info"}), HasSubstr("2, "));
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "prune", "--history", "--dry-run", "-a", "rover3"}), HasSubstr("temperature"));
+  EXPECT_EQ(rows(MoonctlExpecting(0, list)), 2);
+  EXPECT_THAT(MoonctlExpecting(0, {"db", "prune", "--history", "-a", "rover3"}), HasSubstr("temperature"));
+  EXPECT_EQ(rows(MoonctlExpecting(0, list)), 0);
+  EXPECT_EQ(Moonctl({"record", "list", "--history", "--follow", "-a", "rover3"}).exit_code, 2);
+  EXPECT_EQ(Moonctl({"db", "prune", "--history", "--beaten-maps", "-a", "rover3"}).exit_code, 2);
+}
+
 TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {
   MoonctlExpecting(0, {"up"});
   constexpr std::uint64_t kSeed = 20261121;
@@ -183,7 +262,9 @@ TEST_F(ProcessTest, LetsTheSurvivorLeadWhenTheLeaderIsDead) {
   // rover1 is dead: what could be shared is, and the exit code says that something is missing.
   MoonctlExpecting(3, {"sync", "now", "--wait"});
   MoonctlExpecting(0, {"record", "get", key, "-a", "rover2"});
-  MoonctlExpecting(0, {"replicate", "now", "--wait"});
+  // All that can be reached is replicated; what rover1 alone held may come yet.
+  EXPECT_THAT(MoonctlExpecting(3, {"replicate", "now", "--wait"}),
+              HasSubstr("everything is acknowledged; not there yet is what is held only by rover1 (is out of reach)"));
 
   // The deposed leader learns of it when it comes back.
   const auto former = StartAgent("rover1");
@@ -192,6 +273,57 @@ TEST_F(ProcessTest, LetsTheSurvivorLeadWhenTheLeaderIsDead) {
            Moonctl({"role", "show", "-a", "rover1"}).out.find("\nrover1  rover ") != std::string::npos;
   }));
   MoonctlExpecting(4, {"graph", "optimize", "-a", "rover1"});
+}
+
+// A leader in a new term asks everybody for everything; that takes longer than what it was asked for.
+TEST_F(ProcessTest, WaitsForWhatALeaderGathersThatLostItsDisk) {
+  MoonctlExpecting(0, {"up"});
+  constexpr std::uint64_t kSeed = 20261122;
+  SCOPED_TRACE("seed " + std::to_string(kSeed));
+  std::set<RecordKey> inserted;
+  for (const AgentId agent : {1u, 3u}) {
+    const auto keys = Connect("rover" + std::to_string(agent))->Insert(NoisyMaps(300, kSeed, agent));
+    ASSERT_TRUE(keys.has_value()) << ToString(keys.error());
+    inserted.insert(keys->begin(), keys->end());
+  }
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  MoonctlExpecting(0, {"replicate", "now", "--wait"});
+  Kill("rover3");  // Its records are at leader and survivor.
+  Kill("rover1");
+  std::filesystem::remove_all(folder_ / "moondb-data" / "rover1");
+  const auto leader = StartAgent("rover1");
+  ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
+  const Outcome synced = Moonctl({"sync", "now", "--wait"});
+  EXPECT_EQ(synced.exit_code, 3) << synced.error;
+  EXPECT_THAT(synced.out, HasSubstr("everything is acknowledged; unreachable: rover3"));
+  EXPECT_THAT(KeysHeldBy("rover1"), IsSupersetOf(inserted));
+  const auto replicated = MoonctlJson(3, {"replicate", "now", "--wait"}).fields();
+  EXPECT_TRUE(replicated.at("is_acknowledged").bool_value());
+  const auto& not_gathered = replicated.at("not_gathered").list_value();
+  ASSERT_EQ(not_gathered.values_size(), 1);
+  EXPECT_EQ(not_gathered.values(0).struct_value().fields().at("agent").string_value(), "rover3");
+  EXPECT_THAT(KeysHeldBy("rover2"), IsSupersetOf(inserted));
+}
+
+TEST_F(ProcessTest, ARoleSwapReturnsWhenTheNewLeaderActsOnIt) {
+  MoonctlExpecting(0, {"up"});
+  for (int i = 0; i < 4; ++i) {
+    const std::string leader = i % 2 == 0 ? "rover2" : "rover1";
+    EXPECT_THAT(MoonctlExpecting(0, {"role", "swap"}), HasSubstr("by " + leader + ": leader " + leader));
+    EXPECT_THAT(MoonctlExpecting(0, {"sync", "now", "--wait"}), HasSubstr("sync at " + leader));
+  }
+  EXPECT_THAT(MoonctlExpecting(0, {"role", "swap", "--no-wait"}), HasSubstr("leader rover2, survivor rover1"));
+}
+
+TEST_F(ProcessTest, SaysWhoDidNotConfirmAChangeOfRoles) {
+  MoonctlExpecting(0, {"up"});
+  Kill("rover3");
+  const std::vector<std::string> set = {"role", "set", "rover3", "survivor", "--timeout", "1s"};
+  EXPECT_THAT(MoonctlExpecting(3, set), HasSubstr("survivor rover3; not confirmed yet by rover3"));
+  const auto shown = MoonctlJson(3, {"role", "set", "rover3", "survivor", "--timeout", "1s"}).fields();
+  EXPECT_EQ(shown.at("not_confirmed").list_value().values(0).string_value(), "rover3");
+  MoonctlExpecting(0, {"role", "set", "rover3", "survivor", "--no-wait"});
+  MoonctlExpecting(0, {"role", "set", "rover2", "survivor"});
 }
 
 TEST_F(ProcessTest, OperatesTheWholeTeamThroughTheBaseStation) {
@@ -480,6 +612,24 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfAKilledLeader) {
   EXPECT_TRUE(Until([&] {
     return Moonctl({"status", "-a", "rover1"}).exit_code == 0 && role_of("rover1") == "rover";
   }));
+}
+
+// A process that is stopped keeps its connections: only what is asked of it shows that nobody is there.
+TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
+  std::string text = *ReadTextFile(team_file_);
+  const std::string manual = "failover: manual, leader_timeout_s: 120";
+  text.replace(text.find(manual), manual.size(), "failover: automatic, leader_timeout_s: 2");
+  ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
+  MoonctlExpecting(0, {"up"});
+  ASSERT_TRUE(Until([&] { return MoonctlExpecting(0, {"status", "-a", "rover2"}).find("3/3") != std::string::npos; }));
+  const pid_t leader = PidOf("rover1");
+  ASSERT_EQ(kill(leader, SIGSTOP), 0);
+  const auto is_replaced = [this] {
+    return MoonctlExpecting(0, {"role", "show", "-a", "rover2"}).find("rover2  leader ") != std::string::npos;
+  };
+  // 4/3 of the timeout and 3 s; a link on which nothing is asked is given up after 33 s.
+  EXPECT_TRUE(Until(is_replaced, std::chrono::seconds(15)));
+  ASSERT_EQ(kill(leader, SIGCONT), 0);
 }
 
 TEST_F(ProcessTest, SaysWhatIsWrongWithWhatWasTyped) {

@@ -42,10 +42,11 @@ def survey(python, programs, source, folder):
                        MOONDB_TEAM=f"{folder}/team/team.yaml", PYTHONPATH=folder)
     protos = sorted(str(path) for path in (source / "proto").glob("*.proto"))
     run(["protoc", f"--python_out={folder}", "-I", str(source / "proto"), *protos], environment, folder)
-    run(["moonctl", "config", "init", "--agents", "4", "team/team.yaml"], environment, folder)
+    run(["moonctl", "config", "init", "--agents", "4", "--name", "moon", "team/team.yaml"], environment, folder)
     try:
         run(["moonctl", "up"], environment, folder)
-        out = run([python, str(source / "examples/python/survey.py"), "moon", "rover2", "2"], environment, folder)
+        survey_program = str(source / "examples/python/survey.py")
+        out = run([python, survey_program, "team/team.yaml", "rover2", "2"], environment, folder)
         maps = run(["moonctl", "-a", "rover2", "record", "list", "local_traversability_map"], environment, folder)
         return out, maps
     finally:

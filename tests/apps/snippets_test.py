@@ -2,8 +2,8 @@
 """Runs the snippets of the guides, in the order in which they stand, and holds what is printed against what they say.
 
 A fenced block ```sh holds commands. In a block ```console lines that begin with "$ " are commands, and the lines below
-one are what it prints, standard error too: each must come in this order, numbers, sizes and users aside; more lines may
-come in between. A command must end with 0, or with N where it ends in "# exits with N". The blocks of one guide
+one are what it prints, standard error too: each must come in this order, numbers, sizes, users and teams' ids aside; more
+lines may come in between. A command must end with 0, or with N where it ends in "# exits with N". The blocks of one guide
 share one shell, in an empty folder with its own sockets; other blocks are not run.
 
 Usage: snippets_test.py PROGRAMS GUIDE...    PROGRAMS is the folder of moonctl and the others.
@@ -27,6 +27,8 @@ NUMBER = re.compile(r"(?<![A-Za-z_\d])-?\d[\da-fx.:]*( ?(?:[kMG]?B|[kM]?bit/s|[k
 
 
 USER = re.compile(r"\w+@[\w.-]+")
+# A team's id, whole and in a socket's path; the hash of a team file.
+TEAM_ID = re.compile(r"\b[0-9a-f]{32}\b|(?<=-)[0-9a-f]{8}(?=/\w+\.sock)|(?<=hash )[0-9a-f]{16}|(?<=here )[0-9a-f]{16}")
 
 
 class Failure(Exception):
@@ -47,7 +49,7 @@ def commands_of(kind, block):
 
 
 def shape(line):
-    return re.sub(r"\s+", " ", NUMBER.sub("#", USER.sub("@", line))).strip()
+    return re.sub(r"\s+", " ", NUMBER.sub("#", TEAM_ID.sub("#", USER.sub("@", line)))).strip()
 
 
 def missing_line(said, printed):

@@ -63,7 +63,7 @@ class TrustTest : public ProcessTeam {
 
   // A byte of a node's content at `agent`, behind the back of the agent that runs.
   void ChangeAByte(const std::string& agent, const RecordKey& key) {
-    const std::string path = DefaultDataFolder(team_file_, agent) / "moondb.sqlite";
+    const std::string path = DefaultDataRoot(team_file_.parent_path()) / agent / "moondb.sqlite";
     sqlite3* database = nullptr;
     ASSERT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
     sqlite3_busy_timeout(database, 10'000);

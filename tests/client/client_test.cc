@@ -7,6 +7,7 @@
 #include <csignal>
 
 #include "client/record_feed.h"
+#include "model/team_id.h"
 #include "tests/client/fake_agent.h"
 
 namespace moondb {
@@ -75,6 +76,34 @@ TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
   ASSERT_FALSE(optimized.has_value());
   EXPECT_EQ(optimized.error().code, ErrorCode::kRefused);
   EXPECT_EQ(optimized.error().text, "not the leader");
+}
+
+TEST(ClientTest, RefusesTheAnswerOfAnotherTeamAndNamesItsOwn) {
+  std::string asked_for;
+  std::string answers_for = TeamIdBytes("00112233445566778899aabbccddeeff");
+  FakeAgent agent([&](const proto::Message& request) {
+    asked_for = request.control_request().team_id();
+    proto::ControlReply reply;
+    reply.mutable_status()->set_name("rover1");
+    reply.set_team_id(answers_for);
+    reply.set_config_hash(7);
+    return std::vector{Frame(request, reply)};
+  });
+  Client::Options options;
+  options.team_id = "00112233445566778899aabbccddeeff";
+  std::vector<std::uint64_t> hashes;
+  options.on_config_hash = [&hashes](std::uint64_t hash) { hashes.push_back(hash); };
+  auto client = ConnectTo(agent, options);
+  EXPECT_TRUE(client->Status().has_value());
+  EXPECT_EQ(asked_for, answers_for);
+  EXPECT_THAT(hashes, testing::ElementsAre(7));
+  for (const std::string other : {"0123456789abcdef", ""}) {
+    answers_for = other;
+    const auto status = client->Status();
+    ASSERT_FALSE(status.has_value());
+    EXPECT_EQ(status.error().code, ErrorCode::kRefused);
+  }
+  EXPECT_TRUE(ConnectTo(agent)->Status().has_value()) << "a client that names no team";
 }
 
 // Rows 1 to 5, of which two are a page; a wait for more ends with nothing.

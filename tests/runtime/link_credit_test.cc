@@ -123,5 +123,18 @@ TEST(ReceivedCountTest, ReportsAfterSoManyBytes) {
   EXPECT_EQ(received.received_bytes(), 0u);
 }
 
+TEST(LargeFrameNoticeTest, SpeaksOfTheNextFrameAlone) {
+  LargeFrameNotice notice;
+  EXPECT_FALSE(notice.Covers(50'000));
+  notice.OnReportSent(50'000);
+  EXPECT_TRUE(notice.Covers(50'000));
+  EXPECT_FALSE(notice.Covers(60'000)) << "another frame has become the next one";
+  notice.OnFrameSent();  // A control message, while the socket had no room for the large frame.
+  EXPECT_FALSE(notice.Covers(50'000));
+  notice.OnReportSent(50'000);
+  notice.OnReportSent(0);
+  EXPECT_FALSE(notice.Covers(50'000));
+}
+
 }  // namespace
 }  // namespace moondb

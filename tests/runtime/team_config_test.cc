@@ -11,7 +11,9 @@
 #include <sstream>
 #include <string>
 
+#include "model/team_id.h"
 #include "runtime/curve_keys.h"
+#include "runtime/team_init.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -26,6 +28,7 @@ agents:
   - {id: 1, name: rover1, address: "tcp://127.0.0.1:7400"}
   - {id: 2, name: rover2, address: "tcp://127.0.0.1:7401"}
   - {id: 3, name: base, address: "tcp://127.0.0.1:7402", kind: base_station, position_m: [1, 2, 3]}
+team_id: "00112233445566778899aabbccddeeff"
 )";
 
 std::string Replaced(std::string text, const std::string& from, const std::string& to) {
@@ -48,12 +51,12 @@ const BadFile kBadFiles[] = {
     {"Empty", "", "t:1:1: the file is empty"},
     {"NoFields", "- 1\n", "t:1:1: expected fields such as \"team: NAME\", got a list"},
     {"TwoDocuments", std::string(kGood) + "---\nteam: b\n",
-     "t:8:1: a second document begins here; only one is allowed"},
+     "t:9:1: a second document begins here; only one is allowed"},
     {"Syntax", "team: test\nagents: [\n", "t:3:1: not YAML: end of sequence flow not found"},
     {"MisspeltKey", Good("address: \"tcp://127.0.0.1:7401\"", "adress: \"tcp://127.0.0.1:7401\""),
      "t:5:27: agents[1].adress: no such field; did you mean \"address\"?"},
-    {"StrangeKey", GoodAnd("colour: red"), "t:7:1: colour: no such field"},
-    {"KeyWithEscapes", GoodAnd("\"\\e[2J\": red"), "t:7:1: \\x1b[2J: no such field"},
+    {"StrangeKey", GoodAnd("colour: red"), "t:8:1: colour: no such field"},
+    {"KeyWithEscapes", GoodAnd("\"\\e[2J\": red"), "t:8:1: \\x1b[2J: no such field"},
     {"WrongInteger", Good("id: 2", "id: two"), "t:5:10: agents[1].id: expected an integer, got \"two\""},
     {"FractionalId", Good("id: 2", "id: 1.5"), "t:5:10: agents[1].id: expected an integer, got \"1.5\""},
     {"NegativeId", Good("id: 2", "id: -2"),
@@ -101,7 +104,7 @@ const BadFile kBadFiles[] = {
      "t:6:64: agents[2].kind: the team has a base station already: agents[1]"},
     {"NoRover",
      "team: t\ninsecure: true\nagents:\n  - {id: 3, name: b, address: \"ipc:///tmp/b\", "
-     "kind: base_station, position_m: [1, 2, 3]}\n",
+     "kind: base_station, position_m: [1, 2, 3]}\nteam_id: 00112233445566778899aabbccddeeff\n",
      "t:4:3: agents: expected at least one rover"},
     {"ZeroSigma", Good("7401\"}", "7401\", start: {sigma_m: 0}}"),
      "t:5:77: agents[1].start.sigma_m: expected 1e-06 to 1000, got 0"},
@@ -110,67 +113,94 @@ const BadFile kBadFiles[] = {
      "t:5:5: agents[1].key: missing: the file of the agent's public key (or `insecure: true` for the team)\n"
      "t:6:5: agents[2].key: missing: the file of the agent's public key (or `insecure: true` for the team)"},
     {"UnknownLeader", GoodAnd("roles: {leader: rover11}"),
-     "t:7:17: roles.leader: no agent is named \"rover11\"; did you mean \"rover1\"?"},
+     "t:8:17: roles.leader: no agent is named \"rover11\"; did you mean \"rover1\"?"},
     {"LeaderIsSurvivor", GoodAnd("roles: {leader: rover1, survivor: rover1}"),
-     "t:7:35: roles.survivor: rover1 is the leader; the designated survivor must be another rover"},
+     "t:8:35: roles.survivor: rover1 is the leader; the designated survivor must be another rover"},
     {"BaseLeads", GoodAnd("roles: {leader: base}"),
-     "t:7:17: roles.leader: base is a base station; only a rover can hold this role"},
+     "t:8:17: roles.leader: base is a base station; only a rover can hold this role"},
     {"BasePreserves", GoodAnd("roles: {survivor: base}"),
-     "t:7:19: roles.survivor: base is a base station; only a rover can hold this role"},
+     "t:8:19: roles.survivor: base is a base station; only a rover can hold this role"},
     {"ZeroTimeout", GoodAnd("roles: {leader_timeout_s: 0}"),
-     "t:7:27: roles.leader_timeout_s: expected 1 to 86400, got 0"},
+     "t:8:27: roles.leader_timeout_s: expected 1 to 86400, got 0"},
     {"Failover", GoodAnd("roles: {failover: automatik}"),
-     "t:7:19: roles.failover: expected manual or automatic, got \"automatik\"; did you mean \"automatic\"?"},
-    {"Budget", GoodAnd("radio: {budget_kbps: -1}"), "t:7:22: radio.budget_kbps: expected 1 to 1000000, got -1"},
+     "t:8:19: roles.failover: expected manual or automatic, got \"automatik\"; did you mean \"automatic\"?"},
+    {"Budget", GoodAnd("radio: {budget_kbps: -1}"), "t:8:22: radio.budget_kbps: expected 1 to 1000000, got -1"},
     {"StatesPeriod", GoodAnd("radio: {states_period_s: 0.5}"),
-     "t:7:26: radio.states_period_s: expected 0, for never, or 1 to 86400, got 0.5"},
+     "t:8:26: radio.states_period_s: expected 0, for never, or 1 to 86400, got 0.5"},
     {"Retention", GoodAnd("retention: {keep_days: -1, keep_event_days: 40000, store_mb_max: 0.5, map_part_max: 1.5}"),
-     "t:7:24: retention.keep_days: expected 0 to 36500, got -1\n"
-     "t:7:45: retention.keep_event_days: expected 0 to 36500, got 40000\n"
-     "t:7:66: retention.store_mb_max: expected 0, for no budget, or 1 to 1e+09, got 0.5\n"
-     "t:7:85: retention.map_part_max: expected 0 to 1, got 1.5"},
+     "t:8:24: retention.keep_days: expected 0 to 36500, got -1\n"
+     "t:8:45: retention.keep_event_days: expected 0 to 36500, got 40000\n"
+     "t:8:66: retention.store_mb_max: expected 0, for no budget, or 1 to 1e+09, got 0.5\n"
+     "t:8:85: retention.map_part_max: expected 0 to 1, got 1.5"},
     {"RetentionDisk", GoodAnd("retention: {disk_free_mb_min: .nan}"),
-     "t:7:31: retention.disk_free_mb_min: expected a finite number, got \".nan\""},
+     "t:8:31: retention.disk_free_mb_min: expected a finite number, got \".nan\""},
     {"QuarantinePolicy", GoodAnd("share: {map_quarantine: latest}"),
-     "t:7:25: share.map_quarantine: expected none or all, got \"latest\""},
+     "t:8:25: share.map_quarantine: expected none or all, got \"latest\""},
     {"Codec", GoodAnd("radio: {codec: gzip}"),
-     "t:7:16: radio.codec: expected plain, zstd, compact or paper_sql, got \"gzip\""},
+     "t:8:16: radio.codec: expected plain, zstd, compact or paper_sql, got \"gzip\""},
     {"NotBool", GoodAnd("radio: {quiet_while_driving: yes}"),
-     "t:7:30: radio.quiet_while_driving: expected true or false, got \"yes\""},
+     "t:8:30: radio.quiet_while_driving: expected true or false, got \"yes\""},
     {"Policy", GoodAnd("share: {health: lastest}"),
-     "t:7:17: share.health: expected none, latest or all, got \"lastest\"; did you mean \"latest\"?"},
+     "t:8:17: share.health: expected none, latest or all, got \"lastest\"; did you mean \"latest\"?"},
     {"UnspecifiedPolicy", GoodAnd("share: {health: unspecified}"),
-     "t:7:17: share.health: expected none, latest or all, got \"unspecified\""},
+     "t:8:17: share.health: expected none, latest or all, got \"unspecified\""},
     {"Footprint", GoodAnd("map: {footprint_m: [0.75]}"),
-     "t:7:20: map.footprint_m: expected 2 numbers (length and width), got 1"},
-    {"NoList", GoodAnd("map: {footprint_m: 0.75}"), "t:7:20: map.footprint_m: expected a list, got \"0.75\""},
-    {"NoValue", GoodAnd("map: {footprint_m: }"), "t:7:7: map.footprint_m: expected a list, got nothing"},
-    {"NoMessage", GoodAnd("map: 5"), "t:7:6: map: expected fields such as \"resolution_m: ...\", got \"5\""},
-    {"Latitude", GoodAnd("site: {lat_deg: 91}"), "t:7:17: site.lat_deg: expected -90 to 90, got 91"},
-    {"Missing", "insecure: true\n", "t:1:1: team: missing\nt:1:1: agents: missing"},
+     "t:8:20: map.footprint_m: expected 2 numbers (length and width), got 1"},
+    {"NoList", GoodAnd("map: {footprint_m: 0.75}"), "t:8:20: map.footprint_m: expected a list, got \"0.75\""},
+    {"NoValue", GoodAnd("map: {footprint_m: }"), "t:8:7: map.footprint_m: expected a list, got nothing"},
+    {"NoMessage", GoodAnd("map: 5"), "t:8:6: map: expected fields such as \"resolution_m: ...\", got \"5\""},
+    {"Latitude", GoodAnd("site: {lat_deg: 91}"), "t:8:17: site.lat_deg: expected -90 to 90, got 91"},
+    {"Missing", "insecure: true\n",
+     "t:1:1: team: missing\n"
+     "t:1:1: team_id: missing: `moonctl config check --fix` gives the file one\n"
+     "t:1:1: agents: missing"},
+    {"NoTeamId", Good("team_id: \"00112233445566778899aabbccddeeff\"\n", ""),
+     "t:1:1: team_id: missing: `moonctl config check --fix` gives the file one"},
+    {"ShortTeamId", Good("ccddeeff", "ccddeef"),
+     "t:7:10: team_id: expected 32 digits of 0 to 9 and a to f, got \"00112233445566778899aabbccddeef\""},
+    {"LargeTeamId", Good("ccddeeff", "CCDDEEFF"),
+     "t:7:10: team_id: expected 32 digits of 0 to 9 and a to f, got \"00112233445566778899aabbCCDDEEFF\""},
     {"CustomIdOutOfRange", GoodAnd("custom_types: [{id: 999, name: soil}]"),
-     "t:7:21: custom_types[0].id: expected 1000 to 1999, got 999"},
+     "t:8:21: custom_types[0].id: expected 1000 to 1999, got 999"},
     {"CustomWithoutNames", GoodAnd("custom_types: [{}]"),
-     "t:7:16: custom_types[0].id: missing\nt:7:16: custom_types[0].name: missing"},
+     "t:8:16: custom_types[0].id: missing\nt:8:16: custom_types[0].name: missing"},
     {"CustomMisspelt", GoodAnd("custom_types: [{id: 1000, nmae: soil}]"),
-     "t:7:27: custom_types[0].nmae: no such field; did you mean \"name\"?"},
+     "t:8:27: custom_types[0].nmae: no such field; did you mean \"name\"?"},
     {"CustomPolicy", GoodAnd("custom_types: [{id: 1000, name: soil, share: lastest}]"),
-     "t:7:46: custom_types[0].share: expected none, latest or all, got \"lastest\"; did you mean \"latest\"?"},
+     "t:8:46: custom_types[0].share: expected none, latest or all, got \"lastest\"; did you mean \"latest\"?"},
     {"CustomBadName", GoodAnd("custom_types: [{id: 1000, name: 3-soil}]"),
-     "t:7:33: custom_types[0].name: expected at most 32 lower-case letters, digits and _, from a letter on, got "
+     "t:8:33: custom_types[0].name: expected at most 32 lower-case letters, digits and _, from a letter on, got "
      "\"3-soil\""},
     {"CustomBuiltInName", GoodAnd("custom_types: [{id: 1000, name: temperature}, {id: 1001, name: type_1000}]"),
-     "t:7:33: custom_types[0].name: temperature is a name of moondb's own\n"
-     "t:7:64: custom_types[1].name: type_1000 is a name of moondb's own"},
+     "t:8:33: custom_types[0].name: temperature is a name of moondb's own\n"
+     "t:8:64: custom_types[1].name: type_1000 is a name of moondb's own"},
     {"CustomDoubled", GoodAnd("custom_types: [{id: 1000, name: soil}, {id: 1000, name: soil}]"),
-     "t:7:45: custom_types[1].id: 1000 is already that of custom_types[0]\n"
-     "t:7:57: custom_types[1].name: soil is already that of custom_types[0]"},
+     "t:8:45: custom_types[1].id: 1000 is already that of custom_types[0]\n"
+     "t:8:57: custom_types[1].name: soil is already that of custom_types[0]"},
     {"CustomBounds", GoodAnd("custom_types: [{id: 1000, name: soil, priority: 0, bytes_max: 8388609}]"),
-     "t:7:49: custom_types[0].priority: expected 1 to 9, got 0\n"
-     "t:7:63: custom_types[0].bytes_max: expected 1 to 8388608, got 8388609"},
+     "t:8:49: custom_types[0].priority: expected 1 to 9, got 0\n"
+     "t:8:63: custom_types[0].bytes_max: expected 1 to 8388608, got 8388609"},
+    {"Keep", GoodAnd("keep: {temperature: lates, power: 7, mode: 0d, health: forever}"),
+     "t:8:21: keep.temperature: expected all, latest or a duration such as 7d or 12h, got \"lates\"; did you mean "
+     "\"latest\"?\n"
+     "t:8:35: keep.power: expected all, latest or a duration such as 7d or 12h, got \"7\"\n"
+     "t:8:44: keep.mode: expected all, latest or a duration such as 7d or 12h, got \"0d\"\n"
+     "t:8:56: keep.health: expected all, latest or a duration such as 7d or 12h, got \"forever\""},
+    {"KeepOfWhatIsNotSuperseded", GoodAnd("share: {power: all}\nkeep: {power: 7d, mode: 7d}"),
+     "t:9:15: keep.power: nothing of it is superseded, since share.power is all: expected all, got \"7d\" "
+     "(retention.keep_days lets old records go)"},
+    {"KeepOfAnotherType", GoodAnd("keep: {temprature: all}"),
+     "t:8:8: keep.temprature: no such field; did you mean \"temperature\"?"},
+    {"CustomKeep",
+     GoodAnd("custom_types: [{id: 1000, name: soil, keep: 7d}, {id: 1001, name: core, share: latest, keep: 7w}]"),
+     "t:8:45: custom_types[0].keep: nothing of it is superseded, since custom_types[0].share is all: expected all, got "
+     "\"7d\" (retention.keep_days lets old records go)\n"
+     "t:8:94: custom_types[1].keep: expected all, latest or a duration such as 7d or 12h, got \"7w\""},
+    {"HistoryLimit", GoodAnd("retention: {history_mb_max: -1}"),
+     "t:8:29: retention.history_mb_max: expected 0 to 1000000, got -1"},
     {"AliasLoop", GoodAnd("map: &m {footprint_m: [*m, *m]}"),
-     "t:7:6: map.footprint_m[0]: expected a number, got fields\n"
-     "t:7:6: map.footprint_m[1]: expected a number, got fields"},
+     "t:8:6: map.footprint_m[0]: expected a number, got fields\n"
+     "t:8:6: map.footprint_m[1]: expected a number, got fields"},
 };
 
 class TeamConfigBadFileTest : public ::testing::TestWithParam<BadFile> {};
@@ -192,7 +222,7 @@ TEST(TeamConfigTest, TellsAllErrorsInTheOrderOfTheirPlaces) {
   EXPECT_EQ(ParseTeamFile(yaml, "t").error().text,
             "t:1:1: taem: no such field; did you mean \"team\"?\n"
             "t:5:10: agents[1].id: expected an integer, got \"two\"\n"
-            "t:7:21: share.power: given twice, first in line 7");
+            "t:8:21: share.power: given twice, first in line 8");
 }
 
 TEST(TeamConfigTest, BoundsAgentsAndErrors) {
@@ -200,7 +230,7 @@ TEST(TeamConfigTest, BoundsAgentsAndErrors) {
   for (int i = 0; i < 200; ++i) many += "  - {id: x}\n";
   const std::string text = ParseTeamFile(many, "t").error().text;
   EXPECT_THAT(text, HasSubstr("t:3:3: agents: at most 64 are allowed, got 200\n"));
-  EXPECT_THAT(text, HasSubstr("\nt: and 701 more errors"));
+  EXPECT_THAT(text, HasSubstr("\nt: and 702 more errors"));
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 100);
 }
 
@@ -217,6 +247,13 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(config.retention().disk_free_mb_min(), 512);
   EXPECT_EQ(config.retention().store_mb_max(), 0);
   EXPECT_FALSE(config.retention().drop_beaten_maps());
+  EXPECT_EQ(config.retention().history_mb_max(), 64);
+  EXPECT_EQ(config.keep().temperature(), "all");
+  EXPECT_EQ(config.keep().optimized_pose(), "latest");
+  EXPECT_EQ(config.keep().edge_verdict(), "latest");
+  EXPECT_TRUE(KeepRuleOf(config, proto::TEMPERATURE).IsOfAnyAge());
+  EXPECT_FALSE(KeepRuleOf(config, proto::OPTIMIZED_POSE).KeepsAny());
+  EXPECT_TRUE(KeepRuleOf(config, proto::POSE_GRAPH_NODE).IsOfAnyAge());
   EXPECT_EQ(config.radio().codec(), proto::CODEC_COMPACT);
   EXPECT_EQ(config.map().resolution_m(), 0.05);
   EXPECT_THAT(config.map().footprint_m(), ::testing::ElementsAre(0.75, 0.5));
@@ -230,6 +267,25 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(GroundPolicyOf(config, proto::POSE_GRAPH_EDGE), proto::POLICY_NONE);
   EXPECT_EQ(SharePolicyOf(config, 1007), proto::POLICY_NONE);
   EXPECT_EQ(SharePolicyOf(config, 0xFFFF'FFFF), proto::POLICY_NONE);
+}
+
+TEST(TeamConfigTest, ReadsWhatRobotsKeepOfSupersededStates) {
+  const Result<TeamFile> team = ParseTeamFile(
+      GoodAnd(
+          "keep: {temperature: 36h, power: latest}\n"
+          "share: {optimized_pose: all}\n"
+          "retention: {history_mb_max: 0}\n"
+          "custom_types: [{id: 1000, name: soil, share: latest, keep: 90m}, {id: 1001, name: core, share: latest}]"),
+      "t");
+  ASSERT_TRUE(team) << team.error().text;
+  const proto::TeamConfig& config = team->config;
+  EXPECT_EQ(KeepRuleOf(config, proto::TEMPERATURE).at_most, std::chrono::hours(36));
+  EXPECT_FALSE(KeepRuleOf(config, proto::POWER).KeepsAny());
+  EXPECT_TRUE(KeepRuleOf(config, proto::MODE).IsOfAnyAge());
+  EXPECT_EQ(config.keep().optimized_pose(), "all") << "nothing of it is superseded";
+  EXPECT_EQ(KeepRuleOf(config, 1000).at_most, std::chrono::minutes(90));
+  EXPECT_TRUE(KeepRuleOf(config, 1001).IsOfAnyAge());
+  EXPECT_EQ(config.retention().history_mb_max(), 0);
 }
 
 TEST(TeamConfigTest, DeclaresCustomTypes) {
@@ -256,12 +312,14 @@ TEST(TeamConfigTest, BoundsTheNumberOfCustomTypes) {
   for (int i = 0; i < 65; ++i) {
     yaml += "  - {id: " + std::to_string(1000 + i) + ", name: t" + std::to_string(i) + "}\n";
   }
-  EXPECT_EQ(ParseTeamFile(yaml, "t").error().text, "t:8:3: custom_types: at most 64 are allowed, got 65");
+  EXPECT_EQ(ParseTeamFile(yaml, "t").error().text, "t:9:3: custom_types: at most 64 are allowed, got 65");
 }
 
 TEST(TeamConfigTest, NeedsNeitherBaseStationNorSurvivor) {
-  const Result<TeamFile> team =
-      ParseTeamFile("team: t\ninsecure: true\nagents: [{id: 7, name: a, address: \"ipc:///tmp/a\"}]\n", "t");
+  const Result<TeamFile> team = ParseTeamFile(
+      "team: t\nteam_id: \"00112233445566778899aabbccddeeff\"\ninsecure: true\n"
+      "agents: [{id: 7, name: a, address: \"ipc:///tmp/a\"}]\n",
+      "t");
   ASSERT_TRUE(team) << team.error().text;
   EXPECT_EQ(BaseStationOf(team->config), 0u);
   EXPECT_EQ(InitialRoles(team->config).leader(), 7u);
@@ -277,6 +335,8 @@ TEST(TeamConfigTest, HashesTheMeaningNotTheText) {
   EXPECT_EQ(hash(GoodAnd("custom_types: [" + soil + ", " + core + "]")),
             hash(GoodAnd("custom_types: [" + core + ", " + soil + "]")));
   EXPECT_NE(hash(GoodAnd("custom_types: [" + soil + "]")), hash(kGood));
+  EXPECT_EQ(hash(GoodAnd("keep: {power: 7d, mode: all}")), hash(GoodAnd("keep: {power: 168h}")));
+  EXPECT_NE(hash(GoodAnd("keep: {power: 7d}")), hash(kGood));
 }
 
 TEST(TeamConfigTest, RefusesRolesThatCannotBe) {
@@ -351,6 +411,7 @@ TEST_F(TeamFileTest, InitialTeamIsReadBack) {
 TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
   proto::TeamConfig config = ParseTeamFile(GoodAnd("roles: {failover: automatic}\n"
                                                    "share: {power: none}\n"
+                                                   "keep: {temperature: 7d, mode: latest}\n"
                                                    "radio: {quiet_while_driving: false}\n"
                                                    "site: {lat_deg: 7.4, lon_deg: -59.123456789, north_yaw_rad: 0.1}\n"
                                                    "map: {resolution_m: 0.0125}"),
@@ -369,7 +430,43 @@ TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
   config.mutable_custom_types(0)->set_ground(proto::POLICY_NONE);
   config.mutable_custom_types(0)->set_priority(5);
   config.mutable_custom_types(0)->set_bytes_max(4096);
+  config.mutable_custom_types(0)->set_keep("all");
   EXPECT_EQ(team->config.DebugString(), config.DebugString());
+}
+
+TEST_F(TeamFileTest, GivesEachTeamAnIdOfItsOwn) {
+  ASSERT_TRUE(WriteInitialTeam(folder_ / "a" / "team.yaml", 2, 7400));
+  ASSERT_TRUE(WriteInitialTeam(folder_ / "b" / "team.yaml", 2, 7400, "a"));
+  const proto::TeamConfig a = ReadTeamFile(folder_ / "a" / "team.yaml").value().config;
+  const proto::TeamConfig b = ReadTeamFile(folder_ / "b" / "team.yaml").value().config;
+  EXPECT_EQ(a.team(), "a") << "as its folder is called";
+  EXPECT_EQ(b.team(), "a");
+  EXPECT_TRUE(IsTeamId(a.team_id())) << a.team_id();
+  EXPECT_NE(a.team_id(), b.team_id());
+}
+
+TEST(TeamNameTest, IsWhatCanBeKeptOfAText) {
+  EXPECT_EQ(PlainNameOf("my-team_2"), "my-team_2");
+  EXPECT_EQ(PlainNameOf("My Team"), "my-team");
+  EXPECT_EQ(PlainNameOf("M\u00f6nd / \x1b[2J"), "m-nd-2j");
+  EXPECT_EQ(PlainNameOf("  "), "team");
+  EXPECT_EQ(PlainNameOf(""), "team");
+  EXPECT_EQ(PlainNameOf(std::string(31, 'a') + " b"), std::string(31, 'a'));
+}
+
+TEST(TeamIdLineTest, IsAddedAndAllElseKept) {
+  const std::string id = "0123456789abcdef0123456789abcdef";
+  const std::string line = "team_id: \"" + id + "\"   # Tells this team from any other, for ever.";
+  const std::string without = Good("team_id: \"00112233445566778899aabbccddeeff\"\n", "");
+  EXPECT_EQ(WithTeamId(without, id).value(), Replaced(without, "team: test\n", "team: test\n" + line + "\n"));
+  const std::string windows = "# A comment.\r\n  team: test   # Ours.\r\n  insecure: true\r\n";
+  EXPECT_EQ(WithTeamId(windows, id).value(),
+            "# A comment.\r\n  team: test   # Ours.\r\n  " + line + "\r\n  insecure: true\r\n");
+  EXPECT_EQ(WithTeamId("insecure: true\nteam: test", id).value(), "insecure: true\nteam: test\n" + line + "\n");
+  EXPECT_THAT(WithTeamId("{team: test, insecure: true}\n", id).error().text,
+              HasSubstr("add  team_id: \"" + id + "\"  by hand"));
+  EXPECT_FALSE(WithTeamId("team: [\n", id));
+  EXPECT_FALSE(WithTeamId("insecure: true\n", id));
 }
 
 TEST_F(TeamFileTest, OverwritesNothing) {
@@ -447,9 +544,12 @@ TEST_F(TeamFileTest, ExampleOfTheRepositoryIsRight) {
 TEST_F(TeamFileTest, ClientEndpointLiesInAFolderOfThisUserAlone) {
   TeamFile team = ParseTeamFile(kGood, "t").value();
   setenv("MOONDB_RUN_DIR", folder_.c_str(), 1);
-  EXPECT_EQ(ClientEndpoint(team, "rover1").value(), "ipc://" + (folder_ / "test" / "rover1.sock").string());
-  std::filesystem::create_directory(folder_ / "test");
-  std::filesystem::permissions(folder_ / "test", std::filesystem::perms(0750));
+  EXPECT_EQ(ClientEndpoint(team, "rover1").value(), "ipc://" + (folder_ / "test-00112233" / "rover1.sock").string());
+  TeamFile other = team;
+  other.config.set_team_id("ff112233445566778899aabbccddeeff");
+  EXPECT_NE(ClientEndpoint(other, "rover1").value(), ClientEndpoint(team, "rover1").value()) << "of the same name";
+  std::filesystem::create_directory(folder_ / "test-00112233");
+  std::filesystem::permissions(folder_ / "test-00112233", std::filesystem::perms(0750));
   EXPECT_THAT(ClientEndpoint(team, "rover1").error().text, HasSubstr("must be a folder of this user's"));
   setenv("MOONDB_RUN_DIR", (folder_ / std::string(100, 'x')).c_str(), 1);
   EXPECT_EQ(ClientEndpoint(team, "rover1").error().code, ErrorCode::kInvalid);

@@ -13,7 +13,7 @@ const std::set<std::string> kView = {"status",  "read",      "role_show", "share
                                      "trace",   "have",      "verify",    "fingerprint",  "merge",
                                      "map_why", "map_stats", "map_tiles", "read_bundle"};
 const std::set<std::string> kShare = {"insert", "share", "lease", "optimize", "custom"};
-const std::set<std::string> kCommand = {"role_set", "stop", "prune", "downlink"};
+const std::set<std::string> kCommand = {"role_set", "stop", "prune", "downlink", "acknowledge"};
 
 TEST(ClientRightsTest, EveryRequestHasItsPlace) {
   const auto* requests = proto::ControlRequest::descriptor()->FindOneofByName("request");

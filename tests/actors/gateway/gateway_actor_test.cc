@@ -4,6 +4,7 @@
 
 #include "actors/gateway/request_check.h"
 #include "model/record_check.h"
+#include "model/team_id.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb {
@@ -16,6 +17,7 @@ class GatewayActorTest : public testing::Test {
  protected:
   GatewayActorTest() {
     team_config_.set_team("test");
+    team_config_.set_team_id("00112233445566778899aabbccddeeff");
     for (const std::uint32_t id : {1, 2}) {
       proto::AgentConfig& agent = *team_config_.add_agents();
       agent.set_id(id);
@@ -29,6 +31,7 @@ class GatewayActorTest : public testing::Test {
     GatewayActor::Options options;
     options.self = agent;
     options.team = team_config_;
+    options.config_hash = 40 + agent;
     options.version = "1.2.3";
     options.pid = 77;
     options.merge_backend = [] { return "cpu"; };
@@ -153,8 +156,14 @@ TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesLeasesAndTheSystem) {
   proto::Message leases;
   leases.mutable_leases_changed()->add_leases()->set_agent_id(2);
   AnswerAs(actor_name::kLease, Asked(actor_name::kLease), leases);
+  EXPECT_TRUE(Answers().empty());
+  proto::Message findings;
+  findings.mutable_findings_reply()->add_findings()->set_text("rover2 was lost");
+  AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), findings);
 
   const proto::AgentStatus status = OnlyAnswer().status();
+  ASSERT_EQ(status.findings_size(), 1);
+  EXPECT_EQ(status.findings(0).text(), "rover2 was lost");
   EXPECT_EQ(status.name(), "rover1");
   EXPECT_EQ(status.team(), "test");
   EXPECT_EQ(status.role(), proto::ROLE_LEADER);
@@ -167,6 +176,22 @@ TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesLeasesAndTheSystem) {
   EXPECT_EQ(status.pid(), 77u);
 }
 
+TEST_F(GatewayActorTest, PassesAnAcknowledgmentOnAndWritesDownWhoGaveIt) {
+  proto::ControlRequest request;
+  request.mutable_acknowledge()->set_until_ns(77);
+  request.set_by("anna@hill");
+  Request(request);
+  const proto::Message written = Asked(actor_name::kStorage);
+  EXPECT_EQ(written.insert_request().records(0).agent_event().text(), "health acknowledge");
+  EXPECT_EQ(written.insert_request().records(0).agent_event().by(), "anna@hill");
+  const proto::Message asked = Asked(actor_name::kEvent);
+  EXPECT_EQ(asked.acknowledge_request().until_ns(), 77);
+  proto::Message answer;
+  answer.mutable_acknowledge_reply()->set_count(2);
+  AnswerAs(actor_name::kEvent, asked, answer);
+  EXPECT_EQ(OnlyAnswer().acknowledge().count(), 2u);
+}
+
 TEST_F(GatewayActorTest, AddsUpTheShareStatusOfSyncAndReplication) {
   proto::ControlRequest request;
   request.mutable_share_status();
@@ -174,11 +199,16 @@ TEST_F(GatewayActorTest, AddsUpTheShareStatusOfSyncAndReplication) {
   proto::Message part;
   part.mutable_share_status()->add_sessions()->set_destination(2);
   part.mutable_share_status()->set_received_records(3);
+  part.mutable_share_status()->mutable_roles()->mutable_term()->set_number(5);
   AnswerAs(actor_name::kSync, Asked(actor_name::kSync), part);
+  part.mutable_share_status()->mutable_roles()->mutable_term()->set_number(4);
+  part.mutable_share_status()->add_gathers_from(3);
   AnswerAs(actor_name::kReplica, Asked(actor_name::kReplica), part);
   const proto::ShareStatus status = OnlyAnswer().share_status();
   EXPECT_EQ(status.sessions_size(), 2);
   EXPECT_EQ(status.received_records(), 6);
+  EXPECT_EQ(status.roles().term().number(), 4u) << "that both have heard of";
+  EXPECT_EQ(status.gathers_from_size(), 1);
 }
 
 TEST_F(GatewayActorTest, AsksStorageWhatItHoldsAndWhetherItIsSound) {
@@ -270,7 +300,7 @@ TEST_F(GatewayActorTest, AnswersForAnActorThatKeepsSilentInTime) {
   team_.AdvanceTime(seconds(2));
   const proto::ControlReply status = OnlyAnswer();
   EXPECT_EQ(status.error().code(), proto::ERROR_CODE_TIMED_OUT);
-  EXPECT_EQ(status.error().text(), "lease and role and storage did not answer in time");
+  EXPECT_EQ(status.error().text(), "event and lease and role and storage did not answer in time");
   // Solving may take ten minutes.
   team_.AdvanceTime(seconds(535));
   EXPECT_TRUE(Answers().empty());
@@ -536,6 +566,9 @@ class KeyedClientTest : public GatewayActorTest {
     proto::Message leases;
     leases.mutable_leases_changed();
     AnswerAs(actor_name::kLease, Asked(actor_name::kLease), leases);
+    proto::Message findings;
+    findings.mutable_findings_reply();
+    AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), findings);
     return OnlyAnswer(77).status().refused_clients();
   }
 
@@ -699,6 +732,62 @@ TEST_F(GatewayActorTest, PassesNoRequestOfAnotherAgentOn) {
   const auto answers = team_.Take(other);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].control_reply().error().code(), proto::ERROR_CODE_REFUSED);
+}
+
+TEST_F(GatewayActorTest, RefusesARequestForAnotherTeamBeforeAnythingIsDone) {
+  const std::string other = TeamIdBytes("ff112233445566778899aabbccddeeff");
+  SpawnGateway(2);
+  for (const AgentId agent : {0u, 1u, 2u}) {
+    proto::ControlRequest request;
+    request.mutable_insert()->add_records()->mutable_temperature()->set_celsius(3);
+    request.set_for_agent(agent);
+    request.set_team_id(other);
+    Request(request);
+    const proto::ControlReply reply = OnlyAnswer();
+    EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
+    EXPECT_EQ(reply.error().text(),
+              "this agent is of another team: test with the team id 00112233, the request is for ff112233");
+    EXPECT_EQ(reply.team_id(), TeamIdBytes(team_config_.team_id()));
+    for (const AgentId asked : {1u, 2u}) EXPECT_TRUE(team_.Take({asked, actor_name::kStorage}).empty());
+  }
+  proto::ControlRequest request;
+  request.mutable_stop();
+  request.set_team_id("abc");
+  Request(request);
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
+}
+
+TEST_F(GatewayActorTest, SaysWhoseEachAnswerIs) {
+  SpawnGateway(2);
+  for (const AgentId agent : {1u, 2u}) {
+    proto::ControlRequest request = Optimize();
+    request.set_for_agent(agent);
+    request.set_team_id(TeamIdBytes(team_config_.team_id()));
+    Request(request);
+    team_.AdvanceTime(seconds(1));
+    const auto asked = team_.Take({agent, actor_name::kPgo});
+    ASSERT_EQ(asked.size(), 1u);
+    proto::Message answer;
+    answer.mutable_optimize_reply();
+    answer.set_request_id(asked.front().request_id());
+    (void)team_.Post({agent, actor_name::kPgo}, {agent, actor_name::kGateway}, answer);
+    team_.AdvanceTime(seconds(1));
+    const proto::ControlReply reply = OnlyAnswer();
+    EXPECT_FALSE(reply.has_error());
+    EXPECT_EQ(reply.team_id(), TeamIdBytes(team_config_.team_id()));
+    EXPECT_EQ(reply.config_hash(), 40 + agent);
+  }
+}
+
+TEST_F(GatewayActorTest, RelaysForItsOwnTeamAlone) {
+  (void)team_.Take({2, actor_name::kGateway});
+  proto::ControlRequest request = Optimize();  // Of a client that names no team.
+  request.set_for_agent(2);
+  Request(request);
+  team_.AdvanceTime(seconds(1));
+  const auto relayed = team_.Take({2, actor_name::kGateway});
+  ASSERT_EQ(relayed.size(), 1u);
+  EXPECT_EQ(relayed.front().control_request().team_id(), TeamIdBytes(team_config_.team_id()));
 }
 
 TEST_F(GatewayActorTest, RepliesToAStopBeforeItStops) {

@@ -45,6 +45,37 @@ TEST(RequestCheckTest, NamesTheRecordWhoseAgentIsNotOfTheTeam) {
   EXPECT_EQ(FieldOf(request), "insert.records[2].pose_graph_edge.to.agent_id");
 }
 
+TEST(RequestCheckTest, ChecksTheRolesThatARequestReliesOn) {
+  proto::ControlRequest request;
+  request.mutable_role_set()->set_is_swap(true);
+  proto::RoleAssignment& expected = *request.mutable_role_set()->mutable_expected();
+  EXPECT_EQ(FieldOf(request), "ok");
+  expected.mutable_term()->set_issuer(9);
+  EXPECT_EQ(FieldOf(request), "role_set.expected.term.issuer");
+  expected.mutable_term()->set_issuer(3);
+  expected.mutable_term()->set_number((1ull << 40) + 1);
+  EXPECT_EQ(FieldOf(request), "role_set.expected.term.number");
+  expected.mutable_term()->set_number(7);
+  expected.set_leader(9);
+  EXPECT_EQ(FieldOf(request), "role_set.expected.leader");
+  expected.set_leader(1);
+  expected.set_survivor(9);
+  EXPECT_EQ(FieldOf(request), "role_set.expected.survivor");
+  expected.set_survivor(2);
+  EXPECT_EQ(FieldOf(request), "ok");
+}
+
+TEST(RequestCheckTest, ChecksTheTermThatAnOrderReliesOn) {
+  proto::ControlRequest request;
+  request.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
+  request.mutable_share()->mutable_expected_term()->set_issuer(9);
+  EXPECT_EQ(FieldOf(request), "share.expected_term.issuer");
+  request.mutable_share()->mutable_expected_term()->set_issuer(2);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_share()->set_order(5);
+  EXPECT_EQ(FieldOf(request), "share.order");
+}
+
 TEST(RequestCheckTest, BoundsHowLongAReadWaits) {
   proto::ControlRequest request;
   request.mutable_read()->set_wait_s(60);
@@ -55,6 +86,24 @@ TEST(RequestCheckTest, BoundsHowLongAReadWaits) {
     request.mutable_read()->set_wait_s(bad);
     EXPECT_EQ(FieldOf(request), "read.wait_s") << bad;
   }
+}
+
+TEST(RequestCheckTest, AnAcknowledgmentNamesTheStampOfAFinding) {
+  proto::ControlRequest request;
+  request.mutable_acknowledge();
+  EXPECT_EQ(FieldOf(request), "acknowledge.until_ns");
+  request.mutable_acknowledge()->set_until_ns(-5);
+  EXPECT_EQ(FieldOf(request), "acknowledge.until_ns");
+  request.mutable_acknowledge()->set_until_ns(5);
+  EXPECT_EQ(FieldOf(request), "ok");
+}
+
+TEST(RequestCheckTest, LetsNobodyWaitForHistory) {
+  proto::ControlRequest request;
+  request.mutable_read()->set_is_history(true);
+  EXPECT_EQ(FieldOf(request), "ok");
+  request.mutable_read()->set_wait_s(1);
+  EXPECT_EQ(FieldOf(request), "read.wait_s");
 }
 
 TEST(RequestCheckTest, RefusesPrunesThatCannotBe) {
@@ -71,6 +120,9 @@ TEST(RequestCheckTest, RefusesPrunesThatCannotBe) {
   prune.set_content_bytes_max(1e6);
   prune.set_beaten_maps(true);
   EXPECT_EQ(FieldOf(request), "ok");
+  prune.set_is_history(true);
+  EXPECT_EQ(FieldOf(request), "prune.is_history");
+  prune.set_is_history(false);
   prune.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
   EXPECT_EQ(FieldOf(request), "prune.data_types");
   prune.set_beaten_maps(false);

@@ -178,6 +178,20 @@ class PgoActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
+TEST_F(PgoActorTest, AnotherAgentAsksInVain) {
+  SpawnPgo();
+  SetLeader(1);
+  team_.RecordSent(pgo_);
+  const Address peer{2, actor_name::kGateway};
+  proto::Message message;
+  message.mutable_graph_stats_request();
+  ASSERT_EQ(team_.Post(peer, pgo_, message), SendResult::kAccepted);
+  message.mutable_optimize_request();
+  ASSERT_EQ(team_.Post(peer, pgo_, message), SendResult::kAccepted);
+  team_.RunUntilIdle();
+  EXPECT_THAT(team_.TakeSent(pgo_), ::testing::IsEmpty());
+}
+
 TEST_F(PgoActorTest, SolvesTheStoredGraphAndPublishesPoses) {
   SpawnStorage();
   SpawnPgo();

@@ -308,6 +308,35 @@ TEST_F(RetentionActorTest, TakesOneOrderAtATime) {
   EXPECT_FALSE(IsError(first->prune_reply().error()));
 }
 
+// Nobody else has it, so that nobody has to be asked.
+TEST_F(RetentionActorTest, RemovesHistoryThoughLeaderAndSurvivorCannotBeReached) {
+  config_.mutable_keep()->set_power("all");
+  config_.mutable_retention()->set_history_mb_max(1);
+  Start();
+  team_.SetLink(kRover, kLeader, false);
+  team_.SetLink(kRover, kSurvivor, false);
+  proto::Record power;
+  power.mutable_power()->set_battery_ratio(0.5);
+  for (const std::int64_t age_days : {10, 5, 1}) {
+    power.set_stamp_ns(team_.utc_now_ns() - age_days * kDayNs);
+    Insert(kRover, power);
+  }
+  proto::Message order;
+  order.mutable_prune_order()->set_is_history(true);
+  order.mutable_prune_order()->set_older_than_s(7 * 86400.0);
+  order.mutable_prune_order()->add_data_types(proto::POWER);
+  proto::PruneReply reply = Ask(kRover, actor_name::kRetention, order).prune_reply();
+  EXPECT_EQ(reply.text(), "");
+  ASSERT_EQ(reply.pruned_size(), 1) << reply.DebugString();
+  EXPECT_EQ(reply.pruned(0).record_count(), 1);
+  EXPECT_TRUE(reply.is_complete());
+  order.mutable_prune_order()->clear_older_than_s();
+  reply = Ask(kRover, actor_name::kRetention, order).prune_reply();
+  ASSERT_EQ(reply.pruned_size(), 1) << reply.DebugString();
+  EXPECT_EQ(reply.pruned(0).record_count(), 1);
+  EXPECT_EQ(CountOf(kRover, proto::POWER), 1u) << "what is held stays";
+}
+
 TEST_F(RetentionActorTest, RefusesTypesOfWhichNothingIsEverPruned) {
   Start();
   proto::PruneOrder order;

@@ -50,6 +50,18 @@ class FailoverActorTest : public testing::Test, protected RoleTeam {
     }
   }
 
+  // From now on, who asks whom whether it is there, and who answers, in the order of sending.
+  void CountChecks() {
+    team_.SetFilter([this](AgentId from, AgentId to, const proto::Message& message) {
+      if (message.has_leader_check()) {
+        checks_ += std::to_string(from) + (message.leader_check().is_reply() ? "!" : "?") + std::to_string(to) + " ";
+      }
+      return true;
+    });
+  }
+
+  std::string checks_;
+
   AgentId LeaderAsKnownTo(AgentId agent) { return Show(agent).roles().leader(); }
 };
 
@@ -222,6 +234,68 @@ TEST_F(FailoverActorTest, ASurvivorThatReachesNobodyIsItselfTheLostOne) {
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
 }
 
+// An idle link that nothing crosses is given up after 33 s only.
+TEST_F(FailoverActorTest, TheSurvivorAsksTheLeaderThreeTimesInATimeout) {
+  StartWithFailover();
+  CountChecks();
+  team_.AdvanceTime(seconds(120));
+  EXPECT_EQ(checks_, "2?1 1!2 2?1 1!2 2?1 1!2 ");
+}
+
+TEST_F(FailoverActorTest, ALeaderThatMayBeSilentIsNotAsked) {
+  StartWithFailover();
+  SetLease(1, proto::LEASE_KIND_SLEEPING, 600);
+  CountChecks();
+  team_.AdvanceTime(seconds(599));
+  EXPECT_EQ(checks_, "");
+  SetLease(2, proto::LEASE_KIND_DRIVING, 600);
+  team_.AdvanceTime(seconds(599));
+  EXPECT_EQ(checks_, "");
+  team_.AdvanceTime(seconds(42));
+  EXPECT_EQ(checks_, "2?1 1!2 ");
+}
+
+TEST_F(FailoverActorTest, ALeaderThatIsAwayIsAskedWhenItIsBack) {
+  StartWithFailover();
+  CountChecks();
+  team_.SetLink(1, 2, false);
+  team_.AdvanceTime(seconds(100));
+  EXPECT_EQ(checks_, "");
+  team_.SetLink(1, 2, true);
+  team_.AdvanceTime(seconds(41));
+  EXPECT_EQ(checks_, "2?1 1!2 ");
+}
+
+TEST_F(FailoverActorTest, NobodyAsksWhereOperatorsDecide) {
+  config_.mutable_roles()->set_failover(proto::FAILOVER_MANUAL);
+  StartWithFailover();
+  CountChecks();
+  team_.AdvanceTime(minutes(10));
+  EXPECT_EQ(checks_, "");
+}
+
+TEST_F(FailoverActorTest, OnlyTheSurvivorIsAnswered) {
+  StartWithFailover();
+  CountChecks();
+  proto::Message question;
+  question.mutable_leader_check();
+  (void)team_.Post({3, actor_name::kFailover}, {1, actor_name::kFailover}, question);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_EQ(checks_, "3?1 ");
+}
+
+TEST_F(FailoverActorTest, TakesTheLeadOnlyOfTheLeaderThatItMisses) {
+  StartWithFailover();
+  Lose(1);
+  team_.RecordSent({2, actor_name::kFailover});
+  team_.AdvanceTime(seconds(121));
+  const auto sent = team_.TakeSent({2, actor_name::kFailover});
+  ASSERT_FALSE(sent.empty());
+  EXPECT_EQ(sent.back().role_set_request().expected().leader(), 1u);
+  EXPECT_EQ(sent.back().role_set_request().expected().survivor(), 2u);
+  EXPECT_EQ(sent.back().role_set_request().expected().term().number(), 1u);
+}
+
 TEST_F(FailoverActorTest, OfATeamOfTwoTheSurvivorLeadsAlone) {
   config_.mutable_agents()->RemoveLast();
   config_.mutable_agents()->RemoveLast();
@@ -243,6 +317,19 @@ TEST_F(FailoverActorTest, CountsAnewForAnotherLeader) {
   EXPECT_EQ(LeaderAsKnownTo(2), 3u);
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+}
+
+TEST_F(FailoverActorTest, ASurvivorWhoseRoleIsDurableOnlyLaterActsFromThenOn) {
+  StartWithFailover();
+  disks_[1]->is_failing = true;
+  Swap(2);
+  team_.AdvanceTime(seconds(10));
+  Lose(2);
+  team_.AdvanceTime(minutes(10));
+  EXPECT_EQ(LeaderAsKnownTo(3), 2u) << "agent 1 is to survive, and cannot store it";
+  disks_[1]->is_failing = false;
+  team_.AdvanceTime(seconds(135));
+  EXPECT_EQ(LeaderAsKnownTo(3), 1u);
 }
 
 TEST_F(FailoverActorTest, TriesAgainWhenTheRolesCouldNotBeStored) {

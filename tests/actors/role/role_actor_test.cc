@@ -73,6 +73,92 @@ TEST_F(RoleActorTest, TellsAnActorWhoseMailboxWasFullAgain) {
   EXPECT_THAT(*leaders, testing::ElementsAre(2u));
 }
 
+TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndSaysSo) {
+  StartAndSettle();
+  disks_[1]->is_failing = true;
+  Swap(2);
+  team_.AdvanceTime(seconds(1));
+  const std::vector<proto::RolesChanged> all = Told(1);
+  ASSERT_FALSE(all.empty());
+  const proto::RolesChanged& told = all.back();
+  EXPECT_EQ(told.own_role(), proto::ROLE_ROVER);
+  EXPECT_EQ(told.roles().leader(), 2u);
+  EXPECT_EQ(told.roles().survivor(), 0u) << "taking a role waits until it is durable";
+  const proto::RoleShowReply shown = Show(1);
+  EXPECT_EQ(shown.roles().leader(), 2u);
+  EXPECT_EQ(shown.unstored().term().number(), 2u);
+  EXPECT_EQ(shown.unstored().survivor(), 1u);
+  EXPECT_EQ(shown.confirmed_by_size(), 0);
+  EXPECT_THAT(Show(2).confirmed_by(), testing::Not(testing::Contains(1)));
+
+  // Nobody leads in its name, and it says whom to ask.
+  Swap(1);
+  EXPECT_THAT(Answer(1).control_reply().error().text(), testing::HasSubstr("ask another agent"));
+  team_.AdvanceTime(minutes(5));
+  EXPECT_TRUE(Told(1).empty()) << "what it cannot store it is not told again and again";
+
+  disks_[1]->is_failing = false;
+  team_.AdvanceTime(seconds(20));
+  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+  EXPECT_FALSE(Show(1).has_unstored());
+  EXPECT_TRUE(AllAgree());
+  team_.AdvanceTime(minutes(2));
+  EXPECT_THAT(Show(2).confirmed_by(), testing::ElementsAre(1, 2, 3, 4));
+}
+
+TEST_F(RoleActorTest, ALeaderWhoseStorageIsSilentStopsLeadingToo) {
+  StartAndSettle();
+  disks_[1]->is_silent = true;
+  Swap(2);
+  team_.AdvanceTime(seconds(6));
+  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_ROVER);
+  disks_[1]->is_silent = false;
+  team_.AdvanceTime(seconds(10));
+  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+}
+
+TEST_F(RoleActorTest, WhoCannotStoreThatItLeadsDoesNotLead) {
+  StartAndSettle();
+  disks_[3]->is_failing = true;
+  proto::RoleSetRequest request;
+  request.set_leader(3);
+  Set(2, request);
+  team_.AdvanceTime(seconds(30));
+  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_ROVER) << "agent 1 gave its role up";
+  for (const proto::RolesChanged& told : Told(3)) EXPECT_NE(told.roles().leader(), 3u);
+  EXPECT_EQ(Show(3).roles().leader(), 0u);
+  EXPECT_EQ(Show(3).unstored().leader(), 3u);
+}
+
+TEST_F(RoleActorTest, AfterARestartOnAFullDiskADeposedLeaderHearsTheTeamFirst) {
+  StartAndSettle();
+  disks_[1]->is_failing = true;
+  Swap(2);
+  team_.AdvanceTime(seconds(1));
+  (void)Told(1);
+  team_.CrashActor({1, actor_name::kRole});
+  team_.AdvanceTime(minutes(5));
+  for (const proto::RolesChanged& told : Told(1)) {
+    EXPECT_NE(told.roles().leader(), 1u) << told.ShortDebugString();
+  }
+  EXPECT_EQ(Show(1).roles().leader(), 2u);
+}
+
+TEST_F(RoleActorTest, ANewTermOfItsOwnThatCannotBeStoredMakesNobodyLead) {
+  StartAndSettle();
+  disks_[1]->is_failing = true;
+  (void)Told(1);
+  team_.CrashActor({1, actor_name::kRole});
+  team_.AdvanceTime(minutes(1));
+  for (const proto::RolesChanged& told : Told(1)) EXPECT_NE(told.roles().leader(), 1u);
+  EXPECT_EQ(Show(1).unstored().leader(), 1u);
+  EXPECT_EQ(Show(2).roles().term().number(), 1u) << "nobody hears of a term that is not durable";
+  disks_[1]->is_failing = false;
+  team_.AdvanceTime(seconds(10));
+  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_LEADER);
+  EXPECT_TRUE(AllAgree());
+}
+
 TEST_F(RoleActorTest, LeaderActsOnlyInANewTerm) {
   Start();
   team_.RunUntilIdle();
@@ -89,6 +175,20 @@ TEST_F(RoleActorTest, SwapsRolesOnTheWholeTeam) {
   EXPECT_TRUE(AllAgree());
   EXPECT_EQ(Show(1).roles().leader(), 2u);
   EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+}
+
+TEST_F(RoleActorTest, ARepeatedSwapIsNotUndone) {
+  StartAndSettle();
+  proto::RoleSetRequest swap;
+  swap.set_is_swap(true);
+  *swap.mutable_expected() = Show(1).roles();
+  Set(1, swap);
+  team_.AdvanceTime(std::chrono::seconds(10));
+  Set(1, swap);  // The answer came too late for the operator.
+  EXPECT_EQ(FromProto(Answer(1).control_reply().error()).field, "expected");
+  team_.AdvanceTime(std::chrono::seconds(10));
+  EXPECT_TRUE(AllAgree());
+  EXPECT_EQ(Show(3).roles().leader(), 2u);
 }
 
 TEST_F(RoleActorTest, AnswersWithTheErrorOfARefusedChange) {
@@ -231,6 +331,7 @@ TEST_F(RoleActorTest, HearsOfANewTermFromAHello) {
   forwarded.set_agent_id(3);
   proto::RoleAssignment& roles = *forwarded.mutable_role_announce()->mutable_roles();
   roles.set_leader(3);
+  roles.set_survivor(2);
   roles.mutable_term()->set_number(7);
   roles.mutable_term()->set_issuer(3);
   roles.mutable_term()->set_issuer_epoch(1);

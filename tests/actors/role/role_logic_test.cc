@@ -111,6 +111,31 @@ TEST_F(RoleLogicTest, ExchangesLeaderAndSurvivor) {
   EXPECT_EQ(roles->survivor(), 1u);
 }
 
+TEST_F(RoleLogicTest, RefusesARequestThatReliesOnOtherRoles) {
+  proto::RoleSetRequest swap;
+  swap.set_is_swap(true);
+  *swap.mutable_expected() = Roles(1, 2, 5, 1);
+  const auto roles = logic_.Propose(swap, 0);
+  ASSERT_TRUE(roles);
+  logic_.Adopt(*roles);
+  logic_.OnSaved();
+  ASSERT_EQ(logic_.current().leader(), 2u);
+  const auto repeated = logic_.Propose(swap, 0);
+  ASSERT_FALSE(repeated) << "it would undo itself";
+  EXPECT_EQ(repeated.error().code, ErrorCode::kRefused);
+  EXPECT_EQ(repeated.error().field, "expected");
+  EXPECT_EQ(
+      repeated.error().text,
+      "agent 2 holds term 6 by agent 2: agent 2 leads, agent 1 survives; the request relies on term 5 by agent 1");
+  swap.mutable_expected()->mutable_term()->set_number(6);
+  swap.mutable_expected()->mutable_term()->set_issuer(kSelf);
+  swap.mutable_expected()->mutable_term()->set_issuer_epoch(77);
+  EXPECT_EQ(logic_.Propose(swap, 0).error().field, "expected") << "in this term others lead and survive";
+  swap.mutable_expected()->set_leader(2);
+  swap.mutable_expected()->set_survivor(1);
+  EXPECT_TRUE(logic_.Propose(swap, 0));
+}
+
 TEST_F(RoleLogicTest, RefusesRolesThatCannotBe) {
   EXPECT_EQ(Propose(2, 0).error().field, "survivor");  // The present survivor as leader, without a new survivor.
   EXPECT_EQ(Propose(0, 1).error().code, ErrorCode::kRefused);
@@ -200,6 +225,7 @@ TEST_F(RoleLogicTest, RefusesAtTheDoor) {
   EXPECT_TRUE(refused(3, Roles(3, 3, 6, 3)));
   EXPECT_TRUE(refused(3, Roles(9, 2, 6, 3)));
   EXPECT_TRUE(refused(3, Roles(3, 2, 5 + 1'000'001, 3)));
+  EXPECT_TRUE(refused(3, Roles(3, 0, 6, 3))) << "a survivor never goes without another one";
   EXPECT_FALSE(refused(3, Roles(3, 2, 5 + 1'000'000, 3)));
   EXPECT_TRUE(refused(3, Roles(3, 2, 5, 1)));  // Another assignment in the term that stands.
 }

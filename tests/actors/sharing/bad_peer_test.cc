@@ -72,7 +72,7 @@ class BadPeerTest : public testing::Test {
 
 TEST_F(BadPeerTest, ShowsHellosOfAnotherTeam) {
   proto::Message hello = Hello(10);
-  hello.mutable_hello()->set_team("other");
+  hello.mutable_hello()->set_team_id("fedcba9876543210");
   Say(hello, 100);
   EXPECT_EQ(Status().refused_hellos(), 100);
   EXPECT_EQ(CountHeard(proto::Message::kRefusal), 100);

@@ -12,11 +12,14 @@ namespace {
 
 using std::chrono::seconds;
 
+constexpr char kTeamId[] = "0123456789abcdef";  // As messages carry it.
+
 class SharingReceiverTest : public testing::Test {
  protected:
   static SharingReceiver::Options Options() {
     SharingReceiver::Options options;
     options.team = "test";
+    options.team_id = kTeamId;
     options.config_hash = 77;
     return options;
   }
@@ -25,6 +28,7 @@ class SharingReceiverTest : public testing::Test {
     proto::Hello hello;
     hello.set_protocol_version(1);
     hello.set_team("test");
+    hello.set_team_id(kTeamId);
     hello.set_config_hash(77);
     hello.set_session_id(session_id);
     hello.set_kind(proto::SHARING_KIND_SYNC);
@@ -137,7 +141,9 @@ TEST_F(SharingReceiverTest, SpeaksOfTheOriginsThatTheHelloAsksFor) {
 
 TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamVersionOrKind) {
   proto::Hello hello = Hello(10);
-  hello.set_team("other");
+  hello.set_team_id("fedcba9876543210");
+  EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused) << "a team of the same name";
+  hello.clear_team_id();
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
   hello = Hello(10);
   hello.set_protocol_version(2);
@@ -145,12 +151,13 @@ TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamVersionOrKind) {
   hello = Hello(10);
   hello.set_kind(proto::SHARING_KIND_REPLICATION);
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
-  EXPECT_EQ(receiver_.counts().refused_hellos, 3);
+  EXPECT_EQ(receiver_.counts().refused_hellos, 4);
 }
 
 TEST_F(SharingReceiverTest, TakesAnotherConfigurationAndRemembersWhose) {
   proto::Hello hello = Hello(10);
   hello.set_config_hash(78);
+  hello.set_team("renamed");
   EXPECT_TRUE(receiver_.OnHello(2, hello, now_).at(0).message.has_have_request());
   EXPECT_EQ(receiver_.other_configs(), std::set<AgentId>{2});
   OpenSession(2, 11);

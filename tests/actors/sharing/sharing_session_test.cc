@@ -198,6 +198,34 @@ class SharingSessionTest : public testing::Test {
   proto::RecordFilter asked_for_;  // The last filter that storage was given.
 };
 
+TEST_F(SharingSessionTest, SaysHowEachAgentsNewestOrderEnded) {
+  const auto order = [this](std::uint64_t number, AgentId agent, std::uint64_t bytes_max = 0) {
+    Take(session_.Order(proto::RecordFilter(), now_, bytes_max, {agent, number}));
+  };
+  order(41, kDestination);
+  order(7, kSelf);
+  source_.Insert(kSelf, proto::POWER, "a");
+  AnswerHello();
+  RunToEnd();
+  order(42, kDestination);
+  Take(session_.Close());
+  const proto::ShareSession status = session_.Status(now_);
+  ASSERT_EQ(status.orders_size(), 2);
+  EXPECT_EQ(status.orders(0).agent(), kDestination);
+  EXPECT_EQ(status.orders(0).ordered(), 42u);
+  EXPECT_EQ(status.orders(0).completed(), 41u);
+  EXPECT_EQ(status.orders(0).closed(), 42u);
+  EXPECT_EQ(status.orders(1).agent(), kSelf);
+  EXPECT_EQ(status.orders(1).completed(), 7u);
+  EXPECT_EQ(status.orders(1).closed(), 0u) << "it had ended before";
+  for (int i = 0; i < 100; ++i) source_.Insert(kSelf, proto::POWER, Noise(100));
+  order(43, kDestination, /*bytes_max=*/1000);
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(session_.Status(now_).orders(0).limited(), 43u);
+  EXPECT_EQ(session_.Status(now_).orders(0).completed(), 41u);
+}
+
 TEST_F(SharingSessionTest, IsSilentUntilOrdered) {
   EXPECT_FALSE(session_.is_open());
   EXPECT_FALSE(session_.deadline());

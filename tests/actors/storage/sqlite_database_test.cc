@@ -95,11 +95,11 @@ TEST(SqliteDatabaseTest, SaysWhereAFolderIsMissing) {
 }
 
 // Databases of released versions lie on robots' disks: a change is a new version, with a new file here.
-TEST(SchemaTest, DeclaresWhatVersion6Declares) {
+TEST(SchemaTest, DeclaresWhatVersion7Declares) {
   auto database = *Database::Open(":memory:");
   ASSERT_TRUE(Migrate(*database));
-  ASSERT_EQ(kSchemaVersion, 6);
-  EXPECT_EQ(SchemaOf(*database), Golden("schema_v6.txt"));
+  ASSERT_EQ(kSchemaVersion, 7);
+  EXPECT_EQ(SchemaOf(*database), Golden("schema_v7.txt"));
 }
 
 TEST(SchemaTest, MigratesAnEmptyFileAndThenLeavesItAlone) {
@@ -157,6 +157,66 @@ TEST(SchemaTest, RefusesANewerFileAndAForeignOne) {
   ASSERT_TRUE(foreign->Execute("CREATE TABLE notes(text TEXT)"));
   EXPECT_EQ(Migrate(*foreign).error().code, ErrorCode::kRefused);
   EXPECT_EQ(*foreign->Number("SELECT count(*) FROM sqlite_master"), 1);
+}
+
+class DatabaseInPlaceTest : public testing::Test {
+ protected:
+  DatabaseInPlaceTest() {
+    EXPECT_TRUE(database_->Execute("CREATE TABLE t(a BLOB)"));
+    for (int i = 0; i < 20; ++i) EXPECT_TRUE(Insert());
+    EXPECT_TRUE(database_->Checkpoint());
+    EXPECT_TRUE(Insert());
+  }
+
+  Result<void> Insert() {
+    Result<Transaction> transaction = Transaction::Begin(*database_);
+    if (!transaction) return tl::unexpected(transaction.error());
+    if (const Result<void> done = database_->Execute("INSERT INTO t VALUES(randomblob(5000))"); !done) return done;
+    return transaction->Commit();
+  }
+
+  void ExpectNoticed(const std::string& what) {
+    const Result<void> done = Insert();
+    ASSERT_FALSE(done) << "a commit into a file that nobody finds is acknowledged";
+    EXPECT_EQ(done.error().code, ErrorCode::kCorrupt);
+    EXPECT_NE(done.error().text.find(what), std::string::npos) << done.error().text;
+  }
+
+  TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_.File("a.sqlite");
+  std::unique_ptr<Database> database_ = *Database::Open(path_);
+};
+
+TEST_F(DatabaseInPlaceTest, NoticesAFileThatWasRemoved) {
+  std::filesystem::remove(path_);
+  ExpectNoticed("was removed or moved");
+}
+
+TEST_F(DatabaseInPlaceTest, NoticesAFileThatWasReplacedAndLeavesItsLogAlone) {
+  std::filesystem::rename(path_, folder_.File("elsewhere"));
+  std::ofstream(path_) << "another";
+  std::ofstream(path_.string() + "-wal.other") << "its log";
+  std::filesystem::rename(path_.string() + "-wal.other", path_.string() + "-wal");
+  ExpectNoticed("was replaced by another file");
+  database_.reset();
+  EXPECT_EQ(std::filesystem::file_size(path_.string() + "-wal"), 7u);
+}
+
+TEST_F(DatabaseInPlaceTest, NoticesAFileThatWasCut) {
+  std::filesystem::resize_file(path_, 3 * 4096);
+  ExpectNoticed("was cut");
+}
+
+TEST_F(DatabaseInPlaceTest, NoticesALogThatWasRemoved) {
+  std::filesystem::remove(path_.string() + "-wal");
+  ExpectNoticed("-wal, was removed");
+}
+
+TEST_F(DatabaseInPlaceTest, TakesAFileThatAnotherProgramVacuumed) {
+  ASSERT_TRUE(database_->Execute("DELETE FROM t"));
+  ASSERT_TRUE(database_->Execute("VACUUM"));
+  ASSERT_TRUE(database_->Checkpoint());
+  EXPECT_TRUE(Insert());
 }
 
 }  // namespace

@@ -113,6 +113,91 @@ TEST_F(StorageActorTest, AnswersAPeersRecordsWithWhatItNowHas) {
   EXPECT_EQ(Ask(missing).missing_reply().records_size(), 1);
 }
 
+// --- Epochs that peers know ---
+
+class EpochReportTest : public StorageActorTest {
+ protected:
+  EpochReportTest() {
+    team_.AddAgent(1);
+    team_.AddAgent(7);  // Not in the team.
+    Start();
+    team_.RunUntilIdle();
+  }
+
+  void Report(AgentId from, std::uint64_t epoch) {
+    proto::Message report;
+    report.mutable_epoch_report()->add_epochs(epoch);
+    (void)team_.Post({from, "storage"}, {2, "storage"}, std::move(report));
+    team_.AdvanceTime(std::chrono::seconds(1));
+  }
+  // Five lives later.
+  static std::uint64_t OfAnotherDisk(std::uint64_t epoch) {
+    const EpochParts parts = PartsOf(epoch);
+    return EpochOf({parts.counter + 5, parts.tag ^ 1, parts.tag ^ 1}, epoch);
+  }
+  std::uint64_t EpochOfTheState() {
+    proto::Message question;
+    question.mutable_read_request()->add_data_types(proto::TEMPERATURE);
+    const proto::ReadReply reply = Ask(std::move(question)).read_reply();
+    return reply.records_size() == 1 ? reply.records(0).key().epoch() : 0;
+  }
+};
+
+TEST_F(EpochReportTest, TellsAPeerItsEpochsWhenALinkComesUp) {
+  proto::Message question;
+  for (const std::uint64_t epoch : {9, 4}) {
+    *question.mutable_store_request()->add_records() =
+        Packed(RecordKey{StreamKey{1, epoch, proto::POSE_GRAPH_NODE}, 2}, NodeRecord(1, epoch));
+  }
+  Ask(question);
+  EXPECT_TRUE(team_.Take({1, "storage"}).empty());
+  for (int i = 0; i < 2; ++i) {
+    team_.SetLink(1, 2, false);
+    team_.SetLink(1, 2, true);
+    team_.AdvanceTime(std::chrono::seconds(1));
+    const std::vector<proto::Message> told = team_.Take({1, "storage"});
+    ASSERT_EQ(told.size(), 1u);
+    EXPECT_EQ(told[0].ms_type(), proto::CONTROL);
+    EXPECT_EQ(told[0].epoch_report().ShortDebugString(), "epochs: 4 epochs: 9");
+  }
+  team_.SetLink(2, 7, false);
+  team_.SetLink(2, 7, true);
+  team_.AdvanceTime(std::chrono::seconds(1));
+  EXPECT_TRUE(team_.Take({7, "storage"}).empty()) << "of which it knows none";
+}
+
+TEST_F(EpochReportTest, RestatesWhatAReportEndangersAndNotifiesItsReaders) {
+  const std::uint64_t epoch = Insert(TemperatureRecord(20)).keys(0).epoch();
+  (void)team_.Take({2, "merge"});
+  const std::uint64_t later = OfAnotherDisk(epoch);
+  Report(1, later);
+  EXPECT_GT(EpochOfTheState(), later);
+  const std::vector<proto::Message> told = team_.Take({2, "merge"});
+  ASSERT_EQ(told.size(), 1u);
+  EXPECT_EQ(told[0].records_stored().data_types(0), static_cast<DataType>(proto::TEMPERATURE));
+}
+
+TEST_F(EpochReportTest, HearsNothingElseFromPeersAndNothingFromStrangers) {
+  const std::uint64_t epoch = Insert(TemperatureRecord(20)).keys(0).epoch();
+  Report(7, OfAnotherDisk(epoch));
+  EXPECT_EQ(EpochOfTheState(), epoch);
+  proto::Message insert;
+  *insert.mutable_insert_request()->add_records() = TemperatureRecord(21);
+  proto::Message roles;
+  roles.mutable_save_roles_request()->mutable_roles()->set_leader(1);
+  proto::Message read;
+  read.mutable_read_request();
+  for (const proto::Message& message : {insert, roles, read}) {
+    (void)team_.Post({1, "sync"}, {2, "storage"}, message);
+    team_.AdvanceTime(std::chrono::seconds(1));
+    EXPECT_TRUE(team_.Take({1, "sync"}).empty());
+  }
+  EXPECT_EQ(EpochOfTheState(), epoch);
+  proto::Message load;
+  load.mutable_load_roles_request();
+  EXPECT_EQ(Ask(load).load_roles_reply().history_size(), 0);
+}
+
 TEST_F(StorageActorTest, AnswersWhetherItIsSound) {
   Start();
   const proto::RecordKey key = Insert(NodeRecord(2, 1)).keys(0);
@@ -190,6 +275,7 @@ TEST_F(StorageActorTest, EndsItsProcessWhenTheFileTurnsOutToBeDamaged) {
 }
 
 TEST_F(StorageActorTest, ReadsThroughItsStoreEachDayAndEndsTheProcessWhereARowIsDamaged) {
+  options_.tend_period = std::chrono::hours(1);  // Days go by.
   options_.scrub_pause = std::chrono::minutes(1);
   Start();
   for (int i = 0; i < 3 * static_cast<int>(kVerifyRecordsMax) / 2; ++i) Insert(NodeRecord(2, i));
@@ -219,6 +305,7 @@ TEST_F(StorageActorTest, ReadsThroughItsStoreEachDayAndEndsTheProcessWhereARowIs
 }
 
 TEST_F(StorageActorTest, GoesOnWithADamagedLocalRecordThatNobodyElseHas) {
+  options_.tend_period = std::chrono::hours(1);  // Days go by.
   Start();
   proto::Message question;
   *question.mutable_insert_request()->add_records() = NodeRecord(2, 1);
@@ -237,6 +324,36 @@ TEST_F(StorageActorTest, FailsWhereTheFileCannotBeOpened) {
   EXPECT_FALSE(RecordStore::Open(StorageActor::StoreOptions(options_)));
   Start();
   EXPECT_GE(team_.restarts(2), 1u);
+}
+
+TEST_F(StorageActorTest, AcknowledgesNothingIntoAFileThatIsGoneAndEndsTheProcess) {
+  Start();
+  Insert(NodeRecord(2, 1));
+  std::filesystem::remove(options_.path);
+  EXPECT_EQ(Insert(NodeRecord(2, 2)).error().code(), proto::ERROR_CODE_CORRUPT);
+  team_.RunUntilIdle();
+  EXPECT_FALSE(team_.is_running(2));
+}
+
+TEST_F(StorageActorTest, NoticesInTimeThatAnIdleStoresFileIsGone) {
+  Start();
+  Insert(NodeRecord(2, 1));
+  std::filesystem::remove(options_.path);
+  team_.AdvanceTime(std::chrono::seconds(11));
+  EXPECT_FALSE(team_.is_running(2));
+}
+
+TEST_F(StorageActorTest, AStartWritesNothingWhereNothingDiffers) {
+  Start();
+  Insert(NodeRecord(2, 1));
+  team_.CrashActor({2, "storage"});
+  proto::Message question;
+  question.mutable_storage_status_request();
+  const double log_bytes = Ask(question).storage_status().wal_bytes();
+  team_.AdvanceTime(std::chrono::seconds(1));
+  team_.CrashActor({2, "storage"});
+  team_.AdvanceTime(std::chrono::seconds(1));
+  EXPECT_EQ(Ask(question).storage_status().wal_bytes(), log_bytes);
 }
 
 }  // namespace

@@ -17,7 +17,9 @@ class StoreFileTest : public testing::Test {
   StoreFileTest() {
     database_ = *Database::Open(file_.string());
     EXPECT_TRUE(
-        database_->Execute("CREATE TABLE t(a INTEGER, b TEXT, c BLOB, d REAL);"
+        database_->Execute("CREATE TABLE meta(name TEXT PRIMARY KEY, value INTEGER NOT NULL);"
+                           "INSERT INTO meta VALUES('incarnation', 7), ('own_agent', 2);"
+                           "CREATE TABLE t(a INTEGER, b TEXT, c BLOB, d REAL);"
                            "INSERT INTO t VALUES(1, 'one', x'00ff', 0.5), (2, NULL, NULL, NULL)"));
   }
 
@@ -75,6 +77,8 @@ TEST_F(StoreFileTest, CopiesTheWholeStoreAndWritesOverNothing) {
   const Result<void> done = BackUpStore(file_, copy);
   ASSERT_TRUE(done) << ToString(done.error());
   EXPECT_EQ(QueryStore(copy, "SELECT b FROM t WHERE a = 1", 1)->rows[0][0].text, "one");
+  EXPECT_EQ(QueryStore(copy, "SELECT name FROM meta", 9)->rows.size(), 1u) << "another incarnation";
+  EXPECT_EQ(QueryStore(file_, "SELECT name FROM meta", 9)->rows.size(), 2u);
   EXPECT_EQ(BackUpStore(file_, copy).error().code, ErrorCode::kInvalid);
   EXPECT_FALSE(BackUpStore(file_, folder_.path() / "no" / "folder").has_value());
   for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {

@@ -47,6 +47,18 @@ std::filesystem::path FolderOfFolders() {
   return std::filesystem::is_directory(memory, ignored) ? memory : std::filesystem::temp_directory_path();
 }
 
+// In EventActor's place for what the gateway asks of it: events come whenever something happens, and would differ between
+// agents that are compared.
+class NoFindings final : public Actor {
+ public:
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (!message.has_findings_request()) return;
+    proto::Message reply;
+    reply.mutable_findings_reply();
+    (void)context.Reply(std::move(reply));
+  }
+};
+
 // An actor in whose handlers its agent's process can end: `after_handler` is called as each returns or throws.
 class MortalActor final : public Actor {
  public:
@@ -183,6 +195,7 @@ class Mission {
     merge.storage_timeout = seconds(2);
     merge.page_records_max = 16;
     Spawn<MergeActor>(agent, actor_name::kMerge, merge);
+    team_.Spawn(agent, actor_name::kEvent, [] { return std::make_unique<NoFindings>(); });
     GatewayActor::Options gateway;
     gateway.timeout = seconds(4);
     gateway.long_timeout = seconds(5);

@@ -106,16 +106,20 @@ class Validator {
 
 TEST(ConfigSchemaTest, AcceptsTheCommentedTeamFile) {
   EXPECT_THAT(Validator().ErrorsIn(*ReadTextFile(MOONDB_CONFIGS "/cadre.yaml")), IsEmpty());
-  EXPECT_THAT(Validator().ErrorsIn("{team: a, agents: [{id: 1, name: b, address: 'ipc:///x'}], radio: }"), IsEmpty());
+  EXPECT_THAT(Validator().ErrorsIn("{team: a, team_id: 00112233445566778899aabbccddeeff, agents: [{id: 1, name: b, "
+                                   "address: 'ipc:///x'}], radio: }"),
+              IsEmpty());
 }
 
 TEST(ConfigSchemaTest, RefusesWhatAnEditorShouldUnderline) {
   Validator validator;
-  EXPECT_THAT(validator.ErrorsIn("{team: Moon, agents: []}"), ElementsAre(".team: pattern", ".agents: few"));
+  EXPECT_THAT(validator.ErrorsIn("{team: Moon, team_id: 0x1, agents: []}"),
+              ElementsAre(".team: pattern", ".team_id: pattern", ".agents: few"));
   EXPECT_THAT(validator.ErrorsIn("{agents: [{id: 0, name: b, kind: rovr}], sites: 1}"),
               ElementsAre(".agents[].id: too small", ".agents[].kind: no choice", ".agents[]: lacks address",
-                          ": unknown sites", ": lacks team"));
-  EXPECT_THAT(validator.ErrorsIn("{team: a, agents: [{id: 1, name: b, address: 'tcp://h:1', antenna_m: [1, x]}],"
+                          ": unknown sites", ": lacks team", ": lacks team_id"));
+  EXPECT_THAT(validator.ErrorsIn("{team: a, team_id: 00112233445566778899aabbccddeeff, agents: [{id: 1, name: b, "
+                                 "address: 'tcp://h:1', antenna_m: [1, x]}],"
                                  " share: {power: some}, map: {resolution_m: 11}, insecure: 1}"),
               ElementsAre(".agents[].antenna_m: few", ".agents[].antenna_m[]: type", ".share.power: no choice",
                           ".map.resolution_m: too large", ".insecure: type"));

@@ -13,6 +13,7 @@ using testing::HasSubstr;
 using testing::Not;
 
 constexpr char kTeam[] = R"(team: moon
+team_id: 00112233445566778899aabbccddeeff
 insecure: true
 agents:
   - {id: 7, name: a, address: "tcp://127.0.0.1:7400", start: {x: 0.1, y: 0}}

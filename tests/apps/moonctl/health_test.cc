@@ -43,6 +43,27 @@ TEST_F(HealthTest, FindsWhoActsInAnOldTermAndWhoLeadsWithoutASurvivor) {
   EXPECT_THAT(Of(1), ElementsAre("leads without a designated survivor"));
 }
 
+TEST_F(HealthTest, FindsWhoCannotStoreItsRolesAndJudgesTheOthersByThem) {
+  proto::AgentStatus& deposed = Status(2);
+  deposed.mutable_roles()->mutable_term()->set_number(5);
+  *deposed.mutable_unstored_roles() = deposed.roles();
+  deposed.mutable_roles()->clear_survivor();  // Its own role, which it may not take.
+  *Status(1).mutable_roles() = deposed.unstored_roles();
+  EXPECT_THAT(Of(1), IsEmpty());
+  EXPECT_THAT(Of(2), ElementsAre("cannot store term 5 (leader rover1, survivor rover2): until it can it neither leads "
+                                 "nor survives"));
+}
+
+TEST_F(HealthTest, FindsADiskThatTakesNothingAndSaysItOnce) {
+  proto::StorageStatus& storage = *Status(1).mutable_storage();
+  storage.set_space_low("3 MB of disk are free");
+  EXPECT_THAT(Of(1), ElementsAre("space low: 3 MB of disk are free"));
+  storage.set_refused_inserts("the disk is nearly full: no more maps are taken");
+  EXPECT_THAT(Of(1), ElementsAre("the disk is nearly full: no more maps are taken"));
+  storage.set_write_trouble("the disk is full: make room: moonctl -a rover1 db prune");
+  EXPECT_THAT(Of(1), ElementsAre("stores nothing: the disk is full: make room: moonctl -a rover1 db prune"));
+}
+
 TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {
   proto::PeerStatus& peer = *Status(1).mutable_peers(0);
   peer.set_is_connected(false);
@@ -54,6 +75,14 @@ TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {
   lease.set_agent_id(2);
   lease.set_sleeping_s(300);
   EXPECT_THAT(Of(1), IsEmpty());
+}
+
+TEST_F(HealthTest, FindsWhatNobodyHasAcknowledged) {
+  proto::HealthFinding& finding = *Status(1).add_findings();
+  finding.set_text("rover2 was lost");
+  finding.set_stamp_ns(1'795'339'884'000'000'000);
+  EXPECT_THAT(Of(1), ElementsAre("2026-11-22 09:31:24 UTC: rover2 was lost (not acknowledged)"));
+  EXPECT_THAT(Of(2), IsEmpty());
 }
 
 TEST_F(HealthTest, FindsWhatAnAgentSuffersItself) {

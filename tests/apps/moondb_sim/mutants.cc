@@ -2,11 +2,15 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <random>
 #include <set>
 #include <utility>
 
+#include "actors/storage/own_epochs.h"
+#include "apps/moondb_sim/state_watch.h"
 #include "model/have_set.h"
+#include "model/record_check.h"
 #include "model/record_key.h"
 
 namespace moondb::simulation {
@@ -299,24 +303,25 @@ class UpdateNeedsItsRow final : public OtherActor {
   std::set<std::string> nodes_;
 };
 
-// Of optimized poses of one node it keeps the one that came last, whoever made it and in whichever term: what its
-// storage holds beside that counts as dropped.
-class LastPoseHeard final : public OtherActor {
+// Keeps other optimized poses than its storage does: those that it has dropped count as dropped.
+class DropsPoses : public OtherActor {
  public:
   using OtherActor::OtherActor;
   void OnMessage(Context& context, const proto::Message& message) override {
     for (const proto::StoredRecord& stored : message.store_request().records()) {
       proto::Record record;
       if (!record.ParseFromString(stored.content()) || !record.has_optimized_pose()) continue;
-      const RecordKey key = FromProto(stored.key());
-      const auto [last, is_new] = last_.emplace(record.optimized_pose().node().SerializeAsString(), key);
-      if (!is_new && last->second != key) dropped_[last->second.stream].dropped.Add(last->second.seq);
-      last->second = key;
+      OnStored(FromProto(stored.key()), record.optimized_pose());
     }
     class Dropping final : public OtherContext {
      public:
-      Dropping(Context& context, const HaveSet& dropped) : OtherContext(context), dropped_(dropped) {}
+      Dropping(Context& context, DropsPoses& mutant, const proto::InsertRequest& inserts)
+          : OtherContext(context), mutant_(mutant), inserts_(inserts) {}
       SendResult Reply(OwnedMessage message) override {
+        for (int i = 0; i < message->insert_reply().keys_size(); ++i) {
+          if (!inserts_.records(i).has_optimized_pose()) continue;
+          mutant_.OnInserted(FromProto(message->insert_reply().keys(i)), inserts_.records(i).optimized_pose());
+        }
         if (message->has_have_reply()) AddTo(*message->mutable_have_reply()->mutable_have());
         if (message->has_store_reply()) AddTo(*message->mutable_store_reply()->mutable_had());
         if (message->has_read_reply()) TakeFrom(*message->mutable_read_reply());
@@ -329,28 +334,128 @@ class LastPoseHeard final : public OtherActor {
         auto* row_ids = reply.mutable_row_ids();
         for (int i = records->size() - 1; i >= 0; --i) {
           const RecordKey key = FromProto(records->Get(i).key());
-          if (!dropped_.Get(key.stream).dropped.Contains(key.seq)) continue;
+          if (!mutant_.dropped_.Get(key.stream).dropped.Contains(key.seq)) continue;
           records->DeleteSubrange(i, 1);
           if (i + 1 < row_ids->size()) row_ids->erase(row_ids->begin() + i);  // The last one says how far it was read.
         }
       }
       void AddTo(proto::HaveSet& told) const {
         HaveSet have = *FromProto(told);
-        for (const auto& [stream, dropped] : dropped_.streams()) {
+        for (const auto& [stream, dropped] : mutant_.dropped_.streams()) {
           if (!have.Get(stream).Had().is_empty()) have[stream].dropped.Add(dropped.dropped);
           have[stream].held = have[stream].held.Minus(dropped.dropped);
         }
         told = ToProto(have);
       }
-      const HaveSet& dropped_;
+      DropsPoses& mutant_;
+      const proto::InsertRequest& inserts_;
     };
-    Dropping dropping(context, dropped_);
+    Dropping dropping(context, *this, message.insert_request());
     actor().OnMessage(dropping, message);
   }
 
+ protected:
+  virtual void OnStored(const RecordKey& key, const proto::OptimizedPose& pose) = 0;
+  virtual void OnInserted(const RecordKey&, const proto::OptimizedPose&) {}
+  void Drop(const RecordKey& key) { dropped_[key.stream].dropped.Add(key.seq); }
+
  private:
-  std::map<std::string, RecordKey> last_;  // By node.
   HaveSet dropped_;
+};
+
+// Of optimized poses of one node it keeps the one that came last, whoever made it and in whichever term.
+class LastPoseHeard final : public DropsPoses {
+ public:
+  using DropsPoses::DropsPoses;
+
+ private:
+  void OnStored(const RecordKey& key, const proto::OptimizedPose& pose) override {
+    const auto [last, is_new] = last_.emplace(pose.node().SerializeAsString(), key);
+    if (!is_new && last->second != key) Drop(last->second);
+    last->second = key;
+  }
+
+  std::map<std::string, RecordKey> last_;  // By node.
+};
+
+// Of one agent's optimized poses of one node it keeps that of the highest epoch, whatever its term.
+class PosesByEpoch final : public DropsPoses {
+ public:
+  using DropsPoses::DropsPoses;
+
+ private:
+  void OnStored(const RecordKey& key, const proto::OptimizedPose& pose) override {
+    RecordKey& highest = highest_[{key.stream.origin, pose.node().SerializeAsString()}];
+    if (highest == key) return;
+    if (highest.seq != 0) Drop(std::min(highest, key));
+    highest = std::max(highest, key);
+  }
+  void OnInserted(const RecordKey& key, const proto::OptimizedPose& pose) override { OnStored(key, pose); }
+
+  std::map<std::pair<AgentId, std::string>, RecordKey> highest_;
+};
+
+// A state that its storage stores once more, under another name, is sent to nobody: to the team it is not stored again.
+class KeepsRestatedToItself final : public OtherActor {
+ public:
+  using OtherActor::OtherActor;
+  void OnMessage(Context& context, const proto::Message& message) override {
+    class Hiding final : public OtherContext {
+     public:
+      Hiding(Context& context, std::map<std::string, RecordKey>& first_keys, const proto::InsertRequest& inserts)
+          : OtherContext(context), first_keys_(first_keys), inserts_(inserts) {}
+      SendResult Reply(OwnedMessage message) override {
+        for (int i = 0; i < message->insert_reply().keys_size(); ++i) {
+          first_keys_.emplace(Name(inserts_.records(i)), FromProto(message->insert_reply().keys(i)));
+        }
+        if (message->has_missing_reply()) Hide(*message->mutable_missing_reply()->mutable_records());
+        return OtherContext::Reply(std::move(message));
+      }
+
+     private:
+      // Whether the agent marked it or not.
+      static std::string Name(proto::Record record) {
+        record.clear_is_clock_suspect();
+        return record.SerializeAsString();
+      }
+      void Hide(google::protobuf::RepeatedPtrField<proto::StoredRecord>& records) const {
+        for (int i = records.size() - 1; i >= 0; --i) {
+          proto::Record record;
+          (void)record.ParseFromString(records.Get(i).content());
+          const auto first = first_keys_.find(Name(record));
+          const bool is_restated =
+              first != first_keys_.end() && first->second != FromProto(records.Get(i).key()) && IsState(TypeOf(record));
+          if (is_restated) records.DeleteSubrange(i, 1);
+        }
+      }
+
+      std::map<std::string, RecordKey>& first_keys_;
+      const proto::InsertRequest& inserts_;
+    };
+    Hiding hiding(context, first_keys_, message.insert_request());
+    actor().OnMessage(hiding, message);
+  }
+
+ private:
+  std::map<std::string, RecordKey> first_keys_;  // By content.
+};
+
+// With each epoch that a peer reports its storage hears of one right above it that knew nothing: states are stored once
+// more whatever those knew who wrote later ones.
+class RestatesWhateverWasKnown final : public OtherActor {
+ public:
+  using OtherActor::OtherActor;
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (!message.has_epoch_report()) return OtherActor::OnMessage(context, message);
+    proto::Message changed = message;
+    std::set<std::uint64_t> epochs;
+    for (const std::uint64_t epoch : message.epoch_report().epochs()) {
+      epochs.insert({epoch, EpochOf({PartsOf(epoch).counter, kEpochTagMax, 0}, epoch)});
+    }
+    while (epochs.size() > 64) epochs.erase(epochs.begin());
+    changed.mutable_epoch_report()->mutable_epochs()->Assign(epochs.begin(), epochs.end());
+    OtherActor::OnMessage(context, changed);
+  }
 };
 
 // When a newer state comes, the older one is dropped at once and the newer one stored a little later.
@@ -412,6 +517,42 @@ class DropsBeforeTheSuperseder final : public OtherActor {
 
   std::vector<proto::Message> waiting_;
   std::map<StreamKey, std::uint64_t> newest_;
+};
+
+// Answers an insert whose commit failed as if it were stored, under the name that comes next.
+class AcknowledgesFailedInserts final : public OtherActor {
+ public:
+  using OtherActor::OtherActor;
+  void OnMessage(Context& context, const proto::Message& message) override {
+    class Acknowledging final : public OtherContext {
+     public:
+      Acknowledging(Context& context, std::optional<proto::RecordKey>& last) : OtherContext(context), last_(last) {}
+      SendResult Reply(OwnedMessage message) override {
+        if (message->has_insert_reply()) Acknowledge(*message->mutable_insert_reply());
+        return OtherContext::Reply(std::move(message));
+      }
+
+     private:
+      void Acknowledge(proto::InsertReply& reply) {
+        if (!IsError(reply.error())) {
+          if (reply.keys_size() == 1 && reply.keys(0).seq() != 0) last_ = reply.keys(0);
+        } else if (last_) {
+          last_->set_seq(last_->seq() + 1);
+          reply.clear_error();
+          *reply.add_keys() = *last_;
+        }
+      }
+      std::optional<proto::RecordKey>& last_;
+    };
+    const bool is_node =
+        message.insert_request().records_size() == 1 && message.insert_request().records(0).has_pose_graph_node();
+    if (!is_node) return OtherActor::OnMessage(context, message);
+    Acknowledging acknowledging(context, last_);
+    actor().OnMessage(acknowledging, message);
+  }
+
+ private:
+  std::optional<proto::RecordKey> last_;  // Of nodes.
 };
 
 // Each timer comes twice.
@@ -534,6 +675,12 @@ bool SayTermsWithoutIssuer(Context&, const Address&, proto::Message& message) {
   return true;
 }
 
+// Own actors are not told of roles that this agent gives up because it cannot store them.
+bool KeepRoles(Context&, const Address&, proto::Message& message) {
+  const proto::RoleAssignment& roles = message.roles_changed().roles();
+  return !message.has_roles_changed() || (roles.leader() != 0 && roles.survivor() != 0);
+}
+
 bool AskForNoMaps(Context&, proto::Message& message) {
   proto::RecordFilter& filter = *message.mutable_missing_request()->mutable_filter();
   const auto types = filter.data_types();
@@ -585,6 +732,30 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) {
          options.faults_per_hour["swap"] = 40;
          Wrapped<LastPoseHeard>(kStorage)(options);
+       }},
+      {"PosesByEpoch",
+       "an optimized pose of a newer term gives way to an older one in a higher epoch",
+       {"pose_goes_up", "survivor_is_leader", "brought_out", "home_again", "acknowledged_held"},
+       15,
+       [](SimOptions& options) {
+         options.faults_per_hour["wipe"] = 20;
+         Wrapped<PosesByEpoch>(kStorage)(options);
+       }},
+      {"KeepsRestatedToItself",
+       "what was learnt of later epochs is not stored again",
+       {"newest_state", "survivor_is_leader"},
+       30,
+       [](SimOptions& options) {
+         options.faults_per_hour["wipe"] = 6;
+         Wrapped<KeepsRestatedToItself>(kStorage)(options);
+       }},
+      {"RestatesWhateverWasKnown",
+       "states are stored again whatever the later epoch's disk had known",
+       {"newest_state"},
+       60,
+       [](SimOptions& options) {
+         options.faults_per_hour["old_disk"] = 12;
+         Wrapped<RestatesWhateverWasKnown>(kStorage)(options);
        }},
       {"NewestByClock",
        "states are ordered by the wall clock",
@@ -807,6 +978,23 @@ const std::vector<Mutant>& Mutants() {
                }
                return true;
              })},
+      {"LeadsInATermThatIsOver",
+       "a leader that cannot store a newer term goes on leading",
+       {"steps_down"},
+       10,
+       [](SimOptions& options) {
+         options.faults_per_hour["failing"] = 12;
+         options.faults_per_hour["swap"] = 20;
+         Says(kRole, KeepRoles)(options);
+       }},
+      {"AcknowledgesFailedInserts",
+       "an insert is acknowledged though its commit failed",
+       {"one_content", "nothing_lost", "acknowledged_held"},
+       5,
+       [](SimOptions& options) {
+         options.faults_per_hour["failing"] = 6;
+         Wrapped<AcknowledgesFailedInserts>(kStorage)(options);
+       }},
   };
   return mutants;
 }

@@ -1,0 +1,139 @@
+#include "actors/storage/disk_guard.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+namespace moondb {
+
+namespace {
+
+constexpr double kMegabyte = 1e6;
+constexpr std::size_t kDeletableMax = 4;  // Named in one message.
+
+constexpr std::uint64_t MapFloor(std::uint64_t reserve_bytes) { return 2 * reserve_bytes; }
+constexpr std::uint64_t RecordFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 2; }
+constexpr std::uint64_t LogFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 4; }
+
+std::string Megabytes(std::uint64_t bytes) {
+  char text[32];
+  const double megabytes = static_cast<double>(bytes) / kMegabyte;
+  std::snprintf(text, sizeof text, megabytes < 10 ? "%.1f MB" : "%.0f MB", megabytes);
+  return text;
+}
+
+}  // namespace
+
+bool IsOfTheDisk(const Error& error) { return error.code == ErrorCode::kFull || error.code == ErrorCode::kInternal; }
+
+std::string DeletableFiles(const std::string& database_path) {
+  const std::filesystem::path path(database_path);
+  const std::string damaged = path.filename().string() + ".damaged-";
+  std::vector<std::pair<std::uint64_t, std::string>> files;
+  std::error_code error;
+  for (std::filesystem::directory_iterator entry(path.parent_path(), error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (!name.starts_with(damaged) && !name.starts_with("agent.log") && name != "trace.txt") continue;
+    std::error_code size_error;
+    const std::uintmax_t bytes = entry->file_size(size_error);
+    if (!size_error && bytes > 0) files.emplace_back(bytes, name);
+  }
+  std::sort(files.rbegin(), files.rend());
+  std::string text;
+  for (std::size_t i = 0; i < std::min(files.size(), kDeletableMax); ++i) {
+    text += (i == 0 ? "" : ", ") + files[i].second + " (" + Megabytes(files[i].first) + ")";
+  }
+  return text.empty() ? "" : text + " in " + path.parent_path().string();
+}
+
+DiskGuard::DiskGuard(const std::string& database_path, const std::string& vfs, std::string agent)
+    : path_(database_path),
+      is_on_disk_(vfs.empty() && database_path != ":memory:"),
+      agent_(std::move(agent)),
+      reserve_(database_path, vfs) {}
+
+std::optional<DiskGuard::Room> DiskGuard::RoomOf(Database& database) const {
+  const std::optional<DiskSpace> space = database.GetDiskSpace();
+  if (!space) return std::nullopt;
+  Room room;
+  room.disk_bytes = room.bytes = space->free_bytes;
+  room.reserve_bytes = ReserveBytesFor(space->capacity_bytes);
+  if (room.bytes >= 3 * room.reserve_bytes) return room;  // Above all limits: the file need not be asked.
+  room.bytes += database.FreePageBytes().value_or(0);
+  room.log_bytes = database.WalBytes();
+  return room;
+}
+
+Result<void> DiskGuard::CheckRoom(Database& database, Kind kind) const {
+  if (database.access() == Database::Access::kReadOnly) {
+    return Fail(ErrorCode::kInternal, "nothing can be stored: the file system of " + path_ + " is read-only");
+  }
+  const std::optional<Room> room = RoomOf(database);
+  if (!room) return {};
+  const bool is_short = room->bytes < RecordFloor(room->reserve_bytes) ||
+                        room->disk_bytes + room->log_bytes < LogFloor(room->reserve_bytes);
+  if (is_short) {
+    return Fail(ErrorCode::kFull, "the disk is full (" + Megabytes(room->disk_bytes) +
+                                      " are free): no records are taken, what is left is for roles; " + Advice());
+  }
+  if (kind == Kind::kMap && room->bytes < MapFloor(room->reserve_bytes)) {
+    return Fail(ErrorCode::kFull, "the disk is nearly full (" + Megabytes(room->disk_bytes) +
+                                      " are free): no more maps are taken, what is left is for states; " + Advice());
+  }
+  return {};
+}
+
+bool DiskGuard::GiveUpReserve(Database& database) {
+  is_reserve_whole_ = false;
+  const bool was_there = reserve_.GiveUp();
+  // With room to grow, the file takes what the log holds, and the log begins anew.
+  const bool is_moved = database.Checkpoint().has_value();
+  return was_there || is_moved;
+}
+
+bool DiskGuard::NoteFailure(const Database& database, const Error& error) {
+  if (!IsOfTheDisk(error)) return false;
+  std::string text = error.text;
+  if (error.code == ErrorCode::kFull) text = "the disk is full";
+  if (database.access() == Database::Access::kReadOnly || database.IsOnReadOnlyFileSystem()) {
+    text = "the file system is read-only";
+  }
+  return std::exchange(trouble_, text) != text;
+}
+
+bool DiskGuard::NoteSuccess() { return !std::exchange(trouble_, std::string()).empty(); }
+
+bool DiskGuard::Tend(Database& database, std::mt19937_64& random) {
+  if (database.access() == Database::Access::kReadOnly || !trouble_.empty() || is_reserve_whole_) return false;
+  const std::optional<Room> room = RoomOf(database);
+  if (!room) return false;
+  const std::uint64_t present = reserve_.Bytes();
+  is_reserve_whole_ = present >= room->reserve_bytes;
+  if (is_reserve_whole_) return false;
+  const std::uint64_t lacking = room->reserve_bytes - present;
+  // Afterwards nothing may be refused for it, and the log must have its room on the disk.
+  const bool has_room = room->bytes >= lacking + MapFloor(room->reserve_bytes) &&
+                        room->disk_bytes >= lacking + LogFloor(room->reserve_bytes);
+  return has_room && reserve_.Grow(room->reserve_bytes, random).has_value();
+}
+
+void DiskGuard::Describe(Database& database, proto::StorageStatus& status) const {
+  status.set_reserve_bytes(static_cast<double>(reserve_.Bytes()));
+  if (const Result<void> room = CheckRoom(database, Kind::kMap); !room) status.set_refused_inserts(room.error().text);
+  if (const Result<void> room = CheckRoom(database, Kind::kRecord); !room) {
+    status.set_refused_inserts(room.error().text);
+  }
+  if (trouble_.empty()) return;
+  status.set_write_trouble(trouble_ + (trouble_ == "the disk is full" ? ": " + Advice() : ""));
+}
+
+std::string DiskGuard::Advice() const {
+  const std::string files = is_on_disk_ ? DeletableFiles(path_) : "";
+  const std::string prune = "make room: moonctl -a " + agent_ + " db prune";
+  return files.empty() ? prune : prune + ", or delete " + files;
+}
+
+}  // namespace moondb

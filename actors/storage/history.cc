@@ -1,0 +1,313 @@
+#include "actors/storage/history.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "actors/storage/prune.h"
+#include "actors/storage/record_pages.h"
+
+namespace moondb {
+
+namespace {
+
+// About what a row takes in the file: 54 bytes beside content and fields where it lies on a page with others (measured:
+// other columns, the tree, pages that are not full), whole pages for what is longer than a quarter of one.
+constexpr char kRowBytes[] =
+    "CASE WHEN length(content) + length(fields) < 960 THEN length(content) + length(fields) + 54"
+    " ELSE 489 + (length(content) + length(fields) + 3642) / 4092 * 4096 END";
+constexpr std::uint64_t kRowBytesMin = 54;
+
+bool IsSound(AgentId self, const Query& query) {
+  const RecordKey key{{self, query.Unsigned(2), static_cast<DataType>(query.Integer(6))}, query.Unsigned(3)};
+  return HashRecord(key, query.Bytes(5)) == query.Unsigned(4);
+}
+
+// Columns as RecordTable::ReadAfter has them. The type stands in the text: pages read several types at once, and one
+// statement has one use at a time.
+std::string ReadSql(AgentId self, DataType type) {
+  return "SELECT row_id, " + std::to_string(self) +
+         ", epoch, seq, hash, content, data_type FROM history WHERE data_type = " + std::to_string(type);
+}
+
+bool IsOfSuspectClock(std::string_view content) {
+  proto::Record record;
+  return !record.ParseFromArray(content.data(), static_cast<int>(content.size())) || record.is_clock_suspect();
+}
+
+struct Candidate {
+  std::uint64_t row_id;
+  DataType type;
+  std::uint64_t bytes;
+};
+
+}  // namespace
+
+Result<void> History::Load(Database& database) {
+  types_.clear();
+  draft_.reset();
+  Query query = database.Prepare(std::string("SELECT data_type, count(*), sum(") + kRowBytes +
+                                 "), min(row_id) FROM history GROUP BY data_type");
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return {};
+    OfType& type = types_[static_cast<DataType>(query.Integer(0))];
+    type.sum = {query.Unsigned(1), query.Unsigned(2)};
+    type.oldest_row_id = query.Unsigned(3);
+  }
+}
+
+History::Sum History::SumOf(const Types& types) {
+  Sum sum;
+  for (const auto& [type, of_type] : types) {
+    sum.count += of_type.sum.count;
+    sum.bytes += of_type.sum.bytes;
+  }
+  return sum;
+}
+
+Result<std::vector<History::Found>> History::FindDamaged(Database& database) const {
+  std::vector<Found> damaged;
+  Query query = database.Prepare("SELECT row_id, 0, epoch, seq, hash, content, data_type FROM history");
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return damaged;
+    if (!IsSound(self_, query)) damaged.push_back({static_cast<DataType>(query.Integer(6)), query.Unsigned(0)});
+  }
+}
+
+Result<std::uint64_t> History::MaxRowId(Database& database) const {
+  const Result<std::int64_t> highest = database.Number("SELECT coalesce(max(row_id), 0) FROM history");
+  if (!highest) return tl::unexpected(highest.error());
+  return static_cast<std::uint64_t>(*highest);
+}
+
+History::Types& History::Draft() {
+  if (!draft_) draft_ = types_;
+  return *draft_;
+}
+
+KeepRule History::RuleOf(DataType type) const {
+  const auto rule = rules_.keep.find(type);
+  return rule == rules_.keep.end() ? KeepRule{} : rule->second;
+}
+
+void History::Keep() {
+  if (draft_) types_ = *std::exchange(draft_, std::nullopt);
+}
+
+Result<void> History::Take(Database& database, const RecordTable& table, const RecordTable::Row& row) {
+  const DataType type = row.key.stream.type;
+  const bool is_kept = rules_.keep.contains(type) && RuleOf(type).KeepsAny();
+  if (!is_kept || row.content_bytes + kRowBytesMin > rules_.bytes_max) return {};
+  std::uint64_t bytes = 0;
+  {
+    Query query = database.Prepare(table.copy_to_history() + " RETURNING " + kRowBytes);
+    query << row.row_id;
+    const Result<bool> copied = query.Step();
+    if (!copied) return tl::unexpected(copied.error());
+    if (!*copied) return {};  // The row is not there any more.
+    bytes = query.Unsigned(0);
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  OfType& of_type = Draft()[type];
+  const bool is_first = of_type.sum.count == 0;
+  of_type.sum.count += 1;
+  of_type.sum.bytes += bytes;
+  if (is_first || row.row_id < of_type.oldest_row_id) of_type.oldest_row_id = row.row_id;
+  of_type.seen_row_id = std::min(of_type.seen_row_id, row.row_id - 1);
+  while (SumOf(Now()).bytes > rules_.bytes_max) {
+    if (const Result<std::uint64_t> dropped = DropOldest(database); !dropped) return tl::unexpected(dropped.error());
+  }
+  return {};
+}
+
+Result<void> History::Delete(Database& database, DataType type, std::uint64_t row_id, std::uint64_t bytes) {
+  {
+    Query query = database.Prepare("DELETE FROM history WHERE data_type = ? AND row_id = ?");
+    query << type << row_id;
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  OfType& of_type = Draft()[type];
+  of_type.sum.count -= 1;
+  of_type.sum.bytes -= bytes;
+  if (of_type.sum.count == 0) {
+    Draft().erase(type);
+    return {};
+  }
+  if (row_id != of_type.oldest_row_id) return {};
+  Query next =
+      database.Prepare("SELECT row_id FROM history WHERE data_type = ? AND row_id > ? ORDER BY row_id LIMIT 1");
+  next << type << row_id;
+  const Result<bool> row = next.Step();
+  if (!row) return tl::unexpected(row.error());
+  if (!*row) return Fail(ErrorCode::kCorrupt, "database " + database.path() + " is damaged: its history has lost rows");
+  of_type.oldest_row_id = next.Unsigned(0);
+  return {};
+}
+
+Result<std::uint64_t> History::DropOldest(Database& database) {
+  const Types& types = Now();
+  const auto oldest = std::min_element(types.begin(), types.end(), [](const auto& a, const auto& b) {
+    return a.second.oldest_row_id < b.second.oldest_row_id;
+  });
+  const DataType type = oldest->first;
+  const std::uint64_t row_id = oldest->second.oldest_row_id;
+  std::uint64_t bytes = 0;
+  {
+    Query query =
+        database.Prepare(std::string("SELECT ") + kRowBytes + " FROM history WHERE data_type = ? AND row_id = ?");
+    query << type << row_id;
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return Fail(ErrorCode::kCorrupt, "database " + database.path() + " is damaged: its history lacks a row");
+    bytes = query.Unsigned(0);
+  }
+  if (const Result<void> done = Delete(database, type, row_id, bytes); !done) return tl::unexpected(done.error());
+  return bytes;
+}
+
+Result<std::uint64_t> History::Drop(Database& database, std::uint64_t bytes) {
+  std::uint64_t freed = 0;
+  while (freed < bytes && !Now().empty()) {
+    const Result<std::uint64_t> dropped = DropOldest(database);
+    if (!dropped) return dropped;
+    freed += *dropped;
+  }
+  return freed;
+}
+
+bool History::NeedsTrim() const {
+  if (sum().bytes > rules_.bytes_max) return true;
+  return std::any_of(types_.begin(), types_.end(),
+                     [this](const auto& type) { return !RuleOf(type.first).IsOfAnyAge(); });
+}
+
+Result<bool> History::Trim(Database& database, std::optional<std::int64_t> utc_now_ns) {
+  std::size_t rows_left = kHistoryTrimRowsMax;
+  const Types types = Now();
+  for (const auto& [type, of_type] : types) {
+    const KeepRule rule = RuleOf(type);
+    std::optional<std::int64_t> stamped_before_ns;
+    if (rule.KeepsAny()) {
+      if (rule.IsOfAnyAge() || !utc_now_ns) continue;
+      stamped_before_ns = *utc_now_ns - std::chrono::duration_cast<std::chrono::nanoseconds>(rule.at_most).count();
+    }
+    if (const Result<void> done = DropOlder(database, type, stamped_before_ns, rows_left); !done) {
+      return tl::unexpected(done.error());
+    }
+  }
+  for (; rows_left > 0 && SumOf(Now()).bytes > rules_.bytes_max; --rows_left) {
+    if (const Result<std::uint64_t> dropped = DropOldest(database); !dropped) return tl::unexpected(dropped.error());
+  }
+  return rows_left == 0;
+}
+
+// Rows lie in the order of storing, so that the first one that is too young ends the search, however many follow. None:
+// of any age.
+Result<void> History::DropOlder(Database& database, DataType type, std::optional<std::int64_t> stamped_before_ns,
+                                std::size_t& rows_left) {
+  std::vector<Candidate> expired;
+  std::uint64_t seen_row_id = Now().at(type).seen_row_id;
+  {
+    Query query = database.Prepare(std::string("SELECT row_id, stamp_ns, ") + kRowBytes +
+                                   ", content FROM history WHERE data_type = ? AND row_id > ? ORDER BY row_id LIMIT ?");
+    query << type << (stamped_before_ns ? seen_row_id : 0) << rows_left;
+    while (true) {
+      const Result<bool> row = query.Step();
+      if (!row) return tl::unexpected(row.error());
+      if (!*row) break;
+      --rows_left;
+      if (stamped_before_ns && query.Integer(1) >= *stamped_before_ns) break;
+      seen_row_id = query.Unsigned(0);
+      if (stamped_before_ns && IsOfSuspectClock(query.Bytes(3))) continue;
+      expired.push_back({query.Unsigned(0), type, query.Unsigned(2)});
+    }
+  }
+  for (const Candidate& row : expired) {
+    if (const Result<void> done = Delete(database, type, row.row_id, row.bytes); !done) return done;
+  }
+  if (const auto of_type = Draft().find(type); of_type != Draft().end()) of_type->second.seen_row_id = seen_row_id;
+  return {};
+}
+
+Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneRequest& request,
+                                         std::int64_t utc_now_ns) {
+  if (const Result<void> checked = CheckPruneLimits(request); !checked) return tl::unexpected(checked.error());
+  const bool is_by_age = request.older_than_s() > 0;
+  const std::int64_t stamped_before_ns = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * 1e9);
+  const std::size_t rows_max = request.is_dry_run() ? kPruneCandidatesMax : kHistoryTrimRowsMax;
+  proto::PruneReply reply;
+  reply.set_is_complete(true);
+  std::vector<Candidate> rows;
+  for (const auto& [type, of_type] : Now()) {
+    const auto& types = request.data_types();
+    if (!types.empty() && std::find(types.begin(), types.end(), type) == types.end()) continue;
+    Query query = database.Prepare(std::string("SELECT row_id, ") + kRowBytes +
+                                   ", content FROM history WHERE data_type = ? AND stamp_ns <= ? ORDER BY row_id");
+    query << type << (is_by_age ? stamped_before_ns - 1 : INT64_MAX);
+    std::size_t found = 0;
+    while (true) {
+      const Result<bool> row = query.Step();
+      if (!row) return tl::unexpected(row.error());
+      if (!*row) break;
+      if (is_by_age && IsOfSuspectClock(query.Bytes(2))) continue;
+      if (++found > rows_max) break;
+      rows.push_back({query.Unsigned(0), type, query.Unsigned(1)});
+    }
+  }
+  std::sort(rows.begin(), rows.end(), [](const Candidate& a, const Candidate& b) { return a.row_id < b.row_id; });
+  std::map<DataType, proto::PrunedType> pruned;
+  double bytes = 0;
+  std::size_t count = 0;
+  for (const Candidate& row : rows) {
+    if (request.content_bytes_max() > 0 && bytes >= request.content_bytes_max()) break;  // So much was asked for.
+    if (count == rows_max) {
+      reply.set_is_complete(false);
+      break;
+    }
+    ++count;
+    bytes += static_cast<double>(row.bytes);
+    proto::PrunedType& of_type = pruned[row.type];
+    of_type.set_record_count(of_type.record_count() + 1);
+    of_type.set_content_bytes(of_type.content_bytes() + static_cast<double>(row.bytes));
+    if (request.is_dry_run()) continue;
+    if (const Result<void> done = Delete(database, row.type, row.row_id, row.bytes); !done) {
+      return tl::unexpected(done.error());
+    }
+  }
+  // Beyond what was looked at there may be more of a type.
+  if (!request.is_dry_run() && count == rows_max) reply.set_is_complete(false);
+  for (auto& [type, of_type] : pruned) {
+    of_type.set_data_type(type);
+    *reply.add_pruned() = std::move(of_type);
+  }
+  return reply;
+}
+
+Result<proto::ReadReply> History::Read(Database& database, const proto::ReadRequest& request) const {
+  std::vector<Query> queries;
+  for (const auto& [type, of_type] : types_) {
+    const auto& types = request.data_types();
+    if (!types.empty() && std::find(types.begin(), types.end(), type) == types.end()) continue;
+    if (request.is_newest_first()) {
+      queries.push_back(database.Prepare(ReadSql(self_, type) + " ORDER BY row_id DESC"));
+    } else {
+      queries.push_back(database.Prepare(ReadSql(self_, type) + " AND row_id > ? ORDER BY row_id"));
+      queries.back() << request.after_row_id();
+    }
+  }
+  return ReadMerged(std::move(queries), request, [this](const Query& query) {
+    if (IsSound(self_, query)) return true;
+    spdlog::error("storage: a row of the history is damaged and left out: {} of {}", query.Unsigned(0),
+                  DataTypeName(static_cast<DataType>(query.Integer(6))));
+    return false;
+  });
+}
+
+}  // namespace moondb

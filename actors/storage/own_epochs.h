@@ -1,0 +1,92 @@
+// OwnEpochs: which epochs of this agent's own records are known, which of them this file's history began, and whose
+// states a later epoch cannot have known (docs/decisions/0010-what-an-epoch-knew.md).
+//
+// An epoch's 64 bits say where it comes from:
+//   16 bits  counter: one above the counter of its *base*, the highest own epoch known when it was begun
+//   14 bits  tag of the incarnation that began it
+//   14 bits  tag of the incarnation that began its base; 0: there was no base
+//   20 bits  at random, so that two copies of one file that go on separately use no name twice
+// An *incarnation* is one history of a database file. Its tag is drawn with its first epoch: in a file that was created
+// empty, and in a copy that `moonctl db backup` made, which takes the tag out of it (ForgetIncarnation).
+//
+// An epoch that is claimed or comes home and that this file's history did not begin is *foreign*: another disk of this
+// agent began it. Its timeline knew the epochs of this incarnation up to a counter that its tags give:
+// - its base bears this incarnation's tag: up to its base;
+// - an earlier foreign epoch of its own incarnation, or of its base's, knew some: these;
+// - it bears this incarnation's tag itself: an unmarked older copy of this very file began it. The lowest of these
+//   marks the fork: what is below its counter was known;
+// - else none.
+//
+// Plain values but for Load and the two functions that write, which act inside the caller's transaction and fail as
+// Database does.
+#pragma once
+
+#include <cstdint>
+#include <random>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "actors/storage/sqlite_database.h"
+#include "model/error.h"
+
+namespace moondb {
+
+struct EpochParts {
+  std::uint64_t counter = 0;
+  std::uint32_t tag = 0;
+  std::uint32_t base_tag = 0;
+  bool operator==(const EpochParts&) const = default;
+};
+EpochParts PartsOf(std::uint64_t epoch);
+// For tests: `random` is taken as far as its bits go.
+std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random);
+
+inline constexpr std::uint32_t kEpochTagMax = 0x3FFF;
+inline constexpr std::uint64_t kEpochCounterMax = 0xFFFF;
+// 16384 lives of this agent that a lost disk knew of; who claims more would use up the epochs that are left.
+inline constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (48 + 14);
+// The highest ones are kept, so that no peer fills the memory with claims.
+inline constexpr std::size_t kForeignEpochsMax = 4096;
+
+class OwnEpochs {
+ public:
+  // What the file's history began. What is foreign is Learn's to say.
+  Result<void> Load(Database& database);
+
+  std::uint64_t highest() const;  // Of all that are known; 0: none is.
+  // Whether one that somebody claims can be: at most kOwnEpochJumpMax above the highest, and not 0.
+  bool IsPossible(std::uint64_t epoch) const;
+  bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
+  void Learn(std::uint64_t epoch);  // Nothing where this file's history began it.
+
+  // Of this incarnation, those that some known foreign epoch above them cannot have known: their states would give way
+  // to older ones.
+  std::set<std::uint64_t> Endangered() const;
+
+  // One above all that are known, to be written and, once that is committed, to be noted.
+  struct Next {
+    std::uint64_t epoch = 0;
+    std::uint32_t tag = 0;  // This incarnation's, from now on.
+  };
+  // kInternal: none are left.
+  Result<Next> Draw(std::mt19937_64& random) const;
+  Result<void> Write(Database& database, const Next& begun) const;
+  void NoteBegun(const Next& begun);
+
+ private:
+  // For each foreign epoch, rising, the highest counter of this incarnation's epochs that its timeline knew; 0: none.
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> WhatForeignKnew() const;
+  std::uint64_t KnewByBase(std::uint64_t base_counter, std::uint64_t fork) const;
+  std::uint32_t DrawTag(std::mt19937_64& random) const;
+
+  std::uint32_t tag_ = 0;  // 0: not drawn yet.
+  std::set<std::uint64_t> begun_;
+  std::set<std::uint64_t> foreign_;
+};
+
+// Of a copy that is not the agent's store: who opens it as one is a new incarnation. Nothing where `database` has no
+// tables of moondb's.
+extern const char* const kForgetIncarnationSql;
+
+}  // namespace moondb

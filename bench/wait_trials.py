@@ -1,0 +1,388 @@
+#!/usr/bin/env python3
+"""Counts how often `sync now --wait` and `replicate now --wait` say that all is there while it is not: real teams of four
+agents in network namespaces at 1 Mbit/s each (tests/apps/network_lab.py), with roles that change and disks that are lost.
+
+Usage: wait_trials.py PROGRAMS SCENARIO [--trials N] [--teams N] [--seed N] [--json FILE]
+    PROGRAMS   folder of moonctl, moondb_agent, moondb_mission and moondb_replay
+    SCENARIO   flap       the new leader's link is down at `role swap`, and comes back 20 to 350 ms after it
+               flap_slow  the same, and each frame from moonctl to an agent takes 20 ms longer
+               flap_at_once  as flap_slow, by `role swap --no-wait`: the commands begin before the new leader leads
+               mid        `role swap` in mid-replication, while a rover is down whose records two others hold
+               wipe       the leader's disk is lost; it starts with an empty one
+    --trials   in all (40); --teams of them side by side (1)
+    --json     the trials one by one, and the counts
+
+Each trial inserts records, notes what the running agents' database files hold, changes what the scenario says, runs the
+two commands, and at once looks into the database files of leader and survivor with sqlite3: nothing that existed before
+`sync now` may be missing there, with its content. A command claims that all is there when it exits with 0, or with 3 and
+"is_acknowledged": then of all agents that run. A trial is early when both claim so and anything is missing.
+
+The slow moonctl of flap_slow is no part of moondb: a proxy of this program stands on each agent's socket for clients.
+
+Exit codes: 0 no trial was early, 1 some were, 2 usage, 3 a trial could not be run, 77 skipped (no namespaces here).
+"""
+import argparse
+import asyncio
+import contextlib
+import json
+import os
+import pathlib
+import random
+import shutil
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tests" / "apps"))
+import network_lab  # noqa: E402
+from network_lab import NAMES, Failure  # noqa: E402
+
+SKIPPED = 77
+SCENARIOS = ("flap", "flap_slow", "flap_at_once", "mid", "wipe")
+ROVER = 2  # The one that is neither leader nor survivor.
+SLOWER_S = 0.020
+SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30}  # Of the mission, inserted in each trial.
+TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5}  # Then empty disks: each trial begins with little.
+# Of what is shared as `latest`, an agent's own rows are what must be there; of all else whatever it holds.
+STATES = {"temperature", "power", "awake_status", "mode", "health", "exploration", "distributed_measurements",
+          "optimized_pose", "edge_verdict"}
+COMMAND_LIMIT = "60s"
+
+
+def rows(database):
+    """{(table, origin, epoch, seq): content} of all shared records."""
+    found = {}
+    tables = [name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+    for table in tables:
+        columns = {row[1] for row in database.execute(f"PRAGMA table_info({table})")}
+        if not {"seq", "content", "origin"} <= columns:
+            continue
+        found.update({(table, *row[:3]): row[3] for row in database.execute(
+            f"SELECT origin, epoch, seq, content FROM {table} WHERE seq IS NOT NULL")})
+    return found
+
+
+@contextlib.contextmanager
+def frozen(team, agents):
+    """Databases of these agents as they are now, all at once: reading begins in each before the first is read through."""
+    with contextlib.ExitStack() as stack:
+        databases = {}
+        for agent in agents:
+            file = team.folder / NAMES[agent] / "moondb.sqlite"
+            database = stack.enter_context(contextlib.closing(
+                sqlite3.connect(f"file:{file}?mode=ro", uri=True, isolation_level=None)))
+            database.execute("BEGIN")
+            database.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            databases[agent] = database
+        copies = {}
+        for agent, database in databases.items():
+            copies[agent] = stack.enter_context(contextlib.closing(sqlite3.connect(":memory:")))
+            database.backup(copies[agent])
+        yield copies
+
+
+def existing(team, agents):
+    found = {}
+    with frozen(team, agents) as copies:
+        for agent, copy in copies.items():
+            found.update({key: content for key, content in rows(copy).items()
+                          if key[0] not in STATES or key[1] == agent + 1})
+    return found
+
+
+def lacking(team, before, agents):
+    """How many of these records each agent has not, or has with another content, and of which tables."""
+    missing = {}
+    with frozen(team, agents) as copies:
+        for agent, copy in copies.items():
+            held = rows(copy)
+            keys = [key for key, content in before.items() if held.get(key) != content]
+            missing[NAMES[agent]] = {"count": len(keys), "of": sorted({f"{key[1]} {key[0]}" for key in keys})}
+    return missing
+
+
+class SlowDoor:
+    """Stands on the socket of an agent for clients, and lets each frame wait on its way to the agent."""
+
+    def __init__(self, folder):
+        self.loop = asyncio.new_event_loop()
+        self.sockets = sorted(folder.glob("**/*.sock"))
+        for socket in self.sockets:
+            real = socket.with_suffix(".real")
+            socket.rename(real)
+            self.loop.run_until_complete(asyncio.start_unix_server(
+                lambda reader, writer, real=real: self.serve(real, reader, writer), path=str(socket)))
+        threading.Thread(target=self.loop.run_forever, daemon=True).start()
+
+    def close(self):
+        self.loop.call_soon_threadsafe(self.loop.stop)
+        for socket in self.sockets:
+            socket.unlink(missing_ok=True)
+            socket.with_suffix(".real").unlink(missing_ok=True)
+
+    async def serve(self, real, reader, writer):
+        try:
+            to_agent_reader, to_agent = await asyncio.open_unix_connection(str(real))
+        except OSError:
+            writer.close()
+            return
+        await asyncio.gather(self.carry(reader, to_agent, SLOWER_S), self.carry(to_agent_reader, writer, 0))
+
+    @staticmethod
+    async def carry(reader, writer, delay):
+        with contextlib.suppress(OSError):
+            while data := await reader.read(1 << 16):
+                if delay:
+                    await asyncio.sleep(delay)
+                writer.write(data)
+                await writer.drain()
+        writer.close()
+
+
+class Trials:
+    def __init__(self, team, network, scenario, rng, mission):
+        self.team, self.network, self.scenario, self.rng, self.mission = team, network, scenario, rng, mission
+        self.leader, self.survivor = 0, 1
+        self.fed_s = 0
+        self.door = None
+
+    def begin_life(self):
+        """All agents, with empty disks."""
+        self.team.stop()
+        if self.door:
+            self.door.close()
+        for name in NAMES:
+            shutil.rmtree(self.team.folder / name, ignore_errors=True)
+        self.leader, self.survivor = 0, 1
+        self.fed_s = 0
+        for agent in range(len(NAMES)):
+            self.team.start(agent)
+        self.team.until_joined()
+        self.until_agreed()
+        if self.scenario in ("flap_slow", "flap_at_once"):
+            self.door = SlowDoor(pathlib.Path(os.environ["MOONDB_RUN_DIR"]))
+
+    def running(self):
+        return sorted(self.team.agents)
+
+    def roles(self):
+        shown = json.loads(self.team.moonctl("--json", "role", "show", check=False).stdout)["agents"]
+        return [agent.get("roles") for agent in shown if agent["is_reachable"]]
+
+    def until_agreed(self):
+        def agree():
+            roles = self.roles()
+            return len(roles) == len(self.running()) and all(
+                each["leader"] == self.leader + 1 and each["term"] == roles[0]["term"] and
+                each["term"].get("issuer") == self.leader + 1 for each in roles)
+        self.team.until(agree, "the agents do not agree on the roles")
+
+    def feed(self):
+        length = SLICE_S[self.scenario]
+        self.team.feed(self.mission, "--from", self.fed_s, "--to", self.fed_s + length)
+        self.fed_s += length
+
+    def command(self, *words):
+        started = time.monotonic()
+        done = self.team.moonctl("--json", "--timeout", COMMAND_LIMIT, *words, check=False)
+        try:
+            said = json.loads(done.stdout)
+        except ValueError:
+            said = {}
+        claims = done.returncode == 0 or (done.returncode == 3 and said.get("is_acknowledged", False))
+        return {"exit": done.returncode, "claims": claims, "said": said, "s": round(time.monotonic() - started, 3),
+                "shown": done.stderr.strip().splitlines()[-1:]}
+
+    def swap(self):
+        """The new leader's link as the scenario has it."""
+        new = self.survivor
+        link = None
+        if self.scenario != "mid":
+            delay = self.rng.uniform(0.020, 0.350)
+            self.network.set_link(new, False)
+            # A little longer, since moonctl first starts and asks who leads.
+            link = threading.Timer(delay + 0.04, lambda: self.network.set_link(new, True))
+            link.start()
+        how = ["--no-wait"] if self.scenario == "flap_at_once" else []
+        done = self.team.moonctl("--json", "role", "swap", *how, check=False)
+        if done.returncode not in (0, 3):
+            raise Failure(f"role swap: {done.stdout.strip()} (exit {done.returncode})")
+        self.leader, self.survivor = self.survivor, self.leader
+        return link, done.returncode
+
+    def ask(self, before):
+        sync = self.command("sync", "now", "--wait")
+        replicate = self.command("replicate", "now", "--wait")
+        missing = lacking(self.team, before, [self.leader, self.survivor])
+        count = sum(each["count"] for each in missing.values())
+        is_claimed = sync["claims"] and replicate["claims"]
+        return {"existing": len(before), "sync": sync, "replicate": replicate, "is_claimed": is_claimed,
+                "missing": missing, "is_early": is_claimed and count > 0}
+
+    def heal(self, before):
+        """Until all is there, whatever was said; how long that took."""
+        started = time.monotonic()
+
+        def is_whole():
+            missing = lacking(self.team, before, [self.leader, self.survivor])
+            if all(each["count"] == 0 for each in missing.values()):
+                return True
+            for kind in ("sync", "replicate"):
+                self.team.moonctl(kind, "now", check=False)
+            return False
+        self.team.until(is_whole, "leader and survivor do not come to hold all")
+        return round(time.monotonic() - started, 2)
+
+    def run(self):
+        if self.scenario == "wipe":
+            return self.run_wipe()
+        if self.scenario == "mid":
+            return self.run_mid()
+        self.feed()
+        before = existing(self.team, self.running())
+        link, swapped = self.swap()
+        result = self.ask(before)
+        link.join()
+        result["swap_exit"] = swapped
+        result["healed_s"] = self.heal(before)
+        self.until_agreed()
+        return result
+
+    def run_mid(self):
+        if ROVER not in self.team.agents:
+            self.team.start(ROVER)
+            self.team.until_joined()
+            self.until_agreed()
+        self.feed()
+        for _ in range(5):
+            if self.command("sync", "now", "--wait")["exit"] == 0:
+                break
+        else:
+            raise Failure("the records do not come to the leader")
+        self.team.kill(ROVER)
+        before = existing(self.team, self.running())
+        self.team.moonctl("replicate", "now")
+        time.sleep(self.rng.uniform(0.02, 0.3))
+        _, swapped = self.swap()
+        result = self.ask(before)
+        result["swap_exit"] = swapped
+        result["healed_s"] = self.heal(before)
+        return result
+
+    def run_wipe(self):
+        self.feed()
+        before = existing(self.team, self.running())
+        self.heal(before)
+        self.team.kill(self.leader)
+        shutil.rmtree(self.team.folder / NAMES[self.leader])
+        before = existing(self.team, self.running())
+        self.team.start(self.leader)
+        result = self.ask(before)
+        result["healed_s"] = self.heal(before)
+        self.until_agreed()
+        return result
+
+
+def work(options):
+    """One team; a line of JSON for each trial."""
+    try:
+        with network_lab.lab(options.programs) as (team, network):
+            scenario = options.scenario
+            trials = Trials(team, network, scenario, random.Random(options.seed), options.mission)
+            for number in range(options.trials):
+                started = time.monotonic()
+                if number % TRIALS_A_LIFE[scenario] == 0:
+                    trials.begin_life()
+                result = trials.run()
+                result.update(number=number, seed=options.seed, trial_s=round(time.monotonic() - started, 2))
+                print(json.dumps(result), flush=True)
+    except network_lab.Unsupported as reason:
+        print(f"skipped: {reason}", file=sys.stderr)
+        return SKIPPED
+    except (Failure, subprocess.TimeoutExpired) as failure:
+        print(f"seed {options.seed}: {failure}", file=sys.stderr)
+        return 3
+    return 0
+
+
+def count(results):
+    counted = {"trials": len(results), "both_exit_0": 0, "both_claim": 0, "early": 0}
+    for kind in ("sync", "replicate"):
+        exits = {}
+        for result in results:
+            exits[str(result[kind]["exit"])] = exits.get(str(result[kind]["exit"]), 0) + 1
+        counted[f"{kind}_exits"] = exits
+    for result in results:
+        counted["both_exit_0"] += result["sync"]["exit"] == 0 and result["replicate"]["exit"] == 0
+        counted["both_claim"] += result["is_claimed"]
+        counted["early"] += result["is_early"]
+    counted["replicate_exit_0_lacking"] = sum(
+        result["replicate"]["exit"] == 0 and any(each["count"] for each in result["missing"].values())
+        for result in results)
+    return counted
+
+
+def oversee(options):
+    with network_lab.scratch_folder() as folder:
+        minutes = TRIALS_A_LIFE[options.scenario] * SLICE_S[options.scenario] // 60 + 1
+        subprocess.run([options.programs / "moondb_mission", "generate", "--seed", "7", "--minutes", str(minutes),
+                        "--period-s", "2", "--out", folder / "mission"], check=True, stdout=subprocess.DEVNULL)
+        return oversee_teams(options, folder / "mission")
+
+
+def oversee_teams(options, mission):
+    """Teams side by side, each a process of its own: namespaces and sockets go by the process's number."""
+    started, results, codes = time.monotonic(), [], []
+    lock = threading.Lock()
+
+    def attend(index):
+        share = options.trials // options.teams + (index < options.trials % options.teams)
+        seed = options.seed + 1000 * index
+        with subprocess.Popen([sys.executable, __file__, str(options.programs), options.scenario, "--worker", "--trials",
+                               str(share), "--seed", str(seed), "--mission", str(mission)], stdout=subprocess.PIPE, text=True) as worker:
+            for line in worker.stdout:
+                with lock:
+                    results.append(json.loads(line))
+                    last, done, early = results[-1], len(results), sum(each["is_early"] for each in results)
+                    rate = 60 * done / (time.monotonic() - started)
+                    print(f"{options.scenario} {done}/{options.trials}: sync {last['sync']['exit']}, replicate "
+                          f"{last['replicate']['exit']}{', EARLY' if last['is_early'] else ''}; {early} early, "
+                          f"{rate:.1f} trials a minute", flush=True)
+            codes.append(worker.wait())
+
+    teams = [threading.Thread(target=attend, args=(index,)) for index in range(options.teams)]
+    for team in teams:
+        team.start()
+        time.sleep(0.5)
+    for team in teams:
+        team.join()
+    counted = {"scenario": options.scenario, "seed": options.seed, "teams": options.teams,
+               "s": round(time.monotonic() - started, 1), **count(results)}
+    print(json.dumps(counted))
+    if options.json:
+        options.json.write_text(json.dumps({**counted, "results": results}, indent=1) + "\n", encoding="utf-8")
+    if counted["early"]:
+        return 1
+    return max(codes)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("programs", type=pathlib.Path)
+    parser.add_argument("scenario", choices=SCENARIOS)
+    parser.add_argument("--trials", type=int, default=40)
+    parser.add_argument("--teams", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", type=pathlib.Path)
+    parser.add_argument("--mission", type=pathlib.Path, help=argparse.SUPPRESS)
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.trials < 1 or not 1 <= options.teams <= options.trials:
+        parser.error("expected at least one trial for each team")
+    return work(options) if options.worker else oversee(options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,231 @@
+// EventActor and StorageActor together: what an operator must hear of, until it is acknowledged.
+#include <gmock/gmock.h>
+
+#include "actors/event/event_actor.h"
+#include "actors/storage/storage_actor.h"
+#include "model/event.h"
+#include "runtime/simulation/simulated_team.h"
+#include "tests/temporary_folder.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::minutes;
+using std::chrono::seconds;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+// Agent 1 with storage and events; agents 2 and 3 are only there or not. The lease actor is played by the test.
+class FindingsTest : public testing::Test {
+ protected:
+  FindingsTest() {
+    StorageActor::Options storage;
+    storage.path = folder_.File("a.db");
+    storage.self = 1;
+    for (const std::uint32_t id : {1, 2, 3}) {
+      proto::AgentConfig& agent = *storage.team.add_agents();
+      agent.set_id(id);
+      agent.set_name("rover" + std::to_string(id));
+      team_.AddAgent(id);
+    }
+    storage.team.mutable_share()->set_agent_event(proto::POLICY_ALL);
+    storage.team.mutable_radio()->set_quiet_while_driving(true);
+    EventActor::Options events;
+    events.self = 1;
+    events.team = storage.team;
+    team_.Spawn(1, actor_name::kStorage, [storage] { return std::make_unique<StorageActor>(storage); });
+    team_.Spawn(1, actor_name::kEvent, [events] { return std::make_unique<EventActor>(events); });
+    team_.RunUntilIdle();
+  }
+
+  void Minutes(int count) {
+    for (int i = 0; i < count; ++i) {
+      team_.AdvanceTime(minutes(1));
+      proto::Message message;
+      *message.mutable_leases_changed() = leases_;
+      (void)team_.Post({1, actor_name::kLease}, {1, actor_name::kEvent}, message);
+      team_.RunUntilIdle();
+    }
+  }
+
+  proto::Message Ask(proto::Message question) {
+    (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, std::move(question));
+    team_.RunUntilIdle();
+    const auto answers = team_.Take({1, "asker"});
+    EXPECT_EQ(answers.size(), 1u);
+    return answers.empty() ? proto::Message() : answers.front();
+  }
+
+  std::vector<proto::HealthFinding> Findings() {
+    proto::Message question;
+    question.mutable_findings_request();
+    const proto::Message answer = Ask(question);
+    return {answer.findings_reply().findings().begin(), answer.findings_reply().findings().end()};
+  }
+
+  std::vector<std::string> Texts() {
+    std::vector<std::string> texts;
+    const std::vector<proto::HealthFinding> findings = Findings();
+    for (const proto::HealthFinding& finding : findings) texts.push_back(finding.text());
+    return texts;
+  }
+
+  proto::AcknowledgeReply Acknowledge(std::int64_t until_ns) {
+    proto::Message question;
+    question.mutable_acknowledge_request()->set_until_ns(until_ns);
+    return Ask(question).acknowledge_reply();
+  }
+
+  // Texts of all events, as stored.
+  std::vector<std::string> Story() {
+    proto::Message question;
+    question.mutable_read_request();
+    (void)team_.Post({1, "reader"}, {1, actor_name::kStorage}, question);
+    team_.RunUntilIdle();
+    std::vector<std::string> texts;
+    for (const proto::Message& answer : team_.Take({1, "reader"})) {
+      for (const proto::StoredRecord& stored : answer.read_reply().records()) {
+        proto::Record record;
+        EXPECT_TRUE(record.ParseFromString(stored.content()));
+        texts.push_back(record.agent_event().text());
+      }
+    }
+    return texts;
+  }
+
+  proto::AgentLease& Lease(AgentId agent) {
+    proto::AgentLease& lease = *leases_.add_leases();
+    lease.set_agent_id(agent);
+    return lease;
+  }
+
+  const TemporaryFolder folder_;
+  proto::LeasesChanged leases_;
+  simulation::SimulatedTeam team_{/*seed=*/1};
+};
+
+TEST_F(FindingsTest, APeerThatIsAwayForAMinuteIsLostOnceSinceItWasHeardLast) {
+  Minutes(3);
+  EXPECT_THAT(Texts(), IsEmpty());
+  const std::int64_t lost_ns = team_.utc_now_ns();
+  team_.SetLink(1, 2, false);
+  Minutes(5);
+  ASSERT_THAT(Texts(), ElementsAre("rover2 was lost"));
+  EXPECT_EQ(Findings()[0].stamp_ns(), lost_ns);
+  team_.SetLink(1, 2, true);
+  Minutes(1);
+  EXPECT_THAT(Texts(), ElementsAre("rover2 was lost for 300 s, and is back"));
+  EXPECT_THAT(Story(), ElementsAre(HasSubstr("started"), "rover2 was lost", "rover2 was lost for 300 s, and is back"));
+}
+
+TEST_F(FindingsTest, AFlapOfTheRadioIsNoLoss) {
+  for (int i = 0; i < 10; ++i) {
+    team_.SetLink(1, 2, false);
+    team_.AdvanceTime(seconds(40));
+    team_.SetLink(1, 2, true);
+    Minutes(1);
+  }
+  EXPECT_THAT(Texts(), IsEmpty());
+  EXPECT_EQ(Story().size(), 1u);
+}
+
+TEST_F(FindingsTest, APeerThatSleepsOrDrivesQuietlyIsNotLostUntilItsTimeIsUp) {
+  Lease(2).set_sleeping_s(3600);
+  Lease(3).set_driving_s(3600);
+  team_.SetLink(1, 2, false);
+  team_.SetLink(1, 3, false);
+  Minutes(20);
+  EXPECT_THAT(Texts(), IsEmpty());
+  leases_.clear_leases();
+  Minutes(1);
+  EXPECT_THAT(Texts(), ElementsAre("rover2 was lost", "rover3 was lost"));
+}
+
+TEST_F(FindingsTest, WhoSleepsItselfHasLostNobody) {
+  Lease(1).set_sleeping_s(3600);
+  team_.SetLink(1, 2, false);
+  Minutes(20);
+  EXPECT_THAT(Texts(), IsEmpty());
+}
+
+TEST_F(FindingsTest, APeerThatWasNeverThereIsNotLost) {
+  team_.SetLink(1, 2, false);
+  team_.Crash(1);
+  team_.Restart(1);
+  Minutes(10);
+  EXPECT_THAT(Texts(), IsEmpty());
+}
+
+TEST_F(FindingsTest, ALinkThatComesAndGoesAllDayIsAFewEvents) {
+  for (int i = 0; i < 60; ++i) {
+    team_.SetLink(1, 2, false);
+    Minutes(2);
+    team_.SetLink(1, 2, true);
+    Minutes(1);
+  }
+  const auto story = Story();
+  EXPECT_LE(story.size(), 2u * 180 / 10 + 2);
+  EXPECT_GE(story.size(), 10u);
+  EXPECT_THAT(Texts(), ElementsAre(HasSubstr(" times)")));
+}
+
+TEST_F(FindingsTest, AreAcknowledgedOnceAndForAll) {
+  team_.SetLink(1, 2, false);
+  Minutes(3);
+  const auto findings = Findings();
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(Acknowledge(findings[0].stamp_ns() - 1).count(), 0u);
+  EXPECT_EQ(Texts().size(), 1u);
+  const proto::AcknowledgeReply reply = Acknowledge(findings[0].stamp_ns());
+  EXPECT_EQ(reply.count(), 1u) << reply.DebugString();
+  EXPECT_THAT(Texts(), IsEmpty());
+  EXPECT_EQ(Acknowledge(findings[0].stamp_ns()).count(), 0u);
+  EXPECT_THAT(Story(), testing::Contains(HasSubstr("1 finding was acknowledged")));
+
+  team_.Crash(1);
+  team_.Restart(1);
+  Minutes(1);
+  EXPECT_THAT(Texts(), IsEmpty());
+  EXPECT_THAT(Story(), testing::Contains("rover2 was lost")) << "it stays in the log";
+}
+
+TEST_F(FindingsTest, ThoseThatNobodyReadOutliveARestartAndSayWhoIsBackSince) {
+  team_.SetLink(1, 2, false);
+  team_.SetLink(1, 3, false);
+  Minutes(3);
+  team_.Crash(1);
+  team_.SetLink(1, 2, true);
+  team_.AdvanceTime(minutes(1));
+  team_.Restart(1);
+  Minutes(1);
+  EXPECT_THAT(Texts(), ElementsAre("rover3 was lost", HasSubstr("rover2 was lost for ")));
+  EXPECT_THAT(Texts()[1], HasSubstr("and is back"));
+  Minutes(5);
+  EXPECT_EQ(Texts().size(), 2u);
+}
+
+TEST_F(FindingsTest, AStoreThatCannotTakeTheAcknowledgmentSaysSo) {
+  team_.SetLink(1, 2, false);
+  Minutes(3);
+  const auto findings = Findings();
+  ASSERT_EQ(findings.size(), 1u);
+  // The insert fails in place of being stored, and its sender hears nothing: nothing is acknowledged.
+  bool has_failed = false;
+  team_.SetFault([&](const Address& actor, const proto::Message& message) {
+    const bool is_it = actor.actor == actor_name::kStorage && message.has_insert_request() && !has_failed;
+    has_failed = has_failed || is_it;
+    return is_it ? simulation::Fault::kBeforeHandler : simulation::Fault::kNone;
+  });
+  proto::Message question;
+  question.mutable_acknowledge_request()->set_until_ns(findings[0].stamp_ns());
+  (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, question);
+  team_.RunUntilIdle();
+  EXPECT_THAT(team_.Take({1, "asker"}), IsEmpty());
+  Minutes(1);
+  EXPECT_EQ(Texts().size(), 1u);
+  EXPECT_EQ(Acknowledge(findings[0].stamp_ns()).count(), 1u);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,170 @@
+// How a process finds out how the one before it ended, and what nobody has acknowledged yet.
+#include "actors/storage/findings.h"
+
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/actors/storage/store_fixtures.h"
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr std::int64_t kNowNs = 1'795'339'884'000'000'000;
+
+class LastLifeTest : public testing::Test {
+ protected:
+  RecordStore::Options Options() {
+    ++seed_;
+    return StoreOptionsOf(1, path_, seed_);
+  }
+
+  // As moondb_agent does before its actors run.
+  std::unique_ptr<RecordStore> Start() {
+    auto store = OpenStore(Options());
+    const Result<void> written = store->WriteDownLastLife(kNowNs);
+    EXPECT_TRUE(written) << ToString(written.error());
+    return store;
+  }
+
+  static void Tell(RecordStore& store, proto::EventKind kind, const std::string& text) {
+    InsertOne(store, MakeEvent(kind, text, "", kNowNs));
+  }
+
+  static std::vector<std::string> Findings(RecordStore& store) {
+    std::vector<std::string> texts;
+    const std::vector<proto::HealthFinding> findings = *store.Findings();
+    for (const proto::HealthFinding& finding : findings) texts.push_back(finding.text());
+    return texts;
+  }
+
+  static std::vector<std::string> Story(RecordStore& store) {
+    std::vector<std::string> texts;
+    const std::vector<OwnEvent> events = *ReadOwnEvents(store.database(), 1, 100);
+    for (const OwnEvent& event : events) texts.push_back(event.text);
+    return texts;
+  }
+
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.File("a.db");
+  std::uint64_t seed_ = 0;
+};
+
+TEST_F(LastLifeTest, FindsNothingAtTheFirstStartEver) {
+  auto store = Start();
+  EXPECT_THAT(Findings(*store), IsEmpty());
+  EXPECT_THAT(Story(*store), IsEmpty());
+}
+
+TEST_F(LastLifeTest, FindsAProcessThatEndedWithoutStoppingAndSaysItOnce) {
+  {
+    auto store = Start();
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+  }
+  // The first start comes to nothing more (its port is taken), the second runs.
+  (void)Start();
+  auto store = Start();
+  Tell(*store, proto::EVENT_KIND_STARTED, "started");
+  EXPECT_THAT(Story(*store), ElementsAre("started", kEndedWithoutStopping, "started"));
+  EXPECT_THAT(Findings(*store), ElementsAre(kEndedWithoutStopping));
+}
+
+TEST_F(LastLifeTest, FindsNothingWhereTheProcessStopped) {
+  {
+    auto store = Start();
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Tell(*store, proto::EVENT_KIND_COMMAND, "stop");
+    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+  }
+  auto store = Start();
+  EXPECT_THAT(Findings(*store), IsEmpty());
+  EXPECT_EQ(Story(*store).back(), "stopped, as it was asked to");
+}
+
+// Events of earlier lives that come home from peers are older, though they are stored later.
+TEST_F(LastLifeTest, GoesByTheOrderInWhichTheEventsWereWrittenDown) {
+  const std::vector<proto::StoredRecord> former = {
+      Packed({{1, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_STARTED, "started long ago", "", kNowNs)),
+      Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNowNs))};
+  {
+    auto store = Start();
+    StoreOne(*store, former[0]);  // So that this life's epoch is a later one.
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+    StoreOne(*store, former[1]);
+  }
+  auto store = Start();
+  EXPECT_THAT(Findings(*store), IsEmpty());
+}
+
+TEST_F(LastLifeTest, AFileThatWasSetAsideIsTheFirstEventOfTheOneThatFollows) {
+  {
+    auto store = Start();
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+  }
+  std::filesystem::remove(path_ + "-wal");
+  std::ofstream(path_, std::ios::binary) << std::string(8192, '\x5a');
+  auto store = Start();
+  Tell(*store, proto::EVENT_KIND_STARTED, "started");
+  EXPECT_EQ(store->set_aside(), path_ + ".damaged-1");
+  ASSERT_EQ(Findings(*store).size(), 1u);
+  EXPECT_THAT(Findings(*store)[0], HasSubstr("set aside as " + path_ + ".damaged-1"));
+  EXPECT_THAT(Story(*store), ElementsAre(HasSubstr("set aside"), "started"));
+}
+
+TEST_F(LastLifeTest, AFileThatAStartSetAsideWhichWroteDownNothingIsFoundByTheNext) {
+  std::ofstream(path_, std::ios::binary) << std::string(8192, '\x5a');
+  (void)OpenStore(Options());  // Killed before it could write down a word.
+  {
+    auto store = Start();
+    ASSERT_EQ(Findings(*store).size(), 1u);
+    EXPECT_THAT(Findings(*store)[0], HasSubstr(".damaged-1"));
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+  }
+  auto store = Start();
+  EXPECT_EQ(Findings(*store).size(), 1u) << "once";
+}
+
+TEST_F(LastLifeTest, RecordsThatWereDamagedWithinAreAFinding) {
+  {
+    auto store = Start();
+    InsertOne(*store, NodeRecord(1, 1, 0));
+    InsertOne(*store, NodeRecord(1, 2, 0));
+    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+    ASSERT_TRUE(store->database().Execute("UPDATE pose_graph_node SET content = x'00' WHERE row_id = 1"));
+  }
+  auto store = Start();
+  EXPECT_THAT(Findings(*store), ElementsAre(HasSubstr("1 records were wrong")));
+  EXPECT_TRUE(store->set_aside().empty());
+}
+
+TEST_F(LastLifeTest, WhatWasAcknowledgedStaysAcknowledged) {
+  {
+    auto store = Start();
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+  }
+  {
+    auto store = Start();
+    ASSERT_EQ(Findings(*store).size(), 1u);
+    Tell(*store, proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText((*store->Findings())[0].stamp_ns(), 1));
+    EXPECT_THAT(Findings(*store), IsEmpty());
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+  }
+  EXPECT_THAT(Findings(*Start()), IsEmpty());
+}
+
+TEST_F(LastLifeTest, OtherAgentsEventsAreTheirOwn) {
+  auto store = Start();
+  StoreOne(*store, Packed({{2, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_DAMAGE, "theirs", "", kNowNs)));
+  EXPECT_THAT(Findings(*store), IsEmpty());
+}
+
+}  // namespace
+}  // namespace moondb
