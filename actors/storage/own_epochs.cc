@@ -13,17 +13,12 @@ namespace {
 
 constexpr int kCounterShift = 48;
 constexpr int kTagShift = 34;
-constexpr int kBaseTagShift = 20;
-constexpr std::uint64_t kRandomMask = (1ull << kBaseTagShift) - 1;
-constexpr std::uint64_t kNoFork = std::numeric_limits<std::uint64_t>::max();
+constexpr int kBaseMarkShift = 20;
+constexpr std::uint64_t kRandomMask = (1ull << kBaseMarkShift) - 1;
+constexpr std::uint32_t kBaseMarkMax = 0x3FFF;
 
 // A changed byte of the table shows, as in have_interval.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
-
-bool HasCounterAndTag(const std::set<std::uint64_t>& epochs, std::uint64_t counter, std::uint32_t tag) {
-  const auto found = epochs.lower_bound(EpochOf({counter, tag, 0}, 0));
-  return found != epochs.end() && PartsOf(*found).counter == counter && PartsOf(*found).tag == tag;
-}
 
 }  // namespace
 
@@ -31,12 +26,17 @@ const char* const kForgetIncarnationSql = "DELETE FROM meta WHERE name = 'incarn
 
 EpochParts PartsOf(std::uint64_t epoch) {
   return {epoch >> kCounterShift, static_cast<std::uint32_t>(epoch >> kTagShift) & kEpochTagMax,
-          static_cast<std::uint32_t>(epoch >> kBaseTagShift) & kEpochTagMax};
+          static_cast<std::uint32_t>(epoch >> kBaseMarkShift) & kBaseMarkMax};
+}
+
+std::uint32_t MarkOf(std::uint64_t base) {
+  if (base == 0) return 0;
+  return 1 + static_cast<std::uint32_t>(HashRecord({{0, base, 0}, 0}, "base") % kBaseMarkMax);
 }
 
 std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random) {
   return parts.counter << kCounterShift | static_cast<std::uint64_t>(parts.tag) << kTagShift |
-         static_cast<std::uint64_t>(parts.base_tag) << kBaseTagShift | (random & kRandomMask);
+         static_cast<std::uint64_t>(parts.base_mark) << kBaseMarkShift | (random & kRandomMask);
 }
 
 Result<void> OwnEpochs::Load(Database& database) {
@@ -70,38 +70,36 @@ void OwnEpochs::Learn(std::uint64_t epoch) {
   if (foreign_.size() > kForeignEpochsMax) foreign_.erase(foreign_.begin());
 }
 
-std::uint64_t OwnEpochs::KnewByBase(std::uint64_t base_counter, std::uint64_t fork) const {
-  if (base_counter < fork) return base_counter;
-  // Of two copies of this file that went on, either may have begun the base.
-  const bool is_ours = HasCounterAndTag(begun_, base_counter, tag_) && !HasCounterAndTag(foreign_, base_counter, tag_);
-  return is_ours ? base_counter : fork - 1;
-}
-
 std::vector<std::pair<std::uint64_t, std::uint64_t>> OwnEpochs::WhatForeignKnew() const {
-  std::uint64_t fork = kNoFork;
-  for (const std::uint64_t epoch : foreign_) {
-    if (PartsOf(epoch).tag == tag_) fork = std::min(fork, PartsOf(epoch).counter);
-  }
+  struct Base {
+    std::uint32_t tag = 0;
+    std::uint64_t knew = 0;
+  };
+  std::map<std::pair<std::uint64_t, std::uint32_t>, Base> bases;  // By counter and mark.
+  const auto add_base = [&bases](std::uint64_t epoch, std::uint64_t knew) {
+    bases.insert_or_assign({PartsOf(epoch).counter, MarkOf(epoch)}, Base{PartsOf(epoch).tag, knew});
+  };
   std::vector<std::pair<std::uint64_t, std::uint64_t>> knew;
-  std::map<std::uint32_t, std::uint64_t> by_tag;  // Of foreign epochs whose counters are lower.
-  std::size_t noted = 0;                          // So many of `knew` are in by_tag.
+  std::map<std::uint32_t, std::uint64_t> knew_by_tag;  // Of foreign epochs whose counters are lower.
+  std::size_t noted = 0;                               // So many of `knew` are in knew_by_tag.
+  for (const std::uint64_t epoch : begun_) add_base(epoch, PartsOf(epoch).tag == tag_ ? PartsOf(epoch).counter : 0);
   for (const std::uint64_t epoch : foreign_) {
     const EpochParts parts = PartsOf(epoch);
     for (; noted < knew.size() && PartsOf(knew[noted].first).counter < parts.counter; ++noted) {
-      std::uint64_t& most = by_tag[PartsOf(knew[noted].first).tag];
-      most = std::max(most, knew[noted].second);
+      knew_by_tag[PartsOf(knew[noted].first).tag] = knew[noted].second;
     }
-    std::uint64_t most = 0;
-    if (parts.tag == tag_) {
-      most = fork - (fork > 0 ? 1 : 0);
-    } else if (by_tag.contains(parts.tag)) {
-      most = by_tag[parts.tag];
+    const auto earlier = knew_by_tag.find(parts.tag);
+    // An unmarked copy of which this is the first known epoch is taken to have parted from this file right before it.
+    const std::uint64_t at_parting = parts.tag == tag_ && parts.counter > 1 ? parts.counter - 2 : 0;
+    const std::uint64_t by_file = earlier != knew_by_tag.end() ? earlier->second : at_parting;
+    const auto base = bases.find({parts.counter - 1, parts.base_mark});
+    std::uint64_t most = by_file;
+    if (base != bases.end() && base->second.tag == parts.tag) {
+      most = base->second.knew;
+    } else if (base != bases.end()) {
+      most = std::max(by_file, base->second.knew);
     }
-    if (parts.base_tag == tag_ && parts.tag != tag_ && parts.counter > 0) {
-      most = std::max(most, KnewByBase(parts.counter - 1, fork));
-    } else if (parts.base_tag != tag_ && by_tag.contains(parts.base_tag)) {
-      most = std::max(most, by_tag[parts.base_tag]);
-    }
+    add_base(epoch, most);
     knew.emplace_back(epoch, most);
   }
   return knew;
@@ -138,7 +136,7 @@ Result<OwnEpochs::Next> OwnEpochs::Draw(std::mt19937_64& random) const {
   const std::uint32_t tag = tag_ != 0 ? tag_ : DrawTag(random);
   const std::uint64_t base = highest();
   if (PartsOf(base).counter < kEpochCounterMax) {
-    return Next{EpochOf({PartsOf(base).counter + 1, tag, PartsOf(base).tag}, random()), tag};
+    return Next{EpochOf({PartsOf(base).counter + 1, tag, MarkOf(base)}, random()), tag};
   }
   // The counter is used up: go on above the highest epoch, by random steps, which no tags fit.
   const std::uint64_t left = std::numeric_limits<std::uint64_t>::max() - base;

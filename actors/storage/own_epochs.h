@@ -4,18 +4,15 @@
 // An epoch's 64 bits say where it comes from:
 //   16 bits  counter: one above the counter of its *base*, the highest own epoch known when it was begun
 //   14 bits  tag of the incarnation that began it
-//   14 bits  tag of the incarnation that began its base; 0: there was no base
+//   14 bits  mark of its base, a hash of all its bits; 0: there was no base
 //   20 bits  at random, so that two copies of one file that go on separately use no name twice
 // An *incarnation* is one history of a database file. Its tag is drawn with its first epoch: in a file that was created
 // empty, and in a copy that `moonctl db backup` made, which takes the tag out of it (ForgetIncarnation).
 //
 // An epoch that is claimed or comes home and that this file's history did not begin is *foreign*: another disk of this
-// agent began it. Its timeline knew the epochs of this incarnation up to a counter that its tags give:
-// - its base bears this incarnation's tag: up to its base;
-// - an earlier foreign epoch of its own incarnation, or of its base's, knew some: these;
-// - it bears this incarnation's tag itself: an unmarked older copy of this very file began it. The lowest of these
-//   marks the fork: what is below its counter was known;
-// - else none.
+// agent began it, or an unmarked copy of this very file, which bears this incarnation's tag. Its timeline knew the
+// epochs of this incarnation up to a counter that its base gives, where that is known, and what went before it in its
+// own file: an earlier epoch of its tag.
 //
 // Plain values but for Load and the two functions that write, which act inside the caller's transaction and fail as
 // Database does.
@@ -35,10 +32,12 @@ namespace moondb {
 struct EpochParts {
   std::uint64_t counter = 0;
   std::uint32_t tag = 0;
-  std::uint32_t base_tag = 0;
+  std::uint32_t base_mark = 0;
   bool operator==(const EpochParts&) const = default;
 };
 EpochParts PartsOf(std::uint64_t epoch);
+// Of an epoch that is the base of others; 0 for none.
+std::uint32_t MarkOf(std::uint64_t base);
 // For tests: `random` is taken as far as its bits go.
 std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random);
 
@@ -77,7 +76,6 @@ class OwnEpochs {
  private:
   // For each foreign epoch, rising, the highest counter of this incarnation's epochs that its timeline knew; 0: none.
   std::vector<std::pair<std::uint64_t, std::uint64_t>> WhatForeignKnew() const;
-  std::uint64_t KnewByBase(std::uint64_t base_counter, std::uint64_t fork) const;
   std::uint32_t DrawTag(std::mt19937_64& random) const;
 
   std::uint32_t tag_ = 0;  // 0: not drawn yet.

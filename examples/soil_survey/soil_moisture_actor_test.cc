@@ -74,11 +74,13 @@ class SoilMoistureActorTest : public testing::Test {
     return measurements;
   }
 
+  // Storage answers this to its own agent alone.
   std::uint64_t RecordsStoredAt(AgentId agent) {
+    const Address operator_at{agent, "operator"};  // No actor: a probe.
     Message question;
     question.mutable_storage_status_request();
-    EXPECT_EQ(team_.Post(planner_, {agent, "storage"}, question), SendResult::kAccepted);
-    const auto answer = team_.Expect(planner_, Message::kStorageStatus, seconds(10));
+    EXPECT_EQ(team_.Post(operator_at, {agent, "storage"}, question), SendResult::kAccepted);
+    const auto answer = team_.Expect(operator_at, Message::kStorageStatus, seconds(10));
     EXPECT_TRUE(answer.has_value());
     double count = 0;
     for (const auto& stored : answer->storage_status().counts()) count += stored.count();
