@@ -68,7 +68,8 @@ class Team:
     def replay_beside(self, verb, *arguments):
         """The same as a process that runs on."""
         command = [self.programs / "moondb_replay", verb, "-t", self.team_file, *arguments]
-        return subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return subprocess.Popen([str(part) for part in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                                text=True)
 
     def status(self):
         """Per agent name the status that it answers, None for one that does not."""
@@ -150,8 +151,9 @@ def tell(story, mission):
         with team.replay_beside("feed", "--mission", mission, "--from", middle) as feed:
             team.moonctl("sync", "now")
             story.show(team.moonctl("role", "swap", "rover1", "rover2"))
-            if feed.wait(timeout=STEP_LIMIT_S) != 0:
-                raise DemoError("moondb_replay could not feed the second half")
+            errors = feed.communicate(timeout=STEP_LIMIT_S)[1]
+            if feed.returncode != 0:
+                raise DemoError(f"moondb_replay could not feed the second half: {errors.strip()}")
     story.gather()
     before_kill = team.status()
     check_complete(before_kill["rover2"], expected, "the leader rover2")

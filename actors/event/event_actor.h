@@ -60,7 +60,7 @@ class EventActor final : public Actor {
   struct Asker {
     Address from;
     std::uint64_t request_id = 0;
-    std::optional<std::int64_t> acknowledges_until_ns;  // Else wants to know.
+    std::optional<std::int64_t> acknowledges_until_ns;  // Without it, the asker wants to know the findings.
   };
 
   // An acknowledgment whose event is on its way into the store.
@@ -92,7 +92,7 @@ class EventActor final : public Actor {
 
   void Ask(Context& context, const std::string& actor, proto::Message message) const;
   void Tell(Context& context, proto::EventKind kind, const std::string& text);
-  // Of a finding, that happened at another time than now.
+  // `stamp_ns` says when it happened, which for a finding may be a while ago.
   void TellAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t stamp_ns);
   // `counter` names a number that only rises; told is by how much it rose: "3 TEXT". What `source` said first was
   // before this actor's life.

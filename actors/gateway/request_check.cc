@@ -95,7 +95,7 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
   return {};
 }
 
-// Of a term that a client read at an agent; 0 issues the team file's.
+// A term as a client read it at an agent. Nobody issues the one of the team file: its issuer is 0.
 Result<void> CheckTerm(const proto::TeamConfig& team, const proto::Term& term, const std::string& field) {
   if (term.number() > kTermNumberMax) {
     return Fail(ErrorCode::kInvalid, "is above " + std::to_string(kTermNumberMax), field + ".number");

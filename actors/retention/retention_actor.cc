@@ -123,7 +123,7 @@ bool RetentionActor::SkipsBeatenMaps(Context& context) {
   return true;
 }
 
-// Which nobody else has, so that nobody is asked.
+// Nobody else has this agent's history, so that nobody is asked before it is pruned.
 bool RetentionActor::IsOfHistory() const { return !job_.plan.empty() && job_.plan.front().request.is_history(); }
 
 bool RetentionActor::IsDryRun() const { return !job_.plan.empty() && job_.plan.front().request.is_dry_run(); }

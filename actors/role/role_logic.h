@@ -44,7 +44,7 @@ class RoleLogic {
     std::vector<AgentId> agents;                                      // Of the team, this one too.
     proto::RoleAssignment initial;                                    // Of the team file, term 0.
     std::function<Result<void>(const proto::RoleAssignment&)> check;  // Whether the team can have these roles.
-    // In errors; "nobody" for 0.
+    // How errors name an agent; "nobody" for 0.
     std::function<std::string(AgentId)> name_of = [](AgentId agent) { return "agent " + std::to_string(agent); };
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);       // To agents that have not confirmed; doubles
@@ -80,9 +80,9 @@ class RoleLogic {
   bool is_loaded() const { return is_loaded_; }
 
   // The assignment that `request` means, not stored yet. kUnavailable before OnLoaded and while another one is being
-  // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named, for a request
-  // that relies on another term, leader or survivor than the present ones (`expected`), and while a newer assignment is
-  // known that cannot be stored here.
+  // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named, for a
+  // request that relies on another term, leader or survivor than the present ones (`expected`), and while a newer
+  // assignment is known that cannot be stored here.
   Result<proto::RoleAssignment> Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const;
   // The assignment by which this agent gives up its role to those that are `connected`: a leader to the designated
   // survivor, else to another that may lead; it becomes the survivor itself only where nobody else can. kNotFound if
@@ -98,7 +98,7 @@ class RoleLogic {
   // Storage's answer for the assignment being stored.
   Actions OnSaved();
   Actions OnSaveFailed();
-  // It does not answer for a while: it is asked again, and may still say either.
+  // Storage has not answered the request to save for a while: it is asked again, and may still say either.
   Actions OnSaveLate();
   Actions OnStoreTimer();
   const std::optional<proto::RoleAssignment>& saving() const { return saving_; }

@@ -55,7 +55,8 @@ Result<void> FeedAgent(const TeamFile& team, const proto::AgentConfig& agent, co
                        const TimeSpan& span) {
   auto known = MissionAgentOf(mission, agent);
   if (!known) return tl::unexpected(known.error());
-  auto client = ConnectTo(team, agent, {.timeout = std::chrono::seconds(60)});
+  auto client =
+      ConnectTo(team, agent, {.connect_timeout = std::chrono::seconds(10), .timeout = std::chrono::seconds(60)});
   if (!client) return tl::unexpected(client.error());
   auto records = PlanFeed(mission, agent.id(), span);
   if (!records) return tl::unexpected(records.error());

@@ -139,7 +139,8 @@ Result<Setting> Gather(const ScoreArguments& arguments) {
   auto mission = ReadMission(arguments.mission);
   if (!mission) return tl::unexpected(mission.error());
   setting.mission = std::move(*mission);
-  auto client = ConnectTo(setting.team, **agent, {.timeout = std::chrono::seconds(60)});
+  auto client = ConnectTo(setting.team, **agent,
+                          {.connect_timeout = std::chrono::seconds(10), .timeout = std::chrono::seconds(60)});
   if (!client) return tl::unexpected(client.error());
   auto held = ReadHeld(**client);
   if (!held) return tl::unexpected(held.error());

@@ -234,6 +234,15 @@ def refuses(team, words):
     expect(health.returncode == 1 and "BAD" in health.stdout, f"health: {health.returncode}, {health.stdout}")
 
 
+def starts_and_serves(team, seen, takes_roles):
+    team.up(team.name)
+    seen["started"] += 1
+    expect(team.count(team.name) >= 11, f"{team.count(team.name)} of 11 nodes are read")
+    seen["read"] += 1
+    share(team, takes_roles)
+    seen["shared"] += 1
+
+
 def full(team, seen, number):
     team.begin()
     team.disk.fill()
@@ -242,12 +251,7 @@ def full(team, seen, number):
         team.insert_map(check=False)
     team.end(signal.SIGKILL if number % 2 else signal.SIGTERM)
     team.disk.fill()
-    team.up(team.name)
-    seen["started"] += 1
-    expect(team.count(team.name) >= 11, f"{team.count(team.name)} of 11 nodes are read")
-    seen["read"] += 1
-    share(team, takes_roles=True)
-    seen["shared"] += 1
+    starts_and_serves(team, seen, takes_roles=True)
     if number % 2 == 0:  # Once more, with the reserve gone and its room taken.
         team.disk.fill()
         team.end(signal.SIGKILL)
@@ -279,12 +283,7 @@ def failing(team, seen, number):
     done = team.insert(check=False)
     expect(done.returncode == 1 and "I/O error" in done.stderr, f"an insert: {done.returncode}, {done.stderr}")
     team.end(signal.SIGKILL if number % 2 else signal.SIGTERM)
-    team.up(team.name)
-    seen["started"] += 1
-    expect(team.count(team.name) >= 11, "not all nodes are read")
-    seen["read"] += 1
-    share(team, takes_roles=False)
-    seen["shared"] += 1
+    starts_and_serves(team, seen, takes_roles=False)
     refuses(team, ["error"])
     # Deposed while its disk fails: at once, as far as it is concerned.
     if team.name == "rover1":
@@ -306,12 +305,7 @@ def read_only(team, seen, number):
     team.begin()
     team.end(signal.SIGKILL if number % 2 else signal.SIGTERM)
     team.disk.remount("ro")
-    team.up(team.name)
-    seen["started"] += 1
-    expect(team.count(team.name) >= 11, "not all nodes are read")
-    seen["read"] += 1
-    share(team, takes_roles=False)
-    seen["shared"] += 1
+    starts_and_serves(team, seen, takes_roles=False)
     refuses(team, ["read-only"])
     if number % 3 == 0:
         team.moonctl("down", "-a", team.name)

@@ -19,7 +19,18 @@ using testing::HasSubstr;
 using testing::IsSupersetOf;
 using testing::Not;
 
-class ProcessTest : public ProcessTeam {};
+class ProcessTest : public ProcessTeam {
+ protected:
+  void UpWithAutomaticFailover() {
+    std::string text = *ReadTextFile(team_file_);
+    const std::string manual = "failover: manual, leader_timeout_s: 120";
+    text.replace(text.find(manual), manual.size(), "failover: automatic, leader_timeout_s: 2");
+    ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
+    MoonctlExpecting(0, {"up"});
+    ASSERT_TRUE(
+        Until([this] { return MoonctlExpecting(0, {"status", "-a", "rover2"}).find("3/3") != std::string::npos; }));
+  }
+};
 
 constexpr char kMapJson[] = R"({
   "node": {"agent_id": 2, "index": 0},
@@ -596,12 +607,7 @@ TEST_F(ProcessTest, SaysWhatIsWrongWithALease) {
 }
 
 TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfAKilledLeader) {
-  std::string text = *ReadTextFile(team_file_);
-  const std::string manual = "failover: manual, leader_timeout_s: 120";
-  text.replace(text.find(manual), manual.size(), "failover: automatic, leader_timeout_s: 2");
-  ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
-  MoonctlExpecting(0, {"up"});
-  ASSERT_TRUE(Until([&] { return MoonctlExpecting(0, {"status", "-a", "rover2"}).find("3/3") != std::string::npos; }));
+  ASSERT_NO_FATAL_FAILURE(UpWithAutomaticFailover());
   Kill("rover1");
   const auto role_of = [this](const std::string& name) {
     const auto shown = MoonctlJson(0, {"role", "show", "-a", name}).fields();
@@ -616,12 +622,7 @@ TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfAKilledLeader) {
 
 // A process that is stopped keeps its connections: only what is asked of it shows that nobody is there.
 TEST_F(ProcessTest, TheSurvivorTakesTheLeadOfALeaderThatHangs) {
-  std::string text = *ReadTextFile(team_file_);
-  const std::string manual = "failover: manual, leader_timeout_s: 120";
-  text.replace(text.find(manual), manual.size(), "failover: automatic, leader_timeout_s: 2");
-  ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
-  MoonctlExpecting(0, {"up"});
-  ASSERT_TRUE(Until([&] { return MoonctlExpecting(0, {"status", "-a", "rover2"}).find("3/3") != std::string::npos; }));
+  ASSERT_NO_FATAL_FAILURE(UpWithAutomaticFailover());
   const pid_t leader = PidOf("rover1");
   ASSERT_EQ(kill(leader, SIGSTOP), 0);
   const auto is_replaced = [this] {
