@@ -12,10 +12,12 @@ namespace moondb {
 namespace {
 
 constexpr int kCounterShift = 48;
-constexpr int kTagShift = 34;
-constexpr int kBaseMarkShift = 20;
-constexpr std::uint64_t kRandomMask = (1ull << kBaseMarkShift) - 1;
-constexpr std::uint32_t kBaseMarkMax = 0x3FFF;
+constexpr int kTagShift = 38;
+constexpr int kBaseMarkShift = 30;
+constexpr int kPreviousMarkShift = 16;
+constexpr std::uint64_t kRandomMask = (1ull << kPreviousMarkShift) - 1;
+constexpr std::uint32_t kBaseMarkMax = 0xFF;
+constexpr std::uint32_t kMarkMax = 0x3FFF;
 
 // A changed byte of the table shows, as in have_interval.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
@@ -26,17 +28,21 @@ const char* const kForgetIncarnationSql = "DELETE FROM meta WHERE name = 'incarn
 
 EpochParts PartsOf(std::uint64_t epoch) {
   return {epoch >> kCounterShift, static_cast<std::uint32_t>(epoch >> kTagShift) & kEpochTagMax,
-          static_cast<std::uint32_t>(epoch >> kBaseMarkShift) & kBaseMarkMax};
+          static_cast<std::uint32_t>(epoch >> kBaseMarkShift) & kBaseMarkMax,
+          static_cast<std::uint32_t>(epoch >> kPreviousMarkShift) & kMarkMax};
 }
 
-std::uint32_t MarkOf(std::uint64_t base) {
-  if (base == 0) return 0;
-  return 1 + static_cast<std::uint32_t>(HashRecord({{0, base, 0}, 0}, "base") % kBaseMarkMax);
+std::uint32_t MarkOf(std::uint64_t epoch) {
+  if (epoch == 0) return 0;
+  return 1 + static_cast<std::uint32_t>(HashRecord({{0, epoch, 0}, 0}, "mark") % kMarkMax);
 }
+
+std::uint32_t BaseMarkOf(std::uint64_t base) { return base == 0 ? 0 : 1 + MarkOf(base) % kBaseMarkMax; }
 
 std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random) {
   return parts.counter << kCounterShift | static_cast<std::uint64_t>(parts.tag) << kTagShift |
-         static_cast<std::uint64_t>(parts.base_mark) << kBaseMarkShift | (random & kRandomMask);
+         static_cast<std::uint64_t>(parts.base_mark) << kBaseMarkShift |
+         static_cast<std::uint64_t>(parts.previous_mark) << kPreviousMarkShift | (random & kRandomMask);
 }
 
 Result<void> OwnEpochs::Load(Database& database) {
@@ -70,52 +76,55 @@ void OwnEpochs::Learn(std::uint64_t epoch) {
   if (foreign_.size() > kForeignEpochsMax) foreign_.erase(foreign_.begin());
 }
 
-std::vector<std::pair<std::uint64_t, std::uint64_t>> OwnEpochs::WhatForeignKnew() const {
-  struct Base {
-    std::uint32_t tag = 0;
+std::uint64_t OwnEpochs::WhatHighestForeignKnew() const {
+  struct Known {
+    std::uint64_t counter = 0;
     std::uint64_t knew = 0;
   };
-  std::map<std::pair<std::uint64_t, std::uint32_t>, Base> bases;  // By counter and mark.
-  const auto add_base = [&bases](std::uint64_t epoch, std::uint64_t knew) {
-    bases.insert_or_assign({PartsOf(epoch).counter, MarkOf(epoch)}, Base{PartsOf(epoch).tag, knew});
+  std::map<std::pair<std::uint64_t, std::uint32_t>, Known> by_base_mark;  // And counter.
+  std::map<std::pair<std::uint32_t, std::uint32_t>, Known> by_mark;       // And tag; the highest.
+  std::map<std::uint32_t, Known> by_mark_of_any_tag;
+  std::map<std::uint32_t, Known> foreign_by_tag;  // The highest.
+  const auto find = [](const auto& known, const auto& key, std::uint64_t counter) -> const Known* {
+    const auto found = known.find(key);
+    return found != known.end() && found->second.counter < counter ? &found->second : nullptr;
   };
-  std::vector<std::pair<std::uint64_t, std::uint64_t>> knew;
-  std::map<std::uint32_t, std::uint64_t> knew_by_tag;  // Of foreign epochs whose counters are lower.
-  std::size_t noted = 0;                               // So many of `knew` are in knew_by_tag.
-  for (const std::uint64_t epoch : begun_) add_base(epoch, PartsOf(epoch).tag == tag_ ? PartsOf(epoch).counter : 0);
-  for (const std::uint64_t epoch : foreign_) {
+
+  std::vector<std::uint64_t> rising;
+  std::merge(begun_.begin(), begun_.end(), foreign_.begin(), foreign_.end(), std::back_inserter(rising));
+  std::uint64_t highest_knew = 0;
+  for (const std::uint64_t epoch : rising) {
     const EpochParts parts = PartsOf(epoch);
-    for (; noted < knew.size() && PartsOf(knew[noted].first).counter < parts.counter; ++noted) {
-      knew_by_tag[PartsOf(knew[noted].first).tag] = knew[noted].second;
+    Known known{parts.counter, parts.tag == tag_ ? parts.counter : 0};
+    if (!begun_.contains(epoch)) {
+      const auto base = by_base_mark.find({parts.counter - 1, parts.base_mark});
+      known.knew = base == by_base_mark.end() ? 0 : base->second.knew;
+      if (parts.previous_mark != 0) {
+        const Known* previous = find(by_mark, std::pair(parts.tag, parts.previous_mark), parts.counter);
+        // The first one in a backup goes on from one of another tag.
+        if (previous == nullptr) previous = find(by_mark_of_any_tag, parts.previous_mark, parts.counter);
+        if (previous == nullptr) previous = find(foreign_by_tag, parts.tag, parts.counter);
+        // A copy of which nothing before is known is taken to have parted from this file right before it.
+        const std::uint64_t at_parting = parts.tag == tag_ && parts.counter > 1 ? parts.counter - 2 : 0;
+        known.knew = std::max(known.knew, previous == nullptr ? at_parting : previous->knew);
+      }
+      foreign_by_tag[parts.tag] = known;
+      highest_knew = known.knew;
     }
-    const auto earlier = knew_by_tag.find(parts.tag);
-    // An unmarked copy of which this is the first known epoch is taken to have parted from this file right before it.
-    const std::uint64_t at_parting = parts.tag == tag_ && parts.counter > 1 ? parts.counter - 2 : 0;
-    const std::uint64_t by_file = earlier != knew_by_tag.end() ? earlier->second : at_parting;
-    const auto base = bases.find({parts.counter - 1, parts.base_mark});
-    std::uint64_t most = by_file;
-    if (base != bases.end() && base->second.tag == parts.tag) {
-      most = base->second.knew;
-    } else if (base != bases.end()) {
-      most = std::max(by_file, base->second.knew);
-    }
-    add_base(epoch, most);
-    knew.emplace_back(epoch, most);
+    by_base_mark[{parts.counter, BaseMarkOf(epoch)}] = known;
+    by_mark[{parts.tag, MarkOf(epoch)}] = known;
+    by_mark_of_any_tag[MarkOf(epoch)] = known;
   }
-  return knew;
+  return highest_knew;
 }
 
 std::set<std::uint64_t> OwnEpochs::Endangered() const {
   std::set<std::uint64_t> endangered;
   if (tag_ == 0 || foreign_.empty()) return endangered;
-  const auto knew = WhatForeignKnew();
-  // From the highest down: what the one that knew least of those above knew.
-  auto above = knew.rbegin();
-  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
-  for (auto own = begun_.rbegin(); own != begun_.rend(); ++own) {
-    for (; above != knew.rend() && above->first > *own; ++above) least = std::min(least, above->second);
-    const EpochParts parts = PartsOf(*own);
-    if (parts.tag == tag_ && least < parts.counter) endangered.insert(*own);
+  const std::uint64_t knew = WhatHighestForeignKnew();
+  for (const std::uint64_t own : begun_) {
+    const EpochParts parts = PartsOf(own);
+    if (parts.tag == tag_ && parts.counter > knew && own < *foreign_.rbegin()) endangered.insert(own);
   }
   return endangered;
 }
@@ -136,7 +145,8 @@ Result<OwnEpochs::Next> OwnEpochs::Draw(std::mt19937_64& random) const {
   const std::uint32_t tag = tag_ != 0 ? tag_ : DrawTag(random);
   const std::uint64_t base = highest();
   if (PartsOf(base).counter < kEpochCounterMax) {
-    return Next{EpochOf({PartsOf(base).counter + 1, tag, MarkOf(base)}, random()), tag};
+    const std::uint64_t previous = begun_.empty() ? 0 : *begun_.rbegin();
+    return Next{EpochOf({PartsOf(base).counter + 1, tag, BaseMarkOf(base), MarkOf(previous)}, random()), tag};
   }
   // The counter is used up: go on above the highest epoch, by random steps, which no tags fit.
   const std::uint64_t left = std::numeric_limits<std::uint64_t>::max() - base;

@@ -3,16 +3,17 @@
 //
 // An epoch's 64 bits say where it comes from:
 //   16 bits  counter: one above the counter of its *base*, the highest own epoch known when it was begun
-//   14 bits  tag of the incarnation that began it
-//   14 bits  mark of its base, a hash of all its bits; 0: there was no base
-//   20 bits  at random, so that two copies of one file that go on separately use no name twice
-// An *incarnation* is one history of a database file. Its tag is drawn with its first epoch: in a file that was created
-// empty, and in a copy that `moonctl db backup` made, which takes the tag out of it (ForgetIncarnation).
+//   10 bits  tag of the incarnation that began it
+//    8 bits  of the mark of its base; 0: there was none
+//   14 bits  mark of the epoch that its file's history had begun before it; 0: it had begun none
+//   16 bits  at random, so that two copies of one file that go on separately use no name twice
+// A *mark* is a hash of all bits of an epoch. An *incarnation* is one history of a database file. Its tag is drawn with
+// its first epoch: in a file that was created empty, and in a copy that `moonctl db backup` made, which takes the tag
+// out of it (kForgetIncarnationSql).
 //
 // An epoch that is claimed or comes home and that this file's history did not begin is *foreign*: another disk of this
-// agent began it, or an unmarked copy of this very file, which bears this incarnation's tag. Its timeline knew the
-// epochs of this incarnation up to a counter that its base gives, where that is known, and what went before it in its
-// own file: an earlier epoch of its tag.
+// agent began it, or an unmarked copy of this very file. It knew its base, the one before it in its file, and what
+// these knew. Where the one before it is not known here, the highest lower one of its tag stands for it.
 //
 // Plain values but for Load and the two functions that write, which act inside the caller's transaction and fail as
 // Database does.
@@ -33,15 +34,17 @@ struct EpochParts {
   std::uint64_t counter = 0;
   std::uint32_t tag = 0;
   std::uint32_t base_mark = 0;
+  std::uint32_t previous_mark = 0;
   bool operator==(const EpochParts&) const = default;
 };
 EpochParts PartsOf(std::uint64_t epoch);
-// Of an epoch that is the base of others; 0 for none.
-std::uint32_t MarkOf(std::uint64_t base);
+// 0 for epoch 0, which is none.
+std::uint32_t MarkOf(std::uint64_t epoch);
+std::uint32_t BaseMarkOf(std::uint64_t base);
 // For tests: `random` is taken as far as its bits go.
 std::uint64_t EpochOf(const EpochParts& parts, std::uint64_t random);
 
-inline constexpr std::uint32_t kEpochTagMax = 0x3FFF;
+inline constexpr std::uint32_t kEpochTagMax = 0x3FF;
 inline constexpr std::uint64_t kEpochCounterMax = 0xFFFF;
 // 16384 lives of this agent that a lost disk knew of; who claims more would use up the epochs that are left.
 inline constexpr std::uint64_t kOwnEpochJumpMax = 1ull << (48 + 14);
@@ -59,8 +62,9 @@ class OwnEpochs {
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
   void Learn(std::uint64_t epoch);  // Nothing where this file's history began it.
 
-  // Of this incarnation, those that some known foreign epoch above them cannot have known: their states would give way
-  // to older ones.
+  // Of this incarnation, those that the highest foreign epoch is above and cannot have known: their states would give
+  // way to older ones. What a lower one did not know, the highest one's disk has stored once more, or has later ones
+  // of.
   std::set<std::uint64_t> Endangered() const;
 
   // One above all that are known, to be written and, once that is committed, to be noted.
@@ -74,8 +78,8 @@ class OwnEpochs {
   void NoteBegun(const Next& begun);
 
  private:
-  // For each foreign epoch, rising, the highest counter of this incarnation's epochs that its timeline knew; 0: none.
-  std::vector<std::pair<std::uint64_t, std::uint64_t>> WhatForeignKnew() const;
+  // The highest counter of this incarnation's epochs that the highest foreign one knew; 0: none.
+  std::uint64_t WhatHighestForeignKnew() const;
   std::uint32_t DrawTag(std::mt19937_64& random) const;
 
   std::uint32_t tag_ = 0;  // 0: not drawn yet.

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <iostream>
 #include <map>
 #include <vector>
@@ -18,9 +19,16 @@ constexpr std::uint32_t kOurs = 100;     // This file's incarnation.
 constexpr std::uint32_t kLost = 200;     // A disk that was lost.
 constexpr std::uint32_t kAnother = 300;  // Another one.
 
-// `base` 0: there was none, or one that nobody else ever heard of.
-std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base, std::uint64_t random = 7) {
-  return EpochOf({counter, tag, MarkOf(base)}, random);
+constexpr std::uint64_t kNeverShared = 12345;  // An epoch that nobody else ever heard of.
+
+// `base` 0: there was none.
+std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base, std::uint64_t previous,
+                    std::uint64_t random = 7) {
+  return EpochOf({counter, tag, BaseMarkOf(base), MarkOf(previous)}, random);
+}
+// Of a disk that had heard of no other.
+std::uint64_t Epoch(std::uint64_t counter, std::uint32_t tag, std::uint64_t base) {
+  return Epoch(counter, tag, base, base);
 }
 
 // This file's history began these, in its present incarnation.
@@ -34,23 +42,23 @@ TEST(OwnEpochsTest, SaysInAnEpochWhereItComesFrom) {
   std::mt19937_64 random(1);
   OwnEpochs own;
   const OwnEpochs::Next first = *own.Draw(random);
-  EXPECT_EQ(PartsOf(first.epoch), (EpochParts{1, first.tag, 0}));
+  EXPECT_EQ(PartsOf(first.epoch), (EpochParts{1, first.tag, 0, 0}));
   EXPECT_NE(first.tag, 0u);
   own.NoteBegun(first);
   const OwnEpochs::Next second = *own.Draw(random);
-  EXPECT_EQ(PartsOf(second.epoch), (EpochParts{2, first.tag, MarkOf(first.epoch)}));
+  EXPECT_EQ(PartsOf(second.epoch), (EpochParts{2, first.tag, BaseMarkOf(first.epoch), MarkOf(first.epoch)}));
   own.NoteBegun(second);
   const std::uint64_t foreign = Epoch(9, kLost, 0);
   own.Learn(foreign);
-  EXPECT_EQ(PartsOf(own.Draw(random)->epoch), (EpochParts{10, first.tag, MarkOf(foreign)}));
+  EXPECT_EQ(PartsOf(own.Draw(random)->epoch), (EpochParts{10, first.tag, BaseMarkOf(foreign), MarkOf(second.epoch)}));
   EXPECT_NE(MarkOf(foreign), MarkOf(foreign + 1)) << "all bits of it count";
 }
 
 TEST(OwnEpochsTest, DrawsNoTagThatIsKnownOfAnother) {
   OwnEpochs own;
-  for (std::uint32_t tag = 1; tag <= 4000; ++tag) own.Learn(Epoch(tag, tag, 0));
+  for (std::uint32_t tag = 1; tag <= 500; ++tag) own.Learn(Epoch(tag, tag, 0));
   std::mt19937_64 random(1);
-  for (int i = 0; i < 100; ++i) EXPECT_GT(own.Draw(random)->tag, 4000u);
+  for (int i = 0; i < 100; ++i) EXPECT_GT(own.Draw(random)->tag, 500u);
 }
 
 TEST(OwnEpochsTest, IsLoadedAsItWasWritten) {
@@ -75,7 +83,7 @@ TEST(OwnEpochsTest, IsLoadedAsItWasWritten) {
   ASSERT_TRUE(database->Execute(kForgetIncarnationSql));
   ASSERT_TRUE(loaded.Load(*database));
   EXPECT_NE(loaded.Draw(random)->tag, begun[0].tag);
-  EXPECT_EQ(PartsOf(loaded.Draw(random)->epoch).base_mark, MarkOf(begun[2].epoch));
+  EXPECT_EQ(PartsOf(loaded.Draw(random)->epoch).previous_mark, MarkOf(begun[2].epoch));
 }
 
 TEST(OwnEpochsTest, EndangersWhatALostDisksEpochCannotHaveKnown) {
@@ -99,7 +107,7 @@ TEST(OwnEpochsTest, EndangersNothingThatTheBaseKnew) {
   OwnEpochs own = Began({first, fifth});
   own.Learn(Epoch(6, kLost, fifth));  // Our disk was away, and its replacement had heard of all that it had begun.
   EXPECT_THAT(own.Endangered(), IsEmpty());
-  const std::uint64_t sixth = Epoch(6, kOurs, fifth, 1);
+  const std::uint64_t sixth = Epoch(6, kOurs, fifth);
   own.NoteBegun({sixth, kOurs});
   EXPECT_THAT(own.Endangered(), ElementsAre(sixth)) << "a base's counter is lower";
 }
@@ -109,10 +117,10 @@ TEST(OwnEpochsTest, FollowsAChainOfBases) {
   const std::uint64_t fifth = Epoch(5, kOurs, 0);
   OwnEpochs own = Began({third, fifth});
   const std::uint64_t knew_third = Epoch(4, kLost, third);
-  const std::uint64_t the_same_disk = Epoch(5, kLost, knew_third, 9);
+  const std::uint64_t the_same_disk = Epoch(5, kLost, knew_third);
   const std::uint64_t its_replacement = Epoch(6, kAnother, the_same_disk);
   for (const std::uint64_t epoch : {knew_third, the_same_disk, its_replacement}) own.Learn(epoch);
-  own.Learn(Epoch(8, kAnother, 0));  // The replacement later on; what it was begun upon is not known here.
+  own.Learn(Epoch(8, kAnother, kNeverShared));  // The replacement later on.
   EXPECT_THAT(own.Endangered(), ElementsAre(fifth));
   own.Learn(Epoch(6, kLost, fifth));  // The lost disk was put back meanwhile, and had heard of the fifth.
   EXPECT_THAT(own.Endangered(), ElementsAre(fifth)) << "but its replacement had not";
@@ -122,11 +130,11 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyParted) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
-  const std::uint64_t others_third = Epoch(3, kOurs, second, 0);
+  const std::uint64_t others_third = Epoch(3, kOurs, second, second, 0);
   own.Learn(others_third);  // This file is an older copy, and what it was copied from had gone on.
   own.Learn(Epoch(4, kOurs, others_third));
   EXPECT_THAT(own.Endangered(), IsEmpty());
-  const std::uint64_t third = Epoch(3, kOurs, second, 1);
+  const std::uint64_t third = Epoch(3, kOurs, second, second, 1);
   OwnEpochs inserted = Began({first, second, third});
   inserted.Learn(others_third);
   inserted.Learn(Epoch(4, kOurs, others_third));
@@ -135,19 +143,33 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyParted) {
 
 TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesParted) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
-  const std::uint64_t second = Epoch(2, kOurs, first, 1);
+  const std::uint64_t second = Epoch(2, kOurs, first, first, 1);
   const std::uint64_t third = Epoch(3, kOurs, second);
   OwnEpochs own = Began({first, second, third});
-  own.Learn(Epoch(2, kOurs, first, 0));
+  own.Learn(Epoch(2, kOurs, first, first, 0));
   own.Learn(Epoch(4, kOurs, third));  // A second copy went on, of after all that this file holds.
   EXPECT_THAT(own.Endangered(), IsEmpty());
+}
+
+// Its file had stored once more what it had begun itself, as soon as it heard of the other copy.
+TEST(OwnEpochsTest, EndangersNothingThatTheHighestOneKnew) {
+  const std::uint64_t first = Epoch(1, kOurs, 0);
+  const std::uint64_t second = Epoch(2, kOurs, first, first, 0);
+  OwnEpochs own = Began({first, second});
+  const std::uint64_t of_another_copy = Epoch(2, kOurs, first, first, 1);
+  own.Learn(of_another_copy);
+  EXPECT_THAT(own.Endangered(), ElementsAre(second));
+  own.Learn(Epoch(3, kOurs, of_another_copy, second));
+  EXPECT_THAT(own.Endangered(), IsEmpty()) << "it was begun by a copy of this very file";
+  own.Learn(Epoch(4, kLost, 0));
+  EXPECT_THAT(own.Endangered(), ElementsAre(first, second)) << "a disk that knew nothing";
 }
 
 TEST(OwnEpochsTest, SeesThatACopyPartedThoughItsFirstEpochIsNotKnown) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
-  const std::uint64_t never_shared = Epoch(2, kOurs, first, 1);
+  const std::uint64_t never_shared = Epoch(2, kOurs, first, first, 1);
   own.Learn(Epoch(3, kOurs, never_shared));
   EXPECT_THAT(own.Endangered(), ElementsAre(second));
 }
@@ -171,9 +193,9 @@ TEST(OwnEpochsTest, BelievesNoClaimThatIsTooHighAndKeepsABoundedNumber) {
   EXPECT_TRUE(own.IsPossible(own.highest() + kOwnEpochJumpMax));
   EXPECT_FALSE(own.IsPossible(own.highest() + kOwnEpochJumpMax + 1));
   EXPECT_TRUE(own.IsPossible(1));
-  for (std::uint64_t i = 1; i <= kForeignEpochsMax + 5; ++i) own.Learn(Epoch(3, kLost, 0, i));
-  EXPECT_FALSE(own.IsKnown(Epoch(3, kLost, 0, 5)));
-  EXPECT_TRUE(own.IsKnown(Epoch(3, kLost, 0, 6)));
+  for (std::uint64_t i = 1; i <= kForeignEpochsMax + 5; ++i) own.Learn(Epoch(3, kLost, 0, 0, i));
+  EXPECT_FALSE(own.IsKnown(Epoch(3, kLost, 0, 0, 5)));
+  EXPECT_TRUE(own.IsKnown(Epoch(3, kLost, 0, 0, 6)));
 }
 
 TEST(OwnEpochsTest, GoesOnWhereTheCounterIsUsedUp) {
@@ -201,7 +223,7 @@ class Robot {
     switch (Draw(12)) {
       case 0:
         present_ = disks_.size();
-        disks_.emplace_back().incarnation = ++incarnations_;
+        disks_.emplace_back();
         break;
       case 1:
         present_ = Draw(disks_.size());
@@ -221,16 +243,17 @@ class Robot {
     }
   }
 
-  // It hears of all: in danger is what a later epoch did not know. Where two incarnations have drawn one tag, or two
-  // epochs of one counter have one mark, which happens once in 16384 times, nobody can tell.
+  // It hears of all: in danger is what the highest epoch of another disk did not know. Where two epochs have one mark
+  // nobody can tell.
   void Check() {
     if (is_ambiguous_) return;
     Hear();
+    const auto highest = std::find_if(knew_.rbegin(), knew_.rend(),
+                                      [this](const auto& later) { return !disk().begun.contains(later.first); });
     std::set<std::uint64_t> expected;
     for (const std::uint64_t own : disk().of_incarnation) {
-      for (const auto& [later, knew] : knew_) {
-        if (later > own && !disk().begun.contains(later) && !knew.contains(own)) expected.insert(own);
-      }
+      const bool is_below = highest != knew_.rend() && own < highest->first;
+      if (is_below && !highest->second.contains(own)) expected.insert(own);
     }
     const std::set<std::uint64_t> endangered = disk().own.Endangered();
     for (const std::uint64_t epoch : expected) missed_ += endangered.contains(epoch) ? 0 : 1;
@@ -245,7 +268,6 @@ class Robot {
  private:
   struct Disk {
     OwnEpochs own;
-    int incarnation = 0;
     std::set<std::uint64_t> begun;           // By its history.
     std::set<std::uint64_t> of_incarnation;  // Of these, by its present incarnation.
     std::set<std::uint64_t> known;
@@ -256,7 +278,6 @@ class Robot {
 
   Disk Backup() {
     Disk backup;
-    backup.incarnation = ++incarnations_;
     backup.begun = disk().begun;
     backup.known = disk().known;
     for (const std::uint64_t epoch : backup.begun) backup.own.NoteBegun({epoch, 0});
@@ -266,10 +287,14 @@ class Robot {
 
   void Begin() {
     const OwnEpochs::Next next = *disk().own.Draw(random_);
-    const auto tag = incarnation_of_.emplace(next.tag, disk().incarnation).first;
-    const auto mark = marked_.emplace(std::pair(PartsOf(next.epoch).counter, MarkOf(next.epoch)), next.epoch).first;
-    is_ambiguous_ = is_ambiguous_ || tag->second != disk().incarnation || mark->second != next.epoch;
-    knew_[next.epoch] = disk().known;
+    is_ambiguous_ = is_ambiguous_ || !marks_.insert(MarkOf(next.epoch)).second ||
+                    !base_marks_.emplace(PartsOf(next.epoch).counter, BaseMarkOf(next.epoch)).second;
+    std::set<std::uint64_t>& knew = knew_[next.epoch];
+    for (const std::uint64_t parent : {disk().own.highest(), disk().begun.empty() ? 0 : *disk().begun.rbegin()}) {
+      if (parent == 0) continue;
+      knew.insert(parent);
+      knew.insert(knew_[parent].begin(), knew_[parent].end());
+    }
     disk().own.NoteBegun(next);
     disk().known.insert(next.epoch);
     disk().begun.insert(next.epoch);
@@ -287,11 +312,11 @@ class Robot {
   const bool has_copies_;
   std::vector<Disk> disks_ = std::vector<Disk>(1);
   std::size_t present_ = 0;
-  int incarnations_ = 0;                                                     // Of disks beside the first one.
-  std::map<std::uint32_t, int> incarnation_of_;                              // By tag.
-  std::map<std::pair<std::uint64_t, std::uint32_t>, std::uint64_t> marked_;  // Epochs by counter and mark.
+  std::set<std::uint32_t> marks_;                                 // Of all epochs.
+  std::set<std::pair<std::uint64_t, std::uint32_t>> base_marks_;  // And their counters.
   bool is_ambiguous_ = false;
-  std::map<std::uint64_t, std::set<std::uint64_t>> knew_;  // By every epoch that was ever begun.
+  // By every epoch that was ever begun: its base, the one before it in its file, and what these knew.
+  std::map<std::uint64_t, std::set<std::uint64_t>> knew_;
 };
 
 Robot Lived(std::uint64_t seed, bool has_copies) {

@@ -133,7 +133,7 @@ class EpochReportTest : public StorageActorTest {
   // Five lives later.
   static std::uint64_t OfAnotherDisk(std::uint64_t epoch) {
     const EpochParts parts = PartsOf(epoch);
-    return EpochOf({parts.counter + 5, parts.tag ^ 1, 0}, epoch);
+    return EpochOf({parts.counter + 5, parts.tag ^ 1, 0, 0}, epoch);
   }
   std::uint64_t EpochOfTheState() {
     proto::Message question;

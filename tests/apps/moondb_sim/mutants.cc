@@ -450,7 +450,7 @@ class RestatesWhateverWasKnown final : public OtherActor {
     proto::Message changed = message;
     std::set<std::uint64_t> epochs;
     for (const std::uint64_t epoch : message.epoch_report().epochs()) {
-      epochs.insert({epoch, EpochOf({PartsOf(epoch).counter, kEpochTagMax, 0}, epoch)});
+      epochs.insert({epoch, EpochOf({PartsOf(epoch).counter, kEpochTagMax, 0, 0}, epoch)});
     }
     while (epochs.size() > 64) epochs.erase(epochs.begin());
     changed.mutable_epoch_report()->mutable_epochs()->Assign(epochs.begin(), epochs.end());
