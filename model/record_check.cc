@@ -17,7 +17,7 @@ namespace {
 constexpr double kRangeMaxM = 1e6;
 constexpr int kCovarianceNumbers = 21;
 constexpr std::size_t kHealthTextBytesMax = 1024;
-constexpr std::size_t kReasonBytesMax = 1024;
+constexpr std::size_t kQuarantineReasonBytesMax = 1024;
 
 // The first broken rule wins; later calls keep it.
 class Checker {
@@ -106,7 +106,7 @@ void CheckEvent(const proto::AgentEvent& event, Checker& check) {
 }
 
 void CheckQuarantine(const proto::MapQuarantine& quarantine, Checker& check) {
-  check.Size(quarantine.reason(), kReasonBytesMax, "map_quarantine.reason");
+  check.Size(quarantine.reason(), kQuarantineReasonBytesMax, "map_quarantine.reason");
   check.Require(IsUtf8(quarantine.reason()), "map_quarantine.reason", "is not UTF-8");
   if (quarantine.has_lifts()) {
     const proto::RecordKey& lifted = quarantine.lifts();

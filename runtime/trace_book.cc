@@ -42,29 +42,6 @@ const BodyNames& GetBodyNames() {
   return names;
 }
 
-const char* WordFor(proto::TraceKind kind) {
-  switch (kind) {
-    case proto::TRACE_SENT:
-      return "sent";
-    case proto::TRACE_HANDLED:
-      return "handled";
-    case proto::TRACE_REFUSED:
-      return "refused";
-    case proto::TRACE_STARTED:
-      return "started";
-    case proto::TRACE_FAILED:
-      return "failed";
-    case proto::TRACE_OVERRAN:
-      return "overran";
-    case proto::TRACE_STEPPED_DOWN:
-      return "stepped_down";
-    case proto::TRACE_BEYOND_HELP:
-      return "beyond_help";
-    default:
-      return "?";
-  }
-}
-
 // A line of text without allocation or locale. What does not fit is cut off.
 class Line {
  public:
@@ -92,6 +69,29 @@ class Line {
 };
 
 }  // namespace
+
+const char* TraceWord(proto::TraceKind kind) {
+  switch (kind) {
+    case proto::TRACE_SENT:
+      return "sent";
+    case proto::TRACE_HANDLED:
+      return "handled";
+    case proto::TRACE_REFUSED:
+      return "could not send";
+    case proto::TRACE_STARTED:
+      return "started";
+    case proto::TRACE_FAILED:
+      return "failed";
+    case proto::TRACE_OVERRAN:
+      return "overran";
+    case proto::TRACE_STEPPED_DOWN:
+      return "made the agent give up its role";
+    case proto::TRACE_BEYOND_HELP:
+      return "is beyond help";
+    default:
+      return "?";
+  }
+}
 
 const char* BodyName(std::uint16_t body) { return GetBodyNames().Of(body); }
 
@@ -177,7 +177,7 @@ void TraceBook::WriteRing(int file, const TraceRing& ring, std::uint64_t thread,
     if (!ring.Read(i, &record)) continue;
     Line line;
     line << "thread " << thread << " age_us " << Microseconds(now - record.time) << " " << NameOf(record.actor) << " "
-         << WordFor(record.kind) << " " << BodyName(record.body) << " other " << std::uint64_t{record.other_agent}
+         << TraceWord(record.kind) << " " << BodyName(record.body) << " other " << std::uint64_t{record.other_agent}
          << "/" << NameOf(record.other_actor) << " request " << record.request_id << " bytes "
          << std::uint64_t{record.bytes} << " took_us " << Microseconds(record.duration);
     if (record.kind == proto::TRACE_REFUSED) line << " " << ToString(record.result);

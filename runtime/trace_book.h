@@ -53,6 +53,9 @@ class TraceBook {
   TraceRing shared_ring_;
 };
 
+// What people read for a kind of event: "handled", "could not send". For signal handlers too.
+const char* TraceWord(proto::TraceKind kind);
+
 // The name of Message's body field of that number, "" for none. For signal handlers too, once a TraceBook was made.
 const char* BodyName(std::uint16_t body);
 

@@ -52,8 +52,8 @@ Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Rec
 
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert) {
   if (insert.records().empty()) return Fail(ErrorCode::kInvalid, "no record to insert", "insert.records");
-  if (insert.records_size() > kInsertRecordsMax) {
-    return Fail(ErrorCode::kInvalid, "at most " + std::to_string(kInsertRecordsMax) + " records at a time",
+  if (insert.records_size() > kClientInsertRecordsMax) {
+    return Fail(ErrorCode::kInvalid, "at most " + std::to_string(kClientInsertRecordsMax) + " records at a time",
                 "insert.records");
   }
   for (int i = 0; i < insert.records_size(); ++i) {
@@ -117,8 +117,8 @@ Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetReq
   if (!set.is_swap() && set.leader() == 0 && set.survivor() == 0) {
     return Fail(ErrorCode::kInvalid, "names neither a leader nor a designated survivor", "role_set");
   }
-  if (set.reason().size() > kReasonBytesMax) {
-    return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kReasonBytesMax) + " bytes", "role_set.reason");
+  if (set.reason().size() > kRoleReasonBytesMax) {
+    return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes", "role_set.reason");
   }
   if (set.has_expected()) {
     if (auto checked = CheckExpectedRoles(team, set.expected()); !checked) return checked;

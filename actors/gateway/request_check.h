@@ -12,14 +12,13 @@
 
 namespace moondb {
 
-inline constexpr int kInsertRecordsMax = 4096;
+inline constexpr int kClientInsertRecordsMax = 4096;
 inline constexpr std::uint32_t kReadRecordsMax = 1024;
 inline constexpr std::uint32_t kReadRecordsDefault = 256;
 inline constexpr std::uint32_t kReadContentBytesMax = 8 * 1024 * 1024;
 inline constexpr std::uint32_t kRelayedContentBytesMax = 64 * 1024;
 inline constexpr std::uint32_t kReadContentBytesDefault = 1024 * 1024;
 inline constexpr int kFilterEntriesMax = 1024;
-inline constexpr std::size_t kReasonBytesMax = 256;
 inline constexpr double kMapCoordinateMax_m = 1e9;
 inline constexpr double kMapWaitMax_s = 60;
 inline constexpr int kCovariancesMax = 64;

@@ -42,8 +42,8 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
                                          " is known here but cannot be stored; ask another agent, with -a");
   }
   if (saving_) return Fail(ErrorCode::kUnavailable, "another change is being stored; try again");
-  if (request.reason().size() > kReasonBytesMax) {
-    return Fail(ErrorCode::kInvalid, "is longer than 256 bytes", "reason");
+  if (request.reason().size() > kRoleReasonBytesMax) {
+    return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes", "reason");
   }
   if (Result<void> checked = CheckExpected(request); !checked) return tl::unexpected(checked.error());
   proto::RoleAssignment roles;
@@ -81,7 +81,7 @@ Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>
   if (!roles) return Fail(ErrorCode::kUnavailable, "nobody who could take the role is connected");
   *roles->mutable_term() = NextTerm();
   roles->set_stamp_ns(now_ns);
-  roles->set_reason(reason.substr(0, kReasonBytesMax));
+  roles->set_reason(reason.substr(0, kRoleReasonBytesMax));
   return *std::move(roles);
 }
 
@@ -275,8 +275,8 @@ Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const
   if (term.number() > std::min(highest_number_ + kTermJumpMax, kTermNumberMax)) {
     return Fail(ErrorCode::kRefused, "is from the far future", "roles.term.number");
   }
-  if (roles.reason().size() > kReasonBytesMax) {
-    return Fail(ErrorCode::kRefused, "is longer than 256 bytes", "roles.reason");
+  if (roles.reason().size() > kRoleReasonBytesMax) {
+    return Fail(ErrorCode::kRefused, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes", "roles.reason");
   }
   // A change keeps the survivor or names another one, so a team that begins with one always has one. An agent that
   // cannot store that it survives acts on roles without itself, and these are no assignment.

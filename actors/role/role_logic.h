@@ -52,7 +52,6 @@ class RoleLogic {
     Duration store_after = std::chrono::seconds(5);  // An assignment of others that could not be stored, once more.
   };
 
-  static constexpr std::size_t kReasonBytesMax = 256;
   static constexpr std::size_t kHistoryMax = 1000;
   // A term number that far ahead of the present one is a mistake or an attack, not a change.
   static constexpr std::uint64_t kTermJumpMax = 1'000'000;

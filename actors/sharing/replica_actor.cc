@@ -24,8 +24,8 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
     return 1;
   }
   if (!is_leading()) {
-    const std::string leader = roles().leader() == 0 ? "nobody" : NameOf(roles().leader());
-    return Fail(ErrorCode::kRefused, NameOf(self()) + " does not lead, " + leader + " does: give the command there");
+    return Fail(ErrorCode::kRefused,
+                NameOf(self()) + " does not lead, " + NameOf(roles().leader()) + " does: give the command there");
   }
   if (roles().survivor() == 0) return Fail(ErrorCode::kRefused, "no designated survivor is assigned");
   Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/agent_name.h"
 #include "model/order_number.h"
 #include "model/team_id.h"
 #include "model/term.h"
@@ -406,8 +407,7 @@ void SharingActor::StartStepTimer(Context& context, Duration delay, std::uint64_
 }
 
 std::string SharingActor::NameOf(AgentId agent) const {
-  const proto::AgentConfig* config = FindAgent(options_.team, agent);
-  return config == nullptr ? "agent " + std::to_string(agent) : config->name();
+  return AgentName(options_.team, agent);
 }
 
 bool SharingActor::IsWindowOpen(const Context& context, AgentId peer) const {

@@ -76,10 +76,10 @@ void OwnEpochs::Learn(std::uint64_t epoch) {
   if (foreign_.size() > kForeignEpochsMax) foreign_.erase(foreign_.begin());
 }
 
-std::uint64_t OwnEpochs::WhatHighestForeignKnew() const {
+OwnEpochs::Knowledge OwnEpochs::WhatHighestForeignKnew() const {
   struct Known {
     std::uint64_t counter = 0;
-    std::uint64_t knew = 0;
+    Knowledge knew;
   };
   std::map<std::pair<std::uint64_t, std::uint32_t>, Known> by_base_mark;  // And counter.
   std::map<std::pair<std::uint32_t, std::uint32_t>, Known> by_mark;       // And tag; the highest.
@@ -89,44 +89,59 @@ std::uint64_t OwnEpochs::WhatHighestForeignKnew() const {
     const auto found = known.find(key);
     return found != known.end() && found->second.counter < counter ? &found->second : nullptr;
   };
+  const auto trace = [&](const EpochParts& parts) {
+    const Known* base = find(by_base_mark, std::pair(parts.counter - 1, parts.base_mark), parts.counter);
+    const Known* previous = nullptr;
+    if (parts.previous_mark != 0) {
+      previous = find(by_mark, std::pair(parts.tag, parts.previous_mark), parts.counter);
+      // The first one in a backup goes on from one of another tag.
+      if (previous == nullptr) previous = find(by_mark_of_any_tag, parts.previous_mark, parts.counter);
+      if (previous == nullptr) previous = find(foreign_by_tag, parts.tag, parts.counter);
+    }
+    Knowledge knew;
+    for (const Known* parent : {base, previous}) {
+      if (parent == nullptr) continue;
+      knew.counter = std::max(knew.counter, parent->knew.counter);
+      knew.is_guess = knew.is_guess || parent->knew.is_guess;
+    }
+    const bool is_copy = parts.previous_mark != 0 && parts.tag == tag_;
+    if (is_copy && previous == nullptr) {
+      // Nothing before it is known of this copy: it is taken to have parted from this file right before it.
+      knew.counter = std::max(knew.counter, std::max<std::uint64_t>(parts.counter, 2) - 2);
+    } else if (base == nullptr && previous == nullptr) {
+      knew.is_guess = parts.base_mark != 0;
+    }
+    return knew;
+  };
 
   std::vector<std::uint64_t> rising;
   std::merge(begun_.begin(), begun_.end(), foreign_.begin(), foreign_.end(), std::back_inserter(rising));
-  std::uint64_t highest_knew = 0;
+  Knowledge of_highest;
   for (const std::uint64_t epoch : rising) {
     const EpochParts parts = PartsOf(epoch);
-    Known known{parts.counter, parts.tag == tag_ ? parts.counter : 0};
+    Known known{parts.counter, {parts.tag == tag_ ? parts.counter : 0, false}};
     if (!begun_.contains(epoch)) {
-      const auto base = by_base_mark.find({parts.counter - 1, parts.base_mark});
-      known.knew = base == by_base_mark.end() ? 0 : base->second.knew;
-      if (parts.previous_mark != 0) {
-        const Known* previous = find(by_mark, std::pair(parts.tag, parts.previous_mark), parts.counter);
-        // The first one in a backup goes on from one of another tag.
-        if (previous == nullptr) previous = find(by_mark_of_any_tag, parts.previous_mark, parts.counter);
-        if (previous == nullptr) previous = find(foreign_by_tag, parts.tag, parts.counter);
-        // A copy of which nothing before is known is taken to have parted from this file right before it.
-        const std::uint64_t at_parting = parts.tag == tag_ && parts.counter > 1 ? parts.counter - 2 : 0;
-        known.knew = std::max(known.knew, previous == nullptr ? at_parting : previous->knew);
-      }
+      known.knew = of_highest = trace(parts);
       foreign_by_tag[parts.tag] = known;
-      highest_knew = known.knew;
     }
     by_base_mark[{parts.counter, BaseMarkOf(epoch)}] = known;
     by_mark[{parts.tag, MarkOf(epoch)}] = known;
     by_mark_of_any_tag[MarkOf(epoch)] = known;
   }
-  return highest_knew;
+  return of_highest;
 }
 
-std::set<std::uint64_t> OwnEpochs::Endangered() const {
-  std::set<std::uint64_t> endangered;
-  if (tag_ == 0 || foreign_.empty()) return endangered;
-  const std::uint64_t knew = WhatHighestForeignKnew();
+OwnEpochs::Danger OwnEpochs::Endangered() const {
+  Danger danger;
+  if (tag_ == 0 || foreign_.empty()) return danger;
+  const Knowledge knew = WhatHighestForeignKnew();
+  danger.is_guess = knew.is_guess;
   for (const std::uint64_t own : begun_) {
     const EpochParts parts = PartsOf(own);
-    if (parts.tag == tag_ && parts.counter > knew && own < *foreign_.rbegin()) endangered.insert(own);
+    const bool was_known = parts.tag != tag_ || parts.counter <= knew.counter;
+    if (!was_known && own < *foreign_.rbegin()) danger.epochs.insert(own);
   }
-  return endangered;
+  return danger;
 }
 
 // None that is known belongs to another incarnation for certain.

@@ -65,7 +65,12 @@ class OwnEpochs {
   // Of this incarnation, those that the highest foreign epoch is above and cannot have known: their states would give
   // way to older ones. What a lower one did not know, the highest one's disk has stored once more, or has later ones
   // of.
-  std::set<std::uint64_t> Endangered() const;
+  struct Danger {
+    std::set<std::uint64_t> epochs;
+    // Nothing is known here of what the highest one was begun upon: it may have known what any peer has.
+    bool is_guess = false;
+  };
+  Danger Endangered() const;
 
   // One above all that are known, to be written and, once that is committed, to be noted.
   struct Next {
@@ -78,8 +83,11 @@ class OwnEpochs {
   void NoteBegun(const Next& begun);
 
  private:
-  // The highest counter of this incarnation's epochs that the highest foreign one knew; 0: none.
-  std::uint64_t WhatHighestForeignKnew() const;
+  struct Knowledge {
+    std::uint64_t counter = 0;  // The highest of this incarnation's epochs; 0: it knew none.
+    bool is_guess = false;      // As in Danger.
+  };
+  Knowledge WhatHighestForeignKnew() const;
   std::uint32_t DrawTag(std::mt19937_64& random) const;
 
   std::uint32_t tag_ = 0;  // 0: not drawn yet.

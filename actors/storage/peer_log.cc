@@ -1,5 +1,6 @@
 #include "actors/storage/peer_log.h"
 
+#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -108,6 +109,13 @@ Result<void> PeerLog::Note(Database& database, const proto::PeerHave& note) {
   const Result<void> committed = transaction->Commit();
   if (committed) had_[note.peer()] = std::move(news);
   return committed;
+}
+
+bool PeerLog::IsHadByAny(const RecordKey& key) const {
+  return std::any_of(had_.begin(), had_.end(), [&key](const auto& peer) {
+    const auto stream = peer.second.find(key.stream);
+    return stream != peer.second.end() && stream->second.Contains(key.seq);
+  });
 }
 
 }  // namespace moondb

@@ -1,6 +1,6 @@
 // PeerLog: what peers are known to have, and what the open sessions handed to them, for the view replication_log.
 //
-// It shows and decides nothing: lost at a power cut, it comes back with the next session.
+// It shows, and decides a guess (OwnEpochs::Danger): lost at a power cut, it comes back with the next session.
 #pragma once
 
 #include <cstdint>
@@ -20,6 +20,9 @@ class PeerLog {
   // `note.acknowledged`, where it names any stream, is all that the peer has. kInvalid where it is malformed; else
   // fails as Database does, and then nothing changed.
   Result<void> Note(Database& database, const proto::PeerHave& note);
+
+  // Whether any peer is known to have it, or what replaced it.
+  bool IsHadByAny(const RecordKey& key) const;
 
  private:
   using Had = std::map<StreamKey, IntervalSet>;

@@ -457,20 +457,23 @@ Result<void> RecordStore::Restate() {
 // The states that stand, in the order in which they were inserted.
 Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
   std::vector<RecordKey> found;
-  const std::set<std::uint64_t> epochs = own_epochs_.Endangered();
-  if (epochs.empty()) return found;
+  const OwnEpochs::Danger danger = own_epochs_.Endangered();
+  if (danger.epochs.empty()) return found;
   std::map<DataType, std::map<std::uint64_t, IntervalSet>> newest;
   for (const auto& [stream, have] : ledger_.have().streams()) {
     const bool may_be_superseded = rules_.IsLatest(stream.type) && !IsVersioned(stream.type);
     if (stream.origin != options_.self || !may_be_superseded || have.held.is_empty()) continue;
-    if (!epochs.contains(stream.epoch)) continue;
+    if (!danger.epochs.contains(stream.epoch)) continue;
     if (!newest.contains(stream.type)) {
       auto of_type = FindRecordTable(stream.type)->FindNewest(*database_, options_.self, stream.type);
       if (!of_type) return tl::unexpected(of_type.error());
       newest[stream.type] = *std::move(of_type);
     }
     for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
-      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) found.push_back({stream, seq});
+      for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
+        if (danger.is_guess && peer_log_.IsHadByAny({stream, seq})) continue;
+        found.push_back({stream, seq});
+      }
     }
   }
   return found;

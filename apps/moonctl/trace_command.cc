@@ -4,6 +4,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "runtime/trace_book.h"
 
 namespace moondb {
 namespace {
@@ -12,29 +13,6 @@ struct TraceArguments {
   std::uint32_t events_max = 50;
   std::string actor;
 };
-
-const char* WordFor(proto::TraceKind kind) {
-  switch (kind) {
-    case proto::TRACE_SENT:
-      return "sent";
-    case proto::TRACE_HANDLED:
-      return "handled";
-    case proto::TRACE_REFUSED:
-      return "could not send";
-    case proto::TRACE_STARTED:
-      return "started";
-    case proto::TRACE_FAILED:
-      return "failed";
-    case proto::TRACE_OVERRAN:
-      return "overran";
-    case proto::TRACE_STEPPED_DOWN:
-      return "made the agent give up its role";
-    case proto::TRACE_BEYOND_HELP:
-      return "is beyond help";
-    default:
-      return "?";
-  }
-}
 
 // "2.125 s", "12.500 ms", "80 us": as fine as a handler is short.
 std::string Took(double seconds) {
@@ -53,7 +31,7 @@ std::string TraceText(const proto::TraceReply& reply) {
   for (const proto::TraceEvent& event : reply.events()) {
     const bool has_other = event.other_agent() != 0;
     const bool is_handled = event.kind() == proto::TRACE_HANDLED || event.kind() == proto::TRACE_OVERRAN;
-    events.Add({FormatFixed(event.age_s(), 6), event.actor(), WordFor(event.kind()), event.body(),
+    events.Add({FormatFixed(event.age_s(), 6), event.actor(), TraceWord(event.kind()), event.body(),
                 has_other ? Other(event.other_agent(), event.other_actor()) : "",
                 event.bytes() > 0 ? FormatCount(event.bytes()) : "", is_handled ? Took(event.seconds()) : "",
                 event.result()});

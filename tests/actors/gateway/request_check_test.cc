@@ -139,7 +139,7 @@ TEST(RequestCheckTest, LetsNoClientWriteTheTeamsStory) {
 
 TEST(RequestCheckTest, BoundsTheRecordsOfOneInsert) {
   proto::ControlRequest request;
-  for (int i = 0; i <= kInsertRecordsMax; ++i) request.mutable_insert()->add_records()->mutable_temperature();
+  for (int i = 0; i <= kClientInsertRecordsMax; ++i) request.mutable_insert()->add_records()->mutable_temperature();
   EXPECT_EQ(FieldOf(request), "insert.records");
 }
 
@@ -153,7 +153,7 @@ TEST(RequestCheckTest, RefusesRoleChangesThatChangeNothingOrNameStrangers) {
   request.mutable_role_set()->set_survivor(70000);
   EXPECT_EQ(FieldOf(request), "role_set.survivor");
   request.mutable_role_set()->set_survivor(3);
-  request.mutable_role_set()->set_reason(std::string(kReasonBytesMax + 1, 'x'));
+  request.mutable_role_set()->set_reason(std::string(kRoleReasonBytesMax + 1, 'x'));
   EXPECT_EQ(FieldOf(request), "role_set.reason");
 }
 

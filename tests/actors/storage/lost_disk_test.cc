@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <map>
 
+#include "actors/storage/own_epochs.h"
 #include "actors/storage/store_file.h"
 #include "tests/actors/storage/store_fixtures.h"
 
@@ -196,6 +198,29 @@ TEST_F(LostDiskTest, TheReplacementsStatesStandWhenTheOldDiskIsPutBack) {
   EXPECT_EQ(Celsius(*store_), celsius_);
   EXPECT_EQ(Celsius(*peer_), celsius_);
   EXPECT_THAT(Beacons(*store_), ElementsAre("a=new"));
+}
+
+// All others have lost what its replacement had been begun upon.
+TEST_F(LostDiskTest, AnOldDiskThatHearsOfALaterEpochAloneTakesWhatItHadSharedForKnown) {
+  Live(2);
+  InsertOne(*store_, CustomRecordOf(kBeacon, "1", "a"));
+  Exchange(*store_, *peer_);
+  proto::PeerHave acknowledged;
+  acknowledged.set_peer(1);
+  *acknowledged.mutable_acknowledged() = peer_->GetHave().have();
+  ASSERT_TRUE(store_->NotePeerHave(acknowledged));
+  InsertOne(*store_, CustomRecordOf(kBeacon, "2", "b"));
+  proto::EpochReport report;
+  report.add_epochs(EpochOf({PartsOf(Contents(*store_)[0].key().epoch()).counter + 5, 1, 1, 1}, 0));
+  ASSERT_TRUE(store_->NoteEpochReport(report));
+  std::map<std::string, std::uint64_t> epochs;  // By key of the beacon.
+  for (const proto::StoredRecord& record : Contents(*store_)) {
+    proto::Record beacon;
+    if (record.key().data_type() != kBeacon || !beacon.ParseFromString(record.content())) continue;
+    epochs[beacon.custom().latest_key()] = record.key().epoch();
+  }
+  EXPECT_LT(epochs.at("a"), report.epochs(0)) << "known, as far as anybody can tell";
+  EXPECT_GT(epochs.at("b"), report.epochs(0)) << "nobody else has it";
 }
 
 TEST_F(LostDiskTest, TwoPeersWhoTellTwoLaterEpochsInTurn) {

@@ -1,4 +1,4 @@
-// Batches that a node of format version 1 has written: they must stay readable, whatever is written today.
+// Batches that an agent of format version 1 has written: they must stay readable, whatever is written today.
 #include <gtest/gtest.h>
 
 #include "actors/sharing/coding/batch_codec.h"
