@@ -118,7 +118,8 @@ Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetReq
     return Fail(ErrorCode::kInvalid, "names neither a leader nor a designated survivor", "role_set");
   }
   if (set.reason().size() > kRoleReasonBytesMax) {
-    return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes", "role_set.reason");
+    return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes",
+                "role_set.reason");
   }
   if (set.has_expected()) {
     if (auto checked = CheckExpectedRoles(team, set.expected()); !checked) return checked;

@@ -276,7 +276,8 @@ Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const
     return Fail(ErrorCode::kRefused, "is from the far future", "roles.term.number");
   }
   if (roles.reason().size() > kRoleReasonBytesMax) {
-    return Fail(ErrorCode::kRefused, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes", "roles.reason");
+    return Fail(ErrorCode::kRefused, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes",
+                "roles.reason");
   }
   // A change keeps the survivor or names another one, so a team that begins with one always has one. An agent that
   // cannot store that it survives acts on roles without itself, and these are no assignment.

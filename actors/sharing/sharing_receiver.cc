@@ -204,7 +204,9 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
 
 Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
   if (hello.protocol_version() != kSharingProtocolVersion) {
-    return Fail(ErrorCode::kRefused, "this agent speaks version " + std::to_string(kSharingProtocolVersion) + " of sharing", "protocol_version");
+    return Fail(ErrorCode::kRefused,
+                "this agent speaks version " + std::to_string(kSharingProtocolVersion) + " of sharing",
+                "protocol_version");
   }
   if (hello.team_id() != options_.team_id) {
     return Fail(ErrorCode::kRefused,

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "model/term.h"
+
 namespace moondb {
 namespace {
 
