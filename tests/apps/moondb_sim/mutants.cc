@@ -743,7 +743,7 @@ const std::vector<Mutant>& Mutants() {
        }},
       {"KeepsRestatedToItself",
        "what was learnt of later epochs is not stored again",
-       {"newest_state", "survivor_is_leader"},
+       {"newest_state", "survivor_is_leader", "nothing_lost"},
        30,
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 6;
