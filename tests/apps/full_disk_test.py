@@ -78,7 +78,12 @@ class Disk:
         (self.folder / "fill").unlink()
 
     def remount(self, options):
-        run("mount", "-o", f"remount,{options}", self.folder)
+        # The threads of a process that has ended close its files a moment later.
+        deadline = time.monotonic() + 10
+        while run("mount", "-o", f"remount,{options}", self.folder, check=False).returncode != 0:
+            if time.monotonic() > deadline:
+                raise Failure(f"{self.folder} cannot be mounted {options}")
+            time.sleep(0.1)
 
     def close(self):
         for _ in range(50):

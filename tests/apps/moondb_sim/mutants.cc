@@ -937,7 +937,7 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) { HearLeases(options, IgnorePauses); }},
       {"NoWindowOpens",
        "sharing does not hear that nobody drives or sleeps any more",
-       {"comes_to_rest", "nothing_lost", "survivor_is_leader", "home_again", "brought_out"},
+       {"comes_to_rest", "nothing_lost", "survivor_is_leader", "home_again", "brought_out", "newest_state"},
        5,
        [](SimOptions& options) {
          options.wrap = [](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
