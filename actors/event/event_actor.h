@@ -103,7 +103,7 @@ class EventActor final : public Actor {
   std::map<std::pair<std::string, std::string>, double> counts_;  // By source and counter.
   std::set<std::string> heard_;                                   // Sources.
   proto::RoleAssignment roles_;
-  std::map<AgentId, Peer> peers_;  // Those connected since this actor started.
+  std::map<AgentId, Peer> peers_;  // Agents that were connected since this actor started.
 
   std::vector<proto::HealthFinding> findings_;  // As StorageActor said last.
   std::uint64_t findings_version_ = 1;          // Rises with each event that changes them.

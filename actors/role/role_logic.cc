@@ -170,7 +170,7 @@ RoleLogic::Actions RoleLogic::OnSaveFailed() {
     ActWithoutOwnRole(failed, actions);
     actions.store_timer = options_.store_after;
   } else if (is_waiting_to_lead_) {
-    // What it led in before it heard that it leads again is over.
+    // The term in which this agent led before it heard that it leads again is over.
     const bool is_first = !std::exchange(own_unstored_, failed).has_value();
     if (is_first) actions.apply = InForce();
     actions.leader_timer = options_.leader_wait;

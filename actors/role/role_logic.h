@@ -119,7 +119,7 @@ class RoleLogic {
   // need not remember, if its disk was lost or is an old copy.
   bool IsFromEarlierLife(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const { return confirmed_.size() >= options_.agents.size(); }
-  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // Of this agent's present life.
+  bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // This agent issued it, in its present life.
   // What this agent acts on.
   proto::RoleAssignment InForce() const;
   void ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions);
@@ -140,7 +140,7 @@ class RoleLogic {
   std::set<AgentId> confirmed_;  // Known to hold current_.
   std::optional<proto::RoleAssignment> saving_;
   std::set<AgentId> saving_holders_;                   // Known to hold saving_.
-  std::optional<proto::RoleAssignment> unstored_;      // Of others, newer than current_, and not durable here.
+  std::optional<proto::RoleAssignment> unstored_;      // What others decided: newer than current_, not durable here.
   std::optional<proto::RoleAssignment> own_unstored_;  // The last one by which this agent wanted to lead.
   AgentId answer_to_ = 0;                              // Waits for our word that saving_ is held here too.
   Duration announce_delay_{};

@@ -145,7 +145,7 @@ class SharingActor : public Actor {
   Leases leases_;
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
-  std::uint64_t last_order_ = 0;          // That this life of the actor gave or took of a client.
+  std::uint64_t last_order_ = 0;          // The last one that this life of the actor gave or took of a client.
   ShareOrderId in_hand_;                  // The request that Share carries out now.
   std::optional<SharingReceiver> receiver_;
   std::optional<std::size_t> moving_told_;  // To the other sharing actor.

@@ -62,10 +62,10 @@ class OwnEpochs {
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
   void Learn(std::uint64_t epoch);  // Nothing where this file's history began it.
 
-  // Of this incarnation, those that the highest foreign epoch is above and cannot have known: their states would give
-  // way to older ones. What a lower one did not know, the highest one's disk has stored once more, or has later ones
-  // of.
   struct Danger {
+    // Epochs of this incarnation that the highest foreign one is above and cannot have known: their states would give
+    // way to older ones. What a lower one did not know, the highest one's disk has stored once more, or has later
+    // states of.
     std::set<std::uint64_t> epochs;
     // Nothing is known here of what the highest one was begun upon: it may have known what any peer has.
     bool is_guess = false;
