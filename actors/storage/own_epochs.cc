@@ -4,6 +4,7 @@
 #include <iterator>
 #include <limits>
 #include <map>
+#include <optional>
 
 #include "model/record_key.h"
 
@@ -21,6 +22,98 @@ constexpr std::uint32_t kMarkMax = 0x3FFF;
 
 // A changed byte of the table shows, as in have_interval.
 std::uint64_t HashOf(std::uint64_t epoch) { return HashRecord({{0, epoch, 0}, 0}, "begun"); }
+
+// What an epoch knew of this incarnation's: those up to these counters.
+struct Knowledge {
+  std::uint64_t certain = 0;
+  std::uint64_t possible = 0;
+};
+
+// What each epoch knew, when they are added in rising order.
+class Ancestry {
+ public:
+  explicit Ancestry(std::uint32_t own_tag) : own_tag_(own_tag) {}
+
+  void AddBegun(std::uint64_t epoch) {
+    const EpochParts parts = PartsOf(epoch);
+    const std::uint64_t own = parts.tag == own_tag_ ? parts.counter : 0;
+    Add(epoch, {own, own});
+  }
+
+  Knowledge AddForeign(std::uint64_t epoch) {
+    const EpochParts parts = PartsOf(epoch);
+    const Knowledge knew = KnowledgeOf(parts);
+    Add(epoch, knew);
+    foreign_by_tag_[parts.tag] = {parts.counter, knew};
+    return knew;
+  }
+
+ private:
+  struct Known {
+    std::uint64_t counter = 0;
+    Knowledge knew;
+  };
+  using Found = std::optional<Knowledge>;
+
+  void Add(std::uint64_t epoch, const Knowledge& knew) {
+    const EpochParts parts = PartsOf(epoch);
+    const Known known{parts.counter, knew};
+    by_base_mark_[{parts.counter, BaseMarkOf(epoch)}].push_back(known);
+    by_mark_[{parts.tag, MarkOf(epoch)}].push_back(known);
+    by_mark_of_any_tag_[MarkOf(epoch)].push_back(known);
+  }
+
+  Knowledge KnowledgeOf(const EpochParts& parts) const {
+    const Found base = Find(by_base_mark_, std::pair(parts.counter - 1, parts.base_mark), parts.counter);
+    const Found previous = PreviousOf(parts);
+    const bool is_copy = parts.previous_mark != 0 && parts.tag == own_tag_;
+    Knowledge knew;
+    for (const Found& parent : {base, previous}) {
+      if (!parent) continue;
+      knew.certain = std::max(knew.certain, parent->certain);
+      knew.possible = std::max(knew.possible, parent->possible);
+    }
+    if (is_copy && !previous) {
+      // Nothing before it is known of this copy: it is taken to have parted from this file right before it.
+      const std::uint64_t before = std::max<std::uint64_t>(parts.counter, 2) - 2;
+      return {std::max(knew.certain, before), std::max(knew.possible, before)};
+    }
+    if (!base && !previous && parts.base_mark != 0) knew.possible = kEpochCounterMax;
+    return knew;
+  }
+
+  Found PreviousOf(const EpochParts& parts) const {
+    if (parts.previous_mark == 0) return std::nullopt;
+    Found previous = Find(by_mark_, std::pair(parts.tag, parts.previous_mark), parts.counter);
+    // The first one in a backup goes on from one of another tag.
+    if (!previous) previous = Find(by_mark_of_any_tag_, parts.previous_mark, parts.counter);
+    if (previous) return previous;
+    const auto latest = foreign_by_tag_.find(parts.tag);
+    if (latest == foreign_by_tag_.end() || latest->second.counter >= parts.counter) return std::nullopt;
+    return latest->second.knew;
+  }
+
+  // What is common to all that may be meant is certain.
+  template <typename Key>
+  static Found Find(const std::map<Key, std::vector<Known>>& known, const Key& key, std::uint64_t counter) {
+    Found knew;
+    const auto found = known.find(key);
+    if (found == known.end()) return knew;
+    for (const Known& candidate : found->second) {
+      if (candidate.counter >= counter) continue;
+      if (!knew) knew = candidate.knew;
+      knew->certain = std::min(knew->certain, candidate.knew.certain);
+      knew->possible = std::max(knew->possible, candidate.knew.possible);
+    }
+    return knew;
+  }
+
+  const std::uint32_t own_tag_;
+  std::map<std::pair<std::uint64_t, std::uint32_t>, std::vector<Known>> by_base_mark_;  // And counter.
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::vector<Known>> by_mark_;       // And tag.
+  std::map<std::uint32_t, std::vector<Known>> by_mark_of_any_tag_;
+  std::map<std::uint32_t, Known> foreign_by_tag_;  // The highest.
+};
 
 }  // namespace
 
@@ -76,70 +169,25 @@ void OwnEpochs::Learn(std::uint64_t epoch) {
   if (foreign_.size() > kForeignEpochsMax) foreign_.erase(foreign_.begin());
 }
 
-OwnEpochs::Knowledge OwnEpochs::WhatHighestForeignKnew() const {
-  struct Known {
-    std::uint64_t counter = 0;
-    Knowledge knew;
-  };
-  std::map<std::pair<std::uint64_t, std::uint32_t>, Known> by_base_mark;  // And counter.
-  std::map<std::pair<std::uint32_t, std::uint32_t>, Known> by_mark;       // And tag; the highest.
-  std::map<std::uint32_t, Known> by_mark_of_any_tag;
-  std::map<std::uint32_t, Known> foreign_by_tag;  // The highest.
-  const auto find = [](const auto& known, const auto& key, std::uint64_t counter) -> const Known* {
-    const auto found = known.find(key);
-    return found != known.end() && found->second.counter < counter ? &found->second : nullptr;
-  };
-  const auto trace = [&](const EpochParts& parts) {
-    const Known* base = find(by_base_mark, std::pair(parts.counter - 1, parts.base_mark), parts.counter);
-    const Known* previous = nullptr;
-    if (parts.previous_mark != 0) {
-      previous = find(by_mark, std::pair(parts.tag, parts.previous_mark), parts.counter);
-      // The first one in a backup goes on from one of another tag.
-      if (previous == nullptr) previous = find(by_mark_of_any_tag, parts.previous_mark, parts.counter);
-      if (previous == nullptr) previous = find(foreign_by_tag, parts.tag, parts.counter);
-    }
-    Knowledge knew;
-    for (const Known* parent : {base, previous}) {
-      if (parent == nullptr) continue;
-      knew.counter = std::max(knew.counter, parent->knew.counter);
-      knew.is_guess = knew.is_guess || parent->knew.is_guess;
-    }
-    const bool is_copy = parts.previous_mark != 0 && parts.tag == tag_;
-    if (is_copy && previous == nullptr) {
-      // Nothing before it is known of this copy: it is taken to have parted from this file right before it.
-      knew.counter = std::max(knew.counter, std::max<std::uint64_t>(parts.counter, 2) - 2);
-    } else if (base == nullptr && previous == nullptr) {
-      knew.is_guess = parts.base_mark != 0;
-    }
-    return knew;
-  };
-
-  std::vector<std::uint64_t> rising;
-  std::merge(begun_.begin(), begun_.end(), foreign_.begin(), foreign_.end(), std::back_inserter(rising));
-  Knowledge of_highest;
-  for (const std::uint64_t epoch : rising) {
-    const EpochParts parts = PartsOf(epoch);
-    Known known{parts.counter, {parts.tag == tag_ ? parts.counter : 0, false}};
-    if (!begun_.contains(epoch)) {
-      known.knew = of_highest = trace(parts);
-      foreign_by_tag[parts.tag] = known;
-    }
-    by_base_mark[{parts.counter, BaseMarkOf(epoch)}] = known;
-    by_mark[{parts.tag, MarkOf(epoch)}] = known;
-    by_mark_of_any_tag[MarkOf(epoch)] = known;
-  }
-  return of_highest;
-}
-
 OwnEpochs::Danger OwnEpochs::Endangered() const {
   Danger danger;
   if (tag_ == 0 || foreign_.empty()) return danger;
-  const Knowledge knew = WhatHighestForeignKnew();
-  danger.is_guess = knew.is_guess;
+  const std::uint64_t highest_foreign = *foreign_.rbegin();
+  Ancestry ancestry(tag_);
+  Knowledge knew;
+  std::vector<std::uint64_t> rising;
+  std::merge(begun_.begin(), begun_.end(), foreign_.begin(), foreign_.end(), std::back_inserter(rising));
+  for (const std::uint64_t epoch : rising) {
+    if (begun_.contains(epoch)) {
+      ancestry.AddBegun(epoch);
+    } else {
+      knew = ancestry.AddForeign(epoch);
+    }
+  }
   for (const std::uint64_t own : begun_) {
     const EpochParts parts = PartsOf(own);
-    const bool was_known = parts.tag != tag_ || parts.counter <= knew.counter;
-    if (!was_known && own < *foreign_.rbegin()) danger.epochs.insert(own);
+    if (parts.tag != tag_ || own > highest_foreign || parts.counter <= knew.certain) continue;
+    (parts.counter > knew.possible ? danger.certain : danger.possible).insert(own);
   }
   return danger;
 }

@@ -62,13 +62,12 @@ class OwnEpochs {
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
   void Learn(std::uint64_t epoch);  // Nothing where this file's history began it.
 
+  // Epochs of this incarnation that the highest foreign one is above and did not know: their states would give way to
+  // older ones. What a lower foreign one did not know, the highest one's disk has stored once more, or has later states
+  // of.
   struct Danger {
-    // Epochs of this incarnation that the highest foreign one is above and cannot have known: their states would give
-    // way to older ones. What a lower one did not know, the highest one's disk has stored once more, or has later
-    // states of.
-    std::set<std::uint64_t> epochs;
-    // Nothing is known here of what the highest one was begun upon: it may have known what any peer has.
-    bool is_guess = false;
+    std::set<std::uint64_t> certain;
+    std::set<std::uint64_t> possible;  // What it was begun upon is not known here well enough to tell.
   };
   Danger Endangered() const;
 
@@ -83,11 +82,6 @@ class OwnEpochs {
   void NoteBegun(const Next& begun);
 
  private:
-  struct Knowledge {
-    std::uint64_t counter = 0;  // The highest of this incarnation's epochs; 0: it knew none.
-    bool is_guess = false;      // As in Danger.
-  };
-  Knowledge WhatHighestForeignKnew() const;
   std::uint32_t DrawTag(std::mt19937_64& random) const;
 
   std::uint32_t tag_ = 0;  // 0: not drawn yet.

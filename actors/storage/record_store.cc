@@ -54,7 +54,6 @@ std::string SetAsideText(const std::string& aside) {
          "; an empty one was begun, and what no other agent had is in that file alone";
 }
 
-
 }  // namespace
 
 // Row numbers and have-set changes of one transaction become the store's only when it is committed.
@@ -458,12 +457,13 @@ Result<void> RecordStore::Restate() {
 Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
   std::vector<RecordKey> found;
   const OwnEpochs::Danger danger = own_epochs_.Endangered();
-  if (danger.epochs.empty()) return found;
+  if (danger.certain.empty() && danger.possible.empty()) return found;
   std::map<DataType, std::map<std::uint64_t, IntervalSet>> newest;
   for (const auto& [stream, have] : ledger_.have().streams()) {
     const bool may_be_superseded = rules_.IsLatest(stream.type) && !IsVersioned(stream.type);
     if (stream.origin != options_.self || !may_be_superseded || have.held.is_empty()) continue;
-    if (!danger.epochs.contains(stream.epoch)) continue;
+    const bool is_guess = danger.possible.contains(stream.epoch);
+    if (!is_guess && !danger.certain.contains(stream.epoch)) continue;
     if (!newest.contains(stream.type)) {
       auto of_type = FindRecordTable(stream.type)->FindNewest(*database_, options_.self, stream.type);
       if (!of_type) return tl::unexpected(of_type.error());
@@ -471,7 +471,8 @@ Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
     }
     for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
-        if (danger.is_guess && peer_log_.IsHadByAny({stream, seq})) continue;
+        // What a peer had, the other disk may have heard of.
+        if (is_guess && peer_log_.IsHadByAny({stream, seq})) continue;
         found.push_back({stream, seq});
       }
     }
@@ -833,8 +834,8 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 }
 
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
-  // A disk that takes nothing now keeps nobody from getting what is there: what is endangered is stored once more before
-  // the first record of a later epoch comes home.
+  // A disk that takes nothing now keeps nobody from getting what is there: what is endangered is stored once more
+  // before the first record of a later epoch comes home.
   const Result<void> learnt = LearnOwnEpochs(request.destination_have());
   if (!learnt && learnt.error().code == ErrorCode::kCorrupt) return tl::unexpected(learnt.error());
   return FindMissing(*database_, ledger_.have(), rules_, request);

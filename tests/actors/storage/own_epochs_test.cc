@@ -90,15 +90,15 @@ TEST(OwnEpochsTest, EndangersWhatALostDisksEpochCannotHaveKnown) {
   const std::uint64_t first = Epoch(1, kOurs, 0);
   const std::uint64_t second = Epoch(2, kOurs, first);
   OwnEpochs own = Began({first, second});
-  EXPECT_THAT(own.Endangered().epochs, IsEmpty());
+  EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t lost = Epoch(9, kLost, 0);
   own.Learn(lost);
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(first, second));
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(first, second));
   own.NoteBegun({Epoch(10, kOurs, lost), kOurs});
   own.Learn(Epoch(8, kLost, 0));
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(first, second)) << "none below the tenth";
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(first, second)) << "none below the tenth";
   own.Learn(Epoch(12, kLost, 0));
-  EXPECT_EQ(own.Endangered().epochs.size(), 3u) << "nor did a still later one";
+  EXPECT_EQ(own.Endangered().certain.size(), 3u) << "nor did a still later one";
 }
 
 TEST(OwnEpochsTest, EndangersNothingThatTheBaseKnew) {
@@ -106,10 +106,10 @@ TEST(OwnEpochsTest, EndangersNothingThatTheBaseKnew) {
   const std::uint64_t fifth = Epoch(5, kOurs, 0);
   OwnEpochs own = Began({first, fifth});
   own.Learn(Epoch(6, kLost, fifth));  // Our disk was away, and its replacement had heard of all that it had begun.
-  EXPECT_THAT(own.Endangered().epochs, IsEmpty());
+  EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t sixth = Epoch(6, kOurs, fifth);
   own.NoteBegun({sixth, kOurs});
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(sixth)) << "a base's counter is lower";
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(sixth)) << "a base's counter is lower";
 }
 
 TEST(OwnEpochsTest, FollowsAChainOfBases) {
@@ -121,9 +121,9 @@ TEST(OwnEpochsTest, FollowsAChainOfBases) {
   const std::uint64_t its_replacement = Epoch(6, kAnother, the_same_disk);
   for (const std::uint64_t epoch : {knew_third, the_same_disk, its_replacement}) own.Learn(epoch);
   own.Learn(Epoch(8, kAnother, kNeverShared));  // The replacement later on.
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(fifth));
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth));
   own.Learn(Epoch(6, kLost, fifth));  // The lost disk was put back meanwhile, and had heard of the fifth.
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(fifth)) << "but its replacement had not";
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(fifth)) << "but its replacement had not";
 }
 
 TEST(OwnEpochsTest, FindsWhereAnOlderCopyParted) {
@@ -133,12 +133,12 @@ TEST(OwnEpochsTest, FindsWhereAnOlderCopyParted) {
   const std::uint64_t others_third = Epoch(3, kOurs, second, second, 0);
   own.Learn(others_third);  // This file is an older copy, and what it was copied from had gone on.
   own.Learn(Epoch(4, kOurs, others_third));
-  EXPECT_THAT(own.Endangered().epochs, IsEmpty());
+  EXPECT_THAT(own.Endangered().certain, IsEmpty());
   const std::uint64_t third = Epoch(3, kOurs, second, second, 1);
   OwnEpochs inserted = Began({first, second, third});
   inserted.Learn(others_third);
   inserted.Learn(Epoch(4, kOurs, others_third));
-  EXPECT_THAT(inserted.Endangered().epochs, ElementsAre(third));
+  EXPECT_THAT(inserted.Endangered().certain, ElementsAre(third));
 }
 
 TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesParted) {
@@ -148,7 +148,7 @@ TEST(OwnEpochsTest, FindsWhereEachOfSeveralOlderCopiesParted) {
   OwnEpochs own = Began({first, second, third});
   own.Learn(Epoch(2, kOurs, first, first, 0));
   own.Learn(Epoch(4, kOurs, third));  // A second copy went on, of after all that this file holds.
-  EXPECT_THAT(own.Endangered().epochs, IsEmpty());
+  EXPECT_THAT(own.Endangered().certain, IsEmpty());
 }
 
 // Its file had stored once more what it had begun itself, as soon as it heard of the other copy.
@@ -158,23 +158,40 @@ TEST(OwnEpochsTest, EndangersNothingThatTheHighestOneKnew) {
   OwnEpochs own = Began({first, second});
   const std::uint64_t of_another_copy = Epoch(2, kOurs, first, first, 1);
   own.Learn(of_another_copy);
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(second));
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(second));
   own.Learn(Epoch(3, kOurs, of_another_copy, second));
-  EXPECT_THAT(own.Endangered().epochs, IsEmpty()) << "it was begun by a copy of this very file";
+  EXPECT_THAT(own.Endangered().certain, IsEmpty()) << "it was begun by a copy of this very file";
   own.Learn(Epoch(4, kLost, 0));
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(first, second)) << "a disk that knew nothing";
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(first, second)) << "a disk that knew nothing";
 }
 
 TEST(OwnEpochsTest, GuessesWhereNothingIsKnownOfWhatTheHighestOneWasBegunUpon) {
-  OwnEpochs own = Began({Epoch(1, kOurs, 0)});
+  const std::uint64_t first = Epoch(1, kOurs, 0);
+  OwnEpochs own = Began({first});
   const std::uint64_t later = Epoch(9, kLost, kNeverShared);
   own.Learn(later);
-  EXPECT_TRUE(own.Endangered().is_guess);
-  EXPECT_EQ(own.Endangered().epochs.size(), 1u);
+  EXPECT_THAT(own.Endangered().certain, IsEmpty());
+  EXPECT_THAT(own.Endangered().possible, ElementsAre(first));
   own.Learn(Epoch(10, kLost, later));
-  EXPECT_TRUE(own.Endangered().is_guess) << "nor of what its base was begun upon";
+  EXPECT_THAT(own.Endangered().possible, ElementsAre(first)) << "nor of what its base was begun upon";
   own.Learn(Epoch(2, kLost, 0));
-  EXPECT_FALSE(own.Endangered().is_guess) << "an earlier one of that disk, which was empty";
+  EXPECT_THAT(own.Endangered().possible, IsEmpty());
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(first)) << "an earlier one of that disk, which was empty";
+}
+
+TEST(OwnEpochsTest, GuessesWhereAMarkIsThatOfSeveral) {
+  const std::uint64_t first = Epoch(1, kOurs, 0);
+  std::uint64_t lost = Epoch(1, kLost, 0);
+  while (BaseMarkOf(lost) != BaseMarkOf(first)) ++lost;
+  OwnEpochs own = Began({first});
+  own.Learn(lost);
+  own.Learn(Epoch(2, kLost, lost));
+  EXPECT_THAT(own.Endangered().possible, ElementsAre(first)) << "it may have been begun upon either";
+  const std::uint64_t second = Epoch(2, kOurs, first);
+  own.NoteBegun({second, kOurs});
+  own.Learn(Epoch(3, kLost, Epoch(2, kLost, lost)));
+  EXPECT_THAT(own.Endangered().possible, ElementsAre(first));
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(second)) << "neither knew it";
 }
 
 TEST(OwnEpochsTest, SeesThatACopyPartedThoughItsFirstEpochIsNotKnown) {
@@ -183,7 +200,7 @@ TEST(OwnEpochsTest, SeesThatACopyPartedThoughItsFirstEpochIsNotKnown) {
   OwnEpochs own = Began({first, second});
   const std::uint64_t never_shared = Epoch(2, kOurs, first, first, 1);
   own.Learn(Epoch(3, kOurs, never_shared));
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(second));
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(second));
 }
 
 // The states of before the copy were known to what the store became.
@@ -196,7 +213,7 @@ TEST(OwnEpochsTest, SparesWhatABackupBroughtAlong) {
   own.NoteBegun({second, kLost});
   own.NoteBegun({third, kOurs});
   own.Learn(Epoch(9, kLost, 0));
-  EXPECT_THAT(own.Endangered().epochs, ElementsAre(third));
+  EXPECT_THAT(own.Endangered().certain, ElementsAre(third));
 }
 
 TEST(OwnEpochsTest, BelievesNoClaimThatIsTooHighAndKeepsABoundedNumber) {
@@ -255,10 +272,9 @@ class Robot {
     }
   }
 
-  // It hears of all: in danger is what the highest epoch of another disk did not know. Where two epochs have one mark
-  // nobody can tell.
+  // It hears of all: in danger is what the highest epoch of another disk did not know. Only where two epochs have one
+  // mark it may be a guess.
   void Check() {
-    if (is_ambiguous_) return;
     Hear();
     const auto highest = std::find_if(knew_.rbegin(), knew_.rend(),
                                       [this](const auto& later) { return !disk().begun.contains(later.first); });
@@ -267,9 +283,14 @@ class Robot {
       const bool is_below = highest != knew_.rend() && own < highest->first;
       if (is_below && !highest->second.contains(own)) expected.insert(own);
     }
-    const std::set<std::uint64_t> endangered = disk().own.Endangered().epochs;
-    for (const std::uint64_t epoch : expected) missed_ += endangered.contains(epoch) ? 0 : 1;
-    for (const std::uint64_t epoch : endangered) wrong_ += expected.contains(epoch) ? 0 : 1;
+    const OwnEpochs::Danger danger = disk().own.Endangered();
+    if (!is_ambiguous_) {
+      EXPECT_THAT(danger.possible, IsEmpty());
+    }
+    for (const std::uint64_t epoch : expected) {
+      missed_ += danger.certain.contains(epoch) || danger.possible.contains(epoch) ? 0 : 1;
+    }
+    for (const std::uint64_t epoch : danger.certain) wrong_ += expected.contains(epoch) ? 0 : 1;
     right_ += expected.size();
   }
 
