@@ -206,20 +206,26 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   if (!agents) return context.Report(agents.error());
   const auto has_failed = [](const LocalAgent& agent) { return agent.is_failed; };
   if (std::any_of(agents->begin(), agents->end(), has_failed)) return ShowOutcome(context, *agents);
+  const auto start = [&](LocalAgent& agent) {
+    Result<void> started = Start(context, arguments, agent);
+    if (!started) StopOurs(*agents);
+    return started;
+  };
   for (LocalAgent& agent : *agents) {
     if (agent.pid != 0) continue;
-    if (auto started = Start(context, arguments, agent); !started) {
-      StopOurs(*agents);
-      return context.Report(started.error());
-    }
+    if (auto started = start(agent); !started) return context.Report(started.error());
   }
   const auto deadline = SteadyClock::now() + kStartTimeout;
   for (LocalAgent& agent : *agents) {
     bool has_ended = false;
+    Result<void> started;
     const bool is_decided = WaitUntil(deadline, [&] {
+      // A process that was about to end when this command began is no running agent.
+      if (!agent.is_ours && OwnerOf(agent.folder) == 0) started = start(agent);
       has_ended = agent.is_ours && HasEnded(agent.pid);
-      return has_ended || AnsweringProcess(context, agent) == agent.pid;
+      return !started || has_ended || AnsweringProcess(context, agent) == agent.pid;
     });
+    if (!started) return context.Report(started.error());
     agent.state = agent.is_ours ? "started" : "was running";
     agent.is_failed = has_ended || !is_decided;
     if (has_ended) {

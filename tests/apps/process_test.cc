@@ -6,9 +6,12 @@
 
 #include <algorithm>
 #include <fstream>
+#include <future>
+#include <optional>
 #include <random>
 #include <set>
 
+#include "apps/common/data_folder.h"
 #include "model/text.h"
 #include "tests/apps/process_team.h"
 
@@ -27,8 +30,9 @@ class ProcessTest : public ProcessTeam {
     text.replace(text.find(manual), manual.size(), "failover: automatic, leader_timeout_s: 2");
     ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
     MoonctlExpecting(0, {"up"});
-    ASSERT_TRUE(
-        Until([this] { return MoonctlExpecting(0, {"status", "-a", "rover2"}).find("3/3") != std::string::npos; }));
+    ASSERT_TRUE(Until([this] {
+      return MoonctlExpecting(0, {"status", "-a", "rover2"}).find("3/3") != std::string::npos;
+    }));
   }
 };
 
@@ -415,6 +419,19 @@ TEST_F(ProcessTest, RefusesASecondAgentOnTheSameDataOrAddress) {
   EXPECT_EQ(std::count(same_address.error.begin(), same_address.error.end(), '\n'), 1) << same_address.error;
   // The first one is none the worse.
   EXPECT_EQ(Moonctl({"status", "-a", "rover1"}).exit_code, 0);
+}
+
+// As after `kill -9`, whose process holds its files for a moment longer.
+TEST_F(ProcessTest, StartsAnAgentWhoseProcessIsStillEnding) {
+  std::optional<DataFolderLock> ending = *DataFolderLock::Take(folder_ / "moondb-data" / "rover1");
+  auto up = std::async(std::launch::async, [this] { return Moonctl({"up", "-a", "rover1"}); });
+  (void)up.wait_for(std::chrono::milliseconds(500));  // It has looked by then who runs, or finds nobody anyway.
+  ending.reset();
+  const Outcome outcome = up.get();
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+  EXPECT_THAT(outcome.out, HasSubstr("started"));
+  MoonctlExpecting(0, {"status", "-a", "rover1"});
+  MoonctlExpecting(0, {"down"});
 }
 
 TEST_F(ProcessTest, StartsNothingOnABadTeamFile) {
