@@ -41,8 +41,8 @@ class Client {
     Duration timeout = std::chrono::seconds(10);        // Of a call, once connected; beyond a read's wait_s.
     Duration long_timeout = std::chrono::seconds(600);  // Of what TakesLong (model/control_request.h).
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
-    AgentId for_agent =
-        0;                // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
+    // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
+    AgentId for_agent = 0;
     std::string by = {};  // Who asks, for the team's story: "anna@hill". Empty: this user at this machine.
     // TeamConfig::team_id of the client's team file. An agent of another team refuses, and its answers are refused;
     // empty: any team's are taken.

@@ -265,7 +265,8 @@ void ActorCell::SettleHandler(Mailbox::Item* item, const std::optional<Error>& f
 
 void ActorCell::Recover(Mailbox::Item* item, const Error& failure) {
   const MonotonicTime failed = now();
-  const Supervisor::Verdict verdict = supervisor_.OnFailure(failure, failed, static_cast<double>(rng()() >> 11) * 0x1.0p-53);
+  const Supervisor::Verdict verdict =
+      supervisor_.OnFailure(failure, failed, static_cast<double>(rng()() >> 11) * 0x1.0p-53);
   const bool is_final = verdict.action == Supervisor::Action::kBeyondHelp;
   system_.trace().Add(MakeRecord(is_final ? proto::TRACE_BEYOND_HELP : proto::TRACE_FAILED, TickClock::Now()));
   EnterState(is_final ? State::kBeyondHelp : State::kAway);

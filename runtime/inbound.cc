@@ -12,8 +12,8 @@
 namespace moondb {
 namespace {
 
-// What agents and clients have cause to send. What a client wants of another agent travels as a ControlRequest, which the
-// gateway there checks; users' own actors speak by `custom`. Every other body belongs to the actors of one agent.
+// What agents and clients have cause to send. What a client wants of another agent travels as a ControlRequest, which
+// the gateway there checks; users' own actors speak by `custom`. Every other body belongs to the actors of one agent.
 bool MayComeFromOutside(const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kHello:

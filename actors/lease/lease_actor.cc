@@ -192,8 +192,8 @@ void LeaseActor::TellOwnActors(Context& context) {
   message.set_ms_type(proto::EVENT);
   *message.mutable_leases_changed()->mutable_leases() = leases_.Left(context.now());
   std::erase_if(untold_, [this, &context, &message](const std::string& actor) {
-    return context.Send({options_.self, actor}, proto::Message(message)) !=
-           SendResult::kFull;  // Not every agent has all.
+    // Not every agent has all of them, so that any other result ends it too.
+    return context.Send({options_.self, actor}, proto::Message(message)) != SendResult::kFull;
   });
   if (tell_timer_ != 0) context.Cancel(std::exchange(tell_timer_, 0));
   if (!untold_.empty()) tell_timer_ = context.AfterTimer(options_.tell_again, kTell);

@@ -106,7 +106,7 @@ struct RoverResult {
   std::size_t node_count = 0;
   std::size_t range_count = 0;  // Accepted ones at this rover.
   std::size_t rejected_range_count = 0;
-  std::string text;             // What could not be determined; empty when nothing.
+  std::string text;  // What could not be determined; empty when nothing.
 };
 
 // One per usable range that had a part in the solve, in the order of CheckedGraph::ranges.

@@ -224,8 +224,8 @@ void RoleActor::Apply(Context& context, const proto::RoleAssignment& roles) {
 // One that missed a change would act on the old roles until the next.
 void RoleActor::TellOwnActors(Context& context) {
   std::erase_if(untold_, [this, &context](const std::string& actor) {
-    return context.Send({options_.self, actor}, proto::Message(roles_changed_)) !=
-           SendResult::kFull;  // Not every agent has all.
+    // Not every agent has all of them, so that any other result ends it too.
+    return context.Send({options_.self, actor}, proto::Message(roles_changed_)) != SendResult::kFull;
   });
   if (tell_timer_ != 0) context.Cancel(tell_timer_);
   tell_timer_ = untold_.empty() ? 0 : context.AfterTimer(options_.tell_again, kTell);

@@ -143,8 +143,8 @@ void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
     refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) + " runs with another team configuration");
   }
   // An agent whose disk takes no newer roles acts on them without its own: that is no assignment to hand on.
-  const bool is_assignment = hello.roles().leader() != 0 &&
-                             (hello.roles().survivor() != 0 || InitialRoles(options_.team).survivor() == 0);
+  const bool is_assignment =
+      hello.roles().leader() != 0 && (hello.roles().survivor() != 0 || InitialRoles(options_.team).survivor() == 0);
   if (is_assignment && OrderOf(hello.roles().term()) != OrderOf(roles_.term())) {
     // One of the two has missed a change; RoleActor knows what to do, agent_id tells it about whom.
     proto::Message announce;
@@ -406,9 +406,7 @@ void SharingActor::StartStepTimer(Context& context, Duration delay, std::uint64_
   (void)context.AfterTimer(delay, kStep, step);
 }
 
-std::string SharingActor::NameOf(AgentId agent) const {
-  return AgentName(options_.team, agent);
-}
+std::string SharingActor::NameOf(AgentId agent) const { return AgentName(options_.team, agent); }
 
 bool SharingActor::IsWindowOpen(const Context& context, AgentId peer) const {
   return leases_.IsOpen(options_.self, peer, context.now());

@@ -1,8 +1,8 @@
 // SharingReceiver: the receiving side of all sessions of one kind.
 //
 //   Hello -> HaveRequest to storage -> Have (whole) to the sender
-//   Batch -> decoded -> StoreRequest to storage -> StoreReply, after the commit -> Have (touched streams): the
-//   acknowledgment
+//   Batch -> decoded -> StoreRequest to storage -> StoreReply, after the commit -> Have (touched streams), which
+//            acknowledges
 //
 // Keeps nothing that matters: what was stored shows in the have-set. A sender has one session; its newer Hello
 // replaces it. Everything is bounded: sessions, StoreRequests that wait per sender, coded and decoded bytes. A batch

@@ -201,8 +201,8 @@ class SharingSession {
   std::set<AgentId> asked_;         // Of whose streams have_ speaks; empty: of all.
   std::set<DataType> asked_types_;  // Whatever the origin.
   HaveSet have_;                    // Of the destination, as it said.
-  HaveSet
-      refused_;  // What acknowledged batches carried and the destination did not take; not sent again before a restart.
+  // What acknowledged batches carried and the destination did not take; not sent again before a restart.
+  HaveSet refused_;
   std::optional<CodedRecords> ready_;
   // One record on its way in pieces, those behind what is ready.
   struct Large {

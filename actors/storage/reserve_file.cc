@@ -13,8 +13,8 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kPartOfDisk = 8;
-constexpr int kBlockBytes =
-    64 * 1024;  // Of one write: SQLite's own are no longer, and its VFS takes no more than 128 KiB.
+// Of one write: SQLite's own are no longer, and its VFS takes no more than 128 KiB.
+constexpr int kBlockBytes = 64 * 1024;
 
 // A file of the VFS; closed when this goes away.
 class OpenFile {

@@ -80,10 +80,10 @@ TEST(InboundTest, RefusesFramesThatNoTransportMakes) {
 
 // Every body but those that are listed here, so that a new one is refused until somebody lists it.
 TEST(InboundTest, RefusesWhatMustNotLeaveItsAgent) {
-  const std::set<std::string> may_leave = {
-      "hello",          "have",         "batch",        "refusal",       "share_request", "share_reply",
-      "role_announce",  "lease_announce", "link_report", "clock_report", "epoch_report",  "leader_check",
-      "control_request", "control_reply", "custom"};
+  const std::set<std::string> may_leave = {"hello",           "have",          "batch",         "refusal",
+                                           "share_request",   "share_reply",   "role_announce", "lease_announce",
+                                           "link_report",     "clock_report",  "epoch_report",  "leader_check",
+                                           "control_request", "control_reply", "custom"};
   const auto* bodies = proto::Message::descriptor()->FindOneofByName("body");
   for (int i = 0; i < bodies->field_count(); ++i) {
     const auto* field = bodies->field(i);

@@ -3,9 +3,8 @@
 //
 //   batch   := version, maps, size of rows * 2 + (1: as a zstd frame), rows, cells
 //   maps    := 0: no cells are coded | 1, maps before | 2, the reference: begins a run
-//   rows    := record count, checksum, contents (row_codec.h) behind columns (number_column.h) of origins, epochs,
-//   types,
-//              seqs, hashes and "its cells are coded"
+//   rows    := record count, checksum, contents (row_codec.h) behind columns (number_column.h) of origins,
+//              epochs, types, seqs, hashes and "its cells are coded"
 //
 // The frame of a run's later batch refers to the rows of the one before. Those of a run's batches that have coded cells
 // must be decoded in the order in which they were encoded: each says how many such maps came before it, and a decoder
@@ -34,8 +33,8 @@ namespace moondb {
 
 inline constexpr std::uint8_t kBatchFormatVersion = 1;
 inline constexpr std::size_t kBatchContentBytesMax = 32 * 1024 * 1024;
-inline constexpr std::size_t kBatchRowsBytesMax =
-    34 * 1024 * 1024;  // Before zstd: the contents and what is beside them.
+// Before zstd: the contents and what is beside them.
+inline constexpr std::size_t kBatchRowsBytesMax = 34 * 1024 * 1024;
 
 // A map that both ends hold.
 struct MapReference {

@@ -47,8 +47,8 @@ std::filesystem::path FolderOfFolders() {
   return std::filesystem::is_directory(memory, ignored) ? memory : std::filesystem::temp_directory_path();
 }
 
-// In EventActor's place for what the gateway asks of it: events come whenever something happens, and would differ between
-// agents that are compared.
+// In EventActor's place for what the gateway asks of it: events come whenever something happens, and would differ
+// between agents that are compared.
 class NoFindings final : public Actor {
  public:
   void OnMessage(Context& context, const proto::Message& message) override {
