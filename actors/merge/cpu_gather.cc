@@ -89,9 +89,9 @@ class Gatherer {
       if (open == 0) break;
     }
     const bool is_known = is_started && !gathered->blocks.empty();
-    if (is_known) tile = std::move(gathered);
-    if (!before || !is_known) return before.has_value() != is_known;
-    return before->known != tile->known || before->hazard != tile->hazard;
+    if (!is_known) return before.has_value();
+    tile = std::move(gathered);
+    return !before || before->known != tile->known || before->hazard != tile->hazard;
   }
 
   struct Masks {

@@ -42,7 +42,7 @@ class Comparison {
       return {};
     }
     const auto [smaller, larger] = Halves(seqs);
-    if (const Result<void> looked = Look(stream, smaller); !looked) return looked;
+    if (Result<void> looked = Look(stream, smaller); !looked) return looked;
     return Look(stream, larger);
   }
 
