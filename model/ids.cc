@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "model/data_types.h"
+
 namespace moondb {
 
 namespace {
@@ -39,32 +41,16 @@ std::optional<DataType> DataTypeFromName(std::string_view name) {
 const std::vector<DataType>& BuiltInDataTypes() {
   static const std::vector<DataType> kTypes = [] {
     std::vector<DataType> types;
-    const auto* known = proto::DataType_descriptor();
-    for (int i = 0; i < known->value_count(); ++i) {
-      if (known->value(i)->number() != 0) types.push_back(static_cast<DataType>(known->value(i)->number()));
-    }
-    std::sort(types.begin(), types.end());
+    for (const DataTypeRow& row : DataTypeRows()) types.push_back(row.type);
     return types;
   }();
   return kTypes;
 }
 
 int SharingRank(DataType type) {
-  if (type < proto::POSE_GRAPH_NODE) return 0;
-  switch (type) {
-    case proto::POSE_GRAPH_NODE:
-      return 1;
-    case proto::POSE_GRAPH_EDGE:
-      return 2;
-    case proto::OPTIMIZED_POSE:
-    case proto::EDGE_VERDICT:
-    case proto::MAP_QUARANTINE:
-      return 3;
-    case proto::LOCAL_TRAVERSABILITY_MAP:
-      return 5;
-    default:
-      return 4;
-  }
+  if (type == proto::DATA_TYPE_UNSPECIFIED) return static_cast<int>(ShareRank::kStates);
+  const DataTypeRow* row = FindDataType(type);
+  return static_cast<int>(row == nullptr ? ShareRank::kOthers : row->rank);
 }
 
 std::string RoleName(proto::Role role) {

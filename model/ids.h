@@ -42,8 +42,8 @@ std::optional<DataType> DataTypeFromName(std::string_view name);
 // In the order of their numbers.
 const std::vector<DataType>& BuiltInDataTypes();
 
-// The built-in types, in the order in which they are shared: states, nodes, edges, optimized poses and verdicts, maps.
-// A smaller rank goes first; custom types rank before maps.
+// The order in which types are shared, a ShareRank (model/data_types.h): a smaller one goes first. Messages that are of
+// no type go with the states, types without a row with the custom ones.
 int SharingRank(DataType type);
 
 // "rover", "leader", "designated_survivor", "base_station".

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "model/data_types.h"
 #include "model/error.h"
 #include "model/ids.h"
 #include "proto/record.pb.h"
@@ -24,6 +26,9 @@ DataType TypeOf(const proto::Record& record);
 // record whose id is not 1000 to 1999 or whose payload, key or metadata is too long, or whose metadata is not UTF-8.
 // Whether agents and custom types exist in the team is the caller's to check.
 Result<void> CheckRecord(const proto::Record& record);
+
+// The agents that the record speaks of, in the order of its fields.
+std::vector<NamedAgent> AgentsNamedIn(const proto::Record& record);
 
 // The `latest` key of a record (empty for states; the node for optimized poses; the edge for verdicts; a custom
 // record's own), as bytes.

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "model/prune_rules.h"
+#include "model/record_check.h"
 #include "model/team_id.h"
 #include "model/term.h"
 
@@ -21,33 +22,11 @@ Result<void> CheckMember(const proto::TeamConfig& team, std::uint64_t id, const 
   return Fail(ErrorCode::kInvalid, "agent " + std::to_string(id) + " is not of team " + team.team(), field);
 }
 
-Result<void> CheckBothEnds(const proto::TeamConfig& team, std::uint64_t from, std::uint64_t to,
-                           const std::string& field) {
-  if (auto checked = CheckMember(team, from, field + ".from.agent_id"); !checked) return checked;
-  return CheckMember(team, to, field + ".to.agent_id");
-}
-
 Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Record& record, const std::string& at) {
-  switch (record.body_case()) {
-    case proto::Record::kPoseGraphNode:
-      return CheckMember(team, record.pose_graph_node().node().agent_id(), at + ".pose_graph_node.node.agent_id");
-    case proto::Record::kPoseGraphEdge:
-      return CheckBothEnds(team, record.pose_graph_edge().from().agent_id(), record.pose_graph_edge().to().agent_id(),
-                           at + ".pose_graph_edge");
-    case proto::Record::kOptimizedPose:
-      return CheckMember(team, record.optimized_pose().node().agent_id(), at + ".optimized_pose.node.agent_id");
-    case proto::Record::kEdgeVerdict:
-      return CheckBothEnds(team, record.edge_verdict().from().agent_id(), record.edge_verdict().to().agent_id(),
-                           at + ".edge_verdict");
-    case proto::Record::kLocalTraversabilityMap:
-      return CheckMember(team, record.local_traversability_map().node().agent_id(),
-                         at + ".local_traversability_map.node.agent_id");
-    case proto::Record::kMapQuarantine:
-      if (record.map_quarantine().has_lifts()) return {};
-      return CheckMember(team, record.map_quarantine().agent_id(), at + ".map_quarantine.agent_id");
-    default:
-      return {};
+  for (const NamedAgent& named : AgentsNamedIn(record)) {
+    if (auto checked = CheckMember(team, named.agent, at + "." + named.field); !checked) return checked;
   }
+  return {};
 }
 
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert) {

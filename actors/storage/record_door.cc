@@ -19,39 +19,21 @@ Result<void> CheckAgent(AgentId agent, const std::set<AgentId>& team, const std:
   return Fail(ErrorCode::kInvalid, "agent " + std::to_string(agent) + " is not in the team", field);
 }
 
-Result<void> CheckOwnNode(const proto::NodeKey& node, AgentId origin, const std::string& field) {
-  if (node.agent_id() == origin) return {};
-  return Fail(ErrorCode::kInvalid,
-              "belongs to agent " + std::to_string(node.agent_id()) + "; only that agent inserts it", field);
-}
-
-Result<void> CheckEnds(const proto::NodeKey& from, const proto::NodeKey& to, const std::set<AgentId>& team,
-                       const std::string& field) {
-  const Result<void> checked = CheckAgent(from.agent_id(), team, field + ".from.agent_id");
-  return checked ? CheckAgent(to.agent_id(), team, field + ".to.agent_id") : checked;
-}
-
 }  // namespace
 
 Result<void> CheckOwnership(const proto::Record& record, AgentId origin, const std::set<AgentId>& team) {
   if (const Result<void> checked = CheckRecord(record); !checked) return checked;
-  switch (record.body_case()) {
-    case proto::Record::kPoseGraphNode:
-      return CheckOwnNode(record.pose_graph_node().node(), origin, "pose_graph_node.node.agent_id");
-    case proto::Record::kLocalTraversabilityMap:
-      return CheckOwnNode(record.local_traversability_map().node(), origin, "local_traversability_map.node.agent_id");
-    case proto::Record::kPoseGraphEdge:
-      return CheckEnds(record.pose_graph_edge().from(), record.pose_graph_edge().to(), team, "pose_graph_edge");
-    case proto::Record::kEdgeVerdict:
-      return CheckEnds(record.edge_verdict().from(), record.edge_verdict().to(), team, "edge_verdict");
-    case proto::Record::kOptimizedPose:
-      return CheckAgent(record.optimized_pose().node().agent_id(), team, "optimized_pose.node.agent_id");
-    case proto::Record::kMapQuarantine:
-      if (record.map_quarantine().has_lifts()) return {};
-      return CheckAgent(record.map_quarantine().agent_id(), team, "map_quarantine.agent_id");
-    default:
-      return {};
+  const DataTypeRow* row = FindDataType(TypeOf(record));
+  const bool is_of_origin = row != nullptr && row->is_of_origin;
+  for (const NamedAgent& named : AgentsNamedIn(record)) {
+    if (!is_of_origin) {
+      if (const Result<void> known = CheckAgent(named.agent, team, named.field); !known) return known;
+    } else if (named.agent != origin) {
+      return Fail(ErrorCode::kInvalid,
+                  "belongs to agent " + std::to_string(named.agent) + "; only that agent inserts it", named.field);
+    }
   }
+  return {};
 }
 
 Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::set<AgentId>& team) {

@@ -1,0 +1,267 @@
+#include "model/data_types.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "model/event.h"
+#include "model/record_key.h"
+#include "model/traversability_map.h"
+
+namespace moondb {
+
+namespace {
+
+using proto::Record;
+
+constexpr double kRangeMax_m = 1e6;
+constexpr int kCovarianceNumbers = 21;
+constexpr std::size_t kHealthTextBytesMax = 1024;
+constexpr std::size_t kQuarantineReasonBytesMax = 1024;
+
+bool IsPositiveDefinite(const google::protobuf::RepeatedField<double>& upper_triangle) {
+  Eigen::Matrix<double, 6, 6> covariance;
+  int next = 0;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) {
+      covariance(row, column) = covariance(column, row) = upper_triangle[next++];
+    }
+  }
+  return covariance.allFinite() && Eigen::LLT<Eigen::Matrix<double, 6, 6>>(covariance).info() == Eigen::Success;
+}
+
+void CheckOdometry(const proto::RelativePose& pose, FieldChecker& check) {
+  check.Pose(pose.from_from_to(), "pose_graph_edge.relative_pose.from_from_to");
+  const auto& covariance = pose.covariance();
+  check.Require(covariance.size() == kCovarianceNumbers && IsPositiveDefinite(covariance),
+                "pose_graph_edge.relative_pose.covariance", "must be 21 numbers, positive definite");
+}
+
+void CheckRange(const proto::Range& range, FieldChecker& check) {
+  check.Require(range.range_m() >= 0 && range.range_m() <= kRangeMax_m, "pose_graph_edge.range.range_m",
+                "must lie between 0 and 1e6 m");
+  check.Require(range.variance_m2() > 0 && std::isfinite(range.variance_m2()), "pose_graph_edge.range.variance_m2",
+                "must be positive and finite");
+}
+
+void CheckEdge(const Record& record, FieldChecker& check) {
+  const proto::PoseGraphEdge& edge = record.pose_graph_edge();
+  check.Node(edge.from(), "pose_graph_edge.from");
+  check.Node(edge.to(), "pose_graph_edge.to");
+  check.Require(FromProto(edge.from()) != FromProto(edge.to()), "pose_graph_edge.to", "is the same node as from");
+  const bool is_one_agent = edge.from().agent_id() == edge.to().agent_id();
+  switch (edge.measurement_case()) {
+    case proto::PoseGraphEdge::kRelativePose:
+      check.Require(is_one_agent, "pose_graph_edge.to.agent_id", "odometry joins nodes of one agent");
+      return CheckOdometry(edge.relative_pose(), check);
+    case proto::PoseGraphEdge::kRange:
+      check.Require(!is_one_agent, "pose_graph_edge.to.agent_id", "a range joins nodes of two agents");
+      return CheckRange(edge.range(), check);
+    case proto::PoseGraphEdge::MEASUREMENT_NOT_SET:
+      check.Require(false, "pose_graph_edge.measurement", "is missing");
+  }
+}
+
+void CheckQuarantine(const Record& record, FieldChecker& check) {
+  const proto::MapQuarantine& quarantine = record.map_quarantine();
+  check.Text(quarantine.reason(), kQuarantineReasonBytesMax, "map_quarantine.reason");
+  if (quarantine.has_lifts()) {
+    const proto::RecordKey& lifted = quarantine.lifts();
+    check.Agent(lifted.origin_agent(), "map_quarantine.lifts.origin_agent");
+    check.Require(lifted.data_type() == proto::MAP_QUARANTINE, "map_quarantine.lifts.data_type",
+                  "must be that of a quarantine");
+    check.Require(lifted.epoch() != 0 && lifted.seq() >= 1 && lifted.seq() <= kSeqMax, "map_quarantine.lifts",
+                  "names no shared record");
+    return;
+  }
+  check.Agent(quarantine.agent_id(), "map_quarantine.agent_id");
+  check.Require(quarantine.from_ns() <= quarantine.to_ns(), "map_quarantine.to_ns", "lies before from_ns");
+}
+
+std::vector<NamedAgent> EndsOf(const proto::NodeKey& from, const proto::NodeKey& to, const std::string& field) {
+  return {{from.agent_id(), field + ".from.agent_id"}, {to.agent_id(), field + ".to.agent_id"}};
+}
+
+std::string NodeText(const proto::NodeKey& node) {
+  return std::to_string(node.agent_id()) + ":" + std::to_string(node.index());
+}
+
+std::string EdgeText(const proto::NodeKey& from, const proto::NodeKey& to, bool is_range) {
+  return (is_range ? "range " : "odometry ") + NodeText(from) + " " + NodeText(to);
+}
+
+constexpr std::array kRows = std::to_array<DataTypeRow>({
+    {.type = proto::TEMPERATURE,
+     .check = [](const Record& record,
+                 FieldChecker& check) { check.Finite(record.temperature().celsius(), "temperature.celsius"); }},
+
+    {.type = proto::POWER,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Ratio(record.power().battery_ratio(), "power.battery_ratio");
+           check.Finite(record.power().draw_w(), "power.draw_w");
+         }},
+
+    {.type = proto::AWAKE_STATUS, .check = [](const Record&, FieldChecker&) {}},
+
+    {.type = proto::MODE,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Require(proto::Activity_IsValid(record.mode().activity()), "mode.activity", "is unknown");
+         }},
+
+    {.type = proto::HEALTH,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Require(proto::HealthLevel_IsValid(record.health().level()), "health.level", "is unknown");
+           check.Size(record.health().text(), kHealthTextBytesMax, "health.text");
+         }},
+
+    {.type = proto::EXPLORATION,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Ratio(record.exploration().explored_ratio(), "exploration.explored_ratio");
+         }},
+
+    {.type = proto::DISTRIBUTED_MEASUREMENTS,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Ratio(record.distributed_measurements().completed_ratio(), "distributed_measurements.completed_ratio");
+         }},
+
+    {.type = proto::POSE_GRAPH_NODE,
+     .rank = ShareRank::kNodes,
+     .share = proto::POLICY_ALL,
+     .ground = proto::POLICY_ALL,
+     .is_kept_unless_named = true,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Node(record.pose_graph_node().node(), "pose_graph_node.node");
+           check.Pose(record.pose_graph_node().map_from_node(), "pose_graph_node.map_from_node");
+         },
+     .agents =
+         [](const Record& record) {
+           return std::vector<NamedAgent>{
+               {record.pose_graph_node().node().agent_id(), "pose_graph_node.node.agent_id"}};
+         },
+     .is_of_origin = true,
+     .natural_key = [](const Record& record) { return NodeText(record.pose_graph_node().node()); }},
+
+    {.type = proto::POSE_GRAPH_EDGE,
+     .rank = ShareRank::kEdges,
+     .share = proto::POLICY_ALL,
+     .ground = proto::POLICY_NONE,
+     .is_kept_unless_named = true,
+     .check = CheckEdge,
+     .agents =
+         [](const Record& record) {
+           return EndsOf(record.pose_graph_edge().from(), record.pose_graph_edge().to(), "pose_graph_edge");
+         },
+     .natural_key =
+         [](const Record& record) {
+           const proto::PoseGraphEdge& edge = record.pose_graph_edge();
+           return EdgeText(edge.from(), edge.to(), edge.has_range());
+         }},
+
+    {.type = proto::OPTIMIZED_POSE,
+     .rank = ShareRank::kDerived,
+     .is_kept_unless_named = true,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Node(record.optimized_pose().node(), "optimized_pose.node");
+           check.Pose(record.optimized_pose().map_from_node(), "optimized_pose.map_from_node");
+           check.Term(record.optimized_pose().term(), "optimized_pose.term");
+         },
+     .agents =
+         [](const Record& record) {
+           return std::vector<NamedAgent>{{record.optimized_pose().node().agent_id(), "optimized_pose.node.agent_id"}};
+         },
+     .latest_key = [](const Record& record) { return NodeText(record.optimized_pose().node()); },
+     .version =
+         [](const Record& record) {
+           return RecordVersion{OrderOf(record.optimized_pose().term()), record.optimized_pose().run()};
+         }},
+
+    {.type = proto::EDGE_VERDICT,
+     .rank = ShareRank::kDerived,
+     .ground = proto::POLICY_NONE,
+     .is_kept_unless_named = true,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           check.Node(record.edge_verdict().from(), "edge_verdict.from");
+           check.Node(record.edge_verdict().to(), "edge_verdict.to");
+           check.Finite(record.edge_verdict().residual_sigmas(), "edge_verdict.residual_sigmas");
+           check.Term(record.edge_verdict().term(), "edge_verdict.term");
+         },
+     .agents =
+         [](const Record& record) {
+           return EndsOf(record.edge_verdict().from(), record.edge_verdict().to(), "edge_verdict");
+         },
+     .latest_key =
+         [](const Record& record) {
+           const proto::EdgeVerdict& verdict = record.edge_verdict();
+           return EdgeText(verdict.from(), verdict.to(), verdict.is_range());
+         },
+     .version =
+         [](const Record& record) {
+           return RecordVersion{OrderOf(record.edge_verdict().term()), record.edge_verdict().run()};
+         }},
+
+    {.type = proto::LOCAL_TRAVERSABILITY_MAP,
+     .rank = ShareRank::kMaps,
+     .share = proto::POLICY_ALL,
+     .ground = proto::POLICY_NONE,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           const Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
+           if (!map) check.Stop(map.error(), "local_traversability_map");
+         },
+     .agents =
+         [](const Record& record) {
+           return std::vector<NamedAgent>{
+               {record.local_traversability_map().node().agent_id(), "local_traversability_map.node.agent_id"}};
+         },
+     .is_of_origin = true},
+
+    {.type = proto::MAP_QUARANTINE,
+     .rank = ShareRank::kDerived,
+     .share = proto::POLICY_ALL,
+     .ground = proto::POLICY_ALL,
+     .may_be_latest = false,  // One quarantine does not take another one's place.
+     .is_kept_unless_named = true,
+     .check = CheckQuarantine,
+     .agents =
+         [](const Record& record) {
+           const proto::MapQuarantine& quarantine = record.map_quarantine();
+           if (quarantine.has_lifts()) return std::vector<NamedAgent>();
+           return std::vector<NamedAgent>{{quarantine.agent_id(), "map_quarantine.agent_id"}};
+         }},
+
+    {.type = proto::AGENT_EVENT,
+     .rank = ShareRank::kOthers,
+     .share = proto::POLICY_ALL,
+     .ground = proto::POLICY_ALL,
+     .check =
+         [](const Record& record, FieldChecker& check) {
+           const proto::AgentEvent& event = record.agent_event();
+           check.Require(event.kind() != proto::EVENT_KIND_UNSPECIFIED, "agent_event.kind", "is missing");
+           check.Text(event.text(), kEventTextBytesMax, "agent_event.text");
+           check.Text(event.by(), kEventByBytesMax, "agent_event.by");
+         }},
+});
+
+static_assert(std::ranges::is_sorted(kRows, {}, &DataTypeRow::type), "FindDataType searches them by number");
+static_assert(std::ranges::none_of(kRows, [](const DataTypeRow& row) { return row.check == nullptr; }),
+              "a data type without a check: one with nothing to check has an empty function");
+
+}  // namespace
+
+std::span<const DataTypeRow> DataTypeRows() { return kRows; }
+
+const DataTypeRow* FindDataType(DataType type) {
+  const auto found = std::ranges::lower_bound(kRows, type, {}, &DataTypeRow::type);
+  return found == kRows.end() || found->type != type ? nullptr : &*found;
+}
+
+}  // namespace moondb
