@@ -5,94 +5,10 @@
 
 #include "model/check.h"
 #include "model/record_check.h"
-#include "model/text.h"
 
 namespace moondb {
 
 namespace {
-
-void BindPose(const proto::Pose& pose, Query& query) {
-  query << pose.position_m().x() << pose.position_m().y() << pose.position_m().z();
-  query << pose.orientation().x() << pose.orientation().y() << pose.orientation().z() << pose.orientation().w();
-}
-
-void BindNode(const proto::NodeKey& node, Query& query) { query << node.agent_id() << node.index(); }
-
-void BindVersion(const proto::Term& term, std::uint64_t run, Query& query) {
-  query << term.number() << term.issuer() << term.issuer_epoch() << run;
-}
-
-void BindTemperature(const proto::Record& record, Query& query) { query << record.temperature().celsius(); }
-
-void BindPower(const proto::Record& record, Query& query) {
-  query << record.power().battery_ratio() << record.power().draw_w();
-}
-
-void BindAwakeStatus(const proto::Record& record, Query& query) { query << record.awake_status().is_awake(); }
-
-void BindMode(const proto::Record& record, Query& query) { query << static_cast<int>(record.mode().activity()); }
-
-void BindHealth(const proto::Record& record, Query& query) {
-  query << static_cast<int>(record.health().level()) << std::string_view(record.health().text());
-}
-
-void BindExploration(const proto::Record& record, Query& query) { query << record.exploration().explored_ratio(); }
-
-void BindDistributedMeasurements(const proto::Record& record, Query& query) {
-  query << record.distributed_measurements().completed_ratio();
-}
-
-void BindPoseGraphNode(const proto::Record& record, Query& query) {
-  BindNode(record.pose_graph_node().node(), query);
-  BindPose(record.pose_graph_node().map_from_node(), query);
-}
-
-void BindPoseGraphEdge(const proto::Record& record, Query& query) {
-  const proto::PoseGraphEdge& edge = record.pose_graph_edge();
-  BindNode(edge.from(), query);
-  BindNode(edge.to(), query);
-  query << edge.has_range();
-  if (edge.has_range()) {
-    query << edge.range().range_m() << edge.range().variance_m2();
-  } else {
-    query << nullptr << nullptr;
-  }
-}
-
-void BindOptimizedPose(const proto::Record& record, Query& query) {
-  BindNode(record.optimized_pose().node(), query);
-  BindVersion(record.optimized_pose().term(), record.optimized_pose().run(), query);
-  BindPose(record.optimized_pose().map_from_node(), query);
-}
-
-void BindEdgeVerdict(const proto::Record& record, Query& query) {
-  const proto::EdgeVerdict& verdict = record.edge_verdict();
-  BindNode(verdict.from(), query);
-  BindNode(verdict.to(), query);
-  query << verdict.is_range() << verdict.is_inlier() << verdict.residual_sigmas();
-  BindVersion(verdict.term(), verdict.run(), query);
-}
-
-void BindLocalTraversabilityMap(const proto::Record& record, Query& query) {
-  const proto::LocalTraversabilityMap& map = record.local_traversability_map();
-  BindNode(map.node(), query);
-  // CheckRecord demands a layer; the finest stands first.
-  const proto::MapLayer& finest = map.layers(0);
-  query << map.layers_size() << finest.resolution_um() << finest.width_cells() << finest.height_cells();
-  BindPose(map.node_from_map(), query);
-}
-
-void BindMapQuarantine(const proto::Record& record, Query& query) {
-  const proto::MapQuarantine& quarantine = record.map_quarantine();
-  const std::string lifts = quarantine.has_lifts() ? ToString(FromProto(quarantine.lifts())) : "";
-  query << quarantine.agent_id() << quarantine.from_ns() << quarantine.to_ns() << std::string_view(quarantine.reason())
-        << std::string_view(lifts);
-}
-
-void BindEvent(const proto::Record& record, Query& query) {
-  const proto::AgentEvent& event = record.agent_event();
-  query << static_cast<int>(event.kind()) << std::string_view(event.text()) << std::string_view(event.by());
-}
 
 void BindCustom(const proto::Record& record, std::string_view content, Query& query) {
   const proto::CustomRecord& custom = record.custom();
@@ -102,76 +18,48 @@ void BindCustom(const proto::Record& record, std::string_view content, Query& qu
   query << custom.data_type() << std::string_view(custom.metadata()) << payload_at << custom.payload().size();
 }
 
-template <void (*kBind)(const proto::Record&, Query&)>
-void FromRecord(const proto::Record& record, std::string_view, Query& query) {
-  kBind(record, query);
-}
+constexpr char kCustomColumns[] = "data_type, metadata, payload_at, payload_bytes";
 
-// "a, b": SQL for {"a": ..., "b": ...} of a row.
-std::string JsonSql(const std::string& columns) {
+// SQL for {"a": ..., "b": ...} of a row.
+std::string JsonSql(const std::vector<std::string>& columns) {
   std::string sql;
-  for (std::string_view column : Split(columns, ',')) {
-    column.remove_prefix(std::min(column.find_first_not_of(' '), column.size()));
-    sql += (sql.empty() ? "json_object('" : ", '") + std::string(column) + "', " + std::string(column);
-  }
+  for (const std::string& column : columns) sql += (sql.empty() ? "json_object('" : ", '") + column + "', " + column;
   return sql + ")";
 }
 
 std::vector<RecordTable> MakeTables() {
-  const std::string pose = "x, y, z, qx, qy, qz, qw";
-  const std::string ends = "from_agent, from_index, to_agent, to_index, is_range, ";
-  const std::string version = "term_number, term_issuer, term_issuer_epoch, run";
   std::vector<RecordTable> tables;
-  tables.emplace_back(proto::TEMPERATURE, "celsius", "", FromRecord<BindTemperature>);
-  tables.emplace_back(proto::POWER, "battery_ratio, draw_w", "", FromRecord<BindPower>);
-  tables.emplace_back(proto::AWAKE_STATUS, "is_awake", "", FromRecord<BindAwakeStatus>);
-  tables.emplace_back(proto::MODE, "activity", "", FromRecord<BindMode>);
-  tables.emplace_back(proto::HEALTH, "level, text", "", FromRecord<BindHealth>);
-  tables.emplace_back(proto::EXPLORATION, "explored_ratio", "", FromRecord<BindExploration>);
-  tables.emplace_back(proto::DISTRIBUTED_MEASUREMENTS, "completed_ratio", "", FromRecord<BindDistributedMeasurements>);
-  tables.emplace_back(proto::POSE_GRAPH_NODE, "node_agent, node_index, " + pose, "", FromRecord<BindPoseGraphNode>);
-  tables.emplace_back(proto::POSE_GRAPH_EDGE, ends + "range_m, variance_m2", "", FromRecord<BindPoseGraphEdge>);
-  tables.emplace_back(proto::OPTIMIZED_POSE, "node_agent, node_index, " + version + ", " + pose, "node_agent = ?6",
-                      FromRecord<BindOptimizedPose>);
-  tables.emplace_back(proto::EDGE_VERDICT, ends + "is_inlier, residual_sigmas, " + version,
-                      "(from_agent = ?6 OR to_agent = ?6)", FromRecord<BindEdgeVerdict>);
-  tables.emplace_back(
-      proto::LOCAL_TRAVERSABILITY_MAP,
-      "node_agent, node_index, layer_count, finest_resolution_um, finest_width_cells, finest_height_cells, " + pose, "",
-      FromRecord<BindLocalTraversabilityMap>);
-  tables.emplace_back(proto::MAP_QUARANTINE, "maps_of, from_ns, to_ns, reason, lifts", "",
-                      FromRecord<BindMapQuarantine>);
-  tables.emplace_back(proto::AGENT_EVENT, "kind, text, given_by", "", FromRecord<BindEvent>);
-  tables.emplace_back("data_type, metadata, payload_at, payload_bytes", BindCustom);
+  for (const TypeTable& table : TypeTables()) tables.emplace_back(&table);
+  tables.emplace_back(nullptr);
   return tables;
 }
 
 }  // namespace
 
-bool IsVersioned(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
+bool IsVersioned(DataType type) {
+  const DataTypeRow* row = FindDataType(type);
+  return row != nullptr && row->version != nullptr;
+}
 
 RecordOrder OrderOf(const RecordKey& key, const proto::Record& record) {
-  RecordOrder::Version version;
-  if (record.has_optimized_pose()) version = {OrderOf(record.optimized_pose().term()), record.optimized_pose().run()};
-  if (record.has_edge_verdict()) version = {OrderOf(record.edge_verdict().term()), record.edge_verdict().run()};
-  return {version, key.stream.epoch, key.seq};
+  const DataTypeRow* row = FindDataType(TypeOf(record));
+  const bool is_versioned = row != nullptr && row->version != nullptr;
+  return {is_versioned ? row->version(record) : RecordVersion(), key.stream.epoch, key.seq};
 }
 
-RecordTable::RecordTable(DataType data_type, const std::string& columns, const std::string& agent_condition,
-                         BindColumns bind)
-    : type_(data_type), name_(DataTypeName(data_type)), agent_condition_(agent_condition), bind_(bind) {
-  MakeSql(std::to_string(data_type), columns);
+RecordTable::RecordTable(const TypeTable* table)
+    : table_(table),
+      type_(table == nullptr ? 0 : table->type),
+      name_(table == nullptr ? "custom_record" : DataTypeName(table->type)) {
+  MakeSql(table == nullptr ? "data_type" : std::to_string(type_),
+          ColumnNames(table == nullptr ? kCustomColumns : table->columns));
 }
 
-RecordTable::RecordTable(const std::string& columns, BindColumns bind) : type_(0), name_("custom_record"), bind_(bind) {
-  MakeSql("data_type", columns);
-}
-
-void RecordTable::MakeSql(const std::string& type, const std::string& columns) {
-  const auto column_count = std::count(columns.begin(), columns.end(), ',') + 1;
-  insert_ = "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content, " +
-            columns + ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
-  for (int i = 0; i < column_count; ++i) insert_ += ", ?";
+void RecordTable::MakeSql(const std::string& type, const std::vector<std::string>& columns) {
+  insert_ = "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content";
+  for (const std::string& column : columns) insert_ += ", " + column;
+  insert_ += ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
+  for (std::size_t i = 0; i < columns.size(); ++i) insert_ += ", ?";
   insert_ += ")";
   copy_to_history_ =
       "INSERT INTO history(data_type, row_id, epoch, seq, stamp_ns, latest_key, hash, fields, content) SELECT " + type +
@@ -200,8 +88,8 @@ void RecordTable::MakeSql(const std::string& type, const std::string& columns) {
   read_interval_ = content + in_interval + " ORDER BY seq";
   count_interval_ = count + in_interval;
   if (knows_agent()) {
-    read_interval_of_agent_ = content + in_interval + " AND " + agent_condition_ + " ORDER BY seq";
-    count_interval_of_agent_ = count + in_interval + " AND " + agent_condition_;
+    read_interval_of_agent_ = content + in_interval + " AND " + table_->agent_condition + " ORDER BY seq";
+    count_interval_of_agent_ = count + in_interval + " AND " + table_->agent_condition;
   }
   read_after_ = content + " WHERE row_id > ? ORDER BY row_id";
   read_newest_first_ = content + " ORDER BY row_id DESC";
@@ -226,7 +114,11 @@ Result<void> RecordTable::Insert(Database& database, std::uint64_t row_id, const
   query << record.stamp_ns();
   BindLatestKey(latest_key, query);
   query << std::string_view(natural_key) << hash << Blob{content};
-  bind_(record, content, query);
+  if (table_ == nullptr) {
+    BindCustom(record, content, query);
+  } else {
+    table_->bind(record, query);
+  }
   return query.Run();
 }
 
@@ -250,7 +142,7 @@ Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
     if (!*step) return rows;
     const StreamKey stream{static_cast<AgentId>(query.Integer(1)), query.Unsigned(2),
                            static_cast<DataType>(query.Integer(6))};
-    RecordOrder::Version version;
+    RecordVersion version;
     if (IsVersioned(type_)) {
       version = {{query.Unsigned(8), static_cast<AgentId>(query.Integer(9)), query.Unsigned(10)}, query.Unsigned(11)};
     }

@@ -10,27 +10,25 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "actors/storage/sqlite_database.h"
+#include "actors/storage/type_tables.h"
+#include "model/data_types.h"
 #include "model/have_set.h"
 #include "model/ids.h"
 #include "model/record_key.h"
-#include "model/term.h"
 #include "proto/record.pb.h"
 
 namespace moondb {
 
-// Types whose records bear the term and run of the solve that they come from: optimized poses and edge verdicts.
+// Whether a type's records have a RecordVersion, as optimized poses and edge verdicts do.
 bool IsVersioned(DataType type);
 
 // Which of an origin's records of one type and latest key stands: the greatest. Versioned ones go by term and run, so
 // that what a leader derived in a newer term stands whatever the epoch; then, as all others, by epoch and seq.
 struct RecordOrder {
-  using Version = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;  // Term and run.
-
-  Version version;  // Zeros for types that are not versioned.
+  RecordVersion version;  // Zeros for types that are not versioned.
   std::uint64_t epoch = 0;
   std::uint64_t seq = 0;
   auto operator<=>(const RecordOrder&) const = default;
@@ -39,13 +37,8 @@ RecordOrder OrderOf(const RecordKey& key, const proto::Record& record);
 
 class RecordTable {
  public:
-  // Binds a record's typed columns in the order of `columns`.
-  using BindColumns = void (*)(const proto::Record& record, std::string_view content, Query& query);
-
-  // Of one built-in type.
-  RecordTable(DataType data_type, const std::string& columns, const std::string& agent_condition, BindColumns bind);
-  // Of all custom types.
-  RecordTable(const std::string& columns, BindColumns bind);
+  // Of one built-in type; null: of all custom types. The row outlives this.
+  explicit RecordTable(const TypeTable* table);
 
   bool Holds(DataType type) const { return type_ == 0 ? IsCustom(type) : type == type_; }
   const std::string& name() const { return name_; }
@@ -61,7 +54,7 @@ class RecordTable {
     std::uint64_t hash = 0;
     std::string latest_key;
     std::uint64_t content_bytes = 0;
-    RecordOrder::Version version;
+    RecordVersion version;
 
     RecordOrder order() const { return {version, key.stream.epoch, key.seq}; }
   };
@@ -82,7 +75,7 @@ class RecordTable {
                                                 std::string_view natural_key) const;
 
   // Columns 0 row_id, 1 origin, 2 epoch, 3 seq, 4 hash, 5 content, 6 data type. `agent` not 0: rows about this agent's
-  // nodes only, in the tables that know a node's agent by `agent_condition`.
+  // nodes only, in the tables that know a node's agent by TypeTable::agent_condition.
   Query ReadInterval(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last,
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
@@ -102,21 +95,20 @@ class RecordTable {
   // SQL that copies the row of one row id into the table `history`, with the typed columns as JSON.
   const std::string& copy_to_history() const { return copy_to_history_; }
 
-  bool knows_agent() const { return !agent_condition_.empty(); }
+  bool knows_agent() const { return table_ != nullptr && !table_->agent_condition.empty(); }
 
   // A record as ReadInterval, ReadAfter and ReadNewestFirst give it.
   static proto::StoredRecord Read(const Query& query);
 
  private:
   // `type` is SQL for a row's data type.
-  void MakeSql(const std::string& type, const std::string& columns);
+  void MakeSql(const std::string& type, const std::vector<std::string>& columns);
   void BindLatestKey(std::string_view latest_key, Query& query) const;
   Result<std::vector<Row>> ReadRows(Query query) const;
 
+  const TypeTable* table_;
   DataType type_;  // 0: all custom ones.
   std::string name_;
-  std::string agent_condition_;
-  BindColumns bind_;
   std::string insert_, delete_, find_, find_by_latest_key_, find_newest_, find_in_interval_, find_by_natural_key_;
   std::string read_interval_, count_interval_, read_interval_of_agent_, count_interval_of_agent_;
   std::string read_after_, read_newest_first_, count_not_shared_, read_heads_, read_record_, sum_content_bytes_;

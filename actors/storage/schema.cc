@@ -1,50 +1,17 @@
 #include "actors/storage/schema.h"
 
 #include <algorithm>
-#include <array>
 #include <set>
 #include <string>
+#include <utility>
+#include <vector>
+
+#include "actors/storage/type_tables.h"
+#include "model/data_types.h"
 
 namespace moondb {
 
 namespace {
-
-struct TableV1 {
-  int data_type;
-  const char* name;
-  const char* columns;
-};
-
-// Version 1 as it was released. Written out, not taken from today's code: it must not change with it.
-constexpr char kPoseColumnsV1[] =
-    "x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL,"
-    "qx REAL NOT NULL, qy REAL NOT NULL, qz REAL NOT NULL, qw REAL NOT NULL";
-
-constexpr std::array<TableV1, 12> kTablesV1 = {{
-    {1, "temperature", "celsius REAL NOT NULL"},
-    {2, "power", "battery_ratio REAL NOT NULL, draw_w REAL NOT NULL"},
-    {3, "awake_status", "is_awake INTEGER NOT NULL"},
-    {4, "mode", "activity INTEGER NOT NULL"},
-    {5, "health", "level INTEGER NOT NULL, text TEXT NOT NULL"},
-    {10, "exploration", "explored_ratio REAL NOT NULL"},
-    {11, "distributed_measurements", "completed_ratio REAL NOT NULL"},
-    {20, "pose_graph_node", "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, $POSE"},
-    {21, "pose_graph_edge",
-     "from_agent INTEGER NOT NULL, from_index INTEGER NOT NULL, to_agent INTEGER NOT NULL, to_index INTEGER NOT NULL,"
-     "is_range INTEGER NOT NULL, range_m REAL, variance_m2 REAL"},
-    {22, "optimized_pose",
-     "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, term_number INTEGER NOT NULL,"
-     "term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL, run INTEGER NOT NULL, $POSE"},
-    {23, "edge_verdict",
-     "from_agent INTEGER NOT NULL, from_index INTEGER NOT NULL, to_agent INTEGER NOT NULL, to_index INTEGER NOT NULL,"
-     "is_range INTEGER NOT NULL, is_inlier INTEGER NOT NULL, residual_sigmas REAL NOT NULL,"
-     "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL,"
-     "run INTEGER NOT NULL"},
-    {30, "local_traversability_map",
-     "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, layer_count INTEGER NOT NULL,"
-     "finest_resolution_um INTEGER NOT NULL, finest_width_cells INTEGER NOT NULL,"
-     "finest_height_cells INTEGER NOT NULL, $POSE"},
-}};
 
 constexpr char kCommonTablesV1[] = R"sql(
 CREATE TABLE meta(name TEXT PRIMARY KEY, value INTEGER NOT NULL) STRICT, WITHOUT ROWID;
@@ -114,31 +81,46 @@ CREATE VIEW v_node_pose AS
   WHERE raw.place = 1;
 )sql";
 
-std::string TableSql(const TableV1& table) {
-  std::string columns = table.columns;
-  if (const auto at = columns.find("$POSE"); at != std::string::npos) columns.replace(at, 5, kPoseColumnsV1);
-  return std::string("CREATE TABLE ") + table.name +
+// The tables of data types that a version of the schema brought.
+std::vector<const TypeTable*> TablesOf(int version) {
+  std::vector<const TypeTable*> tables;
+  for (const TypeTable& table : TypeTables()) {
+    if (table.since == version) tables.push_back(&table);
+  }
+  return tables;
+}
+
+std::string TableSql(const TypeTable& table) {
+  return "CREATE TABLE " + DataTypeName(table.type) +
          "(row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,"
          "latest_key TEXT NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL," +
-         columns +
+         table.columns +
          ", content BLOB NOT NULL, CHECK((epoch IS NULL) = (seq IS NULL)), UNIQUE(origin, epoch, seq)) STRICT;";
 }
 
-std::string SharedRecordV1() {
+// One view over the tables that stand by `version`, in the order in which they came.
+std::string SharedRecordSql(int version) {
   std::string sql = "CREATE VIEW shared_record AS ";
   const char* joint = "";
-  for (const TableV1& table : kTablesV1) {
-    sql += std::string(joint) + "SELECT " + std::to_string(table.data_type) +
-           " AS data_type, row_id, origin, epoch, seq, stamp_ns FROM " + table.name + " WHERE seq IS NOT NULL";
-    joint = " UNION ALL ";
+  for (int since = 1; since <= version; ++since) {
+    for (const TypeTable* table : TablesOf(since)) {
+      sql += std::string(joint) + "SELECT " + std::to_string(table->type) +
+             " AS data_type, row_id, origin, epoch, seq, stamp_ns FROM " + DataTypeName(table->type) +
+             " WHERE seq IS NOT NULL";
+      joint = " UNION ALL ";
+    }
+    if (since == 2) {
+      sql +=
+          " UNION ALL SELECT data_type, row_id, origin, epoch, seq, stamp_ns FROM custom_record WHERE seq IS NOT NULL";
+    }
   }
-  return sql;
+  return sql + ";";
 }
 
 std::string Version1() {
   std::string sql = kCommonTablesV1;
-  for (const TableV1& table : kTablesV1) sql += TableSql(table);
-  return sql + kIndexesV1 + SharedRecordV1() + ";" + kViewsV1;
+  for (const TypeTable* table : TablesOf(1)) sql += TableSql(*table);
+  return sql + kIndexesV1 + SharedRecordSql(1) + kViewsV1;
 }
 
 // Version 2: custom data types. A key may be any bytes, so it is no TEXT. The payload lies once in the file, in
@@ -161,13 +143,7 @@ CREATE VIEW v_custom_record AS
 DROP VIEW shared_record;
 )sql";
 
-std::string SharedRecordV2() {
-  return SharedRecordV1() +
-         " UNION ALL SELECT data_type, row_id, origin, epoch, seq, stamp_ns FROM custom_record"
-         " WHERE seq IS NOT NULL";
-}
-
-std::string Version2() { return kCustomV2 + SharedRecordV2() + ";"; }
+std::string Version2() { return kCustomV2 + SharedRecordSql(2); }
 
 constexpr char kVersion3[] =
     "ALTER TABLE have_interval ADD COLUMN hash INTEGER; ALTER TABLE role_history ADD COLUMN hash INTEGER;";
@@ -183,13 +159,7 @@ CREATE TABLE map_quarantine(
 DROP VIEW shared_record;
 )sql";
 
-std::string SharedRecordV4() {
-  return SharedRecordV2() +
-         " UNION ALL SELECT 31 AS data_type, row_id, origin, epoch, seq, stamp_ns FROM map_quarantine"
-         " WHERE seq IS NOT NULL";
-}
-
-std::string Version4() { return kQuarantineV4 + SharedRecordV4() + ";"; }
+std::string Version4() { return kQuarantineV4 + SharedRecordSql(4); }
 
 // Version 5: the team's story.
 constexpr char kEventV5[] = R"sql(
@@ -206,11 +176,7 @@ CREATE VIEW v_event AS
 DROP VIEW shared_record;
 )sql";
 
-std::string Version5() {
-  return kEventV5 + SharedRecordV4() +
-         " UNION ALL SELECT 40 AS data_type, row_id, origin, epoch, seq, stamp_ns FROM agent_event"
-         " WHERE seq IS NOT NULL;";
-}
+std::string Version5() { return kEventV5 + SharedRecordSql(5); }
 
 // Version 6: what was written a day, and bundles for the ground.
 constexpr char kVersion6[] = R"sql(
@@ -224,11 +190,14 @@ CREATE TABLE downlink_bundle(
 constexpr char kOwnEpochV7[] = "CREATE TABLE own_epoch(epoch INTEGER PRIMARY KEY, hash INTEGER NOT NULL) STRICT;";
 
 // What a robot's own superseded states were (actors/storage/history.h). Clustered by type.
-constexpr char kHistoryV7[] = R"sql(
+constexpr char kHistoryTableV7[] = R"sql(
 CREATE TABLE history(
   data_type INTEGER NOT NULL, row_id INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
   latest_key ANY NOT NULL, hash INTEGER NOT NULL, fields TEXT NOT NULL, content BLOB NOT NULL,
   PRIMARY KEY(data_type, row_id)) STRICT, WITHOUT ROWID;
+)sql";
+
+constexpr char kHistoryViewV7[] = R"sql(
 CREATE VIEW v_history AS
   SELECT h.row_id, h.data_type, $TYPE AS type, own.value AS agent_id,
     CASE WHEN h.seq IS NOT NULL THEN printf('%d.%016x.%d.%d', own.value, h.epoch, h.data_type, h.seq) END AS record_id,
@@ -249,14 +218,42 @@ CREATE VIEW v_event AS
   FROM agent_event;
 )sql";
 
-std::string Version7() {
+// The view v_history over the types of these tables.
+std::string HistorySql(std::string sql, const std::vector<const TypeTable*>& tables) {
   std::string type = "CASE h.data_type";
-  for (const TableV1& table : kTablesV1)
-    type += " WHEN " + std::to_string(table.data_type) + " THEN '" + table.name + "'";
+  for (const TypeTable* table : tables) {
+    type += " WHEN " + std::to_string(table->type) + " THEN '" + DataTypeName(table->type) + "'";
+  }
   type += " ELSE COALESCE(t.name, 'type_' || h.data_type) END";
-  std::string sql = kHistoryV7;
-  return kOwnEpochV7 + sql.replace(sql.find("$TYPE"), 5, type) + kEventViewV7;
+  return sql.replace(sql.find("$TYPE"), 5, type);
 }
+
+std::string Version7() {
+  return std::string(kOwnEpochV7) + kHistoryTableV7 + HistorySql(kHistoryViewV7, TablesOf(1)) + kEventViewV7;
+}
+
+// A version that brings built-in types: their tables and indexes, and the views over all types.
+std::string VersionWithTypes(int version) {
+  std::string sql;
+  for (const TypeTable* table : TablesOf(version)) {
+    const std::string name = DataTypeName(table->type);
+    const DataTypeRow* row = FindDataType(table->type);
+    sql += TableSql(*table);
+    for (const auto& [is_keyed, key] :
+         {std::pair(row->natural_key != nullptr, "natural"), std::pair(row->latest_key != nullptr, "latest")}) {
+      if (is_keyed) sql += "CREATE INDEX " + name + "_" + key + " ON " + name + "(" + key + "_key, origin);";
+    }
+  }
+  std::vector<const TypeTable*> tables;
+  for (const TypeTable& table : TypeTables()) {
+    if (table.since <= version) tables.push_back(&table);
+  }
+  return sql + "DROP VIEW shared_record;" + SharedRecordSql(version) + "DROP VIEW v_history;" +
+         HistorySql(kHistoryViewV7, tables);
+}
+
+// The last version whose step is written out here; each later one brings types.
+constexpr int kVersionWrittenOut = 7;
 
 // The step from version `from` to the next.
 std::string Step(int from) {
@@ -276,7 +273,7 @@ std::string Step(int from) {
     case 6:
       return Version7();
     default:
-      return {};
+      return VersionWithTypes(from + 1);
   }
 }
 
@@ -304,6 +301,12 @@ Result<std::set<std::string>> StatementsOf(Database& database) {
 
 }  // namespace
 
+int SchemaVersion() {
+  int version = kVersionWrittenOut;
+  for (const TypeTable& table : TypeTables()) version = std::max(version, table.since);
+  return version;
+}
+
 Result<void> CheckSchema(Database& database) {
   const Result<std::int64_t> version = database.Number("PRAGMA user_version");
   if (!version) return tl::unexpected(version.error());
@@ -311,11 +314,11 @@ Result<void> CheckSchema(Database& database) {
     return Fail(ErrorCode::kCorrupt,
                 "database " + database.path() + " is damaged: its version is " + std::to_string(*version));
   }
-  if (*version > kSchemaVersion) return {};
+  if (*version > SchemaVersion()) return {};
   const Result<std::set<std::string>> present = StatementsOf(database);
   if (!present) return tl::unexpected(present.error());
   // A file without a version is new or another program's, unless it holds all that ours hold.
-  const int expected_version = *version == 0 ? kSchemaVersion : static_cast<int>(*version);
+  const int expected_version = *version == 0 ? SchemaVersion() : static_cast<int>(*version);
   Result<std::unique_ptr<Database>> intact = Database::Open(":memory:");
   if (!intact) return tl::unexpected(intact.error());
   if (const Result<void> made = Upgrade(**intact, 0, expected_version); !made) return made;
@@ -327,14 +330,13 @@ Result<void> CheckSchema(Database& database) {
                                        std::to_string(*version));
 }
 
-Result<void> Migrate(Database& database) {
+Result<void> Migrate(Database& database, int to) {
   const Result<std::int64_t> version = database.Number("PRAGMA user_version");
   if (!version) return tl::unexpected(version.error());
-  if (*version == kSchemaVersion) return {};
-  if (*version > kSchemaVersion) {
+  if (*version == to) return {};
+  if (*version > to) {
     return Fail(ErrorCode::kRefused, "database " + database.path() + " has schema version " + std::to_string(*version) +
-                                         "; this program knows up to " + std::to_string(kSchemaVersion) +
-                                         ": start a newer moondb");
+                                         "; this program knows up to " + std::to_string(to) + ": start a newer moondb");
   }
   const Result<std::int64_t> table_count = database.Number("SELECT count(*) FROM sqlite_master");
   if (!table_count) return tl::unexpected(table_count.error());
@@ -343,7 +345,7 @@ Result<void> Migrate(Database& database) {
   }
   Result<Transaction> transaction = Transaction::Begin(database);
   if (!transaction) return tl::unexpected(transaction.error());
-  const Result<void> done = Upgrade(database, static_cast<int>(*version), kSchemaVersion);
+  const Result<void> done = Upgrade(database, static_cast<int>(*version), to);
   return done ? transaction->Commit() : done;
 }
 

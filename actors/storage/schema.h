@@ -18,16 +18,17 @@
 
 namespace moondb {
 
-// A change of tables or views is a new version with its own step; steps that were ever released stay as they are.
-inline constexpr int kSchemaVersion = 7;
+// The newest version. A data type's table comes with the version that its row names (actors/storage/type_tables.h). Any
+// other change of tables or views is a version with a step of its own; steps that were ever released stay as they are.
+int SchemaVersion();
 
 // Whether tables, indexes and views are still those of the file's version; others beside them are the user's own.
 // kCorrupt where not: a damaged statement of the schema would make SQLite fail in ways that look like something else.
 // A file that Migrate refuses passes.
 Result<void> CheckSchema(Database& database);
 
-// Brings the file to kSchemaVersion in one transaction, so that a crash leaves it old or new. kRefused for a newer
-// file or one that is another program's.
-Result<void> Migrate(Database& database);
+// Brings the file to version `to` in one transaction, so that a crash leaves it old or new. kRefused for a newer file
+// or one that is another program's. Only tests have cause for another version than the newest.
+Result<void> Migrate(Database& database, int to = SchemaVersion());
 
 }  // namespace moondb

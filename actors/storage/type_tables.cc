@@ -1,0 +1,186 @@
+#include "actors/storage/type_tables.h"
+
+#include <string_view>
+
+#include "model/record_key.h"
+#include "model/text.h"
+
+namespace moondb {
+
+namespace {
+
+using proto::Record;
+
+constexpr char kPose[] =
+    "x REAL NOT NULL, y REAL NOT NULL, z REAL NOT NULL,"
+    "qx REAL NOT NULL, qy REAL NOT NULL, qz REAL NOT NULL, qw REAL NOT NULL";
+constexpr char kNode[] = "node_agent INTEGER NOT NULL, node_index INTEGER NOT NULL, ";
+constexpr char kEnds[] =
+    "from_agent INTEGER NOT NULL, from_index INTEGER NOT NULL, to_agent INTEGER NOT NULL, to_index INTEGER NOT NULL,"
+    "is_range INTEGER NOT NULL, ";
+
+void BindPose(const proto::Pose& pose, Query& query) {
+  query << pose.position_m().x() << pose.position_m().y() << pose.position_m().z();
+  query << pose.orientation().x() << pose.orientation().y() << pose.orientation().z() << pose.orientation().w();
+}
+
+void BindNode(const proto::NodeKey& node, Query& query) { query << node.agent_id() << node.index(); }
+
+void BindVersion(const proto::Term& term, std::uint64_t run, Query& query) {
+  query << term.number() << term.issuer() << term.issuer_epoch() << run;
+}
+
+std::vector<TypeTable> MakeTables() {
+  return {
+      {.type = proto::TEMPERATURE,
+       .since = 1,
+       .columns = "celsius REAL NOT NULL",
+       .bind = [](const Record& record, Query& query) { query << record.temperature().celsius(); }},
+
+      {.type = proto::POWER,
+       .since = 1,
+       .columns = "battery_ratio REAL NOT NULL, draw_w REAL NOT NULL",
+       .bind = [](const Record& record,
+                  Query& query) { query << record.power().battery_ratio() << record.power().draw_w(); }},
+
+      {.type = proto::AWAKE_STATUS,
+       .since = 1,
+       .columns = "is_awake INTEGER NOT NULL",
+       .bind = [](const Record& record, Query& query) { query << record.awake_status().is_awake(); }},
+
+      {.type = proto::MODE,
+       .since = 1,
+       .columns = "activity INTEGER NOT NULL",
+       .bind = [](const Record& record, Query& query) { query << static_cast<int>(record.mode().activity()); }},
+
+      {.type = proto::HEALTH,
+       .since = 1,
+       .columns = "level INTEGER NOT NULL, text TEXT NOT NULL",
+       .bind =
+           [](const Record& record, Query& query) {
+             query << static_cast<int>(record.health().level()) << std::string_view(record.health().text());
+           }},
+
+      {.type = proto::EXPLORATION,
+       .since = 1,
+       .columns = "explored_ratio REAL NOT NULL",
+       .bind = [](const Record& record, Query& query) { query << record.exploration().explored_ratio(); }},
+
+      {.type = proto::DISTRIBUTED_MEASUREMENTS,
+       .since = 1,
+       .columns = "completed_ratio REAL NOT NULL",
+       .bind = [](const Record& record,
+                  Query& query) { query << record.distributed_measurements().completed_ratio(); }},
+
+      {.type = proto::POSE_GRAPH_NODE,
+       .since = 1,
+       .columns = std::string(kNode) + kPose,
+       .bind =
+           [](const Record& record, Query& query) {
+             BindNode(record.pose_graph_node().node(), query);
+             BindPose(record.pose_graph_node().map_from_node(), query);
+           }},
+
+      {.type = proto::POSE_GRAPH_EDGE,
+       .since = 1,
+       .columns = std::string(kEnds) + "range_m REAL, variance_m2 REAL",
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::PoseGraphEdge& edge = record.pose_graph_edge();
+             BindNode(edge.from(), query);
+             BindNode(edge.to(), query);
+             query << edge.has_range();
+             if (edge.has_range()) {
+               query << edge.range().range_m() << edge.range().variance_m2();
+             } else {
+               query << nullptr << nullptr;
+             }
+           }},
+
+      {.type = proto::OPTIMIZED_POSE,
+       .since = 1,
+       .columns = std::string(kNode) +
+                  "term_number INTEGER NOT NULL,"
+                  "term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL, run INTEGER NOT NULL, " +
+                  kPose,
+       .bind =
+           [](const Record& record, Query& query) {
+             BindNode(record.optimized_pose().node(), query);
+             BindVersion(record.optimized_pose().term(), record.optimized_pose().run(), query);
+             BindPose(record.optimized_pose().map_from_node(), query);
+           },
+       .agent_condition = "node_agent = ?6"},
+
+      {.type = proto::EDGE_VERDICT,
+       .since = 1,
+       .columns = std::string(kEnds) +
+                  "is_inlier INTEGER NOT NULL, residual_sigmas REAL NOT NULL,"
+                  "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL,"
+                  "run INTEGER NOT NULL",
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::EdgeVerdict& verdict = record.edge_verdict();
+             BindNode(verdict.from(), query);
+             BindNode(verdict.to(), query);
+             query << verdict.is_range() << verdict.is_inlier() << verdict.residual_sigmas();
+             BindVersion(verdict.term(), verdict.run(), query);
+           },
+       .agent_condition = "(from_agent = ?6 OR to_agent = ?6)"},
+
+      {.type = proto::LOCAL_TRAVERSABILITY_MAP,
+       .since = 1,
+       .columns = std::string(kNode) +
+                  "layer_count INTEGER NOT NULL,"
+                  "finest_resolution_um INTEGER NOT NULL, finest_width_cells INTEGER NOT NULL,"
+                  "finest_height_cells INTEGER NOT NULL, " +
+                  kPose,
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::LocalTraversabilityMap& map = record.local_traversability_map();
+             BindNode(map.node(), query);
+             // CheckRecord demands a layer; the finest stands first.
+             const proto::MapLayer& finest = map.layers(0);
+             query << map.layers_size() << finest.resolution_um() << finest.width_cells() << finest.height_cells();
+             BindPose(map.node_from_map(), query);
+           }},
+
+      {.type = proto::MAP_QUARANTINE,
+       .since = 4,
+       .columns = "maps_of INTEGER NOT NULL, from_ns INTEGER NOT NULL, to_ns INTEGER NOT NULL, reason TEXT NOT NULL, "
+                  "lifts TEXT NOT NULL",
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::MapQuarantine& quarantine = record.map_quarantine();
+             const std::string lifts = quarantine.has_lifts() ? ToString(FromProto(quarantine.lifts())) : "";
+             query << quarantine.agent_id() << quarantine.from_ns() << quarantine.to_ns()
+                   << std::string_view(quarantine.reason()) << std::string_view(lifts);
+           }},
+
+      {.type = proto::AGENT_EVENT,
+       .since = 5,
+       .columns = "kind INTEGER NOT NULL, text TEXT NOT NULL, given_by TEXT NOT NULL",
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::AgentEvent& event = record.agent_event();
+             query << static_cast<int>(event.kind()) << std::string_view(event.text()) << std::string_view(event.by());
+           }},
+  };
+}
+
+}  // namespace
+
+const std::vector<TypeTable>& TypeTables() {
+  static const std::vector<TypeTable> kTables = MakeTables();
+  return kTables;
+}
+
+std::vector<std::string> ColumnNames(const std::string& columns) {
+  std::vector<std::string> names;
+  for (const std::string_view column : Split(columns, ',')) {
+    const std::string_view words = column.substr(std::min(column.find_first_not_of(' '), column.size()));
+    names.emplace_back(words.substr(0, words.find(' ')));
+  }
+  return names;
+}
+
+}  // namespace moondb
