@@ -8,8 +8,8 @@
 #include <string_view>
 #include <zmq.hpp>
 
-#include "client/local_socket.h"
 #include "model/curve_key.h"
+#include "model/local_socket.h"
 
 namespace moondb {
 namespace {

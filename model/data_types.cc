@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "model/event.h"
+#include "model/pose_graph.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
 
@@ -15,7 +16,6 @@ namespace {
 
 using proto::Record;
 
-constexpr double kRangeMax_m = 1e6;
 constexpr int kCovarianceNumbers = 21;
 constexpr std::size_t kHealthTextBytesMax = 1024;
 constexpr std::size_t kQuarantineReasonBytesMax = 1024;

@@ -29,7 +29,9 @@ struct OdometryEdge {
   Matrix6d covariance = Matrix6d::Identity();  // Translation first (m), then rotation (rad).
 };
 
-// One UWB range between the antennas of two agents.
+inline constexpr double kRangeMax_m = 1e6;
+
+// One UWB range between the antennas of two agents: 0 to kRangeMax_m.
 struct RangeEdge {
   NodeKey from;
   NodeKey to;

@@ -13,7 +13,6 @@ namespace moondb {
 
 namespace {
 
-constexpr double kRangeMaxM = 1e6;
 constexpr int kLetters = 26;
 
 enum class VertexKind { kPose, kLandmark };
@@ -123,7 +122,7 @@ class Parser {
     edge.to = TakeKey(fields);
     edge.range_m = fields.Number();
     edge.variance_m2 = fields.Number();
-    if (edge.range_m < 0 || edge.range_m > kRangeMaxM) fields.Stop("the range must lie between 0 and 1e6 m");
+    if (edge.range_m < 0 || edge.range_m > kRangeMax_m) fields.Stop("the range must lie between 0 and 1e6 m");
     if (edge.variance_m2 <= 0) fields.Stop("the variance must be positive");
     edges_.push_back({edge.from, edge.to, line_, false, true});
     pyfg_.graph.ranges.push_back(edge);

@@ -5,13 +5,12 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "model/local_socket.h"
 #include "model/team_id.h"
 #include "runtime/private_folder.h"
 
 namespace moondb {
 namespace {
-
-constexpr std::size_t kSocketPathLengthMax = 107;  // sockaddr_un, less its final 0.
 
 // An empty variable counts as unset.
 std::filesystem::path FolderIn(const char* variable) {

@@ -4,7 +4,6 @@
 #include <netdb.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
 #include <array>
@@ -12,23 +11,9 @@
 #include <cstring>
 #include <memory>
 
+#include "model/local_socket.h"
+
 namespace moondb {
-namespace {
-
-// An errno; 0: somebody listens.
-int Probe(const std::string& path) {
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  if (path.size() >= sizeof address.sun_path) return ENAMETOOLONG;
-  std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
-  const int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (probe < 0) return errno;
-  const int error = connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 ? 0 : errno;
-  close(probe);
-  return error == EAGAIN ? 0 : error;  // A full backlog is a listener too.
-}
-
-}  // namespace
 
 Result<void> ClaimIpcPath(const std::string& endpoint) {
   if (!endpoint.starts_with("ipc://")) return {};
@@ -39,7 +24,7 @@ Result<void> ClaimIpcPath(const std::string& endpoint) {
     return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": " + std::strerror(errno));
   }
   if (!S_ISSOCK(status.st_mode)) return Fail(ErrorCode::kInvalid, path + ": is there already and is not a socket");
-  switch (const int error = Probe(path)) {
+  switch (const int error = ProbeLocalSocket(path)) {
     case ENOENT:
       return {};
     case ECONNREFUSED:

@@ -16,7 +16,6 @@ namespace {
 // A variance beyond these is no sensor's, and beside the others' weights its own leaves no digits to the rest.
 constexpr double kVarianceMin = 1e-12;
 constexpr double kVarianceMax = 1e8;
-constexpr double kRangeMaxM = 1e6;
 constexpr const char* kVarianceText = "within 1e-12 and 1e8";
 constexpr const char* kDoubled = "is there more than once";
 
@@ -135,7 +134,7 @@ std::string WhyNot(const OdometryEdge& edge) {
 
 std::string WhyNot(const RangeEdge& edge) {
   if (edge.from.agent == edge.to.agent) return "is within one agent";
-  const bool is_distance = edge.range_m >= 0 && edge.range_m <= kRangeMaxM;  // NaN is neither.
+  const bool is_distance = edge.range_m >= 0 && edge.range_m <= kRangeMax_m;  // NaN is neither.
   if (!is_distance) return "is not a distance below 1e6 m";
   const bool is_variance = edge.variance_m2 >= kVarianceMin && edge.variance_m2 <= kVarianceMax;
   return is_variance ? "" : std::string("its variance is not ") + kVarianceText;

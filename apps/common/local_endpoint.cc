@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "apps/common/data_folder.h"
-#include "client/local_socket.h"
+#include "model/local_socket.h"
 #include "runtime/client_endpoint.h"
 #include "runtime/private_folder.h"
 

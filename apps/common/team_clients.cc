@@ -7,8 +7,8 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kBatchRecordsMax = 512;
-constexpr std::size_t kBatchBytesMax = 2'000'000;
+constexpr std::size_t kSentRecordsMax = 512;
+constexpr std::size_t kSentBytesMax = 2'000'000;
 
 // Where clients with keys are let in, and the key by which they know the agent.
 Result<std::string> KeyedEndpoint(const TeamFile& team, const proto::AgentConfig& agent, Client::Options* options) {
@@ -57,7 +57,7 @@ Result<void> InsertInBatches(Client& client, const std::vector<proto::Record>& r
   for (std::size_t i = 0; i < records.size(); ++i) {
     bytes += records[i].ByteSizeLong();
     batch.push_back(records[i]);
-    const bool is_full = batch.size() >= kBatchRecordsMax || bytes >= kBatchBytesMax;
+    const bool is_full = batch.size() >= kSentRecordsMax || bytes >= kSentBytesMax;
     if (!is_full && i + 1 < records.size()) continue;
     if (auto keys = client.Insert(batch); !keys) return tl::unexpected(keys.error());
     inserted(i + 1);
