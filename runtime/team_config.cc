@@ -1,5 +1,7 @@
 #include "runtime/team_config.h"
 
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <xxhash.h>
 
 #include <fstream>
@@ -47,18 +49,16 @@ Result<TeamFile> Parse(const std::string& yaml, const std::string& name, const s
   }
   if (!errors.empty()) return Fail(ErrorCode::kInvalid, errors.Text());
   FillDefaults(places, &team.config);
-  const std::string bytes = team.config.SerializeAsString();
+  const std::string bytes = SerializeTeam(team.config);
   team.hash = XXH64(bytes.data(), bytes.size(), 0);
   return team;
 }
 
-proto::Policy BuiltInPolicyOf(const proto::SharePolicies& policies, DataType type) {
-  // The policies' fields have the numbers of the data types.
-  if (type > static_cast<DataType>(proto::DataType_MAX)) return proto::POLICY_NONE;
-  const auto* field = proto::SharePolicies::descriptor()->FindFieldByNumber(static_cast<int>(type));
-  if (field == nullptr) return proto::POLICY_NONE;
-  const int policy = policies.GetReflection()->GetEnumValue(policies, field);
-  return policy == proto::POLICY_UNSPECIFIED ? proto::POLICY_NONE : static_cast<proto::Policy>(policy);
+using Policies = google::protobuf::Map<std::string, proto::Policy>;
+
+proto::Policy BuiltInPolicyOf(const Policies& policies, DataType type) {
+  const auto policy = policies.find(DataTypeName(type));
+  return policy == policies.end() || policy->second == proto::POLICY_UNSPECIFIED ? proto::POLICY_NONE : policy->second;
 }
 
 }  // namespace
@@ -107,6 +107,16 @@ AgentId BaseStationOf(const proto::TeamConfig& team) {
   return 0;
 }
 
+std::string SerializeTeam(const proto::TeamConfig& team) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  (void)team.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return bytes;
+}
+
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team) {
   std::vector<DataType> types = BuiltInDataTypes();
   for (const proto::CustomType& type : team.custom_types()) types.push_back(type.id());
@@ -127,10 +137,8 @@ KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type) {
   if (const proto::CustomType* custom = FindCustomType(team.custom_types(), type)) {
     return ParseKeepRule(custom->keep()).value_or(KeepRule{});
   }
-  if (type > static_cast<DataType>(proto::DataType_MAX)) return {};
-  const auto* field = proto::KeepPolicies::descriptor()->FindFieldByNumber(static_cast<int>(type));
-  if (field == nullptr) return {};
-  return ParseKeepRule(team.keep().GetReflection()->GetString(team.keep(), field)).value_or(KeepRule{});
+  const auto keep = team.keep().find(DataTypeName(type));
+  return keep == team.keep().end() ? KeepRule{} : ParseKeepRule(keep->second).value_or(KeepRule{});
 }
 
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team) {

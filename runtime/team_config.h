@@ -19,7 +19,7 @@ namespace moondb {
 struct TeamFile {
   proto::TeamConfig config;      // Complete: defaults are filled in, policies too.
   std::filesystem::path folder;  // Where relative key files lie.
-  std::uint64_t hash = 0;        // XXH64 of the serialised config; equal for files that mean the same.
+  std::uint64_t hash = 0;        // XXH64 of SerializeTeam; equal for files that mean the same.
 };
 
 // Error::text holds one error a line.
@@ -33,6 +33,9 @@ const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
 
 AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none.
+
+// The same bytes for teams that are equal, which SerializeAsString does not promise for maps.
+std::string SerializeTeam(const proto::TeamConfig& team);
 
 // Built-in and declared ones, in the order of their numbers.
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);

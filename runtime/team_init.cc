@@ -8,6 +8,7 @@
 #include "model/custom_types.h"
 #include "model/team_id.h"
 #include "runtime/curve_keys.h"
+#include "runtime/field_rules.h"
 #include "runtime/new_files.h"
 #include "runtime/team_check.h"
 #include "runtime/yaml_reader.h"
@@ -94,37 +95,37 @@ std::string AgentText(const proto::AgentConfig& agent) {
   return text;
 }
 
+std::string PolicyName(proto::Policy policy) {
+  return YamlName(*proto::Policy_descriptor()->FindValueByNumber(policy));
+}
+
 std::string CustomTypesText(const CustomTypes& types) {
   if (types.empty()) return "";
   std::string text = "\n# Data types of the team's own.\ncustom_types:\n";
   for (const proto::CustomType& type : types) {
-    const auto policy_name = [](proto::Policy policy) {
-      return YamlName(*proto::Policy_descriptor()->FindValueByNumber(policy));
-    };
     text += "  - {id: " + std::to_string(type.id()) + ", name: " + type.name() +
-            ", share: " + policy_name(type.share()) + ", ground: " + policy_name(type.ground()) +
+            ", share: " + PolicyName(type.share()) + ", ground: " + PolicyName(type.ground()) +
             ", priority: " + std::to_string(type.priority()) + ", bytes_max: " + std::to_string(type.bytes_max()) +
             ", keep: " + type.keep() + "}\n";
   }
   return text;
 }
 
-std::string KeepText(const proto::KeepPolicies& keep) {
+std::string KeepText(const proto::TeamConfig& team) {
   std::string text;
-  const auto* descriptor = proto::KeepPolicies::descriptor();
-  for (int i = 0; i < descriptor->field_count(); ++i) {
-    const auto* field = descriptor->field(i);
-    text += "  " + field->name() + ": " + keep.GetReflection()->GetString(keep, field) + "\n";
+  for (const DataType type : BuiltInDataTypes()) {
+    const auto keep = team.keep().find(DataTypeName(type));
+    if (keep != team.keep().end()) text += "  " + keep->first + ": " + keep->second + "\n";
   }
   return text;
 }
 
-std::string PoliciesText(const proto::SharePolicies& policies) {
+using PolicyOf = proto::Policy (*)(const proto::TeamConfig& team, DataType type);
+
+std::string PoliciesText(const proto::TeamConfig& team, PolicyOf policy_of) {
   std::string text;
-  const auto* descriptor = proto::SharePolicies::descriptor();
-  for (int i = 0; i < descriptor->field_count(); ++i) {
-    const auto* value = policies.GetReflection()->GetEnum(policies, descriptor->field(i));
-    text += "  " + descriptor->field(i)->name() + ": " + YamlName(*value) + "\n";
+  for (const DataType type : BuiltInDataTypes()) {
+    text += "  " + DataTypeName(type) + ": " + PolicyName(policy_of(team, type)) + "\n";
   }
   return text;
 }
@@ -165,8 +166,8 @@ std::string TeamText(const proto::TeamConfig& team) {
       kTail,
       {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
        team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
-       YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())), PoliciesText(team.share()),
-       PoliciesText(team.ground()), KeepText(team.keep()), team.pose_graph().solve_by_itself() ? "true" : "false",
+       YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())), PoliciesText(team, SharePolicyOf),
+       PoliciesText(team, GroundPolicyOf), KeepText(team), team.pose_graph().solve_by_itself() ? "true" : "false",
        Number(team.map().resolution_m()), Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
@@ -174,24 +175,6 @@ std::string TeamText(const proto::TeamConfig& team) {
             "}\n";
   }
   return text + CustomTypesText(team.custom_types());
-}
-
-// What a caller set counts as given; proto3 cannot tell a zero from nothing.
-Places PlacesOf(const proto::TeamConfig& team) {
-  Places places;
-  for (int i = 0; i < team.agents_size(); ++i) {
-    const std::string start = "agents[" + std::to_string(i) + "].start.";
-    if (team.agents(i).start().sigma_m() > 0) places[start + "sigma_m"] = {};
-    if (team.agents(i).start().sigma_rad() > 0) places[start + "sigma_rad"] = {};
-  }
-  if (team.roles().leader_timeout_s() > 0) places["roles.leader_timeout_s"] = {};
-  if (team.radio().budget_kbps() > 0) places["radio.budget_kbps"] = {};
-  if (team.radio().codec() != proto::CODEC_UNSPECIFIED) places["radio.codec"] = {};
-  if (team.has_radio()) places["radio.quiet_while_driving"] = {};
-  if (team.has_pose_graph()) places["pose_graph.solve_by_itself"] = {};
-  if (team.map().resolution_m() > 0) places["map.resolution_m"] = {};
-  if (team.map().footprint_m_size() == 2) places["map.footprint_m"] = {};
-  return places;
 }
 
 Result<void> AddKeys(const std::filesystem::path& public_path, NewFiles* files) {
@@ -220,7 +203,7 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   // The reader is the judge of what the caller gave.
   const Result<TeamFile> read = ParseTeamFile(yaml, path.string());
   if (!read) return tl::unexpected(read.error());
-  if (read->config.SerializeAsString() != team.SerializeAsString()) {
+  if (SerializeTeam(read->config) != SerializeTeam(team)) {
     return Fail(ErrorCode::kInvalid, path.string() + ": a text of the team cannot be written as YAML");
   }
 
@@ -272,7 +255,7 @@ Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_
     proto::TeamConfig after;
     (void)read(fixed, &after);
     before.set_team_id(team_id);
-    if (after.SerializeAsString() == before.SerializeAsString()) return fixed;
+    if (SerializeTeam(after) == SerializeTeam(before)) return fixed;
   }
   return Fail(ErrorCode::kInvalid, "no place for a line is found; add  team_id: \"" + team_id + "\"  by hand");
 }

@@ -6,10 +6,12 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <functional>
 #include <optional>
 #include <vector>
 
 #include "model/check.h"
+#include "proto/field_options.pb.h"
 #include "runtime/did_you_mean.h"
 
 namespace moondb {
@@ -86,53 +88,18 @@ class Reader {
   Reader(Places* places, PlacedErrors* errors) : places_(*places), errors_(*errors) {}
 
   void ReadMessage(const YAML::Node& node, Place place, const std::string& path, Message* message) {
-    if (node.IsNull()) return;  // "radio:" with all its fields commented out.
-    if (!node.IsMap()) {
-      const std::string example = message->GetDescriptor()->field(0)->name();
-      return errors_.Add(place, path, "expected fields such as \"" + example + ": ...\", got " + Describe(node));
-    }
-    std::map<std::string, Place> seen;
-    for (const auto& entry : node) {
-      const Place key_place = ToPlace(entry.first.Mark());
-      if (!entry.first.IsScalar()) {
-        errors_.Add(key_place, path, "expected a field's name, got " + Describe(entry.first));
-        continue;
-      }
-      const std::string& key = entry.first.Scalar();
-      const FieldDescriptor* field = message->GetDescriptor()->FindFieldByName(key);
-      if (field == nullptr) {
-        AddUnknown(*message->GetDescriptor(), key, key_place, path);
-        continue;
-      }
-      const std::string field_path = Join(path, key);
-      if (const auto [first, is_new] = seen.emplace(key, key_place); !is_new) {
-        errors_.Add(key_place, field_path, "given twice, first in line " + std::to_string(first->second.line));
-        continue;
-      }
-      // The mark of a missing value is wherever the parser noticed.
-      const Place value_place = entry.second.IsNull() ? key_place : ToPlace(entry.second.Mark());
-      places_[field_path] = value_place;
-      ReadField(entry.second, value_place, field_path, *field, message);
-    }
-  }
-
- private:
-  static std::string Join(const std::string& path, const std::string& key) {
-    return path.empty() ? key : path + "." + key;
-  }
-
-  void AddUnknown(const Descriptor& type, const std::string& key, Place place, const std::string& path) {
     std::vector<std::string> names;
+    const Descriptor& type = *message->GetDescriptor();
     for (int i = 0; i < type.field_count(); ++i) names.push_back(type.field(i)->name());
-    const std::string quoted = Quoted(key);
-    // Its quotes taken off again: what is left is safe to show.
-    errors_.Add(place, Join(path, quoted.substr(1, quoted.size() - 2)), "no such field" + DidYouMean(key, names));
-    // That the right field is missing follows from this error.
-    if (const auto meant = ClosestWord(key, names)) errors_.Mute(Join(path, *meant));
+    ReadEntries(node, place, path, names,
+                [&](const std::string& name, const YAML::Node& value, Place value_place, const std::string& at) {
+                  ReadField(value, value_place, at, *type.FindFieldByName(name), message);
+                });
   }
 
   void ReadField(const YAML::Node& node, Place place, const std::string& path, const FieldDescriptor& field,
                  Message* message) {
+    if (field.is_map()) return ReadMap(node, place, path, field, message);
     if (!field.is_repeated()) return ReadValue(node, place, path, field, message);
     if (!node.IsSequence()) return errors_.Add(place, path, "expected a list, got " + Describe(node));
     if (node.size() > kElementsMax) {
@@ -146,6 +113,63 @@ class Reader {
       places_[element_path] = element_place;
       ReadValue(node[i], element_place, element_path, field, message);
     }
+  }
+
+ private:
+  static std::string Join(const std::string& path, const std::string& key) {
+    return path.empty() ? key : path + "." + key;
+  }
+
+  using ReadEntry =
+      std::function<void(const std::string& key, const YAML::Node& value, Place place, const std::string& path)>;
+
+  // `read` reads each entry whose key is one of `names`; those without a value too.
+  void ReadEntries(const YAML::Node& node, Place place, const std::string& path, const std::vector<std::string>& names,
+                   const ReadEntry& read) {
+    if (node.IsNull()) return;  // "radio:" with all its fields commented out.
+    if (!node.IsMap()) {
+      return errors_.Add(place, path, "expected fields such as \"" + names[0] + ": ...\", got " + Describe(node));
+    }
+    std::map<std::string, Place> seen;
+    for (const auto& entry : node) {
+      const Place key_place = ToPlace(entry.first.Mark());
+      if (!entry.first.IsScalar()) {
+        errors_.Add(key_place, path, "expected a field's name, got " + Describe(entry.first));
+        continue;
+      }
+      const std::string& key = entry.first.Scalar();
+      if (std::find(names.begin(), names.end(), key) == names.end()) {
+        AddUnknown(names, key, key_place, path);
+        continue;
+      }
+      const std::string field_path = Join(path, key);
+      if (const auto [first, is_new] = seen.emplace(key, key_place); !is_new) {
+        errors_.Add(key_place, field_path, "given twice, first in line " + std::to_string(first->second.line));
+        continue;
+      }
+      // The mark of a missing value is wherever the parser noticed.
+      const Place value_place = entry.second.IsNull() ? key_place : ToPlace(entry.second.Mark());
+      places_[field_path] = value_place;
+      read(key, entry.second, value_place, field_path);
+    }
+  }
+
+  void AddUnknown(const std::vector<std::string>& names, const std::string& key, Place place, const std::string& path) {
+    const std::string quoted = Quoted(key);
+    // Its quotes taken off again: what is left is safe to show.
+    errors_.Add(place, Join(path, quoted.substr(1, quoted.size() - 2)), "no such field" + DidYouMean(key, names));
+    // That the right field is missing follows from this error.
+    if (const auto meant = ClosestWord(key, names)) errors_.Mute(Join(path, *meant));
+  }
+
+  void ReadMap(const YAML::Node& node, Place place, const std::string& path, const FieldDescriptor& field,
+               Message* message) {
+    ReadEntries(node, place, path, KeysOf(field),
+                [&](const std::string& key, const YAML::Node& value, Place value_place, const std::string& at) {
+                  Message* entry = message->GetReflection()->AddMessage(message, &field);
+                  entry->GetReflection()->SetString(entry, field.message_type()->map_key(), key);
+                  ReadValue(value, value_place, at, *field.message_type()->map_value(), entry);
+                });
   }
 
   // One value: sets a singular field, appends to a repeated one.
@@ -221,6 +245,22 @@ Place PlaceOf(const Places& places, std::string field) {
     field.resize(end == std::string::npos ? 0 : end);
   }
   return {};
+}
+
+std::vector<std::string> KeysOf(const FieldDescriptor& map) {
+  const std::string& name = map.options().GetExtension(proto::rule).keys();
+  const EnumDescriptor* type = map.file()->pool()->FindEnumTypeByName(name);
+  Check(type != nullptr, "a map of a file names the enumeration of its keys");
+  std::vector<std::string> keys;
+  for (const EnumValueDescriptor* value : WritableValues(*type)) keys.push_back(YamlName(*value));
+  return keys;
+}
+
+void ReadYamlField(const std::string& yaml, const FieldDescriptor& field, Message* message) {
+  Places places;
+  PlacedErrors errors(field.full_name());
+  Reader(&places, &errors).ReadField(YAML::Load(yaml), {}, field.name(), field, message);
+  Check(errors.empty(), "a field's default can be read");
 }
 
 void ReadYaml(const std::string& yaml, Message* message, Places* places, PlacedErrors* errors) {

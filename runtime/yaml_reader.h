@@ -4,13 +4,15 @@
 // prefix (`base_station` for AGENT_KIND_BASE_STATION), and the UNSPECIFIED one cannot be written. Unlike yaml-cpp
 // alone it takes nothing silently: unknown and doubled keys, wrong types, non-finite and overlong numbers are errors,
 // all told at once with their places; an error of YAML's syntax stands alone. Only what team files need is supported:
-// messages, repeated fields, text (ASCII), bool, uint32, double, enumerations.
+// messages, repeated fields, text (ASCII), bool, uint32, double, enumerations, and maps whose keys are the values of an
+// enumeration (FieldRule::keys).
 #pragma once
 
 #include <google/protobuf/message.h>
 
 #include <map>
 #include <string>
+#include <vector>
 
 #include "runtime/placed_errors.h"
 
@@ -24,6 +26,13 @@ Place PlaceOf(const Places& places, std::string field);
 
 // Adds to `errors` what is wrong; what is right is in `message` all the same.
 void ReadYaml(const std::string& yaml, google::protobuf::Message* message, Places* places, PlacedErrors* errors);
+
+// Reads one field as a file could give it: "true", "[0, 0, 0]". What cannot be read is a programmer's error.
+void ReadYamlField(const std::string& yaml, const google::protobuf::FieldDescriptor& field,
+                   google::protobuf::Message* message);
+
+// The keys that a map may have, in the order of the enumeration.
+std::vector<std::string> KeysOf(const google::protobuf::FieldDescriptor& map);
 
 // "base_station" for AGENT_KIND_BASE_STATION.
 std::string YamlName(const google::protobuf::EnumValueDescriptor& value);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 
 #include "model/text.h"
 #include "runtime/yaml_reader.h"
@@ -61,7 +62,9 @@ class Writer {
     for (int i = 0; i < descriptor.field_count(); ++i) {
       const FieldDescriptor& field = *descriptor.field(i);
       const std::string at = path.empty() ? field.name() : path + "." + field.name();
-      if (field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
+      if (field.is_map()) {
+        WriteMap(message, field, at, indent);
+      } else if (field.cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE) {
         WriteParts(message, field, at, indent);
       } else {
         WriteValue(field.is_repeated() ? ListText(message, field) : ValueText(message, field), field.name(), at,
@@ -79,6 +82,19 @@ class Writer {
     const bool is_given = given_.contains(at);
     if (!is_given) defaulted.push_back(at);
     text += indent + name + ": " + value + (is_given ? "" : "   # default") + "\n";
+  }
+
+  void WriteMap(const Message& message, const FieldDescriptor& field, const std::string& at,
+                const std::string& indent) {
+    const auto& reflection = *message.GetReflection();
+    std::map<std::string, std::string> values;
+    for (int i = 0; i < reflection.FieldSize(message, &field); ++i) {
+      const Message& entry = reflection.GetRepeatedMessage(message, &field, i);
+      const std::string key = entry.GetReflection()->GetString(entry, field.message_type()->map_key());
+      values[key] = ValueText(entry, *field.message_type()->map_value());
+    }
+    if (!values.empty()) text += indent + field.name() + ":\n";
+    for (const std::string& key : KeysOf(field)) WriteValue(values[key], key, at + "." + key, indent + "  ");
   }
 
   void WriteParts(const Message& message, const FieldDescriptor& field, const std::string& at,

@@ -42,12 +42,12 @@ proto::TeamConfig MakeTeam(const SimOptions& options) {
   if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
   team.mutable_radio()->set_codec(options.seed % kCompactEvery == 1 ? proto::CODEC_COMPACT : proto::CODEC_ZSTD);
   if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriodS);
-  proto::SharePolicies& share = *team.mutable_share();
-  share.set_power(proto::POLICY_LATEST);
-  share.set_pose_graph_node(proto::POLICY_ALL);
-  share.set_optimized_pose(proto::POLICY_LATEST);
-  share.set_local_traversability_map(proto::POLICY_ALL);
-  share.set_map_quarantine(proto::POLICY_ALL);
+  auto& share = *team.mutable_share();
+  share["power"] = proto::POLICY_LATEST;
+  share["pose_graph_node"] = proto::POLICY_ALL;
+  share["optimized_pose"] = proto::POLICY_LATEST;
+  share["local_traversability_map"] = proto::POLICY_ALL;
+  share["map_quarantine"] = proto::POLICY_ALL;
   proto::CustomType& beacon = *team.add_custom_types();
   beacon.set_id(kBeacon);
   beacon.set_name("beacon");
@@ -57,12 +57,12 @@ proto::TeamConfig MakeTeam(const SimOptions& options) {
   beacon.set_bytes_max(64);
   // Enough for some minutes of states, so that the oldest go all the time.
   team.mutable_retention()->set_history_mb_max(kHistoryMegabytes);
-  team.mutable_keep()->set_power(options.seed % kKeepsAllEvery == 0 ? "all" : "30m");
-  team.mutable_keep()->set_optimized_pose("1h");
-  team.mutable_ground()->set_power(proto::POLICY_LATEST);
-  team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
-  team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
-  team.mutable_ground()->set_map_quarantine(proto::POLICY_ALL);
+  (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
+  (*team.mutable_keep())["optimized_pose"] = "1h";
+  (*team.mutable_ground())["power"] = proto::POLICY_LATEST;
+  (*team.mutable_ground())["pose_graph_node"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["map_quarantine"] = proto::POLICY_ALL;
   return team;
 }
 

@@ -248,9 +248,9 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(config.retention().store_mb_max(), 0);
   EXPECT_FALSE(config.retention().drop_beaten_maps());
   EXPECT_EQ(config.retention().history_mb_max(), 64);
-  EXPECT_EQ(config.keep().temperature(), "all");
-  EXPECT_EQ(config.keep().optimized_pose(), "latest");
-  EXPECT_EQ(config.keep().edge_verdict(), "latest");
+  EXPECT_EQ(config.keep().at("temperature"), "all");
+  EXPECT_EQ(config.keep().at("optimized_pose"), "latest");
+  EXPECT_EQ(config.keep().at("edge_verdict"), "latest");
   EXPECT_TRUE(KeepRuleOf(config, proto::TEMPERATURE).IsOfAnyAge());
   EXPECT_FALSE(KeepRuleOf(config, proto::OPTIMIZED_POSE).KeepsAny());
   EXPECT_TRUE(KeepRuleOf(config, proto::POSE_GRAPH_NODE).IsOfAnyAge());
@@ -282,7 +282,7 @@ TEST(TeamConfigTest, ReadsWhatRobotsKeepOfSupersededStates) {
   EXPECT_EQ(KeepRuleOf(config, proto::TEMPERATURE).at_most, std::chrono::hours(36));
   EXPECT_FALSE(KeepRuleOf(config, proto::POWER).KeepsAny());
   EXPECT_TRUE(KeepRuleOf(config, proto::MODE).IsOfAnyAge());
-  EXPECT_EQ(config.keep().optimized_pose(), "all") << "nothing of it is superseded";
+  EXPECT_EQ(config.keep().at("optimized_pose"), "all") << "nothing of it is superseded";
   EXPECT_EQ(KeepRuleOf(config, 1000).at_most, std::chrono::minutes(90));
   EXPECT_TRUE(KeepRuleOf(config, 1001).IsOfAnyAge());
   EXPECT_EQ(config.retention().history_mb_max(), 0);
@@ -303,7 +303,7 @@ TEST(TeamConfigTest, DeclaresCustomTypes) {
   EXPECT_EQ(SharePolicyOf(team->config, 1999), proto::POLICY_NONE);
   EXPECT_EQ(GroundPolicyOf(team->config, 1999), proto::POLICY_LATEST);
   EXPECT_EQ(SharePolicyOf(team->config, 1001), proto::POLICY_NONE);
-  EXPECT_EQ(DataTypesOf(team->config).size(), 16u);
+  EXPECT_EQ(DataTypesOf(team->config).size(), BuiltInDataTypes().size() + 2);
   EXPECT_EQ(DataTypesOf(team->config).back(), 1999u);
 }
 

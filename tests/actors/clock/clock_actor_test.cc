@@ -21,7 +21,7 @@ class ClockActorTest : public testing::Test {
       agent.set_id(id);
       agent.set_name("rover" + std::to_string(id));
     }
-    config_.mutable_share()->set_temperature(proto::POLICY_ALL);
+    (*config_.mutable_share())["temperature"] = proto::POLICY_ALL;
     for (AgentId id = 1; id <= 3; ++id) {
       team_.AddAgent(id);
       StorageActor::Options storage;

@@ -29,7 +29,7 @@ class FindingsTest : public testing::Test {
       agent.set_name("rover" + std::to_string(id));
       team_.AddAgent(id);
     }
-    storage.team.mutable_share()->set_agent_event(proto::POLICY_ALL);
+    (*storage.team.mutable_share())["agent_event"] = proto::POLICY_ALL;
     storage.team.mutable_radio()->set_quiet_while_driving(true);
     EventActor::Options events;
     events.self = 1;

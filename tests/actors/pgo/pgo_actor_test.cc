@@ -30,10 +30,10 @@ class PgoActorTest : public testing::Test {
   PgoActorTest() : scenario_(simulation::MakeScenario({.seed = 3, .node_count = 24, .outlier_ratio = 0.1})) {
     RecordProperty("seed", 3);
     for (const auto& [id, facts] : scenario_.agents) AddAgent(id, facts);
-    team_config_.mutable_share()->set_pose_graph_node(proto::POLICY_ALL);
-    team_config_.mutable_share()->set_pose_graph_edge(proto::POLICY_ALL);
-    team_config_.mutable_share()->set_optimized_pose(proto::POLICY_LATEST);
-    team_config_.mutable_share()->set_edge_verdict(proto::POLICY_LATEST);
+    (*team_config_.mutable_share())["pose_graph_node"] = proto::POLICY_ALL;
+    (*team_config_.mutable_share())["pose_graph_edge"] = proto::POLICY_ALL;
+    (*team_config_.mutable_share())["optimized_pose"] = proto::POLICY_LATEST;
+    (*team_config_.mutable_share())["edge_verdict"] = proto::POLICY_LATEST;
     team_.AddAgent(1);
     options_.self = 1;
     options_.team = team_config_;

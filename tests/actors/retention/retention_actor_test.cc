@@ -32,10 +32,10 @@ class RetentionActorTest : public testing::Test {
     }
     config_.mutable_roles()->set_leader("rover1");
     config_.mutable_roles()->set_survivor("rover2");
-    config_.mutable_share()->set_agent_event(proto::POLICY_ALL);
-    config_.mutable_share()->set_local_traversability_map(proto::POLICY_ALL);
-    config_.mutable_share()->set_pose_graph_node(proto::POLICY_ALL);
-    config_.mutable_share()->set_power(proto::POLICY_LATEST);
+    (*config_.mutable_share())["agent_event"] = proto::POLICY_ALL;
+    (*config_.mutable_share())["local_traversability_map"] = proto::POLICY_ALL;
+    (*config_.mutable_share())["pose_graph_node"] = proto::POLICY_ALL;
+    (*config_.mutable_share())["power"] = proto::POLICY_LATEST;
   }
 
   void Start() {
@@ -310,7 +310,7 @@ TEST_F(RetentionActorTest, TakesOneOrderAtATime) {
 
 // Nobody else has it, so that nobody has to be asked.
 TEST_F(RetentionActorTest, RemovesHistoryThoughLeaderAndSurvivorCannotBeReached) {
-  config_.mutable_keep()->set_power("all");
+  (*config_.mutable_keep())["power"] = "all";
   config_.mutable_retention()->set_history_mb_max(1);
   Start();
   team_.SetLink(kRover, kLeader, false);

@@ -27,18 +27,18 @@ inline proto::TeamConfig TestTeam(int rover_count) {
   }
   team.mutable_roles()->set_leader("rover1");
   team.mutable_roles()->set_survivor("rover2");
-  proto::SharePolicies& share = *team.mutable_share();
-  share.set_power(proto::POLICY_LATEST);
-  share.set_pose_graph_node(proto::POLICY_ALL);
-  share.set_pose_graph_edge(proto::POLICY_ALL);
-  share.set_optimized_pose(proto::POLICY_LATEST);
-  share.set_edge_verdict(proto::POLICY_LATEST);
-  share.set_local_traversability_map(proto::POLICY_ALL);
-  share.set_map_quarantine(proto::POLICY_ALL);
-  share.set_agent_event(proto::POLICY_ALL);
-  team.mutable_ground()->set_pose_graph_node(proto::POLICY_ALL);
-  team.mutable_ground()->set_local_traversability_map(proto::POLICY_ALL);
-  team.mutable_ground()->set_map_quarantine(proto::POLICY_ALL);
+  auto& share = *team.mutable_share();
+  share["power"] = proto::POLICY_LATEST;
+  share["pose_graph_node"] = proto::POLICY_ALL;
+  share["pose_graph_edge"] = proto::POLICY_ALL;
+  share["optimized_pose"] = proto::POLICY_LATEST;
+  share["edge_verdict"] = proto::POLICY_LATEST;
+  share["local_traversability_map"] = proto::POLICY_ALL;
+  share["map_quarantine"] = proto::POLICY_ALL;
+  share["agent_event"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["pose_graph_node"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["map_quarantine"] = proto::POLICY_ALL;
   return team;
 }
 

@@ -20,8 +20,8 @@ class StorageActorTest : public testing::Test {
       agent.set_id(id);
       agent.set_name("agent-" + std::to_string(id));
     }
-    options_.team.mutable_share()->set_temperature(proto::POLICY_LATEST);
-    options_.team.mutable_share()->set_pose_graph_node(proto::POLICY_ALL);
+    (*options_.team.mutable_share())["temperature"] = proto::POLICY_LATEST;
+    (*options_.team.mutable_share())["pose_graph_node"] = proto::POLICY_ALL;
     options_.self = 2;
     options_.path = folder_.File("agent.db");
     options_.notify = {"merge", "pgo"};

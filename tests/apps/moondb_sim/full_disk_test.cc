@@ -28,8 +28,8 @@ class FullDiskTest : public testing::Test {
       agent.set_id(id);
       agent.set_name("rover" + std::to_string(id));
     }
-    options_.team.mutable_share()->set_pose_graph_node(proto::POLICY_ALL);
-    options_.team.mutable_share()->set_local_traversability_map(proto::POLICY_ALL);
+    (*options_.team.mutable_share())["pose_graph_node"] = proto::POLICY_ALL;
+    (*options_.team.mutable_share())["local_traversability_map"] = proto::POLICY_ALL;
     options_.self = kSelf;
     options_.path = kPath;
     options_.vfs = disk_.name();

@@ -1,0 +1,116 @@
+// What a built-in data type needs in every place, asked of each value of the enumeration and each body of a record.
+#include "model/data_types.h"
+
+#include <gmock/gmock.h>
+
+#include "model/custom_types.h"
+#include "model/record_check.h"
+#include "model/text.h"
+#include "tests/sample_record.h"
+
+namespace moondb {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using testing::HasSubstr;
+using testing::UnorderedElementsAreArray;
+
+std::vector<std::string> EnumeratedTypes() {
+  std::vector<std::string> names;
+  const auto& types = *proto::DataType_descriptor();
+  for (int i = 0; i < types.value_count(); ++i) {
+    if (types.value(i)->number() != 0) names.push_back(DataTypeName(static_cast<DataType>(types.value(i)->number())));
+  }
+  return names;
+}
+
+std::string PolicyName(proto::Policy policy) {
+  return policy == proto::POLICY_ALL ? "all" : policy == proto::POLICY_LATEST ? "latest" : "none";
+}
+
+// The paths of all agents in a message that are set: "node.agent_id".
+std::vector<std::string> AgentFieldsIn(const Message& message, const std::string& path) {
+  std::vector<std::string> fields;
+  std::vector<const FieldDescriptor*> set;
+  message.GetReflection()->ListFields(message, &set);
+  for (const FieldDescriptor* field : set) {
+    const std::string at = path + "." + field->name();
+    if (field->name() == "agent_id") fields.push_back(at);
+    if (field->is_repeated() || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
+    const auto inner = AgentFieldsIn(message.GetReflection()->GetMessage(message, field), at);
+    fields.insert(fields.end(), inner.begin(), inner.end());
+  }
+  return fields;
+}
+
+TEST(DataTypesTest, HaveARowForEachEnumerator) {
+  std::vector<std::string> rows;
+  for (const DataTypeRow& row : DataTypeRows()) rows.push_back(DataTypeName(row.type));
+  EXPECT_EQ(rows, EnumeratedTypes()) << "model/data_types.cc and the enumeration DataType in proto/types.proto differ";
+}
+
+TEST(DataTypesTest, HaveABodyOfTheirNameInARecord) {
+  std::vector<std::string> bodies;
+  const auto& oneof = *proto::Record::descriptor()->FindOneofByName("body");
+  for (int i = 0; i < oneof.field_count(); ++i) {
+    if (oneof.field(i)->name() != "custom") bodies.push_back(oneof.field(i)->name());
+  }
+  EXPECT_THAT(bodies, UnorderedElementsAreArray(EnumeratedTypes()))
+      << "the oneof `body` in proto/record.proto and the enumeration DataType in proto/types.proto differ";
+}
+
+TEST(DataTypesTest, AreRecognizedAndPassTheirOwnCheck) {
+  for (const DataTypeRow& row : DataTypeRows()) {
+    SCOPED_TRACE(DataTypeName(row.type));
+    const proto::Record record = SampleRecord(row.type, 1);
+    EXPECT_EQ(TypeOf(record), row.type);
+    const Result<void> checked = CheckRecord(record);
+    EXPECT_TRUE(checked) << ToString(checked.error()) << " (a sample of its own belongs into tests/sample_record.h)";
+  }
+}
+
+TEST(DataTypesTest, NameEveryAgentOfTheirFields) {
+  for (const DataTypeRow& row : DataTypeRows()) {
+    const std::string name = DataTypeName(row.type);
+    const proto::Record record = SampleRecord(row.type, 1);
+    const auto* body = proto::Record::descriptor()->FindFieldByName(name);
+    ASSERT_NE(body, nullptr) << name;
+    std::vector<std::string> named;
+    for (const NamedAgent& agent : AgentsNamedIn(record)) {
+      named.push_back(agent.field);
+      EXPECT_GT(agent.agent, 0u) << agent.field;
+    }
+    EXPECT_THAT(named, UnorderedElementsAreArray(AgentFieldsIn(record.GetReflection()->GetMessage(record, body), name)))
+        << "DataTypeRow::agents of " << name << " in model/data_types.cc";
+  }
+}
+
+TEST(DataTypesTest, AreSharedByAPolicyThatTheyMayHave) {
+  for (const DataTypeRow& row : DataTypeRows()) {
+    for (const proto::Policy policy : {row.share, row.ground}) {
+      EXPECT_NE(policy, proto::POLICY_UNSPECIFIED) << DataTypeName(row.type);
+      EXPECT_TRUE(policy != proto::POLICY_LATEST || row.may_be_latest) << DataTypeName(row.type);
+    }
+  }
+}
+
+TEST(DataTypesTest, HaveALineEachInTheirGuide) {
+  const Result<std::string> guide = ReadTextFile(std::string(MOONDB_SOURCE_DIR) + "/docs/DATA_TYPES.md");
+  ASSERT_TRUE(guide);
+  for (const DataTypeRow& row : DataTypeRows()) {
+    EXPECT_THAT(*guide, HasSubstr("\n| `" + DataTypeName(row.type) + "` | " + PolicyName(row.share) + " | " +
+                                  PolicyName(row.ground) + " | "))
+        << "docs/DATA_TYPES.md lacks the line of " << DataTypeName(row.type) << ", or it names other policies";
+  }
+}
+
+TEST(DataTypesTest, AreUnknownWithoutARow) {
+  EXPECT_EQ(FindDataType(proto::DATA_TYPE_UNSPECIFIED), nullptr);
+  EXPECT_EQ(FindDataType(kCustomDataTypeMin), nullptr);
+  EXPECT_EQ(FindDataType(proto::DataType_MAX + 1), nullptr);
+  EXPECT_TRUE(AgentsNamedIn(proto::Record()).empty());
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,76 @@
+// A record of any built-in type that a store accepts: by reflection, so that a type that is new has one too.
+//
+// Every number is 0.5 or 1, every enumeration its last value, every text "text", every agent the given one. A type to
+// which that is no record gets its own here.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "model/geometry.h"
+#include "model/ids.h"
+#include "model/traversability_map.h"
+#include "proto/record.pb.h"
+
+namespace moondb {
+
+inline void FillWithSamples(AgentId agent, google::protobuf::Message& message) {
+  using google::protobuf::FieldDescriptor;
+  const auto& type = *message.GetDescriptor();
+  const auto& reflection = *message.GetReflection();
+  for (int i = 0; i < type.field_count(); ++i) {
+    const FieldDescriptor* field = type.field(i);
+    if (field->is_repeated() || field->containing_oneof() != nullptr) continue;
+    switch (field->cpp_type()) {
+      case FieldDescriptor::CPPTYPE_DOUBLE:
+        reflection.SetDouble(&message, field, 0.5);
+        break;
+      case FieldDescriptor::CPPTYPE_UINT32:
+        reflection.SetUInt32(&message, field, agent);
+        break;
+      case FieldDescriptor::CPPTYPE_UINT64:
+        reflection.SetUInt64(&message, field, 1);
+        break;
+      case FieldDescriptor::CPPTYPE_INT64:
+        reflection.SetInt64(&message, field, 1);
+        break;
+      case FieldDescriptor::CPPTYPE_BOOL:
+        reflection.SetBool(&message, field, true);
+        break;
+      case FieldDescriptor::CPPTYPE_ENUM:
+        reflection.SetEnum(&message, field, field->enum_type()->value(field->enum_type()->value_count() - 1));
+        break;
+      case FieldDescriptor::CPPTYPE_STRING:
+        reflection.SetString(&message, field, "text");
+        break;
+      case FieldDescriptor::CPPTYPE_MESSAGE:
+        FillWithSamples(agent, *reflection.MutableMessage(&message, field));
+        break;
+      default:
+        ADD_FAILURE() << "tests/sample_record.h knows no sample of " << field->full_name();
+    }
+  }
+}
+
+inline proto::Record SampleRecord(DataType type, AgentId agent) {
+  proto::Record record;
+  record.set_stamp_ns(1);
+  const auto* field = proto::Record::descriptor()->FindFieldByName(DataTypeName(type));
+  if (field == nullptr) return record;
+  FillWithSamples(agent, *record.GetReflection()->MutableMessage(&record, field));
+  if (record.has_pose_graph_edge()) {
+    proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+    edge.mutable_to()->set_agent_id(agent + 1);
+    edge.mutable_range()->set_range_m(1);
+    edge.mutable_range()->set_variance_m2(1);
+  }
+  if (record.has_local_traversability_map()) {
+    const TraversabilityMap map{NodeKey{agent, 1}, Pose(), {MapLayer{Grid(5, 3, Cell::kFree), 50'000, 0, 0}}};
+    *record.mutable_local_traversability_map() = ToProto(map);
+  }
+  if (record.has_map_quarantine()) record.mutable_map_quarantine()->clear_lifts();
+  return record;
+}
+
+}  // namespace moondb
