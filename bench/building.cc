@@ -8,11 +8,11 @@ namespace moondb {
 
 namespace {
 
-constexpr int kSideCells = static_cast<int>(Building::kSideM / Building::kCellM);
-constexpr double kOuterWallM = 0.5;
-constexpr double kRoverRadiusM = 0.3;
+constexpr int kSideCells = static_cast<int>(Building::kSide_m / Building::kCell_m);
+constexpr double kOuterWall_m = 0.5;
+constexpr double kRoverRadius_m = 0.3;
 
-int CellOf(double metres) { return static_cast<int>(std::floor(metres / Building::kCellM)) + kSideCells / 2; }
+int CellOf(double metres) { return static_cast<int>(std::floor(metres / Building::kCell_m)) + kSideCells / 2; }
 
 bool IsOnFloor(int column, int row) { return column >= 0 && row >= 0 && column < kSideCells && row < kSideCells; }
 
@@ -24,7 +24,7 @@ Building::Building() : is_solid_(static_cast<std::size_t>(kSideCells) * kSideCel
 
 Building Building::Make(Random& random) {
   Building building;
-  const double half_m = kSideM / 2 - kOuterWallM;
+  const double half_m = kSide_m / 2 - kOuterWall_m;
   const Room floor{-half_m, -half_m, half_m, half_m};
   building.Fill(floor, false);
   building.Divide(floor, random.Uniform(3, 9), random);
@@ -41,7 +41,7 @@ bool Building::HasRoomAt(double x_m, double y_m) const {
   constexpr int kPoints = 12;
   for (int i = 0; i < kPoints; ++i) {
     const double angle = 2 * std::numbers::pi * i / kPoints;
-    if (IsSolid(x_m + kRoverRadiusM * std::cos(angle), y_m + kRoverRadiusM * std::sin(angle))) return false;
+    if (IsSolid(x_m + kRoverRadius_m * std::cos(angle), y_m + kRoverRadius_m * std::sin(angle))) return false;
   }
   return !IsSolid(x_m, y_m);
 }
@@ -55,8 +55,8 @@ void Building::Fill(const Room& box, bool is_solid) {
 }
 
 void Building::AddPost(double x_m, double y_m, double radius_m) {
-  for (double y = -radius_m; y <= radius_m; y += kCellM) {
-    for (double x = -radius_m; x <= radius_m; x += kCellM) {
+  for (double y = -radius_m; y <= radius_m; y += kCell_m) {
+    for (double x = -radius_m; x <= radius_m; x += kCell_m) {
       const int column = CellOf(x_m + x);
       const int row = CellOf(y_m + y);
       if (std::hypot(x, y) <= radius_m && IsOnFloor(column, row)) is_solid_[Offset(column, row)] = 1;

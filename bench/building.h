@@ -13,8 +13,8 @@ namespace moondb {
 
 class Building {
  public:
-  static constexpr double kSideM = 40;
-  static constexpr double kCellM = 0.025;
+  static constexpr double kSide_m = 40;
+  static constexpr double kCell_m = 0.025;
 
   static Building Make(Random& random);
 

@@ -11,10 +11,10 @@ namespace moondb {
 
 namespace {
 
-constexpr double kMarchM = 0.0125;     // Along a beam, to what it hits.
-constexpr double kCrossM = 0.02;       // Along a beam, from cell to cell.
+constexpr double kMarch_m = 0.0125;    // Along a beam, to what it hits.
+constexpr double kCross_m = 0.02;      // Along a beam, from cell to cell.
 constexpr double kStrayShare = 0.002;  // Of beams that end at something small in the air.
-constexpr double kDriveStepM = 0.1;
+constexpr double kDriveStep_m = 0.1;
 constexpr int kDriveTriesMax = 400;
 
 struct Laser {
@@ -96,7 +96,7 @@ class Scanner {
     double range_m = 0;
     while (range_m < laser_.range_m &&
            !building_.IsSolid(world.x + range_m * std::cos(angle), world.y + range_m * std::sin(angle))) {
-      range_m += kMarchM;
+      range_m += kMarch_m;
     }
     return range_m;
   }
@@ -108,7 +108,7 @@ class Scanner {
       if (laser_.has_thin_lines) {
         DrawThinLine(from.x, from.y, end_x, end_y, layer);
       } else {
-        for (double m = 0; m < range_m; m += kCrossM) {
+        for (double m = 0; m < range_m; m += kCross_m) {
           Mark(layer, Index(layer, from.x + m * std::cos(angle)), Index(layer, from.y + m * std::sin(angle)),
                Cell::kFree);
         }
@@ -148,7 +148,7 @@ class Scanner {
 };
 
 Planar DrawStart(const Building& building, Random& random) {
-  const double half_m = Building::kSideM / 2 - 1;
+  const double half_m = Building::kSide_m / 2 - 1;
   Planar pose;
   do {
     pose = {random.Uniform(-half_m, half_m), random.Uniform(-half_m, half_m),
@@ -159,11 +159,11 @@ Planar DrawStart(const Building& building, Random& random) {
 
 void Drive(const Building& building, double metres, Random& random, Planar& pose) {
   for (int tries = 0; metres > 0 && tries < kDriveTriesMax; ++tries) {
-    const Planar next = pose * Planar{kDriveStepM, 0, 0};
+    const Planar next = pose * Planar{kDriveStep_m, 0, 0};
     if (building.HasRoomAt(next.x, next.y)) {
       pose = next;
       pose.yaw += 0.06 * random.Normal();
-      metres -= kDriveStepM;
+      metres -= kDriveStep_m;
     } else {
       pose.yaw += 0.6 * random.Normal();
     }

@@ -28,7 +28,7 @@ constexpr int kDrives = 150;
 constexpr int kMapsPerDrive = 16;
 constexpr int kRollingMaps = 8;
 constexpr std::size_t kPieceMaps = 8;
-constexpr double kCameraMinutes = 3;
+constexpr double kCamera_min = 3;
 
 using Drive = std::vector<TraversabilityMap>;
 
@@ -36,7 +36,7 @@ using Drive = std::vector<TraversabilityMap>;
 std::vector<Drive> MakeCameraDrives(std::uint64_t seed) {
   MissionOptions options;
   options.seed = seed;
-  options.minutes = kCameraMinutes;
+  options.minutes = kCamera_min;
   options.terrain.side_m = 30;
   options.terrain.rock_area_share = 0.01 + 0.01 * static_cast<double>(seed % 6);
   const Result<MadeMission> made = MakeMission(options);

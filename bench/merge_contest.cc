@@ -20,7 +20,7 @@ namespace moondb {
 namespace {
 
 // Farther than any rounding, nearer than any eye: what was placed is placed anew.
-constexpr double kNudgeM = 1e-7;
+constexpr double kNudge_m = 1e-7;
 
 // What rounding leaves; one wrong order or one layer out of its place is far below.
 constexpr double kAgreesAtLeast = 0.999;
@@ -70,8 +70,8 @@ class MergeContest {
     }
     there_ = here_;
     footprints_there_ = footprints_here_;
-    for (PlacedMap& map : there_) map.map_from_node.position_m.x() += kNudgeM;
-    for (Footprint& footprint : footprints_there_) footprint.map_from_node.position_m.x() += kNudgeM;
+    for (PlacedMap& map : there_) map.map_from_node.position_m.x() += kNudge_m;
+    for (Footprint& footprint : footprints_there_) footprint.map_from_node.position_m.x() += kNudge_m;
     map_bytes_ = static_cast<double>(bytes);
     map_bytes_at_two_bits_ = static_cast<double>(cells) / 4;
   }

@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kSide = 128;
 constexpr int kLayers = 4;
-constexpr std::uint32_t kFinestUm = 50'000;
+constexpr std::uint32_t kFinest_um = 50'000;
 
 struct Wedge {
   float from_rad = 0;
@@ -38,7 +38,7 @@ Polar MakePolar() {
 
 MapLayer MakeLayer(int level, const std::vector<Wedge>& wedges, const Polar& polar, std::mt19937_64& rng) {
   MapLayer layer;
-  layer.resolution_um = kFinestUm << level;
+  layer.resolution_um = kFinest_um << level;
   layer.grid = Grid(kSide, kSide);
   const float cell_m = static_cast<float>(layer.resolution_um) / 1e6f;
   for (std::size_t i = 0; i < layer.grid.cells.size(); ++i) {
@@ -64,9 +64,9 @@ MergeWorld MakeMergeWorld(std::size_t map_count, std::int64_t side_cells, std::u
   };
   static const Polar polar = MakePolar();
   MergeWorld world;
-  world.grid.resolution_um = kFinestUm;
-  const double side_m = static_cast<double>(side_cells) * kFinestUm / 1e6;
-  const double reach_m = (kSide / 2.0) * (kFinestUm << (kLayers - 1)) / 1e6;
+  world.grid.resolution_um = kFinest_um;
+  const double side_m = static_cast<double>(side_cells) * kFinest_um / 1e6;
+  const double reach_m = (kSide / 2.0) * (kFinest_um << (kLayers - 1)) / 1e6;
   for (std::size_t i = 0; i < map_count; ++i) {
     std::vector<Wedge> wedges;
     for (int k = 0; k < 8; ++k) {

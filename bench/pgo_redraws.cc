@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-constexpr double kBurstMinM = 0.5;  // Beyond white noise and the pair's bias.
+constexpr double kBurstMin_m = 0.5;  // Beyond white noise and the pair's bias.
 
 std::vector<GraphNode> TrueNodes(const Mission& mission, AgentId agent) {
   std::vector<GraphNode> nodes;
@@ -60,7 +60,7 @@ MethodResult SolveWithoutBursts(const Mission& mission, const SolverOptions& opt
   };
   PoseGraph graph = mission.graph;
   std::erase_if(graph.ranges, [&](const RangeEdge& edge) {
-    return edge.range_m - (antenna_at(edge.from) - antenna_at(edge.to)).norm() > kBurstMinM;
+    return edge.range_m - (antenna_at(edge.from) - antenna_at(edge.to)).norm() > kBurstMin_m;
   });
   return SolveWith(Method::kLeastSquares, graph, FactsOf(mission), options);
 }

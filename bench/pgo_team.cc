@@ -15,9 +15,9 @@ using simulation::ScenarioOptions;
 constexpr int kRovers = 3;
 constexpr int kNewNodes = 10;
 constexpr int kUnknownStartsNodes = 200;  // Per rover.
-constexpr double kRightM = 1;
+constexpr double kRight_m = 1;
 constexpr std::size_t kWindowNodes = 100;
-constexpr std::int64_t kStepNs = 10'000'000'000;  // Between nodes of a scenario.
+constexpr std::int64_t kStep_ns = 10'000'000'000;  // Between nodes of a scenario.
 
 ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
   ScenarioOptions options;
@@ -45,7 +45,7 @@ ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
 // Without the last nodes of each rover.
 PoseGraph Earlier(const PoseGraph& graph, int node_count) {
   PoseGraph earlier = graph;
-  const std::int64_t end_ns = (node_count - kNewNodes) * kStepNs;
+  const std::int64_t end_ns = (node_count - kNewNodes) * kStep_ns;
   const auto is_late = [end_ns](const auto& item) { return item.stamp_ns >= end_ns; };
   std::erase_if(earlier.nodes, is_late);
   std::erase_if(earlier.odometry, is_late);
@@ -151,7 +151,7 @@ UnknownStartsRun RunUnknownStarts(int runs, const SolverOptions& options) {
     }
     Solution solution;
     seconds.push_back(SecondsOf([&] { solution = SolvePoseGraph(scenario.graph, scenario.agents, {}, options); }));
-    const bool is_right = solution.is_accepted && TrajectoryErrorM(scenario, solution.poses) < kRightM;
+    const bool is_right = solution.is_accepted && TrajectoryErrorM(scenario, solution.poses) < kRight_m;
     const bool is_ambiguous = std::any_of(solution.rovers.begin(), solution.rovers.end(),
                                           [](const auto& rover) { return rover.anchoring == Anchoring::kAmbiguous; });
     result.right += is_right;

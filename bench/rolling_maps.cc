@@ -10,7 +10,7 @@ namespace moondb {
 
 namespace {
 
-constexpr std::uint32_t kFinestUm = 50'000;
+constexpr std::uint32_t kFinest_um = 50'000;
 
 // The terrain's hazards in cells of one layer.
 class WorldLayer {
@@ -56,7 +56,7 @@ std::vector<TraversabilityMap> MakeRollingMaps(const RollingOptions& options) {
   std::vector<TraversabilityMap> maps;
   for (int i = 0; i < options.map_count; ++i) {
     const auto cell_at = [&](double metres) {
-      return middle + static_cast<int>(std::lround(metres / kTerrainCellM / coarsest)) * coarsest;
+      return middle + static_cast<int>(std::lround(metres / kTerrainCell_m / coarsest)) * coarsest;
     };
     TraversabilityMap map;
     for (int layer = 0; layer < options.layer_count; ++layer) {
@@ -68,7 +68,7 @@ std::vector<TraversabilityMap> MakeRollingMaps(const RollingOptions& options) {
           grid.At(column, row) = random.Chance(options.noise_share) ? OtherThan(cell, random) : cell;
         }
       }
-      map.layers.push_back({std::move(grid), kFinestUm << layer, 0, 0});
+      map.layers.push_back({std::move(grid), kFinest_um << layer, 0, 0});
     }
     maps.push_back(std::move(map));
     x_m += options.step_m * std::cos(heading_rad);

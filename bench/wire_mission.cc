@@ -14,8 +14,8 @@ namespace moondb {
 
 namespace {
 
-constexpr std::int64_t kStartNs = 1'760'000'000'000'000'000;
-constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kStart_ns = 1'760'000'000'000'000'000;
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::uint64_t kEpoch = 0x5F3C9A1E0B7D4C21;
 
 // States come every second, temperatures, and every third, the others.
@@ -25,7 +25,7 @@ constexpr int kOtherStatesEvery = 3;
 class Recorder {
  public:
   void Add(AgentId origin, proto::Record record) {
-    record.set_stamp_ns(record.stamp_ns() + kStartNs);
+    record.set_stamp_ns(record.stamp_ns() + kStart_ns);
     const std::uint32_t type = TypeOf(record);
     std::vector<proto::StoredRecord>& stream = streams_[{type, origin}];
     const RecordKey key{{origin, kEpoch + origin, type}, stream.size() + 1};
@@ -49,7 +49,7 @@ void AddStates(AgentId origin, int seconds, Recorder& recorder) {
   Random random(origin);
   double celsius = 10;
   for (int second = 0; second < seconds; ++second) {
-    const std::int64_t stamp_ns = second * kSecondNs + random.Index(2'000'000);
+    const std::int64_t stamp_ns = second * kSecond_ns + random.Index(2'000'000);
     celsius += 0.05 * random.Normal();
     proto::Record temperature;
     temperature.set_stamp_ns(stamp_ns);
@@ -114,7 +114,7 @@ WireMission ToWire(std::string name, const Mission& mission, const std::vector<T
     by_rover[mission.maps[i].agent].push_back(maps[i]);
     last_ns = std::max(last_ns, mission.maps[i].stamp_ns);
   }
-  for (const AgentId rover : RoverIds(mission)) AddStates(rover, static_cast<int>(last_ns / kSecondNs), recorder);
+  for (const AgentId rover : RoverIds(mission)) AddStates(rover, static_cast<int>(last_ns / kSecond_ns), recorder);
   return Finish(std::move(name), recorder, std::move(by_rover));
 }
 
@@ -123,20 +123,20 @@ WireMission ToWire(std::string name, const Mission& mission, const std::vector<T
 WireMission MakeRollingMission() {
   constexpr int kRovers = 3;
   constexpr int kMapsPerRover = 100;
-  constexpr std::int64_t kPeriodS = 12;
+  constexpr std::int64_t kPeriod_s = 12;
   Recorder recorder;
   std::map<AgentId, std::vector<TraversabilityMap>> by_rover;
   for (AgentId rover = 1; rover <= kRovers; ++rover) {
     Random random(1000 + rover);
-    AddGraph(MakeGraph(rover, kMapsPerRover, kPeriodS * kSecondNs, random), recorder);
-    AddStates(rover, kMapsPerRover * kPeriodS, recorder);
+    AddGraph(MakeGraph(rover, kMapsPerRover, kPeriod_s * kSecond_ns, random), recorder);
+    AddStates(rover, kMapsPerRover * kPeriod_s, recorder);
     RollingOptions options;
     options.seed = 9000 + rover;
     options.map_count = kMapsPerRover;
     std::vector<TraversabilityMap> maps = MakeRollingMaps(options);
     for (int i = 0; i < kMapsPerRover; ++i) {
       maps[static_cast<std::size_t>(i)].node = {rover, static_cast<std::uint64_t>(i)};
-      AddMap(rover, i * kPeriodS * kSecondNs, maps[static_cast<std::size_t>(i)], recorder);
+      AddMap(rover, i * kPeriod_s * kSecond_ns, maps[static_cast<std::size_t>(i)], recorder);
     }
     by_rover[rover] = std::move(maps);
   }

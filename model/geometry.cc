@@ -50,7 +50,7 @@ Result<Pose> FromProto(const proto::Pose& pose) {
   if (!pose.has_orientation()) return Fail(ErrorCode::kInvalid, "is missing", "orientation");
   const Eigen::Vector3d position(pose.position_m().x(), pose.position_m().y(), pose.position_m().z());
   if (!position.allFinite()) return Fail(ErrorCode::kInvalid, "is not finite", "position_m");
-  if (position.cwiseAbs().maxCoeff() > kCoordinateMaxM) {
+  if (position.cwiseAbs().maxCoeff() > kCoordinateMax_m) {
     return Fail(ErrorCode::kInvalid, "lies beyond 1e9 m", "position_m");
   }
   const proto::Quaternion& q = pose.orientation();

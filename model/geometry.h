@@ -9,7 +9,7 @@
 
 namespace moondb {
 
-inline constexpr double kCoordinateMaxM = 1e9;  // Of what messages and files give.
+inline constexpr double kCoordinateMax_m = 1e9;  // Of what messages and files give.
 
 struct Pose {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();

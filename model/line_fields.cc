@@ -54,7 +54,7 @@ std::int64_t LineFields::Stamp() {
 Eigen::Vector3d LineFields::Position(bool is_planar) {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   for (int i = 0; i < (is_planar ? 2 : 3); ++i) position[i] = Number();
-  if (position.cwiseAbs().maxCoeff() > kCoordinateMaxM) Stop("the position lies beyond 1e9 m");
+  if (position.cwiseAbs().maxCoeff() > kCoordinateMax_m) Stop("the position lies beyond 1e9 m");
   return position;
 }
 

@@ -118,12 +118,12 @@ MissionAgent ReadAgent(CsvRow& row) {
   const std::string key = row.Text("key");
   if (key.size() != 1 || AgentOfLetter(key.front()) == 0) row.Stop("key: '" + key + "' is no letter");
   agent.letter = key.empty() ? '?' : key.front();
-  const double x_m = row.Number("start_x_m", -kCoordinateMaxM, kCoordinateMaxM);
-  const double y_m = row.Number("start_y_m", -kCoordinateMaxM, kCoordinateMaxM);
-  const double z_m = row.Number("start_z_m", -kCoordinateMaxM, kCoordinateMaxM);
+  const double x_m = row.Number("start_x_m", -kCoordinateMax_m, kCoordinateMax_m);
+  const double y_m = row.Number("start_y_m", -kCoordinateMax_m, kCoordinateMax_m);
+  const double z_m = row.Number("start_z_m", -kCoordinateMax_m, kCoordinateMax_m);
   agent.start = Pose::FromPlanar(x_m, y_m, row.Number("start_yaw_rad", -100, 100));
   agent.start.position_m.z() = z_m;
-  agent.start_sigma_m = row.Number("start_sigma_m", 0, kCoordinateMaxM);
+  agent.start_sigma_m = row.Number("start_sigma_m", 0, kCoordinateMax_m);
   agent.start_sigma_rad = row.Number("start_sigma_rad", 0, 100);
   agent.antenna_m.x() = row.Number("antenna_x_m", -100, 100);
   agent.antenna_m.y() = row.Number("antenna_y_m", -100, 100);

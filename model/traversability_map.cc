@@ -11,7 +11,7 @@ namespace moondb {
 namespace {
 
 constexpr std::size_t kCellsPerByte = 4;
-constexpr double kLayerOffsetMaxM = 1e6;
+constexpr double kLayerOffsetMax_m = 1e6;
 
 std::size_t PackedSize(std::size_t cell_count) { return (cell_count + kCellsPerByte - 1) / kCellsPerByte; }
 
@@ -25,7 +25,7 @@ Result<MapLayer> FromProto(const proto::MapLayer& layer, const std::string& fiel
   if (layer.resolution_um() < 1 || layer.resolution_um() > kMapResolutionUmMax) {
     return Fail(ErrorCode::kInvalid, "must be 1 to " + std::to_string(kMapResolutionUmMax), field + ".resolution_um");
   }
-  if (!(std::abs(layer.center_x_m()) <= kLayerOffsetMaxM) || !(std::abs(layer.center_y_m()) <= kLayerOffsetMaxM)) {
+  if (!(std::abs(layer.center_x_m()) <= kLayerOffsetMax_m) || !(std::abs(layer.center_y_m()) <= kLayerOffsetMax_m)) {
     return Fail(ErrorCode::kInvalid, "is not finite or beyond 1e6 m", field + ".center_m");
   }
   Result<Grid> grid = UnpackCells(static_cast<std::int32_t>(layer.width_cells()),

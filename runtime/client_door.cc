@@ -23,8 +23,8 @@ constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rig
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
-constexpr int kKeepAliveSeconds = 60;
-constexpr int kHandshakeMs = 5000;
+constexpr int kKeepAlive_s = 60;
+constexpr int kHandshake_ms = 5000;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr char kIpc[] = "ipc://";
 constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
@@ -41,9 +41,9 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
   router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
   // Neither one that says nothing nor one whose machine went away may be kept for ever.
-  router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMs);
+  router.Set(ZMQ_HANDSHAKE_IVL, kHandshake_ms);
   router.Set(ZMQ_TCP_KEEPALIVE, 1);
-  router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAliveSeconds);
+  router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
   if (endpoint.find('[') != std::string::npos) router.Set(ZMQ_IPV6, 1);
   const Result<std::string> numeric = NumericEndpoint(endpoint);
   if (!numeric) return tl::unexpected(numeric.error());

@@ -14,7 +14,7 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 template <int kRows>
 using PoseJacobian = Eigen::Matrix<double, kRows, kPoseSize, Eigen::RowMajor>;
 
-constexpr double kZeroDistanceM = 1e-9;
+constexpr double kZeroDistance_m = 1e-9;
 
 Eigen::Map<const Eigen::Vector3d> PositionOf(const double* block) { return Eigen::Map<const Eigen::Vector3d>(block); }
 
@@ -104,7 +104,7 @@ class RangeFactor final : public ceres::SizedCostFunction<1, kPoseSize, kPoseSiz
     if (jacobians == nullptr) return true;
 
     Eigen::RowVector3d direction = Eigen::RowVector3d::Zero();
-    if (distance_m > kZeroDistanceM) direction = weight_ / distance_m * between.transpose();
+    if (distance_m > kZeroDistance_m) direction = weight_ / distance_m * between.transpose();
     for (const std::size_t end : {0u, 1u}) {
       if (jacobians[end] == nullptr) continue;
       const Eigen::RowVector3d along = end == 0 ? direction : Eigen::RowVector3d(-direction);

@@ -215,7 +215,7 @@ bool FixedNodesHoldYaw(const CheckedGraph& graph) {
   for (const CheckedNode& node : graph.nodes) {
     if (!node.is_fixed) continue;
     if (first == nullptr) first = &node;
-    if ((node.raw.position_m - first->raw.position_m).head<2>().norm() > kApartM) return true;
+    if ((node.raw.position_m - first->raw.position_m).head<2>().norm() > kApart_m) return true;
   }
   return false;
 }

@@ -85,7 +85,7 @@ struct Rover {
 // By agent; base stations are not among them.
 std::vector<Rover> FindRovers(const CheckedGraph& graph);
 
-inline constexpr double kApartM = 1;  // Places nearer than this count as one.
+inline constexpr double kApart_m = 1;  // Places nearer than this count as one.
 
 // Fixed nodes hold a team's place; two apart from each other its yaw, too.
 bool FixedNodesHoldYaw(const CheckedGraph& graph);

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kScaleErrorMax = 0.1;  // More than five sigma of a rover's scale.
 constexpr double kWarmShare = 0.8;      // From here on the last verdicts are worth more than a robust stage.
-constexpr double kWarmLengthMinM = 5;   // Less travelled distance says nothing about the scale.
+constexpr double kWarmLengthMin_m = 5;  // Less travelled distance says nothing about the scale.
 
 // Raw poses are the start composed with odometry, so a first node's raw pose that lies far from the configured start
 // belongs to a later node, whose predecessors are not here.
@@ -55,7 +55,7 @@ double EstimateScale(const CheckedGraph& graph, const Rover& rover, const Poses&
     square_sum += step.squaredNorm();
     length_m += step.norm();
   }
-  if (length_m < kWarmLengthMinM) return 0;
+  if (length_m < kWarmLengthMin_m) return 0;
   return std::clamp(product_sum / square_sum - 1, -kScaleErrorMax, kScaleErrorMax);
 }
 

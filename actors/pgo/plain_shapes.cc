@@ -12,7 +12,7 @@ namespace moondb {
 namespace {
 
 constexpr double kSameShapePart = 0.01;  // Of the part's extent.
-constexpr double kRoundingM = 1e-6;
+constexpr double kRounding_m = 1e-6;
 
 using Places = std::map<NodeKey, Pose>;
 
@@ -25,7 +25,7 @@ bool IsSameShape(const Places& a, const Places& b, bool is_planar) {
     extent_m = std::max(extent_m, (place.position_m - first_m).norm());
     error_m = std::max(error_m, (b_from_a * a.at(key).position_m - place.position_m).norm());
   }
-  return a.size() == 1 || error_m <= kSameShapePart * extent_m + kRoundingM;
+  return a.size() == 1 || error_m <= kSameShapePart * extent_m + kRounding_m;
 }
 
 }  // namespace

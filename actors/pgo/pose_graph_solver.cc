@@ -21,8 +21,8 @@ namespace moondb {
 namespace {
 
 // Of a start that nobody knows: far beyond any mission, so that it costs nothing.
-constexpr double kFreeSigmaM = 1e4;
-constexpr double kFreeSigmaRad = 100;
+constexpr double kFreeSigma_m = 1e4;
+constexpr double kFreeSigma_rad = 100;
 
 // From the ranges between nodes of the last solution that it accepted.
 PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const InitialValues& initial,
@@ -66,7 +66,7 @@ std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const Sta
   std::set<AgentId> apart;
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
     const double distance_m = (FromBlock(a.poses[node]).position_m - FromBlock(b.poses[node]).position_m).norm();
-    if (distance_m > kApartM) apart.insert(graph.nodes[node].key.agent);
+    if (distance_m > kApart_m) apart.insert(graph.nodes[node].key.agent);
   }
   return apart;
 }
@@ -195,8 +195,8 @@ class Solver {
     std::vector<StartPrior> starts = starts_;
     for (const std::size_t i : unknown_) {
       starts[i].map_from_node = initial.poses[rovers_[i].first];
-      starts[i].sigma_m = kFreeSigmaM;
-      starts[i].sigma_rad = kFreeSigmaRad;
+      starts[i].sigma_m = kFreeSigma_m;
+      starts[i].sigma_rad = kFreeSigma_rad;
     }
     return starts;
   }

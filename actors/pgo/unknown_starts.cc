@@ -116,7 +116,7 @@ InitialValues Arranged(InitialValues initial, const Bodies& bodies, const Arrang
 
 bool IsSamePlace(const InitialValues& a, const InitialValues& b) {
   for (std::size_t node = 0; node < a.poses.size(); ++node) {
-    if ((a.poses[node].position_m - b.poses[node].position_m).norm() > kApartM) return false;
+    if ((a.poses[node].position_m - b.poses[node].position_m).norm() > kApart_m) return false;
   }
   return true;
 }

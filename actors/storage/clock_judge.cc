@@ -7,15 +7,15 @@
 namespace moondb {
 namespace {
 
-constexpr std::int64_t kSecondNs = 1'000'000'000;
-constexpr std::int64_t kToleranceNs = 60 * kSecondNs;
-constexpr std::int64_t kUtcMinNs = 1'704'067'200 * kSecondNs;  // 2024-01-01.
-constexpr std::int64_t kUtcMaxNs = 7'258'118'400 * kSecondNs;  // 2200-01-01: differences do not overflow.
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kTolerance_ns = 60 * kSecond_ns;
+constexpr std::int64_t kUtcMin_ns = 1'704'067'200 * kSecond_ns;  // 2024-01-01.
+constexpr std::int64_t kUtcMax_ns = 7'258'118'400 * kSecond_ns;  // 2200-01-01: differences do not overflow.
 
-bool IsPlausible(std::int64_t utc_ns) { return utc_ns >= kUtcMinNs && utc_ns < kUtcMaxNs; }
+bool IsPlausible(std::int64_t utc_ns) { return utc_ns >= kUtcMin_ns && utc_ns < kUtcMax_ns; }
 
 bool Agree(std::int64_t offset_a_ns, std::int64_t offset_b_ns) {
-  return std::llabs(offset_a_ns - offset_b_ns) <= kToleranceNs;
+  return std::llabs(offset_a_ns - offset_b_ns) <= kTolerance_ns;
 }
 
 }  // namespace
@@ -34,7 +34,7 @@ std::vector<ClockJudge::PeerOffset> ClockJudge::PeerOffsets(std::int64_t utc_ns,
     // By doubles: this agent's own clock may say anything, and a difference overflow.
     const double offset_ns = static_cast<double>(peer.offset_ns) + static_cast<double>(now.time_since_epoch().count()) -
                              static_cast<double>(utc_ns);
-    offsets.push_back({agent, offset_ns / kSecondNs, std::chrono::duration<double>(now - peer.heard).count()});
+    offsets.push_back({agent, offset_ns / kSecond_ns, std::chrono::duration<double>(now - peer.heard).count()});
   }
   return offsets;
 }
@@ -53,7 +53,7 @@ ClockJudge::Verdict ClockJudge::Judge(std::int64_t utc_ns, Time now) {
   const std::int64_t offset_ns = utc_ns - now.time_since_epoch().count();
   if (offset_ns_ && !Agree(offset_ns, *offset_ns_)) {
     verdict.has_jumped = true;
-    unproven_jump_s_ += static_cast<double>(offset_ns - *offset_ns_) / kSecondNs;
+    unproven_jump_s_ += static_cast<double>(offset_ns - *offset_ns_) / kSecond_ns;
   }
   offset_ns_ = offset_ns;
 
@@ -68,7 +68,7 @@ ClockJudge::Verdict ClockJudge::Judge(std::int64_t utc_ns, Time now) {
   if (!is_off && agreeing > 1) unproven_jump_s_ = 0;
   if (is_off) {
     verdict.suspect = "it is more than a minute off the clocks of " + std::to_string(differing) + " other agents";
-  } else if (std::abs(unproven_jump_s_) * kSecondNs > kToleranceNs) {
+  } else if (std::abs(unproven_jump_s_) * kSecond_ns > kTolerance_ns) {
     char text[80];
     std::snprintf(text, sizeof(text), "it jumped by %.0f s, and no other agent's clock agrees", unproven_jump_s_);
     verdict.suspect = text;

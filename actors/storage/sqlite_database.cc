@@ -22,7 +22,7 @@ namespace moondb {
 namespace {
 
 constexpr char kInMemory[] = ":memory:";
-constexpr int kBusyTimeoutMs = 2000;
+constexpr int kBusyTimeout_ms = 2000;
 constexpr std::uint64_t kPageBytes = 4096;            // SQLite's default.
 constexpr std::uint64_t kLogPagesMax = 1000;          // Likewise: then it moves the log into the file.
 constexpr std::uint64_t kLogPagesMin = 16;            // On a tiny disk.
@@ -184,7 +184,7 @@ Result<void> Database::OpenConnection(const std::string& vfs) {
   const int code = sqlite3_open_v2(name.c_str(), &connection_, flags, files_->name());
   if (code != SQLITE_OK) return FailWith(code);
   sqlite3_extended_result_codes(connection_, 1);
-  sqlite3_busy_timeout(connection_, kBusyTimeoutMs);
+  sqlite3_busy_timeout(connection_, kBusyTimeout_ms);
   // Then WAL needs no shared memory: other file systems need not have it, and a full disk has no room for it.
   if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");
   return {};

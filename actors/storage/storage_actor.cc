@@ -23,8 +23,8 @@ constexpr double kMegabyte = 1e6;
 constexpr double kBudgetUsedMax = 0.9;  // RetentionActor removes before that; beyond it, it could not.
 
 std::uint32_t DayOf(std::int64_t utc_ns) {
-  constexpr std::int64_t kDayNs = 86'400'000'000'000;
-  return utc_ns < 0 ? 0 : static_cast<std::uint32_t>(utc_ns / kDayNs);
+  constexpr std::int64_t kDay_ns = 86'400'000'000'000;
+  return utc_ns < 0 ? 0 : static_cast<std::uint32_t>(utc_ns / kDay_ns);
 }
 
 std::string Megabytes(double bytes) {

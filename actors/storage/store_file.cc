@@ -13,7 +13,7 @@ namespace moondb {
 
 namespace {
 
-constexpr int kBusyTimeoutMs = 5000;
+constexpr int kBusyTimeout_ms = 5000;
 constexpr int kStepsBetweenLooks = 10'000;  // Of SQLite's machine, at stop_requested.
 
 struct Close {
@@ -36,7 +36,7 @@ Result<Connection> Open(const std::filesystem::path& file, int flags) {
   const int code = sqlite3_open_v2(file.c_str(), &opened, flags | SQLITE_OPEN_NOMUTEX, nullptr);
   Connection connection(opened);
   if (code != SQLITE_OK) return FailWith(code, opened, file);
-  sqlite3_busy_timeout(opened, kBusyTimeoutMs);
+  sqlite3_busy_timeout(opened, kBusyTimeout_ms);
   return connection;
 }
 

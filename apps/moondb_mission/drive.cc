@@ -8,14 +8,14 @@ namespace moondb {
 
 namespace {
 
-constexpr double kWaitTurnRad = 1.0;
-constexpr double kSectorWeightM = 6;    // Way that a rover goes further rather than 1 rad beside its sector.
-constexpr double kCrowdDistanceM = 10;  // Goals nearer to each other than this count as crowded.
+constexpr double kWaitTurn_rad = 1.0;
+constexpr double kSectorWeight_m = 6;    // Way that a rover goes further rather than 1 rad beside its sector.
+constexpr double kCrowdDistance_m = 10;  // Goals nearer to each other than this count as crowded.
 constexpr double kCrowdWeight = 1.5;
-constexpr double kGoalJitterM = 3;
-constexpr double kGoalLeastM = 1;
-constexpr double kLookAheadM = 4;  // How far along its route a rover looks for a straight way.
-constexpr double kDetourM = 0.4;   // Beyond the separation, when a way is sought around the others.
+constexpr double kGoalJitter_m = 3;
+constexpr double kGoalLeast_m = 1;
+constexpr double kLookAhead_m = 4;  // How far along its route a rover looks for a straight way.
+constexpr double kDetour_m = 0.4;   // Beyond the separation, when a way is sought around the others.
 
 double Wrap(double angle_rad) { return std::remainder(angle_rad, 2 * std::numbers::pi); }
 
@@ -94,7 +94,7 @@ class TeamDriver {
     const double step_m = random_.Uniform(options_.step_min_m, options_.step_max_m);
     std::size_t target = 0;
     for (std::size_t i = 1; i < rover.route.size(); ++i) {
-      if ((rover.route[i] - rover.position_m()).norm() > kLookAheadM) break;
+      if ((rover.route[i] - rover.position_m()).norm() > kLookAhead_m) break;
       if (routes_.IsOpenLine(rover.position_m(), rover.route[i])) target = i;
     }
     const Eigen::Vector2d way = rover.route[target] - rover.position_m();
@@ -119,7 +119,7 @@ class TeamDriver {
     RoverState& rover = rovers_[index];
     std::vector<Disc> others;
     for (std::size_t i = 0; i < rovers_.size(); ++i) {
-      if (i != index) others.push_back({rovers_[i].position_m(), options_.separation_m + kDetourM});
+      if (i != index) others.push_back({rovers_[i].position_m(), options_.separation_m + kDetour_m});
     }
     const RouteMap::Ways ways = routes_.FindWays(rover.position_m(), others);
     const int goal = ChooseGoal(index, ways);
@@ -135,7 +135,7 @@ class TeamDriver {
     double best_cost = 1e300;
     bool is_best_unseen = false;
     for (int cell = 0; cell < routes_.cell_count(); ++cell) {
-      if (!(ways.length_m[cell] < 1e9f) || ways.length_m[cell] < kGoalLeastM) continue;
+      if (!(ways.length_m[cell] < 1e9f) || ways.length_m[cell] < kGoalLeast_m) continue;
       const bool is_unseen = is_seen_[cell] == 0;
       if (is_best_unseen && !is_unseen) continue;
       const double cost = is_unseen ? GoalCost(index, cell, ways.length_m[cell]) : random_.Uniform(0, 1e6);
@@ -153,10 +153,10 @@ class TeamDriver {
     const Eigen::Vector2d from_base = goal_m - terrain_.options().base_m;
     const double beside_rad = std::abs(Wrap(std::atan2(from_base.y(), from_base.x()) - rovers_[index].sector_rad)) -
                               std::numbers::pi / options_.rover_count;
-    double cost = length_m + kSectorWeightM * std::max(0.0, beside_rad) + random_.Uniform(0, kGoalJitterM);
+    double cost = length_m + kSectorWeight_m * std::max(0.0, beside_rad) + random_.Uniform(0, kGoalJitter_m);
     for (std::size_t i = 0; i < rovers_.size(); ++i) {
       if (i == index) continue;
-      cost += kCrowdWeight * std::max(0.0, kCrowdDistanceM - (rovers_[i].goal_m - goal_m).norm());
+      cost += kCrowdWeight * std::max(0.0, kCrowdDistance_m - (rovers_[i].goal_m - goal_m).norm());
     }
     return cost;
   }
@@ -166,8 +166,8 @@ class TeamDriver {
     TrackPoint& last = rover.track.back();
     const Eigen::Vector2d step = end_m - last.position_m;
     const bool is_waiting = step.norm() < 1e-9;
-    last.turn_rad =
-        is_waiting ? random_.Uniform(-kWaitTurnRad, kWaitTurnRad) : Wrap(std::atan2(step.y(), step.x()) - last.yaw_rad);
+    last.turn_rad = is_waiting ? random_.Uniform(-kWaitTurn_rad, kWaitTurn_rad)
+                               : Wrap(std::atan2(step.y(), step.x()) - last.yaw_rad);
     rover.track.push_back({end_m, Wrap(last.yaw_rad + last.turn_rad), 0});
   }
 

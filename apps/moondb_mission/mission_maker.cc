@@ -12,10 +12,10 @@ namespace {
 
 constexpr double kNsPerSecond = 1e9;
 constexpr int kMapsMax = 20'000;
-constexpr double kBaseOffsetM = 1.5;
+constexpr double kBaseOffset_m = 1.5;
 constexpr double kStartZShare = 0.3;  // A start's height is known better than its place, as with odometry.
-const Eigen::Vector3d kRoverAntennaM(0.1, 0, 0.3);
-const Eigen::Vector3d kBaseAntennaM(0, 0, 1.5);
+const Eigen::Vector3d kRoverAntenna_m(0.1, 0, 0.3);
+const Eigen::Vector3d kBaseAntenna_m(0, 0, 1.5);
 
 // Purposes of random streams. New ones get new numbers: changing one here changes every mission.
 enum Stream : std::uint64_t {
@@ -67,8 +67,8 @@ class Maker {
   MadeMission Make() {
     Random terrain_random = Random::Stream(options_.seed, kTerrainStream);
     TerrainOptions terrain_options = options_.terrain;
-    terrain_options.base_m.x() = terrain_random.Uniform(-kBaseOffsetM, kBaseOffsetM);
-    terrain_options.base_m.y() = terrain_random.Uniform(-kBaseOffsetM, kBaseOffsetM);
+    terrain_options.base_m.x() = terrain_random.Uniform(-kBaseOffset_m, kBaseOffset_m);
+    terrain_options.base_m.y() = terrain_random.Uniform(-kBaseOffset_m, kBaseOffset_m);
     MadeMission made{Terrain::Make(terrain_options, terrain_random), {}, {}};
     DriveOptions drive;
     drive.rover_count = options_.rover_count;
@@ -101,7 +101,7 @@ class Maker {
     agent.id = IdOf(rover);
     agent.name = "rover" + std::to_string(rover + 1);
     agent.letter = LetterOf(rover);
-    agent.antenna_m = kRoverAntennaM;
+    agent.antenna_m = kRoverAntenna_m;
     agent.start_sigma_m = options_.start_sigma_m;
     agent.start_sigma_rad = options_.start_sigma_rad;
     agent.start = GuessStart(true_nodes.front().map_from_node, start_random);
@@ -131,7 +131,7 @@ class Maker {
     base.name = "base";
     base.is_base_station = true;
     base.letter = 'L';
-    base.antenna_m = kBaseAntennaM;
+    base.antenna_m = kBaseAntenna_m;
     base.start = TruePose(made.terrain, {made.terrain.options().base_m, 0, 0});
     const NodeKey key{base.id, 0};
     made.mission.truth[key] = base.start;

@@ -11,26 +11,26 @@ namespace moondb {
 
 namespace {
 
-constexpr double kLineSampleM = 0.05;
-constexpr double kEdgeM = 0.5;  // Rovers stay this far inside the square.
+constexpr double kLineSample_m = 0.05;
+constexpr double kEdge_m = 0.5;  // Rovers stay this far inside the square.
 
 }  // namespace
 
 RouteMap::RouteMap(const Terrain& terrain, double rover_radius_m)
-    : side_cells_(static_cast<int>(std::floor(terrain.options().side_m / kRouteCellM))),
-      half_m_(side_cells_ * kRouteCellM / 2),
+    : side_cells_(static_cast<int>(std::floor(terrain.options().side_m / kRouteCell_m))),
+      half_m_(side_cells_ * kRouteCell_m / 2),
       is_open_(static_cast<std::size_t>(side_cells_) * side_cells_, 1) {
-  const double half_diagonals_m = (kRouteCellM + kTerrainCellM) * std::numbers::sqrt2 / 2;
+  const double half_diagonals_m = (kRouteCell_m + kTerrainCell_m) * std::numbers::sqrt2 / 2;
   const double reach_m = rover_radius_m + half_diagonals_m;
   const MergedMap hazards = terrain.HazardMap();
-  const int reach_cells = static_cast<int>(std::ceil(reach_m / kRouteCellM));
+  const int reach_cells = static_cast<int>(std::ceil(reach_m / kRouteCell_m));
   for (int row = 0; row < hazards.grid.height; ++row) {
     for (int column = 0; column < hazards.grid.width; ++column) {
       if (hazards.grid.At(column, row) != Cell::kHazard) continue;
-      const Eigen::Vector2d hazard((hazards.origin_cell_x + column + 0.5) * kTerrainCellM,
-                                   (hazards.origin_cell_y + row + 0.5) * kTerrainCellM);
-      const int middle_x = static_cast<int>(std::floor((hazard.x() + half_m_) / kRouteCellM));
-      const int middle_y = static_cast<int>(std::floor((hazard.y() + half_m_) / kRouteCellM));
+      const Eigen::Vector2d hazard((hazards.origin_cell_x + column + 0.5) * kTerrainCell_m,
+                                   (hazards.origin_cell_y + row + 0.5) * kTerrainCell_m);
+      const int middle_x = static_cast<int>(std::floor((hazard.x() + half_m_) / kRouteCell_m));
+      const int middle_y = static_cast<int>(std::floor((hazard.y() + half_m_) / kRouteCell_m));
       for (int y = std::max(0, middle_y - reach_cells); y <= std::min(side_cells_ - 1, middle_y + reach_cells); ++y) {
         for (int x = std::max(0, middle_x - reach_cells); x <= std::min(side_cells_ - 1, middle_x + reach_cells); ++x) {
           const int cell = y * side_cells_ + x;
@@ -40,17 +40,17 @@ RouteMap::RouteMap(const Terrain& terrain, double rover_radius_m)
     }
   }
   for (int cell = 0; cell < cell_count(); ++cell) {
-    if (CenterOf(cell).cwiseAbs().maxCoeff() > half_m_ - kEdgeM) is_open_[cell] = 0;
+    if (CenterOf(cell).cwiseAbs().maxCoeff() > half_m_ - kEdge_m) is_open_[cell] = 0;
   }
 }
 
 Eigen::Vector2d RouteMap::CenterOf(int cell) const {
-  return {(cell % side_cells_ + 0.5) * kRouteCellM - half_m_, (cell / side_cells_ + 0.5) * kRouteCellM - half_m_};
+  return {(cell % side_cells_ + 0.5) * kRouteCell_m - half_m_, (cell / side_cells_ + 0.5) * kRouteCell_m - half_m_};
 }
 
 int RouteMap::CellOf(const Eigen::Vector2d& point_m) const {
-  const int x = static_cast<int>(std::floor((point_m.x() + half_m_) / kRouteCellM));
-  const int y = static_cast<int>(std::floor((point_m.y() + half_m_) / kRouteCellM));
+  const int x = static_cast<int>(std::floor((point_m.x() + half_m_) / kRouteCell_m));
+  const int y = static_cast<int>(std::floor((point_m.y() + half_m_) / kRouteCell_m));
   return x < 0 || y < 0 || x >= side_cells_ || y >= side_cells_ ? -1 : y * side_cells_ + x;
 }
 
@@ -60,7 +60,7 @@ bool RouteMap::IsOpen(const Eigen::Vector2d& point_m) const {
 }
 
 bool RouteMap::IsOpenLine(const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m) const {
-  const int samples = 1 + static_cast<int>((to_m - from_m).norm() / kLineSampleM);
+  const int samples = 1 + static_cast<int>((to_m - from_m).norm() / kLineSample_m);
   for (int i = 0; i <= samples; ++i) {
     if (!IsOpen(from_m + (to_m - from_m) * (static_cast<double>(i) / samples))) return false;
   }
@@ -94,7 +94,7 @@ RouteMap::Ways RouteMap::FindWays(const Eigen::Vector2d& from_m, const std::vect
         // A diagonal step passes two more cells, which must be open as well.
         if (!is_open[next] || !is_open[y * side_cells_ + next_x] || !is_open[next_y * side_cells_ + x]) continue;
         const bool is_diagonal = next_x != x && next_y != y;
-        const float next_m = length_m + static_cast<float>(kRouteCellM * (is_diagonal ? std::numbers::sqrt2 : 1.0));
+        const float next_m = length_m + static_cast<float>(kRouteCell_m * (is_diagonal ? std::numbers::sqrt2 : 1.0));
         if (next_m >= ways.length_m[next]) continue;
         ways.length_m[next] = next_m;
         ways.previous[next] = cell;

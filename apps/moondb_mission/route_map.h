@@ -11,7 +11,7 @@
 
 namespace moondb {
 
-inline constexpr double kRouteCellM = 0.25;
+inline constexpr double kRouteCell_m = 0.25;
 
 struct Disc {
   Eigen::Vector2d center_m = Eigen::Vector2d::Zero();

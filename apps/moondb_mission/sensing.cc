@@ -8,9 +8,9 @@ namespace moondb {
 
 namespace {
 
-constexpr double kRayStepRad = 0.0044;  // A quarter of a degree: 4 cm at 10 m.
-constexpr double kPatchRad = 0.035;     // Within a patch, errors of depth and of class are alike.
-constexpr double kPatchM = 0.5;
+constexpr double kRayStep_rad = 0.0044;  // A quarter of a degree: 4 cm at 10 m.
+constexpr double kPatch_rad = 0.035;     // Within a patch, errors of depth and of class are alike.
+constexpr double kPatch_m = 0.5;
 constexpr double kGrazingSlack = 1e-3;  // Level ground just behind level ground counts as seen.
 
 struct Patch {
@@ -35,7 +35,7 @@ class Camera {
         yaw_rad_(map_from_camera.Yaw()),
         first_rad_(std::min(0.0, turn_rad) - options.field_of_view_rad / 2),
         last_rad_(std::max(0.0, turn_rad) + options.field_of_view_rad / 2),
-        patches_per_ray_(static_cast<int>(options.range_max_m / kPatchM) + 1) {
+        patches_per_ray_(static_cast<int>(options.range_max_m / kPatch_m) + 1) {
     last_rad_ = std::min(last_rad_, first_rad_ + 2 * std::numbers::pi);
     eye_height_m_ = terrain.GroundM(eye_m_) + options.height_m;
     for (const Eigen::Vector2d& other : other_rovers_m) {
@@ -48,15 +48,15 @@ class Camera {
   // Calls see(x, y in the camera's level frame, is hazard) for every sample that is seen, where it seems to be.
   template <typename See>
   void Sweep(See see) const {
-    for (double angle = first_rad_; angle <= last_rad_; angle += kRayStepRad) SweepRay(angle, see);
+    for (double angle = first_rad_; angle <= last_rad_; angle += kRayStep_rad) SweepRay(angle, see);
   }
 
  private:
   void DrawPatches(Random& random) {
-    const int rays = static_cast<int>((last_rad_ - first_rad_) / kPatchRad) + 1;
+    const int rays = static_cast<int>((last_rad_ - first_rad_) / kPatch_rad) + 1;
     patches_.resize(static_cast<std::size_t>(rays) * patches_per_ray_);
     for (std::size_t i = 0; i < patches_.size(); ++i) {
-      const double distance_m = (static_cast<double>(i % patches_per_ray_) + 0.5) * kPatchM;
+      const double distance_m = (static_cast<double>(i % patches_per_ray_) + 0.5) * kPatch_m;
       const double far = std::pow(distance_m / options_.range_max_m, 2);
       patches_[i].depth_error = random.Normal();
       patches_[i].is_missed = random.Chance(options_.miss_share * far);
@@ -73,8 +73,8 @@ class Camera {
   }
 
   const Patch& PatchAt(double angle, double distance_m) const {
-    const std::size_t ray = static_cast<std::size_t>((angle - first_rad_) / kPatchRad);
-    return patches_[ray * patches_per_ray_ + static_cast<std::size_t>(distance_m / kPatchM)];
+    const std::size_t ray = static_cast<std::size_t>((angle - first_rad_) / kPatch_rad);
+    return patches_[ray * patches_per_ray_ + static_cast<std::size_t>(distance_m / kPatch_m)];
   }
 
   bool IsOtherRover(const Eigen::Vector2d& point) const {
@@ -88,7 +88,7 @@ class Camera {
     const Eigen::Vector2d direction(std::cos(yaw_rad_ + angle), std::sin(yaw_rad_ + angle));
     const Eigen::Vector2d seen_direction(std::cos(angle), std::sin(angle));
     double steepest = -1e9;  // Rise over run of what hides the rest of the ray.
-    for (double distance_m = options_.range_min_m; distance_m < options_.range_max_m; distance_m += kTerrainCellM) {
+    for (double distance_m = options_.range_min_m; distance_m < options_.range_max_m; distance_m += kTerrainCell_m) {
       const Eigen::Vector2d point = eye_m_ + distance_m * direction;
       const bool is_rover = IsOtherRover(point);
       const double height_m = is_rover ? terrain_.GroundM(point) + options_.rover_height_m : terrain_.SurfaceM(point);

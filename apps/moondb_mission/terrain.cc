@@ -15,7 +15,7 @@ constexpr double kCraterDepthSpan = 0.16;
 constexpr double kRimOverDepth = 0.2;
 constexpr double kCraterReach = 2;  // In radii: as far as the rim's apron goes.
 constexpr int kSlopeCells = 3;      // Slopes are taken over 0.3 m, about a wheel base.
-constexpr double kBaseHeightM = 1.5;
+constexpr double kBaseHeight_m = 1.5;
 constexpr int kSizeClasses = 512;
 constexpr int kSwells = 5;
 
@@ -77,7 +77,7 @@ double RocksPerSquareMetre(const TerrainOptions& options, double diameter_m) {
 Terrain::Terrain(const TerrainOptions& options)
     : options_(options),
       half_m_(options.side_m / 2 + options.margin_m),
-      side_cells_(static_cast<int>(std::lround(2 * half_m_ / kTerrainCellM))),
+      side_cells_(static_cast<int>(std::lround(2 * half_m_ / kTerrainCell_m))),
       ground_m_(static_cast<std::size_t>(side_cells_) * side_cells_, 0.0f),
       is_hazard_(ground_m_.size(), 0) {}
 
@@ -94,7 +94,7 @@ Terrain Terrain::Make(const TerrainOptions& options, Random& random) {
 
 std::size_t Terrain::OffsetOf(const Eigen::Vector2d& point_m) const {
   const auto cell_of = [this](double value_m) {
-    return std::clamp(static_cast<int>(std::floor((value_m + half_m_) / kTerrainCellM)), 0, side_cells_ - 1);
+    return std::clamp(static_cast<int>(std::floor((value_m + half_m_) / kTerrainCell_m)), 0, side_cells_ - 1);
   };
   return static_cast<std::size_t>(cell_of(point_m.y())) * side_cells_ + cell_of(point_m.x());
 }
@@ -102,7 +102,7 @@ std::size_t Terrain::OffsetOf(const Eigen::Vector2d& point_m) const {
 template <typename Visit>
 void Terrain::ForEachCellNear(const Eigen::Vector2d& center_m, double radius_m, Visit visit) {
   const auto cell_of = [this](double value_m) {
-    return static_cast<int>(std::floor((value_m + half_m_) / kTerrainCellM));
+    return static_cast<int>(std::floor((value_m + half_m_) / kTerrainCell_m));
   };
   const int left = std::max(0, cell_of(center_m.x() - radius_m));
   const int right = std::min(side_cells_ - 1, cell_of(center_m.x() + radius_m));
@@ -110,7 +110,7 @@ void Terrain::ForEachCellNear(const Eigen::Vector2d& center_m, double radius_m, 
   const int top = std::min(side_cells_ - 1, cell_of(center_m.y() + radius_m));
   for (int row = bottom; row <= top; ++row) {
     for (int column = left; column <= right; ++column) {
-      const Eigen::Vector2d point((column + 0.5) * kTerrainCellM - half_m_, (row + 0.5) * kTerrainCellM - half_m_);
+      const Eigen::Vector2d point((column + 0.5) * kTerrainCell_m - half_m_, (row + 0.5) * kTerrainCell_m - half_m_);
       const double distance_m = (point - center_m).norm();
       if (distance_m <= radius_m) visit(static_cast<std::size_t>(row) * side_cells_ + column, distance_m);
     }
@@ -123,8 +123,8 @@ void Terrain::AddSwells(Random& random) {
     const double direction = random.Uniform(0, 2 * std::numbers::pi);
     const double phase = random.Uniform(0, 2 * std::numbers::pi);
     const double height_m = random.Uniform(0.02, 0.005 * wavelength_m);
-    const double along_x = std::cos(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCellM;
-    const double along_y = std::sin(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCellM;
+    const double along_x = std::cos(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCell_m;
+    const double along_y = std::sin(direction) * 2 * std::numbers::pi / wavelength_m * kTerrainCell_m;
     // sin(x + y) from the sines and cosines of x and of y: two a column and two a row instead of one a cell.
     std::vector<float> sine(side_cells_);
     std::vector<float> cosine(side_cells_);
@@ -172,7 +172,7 @@ void Terrain::AddCrater(const Crater& crater) {
 }
 
 void Terrain::MarkSlopes() {
-  const double steepest = std::tan(options_.hazard_slope_rad) * 2 * kSlopeCells * kTerrainCellM;
+  const double steepest = std::tan(options_.hazard_slope_rad) * 2 * kSlopeCells * kTerrainCell_m;
   for (int row = kSlopeCells; row + kSlopeCells < side_cells_; ++row) {
     for (int column = kSlopeCells; column + kSlopeCells < side_cells_; ++column) {
       const std::size_t at = static_cast<std::size_t>(row) * side_cells_ + column;
@@ -209,7 +209,7 @@ void Terrain::AddRock(const Rock& rock) {
 }
 
 void Terrain::AddBase() {
-  const float top_m = static_cast<float>(GroundM(options_.base_m) + kBaseHeightM);
+  const float top_m = static_cast<float>(GroundM(options_.base_m) + kBaseHeight_m);
   ForEachCellNear(options_.base_m, options_.base_radius_m, [&](std::size_t offset, double) {
     surface_m_[offset] = top_m;
     is_hazard_[offset] = 1;
@@ -217,9 +217,9 @@ void Terrain::AddBase() {
 }
 
 MergedMap Terrain::HazardMap() const {
-  const int side = static_cast<int>(std::lround(options_.side_m / kTerrainCellM));
+  const int side = static_cast<int>(std::lround(options_.side_m / kTerrainCell_m));
   const int skip = (side_cells_ - side) / 2;
-  MergedMap map{Grid(side, side, Cell::kFree), static_cast<std::uint32_t>(std::lround(kTerrainCellM * 1e6)), -side / 2,
+  MergedMap map{Grid(side, side, Cell::kFree), static_cast<std::uint32_t>(std::lround(kTerrainCell_m * 1e6)), -side / 2,
                 -side / 2};
   for (int row = 0; row < side; ++row) {
     for (int column = 0; column < side; ++column) {

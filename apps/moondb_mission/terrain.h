@@ -19,7 +19,7 @@
 
 namespace moondb {
 
-inline constexpr double kTerrainCellM = 0.05;
+inline constexpr double kTerrainCell_m = 0.05;
 
 struct Rock {
   Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
@@ -65,7 +65,7 @@ class Terrain {
   double SurfaceM(const Eigen::Vector2d& point_m) const { return surface_m_[OffsetOf(point_m)]; }
   bool IsHazard(const Eigen::Vector2d& point_m) const { return is_hazard_[OffsetOf(point_m)] != 0; }
 
-  // The explored square, every cell known, with cells of kTerrainCellM.
+  // The explored square, every cell known, with cells of kTerrainCell_m.
   MergedMap HazardMap() const;
 
  private:

@@ -13,13 +13,13 @@ constexpr std::size_t kLastEvents = 60;
 
 // One seed in three has a survivor that takes the lead by itself.
 constexpr std::uint64_t kFailoverEvery = 3;
-constexpr double kLeaderTimeoutS = 120;
+constexpr double kLeaderTimeout_s = 120;
 
 constexpr std::uint64_t kStatesEvery = 2;  // Seeds: their agents send states unasked.
-constexpr double kStatesPeriodS = 300;
+constexpr double kStatesPeriod_s = 300;
 
 constexpr std::uint64_t kKeepsAllEvery = 2;  // Seeds: superseded states go for want of room alone.
-constexpr double kHistoryMegabytes = 0.02;
+constexpr double kHistory_mb = 0.02;
 
 // Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
 constexpr std::uint64_t kCompactEvery = 4;
@@ -37,11 +37,11 @@ proto::TeamConfig MakeTeam(const SimOptions& options) {
   team.mutable_roles()->set_leader("rover1");
   team.mutable_roles()->set_survivor("rover2");
   if (options.seed % kFailoverEvery == 0) team.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
-  team.mutable_roles()->set_leader_timeout_s(kLeaderTimeoutS);
+  team.mutable_roles()->set_leader_timeout_s(kLeaderTimeout_s);
   team.mutable_radio()->set_quiet_while_driving(true);
   if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
   team.mutable_radio()->set_codec(options.seed % kCompactEvery == 1 ? proto::CODEC_COMPACT : proto::CODEC_ZSTD);
-  if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriodS);
+  if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriod_s);
   auto& share = *team.mutable_share();
   share["power"] = proto::POLICY_LATEST;
   share["pose_graph_node"] = proto::POLICY_ALL;
@@ -56,7 +56,7 @@ proto::TeamConfig MakeTeam(const SimOptions& options) {
   beacon.set_priority(5);
   beacon.set_bytes_max(64);
   // Enough for some minutes of states, so that the oldest go all the time.
-  team.mutable_retention()->set_history_mb_max(kHistoryMegabytes);
+  team.mutable_retention()->set_history_mb_max(kHistory_mb);
   (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
   (*team.mutable_keep())["optimized_pose"] = "1h";
   (*team.mutable_ground())["power"] = proto::POLICY_LATEST;

@@ -23,7 +23,7 @@
 namespace moondb::simulation {
 namespace {
 
-constexpr std::int64_t kUtcStartNs = 1'767'225'600'000'000'000;  // 2026-01-01.
+constexpr std::int64_t kUtcStart_ns = 1'767'225'600'000'000'000;  // 2026-01-01.
 // Not zero, so that a "last time" that was never set does not look like the start.
 constexpr MonotonicTime kStart(std::chrono::seconds(1000));
 constexpr std::size_t kKeptMax = 100'000;
@@ -104,7 +104,7 @@ class SimulatedTeam::Impl {
   void Notify(Agent& agent, Monitors::Notices notices);
 
   MonotonicTime now() const { return now_; }
-  std::int64_t utc_now_ns() const { return kUtcStartNs + Duration(now_ - kStart).count(); }
+  std::int64_t utc_now_ns() const { return kUtcStart_ns + Duration(now_ - kStart).count(); }
 
   SimulatedRadio& radio() { return radio_; }
   std::uint64_t trace_hash() const { return trace_hash_; }

@@ -19,7 +19,7 @@ using simulation::SimulatedTeam;
 using std::chrono::seconds;
 
 constexpr AgentId kSelf = 1;
-constexpr std::uint32_t kCellUm = 100'000;
+constexpr std::uint32_t kCell_um = 100'000;
 
 // What a StorageActor holds, and how it behaves.
 struct FakeStore {
@@ -110,7 +110,8 @@ class MergeActorTest : public testing::Test {
     Store(agent, proto::OPTIMIZED_POSE, record);
   }
 
-  void StoreMap(AgentId agent, const Rows& rows, std::uint32_t resolution_um = kCellUm, bool is_clock_suspect = false) {
+  void StoreMap(AgentId agent, const Rows& rows, std::uint32_t resolution_um = kCell_um,
+                bool is_clock_suspect = false) {
     proto::Record record;
     record.set_stamp_ns(static_cast<std::int64_t>(store_->records.size()));
     record.set_is_clock_suspect(is_clock_suspect);
@@ -230,7 +231,7 @@ TEST_F(MergeActorTest, MergesWhatStorageHolds) {
   Start();
   const proto::MergeReply reply = Merge();
   ASSERT_FALSE(IsError(reply.error())) << reply.error().text();
-  EXPECT_EQ(reply.resolution_um(), kCellUm);
+  EXPECT_EQ(reply.resolution_um(), kCell_um);
   EXPECT_EQ(reply.origin_cell_x(), 9);
   EXPECT_EQ(reply.origin_cell_y(), 9);
   // Footprints of two by two cells around the maps' lower left corners.
@@ -246,7 +247,7 @@ TEST_F(MergeActorTest, AMapWithADoubtfulStampWinsNothingByIt) {
   StoreNode(1, 0);
   StoreNode(2, 0);
   StoreMap(1, {"###", "###", "###"});
-  StoreMap(2, {"...", "...", "..."}, kCellUm, /*is_clock_suspect=*/true);  // Newer, as it says.
+  StoreMap(2, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, as it says.
   Start();
   EXPECT_NE(Decode(Merge()).front().find('#'), std::string::npos);
 }
@@ -466,8 +467,8 @@ TEST_F(MergeActorTest, OnlyTheAnswerOfOwnStorageToThisLifesQuestionCounts) {
 TEST_F(MergeActorTest, SaysWhyACellIsWhatItIs) {
   for (const AgentId agent : {1u, 2u, 4u}) StoreNode(agent, 0);
   StoreMap(1, {"###", "###", "###"});
-  StoreMap(2, {"...", "...", "..."}, 2 * kCellUm);                         // Coarser.
-  StoreMap(4, {"...", "...", "..."}, kCellUm, /*is_clock_suspect=*/true);  // Newer, as it says.
+  StoreMap(2, {"...", "...", "..."}, 2 * kCell_um);                         // Coarser.
+  StoreMap(4, {"...", "...", "..."}, kCell_um, /*is_clock_suspect=*/true);  // Newer, as it says.
   StoreOptimizedPose(2, 0.1, /*run=*/1);
   Start();
   const proto::MapWhyReply why = Why(0.22, 0.17);
@@ -479,7 +480,7 @@ TEST_F(MergeActorTest, SaysWhyACellIsWhatItIs) {
   EXPECT_EQ(why.observations(0).record().origin_agent(), 1u);
   EXPECT_EQ(why.observations(0).value(), 2u);
   EXPECT_EQ(why.observations(0).stamp_ns(), 3);
-  EXPECT_EQ(why.observations(0).resolution_um(), kCellUm);
+  EXPECT_EQ(why.observations(0).resolution_um(), kCell_um);
   EXPECT_FALSE(why.observations(0).is_pose_optimized());
   EXPECT_EQ(why.observations(1).record().origin_agent(), 4u);
   EXPECT_TRUE(why.observations(1).is_clock_suspect());
@@ -618,7 +619,7 @@ TEST_F(MergeActorTest, TellsTheTilesThatChangedSinceAVersion) {
   const proto::MapTilesReply first = *Tiles();
   EXPECT_TRUE(first.is_complete());
   EXPECT_EQ(first.tile_cells(), 64u);
-  EXPECT_EQ(first.resolution_um(), kCellUm);
+  EXPECT_EQ(first.resolution_um(), kCell_um);
   ASSERT_GE(first.tiles_size(), 2);
   EXPECT_EQ(Tiles()->tiles_size(), 0);
   StoreMap(4, {"."});

@@ -10,8 +10,8 @@
 namespace moondb {
 namespace {
 
-constexpr double kTiltNoiseRad = 0.002;
-constexpr double kGravitySigmaRad = 0.02;
+constexpr double kTiltNoise_rad = 0.002;
+constexpr double kGravitySigma_rad = 0.02;
 
 Eigen::Quaterniond Pitch(double angle) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()));
@@ -22,13 +22,13 @@ class GroundTest : public testing::Test {
   // Steps along x with noise, over ground of the given slope; raw poses are their bare sum.
   void Drive(AgentId agent, std::uint64_t seed, std::uint64_t count, const std::function<double(double)>& slope_at) {
     std::mt19937_64 rng(seed);
-    std::normal_distribution<double> noise(0, kTiltNoiseRad / 2);  // Of a quaternion's part: half the angle.
+    std::normal_distribution<double> noise(0, kTiltNoise_rad / 2);  // Of a quaternion's part: half the angle.
     Pose raw{Eigen::Vector3d::Zero(), Pitch(-slope_at(0))};
     for (std::uint64_t i = 0; i < count; ++i) {
       if (i > 0) {
         const double x = 0.3 * static_cast<double>(i);
         OdometryEdge edge{{agent, i - 1}, {agent, i}, 0, Pose::FromPlanar(0.3, 0, 0), 1e-4 * Matrix6d::Identity()};
-        edge.covariance.bottomRightCorner<3, 3>() = kTiltNoiseRad * kTiltNoiseRad * Eigen::Matrix3d::Identity();
+        edge.covariance.bottomRightCorner<3, 3>() = kTiltNoise_rad * kTiltNoise_rad * Eigen::Matrix3d::Identity();
         edge.from_from_to.orientation =
             Pitch(slope_at(x - 0.3) - slope_at(x)) * Eigen::Quaterniond(1, noise(rng), noise(rng), 0).normalized();
         raw = raw * edge.from_from_to;
@@ -40,7 +40,7 @@ class GroundTest : public testing::Test {
 
   std::vector<bool> Level() {
     const CheckedGraph checked = CheckGraph(graph_, {});
-    return FindLevelGround(checked, FindRovers(checked), kGravitySigmaRad);
+    return FindLevelGround(checked, FindRovers(checked), kGravitySigma_rad);
   }
 
   static double Flat(double) { return 0; }

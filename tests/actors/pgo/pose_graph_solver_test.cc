@@ -336,10 +336,10 @@ TEST_F(PoseGraphSolverTest, DoesNotCountARangeToARoverThatNothingTiesToTheMap) {
 
 // A rover that drives over a hill whose slope changes by less than a step's noise from node to node.
 TEST_F(PoseGraphSolverTest, FollowsAHillGentlerThanTheNoiseOfAStep) {
-  constexpr double kTiltNoiseRad = 0.002;
+  constexpr double kTiltNoise_rad = 0.002;
   constexpr double kWave = 2 * M_PI / 200;
   std::mt19937_64 rng(27);
-  std::normal_distribution<double> noise(0, kTiltNoiseRad);
+  std::normal_distribution<double> noise(0, kTiltNoise_rad);
   const auto truth_at = [](std::uint64_t i) {
     const double x = 0.3 * static_cast<double>(i);
     const double slope = std::atan(5 * kWave * std::cos(kWave * x));
@@ -352,7 +352,7 @@ TEST_F(PoseGraphSolverTest, FollowsAHillGentlerThanTheNoiseOfAStep) {
   for (std::uint64_t i = 0; i < 600; ++i) {
     if (i > 0) {
       OdometryEdge edge{{1, i - 1}, {1, i}, 0, truth_at(i - 1).Inverse() * truth_at(i), 1e-4 * Matrix6d::Identity()};
-      edge.covariance.bottomRightCorner<3, 3>() = kTiltNoiseRad * kTiltNoiseRad * Eigen::Matrix3d::Identity();
+      edge.covariance.bottomRightCorner<3, 3>() = kTiltNoise_rad * kTiltNoise_rad * Eigen::Matrix3d::Identity();
       edge.from_from_to.orientation =
           edge.from_from_to.orientation * Eigen::Quaterniond(1, noise(rng) / 2, noise(rng) / 2, 0).normalized();
       raw = raw * edge.from_from_to;

@@ -9,9 +9,9 @@ namespace moondb::simulation {
 
 namespace {
 
-constexpr std::int64_t kStepNs = 10'000'000'000;
-constexpr double kGravityNoiseRad = 0.01;
-const Eigen::Vector2d kBaseM(5, 5);
+constexpr std::int64_t kStep_ns = 10'000'000'000;
+constexpr double kGravityNoise_rad = 0.01;
+const Eigen::Vector2d kBase_m(5, 5);
 
 class Generator {
  public:
@@ -56,8 +56,8 @@ class Generator {
     double turn_per_m = 0.02;
     if (options_.is_around_base) {
       yaw = 2 * M_PI * agent / options_.rover_count;
-      x = kBaseM.x() + 5 * std::cos(yaw);
-      y = kBaseM.y() + 5 * std::sin(yaw);
+      x = kBase_m.x() + 5 * std::cos(yaw);
+      y = kBase_m.y() + 5 * std::sin(yaw);
       turn_per_m = 0.016;
     }
     Pose true_pose = OnGround(x, y, yaw);
@@ -78,7 +78,7 @@ class Generator {
         true_pose = next;
       }
       scenario_.truth[key] = true_pose;
-      scenario_.graph.nodes.push_back(GraphNode{key, i * kStepNs, WithTiltOf(raw, true_pose)});
+      scenario_.graph.nodes.push_back(GraphNode{key, i * kStep_ns, WithTiltOf(raw, true_pose)});
     }
   }
 
@@ -86,7 +86,7 @@ class Generator {
     OdometryEdge edge;
     edge.from = NodeKey{to.agent, to.index - 1};
     edge.to = to;
-    edge.stamp_ns = static_cast<std::int64_t>(to.index) * kStepNs;
+    edge.stamp_ns = static_cast<std::int64_t>(to.index) * kStep_ns;
     edge.from_from_to.position_m =
         step.position_m / (1 + scale_error) +
         Eigen::Vector3d(Noise(options_.step_noise_m), Noise(options_.step_noise_m), Noise(options_.step_noise_m / 2));
@@ -105,12 +105,12 @@ class Generator {
   Pose WithTiltOf(const Pose& raw, const Pose& true_pose) {
     const double correction = raw.Yaw() - true_pose.Yaw();
     const Eigen::Quaterniond heading(Eigen::AngleAxisd(correction, Eigen::Vector3d::UnitZ()));
-    const Eigen::Quaterniond noise = Turn({Noise(kGravityNoiseRad), Noise(kGravityNoiseRad), 0});
+    const Eigen::Quaterniond noise = Turn({Noise(kGravityNoise_rad), Noise(kGravityNoise_rad), 0});
     return Pose{raw.position_m, heading * true_pose.orientation * noise};
   }
 
   void AddBaseStation(AgentId agent) {
-    const Pose pose = OnGround(kBaseM.x(), kBaseM.y(), 0);
+    const Pose pose = OnGround(kBase_m.x(), kBase_m.y(), 0);
     scenario_.agents[agent] = AgentFacts{agent, true, pose, 0, 0, {0, 0, 1.5}};
     scenario_.graph.nodes.push_back(GraphNode{{agent, 0}, 0, pose});
     base_ = agent;
@@ -123,8 +123,8 @@ class Generator {
         for (AgentId b = a + 1; b <= scenario_.agents.size(); ++b) {
           const auto [bias, is_new] = biases.try_emplace({a, b}, 0);
           if (is_new) bias->second = Noise(options_.bias_sigma_m);
-          AddRange({a, static_cast<std::uint64_t>(i)}, {b, b == base_ ? 0 : static_cast<std::uint64_t>(i)}, i * kStepNs,
-                   bias->second);
+          AddRange({a, static_cast<std::uint64_t>(i)}, {b, b == base_ ? 0 : static_cast<std::uint64_t>(i)},
+                   i * kStep_ns, bias->second);
         }
       }
     }

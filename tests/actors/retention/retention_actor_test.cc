@@ -19,7 +19,7 @@ using std::chrono::seconds;
 constexpr AgentId kLeader = 1;
 constexpr AgentId kSurvivor = 2;
 constexpr AgentId kRover = 3;
-constexpr std::int64_t kDayNs = 86'400'000'000'000;
+constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
 // Rovers 1 to 3 with storage, roles and retention; records are carried between them by hand. Merge is a probe.
 class RetentionActorTest : public testing::Test {
@@ -76,7 +76,7 @@ class RetentionActorTest : public testing::Test {
 
   proto::Record EventOf(std::int64_t age_days, const std::string& text = "it was so") {
     proto::Record record;
-    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDayNs);
+    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     record.mutable_agent_event()->set_kind(proto::EVENT_KIND_COMMAND);
     record.mutable_agent_event()->set_text(text);
     return record;
@@ -84,7 +84,7 @@ class RetentionActorTest : public testing::Test {
 
   proto::Record MapOf(AgentId agent, std::uint64_t index, std::int64_t age_days, std::size_t cells = 65536) {
     proto::Record record;
-    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDayNs);
+    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
     map.mutable_node()->set_agent_id(agent);
     map.mutable_node()->set_index(index);
@@ -318,7 +318,7 @@ TEST_F(RetentionActorTest, RemovesHistoryThoughLeaderAndSurvivorCannotBeReached)
   proto::Record power;
   power.mutable_power()->set_battery_ratio(0.5);
   for (const std::int64_t age_days : {10, 5, 1}) {
-    power.set_stamp_ns(team_.utc_now_ns() - age_days * kDayNs);
+    power.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     Insert(kRover, power);
   }
   proto::Message order;

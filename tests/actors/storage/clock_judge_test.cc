@@ -10,7 +10,7 @@ using std::chrono::nanoseconds;
 using std::chrono::seconds;
 
 constexpr AgentId kBase = 4;
-constexpr std::int64_t kUtcNs = 1'767'225'600'000'000'000;  // 2026-01-01.
+constexpr std::int64_t kUtc_ns = 1'767'225'600'000'000'000;  // 2026-01-01.
 
 class ClockJudgeTest : public testing::Test {
  protected:
@@ -18,7 +18,7 @@ class ClockJudgeTest : public testing::Test {
   void Hear(AgentId peer, nanoseconds ahead = {}) { judge_.NotePeer(peer, Utc(ahead), now_); }
   ClockJudge::Verdict Judge(nanoseconds ahead = {}) { return judge_.Judge(Utc(ahead), now_); }
   bool IsSuspect(nanoseconds ahead = {}) { return !Judge(ahead).suspect.empty(); }
-  std::int64_t Utc(nanoseconds ahead) const { return kUtcNs + (now_ - start_ + ahead).count(); }
+  std::int64_t Utc(nanoseconds ahead) const { return kUtc_ns + (now_ - start_ + ahead).count(); }
 
   ClockJudge judge_{kBase};
   const ClockJudge::Time start_{seconds(1000)};

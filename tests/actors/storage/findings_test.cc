@@ -15,7 +15,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-constexpr std::int64_t kNowNs = 1'795'339'884'000'000'000;
+constexpr std::int64_t kNow_ns = 1'795'339'884'000'000'000;
 
 class LastLifeTest : public testing::Test {
  protected:
@@ -27,13 +27,13 @@ class LastLifeTest : public testing::Test {
   // As moondb_agent does before its actors run.
   std::unique_ptr<RecordStore> Start() {
     auto store = OpenStore(Options());
-    const Result<void> written = store->WriteDownLastLife(kNowNs);
+    const Result<void> written = store->WriteDownLastLife(kNow_ns);
     EXPECT_TRUE(written) << ToString(written.error());
     return store;
   }
 
   static void Tell(RecordStore& store, proto::EventKind kind, const std::string& text) {
-    InsertOne(store, MakeEvent(kind, text, "", kNowNs));
+    InsertOne(store, MakeEvent(kind, text, "", kNow_ns));
   }
 
   static std::vector<std::string> Findings(RecordStore& store) {
@@ -79,7 +79,7 @@ TEST_F(LastLifeTest, FindsNothingWhereTheProcessStopped) {
     auto store = Start();
     Tell(*store, proto::EVENT_KIND_STARTED, "started");
     Tell(*store, proto::EVENT_KIND_COMMAND, "stop");
-    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+    ASSERT_TRUE(store->WriteDownStop(kNow_ns));
   }
   auto store = Start();
   EXPECT_THAT(Findings(*store), IsEmpty());
@@ -89,13 +89,13 @@ TEST_F(LastLifeTest, FindsNothingWhereTheProcessStopped) {
 // Events of earlier lives that come home from peers are older, though they are stored later.
 TEST_F(LastLifeTest, GoesByTheOrderInWhichTheEventsWereWrittenDown) {
   const std::vector<proto::StoredRecord> former = {
-      Packed({{1, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_STARTED, "started long ago", "", kNowNs)),
-      Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNowNs))};
+      Packed({{1, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_STARTED, "started long ago", "", kNow_ns)),
+      Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNow_ns))};
   {
     auto store = Start();
     StoreOne(*store, former[0]);  // So that this life's epoch is a later one.
     Tell(*store, proto::EVENT_KIND_STARTED, "started");
-    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+    ASSERT_TRUE(store->WriteDownStop(kNow_ns));
     StoreOne(*store, former[1]);
   }
   auto store = Start();
@@ -125,7 +125,7 @@ TEST_F(LastLifeTest, AFileThatAStartSetAsideWhichWroteDownNothingIsFoundByTheNex
     ASSERT_EQ(Findings(*store).size(), 1u);
     EXPECT_THAT(Findings(*store)[0], HasSubstr(".damaged-1"));
     Tell(*store, proto::EVENT_KIND_STARTED, "started");
-    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+    ASSERT_TRUE(store->WriteDownStop(kNow_ns));
   }
   auto store = Start();
   EXPECT_EQ(Findings(*store).size(), 1u) << "once";
@@ -136,7 +136,7 @@ TEST_F(LastLifeTest, RecordsThatWereDamagedWithinAreAFinding) {
     auto store = Start();
     InsertOne(*store, NodeRecord(1, 1, 0));
     InsertOne(*store, NodeRecord(1, 2, 0));
-    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+    ASSERT_TRUE(store->WriteDownStop(kNow_ns));
     ASSERT_TRUE(store->database().Execute("UPDATE pose_graph_node SET content = x'00' WHERE row_id = 1"));
   }
   auto store = Start();
@@ -155,14 +155,14 @@ TEST_F(LastLifeTest, WhatWasAcknowledgedStaysAcknowledged) {
     Tell(*store, proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText((*store->Findings())[0].stamp_ns(), 1));
     EXPECT_THAT(Findings(*store), IsEmpty());
     Tell(*store, proto::EVENT_KIND_STARTED, "started");
-    ASSERT_TRUE(store->WriteDownStop(kNowNs));
+    ASSERT_TRUE(store->WriteDownStop(kNow_ns));
   }
   EXPECT_THAT(Findings(*Start()), IsEmpty());
 }
 
 TEST_F(LastLifeTest, OtherAgentsEventsAreTheirOwn) {
   auto store = Start();
-  StoreOne(*store, Packed({{2, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_DAMAGE, "theirs", "", kNowNs)));
+  StoreOne(*store, Packed({{2, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_DAMAGE, "theirs", "", kNow_ns)));
   EXPECT_THAT(Findings(*store), IsEmpty());
 }
 

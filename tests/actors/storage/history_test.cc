@@ -17,8 +17,8 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-constexpr std::int64_t kHourNs = 3'600'000'000'000;
-constexpr std::int64_t kNowNs = 1'000 * kHourNs;
+constexpr std::int64_t kHour_ns = 3'600'000'000'000;
+constexpr std::int64_t kNow_ns = 1'000 * kHour_ns;
 
 RecordStore::Options WithHistory(const std::string& path = ":memory:") {
   RecordStore::Options options = StoreOptionsOf(1, path);
@@ -233,11 +233,11 @@ TEST(HistoryTest, WhatIsKeptForATimeGoesByItsStamp) {
   RecordStore::Options options = WithHistory();
   options.history.keep[proto::TEMPERATURE] = KeepRule{hours(12)};
   auto store = OpenStore(options);
-  for (int hour = 0; hour < 24; ++hour) InsertOne(*store, StateAt(hour, kNowNs - (23 - hour) * kHourNs));
+  for (int hour = 0; hour < 24; ++hour) InsertOne(*store, StateAt(hour, kNow_ns - (23 - hour) * kHour_ns));
   EXPECT_EQ(HistoryCount(*store), 23u);
   EXPECT_FALSE(*store->TrimHistory(std::nullopt)) << "an agent that cannot tell the time";
   EXPECT_EQ(HistoryCount(*store), 23u);
-  EXPECT_FALSE(*store->TrimHistory(kNowNs));
+  EXPECT_FALSE(*store->TrimHistory(kNow_ns));
   EXPECT_THAT(Superseded(*store), SizeIs(12));
   EXPECT_EQ(Superseded(*store).front(), 11);
 }
@@ -249,12 +249,12 @@ TEST(HistoryTest, AStampOfASuspectClockIsOfUnknownAge) {
   proto::Record suspect = StateAt(1, 5);
   suspect.set_is_clock_suspect(true);
   InsertOne(*store, suspect);
-  InsertOne(*store, StateAt(2, kNowNs - 20 * kHourNs));
-  InsertOne(*store, StateAt(3, kNowNs - 2 * kHourNs));
-  InsertOne(*store, StateAt(4, kNowNs));
-  EXPECT_FALSE(*store->TrimHistory(kNowNs));
+  InsertOne(*store, StateAt(2, kNow_ns - 20 * kHour_ns));
+  InsertOne(*store, StateAt(3, kNow_ns - 2 * kHour_ns));
+  InsertOne(*store, StateAt(4, kNow_ns));
+  EXPECT_FALSE(*store->TrimHistory(kNow_ns));
   EXPECT_THAT(Superseded(*store), ElementsAre(1, 3));
-  EXPECT_FALSE(*store->TrimHistory(kNowNs + 100 * kHourNs));
+  EXPECT_FALSE(*store->TrimHistory(kNow_ns + 100 * kHour_ns));
   EXPECT_THAT(Superseded(*store), ElementsAre(1));
 }
 
@@ -279,12 +279,12 @@ TEST(HistoryTest, IsTrimmedSomeRowsAtATimeToALowerLimit) {
 
 TEST(HistoryTest, IsPrunedByAgeTypeAndSizeAndShownBefore) {
   auto store = OpenStore(WithHistory());
-  for (int hour = 0; hour < 24; ++hour) InsertOne(*store, StateAt(hour, kNowNs - (23 - hour) * kHourNs));
+  for (int hour = 0; hour < 24; ++hour) InsertOne(*store, StateAt(hour, kNow_ns - (23 - hour) * kHour_ns));
   for (int i = 0; i < 3; ++i) InsertOne(*store, CustomRecordOf(1001, std::to_string(i), "key"));
   proto::PruneRequest request;
   request.set_is_history(true);
   request.set_is_dry_run(true);
-  const auto all = store->Prune(request, kNowNs);
+  const auto all = store->Prune(request, kNow_ns);
   ASSERT_TRUE(all) << ToString(all.error());
   ASSERT_EQ(all->pruned_size(), 2);
   EXPECT_EQ(all->pruned(0).record_count(), 23);
@@ -294,16 +294,16 @@ TEST(HistoryTest, IsPrunedByAgeTypeAndSizeAndShownBefore) {
   request.set_is_dry_run(false);
   request.add_data_types(proto::TEMPERATURE);
   request.set_older_than_s(12 * 3600);
-  EXPECT_EQ(store->Prune(request, kNowNs)->pruned(0).record_count(), 11);
+  EXPECT_EQ(store->Prune(request, kNow_ns)->pruned(0).record_count(), 11);
   EXPECT_EQ(Superseded(*store).front(), 11);
   request.clear_older_than_s();
   request.set_content_bytes_max(1);
-  EXPECT_EQ(store->Prune(request, kNowNs)->pruned(0).record_count(), 1);
+  EXPECT_EQ(store->Prune(request, kNow_ns)->pruned(0).record_count(), 1);
   request.clear_content_bytes_max();
-  EXPECT_EQ(store->Prune(request, kNowNs)->pruned(0).record_count(), 11);
+  EXPECT_EQ(store->Prune(request, kNow_ns)->pruned(0).record_count(), 11);
   EXPECT_EQ(HistoryCount(*store), 2u);
   request.set_older_than_s(-1);
-  EXPECT_EQ(store->Prune(request, kNowNs).error().field, "older_than_s");
+  EXPECT_EQ(store->Prune(request, kNow_ns).error().field, "older_than_s");
   // What is held is another matter.
   EXPECT_THAT(Contents(*store), SizeIs(2));
 }

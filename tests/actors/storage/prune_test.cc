@@ -11,11 +11,11 @@
 namespace moondb {
 namespace {
 
-constexpr std::int64_t kDayNs = 86'400'000'000'000;
-constexpr std::int64_t kNowNs = 20'000 * kDayNs;
+constexpr std::int64_t kDay_ns = 86'400'000'000'000;
+constexpr std::int64_t kNow_ns = 20'000 * kDay_ns;
 
 proto::Record Aged(proto::Record record, std::int64_t days) {
-  record.set_stamp_ns(kNowNs - days * kDayNs);
+  record.set_stamp_ns(kNow_ns - days * kDay_ns);
   return record;
 }
 
@@ -41,7 +41,7 @@ class PruneTest : public testing::Test {
   }
 
   proto::PruneReply Prune(const proto::PruneRequest& request) {
-    const Result<proto::PruneReply> reply = store_->Prune(request, kNowNs);
+    const Result<proto::PruneReply> reply = store_->Prune(request, kNow_ns);
     if (reply) return *reply;
     ADD_FAILURE() << ToString(reply.error());
     return {};
@@ -144,7 +144,7 @@ TEST_F(PruneTest, CountsWhatAnotherPrunedAsHad) {
   BringAll();
   proto::PruneRequest request;
   *request.add_acknowledged() = store_->GetHave().have();
-  ASSERT_TRUE(leader_->Prune(request, kNowNs));
+  ASSERT_TRUE(leader_->Prune(request, kNow_ns));
   EXPECT_TRUE(Contents(*leader_).empty());
   EXPECT_EQ(CountOf(Prune(Acknowledged())), 1);
 }
@@ -305,7 +305,7 @@ TEST_F(PruneTest, TakesOnlyNamedRecordsWhereSomeAreNamed) {
 
 TEST_F(PruneTest, RefusesARequestThatCannotBe) {
   const auto field_of = [&](const proto::PruneRequest& request) {
-    const Result<proto::PruneReply> reply = store_->Prune(request, kNowNs);
+    const Result<proto::PruneReply> reply = store_->Prune(request, kNow_ns);
     EXPECT_FALSE(reply);
     return reply ? "" : reply.error().field;
   };
@@ -321,7 +321,7 @@ TEST_F(PruneTest, RefusesARequestThatCannotBe) {
   EXPECT_EQ(field_of(request), "records");
   request = Acknowledged();
   (void)request.mutable_acknowledged(0)->add_streams();
-  EXPECT_FALSE(store_->Prune(request, kNowNs));
+  EXPECT_FALSE(store_->Prune(request, kNow_ns));
 }
 
 TEST_F(PruneTest, NumbersNewRecordsBehindPrunedOnes) {

@@ -52,7 +52,7 @@ Layers RandomMap(std::mt19937_64& rng) {
 }
 
 Layers RoomMap(std::uint64_t seed, double x_m, double y_m, double yaw_rad, int layer_count, int cells) {
-  constexpr double kHalfRoomM = 4;
+  constexpr double kHalfRoom_m = 4;
   std::mt19937_64 rng(seed);
   std::vector<std::pair<double, double>> posts;
   for (int i = 0; i < 12; ++i) posts.push_back({rng() % 800 / 100.0 - 4, rng() % 800 / 100.0 - 4});
@@ -62,7 +62,7 @@ Layers RoomMap(std::uint64_t seed, double x_m, double y_m, double yaw_rad, int l
     const double left = (row + 0.5 - cells / 2.0) * cell_m;
     const double x = x_m + ahead * std::cos(yaw_rad) - left * std::sin(yaw_rad);
     const double y = y_m + ahead * std::sin(yaw_rad) + left * std::cos(yaw_rad);
-    const double outside = std::max(std::abs(x), std::abs(y)) - kHalfRoomM;
+    const double outside = std::max(std::abs(x), std::abs(y)) - kHalfRoom_m;
     if (outside > cell_m + 0.1) return Cell::kUnknown;
     if (outside > 0) return Cell::kHazard;
     const bool is_post = std::any_of(posts.begin(), posts.end(), [&](const auto& post) {

@@ -10,7 +10,7 @@ namespace {
 
 proto::Record MapRecord(const Layers& layers) {
   proto::Record record;
-  record.set_stamp_ns(kFirstStampNs);
+  record.set_stamp_ns(kFirstStamp_ns);
   TraversabilityMap map{{2, 7}, Pose::FromPlanar(0.2, 0, 0), layers};
   *record.mutable_local_traversability_map() = ToProto(map);
   return record;
