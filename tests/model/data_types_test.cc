@@ -47,7 +47,8 @@ std::vector<std::string> AgentFieldsIn(const Message& message, const std::string
 TEST(DataTypesTest, HaveARowForEachEnumerator) {
   std::vector<std::string> rows;
   for (const DataTypeRow& row : DataTypeRows()) rows.push_back(DataTypeName(row.type));
-  EXPECT_EQ(rows, EnumeratedTypes()) << "model/data_types.cc and the enumeration DataType in proto/types.proto differ";
+  EXPECT_THAT(rows, UnorderedElementsAreArray(EnumeratedTypes()))
+      << "model/data_types.cc and the enumeration DataType in proto/types.proto differ";
 }
 
 TEST(DataTypesTest, HaveABodyOfTheirNameInARecord) {
