@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "actors/storage/type_tables.h"
@@ -239,10 +238,11 @@ std::string VersionWithTypes(int version) {
     const std::string name = DataTypeName(table->type);
     const DataTypeRow* row = FindDataType(table->type);
     sql += TableSql(*table);
-    for (const auto& [is_keyed, key] :
-         {std::pair(row->natural_key != nullptr, "natural"), std::pair(row->latest_key != nullptr, "latest")}) {
-      if (is_keyed) sql += "CREATE INDEX " + name + "_" + key + " ON " + name + "(" + key + "_key, origin);";
-    }
+    const auto add_index = [&](const std::string& key) {
+      sql += "CREATE INDEX " + name + "_" + key + " ON " + name + "(" + key + "_key, origin);";
+    };
+    if (row != nullptr && row->natural_key != nullptr) add_index("natural");
+    if (row != nullptr && row->latest_key != nullptr) add_index("latest");
   }
   std::vector<const TypeTable*> tables;
   for (const TypeTable& table : TypeTables()) {
