@@ -130,7 +130,7 @@ const BadFile kBadFiles[] = {
     {"Retention", GoodAnd("retention: {keep_days: -1, keep_event_days: 40000, store_mb_max: 0.5, map_part_max: 1.5}"),
      "t:8:24: retention.keep_days: expected 0 to 36500, got -1\n"
      "t:8:45: retention.keep_event_days: expected 0 to 36500, got 40000\n"
-     "t:8:66: retention.store_mb_max: expected 0, for no budget, or 1 to 1e+09, got 0.5\n"
+     "t:8:66: retention.store_mb_max: expected 0, for no budget, or 1 to 1000000000, got 0.5\n"
      "t:8:85: retention.map_part_max: expected 0 to 1, got 1.5"},
     {"RetentionDisk", GoodAnd("retention: {disk_free_mb_min: .nan}"),
      "t:8:31: retention.disk_free_mb_min: expected a finite number, got \".nan\""},
