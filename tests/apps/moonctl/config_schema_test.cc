@@ -125,6 +125,17 @@ TEST(ConfigSchemaTest, RefusesWhatAnEditorShouldUnderline) {
                           ".map.resolution_m: too large", ".insecure: type"));
 }
 
+TEST(ConfigSchemaTest, KnowsTheRangesOfTheCheck) {
+  Validator validator;
+  EXPECT_THAT(
+      validator.ErrorsIn("{team: a, team_id: 00112233445566778899aabbccddeeff, agents: [{id: 1, name: b, "
+                         "address: 'tcp://h:1', start: {x: 2e6, yaw: 7}, antenna_m: [0, 0, 101]}],"
+                         " site: {north_yaw_rad: -7}, map: {footprint_m: [0, 1]}, keep: {power: soon},"
+                         " radio: {states_period_s: 0}}"),
+      ElementsAre(".agents[].start.x: too large", ".agents[].start.yaw: too large", ".agents[].antenna_m[]: too large",
+                  ".site.north_yaw_rad: too small", ".map.footprint_m[]: too small", ".keep.power: pattern"));
+}
+
 TEST(ConfigSchemaTest, DescribesEveryField) {
   Validator validator;
   const auto check = [](const std::string& name, const Struct& schema) {
