@@ -39,9 +39,9 @@ void Leases::Set(const proto::AgentLease& lease, Time now) {
                               now + FromSeconds(lease.paused_s())};
 }
 
-void Leases::SetAll(const List& leases, Time now) {
+void Leases::SetAll(const proto::LeasesChanged& changed) {
   until_.clear();
-  for (const proto::AgentLease& lease : leases) Set(lease, now);
+  for (const proto::AgentLease& lease : changed.leases()) Set(lease, Time(Duration(changed.as_of_ns())));
 }
 
 proto::AgentLease Leases::LeftOf(AgentId agent, Time now) const {
@@ -55,12 +55,13 @@ proto::AgentLease Leases::LeftOf(AgentId agent, Time now) const {
   return left;
 }
 
-Leases::List Leases::Left(Time now) const {
-  List leases;
+proto::LeasesChanged Leases::Left(Time now) const {
+  proto::LeasesChanged left;
+  left.set_as_of_ns(now.time_since_epoch().count());
   for (const auto& [agent, until] : until_) {
-    if (std::max({until.driving, until.sleeping, until.paused}) > now) *leases.Add() = LeftOf(agent, now);
+    if (std::max({until.driving, until.sleeping, until.paused}) > now) *left.add_leases() = LeftOf(agent, now);
   }
-  return leases;
+  return left;
 }
 
 std::optional<Leases::Time> Leases::NextLapse(Time now) const {

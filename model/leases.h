@@ -11,7 +11,7 @@
 
 #include "model/error.h"
 #include "model/ids.h"
-#include "proto/types.pb.h"
+#include "proto/sharing.pb.h"
 
 namespace moondb {
 
@@ -27,16 +27,15 @@ class Leases {
  public:
   using Duration = std::chrono::nanoseconds;
   using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
-  using List = google::protobuf::RepeatedPtrField<proto::AgentLease>;
 
   // `is_quiet_while_driving` is the team file's radio.quiet_while_driving.
   explicit Leases(bool is_quiet_while_driving) : is_quiet_while_driving_(is_quiet_while_driving) {}
 
   void Set(const proto::AgentLease& lease, Time now);  // Takes the place of that agent's. Checked before.
-  void SetAll(const List& leases, Time now);           // Takes the place of everybody's.
+  void SetAll(const proto::LeasesChanged& changed);    // Takes the place of everybody's.
 
   proto::AgentLease LeftOf(AgentId agent, Time now) const;  // 0 for what it does not do.
-  List Left(Time now) const;                                // Of those that do anything of it, by agent.
+  proto::LeasesChanged Left(Time now) const;                // Of those that do anything of it, by agent.
   std::optional<Time> NextLapse(Time now) const;
 
   // It sleeps, or drives in a team that is quiet while driving: who hears nothing of it need not take it for lost.

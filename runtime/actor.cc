@@ -24,7 +24,6 @@ bool IsControl(const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kPeerEvent:
     case proto::Message::kRolesChanged:
-    case proto::Message::kStop:
     case proto::Message::kDown:
     case proto::Message::kPing:
     case proto::Message::kStepDown:
@@ -33,6 +32,16 @@ bool IsControl(const proto::Message& message) {
     default:
       return false;
   }
+}
+
+bool IsOfTopic(const proto::Message& message) {
+  switch (static_cast<Topic>(message.body_case())) {
+    case Topic::kRoles:
+    case Topic::kLeases:
+    case Topic::kStored:
+      return true;
+  }
+  return false;
 }
 
 TimerId Context::AfterTimer(Duration delay, std::uint32_t kind, std::uint64_t value) {

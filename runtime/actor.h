@@ -44,6 +44,13 @@ enum class [[nodiscard]] SendResult{
 
 const char* ToString(SendResult result);
 
+// What one actor of an agent publishes for all others of it: Publish's message, each with its own body.
+enum class Topic {
+  kRoles = proto::Message::kRolesChanged,    // RoleActor: the assignment that stands.
+  kLeases = proto::Message::kLeasesChanged,  // LeaseActor: who drives, sleeps or is paused.
+  kStored = proto::Message::kRecordsStored,  // StorageActor: there are new rows.
+};
+
 // The system's own work for an agent that only some actors ask for.
 struct SystemStatus {
   std::vector<proto::PeerStatus> peers;
@@ -85,6 +92,13 @@ class Context {
 
   // From now on PeerEvents come, on the control lane: first one for each peer that is connected, then each change.
   virtual void WatchPeers() = 0;
+
+  // From now on what is published on `topic` comes: first what was published last, if anything was, then each. Roles
+  // and leases come on the control lane. That something was stored comes on the data lane past its bounds: while one
+  // such message waits, later ones are added to it. Ends with this incarnation.
+  virtual void Watch(Topic topic) = 0;
+  // RoleActor, LeaseActor and StorageActor only, each on its own topic.
+  virtual void Publish(OwnedMessage message) = 0;
 
   // A Down comes, on the control lane, each time that `target` is lost: an actor of this agent whose incarnation ended
   // (the next one has the same address), or an agent to which the connection broke (with or without an actor's name: of
@@ -141,10 +155,12 @@ struct SpawnOptions {
 };
 
 // Past this the newest control message of the same kind gives way to the next (a peer that comes and goes while a
-// handler takes minutes).
+// handler takes minutes). What was published is taken in any case, one of each topic past the bound.
 inline constexpr std::size_t kControlMessagesMax = 256;
 
-// PeerEvent, RolesChanged, Stop, Down, Ping, StepDown, LeasesChanged. None of them is taken from peers or clients.
+// PeerEvent, RolesChanged, Down, Ping, StepDown, LeasesChanged. None of them is taken from peers or clients.
 bool IsControl(const proto::Message& message);
+// Its body is that of a Topic.
+bool IsOfTopic(const proto::Message& message);
 
 }  // namespace moondb

@@ -37,6 +37,8 @@ class CellSystem {
   virtual SendResult SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) = 0;
   virtual void SetRoles(const proto::RoleAssignment& roles) = 0;
   virtual void WatchPeers(const std::string& watcher) = 0;
+  virtual void Watch(const std::string& watcher, Topic topic) = 0;
+  virtual void Publish(const std::string& publisher, const proto::Message& message) = 0;
   virtual void Monitor(const std::string& watcher, const Address& target) = 0;
   virtual void Demonitor(const std::string& watcher, const Address& target) = 0;
   virtual SystemStatus Status() const = 0;
@@ -87,6 +89,8 @@ class ActorCell final : public ActorHost, private Runnable {
   TimerId After(Duration delay, proto::Message message) override;
   void Cancel(TimerId timer) override { system_.timers().Cancel(timer); }
   void WatchPeers() override { system_.WatchPeers(self().actor); }
+  void Watch(Topic topic) override { system_.Watch(self().actor, topic); }
+  void Publish(OwnedMessage message) override { system_.Publish(self().actor, *message); }
   void Monitor(const Address& target) override { system_.Monitor(self().actor, target); }
   void Demonitor(const Address& target) override { system_.Demonitor(self().actor, target); }
   bool stop_requested() const override { return system_.is_stopping(); }

@@ -59,6 +59,8 @@ class ActorSystem::Impl final : public CellSystem {
   SendResult SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) override;
   void SetRoles(const proto::RoleAssignment& roles) override { roles_.SetRoles(roles); }
   void WatchPeers(const std::string& watcher) override;
+  void Watch(const std::string& watcher, Topic topic) override;
+  void Publish(const std::string& publisher, const proto::Message& message) override;
   void Monitor(const std::string& watcher, const Address& target) override;
   void Demonitor(const std::string& watcher, const Address& target) override;
   SystemStatus Status() const override;
@@ -251,6 +253,16 @@ void ActorSystem::Impl::TraceRefused(TraceRecord record, SendResult result) {
 void ActorSystem::Impl::WatchPeers(const std::string& watcher) {
   const std::lock_guard lock(monitors_mutex_);
   Notify(monitors_.WatchPeers(watcher));
+}
+
+void ActorSystem::Impl::Watch(const std::string& watcher, Topic topic) {
+  const std::lock_guard lock(monitors_mutex_);
+  Notify(monitors_.Watch(watcher, topic));
+}
+
+void ActorSystem::Impl::Publish(const std::string& publisher, const proto::Message& message) {
+  const std::lock_guard lock(monitors_mutex_);
+  Notify(monitors_.Publish(publisher, message));
 }
 
 void ActorSystem::Impl::Monitor(const std::string& watcher, const Address& target) {

@@ -14,6 +14,14 @@ void Add(std::atomic<std::uint64_t>& counter, std::uint64_t by) {
   counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
 }
 
+void Add(const proto::RecordsStored& later, proto::RecordsStored& stored) {
+  stored.set_last_row_id(std::max(stored.last_row_id(), later.last_row_id()));
+  for (const std::uint32_t type : later.data_types()) {
+    const auto& known = stored.data_types();
+    if (std::find(known.begin(), known.end(), type) == known.end()) stored.add_data_types(type);
+  }
+}
+
 }  // namespace
 
 Mailbox::Mailbox(const SpawnOptions& options)
@@ -38,10 +46,15 @@ Mailbox::Pushed Mailbox::Push(Item&& item) {
 
 Mailbox::Pushed Mailbox::TryPush(Item& item) {
   const bool is_control = IsControl(*item.message);
+  const bool is_stored = item.message->has_records_stored();
+  item.is_past_bounds = item.is_timer || is_stored;
   const std::string key = is_control || item.is_timer ? std::string() : KeyOf(*item.message);
   const std::lock_guard lock(lock_);
   if (is_closed_) return {SendResult::kUnreachable};
-  const SendResult result = is_control ? PushControl(item) : key.empty() ? PushData(item) : PushKeyed(item, key);
+  const SendResult result = is_control    ? PushControl(item)
+                            : is_stored   ? PushStored(item)
+                            : key.empty() ? PushData(item)
+                                          : PushKeyed(item, key);
   return {result, result == SendResult::kAccepted && std::exchange(is_reader_away_, false)};
 }
 
@@ -87,10 +100,12 @@ SendResult Mailbox::PushControl(Item& item) {
     const auto body = item.message->body_case();
     const auto newest = std::find_if(control_.rbegin(), control_.rend(),
                                      [body](const Item& waiting) { return waiting.message->body_case() == body; });
-    if (newest == control_.rend()) return SendResult::kFull;
-    ++dropped_;
-    control_.erase(std::next(newest).base());
-    --pushed_.items;
+    if (newest == control_.rend() && !IsOfTopic(*item.message)) return SendResult::kFull;
+    if (newest != control_.rend()) {
+      ++dropped_;
+      control_.erase(std::next(newest).base());
+      --pushed_.items;
+    }
   }
   control_.push_back(std::move(item));
   ++pushed_.items;
@@ -118,8 +133,21 @@ SendResult Mailbox::PushKeyed(Item& item, const std::string& key) {
   return SendResult::kAccepted;
 }
 
+SendResult Mailbox::PushStored(Item& item) {
+  if (stored_place_) {
+    Item& waiting = is_keyed_ ? keyed_items_[*stored_place_ - keyed_taken_] : pushed_items_[*stored_place_];
+    Add(item.message->records_stored(), *waiting.message->mutable_records_stored());
+    ++replaced_;
+    return SendResult::kAccepted;
+  }
+  const std::uint64_t place = is_keyed_ ? keyed_taken_ + keyed_items_.size() : pushed_items_.size();
+  const SendResult result = PushData(item);
+  stored_place_ = place;
+  return result;
+}
+
 SendResult Mailbox::PushData(Item& item) {
-  if (item.is_timer) {
+  if (item.is_past_bounds) {
     item.bytes = 0;
   } else if (!HasRoom(item.bytes)) {
     return SendResult::kFull;
@@ -152,7 +180,7 @@ void Mailbox::SeeTaken() { seen_ = taken(); }
 void Mailbox::Count(const Item& item) {
   ++pushed_.items;
   pushed_.bytes += item.bytes;
-  if (!item.is_timer) ++pushed_.messages;
+  if (!item.is_past_bounds) ++pushed_.messages;
   // Only a new maximum is worth a look at the reader's counters.
   if (pushed_.items - seen_.items <= waiting_max_ && pushed_.bytes - seen_.bytes <= bytes_max_) return;
   SeeTaken();
@@ -172,6 +200,7 @@ Mailbox::Item* Mailbox::TakeKeyed() {
   if (keyed_items_.empty()) return nullptr;
   single_ = std::move(keyed_items_.front());
   keyed_items_.pop_front();
+  if (stored_place_ == keyed_taken_) stored_place_.reset();
   if (single_.key != nullptr) place_of_.erase(place_of_.find(*std::exchange(single_.key, nullptr)));
   ++keyed_taken_;
   CountTaken(single_);
@@ -189,7 +218,10 @@ Mailbox::Item* Mailbox::Take() {
     const std::lock_guard lock(lock_);
     if (has_control_.load(std::memory_order_relaxed)) return TakeControl();
     if (is_keyed_) return TakeKeyed();
-    if (items_.empty()) items_.swap(pushed_items_);
+    if (items_.empty()) {
+      items_.swap(pushed_items_);
+      stored_place_.reset();
+    }
     if (items_.empty()) return nullptr;
   }
   Item& item = items_[next_++];
@@ -202,7 +234,7 @@ Mailbox::Item* Mailbox::Take() {
 void Mailbox::CountTaken(const Item& item) {
   Add(taken_items_, 1);
   Add(taken_bytes_, item.bytes);
-  if (!item.is_timer) Add(taken_messages_, 1);
+  if (!item.is_past_bounds) Add(taken_messages_, 1);
 }
 
 Mailbox::Totals Mailbox::taken() const {
@@ -230,6 +262,7 @@ void Mailbox::Close() {
     keyed.swap(keyed_items_);
     has_control_.store(false, std::memory_order_relaxed);
     place_of_.clear();
+    stored_place_.reset();
     taken_items_.store(pushed_.items, std::memory_order_relaxed);
     taken_messages_.store(pushed_.messages, std::memory_order_relaxed);
     taken_bytes_.store(pushed_.bytes, std::memory_order_relaxed);

@@ -1,5 +1,5 @@
 // Mailbox: the messages that wait for one actor, bounded in number and bytes, in the order in which they came; control
-// messages before data.
+// messages before data. Of RecordsStored one waits: what comes meanwhile is added to it.
 //
 // Any thread pushes; one thread at a time, the reader, takes. The senders' lock is held for one push, or while the
 // reader takes over all that came since it last did. A reader without work goes away; the push that it has to be called
@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -29,8 +30,9 @@ class Mailbox {
     std::size_t bytes = 0;               // Towards the bound, as serialised.
     std::uint32_t incarnation = 0;       // Of the actor whose timer this is.
     std::uint16_t sender_name = 0xFFFF;  // In traces; 0xFFFF: not one of this agent's actors.
-    bool is_timer = false;               // Past the bounds.
-    const std::string* key = nullptr;    // The mailbox's own: in place_of_, while it waits there.
+    bool is_timer = false;
+    bool is_past_bounds = false;       // A timer, or RecordsStored; set by the push.
+    const std::string* key = nullptr;  // The mailbox's own: in place_of_, while it waits there.
   };
 
   struct Pushed {
@@ -81,13 +83,14 @@ class Mailbox {
   // What counts towards the bounds, and all there is; of what was ever pushed or taken.
   struct Totals {
     std::uint64_t items = 0;
-    std::uint64_t messages = 0;  // Of the data lane, without timers.
+    std::uint64_t messages = 0;  // Of the data lane, without those past the bounds.
     std::uint64_t bytes = 0;     // Of these.
   };
 
   // With lock_ held.
   SendResult PushControl(Item& item);
   SendResult PushKeyed(Item& item, const std::string& key);
+  SendResult PushStored(Item& item);
   SendResult PushData(Item& item);
   bool HasRoom(std::size_t bytes);
   bool HasRoomInBytes(std::size_t bytes);
@@ -125,6 +128,7 @@ class Mailbox {
   std::atomic<bool> has_control_ = false;
 
   // Seldom used. With lock_ held, but for key_.
+  std::optional<std::uint64_t> stored_place_;  // Where RecordsStored waits in pushed_items_, or as place_of_ has it.
   const std::function<std::string(const proto::Message&)> key_;
   std::deque<Item> control_;
   std::deque<Item> keyed_items_;  // The data lane if is_keyed_: taken one by one, as what left is replaced no more.

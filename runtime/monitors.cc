@@ -25,6 +25,24 @@ Monitors::Notices Monitors::WatchPeers(const std::string& watcher) {
   return notices;
 }
 
+Monitors::Notices Monitors::Watch(const std::string& watcher, Topic topic) {
+  topic_watchers_[topic].insert(watcher);
+  const auto last = published_.find(topic);
+  if (last == published_.end()) return {};
+  return {MakeNews(watcher, last->second)};
+}
+
+Monitors::Notices Monitors::Publish(const std::string& publisher, const proto::Message& message) {
+  Check(IsOfTopic(message), "what is published is of a topic");
+  const auto topic = static_cast<Topic>(message.body_case());
+  proto::Message& last = published_[topic];
+  last = message;
+  last.set_source_actor(publisher);
+  Notices notices;
+  for (const std::string& watcher : topic_watchers_[topic]) notices.push_back(MakeNews(watcher, last));
+  return notices;
+}
+
 Monitors::Notices Monitors::Monitor(const std::string& watcher, const Address& target, bool is_lost) {
   std::set<Address>& targets = targets_of_[watcher];
   targets.insert(target);
@@ -45,6 +63,7 @@ void Monitors::Demonitor(const std::string& watcher, const Address& target) {
 Monitors::Notices Monitors::OnActorDown(const std::string& actor, const std::string& reason, bool is_final) {
   targets_of_.erase(actor);
   peer_watchers_.erase(actor);
+  for (auto& [topic, watchers] : topic_watchers_) watchers.erase(actor);
   const Address target{self_, actor};
   Notices notices;
   for (const auto& [watcher, targets] : targets_of_) {
@@ -65,6 +84,12 @@ Monitors::Notices Monitors::OnPeerChanged(AgentId peer, bool is_connected) {
     }
   }
   return notices;
+}
+
+Monitors::Notice Monitors::MakeNews(const std::string& watcher, const proto::Message& message) const {
+  Notice notice{watcher, message};
+  WriteEnvelope({self_, message.source_actor()}, {self_, watcher}, notice.message);
+  return notice;
 }
 
 Monitors::Notice Monitors::MakePeerEvent(const std::string& watcher, AgentId peer, bool is_connected) const {

@@ -1,4 +1,5 @@
-// Monitors: who on one agent wants to hear when peers come and go and when actors die, and what they are then told.
+// Monitors: who on one agent wants to hear when peers come and go, when actors die and what other actors publish, and
+// the messages that they then get.
 //
 // Plain bookkeeping for ActorSystem and SimulatedTeam: each call returns the notices to be delivered, complete with
 // their envelope, to actors of this agent. Not thread-safe.
@@ -17,7 +18,7 @@ class Monitors {
  public:
   struct Notice {
     std::string watcher;     // An actor of this agent.
-    proto::Message message;  // A PeerEvent or a Down.
+    proto::Message message;  // A PeerEvent, a Down, or what was published.
   };
   using Notices = std::vector<Notice>;
 
@@ -28,6 +29,9 @@ class Monitors {
   // As Context's of the same name, called by `watcher`. `is_lost`: the target, one of this agent's actors, is not
   // there.
   Notices WatchPeers(const std::string& watcher);
+  Notices Watch(const std::string& watcher, Topic topic);
+  // `message` is of a Topic; anything else is a broken claim of the actor's.
+  Notices Publish(const std::string& publisher, const proto::Message& message);
   Notices Monitor(const std::string& watcher, const Address& target, bool is_lost);
   void Demonitor(const std::string& watcher, const Address& target);
 
@@ -37,12 +41,15 @@ class Monitors {
   Notices OnPeerChanged(AgentId peer, bool is_connected);
 
  private:
+  Notice MakeNews(const std::string& watcher, const proto::Message& message) const;
   Notice MakePeerEvent(const std::string& watcher, AgentId peer, bool is_connected) const;
   Notice MakeDown(const std::string& watcher, const Address& target, const std::string& reason, bool is_final) const;
 
   AgentId self_;
   std::set<AgentId> connected_;
   std::set<std::string> peer_watchers_;
+  std::map<Topic, std::set<std::string>> topic_watchers_;
+  std::map<Topic, proto::Message> published_;            // The last of each, with its publisher.
   std::map<std::string, std::set<Address>> targets_of_;  // By watcher.
 };
 

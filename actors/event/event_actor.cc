@@ -17,15 +17,10 @@ constexpr std::size_t kAskersMax = 64;
 constexpr std::size_t kAcknowledgmentsMax = 16;
 constexpr Duration kAcknowledgmentTimeout = std::chrono::minutes(2);  // Whoever asked has given up before.
 
-// Neither need be heard of: it sleeps, or drives in a team that is quiet then.
-bool MayBeSilent(const proto::TeamConfig& team, const proto::LeasesChanged& leases, AgentId agent) {
-  return std::any_of(leases.leases().begin(), leases.leases().end(), [&](const proto::AgentLease& lease) {
-    const bool is_quiet = team.radio().quiet_while_driving() && lease.driving_s() > 0;
-    return lease.agent_id() == agent && (lease.sleeping_s() > 0 || is_quiet);
-  });
-}
-
 }  // namespace
+
+EventActor::EventActor(Options options)
+    : options_(std::move(options)), leases_(options_.team.radio().quiet_while_driving()) {}
 
 void EventActor::OnStart(Context& context) {
   // An actor that is made anew begins its life with no counts; its agent did not start again.
@@ -41,6 +36,8 @@ void EventActor::OnStart(Context& context) {
   // A random start, so that an answer to an earlier life meets no question of this one.
   next_request_id_ = context.rng()() | 1;
   context.WatchPeers();
+  context.Watch(Topic::kRoles);
+  context.Watch(Topic::kLeases);
   OnPeriod(context);
 }
 
@@ -58,7 +55,7 @@ void EventActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kPeerEvent:
       return OnPeerEvent(context, message.peer_event());
     case proto::Message::kLeasesChanged:
-      return OnLeases(context, message.leases_changed());
+      return leases_.SetAll(message.leases_changed());
     case proto::Message::kFindingsRequest:
       return OnAsker(context, message.request_id(), std::nullopt);
     case proto::Message::kAcknowledgeRequest:
@@ -98,9 +95,8 @@ void EventActor::OnPeriod(Context& context) {
   Ask(context, actor_name::kStorage, message);
   message.mutable_share_status_request();
   Ask(context, actor_name::kSync, message);
-  Ask(context, actor_name::kReplica, message);
-  message.mutable_lease_show_request();
-  Ask(context, actor_name::kLease, std::move(message));
+  Ask(context, actor_name::kReplica, std::move(message));
+  TellWhoIsLost(context);
   std::erase_if(acknowledgments_, [&context](const auto& waiting) {
     return context.now() - waiting.second.asked_at > kAcknowledgmentTimeout;
   });
@@ -142,11 +138,11 @@ void EventActor::TellWhoIsBack(Context& context) {
   }
 }
 
-void EventActor::OnLeases(Context& context, const proto::LeasesChanged& leases) {
-  const bool is_silent = MayBeSilent(options_.team, leases, options_.self);
+void EventActor::TellWhoIsLost(Context& context) {
+  const bool is_silent = leases_.MayBeSilent(options_.self, context.now());
   for (auto& [agent, peer] : peers_) {
     if (peer.is_connected || peer.is_told) continue;
-    if (is_silent || MayBeSilent(options_.team, leases, agent)) {
+    if (is_silent || leases_.MayBeSilent(agent, context.now())) {
       // Its time begins when it should be heard again.
       peer.lost_at = context.now();
       peer.lost_utc_ns = context.utc_now_ns();

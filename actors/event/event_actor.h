@@ -25,6 +25,7 @@
 #include <utility>
 #include <vector>
 
+#include "model/leases.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 
@@ -41,7 +42,7 @@ class EventActor final : public Actor {
     Duration lost_again_after = std::chrono::minutes(10);  // Between two events of one peer that is lost again.
   };
 
-  explicit EventActor(Options options) : options_(std::move(options)) {}
+  explicit EventActor(Options options);
 
   void OnStart(Context& context) override;
   void OnMessage(Context& context, const proto::Message& message) override;
@@ -77,7 +78,7 @@ class EventActor final : public Actor {
   void OnShareStatus(Context& context, const std::string& actor, const proto::ShareStatus& status);
 
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);
-  void OnLeases(Context& context, const proto::LeasesChanged& leases);
+  void TellWhoIsLost(Context& context);
   void TellWhoIsBack(Context& context);
   void TellBack(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns);
   void OnFindings(Context& context, const proto::FindingsReply& reply);
@@ -103,6 +104,7 @@ class EventActor final : public Actor {
   std::map<std::pair<std::string, std::string>, double> counts_;  // By source and counter.
   std::set<std::string> heard_;                                   // Sources.
   proto::RoleAssignment roles_;
+  Leases leases_;
   std::map<AgentId, Peer> peers_;  // Agents that were connected since this actor started.
 
   std::vector<proto::HealthFinding> findings_;  // As StorageActor said last.

@@ -83,6 +83,7 @@ void GatewayActor::OnStart(Context& context) {
   // A random start, so that an answer to a request of this actor's life before a restart meets no new one.
   next_id_ = context.rng()() | 1;
   context.WatchPeers();
+  context.Watch(Topic::kStored);
 }
 
 void GatewayActor::OnMessage(Context& context, const proto::Message& message) {

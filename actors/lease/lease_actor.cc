@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kAnnounce = 1, kLapse = 2, kTell = 3 };
+enum TimerKind : std::uint32_t { kAnnounce = 1, kLapse = 2 };
 
 // An agent's numbers count up: one a little below the present one is an old announcement that came late, one further
 // away is of another life of that agent.
@@ -30,7 +30,7 @@ LeaseActor::LeaseActor(Options options)
 void LeaseActor::OnStart(Context& context) {
   number_ = context.rng()();
   context.WatchPeers();
-  OnChange(context);  // What an earlier life told the own actors may no longer be so.
+  OnChange(context);  // What an earlier life published may no longer be so.
 }
 
 void LeaseActor::OnMessage(Context& context, const proto::Message& message) {
@@ -64,9 +64,6 @@ void LeaseActor::OnTimer(Context& context, const proto::Timer& timer) {
     case kLapse:
       lapse_timer_ = 0;
       return OnChange(context);
-    case kTell:
-      tell_timer_ = 0;
-      return TellOwnActors(context);
     default:
       return;
   }
@@ -84,7 +81,7 @@ void LeaseActor::OnLeaseRequest(Context& context, const proto::LeaseRequest& req
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
   if (!taken) *reply.mutable_lease_reply()->mutable_error() = ToProto(taken.error());
-  *reply.mutable_lease_reply()->mutable_leases() = leases_.Left(context.now());
+  *reply.mutable_lease_reply()->mutable_leases() = leases_.Left(context.now()).leases();
   (void)context.Reply(std::move(reply));
   if (!taken) return;
   ++number_;
@@ -116,7 +113,7 @@ Result<void> LeaseActor::Take(Context& context, const proto::LeaseRequest& reque
 void LeaseActor::OnLeaseShowRequest(Context& context) {
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
-  *reply.mutable_leases_changed()->mutable_leases() = leases_.Left(context.now());
+  *reply.mutable_leases_changed() = leases_.Left(context.now());
   (void)context.Reply(std::move(reply));
 }
 
@@ -157,7 +154,7 @@ void LeaseActor::Announce(Context& context, AgentId to, bool is_reply) {
   announce.set_paused_s(lease.paused_s());
   announce.set_known_number(peers_[to].heard.value_or(0));
   announce.set_is_reply(is_reply);
-  (void)context.Send({to, actor_name::kLease}, std::move(message));  // Told again until it is known there.
+  (void)context.Send({to, actor_name::kLease}, std::move(message));  // Again until it is known there.
 }
 
 void LeaseActor::AnnounceToUnknowing(Context& context) {
@@ -181,22 +178,10 @@ void LeaseActor::OnChange(Context& context) {
   if (const auto lapse = leases_.NextLapse(context.now())) {
     lapse_timer_ = context.AfterTimer(*lapse - context.now(), kLapse);
   }
-  untold_ = {actor_name::kSync, actor_name::kReplica, actor_name::kFailover};
-  untold_.insert(untold_.end(), options_.tell.begin(), options_.tell.end());
-  TellOwnActors(context);
-}
-
-// One that missed a change would keep a window shut, or open, until the next.
-void LeaseActor::TellOwnActors(Context& context) {
   proto::Message message;
   message.set_ms_type(proto::EVENT);
-  *message.mutable_leases_changed()->mutable_leases() = leases_.Left(context.now());
-  std::erase_if(untold_, [this, &context, &message](const std::string& actor) {
-    // Not every agent has all of them, so that any other result ends it too.
-    return context.Send({options_.self, actor}, proto::Message(message)) != SendResult::kFull;
-  });
-  if (tell_timer_ != 0) context.Cancel(std::exchange(tell_timer_, 0));
-  if (!untold_.empty()) tell_timer_ = context.AfterTimer(options_.tell_again, kTell);
+  *message.mutable_leases_changed() = leases_.Left(context.now());
+  context.Publish(std::move(message));
 }
 
 }  // namespace moondb

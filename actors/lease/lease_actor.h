@@ -6,15 +6,13 @@
 // lapses: whoever knows it counts down by himself. Other agents' announcements are checked and speak for their sender
 // alone.
 //
-// Tells this agent's other actors by LeasesChanged, at each change and lapse (again to one whose mailbox is full), and
-// answers a LeaseShowRequest with it. Nothing is stored: a restarted agent neither drives nor sleeps nor is paused
-// until it is told so again, and hears from the others what they do.
+// Publishes LeasesChanged (Topic::kLeases) at each change and lapse, and answers a LeaseShowRequest with it. Nothing is
+// stored: a restarted agent neither drives nor sleeps nor is paused until its robot says so again, and hears from the
+// others what they do.
 #pragma once
 
 #include <map>
 #include <optional>
-#include <string>
-#include <vector>
 
 #include "model/leases.h"
 #include "proto/team.pb.h"
@@ -26,11 +24,9 @@ class LeaseActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;                             // Complete and checked.
-    std::vector<std::string> tell;                      // Own actors that get LeasesChanged beside the standard ones.
-    Duration announce_after = std::chrono::seconds(5);  // To connected agents that may not know; doubles
+    proto::TeamConfig team;                                  // Complete and checked.
+    Duration announce_after = std::chrono::seconds(5);       // To connected agents that may not know; doubles
     Duration announce_after_max = std::chrono::seconds(60);  // up to this.
-    Duration tell_again = std::chrono::seconds(1);           // An own actor whose mailbox was full.
   };
 
   explicit LeaseActor(Options options);
@@ -57,17 +53,14 @@ class LeaseActor final : public Actor {
   void AnnounceToUnknowing(Context& context);  // And again after a while.
   void RestartAnnouncing(Context& context);    // With the shortest delay, if somebody connected does not know.
   void OnChange(Context& context);
-  void TellOwnActors(Context& context);
 
   const Options options_;
   Leases leases_;
   std::uint64_t number_ = 0;  // Of this agent's own leases.
   std::map<AgentId, Peer> peers_;
-  std::vector<std::string> untold_;  // Own actors that do not know what stands.
   Duration announce_delay_{};
   TimerId announce_timer_ = 0;
   TimerId lapse_timer_ = 0;
-  TimerId tell_timer_ = 0;
 };
 
 }  // namespace moondb

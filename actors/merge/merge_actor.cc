@@ -76,6 +76,7 @@ void MergeActor::OnStart(Context& context) {
   // taken for one of this life's.
   read_id_ = context.rng()();
   life_ = context.rng()() | 1;
+  context.Watch(Topic::kStored);
   if (Result<void> started = StartMerger(); !started) {
     start_error_ = started.error();
     spdlog::error("{}: {}", ToString(context.self()), ToString(start_error_));

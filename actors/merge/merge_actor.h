@@ -10,7 +10,7 @@
 // poses, is merged from nothing, beside the merged map of everything, of which only what changed is merged again.
 //
 // A MapTilesRequest with wait_s is a subscription: where nothing has changed it waits, at most so long, and is looked
-// at again when StorageActor tells of new records (it names this actor in `notify`), once in look_period at most.
+// at again when StorageActor publishes that records were stored, once in look_period at most.
 //
 // RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest), and tells with its PruneReply that
 // maps are gone: then everything is read anew for the next question. An error of a BeatenMapsRequest is a ControlReply.

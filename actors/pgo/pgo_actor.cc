@@ -22,11 +22,8 @@ PgoActor::PgoActor(Options options) : options_(std::move(options)), agents_(Fact
 void PgoActor::OnStart(Context& context) {
   // A random start, so that storage's answer to a life before a restart meets no question of this one.
   request_id_ = context.rng()() >> 1;
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  message.mutable_role_show_request();
-  // Without a RoleActor, RolesChanged is waited for.
-  (void)context.Send({options_.self, actor_name::kRole}, std::move(message));
+  context.Watch(Topic::kRoles);
+  context.Watch(Topic::kStored);
 }
 
 // Clients come through this agent's gateway, which has checked their requests; peers have nothing to ask here.
@@ -35,8 +32,6 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kRolesChanged:
       return OnRoles(context, message.roles_changed().roles());
-    case proto::Message::kRoleShowReply:
-      return OnRoles(context, message.role_show_reply().roles());
     case proto::Message::kOptimizeRequest:
       return OnOptimizeRequest(context, message);
     case proto::Message::kGraphStatsRequest:
@@ -74,7 +69,6 @@ bool PgoActor::IsFromStorage(const Context& context, const proto::Message& messa
 }
 
 void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
-  if (roles_ && IsNewer(roles_->term(), roles.term())) return;  // An old answer overtaken by a change.
   const bool is_new_term = !roles_ || OrderOf(roles_->term()) != OrderOf(roles.term());
   if (is_new_term) last_run_ = 0;
   roles_ = roles;

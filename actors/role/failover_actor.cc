@@ -29,13 +29,8 @@ FailoverActor::FailoverActor(Options options)
 void FailoverActor::OnStart(Context& context) {
   context.WatchPeers();
   context.Monitor({options_.self, actor_name::kLease});
-  // After a restart of this actor alone nobody else would say what stands.
-  proto::Message question;
-  question.set_ms_type(proto::CONTROL);
-  question.mutable_role_show_request();
-  (void)context.Send({options_.self, actor_name::kRole}, proto::Message(question));
-  question.mutable_lease_show_request();
-  (void)context.Send({options_.self, actor_name::kLease}, std::move(question));
+  context.Watch(Topic::kRoles);
+  context.Watch(Topic::kLeases);
 }
 
 void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
@@ -53,11 +48,8 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kRolesChanged:
       OnRoles(context, message.roles_changed().roles());
       break;
-    case proto::Message::kRoleShowReply:
-      OnRoles(context, message.role_show_reply().roles());
-      break;
     case proto::Message::kLeasesChanged:
-      leases_.SetAll(message.leases_changed().leases(), context.now());
+      leases_.SetAll(message.leases_changed());
       break;
     case proto::Message::kDown:
       known_ = connected_;  // LeaseActor has forgotten what others said; those who are connected say it again.

@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kTell = 4, kStore = 5 };
+enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kStore = 4 };
 
 RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   RoleLogic::Options logic;
@@ -90,9 +90,6 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
       return Perform(context, logic_.OnAnnounceTimer());
     case kLeader:
       return Perform(context, logic_.OnLeaderTimer(context.utc_now_ns()));
-    case kTell:
-      tell_timer_ = 0;
-      return TellOwnActors(context);
     default:
       return;
   }
@@ -195,7 +192,7 @@ void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
     message.set_ms_type(proto::CONTROL);
     *message.mutable_term() = announcement.announce.roles().term();
     *message.mutable_role_announce() = std::move(announcement.announce);
-    (void)context.Send({announcement.to, actor_name::kRole}, std::move(message));  // Told again until confirmed.
+    (void)context.Send({announcement.to, actor_name::kRole}, std::move(message));  // Again until confirmed.
   }
   if (actions.announce_timer) {
     if (announce_timer_ != 0) context.Cancel(announce_timer_);
@@ -210,25 +207,12 @@ void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
 
 void RoleActor::Apply(Context& context, const proto::RoleAssignment& roles) {
   context.SetRoles(roles);
-  roles_changed_.Clear();
-  roles_changed_.set_ms_type(proto::EVENT);
-  *roles_changed_.mutable_term() = roles.term();
-  *roles_changed_.mutable_roles_changed()->mutable_roles() = roles;
-  roles_changed_.mutable_roles_changed()->set_own_role(RoleOf(options_.team, roles, options_.self));
-  untold_ = {actor_name::kSync,    actor_name::kReplica,  actor_name::kPgo,  actor_name::kMerge,
-             actor_name::kGateway, actor_name::kFailover, actor_name::kEvent};
-  untold_.insert(untold_.end(), options_.tell.begin(), options_.tell.end());
-  TellOwnActors(context);
-}
-
-// One that missed a change would act on the old roles until the next.
-void RoleActor::TellOwnActors(Context& context) {
-  std::erase_if(untold_, [this, &context](const std::string& actor) {
-    // Not every agent has all of them, so that any other result ends it too.
-    return context.Send({options_.self, actor}, proto::Message(roles_changed_)) != SendResult::kFull;
-  });
-  if (tell_timer_ != 0) context.Cancel(tell_timer_);
-  tell_timer_ = untold_.empty() ? 0 : context.AfterTimer(options_.tell_again, kTell);
+  proto::Message message;
+  message.set_ms_type(proto::EVENT);
+  *message.mutable_term() = roles.term();
+  *message.mutable_roles_changed()->mutable_roles() = roles;
+  message.mutable_roles_changed()->set_own_role(RoleOf(options_.team, roles, options_.self));
+  context.Publish(std::move(message));
 }
 
 void RoleActor::AskStorage(Context& context) {

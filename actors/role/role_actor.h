@@ -1,10 +1,10 @@
 // RoleActor ("role"): holds this agent's role assignment and agrees on it with the other agents (RoleLogic).
 //
 // Stores an assignment through StorageActor before it acts (one that cannot be stored makes it give up its role at
-// once, as RoleLogic says): Context::SetRoles, RolesChanged to this agent's other actors (again and again to one whose
-// mailbox is full), RoleAnnounce to the other agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with
-// RoleShowReply, or with a ControlReply that holds nothing but an error. Both are taken from this agent's own actors
-// only, as clients come through the gateway. After a restart everything comes back from storage.
+// once, as RoleLogic says): Context::SetRoles, RolesChanged published (Topic::kRoles), RoleAnnounce to the other
+// agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with RoleShowReply, or with a ControlReply that holds
+// nothing but an error. Both are taken from this agent's own actors only, as clients come through the gateway. After a
+// restart everything comes back from storage.
 //
 // On StepDown (an actor of this agent fails again and again) it gives up the agent's role to an agent that is
 // connected, now or as soon as there is one.
@@ -26,13 +26,11 @@ class RoleActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;         // Complete and checked.
-    std::vector<std::string> tell;  // Own actors that get RolesChanged beside the standard ones.
+    proto::TeamConfig team;  // Complete and checked.
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);
     Duration announce_after_max = std::chrono::seconds(60);
     Duration storage_timeout = std::chrono::seconds(5);  // Then storage is asked again.
-    Duration tell_again = std::chrono::seconds(1);       // An own actor whose mailbox was full.
   };
 
   explicit RoleActor(Options options);
@@ -59,7 +57,6 @@ class RoleActor final : public Actor {
   void StepDownIfDue(Context& context);
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);
-  void TellOwnActors(Context& context);
   void AskStorage(Context& context);  // To load at first, then to save what is to be stored.
   void AnswerAsker(Context& context, std::optional<Error> error);
 
@@ -69,9 +66,6 @@ class RoleActor final : public Actor {
   TimerId storage_timer_ = 0;
   TimerId store_timer_ = 0;
   TimerId announce_timer_ = 0;
-  TimerId tell_timer_ = 0;
-  proto::Message roles_changed_;     // What stands.
-  std::vector<std::string> untold_;  // Own actors that do not know it yet.
   double refused_announcements_ = 0;
   RateLimitedLog refused_log_;
   RateLimitedLog unstored_log_;

@@ -34,6 +34,8 @@ std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
 
 void SharingActor::OnStart(Context& context) {
   context.WatchPeers();
+  context.Watch(Topic::kRoles);
+  context.Watch(Topic::kLeases);
   roles_ = InitialRoles(options_.team);
   const std::uint64_t random = context.rng()();
   last_order_ = BeginOrderNumbers(random);
@@ -48,13 +50,6 @@ void SharingActor::OnStart(Context& context) {
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
   receiver_.emplace(std::move(receiver), random);
-  // After a restart of this actor alone nobody else would say what the roles and leases are.
-  proto::Message question;
-  question.set_ms_type(proto::CONTROL);
-  question.mutable_role_show_request();
-  (void)context.Send({options_.self, actor_name::kRole}, proto::Message(question));
-  question.mutable_lease_show_request();
-  (void)context.Send({options_.self, actor_name::kLease}, std::move(question));
   OnStarted(context);
 }
 
@@ -75,8 +70,6 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       return OnLink(context, message.peer_event());
     case proto::Message::kRolesChanged:
       return SetRoles(context, message.roles_changed().roles());
-    case proto::Message::kRoleShowReply:
-      return SetRoles(context, message.role_show_reply().roles());
     case proto::Message::kLeasesChanged:
       return OnLeasesChanged(context, message.leases_changed());
     case proto::Message::kHaveReply:
@@ -244,7 +237,7 @@ void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
 }
 
 void SharingActor::OnLeasesChanged(Context& context, const proto::LeasesChanged& changed) {
-  leases_.SetAll(changed.leases(), context.now());
+  leases_.SetAll(changed);
   for (auto& [destination, outgoing] : outgoing_) {
     Perform(context, outgoing, outgoing.session.SetWindow(WindowTo(context, destination), context.now()));
   }
@@ -266,7 +259,6 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
 }
 
 void SharingActor::SetRoles(Context& context, const proto::RoleAssignment& roles) {
-  if (IsNewer(roles_.term(), roles.term())) return;  // An old answer that a change has overtaken on its lane.
   const proto::RoleAssignment previous = std::exchange(roles_, roles);
   OnNewRoles(context, previous);
 }

@@ -177,7 +177,7 @@ void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
                               OneLine(ToString(noted.error())));
   }
   if (!noted) Note(context, "a report of epochs", noted.error());
-  Notify(context, store_->TakeRestated());
+  Publish(context, store_->TakeRestated());
 }
 
 void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
@@ -192,7 +192,7 @@ void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
 void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
   const Result<void> noted = store_->NotePeerHave(note);
   if (!noted) Note(context, "replication log", noted.error());
-  Notify(context, store_->TakeRestated());
+  Publish(context, store_->TakeRestated());
 }
 
 void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
@@ -215,7 +215,7 @@ void StorageActor::OnInsert(Context& context, const proto::InsertRequest& reques
   proto::Message reply;
   *reply.mutable_insert_reply() = std::move(inserted.reply);
   Answer(context, std::move(reply));
-  Notify(context, inserted.stored);
+  Publish(context, inserted.stored);
 }
 
 void StorageActor::OnStore(Context& context, const proto::StoreRequest& request) {
@@ -232,8 +232,8 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   proto::Message reply;
   *reply.mutable_store_reply() = std::move(stored.reply);
   Answer(context, std::move(reply));
-  Notify(context, store_->TakeRestated());
-  Notify(context, stored.stored);
+  Publish(context, store_->TakeRestated());
+  Publish(context, stored.stored);
 }
 
 // An error keeps the sender's session open until there is room again; what was stored all the same shows in the
@@ -276,7 +276,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));
-  Notify(context, store_->TakeRestated());
+  Publish(context, store_->TakeRestated());
 }
 
 void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
@@ -576,14 +576,11 @@ void StorageActor::FailIfDamaged(Context& context, const Error& error) {
   if (error.code == ErrorCode::kCorrupt) context.Fail(error);
 }
 
-void StorageActor::Notify(Context& context, const proto::RecordsStored& stored) {
+void StorageActor::Publish(Context& context, const proto::RecordsStored& stored) {
   if (stored.last_row_id() == 0) return;
-  for (const std::string& actor : options_.notify) {
-    proto::Message message;
-    *message.mutable_records_stored() = stored;
-    // A full mailbox loses nothing: readers page by row id, and the next commit tells them again.
-    (void)context.Send({context.self().agent, actor}, std::move(message));
-  }
+  proto::Message message;
+  *message.mutable_records_stored() = stored;
+  context.Publish(std::move(message));
 }
 
 }  // namespace moondb

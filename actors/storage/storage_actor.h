@@ -35,12 +35,11 @@ namespace moondb {
 class StorageActor final : public Actor {
  public:
   struct Options {
-    std::string path;                 // The database file; its folder exists. ":memory:" for tests.
-    std::string vfs;                  // Empty: the system's files. Else as of Database::Open.
-    AgentId self = 0;                 // This agent, which is in `team`.
-    proto::TeamConfig team;           // Checked; its agents, policies `share`, custom types and `retention` are read.
-    std::vector<std::string> notify;  // Actors of this agent that get RecordsStored after each commit of new rows.
-    std::uint64_t bytes_max = 0;      // Of the file; 0: as the disk allows.
+    std::string path;             // The database file; its folder exists. ":memory:" for tests.
+    std::string vfs;              // Empty: the system's files. Else as of Database::Open.
+    AgentId self = 0;             // This agent, which is in `team`.
+    proto::TeamConfig team;       // Checked; its agents, policies `share`, custom types and `retention` are read.
+    std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
     Duration written_period = std::chrono::minutes(1);       // Between two times of writing down what was written.
     Duration scrub_period = std::chrono::hours(24);          // From the end of a reading to the next one; zero: never.
     Duration scrub_pause = std::chrono::minutes(1);          // Between two parts of one, each kVerifyBytesMax at most.
@@ -98,7 +97,7 @@ class StorageActor final : public Actor {
   void Answer(Context& context, proto::Message reply);
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);
-  void Notify(Context& context, const proto::RecordsStored& stored);
+  void Publish(Context& context, const proto::RecordsStored& stored);
   // Whether what is inserted now must be marked.
   bool IsClockSuspect(Context& context);
 

@@ -75,22 +75,12 @@ Result<void> CheckOwnActors(const std::vector<OwnActor>& actors) {
   return {};
 }
 
-// Of what storage tells of new records, the last of each kind is as good as all.
-std::string KeyOfNews(const proto::Message& message) {
-  if (!message.has_records_stored()) return "";
-  std::string key = "stored";
-  for (const DataType type : message.records_stored().data_types()) key += " " + std::to_string(type);
-  return key;
-}
-
 template <typename ActorType, typename Options>
 void SpawnActor(ActorSystem& system, const char* name, Placement placement, Options options) {
   SpawnOptions spawn;
   spawn.placement = placement;
   // Solving and merging take as long as the mission is large.
   if (placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
-  spawn.overflow = Overflow::kLatestByKey;
-  spawn.key = KeyOfNews;
   system.Spawn(name, spawn, [options = std::move(options)] { return std::make_unique<ActorType>(options); });
 }
 
@@ -144,17 +134,7 @@ class Agent::Impl {
     storage.path = options_.data_folder / kDatabaseFile;
     storage.self = self_;
     storage.team = team_.config;
-    storage.notify = OwnActorNames();
-    storage.notify.push_back(actor_name::kGateway);
-    storage.notify.push_back(actor_name::kMerge);
-    storage.notify.push_back(actor_name::kPgo);
     return storage;
-  }
-
-  std::vector<std::string> OwnActorNames() const {
-    std::vector<std::string> names;
-    for (const OwnActor& actor : options_.own_actors) names.push_back(actor.name);
-    return names;
   }
 
   void MakeSystem() {
@@ -187,13 +167,11 @@ class Agent::Impl {
     RoleActor::Options role;
     role.self = self_;
     role.team = team;
-    role.tell = OwnActorNames();
     SpawnActor<RoleActor>(*system_, actor_name::kRole, Placement::kPool, std::move(role));
 
     LeaseActor::Options lease;
     lease.self = self_;
     lease.team = team;
-    lease.tell = OwnActorNames();
     SpawnActor<LeaseActor>(*system_, actor_name::kLease, Placement::kPool, std::move(lease));
 
     FailoverActor::Options failover;

@@ -45,8 +45,6 @@ void FailoverWatch::OnOwn(const proto::Message& message, const LeaseWatch& lease
       return;
     case proto::Message::kRolesChanged:
       return SetRoles(message.roles_changed().roles(), now);
-    case proto::Message::kRoleShowReply:
-      return SetRoles(message.role_show_reply().roles(), now);
     case proto::Message::kPeerEvent:
       return SetConnected(message.peer_event(), now);
     case proto::Message::kDown:

@@ -31,6 +31,7 @@ void SoilMoistureActor::OnStart(Context& context) {
   // A random start, so that an answer to a question of an earlier life fits none of this one's.
   read_id_ = context.rng()();
   context.Monitor(Storage(context));
+  context.Watch(moondb::Topic::kStored);
   if (options_.sensor) context.AfterTimer(options_.period, kMeasure);
   ReadOn(context);
 }
@@ -56,7 +57,7 @@ void SoilMoistureActor::OnMessage(Context& context, const Message& message) {
     case Message::kCustom:
       return OnCustom(context, message.custom());
     default:
-      return;  // RolesChanged, and what later versions may say.
+      return;  // What later versions may say.
   }
 }
 

@@ -49,7 +49,6 @@ class SoilMoistureActorTest : public testing::Test {
     storage.path = ":memory:";
     storage.self = agent;
     storage.team = file_.config;
-    storage.notify = {kActorName};
     team_.Spawn(agent, "storage", [storage] { return std::make_unique<moondb::StorageActor>(storage); });
     moondb::SharingActor::Options sync;
     sync.self = agent;

@@ -81,6 +81,7 @@ class SimulatedTeam::Impl {
   void Spawn(AgentId id, SpawnedActor spawned);
   SendResult Post(const Address& from, const Address& to, proto::Message message);
   std::vector<proto::Message> Take(const Address& address);
+  void Watch(const Address& actor, Topic topic);
   void RunUntilIdle();
   void AdvanceTime(Duration duration);
   bool RunUntil(const std::function<bool()>& condition, Duration limit);
@@ -182,6 +183,12 @@ class SimulatedTeam::Impl::Host final : public ActorHost {
   void Cancel(TimerId timer) override { team_.CancelTimer(timer); }
   void WatchPeers() override {
     if (is_alive()) team_.Notify(agent, agent.monitors.WatchPeers(self().actor));
+  }
+  void Watch(Topic topic) override {
+    if (is_alive()) team_.Notify(agent, agent.monitors.Watch(self().actor, topic));
+  }
+  void Publish(OwnedMessage message) override {
+    if (is_alive()) team_.Notify(agent, agent.monitors.Publish(self().actor, *message));
   }
   void Monitor(const Address& target) override;
   void Demonitor(const Address& target) override {
@@ -565,6 +572,11 @@ void SimulatedTeam::Impl::Keep(const Address& address, const proto::Message& mes
   kept_[address].push_back(message);
 }
 
+void SimulatedTeam::Impl::Watch(const Address& actor, Topic topic) {
+  Agent& agent = Find(actor.agent);
+  Notify(agent, agent.monitors.Watch(actor.actor, topic));
+}
+
 std::vector<proto::Message> SimulatedTeam::Impl::Take(const Address& address) {
   std::vector<proto::Message> messages = std::exchange(kept_[address], {});
   kept_count_ -= messages.size();
@@ -706,6 +718,7 @@ std::optional<proto::Message> SimulatedTeam::Expect(const Address& probe, proto:
   return impl_->Expect(probe, body, limit);
 }
 void SimulatedTeam::RecordSent(const Address& actor) { impl_->RecordSent(actor); }
+void SimulatedTeam::Watch(const Address& actor, Topic topic) { impl_->Watch(actor, topic); }
 std::vector<proto::Message> SimulatedTeam::TakeSent(const Address& actor) { return impl_->TakeSent(actor); }
 void SimulatedTeam::CrashActor(const Address& actor) { impl_->CrashActor(actor); }
 void SimulatedTeam::SetFault(std::function<Fault(const Address&, const proto::Message&)> fault) {

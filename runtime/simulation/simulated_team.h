@@ -67,6 +67,10 @@ class SimulatedTeam {
   // first; empties it. At most 100,000 are kept in all, later ones dropped.
   std::vector<proto::Message> Take(const Address& address);
 
+  // From now on what is published on `topic` comes to `actor`, which was not spawned: kept for Take. Until its agent
+  // crashes.
+  void Watch(const Address& actor, Topic topic);
+
   // From now on what `actor` sends is kept for TakeSent, wherever it goes, if it was not refused; at most 100,000
   // messages.
   void RecordSent(const Address& actor);

@@ -23,17 +23,17 @@ proto::AgentLease Lease(AgentId agent, double driving_s, double sleeping_s, doub
 
 TEST(LeasesTest, CountsDownAndLapses) {
   Leases leases(/*is_quiet_while_driving=*/true);
-  EXPECT_TRUE(leases.Left(kStart).empty());
+  EXPECT_TRUE(leases.Left(kStart).leases().empty());
   EXPECT_FALSE(leases.NextLapse(kStart));
   leases.Set(Lease(2, 40, 0), kStart);
   leases.Set(Lease(3, 10, 60), kStart);
   EXPECT_EQ(leases.NextLapse(kStart), kStart + seconds(10));
   EXPECT_EQ(leases.LeftOf(2, kStart + seconds(15)).driving_s(), 25);
   EXPECT_EQ(leases.LeftOf(3, kStart + seconds(15)).driving_s(), 0);
-  EXPECT_EQ(leases.Left(kStart + seconds(15)).size(), 2);
+  EXPECT_EQ(leases.Left(kStart + seconds(15)).leases_size(), 2);
   EXPECT_EQ(leases.NextLapse(kStart + seconds(15)), kStart + seconds(40));
-  EXPECT_EQ(leases.Left(kStart + seconds(40)).size(), 1);
-  EXPECT_TRUE(leases.Left(kStart + seconds(60)).empty());
+  EXPECT_EQ(leases.Left(kStart + seconds(40)).leases_size(), 1);
+  EXPECT_TRUE(leases.Left(kStart + seconds(60)).leases().empty());
   EXPECT_FALSE(leases.NextLapse(kStart + seconds(60)));
 }
 
@@ -47,7 +47,7 @@ TEST(LeasesTest, WindowIsOpenWhenNeitherEndDrivesOrSleeps) {
   EXPECT_TRUE(leases.IsOpen(1, 4, kStart));
   EXPECT_TRUE(leases.IsOpen(1, 2, kStart + seconds(40)));
   EXPECT_FALSE(leases.IsOpen(2, 3, kStart + seconds(40)));
-  leases.SetAll(Leases::List(), kStart);
+  leases.SetAll(proto::LeasesChanged());
   EXPECT_TRUE(leases.IsOpen(2, 3, kStart));
 }
 
@@ -71,8 +71,8 @@ TEST(LeasesTest, APauseShutsTheWindowInAnyTeamAndIsNoSilence) {
     EXPECT_TRUE(leases.MayBeSilent(4, kStart));
     EXPECT_EQ(leases.LeftOf(2, kStart + seconds(15)).paused_s(), 25);
     EXPECT_EQ(leases.NextLapse(kStart), kStart + seconds(40));
-    EXPECT_EQ(leases.Left(kStart + seconds(39)).size(), 3);
-    EXPECT_EQ(leases.Left(kStart + seconds(40)).size(), 2);
+    EXPECT_EQ(leases.Left(kStart + seconds(39)).leases_size(), 3);
+    EXPECT_EQ(leases.Left(kStart + seconds(40)).leases_size(), 2);
     EXPECT_TRUE(leases.IsOpen(1, 2, kStart + seconds(40)));
   }
 }

@@ -507,6 +507,50 @@ TEST_F(ActorSystemTest, RestartedActorHearsAgainOfPeersItWatches) {
   EXPECT_EQ(heard_.Next(), "+2");
 }
 
+// "roles 2 of role": what was published, and who did.
+std::string NewsText(Context& context, const proto::Message& message) {
+  const std::string what = message.has_roles_changed()
+                               ? "roles " + std::to_string(message.roles_changed().roles().leader())
+                               : "stored " + std::to_string(message.records_stored().last_row_id());
+  return what + " of " + ToString(context.sender());
+}
+
+TEST_F(ActorSystemTest, WhatIsPublishedReachesThoseWhoWatchThenAndLater) {
+  const auto listener = [this](Topic topic) {
+    return Scripted([topic](Context& context) { context.Watch(topic); },
+                    [this](Context& context, const proto::Message& message) {
+                      if (!IsOfTopic(message)) return context.Fail({ErrorCode::kInternal, "", {}});
+                      heard_.Add(context.self().actor + ": " + NewsText(context, message));
+                    });
+  };
+  system_.Spawn("early", {}, listener(Topic::kRoles));
+  system_.Spawn(
+      "role", {}, OnEachMessage([](Context& context, const proto::Message& message) {
+        proto::Message roles;
+        roles.mutable_roles_changed()->mutable_roles()->set_leader(static_cast<AgentId>(message.request_id()));
+        context.Publish(std::move(roles));
+      }));
+  system_.Spawn("storage", {}, OnEachMessage([](Context& context, const proto::Message& message) {
+                  proto::Message stored;
+                  stored.mutable_records_stored()->set_last_row_id(message.request_id());
+                  context.Publish(std::move(stored));
+                }));
+  system_.Spawn("reader", {}, listener(Topic::kStored));
+  system_.Start(nullptr);
+  ASSERT_EQ(system_.Post("role", Numbered(2)), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "early: roles 2 of 1/role");
+  ASSERT_EQ(system_.Post("storage", Numbered(7)), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "reader: stored 7 of 1/storage");
+  for (const char* name : {"early", "reader"}) ASSERT_EQ(system_.Post(name, {}), SendResult::kAccepted);
+  EXPECT_THAT(heard_.Next(2),
+              testing::UnorderedElementsAre("early: roles 2 of 1/role", "reader: stored 7 of 1/storage"))
+      << "made anew, each hears what was published last";
+  ASSERT_EQ(system_.Post("role", Numbered(3)), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "early: roles 3 of 1/role");
+  system_.Stop();
+  EXPECT_TRUE(heard_.empty());
+}
+
 TEST_F(ActorSystemTest, DeathsAreToldToThoseWhoMonitor) {
   system_.Spawn("victim", {}, OnEachMessage([](Context&, const proto::Message&) { throw std::runtime_error("ouch"); }));
   system_.Spawn("watcher", {},

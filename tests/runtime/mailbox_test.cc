@@ -53,6 +53,24 @@ Mailbox::Item Keyed(const std::string& key, std::uint64_t number, std::size_t by
   return item;
 }
 
+Mailbox::Item Stored(std::uint64_t last_row_id, std::uint32_t type) {
+  proto::Message message;
+  message.mutable_records_stored()->set_last_row_id(last_row_id);
+  message.mutable_records_stored()->add_data_types(type);
+  Mailbox::Item item;
+  item.message = std::move(message);
+  item.bytes = 10;
+  return item;
+}
+
+Mailbox::Item LeasesChanged(std::uint64_t number) {
+  proto::Message message = Numbered(number);
+  message.mutable_leases_changed();
+  Mailbox::Item item;
+  item.message = std::move(message);
+  return item;
+}
+
 SpawnOptions LatestByKey(std::size_t messages_max) {
   SpawnOptions options;
   options.messages_max = messages_max;
@@ -121,6 +139,47 @@ TEST(MailboxTest, TimersPassTheBoundsAndTakeNoRoom) {
   EXPECT_EQ(Push(mailbox, Timer(11)), SendResult::kAccepted);
   EXPECT_EQ(mailbox.counts().waiting, 12u);
   EXPECT_EQ(mailbox.counts().dropped, 0u);
+}
+
+// Whether the reader has taken over what waits or not, and whatever the mailbox's rule is.
+TEST(MailboxTest, ThatRecordsWereStoredWaitsOnceAndPassesTheBounds) {
+  for (const SpawnOptions& options : {SpawnOptions{.messages_max = 1, .bytes_max = 1}, LatestByKey(1)}) {
+    SCOPED_TRACE(options.overflow == Overflow::kLatestByKey ? "by key" : "");
+    Mailbox mailbox(options);
+    EXPECT_EQ(Push(mailbox, Data(1, 1)), SendResult::kAccepted);
+    for (const std::uint32_t type : {5, 6, 5}) {
+      EXPECT_EQ(Push(mailbox, Stored(10 + type, type)), SendResult::kAccepted);
+    }
+    EXPECT_EQ(Push(mailbox, Timer(2)), SendResult::kAccepted);
+    EXPECT_EQ(mailbox.counts().waiting, 3u);
+    EXPECT_EQ(mailbox.counts().bytes, 1u);
+    EXPECT_EQ(mailbox.Take()->message->request_id(), 1u);
+    EXPECT_EQ(Push(mailbox, Stored(17, 7)), SendResult::kAccepted);
+    std::vector<std::uint32_t> types;
+    std::uint64_t last_row_id = 0;
+    int taken = 0;
+    while (const Mailbox::Item* item = mailbox.Take()) {
+      if (!item->message->has_records_stored()) continue;
+      const proto::RecordsStored& stored = item->message->records_stored();
+      types.insert(types.end(), stored.data_types().begin(), stored.data_types().end());
+      last_row_id = stored.last_row_id();
+      ++taken;
+    }
+    EXPECT_THAT(types, ElementsAre(5, 6, 7));
+    EXPECT_EQ(last_row_id, 17u);
+    EXPECT_LE(taken, 2) << "one that the reader had taken over, and one";
+    EXPECT_EQ(Push(mailbox, Stored(18, 5)), SendResult::kAccepted);
+    EXPECT_EQ(mailbox.Take()->message->records_stored().last_row_id(), 18u);
+    EXPECT_EQ(mailbox.counts().waiting, 0u);
+  }
+}
+
+TEST(MailboxTest, WhatIsPublishedPassesAFullControlLane) {
+  Mailbox mailbox({});
+  for (std::size_t i = 0; i < kControlMessagesMax; ++i) EXPECT_EQ(Push(mailbox, PeerEvent(1)), SendResult::kAccepted);
+  for (int i = 2; i <= 4; ++i) EXPECT_EQ(Push(mailbox, LeasesChanged(i)), SendResult::kAccepted);
+  EXPECT_EQ(mailbox.counts().waiting, kControlMessagesMax + 1);
+  EXPECT_EQ(TakeAll(mailbox).back(), 4u);
 }
 
 TEST(MailboxTest, ControlGoesBeforeDataAndTakesNoRoom) {

@@ -41,11 +41,11 @@ class FindingsTest : public testing::Test {
 
   void Minutes(int count) {
     for (int i = 0; i < count; ++i) {
-      team_.AdvanceTime(minutes(1));
       proto::Message message;
       *message.mutable_leases_changed() = leases_;
+      message.mutable_leases_changed()->set_as_of_ns(team_.now().time_since_epoch().count());
       (void)team_.Post({1, actor_name::kLease}, {1, actor_name::kEvent}, message);
-      team_.RunUntilIdle();
+      team_.AdvanceTime(minutes(1));
     }
   }
 

@@ -27,12 +27,12 @@ class LeaseTeam {
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
       config_.add_agents()->set_id(agent);
       team_.AddAgent(agent);
+      team_.Watch({agent, "planner"}, Topic::kLeases);
     }
     for (AgentId agent = 1; agent <= kAgents; ++agent) {
       LeaseActor::Options options;
       options.self = agent;
       options.team = config_;
-      options.tell = {"planner"};
       team_.Spawn(agent, actor_name::kLease, [options] { return std::make_unique<LeaseActor>(options); });
     }
     team_.AdvanceTime(seconds(1));
@@ -117,8 +117,8 @@ TEST_F(LeaseActorTest, TellsTheTeamOfAPauseThatStandsBesideTheOtherLeases) {
     EXPECT_EQ(KnownPause(agent, 2), 550) << agent;
     EXPECT_EQ(Known(agent, 2), std::pair(0L, 0L)) << agent;
   }
-  team_.Take({1, actor_name::kSync});
-  const auto lapsed = team_.Expect({1, actor_name::kSync}, proto::Message::kLeasesChanged, minutes(10));
+  team_.Take({1, "planner"});
+  const auto lapsed = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, minutes(10));
   ASSERT_TRUE(lapsed);
   EXPECT_TRUE(lapsed->leases_changed().leases().empty());
   Set(2, kPaused, 600);
@@ -146,21 +146,29 @@ TEST_F(LeaseActorTest, RefusesBadDurationsAndKinds) {
   EXPECT_TRUE(AllKnow(2, {0, 0}));
 }
 
-TEST_F(LeaseActorTest, TellsItsOwnActorsAtEachChangeAndLapse) {
-  for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kFailover, "planner"}) {
-    SCOPED_TRACE(actor);
-    team_.AdvanceTime(seconds(1));
-    team_.Take({1, actor});
-    Set(2, kDriving, 40);
-    const auto begun = team_.Expect({1, actor}, proto::Message::kLeasesChanged, seconds(1));
-    ASSERT_TRUE(begun);
-    EXPECT_EQ(begun->leases_changed().leases(0).agent_id(), 2u);
-    const MonotonicTime start = team_.now();
-    const auto lapsed = team_.Expect({1, actor}, proto::Message::kLeasesChanged, minutes(1));
-    ASSERT_TRUE(lapsed);
-    EXPECT_TRUE(lapsed->leases_changed().leases().empty());
-    EXPECT_EQ(team_.now() - start, seconds(40));
-  }
+TEST_F(LeaseActorTest, PublishesEachChangeAndLapse) {
+  team_.Take({1, "planner"});
+  Set(2, kDriving, 40);
+  const auto begun = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, seconds(1));
+  ASSERT_TRUE(begun);
+  EXPECT_EQ(begun->leases_changed().leases(0).agent_id(), 2u);
+  EXPECT_EQ(begun->leases_changed().as_of_ns(), team_.now().time_since_epoch().count());
+  const MonotonicTime start = team_.now();
+  const auto lapsed = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, minutes(1));
+  ASSERT_TRUE(lapsed);
+  EXPECT_TRUE(lapsed->leases_changed().leases().empty());
+  EXPECT_EQ(team_.now() - start, seconds(40));
+}
+
+TEST_F(LeaseActorTest, ALeaseCountsDownForWhoHearsOfItLate) {
+  Set(2, kDriving, 40);
+  team_.AdvanceTime(seconds(30));
+  team_.Watch({1, "late"}, Topic::kLeases);
+  const auto message = team_.Expect({1, "late"}, proto::Message::kLeasesChanged, milliseconds(1));
+  ASSERT_TRUE(message);
+  Leases leases(/*is_quiet_while_driving=*/true);
+  leases.SetAll(message->leases_changed());
+  EXPECT_NEAR(leases.LeftOf(2, team_.now()).driving_s(), 10, 0.1);
 }
 
 TEST_F(LeaseActorTest, TellsAnAgentThatWasAwayWhenItIsReached) {

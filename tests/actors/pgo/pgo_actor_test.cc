@@ -70,7 +70,6 @@ class PgoActorTest : public testing::Test {
     storage.path = ":memory:";
     storage.self = 1;
     storage.team = team_config_;
-    storage.notify = {actor_name::kPgo};
     team_.Spawn(1, actor_name::kStorage, [storage] { return std::make_unique<StorageActor>(storage); });
   }
 
@@ -271,18 +270,6 @@ TEST_F(PgoActorTest, RefusesWhenAnotherAgentLeads) {
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
   EXPECT_THAT(reply.error().text(), testing::HasSubstr("agent-2 leads"));
   EXPECT_TRUE(team_.Take(storage_).empty());
-}
-
-TEST_F(PgoActorTest, AsksForTheRolesAtItsStart) {
-  SpawnPgo();
-  const std::vector<proto::Message> asked = team_.Take({1, actor_name::kRole});
-  ASSERT_EQ(asked.size(), 1u);
-  EXPECT_TRUE(asked[0].has_role_show_request());
-  proto::Message answer;
-  answer.mutable_role_show_reply()->mutable_roles()->set_leader(1);
-  ASSERT_EQ(team_.Post({1, actor_name::kRole}, pgo_, answer), SendResult::kAccepted);
-  Request();
-  EXPECT_TRUE(AskedStorage().has_read_request());
 }
 
 TEST_F(PgoActorTest, IgnoresRolesAndRecordsThatAnotherAgentSends) {

@@ -19,7 +19,7 @@ struct Disk {
   std::vector<proto::RoleAssignment> roles;
   bool is_failing = false;
   bool is_silent = false;
-  bool is_flooding = false;  // Fills PgoActor's control lane before RoleActor learns that its roles are stored.
+  bool is_flooding = false;  // Fills PgoActor's control lane before RoleActor hears that its roles are stored.
 };
 
 class FakeStorageActor final : public Actor {
@@ -71,6 +71,7 @@ class RoleTeam {
   void Start() {
     for (const AgentId agent : Agents()) {
       team_.AddAgent(agent);
+      team_.Watch({agent, actor_name::kSync}, Topic::kRoles);
       disks_[agent] = std::make_shared<Disk>();
     }
     for (const AgentId agent : Agents()) {
@@ -108,12 +109,10 @@ class RoleTeam {
     Set(at, request);
   }
 
-  // The last answer to `at`'s gateway; RolesChanged is none.
+  // The last answer to `at`'s gateway.
   proto::Message Answer(AgentId at) {
     proto::Message answer;
-    for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) {
-      if (!message.has_roles_changed()) answer = message;
-    }
+    for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) answer = message;
     return answer;
   }
 

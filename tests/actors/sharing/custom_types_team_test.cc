@@ -46,7 +46,7 @@ class CustomTypesTeamTest : public testing::Test {
       storage.path = ":memory:";
       storage.self = agent;
       storage.team = config;
-      storage.notify = {"listener"};
+      team_.Watch({agent, "listener"}, Topic::kStored);
       team_.Spawn(agent, actor_name::kStorage, [storage] { return std::make_unique<StorageActor>(storage); });
       RoleActor::Options role;
       role.self = agent;

@@ -24,8 +24,8 @@ class StorageActorTest : public testing::Test {
     (*options_.team.mutable_share())["pose_graph_node"] = proto::POLICY_ALL;
     options_.self = 2;
     options_.path = folder_.File("agent.db");
-    options_.notify = {"merge", "pgo"};
     team_.AddAgent(2);
+    for (const char* actor : {"merge", "pgo"}) team_.Watch({2, actor}, Topic::kStored);
   }
 
   void Start() {

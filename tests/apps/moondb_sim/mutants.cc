@@ -32,6 +32,8 @@ class OtherContext : public Context {
   void Cancel(TimerId timer) override { context_.Cancel(timer); }
   void Fail(Error error) override { context_.Fail(std::move(error)); }
   void WatchPeers() override { context_.WatchPeers(); }
+  void Watch(Topic topic) override { context_.Watch(topic); }
+  void Publish(OwnedMessage message) override { context_.Publish(std::move(message)); }
   void Monitor(const Address& target) override { context_.Monitor(target); }
   void Demonitor(const Address& target) override { context_.Demonitor(target); }
   bool stop_requested() const override { return context_.stop_requested(); }
@@ -88,6 +90,9 @@ class HookedActor final : public OtherActor {
     SendResult Reply(OwnedMessage message) override {
       if (hooks_.says && !hooks_.says(*this, sender(), *message)) return SendResult::kAccepted;
       return OtherContext::Reply(std::move(message));
+    }
+    void Publish(OwnedMessage message) override {
+      if (!hooks_.says || hooks_.says(*this, self(), *message)) OtherContext::Publish(std::move(message));
     }
 
    private:
@@ -644,6 +649,7 @@ void HearLeases(SimOptions& options, std::function<void(AgentId self, proto::Lea
 
 void IgnoreOthersLeases(AgentId self, proto::LeasesChanged& changed) {
   proto::LeasesChanged own;
+  own.set_as_of_ns(changed.as_of_ns());
   for (const proto::AgentLease& lease : changed.leases()) {
     if (lease.agent_id() == self) *own.add_leases() = lease;
   }
