@@ -3,7 +3,6 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <array>
 #include <atomic>
 #include <cstdlib>
 #include <optional>
@@ -11,24 +10,11 @@
 #include <set>
 #include <utility>
 
-#include "actors/clock/clock_actor.h"
-#include "actors/event/event_actor.h"
-#include "actors/gateway/gateway_actor.h"
-#include "actors/lease/lease_actor.h"
 #include "actors/merge/gather_pool.h"
-#include "actors/merge/merge_actor.h"
-#include "actors/pgo/pgo_actor.h"
-#include "actors/retention/retention_actor.h"
-#include "actors/role/failover_actor.h"
-#include "actors/role/role_actor.h"
-#include "actors/sharing/downlink_actor.h"
-#include "actors/sharing/replica_actor.h"
-#include "actors/sharing/sync_actor.h"
-#include "actors/storage/paper_sql.h"
-#include "actors/storage/storage_actor.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
 #include "apps/common/utc.h"
+#include "apps/moondb_agent/standard_actors.h"
 #include "model/check.h"
 #include "runtime/actor_system.h"
 #include "runtime/client_list.h"
@@ -37,12 +23,6 @@
 namespace moondb {
 namespace {
 
-// Longer than what lies between two batches of a sync.
-constexpr Duration kSolveWhenQuiet = std::chrono::seconds(3);
-constexpr std::array kStandardActors = {
-    actor_name::kStorage, actor_name::kRole,     actor_name::kLease,    actor_name::kFailover, actor_name::kSync,
-    actor_name::kReplica, actor_name::kPgo,      actor_name::kMerge,    actor_name::kGateway,  actor_name::kClock,
-    actor_name::kEvent,   actor_name::kDownlink, actor_name::kRetention};
 constexpr std::size_t kActorNameMax = 32;
 constexpr char kActorNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789-_";
 
@@ -59,9 +39,10 @@ Result<std::string> CheckStore(const StorageActor::Options& options) {
   return (*store)->set_aside();
 }
 
-Result<void> CheckOwnActors(const std::vector<OwnActor>& actors) {
+Result<void> CheckOwnActors(const TeamFile& team, const std::vector<OwnActor>& actors) {
   if (actors.size() > kOwnActorsMax) return Fail(ErrorCode::kInvalid, "too many own actors", "own_actors");
-  std::set<std::string> names(kStandardActors.begin(), kStandardActors.end());
+  std::set<std::string> names;
+  for (const StandardActor& actor : StandardActors(team.config, 0, team.hash, {})) names.insert(actor.name);
   for (const OwnActor& actor : actors) {
     Check(actor.factory != nullptr, "an own actor has a factory");
     if (actor.name.empty() || actor.name.size() > kActorNameMax ||
@@ -75,13 +56,12 @@ Result<void> CheckOwnActors(const std::vector<OwnActor>& actors) {
   return {};
 }
 
-template <typename ActorType, typename Options>
-void SpawnActor(ActorSystem& system, const char* name, Placement placement, Options options) {
+SpawnOptions SpawnOptionsOf(const StandardActor& actor) {
   SpawnOptions spawn;
-  spawn.placement = placement;
+  spawn.placement = actor.placement;
   // Solving and merging take as long as the mission is large.
-  if (placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
-  system.Spawn(name, spawn, [options = std::move(options)] { return std::make_unique<ActorType>(options); });
+  if (actor.placement == Placement::kOwnThread) spawn.handler_limit = std::chrono::minutes(1);
+  return spawn;
 }
 
 }  // namespace
@@ -149,87 +129,34 @@ class Agent::Impl {
     system.on_stop_requested = options_.on_stop_requested;
     system_ = std::make_unique<ActorSystem>(std::move(system));
 
-    const proto::TeamConfig& team = team_.config;
-    StorageActor::Options storage = StorageOptions();
-    storage.is_checked = true;  // By CheckStore.
-    storage.set_aside = set_aside_;
-    storage.stopped_at_ns = [this]() -> std::optional<std::int64_t> {
+    for (StandardActor& actor : StandardActors(team_.config, self_, team_.hash, ActorOptions())) {
+      system_->Spawn(actor.name, SpawnOptionsOf(actor), std::move(actor.factory));
+    }
+    for (const OwnActor& actor : options_.own_actors) system_->Spawn(actor.name, actor.spawn, actor.factory);
+  }
+
+  StandardActorOptions ActorOptions() {
+    StandardActorOptions options;
+    options.storage = StorageOptions();
+    options.storage.is_checked = true;  // By CheckStore.
+    options.storage.set_aside = set_aside_;
+    options.storage.stopped_at_ns = [this]() -> std::optional<std::int64_t> {
       const std::int64_t stopped_at_ns = stopped_at_ns_;
       return stopped_at_ns == 0 ? std::nullopt : std::optional(stopped_at_ns);
     };
-    SpawnActor<StorageActor>(*system_, actor_name::kStorage, Placement::kOwnThread, std::move(storage));
-
-    ClockActor::Options clock;
-    clock.self = self_;
-    clock.team = team;
-    SpawnActor<ClockActor>(*system_, actor_name::kClock, Placement::kPool, std::move(clock));
-
-    RoleActor::Options role;
-    role.self = self_;
-    role.team = team;
-    SpawnActor<RoleActor>(*system_, actor_name::kRole, Placement::kPool, std::move(role));
-
-    LeaseActor::Options lease;
-    lease.self = self_;
-    lease.team = team;
-    SpawnActor<LeaseActor>(*system_, actor_name::kLease, Placement::kPool, std::move(lease));
-
-    FailoverActor::Options failover;
-    failover.self = self_;
-    failover.team = team;
-    SpawnActor<FailoverActor>(*system_, actor_name::kFailover, Placement::kPool, std::move(failover));
-
-    SharingActor::Options sharing;
-    sharing.self = self_;
-    sharing.team = team;
-    sharing.config_hash = team_.hash;
-    sharing.session.paper_sql = {SqlOf, RecordOf};
-    SpawnActor<SyncActor>(*system_, actor_name::kSync, Placement::kPool, sharing);
-    SpawnActor<ReplicaActor>(*system_, actor_name::kReplica, Placement::kPool, std::move(sharing));
-
-    RetentionActor::Options retention;
-    retention.self = self_;
-    retention.team = team;
-    SpawnActor<RetentionActor>(*system_, actor_name::kRetention, Placement::kPool, std::move(retention));
-
-    EventActor::Options event;
-    event.self = self_;
-    event.team = team;
-    event.version = options_.version;
-    SpawnActor<EventActor>(*system_, actor_name::kEvent, Placement::kPool, std::move(event));
-
-    DownlinkActor::Options downlink;
-    downlink.self = self_;
-    downlink.team = team;
-    SpawnActor<DownlinkActor>(*system_, actor_name::kDownlink, Placement::kPool, std::move(downlink));
-
-    PgoActor::Options pgo;
-    pgo.self = self_;
-    pgo.team = team;
-    if (team.pose_graph().solve_by_itself()) pgo.solve_when_quiet = kSolveWhenQuiet;
-    SpawnActor<PgoActor>(*system_, actor_name::kPgo, Placement::kOwnThread, std::move(pgo));
-
+    options.event.version = options_.version;
     merge_backend_ = ResolveMergeBackend(options_.merge_backend);
-    MergeActor::Options merge;
-    merge.self = self_;
-    merge.team = team;
-    merge.backend = options_.merge_backend;
-    merge.merge_threads = HardwareThreads();
-    merge.on_backend = [this](const std::string& backend) { merge_backend_ = *ParseMergeBackend(backend); };
-    SpawnActor<MergeActor>(*system_, actor_name::kMerge, Placement::kOwnThread, std::move(merge));
-
-    GatewayActor::Options gateway;
-    gateway.self = self_;
-    gateway.team = team;
-    gateway.config_hash = team_.hash;
-    gateway.version = options_.version;
-    gateway.pid = static_cast<std::uint32_t>(::getpid());
-    gateway.merge_backend = [this] { return ToString(merge_backend_); };
-    gateway.refused_handshakes = [this] { return transport_->refused_clients(); };  // It stands while actors run.
-    for (const OwnActor& actor : options_.own_actors) gateway.own_actors.insert(actor.name);
-    SpawnActor<GatewayActor>(*system_, actor_name::kGateway, Placement::kPool, std::move(gateway));
-
-    for (const OwnActor& actor : options_.own_actors) system_->Spawn(actor.name, actor.spawn, actor.factory);
+    options.merge.backend = options_.merge_backend;
+    options.merge.merge_threads = HardwareThreads();
+    options.merge.on_backend = [this](const std::string& backend) { merge_backend_ = *ParseMergeBackend(backend); };
+    options.gateway.version = options_.version;
+    options.gateway.pid = static_cast<std::uint32_t>(::getpid());
+    options.gateway.merge_backend = [this] { return ToString(merge_backend_); };
+    options.gateway.refused_handshakes = [this] {
+      return transport_->refused_clients();
+    };  // It stands while actors run.
+    for (const OwnActor& actor : options_.own_actors) options.gateway.own_actors.insert(actor.name);
+    return options;
   }
 
   // The transport must exist before the system starts, and may deliver only from then on: until then its messages are
@@ -281,7 +208,7 @@ void Agent::WriteTraceOnCrash() const { impl_->WriteTraceOnCrash(); }
 
 Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions options) {
   if (auto named = AgentNamed(team.config, options.name); !named) return tl::unexpected(named.error());
-  if (auto checked = CheckOwnActors(options.own_actors); !checked) return tl::unexpected(checked.error());
+  if (auto checked = CheckOwnActors(team, options.own_actors); !checked) return tl::unexpected(checked.error());
   auto lock = DataFolderLock::Take(options.data_folder);
   if (!lock) return tl::unexpected(lock.error());
   const DataOwner owner = DataOwnerOf(team.config, *FindAgent(team.config, options.name));

@@ -5,18 +5,12 @@
 #include <array>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <tuple>
 #include <utility>
 
-#include "actors/clock/clock_actor.h"
-#include "actors/lease/lease_actor.h"
-#include "actors/retention/retention_actor.h"
-#include "actors/role/failover_actor.h"
-#include "actors/role/role_actor.h"
-#include "actors/sharing/replica_actor.h"
-#include "actors/sharing/sync_actor.h"
-#include "actors/storage/storage_actor.h"
+#include "apps/moondb_agent/standard_actors.h"
 #include "apps/moondb_sim/agent_lives.h"
 #include "apps/moondb_sim/budget_watch.h"
 #include "apps/moondb_sim/failover_watch.h"
@@ -41,6 +35,11 @@ constexpr double kMessagesMaxPerHour = 50'000;  // Of each agent; a hundredth of
 constexpr Duration kSharePeriod = seconds(60);
 constexpr Duration kInspectPeriod = minutes(1);
 constexpr double kQuietRatio = 1.0 / 6;  // Of the hours, at the end.
+
+constexpr std::uint64_t kConfigHash = 1;
+// What is simulated is sharing, and what it needs.
+const std::set<std::string> kLeftOut = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo, actor_name::kMerge,
+                                        actor_name::kGateway};
 
 class Mission {
  public:
@@ -103,32 +102,19 @@ class Mission {
  private:
   // --- The team ---
 
-  template <typename ActorType, typename Options>
-  void Spawn(AgentId agent, const char* name, Options options) {
-    options.self = agent;
-    options.team = world_.config;
-    world_.team.Spawn(agent, name, [this, agent, name, options = std::move(options)]() -> std::unique_ptr<Actor> {
-      std::unique_ptr<Actor> actor = std::make_unique<ActorType>(options);
-      return world_.options.wrap ? world_.options.wrap(agent, name, std::move(actor)) : std::move(actor);
-    });
-  }
-
   void SpawnActors(AgentId agent) {
-    StorageActor::Options storage;
-    storage.path = SimulatedWorld::PathOf(agent);
-    storage.vfs = world_.disk.name();
-    storage.is_checked = true;  // By CheckStore.
-    Spawn<StorageActor>(agent, actor_name::kStorage, storage);
-    Spawn<ClockActor>(agent, actor_name::kClock, ClockActor::Options());
-    Spawn<RoleActor>(agent, actor_name::kRole, RoleActor::Options());
-    Spawn<LeaseActor>(agent, actor_name::kLease, LeaseActor::Options());
-    Spawn<FailoverActor>(agent, actor_name::kFailover, FailoverActor::Options());
-    Spawn<RetentionActor>(agent, actor_name::kRetention, RetentionActor::Options());
-    SharingActor::Options sharing;
-    sharing.config_hash = 1;
-    sharing.session = world_.options.session;
-    Spawn<SyncActor>(agent, actor_name::kSync, sharing);
-    Spawn<ReplicaActor>(agent, actor_name::kReplica, sharing);
+    StandardActorOptions options;
+    options.storage.path = SimulatedWorld::PathOf(agent);
+    options.storage.vfs = world_.disk.name();
+    options.storage.is_checked = true;  // By CheckStore.
+    options.sharing.session = world_.options.session;
+    for (const StandardActor& actor : StandardActors(world_.config, agent, kConfigHash, std::move(options))) {
+      if (kLeftOut.contains(actor.name)) continue;
+      world_.team.Spawn(agent, actor.name, [this, agent, actor]() -> std::unique_ptr<Actor> {
+        std::unique_ptr<Actor> made = actor.factory();
+        return world_.options.wrap ? world_.options.wrap(agent, actor.name, std::move(made)) : std::move(made);
+      });
+    }
   }
 
   // --- What is seen ---

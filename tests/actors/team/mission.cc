@@ -10,13 +10,7 @@
 #include <tuple>
 #include <utility>
 
-#include "actors/clock/clock_actor.h"
-#include "actors/gateway/gateway_actor.h"
-#include "actors/lease/lease_actor.h"
-#include "actors/merge/merge_actor.h"
-#include "actors/pgo/pgo_actor.h"
-#include "actors/role/role_actor.h"
-#include "actors/storage/storage_actor.h"
+#include "apps/moondb_agent/standard_actors.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/term.h"
@@ -156,50 +150,34 @@ class Mission {
  private:
   // --- The team ---
 
-  template <typename ActorType, typename Options>
-  void Spawn(AgentId agent, const char* name, Options options) {
-    options.self = agent;
-    options.team = config_;
-    team_.Spawn(agent, name, [this, agent, options = std::move(options)] {
-      return std::make_unique<MortalActor>(std::make_unique<ActorType>(options), [this, agent] {
-        if (agent == dying_) Kill(agent);
-      });
-    });
-  }
-
   void SpawnActors(AgentId agent) {
-    StorageActor::Options storage;
-    storage.path = folder_.File("agent" + std::to_string(agent) + ".db");
-    Spawn<StorageActor>(agent, actor_name::kStorage, storage);
-    RoleActor::Options role;
-    role.storage_timeout = seconds(1);
-    Spawn<RoleActor>(agent, actor_name::kRole, role);
-    Spawn<ClockActor>(agent, actor_name::kClock, ClockActor::Options());
-    Spawn<LeaseActor>(agent, actor_name::kLease, LeaseActor::Options());
-    SharingActor::Options sharing;
-    sharing.config_hash = 1;
-    sharing.session.resend_after = seconds(1);
-    sharing.session.resend_after_max = seconds(4);
-    sharing.session.batch_bytes_max = 256;  // Small, for many batches.
-    sharing.session.unacked_bytes_max = 512;
-    Spawn<SyncActor>(agent, actor_name::kSync, sharing);
-    Spawn<ReplicaActor>(agent, actor_name::kReplica, sharing);
-    PgoActor::Options pgo;
-    pgo.solver.thread_count = 1;
-    pgo.storage_timeout = seconds(2);
-    pgo.read_records_max = 20;
-    pgo.insert_records_max = 8;
-    Spawn<PgoActor>(agent, actor_name::kPgo, pgo);
-    MergeActor::Options merge;
-    merge.backend = MergeBackend::kCpu;
-    merge.storage_timeout = seconds(2);
-    merge.page_records_max = 16;
-    Spawn<MergeActor>(agent, actor_name::kMerge, merge);
-    team_.Spawn(agent, actor_name::kEvent, [] { return std::make_unique<NoFindings>(); });
-    GatewayActor::Options gateway;
-    gateway.timeout = seconds(4);
-    gateway.long_timeout = seconds(5);
-    Spawn<GatewayActor>(agent, actor_name::kGateway, gateway);
+    StandardActorOptions options;
+    options.storage.path = folder_.File("agent" + std::to_string(agent) + ".db");
+    options.role.storage_timeout = seconds(1);
+    options.sharing.session.resend_after = seconds(1);
+    options.sharing.session.resend_after_max = seconds(4);
+    options.sharing.session.batch_bytes_max = 256;  // Small, for many batches.
+    options.sharing.session.unacked_bytes_max = 512;
+    options.pgo.solver.thread_count = 1;
+    options.pgo.storage_timeout = seconds(2);
+    options.pgo.read_records_max = 20;
+    options.pgo.insert_records_max = 8;
+    options.merge.backend = MergeBackend::kCpu;
+    options.merge.storage_timeout = seconds(2);
+    options.merge.page_records_max = 16;
+    options.gateway.timeout = seconds(4);
+    options.gateway.long_timeout = seconds(5);
+    for (const StandardActor& actor : StandardActors(config_, agent, /*config_hash=*/1, std::move(options))) {
+      if (actor.name == actor_name::kEvent) {
+        team_.Spawn(agent, actor.name, [] { return std::make_unique<NoFindings>(); });
+        continue;
+      }
+      team_.Spawn(agent, actor.name, [this, agent, factory = actor.factory] {
+        return std::make_unique<MortalActor>(factory(), [this, agent] {
+          if (agent == dying_) Kill(agent);
+        });
+      });
+    }
   }
 
   Fault OnHandle(const Address& actor, const proto::Message& message) {
