@@ -1,41 +1,13 @@
 #include "actors/gateway/client_rights.h"
 
+#include "model/control_request.h"
 #include "model/rights_name.h"
 
 namespace moondb {
 
 proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request) {
-  switch (request) {
-    case proto::ControlRequest::kStatus:
-    case proto::ControlRequest::kRead:
-    case proto::ControlRequest::kRoleShow:
-    case proto::ControlRequest::kShareStatus:
-    case proto::ControlRequest::kGraphStats:
-    case proto::ControlRequest::kTrace:
-    case proto::ControlRequest::kHave:
-    case proto::ControlRequest::kVerify:
-    case proto::ControlRequest::kFingerprint:
-    case proto::ControlRequest::kMerge:
-    case proto::ControlRequest::kMapWhy:
-    case proto::ControlRequest::kMapStats:
-    case proto::ControlRequest::kMapTiles:
-    case proto::ControlRequest::kReadBundle:
-      return proto::CLIENT_RIGHTS_VIEW;
-    case proto::ControlRequest::kInsert:
-    case proto::ControlRequest::kShare:
-    case proto::ControlRequest::kLease:
-    case proto::ControlRequest::kOptimize:
-    case proto::ControlRequest::kCustom:
-      return proto::CLIENT_RIGHTS_SHARE;
-    case proto::ControlRequest::kRoleSet:
-    case proto::ControlRequest::kStop:
-    case proto::ControlRequest::kPrune:
-    case proto::ControlRequest::kDownlink:
-    case proto::ControlRequest::kAcknowledge:
-    case proto::ControlRequest::REQUEST_NOT_SET:
-      break;
-  }
-  return proto::CLIENT_RIGHTS_COMMAND;
+  const proto::ClientRights rights = CommandOptionsOf(request).rights();
+  return rights == proto::CLIENT_RIGHTS_NONE ? proto::CLIENT_RIGHTS_COMMAND : rights;
 }
 
 Result<void> CheckClientRights(const proto::Message& message) {

@@ -1,4 +1,4 @@
-// What a client's key must allow for a request: one table for all requests. Plain functions, any thread.
+// What a client's key must allow for a request. Plain functions, any thread.
 #pragma once
 
 #include "model/error.h"
@@ -6,7 +6,8 @@
 
 namespace moondb {
 
-// CLIENT_RIGHTS_VIEW for what changes nothing, SHARE for what robots and planners do, COMMAND for the rest.
+// CLIENT_RIGHTS_VIEW for what changes nothing, SHARE for what robots and planners do, COMMAND for the rest, as
+// proto/control.proto says at each request.
 proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request);
 
 // kRefused, for a client's message, where its key does not allow the request: the text says what it allows and what is

@@ -9,8 +9,6 @@
 
 namespace moondb {
 
-namespace {
-
 std::string RoleText(const proto::TeamConfig& team, const proto::RoleSetRequest& set) {
   if (set.is_dry_run()) return "";
   std::string text = set.is_swap() ? "role swap" : "role set:";
@@ -61,31 +59,6 @@ std::string PruneText(const proto::PruneOrder& prune) {
     text += limit;
   }
   return text;
-}
-
-}  // namespace
-
-std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request) {
-  switch (request.request_case()) {
-    case proto::ControlRequest::kRoleSet:
-      return RoleText(team, request.role_set());
-    case proto::ControlRequest::kShare:
-      return ShareText(team, request.share());
-    case proto::ControlRequest::kOptimize:
-      return OptimizeText(request.optimize());
-    case proto::ControlRequest::kDownlink:
-      return DownlinkText(request.downlink());
-    case proto::ControlRequest::kLease:
-      return LeaseText(request.lease());
-    case proto::ControlRequest::kPrune:
-      return PruneText(request.prune());
-    case proto::ControlRequest::kAcknowledge:
-      return "health acknowledge";
-    case proto::ControlRequest::kStop:
-      return "stop";
-    default:
-      return "";
-  }
 }
 
 }  // namespace moondb

@@ -1,16 +1,13 @@
 #include "actors/gateway/gateway_actor.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "actors/gateway/client_rights.h"
-#include "actors/gateway/command_text.h"
+#include "actors/gateway/command_table.h"
 #include "actors/gateway/request_check.h"
 #include "model/agent_name.h"
 #include "model/control_request.h"
-#include "model/event.h"
 #include "model/team_id.h"
-#include "model/term.h"
 #include "runtime/team_config.h"
 
 namespace moondb {
@@ -26,40 +23,10 @@ proto::ControlReply ErrorReply(const Error& error) {
   return reply;
 }
 
-void AddSessions(const proto::ShareStatus& part, proto::ShareStatus& whole) {
-  whole.mutable_sessions()->MergeFrom(part.sessions());
-  whole.set_received_records(whole.received_records() + part.received_records());
-  whole.set_rejected_records(whole.rejected_records() + part.rejected_records());
-  whole.set_damaged_messages(whole.damaged_messages() + part.damaged_messages());
-  whole.set_dropped_messages(whole.dropped_messages() + part.dropped_messages());
-  whole.set_refused_hellos(whole.refused_hellos() + part.refused_hellos());
-  // Both actors act on these roles at least: one hears of new ones a moment before the other.
-  if (!whole.has_roles() || IsNewer(whole.roles().term(), part.roles().term())) *whole.mutable_roles() = part.roles();
-  whole.mutable_gathers_from()->MergeFrom(part.gathers_from());
-  whole.mutable_gathers_later()->MergeFrom(part.gathers_later());
-  if (part.gathers_now_from() != 0) whole.set_gathers_now_from(part.gathers_now_from());
-  for (const AgentId agent : part.other_config_agents()) {
-    const auto& known = whole.other_config_agents();
-    if (std::find(known.begin(), known.end(), agent) == known.end()) whole.add_other_config_agents(agent);
-  }
-}
-
 std::string Names(const std::set<std::string>& names) {
   std::string text;
   for (const std::string& name : names) text += (text.empty() ? "" : " and ") + name;
   return text;
-}
-
-// Who a client is, for the story: one without a key may not pass for one that has it.
-std::string ByOf(const proto::Message& message) {
-  constexpr char kByKey[] = "(key)";
-  if (!message.client_name().empty()) return message.client_name() + " " + kByKey;
-  std::string by = message.control_request().by();
-  const std::size_t claim = by.find(kByKey);
-  if (claim == std::string::npos) return by;
-  by.resize(claim);
-  while (by.ends_with(' ')) by.pop_back();
-  return by;
 }
 
 // Behind everything that is shared.
@@ -68,16 +35,9 @@ void LetOthersGoFirst(proto::Message& message) {
   message.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
 }
 
-// A full disk does not keep anybody from changing roles.
-void Write(Context& context, AgentId self, const std::string& text, const std::string& by) {
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  *message.mutable_insert_request()->add_records() =
-      MakeEvent(proto::EVENT_KIND_COMMAND, text, by, context.utc_now_ns());
-  (void)context.Send({self, actor_name::kStorage}, std::move(message));
-}
-
 }  // namespace
+
+GatewayActor::GatewayActor(Options options) : options_(std::move(options)), log_(options_.log) {}
 
 void GatewayActor::OnStart(Context& context) {
   // A random start, so that an answer to a request of this actor's life before a restart meets no new one.
@@ -150,6 +110,7 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   Pending pending;
   pending.client = client;
   pending.client_name = message.client_name();
+  pending.request = request.request_case();
   pending.client_request_id = message.request_id();
   if (auto room = CheckRoom(pending, is_feed); !room) {
     return Answer(context, client, message.request_id(), ErrorReply(room.error()));
@@ -162,9 +123,9 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   // The other agent waits as long as it is asked to, then answers.
   Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
-    pending.feed = request.read();
-    pending.known_row_id = last_row_id_;
-    BoundPage(*pending.feed, IsPeer(client.agent));
+    proto::ReadRequest page = request.read();
+    BoundPage(page, IsPeer(client.agent));
+    pending.feed.emplace(std::move(page), last_row_id_);
     timeout = WaitOf(request);
   }
   pending.timer = context.AfterTimer(timeout, kTimeOut, id);
@@ -197,29 +158,23 @@ Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const
   return {};
 }
 
-// Storage takes it before anything that the command makes other actors ask of it.
 void GatewayActor::WriteDown(Context& context, const proto::ControlRequest& request) {
-  const std::string text = CommandText(options_.team, request);
+  std::string text = CommandText(options_.team, request);
   if (text.empty()) return;
-  const std::string through =
-      IsPeer(context.sender().agent) ? ", through " + AgentName(options_.team, context.sender().agent) : "";
-  Commands& commands = commands_[request.request_case()];
-  if (commands.written >= options_.commands_max) {
-    ++commands.left_out;
-    commands.last_text = text + through;
-    commands.last_by = request.by();
-    return;
-  }
-  if (commands.written++ == 0) {
-    context.AfterTimer(options_.command_period, kCommandPeriod, static_cast<std::uint64_t>(request.request_case()));
-  }
-  Write(context, options_.self, text + through, request.by());
+  const AgentId from = context.sender().agent;
+  if (IsPeer(from)) text += ", through " + AgentName(options_.team, from);
+  const CommandLog::Added added = log_.Add(request.request_case(), text, request.by(), context.utc_now_ns());
+  if (added.begins_period) context.AfterTimer(options_.log.period, kCommandPeriod, request.request_case());
+  Store(context, added.event);
 }
 
-void GatewayActor::WriteDownLeftOut(Context& context, const Commands& commands) {
-  if (commands.left_out == 0) return;
-  Write(context, options_.self, commands.last_text + ": the last of " + std::to_string(commands.left_out) + " more",
-        commands.last_by);
+// Nobody waits for the answer: a full disk does not keep anybody from changing roles.
+void GatewayActor::Store(Context& context, const std::optional<proto::Record>& event) const {
+  if (!event) return;
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_insert_request()->add_records() = *event;
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
 }
 
 void GatewayActor::OnStop(Context& context, const proto::Message& message) {
@@ -231,98 +186,15 @@ void GatewayActor::OnStop(Context& context, const proto::Message& message) {
 
 Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id,
                                    Pending& pending) {
-  proto::Message message;
-  switch (request.request_case()) {
-    case proto::ControlRequest::kStatus: {
-      pending.reply.mutable_status();
-      message.mutable_storage_status_request();
-      if (auto asked = Ask(context, actor_name::kStorage, message, id, pending); !asked) return asked;
-      message.mutable_role_show_request();
-      if (auto asked = Ask(context, actor_name::kRole, message, id, pending); !asked) return asked;
-      message.mutable_lease_show_request();
-      if (auto asked = Ask(context, actor_name::kLease, message, id, pending); !asked) return asked;
-      message.mutable_findings_request();
-      return Ask(context, actor_name::kEvent, std::move(message), id, pending);
-    }
-    case proto::ControlRequest::kInsert:
-      *message.mutable_insert_request() = request.insert();
-      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
-    case proto::ControlRequest::kRead:
-      *message.mutable_read_request() = request.read();
-      BoundPage(*message.mutable_read_request(), IsPeer(pending.client.agent));
-      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
-    case proto::ControlRequest::kHave:
-      message.mutable_have_request();
-      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
-    case proto::ControlRequest::kVerify:
-      *message.mutable_verify_request() = request.verify();
-      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
-    case proto::ControlRequest::kFingerprint:
-      *message.mutable_fingerprint_request() = request.fingerprint();
-      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
-    case proto::ControlRequest::kRoleShow:
-      *message.mutable_role_show_request() = request.role_show();
-      return Ask(context, actor_name::kRole, std::move(message), id, pending);
-    case proto::ControlRequest::kRoleSet:
-      *message.mutable_role_set_request() = request.role_set();
-      return Ask(context, actor_name::kRole, std::move(message), id, pending);
-    case proto::ControlRequest::kLease:
-      *message.mutable_lease_request() = request.lease();
-      return Ask(context, actor_name::kLease, std::move(message), id, pending);
-    case proto::ControlRequest::kShare: {
-      const bool is_sync = request.share().kind() == proto::SHARING_KIND_SYNC;
-      *message.mutable_share_request() = request.share();
-      return Ask(context, is_sync ? actor_name::kSync : actor_name::kReplica, std::move(message), id, pending);
-    }
-    case proto::ControlRequest::kShareStatus:
-      pending.reply.mutable_share_status();
-      message.mutable_share_status_request();
-      if (auto asked = Ask(context, actor_name::kSync, message, id, pending); !asked) return asked;
-      return Ask(context, actor_name::kReplica, std::move(message), id, pending);
-    case proto::ControlRequest::kOptimize:
-      *message.mutable_optimize_request() = request.optimize();
-      return Ask(context, actor_name::kPgo, std::move(message), id, pending);
-    case proto::ControlRequest::kGraphStats:
-      message.mutable_graph_stats_request();
-      return Ask(context, actor_name::kPgo, std::move(message), id, pending);
-    case proto::ControlRequest::kMerge:
-      *message.mutable_merge_request() = request.merge();
-      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
-    case proto::ControlRequest::kMapWhy:
-      *message.mutable_map_why_request() = request.map_why();
-      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
-    case proto::ControlRequest::kMapStats:
-      message.mutable_map_stats_request();
-      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
-    case proto::ControlRequest::kMapTiles:
-      *message.mutable_map_tiles_request() = request.map_tiles();
-      return Ask(context, actor_name::kMerge, std::move(message), id, pending);
-    case proto::ControlRequest::kDownlink:
-      *message.mutable_downlink_request() = request.downlink();
-      return Ask(context, actor_name::kDownlink, std::move(message), id, pending);
-    case proto::ControlRequest::kReadBundle:
-      *message.mutable_read_bundle_request() = request.read_bundle();
-      return Ask(context, actor_name::kStorage, std::move(message), id, pending);
-    case proto::ControlRequest::kAcknowledge:
-      *message.mutable_acknowledge_request() = request.acknowledge();
-      return Ask(context, actor_name::kEvent, std::move(message), id, pending);
-    case proto::ControlRequest::kPrune:
-      *message.mutable_prune_order() = request.prune();
-      return Ask(context, actor_name::kRetention, std::move(message), id, pending);
-    case proto::ControlRequest::kCustom: {
-      const std::string& actor = request.custom().actor();
-      if (!options_.own_actors.contains(actor)) {
-        return Fail(ErrorCode::kNotFound, "this agent has no actor of its own named \"" + actor + "\"", "custom.actor");
-      }
-      *message.mutable_custom() = request.custom().body();
-      return Ask(context, actor, std::move(message), id, pending);
-    }
-    case proto::ControlRequest::kStop:   // Answered without the
-    case proto::ControlRequest::kTrace:  // help of other actors.
-    case proto::ControlRequest::REQUEST_NOT_SET:
-      break;
+  const std::string& own_actor = request.custom().actor();
+  if (request.has_custom() && !options_.own_actors.contains(own_actor)) {
+    return Fail(ErrorCode::kNotFound, "this agent has no actor of its own named \"" + own_actor + "\"", "custom.actor");
   }
-  return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
+  for (Question& question : QuestionsOf(request, IsPeer(pending.client.agent))) {
+    auto asked = Ask(context, question.actor, std::move(question.message), id, pending);
+    if (!asked) return asked;
+  }
+  return {};
 }
 
 Result<void> GatewayActor::Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id,
@@ -377,7 +249,7 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
   }
   if (context.sender().agent != options_.self) return;
   if (pending.waiting_for.erase(context.sender().actor) == 0) return;
-  if (!TakePart(message, pending.reply)) {
+  if (!TakeAnswer(pending.request, message, pending.reply)) {
     const Error error{ErrorCode::kInternal, context.sender().actor + " gave an answer of another kind", {}};
     *pending.reply.mutable_error() = ToProto(error);
   }
@@ -387,18 +259,14 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
 bool GatewayActor::KeepsWaiting(Context& context, std::uint64_t id, Pending& pending) {
   const bool is_empty = pending.reply.read().records().empty() && !pending.reply.has_error();
   if (!pending.feed || !is_empty) return false;
-  if (pending.reply.read().is_complete()) {  // Then only what came since may be wanted.
-    pending.feed->set_after_row_id(std::max(pending.feed->after_row_id(), pending.known_row_id));
-  }
-  if (pending.is_stale) AskFeed(context, id, pending);
+  pending.feed->OnEmptyPage(pending.reply.read().is_complete());
+  if (pending.feed->is_stale()) AskFeed(context, id, pending);
   return !pending.reply.has_error();
 }
 
 void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending) {
-  pending.is_stale = false;
-  pending.known_row_id = last_row_id_;
   proto::Message message;
-  *message.mutable_read_request() = *pending.feed;
+  *message.mutable_read_request() = pending.feed->Ask(last_row_id_);
   const auto asked = Ask(context, actor_name::kStorage, std::move(message), id, pending);
   if (!asked) *pending.reply.mutable_error() = ToProto(asked.error());
 }
@@ -407,13 +275,8 @@ void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored&
   last_row_id_ = stored.last_row_id();
   std::vector<std::uint64_t> failed;
   for (auto& [id, pending] : pending_) {
-    if (!pending.feed) continue;
-    const auto& wanted = pending.feed->data_types();
-    const bool is_wanted =
-        wanted.empty() || std::find_first_of(wanted.begin(), wanted.end(), stored.data_types().begin(),
-                                             stored.data_types().end()) != wanted.end();
-    if (!is_wanted) continue;
-    pending.is_stale = true;
+    if (!pending.feed || !pending.feed->Wants(stored)) continue;
+    pending.feed->SetStale();
     if (!pending.waiting_for.empty()) continue;  // Asked again when that answer is there.
     AskFeed(context, id, pending);
     if (pending.reply.has_error()) failed.push_back(id);
@@ -428,102 +291,10 @@ bool GatewayActor::EndsFeed(Context& context, std::uint64_t id, Pending& pending
   return false;
 }
 
-bool GatewayActor::TakePart(const proto::Message& message, proto::ControlReply& reply) const {
-  const auto copy_error = [&reply](const proto::Error& error) {
-    if (IsError(error)) *reply.mutable_error() = error;
-    return true;
-  };
-  switch (message.body_case()) {
-    case proto::Message::kControlReply:
-      reply = message.control_reply();
-      return true;
-    case proto::Message::kCustom:
-      *reply.mutable_custom() = message.custom();
-      return true;
-    case proto::Message::kInsertReply:
-      *reply.mutable_insert() = message.insert_reply();
-      return copy_error(message.insert_reply().error());
-    case proto::Message::kReadReply:
-      *reply.mutable_read() = message.read_reply();
-      return copy_error(message.read_reply().error());
-    case proto::Message::kHaveReply:
-      *reply.mutable_have() = message.have_reply();
-      return true;
-    case proto::Message::kVerifyReply:
-      *reply.mutable_verify() = message.verify_reply();
-      return copy_error(message.verify_reply().error());
-    case proto::Message::kFingerprintReply:
-      *reply.mutable_fingerprint() = message.fingerprint_reply();
-      return copy_error(message.fingerprint_reply().error());
-    case proto::Message::kPruneReply:
-      *reply.mutable_prune() = message.prune_reply();
-      return copy_error(message.prune_reply().error());
-    case proto::Message::kShareReply:
-      *reply.mutable_share() = message.share_reply();
-      return copy_error(message.share_reply().error());
-    case proto::Message::kOptimizeReply:
-      *reply.mutable_optimize() = message.optimize_reply();
-      return copy_error(message.optimize_reply().error());
-    case proto::Message::kMergeReply:
-      *reply.mutable_merge() = message.merge_reply();
-      return copy_error(message.merge_reply().error());
-    case proto::Message::kMapWhyReply:
-      *reply.mutable_map_why() = message.map_why_reply();
-      return copy_error(message.map_why_reply().error());
-    case proto::Message::kMapStatsReply:
-      *reply.mutable_map_stats() = message.map_stats_reply();
-      return copy_error(message.map_stats_reply().error());
-    case proto::Message::kMapTilesReply:
-      *reply.mutable_map_tiles() = message.map_tiles_reply();
-      return copy_error(message.map_tiles_reply().error());
-    case proto::Message::kDownlinkReply:
-      *reply.mutable_downlink() = message.downlink_reply();
-      return copy_error(message.downlink_reply().error());
-    case proto::Message::kReadBundleReply:
-      *reply.mutable_read_bundle() = message.read_bundle_reply();
-      return copy_error(message.read_bundle_reply().error());
-    case proto::Message::kGraphStatsReply:
-      *reply.mutable_graph_stats() = message.graph_stats_reply();
-      return true;
-    case proto::Message::kShareStatus:
-      AddSessions(message.share_status(), *reply.mutable_share_status());
-      return true;
-    case proto::Message::kStorageStatus:
-      *reply.mutable_status()->mutable_storage() = message.storage_status();
-      return true;
-    case proto::Message::kLeaseReply:
-      *reply.mutable_lease() = message.lease_reply();
-      return copy_error(message.lease_reply().error());
-    case proto::Message::kLeasesChanged:
-      *reply.mutable_status()->mutable_leases() = message.leases_changed().leases();
-      return true;
-    case proto::Message::kFindingsReply:
-      *reply.mutable_status()->mutable_findings() = message.findings_reply().findings();
-      return true;
-    case proto::Message::kAcknowledgeReply:
-      *reply.mutable_acknowledge() = message.acknowledge_reply();
-      return copy_error(message.acknowledge_reply().error());
-    case proto::Message::kRoleShowReply:
-      if (reply.has_status()) {
-        *reply.mutable_status()->mutable_roles() = message.role_show_reply().roles();
-        reply.mutable_status()->set_refused_announcements(message.role_show_reply().refused_announcements());
-        if (message.role_show_reply().has_unstored()) {
-          *reply.mutable_status()->mutable_unstored_roles() = message.role_show_reply().unstored();
-        }
-      } else {
-        *reply.mutable_roles() = message.role_show_reply();
-      }
-      return true;
-    default:
-      return false;
-  }
-}
-
 void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kStopNow) return context.RequestStop();
   if (timer.kind() == kCommandPeriod) {
-    const auto kind = static_cast<proto::ControlRequest::RequestCase>(timer.value());
-    return WriteDownLeftOut(context, std::exchange(commands_[kind], {}));
+    return Store(context, log_.OnPeriodEnd(static_cast<CommandLog::Kind>(timer.value()), context.utc_now_ns()));
   }
   const auto found = pending_.find(timer.value());
   if (found == pending_.end()) return;

@@ -1,9 +1,9 @@
-// GatewayActor: the door through which clients (moonctl, a robot's software, planners) reach this agent.
+// GatewayActor: where clients (moonctl, a robot's software, planners) reach this agent.
 //
 // Takes Message{control_request} from clients, checks it, hands it to the actor whose duty it is under a request id of
-// its own, and answers with Message{control_reply} under the client's. An error of the reply inside is copied to
-// ControlReply.error, so that a client has one place to look. Status is put together here from StorageActor, RoleActor,
-// LeaseActor, EventActor and the system.
+// its own, and answers with Message{control_reply} under the client's (actors/gateway/command_table.h). An error of the
+// reply inside is copied to ControlReply.error, so that a client has one place to look. Status is put together here
+// from StorageActor, RoleActor, LeaseActor, EventActor and the system.
 //
 // A request for another agent of the team (ControlRequest.for_agent) goes to that one's gateway over the radio, and its
 // answer comes back: so an operator at the base station reaches the whole team. Agents of a team trust each other (they
@@ -16,14 +16,11 @@
 // A request for another team (ControlRequest.team_id) is refused before anything comes of it, here and at the agent
 // that it is relayed to; each answer says whose it is, by team and team file.
 //
-// What somebody told the agent to do is written down as an event (actors/gateway/command_text.h), before it is done.
-// Who it was, a client with a key does not say itself: "anna (key)" stands there, by its key's name; of what one
-// without a key says, "(key)" and what follows is dropped. Of one kind of command at most `commands_max` in a period
-// are written down, and then how many more there were: a program does not flood the story.
+// What somebody ordered is written down as an event (actors/gateway/command_log.h), before it is done. Who it was, a
+// client with a key does not say itself: "anna (key)" stands there, by its key's name.
 //
-// A read with wait_s is a feed: where nothing is there yet it is kept here, and asked again when StorageActor says that
-// something of its types was stored, until the time is up; then its answer is an empty page. Nothing is queued for a
-// client: one that is slow asks later.
+// A read with wait_s is a feed: where nothing is there yet it is kept here (actors/gateway/feed.h) until the time is
+// up; then its answer is an empty page. Nothing is queued for a client: one that is slow asks later.
 //
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout, and so many of one client that
 // others have their share: one key counts as one client, over however many connections. Errors that clients see from
@@ -40,6 +37,8 @@
 #include <set>
 #include <string>
 
+#include "actors/gateway/command_log.h"
+#include "actors/gateway/feed.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 
@@ -52,23 +51,22 @@ class GatewayActor final : public Actor {
     proto::TeamConfig team;                      // Complete and checked.
     std::uint64_t config_hash = 0;               // TeamFile::hash; in each answer.
     std::string version;                         // Shown in status.
-    std::uint32_t pid = 0;                       // Likewise.
-    std::function<std::string()> merge_backend;  // Likewise: "cpu" or "gl"; asked at each status, on any thread.
-    std::function<double()> refused_handshakes;  // Likewise: of clients with unknown keys.
+    std::uint32_t pid = 0;                       // Shown in status.
+    std::function<std::string()> merge_backend;  // Shown in status: "cpu" or "gl"; asked each time, on any thread.
+    std::function<double()> refused_handshakes;  // Shown in status: of clients with unknown keys.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     std::size_t pending_of_client_max = 64;    // Of these, those of one key, connection or other agent.
     std::size_t feeds_max = 32;                // Of pending_max, reads that wait for something to be stored.
-    std::size_t feeds_of_client_max = 8;       // Of these, likewise.
+    std::size_t feeds_of_client_max = 8;       // Of feeds_max, those of one key, connection or other agent.
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
-    int commands_max = 20;
-    Duration command_period = std::chrono::minutes(1);
+    CommandLog::Options log = {};
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
     Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.
   };
 
-  explicit GatewayActor(Options options) : options_(std::move(options)) {}
+  explicit GatewayActor(Options options);
 
   void OnStart(Context& context) override;
   void OnMessage(Context& context, const proto::Message& message) override;
@@ -79,21 +77,12 @@ class GatewayActor final : public Actor {
     Address client;
     std::string client_name;  // Of its key; empty: it has none.
     std::uint64_t client_request_id = 0;
+    proto::ControlRequest::RequestCase request = proto::ControlRequest::REQUEST_NOT_SET;
     AgentId relayed_to = 0;             // Its gateway is waited for; 0: actors of this agent.
     std::set<std::string> waiting_for;  // Names of actors.
     proto::ControlReply reply;          // As far as it is known.
     TimerId timer = 0;
-    std::optional<proto::ReadRequest> feed;  // Waits, or is being asked anew.
-    bool is_stale = false;                   // Something was stored since the feed was asked.
-    std::uint64_t known_row_id = 0;          // The last of the rows that the feed was asked with.
-  };
-
-  // Commands of one kind in the present period.
-  struct Commands {
-    int written = 0;
-    int left_out = 0;
-    std::string last_text;  // Of those left out.
-    std::string last_by;
+    std::optional<Feed> feed;  // Waits, or is being asked anew.
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);
@@ -113,14 +102,12 @@ class GatewayActor final : public Actor {
 
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
   void WriteDown(Context& context, const proto::ControlRequest& request);
-  void WriteDownLeftOut(Context& context, const Commands& commands);
+  void Store(Context& context, const std::optional<proto::Record>& event) const;
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
   Result<void> Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
   Result<void> Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
                    Pending& pending);
-  // Puts one actor's answer into the reply; false for a body that is no answer.
-  bool TakePart(const proto::Message& message, proto::ControlReply& reply) const;
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;
   void Finish(Context& context, std::uint64_t id);
   void Answer(Context& context, const Address& client, std::uint64_t request_id, proto::ControlReply reply);
@@ -130,8 +117,8 @@ class GatewayActor final : public Actor {
   Options options_;
   std::map<std::uint64_t, Pending> pending_;  // By own request id.
   std::uint64_t next_id_ = 1;
-  std::map<proto::ControlRequest::RequestCase, Commands> commands_;
-  std::uint64_t last_row_id_ = 0;  // Of what storage told of.
+  CommandLog log_;
+  std::uint64_t last_row_id_ = 0;  // As StorageActor published it last.
   double refused_requests_ = 0;    // For want of rights.
 };
 

@@ -22,12 +22,47 @@ Result<void> CheckMember(const proto::TeamConfig& team, std::uint64_t id, const 
   return Fail(ErrorCode::kInvalid, "agent " + std::to_string(id) + " is not of team " + team.team(), field);
 }
 
+template <typename List>
+Result<void> CheckMembers(const proto::TeamConfig& team, const List& agents, const std::string& field) {
+  if (agents.size() > kFilterEntriesMax) return Fail(ErrorCode::kInvalid, "too many agents", field);
+  for (int i = 0; i < agents.size(); ++i) {
+    auto checked = CheckMember(team, agents[i], field + "[" + std::to_string(i) + "]");
+    if (!checked) return checked;
+  }
+  return {};
+}
+
 Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Record& record, const std::string& at) {
   for (const NamedAgent& named : AgentsNamedIn(record)) {
     if (auto checked = CheckMember(team, named.agent, at + "." + named.field); !checked) return checked;
   }
   return {};
 }
+
+// A term as a client read it at an agent. Nobody issues the one of the team file: its issuer is 0.
+Result<void> CheckTerm(const proto::TeamConfig& team, const proto::Term& term, const std::string& field) {
+  if (term.number() > kTermNumberMax) {
+    return Fail(ErrorCode::kInvalid, "is above " + std::to_string(kTermNumberMax), field + ".number");
+  }
+  if (term.issuer() == 0) return {};
+  return CheckMember(team, term.issuer(), field + ".issuer");
+}
+
+Result<void> CheckExpectedRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
+  if (auto checked = CheckTerm(team, roles.term(), "role_set.expected.term"); !checked) return checked;
+  if (roles.leader() != 0) {
+    if (auto checked = CheckMember(team, roles.leader(), "role_set.expected.leader"); !checked) return checked;
+  }
+  if (roles.survivor() == 0) return {};
+  return CheckMember(team, roles.survivor(), "role_set.expected.survivor");
+}
+
+Result<void> CheckCoordinate(double metres, const std::string& field) {
+  if (std::abs(metres) <= kMapCoordinateMax_m) return {};  // Not for NaN.
+  return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
+}
+
+}  // namespace
 
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert) {
   if (insert.records().empty()) return Fail(ErrorCode::kInvalid, "no record to insert", "insert.records");
@@ -41,16 +76,6 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
       return Fail(ErrorCode::kInvalid, "only agents themselves write down what happened", at + ".agent_event");
     }
     if (auto checked = CheckAgentsOfRecord(team, insert.records(i), at); !checked) return checked;
-  }
-  return {};
-}
-
-template <typename List>
-Result<void> CheckMembers(const proto::TeamConfig& team, const List& agents, const std::string& field) {
-  if (agents.size() > kFilterEntriesMax) return Fail(ErrorCode::kInvalid, "too many agents", field);
-  for (int i = 0; i < agents.size(); ++i) {
-    auto checked = CheckMember(team, agents[i], field + "[" + std::to_string(i) + "]");
-    if (!checked) return checked;
   }
   return {};
 }
@@ -72,24 +97,6 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
     return Fail(ErrorCode::kInvalid, "is for what is stored, not for what was superseded", "read.wait_s");
   }
   return {};
-}
-
-// A term as a client read it at an agent. Nobody issues the one of the team file: its issuer is 0.
-Result<void> CheckTerm(const proto::TeamConfig& team, const proto::Term& term, const std::string& field) {
-  if (term.number() > kTermNumberMax) {
-    return Fail(ErrorCode::kInvalid, "is above " + std::to_string(kTermNumberMax), field + ".number");
-  }
-  if (term.issuer() == 0) return {};
-  return CheckMember(team, term.issuer(), field + ".issuer");
-}
-
-Result<void> CheckExpectedRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
-  if (auto checked = CheckTerm(team, roles.term(), "role_set.expected.term"); !checked) return checked;
-  if (roles.leader() != 0) {
-    if (auto checked = CheckMember(team, roles.leader(), "role_set.expected.leader"); !checked) return checked;
-  }
-  if (roles.survivor() == 0) return {};
-  return CheckMember(team, roles.survivor(), "role_set.expected.survivor");
 }
 
 Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set) {
@@ -160,11 +167,6 @@ Result<void> CheckPrune(const proto::PruneOrder& prune) {
   return {};
 }
 
-Result<void> CheckCoordinate(double metres, const std::string& field) {
-  if (std::abs(metres) <= kMapCoordinateMax_m) return {};  // Not for NaN.
-  return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
-}
-
 Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
   if (!(tiles.wait_s() >= 0 && tiles.wait_s() <= kMapWaitMax_s)) {
     return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "map_tiles.wait_s");
@@ -183,7 +185,23 @@ Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
   return Fail(ErrorCode::kInvalid, "ends before it begins", "map_tiles.region");
 }
 
-}  // namespace
+Result<void> CheckMerge(const proto::TeamConfig& team, const proto::MergeRequest& merge) {
+  return CheckMembers(team, merge.agents(), "merge.agents");
+}
+
+Result<void> CheckMapWhy(const proto::MapWhyRequest& why) {
+  if (auto checked = CheckCoordinate(why.x_m(), "map_why.x_m"); !checked) return checked;
+  return CheckCoordinate(why.y_m(), "map_why.y_m");
+}
+
+Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge) {
+  if (acknowledge.until_ns() > 0) return {};
+  return Fail(ErrorCode::kInvalid, "must be the stamp of a finding", "acknowledge.until_ns");
+}
+
+Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRequest& request) {
+  return request.for_agent() == 0 ? Result<void>() : CheckMember(team, request.for_agent(), "for_agent");
+}
 
 Result<void> CheckTeamOf(const proto::ControlRequest& request, const proto::TeamConfig& team) {
   if (request.team_id().empty()) return {};
@@ -194,55 +212,6 @@ Result<void> CheckTeamOf(const proto::ControlRequest& request, const proto::Team
   if (request.team_id() == own) return {};
   return Fail(ErrorCode::kRefused, "this agent is of another team: " + team.team() + " with the team id " +
                                        TeamIdStart(own) + ", the request is for " + TeamIdStart(request.team_id()));
-}
-
-Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request) {
-  if (request.for_agent() != 0) {
-    if (auto checked = CheckMember(team, request.for_agent(), "for_agent"); !checked) return checked;
-  }
-  switch (request.request_case()) {
-    case proto::ControlRequest::kInsert:
-      return CheckInsert(team, request.insert());
-    case proto::ControlRequest::kRead:
-      return CheckRead(request.read());
-    case proto::ControlRequest::kRoleSet:
-      return CheckRoleSet(team, request.role_set());
-    case proto::ControlRequest::kShare:
-      return CheckShare(team, self, request.share());
-    case proto::ControlRequest::kOptimize:
-      return CheckOptimize(team, request.optimize());
-    case proto::ControlRequest::kMerge:
-      return CheckMembers(team, request.merge().agents(), "merge.agents");
-    case proto::ControlRequest::kMapWhy: {
-      auto checked = CheckCoordinate(request.map_why().x_m(), "map_why.x_m");
-      return checked ? CheckCoordinate(request.map_why().y_m(), "map_why.y_m") : checked;
-    }
-    case proto::ControlRequest::kPrune:
-      return CheckPrune(request.prune());
-    case proto::ControlRequest::kAcknowledge:
-      if (request.acknowledge().until_ns() > 0) return {};
-      return Fail(ErrorCode::kInvalid, "must be the stamp of a finding", "acknowledge.until_ns");
-    case proto::ControlRequest::kMapTiles:
-      return CheckMapTiles(request.map_tiles());
-    case proto::ControlRequest::kMapStats:
-    case proto::ControlRequest::kStatus:
-    case proto::ControlRequest::kRoleShow:
-    case proto::ControlRequest::kShareStatus:
-    case proto::ControlRequest::kLease:
-    case proto::ControlRequest::kStop:
-    case proto::ControlRequest::kGraphStats:
-    case proto::ControlRequest::kTrace:
-    case proto::ControlRequest::kHave:
-    case proto::ControlRequest::kVerify:
-    case proto::ControlRequest::kFingerprint:
-    case proto::ControlRequest::kCustom:
-    case proto::ControlRequest::kDownlink:
-    case proto::ControlRequest::kReadBundle:
-      return {};
-    case proto::ControlRequest::REQUEST_NOT_SET:
-      break;
-  }
-  return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
 }
 
 void BoundPage(proto::ReadRequest& request, bool is_relayed) {

@@ -1,4 +1,5 @@
-// The door for clients: what a ControlRequest may hold before any actor sees it.
+// What a client's requests may hold before any actor sees them; actors/gateway/command_table.h says which rule is
+// whose.
 //
 // Records' own fields are StorageActor's to check (model/record_check.h), a lease's LeaseActor's; here stand the rules
 // that need the team: that the agents that a request names are members. Plain functions, any thread.
@@ -27,16 +28,31 @@ inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
 // Whether the request is for this team, by its id; one that names none is. kRefused with the beginnings of both ids,
 // kInvalid for what is no id.
 Result<void> CheckTeamOf(const proto::ControlRequest& request, const proto::TeamConfig& team);
+// kInvalid where it is for an agent that is not of the team.
+Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRequest& request);
 
-// `self` is the agent that is asked.
-//
-// kInvalid, with the field named as in "insert.records[3].pose_graph_node.node.agent_id": no request set, an agent
-// that is not of the team, an insert without records or with too many, a share without a kind or to `self`, a role
-// change that changes nothing or a reason that is too long, filters that are too long, a window that is to begin from
-// scratch, too many covariances, too many types to prune, any of them or history beside beaten maps, limits of a prune
-// that are negative, a place beyond kMapCoordinateMax_m, a region that ends before it begins, a wait beyond
-// kMapWaitMax_s or kReadWaitMax_s, a wait for older records or for history, an acknowledgment without a stamp.
-Result<void> CheckRequest(const proto::TeamConfig& team, AgentId self, const proto::ControlRequest& request);
+// The rule of each request that has one. kInvalid, with the field named as in
+// "insert.records[3].pose_graph_node.node.agent_id", for
+//   an insert without records, with too many, with an event, or with one that names an agent that is not of the team;
+Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert);
+//   a read with a filter that is too long, a wait beyond kReadWaitMax_s, or one for older records or for history;
+Result<void> CheckRead(const proto::ReadRequest& read);
+//   a role change that changes nothing, names agents or terms that are not the team's, or a reason that is too long;
+Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set);
+//   a share without a kind, to `self`, to or from agents that are not of the team, or with another agent's order;
+Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share);
+//   a window that is to begin from scratch, too many covariances, or those of agents that are not of the team;
+Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize);
+//   a merge of agents that are not of the team;
+Result<void> CheckMerge(const proto::TeamConfig& team, const proto::MergeRequest& merge);
+//   a place beyond kMapCoordinateMax_m;
+Result<void> CheckMapWhy(const proto::MapWhyRequest& why);
+//   a region that ends before it begins, no tile, a wait beyond kMapWaitMax_s;
+Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles);
+//   a prune with negative limits, with too many types, or with any of them, or history, beside beaten maps;
+Result<void> CheckPrune(const proto::PruneOrder& prune);
+//   an acknowledgment without a stamp.
+Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge);
 
 // Brings the limits of a page into 1 to the maximum; 0 becomes the default. `is_relayed`: the page crosses the radio.
 void BoundPage(proto::ReadRequest& request, bool is_relayed = false);

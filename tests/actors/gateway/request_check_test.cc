@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "actors/gateway/command_table.h"
 #include "model/term.h"
 
 namespace moondb {

@@ -1,0 +1,54 @@
+// CommandLog: which of the commands that clients and other agents give are written down, as events in the agent's store
+// (EVENT_KIND_COMMAND).
+//
+// Of one kind of command at most Options::commands_max in a period are written down, and then how many more there were:
+// a program does not flood the event log. Plain logic; whoever calls it stores what it gives and keeps the time.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "proto/message.pb.h"
+
+namespace moondb {
+
+class CommandLog {
+ public:
+  using Kind = proto::ControlRequest::RequestCase;
+
+  struct Options {
+    int commands_max = 20;
+    std::chrono::nanoseconds period = std::chrono::minutes(1);
+  };
+
+  struct Added {
+    std::optional<proto::Record> event;  // To be stored before anything that the command makes other actors store.
+    bool begins_period = false;          // OnPeriodEnd is to be called after Options::period.
+  };
+
+  explicit CommandLog(Options options) : options_(options) {}
+
+  Added Add(Kind kind, const std::string& text, const std::string& by, std::int64_t utc_now_ns);
+  std::optional<proto::Record> OnPeriodEnd(Kind kind, std::int64_t utc_now_ns);
+
+ private:
+  // Commands of one kind in the present period.
+  struct Commands {
+    int written = 0;
+    int left_out = 0;
+    std::string last_text;  // Of those left out.
+    std::string last_by;
+  };
+
+  const Options options_;
+  std::map<Kind, Commands> commands_;
+};
+
+// Who a client is, for the event log: one without a key may not pass for one that has it, so that what it says of
+// itself ends before "(key)".
+std::string ByOf(const proto::Message& message);
+
+}  // namespace moondb

@@ -1,0 +1,161 @@
+#include "actors/gateway/command_table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "model/control_request.h"
+#include "runtime/address.h"
+
+namespace moondb {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::OneofDescriptor;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+const std::set<std::string> kAnswerers = {
+    actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent,    actor_name::kSync,
+    actor_name::kReplica, actor_name::kPgo,  actor_name::kMerge, actor_name::kDownlink, actor_name::kRetention};
+// Those that no actor named in proto/control.proto answers.
+const std::set<std::string> kOfTheGateway = {"stop", "trace", "custom"};
+
+std::string ReadFile(const std::string& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+const OneofDescriptor& Requests() { return *proto::ControlRequest::descriptor()->FindOneofByName("request"); }
+
+proto::ControlRequest Empty(const FieldDescriptor* field) {
+  proto::ControlRequest request;
+  request.GetReflection()->MutableMessage(&request, field);
+  return request;
+}
+
+std::vector<std::string> ActorsOf(const proto::ControlRequest& request) {
+  std::vector<std::string> actors;
+  for (const Question& question : QuestionsOf(request, /*is_relayed=*/false)) actors.push_back(question.actor);
+  return actors;
+}
+
+// What is forgotten of a new request is named here.
+TEST(CommandTableTest, EveryRequestHasItsRow) {
+  for (int i = 0; i < Requests().field_count(); ++i) {
+    const FieldDescriptor* field = Requests().field(i);
+    SCOPED_TRACE(field->name());
+    const proto::ControlRequest request = Empty(field);
+    const proto::CommandOptions& options = CommandOptionsOf(request.request_case());
+    EXPECT_NE(options.rights(), proto::CLIENT_RIGHTS_NONE) << "proto/control.proto does not say which right it needs";
+    EXPECT_EQ(options.actors().empty(), kOfTheGateway.contains(field->name()))
+        << "proto/control.proto does not say who answers it";
+    for (const std::string& actor : options.actors()) EXPECT_TRUE(kAnswerers.contains(actor)) << actor;
+    const Result<void> checked = CheckRequest({}, 1, request);
+    EXPECT_TRUE(checked || checked.error().field != "request") << "it has no row in command_table.cc";
+    const bool is_of_roles = request.has_role_show() || request.has_role_set();
+    const FieldDescriptor* reply =
+        proto::ControlReply::descriptor()->FindFieldByName(is_of_roles ? "roles" : field->name());
+    EXPECT_TRUE(reply != nullptr && reply->containing_oneof() != nullptr) << "ControlReply has none of its name";
+  }
+}
+
+// docs/REQUESTS.md says of each what proto/control.proto says.
+TEST(CommandTableTest, EveryRequestIsDocumented) {
+  const std::string page = ReadFile(std::string(MOONDB_SOURCE_DIR) + "/docs/REQUESTS.md");
+  const std::map<proto::ClientRights, std::string> names = {{proto::CLIENT_RIGHTS_VIEW, "view"},
+                                                            {proto::CLIENT_RIGHTS_SHARE, "share"},
+                                                            {proto::CLIENT_RIGHTS_COMMAND, "command"}};
+  for (int i = 0; i < Requests().field_count(); ++i) {
+    const proto::ControlRequest request = Empty(Requests().field(i));
+    const proto::CommandOptions& options = CommandOptionsOf(request.request_case());
+    std::string row = "\n| `" + Requests().field(i)->name() + "` | " + names.at(options.rights()) + " | ";
+    for (const std::string& actor : options.actors()) row += (row.ends_with("| ") ? "" : ", ") + actor;
+    EXPECT_THAT(page, testing::HasSubstr(row));
+  }
+}
+
+TEST(CommandTableTest, AsksTheActorsThatTheRequestNames) {
+  for (int i = 0; i < Requests().field_count(); ++i) {
+    const proto::ControlRequest request = Empty(Requests().field(i));
+    const auto& named = CommandOptionsOf(request.request_case()).actors();
+    if (request.has_share() || request.has_custom()) continue;
+    EXPECT_THAT(ActorsOf(request), testing::ElementsAreArray(named)) << Requests().field(i)->name();
+  }
+  proto::ControlRequest share;
+  share.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
+  EXPECT_THAT(ActorsOf(share), ElementsAre("sync"));
+  share.mutable_share()->set_kind(proto::SHARING_KIND_REPLICATION);
+  EXPECT_THAT(ActorsOf(share), ElementsAre("replica"));
+  proto::ControlRequest custom;
+  custom.mutable_custom()->set_actor("planner");
+  EXPECT_THAT(ActorsOf(custom), ElementsAre("planner"));
+  EXPECT_THAT(ActorsOf({}), IsEmpty());
+}
+
+TEST(CommandTableTest, PutsARequestIntoTheBodyOfItsType) {
+  proto::ControlRequest request;
+  request.mutable_prune()->set_older_than_s(60);
+  const std::vector<Question> questions = QuestionsOf(request, /*is_relayed=*/false);
+  ASSERT_EQ(questions.size(), 1u);
+  EXPECT_EQ(questions[0].message.prune_order().older_than_s(), 60);
+  request.mutable_have()->set_is_for_peer(true);
+  EXPECT_FALSE(QuestionsOf(request, false)[0].message.have_request().is_for_peer());
+}
+
+TEST(CommandTableTest, TakesAnAnswerByItsTypeWithItsError) {
+  proto::Message answer;
+  answer.mutable_prune_reply()->set_text("nothing");
+  answer.mutable_prune_reply()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
+  proto::ControlReply reply;
+  EXPECT_FALSE(TakeAnswer(proto::ControlRequest::kRead, answer, reply)) << "it answers something else";
+  EXPECT_EQ(reply.reply_case(), proto::ControlReply::REPLY_NOT_SET);
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kPrune, answer, reply));
+  EXPECT_EQ(reply.prune().text(), "nothing");
+  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_FALSE(TakeAnswer(proto::ControlRequest::kPrune, {}, reply));
+}
+
+TEST(CommandTableTest, TakesAnActorsWholeReplyAsItIs) {
+  proto::Message answer;
+  answer.mutable_control_reply()->mutable_error()->set_text("not now");
+  proto::ControlReply reply;
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kOptimize, answer, reply));
+  EXPECT_EQ(reply.error().text(), "not now");
+}
+
+TEST(CommandTableTest, PutsStatusAndSharingTogether) {
+  proto::Message role;
+  role.mutable_role_show_reply()->mutable_roles()->set_leader(2);
+  proto::ControlReply reply;
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kStatus, role, reply));
+  EXPECT_EQ(reply.status().roles().leader(), 2u);
+  EXPECT_FALSE(reply.has_roles());
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kRoleShow, role, reply));
+  EXPECT_EQ(reply.roles().roles().leader(), 2u);
+  for (const double received : {3, 4}) {
+    proto::Message share;
+    share.mutable_share_status()->set_received_records(received);
+    share.mutable_share_status()->add_sessions();
+    EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kShareStatus, share, reply));
+  }
+  EXPECT_EQ(reply.share_status().received_records(), 7);
+  EXPECT_EQ(reply.share_status().sessions_size(), 2);
+}
+
+TEST(CommandTableTest, WritesDownWhatChangesSomethingAndNothingElse) {
+  std::set<std::string> written;
+  for (int i = 0; i < Requests().field_count(); ++i) {
+    if (!CommandText({}, Empty(Requests().field(i))).empty()) written.insert(Requests().field(i)->name());
+  }
+  EXPECT_THAT(written, testing::UnorderedElementsAre("role_set", "share", "optimize", "stop", "prune", "acknowledge"));
+}
+
+}  // namespace
+}  // namespace moondb
