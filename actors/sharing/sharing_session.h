@@ -21,9 +21,8 @@
 // and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up.
 // Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
 //
-// Batches of maps make up runs (codec.h), which go on from order to order. A new one begins where the destination may
-// lack a batch of the present one: something was under way or ready when the session started over, one was lost, or the
-// destination says so; and when it is closed.
+// What is ordered, the batches that are made and those that are under way are parts of their own (standing_order.h,
+// batch_maker.h, batches_under_way.h); the session itself is in one phase at a time and has one deadline.
 //
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
@@ -31,27 +30,25 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <map>
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "actors/sharing/batch_maker.h"
+#include "actors/sharing/batches_under_way.h"
 #include "actors/sharing/codec.h"
 #include "actors/sharing/pacer.h"
-#include "actors/sharing/pieces.h"
+#include "actors/sharing/resend_delay.h"
+#include "actors/sharing/session_counts.h"
 #include "actors/sharing/sharing_action.h"
+#include "actors/sharing/standing_order.h"
 #include "model/have_set.h"
 #include "model/type_schema.h"
 #include "proto/message.pb.h"
 
 namespace moondb {
-
-// Who gave an order, and what it is called there (model/order_number.h). 0: an order that nobody waits for.
-struct ShareOrderId {
-  AgentId agent = 0;
-  std::uint64_t number = 0;
-};
 
 class SharingSession {
  public:
@@ -70,7 +67,7 @@ class SharingSession {
     TypeSchemas schemas;                                   // What this agent understands by each type.
   };
 
-  enum class Window { kOpen, kStatesOnly, kShut };
+  using Window = StandingOrder::Window;
 
   // `first_id` is random: the ids of this session count from it, so that they differ from those of an earlier process.
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
@@ -106,72 +103,47 @@ class SharingSession {
 
   std::optional<Time> deadline() const;  // None while closed, and while it waits for the window.
   bool is_open() const { return phase_ != Phase::kClosed; }
-  bool is_ordered() const { return is_open() && !is_unasked_; }
-  std::uint64_t bytes_left() const { return bytes_left_.value_or(0); }          // Of a limited order; 0: not limited.
-  bool is_moving() const { return phase_ == Phase::kSending && !is_waiting_; }  // It has its part of the radio.
+  bool is_ordered() const { return is_open() && !order_.is_unasked(); }
+  std::uint64_t bytes_left() const { return order_.bytes_left().value_or(0); }  // Of a limited order; 0: not limited.
+  bool is_moving() const { return is_answered() && !order_.is_waiting(); }      // It has its part of the radio.
   // What the destination understands differently, as it said last.
-  const std::set<DataType>& other_schema_types() const { return other_schema_types_; }
+  const std::set<DataType>& other_schema_types() const { return order_.other_schema_types(); }
   AgentId destination() const { return destination_; }
   proto::ShareSession Status(Time now) const;
 
  private:
-  enum class Phase { kClosed, kAwaitingHave, kSending };
-
-  struct CodedRecords {
-    proto::Message message;  // Its Batch is complete but for the number.
-    std::vector<RecordKey> keys;
-    std::vector<proto::StreamHave> dropped;
-    std::size_t bytes = 0;
-    std::uint32_t run = 0;         // As of CodedBatch.
-    bool leans_on_others = false;  // Likewise.
+  // While the order waits for its window nothing is sent, in whichever phase.
+  enum class Phase {
+    kClosed,
+    kAwaitingHave,  // The destination is to say what it has.
+    kSending,       // It has; storage may be asked what it lacks.
+    kAsking,        // Storage was asked.
+    kEnding,        // Storage said that nothing more is missing.
   };
 
-  // The newest order of one agent.
-  struct KnownOrder {
-    proto::SessionOrder order;
-    bool is_open = false;  // The session has not ended since.
-  };
-
-  void Note(ShareOrderId id);
-  // The session ends: each open order has come so far.
-  void EndOrders(void (proto::SessionOrder::*set_reached)(std::uint64_t));
+  bool is_answered() const { return phase_ != Phase::kClosed && phase_ != Phase::kAwaitingHave; }
   void LookAgain(Time now, SharingActions& actions);
-  bool IsForStates() const { return window_ == Window::kStatesOnly || is_unasked_; }
-  // Whose streams the filter is about; empty: everybody's.
-  std::set<AgentId> OriginsMeant() const;
-  // The destination's answer to the last Hello speaks of all that the filter is about.
-  bool IsAllAsked() const;
   Result<HaveSet> CheckHave(const proto::Have& have) const;
-  proto::RecordFilter StatesMeant() const;        // The part of the order that passes a window of kStatesOnly.
+  void TakeAnswer(const proto::Have& have, HaveSet heard, Time now);
+  void TakeGrant(const proto::Have& have, Time now);
+  void TakeAcknowledgment(std::uint32_t batch_number, Time now);
   void Start(Time now, SharingActions& actions);  // Restart with the shortest delay.
   // A new id and Hello, unless it waits for the window; nothing is under way any more.
   void Restart(Time now, SharingActions& actions);
+  void SayHello(SharingActions& actions);
   void Complete(SharingActions& actions);
-  void EndLimitedOrder(SharingActions& actions);
-  void End(SharingActions& actions);  // Without having completed.
+  void End(Ending ending, SharingActions& actions);  // Without having completed.
   void Fill(Time now, SharingActions& actions);
-  void AskForMissing(SharingActions& actions);
+  void SendWhatMayLeave(Time now, SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
+  bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
-  bool MayLeave(const CodedRecords& batch) const;
-  void SetPace(Time now);
-  // That of the options where the destination reads it.
-  proto::Codec CodecNow() const;
-  // As many of the records as fit into one message, or the first piece of one that does not; learns the ratio.
-  CodedRecords Code(const proto::MissingReply& reply);
-  CodedRecords NextPiece();
-  // Fills in all of the message but codec, coded bytes and what is dropped.
-  void Address(CodedRecords& batch, std::uint64_t remaining) const;
-  // What the destination has or will have once everything under way arrives.
-  HaveSet ExpectedHave() const;
-  void Acknowledge(std::uint32_t batch_number);
-  void GiveUpBatchesBefore(std::uint32_t batch_number);
-  // The destination lacks what this batch leans on.
-  void OnRunBroken(std::uint32_t batch_number);
-  void GiveUp(std::map<std::uint32_t, CodedRecords>::iterator batch);
-  void AskAnew();
+  void AskForMissing(SharingActions& actions);
+  void AskAnew();  // What storage said is missing is no longer all.
+  void GiveUp(std::size_t batches);
   void ForgetUnderWay();
   void TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed, SharingActions& actions) const;
+  void SetPace(Time now);
   void SetDeadline(Time now);
 
   Options options_;
@@ -179,69 +151,19 @@ class SharingSession {
   AgentId destination_;
 
   Phase phase_ = Phase::kClosed;
-  Window window_ = Window::kOpen;
-  bool is_waiting_ = false;  // For the window to open; nothing is sent.
-  bool is_unasked_ = false;  // As of BringUnasked.
-  std::map<AgentId, KnownOrder> orders_;
-  bool is_for_states_ = false;  // Since the last Hello, only states are sent.
-  proto::RecordFilter filter_;
   std::uint64_t session_id_;
-  std::uint64_t request_id_;
-  bool is_asking_ = false;
-  bool is_exhausted_ = false;  // Storage said that nothing more is missing.
-  bool is_end_told_ = false;   // A batch with remaining 0 is under way or acknowledged since.
-  bool has_restarted_at_once_ = false;
-  std::optional<std::uint64_t> bytes_left_;  // Of a limited order.
+  std::uint64_t request_id_;  // Of the last question to storage.
+  StandingOrder order_;
+  BatchMaker maker_;
+  BatchesUnderWay under_way_;
   double own_rate_ = 0;
   double granted_rate_ = 0;
   Pacer pacer_;
   std::optional<Time> paced_until_;  // What is ready waits for the rate.
-  std::set<DataType> other_schema_types_;
-  bool is_refused_ = false;         // By the destination, which could not store; and it took no record since.
-  std::set<AgentId> asked_;         // Of whose streams have_ speaks; empty: of all.
-  std::set<DataType> asked_types_;  // Whatever the origin.
-  HaveSet have_;                    // Of the destination, as it said.
-  // What acknowledged batches carried and the destination did not take; not sent again before a restart.
-  HaveSet refused_;
-  std::optional<CodedRecords> ready_;
-  // One record on its way in pieces, those behind what is ready.
-  struct Large {
-    RecordKey key;
-    std::uint64_t remaining = 0;  // Behind it.
-    PieceCutter cutter;
-    std::uint32_t run = 0;  // As of CodedBatch.
-    bool leans_on_others = false;
-  };
-  std::optional<Large> large_;
-  PartOfWhole part_;                                 // That the destination has, as it said.
-  std::map<std::uint32_t, CodedRecords> under_way_;  // By batch number; without their messages.
-  std::size_t unacked_bytes_ = 0;
-  std::size_t credit_bytes_ = 0;
-  std::uint32_t next_batch_number_ = 1;
-  std::uint64_t missing_count_ = 0;                // Behind what is ready and under way.
-  std::vector<proto::TypeBacklog> missing_types_;  // The same by data type.
-  bool is_codec_read_ = false;                     // By the destination, that of the options.
-  SharingEncoder encoder_;
-  bool is_each_by_itself_ = false;  // Batches of maps: the destination keeps no run of this session's, or lost one.
-  double coded_ratio_ = 0.5;        // Coded bytes per content byte, smoothed.
-  proto::Codec codec_sent_ = proto::CODEC_UNSPECIFIED;
-  Duration backoff_{};
+  ResendDelay resend_delay_;
   Time deadline_{};
   Time last_progress_{};
-  bool is_remaining_known_ = false;
-  // Since the destination answered the last Hello.
-  Time answered_{};
-  double session_acknowledged_records_ = 0;
-  double session_acknowledged_bytes_ = 0;
-
-  double sent_records_ = 0;
-  double acknowledged_records_ = 0;
-  double coded_bytes_ = 0;
-  double completed_sessions_ = 0;
-  double closed_sessions_ = 0;
-  double limited_sessions_ = 0;
-  double resends_ = 0;
-  double refused_haves_ = 0;
+  SessionCounts counts_;
   std::string last_error_;
 };
 

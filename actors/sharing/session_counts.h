@@ -1,0 +1,46 @@
+// SessionCounts: what one session has done, for status: since its actor started, and since the destination answered the
+// last Hello. Plain value.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+
+#include "proto/sharing.pb.h"
+
+namespace moondb {
+
+// How an order ended: all was acknowledged, it was closed before, or the coded bytes that it was limited to are used
+// up.
+enum class Ending { kCompleted, kClosed, kLimited };
+
+class SessionCounts {
+ public:
+  using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
+
+  void NoteAnswer(Time now);  // Of the destination, to a Hello.
+  void NoteSent(std::size_t records, std::size_t coded_bytes, proto::Codec codec);
+  void NoteAcknowledged(std::size_t records, std::size_t coded_bytes);
+  void NoteResends(std::size_t batches) { resends_ += static_cast<double>(batches); }
+  void NoteRefusedHave() { ++refused_haves_; }
+  void NoteEnd(Ending ending);
+
+  void AddTo(proto::ShareSession& status) const;
+  // While the destination has answered the session's last Hello.
+  void AddSinceAnswerTo(proto::ShareSession& status, Time now) const;
+
+ private:
+  double sent_records_ = 0;
+  double acknowledged_records_ = 0;
+  double coded_bytes_ = 0;
+  proto::Codec codec_ = proto::CODEC_UNSPECIFIED;  // The last batch's.
+  double completed_ = 0;
+  double closed_ = 0;
+  double limited_ = 0;
+  double resends_ = 0;
+  double refused_haves_ = 0;
+  Time answered_{};
+  double records_since_answer_ = 0;
+  double bytes_since_answer_ = 0;
+};
+
+}  // namespace moondb

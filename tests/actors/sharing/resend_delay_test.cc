@@ -1,0 +1,114 @@
+#include "actors/sharing/resend_delay.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/actors/sharing/session_fixture.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+class ResendDelayTest : public SessionFixture {};
+
+// Pieces are acknowledged before anything is stored: that is no progress.
+TEST_F(ResendDelayTest, TriesALargeRecordLessAndLessOftenWhereItCannotBeStored) {
+  source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(10'000));
+  Order();
+  std::size_t hellos = 0;
+  for (int i = 0; i < 1000; ++i) {  // 100 s.
+    Advance(std::chrono::milliseconds(100));
+    for (const proto::Message& message : TakeSent()) {
+      if (message.has_hello()) {
+        ++hellos;
+        sent_.push_back(message);
+        AnswerHello();
+      } else if (const auto whole = *pieces_.Take(kSelf, message.batch()); !whole) {
+        Take(session_.OnHave(AcknowledgmentOf(message.batch()), now_));
+      } else {
+        proto::Refusal full;
+        full.set_session_id(message.batch().session_id());
+        full.mutable_error()->set_code(proto::ERROR_CODE_UNAVAILABLE);
+        Take(session_.OnRefusal(full, now_));
+      }
+    }
+  }
+  EXPECT_GE(hellos, 3u);
+  EXPECT_LE(hellos, 6u) << "after 5, 10, 20 and 30 s";
+}
+
+TEST_F(ResendDelayTest, StartsOverOnceWhenTheDestinationForgotTheSession) {
+  source_.Insert(kSelf, proto::POWER, "p");
+  Order();
+  proto::Refusal refusal;
+  refusal.set_session_id(TakeHello());
+  refusal.mutable_error()->set_code(proto::ERROR_CODE_NOT_FOUND);
+  Take(session_.OnRefusal(refusal, now_));
+  refusal.set_session_id(TakeHello());
+  Take(session_.OnRefusal(refusal, now_));
+  EXPECT_TRUE(TakeSent().empty());  // No tight loop: the delay serves from here.
+  Advance(seconds(6));
+  AnswerHello();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(ResendDelayTest, ADestinationThatNeverReadsARunIsTriedLessAndLessOften) {
+  OrderMaps(60);
+  const auto answer_all = [this] {
+    std::size_t count = 0;
+    for (std::vector<proto::Message> sent = TakeSent(); !sent.empty() && count < 100; sent = TakeSent()) {
+      for (const proto::Message& message : sent) {
+        if (!message.has_batch()) continue;
+        proto::Have have = AcknowledgmentOf(message.batch());
+        have.set_needs_new_run(true);
+        Take(session_.OnHave(have, now_));
+        ++count;
+      }
+    }
+    return count;
+  };
+  constexpr std::size_t kUnderWayMax = 6;
+  EXPECT_LE(answer_all(), 2 * kUnderWayMax);
+  Advance(seconds(6));
+  AnswerHello();
+  EXPECT_LE(answer_all(), kUnderWayMax);
+}
+
+TEST_F(ResendDelayTest, DoublesUpToTheLongestAndIsTheFirstAgainAfterProgress) {
+  ResendDelay delay(seconds(5), seconds(30));
+  for (const int expected : {5, 10, 20, 30, 30}) {
+    EXPECT_EQ(delay.delay(), seconds(expected));
+    delay.Grow();
+  }
+  EXPECT_TRUE(delay.has_grown());
+  delay.NoteProgress(/*has_records=*/false);
+  EXPECT_EQ(delay.delay(), seconds(5));
+  EXPECT_FALSE(delay.has_grown());
+}
+
+TEST_F(ResendDelayTest, AfterARefusalRecordsAloneAreProgress) {
+  ResendDelay delay(seconds(5), seconds(30));
+  delay.Grow();
+  delay.NoteRefusal();
+  delay.NoteProgress(/*has_records=*/false);
+  EXPECT_EQ(delay.delay(), seconds(10));
+  delay.NoteProgress(/*has_records=*/true);
+  EXPECT_EQ(delay.delay(), seconds(5));
+  delay.Grow();
+  delay.NoteProgress(/*has_records=*/false);
+  EXPECT_EQ(delay.delay(), seconds(5)) << "nothing was refused since";
+}
+
+TEST_F(ResendDelayTest, StartsOverAtOnceOncePerProgress) {
+  ResendDelay delay(seconds(5), seconds(30));
+  EXPECT_TRUE(delay.TakeStartAtOnce());
+  EXPECT_FALSE(delay.TakeStartAtOnce());
+  delay.Grow();
+  EXPECT_FALSE(delay.TakeStartAtOnce());
+  delay.NoteProgress(/*has_records=*/true);
+  EXPECT_TRUE(delay.TakeStartAtOnce());
+}
+
+}  // namespace
+}  // namespace moondb
