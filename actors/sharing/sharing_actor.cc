@@ -14,7 +14,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kSession = 1, kOrder = 2, kStep = 3, kBudget = 4 };
+enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget = 4 };
 
 constexpr Duration kBudgetPeriod = std::chrono::seconds(5);
 
@@ -30,7 +30,18 @@ std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   return types;
 }
 
+PeerOrders::Options OrderOptionsOf(const SharingActor::Options& options, proto::SharingKind kind) {
+  return {options.self, kind, options.session.resend_after, options.session.resend_after_max};
+}
+
 }  // namespace
+
+SharingActor::SharingActor(Options options, proto::SharingKind kind)
+    : options_(std::move(options)),
+      kind_(kind),
+      leases_(options_.team.radio().quiet_while_driving()),
+      orders_(OrderOptionsOf(options_, kind)),
+      radio_share_(BudgetOf(options_.team)) {}
 
 void SharingActor::OnStart(Context& context) {
   context.WatchPeers();
@@ -84,10 +95,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       }
       return;
     case proto::Message::kSharingLoad:
-      moving_elsewhere_ = message.sharing_load().moving_sessions();
-      // It may have begun anew, and not know this actor's.
-      if (moving_elsewhere_ == 0 && moving_told_.value_or(0) > 0) moving_told_.reset();
-      return;
+      return radio_share_.HearElsewhere(message.sharing_load().moving_sessions());
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
     case proto::Message::kShareStatusRequest:
@@ -229,7 +237,7 @@ void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
     if (Outgoing* outgoing = FindOutgoing(event.peer())) {
       Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
     }
-    if (orders_.contains(event.peer())) BeginOrder(context, event.peer());
+    PerformOrders(context, orders_.OnConnected(event.peer(), context.now()));
   } else {
     connected_.erase(event.peer());
   }
@@ -245,16 +253,18 @@ void SharingActor::OnLeasesChanged(Context& context, const proto::LeasesChanged&
 }
 
 void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
-  const auto peer = static_cast<AgentId>(timer.value());
-  if (timer.kind() == kOrder) return OnOrderTimer(context, peer);
+  if (timer.kind() == kOrders) {
+    orders_timer_.armed.reset();
+    return PerformOrders(context, orders_.OnTimer(context.now()));
+  }
   if (timer.kind() == kBudget) {
     is_budget_timer_armed_ = false;
     return;
   }
   if (timer.kind() == kStep) return OnStepTimer(context, timer.value());
-  Outgoing* outgoing = FindOutgoing(peer);
+  Outgoing* outgoing = FindOutgoing(static_cast<AgentId>(timer.value()));
   if (outgoing == nullptr) return;
-  outgoing->armed.reset();
+  outgoing->timer.armed.reset();
   Perform(context, *outgoing, outgoing->session.OnTimer(context.now()));
 }
 
@@ -298,7 +308,7 @@ SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, Agent
   if (options_.team.radio().codec() != proto::CODEC_UNSPECIFIED) session_options.codec = options_.team.radio().codec();
   SharingSession session(std::move(session_options), kind_, destination, context.rng()());
   (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
-  return outgoing_.emplace(destination, Outgoing{std::move(session), false, 0, std::nullopt}).first->second;
+  return outgoing_.emplace(destination, Outgoing{std::move(session), false, {}}).first->second;
 }
 
 void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
@@ -334,48 +344,16 @@ std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {
 }
 
 void SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max) {
-  const auto known = orders_.find(peer);
-  if (known != orders_.end() && known->second.bytes_max == 0) bytes_max = 0;  // One without a limit stands.
-  ShareOrder& order = orders_[peer];
-  order.number = in_hand_.agent == options_.self && in_hand_.number != 0 ? in_hand_.number : ++last_order_;
-  order.bytes_max = bytes_max;
-  BeginOrder(context, peer);
-}
-
-void SharingActor::BeginOrder(Context& context, AgentId peer) {
-  ShareOrder& order = orders_[peer];
-  if (order.timer != 0) context.Cancel(order.timer);
-  order.delay = options_.session.resend_after;
-  SendOrder(context, peer);
-}
-
-void SharingActor::SendOrder(Context& context, AgentId peer) {
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  *message.mutable_term() = roles_.term();
-  message.mutable_share_request()->set_kind(kind_);
-  message.mutable_share_request()->set_destination(options_.self);
-  ShareOrder& order = orders_[peer];
-  message.mutable_share_request()->set_bytes_max(order.bytes_max);
-  message.mutable_share_request()->set_order(order.number);
-  message.set_request_id(order.number);  // The answer has it too, so that an earlier order's is not taken for it.
-  (void)context.Send({peer, context.self().actor}, std::move(message));  // Sent again when the timer comes.
-  order.timer = context.AfterTimer(order.delay, kOrder, peer);
-}
-
-void SharingActor::OnOrderTimer(Context& context, AgentId peer) {
-  const auto it = orders_.find(peer);
-  if (it == orders_.end()) return;
-  it->second.delay = std::min(2 * it->second.delay, options_.session.resend_after_max);
-  SendOrder(context, peer);
+  const bool is_for_client = in_hand_.agent == options_.self && in_hand_.number != 0;
+  const std::uint64_t number = is_for_client ? in_hand_.number : ++last_order_;
+  PerformOrders(context, orders_.Give(peer, number, bytes_max, context.now()));
 }
 
 void SharingActor::OnShareReply(Context& context, const proto::Message& message) {
   const AgentId peer = context.sender().agent;
   const proto::ShareReply& reply = message.share_reply();
-  const auto order = orders_.find(peer);
-  if (order == orders_.end() || order->second.number != message.request_id()) return;
-  CancelOrder(context, peer);
+  if (!orders_.TakeAnswer(peer, message.request_id())) return;
+  ArmOrdersTimer(context);
   if (!IsError(reply.error())) return;
   spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
                OneLine(ToString(FromProto(reply.error()))));
@@ -383,15 +361,13 @@ void SharingActor::OnShareReply(Context& context, const proto::Message& message)
 }
 
 void SharingActor::CancelOrder(Context& context, AgentId peer) {
-  const auto it = orders_.find(peer);
-  if (it == orders_.end()) return;
-  context.Cancel(it->second.timer);
-  orders_.erase(it);
+  orders_.Cancel(peer);
+  ArmOrdersTimer(context);
 }
 
 void SharingActor::CancelOrders(Context& context) {
-  for (const auto& [peer, order] : orders_) context.Cancel(order.timer);
-  orders_.clear();
+  orders_.CancelAll();
+  ArmOrdersTimer(context);
 }
 
 void SharingActor::StartStepTimer(Context& context, Duration delay, std::uint64_t step) {
@@ -465,43 +441,56 @@ void SharingActor::Perform(Context& context, SharingActions actions) {
   }
 }
 
-void SharingActor::ArmSessionTimer(Context& context, Outgoing& outgoing) {
-  const std::optional<MonotonicTime> deadline = outgoing.session.deadline();
-  if (outgoing.armed == deadline) return;
+void SharingActor::PerformOrders(Context& context, SharingActions actions) {
+  for (SharingAction& action : actions) *action.message.mutable_term() = roles_.term();
+  Perform(context, std::move(actions));
+  ArmOrdersTimer(context);
+}
+
+void SharingActor::Arm(Context& context, DeadlineTimer& timer, std::optional<MonotonicTime> deadline,
+                       std::uint32_t kind, AgentId peer) {
+  if (timer.armed == deadline) return;
   // A timer that comes early costs one wake-up; arming it anew with each message would cost more.
-  if (outgoing.armed && deadline && *outgoing.armed < *deadline) return;
-  if (outgoing.armed) context.Cancel(outgoing.timer);
-  outgoing.armed = deadline;
+  if (timer.armed && deadline && *timer.armed < *deadline) return;
+  if (timer.armed) context.Cancel(timer.timer);
+  timer.armed = deadline;
   if (deadline) {
     const Duration delay = *deadline > context.now() ? *deadline - context.now() : Duration::zero();
-    outgoing.timer = context.AfterTimer(delay, kSession, outgoing.session.destination());
+    timer.timer = context.AfterTimer(delay, kind, peer);
   }
 }
 
+void SharingActor::ArmSessionTimer(Context& context, Outgoing& outgoing) {
+  Arm(context, outgoing.timer, outgoing.session.deadline(), kSession, outgoing.session.destination());
+}
+
+void SharingActor::ArmOrdersTimer(Context& context) { Arm(context, orders_timer_, orders_.deadline(), kOrders, 0); }
+
 void SharingActor::DivideBudget(Context& context) {
-  const double budget = BudgetOf(options_.team);
-  if (budget <= 0) return;
+  if (!radio_share_.is_limited()) return;
   const std::size_t incoming = receiver_->MovingSessions(context.now());
   std::size_t moving = incoming;
   for (const auto& [destination, outgoing] : outgoing_) moving += outgoing.session.is_moving() ? 1 : 0;
-  receiver_->SetMovingElsewhere(moving - incoming + moving_elsewhere_);
-  const double part = budget / static_cast<double>(std::max<std::size_t>(moving + moving_elsewhere_, 1));
+  receiver_->SetMovingElsewhere(moving - incoming + radio_share_.moving_elsewhere());
   for (auto& [destination, outgoing] : outgoing_) {
     if (!outgoing.session.is_moving()) continue;
-    outgoing.session.SetRate(part, context.now());
+    outgoing.session.SetRate(radio_share_.Part(moving), context.now());
     ArmSessionTimer(context, outgoing);
   }
   if (incoming > 0 && !is_budget_timer_armed_) {  // Who falls silent gives its part back, and nothing tells of it.
     (void)context.AfterTimer(kBudgetPeriod, kBudget, 0);
     is_budget_timer_armed_ = true;
   }
-  if (moving_told_ == moving) return;
+  if (radio_share_.MustTell(moving)) TellLoad(context, moving);
+}
+
+void SharingActor::TellLoad(Context& context, std::size_t moving) {
   proto::Message load;
   load.set_ms_type(proto::CONTROL);
   load.mutable_sharing_load()->set_moving_sessions(static_cast<std::uint32_t>(moving));
   const char* other = kind_ == proto::SHARING_KIND_SYNC ? actor_name::kReplica : actor_name::kSync;
   const SendResult told = context.Send({options_.self, other}, std::move(load));
-  if (told != SendResult::kFull) moving_told_ = moving;
+  if (told != SendResult::kFull) radio_share_.NoteTold(moving);
 }
 
 }  // namespace moondb

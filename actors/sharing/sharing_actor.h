@@ -1,11 +1,12 @@
 // SharingActor: what SyncActor and ReplicaActor have in common: sessions out, sessions in, and the way to storage.
 //
-// The conversation with peers goes to the actor of the same name there. Sessions and receiver are plain state
-// machines (SharingSession, SharingReceiver); this actor only carries their messages, timers and roles. One outgoing
-// session per destination, several at a time; after a restart of this actor orders are forgotten (whoever wants the
-// records asks again) but nothing that was acknowledged is. Where an end of a session drives or sleeps (LeasesChanged)
-// the session waits until neither does; past one that drives states may go. What the agent sends and receives keeps to
-// the team file's radio.budget_kbps: its sessions in both directions and of both kinds have equal parts of it.
+// The conversation with peers goes to the actor of the same name there. Sessions, receiver, orders to peers and the
+// share of the radio are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare); this actor only
+// carries their messages, timers and roles. One outgoing session per destination, several at a time; after a restart of
+// this actor orders are forgotten (whoever wants the records asks again) but nothing that was acknowledged is. Where an
+// end of a session drives or sleeps (LeasesChanged) the session waits until neither does; past one that drives states
+// may go. What the agent sends and receives keeps to the team file's radio.budget_kbps: its sessions in both directions
+// and of both kinds have equal parts of it.
 //
 // Bodies that belong to this agent (timers, roles, storage's answers) are taken from this agent only, sharing's own
 // from agents of the team only; everything else is ignored.
@@ -17,6 +18,8 @@
 #include <string>
 #include <vector>
 
+#include "actors/sharing/peer_orders.h"
+#include "actors/sharing/radio_share.h"
 #include "actors/sharing/sharing_receiver.h"
 #include "actors/sharing/sharing_session.h"
 #include "model/leases.h"
@@ -40,8 +43,7 @@ class SharingActor : public Actor {
   void OnMessage(Context& context, const proto::Message& message) final;
 
  protected:
-  SharingActor(Options options, proto::SharingKind kind)
-      : options_(std::move(options)), kind_(kind), leases_(options_.team.radio().quiet_while_driving()) {}
+  SharingActor(Options options, proto::SharingKind kind);
 
   // How many sessions were started, asked for or already open because of this. kRefused where the roles do not allow
   // it, kInvalid for a request that cannot be meant for this agent. Kind, destination and from_agents are checked.
@@ -93,19 +95,16 @@ class SharingActor : public Actor {
   std::string TermText(const proto::Term& term) const;  // "4 by rover2".
 
  private:
-  // To an agent that has not answered yet.
-  struct ShareOrder {
-    std::uint64_t number = 0;
-    std::uint64_t bytes_max = 0;
-    Duration delay{};
+  // A timer of the runtime that stands for a deadline which moves.
+  struct DeadlineTimer {
     TimerId timer = 0;
+    std::optional<MonotonicTime> armed;
   };
 
   struct Outgoing {
     SharingSession session;
     bool is_by_role = false;
-    TimerId timer = 0;
-    std::optional<MonotonicTime> armed;
+    DeadlineTimer timer;
   };
 
   void OnLocal(Context& context, const proto::Message& message);
@@ -115,9 +114,6 @@ class SharingActor : public Actor {
   void OnStoreReply(Context& context, const proto::Message& message);
   void OnShareRequest(Context& context, const proto::Message& message);
   void OnShareReply(Context& context, const proto::Message& message);
-  void OnOrderTimer(Context& context, AgentId peer);
-  void BeginOrder(Context& context, AgentId peer);
-  void SendOrder(Context& context, AgentId peer);
   void OnShareStatusRequest(Context& context);
   void OnLink(Context& context, const proto::PeerEvent& event);
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
@@ -134,9 +130,14 @@ class SharingActor : public Actor {
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
   void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.
+  void PerformOrders(Context& context, SharingActions actions);
+  static void Arm(Context& context, DeadlineTimer& timer, std::optional<MonotonicTime> deadline, std::uint32_t kind,
+                  AgentId peer);
   void ArmSessionTimer(Context& context, Outgoing& outgoing);
+  void ArmOrdersTimer(Context& context);
   // Divides the radio's budget among the sessions of this agent that are moving, the other sharing actor's too.
   void DivideBudget(Context& context);
+  void TellLoad(Context& context, std::size_t moving);
 
   const Options options_;
   const proto::SharingKind kind_;
@@ -144,12 +145,12 @@ class SharingActor : public Actor {
   std::set<AgentId> connected_;
   Leases leases_;
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
-  std::map<AgentId, ShareOrder> orders_;  // By whom they go to.
-  std::uint64_t last_order_ = 0;          // The last one that this life of the actor gave or took of a client.
-  ShareOrderId in_hand_;                  // The request that Share carries out now.
+  PeerOrders orders_;
+  DeadlineTimer orders_timer_;
+  std::uint64_t last_order_ = 0;  // The last one that this life of the actor gave or took of a client.
+  ShareOrderId in_hand_;          // The request that Share carries out now.
   std::optional<SharingReceiver> receiver_;
-  std::optional<std::size_t> moving_told_;  // To the other sharing actor.
-  std::size_t moving_elsewhere_ = 0;        // As it told.
+  RadioShare radio_share_;
   bool is_budget_timer_armed_ = false;
   RateLimitedLog refused_log_;
 };

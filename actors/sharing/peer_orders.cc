@@ -1,0 +1,58 @@
+#include "actors/sharing/peer_orders.h"
+
+#include <algorithm>
+
+namespace moondb {
+
+SharingActions PeerOrders::Give(AgentId peer, std::uint64_t number, std::uint64_t bytes_max, Time now) {
+  const auto open = orders_.find(peer);
+  if (open != orders_.end() && open->second.bytes_max == 0) bytes_max = 0;
+  const ResendDelay delay(options_.resend_after, options_.resend_after_max);
+  Order& order = orders_.insert_or_assign(peer, Order{number, bytes_max, delay, {}}).first->second;
+  return {Send(peer, order, now)};
+}
+
+SharingActions PeerOrders::OnConnected(AgentId peer, Time now) {
+  const auto order = orders_.find(peer);
+  if (order == orders_.end()) return {};
+  order->second.delay.Reset();
+  return {Send(peer, order->second, now)};
+}
+
+SharingActions PeerOrders::OnTimer(Time now) {
+  SharingActions actions;
+  for (auto& [peer, order] : orders_) {
+    if (now < order.due) continue;
+    order.delay.Grow();
+    actions.push_back(Send(peer, order, now));
+  }
+  return actions;
+}
+
+bool PeerOrders::TakeAnswer(AgentId peer, std::uint64_t number) {
+  const auto order = orders_.find(peer);
+  if (order == orders_.end() || order->second.number != number) return false;
+  orders_.erase(order);
+  return true;
+}
+
+std::optional<PeerOrders::Time> PeerOrders::deadline() const {
+  std::optional<Time> first;
+  for (const auto& [peer, order] : orders_) first = first ? std::min(*first, order.due) : order.due;
+  return first;
+}
+
+SharingAction PeerOrders::Send(AgentId peer, Order& order, Time now) const {
+  order.due = now + order.delay.delay();
+  SharingAction action{peer, {}};
+  action.message.set_ms_type(proto::CONTROL);
+  action.message.set_request_id(order.number);  // The answer has it, too: an earlier order's is not taken for it.
+  proto::ShareRequest& request = *action.message.mutable_share_request();
+  request.set_kind(options_.kind);
+  request.set_destination(options_.self);
+  request.set_bytes_max(order.bytes_max);
+  request.set_order(order.number);
+  return action;
+}
+
+}  // namespace moondb

@@ -1,0 +1,77 @@
+#include "actors/sharing/peer_orders.h"
+
+#include <gtest/gtest.h>
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+class PeerOrdersTest : public testing::Test {
+ protected:
+  static PeerOrders::Options Options() { return {1, proto::SHARING_KIND_SYNC, seconds(5), seconds(20)}; }
+
+  // The orders that are sent when the next deadline has come, after so many seconds.
+  SharingActions NextAfter(int expected_s) {
+    if (!orders_.deadline()) return {};
+    EXPECT_EQ(*orders_.deadline() - now_, seconds(expected_s));
+    now_ = *orders_.deadline();
+    return orders_.OnTimer(now_);
+  }
+
+  PeerOrders orders_{Options()};
+  PeerOrders::Time now_{};
+};
+
+TEST_F(PeerOrdersTest, AsksUntilThePeerAnswersWithAGrowingDelay) {
+  EXPECT_FALSE(orders_.deadline());
+  const SharingActions first = orders_.Give(2, 41, 0, now_);
+  ASSERT_EQ(first.size(), 1u);
+  EXPECT_EQ(first[0].to, 2u);
+  EXPECT_EQ(first[0].message.request_id(), 41u);
+  EXPECT_EQ(first[0].message.share_request().order(), 41u);
+  EXPECT_EQ(first[0].message.share_request().destination(), 1u);
+  EXPECT_EQ(first[0].message.share_request().kind(), proto::SHARING_KIND_SYNC);
+  for (const int delay : {5, 10, 20, 20}) EXPECT_EQ(NextAfter(delay).size(), 1u);
+  EXPECT_FALSE(orders_.TakeAnswer(2, 40)) << "to an earlier order";
+  EXPECT_FALSE(orders_.TakeAnswer(3, 41)) << "of another peer";
+  EXPECT_TRUE(orders_.TakeAnswer(2, 41));
+  EXPECT_FALSE(orders_.TakeAnswer(2, 41));
+  EXPECT_FALSE(orders_.deadline());
+}
+
+TEST_F(PeerOrdersTest, AsksAtOnceWhereThePeerIsReachedAgain) {
+  EXPECT_TRUE(orders_.OnConnected(2, now_).empty()) << "nothing is ordered";
+  orders_.Give(2, 41, 0, now_);
+  NextAfter(5);
+  NextAfter(10);
+  now_ += seconds(1);
+  EXPECT_EQ(orders_.OnConnected(2, now_).size(), 1u);
+  EXPECT_EQ(NextAfter(5).size(), 1u);
+}
+
+TEST_F(PeerOrdersTest, EachPeerHasItsOwnDelay) {
+  orders_.Give(2, 41, 0, now_);
+  NextAfter(5);
+  orders_.Give(3, 42, 0, now_);
+  const SharingActions next = NextAfter(5);
+  ASSERT_EQ(next.size(), 1u);
+  EXPECT_EQ(next[0].to, 3u);
+  EXPECT_EQ(NextAfter(5).at(0).to, 2u);
+  orders_.Cancel(2);
+  EXPECT_EQ(NextAfter(5).at(0).to, 3u);
+  orders_.CancelAll();
+  EXPECT_FALSE(orders_.deadline());
+}
+
+TEST_F(PeerOrdersTest, ALimitDoesNotNarrowAnOrderThatHasNone) {
+  EXPECT_EQ(orders_.Give(2, 41, 500, now_)[0].message.share_request().bytes_max(), 500u);
+  EXPECT_EQ(orders_.Give(2, 42, 700, now_)[0].message.share_request().bytes_max(), 700u);
+  EXPECT_EQ(orders_.Give(2, 43, 0, now_)[0].message.share_request().bytes_max(), 0u);
+  EXPECT_EQ(orders_.Give(2, 44, 500, now_)[0].message.share_request().bytes_max(), 0u);
+  EXPECT_FALSE(orders_.TakeAnswer(2, 43));
+  EXPECT_TRUE(orders_.TakeAnswer(2, 44));
+}
+
+}  // namespace
+}  // namespace moondb
