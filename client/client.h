@@ -43,7 +43,7 @@ class Client {
     std::size_t message_bytes_max = 32 * 1024 * 1024;   // Of a request or an answer.
     // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
     AgentId for_agent = 0;
-    std::string by = {};  // Who asks, for the team's story: "anna@hill". Empty: this user at this machine.
+    std::string by = {};  // Who asks, for the event log: "anna@hill". Empty: this user at this machine.
     // TeamConfig::team_id of the client's team file. An agent of another team refuses, and its answers are refused;
     // empty: any team's are taken.
     std::string team_id = {};
