@@ -853,7 +853,7 @@ const std::vector<Mutant>& Mutants() {
              })},
       {"NothingHome",
        "a leader does not bring an agent its own records",
-       {"home_again"},
+       {"home_again", "newest_state"},
        25,
        Hears(kStorage,
              [](Context&, proto::Message& message) {
