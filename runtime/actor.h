@@ -93,9 +93,10 @@ class Context {
   // From now on PeerEvents come, on the control lane: first one for each peer that is connected, then each change.
   virtual void WatchPeers() = 0;
 
-  // From now on what is published on `topic` comes: first what was published last, if anything was, then each. Roles
-  // and leases come on the control lane. That something was stored comes on the data lane past its bounds: while one
-  // such message waits, later ones are added to it. Ends with this incarnation.
+  // From now on what is published on `topic` comes. Roles and leases: first what was published last, if anything was,
+  // then each change, on the control lane. That something was stored (what is there already is read at the start) comes
+  // on the data lane past its bounds: while one such message waits, later ones are added to it. Ends with this
+  // incarnation.
   virtual void Watch(Topic topic) = 0;
   // RoleActor, LeaseActor and StorageActor only, each on its own topic.
   virtual void Publish(OwnedMessage message) = 0;
