@@ -27,8 +27,6 @@ Monitors::Notices Monitors::WatchPeers(const std::string& watcher) {
 
 Monitors::Notices Monitors::Watch(const std::string& watcher, Topic topic) {
   topic_watchers_[topic].insert(watcher);
-  // An actor that failed at it would fail again as soon as it is made anew.
-  if (topic == Topic::kStored) return {};
   const auto last = published_.find(topic);
   if (last == published_.end()) return {};
   return {MakeNews(watcher, last->second)};
@@ -37,11 +35,12 @@ Monitors::Notices Monitors::Watch(const std::string& watcher, Topic topic) {
 Monitors::Notices Monitors::Publish(const std::string& publisher, const proto::Message& message) {
   Check(IsOfTopic(message), "what is published is of a topic");
   const auto topic = static_cast<Topic>(message.body_case());
-  proto::Message& last = published_[topic];
-  last = message;
-  last.set_source_actor(publisher);
+  proto::Message news = message;
+  news.set_source_actor(publisher);
   Notices notices;
-  for (const std::string& watcher : topic_watchers_[topic]) notices.push_back(MakeNews(watcher, last));
+  for (const std::string& watcher : topic_watchers_[topic]) notices.push_back(MakeNews(watcher, news));
+  // Records stored are no state that stands; an actor that failed at them would fail again once it is made anew.
+  if (topic != Topic::kStored) published_[topic] = std::move(news);
   return notices;
 }
 

@@ -49,7 +49,7 @@ class Monitors {
   std::set<AgentId> connected_;
   std::set<std::string> peer_watchers_;
   std::map<Topic, std::set<std::string>> topic_watchers_;
-  std::map<Topic, proto::Message> published_;            // The last of each, with its publisher.
+  std::map<Topic, proto::Message> published_;            // What stands: roles and leases, with their publishers.
   std::map<std::string, std::set<Address>> targets_of_;  // By watcher.
 };
 

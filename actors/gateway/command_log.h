@@ -1,8 +1,8 @@
 // CommandLog: which of the commands that clients and other agents give are written down, as events in the agent's store
 // (EVENT_KIND_COMMAND).
 //
-// Of one kind of command at most Options::commands_max in a period are written down, and then how many more there were:
-// a program does not flood the event log. Plain logic; whoever calls it stores what it gives and keeps the time.
+// At most Options::commands_max commands of one kind are written down in a period, and then how many more there were: a
+// program does not flood the event log. Plain logic; whoever calls it stores what it gives and keeps the time.
 #pragma once
 
 #include <chrono>
@@ -39,16 +39,16 @@ class CommandLog {
   struct Commands {
     int written = 0;
     int left_out = 0;
-    std::string last_text;  // Of those left out.
-    std::string last_by;
+    std::string last_text;  // The text of the last command that was left out, and
+    std::string last_by;    // who gave it.
   };
 
   const Options options_;
   std::map<Kind, Commands> commands_;
 };
 
-// Who a client is, for the event log: one without a key may not pass for one that has it, so that what it says of
-// itself ends before "(key)".
+// The client's name for the event log. A client without a key may not pass for one that has a key, so that what it says
+// of itself ends before "(key)".
 std::string ByOf(const proto::Message& message);
 
 }  // namespace moondb

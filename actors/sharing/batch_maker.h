@@ -96,7 +96,7 @@ class BatchMaker {
   double coded_ratio_ = 0.5;        // Coded bytes per content byte, smoothed.
   std::optional<MadeBatch> ready_;
   std::optional<Large> large_;
-  PartOfWhole part_;  // That the destination has, as it said.
+  PartOfWhole part_;  // The part of a large record that the destination said it has.
   bool is_end_told_ = false;
   std::uint64_t missing_count_ = 0;                // Behind what is ready and under way.
   std::vector<proto::TypeBacklog> missing_types_;  // The same by data type.

@@ -35,8 +35,9 @@ class BatchesUnderWay {
   // The session starts over: nothing is under way, and what the destination did not take may be sent again.
   void Clear();
 
-  void SetHave(HaveSet have) { have_ = std::move(have); }  // Of the destination, as it said.
-  // What it said later joins that. kInvalid where this would be too large.
+  // The destination said that it has this.
+  void SetHave(HaveSet have) { have_ = std::move(have); }
+  // What the destination says later joins what it said before. kInvalid where both together would be too large.
   Result<void> CheckJoins(const HaveSet& heard) const;
   void Join(const HaveSet& heard) { have_.Merge(heard); }
   const HaveSet& have() const { return have_; }
@@ -55,10 +56,10 @@ class BatchesUnderWay {
 
   struct Acknowledged {
     std::size_t batches = 0;
-    std::size_t records = 0;  // Those that the destination took.
+    std::size_t records = 0;  // Records that the destination took.
     std::size_t bytes = 0;    // Coded.
   };
-  // That batch, and each other one whose records the destination has by now.
+  // The batch of that number is acknowledged, and so is each other batch whose records the destination has by now.
   Acknowledged Acknowledge(std::uint32_t number);
   // Batches travel nearly in order: one that is still open when the second after it is acknowledged was lost. How many
   // were given up.

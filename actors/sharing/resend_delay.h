@@ -32,8 +32,8 @@ class ResendDelay {
   void NoteProgress(bool has_records) {
     if (has_records || !is_refused_) Reset();
   }
-  // Whether a destination that has forgotten the session is answered at once: once without progress in between, since
-  // the delay serves what lasts.
+  // A destination that has forgotten the session is answered at once, but only once until there is progress: the delay
+  // is for trouble that lasts. True where it is that once.
   bool TakeStartAtOnce() { return !std::exchange(has_started_over_at_once_, true); }
 
  private:
