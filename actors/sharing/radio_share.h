@@ -1,7 +1,8 @@
-// RadioShare: one sharing actor's knowledge of who shares this agent's radio, and what each session gets of its budget.
+// RadioShare: what one sharing actor knows of the sessions that share this agent's radio, and what each of them gets of
+// its budget.
 //
-// All sessions that are moving have equal parts: in both directions, and those of the agent's other sharing actor,
-// which tells how many it has whenever that changes. Plain value.
+// All sessions that are moving have equal parts: in both directions, and those of the agent's other sharing actor. The
+// two actors notify each other of how many they have whenever that changes. Plain value.
 #pragma once
 
 #include <algorithm>
@@ -21,21 +22,22 @@ class RadioShare {
     return bytes_per_second_ / static_cast<double>(std::max<std::size_t>(moving + moving_elsewhere_, 1));
   }
 
-  // What the other sharing actor tells.
-  void HearElsewhere(std::size_t moving) {
+  // As the other sharing actor says.
+  void SetMovingElsewhere(std::size_t moving) {
     moving_elsewhere_ = moving;
-    // It may have begun anew, and not know this actor's.
-    if (moving == 0 && told_.value_or(0) > 0) told_.reset();
+    // The other actor may have begun anew, and not know of this one's sessions.
+    if (moving == 0 && notified_.value_or(0) > 0) notified_.reset();
   }
   std::size_t moving_elsewhere() const { return moving_elsewhere_; }
 
-  bool MustTell(std::size_t moving) const { return told_ != moving; }
-  void NoteTold(std::size_t moving) { told_ = moving; }
+  // The other sharing actor does not know yet that so many of this one's sessions are moving.
+  bool MustNotify(std::size_t moving) const { return notified_ != moving; }
+  void NoteNotified(std::size_t moving) { notified_ = moving; }
 
  private:
   double bytes_per_second_;
   std::size_t moving_elsewhere_ = 0;
-  std::optional<std::size_t> told_;  // To the other sharing actor, last.
+  std::optional<std::size_t> notified_;  // What the other sharing actor heard of this one last.
 };
 
 }  // namespace moondb

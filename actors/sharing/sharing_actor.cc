@@ -95,7 +95,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       }
       return;
     case proto::Message::kSharingLoad:
-      return radio_share_.HearElsewhere(message.sharing_load().moving_sessions());
+      return radio_share_.SetMovingElsewhere(message.sharing_load().moving_sessions());
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
     case proto::Message::kShareStatusRequest:
@@ -481,16 +481,16 @@ void SharingActor::DivideBudget(Context& context) {
     (void)context.AfterTimer(kBudgetPeriod, kBudget, 0);
     is_budget_timer_armed_ = true;
   }
-  if (radio_share_.MustTell(moving)) TellLoad(context, moving);
+  if (radio_share_.MustNotify(moving)) NotifyOfLoad(context, moving);
 }
 
-void SharingActor::TellLoad(Context& context, std::size_t moving) {
+void SharingActor::NotifyOfLoad(Context& context, std::size_t moving) {
   proto::Message load;
   load.set_ms_type(proto::CONTROL);
   load.mutable_sharing_load()->set_moving_sessions(static_cast<std::uint32_t>(moving));
   const char* other = kind_ == proto::SHARING_KIND_SYNC ? actor_name::kReplica : actor_name::kSync;
-  const SendResult told = context.Send({options_.self, other}, std::move(load));
-  if (told != SendResult::kFull) radio_share_.NoteTold(moving);
+  const SendResult sent = context.Send({options_.self, other}, std::move(load));
+  if (sent != SendResult::kFull) radio_share_.NoteNotified(moving);
 }
 
 }  // namespace moondb

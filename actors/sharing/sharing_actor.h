@@ -137,7 +137,7 @@ class SharingActor : public Actor {
   void ArmOrdersTimer(Context& context);
   // Divides the radio's budget among the sessions of this agent that are moving, the other sharing actor's too.
   void DivideBudget(Context& context);
-  void TellLoad(Context& context, std::size_t moving);
+  void NotifyOfLoad(Context& context, std::size_t moving);
 
   const Options options_;
   const proto::SharingKind kind_;
