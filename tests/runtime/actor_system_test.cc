@@ -517,11 +517,15 @@ std::string NewsText(Context& context, const proto::Message& message) {
 
 TEST_F(ActorSystemTest, WhatIsPublishedReachesThoseWhoWatchThenAndLater) {
   const auto listener = [this](Topic topic) {
-    return Scripted([topic](Context& context) { context.Watch(topic); },
-                    [this](Context& context, const proto::Message& message) {
-                      if (!IsOfTopic(message)) return context.Fail({ErrorCode::kInternal, "", {}});
-                      heard_.Add(context.self().actor + ": " + NewsText(context, message));
-                    });
+    return Scripted(
+        [this, topic](Context& context) {
+          context.Watch(topic);
+          heard_.Add(context.self().actor + " watches");
+        },
+        [this](Context& context, const proto::Message& message) {
+          if (!IsOfTopic(message)) return context.Fail({ErrorCode::kInternal, "", {}});
+          heard_.Add(context.self().actor + ": " + NewsText(context, message));
+        });
   };
   system_.Spawn("early", {}, listener(Topic::kRoles));
   system_.Spawn(
@@ -537,14 +541,18 @@ TEST_F(ActorSystemTest, WhatIsPublishedReachesThoseWhoWatchThenAndLater) {
                 }));
   system_.Spawn("reader", {}, listener(Topic::kStored));
   system_.Start(nullptr);
+  EXPECT_THAT(heard_.Next(2), ElementsAre("early watches", "reader watches"));
   ASSERT_EQ(system_.Post("role", Numbered(2)), SendResult::kAccepted);
   EXPECT_EQ(heard_.Next(), "early: roles 2 of 1/role");
   ASSERT_EQ(system_.Post("storage", Numbered(7)), SendResult::kAccepted);
   EXPECT_EQ(heard_.Next(), "reader: stored 7 of 1/storage");
-  for (const char* name : {"early", "reader"}) ASSERT_EQ(system_.Post(name, {}), SendResult::kAccepted);
+  ASSERT_EQ(system_.Post("early", {}), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "early watches");
   EXPECT_EQ(heard_.Next(), "early: roles 2 of 1/role") << "made anew, it hears what was published last";
   ASSERT_EQ(system_.Post("role", Numbered(3)), SendResult::kAccepted);
   EXPECT_EQ(heard_.Next(), "early: roles 3 of 1/role");
+  ASSERT_EQ(system_.Post("reader", {}), SendResult::kAccepted);
+  EXPECT_EQ(heard_.Next(), "reader watches");
   ASSERT_EQ(system_.Post("storage", Numbered(8)), SendResult::kAccepted);
   EXPECT_EQ(heard_.Next(), "reader: stored 8 of 1/storage") << "the one before does not come again";
   system_.Stop();
