@@ -10,8 +10,8 @@
 
 #include "bench/tally.h"
 #include "runtime/actor_system.h"
-#include "runtime/team_config.h"
-#include "runtime/zeromq_transport.h"
+#include "runtime/team/team_config.h"
+#include "runtime/transport/zeromq_transport.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {

@@ -11,7 +11,7 @@
 #include "bench/measure.h"
 #include "bench/tally.h"
 #include "model/check.h"
-#include "runtime/curve_keys.h"
+#include "runtime/team/curve_keys.h"
 
 namespace moondb {
 namespace {
@@ -90,7 +90,7 @@ class RawAgent {
     return socket;
   }
 
-  // What runtime/peer_link.cc and runtime/zeromq_transport.cc set.
+  // What runtime/transport/peer_link.cc and runtime/transport/zeromq_transport.cc set.
   void SetUpAsMoondb() {
     for (void* socket : {dealer_, router_}) {
       Set(socket, ZMQ_LINGER, 0);

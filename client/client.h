@@ -1,9 +1,9 @@
 // Client: what a robot's software, a planner or an operator's tool asks of its agent.
 //
-// Speaks proto/control.proto over a ZeroMQ DEALER to the agent's own endpoint (runtime/team_config.h, ClientEndpoint);
-// knows nothing of actors. Calls are synchronous, one at a time. Not thread-safe: one Client a thread. A call that
-// timed out or lost its agent leaves the Client usable: the next call connects again, and an answer that comes too late
-// is dropped.
+// Speaks proto/control.proto over a ZeroMQ DEALER to the agent's own endpoint (runtime/team/team_config.h,
+// ClientEndpoint); knows nothing of actors. Calls are synchronous, one at a time. Not thread-safe: one Client a thread.
+// A call that timed out or lost its agent leaves the Client usable: the next call connects again, and an answer that
+// comes too late is dropped.
 //
 //   auto client = Client::Connect("ipc:///run/user/1000/moondb/team/rover1", "rover1", {});
 //   if (!client) return client.error();

@@ -12,8 +12,8 @@
 #include <string_view>
 #include <vector>
 
+#include "model/did_you_mean.h"
 #include "model/json_text.h"
-#include "runtime/did_you_mean.h"
 
 namespace moondb {
 namespace {

@@ -4,7 +4,7 @@
 // where "actor" is there only for a text that begins with its actor's or part's name, which then is not in "text".
 //
 // Code logs with spdlog::info and its like; a text begins with its actor's or part's name: "transport: rover2 is
-// connected". Bytes of peers and operators go through Quoted (runtime/placed_errors.h) first: lines stay lines.
+// connected". Bytes of peers and operators go through Quoted (runtime/team/placed_errors.h) first: lines stay lines.
 #pragma once
 
 #include <string>

@@ -8,7 +8,7 @@
 #include "model/agent_name.h"
 #include "model/control_request.h"
 #include "model/team_id.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

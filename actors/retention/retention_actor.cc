@@ -9,7 +9,7 @@
 #include "model/agent_name.h"
 #include "model/custom_types.h"
 #include "model/have_set.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "model/term.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "model/agent_name.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

@@ -26,7 +26,7 @@
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/rate_limited_log.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 

@@ -15,7 +15,7 @@
 
 #include "model/team_id.h"
 #include "model/text.h"
-#include "runtime/team_check.h"
+#include "runtime/team/team_check.h"
 
 namespace moondb {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "apps/common/data_folder.h"
 #include "model/local_socket.h"
-#include "runtime/client_endpoint.h"
-#include "runtime/private_folder.h"
+#include "runtime/team/client_endpoint.h"
+#include "runtime/team/private_folder.h"
 
 namespace moondb {
 namespace {

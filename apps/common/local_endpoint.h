@@ -6,7 +6,7 @@
 #include <string>
 
 #include "model/error.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 

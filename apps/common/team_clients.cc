@@ -1,8 +1,8 @@
 #include "apps/common/team_clients.h"
 
 #include "apps/common/local_endpoint.h"
-#include "runtime/curve_keys.h"
-#include "runtime/did_you_mean.h"
+#include "model/did_you_mean.h"
+#include "runtime/team/curve_keys.h"
 
 namespace moondb {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "client/client.h"
 #include "model/agent_name.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 

@@ -10,13 +10,13 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/commands.h"
+#include "model/did_you_mean.h"
 #include "model/rights_name.h"
 #include "model/text.h"
-#include "runtime/client_list.h"
-#include "runtime/curve_keys.h"
-#include "runtime/did_you_mean.h"
-#include "runtime/new_files.h"
-#include "runtime/team_check.h"
+#include "runtime/team/client_list.h"
+#include "runtime/team/curve_keys.h"
+#include "runtime/team/new_files.h"
+#include "runtime/team/team_check.h"
 
 namespace moondb {
 namespace {

@@ -10,7 +10,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/moonctl/health.h"
 #include "model/text.h"
-#include "runtime/curve_keys.h"
+#include "runtime/team/curve_keys.h"
 
 namespace moondb {
 namespace {

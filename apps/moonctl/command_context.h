@@ -22,7 +22,7 @@
 #include "apps/moonctl/team_reach.h"
 #include "client/client.h"
 #include "model/duration.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 

@@ -10,7 +10,7 @@
 #include "model/mission.h"
 #include "model/team_id.h"
 #include "model/text.h"
-#include "runtime/team_init.h"
+#include "runtime/team/team_init.h"
 
 namespace moondb {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "apps/common/json_writer.h"
 #include "proto/team.pb.h"
-#include "runtime/field_rules.h"
+#include "runtime/team/field_rules.h"
 
 namespace moondb {
 namespace {

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "model/text.h"
-#include "runtime/yaml_reader.h"
+#include "runtime/team/yaml_reader.h"
 
 namespace moondb {
 namespace {
@@ -130,7 +130,7 @@ std::set<std::string> GivenFields(const std::string& yaml) {
   Places places;
   PlacedErrors errors("");
   ReadYaml(yaml, &raw, &places, &errors);
-  // Custom types are sorted by id once they are read (runtime/team_check.h).
+  // Custom types are sorted by id once they are read (runtime/team/team_check.h).
   constexpr std::string_view kTypes = "custom_types[";
   std::vector<std::uint32_t> ids;
   for (const proto::CustomType& type : raw.custom_types()) ids.push_back(type.id());

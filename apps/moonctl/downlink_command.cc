@@ -8,7 +8,7 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/record_json.h"
 #include "model/text.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

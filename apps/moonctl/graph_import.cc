@@ -5,7 +5,7 @@
 #include <set>
 
 #include "apps/moonctl/team_letters.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "apps/moonctl/command_tree.h"
-#include "runtime/did_you_mean.h"
+#include "model/did_you_mean.h"
 
 namespace moondb {
 

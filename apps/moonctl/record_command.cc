@@ -8,9 +8,9 @@
 #include "apps/moonctl/follow.h"
 #include "apps/moonctl/record_json.h"
 #include "model/custom_types.h"
+#include "model/did_you_mean.h"
 #include "model/record_check.h"
 #include "model/text.h"
-#include "runtime/did_you_mean.h"
 
 namespace moondb {
 namespace {

@@ -8,7 +8,7 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
 #include "apps/moonctl/role_change.h"
-#include "runtime/did_you_mean.h"
+#include "model/did_you_mean.h"
 
 namespace moondb {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "client/client.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 

@@ -17,8 +17,8 @@
 #include "apps/moondb_agent/standard_actors.h"
 #include "model/check.h"
 #include "runtime/actor_system.h"
-#include "runtime/client_list.h"
-#include "runtime/zeromq_transport.h"
+#include "runtime/team/client_list.h"
+#include "runtime/transport/zeromq_transport.h"
 
 namespace moondb {
 namespace {

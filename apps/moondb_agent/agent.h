@@ -16,7 +16,7 @@
 #include "actors/merge/gather_backend.h"
 #include "model/error.h"
 #include "runtime/actor.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "model/term.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb::simulation {
 namespace {

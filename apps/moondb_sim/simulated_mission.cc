@@ -22,7 +22,7 @@
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
 #include "model/term.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb::simulation {
 namespace {

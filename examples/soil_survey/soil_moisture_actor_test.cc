@@ -13,7 +13,7 @@
 #include "actors/storage/storage_actor.h"
 #include "model/custom_types.h"
 #include "runtime/simulation/simulated_team.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace soil_survey {
 namespace {

@@ -12,7 +12,7 @@
 
 #include "client/client.h"
 #include "google/protobuf/struct.pb.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 #include "tests/apps/program.h"
 #include "tests/temporary_folder.h"
 

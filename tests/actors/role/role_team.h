@@ -10,7 +10,7 @@
 
 #include "actors/role/role_actor.h"
 #include "runtime/simulation/simulated_team.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 

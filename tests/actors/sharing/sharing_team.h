@@ -8,7 +8,7 @@
 #include "actors/sharing/replica_actor.h"
 #include "actors/sharing/sync_actor.h"
 #include "runtime/simulation/simulated_team.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 #include "tests/actors/sharing/memory_store.h"
 
 namespace moondb {

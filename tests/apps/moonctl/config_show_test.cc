@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "model/text.h"
-#include "runtime/team_config.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

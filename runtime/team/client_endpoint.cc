@@ -1,0 +1,61 @@
+#include "runtime/team/client_endpoint.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "model/local_socket.h"
+#include "model/team_id.h"
+#include "runtime/team/private_folder.h"
+
+namespace moondb {
+namespace {
+
+// An empty variable counts as unset.
+std::filesystem::path FolderIn(const char* variable) {
+  const char* folder = std::getenv(variable);
+  return folder == nullptr ? "" : folder;
+}
+
+// "moon-4f2a91c0": two teams of one name on one machine are apart.
+std::string TeamFolder(const proto::TeamConfig& team) {
+  const std::string id = TeamIdBytes(team.team_id());
+  return id.empty() ? team.team() : team.team() + "-" + TeamIdStart(id);
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> RunFolders() {
+  std::vector<std::filesystem::path> folders;
+  const auto add = [&folders](const std::filesystem::path& folder) {
+    if (std::find(folders.begin(), folders.end(), folder) == folders.end()) folders.push_back(folder);
+  };
+  if (const auto folder = FolderIn("MOONDB_RUN_DIR"); !folder.empty()) add(folder);
+  if (const auto folder = FolderIn("XDG_RUNTIME_DIR"); !folder.empty()) add(folder / "moondb");
+  const std::string user = std::to_string(geteuid());
+  add("/tmp/moondb-" + user);
+  add("/run/user/" + user + "/moondb");
+  return folders;
+}
+
+Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name) {
+  return ClientEndpointIn(RunFolders().front(), team, agent_name);
+}
+
+Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, const TeamFile& team,
+                                     const std::string& agent_name) {
+  const std::filesystem::path folder = std::filesystem::absolute(run_folder) / TeamFolder(team.config);
+  const std::string path = (folder / (agent_name + ".sock")).string();
+  if (path.size() > kSocketPathLengthMax) {
+    return Fail(ErrorCode::kInvalid, path + ": longer than a socket's path may be (107 characters); " +
+                                         "set MOONDB_RUN_DIR to a shorter folder");
+  }
+  // Another user's socket must not be taken for the agent's.
+  if (const Result<void> is_private = CheckPrivateFolder(folder); !is_private) {
+    return tl::unexpected(is_private.error());
+  }
+  return "ipc://" + path;
+}
+
+}  // namespace moondb

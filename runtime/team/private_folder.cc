@@ -1,0 +1,51 @@
+#include "runtime/team/private_folder.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace moondb {
+namespace {
+
+constexpr mode_t kOwnerOnly = S_IRWXU;
+
+}  // namespace
+
+Result<void> CheckPrivateFolder(const std::filesystem::path& folder) {
+  struct stat status {};
+  if (lstat(folder.c_str(), &status) != 0) {
+    if (errno == ENOENT) return {};
+    return Fail(ErrorCode::kInvalid, folder.string() + ": " + std::strerror(errno));
+  }
+  const bool is_own_folder = S_ISDIR(status.st_mode) && status.st_uid == geteuid();
+  if (!is_own_folder || (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+    return Fail(ErrorCode::kInvalid, folder.string() + ": must be a folder of this user's with mode 0700");
+  }
+  const std::filesystem::path parent = folder.parent_path();
+  if (stat(parent.c_str(), &status) != 0) {
+    return Fail(ErrorCode::kInvalid, parent.string() + ": " + std::strerror(errno));
+  }
+  const bool is_trusted = status.st_uid == geteuid() || status.st_uid == 0;
+  const bool is_replaceable = (status.st_mode & (S_IWGRP | S_IWOTH)) != 0 && (status.st_mode & S_ISVTX) == 0;
+  if (!is_trusted || is_replaceable) {
+    return Fail(ErrorCode::kInvalid,
+                parent.string() + ": other users could replace the folder " + folder.filename().string() + " in it");
+  }
+  return {};
+}
+
+Result<void> MakePrivateFolder(const std::filesystem::path& folder) {
+  std::filesystem::path missing;
+  for (const std::filesystem::path& part : folder) {
+    missing /= part;
+    // Each level that we make is private, so that none of them can be swapped for another's.
+    if (mkdir(missing.c_str(), kOwnerOnly) != 0 && errno != EEXIST) {
+      return Fail(ErrorCode::kInvalid, missing.string() + ": " + std::strerror(errno));
+    }
+  }
+  return CheckPrivateFolder(folder);
+}
+
+}  // namespace moondb

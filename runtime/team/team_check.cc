@@ -1,0 +1,346 @@
+#include "runtime/team/team_check.h"
+
+#include <algorithm>
+#include <cctype>
+#include <charconv>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "model/custom_types.h"
+#include "model/data_types.h"
+#include "model/did_you_mean.h"
+#include "model/ids.h"
+#include "model/keep_rule.h"
+#include "model/local_socket.h"
+#include "model/team_id.h"
+#include "runtime/team/field_rules.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::size_t kNameLengthMax = 32;
+constexpr std::size_t kKeyFileLengthMax = 255;
+
+// Of a custom type: it stands beside the built-in ones' names in commands and JSON.
+bool IsTypeName(const std::string& name) {
+  return IsPlainName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
+}
+
+bool IsHost(const std::string& host) {
+  if (host.size() > 2 && host.front() == '[' && host.back() == ']') {
+    return host.find_first_not_of("0123456789abcdefABCDEF:.", 1) == host.size() - 1;
+  }
+  const auto is_host_character = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '.';
+  };
+  return !host.empty() && host.size() <= 253 && host.front() != '-' &&
+         std::all_of(host.begin(), host.end(), is_host_character);
+}
+
+// Empty if `address` can be listened on and connected to; `who` does the latter.
+std::string WhyNoAddress(const std::string& address, const std::string& who) {
+  if (address.rfind("ipc://", 0) == 0) {
+    const std::string path = address.substr(6);
+    if (path.empty() || path.front() != '/') return "expected an absolute path after ipc://";
+    if (path.size() > kSocketPathLengthMax) return "the path is longer than a socket's may be (107 characters)";
+    return "";
+  }
+  const std::size_t colon = address.rfind(':');
+  if (address.rfind("tcp://", 0) != 0 || colon < 6) {
+    return "expected tcp://HOST:PORT or ipc:///PATH, got " + Quoted(address);
+  }
+  const std::string host = address.substr(6, colon - 6);
+  if (host == "0.0.0.0" || host == "[::]" || host == "*") {
+    return who + " connect to this address, so it cannot be " + Quoted(host);
+  }
+  if (!IsHost(host)) return "expected a host's name or number, got " + Quoted(host);
+  int port = 0;
+  const char* end = address.data() + address.size();
+  const auto [stop, error] = std::from_chars(address.data() + colon + 1, end, port);
+  if (error != std::errc() || stop != end || port < 1 || port > 65535) {
+    return "expected a port from 1 to 65535, got " + Quoted(address.substr(colon + 1));
+  }
+  return "";
+}
+
+using Policies = google::protobuf::Map<std::string, proto::Policy>;
+
+// Null for a name that is no built-in type's.
+const DataTypeRow* RowNamed(const std::string& name) { return FindDataType(DataTypeFromName(name).value_or(0)); }
+
+class Checker {
+ public:
+  Checker(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors)
+      : team_(team), places_(places), errors_(*errors) {}
+
+  void Check() {
+    CheckFields(team_, places_, &errors_);
+    if (IsRead("team") && !IsPlainName(team_.team())) Add("team", kPlainNameRule + Quoted(team_.team()));
+    CheckTeamId();
+    CheckKinds();
+    for (int i = 0; i < team_.agents_size(); ++i) CheckAgent(i);
+    CheckDuplicates();
+    CheckRoles();
+    CheckPolicies("share", team_.share());
+    CheckPolicies("ground", team_.ground());
+    CheckKeepPolicies();
+    CheckCustomTypes();
+  }
+
+ private:
+  bool IsGiven(const std::string& field) const { return places_.count(field) > 0; }
+
+  void Add(const std::string& field, const std::string& text) { errors_.Add(PlaceOf(places_, field), field, text); }
+
+  // True if the field is there and nothing is wrong with it so far.
+  bool IsRead(const std::string& field) const { return IsGiven(field) && !errors_.Has(field); }
+
+  void CheckPolicies(const std::string& section, const Policies& policies) {
+    for (const auto& [name, policy] : policies) {
+      const DataTypeRow* row = RowNamed(name);
+      if (policy != proto::POLICY_LATEST || row == nullptr || row->may_be_latest) continue;
+      Add(section + "." + name, "expected none or all, got \"latest\"");
+    }
+  }
+
+  void CheckTeamId() {
+    if (!IsRead("team_id") || IsTeamId(team_.team_id())) return;
+    Add("team_id", "expected 32 digits of 0 to 9 and a to f, got " + Quoted(team_.team_id()));
+  }
+
+  // At least one rover, at most one base station.
+  void CheckKinds() {
+    const auto& agents = team_.agents();
+    const auto is_base = [](const proto::AgentConfig& agent) { return agent.kind() == proto::AGENT_KIND_BASE_STATION; };
+    if (std::all_of(agents.begin(), agents.end(), is_base)) Add("agents", "expected at least one rover");
+    const auto first_base = std::find_if(agents.begin(), agents.end(), is_base);
+    for (int i = 0; i < agents.size(); ++i) {
+      if (is_base(agents[i]) && i != first_base - agents.begin()) {
+        Add(AgentPath(i) + ".kind", "the team has a base station already: " + AgentPath(first_base - agents.begin()));
+      }
+    }
+  }
+
+  static std::string ElementPath(const std::string& list, std::ptrdiff_t index) {
+    return list + "[" + std::to_string(index) + "]";
+  }
+  static std::string AgentPath(std::ptrdiff_t index) { return ElementPath("agents", index); }
+
+  void CheckAgent(int index) {
+    const proto::AgentConfig& agent = team_.agents(index);
+    const std::string path = AgentPath(index);
+    if (IsRead(path + ".name") && !IsPlainName(agent.name())) {
+      Add(path + ".name", kPlainNameRule + Quoted(agent.name()));
+    }
+    if (IsRead(path + ".address")) {
+      const std::string why = WhyNoAddress(agent.address(), "other agents");
+      if (!why.empty()) Add(path + ".address", why);
+    }
+    CheckClientAddress(agent, path + ".client_address");
+    if (!team_.insecure() && !IsGiven(path + ".key")) {
+      Add(path + ".key", "missing: the file of the agent's public key (or `insecure: true` for the team)");
+    }
+    if (agent.key().size() > kKeyFileLengthMax) Add(path + ".key", "the file's name is too long");
+    if (agent.key().ends_with(".sec")) Add(path + ".key", "expected the public key's file, not the secret's");
+    CheckPlace(agent, path);
+  }
+
+  void CheckClientAddress(const proto::AgentConfig& agent, const std::string& field) {
+    if (!IsRead(field)) return;
+    if (!agent.client_address().starts_with("tcp://")) {
+      return Add(field, "expected tcp://HOST:PORT, got " + Quoted(agent.client_address()));
+    }
+    if (const std::string why = WhyNoAddress(agent.client_address(), "clients"); !why.empty()) return Add(field, why);
+    if (team_.insecure()) Add(field, "needs keys, which `insecure: true` does without");
+  }
+
+  // Rovers start somewhere, base stations are somewhere.
+  void CheckPlace(const proto::AgentConfig& agent, const std::string& path) {
+    if (errors_.Has(path + ".kind")) return;
+    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) {
+      if (!IsGiven(path + ".position_m")) Add(path + ".position_m", "missing");
+      if (IsGiven(path + ".start")) Add(path + ".start", "a base station has position_m instead");
+    } else if (IsGiven(path + ".position_m")) {
+      Add(path + ".position_m", "a rover has start instead; position_m is for base stations");
+    }
+  }
+
+  void CheckDuplicates() {
+    const auto check = [this](const char* field, const std::function<std::string(const proto::AgentConfig&)>& value) {
+      CheckUnique("agents", team_.agents_size(), field, [&](int i) { return value(team_.agents(i)); });
+    };
+    check("id", [](const proto::AgentConfig& agent) { return std::to_string(agent.id()); });
+    check("name", [](const proto::AgentConfig& agent) { return agent.name(); });
+    check("address", [](const proto::AgentConfig& agent) { return agent.address(); });
+    check("key", [](const proto::AgentConfig& agent) { return agent.key(); });
+    check("client_address", [](const proto::AgentConfig& agent) { return agent.client_address(); });
+    CheckClientAddressesAreOthers();
+  }
+
+  // Than the addresses at which agents hear each other.
+  void CheckClientAddressesAreOthers() {
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      const std::string field = AgentPath(i) + ".client_address";
+      if (!IsRead(field)) continue;
+      for (int j = 0; j < team_.agents_size(); ++j) {
+        if (team_.agents(i).client_address() != team_.agents(j).address()) continue;
+        Add(field, team_.agents(i).client_address() + " is already that of " + AgentPath(j));
+      }
+    }
+  }
+
+  // No two elements of `list` may have the same value of `field`.
+  void CheckUnique(const std::string& list, int count, const std::string& field,
+                   const std::function<std::string(int)>& value_of) {
+    std::map<std::string, int> owners;
+    for (int i = 0; i < count; ++i) {
+      const std::string path = ElementPath(list, i) + "." + field;
+      if (!IsRead(path)) continue;
+      const std::string value = value_of(i);
+      const auto [owner, is_new] = owners.emplace(value, i);
+      if (!is_new) Add(path, value + " is already that of " + ElementPath(list, owner->second));
+    }
+  }
+
+  void CheckKeepPolicies() {
+    for (const auto& [name, text] : team_.keep()) {
+      const auto given = team_.share().find(name);
+      const DataTypeRow* row = RowNamed(name);
+      const proto::Policy by_default = row == nullptr ? proto::POLICY_NONE : row->share;
+      CheckKeep("keep." + name, text, given == team_.share().end() ? by_default : given->second, "share." + name);
+    }
+  }
+
+  // `share`, which stands at `share_field`, is the type's policy.
+  void CheckKeep(const std::string& field, const std::string& text, proto::Policy share,
+                 const std::string& share_field) {
+    if (!IsRead(field) || errors_.Has(share_field)) return;
+    const std::optional<KeepRule> rule = ParseKeepRule(text);
+    if (!rule) {
+      return Add(field, "expected all, latest or a duration such as 7d or 12h, got " + Quoted(text) +
+                            DidYouMean(text, {"all", "latest"}));
+    }
+    if (share == proto::POLICY_LATEST || rule->IsOfAnyAge()) return;
+    const std::string policy = YamlName(*proto::Policy_descriptor()->FindValueByNumber(share));
+    Add(field, "nothing of it is superseded, since " + share_field + " is " + policy + ": expected all, got " +
+                   Quoted(text) + " (retention.keep_days lets old records go)");
+  }
+
+  void CheckCustomTypes() {
+    const int count = team_.custom_types_size();
+    for (int i = 0; i < count; ++i) CheckCustomType(team_.custom_types(i), ElementPath("custom_types", i));
+    CheckUnique("custom_types", count, "id", [this](int i) { return std::to_string(team_.custom_types(i).id()); });
+    CheckUnique("custom_types", count, "name", [this](int i) { return team_.custom_types(i).name(); });
+  }
+
+  void CheckCustomType(const proto::CustomType& type, const std::string& path) {
+    if (IsRead(path + ".name")) {
+      if (!IsTypeName(type.name())) {
+        Add(path + ".name",
+            "expected at most 32 lower-case letters, digits and _, from a letter on, got " + Quoted(type.name()));
+      } else if (DataTypeFromName(type.name(), {})) {
+        Add(path + ".name", type.name() + " is a name of moondb's own");
+      }
+    }
+    CheckKeep(path + ".keep", type.keep(), type.share() == proto::POLICY_UNSPECIFIED ? proto::POLICY_ALL : type.share(),
+              path + ".share");
+  }
+
+  void CheckRoles() {
+    const proto::AgentConfig* leader = FindRover("roles.leader", team_.roles().leader());
+    const proto::AgentConfig* survivor = FindRover("roles.survivor", team_.roles().survivor());
+    if (leader != nullptr && leader == survivor) {
+      Add("roles.survivor", leader->name() + " is the leader; the designated survivor must be another rover");
+    }
+  }
+
+  const proto::AgentConfig* FindRover(const std::string& field, const std::string& name) {
+    if (!IsRead(field)) return nullptr;
+    std::vector<std::string> names;
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      const proto::AgentConfig& agent = team_.agents(i);
+      names.push_back(agent.name());
+      if (agent.name() != name) continue;
+      if (agent.kind() == proto::AGENT_KIND_ROVER) return &agent;
+      Add(field, name + " is a base station; only a rover can hold this role");
+      return nullptr;
+    }
+    // An agent whose name could not be read may be the one.
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      if (errors_.Has(AgentPath(i) + ".name")) return nullptr;
+    }
+    Add(field, "no agent is named " + Quoted(name) + DidYouMean(name, names));
+    return nullptr;
+  }
+
+  const proto::TeamConfig& team_;
+  const Places& places_;
+  PlacedErrors& errors_;
+};
+
+void FillPolicies(proto::Policy DataTypeRow::*by_default, Policies* policies) {
+  for (const DataTypeRow& row : DataTypeRows()) {
+    proto::Policy& policy = (*policies)[DataTypeName(row.type)];
+    if (policy == proto::POLICY_UNSPECIFIED) policy = row.*by_default;
+  }
+}
+
+// One that means the same is the same text, so that equal files have equal hashes.
+std::string KeepText(const std::string& given, const std::string& by_default) {
+  const std::optional<KeepRule> rule = ParseKeepRule(given);
+  return rule ? ToString(*rule) : by_default;
+}
+
+// `share` is complete. What only solving writes, and rewrites with each run, keeps nothing.
+void FillKeep(proto::TeamConfig* team) {
+  auto& keep = *team->mutable_keep();
+  for (const DataTypeRow& row : DataTypeRows()) {
+    const std::string name = DataTypeName(row.type);
+    if (row.share != proto::POLICY_LATEST && keep.count(name) == 0) continue;
+    const bool is_latest = team->share().at(name) == proto::POLICY_LATEST;
+    keep[name] = KeepText(keep[name], is_latest && row.version != nullptr ? "latest" : "all");
+  }
+}
+
+void FillRoles(proto::TeamConfig* team) {
+  proto::RolesConfig* roles = team->mutable_roles();
+  const auto first_rover_except = [&](const std::string& other) -> std::string {
+    for (const proto::AgentConfig& agent : team->agents()) {
+      if (agent.kind() == proto::AGENT_KIND_ROVER && agent.name() != other) return agent.name();
+    }
+    return "";
+  };
+  if (roles->leader().empty()) roles->set_leader(first_rover_except(roles->survivor()));
+  if (roles->survivor().empty()) roles->set_survivor(first_rover_except(roles->leader()));
+}
+
+void FillCustomTypes(proto::TeamConfig* team) {
+  auto& types = *team->mutable_custom_types();
+  for (proto::CustomType& type : types) type.set_keep(KeepText(type.keep(), "all"));
+  std::sort(types.begin(), types.end(),
+            [](const proto::CustomType& a, const proto::CustomType& b) { return a.id() < b.id(); });
+}
+
+}  // namespace
+
+bool IsPlainName(const std::string& name) {
+  return !name.empty() && name.size() <= kNameLengthMax && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+  });
+}
+
+void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors) {
+  Checker(team, places, errors).Check();
+}
+
+void FillDefaults(const Places& places, proto::TeamConfig* team) {
+  FillFields(places, team);
+  FillRoles(team);
+  FillPolicies(&DataTypeRow::share, team->mutable_share());
+  FillPolicies(&DataTypeRow::ground, team->mutable_ground());
+  FillKeep(team);
+  FillCustomTypes(team);
+}
+
+}  // namespace moondb

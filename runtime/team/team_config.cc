@@ -1,0 +1,181 @@
+#include "runtime/team/team_config.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <xxhash.h>
+
+#include <fstream>
+#include <map>
+
+#include "model/custom_types.h"
+#include "runtime/team/curve_keys.h"
+#include "runtime/team/team_check.h"
+#include "runtime/team/yaml_reader.h"
+
+namespace moondb {
+namespace {
+
+constexpr std::size_t kFileBytesMax = 1'000'000;
+
+// The file's text is checked before; this looks at what it refers to.
+void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* errors) {
+  std::map<std::string, std::string> owners;
+  for (int i = 0; i < team.config.agents_size(); ++i) {
+    const proto::AgentConfig& agent = team.config.agents(i);
+    if (agent.key().empty()) continue;
+    const std::string field = "agents[" + std::to_string(i) + "].key";
+    const Result<std::string> key = ReadPublicKey(team.folder / agent.key());
+    if (!key) {
+      errors->Add(PlaceOf(places, field), field, key.error().text);
+    } else if (const auto [owner, is_new] = owners.emplace(*key, agent.name()); !is_new) {
+      errors->Add(PlaceOf(places, field), field, "is the key of " + owner->second + " too");
+    }
+  }
+}
+
+Result<TeamFile> Parse(const std::string& yaml, const std::string& name, const std::filesystem::path* folder) {
+  PlacedErrors errors(name);
+  if (yaml.size() > kFileBytesMax) {
+    errors.Add({}, "", "the file is larger than 1 MB");
+    return Fail(ErrorCode::kInvalid, errors.Text());
+  }
+  TeamFile team;
+  Places places;
+  ReadYaml(yaml, &team.config, &places, &errors);
+  if (!places.empty() || errors.empty()) CheckTeam(team.config, places, &errors);
+  if (folder != nullptr) {
+    team.folder = *folder;
+    if (!team.config.insecure()) CheckKeyFiles(team, places, &errors);
+  }
+  if (!errors.empty()) return Fail(ErrorCode::kInvalid, errors.Text());
+  FillDefaults(places, &team.config);
+  const std::string bytes = SerializeTeam(team.config);
+  team.hash = XXH64(bytes.data(), bytes.size(), 0);
+  return team;
+}
+
+using Policies = google::protobuf::Map<std::string, proto::Policy>;
+
+proto::Policy BuiltInPolicyOf(const Policies& policies, DataType type) {
+  const auto policy = policies.find(DataTypeName(type));
+  return policy == policies.end() || policy->second == proto::POLICY_UNSPECIFIED ? proto::POLICY_NONE : policy->second;
+}
+
+}  // namespace
+
+Result<TeamFile> ReadTeamFile(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error)) {
+    // A folder that may not be entered hides whether the file is there.
+    if (error) return Fail(ErrorCode::kInvalid, path.string() + ": " + error.message());
+    return Fail(ErrorCode::kNotFound, path.string() + ": no such file");
+  }
+  if (!std::filesystem::is_regular_file(path, error)) {
+    return Fail(ErrorCode::kInvalid, path.string() + ": not a regular file");
+  }
+  std::ifstream file(path, std::ios::binary);
+  std::string yaml(kFileBytesMax + 1, '\0');
+  file.read(yaml.data(), static_cast<std::streamsize>(yaml.size()));
+  if (file.bad() || (file.fail() && !file.eof())) {
+    return Fail(ErrorCode::kInvalid, path.string() + ": cannot be read");
+  }
+  yaml.resize(static_cast<std::size_t>(file.gcount()));
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  return Parse(yaml, path.string(), &folder);
+}
+
+Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name) { return Parse(yaml, name, nullptr); }
+
+const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id) {
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (agent.id() == id) return &agent;
+  }
+  return nullptr;
+}
+
+const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name) {
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (agent.name() == name) return &agent;
+  }
+  return nullptr;
+}
+
+AgentId BaseStationOf(const proto::TeamConfig& team) {
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) return agent.id();
+  }
+  return 0;
+}
+
+std::string SerializeTeam(const proto::TeamConfig& team) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  (void)team.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return bytes;
+}
+
+std::vector<DataType> DataTypesOf(const proto::TeamConfig& team) {
+  std::vector<DataType> types = BuiltInDataTypes();
+  for (const proto::CustomType& type : team.custom_types()) types.push_back(type.id());
+  return types;
+}
+
+proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type) {
+  const proto::CustomType* custom = FindCustomType(team.custom_types(), type);
+  return custom == nullptr ? BuiltInPolicyOf(team.share(), type) : custom->share();
+}
+
+proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type) {
+  const proto::CustomType* custom = FindCustomType(team.custom_types(), type);
+  return custom == nullptr ? BuiltInPolicyOf(team.ground(), type) : custom->ground();
+}
+
+KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type) {
+  if (const proto::CustomType* custom = FindCustomType(team.custom_types(), type)) {
+    return ParseKeepRule(custom->keep()).value_or(KeepRule{});
+  }
+  const auto keep = team.keep().find(DataTypeName(type));
+  return keep == team.keep().end() ? KeepRule{} : ParseKeepRule(keep->second).value_or(KeepRule{});
+}
+
+proto::RoleAssignment InitialRoles(const proto::TeamConfig& team) {
+  proto::RoleAssignment roles;
+  if (const auto* leader = FindAgent(team, team.roles().leader())) roles.set_leader(leader->id());
+  if (const auto* survivor = FindAgent(team, team.roles().survivor())) roles.set_survivor(survivor->id());
+  roles.mutable_term();  // Number 0, issued by nobody: any other assignment is newer.
+  roles.set_reason("team file");
+  return roles;
+}
+
+Result<void> CheckRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
+  const auto check_rover = [&](AgentId id, const std::string& field) -> Result<void> {
+    const proto::AgentConfig* agent = FindAgent(team, id);
+    if (agent == nullptr) return Fail(ErrorCode::kRefused, "no agent has the id " + std::to_string(id), field);
+    if (agent->kind() != proto::AGENT_KIND_ROVER) {
+      return Fail(ErrorCode::kRefused, agent->name() + " is a base station; only a rover can hold this role", field);
+    }
+    return {};
+  };
+  if (roles.leader() == 0) return Fail(ErrorCode::kRefused, "the team needs a leader", "leader");
+  if (const auto is_rover = check_rover(roles.leader(), "leader"); !is_rover) return is_rover;
+  if (roles.survivor() == 0) return {};
+  if (roles.survivor() == roles.leader()) {
+    return Fail(ErrorCode::kRefused,
+                FindAgent(team, roles.leader())->name() + " cannot be leader and designated survivor at once",
+                "survivor");
+  }
+  return check_rover(roles.survivor(), "survivor");
+}
+
+proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent) {
+  const proto::AgentConfig* config = FindAgent(team, agent);
+  if (config == nullptr) return proto::ROLE_UNSPECIFIED;
+  if (config->kind() == proto::AGENT_KIND_BASE_STATION) return proto::ROLE_BASE_STATION;
+  if (agent == roles.leader()) return proto::ROLE_LEADER;
+  return agent == roles.survivor() ? proto::ROLE_DESIGNATED_SURVIVOR : proto::ROLE_ROVER;
+}
+
+}  // namespace moondb

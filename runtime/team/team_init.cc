@@ -1,0 +1,299 @@
+#include "runtime/team/team_init.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "model/custom_types.h"
+#include "model/team_id.h"
+#include "runtime/team/curve_keys.h"
+#include "runtime/team/field_rules.h"
+#include "runtime/team/new_files.h"
+#include "runtime/team/team_check.h"
+#include "runtime/team/yaml_reader.h"
+
+namespace moondb {
+namespace {
+
+constexpr char kHead[] =
+    "# The team's configuration: the same file on every agent. `moonctl config check` checks it.\n"
+    "# Lengths are metres, angles radians; what is left out has its default.\n";
+
+constexpr char kKeyNote[] =
+    "# key: the file of the agent's public key, which every agent needs; its secret NAME.sec stays on its agent.\n"
+    "# client_address: \"tcp://HOST:PORT\", where clients from elsewhere are let in (`moonctl clients`); none by "
+    "default.\n";
+
+constexpr char kTail[] =
+    R"(
+# Who leads and who survives at the very beginning (term 0); roles that were set later win. failover: manual or
+# automatic (the survivor takes the lead of a leader that is silent for leader_timeout_s).
+roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
+
+# What one agent may send and receive together; how often states go to the leader unasked (0: never); how records are
+# coded: compact, or to compare with it zstd, plain or paper_sql.
+radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s, codec: %s}
+
+# Sharing policies: none, latest or all. `share` is what rovers send to the leader and the leader to the designated
+# survivor, `ground` what the base station is sent. Of a type under `latest` only the newest record is shared.
+share:
+%s
+ground:
+%s
+# What each robot's own disk keeps, as its history, of its own records that newer ones have superseded under `latest`:
+# all, latest (they go at once) or for how long, as 7d or 12h; within retention.history_mb_max (64), the oldest go
+# first. Nobody else has this history: it is lost with the disk.
+keep:
+%s
+# The leader solves the pose graph by itself when records have stopped coming, or on `moonctl graph optimize` alone.
+pose_graph: {solve_by_itself: %s}
+
+# What an agent need not keep for ever, where leader and designated survivor have it (docs/OPERATING.md, Space):
+# retention: {keep_days: 90, keep_event_days: 30, store_mb_max: 4000, map_part_max: 0.7, disk_free_mb_min: 512,
+#   history_mb_max: 64}
+
+map: {resolution_m: %s, footprint_m: [%s, %s]}   # The merged map's cells; a rover's length and width.
+)";
+
+// The shortest text that reads back as the same number.
+std::string Number(double value) {
+  char text[32];
+  for (int digits = 6; digits <= 17; ++digits) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    if (std::stod(text) == value) break;
+  }
+  return text;
+}
+
+std::string List(const google::protobuf::RepeatedField<double>& numbers) {
+  std::string text = "[";
+  for (int i = 0; i < numbers.size(); ++i) text += (i > 0 ? ", " : "") + Number(numbers.Get(i));
+  return text + "]";
+}
+
+std::string StartText(const proto::StartPose& start) {
+  return "{x: " + Number(start.x()) + ", y: " + Number(start.y()) + ", z: " + Number(start.z()) +
+         ", yaw: " + Number(start.yaw()) + ", sigma_m: " + Number(start.sigma_m()) +
+         ", sigma_rad: " + Number(start.sigma_rad()) + "}";
+}
+
+std::string AgentText(const proto::AgentConfig& agent) {
+  const bool is_base = agent.kind() == proto::AGENT_KIND_BASE_STATION;
+  std::string text = "  - id: " + std::to_string(agent.id()) + "\n";
+  const auto add = [&](const char* key, const std::string& value) {
+    text += std::string("    ") + key + ": " + value + "\n";
+  };
+  add("name", agent.name());
+  add("address", "\"" + agent.address() + "\"");
+  if (is_base) add("kind", "base_station");
+  if (!agent.key().empty()) add("key", "\"" + agent.key() + "\"");
+  if (!agent.client_address().empty()) add("client_address", "\"" + agent.client_address() + "\"");
+  if (is_base) add("position_m", List(agent.position_m()));
+  if (agent.has_start()) add("start", StartText(agent.start()));
+  if (!agent.antenna_m().empty()) add("antenna_m", List(agent.antenna_m()));
+  return text;
+}
+
+std::string PolicyName(proto::Policy policy) {
+  return YamlName(*proto::Policy_descriptor()->FindValueByNumber(policy));
+}
+
+std::string CustomTypesText(const CustomTypes& types) {
+  if (types.empty()) return "";
+  std::string text = "\n# Data types of the team's own.\ncustom_types:\n";
+  for (const proto::CustomType& type : types) {
+    text += "  - {id: " + std::to_string(type.id()) + ", name: " + type.name() +
+            ", share: " + PolicyName(type.share()) + ", ground: " + PolicyName(type.ground()) +
+            ", priority: " + std::to_string(type.priority()) + ", bytes_max: " + std::to_string(type.bytes_max()) +
+            ", keep: " + type.keep() + "}\n";
+  }
+  return text;
+}
+
+std::string KeepText(const proto::TeamConfig& team) {
+  std::string text;
+  for (const DataType type : BuiltInDataTypes()) {
+    const auto keep = team.keep().find(DataTypeName(type));
+    if (keep != team.keep().end()) text += "  " + keep->first + ": " + keep->second + "\n";
+  }
+  return text;
+}
+
+using PolicyOf = proto::Policy (*)(const proto::TeamConfig& team, DataType type);
+
+std::string PoliciesText(const proto::TeamConfig& team, PolicyOf policy_of) {
+  std::string text;
+  for (const DataType type : BuiltInDataTypes()) {
+    text += "  " + DataTypeName(type) + ": " + PolicyName(policy_of(team, type)) + "\n";
+  }
+  return text;
+}
+
+std::string Format(const char* format, const std::vector<std::string>& values) {
+  std::string text;
+  auto value = values.begin();
+  for (const char* c = format; *c != '\0'; ++c) {
+    if (*c == '%' && *(c + 1) == 's') {
+      text += *value++;
+      ++c;
+    } else {
+      text += *c;
+    }
+  }
+  return text;
+}
+
+std::string TeamIdLine(const std::string& team_id, const std::string& line_end) {
+  // A text, whatever its digits: without quotes some would be numbers.
+  return "team_id: \"" + team_id + "\"   # Tells this team from any other, for ever." + line_end;
+}
+
+// `team` is complete.
+std::string TeamText(const proto::TeamConfig& team) {
+  std::string text = kHead;
+  text += "team: " + team.team() + "\n";
+  text += TeamIdLine(team.team_id(), "\n");
+  if (team.insecure()) text += "insecure: true   # Anybody who reaches the ports can speak as any agent.\n";
+  text += "\n";
+  if (!team.insecure()) text += kKeyNote;
+  text += "agents:\n";
+  for (const proto::AgentConfig& agent : team.agents()) text += AgentText(agent);
+  const proto::RolesConfig& roles = team.roles();
+  const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
+  const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
+  text += Format(
+      kTail,
+      {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
+       team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
+       YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())), PoliciesText(team, SharePolicyOf),
+       PoliciesText(team, GroundPolicyOf), KeepText(team), team.pose_graph().solve_by_itself() ? "true" : "false",
+       Number(team.map().resolution_m()), Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+  if (team.has_site()) {
+    text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
+            ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
+            "}\n";
+  }
+  return text + CustomTypesText(team.custom_types());
+}
+
+Result<void> AddKeys(const std::filesystem::path& public_path, NewFiles* files) {
+  const Result<CurveKeys> keys = MakeCurveKeys();
+  if (!keys) return tl::unexpected(keys.error());
+  if (const auto added = files->Add(SecretKeyPath(public_path), keys->secret_key + "\n", 0600); !added) return added;
+  return files->Add(public_path, keys->public_key + "\n", 0644);
+}
+
+}  // namespace
+
+Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& given) {
+  proto::TeamConfig team = given;
+  if (team.team_id().empty()) {
+    const Result<std::string> id = MakeTeamId();
+    if (!id) return tl::unexpected(id.error());
+    team.set_team_id(*id);
+  }
+  if (!team.insecure()) {
+    for (proto::AgentConfig& agent : *team.mutable_agents()) {
+      if (agent.key().empty()) agent.set_key(agent.name() + ".pub");
+    }
+  }
+  FillDefaults(PlacesOf(team), &team);
+  const std::string yaml = TeamText(team);
+  // The reader is the judge of what the caller gave.
+  const Result<TeamFile> read = ParseTeamFile(yaml, path.string());
+  if (!read) return tl::unexpected(read.error());
+  if (SerializeTeam(read->config) != SerializeTeam(team)) {
+    return Fail(ErrorCode::kInvalid, path.string() + ": a text of the team cannot be written as YAML");
+  }
+
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return Fail(ErrorCode::kInternal, folder.string() + ": " + error.message());
+  NewFiles files;
+  if (!team.insecure()) {
+    for (const proto::AgentConfig& agent : team.agents()) {
+      if (const Result<void> added = AddKeys(folder / agent.key(), &files); !added) return added;
+    }
+  }
+  // Last, so that a team file never stands without its keys.
+  if (const Result<void> added = files.Add(path, yaml, 0644); !added) return added;
+  return files.Publish();
+}
+
+std::string PlainNameOf(const std::string& text) {
+  std::string name;
+  for (const char c : text) {
+    const char small = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    const bool is_plain = IsPlainName(std::string(1, small));
+    if (is_plain || (!name.empty() && name.back() != '-')) name += is_plain ? small : '-';
+  }
+  while (!name.empty() && (!IsPlainName(name) || name.ends_with('-'))) name.pop_back();  // Of too many letters.
+  return name.empty() ? "team" : name;
+}
+
+Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_id) {
+  const auto read = [](const std::string& text, proto::TeamConfig* team) {
+    Places places;
+    PlacedErrors errors("");  // Of other fields: they are told when the file is checked.
+    ReadYaml(text, team, &places, &errors);
+    return places;
+  };
+  proto::TeamConfig before;
+  const Places places = read(yaml, &before);
+  if (const auto name = places.find("team"); name != places.end()) {
+    std::size_t at = 0;
+    for (int line = 1; line < name->second.line && at != std::string::npos; ++line) at = yaml.find('\n', at) + 1;
+    const std::size_t end = yaml.find('\n', at);
+    const bool has_end = end != std::string::npos;
+    const std::string line_end = has_end && end > 0 && yaml[end - 1] == '\r' ? "\r\n" : "\n";
+    const std::string indent = yaml.substr(at, yaml.find_first_not_of(' ', at) - at);
+    std::string fixed = yaml;
+    fixed.insert(has_end ? end + 1 : yaml.size(), (has_end ? "" : "\n") + indent + TeamIdLine(team_id, line_end));
+    // The reader is the judge: it finds the same team, and the id.
+    proto::TeamConfig after;
+    (void)read(fixed, &after);
+    before.set_team_id(team_id);
+    if (SerializeTeam(after) == SerializeTeam(before)) return fixed;
+  }
+  return Fail(ErrorCode::kInvalid, "no place for a line is found; add  team_id: \"" + team_id + "\"  by hand");
+}
+
+Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,
+                              const std::string& name) {
+  if (agent_count < 1 || agent_count > kAgentCountMax) {
+    return Fail(ErrorCode::kInvalid,
+                "expected 1 to " + std::to_string(kAgentCountMax) + " agents, got " + std::to_string(agent_count),
+                "agent_count");
+  }
+  if (first_port < 1 || first_port + agent_count - 1 > 65535) {
+    return Fail(ErrorCode::kInvalid,
+                "the ports must lie from 1 to 65535, got " + std::to_string(first_port) + " and " +
+                    std::to_string(agent_count - 1) + " more",
+                "first_port");
+  }
+  proto::TeamConfig team;
+  team.set_team(name.empty() ? PlainNameOf(std::filesystem::absolute(path).parent_path().filename().string()) : name);
+  for (int i = 0; i < agent_count; ++i) {
+    proto::AgentConfig* agent = team.add_agents();
+    const bool is_base = i > 0 && i + 1 == agent_count;
+    agent->set_id(static_cast<std::uint32_t>(i + 1));
+    agent->set_name(is_base ? "base" : "rover" + std::to_string(i + 1));
+    agent->set_address("tcp://127.0.0.1:" + std::to_string(first_port + i));
+    for (const double coordinate : {0.0, 0.0, is_base ? 1.5 : 0.3}) agent->add_antenna_m(coordinate);
+    if (is_base) {
+      agent->set_kind(proto::AGENT_KIND_BASE_STATION);
+      for (const double coordinate : {-2.0, 0.0, 0.0}) agent->add_position_m(coordinate);
+    } else {
+      agent->mutable_start()->set_y(2.0 * i);  // Side by side.
+    }
+  }
+  return WriteTeam(path, team);
+}
+
+Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port) {
+  return WriteInitialTeam(path, agent_count, first_port, "");
+}
+
+}  // namespace moondb

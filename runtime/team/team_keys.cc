@@ -1,0 +1,29 @@
+#include "runtime/team/team_keys.h"
+
+#include "model/check.h"
+#include "runtime/team/team_config.h"
+
+namespace moondb {
+
+Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesystem::path& folder, AgentId self,
+                              const std::filesystem::path& secret_key_file) {
+  TeamKeys keys;
+  for (const proto::AgentConfig& agent : team.agents()) {
+    const Result<std::string> key = ReadPublicKey(folder / agent.key());
+    if (!key) return tl::unexpected(key.error());
+    keys.public_keys[agent.id()] = *key;
+  }
+  const proto::AgentConfig* agent = FindAgent(team, self);
+  Check(agent != nullptr, "the agent itself is in the team");
+  const std::filesystem::path public_path = folder / agent->key();
+  const std::filesystem::path secret_path = secret_key_file.empty() ? SecretKeyPath(public_path) : secret_key_file;
+  const Result<std::string> secret = ReadSecretKey(secret_path);
+  if (!secret) return tl::unexpected(secret.error());
+  keys.own = {keys.public_keys[self], *secret};
+  if (const Result<std::string> fitting = PublicKeyOf(*secret); !fitting || *fitting != keys.own.public_key) {
+    return Fail(ErrorCode::kInvalid, secret_path.string() + ": does not fit the public key " + public_path.string());
+  }
+  return keys;
+}
+
+}  // namespace moondb

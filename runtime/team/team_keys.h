@@ -1,0 +1,25 @@
+// TeamKeys: the CURVE keys that an agent needs, read from the files that the team file names.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "model/error.h"
+#include "model/ids.h"
+#include "proto/team.pb.h"
+#include "runtime/team/curve_keys.h"
+
+namespace moondb {
+
+struct TeamKeys {
+  CurveKeys own;
+  std::map<AgentId, std::string> public_keys;  // Of the whole team.
+};
+
+// `secret_key_file`: empty: beside the public key, with the ending .sec. `self` is in the team. kInvalid for a file
+// that is missing, malformed or readable by others (secret), and for a secret that does not fit its public key.
+Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesystem::path& folder, AgentId self,
+                              const std::filesystem::path& secret_key_file);
+
+}  // namespace moondb

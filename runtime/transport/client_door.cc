@@ -1,0 +1,185 @@
+#include "runtime/transport/client_door.h"
+
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "model/check.h"
+#include "runtime/team/private_folder.h"
+#include "runtime/transport/listen_address.h"
+#include "runtime/transport/outbound.h"
+#include "runtime/transport/zap_handler.h"
+
+namespace moondb {
+namespace {
+
+constexpr int kQueueMessages = 16;  // Of one client, each way.
+// Of one client with a key, to be taken in: each may be as large as a message may be, and clients ask one by one.
+constexpr int kKeyedQueueMessages = 2;
+constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
+constexpr int kBatchMessages = 64;
+constexpr std::size_t kRepliesMax = 1024;
+constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
+constexpr int kKeepAlive_s = 60;
+constexpr int kHandshake_ms = 5000;
+constexpr std::chrono::seconds kPlacePeriod(1);
+constexpr char kIpc[] = "ipc://";
+constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
+
+Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
+  const std::filesystem::path path = endpoint.substr(std::string_view(kIpc).size());
+  if (const auto made = MakePrivateFolder(path.parent_path()); !made) return made;
+  if (const auto claimed = ClaimIpcPath(endpoint); !claimed) return claimed;
+  return router.Bind(endpoint);
+}
+
+Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, const std::string& secret_key) {
+  router.Set(ZMQ_CURVE_SERVER, 1);
+  router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
+  router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
+  // Neither one that says nothing nor one whose machine went away may be kept for ever.
+  router.Set(ZMQ_HANDSHAKE_IVL, kHandshake_ms);
+  router.Set(ZMQ_TCP_KEEPALIVE, 1);
+  router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
+  if (endpoint.find('[') != std::string::npos) router.Set(ZMQ_IPV6, 1);
+  const Result<std::string> numeric = NumericEndpoint(endpoint);
+  if (!numeric) return tl::unexpected(numeric.error());
+  return router.Bind(*numeric);
+}
+
+// What the client is told instead of a reply that it could not be sent.
+proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  message.set_agent_id(reply.agent_id());
+  message.set_hop_sender(reply.hop_sender());
+  message.set_request_id(reply.request_id());
+  *message.mutable_control_reply()->mutable_error() =
+      ToProto(Error{ErrorCode::kFull,
+                    "the reply has " + std::to_string(bytes) + " bytes, more than the " + std::to_string(bytes_max) +
+                        " of a message; ask for less at a time",
+                    ""});
+  return message;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, WakeUp& wake_up, Options options) {
+  const bool is_ipc = options.endpoint.starts_with(kIpc);
+  Check(is_ipc == (options.identity_of == nullptr), "clients come over ipc, or with a key");
+  Result<ZmqSocket> router = ZmqSocket::Make(context, ZMQ_ROUTER);
+  if (!router) return tl::unexpected(router.error());
+  // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
+  router->Set(ZMQ_ROUTER_MANDATORY, 1);
+  router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedQueueMessages);
+  router->Set(ZMQ_SNDHWM, kQueueMessages);
+  router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
+  const auto bound =
+      is_ipc ? ListenOnIpc(*router, options.endpoint) : ListenWithKeys(*router, options.endpoint, options.secret_key);
+  if (!bound) return tl::unexpected(bound.error());
+  return std::unique_ptr<ClientDoor>(new ClientDoor(std::move(*router), wake_up, std::move(options)));
+}
+
+ClientDoor::ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options)
+    : options_(std::move(options)),
+      router_(std::move(router)),
+      wake_up_(wake_up),
+      table_(kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
+
+SendResult ClientDoor::Send(const std::string& name, const proto::Message& message) {
+  const std::optional<std::string> routing_id = table_.RoutingIdOf(name);
+  if (!routing_id) return SendResult::kUnreachable;
+  const std::size_t bytes = message.ByteSizeLong();
+  SendResult result = SendResult::kFull;
+  if (bytes <= options_.message_bytes_max) {
+    result = Push(*routing_id, message, bytes);
+  } else {
+    const proto::Message error = TooLarge(message, bytes, options_.message_bytes_max);
+    (void)Push(*routing_id, error, error.ByteSizeLong());
+  }
+  wake_up_.RingFor();
+  return result;
+}
+
+SendResult ClientDoor::Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes) {
+  Reply reply{ZmqFrame(routing_id), ToClientFrame(message, bytes)};
+  const std::lock_guard lock(mutex_);
+  const bool is_full = replies_.size() >= kRepliesMax || reply_bytes_ + bytes > options_.message_bytes_max;
+  if (is_full && !replies_.empty()) return SendResult::kFull;
+  reply_bytes_ += bytes;
+  replies_.push_back(std::move(reply));
+  return SendResult::kAccepted;
+}
+
+bool ClientDoor::has_replies() const {
+  const std::lock_guard lock(mutex_);
+  return !replies_.empty();
+}
+
+void ClientDoor::KeepPlace(std::chrono::steady_clock::time_point now) {
+  if (is_keyed() || now < looks_at_) return;
+  looks_at_ = now + kPlacePeriod;
+  if (!is_listening_) {
+    const auto listening = ListenOnIpc(router_, options_.endpoint);
+    is_listening_ = listening.has_value();
+    log_.Warn(is_listening_ ? "transport: listens anew for clients" : "transport: " + ToString(listening.error()));
+    return;
+  }
+  struct stat status {};
+  const std::string path = options_.endpoint.substr(std::string_view(kIpc).size());
+  if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
+  log_.Warn("transport: the socket for clients was removed: " + path);
+  // libzmq takes the file away as it closes, later: a new one made at once would go with it.
+  router_.Unbind(options_.endpoint);
+  is_listening_ = false;
+}
+
+// Sending may take in libzmq's news of requests, so that receiving comes last.
+bool ClientDoor::Work(const Transport::Deliver& deliver) {
+  Flush();
+  return Receive(deliver) || has_replies();
+}
+
+bool ClientDoor::Receive(const Transport::Deliver& deliver) {
+  ZmqRoutedFrame received;
+  for (int i = 0; i < kBatchMessages; ++i) {
+    if (!router_.Receive(&received)) return false;
+    OnFrame(received, deliver);
+  }
+  return true;
+}
+
+void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
+  if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
+  const std::string name = table_.NameOf(std::string(received.route.text()));
+  // Over ipc only this user comes.
+  ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
+  if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));
+  if (client.rights == proto::CLIENT_RIGHTS_NONE && received.frame.size() > kRefusedBytesMax) {
+    return log_.Warn("transport: dropped a large request of a client whose key is not listed");
+  }
+  Result<OwnedMessage> message = ParseClientFrame(received.frame.text(), name, client, options_.self);
+  if (!message) return log_.Warn("transport: a client " + message.error().text);
+  deliver(std::move(*message));
+}
+
+void ClientDoor::Flush() {
+  std::deque<Reply> replies;
+  {
+    const std::lock_guard lock(mutex_);
+    replies.swap(replies_);
+    reply_bytes_ = 0;
+  }
+  for (Reply& reply : replies) {
+    const std::string routing_id(reply.route.text());
+    ZmqSend sent = router_.Send(&reply.route, /*has_more=*/true);
+    if (sent == ZmqSend::kSent) sent = router_.Send(&reply.frame);
+    if (sent == ZmqSend::kNoRoute) table_.Forget(routing_id);
+    if (sent == ZmqSend::kWouldBlock) log_.Warn("transport: dropped a reply; its client does not read");
+  }
+}
+
+}  // namespace moondb

@@ -1,0 +1,115 @@
+#include "runtime/transport/inbound.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/unknown_field_set.h>
+
+#include <utility>
+
+#include "model/bounded_parse.h"
+#include "runtime/address.h"
+#include "runtime/transport/outbound.h"
+
+namespace moondb {
+namespace {
+
+// What agents and clients have cause to send. What a client wants of another agent travels as a ControlRequest, which
+// the gateway there checks; users' own actors speak by `custom`. Every other body belongs to the actors of one agent.
+bool MayComeFromOutside(const proto::Message& message) {
+  switch (message.body_case()) {
+    case proto::Message::kHello:
+    case proto::Message::kHave:
+    case proto::Message::kBatch:
+    case proto::Message::kRefusal:
+    case proto::Message::kShareRequest:
+    case proto::Message::kShareReply:
+    case proto::Message::kRoleAnnounce:
+    case proto::Message::kLeaseAnnounce:
+    case proto::Message::kLinkReport:
+    case proto::Message::kClockReport:
+    case proto::Message::kEpochReport:
+    case proto::Message::kLeaderCheck:
+    case proto::Message::kControlRequest:
+    case proto::Message::kControlReply:
+    case proto::Message::kCustom:
+    case proto::Message::BODY_NOT_SET:
+      return true;
+    default:
+      return false;
+  }
+}
+
+// Nobody would read them; their memory would stay with a message that is used again (OwnedMessage).
+void DropUnknownFields(proto::Message* message) {
+  const auto* reflection = message->GetReflection();
+  if (reflection->GetUnknownFields(*message).empty()) return;
+  google::protobuf::UnknownFieldSet dropped;
+  reflection->MutableUnknownFields(message)->Swap(&dropped);
+}
+
+Result<void> Parse(std::string_view bytes, proto::Message* message) {
+  if (!ParseBounded(bytes, message)) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+  DropUnknownFields(message);
+  if (!MayComeFromOutside(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
+  return {};
+}
+
+// The next message's bytes of a PeerFrame, taken from its front; none: that is no PeerFrame.
+std::optional<std::string_view> TakeMessage(std::string_view* frame) {
+  google::protobuf::io::CodedInputStream stream(reinterpret_cast<const std::uint8_t*>(frame->data()),
+                                                static_cast<int>(frame->size()));
+  std::uint32_t length = 0;
+  if (stream.ReadTag() != kPeerFrameTag || !stream.ReadVarint32(&length)) return std::nullopt;
+  const std::string_view rest = frame->substr(static_cast<std::size_t>(stream.CurrentPosition()));
+  if (length > rest.size()) return std::nullopt;
+  *frame = rest.substr(length);
+  return rest.substr(0, length);
+}
+
+}  // namespace
+
+Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated) {
+  const bool may_be_shared = frame.size() <= kSharedFrameBytesMax;
+  std::vector<OwnedMessage> messages;
+  do {
+    const std::optional<std::string_view> bytes = TakeMessage(&frame);
+    if (!bytes || (!frame.empty() && !may_be_shared)) {
+      return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+    }
+    OwnedMessage message;
+    if (const auto parsed = Parse(*bytes, &*message); !parsed) return tl::unexpected(parsed.error());
+    if (authenticated && message->hop_sender() != *authenticated) {
+      return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message->hop_sender()));
+    }
+    if (!messages.empty() && message->hop_sender() != messages.front()->hop_sender()) {
+      return Fail(ErrorCode::kRefused, "sent a frame with messages of several senders");
+    }
+    if (message->has_link_report() && !(messages.empty() && frame.empty())) {
+      return Fail(ErrorCode::kCorrupt, "sent a report among other messages");
+    }
+    message->clear_client_rights();
+    message->clear_client_name();
+    messages.push_back(std::move(message));
+  } while (!frame.empty());
+  return messages;
+}
+
+Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string& connection,
+                                      const ClientIdentity& client, AgentId self) {
+  OwnedMessage received;
+  proto::Message& message = *received;
+  if (const auto parsed = Parse(frame, &message); !parsed) return tl::unexpected(parsed.error());
+  if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");
+  message.set_agent_id(self);
+  message.set_hop_sender(kClients);
+  message.set_source_actor(connection);
+  message.set_destination_id(self);
+  message.set_destination_actor(actor_name::kGateway);
+  message.set_client_rights(client.rights);
+  message.set_client_name(client.name);
+  message.clear_term();
+  message.clear_record_id();
+  message.clear_sql();
+  return received;
+}
+
+}  // namespace moondb

@@ -1,0 +1,59 @@
+#include "runtime/transport/listen_address.h"
+
+#include <arpa/inet.h>
+#include <netdb.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <memory>
+
+#include "model/local_socket.h"
+
+namespace moondb {
+
+Result<void> ClaimIpcPath(const std::string& endpoint) {
+  if (!endpoint.starts_with("ipc://")) return {};
+  const std::string path = endpoint.substr(6);
+  struct stat status {};
+  if (lstat(path.c_str(), &status) != 0) {
+    if (errno == ENOENT) return {};
+    return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": " + std::strerror(errno));
+  }
+  if (!S_ISSOCK(status.st_mode)) return Fail(ErrorCode::kInvalid, path + ": is there already and is not a socket");
+  switch (const int error = ProbeLocalSocket(path)) {
+    case ENOENT:
+      return {};
+    case ECONNREFUSED:
+      (void)unlink(path.c_str());  // Left behind by a process that was killed.
+      return {};
+    case 0:
+      return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": Address already in use");
+    default:
+      return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": " + std::strerror(error));
+  }
+}
+
+Result<std::string> NumericEndpoint(const std::string& endpoint) {
+  if (!endpoint.starts_with("tcp://")) return endpoint;
+  const std::size_t colon = endpoint.rfind(':');
+  const std::string host = endpoint.substr(6, colon - 6);
+  if (host.starts_with("[")) return endpoint;
+  addrinfo hints{};
+  hints.ai_family = AF_INET;
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  if (const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found); error != 0) {
+    return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": " + gai_strerror(error));
+  }
+  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> owner(found, freeaddrinfo);
+  std::array<char, INET_ADDRSTRLEN> text{};
+  const auto* address = reinterpret_cast<const sockaddr_in*>(found->ai_addr);
+  inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size());
+  return "tcp://" + std::string(text.data()) + endpoint.substr(colon);
+}
+
+}  // namespace moondb

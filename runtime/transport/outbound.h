@@ -1,0 +1,38 @@
+// What leaves for other agents: in which order, what takes the place of what, and as which bytes. Pure functions.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "proto/message.pb.h"
+#include "runtime/transport/zmq_socket.h"
+
+namespace moondb {
+
+// What waits for a peer goes out by class, 0 first: control messages and acknowledgments, then data by the sharing
+// class of their type (model/ids.h): states, pose-graph nodes, edges, poses, custom types, maps.
+inline constexpr std::size_t kOutboundClasses = 7;
+inline constexpr std::size_t kControlClass = 0;
+std::size_t OutboundClassOf(const proto::Message& message);
+
+// A message takes the place of a waiting one with the same key; with an empty key, of none. Only messages have a key
+// whose newest one says all that an older one said: a role announcement carries the whole assignment, a lease
+// announcement both leases, and a Hello ends the session that the Hello before it began. An acknowledgment (Have) tells
+// of one batch and replaces nothing.
+std::string ReplaceKeyOf(const proto::Message& message);
+
+// Several messages share a frame up to this size; a larger one has its own.
+inline constexpr std::size_t kSharedFrameBytesMax = 32 * 1024;
+
+// proto::PeerFrame's one field, as protobuf writes it.
+inline constexpr std::uint32_t kPeerFrameTag = proto::PeerFrame::kMessagesFieldNumber << 3 | 2;
+inline constexpr std::size_t kPeerFrameTagBytes = 1;
+inline constexpr std::size_t kPeerFrameBytesMore = kPeerFrameTagBytes + 5;  // At most, than the message in it.
+
+// For a peer: a proto::PeerFrame of this message alone.
+std::string ToPeerFrame(const proto::Message& message);
+// For a client; `bytes` is message.ByteSizeLong(), just computed.
+ZmqFrame ToClientFrame(const proto::Message& message, std::size_t bytes);
+
+}  // namespace moondb

@@ -1,0 +1,367 @@
+#include "runtime/transport/zeromq_transport.h"
+
+#include <poll.h>
+#include <pthread.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "model/check.h"
+#include "runtime/rate_limited_log.h"
+#include "runtime/team/client_list.h"
+#include "runtime/team/team_config.h"
+#include "runtime/team/team_keys.h"
+#include "runtime/transport/client_door.h"
+#include "runtime/transport/inbound.h"
+#include "runtime/transport/listen_address.h"
+#include "runtime/transport/peer_link.h"
+#include "runtime/transport/wake_up.h"
+#include "runtime/transport/zap_handler.h"
+#include "runtime/transport/zmq_socket.h"
+
+namespace moondb {
+namespace {
+
+constexpr int kPeerQueueMessages = 256;  // Received from one peer and not yet delivered; its credit bounds their bytes.
+constexpr std::size_t kBatchMessages = 256;  // Of one socket before the others have their turn.
+// After peers sent something the thread stays awake for so long, in case an answer follows: to put a processor to sleep
+// and to wake it takes tens of microseconds, and as much processor time (measured: a round trip takes 0.6 of the time).
+constexpr Duration kLingerTime = std::chrono::microseconds(60);
+
+// For ppoll.
+timespec TimeUntil(MonotonicTime time) {
+  if (time == MonotonicTime::min()) return {};
+  const Duration left =
+      std::clamp<Duration>(time - std::chrono::steady_clock::now(), Duration::zero(), std::chrono::hours(1));
+  const auto whole = std::chrono::floor<std::chrono::seconds>(left);
+  return {.tv_sec = whole.count(), .tv_nsec = (left - whole).count()};
+}
+
+}  // namespace
+
+class ZeroMqTransport::Impl {
+ public:
+  Impl(const proto::TeamConfig& team, Options options, Deliver deliver, PeerChanged peer_changed)
+      : team_(team),
+        options_(std::move(options)),
+        deliver_(std::move(deliver)),
+        peer_changed_(std::move(peer_changed)),
+        context_(MakeZmqContext(/*io_threads=*/1)) {}
+
+  ~Impl() {
+    if (!thread_.joinable()) return;
+    is_stopping_ = true;
+    wake_up_.RingFor();
+    thread_.join();
+  }
+
+  // The thread's creation hands all sockets over to it.
+  Result<void> Start(const std::string& team_folder) {
+    Check(FindAgent(team_, options_.self) != nullptr, "the agent itself is in the team");
+    if (!team_.insecure()) {
+      Result<TeamKeys> keys = ReadTeamKeys(team_, team_folder, options_.self, options_.secret_key_file);
+      if (!keys) return tl::unexpected(keys.error());
+      keys_ = std::move(*keys);
+    }
+    if (const auto opened = OpenZapHandler(); !opened) return opened;
+    if (const auto opened = OpenRouter(); !opened) return opened;
+    if (const auto opened = OpenClients(); !opened) return opened;
+    if (const auto opened = OpenKeyedClients(); !opened) return opened;
+    if (const auto opened = OpenPeers(); !opened) return opened;
+    thread_ = std::thread([this] { Run(); });
+    return {};
+  }
+
+  SendResult Send(const Address& to, const proto::Message& message) {
+    Check(!message.has_link_report(), "only transports send link reports");
+    if (to.agent == kClients) {
+      SendResult sent = SendResult::kUnreachable;  // By a door that does not know the client.
+      for (const auto& door : doors_) {
+        if (sent == SendResult::kUnreachable) sent = door->Send(to.actor, message);
+      }
+      return sent;
+    }
+    const auto peer = peers_.find(to.agent);
+    return peer == peers_.end() ? SendResult::kNoPeer : peer->second->Send(message);
+  }
+
+  std::vector<proto::PeerStatus> Peers() const {
+    std::vector<proto::PeerStatus> statuses;
+    for (const auto& [id, peer] : peers_) statuses.push_back(peer->Status());
+    return statuses;
+  }
+
+  double refused_clients() const { return static_cast<double>(refused_clients_.load()); }
+
+ private:
+  Result<void> OpenZapHandler() {
+    if (!keys_) return {};
+    std::map<std::string, AgentId> agents;
+    for (const auto& [agent, key] : keys_->public_keys) {
+      if (agent != options_.self) agents[key] = agent;
+    }
+    Result<ZapHandler> handler = ZapHandler::Make(context_, std::move(agents));
+    if (!handler) return tl::unexpected(handler.error());
+    zap_handler_ = std::move(*handler);
+    return {};
+  }
+
+  Result<void> OpenRouter() {
+    Result<ZmqSocket> router = ZmqSocket::Make(context_, ZMQ_ROUTER);
+    if (!router) return tl::unexpected(router.error());
+    router->Set(ZMQ_ROUTER_HANDOVER, 1);
+    router->Set(ZMQ_RCVHWM, kPeerQueueMessages);
+    router->Set(ZMQ_SNDHWM, 1);
+    router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.message_bytes_max));
+    if (keys_) {
+      router->Set(ZMQ_CURVE_SERVER, 1);
+      router->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
+      router->Set(ZMQ_ZAP_DOMAIN, ZapHandler::kAgentDomain);
+    }
+    const std::string& address = FindAgent(team_, options_.self)->address();
+    if (address.find('[') != std::string::npos) router->Set(ZMQ_IPV6, 1);
+    if (const auto claimed = ClaimIpcPath(address); !claimed) return claimed;
+    const Result<std::string> endpoint = NumericEndpoint(address);
+    if (!endpoint) return tl::unexpected(endpoint.error());
+    if (const auto bound = router->Bind(*endpoint); !bound) return bound;
+    router_ = std::move(*router);
+    return {};
+  }
+
+  Result<void> OpenClients() {
+    if (options_.client_endpoint.empty()) return {};
+    ClientDoor::Options options;
+    options.self = options_.self;
+    options.endpoint = options_.client_endpoint;
+    return OpenDoor(std::move(options));
+  }
+
+  Result<void> OpenKeyedClients() {
+    const std::string& address = FindAgent(team_, options_.self)->client_address();
+    if (address.empty()) return {};
+    Check(keys_.has_value(), "a team without keys has no client_address");
+    client_keys_ = ClientKeys::Open(options_.clients_file, std::chrono::steady_clock::now());
+    zap_handler_->LetClientsIn([this](const std::string& key) {
+      return client_keys_->Find(key, std::chrono::steady_clock::now()).has_value();
+    });
+    ClientDoor::Options options;
+    options.self = options_.self;
+    options.endpoint = address;
+    options.secret_key = keys_->own.secret_key;
+    options.identity_of = [this](const std::string& key) {
+      const auto client = client_keys_->Find(key, std::chrono::steady_clock::now());
+      return client ? ClientIdentity{client->rights(), client->name()} : ClientIdentity();
+    };
+    return OpenDoor(std::move(options));
+  }
+
+  Result<void> OpenDoor(ClientDoor::Options options) {
+    options.message_bytes_max = options_.message_bytes_max;
+    Result<std::unique_ptr<ClientDoor>> door = ClientDoor::Open(context_, wake_up_, std::move(options));
+    if (!door) return tl::unexpected(door.error());
+    doors_.push_back(std::move(*door));
+    return {};
+  }
+
+  Result<void> OpenPeers() {
+    for (const proto::AgentConfig& agent : team_.agents()) {
+      if (agent.id() == options_.self) continue;
+      PeerLink::Options options;
+      options.self = options_.self;
+      options.peer = agent.id();
+      options.name = agent.name();
+      options.address = agent.address();
+      if (keys_) {
+        options.own_keys = keys_->own;
+        options.peer_key = keys_->public_keys[agent.id()];
+      }
+      options.message_bytes_max = options_.message_bytes_max;
+      options.credit = options_.credit;
+      options.outbox = options_.outbox;
+      options.health = options_.health;
+      Result<std::unique_ptr<PeerLink>> link = PeerLink::Make(context_, wake_up_, std::move(options));
+      if (!link) return tl::unexpected(link.error());
+      peers_[agent.id()] = std::move(*link);
+    }
+    return {};
+  }
+
+  void Run() {
+    pthread_setname_np(pthread_self(), "transport");
+    while (!is_stopping_) {
+      Sleep();
+      if (zap_handler_) OnHandshakes();
+      has_more_ = ReceiveFromPeers();
+      // Listening may take in libzmq's news of requests, so that the door's work comes last.
+      for (const auto& door : doors_) door->KeepPlace(std::chrono::steady_clock::now());
+      for (const auto& door : doors_) has_more_ = door->Work(deliver_) || has_more_;
+      const MonotonicTime now = std::chrono::steady_clock::now();
+      for (const auto& [id, peer] : peers_) peer->Work(now, peer_changed_);
+    }
+  }
+
+  // Until a socket, a sender or a deadline wants something. libzmq's own poll would ask each socket for its news, which
+  // costs several system calls each; their files tell of news by themselves, since all sockets are read from until
+  // nothing waits.
+  void Sleep() {
+    Linger();
+    wake_up_.IsLooking();
+    MonotonicTime deadline = MonotonicTime::max();
+    for (const auto& [id, peer] : peers_) deadline = std::min(deadline, peer->deadline());
+    for (const auto& door : doors_) deadline = std::min(deadline, door->deadline());
+    const bool has_replies =
+        std::any_of(doors_.begin(), doors_.end(), [](const auto& door) { return door->has_replies(); });
+    if (has_more_ || is_stopping_ || has_replies) deadline = MonotonicTime::min();
+    wake_up_.SleepsUntil(deadline);
+    CollectFiles();
+    const timespec timeout = TimeUntil(deadline);
+    if (ppoll(files_.data(), files_.size(), deadline == MonotonicTime::max() ? nullptr : &timeout, nullptr) < 0) {
+      Check(errno == EINTR, "the system waits for the transport's files");
+      for (pollfd& file : files_) file.revents = 0;
+    }
+    wake_up_.IsAwake(/*by_file=*/files_[0].revents != 0);
+    is_busy_ = files_[kRouterFile].revents != 0;
+    std::size_t next = kOtherFiles;
+    for (const auto& [id, peer] : peers_) {
+      if (files_[next++].revents != 0) peer->OnSocketReadable();
+      if (files_[next++].revents != 0) peer->OnMonitorReadable();
+    }
+  }
+
+  // Others that want the processor have it meanwhile.
+  void Linger() {
+    if (!std::exchange(is_busy_, false) || has_more_) return;
+    CollectFiles();
+    constexpr timespec kAtOnce = {};
+    const MonotonicTime end = std::chrono::steady_clock::now() + kLingerTime;
+    wake_up_.SleepsUntil(end);
+    while (ppoll(files_.data(), files_.size(), &kAtOnce, nullptr) == 0 && std::chrono::steady_clock::now() < end) {
+      std::this_thread::yield();
+    }
+  }
+
+  // A negative file is passed over.
+  void CollectFiles() {
+    files_.clear();
+    const auto add = [this](int file) { files_.push_back({file, POLLIN, 0}); };
+    add(wake_up_.file());
+    add(router_->file());
+    add(zap_handler_ ? zap_handler_->file() : -1);
+    for (std::size_t i = 0; i < kDoorsMax; ++i) add(i < doors_.size() ? doors_[i]->file() : -1);
+    for (const auto& [id, peer] : peers_) {
+      add(peer->socket_file());
+      add(peer->monitor_file());
+    }
+  }
+  static constexpr std::size_t kRouterFile = 1;
+  static constexpr std::size_t kDoorsMax = 2;
+  static constexpr std::size_t kOtherFiles = 3 + kDoorsMax;  // Before those of peers.
+
+  void OnHandshakes() {
+    const std::uint64_t refused_before = zap_handler_->refused_agents();
+    zap_handler_->OnReadable();
+    if (zap_handler_->refused_agents() > refused_before) {
+      refused_log_.Warn("transport: refused a connection whose key is not of this team");
+    }
+    if (refused_clients_.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
+      refused_client_log_.Warn("transport: refused a client whose key is not listed");
+    }
+  }
+
+  // libzmq takes frames of all peers in turn. True if more wait.
+  bool ReceiveFromPeers() {
+    ZmqRoutedFrame received;
+    for (std::size_t messages = 0; messages < kBatchMessages;) {
+      if (!router_->Receive(&received)) return false;
+      messages += OnPeerFrame(received);
+    }
+    return true;
+  }
+
+  // How many messages it held; 1 for one that was rejected.
+  std::size_t OnPeerFrame(const ZmqRoutedFrame& received) {
+    std::optional<AgentId> authenticated;
+    if (keys_) authenticated = AgentOfUserId(received.frame.user_id());
+    const AgentId route = AgentOfUserId(received.route.text());
+    Result<std::vector<OwnedMessage>> messages = received.parts == 2
+                                                     ? ParsePeerFrame(received.frame.text(), authenticated)
+                                                     : Fail(ErrorCode::kCorrupt, "sent a frame of several parts");
+    if (messages && !peers_.contains(messages->front()->hop_sender())) {
+      messages = Fail(ErrorCode::kRefused, "claimed to be an agent that the team does not have");
+    }
+    if (!messages) {
+      // Without keys the connection's own word has to do for whom to blame.
+      OnRejected(received, authenticated.value_or(route), route, messages.error().text);
+      return 1;
+    }
+    const AgentId sender = messages->front()->hop_sender();
+    PeerLink& peer = *peers_.at(sender);
+    // libzmq gives a connection that was replaced another routing id.
+    const bool is_on_link = route == sender;
+    if (messages->front()->has_link_report()) {
+      peer.OnReport(messages->front()->link_report(), is_on_link);
+      return 1;
+    }
+    peer.OnMessages(messages->size(), received.frame.size(), is_on_link);
+    for (OwnedMessage& message : *messages) deliver_(std::move(message));
+    return messages->size();
+  }
+
+  void OnRejected(const ZmqRoutedFrame& received, AgentId blamed, AgentId route, const std::string& what) {
+    const auto peer = peers_.find(blamed);
+    if (peer != peers_.end()) peer->second->OnRejected(received.frame.size(), /*is_on_link=*/route == blamed);
+    rejected_log_.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
+  }
+
+  const proto::TeamConfig team_;
+  const Options options_;
+  const Deliver deliver_;
+  const PeerChanged peer_changed_;
+  std::optional<TeamKeys> keys_;  // None without CURVE.
+
+  ZmqContext context_;  // Before all sockets: it outlives them.
+  WakeUp wake_up_;
+  std::optional<ZapHandler> zap_handler_;
+  std::optional<ZmqSocket> router_;
+  std::optional<ClientKeys> client_keys_;
+  std::vector<std::unique_ptr<ClientDoor>> doors_;
+  std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
+
+  std::vector<pollfd> files_;
+  bool is_busy_ = false;   // Peers sent something just now.
+  bool has_more_ = false;  // A socket was not read from until nothing waits.
+  std::atomic<std::uint64_t> refused_clients_ = 0;
+  RateLimitedLog refused_log_;
+  RateLimitedLog refused_client_log_;
+  RateLimitedLog rejected_log_;
+
+  std::atomic<bool> is_stopping_{false};
+  std::thread thread_;
+};
+
+Result<std::unique_ptr<ZeroMqTransport>> ZeroMqTransport::Create(const proto::TeamConfig& team,
+                                                                 const std::string& team_folder, Options options,
+                                                                 Deliver deliver, PeerChanged peer_changed) {
+  auto impl = std::make_unique<Impl>(team, std::move(options), std::move(deliver), std::move(peer_changed));
+  if (const Result<void> started = impl->Start(team_folder); !started) return tl::unexpected(started.error());
+  return std::unique_ptr<ZeroMqTransport>(new ZeroMqTransport(std::move(impl)));
+}
+
+ZeroMqTransport::ZeroMqTransport(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+ZeroMqTransport::~ZeroMqTransport() = default;
+
+SendResult ZeroMqTransport::Send(const Address& to, const proto::Message& message) { return impl_->Send(to, message); }
+
+std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
+
+double ZeroMqTransport::refused_clients() const { return impl_->refused_clients(); }
+
+}  // namespace moondb

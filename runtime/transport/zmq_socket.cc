@@ -1,0 +1,155 @@
+#include "runtime/transport/zmq_socket.h"
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+
+#include "model/check.h"
+
+namespace moondb {
+namespace {
+
+// A signal interrupts a call before it has done anything.
+template <typename Call>
+int Uninterrupted(Call call) {
+  int result = call();
+  while (result < 0 && zmq_errno() == EINTR) result = call();
+  return result;
+}
+
+}  // namespace
+
+void ZmqContextDeleter::operator()(void* context) const {
+  (void)Uninterrupted([&] { return zmq_ctx_term(context); });
+}
+
+ZmqContext MakeZmqContext(int io_threads) {
+  ZmqContext context(zmq_ctx_new());
+  Check(context != nullptr, "libzmq makes a context");
+  Check(zmq_ctx_set(context.get(), ZMQ_IO_THREADS, io_threads) == 0, "a number of threads that libzmq takes");
+  return context;
+}
+
+ZmqFrame::ZmqFrame(std::size_t size) {
+  Check(zmq_msg_init_size(&message_, size) == 0, "the system gives memory for a frame");
+}
+
+ZmqFrame::ZmqFrame(std::string_view text) : ZmqFrame(text.size()) { std::memcpy(data(), text.data(), text.size()); }
+
+std::string_view ZmqFrame::text() const { return {static_cast<const char*>(zmq_msg_data(&message_)), size()}; }
+
+std::string_view ZmqFrame::user_id() const {
+  const char* user_id = zmq_msg_gets(&message_, "User-Id");
+  return user_id == nullptr ? std::string_view() : std::string_view(user_id);
+}
+
+void ZmqSocket::Closer::operator()(void* socket) const {
+  // Else a last event could wait for ever, on libzmq's own thread, for a reader that is closed too.
+  (void)zmq_socket_monitor(socket, nullptr, 0);
+  (void)zmq_close(socket);
+}
+
+Result<ZmqSocket> ZmqSocket::Make(const ZmqContext& context, int type) {
+  ZmqSocket socket;
+  socket.socket_.reset(zmq_socket(context.get(), type));
+  if (socket.socket_ == nullptr) {
+    return Fail(ErrorCode::kUnavailable, std::string("cannot make a socket: ") + zmq_strerror(zmq_errno()));
+  }
+  // What has not left when a socket closes is lost; sharing sends it again.
+  socket.Set(ZMQ_LINGER, 0);
+  std::size_t size = sizeof socket.file_;
+  Check(zmq_getsockopt(socket.get(), ZMQ_FD, &socket.file_, &size) == 0, "a socket has a file to wait for");
+  return socket;
+}
+
+void ZmqSocket::Set(int option, int value) {
+  Check(zmq_setsockopt(get(), option, &value, sizeof value) == 0, "a socket option that libzmq takes");
+}
+
+void ZmqSocket::SetInt64(int option, std::int64_t value) {
+  Check(zmq_setsockopt(get(), option, &value, sizeof value) == 0, "a socket option that libzmq takes");
+}
+
+void ZmqSocket::Set(int option, const std::string& value) {
+  Check(zmq_setsockopt(get(), option, value.data(), value.size()) == 0, "a socket option that libzmq takes");
+}
+
+Result<void> ZmqSocket::Bind(const std::string& endpoint) {
+  if (zmq_bind(get(), endpoint.c_str()) == 0) return {};
+  return Fail(ErrorCode::kUnavailable, "cannot listen on " + endpoint + ": " + zmq_strerror(zmq_errno()));
+}
+
+void ZmqSocket::Unbind(const std::string& endpoint) { (void)zmq_unbind(get(), endpoint.c_str()); }
+
+Result<void> ZmqSocket::Connect(const std::string& endpoint) {
+  if (zmq_connect(get(), endpoint.c_str()) == 0) return {};
+  return Fail(ErrorCode::kUnavailable, "cannot connect to " + endpoint + ": " + zmq_strerror(zmq_errno()));
+}
+
+Result<ZmqSocket> ZmqSocket::MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events) {
+  Result<ZmqSocket> monitor = Make(context, ZMQ_PAIR);
+  if (!monitor) return monitor;
+  if (zmq_socket_monitor(get(), endpoint.c_str(), events) != 0) {
+    return Fail(ErrorCode::kUnavailable, std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
+  }
+  if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
+  // Its file tells of news only once it was found empty.
+  (void)monitor->ReceiveEvent();
+  return monitor;
+}
+
+// Two frames: the event's number with a value, and the address.
+std::optional<int> ZmqSocket::ReceiveEvent() {
+  std::vector<ZmqFrame> parts;
+  if (!Receive(&parts)) return std::nullopt;
+  std::uint16_t event = 0;
+  if (parts[0].size() < sizeof event) return 0;
+  std::memcpy(&event, parts[0].data(), sizeof event);
+  return event;
+}
+
+bool ZmqSocket::ReceiveFrame(ZmqFrame* frame, int flags) {
+  return Uninterrupted([&] { return zmq_msg_recv(&frame->message_, get(), flags); }) >= 0;
+}
+
+// The parts of a message come together, so that only the first one can be missing.
+bool ZmqSocket::Receive(std::vector<ZmqFrame>* parts) {
+  parts->clear();
+  ZmqFrame frame;
+  if (!ReceiveFrame(&frame, ZMQ_DONTWAIT)) return false;
+  bool has_more = true;
+  while (has_more) {
+    has_more = zmq_msg_more(&frame.message_) != 0;
+    if (parts->size() < kPartsMax) parts->push_back(std::move(frame));
+    if (has_more && !ReceiveFrame(&frame, 0)) return false;
+  }
+  return true;
+}
+
+bool ZmqSocket::Receive(ZmqRoutedFrame* message) {
+  if (!ReceiveFrame(&message->route, ZMQ_DONTWAIT)) return false;
+  message->parts = 1;
+  if (zmq_msg_more(&message->route.message_) == 0) return true;
+  if (!ReceiveFrame(&message->frame, 0)) return false;
+  message->parts = 2;
+  for (bool has_more = zmq_msg_more(&message->frame.message_) != 0; has_more; ++message->parts) {
+    ZmqFrame further;
+    if (!ReceiveFrame(&further, 0)) return false;
+    has_more = zmq_msg_more(&further.message_) != 0;
+  }
+  return true;
+}
+
+ZmqSend ZmqSocket::Send(ZmqFrame* frame, bool has_more) {
+  const int flags = ZMQ_DONTWAIT | (has_more ? ZMQ_SNDMORE : 0);
+  if (Uninterrupted([&] { return zmq_msg_send(&frame->message_, get(), flags); }) >= 0) return ZmqSend::kSent;
+  return zmq_errno() == EAGAIN ? ZmqSend::kWouldBlock : ZmqSend::kNoRoute;
+}
+
+void ZmqSocket::Process() {
+  int events = 0;
+  std::size_t size = sizeof events;
+  (void)zmq_getsockopt(get(), ZMQ_EVENTS, &events, &size);
+}
+
+}  // namespace moondb

@@ -1,0 +1,160 @@
+// Clients over TCP, under CURVE, with keys that are listed: real transports and raw sockets in one process.
+#include <gmock/gmock.h>
+
+#include <thread>
+
+#include "model/text.h"
+#include "runtime/team/client_list.h"
+#include "tests/free_port.h"
+#include "tests/runtime/transport/transport_fixture.h"
+
+namespace moondb {
+namespace {
+
+class KeyedClientsTest : public TransportFixture {
+ protected:
+  KeyedClientsTest() {
+    ListClients({{"anna", anna_, proto::CLIENT_RIGHTS_VIEW}});
+    address_ = "tcp://127.0.0.1:" + std::to_string(FreePort());
+    team_.config.mutable_agents(0)->set_client_address(address_);
+  }
+
+  struct Listed {
+    std::string name;
+    CurveKeys keys;
+    proto::ClientRights rights;
+  };
+  void ListClients(const std::vector<Listed>& listed) {
+    proto::ClientList list;
+    for (const Listed& one : listed) {
+      proto::ListedClient& client = *list.add_clients();
+      client.set_name(one.name);
+      client.set_key(one.keys.public_key);
+      client.set_rights(one.rights);
+    }
+    ASSERT_TRUE(WriteTextFile(clients_file_, ClientListText(list, "")).has_value());
+  }
+
+  ZeroMqTransport& StartWithClients() {
+    ZeroMqTransport::Options options;
+    options.client_endpoint = ClientEndpointHere();
+    options.clients_file = clients_file_;
+    return Start(1, std::move(options));
+  }
+
+  RawDealer::Keys With(const CurveKeys& own) const {
+    return {ReadPublicKey(team_.folder / team_.config.agents(0).key()).value(), own};
+  }
+
+  // What the agent hears of a request in which the client claims to be an operator with all rights.
+  OwnedMessage HeardOf(RawDealer& client) {
+    proto::Message request;
+    request.mutable_control_request()->mutable_status();
+    request.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
+    request.set_client_name("operator");
+    client.Send(request.SerializeAsString());
+    return ears_[1].Take();
+  }
+
+  const std::filesystem::path clients_file_ = folder_ / "clients.yaml";
+  const CurveKeys anna_ = MakeCurveKeys().value();
+  std::string address_;
+};
+
+TEST_F(KeyedClientsTest, AListedKeyComesInUnderItsNameWithItsRightsAndIsAnswered) {
+  ZeroMqTransport& transport = StartWithClients();
+  const RawDealer::Keys keys = With(anna_);
+  RawDealer client(address_, &keys);
+  RawDealer own(ClientEndpointHere());
+  const OwnedMessage heard = HeardOf(client);
+  ASSERT_NE(heard, nullptr);
+  EXPECT_EQ(heard->hop_sender(), kClients);
+  EXPECT_EQ(heard->client_name(), "anna");
+  EXPECT_EQ(heard->client_rights(), proto::CLIENT_RIGHTS_VIEW);
+  const OwnedMessage of_user = HeardOf(own);
+  ASSERT_NE(of_user, nullptr);
+  EXPECT_EQ(of_user->client_name(), "");
+  EXPECT_EQ(of_user->client_rights(), proto::CLIENT_RIGHTS_COMMAND);
+
+  for (const OwnedMessage* asked : {&heard, &of_user}) {
+    proto::Message reply;
+    reply.set_record_id((*asked)->source_actor());
+    ASSERT_EQ(transport.Send({kClients, (*asked)->source_actor()}, reply), SendResult::kAccepted);
+  }
+  EXPECT_THAT(client.Receive(), testing::HasSubstr(heard->source_actor()));
+  EXPECT_THAT(own.Receive(), testing::HasSubstr(of_user->source_actor()));
+  EXPECT_NE(heard->source_actor(), of_user->source_actor());
+}
+
+TEST_F(KeyedClientsTest, AnUnknownKeyAnAgentsKeyAndNoKeyAreRefused) {
+  ZeroMqTransport& transport = StartWithClients();
+  const RawDealer::Keys unknown = With(MakeCurveKeys().value());
+  RawDealer stranger(address_, &unknown);
+  EXPECT_EQ(stranger.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  const RawDealer::Keys of_agent = KeysOf(2, 1);
+  RawDealer agent(address_, &of_agent);
+  EXPECT_EQ(agent.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  RawDealer without(address_);
+  EXPECT_NE(without.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
+  // Nor does a client's key open the door of agents.
+  const RawDealer::Keys keys = With(anna_);
+  RawDealer client(AddressOf(1), &keys);
+  EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  EXPECT_EQ(ears_[1].waiting(), 0u);
+  EXPECT_EQ(transport.refused_clients(), 2) << "no key is not a key";
+}
+
+TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneComesIn) {
+  StartWithClients();
+  const RawDealer::Keys keys = With(anna_);
+  RawDealer client(address_, &keys);
+  ASSERT_NE(HeardOf(client), nullptr);
+  const CurveKeys next = MakeCurveKeys().value();
+  ListClients({{"anna", next, proto::CLIENT_RIGHTS_COMMAND}});
+  // The agent looks at the file once a second at most.
+  proto::ClientRights rights = proto::CLIENT_RIGHTS_VIEW;
+  for (int i = 0; i < 600 && rights != proto::CLIENT_RIGHTS_NONE; ++i) {
+    const OwnedMessage heard = HeardOf(client);
+    ASSERT_NE(heard, nullptr);
+    rights = heard->client_rights();
+    if (rights != proto::CLIENT_RIGHTS_NONE) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  EXPECT_EQ(rights, proto::CLIENT_RIGHTS_NONE);
+  proto::Message large;
+  large.mutable_control_request()->set_by(std::string(100'000, 'x'));
+  client.Send(large.SerializeAsString());  // Not even read.
+  const OwnedMessage short_one = HeardOf(client);
+  ASSERT_NE(short_one, nullptr);
+  EXPECT_TRUE(short_one->control_request().has_status());
+  RawDealer again(address_, &keys);
+  EXPECT_EQ(again.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  const RawDealer::Keys replaced = With(next);
+  RawDealer with_next(address_, &replaced);
+  const OwnedMessage heard = HeardOf(with_next);
+  ASSERT_NE(heard, nullptr);
+  EXPECT_EQ(heard->client_name(), "anna");
+  EXPECT_EQ(heard->client_rights(), proto::CLIENT_RIGHTS_COMMAND);
+}
+
+TEST_F(KeyedClientsTest, StartsWithNobodyWhereTheListIsWrong) {
+  ASSERT_TRUE(WriteTextFile(clients_file_, "clients: 5\n").has_value());
+  StartWithClients();
+  const RawDealer::Keys keys = With(anna_);
+  RawDealer client(address_, &keys);
+  EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  RawDealer own(ClientEndpointHere());
+  EXPECT_NE(HeardOf(own), nullptr);
+}
+
+TEST_F(KeyedClientsTest, DoesNotStartWithAnAddressInUse) {
+  ZeroMqTransport::Options options;
+  options.clients_file = clients_file_;
+  Start(1, options);
+  team_.config.mutable_agents(1)->set_client_address(address_);
+  const auto taken = Create(2, options);
+  ASSERT_FALSE(taken);
+  EXPECT_EQ(taken.error().code, ErrorCode::kUnavailable);
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,140 @@
+#include "runtime/transport/link_credit.h"
+
+#include <gtest/gtest.h>
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr LinkCredit::Options kFixed{.bytes_min = 100, .bytes_max = 100};
+constexpr MonotonicTime kNow{std::chrono::seconds(1000)};
+
+TEST(LinkCreditTest, LetsNoMoreOutThanTheCreditBeyondWhatIsReported) {
+  LinkCredit credit(kFixed);
+  credit.Open(7);
+  EXPECT_TRUE(credit.HasRoomFor(100));
+  credit.OnSent(kNow, 60);
+  EXPECT_TRUE(credit.HasRoomFor(40));
+  EXPECT_FALSE(credit.HasRoomFor(41));
+  credit.OnSent(kNow, 40);
+  EXPECT_FALSE(credit.HasRoomFor(1));
+  EXPECT_TRUE(credit.OnReport(kNow, 7, 60));
+  EXPECT_EQ(credit.unreported_bytes(), 40u);
+  EXPECT_TRUE(credit.HasRoomFor(60));
+}
+
+TEST(LinkCreditTest, LetsOneLargerFrameGoAlone) {
+  LinkCredit credit(kFixed);
+  credit.Open(7);
+  EXPECT_TRUE(credit.HasRoomFor(1000));
+  credit.OnSent(kNow, 1000);
+  EXPECT_FALSE(credit.HasRoomFor(1));
+  EXPECT_TRUE(credit.OnReport(kNow, 7, 1000));
+  credit.OnSent(kNow, 1);
+  EXPECT_FALSE(credit.HasRoomFor(1000));
+}
+
+TEST(LinkCreditTest, RefusesReportsThatCannotBe) {
+  LinkCredit credit(kFixed);
+  credit.Open(7);
+  credit.OnSent(kNow, 50);
+  EXPECT_FALSE(credit.OnReport(kNow, 7, 51)) << "more than was sent";
+  EXPECT_FALSE(credit.OnReport(kNow, 6, 50)) << "of another connection";
+  EXPECT_FALSE(credit.has_report());
+  EXPECT_TRUE(credit.OnReport(kNow, 7, 30));
+  EXPECT_FALSE(credit.OnReport(kNow, 7, 29)) << "backwards";
+  EXPECT_TRUE(credit.OnReport(kNow, 7, 30));
+  EXPECT_EQ(credit.unreported_bytes(), 20u);
+}
+
+TEST(LinkCreditTest, BeginsAnewWithEachConnection) {
+  LinkCredit credit(kFixed);
+  credit.Open(7);
+  credit.OnSent(kNow, 100);
+  credit.Open(8);
+  EXPECT_EQ(credit.unreported_bytes(), 0u);
+  EXPECT_FALSE(credit.OnReport(kNow, 7, 0));
+  credit.OnSent(kNow, 100);
+  EXPECT_FALSE(credit.HasRoomFor(1));
+  credit.Renew();
+  EXPECT_TRUE(credit.HasRoomFor(100));
+}
+
+// Uses the whole credit again and again, each time reported after `round`.
+std::size_t CreditAfterRounds(LinkCredit& credit, int rounds, Duration round, bool is_blocked = true) {
+  MonotonicTime now = kNow;
+  std::uint64_t sent = 0;
+  for (int i = 0; i < rounds; ++i) {
+    const std::size_t bytes = credit.credit_bytes();
+    credit.OnSent(now, bytes);
+    sent += bytes;
+    if (is_blocked) credit.OnBlocked();
+    now += round;
+    EXPECT_TRUE(credit.OnReport(now, credit.link(), sent));
+    now += std::chrono::seconds(10);  // Idle time counts for nothing.
+  }
+  return credit.credit_bytes();
+}
+
+TEST(LinkCreditTest, GrowsOnAFastLinkUpToItsBound) {
+  LinkCredit credit({.bytes_min = 100, .bytes_max = 500, .round_fast = milliseconds(10)});
+  credit.Open(7);
+  EXPECT_EQ(CreditAfterRounds(credit, 2, milliseconds(10)), 400u);
+  credit.Open(8);
+  EXPECT_EQ(credit.credit_bytes(), 100u) << "the next connection may be another radio";
+  EXPECT_EQ(CreditAfterRounds(credit, 5, milliseconds(10)), 500u);
+}
+
+TEST(LinkCreditTest, StaysSmallOnASlowLinkAndWhereItIsNotUsedUp) {
+  LinkCredit credit({.bytes_min = 100, .bytes_max = 500, .round_fast = milliseconds(10)});
+  credit.Open(7);
+  EXPECT_EQ(CreditAfterRounds(credit, 5, milliseconds(11)), 100u);
+  credit.Open(8);
+  EXPECT_EQ(CreditAfterRounds(credit, 5, milliseconds(1), /*is_blocked=*/false), 100u);
+}
+
+TEST(LinkCreditTest, ShrinksWhenTheLinkGetsSlow) {
+  LinkCredit credit({.bytes_min = 100, .bytes_max = 500, .round_fast = milliseconds(10)});
+  credit.Open(7);
+  EXPECT_EQ(CreditAfterRounds(credit, 2, milliseconds(1)), 400u);
+  credit.OnSent(kNow, 400);
+  EXPECT_TRUE(credit.OnReport(kNow + milliseconds(41), 7, 100 + 200 + 400));
+  EXPECT_EQ(credit.credit_bytes(), 200u);
+}
+
+TEST(ReceivedCountTest, ReportsAfterSoManyBytes) {
+  ReceivedCount received;
+  received.OnReceived(1000);
+  EXPECT_FALSE(received.is_report_due()) << "nobody to tell";
+  EXPECT_TRUE(received.OnLink(7));
+  received.SetReportAfter(100);
+  EXPECT_EQ(received.received_bytes(), 0u);
+  received.OnReceived(99);
+  EXPECT_FALSE(received.is_report_due());
+  received.OnReceived(1);
+  EXPECT_TRUE(received.is_report_due());
+  received.OnReported();
+  EXPECT_FALSE(received.is_report_due());
+  EXPECT_EQ(received.received_bytes(), 100u);
+  EXPECT_FALSE(received.OnLink(7));
+  EXPECT_EQ(received.received_bytes(), 100u);
+  EXPECT_TRUE(received.OnLink(8));
+  EXPECT_EQ(received.received_bytes(), 0u);
+}
+
+TEST(LargeFrameNoticeTest, SpeaksOfTheNextFrameAlone) {
+  LargeFrameNotice notice;
+  EXPECT_FALSE(notice.Covers(50'000));
+  notice.OnReportSent(50'000);
+  EXPECT_TRUE(notice.Covers(50'000));
+  EXPECT_FALSE(notice.Covers(60'000)) << "another frame has become the next one";
+  notice.OnFrameSent();  // A control message, while the socket had no room for the large frame.
+  EXPECT_FALSE(notice.Covers(50'000));
+  notice.OnReportSent(50'000);
+  notice.OnReportSent(0);
+  EXPECT_FALSE(notice.Covers(50'000));
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,298 @@
+// Real transports in one process, over ipc:// in a temporary folder, and raw sockets that do not keep to the rules:
+// what the transport's tests share.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <zmq.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <cstring>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "runtime/team/curve_keys.h"
+#include "runtime/team/team_config.h"
+#include "runtime/transport/zeromq_transport.h"
+#include "tests/temporary_folder.h"
+
+namespace moondb {
+
+// Long, for a loaded machine; a test that passes never waits for it.
+inline constexpr std::chrono::seconds kPatience(60);
+
+// What a transport told, waited for with patience. Thread-safe.
+class Ear {
+ public:
+  ZeroMqTransport::Deliver deliver() {
+    return [this](OwnedMessage message) {
+      const std::lock_guard lock(mutex_);
+      messages_.push_back(std::move(message));
+      changed_.notify_all();
+    };
+  }
+
+  ZeroMqTransport::PeerChanged peer_changed() {
+    return [this](AgentId peer, bool is_connected) {
+      const std::lock_guard lock(mutex_);
+      is_connected_[peer] = is_connected;
+      if (is_connected) ++times_connected_[peer];
+      changed_.notify_all();
+    };
+  }
+
+  // Null if none comes.
+  OwnedMessage Take() {
+    std::unique_lock lock(mutex_);
+    if (!changed_.wait_for(lock, kPatience, [&] { return !messages_.empty(); })) return nullptr;
+    OwnedMessage message = std::move(messages_.front());
+    messages_.pop_front();
+    return message;
+  }
+
+  bool WaitForPeer(AgentId peer, bool is_connected) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, kPatience, [&] {
+      const auto known = is_connected_.find(peer);
+      return known != is_connected_.end() && known->second == is_connected;
+    });
+  }
+
+  bool WaitUntilConnected(AgentId peer, int times) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, kPatience, [&] { return times_connected_[peer] >= times; });
+  }
+
+  std::size_t waiting() {
+    const std::lock_guard lock(mutex_);
+    return messages_.size();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<OwnedMessage> messages_;
+  std::map<AgentId, bool> is_connected_;
+  std::map<AgentId, int> times_connected_;
+};
+
+// One part; none if none comes in the socket's patience.
+inline std::optional<std::string> ReceiveFrom(void* socket, int flags = 0) {
+  zmq_msg_t part;
+  zmq_msg_init(&part);
+  std::optional<std::string> text;
+  if (zmq_msg_recv(&part, socket, flags) >= 0) {
+    text = std::string(static_cast<const char*>(zmq_msg_data(&part)), zmq_msg_size(&part));
+  }
+  zmq_msg_close(&part);
+  return text;
+}
+
+// A DEALER without moondb: a client, or a peer that does not keep to the rules.
+class RawDealer {
+ public:
+  struct Keys {
+    std::string server_public;
+    CurveKeys own;
+  };
+
+  explicit RawDealer(const std::string& endpoint, const Keys* keys = nullptr, const std::string& routing_id = "")
+      : context_(zmq_ctx_new()), socket_(zmq_socket(context_, ZMQ_DEALER)) {
+    const int zero = 0;
+    zmq_setsockopt(socket_, ZMQ_LINGER, &zero, sizeof zero);
+    const int patience_ms = static_cast<int>(std::chrono::milliseconds(kPatience).count());
+    zmq_setsockopt(socket_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
+    zmq_setsockopt(socket_, ZMQ_SNDTIMEO, &patience_ms, sizeof patience_ms);
+    if (!routing_id.empty()) {
+      // One connection only: it must not take its name back from another that took it.
+      const int never = -1;
+      zmq_setsockopt(socket_, ZMQ_RECONNECT_IVL, &never, sizeof never);
+      zmq_setsockopt(socket_, ZMQ_ROUTING_ID, routing_id.data(), routing_id.size());
+    }
+    if (keys != nullptr) {
+      zmq_setsockopt(socket_, ZMQ_CURVE_SERVERKEY, keys->server_public.c_str(), 40);
+      zmq_setsockopt(socket_, ZMQ_CURVE_PUBLICKEY, keys->own.public_key.c_str(), 40);
+      zmq_setsockopt(socket_, ZMQ_CURVE_SECRETKEY, keys->own.secret_key.c_str(), 40);
+    }
+    zmq_socket_monitor(socket_, "inproc://raw",
+                       ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_DISCONNECTED);
+    monitor_ = zmq_socket(context_, ZMQ_PAIR);
+    zmq_setsockopt(monitor_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
+    zmq_setsockopt(monitor_, ZMQ_LINGER, &zero, sizeof zero);
+    zmq_connect(monitor_, "inproc://raw");
+    EXPECT_EQ(zmq_connect(socket_, endpoint.c_str()), 0);
+  }
+
+  ~RawDealer() {
+    zmq_close(socket_);
+    zmq_close(monitor_);
+    zmq_ctx_term(context_);
+  }
+
+  void Send(const std::string& frame, bool has_more = false) {
+    EXPECT_EQ(zmq_send(socket_, frame.data(), frame.size(), has_more ? ZMQ_SNDMORE : 0),
+              static_cast<int>(frame.size()));
+  }
+
+  std::string Receive() { return ReceiveFrom(socket_).value_or(""); }
+
+  // A ZMQ_EVENT_*; 0 if none comes.
+  int NextEvent() {
+    const std::optional<std::string> event = ReceiveFrom(monitor_);
+    if (!event || event->size() < 2) return 0;
+    (void)ReceiveFrom(monitor_);
+    std::uint16_t number = 0;
+    std::memcpy(&number, event->data(), sizeof number);
+    return number;
+  }
+
+ private:
+  void* context_;
+  void* socket_;
+  void* monitor_ = nullptr;
+};
+
+// A ROUTER without moondb: a peer that reads only when it is told to. Without CURVE.
+class RawRouter {
+ public:
+  struct Frame {
+    std::string route;
+    proto::Message message;
+  };
+
+  explicit RawRouter(const std::string& endpoint) : context_(zmq_ctx_new()), socket_(zmq_socket(context_, ZMQ_ROUTER)) {
+    const int zero = 0;
+    const int one = 1;
+    const int patience_ms = static_cast<int>(std::chrono::milliseconds(kPatience).count());
+    zmq_setsockopt(socket_, ZMQ_LINGER, &zero, sizeof zero);
+    zmq_setsockopt(socket_, ZMQ_ROUTER_HANDOVER, &one, sizeof one);
+    zmq_setsockopt(socket_, ZMQ_RCVHWM, &one, sizeof one);
+    zmq_setsockopt(socket_, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
+    EXPECT_EQ(zmq_bind(socket_, endpoint.c_str()), 0);
+  }
+
+  ~RawRouter() {
+    zmq_close(socket_);
+    zmq_ctx_term(context_);
+  }
+
+  // The next message; an empty one if none comes.
+  Frame Receive(int flags = 0) {
+    if (waiting_.empty()) {
+      const std::string route = ReceiveFrom(socket_, flags).value_or("");
+      if (route.empty()) return {};
+      ++frames_;
+      proto::PeerFrame frame;
+      EXPECT_TRUE(frame.ParseFromString(ReceiveFrom(socket_).value_or("")));
+      for (const proto::Message& message : frame.messages()) waiting_.push_back({route, message});
+    }
+    Frame next = std::move(waiting_.front());
+    waiting_.pop_front();
+    return next;
+  }
+
+  // The next one that is not a report of the transport's.
+  proto::Message ReceiveMessage() {
+    for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
+      if (!frame.message.has_link_report()) return frame.message;
+      last_report_ = frame.message.link_report();
+    }
+    ADD_FAILURE() << "no message came";
+    return {};
+  }
+
+  // The next report that `is_wanted`; other frames are passed over.
+  proto::LinkReport ReceiveReport(const std::function<bool(const proto::LinkReport&)>& is_wanted) {
+    for (Frame frame = Receive(); !frame.route.empty(); frame = Receive()) {
+      if (!frame.message.has_link_report()) continue;
+      last_report_ = frame.message.link_report();
+      if (is_wanted(last_report_)) return last_report_;
+    }
+    ADD_FAILURE() << "no such report came";
+    return {};
+  }
+
+  int frames() const { return frames_; }  // Received so far.
+  const proto::LinkReport& last_report() const { return last_report_; }
+
+ private:
+  void* context_;
+  void* socket_;
+  int frames_ = 0;
+  std::deque<Frame> waiting_;  // Of the last frame.
+  proto::LinkReport last_report_;
+};
+
+class TransportFixture : public ::testing::Test {
+ protected:
+  TransportFixture() { MakeTeam(/*is_insecure=*/false); }
+
+  void MakeTeam(bool is_insecure) {
+    proto::TeamConfig team;
+    team.set_team("test");
+    team.set_insecure(is_insecure);
+    for (AgentId id = 1; id <= 3; ++id) {
+      proto::AgentConfig* agent = team.add_agents();
+      agent->set_id(id);
+      agent->set_name("rover" + std::to_string(id));
+      agent->set_address("ipc://" + (folder_ / ("agent" + std::to_string(id))).string());
+    }
+    const std::filesystem::path path = folder_ / (is_insecure ? "insecure.yaml" : "team.yaml");
+    const Result<void> written = WriteTeam(path, team);
+    ASSERT_TRUE(written) << ToString(written.error());
+    team_ = ReadTeamFile(path).value();
+  }
+
+  Result<std::unique_ptr<ZeroMqTransport>> Create(AgentId self, ZeroMqTransport::Options options = {}) {
+    options.self = self;
+    return ZeroMqTransport::Create(team_.config, team_.folder, options, ears_[self].deliver(),
+                                   ears_[self].peer_changed());
+  }
+
+  ZeroMqTransport& Start(AgentId self, ZeroMqTransport::Options options = {}) {
+    auto transport = Create(self, std::move(options));
+    EXPECT_TRUE(transport) << ToString(transport.error());
+    return *(transports_[self] = std::move(*transport));
+  }
+
+  static proto::Message Message(AgentId hop_sender, AgentId to, std::size_t bytes = 10) {
+    proto::Message message;
+    message.set_hop_sender(hop_sender);
+    message.set_destination_id(to);
+    message.set_destination_actor("sync");
+    message.set_record_id(std::string(bytes, 'x'));
+    return message;
+  }
+
+  proto::PeerStatus Peer(AgentId self, AgentId peer) {
+    for (const proto::PeerStatus& status : transports_[self]->Peers()) {
+      if (status.agent_id() == peer) return status;
+    }
+    ADD_FAILURE() << "no peer " << peer;
+    return {};
+  }
+
+  RawDealer::Keys KeysOf(AgentId agent, AgentId server) {
+    const auto public_path = [&](AgentId id) { return team_.folder / FindAgent(team_.config, id)->key(); };
+    return {ReadPublicKey(public_path(server)).value(),
+            {ReadPublicKey(public_path(agent)).value(), ReadSecretKey(SecretKeyPath(public_path(agent))).value()}};
+  }
+
+  std::string AddressOf(AgentId agent) { return FindAgent(team_.config, agent)->address(); }
+  std::string ClientEndpointHere() { return "ipc://" + (folder_ / "run" / "rover1.sock").string(); }
+
+  const TemporaryFolder temporary_;  // Outlives the transports below.
+  const std::filesystem::path folder_ = temporary_.path();
+  TeamFile team_;
+  std::map<AgentId, Ear> ears_;
+  std::map<AgentId, std::unique_ptr<ZeroMqTransport>> transports_;
+};
+
+}  // namespace moondb

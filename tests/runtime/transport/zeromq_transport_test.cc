@@ -1,0 +1,404 @@
+#include "runtime/transport/zeromq_transport.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netdb.h>
+#include <unistd.h>
+#include <zmq.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "runtime/team/curve_keys.h"
+#include "runtime/team/private_folder.h"
+#include "runtime/team/team_config.h"
+#include "runtime/transport/listen_address.h"
+#include "runtime/transport/outbound.h"
+#include "tests/runtime/transport/transport_fixture.h"
+#include "tests/temporary_folder.h"
+
+namespace moondb {
+namespace {
+
+using ::testing::HasSubstr;
+
+using ZeroMqTransportTest = TransportFixture;
+
+TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  const proto::Message there = Message(1, 2);
+  ASSERT_EQ(transports_[1]->Send({2, "sync"}, there), SendResult::kAccepted);
+  const OwnedMessage heard = ears_[2].Take();
+  ASSERT_NE(heard, nullptr);
+  EXPECT_EQ(heard->SerializeAsString(), there.SerializeAsString());
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+  ASSERT_NE(ears_[1].Take(), nullptr);
+
+  const proto::PeerStatus status = Peer(1, 2);
+  EXPECT_EQ(status.name(), "rover2");
+  EXPECT_TRUE(status.is_connected());
+  EXPECT_EQ(status.sent_messages(), 1);
+  EXPECT_EQ(status.sent_bytes(), static_cast<double>(ToPeerFrame(there).size()));
+  EXPECT_EQ(status.received_messages(), 1);
+  EXPECT_GE(status.seconds_since_heard(), 0);
+  EXPECT_LT(Peer(1, 3).seconds_since_heard(), 0);
+}
+
+TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndLargeOnes) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  constexpr std::size_t kLarge = 8 * 1024 * 1024;
+  ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2, kLarge)), SendResult::kAccepted);
+  ASSERT_EQ(ears_[2].Take()->record_id().size(), kLarge);
+  for (std::size_t i = 1; i <= 100; ++i) {
+    ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2, i)), SendResult::kAccepted);
+  }
+  for (std::size_t i = 1; i <= 100; ++i) ASSERT_EQ(ears_[2].Take()->record_id().size(), i);
+}
+
+TEST_F(ZeroMqTransportTest, TellsThatAPeerIsAbsentOrUnknown) {
+  Start(1);
+  EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
+  EXPECT_EQ(transports_[1]->Send({9, "sync"}, Message(1, 9)), SendResult::kNoPeer);
+  EXPECT_EQ(transports_[1]->Send({1, "sync"}, Message(1, 1)), SendResult::kNoPeer);
+  EXPECT_EQ(transports_[1]->Send({kClients, "1"}, Message(1, 1)), SendResult::kUnreachable);
+  EXPECT_FALSE(Peer(1, 2).is_connected());
+  EXPECT_EQ(Peer(1, 2).dropped_messages(), 1);
+}
+
+TEST_F(ZeroMqTransportTest, ReachesAPeerAgainAfterItsRestart) {
+  Start(1);
+  for (int life = 0; life < 3; ++life) {
+    SCOPED_TRACE(life);
+    Start(2);
+    ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+    ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+    ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kAccepted);
+    ASSERT_NE(ears_[2].Take(), nullptr);
+    ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+    ASSERT_NE(ears_[1].Take(), nullptr);
+    transports_.erase(2);
+    ears_.erase(2);
+    ASSERT_TRUE(ears_[1].WaitForPeer(2, false));
+    EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
+  }
+}
+
+TEST_F(ZeroMqTransportTest, RefusesAKeyThatIsNotTheTeams) {
+  Start(1);
+  RawDealer::Keys keys = KeysOf(2, 1);
+  keys.own = MakeCurveKeys().value();
+  RawDealer stranger(AddressOf(1), &keys);
+  EXPECT_EQ(stranger.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  EXPECT_EQ(ears_[1].waiting(), 0u);
+}
+
+TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
+  Start(1);
+  // Somebody else listens at rover2's address, with a key of their own.
+  std::filesystem::remove(team_.folder / "rover2.pub");
+  std::filesystem::remove(team_.folder / "rover2.sec");
+  const CurveKeys other = MakeCurveKeys().value();
+  std::ofstream(team_.folder / "rover2.pub") << other.public_key;
+  std::ofstream(team_.folder / "rover2.sec") << other.secret_key;
+  std::filesystem::permissions(team_.folder / "rover2.sec", std::filesystem::perms(0600));
+  Start(2);
+  Start(3);  // Reads the new key, so that it can tell when rover2 has had its chance.
+  ASSERT_TRUE(ears_[3].WaitForPeer(2, true));
+  ASSERT_TRUE(ears_[3].WaitForPeer(1, true));
+  EXPECT_FALSE(Peer(1, 2).is_connected());
+  EXPECT_FALSE(Peer(2, 1).is_connected());
+  EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kUnreachable);
+}
+
+TEST_F(ZeroMqTransportTest, DropsAndCountsWhatClaimsToBeAnother) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(/*hop_sender=*/3, 1)), SendResult::kAccepted);
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+  EXPECT_EQ(ears_[1].Take()->hop_sender(), 2u);
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 1);
+  EXPECT_EQ(Peer(1, 2).received_messages(), 1);
+  EXPECT_EQ(Peer(1, 3).received_messages(), 0);
+}
+
+TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
+  Start(1);
+  const RawDealer::Keys keys = KeysOf(2, 1);
+  RawDealer peer(AddressOf(1), &keys);
+  peer.Send("\xff\xff\xff");
+  peer.Send("one", /*has_more=*/true);
+  peer.Send("two");
+  peer.Send("");
+  peer.Send(ToPeerFrame({}));  // An empty Message, whose hop_sender is nobody.
+  peer.Send(ToPeerFrame(Message(2, 1)));
+  ASSERT_NE(ears_[1].Take(), nullptr);
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 4);
+  EXPECT_EQ(Peer(1, 2).received_messages(), 1);
+}
+
+TEST_F(ZeroMqTransportTest, DropsWhatOnlyActorsOfOneAgentMaySay) {
+  Start(1);
+  const RawDealer::Keys keys = KeysOf(2, 1);
+  RawDealer peer(AddressOf(1), &keys);
+  proto::Message message = Message(2, 1);
+  message.mutable_timer()->set_kind(1);
+  peer.Send(ToPeerFrame(message));
+  message.mutable_save_roles_request();
+  peer.Send(ToPeerFrame(message));
+  message.mutable_hello();
+  peer.Send(ToPeerFrame(message));
+  EXPECT_TRUE(ears_[1].Take()->has_hello());
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 2);
+}
+
+TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
+  ZeroMqTransport::Options options;
+  options.message_bytes_max = 1000;
+  Start(1, options);
+  Start(2, options);
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  EXPECT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1, 1001)), SendResult::kFull);
+  EXPECT_EQ(Peer(2, 1).dropped_messages(), 1);
+
+  const RawDealer::Keys keys = KeysOf(3, 1);
+  RawDealer peer(AddressOf(1), &keys);
+  EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
+  peer.Send(ToPeerFrame(Message(3, 1, 2000)));
+  EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_DISCONNECTED);
+  EXPECT_EQ(ears_[1].waiting(), 0u);
+}
+
+TEST_F(ZeroMqTransportTest, SaysWhenThePeerIsTooSlow) {
+  ZeroMqTransport::Options options;
+  options.outbox.bytes_max = 100'000;
+  Start(1, options);
+  // A peer that does not read: its transport's thread is held in a delivery.
+  std::mutex gate;
+  std::unique_lock closed(gate);
+  ZeroMqTransport::Options slow_options;
+  slow_options.self = 2;
+  auto slow = ZeroMqTransport::Create(
+      team_.config, team_.folder, slow_options, [&](OwnedMessage) { const std::lock_guard lock(gate); },
+      [](AgentId, bool) {});
+  ASSERT_TRUE(slow);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  SendResult result = SendResult::kAccepted;
+  int accepted = 0;
+  for (; accepted < 10'000 && result == SendResult::kAccepted; ++accepted) {
+    result = transports_[1]->Send({2, "sync"}, Message(1, 2, 40'000));
+  }
+  EXPECT_EQ(result, SendResult::kFull);
+  EXPECT_GE(accepted, 3);
+  EXPECT_EQ(Peer(1, 2).dropped_messages(), 1);
+  closed.unlock();
+  slow->reset();
+}
+
+TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  RawDealer first(options.client_endpoint);
+  RawDealer second(options.client_endpoint);
+
+  // Whatever a client claims, it is a client that speaks to the gateway.
+  proto::Message request = Message(/*hop_sender=*/2, /*to=*/3);
+  request.set_agent_id(2);
+  request.set_source_actor("storage");
+  request.set_sql("drop table records");
+  request.mutable_control_request()->mutable_status();
+  request.set_request_id(1);
+  first.Send(request.SerializeAsString());
+  const OwnedMessage from_first = ears_[1].Take();
+  ASSERT_NE(from_first, nullptr);
+  EXPECT_EQ(from_first->hop_sender(), kClients);
+  EXPECT_EQ(from_first->agent_id(), 1u);
+  EXPECT_EQ(from_first->destination_id(), 1u);
+  EXPECT_EQ(from_first->destination_actor(), actor_name::kGateway);
+  EXPECT_EQ(from_first->request_id(), 1u);
+  EXPECT_EQ(from_first->sql(), "");
+  EXPECT_TRUE(from_first->control_request().has_status());
+
+  request.set_request_id(2);
+  second.Send(request.SerializeAsString());
+  const OwnedMessage from_second = ears_[1].Take();
+  ASSERT_NE(from_second, nullptr);
+  EXPECT_NE(from_first->source_actor(), from_second->source_actor());
+
+  for (const OwnedMessage* asked : {&from_second, &from_first}) {
+    proto::Message reply;
+    reply.set_request_id((*asked)->request_id());
+    ASSERT_EQ(transports_[1]->Send({kClients, (*asked)->source_actor()}, reply), SendResult::kAccepted);
+  }
+  proto::Message heard;
+  ASSERT_TRUE(heard.ParseFromString(first.Receive()));
+  EXPECT_EQ(heard.request_id(), 1u);
+  ASSERT_TRUE(heard.ParseFromString(second.Receive()));
+  EXPECT_EQ(heard.request_id(), 2u);
+}
+
+TEST_F(ZeroMqTransportTest, TellsAClientThatItsReplyIsTooLarge) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  options.message_bytes_max = 1000;
+  Start(1, options);
+  RawDealer client(options.client_endpoint);
+  proto::Message request = Message(0, 0);
+  request.set_request_id(7);
+  client.Send(request.SerializeAsString());
+  proto::Message reply = Message(1, 1, 2000);
+  reply.set_request_id(7);
+  EXPECT_EQ(transports_[1]->Send({kClients, ears_[1].Take()->source_actor()}, reply), SendResult::kFull);
+  proto::Message heard;
+  ASSERT_TRUE(heard.ParseFromString(client.Receive()));
+  EXPECT_EQ(heard.request_id(), 7u);
+  EXPECT_EQ(heard.control_reply().error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_THAT(heard.control_reply().error().text(), HasSubstr("more than the 1000 of a message"));
+}
+
+TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  RawDealer client(options.client_endpoint);
+  proto::Message report = Message(2, 1);
+  report.mutable_link_report()->set_link(1);
+  client.Send(report.SerializeAsString());
+  client.Send(Message(0, 0).SerializeAsString());
+  EXPECT_FALSE(ears_[1].Take()->has_link_report());
+}
+
+TEST_F(ZeroMqTransportTest, AClientThatLeftHoldsUpNobody) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  std::string gone;
+  {
+    RawDealer client(options.client_endpoint);
+    client.Send(Message(0, 0).SerializeAsString());
+    gone = ears_[1].Take()->source_actor();
+  }
+  RawDealer client(options.client_endpoint);
+  client.Send(Message(0, 0).SerializeAsString());
+  const OwnedMessage asked = ears_[1].Take();
+  (void)transports_[1]->Send({kClients, gone}, Message(1, 1));
+  ASSERT_EQ(transports_[1]->Send({kClients, asked->source_actor()}, Message(1, 1)), SendResult::kAccepted);
+  EXPECT_EQ(client.Receive(), Message(1, 1).SerializeAsString());
+}
+
+TEST_F(ZeroMqTransportTest, TellsThatAnAddressIsInUse) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  Start(1, options);
+  const auto again = Create(1, options);
+  ASSERT_FALSE(again);
+  EXPECT_EQ(again.error().code, ErrorCode::kUnavailable);
+  EXPECT_EQ(again.error().text, "cannot listen on " + AddressOf(1) + ": Address already in use");
+
+  options.client_endpoint = ClientEndpointHere();
+  const auto other = Create(2, options);
+  ASSERT_FALSE(other);
+  EXPECT_EQ(other.error().text, "cannot listen on " + options.client_endpoint + ": Address already in use");
+}
+
+TEST_F(ZeroMqTransportTest, TakesThePlaceOfASocketThatWasLeftBehind) {
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  ASSERT_TRUE(MakePrivateFolder(folder_ / "run"));
+  const std::string path = options.client_endpoint.substr(6);
+  {
+    // As kill -9 leaves it: bound, with nobody there.
+    void* context = zmq_ctx_new();
+    void* socket = zmq_socket(context, ZMQ_ROUTER);
+    ASSERT_EQ(zmq_bind(socket, options.client_endpoint.c_str()), 0);
+    std::filesystem::create_hard_link(path, path + ".kept");
+    zmq_close(socket);
+    zmq_ctx_term(context);
+    std::filesystem::rename(path + ".kept", path);
+  }
+  ASSERT_TRUE(std::filesystem::exists(path));
+  EXPECT_TRUE(Create(1, options));
+}
+
+TEST_F(ZeroMqTransportTest, RefusesAFolderOfClientsThatOthersCanReach) {
+  std::filesystem::create_directory(folder_ / "run");
+  std::filesystem::permissions(folder_ / "run", std::filesystem::perms(0755));
+  ZeroMqTransport::Options options;
+  options.client_endpoint = ClientEndpointHere();
+  const auto transport = Create(1, options);
+  ASSERT_FALSE(transport);
+  EXPECT_EQ(transport.error().code, ErrorCode::kInvalid);
+}
+
+TEST_F(ZeroMqTransportTest, TellsWhatIsWrongWithItsOwnKeys) {
+  ZeroMqTransport::Options options;
+  options.secret_key_file = (team_.folder / "rover2.sec").string();
+  EXPECT_THAT(Create(1, options).error().text, HasSubstr("rover2.sec: does not fit the public key"));
+  options.secret_key_file = (team_.folder / "none.sec").string();
+  EXPECT_THAT(Create(1, options).error().text, HasSubstr("none.sec: no such file"));
+  std::filesystem::permissions(team_.folder / "rover1.sec", std::filesystem::perms(0644));
+  EXPECT_THAT(Create(1).error().text, HasSubstr("others can read this secret"));
+  EXPECT_EQ(Create(1).error().code, ErrorCode::kInvalid);
+}
+
+TEST_F(ZeroMqTransportTest, WithoutKeysStillKnowsItsTeam) {
+  MakeTeam(/*is_insecure=*/true);
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(/*hop_sender=*/9, 1)), SendResult::kAccepted);
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(/*hop_sender=*/1, 1)), SendResult::kAccepted);
+  ASSERT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1)), SendResult::kAccepted);
+  EXPECT_EQ(ears_[1].Take()->hop_sender(), 2u);
+  EXPECT_EQ(Peer(1, 2).rejected_messages(), 2);
+}
+
+TEST_F(ZeroMqTransportTest, SendsFromManyThreads) {
+  Start(1);
+  Start(2);
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  constexpr int kThreads = 4;
+  constexpr int kMessages = 200;
+  std::vector<std::thread> senders;
+  for (int i = 0; i < kThreads; ++i) {
+    senders.emplace_back([&] {
+      for (int j = 0; j < kMessages; ++j) (void)transports_[1]->Send({2, "sync"}, Message(1, 2));
+    });
+  }
+  for (std::thread& sender : senders) sender.join();
+  for (int i = 0; i < kThreads * kMessages; ++i) ASSERT_NE(ears_[2].Take(), nullptr);
+}
+
+TEST(ListenAddressTest, MakesNumbersOfNames) {
+  if (gethostbyname("localhost") == nullptr) GTEST_SKIP() << "this machine does not know the name localhost";
+  EXPECT_EQ(NumericEndpoint("tcp://localhost:7400").value(), "tcp://127.0.0.1:7400");
+}
+
+TEST(ListenAddressTest, LeavesNumbersAndPathsAsTheyAre) {
+  EXPECT_EQ(NumericEndpoint("tcp://[::1]:7400").value(), "tcp://[::1]:7400");
+  EXPECT_EQ(NumericEndpoint("ipc:///tmp/x").value(), "ipc:///tmp/x");
+}
+
+TEST(ListenAddressTest, LeavesAFileThatIsNoSocket) {
+  const TemporaryFolder folder;
+  const std::string path = folder.File("file");
+  std::ofstream(path) << "precious";
+  EXPECT_EQ(ClaimIpcPath("ipc://" + path).error().code, ErrorCode::kInvalid);
+  EXPECT_TRUE(std::filesystem::remove(path));
+}
+
+}  // namespace
+}  // namespace moondb
