@@ -18,7 +18,7 @@ inline constexpr char kPlainNameRule[] = "expected at most 32 lower-case letters
 // those of proto/team.proto.
 void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors);
 
-// Fills in what is left open; `places` tells what the file gives. The team is checked.
+// Fills in what is left open; `places` says what the file gives. The team is checked.
 //
 // Defaults of single keys are those of proto/team.proto, policies of built-in types those of model/data_types.h. Of the
 // types that are shared as `latest` by default `keep` is all, but latest for optimized poses and verdicts. Leader: the

@@ -236,7 +236,7 @@ std::string PlainNameOf(const std::string& text) {
 Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_id) {
   const auto read = [](const std::string& text, proto::TeamConfig* team) {
     Places places;
-    PlacedErrors errors("");  // Of other fields: they are told when the file is checked.
+    PlacedErrors errors("");  // Errors of other fields are reported when the file is checked.
     ReadYaml(text, team, &places, &errors);
     return places;
   };

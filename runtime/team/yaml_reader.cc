@@ -158,7 +158,7 @@ class Reader {
     const std::string quoted = Quoted(key);
     // Its quotes taken off again: what is left is safe to show.
     errors_.Add(place, Join(path, quoted.substr(1, quoted.size() - 2)), "no such field" + DidYouMean(key, names));
-    // That the right field is missing follows from this error.
+    // A missing right field follows from this error.
     if (const auto meant = ClosestWord(key, names)) errors_.Mute(Join(path, *meant));
   }
 

@@ -3,9 +3,9 @@
 // Keys are the message's field names; enumeration values are written in lower case without the enumeration's own
 // prefix (`base_station` for AGENT_KIND_BASE_STATION), and the UNSPECIFIED one cannot be written. Unlike yaml-cpp
 // alone it takes nothing silently: unknown and doubled keys, wrong types, non-finite and overlong numbers are errors,
-// all told at once with their places; an error of YAML's syntax stands alone. Only what team files need is supported:
-// messages, repeated fields, text (ASCII), bool, uint32, double, enumerations, and maps whose keys are the values of an
-// enumeration (FieldRule::keys).
+// all reported at once with their places; an error of YAML's syntax stands alone. Only what team files need is
+// supported: messages, repeated fields, text (ASCII), bool, uint32, double, enumerations, and maps whose keys are the
+// values of an enumeration (FieldRule::keys).
 #pragma once
 
 #include <google/protobuf/message.h>

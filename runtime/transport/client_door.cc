@@ -22,7 +22,7 @@ constexpr int kKeyedQueueMessages = 2;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
-constexpr std::size_t kClientsMax = 256;  // That are remembered to be answered.
+constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
 constexpr int kKeepAlive_s = 60;
 constexpr int kHandshake_ms = 5000;
 constexpr std::chrono::seconds kPlacePeriod(1);
@@ -50,7 +50,7 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   return router.Bind(*numeric);
 }
 
-// What the client is told instead of a reply that it could not be sent.
+// What the client gets instead of a reply that it could not be sent.
 proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);

@@ -1,6 +1,6 @@
 // ClientTable: names for the connections of clients, so that a reply finds its way back. Thread-safe.
 //
-// libzmq does not tell when a client leaves, so only the connections heard from most recently are kept.
+// libzmq does not say when a client leaves, so only the connections heard from most recently are kept.
 #pragma once
 
 #include <cstdint>

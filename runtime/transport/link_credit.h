@@ -1,11 +1,11 @@
 // LinkCredit, LargeFrameNotice, ReceivedCount: how much may be under way to a peer, by what the peer says has arrived.
 //
 // A high-water mark counts messages on this side alone: a peer that does not read still lets megabytes into libzmq and
-// the two kernels, which then are stale, late and lost with the connection. So each end tells the other how many bytes
-// have arrived (proto::LinkReport), and no more than a credit go out beyond that; the rest waits in the outbox, where
-// control messages overtake it. The credit is small, as a slow radio needs it, and grows while a whole credit's worth
-// is reported within a moment: what is under way stays a matter of a fraction of a second on any link. Each direction
-// is a connection of its own; its sender numbers it, so that a report about an earlier one is known as such.
+// the two kernels, which then are stale, late and lost with the connection. So each end reports to the other how many
+// bytes have arrived (proto::LinkReport), and no more than a credit go out beyond that; the rest waits in the outbox,
+// where control messages overtake it. The credit is small, as a slow radio needs it, and grows while a whole credit's
+// worth is reported within a moment: what is under way stays a matter of a fraction of a second on any link. Each
+// direction is a connection of its own; its sender numbers it, so that a report about an earlier one is known as such.
 //
 // Plain accounting: time comes in with each call. Its owner guards it.
 #pragma once
@@ -73,8 +73,8 @@ class LinkCredit {
   bool was_blocked_ = false;    // In this round.
 };
 
-// What the receiver was last told of a large frame to come. An announcement speaks of the next frame alone: another
-// frame, or a report without one, that goes first takes it back.
+// What was last announced to the receiver of a large frame to come. An announcement speaks of the next frame alone:
+// another frame, or a report without one, that goes first takes it back.
 class LargeFrameNotice {
  public:
   void OnReportSent(std::uint64_t coming_bytes) { announced_bytes_ = coming_bytes; }

@@ -39,7 +39,7 @@ class LinkHealth {
   // Whether bytes are unreported, and whether frames wait for credit.
   void Expect(MonotonicTime now, bool has_unreported, bool is_blocked);
 
-  // What is to be done; each step is told once, kAsk is then taken as done. `patience`: that much longer, because a
+  // What is to be done; each step is given once, kAsk is then taken as done. `patience`: that much longer, because a
   // frame is under way which takes its time.
   Step Check(MonotonicTime now, Duration patience);
   // When to Check again.

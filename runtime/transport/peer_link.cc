@@ -14,16 +14,6 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// The credit bounds what waits in libzmq; its own mark must not be what does, however small the frames are.
-constexpr int kSendQueueMessages = 2000;
-constexpr int kReconnectFirst_ms = 100;
-constexpr int kReconnectLast_ms = 4000;
-constexpr int kConnectTimeout_ms = 5000;
-// A peer whose kernel acknowledges nothing for so long is gone; costs nothing on an idle link.
-constexpr int kUnacknowledgedMax_ms = 15000;
-// A connection that breaks is made anew after the first delay; one over which nothing was heard after a longer one.
-constexpr Duration kConnectDelayFirst = milliseconds(100);
-constexpr Duration kConnectDelayLast = seconds(30);
 // So many small messages without a pause between them go out each in a frame of its own.
 constexpr int kSentAtOnce = 4;
 constexpr Duration kBurstPause = std::chrono::microseconds(20);
@@ -32,28 +22,7 @@ constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
 // A radio that brings less is as good as none. For how long one large frame may keep everything else silent.
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
 
-constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
-                        ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL;
-
 MonotonicTime SteadyNow() { return std::chrono::steady_clock::now(); }
-
-void SetUp(const PeerLink::Options& options, ZmqSocket* dealer) {
-  dealer->Set(ZMQ_IMMEDIATE, 1);
-  dealer->Set(ZMQ_SNDHWM, kSendQueueMessages);
-  dealer->Set(ZMQ_RCVHWM, 1);  // Nothing is to come this way.
-  dealer->Set(ZMQ_RECONNECT_IVL, kReconnectFirst_ms);
-  dealer->Set(ZMQ_RECONNECT_IVL_MAX, kReconnectLast_ms);
-  dealer->Set(ZMQ_CONNECT_TIMEOUT, kConnectTimeout_ms);
-  dealer->Set(ZMQ_TCP_MAXRT, kUnacknowledgedMax_ms);
-  dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
-  // The peer's ROUTER replaces a connection of ours that it has not yet seen die.
-  dealer->Set(ZMQ_ROUTING_ID, std::to_string(options.self));
-  if (options.address.find('[') != std::string::npos) dealer->Set(ZMQ_IPV6, 1);
-  if (!options.own_keys) return;
-  dealer->Set(ZMQ_CURVE_SERVERKEY, options.peer_key);
-  dealer->Set(ZMQ_CURVE_PUBLICKEY, options.own_keys->public_key);
-  dealer->Set(ZMQ_CURVE_SECRETKEY, options.own_keys->secret_key);
-}
 
 // To a counter that this thread alone writes.
 void Add(std::atomic<std::uint64_t>& counter, std::uint64_t value) {
@@ -67,51 +36,30 @@ Duration TimeFor(std::uint64_t bytes) { return seconds(bytes / kBytesPerSecondMi
 Result<std::unique_ptr<PeerLink>> PeerLink::Make(const ZmqContext& context, WakeUp& wake_up, Options options) {
   std::unique_ptr<PeerLink> link(new PeerLink(context, wake_up, std::move(options)));
   const std::lock_guard lock(link->mutex_);
-  if (const auto begun = link->Connect(SteadyNow()); !begun) return tl::unexpected(begun.error());
+  if (const auto begun = link->connection_.Connect(SteadyNow()); !begun) return tl::unexpected(begun.error());
   return link;
 }
 
 // Numbers of connections begin at random: a report to an earlier life of this agent fits none of this one's.
 PeerLink::PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options)
-    : context_(context),
-      wake_up_(wake_up),
+    : wake_up_(wake_up),
       options_(std::move(options)),
+      connection_(context, options_.connection),
       link_number_(std::random_device{}()),
       credit_(options_.credit),
       health_(options_.health),
       outbox_(options_.outbox) {}
 
-Result<void> PeerLink::Connect(MonotonicTime now) {
-  connect_at_ = now + kConnectDelayLast;  // If no sockets can be made now.
-  Result<ZmqSocket> dealer = ZmqSocket::Make(context_, ZMQ_DEALER);
-  if (!dealer) return tl::unexpected(dealer.error());
-  SetUp(options_, &*dealer);
-  Result<ZmqSocket> monitor = dealer->MakeMonitor(
-      context_, "inproc://monitor-" + std::to_string(options_.peer) + "-" + std::to_string(++connections_begun_),
-      kEvents);
-  if (!monitor) return tl::unexpected(monitor.error());
-  if (const auto begun = dealer->Connect(options_.address); !begun) return tl::unexpected(begun.error());
-  dealer_ = std::move(*dealer);
-  monitor_ = std::move(*monitor);
-  connect_at_.reset();
-  return {};
-}
-
 void PeerLink::Disconnect(MonotonicTime now) {
-  dealer_.reset();
-  monitor_.reset();
-  if (is_open_.exchange(false)) {
-    dropped_messages_ += outbox_.Clear();
-    changes_.push_back(false);
-  }
-  connect_delay_ = std::clamp(connect_delay_, kConnectDelayFirst, kConnectDelayLast);
-  connect_at_ = now + connect_delay_;
-  connect_delay_ *= 2;
+  connection_.Disconnect(now);
+  if (!is_open_.exchange(false)) return;
+  counts_.dropped_messages += outbox_.Clear();
+  changes_.push_back(false);
 }
 
 SendResult PeerLink::Send(const proto::Message& message) {
   Outbox::Entry entry;
-  const bool is_small_enough = message.ByteSizeLong() <= options_.message_bytes_max - kPeerFrameBytesMore;
+  const bool is_small_enough = message.ByteSizeLong() <= options_.connection.message_bytes_max - kPeerFrameBytesMore;
   if (is_open_ && is_small_enough) {
     entry.frame = ToPeerFrame(message);
     entry.outbound_class = OutboundClassOf(message);
@@ -126,7 +74,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
     if (!is_open_ || (is_small_enough && entry.frame.empty())) result = SendResult::kUnreachable;
     if (result == SendResult::kAccepted) result = SendOrKeep(now, std::move(entry));
     if (result != SendResult::kAccepted) {
-      ++dropped_messages_;
+      ++counts_.dropped_messages;
       return result;
     }
     // The transport's thread knows from the first that waits when to look.
@@ -141,7 +89,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
 // Without a detour through the outbox and the transport's thread, if it can be. Large frames are announced first, by
 // that thread.
 SendResult PeerLink::SendOrKeep(MonotonicTime now, Outbox::Entry&& entry) {
-  const bool is_for_shared_frame = IsInBurst(now) && entry.frame.size() * 2 <= SharedFrameBytesMax();
+  const bool is_for_shared_frame = burst_.IsInBurst(now) && entry.frame.size() * 2 <= SharedFrameBytesMax();
   const bool is_first = outbox_.empty();
   if (is_first && !is_for_shared_frame && TrySend(now, entry)) return SendResult::kAccepted;
   outbox_.ShareFrames(SharedFrameBytesMax());
@@ -153,7 +101,7 @@ SendResult PeerLink::SendOrKeep(MonotonicTime now, Outbox::Entry&& entry) {
 
 bool PeerLink::TrySend(MonotonicTime now, const Outbox::Entry& entry) {
   const std::size_t bytes = entry.frame.size();
-  if (is_opening_due_ || bytes > credit_.credit_bytes()) return false;
+  if (reports_.is_opening_due() || bytes > credit_.credit_bytes()) return false;
   if (credit_.HasRoomFor(bytes)) return SendFrame(now, entry);
   credit_.OnBlocked();
   return false;
@@ -162,8 +110,7 @@ bool PeerLink::TrySend(MonotonicTime now, const Outbox::Entry& entry) {
 // The credit says how fast the link is: 4 kB at first, which a 1 Mbps radio sends in 33 ms.
 std::size_t PeerLink::SharedFrameBytesMax() const { return std::min(credit_.credit_bytes() / 8, kSharedFrameBytesMax); }
 
-// Then it is worth the detour to let small messages share a frame.
-bool PeerLink::IsInBurst(MonotonicTime now) {
+bool PeerLink::Burst::IsInBurst(MonotonicTime now) {
   sent_in_a_row_ = now - last_sent_ < kBurstPause ? std::min(sent_in_a_row_ + 1, kSentAtOnce) : 0;
   last_sent_ = now;
   return sent_in_a_row_ >= kSentAtOnce;
@@ -171,61 +118,61 @@ bool PeerLink::IsInBurst(MonotonicTime now) {
 
 proto::PeerStatus PeerLink::Status() const {
   proto::PeerStatus status;
-  const std::int64_t heard_ns = heard_ns_;
+  const std::int64_t heard_ns = received_.heard_ns;
   const std::int64_t now_ns = SteadyNow().time_since_epoch().count();
-  status.set_agent_id(options_.peer);
+  status.set_agent_id(options_.connection.peer);
   status.set_name(options_.name);
   status.set_seconds_since_heard(heard_ns < 0 ? -1.0 : static_cast<double>(now_ns - heard_ns) * 1e-9);
-  status.set_received_messages(static_cast<double>(received_messages_));
-  status.set_received_bytes(static_cast<double>(received_bytes_));
-  status.set_rejected_messages(static_cast<double>(rejected_messages_));
+  status.set_received_messages(static_cast<double>(received_.messages));
+  status.set_received_bytes(static_cast<double>(received_.bytes));
+  status.set_rejected_messages(static_cast<double>(received_.rejected_messages));
   const std::lock_guard lock(mutex_);
   status.set_is_connected(is_open_);
-  status.set_sent_messages(static_cast<double>(sent_messages_));
-  status.set_sent_bytes(static_cast<double>(sent_bytes_));
-  status.set_dropped_messages(static_cast<double>(dropped_messages_));
+  status.set_sent_messages(static_cast<double>(counts_.sent_messages));
+  status.set_sent_bytes(static_cast<double>(counts_.sent_bytes));
+  status.set_dropped_messages(static_cast<double>(counts_.dropped_messages));
   status.set_queued_messages(static_cast<double>(outbox_.messages()));
   status.set_queued_bytes(static_cast<double>(outbox_.bytes()));
   status.set_unreported_bytes(static_cast<double>(is_open_ ? credit_.unreported_bytes() : 0));
   status.set_replaced_messages(static_cast<double>(outbox_.replaced()));
-  status.set_connects(static_cast<double>(connects_));
-  status.set_lost_by_deadline(static_cast<double>(lost_by_deadline_));
-  status.set_sent_reports(static_cast<double>(sent_reports_));
-  status.set_refused_reports(static_cast<double>(refused_reports_));
+  status.set_connects(static_cast<double>(counts_.connects));
+  status.set_lost_by_deadline(static_cast<double>(counts_.lost_by_deadline));
+  status.set_sent_reports(static_cast<double>(counts_.sent_reports));
+  status.set_refused_reports(static_cast<double>(counts_.refused_reports));
   return status;
 }
 
 void PeerLink::OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link) {
   is_heard_ = true;
-  heard_ns_ = SteadyNow().time_since_epoch().count();  // Before whoever gets the messages can ask.
-  if (coming_bytes_.load(std::memory_order_relaxed) != 0) coming_bytes_ = 0;
-  Add(received_messages_, count);
-  Add(received_bytes_, frame_bytes);
-  if (is_on_link) received_.OnReceived(frame_bytes);
+  received_.heard_ns = SteadyNow().time_since_epoch().count();  // Before whoever gets the messages can ask.
+  if (received_.coming_bytes.load(std::memory_order_relaxed) != 0) received_.coming_bytes = 0;
+  Add(received_.messages, count);
+  Add(received_.bytes, frame_bytes);
+  if (is_on_link) received_count_.OnReceived(frame_bytes);
 }
 
 void PeerLink::OnRejected(std::size_t frame_bytes, bool is_on_link) {
-  Add(rejected_messages_, 1);
-  if (is_on_link) received_.OnReceived(frame_bytes);
+  Add(received_.rejected_messages, 1);
+  if (is_on_link) received_count_.OnReceived(frame_bytes);
 }
 
 void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
   is_heard_ = true;
   const std::lock_guard lock(mutex_);
   if (!is_on_link) {
-    ++refused_reports_;
+    ++counts_.refused_reports;
     return;
   }
   // Whoever reached us can be reached, and waits for our reports.
-  if (received_.OnLink(report.link()) && !is_open_) is_hurried_ = true;
-  if (report.report_after_bytes() != 0) received_.SetReportAfter(report.report_after_bytes());
-  if (report.is_asking()) is_report_due_ = true;
-  coming_bytes_ = std::min<std::uint64_t>(report.coming_bytes(), options_.message_bytes_max);
+  if (received_count_.OnLink(report.link()) && !is_open_) is_hurried_ = true;
+  if (report.report_after_bytes() != 0) received_count_.SetReportAfter(report.report_after_bytes());
+  if (report.is_asking()) reports_.Request();
+  received_.coming_bytes = std::min<std::uint64_t>(report.coming_bytes(), options_.connection.message_bytes_max);
   if (report.reported_link() == 0 || !is_open_) return;
   const MonotonicTime now = SteadyNow();
   const std::uint64_t unreported_before = credit_.unreported_bytes();
   if (!credit_.OnReport(now, report.reported_link(), report.received_bytes())) {
-    ++refused_reports_;
+    ++counts_.refused_reports;
     return;
   }
   if (credit_.unreported_bytes() < unreported_before) health_.OnProgress(now);
@@ -233,17 +180,12 @@ void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
 
 void PeerLink::OnMonitorReadable() {
   const std::lock_guard lock(mutex_);
-  while (monitor_) {
-    const std::optional<int> event = monitor_->ReceiveEvent();
-    if (!event) return;
-    OnEvent(*event, SteadyNow());
-  }
+  while (const std::optional<int> event = connection_.ReceiveEvent()) OnEvent(*event, SteadyNow());
 }
 
 void PeerLink::OnSocketReadable() {
   const std::lock_guard lock(mutex_);
-  if (dealer_) dealer_->Process();
-  is_socket_full_ = false;
+  connection_.OnReadable();
 }
 
 void PeerLink::OnEvent(int event, MonotonicTime now) {
@@ -251,14 +193,12 @@ void PeerLink::OnEvent(int event, MonotonicTime now) {
     case ZMQ_EVENT_HANDSHAKE_SUCCEEDED:
       if (is_open_) return;
       is_open_ = true;
-      ++connects_;
+      ++counts_.connects;
       link_number_ += link_number_ == UINT32_MAX ? 2 : 1;  // 0 means none.
       credit_.Open(link_number_);
       health_.OnOpened(now);
-      is_opening_due_ = true;
-      is_asking_ = false;
-      large_frame_notice_ = {};
-      is_socket_full_ = false;
+      reports_.OnOpened();
+      connection_.OnOpened();
       changes_.push_back(true);
       return;
     case ZMQ_EVENT_DISCONNECTED:
@@ -266,17 +206,15 @@ void PeerLink::OnEvent(int event, MonotonicTime now) {
       if (is_open_) Disconnect(now);
       return;
     default:
-      log_.Warn("transport: " + options_.name + " at " + options_.address +
+      log_.Warn("transport: " + options_.name + " at " + options_.connection.address +
                 " does not take our key, or does not hold the one of the team file");
   }
 }
 
 void PeerLink::OnHeard(MonotonicTime now) {
-  heard_ns_ = now.time_since_epoch().count();
+  received_.heard_ns = now.time_since_epoch().count();
   health_.OnHeard(now);
-  connect_delay_ = kConnectDelayFirst;
-  // Not yet made anew, or libzmq waits to try again.
-  if (!dealer_ || is_hurried_) connect_at_ = now;
+  connection_.OnHeard(now, is_hurried_);
 }
 
 void PeerLink::CheckHealth(MonotonicTime now) {
@@ -284,7 +222,7 @@ void PeerLink::CheckHealth(MonotonicTime now) {
     case LinkHealth::Step::kNone:
       return;
     case LinkHealth::Step::kAsk:
-      is_asking_ = true;
+      reports_.AskPeer();
       return;
     case LinkHealth::Step::kStalled:
       if (!credit_.has_report()) {
@@ -294,7 +232,7 @@ void PeerLink::CheckHealth(MonotonicTime now) {
       }
       [[fallthrough]];
     case LinkHealth::Step::kLost:
-      ++lost_by_deadline_;
+      ++counts_.lost_by_deadline;
       Disconnect(now);
       return;
   }
@@ -305,10 +243,8 @@ void PeerLink::Work(MonotonicTime now, const Transport::PeerChanged& peer_change
   {
     const std::lock_guard lock(mutex_);
     if (std::exchange(is_heard_, false)) OnHeard(now);
-    if (connect_at_ && now >= *connect_at_) {
-      dealer_.reset();
-      monitor_.reset();
-      if (const auto begun = Connect(now); !begun) log_.Warn("transport: " + ToString(begun.error()));
+    if (const auto at = connection_.connect_at(); at && now >= *at) {
+      if (const auto begun = connection_.Connect(now); !begun) log_.Warn("transport: " + ToString(begun.error()));
     }
     is_hurried_ = false;
     if (is_open_) CheckHealth(now);
@@ -317,7 +253,7 @@ void PeerLink::Work(MonotonicTime now, const Transport::PeerChanged& peer_change
   }
   for (const bool is_connected : changes) {
     spdlog::info("transport: {} is {}", options_.name, is_connected ? "connected" : "lost");
-    peer_changed(options_.peer, is_connected);
+    peer_changed(options_.connection.peer, is_connected);
   }
 }
 
@@ -327,31 +263,27 @@ MonotonicTime PeerLink::deadline() const {
 }
 
 MonotonicTime PeerLink::Deadline() const {
-  if (connect_at_) return *connect_at_;
+  if (const auto at = connection_.connect_at()) return *at;
   if (!is_open_) return MonotonicTime::max();
-  if (!is_socket_full_ && HasReportDue()) return MonotonicTime::min();
+  if (!connection_.is_full() && reports_.IsDue(credit_)) return MonotonicTime::min();
   const MonotonicTime health_at = health_.deadline(Patience());
   return CanSendWaiting() ? std::min(flush_at_, health_at) : health_at;
 }
 
-bool PeerLink::HasReportDue() const {
-  return is_opening_due_ || is_asking_ || is_report_due_ || told_credit_bytes_ != credit_.credit_bytes();
-}
-
 bool PeerLink::CanSendWaiting() const {
-  return !is_socket_full_ && !outbox_.empty() && credit_.HasRoomFor(outbox_.Front()->frame.size());
+  return !connection_.is_full() && !outbox_.empty() && credit_.HasRoomFor(outbox_.Front()->frame.size());
 }
 
 void PeerLink::Flush(MonotonicTime now) {
-  if (HasReportDue() || received_.is_report_due()) {
-    is_report_due_ = true;  // If it cannot go out now.
+  if (reports_.IsDue(credit_) || received_count_.is_report_due()) {
+    reports_.Request();  // If it cannot go out now.
     if (!SendReport(0)) return;
   }
   if (now >= flush_at_) SendWaiting(now);
   while (const Outbox::Entry* front = outbox_.Front()) {
     const std::size_t bytes = front->frame.size();
     if (bytes <= credit_.credit_bytes() || !credit_.HasRoomFor(bytes)) break;
-    if (!large_frame_notice_.Covers(bytes) && !SendReport(bytes)) break;
+    if (!reports_.HasAnnounced(bytes) && !SendReport(bytes)) break;
     if (!SendFrame(now, *front)) break;
     outbox_.PopFront();
     SendWaiting(now);
@@ -364,7 +296,7 @@ void PeerLink::SendWaiting(MonotonicTime now) {
   while (const Outbox::Entry* front = outbox_.Front()) {
     const std::size_t bytes = front->frame.size();
     if (!credit_.HasRoomFor(bytes)) return credit_.OnBlocked();
-    if (is_opening_due_ || bytes > credit_.credit_bytes() || !SendFrame(now, *front)) return;
+    if (reports_.is_opening_due() || bytes > credit_.credit_bytes() || !SendFrame(now, *front)) return;
     outbox_.PopFront();
   }
 }
@@ -372,41 +304,22 @@ void PeerLink::SendWaiting(MonotonicTime now) {
 bool PeerLink::SendReport(std::uint64_t coming_bytes) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
-  message.set_hop_sender(options_.self);
-  proto::LinkReport& report = *message.mutable_link_report();
-  report.set_link(credit_.link());
-  report.set_reported_link(received_.link());
-  report.set_received_bytes(received_.received_bytes());
-  report.set_is_asking(is_asking_);
-  const std::size_t credit_bytes = credit_.credit_bytes();
-  if (is_opening_due_ || told_credit_bytes_ != credit_bytes) {
-    report.set_report_after_bytes(static_cast<std::uint32_t>(std::max<std::size_t>(credit_bytes / 4, 1)));
-  }
-  report.set_coming_bytes(coming_bytes);
-  if (!HandOver(ToPeerFrame(message))) return false;
-  large_frame_notice_.OnReportSent(coming_bytes);
-  ++sent_reports_;
-  received_.OnReported();
-  told_credit_bytes_ = credit_bytes;
-  is_opening_due_ = false;
-  is_asking_ = false;
-  is_report_due_ = false;
+  message.set_hop_sender(options_.connection.self);
+  *message.mutable_link_report() = reports_.Make(credit_, received_count_, coming_bytes);
+  if (!connection_.Send(ToPeerFrame(message))) return false;
+  reports_.OnSent(credit_, coming_bytes);
+  received_count_.OnReported();
+  ++counts_.sent_reports;
   return true;
 }
 
 bool PeerLink::SendFrame(MonotonicTime now, const Outbox::Entry& entry) {
-  if (!HandOver(entry.frame)) return false;
-  large_frame_notice_.OnFrameSent();
+  if (!connection_.Send(entry.frame)) return false;
+  reports_.OnFrameSent();
   credit_.OnSent(now, entry.frame.size());
-  sent_messages_ += entry.messages;
-  sent_bytes_ += entry.frame.size();
+  counts_.sent_messages += entry.messages;
+  counts_.sent_bytes += entry.frame.size();
   return true;
-}
-
-bool PeerLink::HandOver(const std::string& bytes) {
-  ZmqFrame frame(bytes);
-  is_socket_full_ = dealer_->Send(&frame) != ZmqSend::kSent;
-  return !is_socket_full_;
 }
 
 void PeerLink::UpdateExpectation(MonotonicTime now) {
@@ -418,7 +331,7 @@ void PeerLink::UpdateExpectation(MonotonicTime now) {
 Duration PeerLink::Patience() const {
   const std::uint64_t unreported = credit_.unreported_bytes();
   const std::uint64_t beyond = unreported > credit_.credit_bytes() ? unreported - credit_.credit_bytes() : 0;
-  return TimeFor(beyond) + TimeFor(coming_bytes_);
+  return TimeFor(beyond) + TimeFor(received_.coming_bytes);
 }
 
 }  // namespace moondb

@@ -18,7 +18,7 @@ class WakeUp {
   WakeUp(const WakeUp&) = delete;
   WakeUp& operator=(const WakeUp&) = delete;
 
-  // Any thread, after what it tells of can be seen: there is something to be done at `due` (by default now).
+  // Any thread, after what it announces can be seen: there is something to be done at `due` (by default now).
   void RingFor(MonotonicTime due = MonotonicTime::min());
 
   // The sleeper: before it looks when it has to wake, then with the answer, and when it is awake again (by the file, or

@@ -174,15 +174,15 @@ class ZeroMqTransport::Impl {
     for (const proto::AgentConfig& agent : team_.agents()) {
       if (agent.id() == options_.self) continue;
       PeerLink::Options options;
-      options.self = options_.self;
-      options.peer = agent.id();
       options.name = agent.name();
-      options.address = agent.address();
+      options.connection.self = options_.self;
+      options.connection.peer = agent.id();
+      options.connection.address = agent.address();
       if (keys_) {
-        options.own_keys = keys_->own;
-        options.peer_key = keys_->public_keys[agent.id()];
+        options.connection.own_keys = keys_->own;
+        options.connection.peer_key = keys_->public_keys[agent.id()];
       }
-      options.message_bytes_max = options_.message_bytes_max;
+      options.connection.message_bytes_max = options_.message_bytes_max;
       options.credit = options_.credit;
       options.outbox = options_.outbox;
       options.health = options_.health;
@@ -208,7 +208,7 @@ class ZeroMqTransport::Impl {
   }
 
   // Until a socket, a sender or a deadline wants something. libzmq's own poll would ask each socket for its news, which
-  // costs several system calls each; their files tell of news by themselves, since all sockets are read from until
+  // costs several system calls each; their files announce news by themselves, since all sockets are read from until
   // nothing waits.
   void Sleep() {
     Linger();
@@ -268,10 +268,10 @@ class ZeroMqTransport::Impl {
     const std::uint64_t refused_before = zap_handler_->refused_agents();
     zap_handler_->OnReadable();
     if (zap_handler_->refused_agents() > refused_before) {
-      refused_log_.Warn("transport: refused a connection whose key is not of this team");
+      logs_.refused_peer.Warn("transport: refused a connection whose key is not of this team");
     }
     if (refused_clients_.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
-      refused_client_log_.Warn("transport: refused a client whose key is not listed");
+      logs_.refused_client.Warn("transport: refused a client whose key is not listed");
     }
   }
 
@@ -317,7 +317,7 @@ class ZeroMqTransport::Impl {
   void OnRejected(const ZmqRoutedFrame& received, AgentId blamed, AgentId route, const std::string& what) {
     const auto peer = peers_.find(blamed);
     if (peer != peers_.end()) peer->second->OnRejected(received.frame.size(), /*is_on_link=*/route == blamed);
-    rejected_log_.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
+    logs_.rejected_frame.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
   }
 
   const proto::TeamConfig team_;
@@ -338,9 +338,12 @@ class ZeroMqTransport::Impl {
   bool is_busy_ = false;   // Peers sent something just now.
   bool has_more_ = false;  // A socket was not read from until nothing waits.
   std::atomic<std::uint64_t> refused_clients_ = 0;
-  RateLimitedLog refused_log_;
-  RateLimitedLog refused_client_log_;
-  RateLimitedLog rejected_log_;
+  struct Logs {
+    RateLimitedLog refused_peer;
+    RateLimitedLog refused_client;
+    RateLimitedLog rejected_frame;
+  };
+  Logs logs_;
 
   std::atomic<bool> is_stopping_{false};
   std::thread thread_;

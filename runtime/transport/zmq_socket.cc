@@ -93,7 +93,7 @@ Result<ZmqSocket> ZmqSocket::MakeMonitor(const ZmqContext& context, const std::s
     return Fail(ErrorCode::kUnavailable, std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
   }
   if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
-  // Its file tells of news only once it was found empty.
+  // Its file announces news only once it was found empty.
   (void)monitor->ReceiveEvent();
   return monitor;
 }

@@ -72,7 +72,7 @@ class ZmqSocket {
   void Unbind(const std::string& endpoint);
   Result<void> Connect(const std::string& endpoint);
 
-  // A socket that tells what becomes of this one's connections, from now on: ZMQ_EVENT_* of `events`. `endpoint` is
+  // A socket that reports what becomes of this one's connections, from now on: ZMQ_EVENT_* of `events`. `endpoint` is
   // inproc and not used before. Close it after this one.
   Result<ZmqSocket> MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events);
   // Of a monitor: the next ZMQ_EVENT_*; none if nothing waits.
@@ -90,7 +90,7 @@ class ZmqSocket {
   void Process();
 
   // Readable when libzmq has something new for this socket: then it has to be received from until nothing waits, or
-  // Process; only after that does the file tell of anything newer.
+  // Process; only after that does the file announce anything newer.
   int file() const { return file_; }
 
  private:

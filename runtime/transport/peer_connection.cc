@@ -1,0 +1,89 @@
+#include "runtime/transport/peer_connection.h"
+
+#include <zmq.h>
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+namespace moondb {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+// The credit bounds what waits in libzmq; its own mark must not be what does, however small the frames are.
+constexpr int kSendQueueMessages = 2000;
+constexpr int kReconnectFirst_ms = 100;
+constexpr int kReconnectLast_ms = 4000;
+constexpr int kConnectTimeout_ms = 5000;
+// A peer whose kernel acknowledges nothing for so long is gone; costs nothing on an idle link.
+constexpr int kUnacknowledgedMax_ms = 15000;
+constexpr Duration kDelayFirst = milliseconds(100);
+constexpr Duration kDelayLast = seconds(30);
+
+constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                        ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL;
+
+void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
+  dealer->Set(ZMQ_IMMEDIATE, 1);
+  dealer->Set(ZMQ_SNDHWM, kSendQueueMessages);
+  dealer->Set(ZMQ_RCVHWM, 1);  // Nothing is to come this way.
+  dealer->Set(ZMQ_RECONNECT_IVL, kReconnectFirst_ms);
+  dealer->Set(ZMQ_RECONNECT_IVL_MAX, kReconnectLast_ms);
+  dealer->Set(ZMQ_CONNECT_TIMEOUT, kConnectTimeout_ms);
+  dealer->Set(ZMQ_TCP_MAXRT, kUnacknowledgedMax_ms);
+  dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
+  // The peer's ROUTER replaces a connection of ours that it has not yet seen die.
+  dealer->Set(ZMQ_ROUTING_ID, std::to_string(options.self));
+  if (options.address.find('[') != std::string::npos) dealer->Set(ZMQ_IPV6, 1);
+  if (!options.own_keys) return;
+  dealer->Set(ZMQ_CURVE_SERVERKEY, options.peer_key);
+  dealer->Set(ZMQ_CURVE_PUBLICKEY, options.own_keys->public_key);
+  dealer->Set(ZMQ_CURVE_SECRETKEY, options.own_keys->secret_key);
+}
+
+}  // namespace
+
+Result<void> PeerConnection::Connect(MonotonicTime now) {
+  dealer_.reset();
+  monitor_.reset();
+  connect_at_ = now + kDelayLast;  // If no sockets can be made now.
+  Result<ZmqSocket> dealer = ZmqSocket::Make(context_, ZMQ_DEALER);
+  if (!dealer) return tl::unexpected(dealer.error());
+  SetUp(options_, &*dealer);
+  Result<ZmqSocket> monitor = dealer->MakeMonitor(
+      context_, "inproc://monitor-" + std::to_string(options_.peer) + "-" + std::to_string(++begun_), kEvents);
+  if (!monitor) return tl::unexpected(monitor.error());
+  if (const auto begun = dealer->Connect(options_.address); !begun) return tl::unexpected(begun.error());
+  dealer_ = std::move(*dealer);
+  monitor_ = std::move(*monitor);
+  connect_at_.reset();
+  return {};
+}
+
+void PeerConnection::Disconnect(MonotonicTime now) {
+  dealer_.reset();
+  monitor_.reset();
+  delay_ = std::clamp(delay_, kDelayFirst, kDelayLast);
+  connect_at_ = now + delay_;
+  delay_ *= 2;
+}
+
+void PeerConnection::OnHeard(MonotonicTime now, bool is_at_once) {
+  delay_ = kDelayFirst;
+  if (!dealer_ || is_at_once) connect_at_ = now;
+}
+
+void PeerConnection::OnReadable() {
+  if (dealer_) dealer_->Process();
+  is_full_ = false;
+}
+
+bool PeerConnection::Send(const std::string& bytes) {
+  ZmqFrame frame(bytes);
+  is_full_ = dealer_->Send(&frame) != ZmqSend::kSent;
+  return !is_full_;
+}
+
+}  // namespace moondb
