@@ -55,7 +55,7 @@ class SimulatedTeam {
   void Spawn(AgentId agent, std::string name, ActorFactory factory, SpawnOptions options = {});
 
   // Sends as `from` (which need not be an actor, nor its agent of the team). Delivered by the next run. As for an
-  // actor: kFull, kNoPeer, and kUnreachable for a link whose cut was told; also where the agent of `from` is not
+  // actor: kFull, kNoPeer, and kUnreachable for a link whose cut was notified; also where the agent of `from` is not
   // running.
   SendResult Post(const Address& from, const Address& to, proto::Message message);
 
@@ -89,7 +89,7 @@ class SimulatedTeam {
   void SetUtcOffset(AgentId agent, Duration offset);
 
   // Drops the agent's actors, timers, mailboxes, roles, outbox and what is in the air to it, as kill -9 does. Nobody is
-  // told (SetLink does that). Called while one of its handlers runs: what the handler still sends is refused.
+  // notified (SetLink does that). Called while one of its handlers runs: what the handler still sends is refused.
   void Crash(AgentId agent);
   // Makes its actors anew, in the order of spawning.
   void Restart(AgentId agent);
@@ -101,10 +101,12 @@ class SimulatedTeam {
   void SetFault(std::function<Fault(const Address& actor, const proto::Message&)> fault);
 
   RadioOptions& radio();
-  // Cuts or joins the link in both directions and tells both ends (those who watch peers) where `tell`. What
-  // is in the air when it is cut is lost. An end that was not told loses what it sends; one that was gets kUnreachable.
+  // Cuts or joins the link in both directions and notifies both ends (those who watch peers) where `tell`. What
+  // is in the air when it is cut is lost. An end that was not notified loses what it sends; one that was gets
+  // kUnreachable.
   void SetLink(AgentId a, AgentId b, bool is_up, bool tell = true);
-  // Cuts (and tells) all links between agents of different groups, joins all others; agents in no group are one more.
+  // Cuts (and notifies of) all links between agents of different groups, joins all others; agents in no group are one
+  // more.
   void Partition(const std::vector<std::vector<AgentId>>& groups);
   void Heal() { Partition({}); }
   // Sees each message on its way between agents; returning false loses it.

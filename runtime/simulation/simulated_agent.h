@@ -1,0 +1,139 @@
+// SimulatedAgent: one agent of a SimulatedTeam: its actors with their mailboxes and supervision, as ActorSystem has
+// them in a process of their own.
+//
+// Everything that happens later is an event of the team's queue. An event that belongs to the agent's process checks,
+// when it is due, that it is still the same life of that process; one that belongs to an actor, that it is still the
+// same incarnation.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "runtime/actor.h"
+#include "runtime/dead_letters.h"
+#include "runtime/mailbox.h"
+#include "runtime/monitors.h"
+#include "runtime/role_table.h"
+#include "runtime/simulation/simulated_team.h"
+#include "runtime/timer_queue.h"
+#include "runtime/trace_book.h"
+
+namespace moondb::simulation {
+
+class SimulatedAgent;
+
+// What an agent needs of its team.
+class AgentSurroundings {
+ public:
+  using Event = std::function<void()>;
+
+  virtual ~AgentSurroundings() = default;
+  virtual MonotonicTime now() const = 0;
+  virtual std::int64_t utc_now_ns() const = 0;  // Of a right clock.
+  virtual TimerQueue<Event>& events() = 0;
+  virtual SendResult Send(const Address& from, const Address& to, proto::Message message) = 0;
+  // To an actor of the agent, or to the probe of that address. `sender`: see Mailbox::Item.
+  virtual SendResult HandOver(const Address& to, OwnedMessage message, const Address* sender) = 0;
+  // The same address, for as long as any message may wait.
+  virtual const Address* Remember(const Address& sender) = 0;
+  virtual Fault FaultFor(const Address& actor, const proto::Message& message) = 0;
+  virtual void Trace(const Address& to, const Address& sender, const proto::Message& message) = 0;
+  virtual std::vector<proto::PeerStatus> PeersOf(const SimulatedAgent& agent) const = 0;
+  virtual void OnCrashed(AgentId agent) = 0;
+};
+
+class SimulatedAgent {
+ public:
+  struct SpawnedActor {
+    std::string name;
+    ActorFactory factory;
+    SpawnOptions options;
+    std::uint16_t trace_name = 0;
+  };
+
+  // Counted about a peer in this life.
+  struct PeerCounters {
+    std::uint64_t sent_messages = 0;
+    std::uint64_t sent_bytes = 0;
+    std::uint64_t received_messages = 0;
+    std::uint64_t received_bytes = 0;
+    std::optional<MonotonicTime> heard;
+  };
+
+  // It runs at once, without actors. `team` outlives it.
+  SimulatedAgent(AgentSurroundings& team, AgentId id, std::uint64_t seed);
+  ~SimulatedAgent();
+
+  AgentId id() const { return id_; }
+  bool is_running() const { return is_running_; }
+  std::uint64_t life() const { return life_; }  // Ends with each crash.
+  MonotonicTime crashed() const { return crashed_; }
+  std::uint64_t restarts() const { return restarts_; }
+  Duration utc_offset() const { return utc_offset_; }
+  void SetUtcOffset(Duration offset) { utc_offset_ = offset; }
+  std::map<AgentId, PeerCounters>& peers() { return peers_; }
+  const std::map<AgentId, PeerCounters>& peers() const { return peers_; }
+
+  void SetBaseStation(AgentId base_station) { roles_.SetBaseStation(base_station); }
+  void SetRoles(const proto::RoleAssignment& roles);  // Again after each restart.
+  AgentId Resolve(AgentId agent) const { return roles_.Resolve(agent); }
+
+  void Spawn(SpawnedActor spawned);
+  void Crash();
+  // `connected`: the peers that it reaches.
+  void Restart(const std::vector<AgentId>& connected);
+  void CrashActor(const std::string& actor);
+
+  // The link to a peer stands or is lost; who watches peers is notified, but for those that watch later.
+  void OnPeerChanged(AgentId peer, bool is_connected);
+  void OnPeerAtStart(AgentId peer) { (void)monitors_.OnPeerChanged(peer, true); }
+  void Watch(const std::string& actor, Topic topic) { Notify(monitors_.Watch(actor, topic)); }
+
+  // Whether an actor of that name was spawned, and what became of the push where it was.
+  std::optional<SendResult> Push(const std::string& actor, OwnedMessage& message, const Address* sender);
+
+  SystemStatus Status() const;
+  proto::TraceReply Trace(const proto::TraceRequest& request) const;
+
+ private:
+  class Host;
+
+  void MakeHost(const SpawnedActor& spawned);
+  void StartHost(Host& host);
+  // What a handler left behind; true if the actor is to be started again at once. `item` is what it handled; null in
+  // OnStart and between messages.
+  bool SettleHandler(Host& host, Mailbox::Item* item, const std::optional<Error>& failure);
+  bool Recover(Host& host, Mailbox::Item* item, const Error& failure);
+  void StepDown(const Host& failed, const Error& failure);
+  std::optional<Error> Handle(Host& host, const Mailbox::Item& item);
+  void ScheduleStep(Host& host);
+  void Step(Host& host);
+  Host* FindHost(const std::string& actor) const;
+  TimerId StartTimer(Host& host, Duration delay, proto::Message message);
+  void Notify(Monitors::Notices notices);
+
+  AgentSurroundings& team_;
+  const AgentId id_;
+  const std::uint64_t seed_;
+  bool is_running_ = true;
+  std::uint64_t life_ = 1;
+  MonotonicTime started_;
+  MonotonicTime crashed_;
+  Duration utc_offset_{};
+  RoleTable roles_;
+  proto::RoleAssignment given_roles_;  // What the agent's process knows when it starts.
+  std::vector<SpawnedActor> spawned_;
+  std::vector<std::unique_ptr<Host>> hosts_;  // One for each of spawned_.
+  std::uint64_t restarts_ = 0;
+  std::map<AgentId, PeerCounters> peers_;
+  Monitors monitors_;
+  TraceBook trace_;  // Of all lives, as are the dead letters.
+  DeadLetters dead_letters_;
+};
+
+}  // namespace moondb::simulation
