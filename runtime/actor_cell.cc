@@ -13,23 +13,17 @@ constexpr int kTurnMessages = 64;
 
 double Seconds(Ticks ticks) { return std::chrono::duration<double>(TickClock::ToDuration(ticks)).count(); }
 
-// For counters with one writer at a time.
-template <typename T>
-void Increase(std::atomic<T>& counter, T by) {
-  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
-}
-
 }  // namespace
 
 ActorCell::ActorCell(CellSystem& system, Address self, SpawnOptions options, ActorFactory factory, WorkerPool& pool,
                      Supervisor::Options supervision, std::uint64_t seed)
     : ActorHost(self, std::move(factory), seed),
+      times_(TickClock::FromDuration(options.handler_limit)),
       system_(system),
       own_pool_(options.placement == Placement::kOwnThread
                     ? std::make_unique<WorkerPool>(self.actor, 1, [&system] { system.trace().JoinThread(); })
                     : nullptr),
       pool_(own_pool_ ? *own_pool_ : pool),
-      handler_limit_(TickClock::FromDuration(options.handler_limit)),
       trace_name_(system.trace().AddName(self.actor)),
       may_senders_wait_(options.overflow == Overflow::kBlock),
       mailbox_(options),
@@ -98,17 +92,17 @@ void ActorCell::Join() {
 
 bool ActorCell::is_lost() const {
   const std::lock_guard lock(mutex_);
-  return IsLost();
+  return IsFinal(state_);
 }
 
 proto::ActorStatus ActorCell::Status() const {
   proto::ActorStatus status;
   status.set_name(self().actor);
   status.set_handled(static_cast<double>(handled()));
-  status.set_handling_s(Seconds(handling_));
-  status.set_longest_handler_s(Seconds(longest_handler_));
-  status.set_overruns(static_cast<double>(overruns_));
-  status.set_ping_s(ping_ < 0 ? -1 : Seconds(ping_));
+  status.set_handling_s(Seconds(times_.total()));
+  status.set_longest_handler_s(Seconds(times_.longest()));
+  status.set_overruns(static_cast<double>(times_.overruns()));
+  status.set_ping_s(pings_.last() < 0 ? -1 : Seconds(pings_.last()));
   const Mailbox::Counts counts = mailbox_.counts();
   status.set_queued(static_cast<double>(counts.waiting));
   status.set_queued_max(static_cast<double>(counts.waiting_max));
@@ -122,23 +116,23 @@ proto::ActorStatus ActorCell::Status() const {
 }
 
 Duration ActorCell::HandlerTime() const {
-  const Ticks since = handler_since_.load(std::memory_order_relaxed);
+  const Ticks since = times_.running_since();
   return since == 0 ? Duration::zero() : TickClock::ToDuration(TickClock::Now() - since);
 }
 
 Duration ActorCell::PingTime() const {
-  const Ticks since = pinged_;
+  const Ticks since = pings_.waiting_since();
   return since == 0 ? Duration::zero() : TickClock::ToDuration(TickClock::Now() - since);
 }
 
 void ActorCell::Ping() {
   // Who waits for nothing is well: an idle agent stays asleep.
-  if (pinged_ != 0 || (mailbox_.empty() && handler_since_ == 0)) return;
-  pinged_ = TickClock::Now();
+  if (pings_.waiting_since() != 0 || (mailbox_.empty() && times_.running_since() == 0)) return;
+  pings_.OnSent(TickClock::Now());
   OwnedMessage ping;
   ping->mutable_ping();
   WriteLocalEnvelope(self().agent, self().agent, *ping);
-  if (Push(std::move(ping), &self(), trace_name_) != SendResult::kAccepted) pinged_ = 0;
+  if (Push(std::move(ping), &self(), trace_name_) != SendResult::kAccepted) pings_.OnRefused();
 }
 
 // --- Context ---
@@ -207,7 +201,7 @@ Ticks ActorCell::StartIfDue(Ticks now) {
     is_order_waiting_ = is_end_due_;
     if (!std::exchange(is_start_due_, false)) return now;
   }
-  handler_started_ = now;
+  times_.OnStart(now);
   const std::optional<Error> failure = ActorHost::Start();
   TraceRecord record = MakeRecord(proto::TRACE_STARTED, now);
   record.request_id = incarnation();
@@ -227,24 +221,19 @@ void ActorCell::LetWaitersTry() {
 
 Ticks ActorCell::HandleItem(Mailbox::Item& item, Ticks now) {
   if (item.message->has_ping()) {
-    ping_ = std::max<Ticks>(0, now - pinged_.exchange(0));
+    pings_.OnAnswered(now);
     return now;
   }
-  handler_started_ = now;
-  handler_since_.store(now, std::memory_order_relaxed);
+  times_.OnBegun(now);
   const std::optional<Error> failure = Handle(*item.message, item.sender);
   const Ticks end = TickClock::Now();
-  handler_since_.store(0, std::memory_order_relaxed);
-  CountHandler(item, now, end);
+  TraceHandler(item, times_.OnEnded(end));
   SettleHandler(&item, failure);
   return end;
 }
 
-void ActorCell::CountHandler(const Mailbox::Item& item, Ticks start, Ticks end) {
-  const Ticks took = std::max<Ticks>(0, end - start);
-  Increase(handling_, took);
-  if (took > longest_handler_.load(std::memory_order_relaxed)) longest_handler_ = took;
-  TraceRecord record = MakeRecord(proto::TRACE_HANDLED, start);
+void ActorCell::TraceHandler(const Mailbox::Item& item, Ticks took) {
+  TraceRecord record = MakeRecord(proto::TRACE_HANDLED, times_.begun());
   record.body = static_cast<std::uint16_t>(item.message->body_case());
   record.other_actor = item.sender_name;
   record.other_agent = sender().agent;
@@ -252,8 +241,7 @@ void ActorCell::CountHandler(const Mailbox::Item& item, Ticks start, Ticks end) 
   record.request_id = item.message->request_id();
   record.duration = took;
   system_.trace().Add(record);
-  if (took <= handler_limit_) return;
-  Increase(overruns_, std::uint64_t{1});
+  if (!times_.IsOverrun(took)) return;
   record.kind = proto::TRACE_OVERRAN;
   system_.trace().Add(record);
 }
@@ -299,7 +287,7 @@ void ActorCell::EnterState(State state) {
     const std::lock_guard lock(mutex_);
     if (state_ == state) return;
     state_ = state;
-    if (IsLost()) mailbox_.Close();
+    if (IsFinal(state)) mailbox_.Close();
   }
   state_changed_.notify_all();
   has_room_.notify_all();

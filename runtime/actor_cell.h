@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "runtime/actor_host.h"
+#include "runtime/handler_times.h"
 #include "runtime/mailbox.h"
 #include "runtime/supervisor.h"
 #include "runtime/timer_thread.h"
@@ -105,12 +106,12 @@ class ActorCell final : public ActorHost, private Runnable {
   }
   void RememberTarget(ActorCell* target) { last_target_ = target; }
   // The actor's thread, in a handler: when it began.
-  Ticks handler_started() const { return handler_started_; }
+  Ticks handler_begun() const { return times_.begun(); }
 
  private:
   enum class State { kAway, kReady, kBeyondHelp, kEnded };
 
-  bool IsLost() const { return state_ == State::kBeyondHelp || state_ == State::kEnded; }
+  static bool IsFinal(State state) { return state == State::kBeyondHelp || state == State::kEnded; }
   SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if the reader is to be called.
   SendResult PushWaiting(Mailbox::Item item);
 
@@ -119,7 +120,7 @@ class ActorCell final : public ActorHost, private Runnable {
   bool EndIfDue();
   Ticks StartIfDue(Ticks now);
   Ticks HandleItem(Mailbox::Item& item, Ticks now);
-  void CountHandler(const Mailbox::Item& item, Ticks start, Ticks end);
+  void TraceHandler(const Mailbox::Item& item, Ticks took);
   void LetWaitersTry();
   // `item` is what was handled; null in OnStart.
   void SettleHandler(Mailbox::Item* item, const std::optional<Error>& failure);
@@ -128,20 +129,14 @@ class ActorCell final : public ActorHost, private Runnable {
   void EnterState(State state);
 
   // What each message writes, beside ActorHost's. Written on the actor's thread; the atomics are read on any.
-  Ticks handler_started_ = 0;
+  HandlerTimes times_;
+  PingTimes pings_;
   ActorCell* last_target_ = nullptr;
-  std::atomic<Ticks> handler_since_ = 0;  // 0: in no handler.
-  std::atomic<Ticks> handling_ = 0;
-  std::atomic<Ticks> longest_handler_ = 0;
-  std::atomic<std::uint64_t> overruns_ = 0;
-  std::atomic<Ticks> pinged_ = 0;  // When the Ping that waits was sent; 0: none waits.
-  std::atomic<Ticks> ping_ = -1;   // How long the last one waited.
 
   // What senders read, on another cache line.
   alignas(64) CellSystem& system_;
   const std::unique_ptr<WorkerPool> own_pool_;  // Of one thread, for kOwnThread.
   WorkerPool& pool_;
-  const Ticks handler_limit_;
   const std::uint16_t trace_name_;
   const bool may_senders_wait_;
   std::atomic<bool> is_order_waiting_ = false;  // is_start_due_ or is_end_due_.

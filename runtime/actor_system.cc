@@ -91,7 +91,7 @@ class ActorSystem::Impl final : public CellSystem {
   std::mutex stop_mutex_;
   bool was_started_ = false;
 
-  // Held while notices are delivered, so that they come in the order of what they tell. Taken before a cell's mutex.
+  // Held while notices are delivered, so that they come in the order of what they report. Taken before a cell's mutex.
   std::mutex monitors_mutex_;
   Monitors monitors_;
   mutable std::mutex dead_letters_mutex_;
@@ -210,7 +210,7 @@ ActorCell* ActorSystem::Impl::FindFromOutside(const std::string& actor) const {
 
 SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) {
   TraceRecord record;
-  record.time = sender.handler_started();
+  record.time = sender.handler_begun();
   record.actor = sender.trace_name();
   record.body = static_cast<std::uint16_t>(message->body_case());
   record.request_id = message->request_id();

@@ -55,7 +55,8 @@ class ActorSystem {
   // what it received. The actor learns from Context::sender who sent it; the message itself need no longer say so.
   SendResult Deliver(OwnedMessage message);
 
-  // Any thread, before Start too: a peer was reached or lost. Told to actors that watch peers or monitor that agent.
+  // Any thread, before Start too: a peer was reached or lost. Actors that watch peers or monitor that agent are
+  // notified.
   void OnPeerChanged(AgentId peer, bool is_connected);
 
   // Sends from outside any actor, not from a handler; the sender is {self, "outside"}. For tests and composition. Waits

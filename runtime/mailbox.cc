@@ -25,12 +25,11 @@ void Add(const proto::RecordsStored& later, proto::RecordsStored& stored) {
 }  // namespace
 
 Mailbox::Mailbox(const SpawnOptions& options)
-    : messages_limit_(options.messages_max),
-      bytes_limit_(options.bytes_max),
+    : limits_{options.messages_max, options.bytes_max},
       is_keyed_(options.overflow == Overflow::kLatestByKey),
-      key_(options.key) {
-  Check(messages_limit_ >= 1, "a mailbox holds at least one message");
-  Check(!is_keyed_ || key_ != nullptr, "kLatestByKey says what the key is");
+      keyed_(options.key) {
+  Check(limits_.messages >= 1, "a mailbox holds at least one message");
+  Check(!is_keyed_ || options.key != nullptr, "kLatestByKey says what the key is");
 }
 
 // --- Any thread ---
@@ -48,7 +47,7 @@ Mailbox::Pushed Mailbox::TryPush(Item& item) {
   const bool is_control = IsControl(*item.message);
   const bool is_stored = item.message->has_records_stored();
   item.is_past_bounds = item.is_timer || is_stored;
-  const std::string key = is_control || item.is_timer ? std::string() : KeyOf(*item.message);
+  const std::string key = is_keyed_ && !is_control && !item.is_timer ? keyed_.KeyOf(*item.message) : std::string();
   const std::lock_guard lock(lock_);
   if (is_closed_) return {SendResult::kUnreachable};
   const SendResult result = is_control    ? PushControl(item)
@@ -56,16 +55,6 @@ Mailbox::Pushed Mailbox::TryPush(Item& item) {
                             : key.empty() ? PushData(item)
                                           : PushKeyed(item, key);
   return {result, result == SendResult::kAccepted && std::exchange(is_reader_away_, false)};
-}
-
-// A key function that throws is its author's mistake: not one for which the sender, or the transport, should fail.
-std::string Mailbox::KeyOf(const proto::Message& message) const {
-  if (!is_keyed_) return {};
-  try {
-    return key_(message);
-  } catch (...) {
-    return {};
-  }
 }
 
 bool Mailbox::Nudge() {
@@ -76,7 +65,7 @@ bool Mailbox::Nudge() {
 
 Mailbox::Counts Mailbox::counts() const {
   const std::lock_guard lock(lock_);
-  const Totals taken = this->taken();
+  const Totals taken = taken_.totals();
   Counts counts;
   counts.waiting = pushed_.items - taken.items;
   counts.waiting_max = waiting_max_;
@@ -89,8 +78,8 @@ Mailbox::Counts Mailbox::counts() const {
 
 bool Mailbox::is_half_free() const {
   const std::lock_guard lock(lock_);
-  const Totals taken = this->taken();
-  return pushed_.messages - taken.messages <= messages_limit_ / 2 && pushed_.bytes - taken.bytes <= bytes_limit_ / 2;
+  const Totals taken = taken_.totals();
+  return pushed_.messages - taken.messages <= limits_.messages / 2 && pushed_.bytes - taken.bytes <= limits_.bytes / 2;
 }
 
 // --- With lock_ held ---
@@ -116,31 +105,29 @@ SendResult Mailbox::PushControl(Item& item) {
 }
 
 SendResult Mailbox::PushKeyed(Item& item, const std::string& key) {
-  const auto same = place_of_.find(key);
-  if (same == place_of_.end()) {
+  Item* waiting = keyed_.Find(key);
+  if (waiting == nullptr) {
     if (PushData(item) != SendResult::kAccepted) return SendResult::kFull;
-    const auto added = place_of_.emplace(key, keyed_taken_ + keyed_items_.size() - 1).first;
-    keyed_items_.back().key = &added->first;
+    keyed_.SetKeyOfNewest(key);
     return SendResult::kAccepted;
   }
-  Item& waiting = keyed_items_[same->second - keyed_taken_];
-  if (item.bytes > waiting.bytes && !HasRoomInBytes(item.bytes - waiting.bytes)) return SendResult::kFull;
-  pushed_.bytes += item.bytes - waiting.bytes;
-  bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken().bytes);
-  item.key = waiting.key;
-  std::swap(waiting, item);  // The older one is let go by the sender, without the lock.
+  if (item.bytes > waiting->bytes && !HasRoomInBytes(item.bytes - waiting->bytes)) return SendResult::kFull;
+  pushed_.bytes += item.bytes - waiting->bytes;
+  bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken_.totals().bytes);
+  item.key = waiting->key;
+  std::swap(*waiting, item);  // The older one is let go by the sender, without the lock.
   ++replaced_;
   return SendResult::kAccepted;
 }
 
 SendResult Mailbox::PushStored(Item& item) {
   if (stored_place_) {
-    Item& waiting = is_keyed_ ? keyed_items_[*stored_place_ - keyed_taken_] : pushed_items_[*stored_place_];
+    Item& waiting = is_keyed_ ? keyed_.at(*stored_place_) : pushed_items_[*stored_place_];
     Add(item.message->records_stored(), *waiting.message->mutable_records_stored());
     ++replaced_;
     return SendResult::kAccepted;
   }
-  const std::uint64_t place = is_keyed_ ? keyed_taken_ + keyed_items_.size() : pushed_items_.size();
+  const std::uint64_t place = is_keyed_ ? keyed_.next_place() : pushed_items_.size();
   const SendResult result = PushData(item);
   stored_place_ = place;
   return result;
@@ -153,12 +140,12 @@ SendResult Mailbox::PushData(Item& item) {
     return SendResult::kFull;
   }
   // Counted if there was memory for it.
-  Count(is_keyed_ ? keyed_items_.emplace_back(std::move(item)) : pushed_items_.emplace_back(std::move(item)));
+  Count(is_keyed_ ? keyed_.Add(std::move(item)) : pushed_items_.emplace_back(std::move(item)));
   return SendResult::kAccepted;
 }
 
 bool Mailbox::HasRoom(std::size_t bytes) {
-  const auto fits = [&] { return pushed_.messages - seen_.messages < messages_limit_ && FitsInBytes(bytes); };
+  const auto fits = [&] { return pushed_.messages - seen_.messages < limits_.messages && FitsInBytes(bytes); };
   if (fits()) return true;
   SeeTaken();
   return fits();
@@ -172,10 +159,10 @@ bool Mailbox::HasRoomInBytes(std::size_t bytes) {
 bool Mailbox::FitsInBytes(std::size_t bytes) const {
   // What waits may lie above the limit while one larger message waits alone.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
-  return waiting == 0 || (waiting < bytes_limit_ && bytes <= bytes_limit_ - waiting);
+  return waiting == 0 || (waiting < limits_.bytes && bytes <= limits_.bytes - waiting);
 }
 
-void Mailbox::SeeTaken() { seen_ = taken(); }
+void Mailbox::SeeTaken() { seen_ = taken_.totals(); }
 
 void Mailbox::Count(const Item& item) {
   ++pushed_.items;
@@ -192,18 +179,15 @@ Mailbox::Item* Mailbox::TakeControl() {
   single_ = std::move(control_.front());
   control_.pop_front();
   if (control_.empty()) has_control_.store(false, std::memory_order_relaxed);
-  Add(taken_items_, 1);
+  taken_.CountControl();
   return &single_;
 }
 
 Mailbox::Item* Mailbox::TakeKeyed() {
-  if (keyed_items_.empty()) return nullptr;
-  single_ = std::move(keyed_items_.front());
-  keyed_items_.pop_front();
-  if (stored_place_ == keyed_taken_) stored_place_.reset();
-  if (single_.key != nullptr) place_of_.erase(place_of_.find(*std::exchange(single_.key, nullptr)));
-  ++keyed_taken_;
-  CountTaken(single_);
+  std::uint64_t place = 0;
+  if (!keyed_.Take(single_, place)) return nullptr;
+  if (stored_place_ == place) stored_place_.reset();
+  taken_.Count(single_);
   return &single_;
 }
 
@@ -225,27 +209,16 @@ Mailbox::Item* Mailbox::Take() {
     if (items_.empty()) return nullptr;
   }
   Item& item = items_[next_++];
-  CountTaken(item);
+  taken_.Count(item);
   // Another core may have written it: the next one comes while this one is handled.
   if (!must_look()) __builtin_prefetch(&*items_[next_].message);
   return &item;
 }
 
-void Mailbox::CountTaken(const Item& item) {
-  Add(taken_items_, 1);
-  Add(taken_bytes_, item.bytes);
-  if (!item.is_past_bounds) Add(taken_messages_, 1);
-}
-
-Mailbox::Totals Mailbox::taken() const {
-  return {taken_items_.load(std::memory_order_relaxed), taken_messages_.load(std::memory_order_relaxed),
-          taken_bytes_.load(std::memory_order_relaxed)};
-}
-
 bool Mailbox::GoAway(bool for_messages) {
   const std::lock_guard lock(lock_);
   if (std::exchange(is_nudged_, false)) return false;
-  if (for_messages && pushed_.items != taken_items_.load(std::memory_order_relaxed)) return false;
+  if (for_messages && pushed_.items != taken_.items()) return false;
   is_reader_away_ = true;
   return true;
 }
@@ -259,15 +232,66 @@ void Mailbox::Close() {
     is_closed_ = true;
     pushed.swap(pushed_items_);
     control.swap(control_);
-    keyed.swap(keyed_items_);
+    keyed = keyed_.Clear();
     has_control_.store(false, std::memory_order_relaxed);
-    place_of_.clear();
     stored_place_.reset();
-    taken_items_.store(pushed_.items, std::memory_order_relaxed);
-    taken_messages_.store(pushed_.messages, std::memory_order_relaxed);
-    taken_bytes_.store(pushed_.bytes, std::memory_order_relaxed);
+    taken_.Set(pushed_);
   }
   items_.erase(items_.begin() + static_cast<std::ptrdiff_t>(next_), items_.end());
+}
+
+// --- Mailbox::Taken ---
+
+Mailbox::Totals Mailbox::Taken::totals() const {
+  return {items(), messages_.load(std::memory_order_relaxed), bytes_.load(std::memory_order_relaxed)};
+}
+
+void Mailbox::Taken::Count(const Item& item) {
+  Add(items_, 1);
+  Add(bytes_, item.bytes);
+  if (!item.is_past_bounds) Add(messages_, 1);
+}
+
+void Mailbox::Taken::CountControl() { Add(items_, 1); }
+
+void Mailbox::Taken::Set(const Totals& totals) {
+  items_.store(totals.items, std::memory_order_relaxed);
+  messages_.store(totals.messages, std::memory_order_relaxed);
+  bytes_.store(totals.bytes, std::memory_order_relaxed);
+}
+
+// --- Mailbox::KeyedItems ---
+
+// A key function that throws is its author's mistake: not one for which the sender, or the transport, should fail.
+std::string Mailbox::KeyedItems::KeyOf(const proto::Message& message) const {
+  try {
+    return key_(message);
+  } catch (...) {
+    return {};
+  }
+}
+
+Mailbox::Item* Mailbox::KeyedItems::Find(const std::string& key) {
+  const auto found = place_of_.find(key);
+  return found == place_of_.end() ? nullptr : &at(found->second);
+}
+
+void Mailbox::KeyedItems::SetKeyOfNewest(const std::string& key) {
+  items_.back().key = &place_of_.emplace(key, next_place() - 1).first->first;
+}
+
+bool Mailbox::KeyedItems::Take(Item& item, std::uint64_t& place) {
+  if (items_.empty()) return false;
+  item = std::move(items_.front());
+  items_.pop_front();
+  if (item.key != nullptr) place_of_.erase(place_of_.find(*std::exchange(item.key, nullptr)));
+  place = taken_++;
+  return true;
+}
+
+std::deque<Mailbox::Item> Mailbox::KeyedItems::Clear() {
+  place_of_.clear();
+  return std::exchange(items_, {});
 }
 
 }  // namespace moondb

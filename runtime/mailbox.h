@@ -32,12 +32,12 @@ class Mailbox {
     std::uint16_t sender_name = 0xFFFF;  // In traces; 0xFFFF: not one of this agent's actors.
     bool is_timer = false;
     bool is_past_bounds = false;       // A timer, or RecordsStored; set by the push.
-    const std::string* key = nullptr;  // The mailbox's own: in place_of_, while it waits there.
+    const std::string* key = nullptr;  // The mailbox's own, while the item waits under it.
   };
 
   struct Pushed {
     SendResult result;
-    bool must_call_reader = false;  // It is away; it has been told nothing yet.
+    bool must_call_reader = false;  // It is away, and was not called yet.
   };
 
   struct Counts {
@@ -56,7 +56,7 @@ class Mailbox {
   // To the lane that IsControl says. kAccepted; kFull: dropped and counted; kUnreachable after Close. A message larger
   // than bytes_max is taken when no other counts towards the bytes.
   Pushed Push(Item&& item);
-  // Likewise, but `item` is left alone, and not counted, unless accepted.
+  // As Push, but `item` is left alone, and not counted, unless accepted.
   Pushed TryPush(Item& item);
   // The reader is to look for work that is not a message. Whether it has to be called back.
   bool Nudge();
@@ -84,7 +84,53 @@ class Mailbox {
   struct Totals {
     std::uint64_t items = 0;
     std::uint64_t messages = 0;  // Of the data lane, without those past the bounds.
-    std::uint64_t bytes = 0;     // Of these.
+    std::uint64_t bytes = 0;     // Of these messages.
+  };
+
+  // What the reader has taken; written by it alone.
+  class Taken {
+   public:
+    Totals totals() const;
+    std::uint64_t items() const { return items_.load(std::memory_order_relaxed); }
+    void Count(const Item& item);
+    void CountControl();
+    void Set(const Totals& totals);
+
+   private:
+    std::atomic<std::uint64_t> items_ = 0;
+    std::atomic<std::uint64_t> messages_ = 0;
+    std::atomic<std::uint64_t> bytes_ = 0;
+  };
+
+  // The data lane of a kLatestByKey mailbox: taken one by one, as what left is replaced no more.
+  class KeyedItems {
+   public:
+    explicit KeyedItems(std::function<std::string(const proto::Message&)> key) : key_(std::move(key)) {}
+
+    // Empty: the message replaces none. Any thread, without the lock.
+    std::string KeyOf(const proto::Message& message) const;
+    // Places are numbered as items come: the next one's, and the item at one that still waits.
+    std::uint64_t next_place() const { return taken_ + items_.size(); }
+    Item& at(std::uint64_t place) { return items_[place - taken_]; }
+    Item& Add(Item&& item) { return items_.emplace_back(std::move(item)); }
+    // The one that waits under `key`, or null.
+    Item* Find(const std::string& key);
+    // The newest item waits under `key`.
+    void SetKeyOfNewest(const std::string& key);
+    // False: nothing waits. `place`: where the item was.
+    bool Take(Item& item, std::uint64_t& place);
+    std::deque<Item> Clear();
+
+   private:
+    const std::function<std::string(const proto::Message&)> key_;
+    std::deque<Item> items_;
+    std::unordered_map<std::string, std::uint64_t> place_of_;  // By key.
+    std::uint64_t taken_ = 0;
+  };
+
+  struct Limits {
+    std::uint64_t messages;
+    std::uint64_t bytes;
   };
 
   // With lock_ held.
@@ -100,12 +146,7 @@ class Mailbox {
   Item* TakeControl();
   Item* TakeKeyed();
 
-  std::string KeyOf(const proto::Message& message) const;
-  Totals taken() const;
-  void CountTaken(const Item& item);
-
-  const std::uint64_t messages_limit_;
-  const std::uint64_t bytes_limit_;
+  const Limits limits_;
   const bool is_keyed_;  // kLatestByKey.
 
   mutable SpinLock lock_;
@@ -114,26 +155,21 @@ class Mailbox {
   bool is_closed_ = false;
   std::vector<Item> pushed_items_;  // Empty if is_keyed_.
   Totals pushed_;
-  Totals seen_;  // taken() as last looked at: the reader's cache line is left alone while there is room.
+  Totals seen_;  // taken_ as last looked at: the reader's cache line is left alone while there is room.
   std::uint64_t waiting_max_ = 0;
   std::uint64_t bytes_max_ = 0;
 
   // The reader's; on a cache line of their own, as is what the senders write.
   alignas(64) std::vector<Item> items_;  // Taken over from pushed_items_; those before next_ were taken.
   std::size_t next_ = 0;
-  std::atomic<std::uint64_t> taken_items_ = 0;
-  std::atomic<std::uint64_t> taken_messages_ = 0;
-  std::atomic<std::uint64_t> taken_bytes_ = 0;
+  Taken taken_;
 
   std::atomic<bool> has_control_ = false;
 
-  // Seldom used. With lock_ held, but for key_.
-  std::optional<std::uint64_t> stored_place_;  // Where RecordsStored waits in pushed_items_, or as place_of_ has it.
-  const std::function<std::string(const proto::Message&)> key_;
+  // Seldom used. With lock_ held.
+  std::optional<std::uint64_t> stored_place_;  // Where RecordsStored waits: in pushed_items_, or its place in keyed_.
   std::deque<Item> control_;
-  std::deque<Item> keyed_items_;  // The data lane if is_keyed_: taken one by one, as what left is replaced no more.
-  std::unordered_map<std::string, std::uint64_t> place_of_;  // Key to the waiting item: keyed_taken_ + index.
-  std::uint64_t keyed_taken_ = 0;                            // Items that ever left the front of keyed_items_.
+  KeyedItems keyed_;
   std::uint64_t dropped_ = 0;
   std::uint64_t replaced_ = 0;
   Item single_;  // The reader's: taken from one of these.

@@ -13,6 +13,7 @@
 
 #include "actors/merge/egl_context.h"
 #include "actors/merge/gl_objects.h"
+#include "actors/merge/gl_target.h"
 #include "actors/merge/layer_atlas.h"
 #include "actors/merge/open_tile.h"
 #include "merge_shaders.h"
@@ -85,8 +86,8 @@ class SquareCounts {
     }
     return taken;
   }
-  std::uint64_t wanting() const { return wanting_; }  // That have not enough.
-  std::uint64_t listed() const { return listed_; }    // That have any.
+  std::uint64_t wanting() const { return wanting_; }  // Squares that have not enough blocks yet.
+  std::uint64_t listed() const { return listed_; }    // Squares that have any block.
   std::size_t of(std::size_t square) const { return counts_[square]; }
 
  private:
@@ -203,9 +204,11 @@ class GlGather::Painter {
     const auto height = static_cast<GLsizei>(rows * kSquarePixelsY);
     if (Result<void> drawn = Draw(width, height); !drawn) return drawn;
     const double drawn_ms = NowMs();
-    if (Result<void> read = ReadPixels(width, height); !read) return read;
+    Result<void> read = target_.Read(width, height);
+    if (read) read = CheckLost();
+    if (!read) return read;
     for (OpenTile* tile : tiles) {
-      if (tile->squares != 0) ReadRound(pixels_, columns, *tile);
+      if (tile->squares != 0) ReadRound(target_.pixels(), columns, *tile);
     }
     times_.upload_ms += uploaded_ms - start_ms;
     times_.draw_ms += drawn_ms - uploaded_ms;
@@ -241,7 +244,8 @@ class GlGather::Painter {
   Result<void> ListTile(OpenTile& open, const RoundLimits& limits) {
     candidates_.clear();
     SquareCounts counts(open.open, limits.square_blocks);
-    std::optional<std::size_t> first_left;  // That a square was not asked of, having enough: the next round's first.
+    std::optional<std::size_t>
+        first_left;  // The first block that a square with enough was not asked of: the next round's first.
     std::size_t next = open.next;
     for (; next < open.list->size() && candidates_.size() < limits.tile_blocks && counts.wanting() != 0; ++next) {
       const OrderedBlock& ordered = (*open.list)[next];
@@ -347,26 +351,6 @@ class GlGather::Painter {
     glActiveTexture(GL_TEXTURE0);
   }
 
-  // A target at least so large; kept for the next round.
-  Result<void> PrepareTarget(GLsizei width, GLsizei height) {
-    if (width <= target_width_ && height <= target_height_) {
-      glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
-      return {};
-    }
-    target_width_ = std::max(width, target_width_);
-    target_height_ = std::max(height, target_height_);
-    color_ = MakeRenderbuffer();
-    glBindRenderbuffer(GL_RENDERBUFFER, color_.id());
-    glRenderbufferStorage(GL_RENDERBUFFER, GL_RG32UI, target_width_, target_height_);
-    framebuffer_ = MakeFramebuffer();
-    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
-    glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER, color_.id());
-    if (glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE && CheckGl("making a target")) return {};
-    target_width_ = target_height_ = 0;
-    return Fail(ErrorCode::kUnavailable,
-                "OpenGL cannot draw to " + std::to_string(width) + " x " + std::to_string(height) + " pixels");
-  }
-
   Result<void> CheckLost() const {
     const bool is_lost = (options_.is_lost && options_.is_lost()) || context_.is_lost();
     if (is_lost) return Fail(ErrorCode::kUnavailable, "the OpenGL context is lost");
@@ -376,7 +360,7 @@ class GlGather::Painter {
   // Every pixel is written, so nothing is cleared.
   Result<void> Draw(GLsizei width, GLsizei height) {
     if (Result<void> lost = CheckLost(); !lost) return lost;
-    if (Result<void> prepared = PrepareTarget(width, height); !prepared) return prepared;
+    if (Result<void> prepared = target_.Bind(width, height); !prepared) return prepared;
     glViewport(0, 0, width, height);
     glDisable(GL_DEPTH_TEST);
     glDisable(GL_BLEND);
@@ -390,26 +374,6 @@ class GlGather::Painter {
     glUniform2f(lists_texel_uniform_, 1.0f / (kEntryTexels * kListColumns), 1.0f / static_cast<GLfloat>(list_rows_));
     glDrawArrays(GL_TRIANGLES, 0, 3);
     return CheckGl("drawing");
-  }
-
-  Result<void> ReadPixels(GLsizei width, GLsizei height) {
-    const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-    pixels_.resize(count);
-    glPixelStorei(GL_PACK_ALIGNMENT, 4);
-    // OpenGL ES promises four channels; most drivers also give the two that are there.
-    const bool is_two = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RG_INTEGER &&
-                        GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_INT;
-    if (is_two) {
-      glReadPixels(0, 0, width, height, GL_RG_INTEGER, GL_UNSIGNED_INT, pixels_.data());
-    } else {
-      channels_.resize(count * 4);
-      glReadPixels(0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_INT, channels_.data());
-      for (std::size_t i = 0; i < count; ++i) {
-        pixels_[i] = channels_[4 * i] | static_cast<std::uint64_t>(channels_[4 * i + 1]) << 32;
-      }
-    }
-    if (Result<void> read = CheckGl("reading back"); !read) return read;
-    return CheckLost();
   }
 
   std::unique_ptr<Tile> TakeTile() {
@@ -468,18 +432,13 @@ class GlGather::Painter {
   GlTexture squares_texture_;
   GlTexture lists_texture_;
   std::size_t list_rows_ = 0;  // Of that texture.
-  GlRenderbuffer color_;
-  GlFramebuffer framebuffer_;
-  GLsizei target_width_ = 0;
-  GLsizei target_height_ = 0;
+  GlTarget target_;
   std::vector<std::vector<OrderedBlock>> lists_;  // By page of the batch.
   std::vector<OpenTile> tiles_;                   // Of the batch.
   std::vector<Candidate> candidates_;             // Of the tile at hand.
   // Of the draw at hand.
   std::vector<ListEntry> entries_;
   std::vector<std::uint32_t> square_lists_;  // By place in the target: its first entry << 6 | how many.
-  std::vector<std::uint64_t> pixels_;        // A row of 8 cells each.
-  std::vector<std::uint32_t> channels_;
   std::vector<std::unique_ptr<Tile>> spare_;
 };
 

@@ -56,47 +56,48 @@ RecordTable::RecordTable(const TypeTable* table)
 }
 
 void RecordTable::MakeSql(const std::string& type, const std::vector<std::string>& columns) {
-  insert_ = "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content";
-  for (const std::string& column : columns) insert_ += ", " + column;
-  insert_ += ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
-  for (std::size_t i = 0; i < columns.size(); ++i) insert_ += ", ?";
-  insert_ += ")";
-  copy_to_history_ =
+  sql_.insert =
+      "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content";
+  for (const std::string& column : columns) sql_.insert += ", " + column;
+  sql_.insert += ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
+  for (std::size_t i = 0; i < columns.size(); ++i) sql_.insert += ", ?";
+  sql_.insert += ")";
+  sql_.copy_to_history =
       "INSERT INTO history(data_type, row_id, epoch, seq, stamp_ns, latest_key, hash, fields, content) SELECT " + type +
       ", row_id, epoch, seq, stamp_ns, latest_key, hash, " + JsonSql(columns) + ", content FROM " + name_ +
       " WHERE row_id = ?";
-  delete_ = "DELETE FROM " + name_ + " WHERE row_id = ?";
+  sql_.remove = "DELETE FROM " + name_ + " WHERE row_id = ?";
   const bool is_versioned = IsVersioned(type_);
   const std::string row = "SELECT row_id, origin, epoch, seq, hash, latest_key, " + type + ", length(content)" +
                           (is_versioned ? ", term_number, term_issuer, term_issuer_epoch, run" : "") + " FROM " + name_;
   // For a built-in type `20 = ?5`: true of every row, found once.
   const std::string in_interval = " WHERE origin = ?1 AND epoch = ?2 AND seq BETWEEN ?3 AND ?4 AND " + type + " = ?5";
-  find_ = row + " WHERE origin = ? AND epoch = ? AND seq = ? AND " + type + " = ?";
-  find_by_latest_key_ = row + " WHERE origin = ? AND " + type + " = ? AND latest_key = ?";
+  sql_.find = row + " WHERE origin = ? AND epoch = ? AND seq = ? AND " + type + " = ?";
+  sql_.find_by_latest_key = row + " WHERE origin = ? AND " + type + " = ? AND latest_key = ?";
   // `(x < 0), x` orders unsigned numbers.
   const std::string by_version =
       "term_number < 0 DESC, term_number DESC, term_issuer DESC, term_issuer_epoch < 0 DESC, term_issuer_epoch DESC, "
       "run < 0 DESC, run DESC, ";
-  find_newest_ = "SELECT epoch, seq FROM (SELECT epoch, seq, row_number() OVER (PARTITION BY latest_key ORDER BY " +
-                 (is_versioned ? by_version : "") + "epoch < 0 DESC, epoch DESC, seq DESC) AS place FROM " + name_ +
-                 " WHERE origin = ? AND " + type + " = ? AND seq IS NOT NULL) WHERE place = 1";
-  find_in_interval_ = row + in_interval;
-  find_by_natural_key_ = "SELECT epoch, seq, content FROM " + name_ + " WHERE natural_key = ? AND origin = ? AND " +
-                         type + " = ? ORDER BY row_id LIMIT 1";
+  sql_.find_newest = "SELECT epoch, seq FROM (SELECT epoch, seq, row_number() OVER (PARTITION BY latest_key ORDER BY " +
+                     (is_versioned ? by_version : "") + "epoch < 0 DESC, epoch DESC, seq DESC) AS place FROM " + name_ +
+                     " WHERE origin = ? AND " + type + " = ? AND seq IS NOT NULL) WHERE place = 1";
+  sql_.find_in_interval = row + in_interval;
+  sql_.find_by_natural_key = "SELECT epoch, seq, content FROM " + name_ + " WHERE natural_key = ? AND origin = ? AND " +
+                             type + " = ? ORDER BY row_id LIMIT 1";
   const std::string content = "SELECT row_id, origin, epoch, seq, hash, content, " + type + " FROM " + name_;
   const std::string count = "SELECT count(*) FROM " + name_;
-  read_interval_ = content + in_interval + " ORDER BY seq";
-  count_interval_ = count + in_interval;
+  sql_.read_interval = content + in_interval + " ORDER BY seq";
+  sql_.count_interval = count + in_interval;
   if (knows_agent()) {
-    read_interval_of_agent_ = content + in_interval + " AND " + table_->agent_condition + " ORDER BY seq";
-    count_interval_of_agent_ = count + in_interval + " AND " + table_->agent_condition;
+    sql_.read_interval_of_agent = content + in_interval + " AND " + table_->agent_condition + " ORDER BY seq";
+    sql_.count_interval_of_agent = count + in_interval + " AND " + table_->agent_condition;
   }
-  read_after_ = content + " WHERE row_id > ? ORDER BY row_id";
-  read_newest_first_ = content + " ORDER BY row_id DESC";
-  read_heads_ = "SELECT row_id, seq, stamp_ns, length(content) FROM " + name_ + in_interval + " ORDER BY seq";
-  read_record_ = "SELECT content FROM " + name_ + " WHERE row_id = ?";
-  sum_content_bytes_ = "SELECT coalesce(sum(length(content)), 0) FROM " + name_;
-  count_not_shared_ =
+  sql_.read_after = content + " WHERE row_id > ? ORDER BY row_id";
+  sql_.read_newest_first = content + " ORDER BY row_id DESC";
+  sql_.read_heads = "SELECT row_id, seq, stamp_ns, length(content) FROM " + name_ + in_interval + " ORDER BY seq";
+  sql_.read_record = "SELECT content FROM " + name_ + " WHERE row_id = ?";
+  sql_.sum_content_bytes = "SELECT coalesce(sum(length(content)), 0) FROM " + name_;
+  sql_.count_not_shared =
       "SELECT " + type + " AS type, count(*) FROM " + name_ + " WHERE origin = ? AND epoch IS NULL GROUP BY type";
 }
 
@@ -104,7 +105,7 @@ Result<void> RecordTable::Insert(Database& database, std::uint64_t row_id, const
                                  const proto::Record& record, std::string_view content, std::uint64_t hash) const {
   const std::string latest_key = LatestKey(record);
   const std::string natural_key = NaturalKey(record);
-  Query query = database.Prepare(insert_);
+  Query query = database.Prepare(sql_.insert);
   query << row_id << key.stream.origin;
   if (key.seq == 0) {
     query << nullptr << nullptr;
@@ -123,7 +124,7 @@ Result<void> RecordTable::Insert(Database& database, std::uint64_t row_id, const
 }
 
 Result<void> RecordTable::Delete(Database& database, std::uint64_t row_id) const {
-  return (database.Prepare(delete_) << row_id).Run();
+  return (database.Prepare(sql_.remove) << row_id).Run();
 }
 
 void RecordTable::BindLatestKey(std::string_view latest_key, Query& query) const {
@@ -152,7 +153,7 @@ Result<std::vector<RecordTable::Row>> RecordTable::ReadRows(Query query) const {
 }
 
 Result<std::optional<RecordTable::Row>> RecordTable::Find(Database& database, const RecordKey& key) const {
-  Query query = database.Prepare(find_);
+  Query query = database.Prepare(sql_.find);
   query << key.stream.origin << key.stream.epoch << key.seq << key.stream.type;
   const Result<std::vector<Row>> rows = ReadRows(std::move(query));
   if (!rows) return tl::unexpected(rows.error());
@@ -161,7 +162,7 @@ Result<std::optional<RecordTable::Row>> RecordTable::Find(Database& database, co
 
 Result<std::vector<RecordTable::Row>> RecordTable::FindByLatestKey(Database& database, AgentId origin, DataType type,
                                                                    std::string_view latest_key) const {
-  Query query = database.Prepare(find_by_latest_key_);
+  Query query = database.Prepare(sql_.find_by_latest_key);
   query << origin << type;
   BindLatestKey(latest_key, query);
   return ReadRows(std::move(query));
@@ -169,7 +170,7 @@ Result<std::vector<RecordTable::Row>> RecordTable::FindByLatestKey(Database& dat
 
 Result<std::map<std::uint64_t, IntervalSet>> RecordTable::FindNewest(Database& database, AgentId origin,
                                                                      DataType type) const {
-  Query query = database.Prepare(find_newest_);
+  Query query = database.Prepare(sql_.find_newest);
   query << origin << type;
   std::map<std::uint64_t, IntervalSet> newest;
   while (true) {
@@ -182,7 +183,7 @@ Result<std::map<std::uint64_t, IntervalSet>> RecordTable::FindNewest(Database& d
 
 Result<std::vector<RecordTable::Row>> RecordTable::FindInInterval(Database& database, const StreamKey& stream,
                                                                   std::uint64_t first, std::uint64_t last) const {
-  Query query = database.Prepare(find_in_interval_);
+  Query query = database.Prepare(sql_.find_in_interval);
   query << stream.origin << stream.epoch << first << last << stream.type;
   return ReadRows(std::move(query));
 }
@@ -190,7 +191,7 @@ Result<std::vector<RecordTable::Row>> RecordTable::FindInInterval(Database& data
 Result<std::optional<RecordTable::Named>> RecordTable::FindByNaturalKey(Database& database, AgentId origin,
                                                                         DataType type,
                                                                         std::string_view natural_key) const {
-  Query query = database.Prepare(find_by_natural_key_);
+  Query query = database.Prepare(sql_.find_by_natural_key);
   query << natural_key << origin << type;
   const Result<bool> row = query.Step();
   if (!row) return tl::unexpected(row.error());
@@ -202,7 +203,7 @@ Result<std::optional<RecordTable::Named>> RecordTable::FindByNaturalKey(Database
 Query RecordTable::ReadInterval(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last,
                                 AgentId agent) const {
   const bool is_filtered = agent != 0 && knows_agent();
-  Query query = database.Prepare(is_filtered ? read_interval_of_agent_ : read_interval_);
+  Query query = database.Prepare(is_filtered ? sql_.read_interval_of_agent : sql_.read_interval);
   query << stream.origin << stream.epoch << first << last << stream.type;
   if (is_filtered) query << agent;
   return query;
@@ -211,7 +212,7 @@ Query RecordTable::ReadInterval(Database& database, const StreamKey& stream, std
 Result<std::uint64_t> RecordTable::CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                                  std::uint64_t last, AgentId agent) const {
   const bool is_filtered = agent != 0 && knows_agent();
-  Query query = database.Prepare(is_filtered ? count_interval_of_agent_ : count_interval_);
+  Query query = database.Prepare(is_filtered ? sql_.count_interval_of_agent : sql_.count_interval);
   query << stream.origin << stream.epoch << first << last << stream.type;
   if (is_filtered) query << agent;
   const Result<bool> row = query.Step();
@@ -221,13 +222,13 @@ Result<std::uint64_t> RecordTable::CountInterval(Database& database, const Strea
 
 Query RecordTable::ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first,
                              std::uint64_t last) const {
-  Query query = database.Prepare(read_heads_);
+  Query query = database.Prepare(sql_.read_heads);
   query << stream.origin << stream.epoch << first << last << stream.type;
   return query;
 }
 
 Result<proto::Record> RecordTable::ReadRecord(Database& database, std::uint64_t row_id) const {
-  Query query = database.Prepare(read_record_);
+  Query query = database.Prepare(sql_.read_record);
   query << row_id;
   const Result<bool> row = query.Step();
   if (!row) return tl::unexpected(row.error());
@@ -241,21 +242,21 @@ Result<proto::Record> RecordTable::ReadRecord(Database& database, std::uint64_t 
 }
 
 Result<std::uint64_t> RecordTable::SumContentBytes(Database& database) const {
-  const Result<std::int64_t> sum = database.Number(sum_content_bytes_);
+  const Result<std::int64_t> sum = database.Number(sql_.sum_content_bytes);
   if (!sum) return tl::unexpected(sum.error());
   return static_cast<std::uint64_t>(*sum);
 }
 
 Query RecordTable::ReadAfter(Database& database, std::uint64_t row_id) const {
-  Query query = database.Prepare(read_after_);
+  Query query = database.Prepare(sql_.read_after);
   query << row_id;
   return query;
 }
 
-Query RecordTable::ReadNewestFirst(Database& database) const { return database.Prepare(read_newest_first_); }
+Query RecordTable::ReadNewestFirst(Database& database) const { return database.Prepare(sql_.read_newest_first); }
 
 Result<std::map<DataType, std::uint64_t>> RecordTable::CountNotShared(Database& database, AgentId origin) const {
-  Query query = database.Prepare(count_not_shared_);
+  Query query = database.Prepare(sql_.count_not_shared);
   query << origin;
   std::map<DataType, std::uint64_t> counts;
   while (true) {

@@ -93,7 +93,7 @@ class RecordTable {
   Result<std::map<DataType, std::uint64_t>> CountNotShared(Database& database, AgentId origin) const;
 
   // SQL that copies the row of one row id into the table `history`, with the typed columns as JSON.
-  const std::string& copy_to_history() const { return copy_to_history_; }
+  const std::string& copy_to_history() const { return sql_.copy_to_history; }
 
   bool knows_agent() const { return table_ != nullptr && !table_->agent_condition.empty(); }
 
@@ -101,6 +101,13 @@ class RecordTable {
   static proto::StoredRecord Read(const Query& query);
 
  private:
+  struct Sql {
+    std::string insert, remove, find, find_by_latest_key, find_newest, find_in_interval, find_by_natural_key;
+    std::string read_interval, count_interval, read_interval_of_agent, count_interval_of_agent;
+    std::string read_after, read_newest_first, count_not_shared, read_heads, read_record, sum_content_bytes;
+    std::string copy_to_history;
+  };
+
   // `type` is SQL for a row's data type.
   void MakeSql(const std::string& type, const std::vector<std::string>& columns);
   void BindLatestKey(std::string_view latest_key, Query& query) const;
@@ -109,10 +116,7 @@ class RecordTable {
   const TypeTable* table_;
   DataType type_;  // 0: all custom ones.
   std::string name_;
-  std::string insert_, delete_, find_, find_by_latest_key_, find_newest_, find_in_interval_, find_by_natural_key_;
-  std::string read_interval_, count_interval_, read_interval_of_agent_, count_interval_of_agent_;
-  std::string read_after_, read_newest_first_, count_not_shared_, read_heads_, read_record_, sum_content_bytes_;
-  std::string copy_to_history_;
+  Sql sql_;
 };
 
 // One for each built-in type, in the order of the types' numbers, then the custom types'.
