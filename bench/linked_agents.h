@@ -34,7 +34,7 @@ class LinkedAgents {
 
  private:
   struct Agent {
-    std::latch is_up{1};  // Before it the transport has nobody to tell.
+    std::latch is_up{1};  // Before it the transport has nobody to notify.
     std::unique_ptr<ActorSystem> system;
     std::unique_ptr<ZeroMqTransport> transport;
   };

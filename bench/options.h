@@ -1,4 +1,4 @@
-// What runtime_bench is told on its command line.
+// The options of runtime_bench's command line.
 #pragma once
 
 #include <cstdint>

@@ -110,7 +110,7 @@ class Client {
   Result<proto::RoleShowReply> Roles(bool with_history = false);
   Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);
   // This agent's robot drives or sleeps, or its sharing is paused, for so long from now on (at most 24 h); 0: no
-  // longer. Tell it again before it lapses. Who of the team drives, sleeps or is paused then.
+  // longer. Say it again before it lapses. Who of the team drives, sleeps or is paused then.
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
   Result<proto::ShareStatus> ShareStatus();
@@ -129,8 +129,8 @@ class Client {
   Result<MergedTiles> NextMapTiles(proto::MapTilesRequest& request);
   // Makes the next bundle for the ground, says that one has arrived there, or shows what waits (nothing set).
   Result<proto::DownlinkReply> Downlink(const proto::DownlinkRequest& request);
-  // A bundle's file, whole; `fetched` is told how many bytes are here, and of how many. kNotFound: no such bundle, or
-  // acknowledged; kCorrupt: its size is not what the agent says.
+  // A bundle's file, whole; `fetched` is called with how many bytes are here, and of how many. kNotFound: no such
+  // bundle, or acknowledged; kCorrupt: its size is not what the agent says.
   Result<std::string> FetchBundle(std::uint32_t number, const std::function<void(double bytes, double all)>& fetched);
   // Asks an actor of the user's own on the agent; its answer. kNotFound: the agent has none of that name.
   Result<google::protobuf::Any> Ask(const std::string& actor, const google::protobuf::Any& question);

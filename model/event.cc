@@ -48,7 +48,7 @@ std::string AwayText(double away_s) {
   return std::to_string(std::llround(away_s / 3600)) + " h";
 }
 
-// OneLine marks what it cuts off, which takes some bytes more than it is told.
+// OneLine marks what it cuts off, which takes some bytes more than it is given.
 std::string Cut(std::string_view text, std::size_t bytes_max) { return OneLine(text, bytes_max - 8); }
 
 }  // namespace

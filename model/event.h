@@ -1,4 +1,5 @@
-// Events: one line each of what people will ask about later, told by the agent that saw it and shared like any record.
+// Events: one line each of what people will ask about later, logged by the agent that saw it and shared like any
+// record.
 #pragma once
 
 #include <cstdint>

@@ -35,7 +35,7 @@ class Leases {
   void SetAll(const proto::LeasesChanged& changed);    // Takes the place of everybody's.
 
   proto::AgentLease LeftOf(AgentId agent, Time now) const;  // 0 for what it does not do.
-  proto::LeasesChanged Left(Time now) const;                // Of those that do anything of it, by agent.
+  proto::LeasesChanged Left(Time now) const;                // By agent, without agents that do none of it.
   std::optional<Time> NextLapse(Time now) const;
 
   // It sleeps, or drives in a team that is quiet while driving: who hears nothing of it need not take it for lost.

@@ -147,7 +147,7 @@ enum class Overflow {
 struct SpawnOptions {
   Placement placement = Placement::kPool;
   std::size_t messages_max = 4096;           // Waiting in the data lane; at least 1.
-  std::size_t bytes_max = 64 * 1024 * 1024;  // Of these, as serialised; one larger message fits alone.
+  std::size_t bytes_max = 64 * 1024 * 1024;  // Waiting messages' bytes, as serialised; one larger message fits alone.
   Overflow overflow = Overflow::kReject;
   // For kLatestByKey: a message's key; with an empty one it replaces nothing. Runs on the sender's thread.
   std::function<std::string(const proto::Message&)> key = nullptr;

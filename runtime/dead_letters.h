@@ -19,7 +19,7 @@ class DeadLetters {
 
   struct Letter {
     MonotonicTime time;
-    std::string actor;  // That failed.
+    std::string actor;  // The one that failed.
     Address sender;
     OwnedMessage message = nullptr;  // None for one that alone passes kBytesMax, and for a failure in OnStart.
     std::uint16_t body = 0;          // proto::Message::BodyCase.

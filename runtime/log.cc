@@ -81,7 +81,7 @@ Result<void> InitLog(const std::string& level, const std::string& agent_name, co
     logger->set_level(chosen);
     logger->flush_on(spdlog::level::trace);  // Events are rare, and a crash must not swallow the last ones.
     spdlog::set_default_logger(std::move(logger));
-    google::protobuf::SetLogHandler(nullptr);  // It tells of each bad byte that a peer sends; whoever parses says so.
+    google::protobuf::SetLogHandler(nullptr);  // It logs each bad byte that a peer sends; whoever parses says so.
   } catch (const spdlog::spdlog_ex& error) {
     return Fail(ErrorCode::kUnavailable, std::string("cannot log: ") + error.what());
   }

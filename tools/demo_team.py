@@ -171,7 +171,7 @@ def tell(story, mission):
 
 
 def summarise(mission, before_kill, at_end, score, seconds):
-    """What out/summary.json holds. A dead agent's records and bytes are the last that it told."""
+    """What out/summary.json holds. A dead agent's records and bytes are the last that it reported."""
     agents, wire_bytes = [], 0
     for name, status in at_end.items():
         last_known = status or before_kill[name]

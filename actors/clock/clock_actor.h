@@ -1,9 +1,9 @@
 // ClockActor ("clock"): lets the agents of a team compare their clocks, so that each can tell when its own is wrong
 // (actors/storage/clock_judge.h).
 //
-// Tells another agent what time it is here each time the link to it comes up, and all of them when this agent's clock
-// has jumped; passes what they say on to StorageActor. Sends nothing else. What it says is right to within the time
-// that a message travels.
+// Reports to another agent what time it is here each time the link to it comes up, and all of them when this agent's
+// clock has jumped; passes what they say on to StorageActor. Sends nothing else. What it says is right to within the
+// time that a message travels.
 #pragma once
 
 #include <set>

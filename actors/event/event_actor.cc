@@ -70,7 +70,8 @@ void EventActor::OnMessage(Context& context, const proto::Message& message) {
   }
 }
 
-// Who issued the assignment tells it; the others would say the same again. The one of term 0 is the team file's.
+// The agent that issued the assignment logs it; the others would log the same again. The one of term 0 is the team
+// file's.
 void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new = OrderOf(roles.term()) != OrderOf(roles_.term());
   const bool is_first = roles_.term().number() == 0 && roles_.leader() == 0;

@@ -1,6 +1,6 @@
 // EventActor ("event"): writes down what happened at this agent, as records of the type `agent_event`.
 //
-// It tells that the agent started; each change of roles that this agent issued; and, once a minute, what went wrong
+// It logs that the agent started; each change of roles that this agent issued; and, once a minute, what went wrong
 // since the last time: actors that failed and were made anew, records and messages that were refused or damaged,
 // sharing sessions that ended early. What happens a thousand times in a minute is one event with a count: a flood from
 // outside never becomes a flood of records. Commands are GatewayActor's to write down.
@@ -14,8 +14,9 @@
 // FindingsRequest with what it was told. An AcknowledgeRequest is answered when its event is stored; kFull where too
 // many wait for that.
 //
-// Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's story.
-// Where storage refuses one it is lost. A restart of this actor is one too; what was counted before it counts as told.
+// Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's event
+// log. Where storage refuses one it is lost. A restart of this actor is one too; what was counted before it counts as
+// logged.
 #pragma once
 
 #include <map>
@@ -36,7 +37,7 @@ class EventActor final : public Actor {
   struct Options {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked.
-    std::string version;     // Told at the start.
+    std::string version;     // Logged at the start.
     Duration period = std::chrono::minutes(1);
     Duration lost_after = std::chrono::minutes(1);         // Longer than a radio's flap; looked at each period.
     Duration lost_again_after = std::chrono::minutes(10);  // Between two events of one peer that is lost again.
@@ -95,7 +96,7 @@ class EventActor final : public Actor {
   void Tell(Context& context, proto::EventKind kind, const std::string& text);
   // `stamp_ns` says when it happened, which for a finding may be a while ago.
   void TellAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t stamp_ns);
-  // `counter` names a number that only rises; told is by how much it rose: "3 TEXT". What `source` said first was
+  // `counter` names a number that only rises; logged is by how much it rose: "3 TEXT". What `source` said first was
   // before this actor's life.
   void TellRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
                 double count, const std::string& text);

@@ -35,7 +35,7 @@ std::string DownlinkText(const proto::DownlinkRequest& downlink) {
   return downlink.bytes_max() == 0 ? "" : "downlink of " + std::to_string(downlink.bytes_max()) + " B";
 }
 
-// Driving and sleeping are told many times a minute by robots' software. LeaseActor refuses what is out of bounds.
+// Driving and sleeping are reported many times a minute by robots' software. LeaseActor refuses what is out of bounds.
 std::string LeaseText(const proto::LeaseRequest& lease) {
   if (lease.kind() != proto::LEASE_KIND_PAUSED || !CheckLeaseSeconds(lease.seconds(), "")) return "";
   if (lease.seconds() == 0) return "sync resume";

@@ -16,7 +16,7 @@ enum TimerKind : std::uint32_t { kAnnounce = 1, kLapse = 2 };
 // away is of another life of that agent.
 constexpr std::uint64_t kNumbersOfOneLife = 1 << 20;
 
-Result<void> Check(const proto::LeaseAnnounce& announce) {
+Result<void> CheckAnnouncement(const proto::LeaseAnnounce& announce) {
   if (auto checked = CheckLeaseSeconds(announce.driving_s(), "driving_s"); !checked) return checked;
   if (auto checked = CheckLeaseSeconds(announce.sleeping_s(), "sleeping_s"); !checked) return checked;
   return CheckLeaseSeconds(announce.paused_s(), "paused_s");
@@ -118,7 +118,7 @@ void LeaseActor::OnLeaseShowRequest(Context& context) {
 }
 
 void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::LeaseAnnounce& announce) {
-  if (auto checked = Check(announce); !checked) {
+  if (auto checked = CheckAnnouncement(announce); !checked) {
     spdlog::warn("{}: refused what agent {} announced: {}", ToString(context.self()), from, ToString(checked.error()));
     return;
   }

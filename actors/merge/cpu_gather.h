@@ -42,7 +42,7 @@ class PageLister {
 class CpuGather final : public GatherBackend {
  public:
   struct Options {
-    int threads = 1;                       // That work at once, 1 to 64; HardwareThreads() for all there are.
+    int threads = 1;                       // How many work at once, 1 to 64; HardwareThreads() for all there are.
     const GatherKernel* kernel = nullptr;  // Null: the best.
   };
 

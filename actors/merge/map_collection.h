@@ -64,7 +64,7 @@ class MapCollection {
   struct Quarantine {
     RecordKey key;
     proto::MapQuarantine said;
-    std::size_t map_count = 0;  // That it leaves out.
+    std::size_t map_count = 0;  // Maps that it leaves out.
   };
 
   explicit MapCollection(Options options) : options_(std::move(options)) {}

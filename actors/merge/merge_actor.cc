@@ -336,7 +336,8 @@ Result<void> MergeActor::Update(Context& context, const MapCollection::Selected&
   const std::uint64_t forgotten = merger_->forgotten();
   Result<void> merged = RunMerger(context, everything, *merger_);
   is_current_ = merged.has_value();
-  if (merger_->forgotten() != forgotten) life_ = context.rng()() | 1;  // Who knows older tiles is told all.
+  if (merger_->forgotten() != forgotten)
+    life_ = context.rng()() | 1;  // Clients that hold older tiles get every tile again.
   return merged;
 }
 

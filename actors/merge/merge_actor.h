@@ -12,7 +12,7 @@
 // A MapTilesRequest with wait_s is a subscription: where nothing has changed it waits, at most so long, and is looked
 // at again when StorageActor publishes that records were stored, once in look_period at most.
 //
-// RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest), and tells with its PruneReply that
+// RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest), and says with its PruneReply that
 // maps are gone: then everything is read anew for the next question. An error of a BeatenMapsRequest is a ControlReply.
 //
 // Errors in replies: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
@@ -41,8 +41,9 @@ class MergeActor final : public Actor {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked: map.resolution_m, map.footprint_m, kinds of agents.
     MergeBackend backend = MergeBackend::kAuto;
-    int merge_threads = 1;  // That merge at once on the CPU.
-    // Told who merges, "cpu" or "gl", at the start and when a driver is lost or comes back; on the actor's thread.
+    int merge_threads = 1;  // How many merge at once on the CPU.
+    // Called with who merges, "cpu" or "gl", at the start and when a driver is lost or comes back; on the actor's
+    // thread.
     std::function<void(const std::string& backend)> on_backend = {};
     std::size_t requests_max = 64;  // Waiting, subscriptions too.
     Duration look_period = std::chrono::seconds(1);
@@ -98,7 +99,7 @@ class MergeActor final : public Actor {
   MapCollection collection_;
   std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
   Error start_error_;                       // Why.
-  std::string backend_description_;         // As it was told last.
+  std::string backend_description_;         // As it was reported last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   bool is_current_ = false;                 // It has all that is in collection_.
   bool is_outdated_ = false;                // collection_ has maps that are gone: it is to be read anew.

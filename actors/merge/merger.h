@@ -81,7 +81,7 @@ struct TileKey {
 struct MergeSummary {
   std::uint64_t version = 0;
   std::size_t gathered_tiles = 0;
-  std::size_t changed_tiles = 0;  // Of these, with another value somewhere.
+  std::size_t changed_tiles = 0;  // Gathered tiles with another value somewhere.
   bool is_full = false;           // Most had changed: everything was gathered.
 };
 

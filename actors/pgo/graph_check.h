@@ -65,7 +65,7 @@ using LeftOutMap = std::map<AgentId, LeftOut>;  // By the agent of the node, or 
 struct CheckedGraph {
   std::vector<CheckedNode> nodes;         // By key.
   std::vector<CheckedOdometry> odometry;  // By ends.
-  std::vector<CheckedRange> ranges;       // Likewise.
+  std::vector<CheckedRange> ranges;       // By ends.
   LeftOutMap left_out;                    // What was not usable; empty when all was.
 
   std::optional<std::size_t> Find(const NodeKey& key) const;  // Its place in nodes.

@@ -31,7 +31,7 @@ struct StartPrior {
 };
 
 struct LoosePrior {
-  double sigma_m = 10;  // What is known of a part whose place in the map nobody has told.
+  double sigma_m = 10;  // What is known of a part whose place in the map nobody has given.
   double sigma_rad = 1;
 };
 

@@ -106,7 +106,7 @@ class PgoActor final : public Actor {
   proto::OptimizeReply reply_;  // Of the solve in hand.
 
   bool is_awaiting_quiet_ = false;  // A timer runs.
-  MonotonicTime oldest_news_{};     // Of those that no solve has seen.
+  MonotonicTime oldest_news_{};     // When the oldest news came that no solve has seen.
   MonotonicTime newest_news_{};
   std::optional<MonotonicTime> last_unasked_;
 

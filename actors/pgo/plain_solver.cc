@@ -18,7 +18,7 @@ namespace {
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
 constexpr int kRoadsBesideMax = 60;
-constexpr std::size_t kShapesMax = 8;  // That are told from each other.
+constexpr std::size_t kShapesMax = 8;  // Shapes that are distinguished from each other.
 
 bool IsSame(double a, double b) {
   return std::isfinite(b) && std::abs(a - b) <= kSameCostPart * std::max(a, b) + 1e-12;

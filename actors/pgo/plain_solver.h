@@ -38,7 +38,7 @@ struct PlainSolution {
 
 PlainSolution SolvePlainGraph(const PlainGraph& graph, const PlainOptions& options);
 
-// Least squares from composed odometry, parts that nothing joins each at the origin: what is had without a choice of
+// Least squares from composed odometry, parts that nothing joins each at the origin: what one gets without a choice of
 // the beginning. For comparison.
 PlainSolution SolveFromOdometry(const PlainGraph& graph, const PlainOptions& options);
 

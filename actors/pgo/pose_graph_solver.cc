@@ -141,7 +141,7 @@ class Solver {
     for (const InitialValues& beginning : elsewhere) {
       if (IsStopped()) break;
       attempts.push_back(Try(beginning, SolveBeginning::kArrangedRovers, /*window_nodes=*/0));
-      // Where rovers stand already, another place has to be told from it.
+      // Where rovers stand already, another place has to be distinguished from it.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
       if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
     }

@@ -58,7 +58,7 @@ struct SolverOptions {
   double bias_sigma_m = 0.10;   // Of a pair's constant range error about 0.
   GravityReference gravity_reference = GravityReference::kChosen;
   double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
-  double ambiguous_cost = 10;       // Two solutions whose F (robust) differ by less are told apart by nothing.
+  double ambiguous_cost = 10;       // Two solutions whose F (robust) differ by less are distinguished by nothing.
   // What moved as a whole by more than either goes back where it was last, unless that costs more (keep_still.h).
   double still_move_m = 0.01;
   double still_move_rad = 0.002;

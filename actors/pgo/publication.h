@@ -1,4 +1,4 @@
-// What a solve tells the team: records of the poses that moved and the ranges it judged anew, and the answer to who
+// What a solve gives the team: records of the poses that moved and the ranges it judged anew, and the answer to who
 // asked. Pure functions.
 #pragma once
 

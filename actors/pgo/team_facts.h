@@ -1,4 +1,4 @@
-// FactsOf: what the solver is told of each agent, from the team's configuration or a mission's folder.
+// FactsOf: what the solver gets to know of each agent, from the team's configuration or a mission's folder.
 #pragma once
 
 #include "actors/pgo/graph_check.h"

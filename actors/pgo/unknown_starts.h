@@ -1,4 +1,4 @@
-// Where rovers are whose start nobody has told.
+// Where rovers are whose start nobody has given.
 //
 // Ranges to the rest of the team say it, often in more than one way: a rover that ranges one other from a straight line
 // may be on either side of it. So several beginnings are offered, and whoever solves from each compares the ends. That

@@ -14,8 +14,8 @@
 // Of the history of this agent's own robot (PruneOrder.is_history), which nobody else has, what is ordered goes at
 // once.
 //
-// One thing at a time: an order that comes meanwhile is refused with kFull. After maps went, MergeActor is told (by the
-// PruneReply) and merges what is left. After a restart nothing is left to do: each request to storage is whole by
+// One thing at a time: an order that comes meanwhile is refused with kFull. After maps went, MergeActor is notified (by
+// the PruneReply) and merges what is left. After a restart nothing is left to do: each request to storage is whole by
 // itself.
 //
 // Errors in replies: kInvalid (a type that nothing is pruned of), kFull (see there), kUnavailable (no storage, no

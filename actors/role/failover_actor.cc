@@ -13,7 +13,7 @@ namespace {
 
 enum TimerKind : std::uint32_t { kMissed = 0, kCheck = 1 };
 
-constexpr std::uint64_t kTakeLead = 1;  // The request's id; its answer tells nothing that RolesChanged does not.
+constexpr std::uint64_t kTakeLead = 1;  // The request's id; its answer says nothing that RolesChanged does not.
 
 constexpr int kChecksInTimeout = 3;
 

@@ -117,7 +117,7 @@ RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
 
 Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::RoleAnnounce& announce) {
   Actions actions;
-  if (!is_loaded_) return actions;  // It will be told again.
+  if (!is_loaded_) return actions;  // It will be announced again.
   if (!IsMember(from) || from == options_.self) return Fail(ErrorCode::kRefused, "is not of this team", "sender");
   if (Result<void> checked = CheckAnnounced(announce.roles()); !checked) return tl::unexpected(checked.error());
   const proto::RoleAssignment& theirs = announce.roles();

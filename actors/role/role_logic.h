@@ -1,10 +1,10 @@
 // RoleLogic: who leads and who survives, decided by terms (paper, Section 4: leader and designated survivor).
 //
 // At most one assignment belongs to a term; terms are ordered by number, issuer and the issuer's epoch, and the newest
-// one that an agent knows stands. An assignment is stored durably before it is acted on or told to anyone. It is told
-// to every other agent, again and again with a growing delay, until each is known to hold it; whoever holds an older
-// one learns the newer by the answer to its own. So agents that can talk agree, and two leaders can only stand in two
-// parts of a team that cannot.
+// one that an agent knows stands. An assignment is stored durably before it is acted on or announced to anyone. It is
+// announced to every other agent, again and again with a growing delay, until each is known to hold it; whoever holds
+// an older one learns the newer by the answer to its own. So agents that can talk agree, and two leaders can only stand
+// in two parts of a team that cannot.
 //
 // An agent that its stored roles name leader waits after its start: it announces what it has, and unless it hears of
 // a newer term within `leader_wait` (or everyone agrees before) it takes a new term with the same roles before it

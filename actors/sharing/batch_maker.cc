@@ -10,7 +10,7 @@ constexpr double kRatioMin = 0.01;
 // What a batch of one piece holds beside it, at most: so that two fit into the credit.
 constexpr std::size_t kPieceHeadBytes = 64;
 
-// Takes the batch's first records off what is missing by type, of which nothing is told yet.
+// Takes the batch's first records off what is missing by type, of which nothing is sent yet.
 std::vector<proto::TypeBacklog> BacklogOf(const proto::MissingReply& reply, int sent_count) {
   std::vector<proto::TypeBacklog> backlog(reply.backlog().begin(), reply.backlog().end());
   for (int i = reply.records_size(); i-- > sent_count;) {
@@ -95,7 +95,7 @@ void BatchMaker::Code(const proto::MissingReply& reply, std::size_t bytes_max, b
   LearnRatio(coded.bytes.size(), content_bytes);
   missing_types_ = BacklogOf(reply, count);
   std::uint64_t remaining = reply.remaining() + static_cast<std::uint64_t>(reply.records_size() - count);
-  if (is_part_of_order) ++remaining;  // The end is not told before the rest of the order has gone.
+  if (is_part_of_order) ++remaining;  // The end is not sent before the rest of the order has gone.
   if (coded.bytes.size() <= bytes_max || count != 1) return MakeWhole(std::move(coded), reply, remaining, bytes_max);
   const std::uint32_t run = coded.run;
   const bool leans_on_others = coded.leans_on_others;

@@ -22,15 +22,15 @@ void DownlinkActor::OnMessage(Context& context, const proto::Message& message) {
   if (message.has_downlink_request()) return OnOrder(context, message);
   if (orders_.empty()) return;
   if (message.has_timer()) {
-    if (message.timer().value() == question_)
-      Fail(context, {ErrorCode::kTimedOut, "storage did not answer in time", {}});
+    if (message.timer().value() != question_) return;
+    EndWithError(context, {ErrorCode::kTimedOut, "storage did not answer in time", {}});
     return;
   }
   if (message.request_id() != question_ || context.sender().actor != actor_name::kStorage) return;
   switch (message.body_case()) {
     case proto::Message::kAckBundleReply:
       if (IsError(message.ack_bundle_reply().error())) {
-        return Fail(context, FromProto(message.ack_bundle_reply().error()));
+        return EndWithError(context, FromProto(message.ack_bundle_reply().error()));
       }
       return Load(context);
     case proto::Message::kLoadBundlesReply:
@@ -48,14 +48,14 @@ void DownlinkActor::OnOrder(Context& context, const proto::Message& message) {
   const proto::DownlinkRequest& request = message.downlink_request();
   Result<void> checked;
   if (orders_.size() >= options_.orders_max) {
-    checked = moondb::Fail(ErrorCode::kFull, "too many orders wait for bundles; try again later");
+    checked = Fail(ErrorCode::kFull, "too many orders wait for bundles; try again later");
   } else if (request.bytes_max() != 0 && request.acknowledge() != 0) {
-    checked = moondb::Fail(ErrorCode::kInvalid, "make a bundle or acknowledge one, not both", "acknowledge");
+    checked = Fail(ErrorCode::kInvalid, "make a bundle or acknowledge one, not both", "acknowledge");
   } else if (request.bytes_max() != 0 &&
              (request.bytes_max() < kBundleBytesMin || request.bytes_max() > kBundleBytesMax)) {
-    checked = moondb::Fail(ErrorCode::kInvalid, "must lie between 1 KiB and 16 MiB", "bytes_max");
+    checked = Fail(ErrorCode::kInvalid, "must lie between 1 KiB and 16 MiB", "bytes_max");
   } else if (GroundRecords(options_.team).data_types().empty()) {
-    checked = moondb::Fail(ErrorCode::kRefused, "the team file's `ground` asks for nothing");
+    checked = Fail(ErrorCode::kRefused, "the team file's `ground` asks for nothing");
   }
   if (!checked) {
     proto::Message reply;
@@ -82,18 +82,18 @@ void DownlinkActor::Load(Context& context) {
 }
 
 void DownlinkActor::OnLoaded(Context& context, const proto::LoadBundlesReply& reply) {
-  if (IsError(reply.error())) return Fail(context, FromProto(reply.error()));
-  Result<HaveSet> taken = moondb::FromProto(reply.taken());
-  if (!taken) return Fail(context, taken.error());
+  if (IsError(reply.error())) return EndWithError(context, FromProto(reply.error()));
+  Result<HaveSet> taken = FromProto(reply.taken());
+  if (!taken) return EndWithError(context, taken.error());
   taken_ = *std::move(taken);
   *reply_.mutable_waiting() = reply.waiting();
   const std::uint64_t bytes_max = orders_.front().request.bytes_max();
   if (bytes_max == 0) return AskForRecords(context);
   if (reply.waiting_size() >= kBundlesWaitingMax) {
-    return Fail(context,
-                {ErrorCode::kRefused,
-                 std::to_string(reply.waiting_size()) + " bundles wait for the ground's acknowledgment already",
-                 {}});
+    return EndWithError(context,
+                        {ErrorCode::kRefused,
+                         std::to_string(reply.waiting_size()) + " bundles wait for the ground's acknowledgment already",
+                         {}});
   }
   bundle_.set_number(reply.last_number() + 1);
   bundle_.set_made_ns(context.utc_now_ns());
@@ -118,7 +118,7 @@ void DownlinkActor::AskForRecords(Context& context) {
 
 void DownlinkActor::OnMissing(Context& context, const proto::MissingReply& reply) {
   if (reply.records().empty() && reply.remaining() > 0) {
-    return Fail(context, {ErrorCode::kUnavailable, "storage cannot read what is missing", {}});
+    return EndWithError(context, {ErrorCode::kUnavailable, "storage cannot read what is missing", {}});
   }
   if (writer_) return Fill(context, reply);
   reply_.set_left_count(static_cast<double>(reply.remaining()) + reply.records_size());
@@ -135,10 +135,10 @@ void DownlinkActor::Fill(Context& context, const proto::MissingReply& reply) {
     return AskForRecords(context);
   }
   if (writer_->record_count() == 0 && is_full) {
-    return Fail(context, {ErrorCode::kInvalid,
-                          "is too little for the next record alone, which has " +
-                              std::to_string(reply.records(0).content().size()) + " bytes before coding",
-                          "bytes_max"});
+    return EndWithError(context, {ErrorCode::kInvalid,
+                                  "is too little for the next record alone, which has " +
+                                      std::to_string(reply.records(0).content().size()) + " bytes before coding",
+                                  "bytes_max"});
   }
   reply_.set_left_count(static_cast<double>(reply.remaining()) + reply.records_size() - added);
   if (writer_->record_count() == 0) return End(context);
@@ -158,7 +158,7 @@ void DownlinkActor::Save(Context& context) {
 }
 
 void DownlinkActor::OnSaved(Context& context, const proto::SaveBundleReply& reply) {
-  if (IsError(reply.error())) return Fail(context, FromProto(reply.error()));
+  if (IsError(reply.error())) return EndWithError(context, FromProto(reply.error()));
   *reply_.mutable_made() = bundle_;
   *reply_.add_waiting() = bundle_;
   End(context);
@@ -169,12 +169,12 @@ void DownlinkActor::Ask(Context& context, proto::Message message) {
   message.set_request_id(++question_);
   message.set_ms_type(proto::CONTROL);
   if (context.Send({options_.self, actor_name::kStorage}, std::move(message)) != SendResult::kAccepted) {
-    return Fail(context, {ErrorCode::kFull, "storage is busy; try again later", {}});
+    return EndWithError(context, {ErrorCode::kFull, "storage is busy; try again later", {}});
   }
   timer_ = context.AfterTimer(options_.timeout, kTimedOut, question_);
 }
 
-void DownlinkActor::Fail(Context& context, const Error& error) {
+void DownlinkActor::EndWithError(Context& context, const Error& error) {
   reply_.Clear();
   *reply_.mutable_error() = ToProto(error);
   End(context);

@@ -57,12 +57,12 @@ class DownlinkActor final : public Actor {
   void Fill(Context& context, const proto::MissingReply& reply);
   void Save(Context& context);
   void Ask(Context& context, proto::Message message);
-  void Fail(Context& context, const Error& error);
+  void EndWithError(Context& context, const Error& error);
   void End(Context& context);  // Answers, and goes on to the next order.
 
   const Options options_;
   std::deque<Order> orders_;  // The first is being worked on.
-  // Of that one:
+  // Of the order that is being worked on:
   std::uint64_t question_ = 0;  // To storage, whose answer is waited for.
   TimerId timer_ = 0;
   proto::DownlinkReply reply_;

@@ -41,7 +41,7 @@ class ReplicaActor final : public SharingActor {
   std::deque<AgentId> to_ask_;  // In turn.
   AgentId asked_ = 0;           // Of to_ask_, the one whose turn it is. 0: none of them is connected in an open window.
   MonotonicTime last_progress_{};
-  Duration patience_{};     // That it is given without progress.
+  Duration patience_{};     // How long the asked agent may make no progress before the next one's turn.
   std::uint64_t step_ = 0;  // A timer of an earlier one is late.
 };
 

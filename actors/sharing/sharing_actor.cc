@@ -147,7 +147,7 @@ void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
   const bool is_assignment =
       hello.roles().leader() != 0 && (hello.roles().survivor() != 0 || InitialRoles(options_.team).survivor() == 0);
   if (is_assignment && OrderOf(hello.roles().term()) != OrderOf(roles_.term())) {
-    // One of the two has missed a change; RoleActor knows what to do, agent_id tells it about whom.
+    // One of the two has missed a change; RoleActor knows what to do, agent_id says about whom.
     proto::Message announce;
     announce.set_agent_id(peer);
     announce.set_ms_type(proto::CONTROL);

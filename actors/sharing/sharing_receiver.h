@@ -73,7 +73,7 @@ class SharingReceiver {
   SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
-  // Senders that have told no end yet and are not silent: each has its part of credit and budget.
+  // Senders that have sent no end yet and are not silent: each has its part of credit and budget.
   std::size_t MovingSessions(Time now) const;
   // Sessions of this agent's that are moving beside these, and have their part of the budget.
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
@@ -86,8 +86,8 @@ class SharingReceiver {
   struct Incoming {
     std::uint64_t session_id = 0;
     std::uint64_t have_request_id = 0;                       // 0: none waits.
-    std::set<AgentId> origins;                               // That the Hello asks for; empty: all.
-    std::set<DataType> everyones_types;                      // Likewise, whatever the origin.
+    std::set<AgentId> origins;                               // The origins that the Hello asks for; empty: all.
+    std::set<DataType> everyones_types;                      // The types that the Hello asks for whatever the origin.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};
     bool is_other_schema = false;

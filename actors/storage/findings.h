@@ -14,7 +14,7 @@
 
 namespace moondb {
 
-inline constexpr std::int64_t kOwnEventsMax = 20'000;  // That are looked at, the newest: some 60 ms.
+inline constexpr std::int64_t kOwnEventsMax = 20'000;  // So many, the newest, are looked at: some 60 ms.
 
 // In the order in which `self` wrote them down: the last `events_max`, or of these those of which findings are made.
 Result<std::vector<OwnEvent>> ReadOwnEvents(Database& database, AgentId self, std::int64_t events_max);

@@ -60,14 +60,16 @@ class History {
 
   // Inside the caller's transaction: copies a row of `table`, which is of `self`, that is about to be deleted there.
   Result<void> Take(Database& database, const RecordTable& table, const RecordTable::Row& row);
-  // Likewise: removes the oldest rows until at least so many bytes are freed, or all are gone; how many were freed.
+  // In the caller's transaction: removes the oldest rows until at least so many bytes are freed, or all are gone; how
+  // many were freed.
   Result<std::uint64_t> Drop(Database& database, std::uint64_t bytes);
-  // Likewise: removes rows that are older than their type's rule allows or beyond bytes_max, kHistoryTrimRowsMax at
-  // most; true where there may be more. `utc_now_ns`: none where this agent cannot tell the time, and no row goes by
-  // its age. Nor does one whose stamp comes from a suspect clock, unless its type keeps nothing.
+  // In the caller's transaction: removes rows that are older than their type's rule allows or beyond bytes_max,
+  // kHistoryTrimRowsMax at most; true where there may be more. `utc_now_ns`: none where this agent cannot tell the
+  // time, and no row goes by its age. Nor does one whose stamp comes from a suspect clock, unless its type keeps
+  // nothing.
   Result<bool> Trim(Database& database, std::optional<std::int64_t> utc_now_ns);
   bool NeedsTrim() const;  // Else Trim would find nothing to do.
-  // Likewise, for an operator: `request.is_history`. Where it is a dry run nothing is removed.
+  // In the caller's transaction, for an operator: `request.is_history`. Where it is a dry run nothing is removed.
   Result<proto::PruneReply> Prune(Database& database, const proto::PruneRequest& request, std::int64_t utc_now_ns);
   // After a transaction's commit.
   void Keep();

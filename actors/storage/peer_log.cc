@@ -76,7 +76,7 @@ Result<void> PeerLog::Load(Database& database) {
   const Result<bool> is_sound = ReadAll(database);
   if (!is_sound) return tl::unexpected(is_sound.error());
   if (*is_sound) return {};
-  had_.clear();  // The next sessions tell it again.
+  had_.clear();  // The next sessions report it again.
   return database.Execute("DELETE FROM peer_have");
 }
 

@@ -23,7 +23,8 @@
 //   and type is held here (anything of it, for poses and verdicts, whose order a drop does not tell); a row that is the
 //   newest of its key stays until its superseder comes. Batches may overtake each other, and what would have replaced
 //   it may be lost for ever with its only disk.
-// - What was pruned (actors/storage/prune.h) is had and dropped: it is never fetched again, and the drop stays here,
+// - What was pruned (actors/storage/prune.h) counts as held and dropped: it is never fetched again, and the drop stays
+// here,
 //   since drops travel for `latest` and carried types only. Should this disk be lost, what others still hold comes
 //   back. A node or edge that was pruned and is inserted again is a new record.
 //
@@ -74,7 +75,7 @@ class RecordStore {
 
   // Opens, reads through and where needed creates or migrates the file. A damaged one is set aside and an empty one
   // begun, in a new epoch: peers fill it again with what they have. A shared record whose content is not what its hash
-  // says, or that is gone, is had no more, so that peers send it again. A file of ours opens on a disk that is full,
+  // says, or that is gone, is held no more, so that peers send it again. A file of ours opens on a disk that is full,
   // fails or is read-only, too, unless it has to be mended: the reserve is given up for it, and what a start writes
   // down for people waits for a later one. kRefused: of a newer version, of another program or another agent.
   // kUnavailable: in use by another process. kFull, kInternal, kCorrupt: as it says.

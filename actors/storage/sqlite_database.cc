@@ -24,7 +24,7 @@ namespace {
 constexpr char kInMemory[] = ":memory:";
 constexpr int kBusyTimeout_ms = 2000;
 constexpr std::uint64_t kPageBytes = 4096;            // SQLite's default.
-constexpr std::uint64_t kLogPagesMax = 1000;          // Likewise: then it moves the log into the file.
+constexpr std::uint64_t kLogPagesMax = 1000;          // A log that grew so long is moved into the file.
 constexpr std::uint64_t kLogPagesMin = 16;            // On a tiny disk.
 constexpr std::uint64_t kLogBytesKept = 16ull << 20;  // Of a log that was moved; what is longer is cut.
 

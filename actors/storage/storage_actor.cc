@@ -456,7 +456,7 @@ void StorageActor::TrimHistory(Context& context) {
   (void)context.AfterTimer(goes_on ? options_.history_pause : options_.history_period, kTrimHistory);
 }
 
-// An operator looks: what is damaged is told, and nothing done about it.
+// An operator looks: what is damaged is reported, and nothing done about it.
 void StorageActor::OnVerify(Context& context, const proto::VerifyRequest& request) {
   proto::Message message;
   Result<proto::VerifyReply> reply = store_->Verify(request);

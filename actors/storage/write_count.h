@@ -28,7 +28,7 @@ class WriteCount {
  private:
   std::map<std::uint32_t, std::uint64_t> days_;  // As saved.
   std::uint64_t counted_ = 0;                    // Of Database::WrittenBytes, in days_.
-  std::uint64_t seen_ = 0;                       // Likewise, when the last saving had ended.
+  std::uint64_t seen_ = 0;                       // The count when the last saving had ended.
 };
 
 }  // namespace moondb

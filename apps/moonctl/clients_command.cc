@@ -244,7 +244,7 @@ void AddClientsCommands(CLI::App& app, CommandContext& context) {
     return added;
   };
   CLI::App& add = command("add", "List a client, with a key made now or its own", AddClient);
-  add.add_option("name", arguments->name, "Its name in the team's story")->required()->type_name("NAME");
+  add.add_option("name", arguments->name, "Its name in the team's event log")->required()->type_name("NAME");
   add.add_option("--rights", arguments->rights, "view, share (also insert, share, solve) or command (everything)")
       ->required()
       ->type_name("{view,share,command}");

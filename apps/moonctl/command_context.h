@@ -114,7 +114,7 @@ class CommandContext {
   std::optional<TeamFile> team_;
   std::map<AgentId, std::uint64_t> config_hashes_;
   std::vector<std::string> relays_;  // Names of agents through which others were asked.
-  std::set<std::string> remarks_;    // That stderr has.
+  std::set<std::string> remarks_;    // What was written to stderr already.
   std::unique_ptr<TeamReach> reach_;
 };
 

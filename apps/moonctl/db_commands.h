@@ -25,7 +25,7 @@ struct PruneArguments {
   bool is_dry_run = false;
 };
 
-// Lets the agent of -a remove what need not be kept, and tells what went: kRefused where nothing could, since leader or
+// Lets the agent of -a remove what need not be kept, and shows what went: kRefused where nothing could, since leader or
 // survivor cannot be asked.
 ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments);
 

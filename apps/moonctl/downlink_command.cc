@@ -135,7 +135,7 @@ ExitCode GetBundle(CommandContext& context, const DownlinkArguments& arguments) 
   return context.Done(json.text(), "wrote " + *file);
 }
 
-// That the bundle which waits under this number is the file's.
+// Checks that the bundle which waits under this number is the file's.
 Result<void> CheckSame(Client& client, const DownlinkArguments& arguments) {
   const auto file = ReadTextFile(arguments.file, kBundleBytesMax);
   if (!file) return tl::unexpected(InputError(file.error()));

@@ -1,4 +1,4 @@
-// What moonctl's exit status tells a script.
+// What moonctl's exit status says to a script.
 #pragma once
 
 #include "model/error.h"

@@ -15,7 +15,7 @@ namespace {
 
 using Findings = std::vector<std::string>;
 
-// The newest assignment that any agent tells.
+// The newest assignment that any agent reports.
 proto::RoleAssignment NewestOf(const std::map<std::uint32_t, AgentReport>& reports) {
   proto::RoleAssignment newest;
   for (const auto& [agent, report] : reports) {

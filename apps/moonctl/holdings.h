@@ -1,4 +1,4 @@
-// Who holds what, from the have-sets that agents told. Pure functions.
+// Who holds what, from the have-sets that agents reported. Pure functions.
 #pragma once
 
 #include <cstdint>

@@ -90,22 +90,23 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
   if (!events) return context.Report(events.error());
   std::uint64_t last_row_id = 0;
   for (const LoggedEvent& event : *events) last_row_id = std::max(last_row_id, event.row_id);
-  // Told late is not happened late.
+  // An event that was heard of late stands where it happened.
   std::stable_sort(events->begin(), events->end(), [](const LoggedEvent& a, const LoggedEvent& b) {
     return std::pair(a.record.stamp_ns(), a.row_id) < std::pair(b.record.stamp_ns(), b.row_id);
   });
 
   Table table({"TIME", "AGENT", "EVENT", "WHAT"});
-  std::string json;
-  for (const LoggedEvent& event : *events) {
-    table.Add(RowOf((*team)->config, event));
-    json += (json.empty() ? "" : arguments.follows ? "\n" : ",") + JsonOf((*team)->config, event);
-  }
+  for (const LoggedEvent& event : *events) table.Add(RowOf((*team)->config, event));
   if (!arguments.follows) {
+    JsonWriter json;
+    json.BeginObject().Key("agent").String(target->agent->name()).Key("events").BeginArray();
+    for (const LoggedEvent& event : *events) json.Raw(JsonOf((*team)->config, event));
     const bool is_cut = !page->is_complete() && events->size() < arguments.events;
-    return context.Done("{\"agent\":\"" + target->agent->name() + "\",\"events\":[" + json + "]}",
+    return context.Done(json.EndArray().EndObject().text(),
                         table.Text() + (is_cut ? "older ones do not fit into one answer\n" : ""));
   }
+  std::string json;  // One document a line.
+  for (const LoggedEvent& event : *events) json += (json.empty() ? "" : "\n") + JsonOf((*team)->config, event);
   if (const ExitCode shown = context.Done(json, table.Text()); shown != ExitCode::kDone) return shown;
   return Follow(context, *target->client, std::move(request), last_row_id);
 }
@@ -115,7 +116,7 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
 void AddLogCommand(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<LogArguments>();
   CLI::App& log =
-      *app.add_subcommand("log", "The team's story as the leader (or -a) knows it: commands, roles, failures");
+      *app.add_subcommand("log", "The team's event log as the leader (or -a) knows it: commands, roles, failures");
   log.add_option("--events", arguments->events, "At most so many, the newest (50)")->check(CLI::Range(1u, kEventsMax));
   log.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
   log.add_flag("-f,--follow", arguments->follows, "Go on with what comes; with --json one document a line");

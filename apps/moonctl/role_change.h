@@ -15,7 +15,7 @@ namespace moondb {
 class RoleChange {
  public:
   struct Done {
-    proto::RoleShowReply shown;              // As the agent that was told holds it last.
+    proto::RoleShowReply shown;              // As the agent that was asked holds it last.
     std::vector<std::string> not_confirmed;  // Of the new leader and survivor, who does not act on it yet, by name.
   };
 

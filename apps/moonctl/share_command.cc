@@ -73,7 +73,7 @@ std::string Joined(const std::vector<std::string>& words) {
 
 // What came of an order.
 struct Shared {
-  std::string agent;  // That took it.
+  std::string agent;  // The agent that took the order.
   std::uint32_t session_count = 0;
   bool is_waited = false;
   bool is_limited = false;

@@ -47,7 +47,7 @@ class ShareWait {
  public:
   struct Options {
     std::vector<SharePair> pairs;
-    AgentId target = 0;           // That takes the order.
+    AgentId target = 0;           // The agent that takes the order.
     proto::RoleAssignment roles;  // On which it acts.
     // Of the agents from which the target gathers, those whose records are waited for; nothing: for none of them.
     std::function<bool(AgentId)> is_gathering_meant;
@@ -115,10 +115,10 @@ class ShareWait {
   std::optional<std::set<AgentId>> to_gather_;  // As the target said last, in the order's term.
   bool is_order_stale_ = false;                 // Something was gathered after it was given.
   std::size_t left_to_gather_ = 0;              // Agents that can be asked.
-  std::string gathers_from_;                    // Of those that can be asked, whose turn it is; empty: none is left.
+  std::string gathers_from_;  // The agent whose turn it is, of those that can be asked; empty: none is left.
   std::vector<NotGathered> not_gathered_;
   std::map<AgentId, std::chrono::steady_clock::time_point> away_since_;
-  std::map<AgentId, bool> answers_;  // Of those that are away from the leader.
+  std::map<AgentId, bool> answers_;  // The answers of agents that are away from the leader.
 };
 
 }  // namespace moondb

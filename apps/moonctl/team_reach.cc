@@ -66,7 +66,7 @@ Result<AgentClient> TeamReach::ConnectHere(const proto::AgentConfig& agent, Abse
 Result<AgentClient> TeamReach::Through(const proto::AgentConfig& via, const proto::AgentConfig& agent) {
   auto client = ConnectTo(team_, agent, ClientOptionsFor(agent), &via);
   if (!client) return tl::unexpected(client.error());
-  // That the one in between answers says nothing of the one that is meant.
+  // An answer of the agent in between says nothing of the one that is meant.
   if (auto there = (*client)->Roles(); !there) return tl::unexpected(there.error());
   last_via_ = &via;
   if (options_.on_relay) options_.on_relay(via);

@@ -28,7 +28,7 @@ constexpr std::chrono::milliseconds kPollPeriod(20);
 struct UpArguments {
   std::string data_folder;    // Empty: moondb-data beside the team file.
   std::string merge_backend;  // Empty: the agent's own default.
-  std::string log_format;     // Likewise.
+  std::string log_format;     // Passed on to moondb_agent.
 };
 
 // One agent of this machine and what `up` or `down` did to it.

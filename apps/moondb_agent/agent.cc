@@ -190,7 +190,7 @@ class Agent::Impl {
   std::atomic<bool> has_failed_ = false;         // An actor is beyond help: this is no end that was asked for.
   std::atomic<std::int64_t> stopped_at_ns_ = 0;  // 0: it runs, or failed.
   std::atomic<bool> is_running_ = false;
-  std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // That merges now.
+  std::atomic<MergeBackend> merge_backend_ = MergeBackend::kCpu;  // The one that merges now.
   std::unique_ptr<ActorSystem> system_;
   std::unique_ptr<ZeroMqTransport> transport_;
 };

@@ -1,4 +1,4 @@
-// What each robot of a mission would have told its agent, in order of stamps.
+// What each robot of a mission would have inserted at its agent, in order of stamps.
 //
 // Nodes carry raw poses, ranges go to the agent of their first end, maps are packed as robots pack them. The truth is
 // never part of it. Plain functions; maps' pictures are read here, from the mission's folder.

@@ -25,9 +25,9 @@ class AgentLives {
   bool CheckStore(AgentId agent);
 
   void Kill(AgentId agent);  // It comes back within two minutes. Nothing if it does not run.
-  // Likewise, with a disk that `fault` (options.cc) broke; one that does not run now, when it comes back.
+  // Kills an agent with a disk that `fault` (options.cc) broke; one that does not run now, when it comes back.
   void KillWithDisk(AgentId agent, const std::string& fault);
-  // Likewise, but it comes back after `down`, and the others know that it is gone before a minute has passed.
+  // Kills an agent that comes back after `down`, and the others know that it is gone before a minute has passed.
   void KillFor(AgentId agent, Duration down);
   bool is_gone(AgentId agent) const { return gone_.contains(agent); }  // As the others know, too.
   void Restart(AgentId agent);  // Now, or when its store opens. Nothing if it runs.
@@ -53,7 +53,7 @@ class AgentLives {
   std::map<AgentId, std::string> disk_fault_;  // At its next restart.
   std::map<AgentId, SimulatedDisk::Image> old_disks_;
   std::set<AgentId> to_restart_;               // They do not run, and will again.
-  std::map<AgentId, Duration> down_for_;       // Of those that are killed for so long.
+  std::map<AgentId, Duration> down_for_;       // Agents that are killed, and for how long.
   std::set<AgentId> gone_;                     // They do not run, and the others know.
   std::set<AgentId> broken_;                   // Disks that BreakDisk changed, until their store opens.
   std::set<AgentId> damaged_;                  // Disks that were damaged in many places.

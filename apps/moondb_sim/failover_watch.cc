@@ -8,9 +8,9 @@
 namespace moondb::simulation {
 namespace {
 
-// Durations are told as seconds in floating point.
+// Durations are sent as seconds in floating point.
 constexpr Duration kRounding = std::chrono::milliseconds(1);
-// What the agent's own actors may take to tell each other.
+// What the agent's own actors may take to notify each other.
 constexpr Duration kOverdue = std::chrono::seconds(15);
 
 }  // namespace

@@ -46,7 +46,7 @@ class FailoverWatch {
   proto::RoleAssignment roles_;
   MonotonicTime roles_since_;
   std::set<AgentId> connected_;
-  std::map<AgentId, MonotonicTime> lost_;   // Of those that were connected once, and are not.
+  std::map<AgentId, MonotonicTime> lost_;   // Since when agents are away that were connected once.
   std::map<AgentId, MonotonicTime> heard_;  // By any actor.
   MonotonicTime reached_since_;             // Somebody; where nobody is connected, no time yet.
   MonotonicTime asked_;                     // To lead, last.

@@ -1,4 +1,4 @@
-// What one run of the simulator tells.
+// The report of one run of the simulator.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ struct SimReport {
   std::uint64_t records = 0;             // Inserted by robots.
   std::uint64_t messages = 0;            // Handled by actors.
   std::uint64_t radio_bytes = 0;
-  std::uint64_t have_bytes = 0;   // Of these, messages with have-sets.
+  std::uint64_t have_bytes = 0;   // Bytes of messages with have-sets.
   std::uint64_t batch_bytes = 0;  // And those with records.
   std::uint64_t trace_hash = 0;
   double pruned = 0;    // Records.

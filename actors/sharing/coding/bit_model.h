@@ -70,7 +70,7 @@ class BitModel {
   // Knows nothing.
   BitModel();
 
-  // That the next bit of a decision is 1; for Update of the same model alone.
+  // The probability that the next bit of a decision is 1; for Update of the same model alone.
   struct Prediction;
   Prediction Predict(const BitContexts& contexts);
   // What the bit was. Comes before that decision's next Predict; the other decision's may come between.

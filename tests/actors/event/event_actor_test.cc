@@ -28,7 +28,7 @@ class EventActorTest : public testing::Test {
     team_.RunUntilIdle();
   }
 
-  // What storage was told since the last call.
+  // What storage was asked to insert since the last call.
   std::vector<std::string> Told() {
     std::vector<std::string> texts;
     for (const proto::Message& message : team_.Take({1, actor_name::kStorage})) {

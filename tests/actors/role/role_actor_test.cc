@@ -35,7 +35,7 @@ class RoleActorTest : public testing::Test, protected RoleTeam {
  protected:
   RoleActorTest() : RoleTeam(/*seed=*/1) {}
 
-  // What `agent`'s sync actor was told, oldest first.
+  // What `agent`'s sync actor was notified of, oldest first.
   std::vector<proto::RolesChanged> Told(AgentId agent) {
     std::vector<proto::RolesChanged> told;
     for (const proto::Message& message : team_.Take({agent, actor_name::kSync}))
@@ -96,7 +96,7 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndSaysS
   Swap(1);
   EXPECT_THAT(Answer(1).control_reply().error().text(), testing::HasSubstr("ask another agent"));
   team_.AdvanceTime(minutes(5));
-  EXPECT_TRUE(Told(1).empty()) << "what it cannot store it is not told again and again";
+  EXPECT_TRUE(Told(1).empty()) << "what it cannot store it does not publish again and again";
 
   disks_[1]->is_failing = false;
   team_.AdvanceTime(seconds(20));
