@@ -13,7 +13,9 @@
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
 #include "actors/storage/role_history.h"
+#include "actors/storage/row_audit.h"
 #include "actors/storage/schema.h"
+#include "actors/storage/store_owner.h"
 #include "actors/storage/verify.h"
 #include "model/check.h"
 #include "model/event.h"
@@ -227,7 +229,7 @@ Result<void> RecordStore::Load() {
     if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
   }
   if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
-  if (const Result<void> checked = CheckOwner(); !checked) return checked;
+  if (const Result<void> claimed = Claim(); !claimed) return claimed;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
   if (const Result<void> loaded = own_epochs_.Load(*database_); !loaded) return loaded;
   for (const auto& [stream, have] : ledger_.have().streams()) {  // Of rows, too, that are damaged.
@@ -239,7 +241,7 @@ Result<void> RecordStore::Load() {
   next_row_id_ = static_cast<std::uint64_t>(*next_row_id);
   if (const Result<void> loaded = write_count_.Load(*database_); !loaded) return loaded;
   if (!options_.is_checked) {
-    if (const Result<void> mended = MendFromRows(); !mended) return mended;
+    if (const Result<void> mended = Mend(); !mended) return mended;
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
@@ -249,84 +251,26 @@ Result<void> RecordStore::Load() {
   return history_.Load(*database_);
 }
 
-// SQLite's own check sees a broken tree, not a changed byte. A row whose hash is right is there, whatever the ledger
-// says; one whose hash is wrong is not.
-Result<void> RecordStore::MendFromRows() {
-  HaveSet mended;
-  std::uint64_t row_id_max = 0;
-  std::vector<std::pair<const RecordTable*, std::uint64_t>> damaged;  // Row ids.
-  std::set<std::pair<AgentId, DataType>> gone;                        // Whose rows are not all there.
-  for (const RecordTable& table : RecordTables()) {
-    Query query = table.ReadAfter(*database_, 0);
-    while (true) {
-      const Result<bool> row = query.Step();
-      if (!row) return tl::unexpected(row.error());
-      if (!*row) break;
-      const std::uint64_t row_id = query.Unsigned(0);
-      row_id_max = std::max(row_id_max, row_id);
-      const proto::StoredRecord record = table.Read(query);
-      const RecordKey key = FromProto(record.key());
-      if (key.seq == 0) continue;  // Nobody else has it.
-      if (HashRecord(key, record.content()) == record.hash() && key.seq <= kSeqMax) {
-        mended[key.stream].held.Add(key.seq);
-      } else {
-        damaged.emplace_back(&table, row_id);
-        gone.emplace(key.stream.origin, key.stream.type);
-      }
-    }
+Result<void> RecordStore::Mend() {
+  const Result<RowAudit> audit = RowAudit::Read(*database_, ledger_, history_, rules_);
+  if (!audit) return tl::unexpected(audit.error());
+  const bool is_row_id_sound = next_row_id_ > audit->row_id_max() && next_row_id_ <= kRowIdMax;
+  if (audit->is_sound() && is_row_id_sound) return {};
+  if (!is_row_id_sound) {
+    next_row_id_ = audit->row_id_max() + 1;
+    damage_.emplace_back("the store's number of the next row was wrong and is set right");
   }
-  const Result<std::vector<History::Found>> damaged_history = history_.FindDamaged(*database_);
-  if (!damaged_history) return tl::unexpected(damaged_history.error());
-  const Result<std::uint64_t> history_row_id_max = history_.MaxRowId(*database_);
-  if (!history_row_id_max) return tl::unexpected(history_row_id_max.error());
-  row_id_max = std::max(row_id_max, *history_row_id_max);
-  for (const auto& [stream, have] : ledger_.have().streams()) {
-    if (!have.held.Minus(mended.Get(stream).held).is_empty()) gone.emplace(stream.origin, stream.type);
-  }
-  for (const auto& [stream, have] : ledger_.have().streams()) {
-    // What a lost row had replaced may be the newest that is left with a peer, which is to send it. Under `all` nothing
-    // is replaced: what was dropped was pruned.
-    const bool may_be_replaced = rules_.PolicyOf(stream.type) != proto::POLICY_ALL;
-    if (may_be_replaced && gone.contains({stream.origin, stream.type})) continue;
-    const IntervalSet dropped = have.dropped.Minus(mended.Get(stream).held);
-    if (!dropped.is_empty()) mended[stream].dropped = dropped;
-  }
-  const bool is_row_id_sound = next_row_id_ > row_id_max && next_row_id_ <= kRowIdMax;
-  if (!is_row_id_sound) next_row_id_ = row_id_max + 1;
-  const bool is_ledger_sound = ledger_.is_sound() && mended == ledger_.have();
-  const bool is_history_sound = damaged_history->empty();
-  if (is_ledger_sound && damaged.empty() && is_row_id_sound && is_history_sound) return {};
-
   Result<Transaction> transaction = Transaction::Begin(*database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  for (const auto& [table, row_id] : damaged) {
-    if (const Result<void> done = table->Delete(*database_, row_id); !done) return done;
-  }
-  for (const History::Found& found : *damaged_history) {
-    Query query = database_->Prepare("DELETE FROM history WHERE data_type = ? AND row_id = ?");
-    query << found.type << found.row_id;
-    if (const Result<void> done = query.Run(); !done) return done;
-  }
-  if (const Result<void> done = ledger_.Replace(*database_, mended); !done) return done;
+  if (const Result<void> done = audit->Mend(*database_, ledger_); !done) return done;
   if (const Result<void> done = WriteNextRowId(next_row_id_); !done) return done;
   if (const Result<void> done = transaction->Commit(); !done) return done;
   ledger_.Keep();
-  for (const auto& [stream, have] : mended.streams()) {
+  for (const auto& [stream, have] : audit->have().streams()) {
     if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
   }
-  if (!is_history_sound) {
-    damage_.push_back(std::to_string(damaged_history->size()) +
-                      " superseded states of the store's history were damaged and are removed; nobody else has them");
-    spdlog::error("storage: {}: {}", database_->path(), damage_.back());
-  }
-  if (is_ledger_sound && damaged.empty() && is_row_id_sound) return {};
-  spdlog::error(
-      "storage: {} was damaged within: {} records were wrong, and its have-set {}; peers will be asked for what it "
-      "lacks",
-      database_->path(), damaged.size(), is_ledger_sound ? "right" : "too");
-  damage_.push_back("the store was damaged within: " + std::to_string(damaged.size()) + " records were wrong" +
-                    (is_ledger_sound ? "" : ", and so was its have-set") +
-                    "; other agents are asked for what it lacks, and what none of them had is lost");
+  for (std::string& finding : audit->Findings()) damage_.push_back(std::move(finding));
+  for (const std::string& text : damage_) spdlog::error("storage: {}: {}", database_->path(), text);
   return {};
 }
 
@@ -336,52 +280,13 @@ Result<void> RecordStore::WriteNextRowId(std::uint64_t row_id) {
   return query.Run();
 }
 
-// Two agents numbering in one copied file would give two records one name.
-Result<void> RecordStore::CheckOwner() {
-  const Result<std::int64_t> owner = database_->Number("SELECT value FROM meta WHERE name = 'own_agent'");
-  if (!owner && owner.error().code != ErrorCode::kNotFound) return tl::unexpected(owner.error());
-  if (owner && *owner != options_.self) {
-    return Fail(ErrorCode::kRefused, "database " + database_->path() + " belongs to agent " + std::to_string(*owner) +
-                                         ", not to agent " + std::to_string(options_.self));
-  }
-  const Result<void> done = WriteTeam();
-  if (done || !owner || !IsOfTheDisk(done.error())) return done;
+Result<void> RecordStore::Claim() {
+  const Result<bool> has_owner = CheckOwner(*database_, options_.self);
+  if (!has_owner) return tl::unexpected(has_owner.error());
+  const Result<void> done = WriteOwner(*database_, options_.self, options_.team, options_.custom_types);
+  if (done || !*has_owner || !IsOfTheDisk(done.error())) return done;
   start_trouble_ = done.error();
   return {};
-}
-
-// For people who query the file. Only what differs: a start on a full disk has nothing to write then.
-Result<void> RecordStore::WriteTeam() {
-  std::string is_same = "SELECT (SELECT count(*) FROM meta WHERE name = 'own_agent')";
-  std::string agents;
-  for (const AgentId agent : options_.team) agents += (agents.empty() ? "" : ",") + std::to_string(agent);
-  is_same += " AND (SELECT group_concat(agent_id) FROM (SELECT agent_id FROM team_agent ORDER BY agent_id)) IS '" +
-             agents + "' AND (SELECT count(*) FROM custom_type) = " + std::to_string(options_.custom_types.size());
-  const Result<std::int64_t> is_written = database_->Number(is_same);
-  if (!is_written) return tl::unexpected(is_written.error());
-  bool has_types = *is_written != 0;
-  for (const proto::CustomType& type : options_.custom_types) {
-    Query query = database_->Prepare("SELECT 1 FROM custom_type WHERE data_type = ? AND name = ?");
-    query << type.id() << std::string_view(type.name());
-    const Result<bool> row = query.Step();
-    if (!row) return tl::unexpected(row.error());
-    has_types = has_types && *row;
-  }
-  if (has_types) return {};
-
-  Result<Transaction> transaction = Transaction::Begin(*database_);
-  if (!transaction) return tl::unexpected(transaction.error());
-  std::string sql = "INSERT OR IGNORE INTO meta VALUES('own_agent', " + std::to_string(options_.self) + ");";
-  sql += "DELETE FROM team_agent;";
-  for (const AgentId agent : options_.team) sql += "INSERT INTO team_agent VALUES(" + std::to_string(agent) + ");";
-  sql += "DELETE FROM custom_type;";
-  if (const Result<void> done = database_->Execute(sql); !done) return done;
-  for (const proto::CustomType& type : options_.custom_types) {
-    Query query = database_->Prepare("INSERT INTO custom_type VALUES(?, ?)");
-    query << type.id() << std::string_view(type.name());
-    if (const Result<void> done = query.Run(); !done) return done;
-  }
-  return transaction->Commit();
 }
 
 Result<void> RecordStore::TryToWrite() {

@@ -171,10 +171,10 @@ class RecordStore {
         history_(options_.self, options_.history),
         random_(options_.seed) {}
   Result<void> Load();
-  Result<void> MendFromRows();
+  Result<void> Mend();   // What a read through of all rows finds wrong.
+  Result<void> Claim();  // For this agent; trouble of the disk is only noted where it is its file already.
   Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
-  Result<void> CheckOwner();
   Result<std::uint64_t> UsedByRecords();  // Bytes of pages.
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
@@ -211,7 +211,6 @@ class RecordStore {
 
   static Result<std::unique_ptr<RecordStore>> OpenFile(const Options& options);
   static Result<std::unique_ptr<RecordStore>> OpenFile(const Options& options, Database::Access access);
-  Result<void> WriteTeam();
   Result<void> WriteDown(proto::EventKind kind, const std::string& text, std::int64_t utc_now_ns);
 
   const Options options_;

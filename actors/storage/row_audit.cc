@@ -1,0 +1,91 @@
+#include "actors/storage/row_audit.h"
+
+#include <algorithm>
+
+#include "model/record_key.h"
+
+namespace moondb {
+
+Result<RowAudit> RowAudit::Read(Database& database, const HaveLedger& ledger, const History& history,
+                                const SharingRules& rules) {
+  RowAudit audit;
+  for (const RecordTable& table : RecordTables()) {
+    if (const Result<void> read = audit.ReadTable(database, table); !read) return tl::unexpected(read.error());
+  }
+  if (const Result<void> read = audit.ReadHistory(database, history); !read) return tl::unexpected(read.error());
+  audit.TakeDropped(ledger.have(), rules);
+  audit.is_ledger_sound_ = ledger.is_sound() && audit.have_ == ledger.have();
+  return audit;
+}
+
+Result<void> RowAudit::ReadTable(Database& database, const RecordTable& table) {
+  Query query = table.ReadAfter(database, 0);
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return {};
+    const std::uint64_t row_id = query.Unsigned(0);
+    row_id_max_ = std::max(row_id_max_, row_id);
+    const proto::StoredRecord record = table.Read(query);
+    const RecordKey key = FromProto(record.key());
+    if (key.seq == 0) continue;  // Nobody else has it.
+    if (HashRecord(key, record.content()) == record.hash() && key.seq <= kSeqMax) {
+      have_[key.stream].held.Add(key.seq);
+    } else {
+      damaged_rows_.emplace_back(&table, row_id);
+      gone_.emplace(key.stream.origin, key.stream.type);
+    }
+  }
+}
+
+Result<void> RowAudit::ReadHistory(Database& database, const History& history) {
+  Result<std::vector<History::Found>> damaged = history.FindDamaged(database);
+  if (!damaged) return tl::unexpected(damaged.error());
+  damaged_history_ = *std::move(damaged);
+  const Result<std::uint64_t> row_id_max = history.MaxRowId(database);
+  if (!row_id_max) return tl::unexpected(row_id_max.error());
+  row_id_max_ = std::max(row_id_max_, *row_id_max);
+  return {};
+}
+
+void RowAudit::TakeDropped(const HaveSet& in_file, const SharingRules& rules) {
+  for (const auto& [stream, have] : in_file.streams()) {
+    if (!have.held.Minus(have_.Get(stream).held).is_empty()) gone_.emplace(stream.origin, stream.type);
+  }
+  for (const auto& [stream, have] : in_file.streams()) {
+    // What a lost row had replaced may be the newest that is left with a peer, which is to send it. Under `all` nothing
+    // is replaced: what was dropped was pruned.
+    const bool may_be_replaced = rules.PolicyOf(stream.type) != proto::POLICY_ALL;
+    if (may_be_replaced && gone_.contains({stream.origin, stream.type})) continue;
+    const IntervalSet dropped = have.dropped.Minus(have_.Get(stream).held);
+    if (!dropped.is_empty()) have_[stream].dropped = dropped;
+  }
+}
+
+Result<void> RowAudit::Mend(Database& database, HaveLedger& ledger) const {
+  for (const auto& [table, row_id] : damaged_rows_) {
+    if (const Result<void> done = table->Delete(database, row_id); !done) return done;
+  }
+  for (const History::Found& found : damaged_history_) {
+    Query query = database.Prepare("DELETE FROM history WHERE data_type = ? AND row_id = ?");
+    query << found.type << found.row_id;
+    if (const Result<void> done = query.Run(); !done) return done;
+  }
+  return ledger.Replace(database, have_);
+}
+
+std::vector<std::string> RowAudit::Findings() const {
+  std::vector<std::string> findings;
+  if (!damaged_history_.empty()) {
+    findings.push_back(std::to_string(damaged_history_.size()) +
+                       " superseded states of the store's history were damaged and are removed; nobody else has them");
+  }
+  if (!is_ledger_sound_ || !damaged_rows_.empty()) {
+    findings.push_back("the store was damaged within: " + std::to_string(damaged_rows_.size()) + " records were wrong" +
+                       (is_ledger_sound_ ? "" : ", and so was its have-set") +
+                       "; other agents are asked for what it lacks, and what none of them had is lost");
+  }
+  return findings;
+}
+
+}  // namespace moondb
