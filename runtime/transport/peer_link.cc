@@ -287,12 +287,6 @@ void PeerLink::CheckHealth(MonotonicTime now) {
       is_asking_ = true;
       return;
     case LinkHealth::Step::kStalled:
-      if (!credit_.has_report()) {
-        credit_.Renew();
-        health_.OnProgress(now);
-        return;
-      }
-      [[fallthrough]];
     case LinkHealth::Step::kLost:
       ++lost_by_deadline_;
       Disconnect(now);
