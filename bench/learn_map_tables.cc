@@ -3,7 +3,8 @@
 //   learn_map_tables > actors/sharing/coding/learnt_tables_data.cc
 //
 // It learns from generated maps alone: lasers in buildings, cameras on the Moon, and maps that roll over one grid. What
-// it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new kBatchFormatVersion.
+// it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new wire version
+// (docs/COMPATIBILITY.md).
 // Takes a minute. After a change to the model's own shape, leave the text in that file empty for the first time.
 #include <algorithm>
 #include <cstdio>

@@ -8,19 +8,17 @@
 namespace moondb {
 namespace {
 
-void Add(DataType type, const std::string& meaning, TypeSchemas& schemas) {
+void Add(DataType type, const std::string& name, TypeSchemas& schemas) {
   proto::TypeSchema& schema = *schemas.Add();
   schema.set_data_type(type);
-  schema.set_hash(static_cast<std::uint32_t>(XXH64(meaning.data(), meaning.size(), 0)));
+  schema.set_hash(static_cast<std::uint32_t>(XXH64(name.data(), name.size(), 0)));
 }
 
 }  // namespace
 
 TypeSchemas SchemasOf(const CustomTypes& custom_types) {
   TypeSchemas schemas;
-  for (const DataType type : BuiltInDataTypes()) {
-    Add(type, DataTypeName(type) + " " + std::to_string(kRecordFormat), schemas);
-  }
+  for (const DataType type : BuiltInDataTypes()) Add(type, DataTypeName(type), schemas);
   for (const proto::CustomType& type : custom_types) Add(type.id(), type.name(), schemas);
   return schemas;
 }

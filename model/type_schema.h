@@ -1,9 +1,9 @@
 // TypeSchema: what an agent understands by a data type, as a hash that peers compare before they share.
 //
-// A record's content is kept and passed on as its origin wrote it, fields unknown here included: so a newer agent that
-// only adds fields to a type shares it with older ones. What differs is a type whose fields changed their meaning
-// (kRecordFormat), and a custom type's id under which two team files name two things. A built-in type that an older
-// agent does not know it cannot keep; a custom one that is declared at one of two agents only, the other carries.
+// A record's content is kept and passed on as its origin wrote it, fields unknown here included: so an agent that knows
+// more fields of a type shares it with the others (docs/COMPATIBILITY.md). What differs is a type's number under which
+// two agents name two things. A built-in type that an agent does not know it cannot keep; a custom one that is declared
+// at one of two agents only, the other carries.
 #pragma once
 
 #include <cstdint>
@@ -14,9 +14,6 @@
 #include "proto/sharing.pb.h"
 
 namespace moondb {
-
-// Of all built-in types; raised when a field of any of them comes to mean something else.
-inline constexpr int kRecordFormat = 1;
 
 using TypeSchemas = google::protobuf::RepeatedPtrField<proto::TypeSchema>;
 

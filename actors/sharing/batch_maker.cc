@@ -59,14 +59,6 @@ void BatchMaker::StartOver(std::uint64_t session_id, bool is_any_under_way) {
 void BatchMaker::TakeAnswer(const proto::Have& answer) {
   part_ = {answer.part_hash(), answer.part_bytes()};
   is_each_by_itself_ = !answer.keeps_runs();
-  codec_ = CodecFor(answer);
-}
-
-proto::Codec BatchMaker::CodecFor(const proto::Have& answer) const {
-  if (wanted_codec_ == proto::CODEC_PLAIN || wanted_codec_ == proto::CODEC_ZSTD) return wanted_codec_;
-  const bool is_read =
-      std::find(answer.codecs().begin(), answer.codecs().end(), wanted_codec_) != answer.codecs().end();
-  return is_read ? wanted_codec_ : proto::CODEC_ZSTD;
 }
 
 bool BatchMaker::Make(const proto::MissingReply& reply, std::size_t bytes_max, bool is_part_of_order) {

@@ -30,9 +30,9 @@ struct MadeBatch {
 
 class BatchMaker {
  public:
-  // `codec` is for a destination that reads it; others get zstd. `first_run` differs from those of an earlier process.
+  // `first_run` differs from those of an earlier process.
   BatchMaker(AgentId destination, proto::Codec codec, const PaperSql& paper_sql, std::uint32_t first_run)
-      : destination_(destination), wanted_codec_(codec), encoder_(paper_sql, first_run) {}
+      : destination_(destination), codec_(codec), encoder_(paper_sql, first_run) {}
 
   // Nothing is ready any more. `is_any_under_way`: the destination may lack what the session handed over.
   void StartOver(std::uint64_t session_id, bool is_any_under_way);
@@ -79,7 +79,6 @@ class BatchMaker {
     bool leans_on_others = false;  // As of CodedBatch.
   };
 
-  proto::Codec CodecFor(const proto::Have& answer) const;
   void Code(const proto::MissingReply& reply, std::size_t bytes_max, bool is_part_of_order);
   void LearnRatio(std::size_t coded_bytes, std::size_t content_bytes);
   void MakeWhole(CodedBatch coded, const proto::MissingReply& reply, std::uint64_t remaining, std::size_t bytes_max);
@@ -87,8 +86,7 @@ class BatchMaker {
   void Address(std::uint64_t remaining);
 
   AgentId destination_;
-  proto::Codec wanted_codec_;
-  proto::Codec codec_ = proto::CODEC_ZSTD;
+  proto::Codec codec_;
   std::uint64_t session_id_ = 0;
   std::uint32_t next_number_ = 1;
   SharingEncoder encoder_;

@@ -52,8 +52,8 @@ class BundleWriter {
 // Sees one record; an error ends the reading and is returned.
 using VisitBundled = std::function<Result<void>(const proto::StoredRecord& record)>;
 
-// Shows all records of a bundle, in order, and gives back its head: all but the parts. kCorrupt: no bundle, one of a
-// newer version, damaged, or with other records than its have-set says.
+// Shows all records of a bundle, in order, and gives back its head: all but the parts. kCorrupt: no bundle, one of
+// another version, damaged, or with other records than its have-set says.
 Result<proto::BundleFile> ReadBundle(std::string_view file, const VisitBundled& visit);
 
 // XXH64, which names a bundle beside its number.

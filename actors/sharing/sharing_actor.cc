@@ -10,6 +10,7 @@
 #include "model/team_id.h"
 #include "model/term.h"
 #include "model/text.h"
+#include "model/wire_version.h"
 
 namespace moondb {
 namespace {
@@ -416,7 +417,7 @@ void SharingActor::Perform(Context& context, Outgoing& outgoing, SharingActions 
     const bool is_to_peer = action.to != 0;
     if (action.message.has_hello()) {
       proto::Hello& hello = *action.message.mutable_hello();
-      hello.set_protocol_version(kSharingProtocolVersion);
+      hello.set_wire_version(kWireVersion);
       hello.set_team(options_.team.team());
       hello.set_team_id(TeamIdBytes(options_.team.team_id()));
       hello.set_config_hash(options_.config_hash);

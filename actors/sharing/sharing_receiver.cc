@@ -5,6 +5,7 @@
 
 #include "model/have_set.h"
 #include "model/team_id.h"
+#include "model/wire_version.h"
 
 namespace moondb {
 namespace {
@@ -171,9 +172,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
       if (is_asked) *have.mutable_have()->add_streams() = stream;
     }
     have.set_is_whole(true);
-    have.add_codecs(proto::CODEC_COMPACT);
     have.set_keeps_runs(runs_.TakePlace(sender, now_));
-    if (options_.paper_sql.record_of) have.add_codecs(proto::CODEC_PAPER_SQL);
     const PartOfWhole part = pieces_.PartFrom(sender);
     have.set_part_hash(part.hash);
     have.set_part_bytes(part.bytes);
@@ -203,10 +202,11 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
 }
 
 Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {
-  if (hello.protocol_version() != kSharingProtocolVersion) {
+  if (hello.wire_version() != kWireVersion) {
     return Fail(ErrorCode::kRefused,
-                "this agent speaks version " + std::to_string(kSharingProtocolVersion) + " of sharing",
-                "protocol_version");
+                "this agent speaks wire version " + std::to_string(kWireVersion) + ", the Hello is of version " +
+                    std::to_string(hello.wire_version()) + ": install one moondb on both",
+                "wire_version");
   }
   if (hello.team_id() != options_.team_id) {
     return Fail(ErrorCode::kRefused,

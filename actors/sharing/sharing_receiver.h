@@ -30,8 +30,6 @@
 
 namespace moondb {
 
-inline constexpr std::uint32_t kSharingProtocolVersion = 1;
-
 class SharingReceiver {
  public:
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;

@@ -62,7 +62,7 @@ class SharingSession {
     std::size_t batch_bytes_max = 4 * 1024;                // Coded. A larger record travels in pieces of this size.
     std::size_t bytes_per_second_min = 16 * 1024;          // A slower radio is given up on and tried again.
     std::vector<DataType> state_types;                     // What may pass a window of kStatesOnly.
-    proto::Codec codec = proto::CODEC_COMPACT;             // Where the destination reads it; else zstd.
+    proto::Codec codec = proto::CODEC_COMPACT;             // Of what it sends.
     PaperSql paper_sql;                                    // For CODEC_PAPER_SQL.
     TypeSchemas schemas;                                   // What this agent understands by each type.
   };

@@ -55,8 +55,7 @@ Result<void> HaveLedger::Load(Database& database) {
                         static_cast<DataType>(query.Integer(2))};
     const bool is_dropped = query.Integer(3) != 0;
     const IntervalSet::Interval interval{query.Unsigned(4), query.Unsigned(5)};
-    const bool is_hashed = query.IsNull(6) || query.Unsigned(6) == HashOf(key, is_dropped, interval);
-    if (is_hashed && interval.IsValid()) {
+    if (query.Unsigned(6) == HashOf(key, is_dropped, interval) && interval.IsValid()) {
       (is_dropped ? have[key].dropped : have[key].held).Add(interval);
     } else {
       is_sound_ = false;

@@ -214,21 +214,22 @@ Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& option
 }
 
 Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& options, Database::Access access) {
-  Result<std::unique_ptr<Database>> database = Database::Open(options.path, options.bytes_max, options.vfs, access);
+  Result<std::unique_ptr<Database>> database =
+      Database::Open(options.path, options.bytes_max, options.vfs, access, options.is_checked ? nullptr : CheckSchema);
   if (!database) return tl::unexpected(database.error());
   std::unique_ptr<RecordStore> store(new RecordStore(options, *std::move(database)));
   const Result<void> loaded = store->Load();
   if (loaded) return store;
-  if (loaded.error().code == ErrorCode::kCorrupt) store->database_->LeaveAsItIs();
+  const bool is_left = loaded.error().code == ErrorCode::kCorrupt || loaded.error().code == ErrorCode::kRefused;
+  if (is_left) store->database_->LeaveAsItIs();
   return tl::unexpected(loaded.error());
 }
 
 Result<void> RecordStore::Load() {
   if (!options_.is_checked) {
-    if (const Result<void> checked = CheckSchema(*database_); !checked) return checked;
     if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
   }
-  if (const Result<void> migrated = Migrate(*database_); !migrated) return migrated;
+  if (const Result<void> made = MakeSchema(*database_); !made) return made;
   if (const Result<void> claimed = Claim(); !claimed) return claimed;
   if (const Result<void> loaded = ledger_.Load(*database_); !loaded) return loaded;
   if (const Result<void> loaded = own_epochs_.Load(*database_); !loaded) return loaded;

@@ -73,11 +73,12 @@ class RecordStore {
     History::Rules history;   // What of own superseded records is kept; by default nothing.
   };
 
-  // Opens, reads through and where needed creates or migrates the file. A damaged one is set aside and an empty one
+  // Opens, reads through and where needed creates the file. A damaged one is set aside and an empty one
   // begun, in a new epoch: peers fill it again with what they have. A shared record whose content is not what its hash
   // says, or that is gone, is held no more, so that peers send it again. A file of ours opens on a disk that is full,
   // fails or is read-only, too, unless it has to be mended: the reserve is given up for it, and what a start writes
-  // down for people waits for a later one. kRefused: of a newer version, of another program or another agent.
+  // down for people waits for a later one. kRefused, and the file is not touched: of another
+  // store version, of another program or another agent (schema.h).
   // kUnavailable: in use by another process. kFull, kInternal, kCorrupt: as it says.
   static Result<std::unique_ptr<RecordStore>> Open(Options options);
   // Why the start could not write what it wanted to; empty: it could, or had nothing to write.

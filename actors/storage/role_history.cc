@@ -52,8 +52,7 @@ Result<proto::LoadRolesReply> LoadRoles(Database& database) {
     if (!*row) return reply;
     const std::string content(query.Bytes(0));
     proto::RoleAssignment roles;
-    const bool is_sound = query.IsNull(1) || query.Unsigned(1) == HashOf(content);
-    if (is_sound && roles.ParseFromString(content)) {
+    if (query.Unsigned(1) == HashOf(content) && roles.ParseFromString(content)) {
       *reply.add_history() = std::move(roles);
     } else {
       spdlog::error("storage: a role assignment in {} is damaged and left out", database.path());

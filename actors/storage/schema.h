@@ -1,9 +1,9 @@
-// The tables and views of an agent's database, and how an older file becomes today's.
+// The tables and views of an agent's store, and which files are stores that this program opens.
 //
 // One table per data type (paper, Table 1): typed columns for SQL, derived from `content`, which alone is kept for
 // ever and travels. row_id is one sequence over all of these tables, rising in the order of storing. epoch and seq are
 // NULL for a row that was not marked for sharing. have_interval says which seqs are held and which are dropped; its
-// hashes, and those of role_history, tell a damaged row (NULL: as an older version wrote it).
+// hashes, and those of role_history, tell a damaged row.
 // The views `replica` and `replication_log` are the paper's tables (Section 4), for people: the have-set decides.
 // All custom data types (proto/team.proto) share the table custom_record, whose payload is a part of `content`; the
 // view v_custom_record shows them by name, as far as the team file of the last start names them. 64-bit unsigned
@@ -14,21 +14,23 @@
 // `fields`; the view v_history shows them by name.
 #pragma once
 
+#include <cstdint>
+
 #include "actors/storage/sqlite_database.h"
 
 namespace moondb {
 
-// The newest version. A data type's table comes with the version that its row names (actors/storage/type_tables.h). Any
-// other change of tables or views is a version with a step of its own; steps that were ever released stay as they are.
-int SchemaVersion();
+// A store says in SQLite's header that it is one (application_id) and of which version (user_version). Whoever changes
+// a table, an index, a view or what a column means raises the version, and docs/COMPATIBILITY.md says what else.
+inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
+inline constexpr int kStoreVersion = 1;
 
-// Whether tables, indexes and views are still those of the file's version; others beside them are the user's own.
-// kCorrupt where not: a damaged statement of the schema would make SQLite fail in ways that look like something else.
-// A file that Migrate refuses passes.
+// Whether the file is new, or a store of this version with its tables, indexes and views; others beside them are the
+// user's own. Changes nothing. kRefused: a store of another version, or another program's. kCorrupt: a damaged
+// statement of the schema, which would make SQLite fail in ways that look like something else, or a damaged header.
 Result<void> CheckSchema(Database& database);
 
-// Brings the file to version `to` in one transaction, so that a crash leaves it old or new. kRefused for a newer file
-// or one that is another program's. Only tests have cause for another version than the newest.
-Result<void> Migrate(Database& database, int to = SchemaVersion());
+// Makes a new file a store, in one transaction, so that a crash leaves it new or whole. Any other file stays as it is.
+Result<void> MakeSchema(Database& database);
 
 }  // namespace moondb

@@ -150,8 +150,6 @@ std::string_view Query::Bytes(int column) const {
   return bytes ? std::string_view(static_cast<const char*>(bytes), size) : std::string_view();
 }
 
-bool Query::IsNull(int column) const { return sqlite3_column_type(prepared_->statement, column) == SQLITE_NULL; }
-
 // On a read-only file system nobody else can write either: no locks, whose files may be missing.
 Database::Database(std::string path, const std::string& vfs, Access access)
     : path_(std::move(path)),
@@ -160,7 +158,7 @@ Database::Database(std::string path, const std::string& vfs, Access access)
       files_(std::make_unique<CountingFiles>(access == Access::kReadOnly ? "unix-none" : vfs)) {}
 
 Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::uint64_t bytes_max,
-                                                 const std::string& vfs, Access access) {
+                                                 const std::string& vfs, Access access, FileCheck check) {
   const bool is_on_system = vfs.empty() && path != kInMemory;
   if (is_on_system && IsReadOnly(path)) access = Access::kReadOnly;
   std::unique_ptr<Database> database(new Database(path, vfs, access));
@@ -168,6 +166,12 @@ Result<std::unique_ptr<Database>> Database::Open(const std::string& path, std::u
     if (const Result<void> locked = database->Lock(); !locked) return tl::unexpected(locked.error());
   }
   if (const Result<void> opened = database->OpenConnection(vfs); !opened) return tl::unexpected(opened.error());
+  if (check != nullptr) {
+    if (const Result<void> checked = check(*database); !checked) {
+      database->LeaveAsItIs();
+      return tl::unexpected(checked.error());
+    }
+  }
   if (const Result<void> done = database->Configure(bytes_max); !done) return tl::unexpected(done.error());
   if (const Result<void> there = database->CheckInPlace(); !there) return tl::unexpected(there.error());
   return database;

@@ -65,7 +65,6 @@ class Query {
   std::uint64_t Unsigned(int column) const { return static_cast<std::uint64_t>(Integer(column)); }
   double Real(int column) const;
   std::string_view Bytes(int column) const;  // Text too; empty for NULL.
-  bool IsNull(int column) const;
 
  private:
   friend class Database;
@@ -94,12 +93,16 @@ class Database {
     kReadOnly  // On a read-only file system; every write fails with kInternal.
   };
 
+  using FileCheck = Result<void> (*)(Database& database);
+
   // Opens or creates `path` in WAL mode; ":memory:" gives one that goes with this object. A file is locked (PATH.lock)
   // against a second writer, but other processes may read it. `bytes_max` bounds the file; 0: the disk does. `vfs`:
   // another file system that is registered with SQLite, for simulations; nobody else uses it. On a read-only file
-  // system the access is kReadOnly, whatever was asked for, and a file that is not there kInternal.
+  // system the access is kReadOnly, whatever was asked for, and a file that is not there kInternal. `check`, which only
+  // reads, sees the file before anything is written to it: what it refuses stays as it is, and its error is returned.
   static Result<std::unique_ptr<Database>> Open(const std::string& path, std::uint64_t bytes_max = 0,
-                                                const std::string& vfs = {}, Access access = Access::kShared);
+                                                const std::string& vfs = {}, Access access = Access::kShared,
+                                                FileCheck check = nullptr);
   // Renames a damaged file that is not open, with its write-ahead log, to PATH.damaged-1 or the next number that is
   // free; the new path. kFull when there are kDamagedMax already: the disk needs a person. In a `vfs`: deletes it.
   static Result<std::string> SetAside(const std::string& path, const std::string& vfs = {});
@@ -122,7 +125,7 @@ class Database {
   // kCorrupt if the file is damaged. Reads the whole file.
   Result<void> QuickCheck();
 
-  // Closing moves nothing from the write-ahead log into a file that is damaged.
+  // Closing moves nothing from the write-ahead log into the file, for one that is damaged or another program's.
   void LeaveAsItIs();
 
   const std::string& path() const { return path_; }

@@ -33,28 +33,23 @@ void BindVersion(const proto::Term& term, std::uint64_t run, Query& query) {
 std::vector<TypeTable> MakeTables() {
   return {
       {.type = proto::TEMPERATURE,
-       .since = 1,
        .columns = "celsius REAL NOT NULL",
        .bind = [](const Record& record, Query& query) { query << record.temperature().celsius(); }},
 
       {.type = proto::POWER,
-       .since = 1,
        .columns = "battery_ratio REAL NOT NULL, draw_w REAL NOT NULL",
        .bind = [](const Record& record,
                   Query& query) { query << record.power().battery_ratio() << record.power().draw_w(); }},
 
       {.type = proto::AWAKE_STATUS,
-       .since = 1,
        .columns = "is_awake INTEGER NOT NULL",
        .bind = [](const Record& record, Query& query) { query << record.awake_status().is_awake(); }},
 
       {.type = proto::MODE,
-       .since = 1,
        .columns = "activity INTEGER NOT NULL",
        .bind = [](const Record& record, Query& query) { query << static_cast<int>(record.mode().activity()); }},
 
       {.type = proto::HEALTH,
-       .since = 1,
        .columns = "level INTEGER NOT NULL, text TEXT NOT NULL",
        .bind =
            [](const Record& record, Query& query) {
@@ -62,18 +57,15 @@ std::vector<TypeTable> MakeTables() {
            }},
 
       {.type = proto::EXPLORATION,
-       .since = 1,
        .columns = "explored_ratio REAL NOT NULL",
        .bind = [](const Record& record, Query& query) { query << record.exploration().explored_ratio(); }},
 
       {.type = proto::DISTRIBUTED_MEASUREMENTS,
-       .since = 1,
        .columns = "completed_ratio REAL NOT NULL",
        .bind = [](const Record& record,
                   Query& query) { query << record.distributed_measurements().completed_ratio(); }},
 
       {.type = proto::POSE_GRAPH_NODE,
-       .since = 1,
        .columns = std::string(kNode) + kPose,
        .bind =
            [](const Record& record, Query& query) {
@@ -82,7 +74,6 @@ std::vector<TypeTable> MakeTables() {
            }},
 
       {.type = proto::POSE_GRAPH_EDGE,
-       .since = 1,
        .columns = std::string(kEnds) + "range_m REAL, variance_m2 REAL",
        .bind =
            [](const Record& record, Query& query) {
@@ -98,7 +89,6 @@ std::vector<TypeTable> MakeTables() {
            }},
 
       {.type = proto::OPTIMIZED_POSE,
-       .since = 1,
        .columns = std::string(kNode) +
                   "term_number INTEGER NOT NULL,"
                   "term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL, run INTEGER NOT NULL, " +
@@ -112,7 +102,6 @@ std::vector<TypeTable> MakeTables() {
        .agent_condition = "node_agent = ?6"},
 
       {.type = proto::EDGE_VERDICT,
-       .since = 1,
        .columns = std::string(kEnds) +
                   "is_inlier INTEGER NOT NULL, residual_sigmas REAL NOT NULL,"
                   "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL,"
@@ -128,7 +117,6 @@ std::vector<TypeTable> MakeTables() {
        .agent_condition = "(from_agent = ?6 OR to_agent = ?6)"},
 
       {.type = proto::LOCAL_TRAVERSABILITY_MAP,
-       .since = 1,
        .columns = std::string(kNode) +
                   "layer_count INTEGER NOT NULL,"
                   "finest_resolution_um INTEGER NOT NULL, finest_width_cells INTEGER NOT NULL,"
@@ -145,7 +133,6 @@ std::vector<TypeTable> MakeTables() {
            }},
 
       {.type = proto::MAP_QUARANTINE,
-       .since = 4,
        .columns = "maps_of INTEGER NOT NULL, from_ns INTEGER NOT NULL, to_ns INTEGER NOT NULL, reason TEXT NOT NULL, "
                   "lifts TEXT NOT NULL",
        .bind =
@@ -157,7 +144,6 @@ std::vector<TypeTable> MakeTables() {
            }},
 
       {.type = proto::AGENT_EVENT,
-       .since = 5,
        .columns = "kind INTEGER NOT NULL, text TEXT NOT NULL, given_by TEXT NOT NULL",
        .bind =
            [](const Record& record, Query& query) {

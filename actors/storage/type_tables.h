@@ -15,10 +15,7 @@ namespace moondb {
 
 struct TypeTable {
   DataType type = proto::DATA_TYPE_UNSPECIFIED;
-  // The version of the schema that brought the table. A new one is one more than SchemaVersion().
-  int since = 0;
-  // SQL: "celsius REAL NOT NULL". It never changes once it was released, since files of that version have it so.
-  std::string columns;
+  std::string columns;  // SQL: "celsius REAL NOT NULL".
   // Binds a record's values in the order of `columns`.
   void (*bind)(const proto::Record& record, Query& query) = nullptr;
   // SQL, true of rows about the nodes of agent ?6; empty where the table knows of none (RecordTable::ReadInterval).

@@ -46,7 +46,7 @@ inline constexpr std::size_t kOwnActorsMax = 64;
 class Agent {
  public:
   // Returns a running agent. kInvalid: no such agent, an own actor's name, a bad key, a path too long for a socket.
-  // kRefused: the data folder is in use, the database belongs to another agent or a newer version. kUnavailable: an
+  // kRefused: the data folder is in use, the store is of another agent, version or program. kUnavailable: an
   // address in use, no GL where it is forced. Others as RecordStore::Open says.
   static Result<std::unique_ptr<Agent>> Start(const TeamFile& team, AgentOptions options);
 

@@ -1,4 +1,4 @@
-// Writing team files, and giving an older one the id that it lacks. Plain functions; reading is
+// Writing team files, and giving one that was written by hand the id that it lacks. Plain functions; reading is
 // runtime/team/team_config.h.
 #pragma once
 

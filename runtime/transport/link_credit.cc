@@ -7,7 +7,6 @@ namespace moondb {
 void LinkCredit::Open(std::uint32_t link) {
   link_ = link;
   credit_bytes_ = options_.bytes_min;
-  has_report_ = false;
   sent_bytes_ = 0;
   reported_bytes_ = 0;
   round_.reset();
@@ -21,7 +20,6 @@ void LinkCredit::OnSent(MonotonicTime now, std::size_t frame_bytes) {
 
 bool LinkCredit::OnReport(MonotonicTime now, std::uint32_t link, std::uint64_t received_bytes) {
   if (link != link_ || received_bytes < reported_bytes_ || received_bytes > sent_bytes_) return false;
-  has_report_ = true;
   reported_bytes_ = received_bytes;
   if (round_ && reported_bytes_ >= round_->sent_bytes) EndRound(now);
   return true;

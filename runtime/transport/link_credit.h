@@ -47,11 +47,7 @@ class LinkCredit {
   // an earlier one, and one about more than was sent.
   bool OnReport(MonotonicTime now, std::uint32_t link, std::uint64_t received_bytes);
 
-  // For a peer that does not know reports: what is under way is taken to have arrived.
-  void Renew() { reported_bytes_ = sent_bytes_; }
-
   std::uint32_t link() const { return link_; }
-  bool has_report() const { return has_report_; }  // About this connection.
   std::uint64_t unreported_bytes() const { return sent_bytes_ - reported_bytes_; }
   std::size_t credit_bytes() const { return credit_bytes_; }
 
@@ -66,7 +62,6 @@ class LinkCredit {
   Options options_;
   std::size_t credit_bytes_;
   std::uint32_t link_ = 0;
-  bool has_report_ = false;
   std::uint64_t sent_bytes_ = 0;
   std::uint64_t reported_bytes_ = 0;
   std::optional<Round> round_;  // None: nothing is under way.

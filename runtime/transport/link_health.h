@@ -3,7 +3,7 @@
 // ZMTP's own heartbeat is not used: under a flood it never finds a frozen peer, and it wakes an idle agent ten times a
 // second. Here a peer has to be heard only while something is expected of it: while bytes that it was sent are
 // unreported, and after it was asked. An idle link is asked once in a long while. A peer that talks but lets us wait
-// for credit is `kStalled`: it is broken, or does not know reports.
+// for credit is `kStalled`: it is broken.
 //
 // Pure: time comes in with each call. Its owner guards it.
 #pragma once
@@ -34,7 +34,7 @@ class LinkHealth {
 
   void OnOpened(MonotonicTime now);
   void OnHeard(MonotonicTime now);     // Any frame.
-  void OnProgress(MonotonicTime now);  // More bytes are reported, or credit was renewed.
+  void OnProgress(MonotonicTime now);  // More bytes are reported.
 
   // Whether bytes are unreported, and whether frames wait for credit.
   void Expect(MonotonicTime now, bool has_unreported, bool is_blocked);

@@ -225,12 +225,6 @@ void PeerLink::CheckHealth(MonotonicTime now) {
       reports_.AskPeer();
       return;
     case LinkHealth::Step::kStalled:
-      if (!credit_.has_report()) {
-        credit_.Renew();
-        health_.OnProgress(now);
-        return;
-      }
-      [[fallthrough]];
     case LinkHealth::Step::kLost:
       ++counts_.lost_by_deadline;
       Disconnect(now);

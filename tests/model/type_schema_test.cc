@@ -38,13 +38,13 @@ TEST(TypeSchemaTest, ACustomTypeThatOneDoesNotKnowIsCarriedABuiltInOneIsNot) {
   EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({{1000, "soil"}}))).empty());
   EXPECT_TRUE(TypesNotFor(SchemasOf(Types({{1000, "soil"}})), none).empty());
   const DataType last = none.rbegin()->data_type();
-  none.RemoveLast();  // As an older version has it.
+  none.RemoveLast();  // As an agent has it that does not know the last type.
   EXPECT_EQ(TypesNotFor(SchemasOf(Types({})), none), std::set<DataType>{last});
   EXPECT_TRUE(TypesNotFor(none, SchemasOf(Types({}))).empty());
   EXPECT_TRUE(TypesNotFor(SchemasOf(Types({})), {}).empty()) << "none told: the same";
 }
 
-TEST(TypeSchemaTest, ABuiltInTypeOfAnotherFormatDiffers) {
+TEST(TypeSchemaTest, ABuiltInTypeOfAnotherNameDiffers) {
   const TypeSchemas ours = SchemasOf({});
   TypeSchemas theirs = ours;
   theirs[0].set_hash(theirs[0].hash() + 1);

@@ -67,7 +67,6 @@ struct Header {
 Error Corrupt(const char* text) { return Error{ErrorCode::kCorrupt, text, "coded"}; }
 
 Result<Header> TakeHeader(ByteReader& reader) {
-  if (reader.Fixed(1) != kBatchFormatVersion) return tl::unexpected(Corrupt("is of a version that is not known here"));
   Header header;
   header.maps = reader.Varint();
   if (header.maps > kMapsWithReference) reader.Fail();
@@ -294,7 +293,7 @@ bool BatchEncoder::AddRecord(const proto::StoredRecord& record, std::size_t byte
 
 std::string BatchEncoder::Finish(const Parts& parts) {
   const bool has_maps = !parts.frames.empty();
-  std::string bytes(1, static_cast<char>(kBatchFormatVersion));
+  std::string bytes;
   PutMaps(parts.frames.size(), bytes);
   std::string rows = WriteRows(parts.columns, Checksum(parts.hashes), parts.contents);
   PutPacked(rows, has_maps ? rows_before_ : std::string_view(), bytes);

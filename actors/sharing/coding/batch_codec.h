@@ -1,7 +1,7 @@
 // The compact form of batches of records: rows in columns (row_codec.h), and the cells of maps by the map codec
 // (map_codec.h), whose runs go on from batch to batch.
 //
-//   batch   := version, maps, size of rows * 2 + (1: as a zstd frame), rows, cells
+//   batch   := maps, size of rows * 2 + (1: as a zstd frame), rows, cells
 //   maps    := 0: no cells are coded | 1, maps before | 2, the reference: begins a run
 //   rows    := record count, checksum, contents (row_codec.h) behind columns (number_column.h) of origins,
 //              epochs, types, seqs, hashes and "its cells are coded"
@@ -31,7 +31,6 @@
 
 namespace moondb {
 
-inline constexpr std::uint8_t kBatchFormatVersion = 1;
 inline constexpr std::size_t kBatchContentBytesMax = 32 * 1024 * 1024;
 // Before zstd: the contents and what is beside them.
 inline constexpr std::size_t kBatchRowsBytesMax = 34 * 1024 * 1024;
@@ -95,7 +94,7 @@ Result<std::optional<MapReference>> ReferenceOf(std::string_view coded);
 
 class BatchDecoder {
  public:
-  // kCorrupt: of a version that is not known here, does not decode, is beyond a limit, does not match its checksum, or
+  // kCorrupt: does not decode, is beyond a limit, does not match its checksum, or
   // has another number of records than `record_count`. kNotFound: batches before it are missing, or the map that it
   // refers to is not `reference`; the sender has to begin anew. When cells do not decode, the run has ended.
   Result<proto::RecordBatch> Decode(std::string_view coded, std::uint32_t record_count,

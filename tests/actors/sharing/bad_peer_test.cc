@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
+#include "model/wire_version.h"
 #include "tests/actors/sharing/sharing_team.h"
 
 namespace moondb {
@@ -25,7 +26,7 @@ class BadPeerTest : public testing::Test {
   static proto::Message Hello(std::uint64_t session_id) {
     proto::Message message;
     proto::Hello& hello = *message.mutable_hello();
-    hello.set_protocol_version(kSharingProtocolVersion);
+    hello.set_wire_version(kWireVersion);
     hello.set_team("test");
     hello.set_config_hash(1);
     hello.set_session_id(session_id);

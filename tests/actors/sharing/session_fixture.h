@@ -65,7 +65,6 @@ class SessionFixture : public testing::Test {
     *have.mutable_schemas() = schemas_;
     have.set_part_hash(pieces_.PartFrom(kSelf).hash);
     have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
-    for (const proto::Codec codec : codecs_) have.add_codecs(codec);
     have.set_keeps_runs(are_runs_kept_ && runs_.TakePlace(kSelf, now_));
     Take(session_.OnHave(have, now_));
   }
@@ -109,7 +108,6 @@ class SessionFixture : public testing::Test {
     for (const proto::StoredRecord& map : maps.records()) {
       source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, map.content());
     }
-    codecs_ = {proto::CODEC_COMPACT};
   }
 
   // Orders once these are stored as well; the destination answers the Hello.
@@ -181,12 +179,18 @@ class SessionFixture : public testing::Test {
     return options;
   }
 
+  // Before anything is ordered; compact otherwise.
+  void UseCodec(proto::Codec codec) {
+    SharingSession::Options options = Options();
+    options.codec = codec;
+    session_ = SharingSession(options, proto::SHARING_KIND_SYNC, kDestination, 1000);
+  }
+
   SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
   SharingSession::Time now_{};
-  std::uint32_t credit_ = 8 * 1024;   // That the destination grants.
-  std::uint32_t granted_rate_ = 0;    // Likewise.
-  TypeSchemas schemas_;               // Of the destination, where it tells them.
-  std::vector<proto::Codec> codecs_;  // That the destination reads, as it says.
+  std::uint32_t credit_ = 8 * 1024;  // That the destination grants.
+  std::uint32_t granted_rate_ = 0;   // Likewise.
+  TypeSchemas schemas_;              // Of the destination, where it tells them.
   MemoryStore source_;
   MemoryStore destination_;
   PieceCollector pieces_{1'000'000};  // The destination's, as is the next.

@@ -16,6 +16,7 @@
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_store.h"
 #include "actors/storage/storage_actor.h"
+#include "model/wire_version.h"
 #include "tests/actors/sharing/mutator.h"
 #include "tests/actors/sharing/sharing_team.h"
 
@@ -308,7 +309,7 @@ class Conversation {
     for (SharingAction& action : actions) {
       proto::Message& message = action.message;
       if (message.has_hello()) {  // As SharingActor completes it.
-        message.mutable_hello()->set_protocol_version(kSharingProtocolVersion);
+        message.mutable_hello()->set_wire_version(kWireVersion);
         message.mutable_hello()->set_team("test");
         session_id_ = message.hello().session_id();
       }
@@ -390,7 +391,7 @@ TEST(SharingFuzzTest, ActorsSurviveAPeerThatSendsAnything) {
       const auto* body = fields.FindFieldByNumber(static_cast<int>(proto::Message::kHello + mutator.Draw(12)));
       (void)message.GetReflection()->MutableMessage(&message, body);
       if (message.has_hello()) {
-        message.mutable_hello()->set_protocol_version(kSharingProtocolVersion);
+        message.mutable_hello()->set_wire_version(kWireVersion);
         message.mutable_hello()->set_team("test");
         message.mutable_hello()->set_kind(proto::SHARING_KIND_SYNC);
         message.mutable_hello()->set_session_id(1 + mutator.Draw(3));

@@ -5,6 +5,7 @@
 #include "actors/sharing/codec.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
+#include "model/wire_version.h"
 #include "tests/actors/sharing/coding/records.h"
 
 namespace moondb {
@@ -26,7 +27,7 @@ class SharingReceiverTest : public testing::Test {
 
   static proto::Hello Hello(std::uint64_t session_id) {
     proto::Hello hello;
-    hello.set_protocol_version(1);
+    hello.set_wire_version(kWireVersion);
     hello.set_team("test");
     hello.set_team_id(kTeamId);
     hello.set_config_hash(77);
@@ -122,8 +123,6 @@ TEST_F(SharingReceiverTest, AnswersAHelloWithTheWholeHaveSet) {
   EXPECT_TRUE(have.is_whole());
   EXPECT_EQ(have.unacked_bytes_max(), 8u * 1024);
   EXPECT_EQ(have.have().streams(0).origin_agent(), 3u);
-  ASSERT_EQ(have.codecs_size(), 1);
-  EXPECT_EQ(have.codecs(0), proto::CODEC_COMPACT);
 }
 
 TEST_F(SharingReceiverTest, SpeaksOfTheOriginsThatTheHelloAsksFor) {
@@ -139,19 +138,36 @@ TEST_F(SharingReceiverTest, SpeaksOfTheOriginsThatTheHelloAsksFor) {
   EXPECT_EQ(answered[0].message.have().have().streams(0).origin_agent(), 3u);
 }
 
-TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamVersionOrKind) {
+TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamOrKind) {
   proto::Hello hello = Hello(10);
   hello.set_team_id("fedcba9876543210");
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused) << "a team of the same name";
   hello.clear_team_id();
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
   hello = Hello(10);
-  hello.set_protocol_version(2);
-  EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
-  hello = Hello(10);
   hello.set_kind(proto::SHARING_KIND_REPLICATION);
   EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kRefused);
-  EXPECT_EQ(receiver_.counts().refused_hellos, 4);
+  EXPECT_EQ(receiver_.counts().refused_hellos, 3);
+}
+
+TEST_F(SharingReceiverTest, RefusesAnotherWireVersionAndNamesBoth) {
+  for (const std::uint32_t version : {0u, kWireVersion + 1}) {
+    proto::Hello hello = Hello(10);
+    hello.set_wire_version(version);
+    const SharingActions refused = receiver_.OnHello(2, hello, now_);
+    EXPECT_EQ(RefusalOf(refused), ErrorCode::kRefused);
+    const std::string text = refused.at(0).message.refusal().error().text();
+    EXPECT_NE(text.find("wire version " + std::to_string(kWireVersion) + ","), std::string::npos) << text;
+    EXPECT_NE(text.find("of version " + std::to_string(version) + ":"), std::string::npos) << text;
+  }
+  EXPECT_EQ(receiver_.counts().refused_hellos, 2);
+}
+
+// Whatever else a Hello of another version holds.
+TEST_F(SharingReceiverTest, ReadsTheWireVersionOfAnyVersionsHello) {
+  proto::Hello hello;
+  ASSERT_TRUE(hello.ParseFromString("\x08\x2A\x12\x03tea\x5A\x02no"));
+  EXPECT_EQ(hello.wire_version(), 42u);
 }
 
 TEST_F(SharingReceiverTest, TakesAnotherConfigurationAndRemembersWhose) {

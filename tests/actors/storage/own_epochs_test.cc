@@ -63,7 +63,7 @@ TEST(OwnEpochsTest, DrawsNoTagThatIsKnownOfAnother) {
 
 TEST(OwnEpochsTest, IsLoadedAsItWasWritten) {
   auto database = *Database::Open(":memory:");
-  ASSERT_TRUE(Migrate(*database));
+  ASSERT_TRUE(MakeSchema(*database));
   std::mt19937_64 random(1);
   OwnEpochs own;
   std::vector<OwnEpochs::Next> begun;

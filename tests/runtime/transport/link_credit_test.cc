@@ -41,7 +41,6 @@ TEST(LinkCreditTest, RefusesReportsThatCannotBe) {
   credit.OnSent(kNow, 50);
   EXPECT_FALSE(credit.OnReport(kNow, 7, 51)) << "more than was sent";
   EXPECT_FALSE(credit.OnReport(kNow, 6, 50)) << "of another connection";
-  EXPECT_FALSE(credit.has_report());
   EXPECT_TRUE(credit.OnReport(kNow, 7, 30));
   EXPECT_FALSE(credit.OnReport(kNow, 7, 29)) << "backwards";
   EXPECT_TRUE(credit.OnReport(kNow, 7, 30));
@@ -57,7 +56,7 @@ TEST(LinkCreditTest, BeginsAnewWithEachConnection) {
   EXPECT_FALSE(credit.OnReport(kNow, 7, 0));
   credit.OnSent(kNow, 100);
   EXPECT_FALSE(credit.HasRoomFor(1));
-  credit.Renew();
+  EXPECT_TRUE(credit.OnReport(kNow, 8, 100));
   EXPECT_TRUE(credit.HasRoomFor(100));
 }
 

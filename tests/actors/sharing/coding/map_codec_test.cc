@@ -238,7 +238,7 @@ std::vector<Layers> WideMaps() {
   return maps;
 }
 
-// What it writes is the wire format: a change here is a new kBatchFormatVersion.
+// What it writes is the wire format: a change here is a new wire version (docs/COMPATIBILITY.md).
 TEST(MapCodecTest, WritesTheGoldenBytes) {
   const auto hash_of = [](const std::string& bytes) { return XXH64(bytes.data(), bytes.size(), 0); };
   std::string adversarial;

@@ -1,0 +1,105 @@
+// The fields of all that agents and clients send each other, against those of the wire version (docs/COMPATIBILITY.md).
+#include <gmock/gmock.h>
+#include <google/protobuf/descriptor.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <set>
+#include <string>
+
+#include "model/text.h"
+#include "model/wire_version.h"
+#include "proto/record.pb.h"
+#include "runtime/transport/inbound.h"
+#include "runtime/transport/outbound.h"
+
+namespace moondb {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::EnumDescriptor;
+using google::protobuf::FieldDescriptor;
+using testing::IsEmpty;
+
+// The transport takes it from another agent.
+bool MayTravel(const FieldDescriptor& body) {
+  proto::Message message;
+  message.set_hop_sender(2);
+  message.GetReflection()->MutableMessage(&message, &body);
+  return ParsePeerFrame(ToPeerFrame(message), 2).has_value();
+}
+
+// "Batch.codec = 3 Codec", and "Codec.CODEC_PLAIN = 1".
+class WireLines {
+ public:
+  WireLines() {
+    AddMessage(*proto::PeerFrame::descriptor());
+    AddMessage(*proto::RecordBatch::descriptor());  // Within Batch.coded.
+  }
+  const std::set<std::string>& lines() const { return lines_; }
+
+ private:
+  static std::string NameOf(const std::string& full_name) {
+    const std::string package = "moondb.proto.";
+    return full_name.starts_with(package) ? full_name.substr(package.size()) : full_name;
+  }
+
+  void AddMessage(const Descriptor& type) {
+    if (!type.full_name().starts_with("moondb.") || !seen_.insert(type.full_name()).second) return;
+    for (int i = 0; i < type.field_count(); ++i) {
+      const FieldDescriptor& field = *type.field(i);
+      const bool is_body = field.containing_oneof() != nullptr && &type == proto::Message::descriptor();
+      if (!is_body || MayTravel(field)) AddField(field);
+    }
+  }
+
+  void AddField(const FieldDescriptor& field) {
+    std::string type = field.type_name();
+    if (const Descriptor* message = field.message_type()) {
+      type = NameOf(message->full_name());
+      AddMessage(*message);
+    }
+    if (const EnumDescriptor* values = field.enum_type()) {
+      type = NameOf(values->full_name());
+      for (int i = 0; i < values->value_count(); ++i) {
+        lines_.insert(type + "." + values->value(i)->name() + " = " + std::to_string(values->value(i)->number()));
+      }
+    }
+    lines_.insert(NameOf(field.full_name()) + " = " + std::to_string(field.number()) + " " +
+                  (field.is_repeated() ? "repeated " : "") + type);
+  }
+
+  std::set<std::string> lines_;
+  std::set<std::string> seen_;
+};
+
+std::set<std::string> Without(const std::set<std::string>& lines, const std::set<std::string>& others) {
+  std::set<std::string> rest;
+  std::set_difference(lines.begin(), lines.end(), others.begin(), others.end(), std::inserter(rest, rest.end()));
+  return rest;
+}
+
+TEST(WireFormatTest, HasTheFieldsOfItsVersion) {
+  const std::string name = "wire_v" + std::to_string(kWireVersion) + ".txt";
+  const auto text = ReadTextFile(std::string(MOONDB_SOURCE_DIR) + "/tests/runtime/transport/golden/" + name);
+  ASSERT_TRUE(text) << ToString(text.error());
+  std::set<std::string> golden;
+  for (const std::string_view line : Split(*text, '\n')) {
+    if (!line.empty()) golden.emplace(line);
+  }
+  const std::set<std::string> today = WireLines().lines();
+  EXPECT_THAT(Without(golden, today), IsEmpty()) << "changed or removed: that takes another wire version";
+  EXPECT_THAT(Without(today, golden), IsEmpty())
+      << "new: what is optional may come within a wire version, by its lines";
+  if (!HasFailure()) return;
+  const std::string file = testing::TempDir() + name;
+  std::ofstream out(file);
+  for (const std::string& line : today) out << line << "\n";
+  ADD_FAILURE() << "the lines of today are in " << file << "; docs/COMPATIBILITY.md says when they may replace "
+                << "tests/runtime/transport/golden/" << name;
+}
+
+}  // namespace
+}  // namespace moondb
