@@ -74,6 +74,7 @@ class RetentionActor final : public Actor {
   };
 
   void OnLocal(Context& context, const proto::Message& message);
+  void OnControlReply(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnOrder(Context& context, const proto::Message& message);
   Result<void> CheckOrder(const proto::PruneOrder& order) const;
@@ -85,7 +86,7 @@ class RetentionActor final : public Actor {
   void AskRoles(Context& context);
   void OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id);
   void OnOwnHave(Context& context, const proto::Message& message);
-  void OnPeersHave(Context& context, AgentId peer, const proto::Message& message);
+  void OnPeersHave(Context& context, AgentId peer, std::uint64_t request_id, const proto::HaveReply& had);
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
   void OnPruned(Context& context, const proto::PruneReply& reply);
 

@@ -6,10 +6,12 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/control_message.h"
 #include "model/order_number.h"
 #include "model/team_id.h"
 #include "model/term.h"
 #include "model/text.h"
+#include "proto/control.pb.h"
 
 namespace moondb {
 namespace {
@@ -98,8 +100,8 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       return radio_share_.SetMovingElsewhere(message.sharing_load().moving_sessions());
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
-    case proto::Message::kShareStatusRequest:
-      return OnShareStatusRequest(context);
+    case proto::Message::kControlRequest:
+      return OnControlRequest(context, message);
     default:
       return;
   }
@@ -209,9 +211,10 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   (void)context.Reply(std::move(reply));
 }
 
-void SharingActor::OnShareStatusRequest(Context& context) {
-  proto::Message reply;
-  reply.set_ms_type(proto::CONTROL);
+void SharingActor::OnControlRequest(Context& context, const proto::Message& message) {
+  const Result<proto::ControlRequest> request = ControlRequestOf(message);
+  if (!request || !request->has_share_status()) return;
+  proto::ControlReply reply;
   proto::ShareStatus& status = *reply.mutable_share_status();
   for (const auto& [destination, outgoing] : outgoing_) {
     proto::ShareSession& session = *status.add_sessions();
@@ -228,7 +231,7 @@ void SharingActor::OnShareStatusRequest(Context& context) {
   status.set_dropped_messages(receiver_->counts().dropped_messages);
   status.set_refused_hellos(receiver_->counts().refused_hellos);
   status.mutable_other_config_agents()->Assign(receiver_->other_configs().begin(), receiver_->other_configs().end());
-  (void)context.Reply(std::move(reply));
+  (void)context.Reply(MessageOf(reply));
 }
 
 void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/text.h"
+#include "proto/share_status.pb.h"
 
 namespace moondb {
 namespace {

@@ -48,6 +48,10 @@
 #include "model/type_schema.h"
 #include "proto/message.pb.h"
 
+namespace moondb::proto {
+class ShareSession;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 class SharingSession {

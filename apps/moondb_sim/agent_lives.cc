@@ -7,6 +7,8 @@
 #include "actors/storage/own_epochs.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/disk_damage.h"
+#include "proto/trace.pb.h"
+#include "runtime/system_status.h"
 
 namespace moondb::simulation {
 namespace {

@@ -21,7 +21,9 @@
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
+#include "model/control_message.h"
 #include "model/term.h"
+#include "proto/control.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb::simulation {
@@ -227,9 +229,11 @@ class Mission {
           (error.code == ErrorCode::kUnavailable && (lives_.is_damaged(from) || world_.HadDiskTrouble(from)));
       if (!is_usual) world_.Violate("nothing_refused", who + ToString(error));
     }
-    if (message.control_request().has_have()) prunes_.at(from).OnQuestion(world_.roles[from]);
-    if (message.control_reply().has_have()) {
-      const Result<HaveSet> have = FromProto(message.control_reply().have().have());
+    const Result<proto::ControlRequest> request = ControlRequestOf(message);
+    if (request && request->has_have()) prunes_.at(from).OnQuestion(world_.roles[from]);
+    const Result<proto::ControlReply> reply = ControlReplyOf(message);
+    if (reply && reply->has_have()) {
+      const Result<HaveSet> have = FromProto(reply->have().have());
       if (have) prunes_.at(to).OnAnswer(from, *have);
       if (have) world_.rules.SeeHave(from, *have);
     }
@@ -336,9 +340,10 @@ class Mission {
     question.mutable_read_request()->set_is_history(true);
     question.mutable_read_request()->set_records_max(10'000);
     const proto::Message answer = world_.AskActor(agent, actor_name::kStorage, std::move(question));
-    proto::Message status;
-    status.mutable_storage_status_request();
-    const proto::Message sums = world_.AskActor(agent, actor_name::kStorage, std::move(status));
+    proto::ControlRequest request;
+    request.mutable_status();
+    const auto sums = ControlReplyOf(world_.AskActor(agent, actor_name::kStorage, MessageOf(request)));
+    const proto::StorageStatus& status = sums ? sums->status().storage() : proto::StorageStatus::default_instance();
     std::string wrong;
     for (const proto::StoredRecord& record : answer.read_reply().records()) {
       const RecordKey key = FromProto(record.key());
@@ -347,9 +352,9 @@ class Mission {
         wrong = ToString(key);
       }
     }
-    const double count = sums.storage_status().history_count();
+    const double count = status.history_count();
     if (answer.read_reply().records_size() != count) wrong = "its sums";
-    if (sums.storage_status().history_bytes() > world_.config.retention().history_mb_max() * 1e6) wrong = "its size";
+    if (status.history_bytes() > world_.config.retention().history_mb_max() * 1e6) wrong = "its size";
     if (!wrong.empty()) world_.Violate("history_is_own", "agent " + std::to_string(agent) + ": " + wrong);
   }
 
@@ -450,10 +455,11 @@ class Mission {
 
   void CheckSessions(AgentId agent) {
     for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
-      proto::Message question;
-      question.mutable_share_status_request();
-      const proto::Message answer = world_.AskActor(agent, actor, std::move(question));
-      const proto::ShareStatus& status = answer.share_status();
+      proto::ControlRequest request;
+      request.mutable_share_status();
+      const auto answer = ControlReplyOf(world_.AskActor(agent, actor, MessageOf(request)));
+      if (!answer) continue;
+      const proto::ShareStatus& status = answer->share_status();
       for (const proto::ShareSession& session : status.sessions()) {
         if (!session.is_open() && session.remaining() == 0) continue;
         world_.Violate("comes_to_rest", "agent " + std::to_string(agent) + ": " + session.ShortDebugString());

@@ -22,7 +22,6 @@
 #include <string>
 #include <vector>
 
-#include "proto/control.pb.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/transport.h"
@@ -31,6 +30,10 @@
 #include "runtime/transport/outbox.h"
 #include "runtime/transport/wake_up.h"
 #include "runtime/transport/zmq_socket.h"
+
+namespace moondb::proto {
+class PeerStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 

@@ -16,6 +16,7 @@
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_store.h"
 #include "actors/storage/storage_actor.h"
+#include "proto/share_status.pb.h"
 #include "tests/actors/sharing/mutator.h"
 #include "tests/actors/sharing/sharing_team.h"
 

@@ -12,6 +12,8 @@
 #include "model/have_set.h"
 #include "model/record_check.h"
 #include "model/record_key.h"
+#include "proto/trace.pb.h"
+#include "runtime/system_status.h"
 
 namespace moondb::simulation {
 namespace {
