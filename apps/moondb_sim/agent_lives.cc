@@ -135,6 +135,7 @@ void AgentLives::BreakDisk(AgentId agent, const std::string& fault) {
   }
   world_.rules.ForgetDisk(agent);
   world_.rules.ForgetRoles(agent);
+  if (on_disk_lost) on_disk_lost(agent);
 }
 
 // As `moonctl db backup` leaves its copy. One of a damaged disk is as it is.

@@ -76,6 +76,7 @@ std::string ReplayCommand(const Request& request, std::uint64_t seed) {
   const SimOptions standard;
   if (request.options.hours != standard.hours) command += " --hours " + FormatDouble(request.options.hours);
   if (request.options.rovers != standard.rovers) command += " --rovers " + std::to_string(request.options.rovers);
+  if (!request.options.has_all_actors()) command += " --sharing";
   if (request.options.is_faultless) command += " --no-faults";
   for (const std::string& fault : request.faults) command += " --fault " + fault;
   return command;
@@ -160,6 +161,9 @@ int Main(int argc, char** argv) {
   app.add_option("--rovers", request.options.rovers, "Beside the base station")
       ->check(CLI::Range(2, 63))
       ->capture_default_str();
+  app.add_flag_callback(
+      "--sharing", [&request] { request.options.actors = SimulatedActors::kSharing; },
+      "The actors of sharing alone, without clients: faster");
   app.add_option("--fault", request.faults, "NAME=RATE an hour; may be given several times");
   app.add_flag("--no-faults", request.options.is_faultless, "None but those that --fault names");
   app.add_flag("--refill", request.options.measures_refill, "At the end of one run: refill an empty survivor");
