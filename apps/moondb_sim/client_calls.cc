@@ -67,8 +67,9 @@ void ClientCalls::CheckError(const Call& call, const proto::ControlReply& reply)
   const proto::Error& error = reply.error();
   if (!IsError(error)) return;
   const bool is_line = !error.text().empty() && error.text().find('\n') == std::string::npos;
-  const bool is_solvers = call.request.has_optimize();
-  if (is_line && (error.code() != proto::ERROR_CODE_INTERNAL || is_solvers)) return;
+  const auto asked = static_cast<AgentId>(call.request.for_agent() == 0 ? call.agent : call.request.for_agent());
+  const bool may_be_internal = call.request.has_optimize() || world_.HadDiskTrouble(asked);
+  if (is_line && (error.code() != proto::ERROR_CODE_INTERNAL || may_be_internal)) return;
   world_.Violate("clear_error", NameOf(call.request) + ": " + error.ShortDebugString());
 }
 

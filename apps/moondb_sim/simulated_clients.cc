@@ -16,7 +16,7 @@ namespace {
 using std::chrono::minutes;
 using std::chrono::seconds;
 
-constexpr Duration kAskPeriod = seconds(10);  // On average.
+constexpr Duration kAskPeriod = seconds(15);  // On average.
 constexpr std::uint64_t kSeveralEvery = 8;    // At one instant, up to kSeveralMax.
 constexpr std::uint64_t kSeveralMax = 5;
 constexpr std::uint64_t kOtherWayEvery = 6;
@@ -52,7 +52,7 @@ void SimulatedClients::Work() {
       &SimulatedClients::AskWhatStands, &SimulatedClients::AskWhatStands, &SimulatedClients::AskForSights,
       &SimulatedClients::AskForMaps,    &SimulatedClients::AskForNewTiles, &SimulatedClients::AskToSolve,
       &SimulatedClients::AskToSwap,     &SimulatedClients::AskForLease,   &SimulatedClients::AskToPrune,
-      &SimulatedClients::AskForBundles, &SimulatedClients::AskForBundles, &SimulatedClients::AskWrongly,
+      &SimulatedClients::AskForBundles, &SimulatedClients::AskWrongly,
       &SimulatedClients::AskToInsertTooMuch,
   };
   if (world_.is_quiet) return;
@@ -327,7 +327,7 @@ void SimulatedClients::AskForBundles(AgentId agent) {
   const AgentId asked = world_.rng() % 4 == 0 ? agent : world_.base;
   proto::DownlinkRequest order;
   const std::uint64_t draw = world_.rng() % 8;
-  if (draw < 4) order.set_bytes_max(kBundleBytesLeast + world_.rng() % kBundleBytesSpan);
+  if (draw < 3) order.set_bytes_max(kBundleBytesLeast + world_.rng() % kBundleBytesSpan);
   if (draw == 5 || draw == 6) order.set_acknowledge(bundles_[asked].FetchedBundle());
   Order(asked, order);
 }
