@@ -123,6 +123,22 @@ class RetentionActorTest : public testing::Test {
     (void)Ask(to, actor_name::kStorage, std::move(message));
   }
 
+  void InsertOldMapEverywhere() {
+    Insert(kRover, MapOf(kRover, 1, 1, 64));
+    Bring(kRover, kLeader);
+    Bring(kRover, kSurvivor);
+    (void)team_.Take({kRover, actor_name::kMerge});  // What came as the actors started.
+  }
+
+  // The actor fails at the next message of that kind.
+  void FailOnce(const Address& actor, proto::Message::BodyCase body, simulation::Fault fault) {
+    team_.SetFault([actor, body, fault, is_done = false](const Address& at, const proto::Message& message) mutable {
+      if (is_done || at != actor || message.body_case() != body) return simulation::Fault::kNone;
+      is_done = true;
+      return fault;
+    });
+  }
+
   void Order(AgentId agent, proto::PruneOrder order) {
     proto::Message message;
     message.set_request_id(77);
@@ -458,6 +474,25 @@ TEST_F(RetentionActorTest, TakesBeatenMapsAndTellsMerge) {
   EXPECT_EQ(GoneOf(answer->prune_reply()), 1);
   EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, seconds(1)));
   for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), beaten.seq());
+}
+
+// Merging keeps what it has read, so that it has to be notified whatever befalls a prune.
+TEST_F(RetentionActorTest, NotifiesMergeThoughItFailsAsMapsAreGone) {
+  Start();
+  InsertOldMapEverywhere();
+  FailOnce({kRover, actor_name::kRetention}, proto::Message::kPruneReply, simulation::Fault::kBeforeHandler);
+  Order(kRover, {});
+  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, minutes(2)));
+  EXPECT_TRUE(RecordsOf(kRover).empty());
+}
+
+TEST_F(RetentionActorTest, NotifiesMergeWhereStorageDoesNotSayWhatIsGone) {
+  Start();
+  InsertOldMapEverywhere();
+  FailOnce({kRover, actor_name::kStorage}, proto::Message::kPruneRequest, simulation::Fault::kAtFirstSend);
+  EXPECT_EQ(Prune(kRover).error().code(), proto::ERROR_CODE_TIMED_OUT);
+  EXPECT_TRUE(RecordsOf(kRover).empty());
+  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, minutes(2)));
 }
 
 TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {
