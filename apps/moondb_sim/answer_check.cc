@@ -45,8 +45,8 @@ Wrong CheckPage(const proto::ReadRequest& request, const proto::ReadReply& reply
 
 Wrong CheckRoles(const proto::RoleAssignment& roles, const AgentFacts& facts) {
   if (!IsNewer(facts.durable_term, roles.term())) return std::nullopt;
-  return "term " + std::to_string(roles.term().number()) + ", and term " +
-         std::to_string(facts.durable_term.number()) + " is on its disk";
+  return "term " + std::to_string(roles.term().number()) + ", and term " + std::to_string(facts.durable_term.number()) +
+         " is on its disk";
 }
 
 Wrong CheckRoleSet(const proto::RoleSetRequest& request, const proto::RoleAssignment& roles, const AgentFacts& facts) {

@@ -14,9 +14,9 @@ namespace moondb::simulation {
 // What is known of an agent at the instant at which it was asked and answered.
 struct AgentFacts {
   AgentId self = 0;
-  HaveSet before;  // What it had before it was asked,
-  HaveSet after;   // and when it had answered.
-  proto::RoleAssignment roles;  // That its actors heard of last.
+  HaveSet before;               // What it had before it was asked,
+  HaveSet after;                // and when it had answered.
+  proto::RoleAssignment roles;  // That its actors received last.
   proto::Term durable_term;     // On its disk.
 };
 

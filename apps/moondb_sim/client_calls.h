@@ -1,7 +1,7 @@
 // ClientCalls: simulated clients' requests to their agents' gateways, and the rules of the answers to all of them:
 //
-//   answered     each request is answered once, within its time, unless its agent or that one's gateway began a new life
-//   clear_error  an error has a code and one line of text; kInternal is for the solver and for disks that fail
+//   answered     each request is answered once, within its time, unless its agent or that one's gateway began a new
+//   life clear_error  an error has a code and one line of text; kInternal is for the solver and for disks that fail
 #pragma once
 
 #include <cstdint>

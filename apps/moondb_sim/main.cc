@@ -110,7 +110,7 @@ struct Outcome {
   double done = 0;
   double broken = 0;
   std::map<std::string, int> rare;  // Sums of SimReport::rare.
-  JsonWriter list;  // Of seeds that break a rule.
+  JsonWriter list;                  // Of seeds that break a rule.
 };
 
 void RunSeed(const Request& request, std::uint64_t seed, bool is_only_one, Outcome& outcome) {

@@ -28,7 +28,8 @@ Cell CellOf(const std::map<std::pair<std::int64_t, std::int64_t>, Grid>& tiles, 
   const auto floor = [side](std::int64_t cell) { return (cell >= 0 ? cell : cell - side + 1) / side; };
   const auto tile = tiles.find({floor(x), floor(y)});
   if (tile == tiles.end()) return Cell::kUnknown;
-  return tile->second.At(static_cast<std::int32_t>(x - floor(x) * side), static_cast<std::int32_t>(y - floor(y) * side));
+  return tile->second.At(static_cast<std::int32_t>(x - floor(x) * side),
+                         static_cast<std::int32_t>(y - floor(y) * side));
 }
 
 std::int64_t KnownCells(const Grid& grid) {

@@ -1,6 +1,6 @@
 // MapWatch: whether agents' merged maps depend on their records alone, as clients see it: the rule map_of_records.
-// Whoever holds the same nodes, poses, maps and quarantines gives the same map, whenever it is asked; and the tiles that
-// one who follows the map was sent are the map.
+// Whoever holds the same nodes, poses, maps and quarantines gives the same map, whenever it is asked; and the tiles
+// that one who follows the map was sent are the map.
 #pragma once
 
 #include <cstdint>

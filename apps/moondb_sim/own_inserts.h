@@ -1,4 +1,4 @@
-// OwnInserts: what each agent's actors gave its StorageActor to insert, and were told is stored: solved poses, events,
+// OwnInserts: what each agent's actors gave its StorageActor to insert, and got an answer for: solved poses, events,
 // what clients gave the gateway. Requests are known again by their ids; what goes in without one is not looked at.
 #pragma once
 

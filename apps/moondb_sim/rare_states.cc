@@ -58,7 +58,7 @@ void RareStates::OnHandle(const Address& actor, const proto::Message& message, b
   if (IsMapAnswer(message)) merging_[actor.agent] = std::max(0, merging_[actor.agent] - 1);
 }
 
-// What each actor hears first is what stood before.
+// The first assignment that an actor receives stood before.
 void RareStates::OnRoles(const Address& actor, std::uint64_t term) {
   const auto [known, is_first] = term_of_.try_emplace(actor, term);
   const bool is_new = !is_first && term > known->second;

@@ -45,11 +45,11 @@ class RareStates {
   void OnPiece(const Session& session, const proto::Batch& batch);
 
   std::map<std::string, int> counts_;
-  std::map<Address, std::uint64_t> term_of_;                    // That each actor heard of last.
-  std::map<AgentId, std::uint64_t> newest_term_;                // Of each agent's actors.
-  std::set<Session> ending_;                                    // Their last batches are not acknowledged.
-  std::map<std::pair<AgentId, std::uint64_t>, Piece> pieces_;   // By receiver and hash of the whole.
-  std::map<AgentId, int> merging_;                              // Questions that MergeActor has not answered.
+  std::map<Address, std::uint64_t> term_of_;                   // That each actor received last.
+  std::map<AgentId, std::uint64_t> newest_term_;               // Of each agent's actors.
+  std::set<Session> ending_;                                   // Their last batches are not acknowledged.
+  std::map<std::pair<AgentId, std::uint64_t>, Piece> pieces_;  // By receiver and hash of the whole.
+  std::map<AgentId, int> merging_;                             // Questions that MergeActor has not answered.
   std::map<AgentId, int> solving_;
 };
 

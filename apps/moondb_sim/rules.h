@@ -62,7 +62,7 @@ struct TeamAtRest {
   AgentId survivor = 0;
   AgentId base = 0;
   std::map<AgentId, HaveSet> have;
-  std::map<AgentId, Records> records;  // As their rows are read.
+  std::map<AgentId, Records> records;                           // As their rows are read.
   std::set<DataType> not_for_ground = {proto::OPTIMIZED_POSE};  // Types that the base station is not sent.
 };
 

@@ -47,13 +47,12 @@ void SimulatedClients::Start() {
 
 void SimulatedClients::Work() {
   static constexpr Ask kKinds[] = {
-      &SimulatedClients::AskToInsert,   &SimulatedClients::AskToInsert,   &SimulatedClients::AskToInsert,
-      &SimulatedClients::AskForPage,    &SimulatedClients::AskForPage,    &SimulatedClients::AskForNews,
-      &SimulatedClients::AskWhatStands, &SimulatedClients::AskWhatStands, &SimulatedClients::AskForSights,
+      &SimulatedClients::AskToInsert,   &SimulatedClients::AskToInsert,    &SimulatedClients::AskToInsert,
+      &SimulatedClients::AskForPage,    &SimulatedClients::AskForPage,     &SimulatedClients::AskForNews,
+      &SimulatedClients::AskWhatStands, &SimulatedClients::AskWhatStands,  &SimulatedClients::AskForSights,
       &SimulatedClients::AskForMaps,    &SimulatedClients::AskForNewTiles, &SimulatedClients::AskToSolve,
-      &SimulatedClients::AskToSwap,     &SimulatedClients::AskForLease,   &SimulatedClients::AskToPrune,
-      &SimulatedClients::AskForBundles, &SimulatedClients::AskWrongly,
-      &SimulatedClients::AskToInsertTooMuch,
+      &SimulatedClients::AskToSwap,     &SimulatedClients::AskForLease,    &SimulatedClients::AskToPrune,
+      &SimulatedClients::AskForBundles, &SimulatedClients::AskWrongly,     &SimulatedClients::AskToInsertTooMuch,
   };
   if (world_.is_quiet) return;
   world_.In(world_.DrawDuration(2 * kAskPeriod), [this] { Work(); });
@@ -190,7 +189,21 @@ void SimulatedClients::AskToSwap(AgentId agent) {
   request.mutable_role_set()->set_is_swap(true);
   request.mutable_role_set()->set_is_dry_run(world_.rng() % 2 == 0);
   request.mutable_role_set()->set_reason("a simulated client");
-  SendAnyWay(agent, request);
+  const std::set<AgentId> leaders = world_.Leaders();
+  if (leaders.empty() || request.role_set().is_dry_run() || world_.rng() % 2 == 0) return SendAnyWay(agent, request);
+  asks_several_ = true;
+  AskAmidChange(*leaders.begin(), request);
+}
+
+// The leader has to solve and to merge while it gives up its role.
+void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest& change) {
+  proto::ControlRequest solve;
+  solve.mutable_optimize();
+  proto::ControlRequest merge;
+  *merge.mutable_merge() = Everything();
+  Send(leader, solve);
+  Send(leader, merge);
+  Send(leader, change);
 }
 
 void SimulatedClients::AskForLease(AgentId agent) {
@@ -379,8 +392,13 @@ void SimulatedClients::Report(AgentId agent, const BundleWatch::Broken& broken) 
 
 // --- At rest ---
 
+// A MergeActor that reads everything anew has to give the map that it followed through the run.
 void SimulatedClients::CheckRest() {
-  for (AgentId agent = 1; agent <= world_.base; ++agent) CheckMap(agent);
+  for (AgentId agent = 1; agent <= world_.base; ++agent) {
+    CheckMap(agent);
+    world_.team.CrashActor({agent, actor_name::kMerge});
+    CheckMap(agent);
+  }
   CheckBundlesAtRest(world_.base);
 }
 

@@ -1,6 +1,7 @@
 // SimulatedClients: what operators, planners and people at consoles ask of the simulated agents through their gateways,
-// in each run with all actors: they insert, read, look, follow the map, order solves, leases, prunes and bundles, change
-// roles, and ask for what is wrong. Often one thing at an instant, at times several; now and then through another agent.
+// in each run with all actors: they insert, read, look, follow the map, order solves, leases, prunes and bundles,
+// change roles, and ask for what is wrong. Mostly one thing at an instant, at times several; now and then through
+// another agent.
 //
 // What is answered is held against what is known then (answer_check.h, map_watch.h, bundle_watch.h).
 #pragma once
@@ -46,6 +47,7 @@ class SimulatedClients {
   void AskForNewTiles(AgentId agent);
   void AskToSolve(AgentId agent);
   void AskToSwap(AgentId agent);
+  void AskAmidChange(AgentId leader, const proto::ControlRequest& change);
   void AskForLease(AgentId agent);
   void AskToPrune(AgentId agent);
   void AskForBundles(AgentId agent);

@@ -18,7 +18,8 @@ constexpr double kHistory_mb = 0.02;
 // Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
 constexpr std::uint64_t kCompactEvery = 4;
 
-// What those actors need that have no part in sharing: a site to drive in, and what is merged and packed for the ground.
+// What those actors need that have no part in sharing: a site to drive in, and what is merged and packed for the
+// ground.
 void AddAllActors(proto::TeamConfig& team) {
   team.set_team_id("0123456789abcdef0123456789abcdef");
   for (proto::AgentConfig& agent : *team.mutable_agents()) {

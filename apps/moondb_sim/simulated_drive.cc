@@ -41,7 +41,8 @@ std::vector<proto::Record> SimulatedDrive::NextNode(AgentId agent) {
 
 proto::Record SimulatedDrive::Step(AgentId rover, Way& way) {
   const Pose step = Pose::FromPlanar(kStep_m, 0, kTurn_rad);
-  const Pose seen = Pose::FromPlanar(kStep_m + Noise(kStepNoise_m), Noise(kStepNoise_m), kTurn_rad + Noise(kTurnNoise_rad));
+  const Pose seen =
+      Pose::FromPlanar(kStep_m + Noise(kStepNoise_m), Noise(kStepNoise_m), kTurn_rad + Noise(kTurnNoise_rad));
   way.truth = way.truth * step;
   way.raw = way.raw * seen;
   OdometryEdge edge{{rover, way.nodes - 1}, {rover, way.nodes}, world_.ClockOf(rover), seen};

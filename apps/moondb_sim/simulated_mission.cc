@@ -43,8 +43,8 @@ constexpr Duration kSolveApart = minutes(5);  // A solve takes longer than all e
 
 constexpr std::uint64_t kConfigHash = 1;
 // Where sharing is simulated alone.
-const std::set<std::string> kNoPartOfSharing = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo, actor_name::kMerge,
-                                        actor_name::kGateway};
+const std::set<std::string> kNoPartOfSharing = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo,
+                                                actor_name::kMerge, actor_name::kGateway};
 
 class Mission {
  public:
@@ -143,6 +143,24 @@ class Mission {
         static_cast<std::uint64_t>(world_.team.now().time_since_epoch().count())};
     hash_ = XXH64(step.data(), sizeof step, hash_);
     world_.NoteEvent(actor, message);
+    See(actor, message);
+    WatchWindows(actor, message);
+    world_.rare_states.OnHandle(actor, message, world_.HadDiskTrouble(actor.agent));
+    const Fault fault = faults_.AtHandler(actor.agent);
+    if (fault != Fault::kNone) {
+      if (actor.actor == actor_name::kGateway) OnGatewayFailed(actor.agent, message);
+      if (actor.actor == actor_name::kRole) world_.rules.ForgetUnstoredRoles(actor.agent);
+      leases_.at(actor.agent).OnFailure(actor.actor);
+      failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
+    }
+    return fault;
+  }
+
+  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
+    world_.rules.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
+  }
+
+  void See(const Address& actor, const proto::Message& message) {
     switch (message.body_case()) {
       case proto::Message::kStoreRequest:
         for (const proto::StoredRecord& record : message.store_request().records()) SeeRecord(record, actor.agent);
@@ -190,23 +208,9 @@ class Mission {
       default:
         break;
     }
-    WatchWindows(actor, message);
-    world_.rare_states.OnHandle(actor, message, world_.HadDiskTrouble(actor.agent));
-    const Fault fault = faults_.AtHandler(actor.agent);
-    if (fault != Fault::kNone) {
-      if (actor.actor == actor_name::kGateway) OnGatewayFailed(actor.agent, message);
-      if (actor.actor == actor_name::kRole) world_.rules.ForgetUnstoredRoles(actor.agent);
-      leases_.at(actor.agent).OnFailure(actor.actor);
-      failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
-    }
-    return fault;
   }
 
-  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
-    world_.rules.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
-  }
-
-  // What an actor of the agent was told is stored. Without the others, robots alone insert.
+  // An actor of the agent gets the answer that its insert is stored. In sharing alone only robots insert.
   void SeeInserted(AgentId agent, const proto::Message& message) {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {

@@ -23,8 +23,8 @@ constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
 constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
 constexpr std::uint64_t kOptimizedStep = 6;
-constexpr std::uint64_t kTurnsPerNode = 6;  // Of a robot that drives: solving and merging take the time of a run.
-constexpr std::uint64_t kLiftedEvery = 3;   // Quarantines.
+constexpr std::uint64_t kTurnsPerNode = 6;        // Of a robot that drives: solving and merging take the time of a run.
+constexpr std::uint64_t kLiftedEvery = 3;         // Quarantines.
 constexpr Duration kQuarantinedAt = minutes(30);  // At most so long ago, and for so long.
 
 proto::NodeKey Node(AgentId agent, std::uint64_t index) {

@@ -31,14 +31,14 @@ class SimulatedRobots {
 
  private:
   struct Robot {
-    std::uint64_t turns = 0;  // Each with one node, but where it drives.
+    std::uint64_t turns = 0;       // Each with one node, but where it drives.
     MonotonicTime silent_until{};  // With states.
     std::map<std::uint64_t, std::vector<proto::Record>> asked;
     std::deque<proto::Record> open;  // To be inserted.
   };
 
   bool IsSilent() const;
-  Address DoorOf(AgentId agent) const;  // Where its robot's requests go to,
+  Address DoorOf(AgentId agent) const;   // Where its robot's requests go to,
   Address RobotOf(AgentId agent) const;  // and the answers.
   void Work(AgentId rover);
   void Learn(AgentId rover, Robot& robot);

@@ -1070,14 +1070,23 @@ const std::vector<Mutant>& Mutants() {
        5,
        Hears(kMerge, LeavePosesOut),
        SimulatedActors::kAll},
+      {"MergesWhatIsPruned",
+       "merging is not notified that maps are pruned",
+       {"map_of_records"},
+       10,
+       [](SimOptions& options) {
+         options.faults_per_hour["prune"] = 40;
+         Hears(kMerge, [](Context&, proto::Message& message) { return !message.has_prune_reply(); })(options);
+       },
+       SimulatedActors::kAll},
       {"SendsSomeTiles",
        "of the tiles that changed one is not sent",
        {"map_of_records"},
        5,
        Says(kMerge,
             [](Context&, const Address&, proto::Message& message) {
-              auto& tiles = *message.mutable_map_tiles_reply()->mutable_tiles();
-              if (message.has_map_tiles_reply() && !tiles.empty()) tiles.RemoveLast();
+              if (message.map_tiles_reply().tiles().empty()) return true;
+              message.mutable_map_tiles_reply()->mutable_tiles()->RemoveLast();
               return true;
             }),
        SimulatedActors::kAll},
