@@ -39,11 +39,11 @@ std::string NameOf(const proto::ControlRequest& request) {
 }
 
 bool IsQuestionForHave(const proto::Message& message) {
-  return message.source_actor() == actor_name::kRetention && message.control_request().has_have();
+  return message.control_request().has_have() && message.source_actor() == actor_name::kRetention;
 }
 
 std::optional<HaveSet> HaveInAnswer(const proto::Message& message) {
-  if (message.source_actor() != actor_name::kRetention || !message.control_reply().has_have()) return std::nullopt;
+  if (!message.control_reply().has_have() || message.source_actor() != actor_name::kRetention) return std::nullopt;
   const Result<HaveSet> have = FromProto(message.control_reply().have().have());
   return have ? std::optional(*have) : std::nullopt;
 }

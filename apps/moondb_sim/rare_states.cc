@@ -35,13 +35,10 @@ const std::vector<RareState>& RareStateKinds() {
   return kinds;
 }
 
-void RareStates::OnHandle(const Address& actor, const proto::Message& message, bool has_disk_trouble) {
+void RareStates::OnHandle(const Address& actor, const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kRolesChanged:
       return OnRoles(actor, message.roles_changed().roles().term().number());
-    case proto::Message::kStoreReply:
-      if (has_disk_trouble && IsError(message.store_reply().error())) Count("batch_on_bad_disk");
-      return;
     case proto::Message::kHave:
       ending_.erase({actor.agent, actor.actor, message.hop_sender()});
       return;

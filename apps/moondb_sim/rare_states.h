@@ -26,7 +26,7 @@ const std::vector<RareState>& RareStateKinds();
 class RareStates {
  public:
   // An actor is about to handle the message.
-  void OnHandle(const Address& actor, const proto::Message& message, bool has_disk_trouble);
+  void OnHandle(const Address& actor, const proto::Message& message);
   void OnRadio(AgentId from, AgentId to, const proto::Message& message);
   void OnAgentEnded(AgentId agent);
   // One that others see: its name is one of RareStateKinds.

@@ -145,7 +145,7 @@ class Mission {
     world_.NoteEvent(actor, message);
     See(actor, message);
     WatchWindows(actor, message);
-    world_.rare_states.OnHandle(actor, message, world_.HadDiskTrouble(actor.agent));
+    world_.rare_states.OnHandle(actor, message);
     const Fault fault = faults_.AtHandler(actor.agent);
     if (fault != Fault::kNone) {
       if (actor.actor == actor_name::kGateway) OnGatewayFailed(actor.agent, message);
@@ -166,6 +166,9 @@ class Mission {
         for (const proto::StoredRecord& record : message.store_request().records()) SeeRecord(record, actor.agent);
         break;
       case proto::Message::kStoreReply:
+        if (IsError(message.store_reply().error()) && world_.HadDiskTrouble(actor.agent)) {
+          world_.rare_states.Count("batch_on_bad_disk");
+        }
         if (message.store_reply().rejected_count() == 0) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +

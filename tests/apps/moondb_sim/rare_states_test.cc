@@ -35,32 +35,32 @@ int CountOf(const RareStates& states, const std::string& name) {
 
 TEST(RareStatesTest, ALargeRecordGoesOnInAnotherSession) {
   RareStates states;
-  states.OnHandle(kSync, Roles(1), false);
+  states.OnHandle(kSync, Roles(1));
   states.OnRadio(1, 2, Piece(7, 0));
   states.OnRadio(1, 2, Piece(7, 4096));
   EXPECT_EQ(CountOf(states, "piece_resumed"), 0);
   states.OnRadio(1, 2, Piece(8, 8192));
   EXPECT_EQ(CountOf(states, "piece_resumed"), 1);
   EXPECT_EQ(CountOf(states, "piece_after_roles"), 0);
-  states.OnHandle(kSync, Roles(2), false);
+  states.OnHandle(kSync, Roles(2));
   states.OnRadio(1, 2, Piece(9, 8192));
   EXPECT_EQ(CountOf(states, "piece_after_roles"), 1);
 }
 
 TEST(RareStatesTest, RolesChangeAtTheEndOfASession) {
   RareStates states;
-  states.OnHandle(kSync, Roles(1), false);
+  states.OnHandle(kSync, Roles(1));
   states.OnRadio(1, 2, Batch(7, 3));
-  states.OnHandle(kSync, Roles(2), false);
+  states.OnHandle(kSync, Roles(2));
   EXPECT_EQ(CountOf(states, "roles_at_the_end"), 0);
   states.OnRadio(1, 2, Batch(7, 0));
-  states.OnHandle(kSync, Roles(3), false);
+  states.OnHandle(kSync, Roles(3));
   EXPECT_EQ(CountOf(states, "roles_at_the_end"), 1);
   proto::Message have;
   have.set_hop_sender(2);
   have.mutable_have();
-  states.OnHandle(kSync, have, false);
-  states.OnHandle(kSync, Roles(4), false);
+  states.OnHandle(kSync, have);
+  states.OnHandle(kSync, Roles(4));
   EXPECT_EQ(CountOf(states, "roles_at_the_end"), 1);
 }
 
@@ -70,23 +70,13 @@ TEST(RareStatesTest, RolesChangeWhileAMapIsWaitedFor) {
   question.mutable_merge_request();
   proto::Message answer;
   answer.mutable_merge_reply();
-  states.OnHandle(kSync, Roles(1), false);
-  states.OnHandle({1, actor_name::kMerge}, question, false);
-  states.OnHandle(kSync, Roles(2), false);
+  states.OnHandle(kSync, Roles(1));
+  states.OnHandle({1, actor_name::kMerge}, question);
+  states.OnHandle(kSync, Roles(2));
   EXPECT_EQ(CountOf(states, "roles_amid_merge"), 1);
-  states.OnHandle({1, actor_name::kGateway}, answer, false);
-  states.OnHandle(kSync, Roles(3), false);
+  states.OnHandle({1, actor_name::kGateway}, answer);
+  states.OnHandle(kSync, Roles(3));
   EXPECT_EQ(CountOf(states, "roles_amid_merge"), 1);
-}
-
-TEST(RareStatesTest, ABatchIsRefusedForWantOfADisk) {
-  RareStates states;
-  proto::Message refused;
-  refused.mutable_store_reply()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
-  states.OnHandle(kSync, refused, /*has_disk_trouble=*/false);
-  EXPECT_EQ(CountOf(states, "batch_on_bad_disk"), 0);
-  states.OnHandle(kSync, refused, /*has_disk_trouble=*/true);
-  EXPECT_EQ(CountOf(states, "batch_on_bad_disk"), 1);
 }
 
 }  // namespace
