@@ -24,8 +24,8 @@ std::vector<std::pair<RecordKey, proto::Record>> OwnInserts::OnReply(AgentId age
   return stored;
 }
 
-void OwnInserts::Forget(AgentId agent) {
-  std::erase_if(asked_, [agent](const auto& entry) { return entry.first.first == agent; });
+bool OwnInserts::Forget(AgentId agent) {
+  return std::erase_if(asked_, [agent](const auto& entry) { return entry.first.first == agent; }) > 0;
 }
 
 }  // namespace moondb::simulation

@@ -18,7 +18,8 @@ class OwnInserts {
   void OnRequest(AgentId agent, const proto::Message& message);
   // An actor of it is about to handle the reply. What is stored, and was not seen before.
   std::vector<std::pair<RecordKey, proto::Record>> OnReply(AgentId agent, const proto::Message& message);
-  void Forget(AgentId agent);  // Nothing that was asked there is answered any more.
+  // Nothing that was asked there is answered any more. True: something was.
+  bool Forget(AgentId agent);
 
  private:
   std::map<std::pair<AgentId, std::uint64_t>, proto::InsertRequest> asked_;  // By request id.

@@ -28,7 +28,7 @@ const std::vector<RareState>& RareStateKinds() {
       {"bundle_outlives", "a bundle is acknowledged to a later life of the process that made it"},
       {"tiles_in_time", "a client that waits for changes of the map is sent them"},
       {"feed_in_time", "a client that waits for records is sent them"},
-      {"insert_unanswered", "an insert succeeds whose client was not answered"},
+      {"insert_unanswered", "an agent ends while its storage works on an insert"},
       {"relay_lost", "the agent that a client asks through another is lost before it answers"},
       {"failover", "a survivor takes the lead by itself"},
   };

@@ -148,7 +148,7 @@ class Mission {
     world_.rare_states.OnHandle(actor, message);
     const Fault fault = faults_.AtHandler(actor.agent);
     if (fault != Fault::kNone) {
-      if (actor.actor == actor_name::kGateway) OnGatewayFailed(actor.agent, message);
+      if (actor.actor == actor_name::kGateway) clients_.OnGatewayFailed(actor.agent);
       if (actor.actor == actor_name::kRole) world_.rules.ForgetUnstoredRoles(actor.agent);
       leases_.at(actor.agent).OnFailure(actor.actor);
       failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
@@ -221,14 +221,9 @@ class Mission {
     }
   }
 
-  void OnGatewayFailed(AgentId agent, const proto::Message& message) {
-    if (message.has_insert_reply()) world_.rare_states.Count("insert_unanswered");
-    clients_.OnGatewayFailed(agent);
-  }
-
   void OnAgentEnded(AgentId agent) {
     Forget(agent);
-    own_inserts_.Forget(agent);
+    if (own_inserts_.Forget(agent)) world_.rare_states.Count("insert_unanswered");
     clients_.OnAgentEnded(agent);
     world_.rare_states.OnAgentEnded(agent);
   }

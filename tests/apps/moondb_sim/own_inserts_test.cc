@@ -38,7 +38,8 @@ TEST(OwnInsertsTest, WhatIsRefusedOrWasAskedInAnotherLifeIsNotStored) {
   refused.mutable_insert_reply()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
   EXPECT_TRUE(inserts.OnReply(1, refused).empty());
   inserts.OnRequest(1, Request(8));
-  inserts.Forget(1);
+  EXPECT_TRUE(inserts.Forget(1));
+  EXPECT_FALSE(inserts.Forget(1));
   EXPECT_TRUE(inserts.OnReply(1, Reply(8, 3)).empty());
 }
 
