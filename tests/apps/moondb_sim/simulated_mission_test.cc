@@ -18,7 +18,7 @@ constexpr std::uint64_t kShards = 10;
 // MOONDB_SIM_SEEDS sets how many in all.
 std::uint64_t SeedCount() {
   const char* text = std::getenv("MOONDB_SIM_SEEDS");
-  return text == nullptr ? 300 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));
+  return text == nullptr ? 280 : static_cast<std::uint64_t>(std::max(1, std::atoi(text)));
 }
 
 class Quiet : public testing::Environment {
