@@ -18,8 +18,8 @@ namespace {
 
 constexpr std::uint64_t kSeeds = 24;
 
-// Long sweeps alone come into these.
-const std::set<std::string> kTooRare = {"piece_after_roles", "roles_amid_solve"};
+// Only longer sweeps come into these.
+const std::set<std::string> kTooRare = {"piece_after_roles"};
 
 // A share of MOONDB_SIM_SEEDS, which says how many runs of sharing alone there are.
 std::uint64_t SeedCount() {
