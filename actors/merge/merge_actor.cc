@@ -12,10 +12,17 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kStorageTimer = 1, kLook = 2, kSubscriptionEnd = 3 };
+enum TimerKind : std::uint32_t { kLook = 1, kSubscriptionEnd = 2 };
 
-constexpr proto::DataType kReadTypes[] = {proto::POSE_GRAPH_NODE, proto::OPTIMIZED_POSE,
-                                          proto::LOCAL_TRAVERSABILITY_MAP, proto::MAP_QUARANTINE};
+RecordReader::Options ReaderOptions(const MergeActor::Options& options) {
+  RecordReader::Options reader;
+  reader.data_types = {proto::POSE_GRAPH_NODE, proto::OPTIMIZED_POSE, proto::LOCAL_TRAVERSABILITY_MAP,
+                       proto::MAP_QUARANTINE};
+  reader.page_records_max = options.page_records_max;
+  reader.page_bytes_max = options.page_content_bytes_max;
+  reader.answer_timeout = options.storage_timeout;
+  return reader;
+}
 
 MapCollection::Options CollectionOptions(const proto::TeamConfig& team) {
   MapCollection::Options options;
@@ -59,22 +66,18 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
   return reply;
 }
 
-bool IsRead(DataType type) {
-  return std::find(std::begin(kReadTypes), std::end(kReadTypes), static_cast<proto::DataType>(type)) !=
-         std::end(kReadTypes);
-}
-
 }  // namespace
 
-MergeActor::MergeActor(Options options) : options_(std::move(options)), collection_(CollectionOptions(options_.team)) {}
+MergeActor::MergeActor(Options options)
+    : options_(std::move(options)),
+      collection_(CollectionOptions(options_.team)),
+      reader_(ReaderOptions(options_),
+              [this](Context&, const proto::StoredRecord& stored) { return TakeOrLeaveOut(stored); }) {}
 
 MergeActor::~MergeActor() = default;
 
 // Here and not in the constructor: a GL context is best made on the thread that will use it.
 void MergeActor::OnStart(Context& context) {
-  // A random start, so that storage's answer to a life before a restart, which a newer request may overtake, is not
-  // taken for one of this life's.
-  read_id_ = context.rng()();
   life_ = context.rng()() | 1;
   context.Watch(Topic::kStored);
   if (Result<void> started = StartMerger(); !started) {
@@ -96,6 +99,7 @@ Result<void> MergeActor::StartMerger() {
 }
 
 void MergeActor::OnMessage(Context& context, const proto::Message& message) {
+  if (reader_.OnMessage(context, message)) return OnRead(context);
   switch (message.body_case()) {
     case proto::Message::kMergeRequest:
     case proto::Message::kMapWhyRequest:
@@ -112,9 +116,6 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
       return;
     case proto::Message::kPruneReply:
       if (context.sender() == Address{options_.self, actor_name::kRetention}) OnPruned(context);
-      return;
-    case proto::Message::kReadReply:
-      if (context.sender() == Address{options_.self, actor_name::kStorage}) OnReadReply(context, message);
       return;
     case proto::Message::kTimer:
       if (context.sender().agent == options_.self) OnTimer(context, message.timer());
@@ -135,7 +136,7 @@ void MergeActor::OnQuestion(Context& context, const proto::Message& message) {
         std::chrono::duration_cast<Duration>(std::chrono::duration<double>(message.map_tiles_request().wait_s()));
   }
   waiting_.push_back(std::move(waiting));
-  if (!is_reading_) StartReading(context);
+  if (!reader_.is_reading()) StartReading(context);
 }
 
 void MergeActor::StartReading(Context& context) {
@@ -143,35 +144,17 @@ void MergeActor::StartReading(Context& context) {
   if (std::exchange(is_outdated_, false)) {
     collection_ = MapCollection(CollectionOptions(options_.team));
     unusable_map_count_ = 0;
-    after_row_id_ = 0;
     is_current_ = false;
+    reader_.ReadAnew(context);
+  } else {
+    reader_.Read(context);
   }
-  RequestPage(context);
+  OnRead(context);
 }
 
-void MergeActor::RequestPage(Context& context) {
-  proto::Message message;
-  message.set_request_id(++read_id_);
-  proto::ReadRequest& request = *message.mutable_read_request();
-  request.set_after_row_id(after_row_id_);
-  for (const proto::DataType type : kReadTypes) request.add_data_types(type);
-  request.set_records_max(options_.page_records_max);
-  request.set_content_bytes_max(options_.page_content_bytes_max);
-  is_reading_ = true;
-  timer_ = context.AfterTimer(options_.storage_timeout, kStorageTimer, read_id_);
-  const SendResult sent = context.Send({context.self().agent, actor_name::kStorage}, std::move(message));
-  if (sent == SendResult::kAccepted) return;
-  FailAll(context, {ErrorCode::kUnavailable, std::string("storage cannot be asked: ") + ToString(sent), {}});
-}
-
-void MergeActor::OnReadReply(Context& context, const proto::Message& message) {
-  if (!is_reading_ || message.request_id() != read_id_) return;  // Of a read that was given up.
-  context.Cancel(timer_);
-  const proto::ReadReply& reply = message.read_reply();
-  if (IsError(reply.error())) return FailAll(context, FromProto(reply.error()));
-  if (Result<void> taken = TakeRecords(reply); !taken) return FailAll(context, taken.error());
-  if (!reply.is_complete() && reply.row_ids_size() > 0) return RequestPage(context);
-  is_reading_ = false;
+void MergeActor::OnRead(Context& context) {
+  if (reader_.is_reading()) return;
+  if (!reader_.result()) return FailAll(context, reader_.result().error());
   AnswerCovered(context);
   if (!waiting_.empty()) StartReading(context);
 }
@@ -181,13 +164,11 @@ void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
     is_look_due_ = false;
     return LookAgain(context);
   }
-  if (timer.kind() == kSubscriptionEnd) return AnswerExpired(context);
-  if (timer.kind() != kStorageTimer || !is_reading_ || timer.value() != read_id_) return;
-  FailAll(context, {ErrorCode::kTimedOut, "storage did not answer", {}});
+  if (timer.kind() == kSubscriptionEnd) AnswerExpired(context);
 }
 
 void MergeActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
-  if (std::any_of(stored.data_types().begin(), stored.data_types().end(), IsRead)) LookSoon(context);
+  if (reader_.Reads(stored)) LookSoon(context);
 }
 
 void MergeActor::OnPruned(Context& context) {
@@ -204,7 +185,7 @@ void MergeActor::LookSoon(Context& context) {
 void MergeActor::LookAgain(Context& context) {
   if (subscribed_.empty()) return;
   for (Waiting& subscription : std::exchange(subscribed_, {})) waiting_.push_back(std::move(subscription));
-  if (!is_reading_) StartReading(context);
+  if (!reader_.is_reading()) StartReading(context);
 }
 
 void MergeActor::AnswerExpired(Context& context) {
@@ -220,28 +201,20 @@ void MergeActor::AnswerExpired(Context& context) {
 }
 
 void MergeActor::FailAll(Context& context, const Error& error) {
-  context.Cancel(timer_);
-  is_reading_ = false;
   for (const Waiting& waiting : std::exchange(waiting_, {})) {
     Answer(context, waiting, ErrorReply(waiting.question, error));
   }
 }
 
-// The cursor moves record by record: what was taken before an error is not taken again, and the record that a bound
-// refused is met again by the next request, which tells its sender so too.
-Result<void> MergeActor::TakeRecords(const proto::ReadReply& reply) {
-  const int count = std::min(reply.records_size(), reply.row_ids_size());
-  for (int i = 0; i < count; ++i) {
-    if (Result<void> taken = TakeRecord(reply.records(i)); !taken) {
-      if (taken.error().code == ErrorCode::kFull) return taken;
-      if (reply.records(i).key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
-      // Stored, so it passed the door; merging alone has no use for it (cells too fine for the grid).
-      spdlog::warn("merge: leaves out record {}: {}", ToString(FromProto(reply.records(i).key())),
-                   ToString(taken.error()));
-    }
-    is_current_ = false;
-    after_row_id_ = std::max(after_row_id_, reply.row_ids(i));
+// A record that a bound refused ends the reading; the next question meets it again, and is told so too.
+Result<void> MergeActor::TakeOrLeaveOut(const proto::StoredRecord& stored) {
+  if (Result<void> taken = TakeRecord(stored); !taken) {
+    if (taken.error().code == ErrorCode::kFull) return taken;
+    if (stored.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
+    // Stored, so it passed the door; merging alone has no use for it (cells too fine for the grid).
+    spdlog::warn("merge: leaves out record {}: {}", ToString(FromProto(stored.key())), ToString(taken.error()));
   }
+  is_current_ = false;
   return {};
 }
 

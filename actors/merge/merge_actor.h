@@ -32,6 +32,7 @@
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/rate_limited_log.h"
+#include "runtime/record_reader.h"
 
 namespace moondb {
 
@@ -68,20 +69,19 @@ class MergeActor final : public Actor {
   };
 
   void OnQuestion(Context& context, const proto::Message& message);
-  void OnReadReply(Context& context, const proto::Message& message);
+  void OnRead(Context& context);
   void OnPruned(Context& context);
   void LookSoon(Context& context);  // At the subscriptions.
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
 
   void StartReading(Context& context);
-  void RequestPage(Context& context);
   void FailAll(Context& context, const Error& error);
   void AnswerCovered(Context& context);
   // Asks storage for all subscriptions again.
   void LookAgain(Context& context);
   void AnswerExpired(Context& context);
-  Result<void> TakeRecords(const proto::ReadReply& reply);
+  Result<void> TakeOrLeaveOut(const proto::StoredRecord& stored);
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   // Brings the merged map of everything up to date.
   Result<void> Update(Context& context, const MapCollection::Selected& everything);
@@ -96,6 +96,7 @@ class MergeActor final : public Actor {
 
   const Options options_;
   MapCollection collection_;
+  RecordReader reader_;                     // Into collection_.
   std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
   Error start_error_;                       // Why.
   std::string backend_description_;         // As it was told last.
@@ -108,12 +109,8 @@ class MergeActor final : public Actor {
   RateLimitedLog refused_log_;
   std::deque<Waiting> waiting_;
   std::deque<Waiting> subscribed_;
-  bool is_look_due_ = false;        // A timer for it runs.
-  std::size_t covered_count_ = 0;   // The first of `waiting_`: the read in progress began after they came.
-  std::uint64_t after_row_id_ = 0;  // Read so far.
-  std::uint64_t read_id_ = 0;       // Of the newest ReadRequest.
-  bool is_reading_ = false;
-  TimerId timer_ = 0;
+  bool is_look_due_ = false;       // A timer for it runs.
+  std::size_t covered_count_ = 0;  // The first of `waiting_`: the read in progress began after they came.
 };
 
 }  // namespace moondb

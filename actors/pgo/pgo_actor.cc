@@ -13,11 +13,22 @@ namespace {
 constexpr std::uint32_t kStorageTimeout = 1;
 constexpr std::uint32_t kQuiet = 2;
 constexpr std::uint32_t kSolved = 3;
-constexpr std::uint32_t kPageBytesMax = 1024 * 1024;
+
+RecordReader::Options ReaderOptions(const PgoActor::Options& options) {
+  RecordReader::Options reader;
+  reader.data_types = {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::EDGE_VERDICT};
+  reader.page_records_max = static_cast<std::uint32_t>(options.read_records_max);
+  reader.answer_timeout = options.storage_timeout;
+  return reader;
+}
 
 }  // namespace
 
-PgoActor::PgoActor(Options options) : options_(std::move(options)), agents_(FactsOf(options_.team)) {}
+PgoActor::PgoActor(Options options)
+    : options_(std::move(options)),
+      agents_(FactsOf(options_.team)),
+      reader_(ReaderOptions(options_),
+              [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
 
 void PgoActor::OnStart(Context& context) {
   // A random start, so that storage's answer to a life before a restart meets no question of this one.
@@ -29,6 +40,7 @@ void PgoActor::OnStart(Context& context) {
 // Clients come through this agent's gateway, which has checked their requests; peers have nothing to ask here.
 void PgoActor::OnMessage(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
+  if (reader_.OnMessage(context, message)) return OnRead(context);
   switch (message.body_case()) {
     case proto::Message::kRolesChanged:
       return OnRoles(context, message.roles_changed().roles());
@@ -36,9 +48,6 @@ void PgoActor::OnMessage(Context& context, const proto::Message& message) {
       return OnOptimizeRequest(context, message);
     case proto::Message::kGraphStatsRequest:
       return OnGraphStatsRequest(context);
-    case proto::Message::kReadReply:
-      if (IsFromStorage(context, message) && phase_ == Phase::kReading) OnReadReply(context, message.read_reply());
-      return;
     case proto::Message::kInsertReply:
       if (IsFromStorage(context, message) && phase_ == Phase::kWriting) OnInsertReply(context, message.insert_reply());
       return;
@@ -106,7 +115,8 @@ void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
   request_ = std::move(request);
   phase_ = Phase::kReading;
   reply_.Clear();
-  ReadNextPage(context);
+  reader_.Read(context);
+  OnRead(context);
 }
 
 void PgoActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
@@ -143,46 +153,22 @@ void PgoActor::OnGraphStatsRequest(Context& context) {
   (void)context.Reply(std::move(message));  // A client that left needs no answer.
 }
 
-void PgoActor::AskStorage(Context& context, proto::Message message) {
-  message.set_ms_type(proto::CONTROL);
-  message.set_request_id(++request_id_);
-  const SendResult result = context.Send({options_.self, actor_name::kStorage}, std::move(message));
-  if (result != SendResult::kAccepted) {
-    const std::string text = std::string("storage cannot be asked: ") + ToString(result);
-    return FinishWith(context, Error{ErrorCode::kUnavailable, text, {}});
-  }
-  timeout_ = context.AfterTimer(options_.storage_timeout, kStorageTimeout, request_id_);
-}
-
 void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
-  if (phase_ == Phase::kIdle || request_id != request_id_) return;
+  if (phase_ != Phase::kWriting || request_id != request_id_) return;
   FinishWith(context, Error{ErrorCode::kTimedOut, "storage did not answer", {}});
 }
 
-void PgoActor::ReadNextPage(Context& context) {
-  proto::Message message;
-  proto::ReadRequest& request = *message.mutable_read_request();
-  request.set_after_row_id(last_row_id_);
-  for (const proto::DataType type :
-       {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
-    request.add_data_types(type);
-  }
-  request.set_records_max(static_cast<std::uint32_t>(options_.read_records_max));
-  request.set_content_bytes_max(kPageBytesMax);
-  AskStorage(context, std::move(message));
+Result<void> PgoActor::TakeRecord(const proto::StoredRecord& stored) {
+  proto::Record record;
+  // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
+  if (record.ParseFromString(stored.content())) (void)known_.Add(FromProto(stored.key()), record);
+  return {};
 }
 
-void PgoActor::OnReadReply(Context& context, const proto::ReadReply& reply) {
-  context.Cancel(timeout_);
-  if (IsError(reply.error())) return FinishWith(context, FromProto(reply.error()));
-  for (int i = 0; i < reply.records_size(); ++i) {
-    proto::Record record;
-    // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
-    if (record.ParseFromString(reply.records(i).content())) (void)known_.Add(FromProto(reply.records(i).key()), record);
-    if (i < reply.row_ids_size()) last_row_id_ = std::max<std::uint64_t>(last_row_id_, reply.row_ids(i));
-  }
-  if (reply.is_complete() || reply.records_size() == 0) return SolveNow(context);
-  ReadNextPage(context);
+void PgoActor::OnRead(Context& context) {
+  if (phase_ != Phase::kReading || reader_.is_reading()) return;
+  if (!reader_.result()) return FinishWith(context, reader_.result().error());
+  SolveNow(context);
 }
 
 SolverOptions PgoActor::OptionsOf(const proto::OptimizeRequest& request) const {
@@ -224,7 +210,18 @@ void PgoActor::WriteNextChunk(Context& context) {
   proto::InsertRequest& request = *message.mutable_insert_request();
   for (std::size_t i = 0; i < count; ++i) *request.add_records() = publication_.records[written_count_ + i];
   written_count_ += count;
-  AskStorage(context, std::move(message));
+  AskToInsert(context, std::move(message));
+}
+
+void PgoActor::AskToInsert(Context& context, proto::Message message) {
+  message.set_ms_type(proto::CONTROL);
+  message.set_request_id(++request_id_);
+  const SendResult result = context.Send({options_.self, actor_name::kStorage}, std::move(message));
+  if (result != SendResult::kAccepted) {
+    const std::string text = std::string("storage cannot be asked: ") + ToString(result);
+    return FinishWith(context, Error{ErrorCode::kUnavailable, text, {}});
+  }
+  timeout_ = context.AfterTimer(options_.storage_timeout, kStorageTimeout, request_id_);
 }
 
 void PgoActor::OnInsertReply(Context& context, const proto::InsertReply& reply) {
@@ -240,6 +237,7 @@ void PgoActor::FinishWith(Context& context, const Error& error) {
 
 void PgoActor::Finish(Context& context) {
   context.Cancel(timeout_);
+  reader_.Stop(context);
   phase_ = Phase::kIdle;
   publication_ = {};
   *stats_.mutable_last_solve() = reply_;

@@ -32,6 +32,7 @@
 #include "actors/pgo/publication.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/record_reader.h"
 
 namespace moondb {
 
@@ -69,7 +70,7 @@ class PgoActor final : public Actor {
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
   void OnOptimizeRequest(Context& context, const proto::Message& message);
   void OnGraphStatsRequest(Context& context);
-  void OnReadReply(Context& context, const proto::ReadReply& reply);
+  void OnRead(Context& context);
   void OnInsertReply(Context& context, const proto::InsertReply& reply);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnTimeout(Context& context, std::uint64_t request_id);
@@ -81,11 +82,11 @@ class PgoActor final : public Actor {
   void Begin(Context& context, proto::OptimizeRequest request);
 
   std::optional<Error> WhyNotLeader() const;
-  void AskStorage(Context& context, proto::Message message);
-  void ReadNextPage(Context& context);
+  Result<void> TakeRecord(const proto::StoredRecord& stored);
   void SolveNow(Context& context);
   SolverOptions OptionsOf(const proto::OptimizeRequest& request) const;
   void WriteNextChunk(Context& context);
+  void AskToInsert(Context& context, proto::Message message);
   void FinishWith(Context& context, const Error& error);
   void Finish(Context& context);
   void Answer(Context& context, const Asker& asker, const proto::OptimizeReply& reply);
@@ -94,11 +95,11 @@ class PgoActor final : public Actor {
   const AgentFactsMap agents_;
   std::optional<proto::RoleAssignment> roles_;
   KnownGraph known_;
-  std::uint64_t last_row_id_ = 0;  // Of what known_ holds.
+  RecordReader reader_;  // Into known_.
 
   Phase phase_ = Phase::kIdle;
-  std::uint64_t request_id_ = 0;  // Of the question that storage has not answered yet.
-  TimerId timeout_ = 0;
+  std::uint64_t request_id_ = 0;    // Of the insert that storage has not answered yet.
+  TimerId timeout_ = 0;             // Of that.
   std::vector<Asker> askers_;       // First come, first served.
   proto::OptimizeRequest request_;  // In hand.
   Publication publication_;

@@ -2,7 +2,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "proto/record.pb.h"
@@ -16,44 +15,31 @@ using moondb::proto::Message;
 
 namespace {
 
-enum TimerKind : std::uint32_t { kMeasure = 1, kRead = 2 };
-
-constexpr std::uint32_t kPageRecords = 512;
-constexpr std::uint32_t kPageBytes = 1024 * 1024;
-
-moondb::Address Storage(const Context& context) { return {context.self().agent, moondb::actor_name::kStorage}; }
+enum TimerKind : std::uint32_t { kMeasure = 1 };
 
 }  // namespace
 
-SoilMoistureActor::SoilMoistureActor(Options options) : options_(std::move(options)) {}
+SoilMoistureActor::SoilMoistureActor(Options options)
+    : options_(std::move(options)),
+      reader_({.data_types = {options_.data_type}},
+              [this](Context&, const moondb::proto::StoredRecord& stored) { return Add(stored); }) {}
 
 void SoilMoistureActor::OnStart(Context& context) {
-  // A random start, so that an answer to a question of an earlier life fits none of this one's.
-  read_id_ = context.rng()();
-  context.Monitor(Storage(context));
-  context.Watch(moondb::Topic::kStored);
+  reader_.Follow(context);
   if (options_.sensor) context.AfterTimer(options_.period, kMeasure);
-  ReadOn(context);
 }
 
 void SoilMoistureActor::OnMessage(Context& context, const Message& message) {
+  if (reader_.OnMessage(context, message)) return;
   switch (message.body_case()) {
     case Message::kTimer:
-      return OnTimer(context, message.timer());
-    case Message::kRecordsStored:
-      return OnRecordsStored(context, message.records_stored());
-    case Message::kReadReply:
-      if (message.request_id() == read_id_) OnReadReply(context, message.read_reply());
+      if (message.timer().kind() == kMeasure) Measure(context);
       return;
     case Message::kInsertReply:
       if (IsError(message.insert_reply().error())) {
         spdlog::warn("soil: a measurement was not stored: {}", message.insert_reply().error().text());
       }
       return;
-    case Message::kDown:
-      // Storage failed, perhaps with our question in hand. It has the same address when it is made anew.
-      is_reading_ = false;
-      return ReadOn(context);
     case Message::kCustom:
       return OnCustom(context, message.custom());
     default:
@@ -61,17 +47,8 @@ void SoilMoistureActor::OnMessage(Context& context, const Message& message) {
   }
 }
 
-void SoilMoistureActor::OnTimer(Context& context, const moondb::proto::Timer& timer) {
-  switch (timer.kind()) {
-    case kMeasure:
-      context.AfterTimer(options_.period, kMeasure);
-      return Measure(context);
-    case kRead:
-      return ReadOn(context);
-  }
-}
-
 void SoilMoistureActor::Measure(Context& context) {
+  context.AfterTimer(options_.period, kMeasure);
   const moondb::Result<double> water_ratio = options_.sensor();
   if (!water_ratio) return spdlog::warn("soil: {}", ToString(water_ratio.error()));
   SoilMoisture moisture;
@@ -82,46 +59,22 @@ void SoilMoistureActor::Measure(Context& context) {
   record.set_stamp_ns(context.utc_now_ns());
   record.mutable_custom()->set_data_type(options_.data_type);
   record.mutable_custom()->set_payload(moisture.SerializeAsString());
-  if (const SendResult sent = context.Send(Storage(context), std::move(message)); sent != SendResult::kAccepted) {
+  const moondb::Address storage{context.self().agent, moondb::actor_name::kStorage};
+  if (const SendResult sent = context.Send(storage, std::move(message)); sent != SendResult::kAccepted) {
     spdlog::warn("soil: a measurement was not stored: {}", ToString(sent));
   }
 }
 
-void SoilMoistureActor::ReadOn(Context& context) {
-  if (is_reading_) return;  // Storage answers in order: what came before that answer will be in it.
-  Message message;
-  message.set_request_id(++read_id_);
-  moondb::proto::ReadRequest& request = *message.mutable_read_request();
-  request.set_after_row_id(last_row_id_);
-  request.add_data_types(options_.data_type);
-  request.set_records_max(kPageRecords);
-  request.set_content_bytes_max(kPageBytes);
-  is_reading_ = context.Send(Storage(context), std::move(message)) == SendResult::kAccepted;
-  if (!is_reading_) context.AfterTimer(options_.read_again, kRead);
-}
-
-void SoilMoistureActor::OnRecordsStored(Context& context, const moondb::proto::RecordsStored& stored) {
-  const auto& types = stored.data_types();
-  if (std::find(types.begin(), types.end(), options_.data_type) != types.end()) ReadOn(context);
-}
-
-void SoilMoistureActor::OnReadReply(Context& context, const moondb::proto::ReadReply& reply) {
-  is_reading_ = false;
-  if (IsError(reply.error())) return context.Fail(moondb::FromProto(reply.error()));
-  for (const moondb::proto::StoredRecord& stored : reply.records()) Add(stored);
-  if (!reply.row_ids().empty()) last_row_id_ = *reply.row_ids().rbegin();
-  if (!reply.is_complete()) ReadOn(context);
-}
-
-// Other agents' records: whatever their payload holds must not harm.
-void SoilMoistureActor::Add(const moondb::proto::StoredRecord& stored) {
+// Other agents' records: whatever their payload holds must not harm. What is no measurement is passed over.
+moondb::Result<void> SoilMoistureActor::Add(const moondb::proto::StoredRecord& stored) {
   moondb::proto::Record record;
   SoilMoisture moisture;
-  if (!record.ParseFromString(stored.content()) || !moisture.ParseFromString(record.custom().payload())) return;
-  if (!(moisture.water_ratio() >= 0 && moisture.water_ratio() <= 1)) return;
+  if (!record.ParseFromString(stored.content()) || !moisture.ParseFromString(record.custom().payload())) return {};
+  if (!(moisture.water_ratio() >= 0 && moisture.water_ratio() <= 1)) return {};
   Sum& sum = sums_[stored.key().origin_agent()];
   sum.water_ratio += moisture.water_ratio();
   ++sum.measurements;
+  return {};
 }
 
 void SoilMoistureActor::OnCustom(Context& context, const google::protobuf::Any& question) {

@@ -16,6 +16,7 @@
 #include "model/ids.h"
 #include "proto/storage.pb.h"
 #include "runtime/actor.h"
+#include "runtime/record_reader.h"
 #include "soil_survey.pb.h"
 
 namespace soil_survey {
@@ -32,7 +33,6 @@ class SoilMoistureActor final : public moondb::Actor {
     moondb::DataType data_type = 0;  // The id of `soil_moisture` in the team file.
     Sensor sensor;                   // Empty: this agent measures nothing.
     moondb::Duration period = std::chrono::minutes(10);
-    moondb::Duration read_again = std::chrono::seconds(5);  // When storage could not be asked.
   };
 
   explicit SoilMoistureActor(Options options);
@@ -46,20 +46,13 @@ class SoilMoistureActor final : public moondb::Actor {
     std::uint64_t measurements = 0;
   };
 
-  void OnTimer(moondb::Context& context, const moondb::proto::Timer& timer);
-  void OnRecordsStored(moondb::Context& context, const moondb::proto::RecordsStored& stored);
-  void OnReadReply(moondb::Context& context, const moondb::proto::ReadReply& reply);
   void OnCustom(moondb::Context& context, const google::protobuf::Any& question);
-
   void Measure(moondb::Context& context);
-  void ReadOn(moondb::Context& context);
-  void Add(const moondb::proto::StoredRecord& stored);
+  moondb::Result<void> Add(const moondb::proto::StoredRecord& stored);
 
   const Options options_;
   std::map<moondb::AgentId, Sum> sums_;
-  std::uint64_t last_row_id_ = 0;  // What sums_ holds goes so far.
-  std::uint64_t read_id_ = 0;      // Of the newest ReadRequest.
-  bool is_reading_ = false;        // It has no answer yet.
+  moondb::RecordReader reader_;  // Into sums_.
 };
 
 }  // namespace soil_survey
