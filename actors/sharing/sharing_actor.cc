@@ -94,6 +94,8 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
                 outgoing.session.OnMissingReply(message.request_id(), message.missing_reply(), context.now()));
       }
       return;
+    case proto::Message::kPeerHaveRequest:
+      return OnPeerHaveRequest(context, message.peer_have_request().peer());
     case proto::Message::kSharingLoad:
       return radio_share_.SetMovingElsewhere(message.sharing_load().moving_sessions());
     case proto::Message::kShareRequest:
@@ -184,6 +186,10 @@ void SharingActor::OnStoreReply(Context& context, const proto::Message& message)
   }
   Perform(context, std::move(acknowledgments));
   for (const AgentId sender : ended) OnReceived(context, sender, /*is_all=*/true);
+}
+
+void SharingActor::OnPeerHaveRequest(Context& context, AgentId peer) {
+  if (Outgoing* outgoing = FindOutgoing(peer)) Perform(context, *outgoing, outgoing->session.OnPeerHaveRequest());
 }
 
 void SharingActor::OnShareRequest(Context& context, const proto::Message& message) {

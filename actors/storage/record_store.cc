@@ -883,8 +883,8 @@ Result<void> RecordStore::SaveRoles(const proto::RoleAssignment& roles) { return
 
 Result<proto::LoadRolesReply> RecordStore::LoadRoles() { return moondb::LoadRoles(*database_); }
 
-Result<void> RecordStore::NotePeerHave(const proto::PeerHave& note) {
-  if (const Result<void> done = LearnOwnEpochs(note.acknowledged()); !done) return done;
+Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
+  if (const Result<void> done = LearnOwnEpochs(note.acknowledged()); !done) return tl::unexpected(done.error());
   return peer_log_.Note(*database_, note);
 }
 

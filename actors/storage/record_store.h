@@ -129,7 +129,8 @@ class RecordStore {
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
   Result<void> SaveRoles(const proto::RoleAssignment& roles);
   Result<proto::LoadRolesReply> LoadRoles();
-  Result<void> NotePeerHave(const proto::PeerHave& note);
+  // As PeerLog::Note.
+  Result<bool> NotePeerHave(const proto::PeerHave& note);
   // `day` is today, since 1970, for the bytes written.
   Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
   // Once a minute: what was written to the disk is written down, if anything was.

@@ -190,8 +190,13 @@ void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
 }
 
 void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
-  const Result<void> noted = store_->NotePeerHave(note);
+  const Result<bool> noted = store_->NotePeerHave(note);
   if (!noted) Note(context, "replication log", noted.error());
+  if (noted && !*noted) {
+    proto::Message request;
+    request.mutable_peer_have_request()->set_peer(note.peer());
+    Answer(context, std::move(request));
+  }
   Publish(context, store_->TakeRestated());
 }
 
