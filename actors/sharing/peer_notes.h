@@ -3,7 +3,8 @@
 // All that it has is noted when it answers a Hello, then only what is news, with the acknowledgment that brought it. So
 // a note is as large as what a batch changed and not as the have-set, which grows with epochs and gaps for years.
 // Notes are numbered: storage that lacks the one before a difference (it was made anew, or could not take that one)
-// asks for all again, and until then shows what it knew.
+// asks for all again, and until then shows what it knew. A note's number is its message's request_id too, so that
+// storage's request says which one it could not use: one request is answered of several that an answer overtakes.
 //
 // All that one step of the session notes is one PeerHave among its actions. A plain value; the notes decide nothing.
 #pragma once
@@ -31,15 +32,21 @@ class PeerNotes {
   void NoteAcknowledged(const HaveSet& heard, const HaveSet& known, SharingActions& actions);
   void NoteHandedOver(const std::vector<RecordKey>& keys, SharingActions& actions) const;
   void NoteClosed(SharingActions& actions) const;
-  // As storage asked; nothing before the destination has answered.
-  void NoteAllAgain(const HaveSet& have, const std::vector<RecordKey>& under_way, SharingActions& actions);
+  // Storage could not use the note of that number. Nothing before the destination has answered, and where all was noted
+  // since.
+  void NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& under_way,
+                    SharingActions& actions);
 
  private:
   proto::PeerHave& NoteIn(SharingActions& actions) const;
+  // The note of this step, under the next number.
+  proto::PeerHave& NumberedNoteIn(SharingActions& actions);
+  void NoteAll(const HaveSet& have, SharingActions& actions);
 
   proto::SharingKind kind_;
   AgentId destination_;
-  std::uint64_t number_;  // Of the last note that said what the destination has.
+  std::uint64_t number_;             // Of the last note that said what the destination has.
+  std::uint64_t number_of_all_ = 0;  // Of the last one that said all.
   bool is_answered_ = false;
   std::set<AgentId> origins_;  // The last answer's.
 };

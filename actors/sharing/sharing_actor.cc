@@ -95,7 +95,7 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       }
       return;
     case proto::Message::kPeerHaveRequest:
-      return OnPeerHaveRequest(context, message.peer_have_request().peer());
+      return OnPeerHaveRequest(context, message);
     case proto::Message::kSharingLoad:
       return radio_share_.SetMovingElsewhere(message.sharing_load().moving_sessions());
     case proto::Message::kShareRequest:
@@ -188,8 +188,9 @@ void SharingActor::OnStoreReply(Context& context, const proto::Message& message)
   for (const AgentId sender : ended) OnReceived(context, sender, /*is_all=*/true);
 }
 
-void SharingActor::OnPeerHaveRequest(Context& context, AgentId peer) {
-  if (Outgoing* outgoing = FindOutgoing(peer)) Perform(context, *outgoing, outgoing->session.OnPeerHaveRequest());
+void SharingActor::OnPeerHaveRequest(Context& context, const proto::Message& message) {
+  Outgoing* outgoing = FindOutgoing(message.peer_have_request().peer());
+  if (outgoing) Perform(context, *outgoing, outgoing->session.OnPeerHaveRequest(message.request_id()));
 }
 
 void SharingActor::OnShareRequest(Context& context, const proto::Message& message) {

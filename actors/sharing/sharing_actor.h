@@ -112,7 +112,7 @@ class SharingActor : public Actor {
   void OnHello(Context& context, const proto::Hello& hello);
   void OnBatch(Context& context, const proto::Message& message);
   void OnStoreReply(Context& context, const proto::Message& message);
-  void OnPeerHaveRequest(Context& context, AgentId peer);
+  void OnPeerHaveRequest(Context& context, const proto::Message& message);
   void OnShareRequest(Context& context, const proto::Message& message);
   void OnShareReply(Context& context, const proto::Message& message);
   void OnShareStatusRequest(Context& context);

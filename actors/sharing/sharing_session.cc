@@ -187,9 +187,9 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   return actions;
 }
 
-SharingActions SharingSession::OnPeerHaveRequest() {
+SharingActions SharingSession::OnPeerHaveRequest(std::uint64_t request_id) {
   SharingActions actions;
-  notes_.NoteAllAgain(under_way_.have(), under_way_.Keys(), actions);
+  notes_.NoteAllAgain(request_id, under_way_.have(), under_way_.Keys(), actions);
   return actions;
 }
 

@@ -91,8 +91,8 @@ class SharingSession {
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
   // From storage; an answer to another question than the last one is ignored.
   SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
-  // Storage lacks what was noted of the destination before.
-  SharingActions OnPeerHaveRequest();
+  // Storage lacks what was noted of the destination before the note of this id.
+  SharingActions OnPeerHaveRequest(std::uint64_t request_id);
   // Bytes a second that this agent's other sessions leave to this one; 0, as at first: no limit.
   void SetRate(double bytes_per_second, Time now);
   // Open at first.

@@ -10,6 +10,7 @@ namespace moondb {
 namespace {
 
 constexpr std::uint64_t kEpochs = 300;
+constexpr std::uint64_t kLater = UINT64_MAX;  // The number of a note after all others.
 
 class PeerNotesTest : public SessionFixture {
  protected:
@@ -85,7 +86,7 @@ TEST_F(PeerNotesTest, NotesAllAgainWhenStorageAsks) {
   const proto::Message first = TakeSent().front();
   Acknowledge(first);
   const std::vector<proto::PeerHave> before = TakeNotes();
-  Take(session_.OnPeerHaveRequest());
+  Take(session_.OnPeerHaveRequest(kLater));
   const std::vector<proto::PeerHave> notes = TakeNotes();
   ASSERT_EQ(notes.size(), 1u);
   EXPECT_FALSE(notes[0].is_difference());
@@ -102,15 +103,30 @@ TEST_F(PeerNotesTest, NotesAllAgainWhenStorageAsks) {
   EXPECT_EQ(notes[0].handed_over_size(), handed_over - int(first.batch().record_count())) << "what is under way";
 }
 
-TEST_F(PeerNotesTest, NotesNothingOfADestinationThatHasNotAnswered) {
-  Take(session_.OnPeerHaveRequest());
+// Of several differences that storage could not use before it had the answer to the first.
+TEST_F(PeerNotesTest, AnswersNoRequestThatItsAnswerToAnotherOvertook) {
+  for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(60));
   Order();
-  Take(session_.OnPeerHaveRequest());
+  AnswerHello();
+  Acknowledge(TakeSent().front());
+  const std::uint64_t unused = TakeNotes().back().number();
+  Take(session_.OnPeerHaveRequest(unused));
+  ASSERT_EQ(TakeNotes().size(), 1u);
+  Take(session_.OnPeerHaveRequest(unused));
+  EXPECT_TRUE(TakeNotes().empty());
+  Take(session_.OnPeerHaveRequest(unused + 2));  // A difference to that answer: it was lost.
+  EXPECT_EQ(TakeNotes().size(), 1u);
+}
+
+TEST_F(PeerNotesTest, NotesNothingOfADestinationThatHasNotAnswered) {
+  Take(session_.OnPeerHaveRequest(kLater));
+  Order();
+  Take(session_.OnPeerHaveRequest(kLater));
   EXPECT_TRUE(TakeNotes().empty());
   AnswerHello();
   EXPECT_FALSE(TakeNotes().empty());
   Take(session_.OnConnected(now_));  // It starts over.
-  Take(session_.OnPeerHaveRequest());
+  Take(session_.OnPeerHaveRequest(kLater));
   EXPECT_TRUE(TakeNotes().empty());
 }
 
@@ -121,7 +137,7 @@ TEST_F(PeerNotesTest, AClosedSessionStillNotesWhatItWasToldLast) {
   RunToEnd();
   ASSERT_FALSE(session_.is_open());
   TakeNotes();
-  Take(session_.OnPeerHaveRequest());
+  Take(session_.OnPeerHaveRequest(kLater));
   const std::vector<proto::PeerHave> notes = TakeNotes();
   ASSERT_EQ(notes.size(), 1u);
   EXPECT_TRUE(FromProto(notes[0].acknowledged())->Get({kSelf, 7, proto::POWER}).Had().Contains(1));
