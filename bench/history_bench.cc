@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "actors/storage/record_store.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 namespace {

@@ -11,7 +11,7 @@
 #include "client/merged_map.h"
 #include "model/control_request.h"
 #include "model/team_id.h"
-#include "proto/message.pb.h"
+#include "proto/control.pb.h"
 
 namespace moondb {
 
@@ -50,8 +50,7 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, Duration timeout) {
   const std::uint64_t id = next_request_id_++;
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
+  proto::ClientMessage message;
   message.set_request_id(id);
   *message.mutable_control_request() = request;
   message.mutable_control_request()->set_for_agent(options_.for_agent);
@@ -67,7 +66,7 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
   while (true) {
     auto frame = connection_->Receive(deadline);
     if (!frame) return tl::unexpected(frame.error());
-    proto::Message answer;
+    proto::ClientMessage answer;
     if (!answer.ParseFromString(*frame) || !answer.has_control_reply()) {
       return Fail(ErrorCode::kCorrupt, "the agent's answer does not decode");
     }

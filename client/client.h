@@ -1,9 +1,10 @@
 // Client: what a robot's software, a planner or an operator's tool asks of its agent.
 //
 // Speaks proto/control.proto over a ZeroMQ DEALER to the agent's own endpoint (runtime/team/team_config.h,
-// ClientEndpoint); knows nothing of actors. Calls are synchronous, one at a time. Not thread-safe: one Client a thread.
-// A call that timed out or lost its agent leaves the Client usable: the next call connects again, and an answer that
-// comes too late is dropped.
+// ClientEndpoint); knows nothing of actors. What holds every status (proto/control.proto, proto/status.proto,
+// proto/share_status.proto) is only named here, and included by those who look into it. Calls are synchronous, one at a
+// time. Not thread-safe: one Client a thread. A call that timed out or lost its agent leaves the Client usable: the
+// next call connects again, and an answer that comes too late is dropped.
 //
 //   auto client = Client::Connect("ipc:///run/user/1000/moondb/team/rover1", "rover1", {});
 //   if (!client) return client.error();
@@ -14,6 +15,8 @@
 // kInvalid (the request is larger than message_bytes_max), kCorrupt (an answer that does not decode), or what the
 // agent answered.
 #pragma once
+
+#include <google/protobuf/any.pb.h>
 
 #include <chrono>
 #include <cstdint>
@@ -28,7 +31,21 @@
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
-#include "proto/control.pb.h"
+#include "proto/downlink.pb.h"
+#include "proto/graph.pb.h"
+#include "proto/lease.pb.h"
+#include "proto/retention.pb.h"
+#include "proto/role.pb.h"
+#include "proto/sharing.pb.h"
+#include "proto/storage.pb.h"
+#include "proto/trace.pb.h"
+
+namespace moondb::proto {
+class AgentStatus;
+class ControlReply;
+class ControlRequest;
+class ShareStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 
@@ -70,10 +87,12 @@ class Client {
   static Result<std::unique_ptr<Client>> Connect(std::string endpoint, std::string agent_name, Options options);
   ~Client();
 
-  // Any request, for those without a function of their own. ControlReply.error becomes this call's error.
+  // Any request, for those without a function of their own: include proto/control.pb.h. ControlReply.error becomes this
+  // call's error.
   Result<proto::ControlReply> Call(const proto::ControlRequest& request);
   Result<proto::ControlReply> Call(const proto::ControlRequest& request, Duration timeout);
 
+  // Include proto/status.pb.h to look into it.
   Result<proto::AgentStatus> Status();
 
   // All or none; stored durably when this returns. One key each, in order.
@@ -113,6 +132,7 @@ class Client {
   // longer. Say it again before it lapses. Who of the team drives, sleeps or is paused then.
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
+  // Include proto/share_status.pb.h to look into it.
   Result<proto::ShareStatus> ShareStatus();
   Result<proto::OptimizeReply> Optimize(const proto::OptimizeRequest& request = {});
   Result<proto::GraphStatsReply> GraphStats();

@@ -5,7 +5,7 @@
 
 #include "model/error.h"
 #include "model/traversability_map.h"
-#include "proto/control.pb.h"
+#include "proto/map.pb.h"
 
 namespace moondb {
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 
+#include "proto/control.pb.h"
+
 namespace moondb {
 namespace {
 

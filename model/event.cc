@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "model/text.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 

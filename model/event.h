@@ -8,8 +8,11 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/control.pb.h"
 #include "proto/record.pb.h"
+
+namespace moondb::proto {
+class HealthFinding;
+}  // namespace moondb::proto
 
 namespace moondb {
 

@@ -11,7 +11,7 @@
 
 #include "model/error.h"
 #include "model/ids.h"
-#include "proto/sharing.pb.h"
+#include "proto/lease.pb.h"
 
 namespace moondb {
 

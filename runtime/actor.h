@@ -20,12 +20,16 @@
 #include <memory>
 #include <random>
 #include <string>
-#include <vector>
 
 #include "model/error.h"
 #include "proto/message.pb.h"
 #include "runtime/address.h"
 #include "runtime/owned_message.h"
+
+namespace moondb::proto {
+class TraceReply;
+class TraceRequest;
+}  // namespace moondb::proto
 
 namespace moondb {
 
@@ -51,12 +55,7 @@ enum class Topic {
   kStored = proto::Message::kRecordsStored,  // StorageActor: there are new rows.
 };
 
-// The system's own work for an agent that only some actors ask for.
-struct SystemStatus {
-  std::vector<proto::PeerStatus> peers;
-  std::vector<proto::ActorStatus> actors;
-  Duration uptime{};
-};
+struct SystemStatus;  // runtime/system_status.h
 
 // Valid only inside the handler that it was given to, on that thread.
 class Context {
@@ -116,7 +115,7 @@ class Context {
   // GatewayActor only: the process should end (exit code 0), after this handler.
   virtual void RequestStop() = 0;
   virtual SystemStatus GetSystemStatus() const = 0;
-  // What the agent's actors did last, and the messages that they failed at.
+  // What the agent's actors did last, and the messages that they failed at (proto/trace.proto).
   virtual proto::TraceReply GetTrace(const proto::TraceRequest& request) const = 0;
 };
 

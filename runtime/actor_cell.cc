@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "runtime/envelope.h"
+#include "runtime/system_status.h"
 
 namespace moondb {
 namespace {
@@ -94,6 +95,8 @@ bool ActorCell::is_lost() const {
   const std::lock_guard lock(mutex_);
   return IsFinal(state_);
 }
+
+SystemStatus ActorCell::GetSystemStatus() const { return system_.Status(); }
 
 proto::ActorStatus ActorCell::Status() const {
   proto::ActorStatus status;

@@ -21,6 +21,10 @@
 #include "runtime/trace_book.h"
 #include "runtime/worker_pool.h"
 
+namespace moondb::proto {
+class ActorStatus;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 class ActorCell;
@@ -96,7 +100,7 @@ class ActorCell final : public ActorHost, private Runnable {
   void Demonitor(const Address& target) override { system_.Demonitor(self().actor, target); }
   bool stop_requested() const override { return system_.is_stopping(); }
   void SetRoles(const proto::RoleAssignment& roles) override { system_.SetRoles(roles); }
-  SystemStatus GetSystemStatus() const override { return system_.Status(); }
+  SystemStatus GetSystemStatus() const override;
   proto::TraceReply GetTrace(const proto::TraceRequest& request) const override { return system_.Trace(request); }
 
   // The actor's thread: the actor of that name if it was remembered last; null: not that one. Mostly an actor sends

@@ -17,6 +17,7 @@
 #include "runtime/envelope.h"
 #include "runtime/monitors.h"
 #include "runtime/role_table.h"
+#include "runtime/system_status.h"
 
 namespace moondb {
 namespace {

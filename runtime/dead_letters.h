@@ -7,6 +7,7 @@
 #include <deque>
 #include <string>
 
+#include "proto/trace.pb.h"
 #include "runtime/actor.h"
 #include "runtime/mailbox.h"
 

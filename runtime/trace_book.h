@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/control.pb.h"
+#include "proto/trace.pb.h"
 #include "runtime/trace_ring.h"
 
 namespace moondb {

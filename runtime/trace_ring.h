@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "proto/control.pb.h"
+#include "proto/trace.pb.h"
 #include "runtime/actor.h"
 #include "runtime/tick_clock.h"
 

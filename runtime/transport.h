@@ -10,6 +10,10 @@
 
 #include "runtime/actor.h"
 
+namespace moondb::proto {
+class PeerStatus;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 class Transport {

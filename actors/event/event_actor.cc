@@ -5,8 +5,11 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/control_message.h"
 #include "model/event.h"
 #include "model/term.h"
+#include "proto/control.pb.h"
+#include "runtime/system_status.h"
 
 namespace moondb {
 
@@ -48,26 +51,34 @@ void EventActor::OnMessage(Context& context, const proto::Message& message) {
       return OnPeriod(context);
     case proto::Message::kRolesChanged:
       return OnRoles(context, message.roles_changed().roles());
-    case proto::Message::kStorageStatus:
-      return OnStorageStatus(context, message.storage_status());
-    case proto::Message::kShareStatus:
-      return OnShareStatus(context, context.sender().actor, message.share_status());
     case proto::Message::kPeerEvent:
       return OnPeerEvent(context, message.peer_event());
     case proto::Message::kLeasesChanged:
       return leases_.SetAll(message.leases_changed());
-    case proto::Message::kFindingsRequest:
-      return OnAsker(context, message.request_id(), std::nullopt);
-    case proto::Message::kAcknowledgeRequest:
-      return OnAsker(context, message.request_id(), message.acknowledge_request().until_ns());
-    case proto::Message::kFindingsReply:
-      if (message.request_id() == findings_request_id_) OnFindings(context, message.findings_reply());
-      return;
+    case proto::Message::kControlRequest:
+      return OnControlRequest(context, message);
+    case proto::Message::kControlReply:
+      return OnControlReply(context, message);
     case proto::Message::kInsertReply:
       return OnInserted(context, message.request_id(), message.insert_reply());
     default:
       return;
   }
+}
+
+void EventActor::OnControlRequest(Context& context, const proto::Message& message) {
+  const Result<proto::ControlRequest> request = ControlRequestOf(message);
+  if (!request) return;
+  if (request->has_status()) OnAsker(context, message.request_id(), std::nullopt);
+  if (request->has_acknowledge()) OnAsker(context, message.request_id(), request->acknowledge().until_ns());
+}
+
+void EventActor::OnControlReply(Context& context, const proto::Message& message) {
+  const Result<proto::ControlReply> reply = ControlReplyOf(message);
+  if (!reply) return;
+  if (reply->has_share_status()) OnShareStatus(context, context.sender().actor, reply->share_status());
+  if (reply->status().has_storage()) OnStorageStatus(context, reply->status().storage());
+  if (message.request_id() == findings_request_id_) OnFindings(context, reply->status());
 }
 
 // The agent that issued the assignment logs it; the others would log the same again. The one of term 0 is the team
@@ -91,12 +102,12 @@ void EventActor::OnPeriod(Context& context) {
              "failures of the actor " + actor.name() + ", which was made anew (moonctl trace)");
   }
   heard_.insert("system");
-  proto::Message message;
-  message.mutable_storage_status_request();
-  Ask(context, actor_name::kStorage, message);
-  message.mutable_share_status_request();
-  Ask(context, actor_name::kSync, message);
-  Ask(context, actor_name::kReplica, std::move(message));
+  proto::ControlRequest request;
+  request.mutable_status();
+  Ask(context, actor_name::kStorage, request);
+  request.mutable_share_status();
+  Ask(context, actor_name::kSync, request);
+  Ask(context, actor_name::kReplica, request);
   TellWhoIsLost(context);
   std::erase_if(acknowledgments_, [&context](const auto& waiting) {
     return context.now() - waiting.second.asked_at > kAcknowledgmentTimeout;
@@ -175,8 +186,8 @@ void EventActor::AskFindings(Context& context) {
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
 }
 
-void EventActor::OnFindings(Context& context, const proto::FindingsReply& reply) {
-  findings_.assign(reply.findings().begin(), reply.findings().end());
+void EventActor::OnFindings(Context& context, const proto::AgentStatus& status) {
+  findings_.assign(status.findings().begin(), status.findings().end());
   known_version_ = asked_version_;
   TellWhoIsBack(context);
   if (known_version_ != findings_version_) return;  // Asked again already, or in the next period.
@@ -191,24 +202,24 @@ void EventActor::OnFindings(Context& context, const proto::FindingsReply& reply)
 
 void EventActor::AnswerAsker(Context& context, const Asker& asker) {
   if (asker.acknowledges_until_ns) return Acknowledge(context, asker);
-  proto::Message message;
-  message.mutable_findings_reply()->mutable_findings()->Add(findings_.begin(), findings_.end());
-  Reply(context, asker.from, asker.request_id, std::move(message));
+  proto::ControlReply reply;
+  reply.mutable_status()->mutable_findings()->Add(findings_.begin(), findings_.end());
+  Reply(context, asker.from, asker.request_id, reply);
 }
 
 void EventActor::Acknowledge(Context& context, const Asker& asker) {
   const std::int64_t until_ns = *asker.acknowledges_until_ns;
-  proto::Message message;
-  proto::AcknowledgeReply& reply = *message.mutable_acknowledge_reply();
+  proto::ControlReply reply;
+  proto::AcknowledgeReply& acknowledged = *reply.mutable_acknowledge();
   const auto count = std::count_if(findings_.begin(), findings_.end(), [until_ns](const proto::HealthFinding& finding) {
     return finding.stamp_ns() <= until_ns;
   });
   const bool is_full = acknowledgments_.size() >= kAcknowledgmentsMax;
   if (is_full) {
-    *reply.mutable_error() =
+    *acknowledged.mutable_error() =
         ToProto(Error{ErrorCode::kFull, "too many acknowledgments wait to be stored; try again later", {}});
   }
-  if (count == 0 || is_full) return Reply(context, asker.from, asker.request_id, std::move(message));
+  if (count == 0 || is_full) return Reply(context, asker.from, asker.request_id, reply);
   const std::uint64_t id = next_request_id_++;
   acknowledgments_[id] = {asker.from, asker.request_id, static_cast<std::uint32_t>(count), context.now()};
   proto::Message insert;
@@ -222,21 +233,22 @@ void EventActor::Acknowledge(Context& context, const Asker& asker) {
   AskFindings(context);
 }
 
-void EventActor::OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& reply) {
+void EventActor::OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& inserted) {
   const auto node = acknowledgments_.extract(request_id);
   if (node.empty()) return;
-  proto::Message message;
-  proto::AcknowledgeReply& body = *message.mutable_acknowledge_reply();
-  if (IsError(reply.error())) {
-    *body.mutable_error() = reply.error();
+  proto::ControlReply reply;
+  proto::AcknowledgeReply& acknowledged = *reply.mutable_acknowledge();
+  if (IsError(inserted.error())) {
+    *acknowledged.mutable_error() = inserted.error();
   } else {
-    body.set_count(node.mapped().count);
+    acknowledged.set_count(node.mapped().count);
   }
-  Reply(context, node.mapped().from, node.mapped().request_id, std::move(message));
+  Reply(context, node.mapped().from, node.mapped().request_id, reply);
 }
 
-void EventActor::Reply(Context& context, const Address& to, std::uint64_t request_id, proto::Message message) {
-  message.set_ms_type(proto::CONTROL);
+void EventActor::Reply(Context& context, const Address& to, std::uint64_t request_id,
+                       const proto::ControlReply& reply) {
+  proto::Message message = MessageOf(reply);
   message.set_request_id(request_id);
   (void)context.Send(to, std::move(message));
 }
@@ -263,10 +275,9 @@ void EventActor::OnShareStatus(Context& context, const std::string& actor, const
   heard_.insert(actor);
 }
 
-void EventActor::Ask(Context& context, const std::string& actor, proto::Message message) const {
-  message.set_ms_type(proto::CONTROL);
+void EventActor::Ask(Context& context, const std::string& actor, const proto::ControlRequest& request) const {
   // Busy or missing: the next period asks again.
-  (void)context.Send({options_.self, actor}, std::move(message));
+  (void)context.Send({options_.self, actor}, MessageOf(request));
 }
 
 void EventActor::TellRise(Context& context, proto::EventKind kind, const std::string& source,

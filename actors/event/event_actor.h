@@ -10,9 +10,9 @@
 // return another; of one peer at most one loss in `lost_again_after`.
 //
 // Losses and damage are findings (model/event.h) until an operator acknowledges them. What they are, the events in the
-// store say (actors/storage/findings.h): this actor asks StorageActor after each that it wrote down, and answers a
-// FindingsRequest with what it was told. An AcknowledgeRequest is answered when its event is stored; kFull where too
-// many wait for that.
+// store say (actors/storage/findings.h): this actor asks StorageActor after each that it wrote down, and answers the
+// ControlRequest `status` with what it was told, as its part of AgentStatus. An AcknowledgeRequest is answered when its
+// event is stored; kFull where too many wait for that.
 //
 // Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's event
 // log. Where storage refuses one it is lost. A restart of this actor is one too; what was counted before it counts as
@@ -27,8 +27,15 @@
 #include <vector>
 
 #include "model/leases.h"
+#include "proto/status.pb.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+
+namespace moondb::proto {
+class ControlReply;
+class ControlRequest;
+class ShareStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 
@@ -82,17 +89,19 @@ class EventActor final : public Actor {
   void TellWhoIsLost(Context& context);
   void TellWhoIsBack(Context& context);
   void TellBack(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns);
-  void OnFindings(Context& context, const proto::FindingsReply& reply);
-  void OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& reply);
+  void OnFindings(Context& context, const proto::AgentStatus& status);
+  void OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& inserted);
 
-  // A FindingsRequest, or an AcknowledgeRequest with its stamp.
+  void OnControlRequest(Context& context, const proto::Message& message);
+  void OnControlReply(Context& context, const proto::Message& message);
+  // Who asks for the findings, or acknowledges those up to a stamp.
   void OnAsker(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
   void AskFindings(Context& context);
   void AnswerAsker(Context& context, const Asker& asker);
   void Acknowledge(Context& context, const Asker& asker);
-  static void Reply(Context& context, const Address& to, std::uint64_t request_id, proto::Message message);
+  static void Reply(Context& context, const Address& to, std::uint64_t request_id, const proto::ControlReply& reply);
 
-  void Ask(Context& context, const std::string& actor, proto::Message message) const;
+  void Ask(Context& context, const std::string& actor, const proto::ControlRequest& request) const;
   void Tell(Context& context, proto::EventKind kind, const std::string& text);
   // `stamp_ns` says when it happened, which for a finding may be a while ago.
   void TellAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t stamp_ns);

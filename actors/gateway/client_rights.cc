@@ -10,8 +10,8 @@ proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request) 
   return rights == proto::CLIENT_RIGHTS_NONE ? proto::CLIENT_RIGHTS_COMMAND : rights;
 }
 
-Result<void> CheckClientRights(const proto::Message& message) {
-  const proto::ClientRights needed = RightsNeededFor(message.control_request().request_case());
+Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequest::RequestCase request) {
+  const proto::ClientRights needed = RightsNeededFor(request);
   const proto::ClientRights has = message.client_rights();
   if (has >= needed) return {};
   if (has == proto::CLIENT_RIGHTS_NONE) return Fail(ErrorCode::kRefused, "your key is no longer listed at this agent");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "model/error.h"
+#include "proto/control.pb.h"
 #include "proto/message.pb.h"
 
 namespace moondb {
@@ -10,8 +11,8 @@ namespace moondb {
 // proto/control.proto says at each request.
 proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request);
 
-// kRefused, for a client's message, where its key does not allow the request: the text says what it allows and what is
-// needed.
-Result<void> CheckClientRights(const proto::Message& message);
+// kRefused where the key of the client that sent the message does not allow such a request: the text says what it
+// allows and what is needed.
+Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequest::RequestCase request);
 
 }  // namespace moondb

@@ -23,10 +23,10 @@ std::optional<proto::Record> CommandLog::OnPeriodEnd(Kind kind, std::int64_t utc
   return MakeEvent(proto::EVENT_KIND_COMMAND, text, commands.last_by, utc_now_ns);
 }
 
-std::string ByOf(const proto::Message& message) {
+std::string ByOf(const proto::Message& message, const proto::ControlRequest& request) {
   constexpr char kByKey[] = "(key)";
   if (!message.client_name().empty()) return message.client_name() + " " + kByKey;
-  std::string by = message.control_request().by();
+  std::string by = request.by();
   const std::size_t claim = by.find(kByKey);
   if (claim == std::string::npos) return by;
   by.resize(claim);

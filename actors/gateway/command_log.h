@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 
+#include "proto/control.pb.h"
 #include "proto/message.pb.h"
 
 namespace moondb {
@@ -47,8 +48,8 @@ class CommandLog {
   std::map<Kind, Commands> commands_;
 };
 
-// The client's name for the event log. A client without a key may not pass for one that has a key, so that what it says
-// of itself ends before "(key)".
-std::string ByOf(const proto::Message& message);
+// The name for the event log of the client whose message holds the request. A client without a key may not pass for one
+// that has a key, so that what it says of itself ends before "(key)".
+std::string ByOf(const proto::Message& message, const proto::ControlRequest& request);
 
 }  // namespace moondb

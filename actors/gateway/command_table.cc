@@ -6,6 +6,7 @@
 
 #include "actors/gateway/command_text.h"
 #include "actors/gateway/request_check.h"
+#include "model/control_message.h"
 #include "model/control_request.h"
 #include "model/term.h"
 
@@ -21,8 +22,8 @@ struct Command {
   Request::RequestCase request;
   Result<void> (*check)(const Team& team, AgentId asked, const Request& request) = nullptr;
   std::string (*text)(const Team& team, const Request& request) = nullptr;
-  std::vector<Question> (*ask)(const Request& request, bool is_relayed) = nullptr;
-  bool (*take)(const proto::Message& answer, proto::ControlReply& reply) = nullptr;
+  std::vector<Question> (*ask)(Request& request, bool is_relayed) = nullptr;
+  void (*merge)(const proto::ControlReply& part, proto::ControlReply& whole) = nullptr;
 };
 
 // --- What is asked otherwise ---
@@ -32,79 +33,46 @@ const std::string& ActorOf(const Request& request, int i = 0) {
   return CommandOptionsOf(request.request_case()).actors(i);
 }
 
-std::vector<Question> AskForStatus(const Request& request, bool) {
-  std::vector<Question> questions(4);
-  questions[0].message.mutable_storage_status_request();
-  questions[1].message.mutable_role_show_request();
-  questions[2].message.mutable_lease_show_request();
-  questions[3].message.mutable_findings_request();
-  for (int i = 0; i < 4; ++i) questions[i].actor = ActorOf(request, i);
+// A list in braces would copy the message.
+std::vector<Question> AskOne(const std::string& actor, proto::Message message) {
+  std::vector<Question> questions;
+  questions.push_back({actor, std::move(message)});
   return questions;
 }
 
-std::vector<Question> AskForPage(const Request& request, bool is_relayed) {
-  Question question{ActorOf(request), {}};
-  *question.message.mutable_read_request() = request.read();
-  BoundPage(*question.message.mutable_read_request(), is_relayed);
-  return {std::move(question)};
+std::vector<Question> AskForPage(Request& request, bool is_relayed) {
+  proto::Message message;
+  message.mutable_read_request()->Swap(request.mutable_read());
+  BoundPage(*message.mutable_read_request(), is_relayed);
+  return AskOne(ActorOf(request), std::move(message));
 }
 
 // What this agent has itself, not what it would say to a peer.
-std::vector<Question> AskForHave(const Request& request, bool) {
-  Question question{ActorOf(request), {}};
-  question.message.mutable_have_request();
-  return {std::move(question)};
+std::vector<Question> AskForHave(Request& request, bool) {
+  proto::Message message;
+  message.mutable_have_request();
+  return AskOne(ActorOf(request), std::move(message));
 }
 
-std::vector<Question> AskToShare(const Request& request, bool) {
-  Question question{ActorOf(request, request.share().kind() == proto::SHARING_KIND_SYNC ? 0 : 1), {}};
-  *question.message.mutable_share_request() = request.share();
-  return {std::move(question)};
+std::vector<Question> AskToShare(Request& request, bool) {
+  const std::string& actor = ActorOf(request, request.share().kind() == proto::SHARING_KIND_SYNC ? 0 : 1);
+  proto::Message message;
+  message.mutable_share_request()->Swap(request.mutable_share());
+  return AskOne(actor, std::move(message));
 }
 
-std::vector<Question> AskOwnActor(const Request& request, bool) {
-  Question question{request.custom().actor(), {}};
-  *question.message.mutable_custom() = request.custom().body();
-  return {std::move(question)};
+std::vector<Question> AskOwnActor(Request& request, bool) {
+  proto::Message message;
+  message.mutable_custom()->Swap(request.mutable_custom()->mutable_body());
+  return AskOne(request.custom().actor(), std::move(message));
 }
 
 // --- What is answered otherwise ---
 
-bool TakeStatus(const proto::Message& answer, proto::ControlReply& reply) {
-  proto::AgentStatus& status = *reply.mutable_status();
-  switch (answer.body_case()) {
-    case proto::Message::kStorageStatus:
-      *status.mutable_storage() = answer.storage_status();
-      return true;
-    case proto::Message::kLeasesChanged:
-      *status.mutable_leases() = answer.leases_changed().leases();
-      return true;
-    case proto::Message::kFindingsReply:
-      *status.mutable_findings() = answer.findings_reply().findings();
-      return true;
-    case proto::Message::kRoleShowReply:
-      *status.mutable_roles() = answer.role_show_reply().roles();
-      status.set_refused_announcements(answer.role_show_reply().refused_announcements());
-      if (answer.role_show_reply().has_unstored()) {
-        *status.mutable_unstored_roles() = answer.role_show_reply().unstored();
-      }
-      return true;
-    default:
-      return false;
-  }
-}
-
-bool TakeRoles(const proto::Message& answer, proto::ControlReply& reply) {
-  if (!answer.has_role_show_reply()) return false;
-  *reply.mutable_roles() = answer.role_show_reply();
-  return true;
-}
-
 // SyncActor's and ReplicaActor's together.
-bool TakeShareStatus(const proto::Message& answer, proto::ControlReply& reply) {
-  if (!answer.has_share_status()) return false;
-  const proto::ShareStatus& part = answer.share_status();
-  proto::ShareStatus& whole = *reply.mutable_share_status();
+void MergeShareStatus(const proto::ControlReply& reply, proto::ControlReply& whole_reply) {
+  const proto::ShareStatus& part = reply.share_status();
+  proto::ShareStatus& whole = *whole_reply.mutable_share_status();
   whole.mutable_sessions()->MergeFrom(part.sessions());
   whole.set_received_records(whole.received_records() + part.received_records());
   whole.set_rejected_records(whole.rejected_records() + part.rejected_records());
@@ -120,29 +88,27 @@ bool TakeShareStatus(const proto::Message& answer, proto::ControlReply& reply) {
     const auto& known = whole.other_config_agents();
     if (std::find(known.begin(), known.end(), agent) == known.end()) whole.add_other_config_agents(agent);
   }
-  return true;
 }
 
 // --- The table ---
 
 constexpr Command kCommands[] = {
-    {.request = Request::kStatus, .ask = AskForStatus, .take = TakeStatus},
+    {.request = Request::kStatus},
     {.request = Request::kInsert,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckInsert(team, request.insert()); }},
     {.request = Request::kRead,
      .check = [](const Team&, AgentId, const Request& request) { return CheckRead(request.read()); },
      .ask = AskForPage},
-    {.request = Request::kRoleShow, .take = TakeRoles},
+    {.request = Request::kRoleShow},
     {.request = Request::kRoleSet,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckRoleSet(team, request.role_set()); },
-     .text = [](const Team& team, const Request& request) { return RoleText(team, request.role_set()); },
-     .take = TakeRoles},
+     .text = [](const Team& team, const Request& request) { return RoleText(team, request.role_set()); }},
     {.request = Request::kShare,
      .check = [](const Team& team, AgentId asked,
                  const Request& request) { return CheckShare(team, asked, request.share()); },
      .text = [](const Team& team, const Request& request) { return ShareText(team, request.share()); },
      .ask = AskToShare},
-    {.request = Request::kShareStatus, .take = TakeShareStatus},
+    {.request = Request::kShareStatus, .merge = MergeShareStatus},
     {.request = Request::kOptimize,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckOptimize(team, request.optimize()); },
      .text = [](const Team&, const Request& request) { return OptimizeText(request.optimize()); }},
@@ -190,17 +156,28 @@ const FieldDescriptor* BodyOfType(const Descriptor* type) {
   return nullptr;
 }
 
-proto::Message MessageOf(const Request& request) {
-  proto::Message message;
-  const FieldDescriptor* field = Request::descriptor()->FindFieldByNumber(request.request_case());
-  const FieldDescriptor* body = BodyOfType(field->message_type());
-  if (body == nullptr) {
-    *message.mutable_control_request() = request;
-  } else {
-    message.GetReflection()
-        ->MutableMessage(&message, body)
-        ->CopyFrom(request.GetReflection()->GetMessage(request, field));
+// Null where there is no such request.
+const FieldDescriptor* FieldOf(Request::RequestCase request) {
+  return Request::descriptor()->FindFieldByNumber(request);
+}
+
+// A request and its reply have one name, but for `roles`.
+const FieldDescriptor* ReplyFieldOf(Request::RequestCase request) {
+  if (request == Request::kRoleShow || request == Request::kRoleSet) {
+    return proto::ControlReply::descriptor()->FindFieldByNumber(proto::ControlReply::kRolesFieldNumber);
   }
+  const FieldDescriptor* asked = FieldOf(request);
+  return asked == nullptr ? nullptr : proto::ControlReply::descriptor()->FindFieldByName(asked->name());
+}
+
+// Takes what the request holds out of it.
+proto::Message TakeMessageOf(Request& request) {
+  const FieldDescriptor* field = FieldOf(request.request_case());
+  const FieldDescriptor* body = BodyOfType(field->message_type());
+  if (body == nullptr) return MessageOf(request);
+  proto::Message message;
+  google::protobuf::Message* taken = message.GetReflection()->MutableMessage(&message, body);
+  taken->GetReflection()->Swap(taken, request.GetReflection()->MutableMessage(&request, field));
   return message;
 }
 
@@ -209,6 +186,21 @@ void CopyError(const google::protobuf::Message& part, proto::ControlReply& reply
   if (field == nullptr || !part.GetReflection()->HasField(part, field)) return;
   const auto& error = static_cast<const proto::Error&>(part.GetReflection()->GetMessage(part, field));
   if (IsError(error)) *reply.mutable_error() = error;
+}
+
+bool TakeControlReply(Request::RequestCase request, const proto::Message& answer, proto::ControlReply& reply) {
+  const Result<proto::ControlReply> part = ControlReplyOf(answer);
+  if (!part) return false;
+  const FieldDescriptor* field = ReplyFieldOf(request);
+  const bool is_error_alone = field == nullptr || !part->GetReflection()->HasField(*part, field);
+  const Command* command = FindCommand(request);
+  if (is_error_alone || command == nullptr || command->merge == nullptr) {
+    reply.MergeFrom(*part);
+  } else {
+    command->merge(*part, reply);
+  }
+  if (!is_error_alone) CopyError(part->GetReflection()->GetMessage(*part, field), reply);
+  return true;
 }
 
 }  // namespace
@@ -225,28 +217,21 @@ std::string CommandText(const Team& team, const Request& request) {
   return command == nullptr || command->text == nullptr ? "" : command->text(team, request);
 }
 
-std::vector<Question> QuestionsOf(const Request& request, bool is_relayed) {
+std::vector<Question> QuestionsOf(Request request, bool is_relayed) {
   const Command* command = FindCommand(request.request_case());
   if (command == nullptr) return {};
   if (command->ask != nullptr) return command->ask(request, is_relayed);
+  const auto& actors = CommandOptionsOf(request.request_case()).actors();
+  if (actors.size() == 1) return AskOne(actors.Get(0), TakeMessageOf(request));
   std::vector<Question> questions;
-  for (const std::string& actor : CommandOptionsOf(request.request_case()).actors()) {
-    questions.push_back({actor, MessageOf(request)});
-  }
+  for (const std::string& actor : actors) questions.push_back({actor, MessageOf(request)});
   return questions;
 }
 
 bool TakeAnswer(Request::RequestCase request, const proto::Message& answer, proto::ControlReply& reply) {
-  if (answer.has_control_reply()) {
-    reply = answer.control_reply();
-    return true;
-  }
-  const Command* command = FindCommand(request);
-  if (command != nullptr && command->take != nullptr) return command->take(answer, reply);
+  if (answer.has_control_reply()) return TakeControlReply(request, answer, reply);
   const FieldDescriptor* body = proto::Message::descriptor()->FindFieldByNumber(answer.body_case());
-  const FieldDescriptor* asked = Request::descriptor()->FindFieldByNumber(request);
-  const FieldDescriptor* field =
-      asked == nullptr ? nullptr : proto::ControlReply::descriptor()->FindFieldByName(asked->name());
+  const FieldDescriptor* field = ReplyFieldOf(request);
   if (body == nullptr || field == nullptr || body->message_type() != field->message_type()) return false;
   const google::protobuf::Message& part = answer.GetReflection()->GetMessage(answer, body);
   reply.GetReflection()->MutableMessage(&reply, field)->CopyFrom(part);

@@ -1,9 +1,10 @@
 // What becomes of each request of a client: one row for each in command_table.cc, beside what proto/control.proto says
 // at the request itself (who answers, the right that is needed, whether it takes long).
 //
-// Without a row's own functions a request is not looked into, is not written down, goes to its actors as the body of
-// Message that has its type (or, where Message has none, as the ControlRequest itself), and what they answer is put
-// into ControlReply by its type. Plain functions, any thread.
+// Without a row's own functions a request is not looked into, is not written down, goes to its actor as the body of
+// Message that has its type, and what that answers is put into ControlReply by its type. Where Message has no such
+// body, or several actors answer, the ControlRequest itself goes to them, and they answer with ControlReplies, which
+// are merged. Plain functions, any thread.
 #pragma once
 
 #include <string>
@@ -11,6 +12,7 @@
 
 #include "model/error.h"
 #include "model/ids.h"
+#include "proto/control.pb.h"
 #include "proto/message.pb.h"
 #include "proto/team.pb.h"
 
@@ -29,12 +31,12 @@ struct Question {
   proto::Message message;
 };
 
-// All that a checked request makes the gateway ask, in order; empty: it answers by itself. `is_relayed`: the answer
-// crosses the radio.
-std::vector<Question> QuestionsOf(const proto::ControlRequest& request, bool is_relayed);
+// All that a checked request makes the gateway ask, in order; empty: it answers by itself. What the request holds moves
+// into the questions: it may be a map of megabytes. `is_relayed`: the answer crosses the radio.
+std::vector<Question> QuestionsOf(proto::ControlRequest request, bool is_relayed);
 
 // Puts one actor's answer to such a request into the reply, an error of it into the reply's own too. False for what is
-// no answer to it.
+// no answer to it, and for what does not decode.
 bool TakeAnswer(proto::ControlRequest::RequestCase request, const proto::Message& answer, proto::ControlReply& reply);
 
 }  // namespace moondb

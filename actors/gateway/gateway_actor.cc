@@ -6,8 +6,10 @@
 #include "actors/gateway/command_table.h"
 #include "actors/gateway/request_check.h"
 #include "model/agent_name.h"
+#include "model/control_message.h"
 #include "model/control_request.h"
 #include "model/team_id.h"
+#include "runtime/system_status.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -70,20 +72,19 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
 
 void GatewayActor::OnControlRequest(Context& context, const proto::Message& message) {
   const Address client = context.sender();
-  if (client.agent != kClients) return OnCheckedRequest(context, message, message.control_request());
-  if (auto allowed = CheckClientRights(message); !allowed) {
-    ++refused_requests_;
-    return Answer(context, client, message.request_id(), ErrorReply(allowed.error()));
+  Result<proto::ControlRequest> request = ControlRequestOf(message);
+  if (!request) return Answer(context, client, message.request_id(), ErrorReply(request.error()));
+  if (client.agent == kClients) {
+    if (auto allowed = CheckClientRights(message, request->request_case()); !allowed) {
+      ++refused_requests_;
+      return Answer(context, client, message.request_id(), ErrorReply(allowed.error()));
+    }
+    request->set_by(ByOf(message, *request));
   }
-  const std::string by = ByOf(message);
-  if (by == message.control_request().by()) return OnCheckedRequest(context, message, message.control_request());
-  proto::ControlRequest request = message.control_request();
-  request.set_by(by);
-  OnCheckedRequest(context, message, request);
+  OnCheckedRequest(context, message, *std::move(request));
 }
 
-void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& message,
-                                    const proto::ControlRequest& request) {
+void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& message, proto::ControlRequest request) {
   const Address client = context.sender();
   const bool is_for_self = request.for_agent() == options_.self || (request.for_agent() == 0 && !IsPeer(client.agent));
   if (IsPeer(client.agent) && !is_for_self) {
@@ -116,10 +117,6 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     return Answer(context, client, message.request_id(), ErrorReply(room.error()));
   }
   if (is_for_self) WriteDown(context, request);
-  const std::uint64_t id = next_id_++;
-  const Result<void> forwarded =
-      is_for_self ? Forward(context, request, id, pending) : Relay(context, request, id, pending);
-  if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
   // The other agent waits as long as it is asked to, then answers.
   Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
@@ -128,6 +125,10 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     pending.feed.emplace(std::move(page), last_row_id_);
     timeout = WaitOf(request);
   }
+  const std::uint64_t id = next_id_++;
+  const Result<void> forwarded =
+      is_for_self ? Forward(context, std::move(request), id, pending) : Relay(context, std::move(request), id, pending);
+  if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
   pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
 }
@@ -184,28 +185,25 @@ void GatewayActor::OnStop(Context& context, const proto::Message& message) {
   context.AfterTimer(options_.stop_delay, kStopNow);
 }
 
-Result<void> GatewayActor::Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id,
+Result<void> GatewayActor::Forward(Context& context, proto::ControlRequest request, std::uint64_t id,
                                    Pending& pending) {
   const std::string& own_actor = request.custom().actor();
   if (request.has_custom() && !options_.own_actors.contains(own_actor)) {
     return Fail(ErrorCode::kNotFound, "this agent has no actor of its own named \"" + own_actor + "\"", "custom.actor");
   }
-  for (Question& question : QuestionsOf(request, IsPeer(pending.client.agent))) {
+  for (Question& question : QuestionsOf(std::move(request), IsPeer(pending.client.agent))) {
     auto asked = Ask(context, question.actor, std::move(question.message), id, pending);
     if (!asked) return asked;
   }
   return {};
 }
 
-Result<void> GatewayActor::Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id,
-                                 Pending& pending) {
+Result<void> GatewayActor::Relay(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending) {
   pending.relayed_to = static_cast<AgentId>(request.for_agent());
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
+  request.set_team_id(TeamIdBytes(options_.team.team_id()));
+  proto::Message message = MessageOf(request);
   message.set_request_id(id);
-  *message.mutable_control_request() = request;
-  message.mutable_control_request()->set_team_id(TeamIdBytes(options_.team.team_id()));
-  const std::size_t bytes = request.ByteSizeLong();
+  const std::size_t bytes = message.control_request().size();
   if (bytes > options_.relay_bytes_max) {
     return Fail(ErrorCode::kFull, "the request of " + std::to_string(bytes / 1024) +
                                       " KiB is too long for the radio; send less at a time, or ask the agent itself");
@@ -244,7 +242,8 @@ void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
   Pending& pending = found->second;
   if (pending.relayed_to != 0) {
     if (context.sender() != Address{pending.relayed_to, actor_name::kGateway} || !message.has_control_reply()) return;
-    pending.reply = message.control_reply();
+    Result<proto::ControlReply> reply = ControlReplyOf(message);
+    pending.reply = reply ? *std::move(reply) : ErrorReply(reply.error());
     return Finish(context, found->first);
   }
   if (context.sender().agent != options_.self) return;
@@ -350,27 +349,24 @@ void GatewayActor::Finish(Context& context, std::uint64_t id) {
   Answer(context, pending.client, pending.client_request_id, std::move(pending.reply));
 }
 
-proto::Message GatewayActor::MessageOf(std::uint64_t request_id, proto::ControlReply reply) const {
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  message.set_request_id(request_id);
-  *message.mutable_control_reply() = std::move(reply);
-  proto::ControlReply& said = *message.mutable_control_reply();
-  if (said.team_id().empty() && said.config_hash() == 0) {
-    said.set_team_id(TeamIdBytes(options_.team.team_id()));
-    said.set_config_hash(options_.config_hash);
+proto::Message GatewayActor::AnswerOf(std::uint64_t request_id, proto::ControlReply reply) const {
+  if (reply.team_id().empty() && reply.config_hash() == 0) {
+    reply.set_team_id(TeamIdBytes(options_.team.team_id()));
+    reply.set_config_hash(options_.config_hash);
   }
+  proto::Message message = MessageOf(reply);
+  message.set_request_id(request_id);
   return message;
 }
 
 void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t request_id,
                           proto::ControlReply reply) {
-  proto::Message message = MessageOf(request_id, std::move(reply));
-  const std::size_t bytes = IsPeer(client.agent) ? message.control_reply().ByteSizeLong() : 0;
+  proto::Message message = AnswerOf(request_id, std::move(reply));
+  const std::size_t bytes = IsPeer(client.agent) ? message.control_reply().size() : 0;
   if (bytes > options_.relay_bytes_max) {
     const std::string text = "the answer of " + std::to_string(bytes / 1024) +
                              " KiB is too long for the radio; ask for less, or ask the agent itself";
-    message = MessageOf(request_id, ErrorReply(Error{ErrorCode::kFull, text, {}}));
+    message = AnswerOf(request_id, ErrorReply(Error{ErrorCode::kFull, text, {}}));
   } else if (bytes > kShortBytes) {
     LetOthersGoFirst(message);
   }
@@ -379,7 +375,7 @@ void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t
   if (sent != SendResult::kFull || !IsPeer(client.agent)) return;
   const std::string text =
       "too much waits on the way back to " + AgentName(options_.team, client.agent) + "; try again later";
-  (void)context.Send(client, MessageOf(request_id, ErrorReply(Error{ErrorCode::kFull, text, {}})));
+  (void)context.Send(client, AnswerOf(request_id, ErrorReply(Error{ErrorCode::kFull, text, {}})));
 }
 
 }  // namespace moondb

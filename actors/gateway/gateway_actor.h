@@ -1,9 +1,10 @@
 // GatewayActor: where clients (moonctl, a robot's software, planners) reach this agent.
 //
-// Takes Message{control_request} from clients, checks it, hands it to the actor whose duty it is under a request id of
-// its own, and answers with Message{control_reply} under the client's (actors/gateway/command_table.h). An error of the
-// reply inside is copied to ControlReply.error, so that a client has one place to look. Status is put together here
-// from StorageActor, RoleActor, LeaseActor, EventActor and the system.
+// Takes Message{control_request} from clients, parses it (once; model/control_message.h), checks it, hands it to the
+// actor whose duty it is under a request id of its own, and answers with Message{control_reply} under the client's
+// (actors/gateway/command_table.h). An error of the reply inside is copied to ControlReply.error, so that a client has
+// one place to look. Status is put together here from the parts of StorageActor, RoleActor, LeaseActor and EventActor,
+// and what the system knows.
 //
 // A request for another agent of the team (ControlRequest.for_agent) goes to that one's gateway over the radio, and its
 // answer comes back: so an operator at the base station reaches the whole team. Agents of a team trust each other (they
@@ -24,11 +25,11 @@
 //
 // What waits for an answer is bounded: `pending_max` requests, each with a timeout, and so many of one client that
 // others have their share: one key counts as one client, over however many connections. Errors that clients see from
-// here: kInvalid (actors/gateway/request_check.h), kRefused (another agent sent a request that is not for this one),
-// kFull (too much waits, here or at the actor; an answer too long for the radio), kUnavailable (no such actor; the
-// agent that it is for cannot be reached, or was lost), kNotFound (a custom request to what is no actor of the user's),
-// kTimedOut (the actor, or the other agent, did not answer). After a restart of this actor what waited is forgotten;
-// the clients' own timeouts tell them.
+// here: kCorrupt (the request does not decode), kInvalid (actors/gateway/request_check.h), kRefused (another agent sent
+// a request that is not for this one), kFull (too much waits, here or at the actor; an answer too long for the radio),
+// kUnavailable (no such actor; the agent that it is for cannot be reached, or was lost), kNotFound (a custom request to
+// what is no actor of the user's), kTimedOut (the actor, or the other agent, did not answer). After a restart of this
+// actor what waited is forgotten; the clients' own timeouts tell them.
 #pragma once
 
 #include <functional>
@@ -86,7 +87,7 @@ class GatewayActor final : public Actor {
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);
-  void OnCheckedRequest(Context& context, const proto::Message& message, const proto::ControlRequest& request);
+  void OnCheckedRequest(Context& context, const proto::Message& message, proto::ControlRequest request);
   // kFull where the client, or all together, may not wait for one answer more.
   Result<void> CheckRoom(const Pending& pending, bool is_feed) const;
   void OnStop(Context& context, const proto::Message& message);
@@ -104,15 +105,15 @@ class GatewayActor final : public Actor {
   void WriteDown(Context& context, const proto::ControlRequest& request);
   void Store(Context& context, const std::optional<proto::Record>& event) const;
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
-  Result<void> Forward(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
-  Result<void> Relay(Context& context, const proto::ControlRequest& request, std::uint64_t id, Pending& pending);
+  Result<void> Forward(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending);
+  Result<void> Relay(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending);
   Result<void> Ask(Context& context, const std::string& actor, proto::Message message, std::uint64_t id,
                    Pending& pending);
   void CompleteStatus(Context& context, proto::AgentStatus& status) const;
   void Finish(Context& context, std::uint64_t id);
   void Answer(Context& context, const Address& client, std::uint64_t request_id, proto::ControlReply reply);
   // Says whose answer it is, unless another agent that was asked has said so.
-  proto::Message MessageOf(std::uint64_t request_id, proto::ControlReply reply) const;
+  proto::Message AnswerOf(std::uint64_t request_id, proto::ControlReply reply) const;
 
   Options options_;
   std::map<std::uint64_t, Pending> pending_;  // By own request id.

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/control_message.h"
+#include "proto/control.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -48,8 +50,8 @@ void LeaseActor::OnLocal(Context& context, const proto::Message& message) {
       return OnPeerEvent(context, message.peer_event());
     case proto::Message::kLeaseRequest:
       return OnLeaseRequest(context, message.lease_request());
-    case proto::Message::kLeaseShowRequest:
-      return OnLeaseShowRequest(context);
+    case proto::Message::kControlRequest:
+      return OnControlRequest(context, message);
     default:
       return;
   }
@@ -110,11 +112,12 @@ Result<void> LeaseActor::Take(Context& context, const proto::LeaseRequest& reque
   return {};
 }
 
-void LeaseActor::OnLeaseShowRequest(Context& context) {
-  proto::Message reply;
-  reply.set_ms_type(proto::CONTROL);
-  *reply.mutable_leases_changed() = leases_.Left(context.now());
-  (void)context.Reply(std::move(reply));
+void LeaseActor::OnControlRequest(Context& context, const proto::Message& message) {
+  const Result<proto::ControlRequest> request = ControlRequestOf(message);
+  if (!request || !request->has_status()) return;
+  proto::ControlReply reply;
+  *reply.mutable_status()->mutable_leases() = leases_.Left(context.now()).leases();
+  (void)context.Reply(MessageOf(reply));
 }
 
 void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::LeaseAnnounce& announce) {

@@ -6,9 +6,9 @@
 // lapses: whoever knows it counts down by himself. Other agents' announcements are checked and speak for their sender
 // alone.
 //
-// Publishes LeasesChanged (Topic::kLeases) at each change and lapse, and answers a LeaseShowRequest with it. Nothing is
-// stored: a restarted agent neither drives nor sleeps nor is paused until its robot says so again, and hears from the
-// others what they do.
+// Publishes LeasesChanged (Topic::kLeases) at each change and lapse, and answers the ControlRequest `status` with its
+// part of AgentStatus. Nothing is stored: a restarted agent neither drives nor sleeps nor is paused until its robot
+// says so again, and hears from the others what they do.
 #pragma once
 
 #include <map>
@@ -45,7 +45,7 @@ class LeaseActor final : public Actor {
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);
   void OnLeaseRequest(Context& context, const proto::LeaseRequest& request);
-  void OnLeaseShowRequest(Context& context);
+  void OnControlRequest(Context& context, const proto::Message& message);
   void OnLeaseAnnounce(Context& context, AgentId from, const proto::LeaseAnnounce& announce);
 
   Result<void> Take(Context& context, const proto::LeaseRequest& request);

@@ -6,7 +6,8 @@
 
 #include "actors/merge/map_collection.h"
 #include "actors/merge/merger.h"
-#include "proto/control.pb.h"
+#include "proto/map.pb.h"
+#include "proto/retention.pb.h"
 
 namespace moondb {
 

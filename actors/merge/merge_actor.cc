@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "actors/merge/map_answers.h"
+#include "model/control_message.h"
 #include "model/geometry.h"
 
 namespace moondb {
@@ -58,8 +59,7 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
       *reply.mutable_map_tiles_reply()->mutable_error() = ToProto(error);
       break;
     case proto::Message::kBeatenMapsRequest:
-      *reply.mutable_control_reply()->mutable_error() = ToProto(error);
-      break;
+      return ErrorMessage(error);
     default:
       *reply.mutable_merge_reply()->mutable_error() = ToProto(error);
   }

@@ -3,7 +3,7 @@
 //   OptimizeRequest -> reads what is new in its storage, page by page -> solves, in the handler -> inserts the poses
 //   that moved and the verdicts that changed, in chunks -> OptimizeReply, once all of them are committed.
 //
-// A request may want all solved from scratch, only a window of the newest nodes, or covariances (proto/control.proto).
+// A request may want all solved from scratch, only a window of the newest nodes, or covariances (proto/graph.proto).
 //
 // With `solve_when_quiet` it also solves by itself, while it leads: when nodes or edges have come to its storage and no
 // more of them for so long, which is how a completed sync looks from here; where they never stop, `solve_apart` after

@@ -7,7 +7,7 @@
 
 #include "actors/pgo/known_graph.h"
 #include "actors/pgo/pose_graph_solver.h"
-#include "proto/control.pb.h"
+#include "proto/graph.pb.h"
 #include "proto/record.pb.h"
 
 namespace moondb {

@@ -7,8 +7,10 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/control_message.h"
 #include "model/custom_types.h"
 #include "model/have_set.h"
+#include "proto/control.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -41,6 +43,7 @@ bool HasMaps(const proto::PruneReply& reply) {
 void RetentionActor::OnStart(Context& context) {
   // A random start, so that an answer to an earlier life meets no question of this one.
   request_id_ = context.rng()();
+  NotifyMerge(context, {});  // What an earlier life of this actor asked storage to remove may be gone.
   LookLater(context);
 }
 
@@ -54,8 +57,14 @@ void RetentionActor::OnMessage(Context& context, const proto::Message& message) 
   const AgentId from = context.sender().agent;
   if (from == options_.self) return OnLocal(context, message);
   if (FindAgent(options_.team, from) == nullptr || context.sender().actor != actor_name::kRetention) return;
-  if (message.control_request().has_have()) OnPeersQuestion(context, from, message.request_id());
-  if (message.control_reply().has_have()) OnPeersHave(context, from, message);
+  if (message.has_control_request()) {
+    const Result<proto::ControlRequest> request = ControlRequestOf(message);
+    if (request && request->has_have()) OnPeersQuestion(context, from, message.request_id());
+  }
+  if (message.has_control_reply()) {
+    const Result<proto::ControlReply> reply = ControlReplyOf(message);
+    if (reply && reply->has_have()) OnPeersHave(context, from, message.request_id(), reply->have());
+  }
 }
 
 void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
@@ -67,12 +76,6 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
       return OnOrder(context, message);
     case proto::Message::kHaveReply:
       return OnOwnHave(context, message);
-    case proto::Message::kStorageStatus: {
-      if (!IsAnswer(message, Stage::kStatus)) return;
-      Job job;
-      job.plan = PlanOf(options_.team.retention(), DataTypesOf(options_.team), message.storage_status());
-      return Begin(context, std::move(job));
-    }
     case proto::Message::kRoleShowReply:
       if (IsAnswer(message, Stage::kRoles)) OnRoles(context, message.role_show_reply().roles());
       return;
@@ -85,15 +88,24 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kPruneReply:
       if (IsAnswer(message, Stage::kPruning)) OnPruned(context, message.prune_reply());
       return;
-    case proto::Message::kControlReply:  // Holds nothing but an error.
-      if (stage_ != Stage::kIdle && message.request_id() == request_id_) {
-        if (SkipsBeatenMaps(context)) return;
-        GiveUp(context, FromProto(message.control_reply().error()));
-      }
+    case proto::Message::kControlReply:
+      if (stage_ != Stage::kIdle && message.request_id() == request_id_) OnControlReply(context, message);
       return;
     default:
       return;
   }
+}
+
+// Storage's status, or nothing but an error.
+void RetentionActor::OnControlReply(Context& context, const proto::Message& message) {
+  const Result<proto::ControlReply> reply = ControlReplyOf(message);
+  if (stage_ == Stage::kStatus && reply && reply->status().has_storage()) {
+    Job job;
+    job.plan = PlanOf(options_.team.retention(), DataTypesOf(options_.team), reply->status().storage());
+    return Begin(context, std::move(job));
+  }
+  if (SkipsBeatenMaps(context)) return;
+  GiveUp(context, reply ? FromProto(reply->error()) : reply.error());
 }
 
 void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
@@ -101,9 +113,9 @@ void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
     LookLater(context);
     if (stage_ != Stage::kIdle || !HasLimits(options_.team.retention())) return;
     Enter(context, Stage::kStatus, options_.own_timeout);
-    proto::Message question;
-    question.mutable_storage_status_request();
-    Ask(context, actor_name::kStorage, std::move(question));
+    proto::ControlRequest question;
+    question.mutable_status();
+    Ask(context, actor_name::kStorage, MessageOf(question));
     return;
   }
   if (timer.kind() != kStage || stage_ == Stage::kIdle || timer.value() != request_id_) return;
@@ -165,10 +177,10 @@ void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) 
 }
 
 void RetentionActor::Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply had) {
-  proto::Message answer;
-  answer.set_ms_type(proto::CONTROL);
+  proto::ControlReply reply;
+  *reply.mutable_have() = std::move(had);
+  proto::Message answer = MessageOf(reply);
   answer.set_request_id(request_id);
-  *answer.mutable_control_reply()->mutable_have() = std::move(had);
   (void)context.Send({peer, actor_name::kRetention}, std::move(answer));
 }
 
@@ -230,20 +242,21 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
     job_.awaited[static_cast<AgentId>(agent)] = AgentName(options_.team, static_cast<AgentId>(agent)) + ", " + role;
   }
   Enter(context, Stage::kPeers, options_.peer_timeout);
+  proto::ControlRequest request;
+  request.mutable_have();
   for (const auto& [agent, name] : job_.awaited) {
-    proto::Message question;
-    question.set_ms_type(proto::CONTROL);
+    proto::Message question = MessageOf(request);
     question.set_request_id(request_id_);
-    question.mutable_control_request()->mutable_have();
     if (context.Send({agent, actor_name::kRetention}, std::move(question)) == SendResult::kAccepted) continue;
     return Refuse(context, name + ", cannot be reached");
   }
 }
 
-void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::Message& message) {
+void RetentionActor::OnPeersHave(Context& context, AgentId peer, std::uint64_t request_id,
+                                 const proto::HaveReply& had) {
   const auto awaited = job_.awaited.find(peer);
-  if (!IsAnswer(message, Stage::kPeers) || awaited == job_.awaited.end()) return;
-  const Result<HaveSet> have = FromProto(message.control_reply().have().have());
+  if (stage_ != Stage::kPeers || request_id != request_id_ || awaited == job_.awaited.end()) return;
+  const Result<HaveSet> have = FromProto(had.have());
   if (!have) return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
   job_.peers[peer] = *have;
   job_.awaited.erase(awaited);
@@ -339,7 +352,14 @@ void RetentionActor::Refuse(Context& context, const std::string& text) {
   Finish(context);
 }
 
+void RetentionActor::NotifyMerge(Context& context, const proto::PruneReply& reply) const {
+  proto::Message news;
+  *news.mutable_prune_reply() = reply;
+  (void)context.Send({options_.self, actor_name::kMerge}, std::move(news));  // Not every agent merges.
+}
+
 void RetentionActor::GiveUp(Context& context, const Error& error) {
+  job_.is_in_doubt = stage_ == Stage::kPruning;
   *job_.reply.mutable_error() = ToProto(error);
   Finish(context);
 }
@@ -349,11 +369,7 @@ void RetentionActor::Finish(Context& context) {
   stage_ = Stage::kIdle;
   const bool is_dry_run = IsDryRun();
   const Job job = std::exchange(job_, {});
-  if (HasMaps(job.reply) && !is_dry_run) {
-    proto::Message news;
-    *news.mutable_prune_reply() = job.reply;
-    (void)context.Send({options_.self, actor_name::kMerge}, std::move(news));  // Not every agent merges.
-  }
+  if ((HasMaps(job.reply) || job.is_in_doubt) && !is_dry_run) NotifyMerge(context, job.reply);
   if (job.asker) {
     proto::Message reply;
     reply.set_ms_type(proto::CONTROL);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/prune_rules.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 namespace {

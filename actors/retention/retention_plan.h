@@ -14,9 +14,12 @@
 #include <vector>
 
 #include "model/ids.h"
-#include "proto/control.pb.h"
-#include "proto/storage.pb.h"
+#include "proto/retention.pb.h"
 #include "proto/team.pb.h"
+
+namespace moondb::proto {
+class StorageStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 

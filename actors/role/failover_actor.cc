@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/control_message.h"
 #include "model/term.h"
 #include "runtime/team/team_config.h"
 
@@ -55,9 +56,8 @@ void FailoverActor::OnMessage(Context& context, const proto::Message& message) {
       known_ = connected_;  // LeaseActor has forgotten what others said; those who are connected say it again.
       break;
     case proto::Message::kControlReply:
-      if (message.request_id() == kTakeLead) {
-        spdlog::warn("{}: could not take the lead: {}", ToString(context.self()),
-                     ToString(FromProto(message.control_reply().error())));
+      if (const auto taken = CheckControlReply(message); !taken && message.request_id() == kTakeLead) {
+        spdlog::warn("{}: could not take the lead: {}", ToString(context.self()), ToString(taken.error()));
       }
       return;
     default:

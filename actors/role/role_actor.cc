@@ -5,6 +5,8 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/control_message.h"
+#include "proto/control.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -23,13 +25,6 @@ RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   logic.announce_after = options.announce_after;
   logic.announce_after_max = options.announce_after_max;
   return logic;
-}
-
-proto::Message ErrorMessage(const Error& error) {
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
-  *message.mutable_control_reply()->mutable_error() = ToProto(error);
-  return message;
 }
 
 }  // namespace
@@ -68,6 +63,8 @@ void RoleActor::OnLocal(Context& context, const proto::Message& message) {
       return OnRoleSetRequest(context, message);
     case proto::Message::kRoleShowRequest:
       return OnRoleShowRequest(context, message.role_show_request());
+    case proto::Message::kControlRequest:
+      return OnControlRequest(context, message);
     case proto::Message::kRoleAnnounce:
       // Forwarded by a sharing actor, which heard it from agent_id.
       return OnRoleAnnounce(context, message.agent_id(), message.role_announce());
@@ -147,16 +144,40 @@ void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message
 }
 
 void RoleActor::OnRoleShowRequest(Context& context, const proto::RoleShowRequest& request) {
-  if (!logic_.is_loaded()) {
-    (void)context.Reply(
-        ErrorMessage({ErrorCode::kUnavailable, "the stored roles are still being read; try again", ""}));
+  Result<proto::RoleShowReply> shown = Show(request.with_history());
+  if (!shown) {
+    (void)context.Reply(ErrorMessage(shown.error()));
     return;
   }
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
-  *reply.mutable_role_show_reply() = logic_.Show(request.with_history());
-  reply.mutable_role_show_reply()->set_refused_announcements(refused_announcements_);
+  *reply.mutable_role_show_reply() = *std::move(shown);
   (void)context.Reply(std::move(reply));
+}
+
+void RoleActor::OnControlRequest(Context& context, const proto::Message& message) {
+  const Result<proto::ControlRequest> request = ControlRequestOf(message);
+  if (!request || !request->has_status()) return;
+  const Result<proto::RoleShowReply> shown = Show(/*with_history=*/false);
+  if (!shown) {
+    (void)context.Reply(ErrorMessage(shown.error()));
+    return;
+  }
+  proto::ControlReply reply;
+  proto::AgentStatus& status = *reply.mutable_status();
+  *status.mutable_roles() = shown->roles();
+  status.set_refused_announcements(shown->refused_announcements());
+  if (shown->has_unstored()) *status.mutable_unstored_roles() = shown->unstored();
+  (void)context.Reply(MessageOf(reply));
+}
+
+Result<proto::RoleShowReply> RoleActor::Show(bool with_history) const {
+  if (!logic_.is_loaded()) {
+    return Fail(ErrorCode::kUnavailable, "the stored roles are still being read; try again");
+  }
+  proto::RoleShowReply shown = logic_.Show(with_history);
+  shown.set_refused_announcements(refused_announcements_);
+  return shown;
 }
 
 void RoleActor::OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce) {

@@ -3,8 +3,8 @@
 // Stores an assignment through StorageActor before it acts (one that cannot be stored makes it give up its role at
 // once, as RoleLogic says): Context::SetRoles, RolesChanged published (Topic::kRoles), RoleAnnounce to the other
 // agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with RoleShowReply, or with a ControlReply that holds
-// nothing but an error. Both are taken from this agent's own actors only, as clients come through the gateway. After a
-// restart everything comes back from storage.
+// nothing but an error; the ControlRequest `status` with its part of AgentStatus. All are taken from this agent's own
+// actors only, as clients come through the gateway. After a restart everything comes back from storage.
 //
 // On StepDown (an actor of this agent fails again and again) it gives up the agent's role to an agent that is
 // connected, now or as soon as there is one.
@@ -52,8 +52,10 @@ class RoleActor final : public Actor {
   void OnSaveRolesReply(Context& context, const proto::Message& message);
   void OnRoleSetRequest(Context& context, const proto::Message& message);
   void OnRoleShowRequest(Context& context, const proto::RoleShowRequest& request);
+  void OnControlRequest(Context& context, const proto::Message& message);
   void OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce);
 
+  Result<proto::RoleShowReply> Show(bool with_history) const;
   void StepDownIfDue(Context& context);
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);

@@ -29,8 +29,7 @@
 
 #include "model/error.h"
 #include "model/ids.h"
-#include "proto/control.pb.h"
-#include "proto/sharing.pb.h"
+#include "proto/role.pb.h"
 #include "proto/types.pb.h"
 
 namespace moondb {

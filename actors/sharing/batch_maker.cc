@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/share_status.pb.h"
+
 namespace moondb {
 namespace {
 

@@ -21,6 +21,10 @@
 #include "model/have_set.h"
 #include "proto/message.pb.h"
 
+namespace moondb::proto {
+class ShareSession;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 struct MadeBatch {

@@ -58,6 +58,12 @@ std::size_t BatchesUnderWay::RecordCount() const {
   return count;
 }
 
+std::vector<RecordKey> BatchesUnderWay::Keys() const {
+  std::vector<RecordKey> keys;
+  for (const auto& [number, batch] : batches_) keys.insert(keys.end(), batch.keys.begin(), batch.keys.end());
+  return keys;
+}
+
 std::uint64_t BatchesUnderWay::RefusedCount() const {
   std::uint64_t count = 0;
   for (const auto& [key, stream] : refused_.streams()) count += stream.held.Count();

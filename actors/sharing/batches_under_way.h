@@ -52,6 +52,7 @@ class BatchesUnderWay {
   void Add(std::uint32_t number, BatchContents batch);
   bool is_empty() const { return batches_.empty(); }
   std::size_t RecordCount() const;
+  std::vector<RecordKey> Keys() const;
   std::uint64_t RefusedCount() const;  // Records that acknowledged batches carried and the destination did not take.
 
   struct Acknowledged {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/term.h"
+#include "proto/share_status.pb.h"
 
 namespace moondb {
 namespace {

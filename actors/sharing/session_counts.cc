@@ -1,5 +1,7 @@
 #include "actors/sharing/session_counts.h"
 
+#include "proto/share_status.pb.h"
+
 namespace moondb {
 
 void SessionCounts::NoteAnswer(Time now) {

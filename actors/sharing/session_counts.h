@@ -7,6 +7,10 @@
 
 #include "proto/sharing.pb.h"
 
+namespace moondb::proto {
+class ShareSession;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 // How an order ended: all was acknowledged, it was closed before, or the coded bytes that it was limited to are used

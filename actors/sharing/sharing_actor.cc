@@ -6,11 +6,13 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/control_message.h"
 #include "model/order_number.h"
 #include "model/team_id.h"
 #include "model/term.h"
 #include "model/text.h"
 #include "model/wire_version.h"
+#include "proto/control.pb.h"
 
 namespace moondb {
 namespace {
@@ -95,12 +97,14 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
                 outgoing.session.OnMissingReply(message.request_id(), message.missing_reply(), context.now()));
       }
       return;
+    case proto::Message::kPeerHaveRequest:
+      return OnPeerHaveRequest(context, message);
     case proto::Message::kSharingLoad:
       return radio_share_.SetMovingElsewhere(message.sharing_load().moving_sessions());
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
-    case proto::Message::kShareStatusRequest:
-      return OnShareStatusRequest(context);
+    case proto::Message::kControlRequest:
+      return OnControlRequest(context, message);
     default:
       return;
   }
@@ -187,6 +191,11 @@ void SharingActor::OnStoreReply(Context& context, const proto::Message& message)
   for (const AgentId sender : ended) OnReceived(context, sender, /*is_all=*/true);
 }
 
+void SharingActor::OnPeerHaveRequest(Context& context, const proto::Message& message) {
+  Outgoing* outgoing = FindOutgoing(message.peer_have_request().peer());
+  if (outgoing) Perform(context, *outgoing, outgoing->session.OnPeerHaveRequest(message.request_id()));
+}
+
 void SharingActor::OnShareRequest(Context& context, const proto::Message& message) {
   const proto::ShareRequest& request = message.share_request();
   const bool is_leaders =
@@ -210,9 +219,10 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   (void)context.Reply(std::move(reply));
 }
 
-void SharingActor::OnShareStatusRequest(Context& context) {
-  proto::Message reply;
-  reply.set_ms_type(proto::CONTROL);
+void SharingActor::OnControlRequest(Context& context, const proto::Message& message) {
+  const Result<proto::ControlRequest> request = ControlRequestOf(message);
+  if (!request || !request->has_share_status()) return;
+  proto::ControlReply reply;
   proto::ShareStatus& status = *reply.mutable_share_status();
   for (const auto& [destination, outgoing] : outgoing_) {
     proto::ShareSession& session = *status.add_sessions();
@@ -229,7 +239,7 @@ void SharingActor::OnShareStatusRequest(Context& context) {
   status.set_dropped_messages(receiver_->counts().dropped_messages);
   status.set_refused_hellos(receiver_->counts().refused_hellos);
   status.mutable_other_config_agents()->Assign(receiver_->other_configs().begin(), receiver_->other_configs().end());
-  (void)context.Reply(std::move(reply));
+  (void)context.Reply(MessageOf(reply));
 }
 
 void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {

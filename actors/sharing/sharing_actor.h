@@ -28,6 +28,10 @@
 #include "runtime/rate_limited_log.h"
 #include "runtime/team/team_config.h"
 
+namespace moondb::proto {
+class ShareStatus;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 class SharingActor : public Actor {
@@ -112,9 +116,10 @@ class SharingActor : public Actor {
   void OnHello(Context& context, const proto::Hello& hello);
   void OnBatch(Context& context, const proto::Message& message);
   void OnStoreReply(Context& context, const proto::Message& message);
+  void OnPeerHaveRequest(Context& context, const proto::Message& message);
   void OnShareRequest(Context& context, const proto::Message& message);
   void OnShareReply(Context& context, const proto::Message& message);
-  void OnShareStatusRequest(Context& context);
+  void OnControlRequest(Context& context, const proto::Message& message);
   void OnLink(Context& context, const proto::PeerEvent& event);
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/text.h"
+#include "proto/share_status.pb.h"
 
 namespace moondb {
 namespace {
@@ -29,6 +30,7 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       request_id_(first_id),
       order_(options_.state_types),
       maker_(destination, options_.codec, options_.paper_sql, static_cast<std::uint32_t>(first_id)),
+      notes_(kind, destination, first_id),
       pacer_(options_.unacked_bytes_max),
       resend_delay_(options_.resend_after, options_.resend_after_max) {}
 
@@ -84,7 +86,7 @@ void SharingSession::End(Ending ending, SharingActions& actions) {
   phase_ = Phase::kClosed;
   ForgetUnderWay();
   maker_.ForgetMissing();
-  TellStorage({}, /*is_closed=*/true, actions);
+  notes_.NoteClosed(actions);
 }
 
 SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
@@ -98,9 +100,9 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
     return actions;
   }
   if (phase_ == Phase::kAwaitingHave) {
-    TakeAnswer(have, *std::move(heard), now);
+    TakeAnswer(have, *std::move(heard), now, actions);
   } else {
-    under_way_.Join(*heard);
+    Join(*heard, actions);
   }
   TakeGrant(have, now);
   if (have.needs_new_run()) {
@@ -110,7 +112,6 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
     }
   } else {
     TakeAcknowledgment(have.batch_number(), now);
-    TellStorage({}, /*is_closed=*/false, actions);
   }
   Fill(now, actions);
   return actions;
@@ -127,14 +128,20 @@ Result<HaveSet> SharingSession::CheckHave(const proto::Have& have) const {
   return heard;
 }
 
-void SharingSession::TakeAnswer(const proto::Have& have, HaveSet heard, Time now) {
+void SharingSession::TakeAnswer(const proto::Have& have, HaveSet heard, Time now, SharingActions& actions) {
   under_way_.SetHave(std::move(heard));
+  notes_.NoteAnswer(under_way_.have(), order_.asked_origins(), actions);
   order_.SetOtherSchemaTypes(TypesNotFor(options_.schemas, have.schemas()));
   maker_.TakeAnswer(have);
   counts_.NoteAnswer(now);
   phase_ = Phase::kSending;
   last_progress_ = now;
   SetDeadline(now);
+}
+
+void SharingSession::Join(const HaveSet& heard, SharingActions& actions) {
+  notes_.NoteAcknowledged(heard, under_way_.have(), actions);
+  under_way_.Join(heard);
 }
 
 void SharingSession::TakeGrant(const proto::Have& have, Time now) {
@@ -178,6 +185,12 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
   const bool is_all = maker_.Make(reply, BatchBytesMax(), /*is_part_of_order=*/order_.is_for_states());
   phase_ = is_all ? Phase::kEnding : Phase::kSending;
   Fill(now, actions);
+  return actions;
+}
+
+SharingActions SharingSession::OnPeerHaveRequest(std::uint64_t request_id) {
+  SharingActions actions;
+  notes_.NoteAllAgain(request_id, under_way_.have(), under_way_.Keys(), actions);
   return actions;
 }
 
@@ -243,6 +256,7 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   ForgetUnderWay();
   SetDeadline(now);
   order_.StartOver();
+  notes_.StartOver();
   if (!order_.is_waiting()) SayHello(actions);
 }
 
@@ -266,7 +280,7 @@ void SharingSession::Complete(SharingActions& actions) {
     const std::uint64_t refused = under_way_.RefusedCount();
     last_error_ = refused == 0 ? "" : "the destination did not take " + std::to_string(refused) + " records";
   }
-  TellStorage({}, /*is_closed=*/true, actions);
+  notes_.NoteClosed(actions);
 }
 
 void SharingSession::Fill(Time now, SharingActions& actions) {
@@ -304,7 +318,7 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   order_.SpendBytes(bytes);
   counts_.NoteSent(batch.contents.keys.size(), bytes, batch.message.batch().codec());
   actions.push_back({destination_, std::move(batch.message)});
-  TellStorage(batch.contents.keys, /*is_closed=*/false, actions);
+  notes_.NoteHandedOver(batch.contents.keys, actions);
   under_way_.Add(number, std::move(batch.contents));
   SetDeadline(now);
 }
@@ -353,20 +367,6 @@ void SharingSession::ForgetUnderWay() {
   maker_.StartOver(session_id_, /*is_any_under_way=*/!under_way_.is_empty());
   under_way_.Clear();
   paced_until_.reset();
-}
-
-void SharingSession::TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed,
-                                 SharingActions& actions) const {
-  SharingAction action;
-  action.message.set_ms_type(proto::EVENT);
-  proto::PeerHave& peer_have = *action.message.mutable_peer_have();
-  peer_have.set_peer(destination_);
-  *peer_have.mutable_acknowledged() = ToProto(under_way_.have());
-  const std::set<AgentId>& origins = order_.asked_origins();
-  peer_have.mutable_origin_agents()->Assign(origins.begin(), origins.end());
-  for (const RecordKey& key : handed_over) *peer_have.add_handed_over() = ToProto(key);
-  peer_have.set_is_session_closed(is_closed);
-  actions.push_back(std::move(action));
 }
 
 void SharingSession::SetPace(Time now) {

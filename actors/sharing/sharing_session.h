@@ -21,8 +21,9 @@
 // and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up.
 // Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
 //
-// What is ordered, the batches that are made and those that are under way are parts of their own (standing_order.h,
-// batch_maker.h, batches_under_way.h); the session itself is in one phase at a time and has one deadline.
+// What is ordered, the batches that are made, those that are under way and what storage is notified of are parts of
+// their own (standing_order.h, batch_maker.h, batches_under_way.h, peer_notes.h); the session itself is in one phase at
+// a time and has one deadline.
 //
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
 #pragma once
@@ -40,6 +41,7 @@
 #include "actors/sharing/batches_under_way.h"
 #include "actors/sharing/codec.h"
 #include "actors/sharing/pacer.h"
+#include "actors/sharing/peer_notes.h"
 #include "actors/sharing/resend_delay.h"
 #include "actors/sharing/session_counts.h"
 #include "actors/sharing/sharing_action.h"
@@ -47,6 +49,10 @@
 #include "model/have_set.h"
 #include "model/type_schema.h"
 #include "proto/message.pb.h"
+
+namespace moondb::proto {
+class ShareSession;
+}  // namespace moondb::proto
 
 namespace moondb {
 
@@ -89,6 +95,8 @@ class SharingSession {
   SharingActions OnRefusal(const proto::Refusal& refusal, Time now);
   // From storage; an answer to another question than the last one is ignored.
   SharingActions OnMissingReply(std::uint64_t request_id, const proto::MissingReply& reply, Time now);
+  // Storage lacks what was noted of the destination before the note of this id.
+  SharingActions OnPeerHaveRequest(std::uint64_t request_id);
   // Bytes a second that this agent's other sessions leave to this one; 0, as at first: no limit.
   void SetRate(double bytes_per_second, Time now);
   // Open at first.
@@ -124,7 +132,8 @@ class SharingSession {
   bool is_answered() const { return phase_ != Phase::kClosed && phase_ != Phase::kAwaitingHave; }
   void LookAgain(Time now, SharingActions& actions);
   Result<HaveSet> CheckHave(const proto::Have& have) const;
-  void TakeAnswer(const proto::Have& have, HaveSet heard, Time now);
+  void TakeAnswer(const proto::Have& have, HaveSet heard, Time now, SharingActions& actions);
+  void Join(const HaveSet& heard, SharingActions& actions);
   void TakeGrant(const proto::Have& have, Time now);
   void TakeAcknowledgment(std::uint32_t batch_number, Time now);
   void Start(Time now, SharingActions& actions);  // Restart with the shortest delay.
@@ -142,7 +151,6 @@ class SharingSession {
   void AskAnew();  // What storage said is missing is no longer all.
   void GiveUp(std::size_t batches);
   void ForgetUnderWay();
-  void TellStorage(const std::vector<RecordKey>& handed_over, bool is_closed, SharingActions& actions) const;
   void SetPace(Time now);
   void SetDeadline(Time now);
 
@@ -156,6 +164,7 @@ class SharingSession {
   StandingOrder order_;
   BatchMaker maker_;
   BatchesUnderWay under_way_;
+  PeerNotes notes_;
   double own_rate_ = 0;
   double granted_rate_ = 0;
   Pacer pacer_;

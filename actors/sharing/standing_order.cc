@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/order_number.h"
+#include "proto/share_status.pb.h"
 
 namespace moondb {
 

@@ -18,6 +18,10 @@
 #include "proto/sharing.pb.h"
 #include "proto/storage.pb.h"
 
+namespace moondb::proto {
+class ShareSession;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 // Who gave an order, and what it is called there (model/order_number.h). 0: an order that nobody waits for.

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "model/have_set.h"
+#include "proto/downlink.pb.h"
 
 namespace moondb {
 

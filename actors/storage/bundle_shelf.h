@@ -9,6 +9,7 @@
 
 #include "actors/storage/sqlite_database.h"
 #include "model/have_set.h"
+#include "proto/downlink.pb.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {

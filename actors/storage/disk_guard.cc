@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "proto/status.pb.h"
+
 namespace moondb {
 
 namespace {

@@ -20,7 +20,10 @@
 
 #include "actors/storage/reserve_file.h"
 #include "actors/storage/sqlite_database.h"
-#include "proto/storage.pb.h"
+
+namespace moondb::proto {
+class StorageStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <string>
 
+#include "proto/status.pb.h"
+
 namespace moondb {
 
 namespace {

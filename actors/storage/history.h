@@ -24,6 +24,7 @@
 #include "actors/storage/record_tables.h"
 #include "actors/storage/sqlite_database.h"
 #include "model/keep_rule.h"
+#include "proto/retention.pb.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {

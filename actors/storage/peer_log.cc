@@ -73,6 +73,7 @@ Result<void> PeerLog::Load(Database& database) {
   if (!is_any) return tl::unexpected(is_any.error());
   if (*is_any != 0) (void)database.Execute("DELETE FROM handed_over");
   had_.clear();
+  numbers_.clear();
   const Result<bool> is_sound = ReadAll(database);
   if (!is_sound) return tl::unexpected(is_sound.error());
   if (*is_sound) return {};
@@ -80,35 +81,67 @@ Result<void> PeerLog::Load(Database& database) {
   return database.Execute("DELETE FROM peer_have");
 }
 
-Result<void> PeerLog::Note(Database& database, const proto::PeerHave& note) {
-  const Result<HaveSet> acknowledged = FromProto(note.acknowledged());
-  if (!acknowledged) return tl::unexpected(acknowledged.error());
-  const Had olds = had_[note.peer()];
-  const std::set<AgentId> origins(note.origin_agents().begin(), note.origin_agents().end());
-  Had news;
-  for (const auto& [stream, had] : olds) {
-    if (!origins.empty() && !origins.contains(stream.origin)) news[stream] = had;
-  }
-  for (const auto& [stream, have] : acknowledged->streams()) news[stream] = have.Had();
-  if (acknowledged->streams().empty()) news = olds;
+const PeerLog::Had& PeerLog::KnownOf(AgentId peer) const {
+  static const Had kNothing;
+  const auto known = had_.find(peer);
+  return known == had_.end() ? kNothing : known->second;
+}
 
+bool PeerLog::Follows(const proto::PeerHave& note) const {
+  const auto last = numbers_.find({note.peer(), note.kind()});
+  return last != numbers_.end() && last->second + 1 == note.number();
+}
+
+PeerLog::Had PeerLog::ChangedBy(const proto::PeerHave& note, const HaveSet& acknowledged) const {
+  const Had& known = KnownOf(note.peer());
+  Had changed;
+  for (const auto& [stream, have] : acknowledged.streams()) {
+    const auto before = known.find(stream);
+    if (note.is_difference() && before != known.end()) changed[stream] = before->second;
+    changed[stream].Add(have.Had());
+  }
+  if (note.is_difference()) return changed;
+  const std::set<AgentId> origins(note.origin_agents().begin(), note.origin_agents().end());
+  for (const auto& [stream, had] : known) {
+    if (origins.empty() || origins.contains(stream.origin)) changed.try_emplace(stream);
+  }
+  return changed;
+}
+
+void PeerLog::Apply(AgentId peer, Had changed) {
+  Had& known = had_[peer];
+  for (auto& [stream, had] : changed) {
+    if (had.is_empty()) {
+      known.erase(stream);
+    } else {
+      known[stream] = std::move(had);
+    }
+  }
+}
+
+Result<bool> PeerLog::Note(Database& database, const proto::PeerHave& note) {
+  const bool is_usable = !note.is_difference() || Follows(note);
+  Had changed;
+  if (note.has_acknowledged() && is_usable) {
+    const Result<HaveSet> acknowledged = FromProto(note.acknowledged());
+    if (!acknowledged) return tl::unexpected(acknowledged.error());
+    changed = ChangedBy(note, *acknowledged);
+  }
   Result<Transaction> transaction = Transaction::Begin(database, Database::Durability::kNormal);
   if (!transaction) return tl::unexpected(transaction.error());
+  const Had& known = KnownOf(note.peer());
   const IntervalSet nothing;
-  for (const auto& [stream, had] : news) {
-    const auto old = olds.find(stream);
+  for (const auto& [stream, had] : changed) {
+    const auto before = known.find(stream);
     const Result<void> done =
-        WriteStream(database, note.peer(), stream, old == olds.end() ? nothing : old->second, had);
-    if (!done) return done;
+        WriteStream(database, note.peer(), stream, before == known.end() ? nothing : before->second, had);
+    if (!done) return tl::unexpected(done.error());
   }
-  for (const auto& [stream, had] : olds) {
-    if (news.count(stream)) continue;
-    if (const Result<void> done = WriteStream(database, note.peer(), stream, had, nothing); !done) return done;
-  }
-  if (const Result<void> done = WriteHandedOver(database, note); !done) return done;
-  const Result<void> committed = transaction->Commit();
-  if (committed) had_[note.peer()] = std::move(news);
-  return committed;
+  if (const Result<void> done = WriteHandedOver(database, note); !done) return tl::unexpected(done.error());
+  if (const Result<void> done = transaction->Commit(); !done) return tl::unexpected(done.error());
+  Apply(note.peer(), std::move(changed));
+  if (note.has_acknowledged() && is_usable) numbers_[{note.peer(), note.kind()}] = note.number();
+  return is_usable;
 }
 
 bool PeerLog::IsHadByAny(const RecordKey& key) const {

@@ -1,10 +1,13 @@
 // PeerLog: what peers are known to have, and what the open sessions handed to them, for the view replication_log.
 //
-// It shows, and decides a guess (OwnEpochs::Danger): lost at a power cut, it comes back with the next session.
+// It shows, and decides a guess (OwnEpochs::Danger): lost at a power cut, it comes back with the next session. A
+// session notes all that its peer has once, then differences, which are numbered (proto::PeerHave). One that does not
+// follow the note before changes nothing of what the peer is known to have: its sender is asked for all again.
 #pragma once
 
 #include <cstdint>
 #include <map>
+#include <utility>
 
 #include "actors/storage/sqlite_database.h"
 #include "model/have_set.h"
@@ -17,9 +20,10 @@ class PeerLog {
   // Forgets what was handed over by an earlier process.
   Result<void> Load(Database& database);
 
-  // `note.acknowledged`, where it names any stream, is all that the peer has. kInvalid where it is malformed; else
-  // fails as Database does, and then nothing changed.
-  Result<void> Note(Database& database, const proto::PeerHave& note);
+  // False: it is a difference that does not follow the last note taken, so that only what it says of the session was.
+  // kInvalid where it is malformed; else fails as Database does, and then nothing changed. The next difference does not
+  // follow either.
+  Result<bool> Note(Database& database, const proto::PeerHave& note);
 
   // Whether any peer is known to have it, or what replaced it.
   bool IsHadByAny(const RecordKey& key) const;
@@ -28,8 +32,15 @@ class PeerLog {
   using Had = std::map<StreamKey, IntervalSet>;
 
   Result<bool> ReadAll(Database& database);
+  const Had& KnownOf(AgentId peer) const;
+  bool Follows(const proto::PeerHave& note) const;
+  // The streams in which `note` changes what its peer is known to have, whole; empty: it has nothing of it any more.
+  Had ChangedBy(const proto::PeerHave& note, const HaveSet& acknowledged) const;
+  void Apply(AgentId peer, Had changed);
 
   std::map<AgentId, Had> had_;  // As in the table peer_have.
+  // Of the last note that was taken, by peer and kind of session; none: all has to be noted first.
+  std::map<std::pair<AgentId, proto::SharingKind>, std::uint64_t> numbers_;
 };
 
 }  // namespace moondb

@@ -9,6 +9,8 @@
 
 #include "actors/storage/bundle_shelf.h"
 #include "model/prune_rules.h"
+#include "proto/downlink.pb.h"
+#include "proto/retention.pb.h"
 
 namespace moondb {
 

@@ -1,4 +1,4 @@
-// ChooseToPrune: the rows that a PruneRequest (proto/storage.proto) may take away, oldest first.
+// ChooseToPrune: the rows that a PruneRequest (proto/retention.proto) may take away, oldest first.
 //
 // Only shared records under the policy `all` that are held here and that every one of `acknowledged` had; of some types
 // only where the request names them (model/prune_rules.h). Where bundles for the ground were ever made
@@ -16,6 +16,7 @@
 #include "actors/storage/sharing_rules.h"
 #include "actors/storage/sqlite_database.h"
 #include "model/have_set.h"
+#include "proto/retention.pb.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {

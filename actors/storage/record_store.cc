@@ -20,6 +20,7 @@
 #include "model/check.h"
 #include "model/event.h"
 #include "model/record_check.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 
@@ -789,10 +790,12 @@ Result<void> RecordStore::SaveRoles(const proto::RoleAssignment& roles) { return
 
 Result<proto::LoadRolesReply> RecordStore::LoadRoles() { return moondb::LoadRoles(*database_); }
 
-Result<void> RecordStore::NotePeerHave(const proto::PeerHave& note) {
-  if (const Result<void> done = LearnOwnEpochs(note.acknowledged()); !done) return done;
+Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
+  if (const Result<void> done = LearnOwnEpochs(note.acknowledged()); !done) return tl::unexpected(done.error());
   return peer_log_.Note(*database_, note);
 }
+
+Result<std::vector<proto::HealthFinding>> RecordStore::Findings() { return ReadFindings(*database_, options_.self); }
 
 Result<proto::StorageStatus> RecordStore::GetStatus(std::uint32_t day) {
   std::map<std::pair<AgentId, DataType>, std::uint64_t> counts;

@@ -49,8 +49,14 @@
 #include "actors/storage/sharing_rules.h"
 #include "actors/storage/sqlite_database.h"
 #include "actors/storage/write_count.h"
+#include "proto/downlink.pb.h"
+#include "proto/retention.pb.h"
 #include "proto/sharing.pb.h"
 #include "proto/storage.pb.h"
+
+namespace moondb::proto {
+class StorageStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 
@@ -95,7 +101,7 @@ class RecordStore {
   // As a process ends that was asked to, after all else: so that the next one finds nothing to write down.
   Result<void> WriteDownStop(std::int64_t utc_now_ns);
   // As in actors/storage/findings.h.
-  Result<std::vector<proto::HealthFinding>> Findings() { return ReadFindings(*database_, options_.self); }
+  Result<std::vector<proto::HealthFinding>> Findings();
 
   // Own records: all of them, or none and an error. A second record of one natural key (node, edge) with the same
   // content gives the first one's key; with other content it is kInvalid.
@@ -131,7 +137,8 @@ class RecordStore {
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
   Result<void> SaveRoles(const proto::RoleAssignment& roles);
   Result<proto::LoadRolesReply> LoadRoles();
-  Result<void> NotePeerHave(const proto::PeerHave& note);
+  // As PeerLog::Note.
+  Result<bool> NotePeerHave(const proto::PeerHave& note);
   // `day` is today, since 1970, for the bytes written.
   Result<proto::StorageStatus> GetStatus(std::uint32_t day = 0);
   // Once a minute: what was written to the disk is written down, if anything was.

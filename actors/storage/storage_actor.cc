@@ -7,7 +7,9 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/control_message.h"
 #include "model/text.h"
+#include "proto/control.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -136,8 +138,8 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return OnLoadRoles(context);
     case proto::Message::kPeerHave:
       return OnPeerHave(context, message.peer_have());
-    case proto::Message::kStorageStatusRequest:
-      return OnStatus(context);
+    case proto::Message::kControlRequest:
+      return OnControlRequest(context, message);
     case proto::Message::kFindingsRequest:
       return OnFindings(context);
     case proto::Message::kPeerClock:
@@ -190,8 +192,13 @@ void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) 
 }
 
 void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
-  const Result<void> noted = store_->NotePeerHave(note);
+  const Result<bool> noted = store_->NotePeerHave(note);
   if (!noted) Note(context, "replication log", noted.error());
+  if (noted && !*noted) {
+    proto::Message request;
+    request.mutable_peer_have_request()->set_peer(note.peer());
+    Answer(context, std::move(request));
+  }
   Publish(context, store_->TakeRestated());
 }
 
@@ -338,13 +345,18 @@ void StorageActor::OnLoadRoles(Context& context) {
   Answer(context, std::move(reply));
 }
 
+void StorageActor::OnControlRequest(Context& context, const proto::Message& message) {
+  const Result<proto::ControlRequest> request = ControlRequestOf(message);
+  if (request && request->has_status()) OnStatus(context);
+}
+
 void StorageActor::OnStatus(Context& context) {
   const std::int64_t utc_ns = context.utc_now_ns();
   Result<proto::StorageStatus> status = store_->GetStatus(DayOf(utc_ns));
   if (!status) Note(context, "status", status.error());
   (void)IsClockSuspect(context);
-  proto::Message reply;
-  proto::StorageStatus& shown = *reply.mutable_storage_status();
+  proto::ControlReply reply;
+  proto::StorageStatus& shown = *reply.mutable_status()->mutable_storage();
   if (status) {
     shown = *std::move(status);
     disk_.Describe(store_->database(), shown);
@@ -359,16 +371,16 @@ void StorageActor::OnStatus(Context& context) {
     added.set_offset_s(offset.offset_s);
     added.set_age_s(offset.age_s);
   }
-  Answer(context, std::move(reply));
+  Answer(context, MessageOf(reply));
 }
 
 void StorageActor::OnFindings(Context& context) {
-  proto::Message reply;
-  Result<std::vector<proto::HealthFinding>> findings = store_->Findings();
+  const Result<std::vector<proto::HealthFinding>> findings = store_->Findings();
   if (!findings) Note(context, "findings", findings.error());
-  proto::FindingsReply& body = *reply.mutable_findings_reply();
-  if (findings) body.mutable_findings()->Add(findings->begin(), findings->end());
-  Answer(context, std::move(reply));
+  proto::ControlReply reply;
+  proto::AgentStatus& status = *reply.mutable_status();
+  if (findings) status.mutable_findings()->Add(findings->begin(), findings->end());
+  Answer(context, MessageOf(reply));
 }
 
 std::string StorageActor::SpaceLow(const proto::StorageStatus& status) const {

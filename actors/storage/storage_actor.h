@@ -1,4 +1,5 @@
-// StorageActor: the one owner of an agent's database; answers what proto/storage.proto lets others ask.
+// StorageActor: the one owner of an agent's database; answers what proto/storage.proto, retention.proto and
+// downlink.proto let others ask, and the ControlRequest `status` with its part of AgentStatus.
 //
 // From peers it hears one thing, EpochReport: when a link comes up, each side says which epochs of the other's own
 // records it knows, so that an agent whose disk was lost or restored hears of them at once. An agent whose actor alone
@@ -73,6 +74,7 @@ class StorageActor final : public Actor {
   void OnRead(Context& context, const proto::ReadRequest& request);
   void OnSaveRoles(Context& context, const proto::SaveRolesRequest& request);
   void OnLoadRoles(Context& context);
+  void OnControlRequest(Context& context, const proto::Message& message);
   void OnStatus(Context& context);
   void OnFindings(Context& context);
   void OnPrune(Context& context, const proto::PruneRequest& request);

@@ -7,6 +7,7 @@
 #include "apps/moonctl/db_commands.h"
 #include "apps/moonctl/holdings.h"
 #include "model/custom_types.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 namespace {

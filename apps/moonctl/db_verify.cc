@@ -4,6 +4,7 @@
 #include "apps/common/progress.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/db_commands.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 namespace {

@@ -2,6 +2,7 @@
 
 #include "apps/common/table.h"
 #include "apps/common/utc.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 namespace {

@@ -6,7 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "proto/control.pb.h"
+#include "proto/share_status.pb.h"
+#include "proto/status.pb.h"
 #include "proto/team.pb.h"
 
 namespace moondb {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "proto/sharing.pb.h"
+#include "proto/share_status.pb.h"
 #include "proto/team.pb.h"
 
 namespace moondb {

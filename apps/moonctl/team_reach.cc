@@ -6,22 +6,12 @@
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
 #include "model/term.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 namespace {
 
 constexpr std::chrono::seconds kNeighborsAgeMax(2);
-
-const proto::PeerStatus* FindPeer(const proto::AgentStatus& status, AgentId agent) {
-  const auto peer = std::find_if(status.peers().begin(), status.peers().end(),
-                                 [agent](const proto::PeerStatus& of) { return of.agent_id() == agent; });
-  return peer == status.peers().end() ? nullptr : &*peer;
-}
-
-bool IsConnected(const proto::AgentStatus& status, AgentId agent) {
-  const proto::PeerStatus* peer = FindPeer(status, agent);
-  return peer != nullptr && peer->is_connected();
-}
 
 // "0.2 s", "34 s".
 std::string AgeText(double seconds) { return seconds < 10 ? FormatFixed(seconds, 1) + " s" : FormatSeconds(seconds); }
@@ -31,6 +21,11 @@ bool IsSilence(const Error& error) {
 }
 
 }  // namespace
+
+bool TeamReach::Neighbor::IsConnectedTo(AgentId peer) const {
+  const auto known = peers.find(peer);
+  return known != peers.end() && known->second.is_connected;
+}
 
 Client::Options TeamReach::ClientOptionsFor(const proto::AgentConfig& agent) const {
   Client::Options options = options_.client;
@@ -96,7 +91,12 @@ const std::vector<TeamReach::Neighbor>& TeamReach::Neighbors() {
   for (const proto::AgentConfig& agent : team_.config.agents()) {
     auto here = ConnectHere(agent);
     if (!here) continue;
-    if (auto status = here->client->Status()) neighbors_.push_back({&agent, *std::move(status)});
+    const auto status = here->client->Status();
+    if (!status) continue;
+    Neighbor& neighbor = neighbors_.emplace_back(Neighbor{&agent, {}});
+    for (const proto::PeerStatus& peer : status->peers()) {
+      neighbor.peers[peer.agent_id()] = {peer.is_connected(), peer.seconds_since_heard()};
+    }
   }
   neighbors_at_ = std::chrono::steady_clock::now();
   return neighbors_;
@@ -105,7 +105,7 @@ const std::vector<TeamReach::Neighbor>& TeamReach::Neighbors() {
 const proto::AgentConfig* TeamReach::ChooseVia(const proto::AgentConfig& agent) {
   const proto::AgentConfig* chosen = nullptr;
   for (const Neighbor& neighbor : Neighbors()) {
-    if (neighbor.agent == &agent || !IsConnected(neighbor.status, agent.id())) continue;
+    if (neighbor.agent == &agent || !neighbor.IsConnectedTo(agent.id())) continue;
     // One for all, where there is one.
     if (chosen == nullptr || neighbor.agent == last_via_) chosen = neighbor.agent;
   }
@@ -114,7 +114,7 @@ const proto::AgentConfig* TeamReach::ChooseVia(const proto::AgentConfig& agent) 
 
 bool TeamReach::IsHeard(const proto::AgentConfig& agent) {
   return std::any_of(Neighbors().begin(), Neighbors().end(),
-                     [&agent](const Neighbor& neighbor) { return IsConnected(neighbor.status, agent.id()); });
+                     [&agent](const Neighbor& neighbor) { return neighbor.IsConnectedTo(agent.id()); });
 }
 
 std::string TeamReach::WhereText(const proto::AgentConfig& agent, const Absence& absence) {
@@ -125,9 +125,9 @@ std::string TeamReach::WhereText(const proto::AgentConfig& agent, const Absence&
   const Neighbor* last = nullptr;  // To hear it.
   double age_s = -1;
   for (const Neighbor& neighbor : neighbors) {
-    const proto::PeerStatus* peer = FindPeer(neighbor.status, agent.id());
-    if (peer == nullptr) continue;
-    const double heard_s = peer->seconds_since_heard();
+    const auto peer = neighbor.peers.find(agent.id());
+    if (peer == neighbor.peers.end()) continue;
+    const double heard_s = peer->second.seconds_since_heard;
     const bool is_later = heard_s >= 0 && (age_s < 0 || heard_s < age_s);
     if (last != nullptr && !is_later) continue;
     last = &neighbor;
@@ -136,7 +136,7 @@ std::string TeamReach::WhereText(const proto::AgentConfig& agent, const Absence&
   if (last == nullptr) return where;
   const std::string& by = last->agent->name();
   if (age_s < 0) return where + "; " + by + " has never heard it";
-  const bool is_connected = IsConnected(last->status, agent.id());
+  const bool is_connected = last->IsConnectedTo(agent.id());
   return is_connected ? where + ", " + by + " heard it " + AgeText(age_s) + " ago"
                       : where + "; " + by + " has not heard it for " + AgeText(age_s);
 }

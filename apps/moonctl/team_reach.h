@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -50,10 +51,15 @@ class TeamReach {
   bool IsHeard(const proto::AgentConfig& agent);
 
  private:
-  // An agent that is reached itself, and what it says.
+  // What an agent that is reached itself says of another one.
+  struct Hearing {
+    bool is_connected = false;
+    double seconds_since_heard = -1;  // Negative: never.
+  };
   struct Neighbor {
     const proto::AgentConfig* agent = nullptr;
-    proto::AgentStatus status;
+    std::map<AgentId, Hearing> peers;
+    bool IsConnectedTo(AgentId peer) const;
   };
   // Why an agent is not reached itself.
   struct Absence {

@@ -16,6 +16,7 @@
 #include "apps/moonctl/commands.h"
 #include "model/term.h"
 #include "model/text.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 namespace {

@@ -7,6 +7,8 @@
 #include "actors/storage/own_epochs.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/disk_damage.h"
+#include "proto/trace.pb.h"
+#include "runtime/system_status.h"
 
 namespace moondb::simulation {
 namespace {
@@ -135,6 +137,7 @@ void AgentLives::BreakDisk(AgentId agent, const std::string& fault) {
   }
   world_.rules.ForgetDisk(agent);
   world_.rules.ForgetRoles(agent);
+  if (on_disk_lost) on_disk_lost(agent);
 }
 
 // As `moonctl db backup` leaves its copy. One of a damaged disk is as it is.

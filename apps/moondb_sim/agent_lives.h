@@ -19,7 +19,8 @@ class AgentLives {
   AgentLives(SimulatedWorld& world, SimulatedRobots& robots);
   ~AgentLives();  // All lose power, and nobody hears of it.
 
-  std::function<void(AgentId)> on_end;  // Its process ended.
+  std::function<void(AgentId)> on_end;        // Its process ended.
+  std::function<void(AgentId)> on_disk_lost;  // It comes back with an empty, an older or a damaged disk.
 
   // What moondb_agent does before it makes its actors. False: the power was cut meanwhile.
   bool CheckStore(AgentId agent);

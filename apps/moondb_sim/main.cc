@@ -10,10 +10,12 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
+#include <map>
 #include <string>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/progress.h"
+#include "apps/moondb_sim/rare_states.h"
 #include "apps/moondb_sim/simulated_mission.h"
 #include "model/text.h"
 
@@ -55,6 +57,14 @@ void PrintList() {
   }
 }
 
+void PrintRareStates(const std::map<std::string, int>& counts) {
+  std::printf("States that are seldom reached, and how often they were:\n");
+  for (const RareState& state : RareStateKinds()) {
+    const auto count = counts.find(state.name);
+    std::printf("  %-18s %6d  %s\n", state.name.c_str(), count == counts.end() ? 0 : count->second, state.what.c_str());
+  }
+}
+
 void PrintRun(const SimReport& report) {
   std::printf("%llu records, %llu messages handled, trace %016llx\n", static_cast<unsigned long long>(report.records),
               static_cast<unsigned long long>(report.messages), static_cast<unsigned long long>(report.trace_hash));
@@ -68,6 +78,7 @@ void PrintRun(const SimReport& report) {
   if (report.pruned > 0) std::printf("%.0f records pruned\n", report.pruned);
   if (report.failovers > 0) std::printf("%d times a survivor took the lead by itself\n", report.failovers);
   for (const auto& [fault, count] : report.faults) std::printf("  %-14s %d times\n", fault.c_str(), count);
+  PrintRareStates(report.rare);
 }
 
 // The options with which `seed` runs alone as it did here.
@@ -76,6 +87,7 @@ std::string ReplayCommand(const Request& request, std::uint64_t seed) {
   const SimOptions standard;
   if (request.options.hours != standard.hours) command += " --hours " + FormatDouble(request.options.hours);
   if (request.options.rovers != standard.rovers) command += " --rovers " + std::to_string(request.options.rovers);
+  if (!request.options.has_all_actors()) command += " --sharing";
   if (request.options.is_faultless) command += " --no-faults";
   for (const std::string& fault : request.faults) command += " --fault " + fault;
   return command;
@@ -97,7 +109,8 @@ void PrintViolations(const Request& request, std::uint64_t seed, const SimReport
 struct Outcome {
   double done = 0;
   double broken = 0;
-  JsonWriter list;  // Of seeds that break a rule.
+  std::map<std::string, int> rare;  // Sums of SimReport::rare.
+  JsonWriter list;                  // Of seeds that break a rule.
 };
 
 void RunSeed(const Request& request, std::uint64_t seed, bool is_only_one, Outcome& outcome) {
@@ -105,6 +118,7 @@ void RunSeed(const Request& request, std::uint64_t seed, bool is_only_one, Outco
   options.seed = seed;
   const SimReport report = RunSimulatedMission(options);
   ++outcome.done;
+  for (const auto& [state, count] : report.rare) outcome.rare[state] += count;
   if (report.violations.empty()) {
     if (is_only_one && !request.is_json) PrintRun(report);
     return;
@@ -139,9 +153,13 @@ int Run(const Request& request) {
   if (request.is_json) {
     JsonWriter json;
     json.BeginObject().Key("seeds").Number(outcome.done).Key("violations").Number(outcome.broken);
-    json.Key("sim_hours_per_second").Number(speed).Key("broken").Raw(outcome.list.text()).EndObject();
+    json.Key("sim_hours_per_second").Number(speed).Key("broken").Raw(outcome.list.text());
+    json.Key("rare_states").BeginObject();
+    for (const RareState& state : RareStateKinds()) json.Key(state.name).Number(outcome.rare[state.name]);
+    json.EndObject().EndObject();
     std::printf("%s\n", json.text().c_str());
   } else {
+    if (count > 1) PrintRareStates(outcome.rare);
     std::printf("%.0f seeds of %g h, %.0f of them break a rule, %.2f simulated hours a second\n", outcome.done,
                 request.options.hours, outcome.broken, speed);
   }
@@ -160,6 +178,9 @@ int Main(int argc, char** argv) {
   app.add_option("--rovers", request.options.rovers, "Beside the base station")
       ->check(CLI::Range(2, 63))
       ->capture_default_str();
+  app.add_flag_callback(
+      "--sharing", [&request] { request.options.actors = SimulatedActors::kSharing; },
+      "The actors of sharing alone, without clients: faster");
   app.add_option("--fault", request.faults, "NAME=RATE an hour; may be given several times");
   app.add_flag("--no-faults", request.options.is_faultless, "None but those that --fault names");
   app.add_flag("--refill", request.options.measures_refill, "At the end of one run: refill an empty survivor");

@@ -23,8 +23,15 @@ struct FaultKind {
 // All that can go wrong, in the order in which `--list` shows them.
 const std::vector<FaultKind>& FaultKinds();
 
+// Which of the standard actors (apps/moondb_agent/standard_actors.h) the agents have.
+enum class SimulatedActors {
+  kAll,      // Every one, asked by clients through the gateway.
+  kSharing,  // Storage, roles, leases and sharing, asked by the robots and the operator directly.
+};
+
 struct SimOptions {
   std::uint64_t seed = 1;
+  SimulatedActors actors = SimulatedActors::kAll;
   double hours = 2;                               // Of simulated time: five parts in six with faults, the rest quiet.
   int rovers = 3;                                 // Beside the base station, the last agent.
   std::map<std::string, double> faults_per_hour;  // Others: their default.
@@ -41,6 +48,8 @@ struct SimOptions {
   double BudgetKbps() const;
 
   double FaultsPerHour(const FaultKind& kind) const;
+
+  bool has_all_actors() const { return actors == SimulatedActors::kAll; }
 };
 
 // NAME=RATE, RATE an hour; kInvalid with the names that there are.

@@ -70,13 +70,22 @@ void Rules::SeeRecord(const RecordKey& key, const std::string& content, AgentId 
   states_.OnContent(key, hash);
   CheckAsInserted(key);
   proto::Record record;
-  if (record.ParseFromString(content)) NamePose(key, record);
+  if (!record.ParseFromString(content)) return;
+  NamePose(key, record);
+  NameVerdict(key, record);
 }
 
 void Rules::NamePose(const RecordKey& key, const proto::Record& record) {
   if (!record.has_optimized_pose()) return;
   const proto::OptimizedPose& pose = record.optimized_pose();
   pose_names_[key] = {{pose.node().agent_id(), pose.node().index()}, {moondb::OrderOf(pose.term()), pose.run()}};
+}
+
+void Rules::NameVerdict(const RecordKey& key, const proto::Record& record) {
+  if (!record.has_edge_verdict()) return;
+  const proto::EdgeVerdict& verdict = record.edge_verdict();
+  verdict_names_[key] = {{verdict.from().agent_id(), verdict.from().index()},
+                         {verdict.to().agent_id(), verdict.to().index()}};
 }
 
 void Rules::CheckAsInserted(const RecordKey& key) const {
@@ -121,13 +130,22 @@ void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record
   states_.OnContent(key, inserted_as_[key].first);
   states_.OnHeld(agent, key);
   NamePose(key, record);
+  NameVerdict(key, record);
   const auto name = pose_names_.find(key);
   if (name == pose_names_.end()) return;
+  CheckLeads(agent, record.optimized_pose());
   const std::string pose = record.optimized_pose().map_from_node().SerializeAsString();
   if (pose_of_.emplace(std::pair(name->second.node, name->second.version), pose).first->second != pose) {
     report_("one_pose_a_run", NameOf(agent) + " gives a second " + record.optimized_pose().node().ShortDebugString() +
                                   " of one term and run");
   }
+}
+
+void Rules::CheckLeads(AgentId agent, const proto::OptimizedPose& pose) const {
+  const auto assignment = assignment_of_.find(pose.term().SerializeAsString());
+  if (assignment == assignment_of_.end() || assignment->second.first == agent) return;
+  report_("leader_solves", NameOf(agent) + " optimizes in term " + std::to_string(pose.term().number()) +
+                               ", in which agent " + std::to_string(assignment->second.first) + " leads");
 }
 
 void Rules::SeeHave(AgentId agent, const HaveSet& have) { held_[agent].Merge(have); }
@@ -184,6 +202,11 @@ bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {
   if (newer == older) return true;
   if (!IsSameSeries(newer.stream, older.stream) || OrderOf(older) > OrderOf(newer)) return false;
   if (IsState(newer.stream.type)) return true;
+  if (newer.stream.type == proto::EDGE_VERDICT) {
+    const auto verdict = verdict_names_.find(newer);
+    const auto other = verdict_names_.find(older);
+    return verdict != verdict_names_.end() && other != verdict_names_.end() && verdict->second == other->second;
+  }
   const auto a = pose_names_.find(newer);
   const auto b = pose_names_.find(older);
   return a != pose_names_.end() && b != pose_names_.end() && a->second.node == b->second.node;
@@ -344,9 +367,10 @@ void Rules::CheckBroughtOut(AgentId agent, const TeamAtRest& team) const {
   for (const auto& [key, content] : team.records.at(team.leader)) {
     const bool is_pose = key.stream.type == proto::OPTIMIZED_POSE;
     const bool is_for_all = key.stream.type == proto::MAP_QUARANTINE;
+    const bool is_for_ground = !team.not_for_ground.contains(key.stream.type);
     const bool is_due =
         is_for_all ||
-        (agent == team.base ? !is_pose : is_pose && key.stream.origin == team.leader && IsPoseOf(agent, content));
+        (agent == team.base ? is_for_ground : is_pose && key.stream.origin == team.leader && IsPoseOf(agent, content));
     if (!is_due || team.have.at(agent).Get(key.stream).Had().Contains(key.seq)) continue;
     return report_("brought_out", NameOf(agent) + " lacks " + ToString(key) + " of the leader's");
   }

@@ -4,6 +4,7 @@
 //   one_assignment     a term has at most one assignment of roles
 //   term_goes_up       no agent acts on a lower term than before, whatever happened to its process
 //   acknowledged_held  what an agent said it had, or its disk held, is there after a crash (until it was damaged)
+//   leader_solves      optimized poses are of a term in which their origin leads
 //   one_pose_a_run     a node has at most one optimized pose of a term and run
 //   pose_goes_up       no agent's newest optimized pose of a node is of an older term and run than before
 //   newest_state       no agent drops a state before it holds a newer one; at rest the leader and the agent itself hold
@@ -35,6 +36,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <set>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -60,7 +62,8 @@ struct TeamAtRest {
   AgentId survivor = 0;
   AgentId base = 0;
   std::map<AgentId, HaveSet> have;
-  std::map<AgentId, Records> records;  // As their rows are read.
+  std::map<AgentId, Records> records;                           // As their rows are read.
+  std::set<DataType> not_for_ground = {proto::OPTIMIZED_POSE};  // Types that the base station is not sent.
 };
 
 class Rules {
@@ -104,6 +107,8 @@ class Rules {
   };
 
   void NamePose(const RecordKey& key, const proto::Record& record);
+  void NameVerdict(const RecordKey& key, const proto::Record& record);
+  void CheckLeads(AgentId agent, const proto::OptimizedPose& pose) const;
   void CheckAsInserted(const RecordKey& key) const;
   void ForgetWhatIsLost();
   // Both are of the same `latest` key, or one record.
@@ -129,6 +134,7 @@ class Rules {
   std::map<AgentId, HaveSet> held_;  // What each certainly has.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;
   std::map<RecordKey, PoseName> pose_names_;
+  std::map<RecordKey, std::pair<Node, Node>> verdict_names_;  // The range's ends.
   struct Poses {
     HaveSet held;  // When last looked at.
     std::map<Node, PoseVersion> newest;

@@ -14,6 +14,7 @@ struct SimReport {
   std::vector<Violation> violations;     // The first few.
   std::vector<std::string> last_events;  // Before the first violation.
   std::map<std::string, int> faults;     // How often each struck.
+  std::map<std::string, int> rare;       // How often it came into each of RareStateKinds, where it did.
   std::uint64_t records = 0;             // Inserted by robots.
   std::uint64_t messages = 0;            // Handled by actors.
   std::uint64_t radio_bytes = 0;

@@ -13,15 +13,20 @@
 #include "apps/moondb_agent/standard_actors.h"
 #include "apps/moondb_sim/agent_lives.h"
 #include "apps/moondb_sim/budget_watch.h"
+#include "apps/moondb_sim/client_message.h"
 #include "apps/moondb_sim/failover_watch.h"
 #include "apps/moondb_sim/lease_watch.h"
+#include "apps/moondb_sim/own_inserts.h"
 #include "apps/moondb_sim/prune_watch.h"
 #include "apps/moondb_sim/session_watch.h"
+#include "apps/moondb_sim/simulated_clients.h"
 #include "apps/moondb_sim/simulated_faults.h"
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
+#include "model/control_message.h"
 #include "model/term.h"
+#include "proto/control.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb::simulation {
@@ -36,10 +41,12 @@ constexpr Duration kSharePeriod = seconds(60);
 constexpr Duration kInspectPeriod = minutes(1);
 constexpr double kQuietRatio = 1.0 / 6;  // Of the hours, at the end.
 
+constexpr Duration kSolveApart = minutes(5);  // A solve takes longer than all else in a minute of a run.
+
 constexpr std::uint64_t kConfigHash = 1;
-// What is simulated is sharing, and what it needs.
-const std::set<std::string> kLeftOut = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo, actor_name::kMerge,
-                                        actor_name::kGateway};
+// Where sharing is simulated alone.
+const std::set<std::string> kNoPartOfSharing = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo,
+                                                actor_name::kMerge, actor_name::kGateway};
 
 class Mission {
  public:
@@ -48,8 +55,10 @@ class Mission {
         robots_(world_),
         lives_(world_, robots_),
         faults_(world_, robots_, lives_),
+        clients_(world_),
         messages_max_(static_cast<std::uint64_t>(kMessagesMaxPerHour * options.hours * world_.base)) {
-    lives_.on_end = [this](AgentId agent) { Forget(agent); };
+    lives_.on_end = [this](AgentId agent) { OnAgentEnded(agent); };
+    lives_.on_disk_lost = [this](AgentId agent) { clients_.OnDiskLost(agent); };
     world_.team.SetBaseStation(world_.base);
     world_.team.SetFault(
         [this](const Address& actor, const proto::Message& message) { return OnHandle(actor, message); });
@@ -80,6 +89,7 @@ class Mission {
     world_.At(world_.start + seconds(30), [this] { Operate(); });
     world_.At(world_.start + kInspectPeriod, [this] { Inspect(); });
     faults_.Start();
+    if (world_.options.has_all_actors()) clients_.Start();
     world_.At(quiet_from, [this] { BecomeQuiet(); });
     while (!world_.schedule.empty() && !world_.HasEnough() && !is_stormy_) {
       const auto next = world_.schedule.begin();
@@ -94,6 +104,7 @@ class Mission {
       CheckRest();
     }
     world_.report.radio_bytes = world_.team.radio_bytes();
+    world_.report.rare = world_.rare_states.counts();
     world_.report.trace_hash = XXH64(&hash_, sizeof hash_, world_.team.trace_hash());
     if (world_.options.measures_refill && world_.report.violations.empty()) MeasureRefill();
     return std::move(world_.report);
@@ -108,8 +119,13 @@ class Mission {
     options.storage.vfs = world_.disk.name();
     options.storage.is_checked = true;  // By CheckStore.
     options.sharing.session = world_.options.session;
+    options.pgo.solver.thread_count = 1;
+    options.pgo.solve_apart = kSolveApart;
+    options.merge.backend = MergeBackend::kCpu;
+    options.gateway.timeout = kClientTimeout;
+    options.gateway.long_timeout = kLongClientTimeout;
     for (const StandardActor& actor : StandardActors(world_.config, agent, kConfigHash, std::move(options))) {
-      if (kLeftOut.contains(actor.name)) continue;
+      if (!world_.options.has_all_actors() && kNoPartOfSharing.contains(actor.name)) continue;
       world_.team.Spawn(agent, actor.name, [this, agent, actor]() -> std::unique_ptr<Actor> {
         std::unique_ptr<Actor> made = actor.factory();
         return world_.options.wrap ? world_.options.wrap(agent, actor.name, std::move(made)) : std::move(made);
@@ -129,15 +145,44 @@ class Mission {
         static_cast<std::uint64_t>(world_.team.now().time_since_epoch().count())};
     hash_ = XXH64(step.data(), sizeof step, hash_);
     world_.NoteEvent(actor, message);
+    See(actor, message);
+    WatchWindows(actor, message);
+    world_.rare_states.OnHandle(actor, message);
+    const Fault fault = faults_.AtHandler(actor.agent);
+    if (fault != Fault::kNone) {
+      if (actor.actor == actor_name::kGateway) clients_.OnGatewayFailed(actor.agent);
+      if (actor.actor == actor_name::kRole) world_.rules.ForgetUnstoredRoles(actor.agent);
+      leases_.at(actor.agent).OnFailure(actor.actor);
+      failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
+    }
+    return fault;
+  }
+
+  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
+    world_.rules.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
+  }
+
+  void See(const Address& actor, const proto::Message& message) {
     switch (message.body_case()) {
       case proto::Message::kStoreRequest:
         for (const proto::StoredRecord& record : message.store_request().records()) SeeRecord(record, actor.agent);
         break;
       case proto::Message::kStoreReply:
+        if (IsError(message.store_reply().error()) && world_.HadDiskTrouble(actor.agent)) {
+          world_.rare_states.Count("batch_on_bad_disk");
+        }
         if (message.store_reply().rejected_count() == 0) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
                                               " records of a peer");
+        break;
+      case proto::Message::kInsertRequest:
+        if (actor.actor == actor_name::kStorage && world_.options.has_all_actors()) {
+          own_inserts_.OnRequest(actor.agent, message);
+        }
+        break;
+      case proto::Message::kInsertReply:
+        SeeInserted(actor.agent, message);
         break;
       case proto::Message::kPruneRequest:
         prunes_.at(actor.agent).OnPruneRequest();
@@ -156,30 +201,33 @@ class Mission {
         break;
       case proto::Message::kLoadRolesReply: {
         const auto& history = message.load_roles_reply().history();
-        durable_term_[actor.agent] = history.empty() ? proto::Term() : history.rbegin()->term();
+        world_.durable_term[actor.agent] = history.empty() ? proto::Term() : history.rbegin()->term();
         break;
       }
       case proto::Message::kSaveRolesRequest:
         saving_term_[actor.agent] = message.save_roles_request().roles().term();
         break;
       case proto::Message::kSaveRolesReply:
-        if (!IsError(message.save_roles_reply().error())) durable_term_[actor.agent] = saving_term_[actor.agent];
+        if (!IsError(message.save_roles_reply().error())) world_.durable_term[actor.agent] = saving_term_[actor.agent];
         break;
       default:
         break;
     }
-    WatchWindows(actor, message);
-    const Fault fault = faults_.AtHandler(actor.agent);
-    if (fault != Fault::kNone) {
-      if (actor.actor == actor_name::kRole) world_.rules.ForgetUnstoredRoles(actor.agent);
-      leases_.at(actor.agent).OnFailure(actor.actor);
-      failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
-    }
-    return fault;
   }
 
-  void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
-    world_.rules.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), durable_term_[agent]));
+  // An actor of the agent gets the answer that its insert is stored. In sharing alone only robots insert.
+  void SeeInserted(AgentId agent, const proto::Message& message) {
+    if (!world_.options.has_all_actors()) return;
+    for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
+      world_.rules.SeeInserted(agent, key, record);
+    }
+  }
+
+  void OnAgentEnded(AgentId agent) {
+    Forget(agent);
+    if (own_inserts_.Forget(agent)) world_.rare_states.Count("insert_unanswered");
+    clients_.OnAgentEnded(agent);
+    world_.rare_states.OnAgentEnded(agent);
   }
 
   // The agent's next life begins.
@@ -195,8 +243,13 @@ class Mission {
     leases.OnHandle(actor.actor, message, world_.team.now());
     FailoverWatch& failover = failovers_.at(actor.agent);
     const std::optional<std::string> wrong = failover.OnHandle(actor.actor, message, leases, world_.team.now());
-    if (FailoverWatch::IsFailover(actor.actor, message)) ++world_.report.failovers;
+    if (FailoverWatch::IsFailover(actor.actor, message)) NoteFailover();
     if (wrong) Violate("failover_has_cause", actor.agent, "takes the lead, but " + *wrong);
+  }
+
+  void NoteFailover() {
+    ++world_.report.failovers;
+    world_.rare_states.Count("failover");
   }
 
   void Violate(const std::string& rule, AgentId agent, const std::string& text) {
@@ -204,6 +257,7 @@ class Mission {
   }
 
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message) {
+    world_.rare_states.OnRadio(from, to, message);
     const std::string who = "agent " + std::to_string(from) + " to " + std::to_string(to) + ": ";
     if (const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now())) {
       world_.Violate("quiet_window", who + *wrong);
@@ -227,11 +281,10 @@ class Mission {
           (error.code == ErrorCode::kUnavailable && (lives_.is_damaged(from) || world_.HadDiskTrouble(from)));
       if (!is_usual) world_.Violate("nothing_refused", who + ToString(error));
     }
-    if (message.control_request().has_have()) prunes_.at(from).OnQuestion(world_.roles[from]);
-    if (message.control_reply().has_have()) {
-      const Result<HaveSet> have = FromProto(message.control_reply().have().have());
-      if (have) prunes_.at(to).OnAnswer(from, *have);
-      if (have) world_.rules.SeeHave(from, *have);
+    if (IsQuestionForHave(message)) prunes_.at(from).OnQuestion(world_.roles[from]);
+    if (const std::optional<HaveSet> have = HaveInAnswer(message)) {
+      prunes_.at(to).OnAnswer(from, *have);
+      world_.rules.SeeHave(from, *have);
     }
     if (message.has_have()) {
       world_.report.have_bytes += message.ByteSizeLong();
@@ -315,30 +368,15 @@ class Mission {
 
   // --- At rest ---
 
-  Records ReadAll(AgentId agent) {
-    Records records;
-    for (std::uint64_t after = 0;;) {
-      proto::Message question;
-      question.mutable_read_request()->set_after_row_id(after);
-      const proto::Message answer = world_.AskActor(agent, actor_name::kStorage, std::move(question));
-      const proto::ReadReply& reply = answer.read_reply();
-      for (const proto::StoredRecord& record : reply.records()) {
-        SeeRecord(record, agent);
-        if (record.key().seq() != 0) records[FromProto(record.key())] = record.content();
-      }
-      if (reply.is_complete() || reply.row_ids().empty()) return records;
-      after = *reply.row_ids().rbegin();
-    }
-  }
-
   void CheckHistory(AgentId agent, const HaveSet& have) {
     proto::Message question;
     question.mutable_read_request()->set_is_history(true);
     question.mutable_read_request()->set_records_max(10'000);
     const proto::Message answer = world_.AskActor(agent, actor_name::kStorage, std::move(question));
-    proto::Message status;
-    status.mutable_storage_status_request();
-    const proto::Message sums = world_.AskActor(agent, actor_name::kStorage, std::move(status));
+    proto::ControlRequest request;
+    request.mutable_status();
+    const auto sums = ControlReplyOf(world_.AskActor(agent, actor_name::kStorage, MessageOf(request)));
+    const proto::StorageStatus& status = sums ? sums->status().storage() : proto::StorageStatus::default_instance();
     std::string wrong;
     for (const proto::StoredRecord& record : answer.read_reply().records()) {
       const RecordKey key = FromProto(record.key());
@@ -347,16 +385,19 @@ class Mission {
         wrong = ToString(key);
       }
     }
-    const double count = sums.storage_status().history_count();
+    const double count = status.history_count();
     if (answer.read_reply().records_size() != count) wrong = "its sums";
-    if (sums.storage_status().history_bytes() > world_.config.retention().history_mb_max() * 1e6) wrong = "its size";
+    if (status.history_bytes() > world_.config.retention().history_mb_max() * 1e6) wrong = "its size";
     if (!wrong.empty()) world_.Violate("history_is_own", "agent " + std::to_string(agent) + ": " + wrong);
   }
 
   void CheckRest() {
     const std::optional<proto::RoleAssignment> roles = CheckRoles();
     if (!roles) return;
-    TeamAtRest team{roles->leader(), roles->survivor(), world_.base, {}, {}};
+    TeamAtRest team{roles->leader(), roles->survivor(), world_.base, {}, {}, {}};
+    for (const DataType type : DataTypesOf(world_.config)) {
+      if (GroundPolicyOf(world_.config, type) == proto::POLICY_NONE) team.not_for_ground.insert(type);
+    }
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       lives_.CheckFailures(agent);
       const std::optional<HaveSet> have = world_.HaveOf(agent);
@@ -364,9 +405,10 @@ class Mission {
       team.have[agent] = *have;
       CheckPruned(agent, *have);
       CheckHistory(agent, *have);
-      team.records[agent] = ReadAll(agent);
+      team.records[agent] = world_.ReadAll(agent);
     }
     world_.rules.CheckRest(team);
+    if (world_.options.has_all_actors()) clients_.CheckRest();
     CheckBytesEnd();
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       CheckSessions(agent);
@@ -450,10 +492,11 @@ class Mission {
 
   void CheckSessions(AgentId agent) {
     for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
-      proto::Message question;
-      question.mutable_share_status_request();
-      const proto::Message answer = world_.AskActor(agent, actor, std::move(question));
-      const proto::ShareStatus& status = answer.share_status();
+      proto::ControlRequest request;
+      request.mutable_share_status();
+      const auto answer = ControlReplyOf(world_.AskActor(agent, actor, MessageOf(request)));
+      if (!answer) continue;
+      const proto::ShareStatus& status = answer->share_status();
       for (const proto::ShareSession& session : status.sessions()) {
         if (!session.is_open() && session.remaining() == 0) continue;
         world_.Violate("comes_to_rest", "agent " + std::to_string(agent) + ": " + session.ShortDebugString());
@@ -468,7 +511,6 @@ class Mission {
   bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
   std::map<AgentId, BudgetWatch> budgets_;
-  std::map<AgentId, proto::Term> durable_term_;  // On each agent's disk, as its RoleActor knows.
   std::map<AgentId, proto::Term> saving_term_;
   std::map<AgentId, PruneWatch> prunes_;
   std::map<AgentId, LeaseWatch> leases_;
@@ -477,6 +519,8 @@ class Mission {
   SimulatedRobots robots_;
   AgentLives lives_;
   SimulatedFaults faults_;
+  SimulatedClients clients_;
+  OwnInserts own_inserts_;
   const std::uint64_t messages_max_;
 };
 

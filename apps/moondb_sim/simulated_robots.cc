@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "apps/moondb_sim/client_message.h"
+
 namespace moondb::simulation {
 namespace {
 
@@ -21,6 +23,9 @@ constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
 constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
 constexpr std::uint64_t kOptimizedStep = 6;
+constexpr std::uint64_t kTurnsPerNode = 6;        // Of a robot that drives: solving and merging take the time of a run.
+constexpr std::uint64_t kLiftedEvery = 3;         // Quarantines.
+constexpr Duration kQuarantinedAt = minutes(30);  // At most so long ago, and for so long.
 
 proto::NodeKey Node(AgentId agent, std::uint64_t index) {
   proto::NodeKey key;
@@ -29,13 +34,38 @@ proto::NodeKey Node(AgentId agent, std::uint64_t index) {
   return key;
 }
 
+// Storage knows it by that: inserted again it is one record.
+bool HasName(const proto::Record& record) { return record.has_pose_graph_node() || record.has_pose_graph_edge(); }
+
+// Nothing where the message answers no insert, or does not say what came of it.
+std::optional<proto::InsertReply> InsertReplyIn(const proto::Message& message) {
+  if (message.has_insert_reply()) return message.insert_reply();
+  const std::optional<proto::ControlReply> reply = ClientReplyIn(message);
+  if (!reply) return std::nullopt;
+  const auto code = reply->error().code();
+  if (code == proto::ERROR_CODE_TIMED_OUT || code == proto::ERROR_CODE_UNAVAILABLE) return std::nullopt;
+  proto::InsertReply insert = reply->insert();
+  if (IsError(reply->error())) *insert.mutable_error() = reply->error();
+  return insert;
+}
+
 }  // namespace
 
 void SimulatedRobots::Start() {
   for (AgentId rover = 1; rover < world_.base; ++rover) {
     world_.At(world_.start + world_.DrawDuration(kInsertPeriod), [this, rover] { Work(rover); });
   }
-  world_.At(world_.start + kOptimizePeriod, [this] { Optimize(); });
+  if (!world_.options.has_all_actors()) return world_.At(world_.start + kOptimizePeriod, [this] { Optimize(); });
+  world_.At(world_.start + kInsertPeriod, [this] { Work(world_.base); });
+}
+
+Address SimulatedRobots::DoorOf(AgentId agent) const {
+  return {agent, world_.options.has_all_actors() ? actor_name::kGateway : actor_name::kStorage};
+}
+
+Address SimulatedRobots::RobotOf(AgentId agent) const {
+  if (world_.options.has_all_actors()) return {kClients, "robot" + std::to_string(agent)};
+  return {agent, "robot"};
 }
 
 void SimulatedRobots::SetLease(AgentId agent, proto::LeaseKind kind, Duration length) {
@@ -60,7 +90,7 @@ void SimulatedRobots::OnAgentStarted(AgentId agent) {
 
 void SimulatedRobots::OnAgentEnded(AgentId agent) {
   robots_[agent].asked.clear();
-  (void)world_.team.Take({agent, "robot"});
+  (void)world_.team.Take(RobotOf(agent));
   std::erase_if(run_, [agent](const auto& entry) { return entry.first.first == agent; });
 }
 
@@ -69,18 +99,40 @@ void SimulatedRobots::Work(AgentId rover) {
   if (!world_.is_quiet) world_.In(kInsertPeriod, [this, rover] { Work(rover); });
   if (world_.is_quiet) return;
   Robot& robot = robots_[rover];
-  if (world_.team.now() >= robot.silent_until) TellState(rover);
+  const bool is_base = rover == world_.base;
+  if (!is_base && world_.team.now() >= robot.silent_until) TellState(rover);
+  if (world_.options.has_all_actors()) {
+    Drive(rover, robot);
+  } else {
+    Learn(rover, robot);
+  }
+  ++robot.turns;
+  InsertOpen(rover, robot);
+}
+
+void SimulatedRobots::Learn(AgentId rover, Robot& robot) {
   proto::Record node;
   node.set_stamp_ns(world_.ClockOf(rover));
-  *node.mutable_pose_graph_node()->mutable_node() = Node(rover, robot.next_node);
+  *node.mutable_pose_graph_node()->mutable_node() = Node(rover, robot.turns);
   SetPose(*node.mutable_pose_graph_node()->mutable_map_from_node());
   robot.open.push_back({std::move(node)});
-  if (robot.next_node % kInsertsPerMap == 0) robot.open.push_back({MapAt(rover, robot.next_node)});
+  if (robot.turns % kInsertsPerMap == 0) robot.open.push_back({MapAt(rover, robot.turns)});
   if (world_.rng() % kQuarantineEvery == 0) robot.open.push_back({Quarantine()});
-  ++robot.next_node;
-  // What was not answered is inserted again: storage knows a node by its name. A map might come twice.
+}
+
+void SimulatedRobots::Drive(AgentId agent, Robot& robot) {
+  const bool is_base = agent == world_.base;
+  if (robot.turns % kTurnsPerNode == 0 && (!is_base || robot.turns == 0)) {
+    for (proto::Record& record : drive_.NextNode(agent)) robot.open.push_back(std::move(record));
+    if (!is_base) robot.open.push_back(drive_.MapHere(agent));
+  }
+  if (world_.rng() % kQuarantineEvery == 0) robot.open.push_back(QuarantineOfLate());
+}
+
+// What was not answered is inserted again: storage knows a node by its name. A map might come twice.
+void SimulatedRobots::InsertOpen(AgentId agent, Robot& robot) {
   while (robot.open.size() > kOpenMax) robot.open.pop_front();
-  for (const proto::Record& record : robot.open) Insert(rover, {record});
+  for (const proto::Record& record : robot.open) Insert(agent, {record});
   robot.open.clear();
 }
 
@@ -105,11 +157,27 @@ void SimulatedRobots::SetPose(proto::Pose& pose) {
   pose.mutable_orientation()->set_w(1);
 }
 
-// Of whose maps does not matter here: nobody merges any.
+// Of whose maps does not matter without MergeActor.
 proto::Record SimulatedRobots::Quarantine() {
   proto::Record record;
   record.mutable_map_quarantine()->set_agent_id(world_.DrawAgent());
   record.mutable_map_quarantine()->set_to_ns(static_cast<std::int64_t>(world_.rng() >> 1));
+  return record;
+}
+
+// Of some minutes of an agent's maps, or lifts one that was given before.
+proto::Record SimulatedRobots::QuarantineOfLate() {
+  proto::Record record;
+  proto::MapQuarantine& quarantine = *record.mutable_map_quarantine();
+  if (!quarantines_.empty() && world_.rng() % kLiftedEvery == 0) {
+    *quarantine.mutable_lifts() = ToProto(quarantines_[world_.rng() % quarantines_.size()]);
+    return record;
+  }
+  const AgentId agent = world_.DrawAgent();
+  const std::int64_t from_ns = world_.ClockOf(agent) - world_.DrawDuration(kQuarantinedAt).count();
+  quarantine.set_agent_id(agent);
+  quarantine.set_from_ns(from_ns);
+  quarantine.set_to_ns(from_ns + world_.DrawDuration(kQuarantinedAt).count());
   return record;
 }
 
@@ -142,26 +210,33 @@ char SimulatedRobots::DrawCells() {
 }
 
 void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) {
+  proto::ControlRequest request;
+  for (const proto::Record& record : records) *request.mutable_insert()->add_records() = record;
   proto::Message message;
   message.set_request_id(++request_id_);
-  for (const proto::Record& record : records) *message.mutable_insert_request()->add_records() = record;
-  const SendResult sent = world_.team.Post({agent, "robot"}, {agent, actor_name::kStorage}, std::move(message));
+  if (world_.options.has_all_actors()) {
+    message = ClientMessage(request_id_, request);
+  } else {
+    *message.mutable_insert_request() = std::move(*request.mutable_insert());
+  }
+  const SendResult sent = world_.team.Post(RobotOf(agent), DoorOf(agent), std::move(message));
   for (const proto::Record& record : records) world_.rules.SeeGiven(agent, record);
   if (sent == SendResult::kAccepted) robots_[agent].asked[request_id_] = std::move(records);
 }
 
 void SimulatedRobots::TakeInsertReplies(AgentId agent) {
   Robot& robot = robots_[agent];
-  for (const proto::Message& message : world_.team.Take({agent, "robot"})) {
+  for (const proto::Message& message : world_.team.Take(RobotOf(agent))) {
     const auto asked = robot.asked.find(message.request_id());
-    if (!message.has_insert_reply() || asked == robot.asked.end()) continue;
-    NoteInserted(agent, asked->second, message.insert_reply());
+    const std::optional<proto::InsertReply> reply = InsertReplyIn(message);
+    if (!reply || asked == robot.asked.end()) continue;
+    NoteInserted(agent, asked->second, *reply);
     robot.asked.erase(asked);
   }
-  // No answer: nodes are asked for again.
+  // No answer: what has a name is asked for again.
   for (auto& [id, records] : robot.asked) {
     for (proto::Record& record : records) {
-      if (record.has_pose_graph_node()) robot.open.push_back(std::move(record));
+      if (HasName(record)) robot.open.push_back(std::move(record));
     }
   }
   robot.asked.clear();
@@ -171,7 +246,7 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
                                    const proto::InsertReply& reply) {
   if (IsError(reply.error()) && world_.HadDiskTrouble(agent)) {
     for (const proto::Record& record : records) {
-      if (record.has_pose_graph_node()) robots_[agent].open.push_back({record});
+      if (HasName(record)) robots_[agent].open.push_back({record});
     }
     return;
   }
@@ -182,8 +257,10 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
     const RecordKey key = FromProto(reply.keys(i));
     if (key.stream.origin != agent)
       world_.Violate("one_content", "agent " + std::to_string(agent) + " names " + ToString(key));
-    world_.rules.SeeInserted(agent, key, records[static_cast<std::size_t>(i)]);
+    const proto::Record& record = records[static_cast<std::size_t>(i)];
+    world_.rules.SeeInserted(agent, key, record);
     ++world_.report.records;
+    if (world_.options.has_all_actors() && record.map_quarantine().agent_id() != 0) quarantines_.push_back(key);
   }
 }
 
@@ -199,7 +276,7 @@ void SimulatedRobots::OptimizeAt(AgentId leader) {
   std::vector<proto::Record> poses;
   const std::uint64_t run = ++run_[{leader, world_.roles[leader].term().number()}];
   for (AgentId rover = 1; rover < world_.base; ++rover) {
-    const std::uint64_t nodes = robots_[rover].next_node;
+    const std::uint64_t nodes = robots_[rover].turns;
     std::uint64_t index = nodes - std::min(nodes, kOptimizedNodes);
     for (index += kOptimizedStep - 1; index < nodes; index += kOptimizedStep) {
       proto::Record& record = poses.emplace_back();

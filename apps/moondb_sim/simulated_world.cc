@@ -5,72 +5,19 @@
 #include <utility>
 #include <vector>
 
+#include "apps/moondb_sim/simulated_config.h"
+
 namespace moondb::simulation {
 namespace {
 
 constexpr std::size_t kViolationsMax = 10;
 constexpr std::size_t kLastEvents = 60;
 
-// One seed in three has a survivor that takes the lead by itself.
-constexpr std::uint64_t kFailoverEvery = 3;
-constexpr double kLeaderTimeout_s = 120;
-
-constexpr std::uint64_t kStatesEvery = 2;  // Seeds: their agents send states unasked.
-constexpr double kStatesPeriod_s = 300;
-
-constexpr std::uint64_t kKeepsAllEvery = 2;  // Seeds: superseded states go for want of room alone.
-constexpr double kHistory_mb = 0.02;
-
-// Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
-constexpr std::uint64_t kCompactEvery = 4;
-
-proto::TeamConfig MakeTeam(const SimOptions& options) {
-  proto::TeamConfig team;
-  team.set_team("simulated");
-  for (int id = 1; id <= options.rovers + 1; ++id) {
-    proto::AgentConfig& agent = *team.add_agents();
-    agent.set_id(static_cast<std::uint32_t>(id));
-    const bool is_base = id == options.rovers + 1;
-    agent.set_name(is_base ? "base" : "rover" + std::to_string(id));
-    agent.set_kind(is_base ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
-  }
-  team.mutable_roles()->set_leader("rover1");
-  team.mutable_roles()->set_survivor("rover2");
-  if (options.seed % kFailoverEvery == 0) team.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
-  team.mutable_roles()->set_leader_timeout_s(kLeaderTimeout_s);
-  team.mutable_radio()->set_quiet_while_driving(true);
-  if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
-  team.mutable_radio()->set_codec(options.seed % kCompactEvery == 1 ? proto::CODEC_COMPACT : proto::CODEC_ZSTD);
-  if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriod_s);
-  auto& share = *team.mutable_share();
-  share["power"] = proto::POLICY_LATEST;
-  share["pose_graph_node"] = proto::POLICY_ALL;
-  share["optimized_pose"] = proto::POLICY_LATEST;
-  share["local_traversability_map"] = proto::POLICY_ALL;
-  share["map_quarantine"] = proto::POLICY_ALL;
-  proto::CustomType& beacon = *team.add_custom_types();
-  beacon.set_id(kBeacon);
-  beacon.set_name("beacon");
-  beacon.set_share(proto::POLICY_LATEST);
-  beacon.set_ground(proto::POLICY_LATEST);
-  beacon.set_priority(5);
-  beacon.set_bytes_max(64);
-  // Enough for some minutes of states, so that the oldest go all the time.
-  team.mutable_retention()->set_history_mb_max(kHistory_mb);
-  (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
-  (*team.mutable_keep())["optimized_pose"] = "1h";
-  (*team.mutable_ground())["power"] = proto::POLICY_LATEST;
-  (*team.mutable_ground())["pose_graph_node"] = proto::POLICY_ALL;
-  (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
-  (*team.mutable_ground())["map_quarantine"] = proto::POLICY_ALL;
-  return team;
-}
-
 }  // namespace
 
 SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
     : options(sim_options),
-      config(MakeTeam(sim_options)),
+      config(MakeTeamConfig(sim_options)),
       base(static_cast<AgentId>(sim_options.rovers + 1)),
       rng(sim_options.seed),
       disk(sim_options.seed),
@@ -140,6 +87,8 @@ std::set<AgentId> SimulatedWorld::Leaders() const {
 proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
   const Address asker{agent, "checker"};
   (void)team.Take(asker);
+  // What a gateway has yet to hand on would overtake the answer.
+  if (options.has_all_actors()) team.RunUntilIdle();
   is_asking = true;
   (void)team.Post(asker, {agent, actor}, std::move(question));
   team.RunUntilIdle();
@@ -154,6 +103,22 @@ std::optional<HaveSet> SimulatedWorld::HaveOf(AgentId agent) {
   const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
   if (!answer.has_have_reply()) return std::nullopt;
   return *FromProto(answer.have_reply().have());
+}
+
+Records SimulatedWorld::ReadAll(AgentId agent) {
+  Records records;
+  for (std::uint64_t after = 0;;) {
+    proto::Message question;
+    question.mutable_read_request()->set_after_row_id(after);
+    const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
+    const proto::ReadReply& reply = answer.read_reply();
+    for (const proto::StoredRecord& record : reply.records()) {
+      rules.SeeRecord(FromProto(record.key()), record.content(), agent);
+      if (record.key().seq() != 0) records[FromProto(record.key())] = record.content();
+    }
+    if (reply.is_complete() || reply.row_ids().empty()) return records;
+    after = *reply.row_ids().rbegin();
+  }
 }
 
 }  // namespace moondb::simulation

@@ -14,6 +14,7 @@
 #include <string>
 
 #include "apps/moondb_sim/options.h"
+#include "apps/moondb_sim/rare_states.h"
 #include "apps/moondb_sim/rules.h"
 #include "apps/moondb_sim/sim_report.h"
 #include "apps/moondb_sim/simulated_disk.h"
@@ -55,6 +56,7 @@ class SimulatedWorld {
   // Its last answer, which it gives at once; empty if it gives none.
   proto::Message AskActor(AgentId agent, const char* actor, proto::Message question);
   std::optional<HaveSet> HaveOf(AgentId agent);
+  Records ReadAll(AgentId agent);  // Whatever it shares.
 
   const SimOptions options;
   const proto::TeamConfig config;
@@ -63,12 +65,14 @@ class SimulatedWorld {
   std::mt19937_64 rng;
   std::multimap<MonotonicTime, Action> schedule;
   std::map<AgentId, proto::RoleAssignment> roles;  // What each running agent acts on.
+  std::map<AgentId, proto::Term> durable_term;     // On each agent's disk, as its RoleActor knows.
   std::map<AgentId, Duration> clock_offset;
   std::map<AgentId, MonotonicTime> disk_trouble_until;
   bool is_quiet = false;   // No more faults, nor inserts.
   bool is_asking = false;  // Of the checks' own questions: no actor fails at them.
   SimulatedDisk disk;
   Rules rules;
+  RareStates rare_states;
   SimulatedTeam team;
   const MonotonicTime start = team.now();
 

@@ -16,7 +16,6 @@ import zmq
 import zstandard
 
 import control_pb2
-import message_pb2
 
 
 class AgentError(Exception):
@@ -60,10 +59,10 @@ class MoondbClient:
         """Sends a ControlRequest, gives the ControlReply."""
         self._request_id += 1
         request.by, request.team_id = self._by, self._team_id
-        message = message_pb2.Message(ms_type=message_pb2.CONTROL, request_id=self._request_id, control_request=request)
+        message = control_pb2.ClientMessage(request_id=self._request_id, control_request=request)
         self._dealer.send(message.SerializeToString())
         while self._dealer.poll(1000 * (timeout_s or self._timeout_s)):
-            answer = message_pb2.Message.FromString(self._dealer.recv())
+            answer = control_pb2.ClientMessage.FromString(self._dealer.recv())
             if answer.request_id != self._request_id:
                 continue  # Of a call that had timed out.
             if answer.control_reply.team_id != self._team_id:

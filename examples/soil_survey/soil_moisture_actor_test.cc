@@ -11,7 +11,9 @@
 
 #include "actors/sharing/sync_actor.h"
 #include "actors/storage/storage_actor.h"
+#include "model/control_message.h"
 #include "model/custom_types.h"
+#include "proto/control.pb.h"
 #include "runtime/simulation/simulated_team.h"
 #include "runtime/team/team_config.h"
 
@@ -76,13 +78,15 @@ class SoilMoistureActorTest : public testing::Test {
   // Storage answers this to its own agent alone.
   std::uint64_t RecordsStoredAt(AgentId agent) {
     const Address operator_at{agent, "operator"};  // No actor: a probe.
-    Message question;
-    question.mutable_storage_status_request();
-    EXPECT_EQ(team_.Post(operator_at, {agent, "storage"}, question), SendResult::kAccepted);
-    const auto answer = team_.Expect(operator_at, Message::kStorageStatus, seconds(10));
+    moondb::proto::ControlRequest question;
+    question.mutable_status();
+    EXPECT_EQ(team_.Post(operator_at, {agent, "storage"}, moondb::MessageOf(question)), SendResult::kAccepted);
+    const auto message = team_.Expect(operator_at, Message::kControlReply, seconds(10));
+    EXPECT_TRUE(message.has_value());
+    const auto answer = moondb::ControlReplyOf(*message);
     EXPECT_TRUE(answer.has_value());
     double count = 0;
-    for (const auto& stored : answer->storage_status().counts()) count += stored.count();
+    for (const auto& stored : answer->status().storage().counts()) count += stored.count();
     return static_cast<std::uint64_t>(count);
   }
 

@@ -20,6 +20,7 @@
 #include "runtime/monitors.h"
 #include "runtime/role_table.h"
 #include "runtime/simulation/simulated_team.h"
+#include "runtime/system_status.h"
 #include "runtime/timer_queue.h"
 #include "runtime/trace_book.h"
 

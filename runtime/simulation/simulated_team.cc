@@ -10,6 +10,7 @@
 #include "model/check.h"
 #include "runtime/envelope.h"
 #include "runtime/simulation/simulated_agent.h"
+#include "runtime/system_status.h"
 #include "runtime/timer_queue.h"
 
 namespace moondb::simulation {

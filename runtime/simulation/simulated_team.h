@@ -27,6 +27,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/trace.pb.h"
 #include "runtime/actor.h"
 #include "runtime/simulation/simulated_radio.h"
 
@@ -115,7 +116,7 @@ class SimulatedTeam {
   std::uint64_t radio_bytes() const;            // Serialised bytes sent between agents, lost ones too.
   std::uint64_t restarts(AgentId agent) const;  // Of its actors, by Fail or exceptions.
   std::uint64_t trace_hash() const;             // Of every delivery so far: equal for equal runs.
-  // What Context says of it to its actors.
+  // What Context says of it to its actors (runtime/system_status.h).
   SystemStatus GetSystemStatus(AgentId agent) const;
   proto::TraceReply GetTrace(AgentId agent, const proto::TraceRequest& request = {}) const;
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "model/check.h"
+#include "model/control_message.h"
 #include "runtime/team/private_folder.h"
 #include "runtime/transport/listen_address.h"
 #include "runtime/transport/outbound.h"
@@ -52,16 +53,13 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
 
 // What the client gets instead of a reply that it could not be sent.
 proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
-  proto::Message message;
-  message.set_ms_type(proto::CONTROL);
+  proto::Message message = ErrorMessage({ErrorCode::kFull,
+                                         "the reply has " + std::to_string(bytes) + " bytes, more than the " +
+                                             std::to_string(bytes_max) + " of a message; ask for less at a time",
+                                         ""});
   message.set_agent_id(reply.agent_id());
   message.set_hop_sender(reply.hop_sender());
   message.set_request_id(reply.request_id());
-  *message.mutable_control_reply()->mutable_error() =
-      ToProto(Error{ErrorCode::kFull,
-                    "the reply has " + std::to_string(bytes) + " bytes, more than the " + std::to_string(bytes_max) +
-                        " of a message; ask for less at a time",
-                    ""});
   return message;
 }
 

@@ -8,6 +8,8 @@
 #include <random>
 #include <utility>
 
+#include "proto/status.pb.h"
+
 namespace moondb {
 namespace {
 

@@ -20,7 +20,6 @@
 #include <string>
 #include <vector>
 
-#include "proto/control.pb.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/transport.h"
 #include "runtime/transport/link_credit.h"
@@ -29,6 +28,10 @@
 #include "runtime/transport/peer_connection.h"
 #include "runtime/transport/report_state.h"
 #include "runtime/transport/wake_up.h"
+
+namespace moondb::proto {
+class PeerStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "model/check.h"
+#include "proto/status.pb.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/team_config.h"

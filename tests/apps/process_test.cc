@@ -13,6 +13,7 @@
 
 #include "apps/common/data_folder.h"
 #include "model/text.h"
+#include "proto/share_status.pb.h"
 #include "tests/apps/process_team.h"
 
 namespace moondb {

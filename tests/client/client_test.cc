@@ -8,6 +8,7 @@
 
 #include "client/record_feed.h"
 #include "model/team_id.h"
+#include "proto/control.pb.h"
 #include "tests/client/fake_agent.h"
 
 namespace moondb {
@@ -16,8 +17,8 @@ namespace {
 using std::chrono::milliseconds;
 using testing::HasSubstr;
 
-std::string Frame(const proto::Message& request, const proto::ControlReply& reply) {
-  proto::Message message;
+std::string Frame(const proto::ClientMessage& request, const proto::ControlReply& reply) {
+  proto::ClientMessage message;
   message.set_request_id(request.request_id());
   *message.mutable_control_reply() = reply;
   return message.SerializeAsString();
@@ -39,7 +40,7 @@ TEST(ClientTest, SaysAtOnceThatAnAgentIsNotRunning) {
 }
 
 TEST(ClientTest, SaysSoWhenADeadAgentLeftItsSocketBehind) {
-  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>{}; });
+  FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{}; });
   const std::string path = agent.endpoint().substr(6);
   agent.Stop();
   // libzmq removes its file; a killed process does not.
@@ -58,7 +59,7 @@ TEST(ClientTest, SaysSoWhenADeadAgentLeftItsSocketBehind) {
 }
 
 TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
-  FakeAgent agent([](const proto::Message& request) {
+  FakeAgent agent([](const proto::ClientMessage& request) {
     proto::ControlReply reply;
     if (request.control_request().has_status()) {
       reply.mutable_status()->set_name("rover1");
@@ -81,7 +82,7 @@ TEST(ClientTest, GivesTheAnswerOrTheAgentsError) {
 TEST(ClientTest, RefusesTheAnswerOfAnotherTeamAndNamesItsOwn) {
   std::string asked_for;
   std::string answers_for = TeamIdBytes("00112233445566778899aabbccddeeff");
-  FakeAgent agent([&](const proto::Message& request) {
+  FakeAgent agent([&](const proto::ClientMessage& request) {
     asked_for = request.control_request().team_id();
     proto::ControlReply reply;
     reply.mutable_status()->set_name("rover1");
@@ -107,7 +108,7 @@ TEST(ClientTest, RefusesTheAnswerOfAnotherTeamAndNamesItsOwn) {
 }
 
 // Rows 1 to 5, of which two are a page; a wait for more ends with nothing.
-std::vector<std::string> AnswerRead(const proto::Message& request) {
+std::vector<std::string> AnswerRead(const proto::ClientMessage& request) {
   const proto::ReadRequest& read = request.control_request().read();
   proto::ControlReply reply;
   proto::ReadReply& page = *reply.mutable_read();
@@ -121,7 +122,7 @@ std::vector<std::string> AnswerRead(const proto::Message& request) {
 
 TEST(RecordFeedTest, GivesEachRecordOnceInPages) {
   proto::ReadRequest last;
-  FakeAgent agent([&last](const proto::Message& request) {
+  FakeAgent agent([&last](const proto::ClientMessage& request) {
     last = request.control_request().read();
     return AnswerRead(request);
   });
@@ -161,7 +162,7 @@ TEST(RecordFeedTest, SkipsToNowAndGoesOnWhereItIsTold) {
 
 TEST(RecordFeedTest, AsksToWaitNoLongerThanItsTime) {
   double wait_s = -1;
-  FakeAgent agent([&wait_s](const proto::Message& request) {
+  FakeAgent agent([&wait_s](const proto::ClientMessage& request) {
     wait_s = request.control_request().read().wait_s();
     return AnswerRead(request);
   });
@@ -176,7 +177,7 @@ TEST(RecordFeedTest, AsksToWaitNoLongerThanItsTime) {
 
 TEST(RecordFeedTest, GoesOnAfterAnAnswerThatDidNotComeInTime) {
   std::atomic<bool> is_silent = true;
-  FakeAgent agent([&is_silent](const proto::Message& request) {
+  FakeAgent agent([&is_silent](const proto::ClientMessage& request) {
     return is_silent ? std::vector<std::string>() : AnswerRead(request);
   });
   Client::Options options;
@@ -193,7 +194,7 @@ TEST(RecordFeedTest, GoesOnAfterAnAnswerThatDidNotComeInTime) {
 }
 
 TEST(RecordFeedTest, TellsOfAnAnswerThatIsNone) {
-  FakeAgent agent([](const proto::Message& request) {
+  FakeAgent agent([](const proto::ClientMessage& request) {
     proto::ControlReply reply;
     reply.mutable_read()->add_records();
     return std::vector{Frame(request, reply)};
@@ -204,7 +205,7 @@ TEST(RecordFeedTest, TellsOfAnAnswerThatIsNone) {
 }
 
 TEST(ClientTest, RefusesKeysThatAreNone) {
-  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>(); });
+  FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>(); });
   Client::Options options;
   options.secret_key = "short";
   const auto client = Client::Connect(agent.endpoint(), "rover1", options);
@@ -214,7 +215,7 @@ TEST(ClientTest, RefusesKeysThatAreNone) {
 
 TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   proto::Record received;
-  FakeAgent agent([&received](const proto::Message& request) {
+  FakeAgent agent([&received](const proto::ClientMessage& request) {
     received = request.control_request().insert().records(0);
     proto::ControlReply reply;
     reply.mutable_insert()->add_keys()->set_data_type(1000);
@@ -250,7 +251,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
 
 TEST(ClientTest, TimesOutAndDropsTheAnswerThatComesTooLate) {
   std::string late;
-  FakeAgent agent([&late](const proto::Message& request) {
+  FakeAgent agent([&late](const proto::ClientMessage& request) {
     proto::ControlReply reply;
     reply.mutable_status()->set_name("answer " + std::to_string(request.request_id()));
     if (late.empty()) {
@@ -273,7 +274,7 @@ TEST(ClientTest, TimesOutAndDropsTheAnswerThatComesTooLate) {
 TEST(ClientTest, NoticesThatTheAgentWentAwayDuringACall) {
   FakeAgent* running = nullptr;
   std::thread stopper;
-  FakeAgent agent([&](const proto::Message&) {
+  FakeAgent agent([&](const proto::ClientMessage&) {
     stopper = std::thread([&] { running->Stop(); });
     return std::vector<std::string>{};
   });
@@ -290,7 +291,7 @@ TEST(ClientTest, NoticesThatTheAgentWentAwayDuringACall) {
 TEST(ClientTest, WaitsOnWhenASignalInterruptsACall) {
   std::signal(SIGUSR1, [](int) {});
   const pthread_t caller = ::pthread_self();
-  FakeAgent agent([caller](const proto::Message& request) {
+  FakeAgent agent([caller](const proto::ClientMessage& request) {
     for (int i = 0; i < 5; ++i) {
       std::this_thread::sleep_for(milliseconds(10));
       ::pthread_kill(caller, SIGUSR1);
@@ -305,7 +306,7 @@ TEST(ClientTest, WaitsOnWhenASignalInterruptsACall) {
 }
 
 TEST(ClientTest, RefusesARequestThatIsTooLarge) {
-  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>{}; });
+  FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{}; });
   auto client = ConnectTo(agent, {.message_bytes_max = 1000});
   proto::Record record;
   record.mutable_health()->set_text(std::string(2000, 'x'));
@@ -316,7 +317,7 @@ TEST(ClientTest, RefusesARequestThatIsTooLarge) {
 }
 
 TEST(ClientTest, ReportsAnAnswerThatDoesNotDecode) {
-  FakeAgent agent([](const proto::Message&) { return std::vector<std::string>{"\xff\xff\xff"}; });
+  FakeAgent agent([](const proto::ClientMessage&) { return std::vector<std::string>{"\xff\xff\xff"}; });
   auto client = ConnectTo(agent);
   const auto status = client->Status();
   ASSERT_FALSE(status.has_value());
@@ -325,7 +326,7 @@ TEST(ClientTest, ReportsAnAnswerThatDoesNotDecode) {
 
 TEST(ClientTest, ReadsAllPagesInOrder) {
   // Five records, two a page.
-  FakeAgent agent([](const proto::Message& request) {
+  FakeAgent agent([](const proto::ClientMessage& request) {
     proto::ControlReply reply;
     proto::ReadReply& page = *reply.mutable_read();
     for (std::uint64_t row = request.control_request().read().after_row_id() + 1; row <= 5; ++row) {

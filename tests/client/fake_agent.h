@@ -15,7 +15,7 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "proto/message.pb.h"
+#include "proto/control.pb.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -23,7 +23,7 @@ namespace moondb {
 class FakeAgent {
  public:
   // Frames to send back for one request; none keeps silent.
-  using Answer = std::function<std::vector<std::string>(const proto::Message& request)>;
+  using Answer = std::function<std::vector<std::string>(const proto::ClientMessage& request)>;
 
   explicit FakeAgent(Answer answer) : answer_(std::move(answer)) {
     router_.set(zmq::sockopt::linger, 0);
@@ -50,7 +50,7 @@ class FakeAgent {
       (void)router_.recv(client);
       (void)router_.recv(frame);
       ++requests_;
-      proto::Message request;
+      proto::ClientMessage request;
       if (!request.ParseFromArray(frame.data(), static_cast<int>(frame.size()))) continue;
       for (const std::string& answer : answer_(request)) {
         router_.send(zmq::buffer(client.to_string()), zmq::send_flags::sndmore);

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include "proto/status.pb.h"
+
 namespace moondb {
 namespace {
 

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "runtime/system_status.h"
 #include "tests/runtime/scripted_actor.h"
 
 namespace moondb {

@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "proto/trace.pb.h"
+#include "runtime/system_status.h"
 #include "tests/runtime/scripted_actor.h"
 
 namespace moondb::simulation {

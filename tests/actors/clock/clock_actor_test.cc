@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include "actors/storage/storage_actor.h"
+#include "model/control_message.h"
 #include "model/geometry.h"
+#include "proto/control.pb.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb {
@@ -65,9 +67,11 @@ class ClockActorTest : public testing::Test {
   }
 
   std::string SuspectOf(AgentId agent) {
-    proto::Message question;
-    question.mutable_storage_status_request();
-    return Ask(agent, std::move(question)).storage_status().clock_suspect();
+    proto::ControlRequest question;
+    question.mutable_status();
+    const auto answer = ControlReplyOf(Ask(agent, MessageOf(question)));
+    EXPECT_TRUE(answer);
+    return answer ? answer->status().storage().clock_suspect() : "";
   }
 
   proto::TeamConfig config_;

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include "model/control_message.h"
+#include "proto/control.pb.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb {
@@ -54,9 +56,9 @@ class EventActorTest : public testing::Test {
   }
 
   void Rejected(double count) {
-    proto::Message message;
-    message.mutable_storage_status()->set_rejected_count(count);
-    Post(actor_name::kStorage, message);
+    proto::ControlReply reply;
+    reply.mutable_status()->mutable_storage()->set_rejected_count(count);
+    Post(actor_name::kStorage, MessageOf(reply));
   }
 
   simulation::SimulatedTeam team_{/*seed=*/1};
@@ -109,26 +111,28 @@ TEST_F(EventActorTest, TellsOnceAMinuteWhatWasRefusedSinceTheLastTime) {
 
 TEST_F(EventActorTest, TellsSessionsThatEndedEarlyAndWhy) {
   (void)Told();
-  proto::Message message;
-  message.mutable_share_status();
-  Post(actor_name::kSync, message);
-  message.mutable_share_status()->set_damaged_messages(1);
-  proto::ShareSession& session = *message.mutable_share_status()->add_sessions();
+  proto::ControlReply reply;
+  reply.mutable_share_status();
+  Post(actor_name::kSync, MessageOf(reply));
+  reply.mutable_share_status()->set_damaged_messages(1);
+  proto::ShareSession& session = *reply.mutable_share_status()->add_sessions();
   session.set_destination(2);
   session.set_closed_sessions(2);
   session.set_last_error("the roles changed");
-  Post(actor_name::kSync, message);
+  Post(actor_name::kSync, MessageOf(reply));
   EXPECT_THAT(Told(), ElementsAre("1 messages from peers were damaged",
                                   "2 sharings to rover2 ended before all was acknowledged: the roles changed"));
-  Post(actor_name::kReplica, message);
+  Post(actor_name::kReplica, MessageOf(reply));
   EXPECT_THAT(Told(), IsEmpty());
 }
 
 TEST_F(EventActorTest, AsksEveryMinute) {
   const auto asked = [this] {
     std::size_t count = 0;
-    for (const proto::Message& message : team_.Take({1, actor_name::kSync}))
-      count += message.has_share_status_request();
+    for (const proto::Message& message : team_.Take({1, actor_name::kSync})) {
+      const auto request = ControlRequestOf(message);
+      count += request && request->has_share_status();
+    }
     return count;
   };
   EXPECT_EQ(asked(), 1u);
@@ -139,11 +143,11 @@ TEST_F(EventActorTest, AsksEveryMinute) {
 TEST_F(EventActorTest, HearsOnlyItsOwnAgent) {
   (void)Told();
   team_.AddAgent(2);
-  proto::Message message;
-  message.mutable_storage_status();
-  (void)team_.Post({2, actor_name::kStorage}, {1, actor_name::kEvent}, message);
-  message.mutable_storage_status()->set_rejected_count(7);
-  (void)team_.Post({2, actor_name::kStorage}, {1, actor_name::kEvent}, message);
+  proto::ControlReply reply;
+  reply.mutable_status()->mutable_storage();
+  (void)team_.Post({2, actor_name::kStorage}, {1, actor_name::kEvent}, MessageOf(reply));
+  reply.mutable_status()->mutable_storage()->set_rejected_count(7);
+  (void)team_.Post({2, actor_name::kStorage}, {1, actor_name::kEvent}, MessageOf(reply));
   team_.AdvanceTime(std::chrono::seconds(1));
   EXPECT_THAT(Told(), IsEmpty());
 }

@@ -3,7 +3,9 @@
 
 #include "actors/event/event_actor.h"
 #include "actors/storage/storage_actor.h"
+#include "model/control_message.h"
 #include "model/event.h"
+#include "proto/control.pb.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/temporary_folder.h"
 
@@ -49,19 +51,21 @@ class FindingsTest : public testing::Test {
     }
   }
 
-  proto::Message Ask(proto::Message question) {
-    (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, std::move(question));
+  proto::ControlReply Ask(const proto::ControlRequest& question) {
+    (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, MessageOf(question));
     team_.RunUntilIdle();
     const auto answers = team_.Take({1, "asker"});
     EXPECT_EQ(answers.size(), 1u);
-    return answers.empty() ? proto::Message() : answers.front();
+    const auto reply = ControlReplyOf(answers.empty() ? proto::Message() : answers.front());
+    EXPECT_TRUE(reply);
+    return reply ? *reply : proto::ControlReply();
   }
 
   std::vector<proto::HealthFinding> Findings() {
-    proto::Message question;
-    question.mutable_findings_request();
-    const proto::Message answer = Ask(question);
-    return {answer.findings_reply().findings().begin(), answer.findings_reply().findings().end()};
+    proto::ControlRequest question;
+    question.mutable_status();
+    const proto::ControlReply answer = Ask(question);
+    return {answer.status().findings().begin(), answer.status().findings().end()};
   }
 
   std::vector<std::string> Texts() {
@@ -72,9 +76,9 @@ class FindingsTest : public testing::Test {
   }
 
   proto::AcknowledgeReply Acknowledge(std::int64_t until_ns) {
-    proto::Message question;
-    question.mutable_acknowledge_request()->set_until_ns(until_ns);
-    return Ask(question).acknowledge_reply();
+    proto::ControlRequest question;
+    question.mutable_acknowledge()->set_until_ns(until_ns);
+    return Ask(question).acknowledge();
   }
 
   // Texts of all events, as stored.
@@ -217,9 +221,9 @@ TEST_F(FindingsTest, AStoreThatCannotTakeTheAcknowledgmentSaysSo) {
     has_failed = has_failed || is_it;
     return is_it ? simulation::Fault::kBeforeHandler : simulation::Fault::kNone;
   });
-  proto::Message question;
-  question.mutable_acknowledge_request()->set_until_ns(findings[0].stamp_ns());
-  (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, question);
+  proto::ControlRequest question;
+  question.mutable_acknowledge()->set_until_ns(findings[0].stamp_ns());
+  (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, MessageOf(question));
   team_.RunUntilIdle();
   EXPECT_THAT(team_.Take({1, "asker"}), IsEmpty());
   Minutes(1);

@@ -39,19 +39,19 @@ TEST(ClientRightsTest, EveryRequestHasItsPlace) {
 
 TEST(ClientRightsTest, SaysWhichRightIsNeededAndWhichThereIs) {
   proto::Message message;
-  message.mutable_control_request()->mutable_insert();
   message.set_client_name("anna");
   message.set_client_rights(proto::CLIENT_RIGHTS_VIEW);
-  const auto checked = CheckClientRights(message);
+  const auto checked = CheckClientRights(message, proto::ControlRequest::kInsert);
   ASSERT_FALSE(checked.has_value());
   EXPECT_EQ(checked.error().code, ErrorCode::kRefused);
   EXPECT_EQ(checked.error().text, "this needs the right to share; the key of anna has the right to view");
   message.set_client_rights(proto::CLIENT_RIGHTS_NONE);
-  EXPECT_EQ(CheckClientRights(message).error().text, "your key is no longer listed at this agent");
+  EXPECT_EQ(CheckClientRights(message, proto::ControlRequest::kInsert).error().text,
+            "your key is no longer listed at this agent");
   message.set_client_rights(proto::CLIENT_RIGHTS_SHARE);
-  EXPECT_TRUE(CheckClientRights(message).has_value());
+  EXPECT_TRUE(CheckClientRights(message, proto::ControlRequest::kInsert).has_value());
   message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
-  EXPECT_TRUE(CheckClientRights(message).has_value());
+  EXPECT_TRUE(CheckClientRights(message, proto::ControlRequest::kInsert).has_value());
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <set>
 #include <sstream>
 
+#include "model/control_message.h"
 #include "model/control_request.h"
 #include "runtime/address.h"
 
@@ -109,6 +110,27 @@ TEST(CommandTableTest, PutsARequestIntoTheBodyOfItsType) {
   EXPECT_FALSE(QuestionsOf(request, false)[0].message.have_request().is_for_peer());
 }
 
+// A map of megabytes is not copied on its way to storage.
+TEST(CommandTableTest, MovesWhatARequestHoldsIntoTheQuestion) {
+  proto::ControlRequest request;
+  std::string& cells = *request.mutable_insert()->add_records()->mutable_custom()->mutable_payload();
+  cells.assign(1'000'000, 'x');
+  const char* bytes = cells.data();
+  const std::vector<Question> questions = QuestionsOf(std::move(request), /*is_relayed=*/false);
+  ASSERT_EQ(questions.size(), 1u);
+  EXPECT_EQ(questions[0].message.insert_request().records(0).custom().payload().data(), bytes);
+}
+
+TEST(CommandTableTest, PutsARequestToSeveralActorsWholeIntoEachQuestion) {
+  proto::ControlRequest request;
+  request.mutable_status();
+  for (const Question& question : QuestionsOf(request, /*is_relayed=*/false)) {
+    const auto asked = ControlRequestOf(question.message);
+    ASSERT_TRUE(asked) << question.actor;
+    EXPECT_TRUE(asked->has_status()) << question.actor;
+  }
+}
+
 TEST(CommandTableTest, TakesAnAnswerByItsTypeWithItsError) {
   proto::Message answer;
   answer.mutable_prune_reply()->set_text("nothing");
@@ -123,27 +145,48 @@ TEST(CommandTableTest, TakesAnAnswerByItsTypeWithItsError) {
 }
 
 TEST(CommandTableTest, TakesAnActorsWholeReplyAsItIs) {
-  proto::Message answer;
-  answer.mutable_control_reply()->mutable_error()->set_text("not now");
+  proto::ControlReply answer;
+  answer.mutable_error()->set_text("not now");
   proto::ControlReply reply;
-  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kOptimize, answer, reply));
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kOptimize, MessageOf(answer), reply));
   EXPECT_EQ(reply.error().text(), "not now");
 }
 
-TEST(CommandTableTest, PutsStatusAndSharingTogether) {
-  proto::Message role;
-  role.mutable_role_show_reply()->mutable_roles()->set_leader(2);
+TEST(CommandTableTest, TakesNoReplyThatDoesNotDecode) {
+  proto::Message answer;
+  answer.set_control_reply("\xff\xff");
   proto::ControlReply reply;
-  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kStatus, role, reply));
+  EXPECT_FALSE(TakeAnswer(proto::ControlRequest::kStatus, answer, reply));
+  EXPECT_EQ(reply.reply_case(), proto::ControlReply::REPLY_NOT_SET);
+}
+
+TEST(CommandTableTest, LiftsTheErrorInAnActorsWholeReply) {
+  proto::ControlReply answer;
+  answer.mutable_acknowledge()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
+  proto::ControlReply reply;
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kAcknowledge, MessageOf(answer), reply));
+  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_FULL);
+}
+
+TEST(CommandTableTest, PutsStatusAndSharingTogether) {
+  proto::ControlReply role;
+  role.mutable_status()->mutable_roles()->set_leader(2);
+  proto::ControlReply storage;
+  storage.mutable_status()->mutable_storage()->set_epoch(7);
+  proto::ControlReply reply;
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kStatus, MessageOf(role), reply));
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kStatus, MessageOf(storage), reply));
   EXPECT_EQ(reply.status().roles().leader(), 2u);
-  EXPECT_FALSE(reply.has_roles());
-  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kRoleShow, role, reply));
+  EXPECT_EQ(reply.status().storage().epoch(), 7u);
+  proto::Message shown;
+  shown.mutable_role_show_reply()->mutable_roles()->set_leader(2);
+  EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kRoleShow, shown, reply));
   EXPECT_EQ(reply.roles().roles().leader(), 2u);
   for (const double received : {3, 4}) {
-    proto::Message share;
+    proto::ControlReply share;
     share.mutable_share_status()->set_received_records(received);
     share.mutable_share_status()->add_sessions();
-    EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kShareStatus, share, reply));
+    EXPECT_TRUE(TakeAnswer(proto::ControlRequest::kShareStatus, MessageOf(share), reply));
   }
   EXPECT_EQ(reply.share_status().received_records(), 7);
   EXPECT_EQ(reply.share_status().sessions_size(), 2);

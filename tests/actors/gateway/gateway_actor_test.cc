@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "actors/gateway/request_check.h"
+#include "model/control_message.h"
 #include "model/record_check.h"
 #include "model/team_id.h"
 #include "runtime/simulation/simulated_team.h"
@@ -45,9 +46,8 @@ class GatewayActorTest : public testing::Test {
   void Request(const proto::ControlRequest& request, std::uint64_t id = 5) { RequestAs(client_, request, id); }
 
   void RequestAs(const Address& client, const proto::ControlRequest& request, std::uint64_t id) {
-    proto::Message message;
+    proto::Message message = MessageOf(request);
     message.set_request_id(id);
-    *message.mutable_control_request() = request;
     ASSERT_EQ(team_.Post(client, gateway_, message), SendResult::kAccepted);
     team_.RunUntilIdle();
   }
@@ -57,6 +57,18 @@ class GatewayActorTest : public testing::Test {
     const auto messages = team_.Take({1, actor});
     EXPECT_EQ(messages.size(), 1u) << actor;
     return messages.empty() ? proto::Message() : messages.front();
+  }
+
+  static proto::ControlReply ReplyIn(const proto::Message& message) {
+    const auto reply = ControlReplyOf(message);
+    EXPECT_TRUE(reply);
+    return reply ? *reply : proto::ControlReply();
+  }
+
+  static proto::ControlRequest RequestIn(const proto::Message& message) {
+    const auto request = ControlRequestOf(message);
+    EXPECT_TRUE(request);
+    return request ? *request : proto::ControlRequest();
   }
 
   void AnswerAs(const std::string& actor, const proto::Message& asked, proto::Message answer) {
@@ -72,7 +84,7 @@ class GatewayActorTest : public testing::Test {
     EXPECT_EQ(answers.size(), 1u);
     if (answers.empty()) return {};
     EXPECT_EQ(answers.front().request_id(), id);
-    return answers.front().control_reply();
+    return ReplyIn(answers.front());
   }
 
   const Address client_{1, "client"};
@@ -84,6 +96,14 @@ class GatewayActorTest : public testing::Test {
 proto::ControlRequest Optimize() {
   proto::ControlRequest request;
   request.mutable_optimize();
+  return request;
+}
+
+// A read at agent 2, asked of agent 1.
+proto::ControlRequest ReadAtTwo() {
+  proto::ControlRequest request;
+  request.mutable_read();
+  request.set_for_agent(2);
   return request;
 }
 
@@ -145,21 +165,21 @@ TEST_F(GatewayActorTest, PutsStatusTogetherFromStorageRolesLeasesAndTheSystem) {
   proto::ControlRequest request;
   request.mutable_status();
   Request(request);
-  proto::Message roles;
-  roles.mutable_role_show_reply()->mutable_roles()->set_leader(1);
-  AnswerAs(actor_name::kRole, Asked(actor_name::kRole), roles);
+  proto::ControlReply roles;
+  roles.mutable_status()->mutable_roles()->set_leader(1);
+  AnswerAs(actor_name::kRole, Asked(actor_name::kRole), MessageOf(roles));
   EXPECT_TRUE(Answers().empty());
-  proto::Message storage;
-  storage.mutable_storage_status()->set_database_bytes(4096);
-  AnswerAs(actor_name::kStorage, Asked(actor_name::kStorage), storage);
+  proto::ControlReply storage;
+  storage.mutable_status()->mutable_storage()->set_database_bytes(4096);
+  AnswerAs(actor_name::kStorage, Asked(actor_name::kStorage), MessageOf(storage));
   EXPECT_TRUE(Answers().empty());
-  proto::Message leases;
-  leases.mutable_leases_changed()->add_leases()->set_agent_id(2);
-  AnswerAs(actor_name::kLease, Asked(actor_name::kLease), leases);
+  proto::ControlReply leases;
+  leases.mutable_status()->add_leases()->set_agent_id(2);
+  AnswerAs(actor_name::kLease, Asked(actor_name::kLease), MessageOf(leases));
   EXPECT_TRUE(Answers().empty());
-  proto::Message findings;
-  findings.mutable_findings_reply()->add_findings()->set_text("rover2 was lost");
-  AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), findings);
+  proto::ControlReply findings;
+  findings.mutable_status()->add_findings()->set_text("rover2 was lost");
+  AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), MessageOf(findings));
 
   const proto::AgentStatus status = OnlyAnswer().status();
   ASSERT_EQ(status.findings_size(), 1);
@@ -185,10 +205,10 @@ TEST_F(GatewayActorTest, PassesAnAcknowledgmentOnAndWritesDownWhoGaveIt) {
   EXPECT_EQ(written.insert_request().records(0).agent_event().text(), "health acknowledge");
   EXPECT_EQ(written.insert_request().records(0).agent_event().by(), "anna@hill");
   const proto::Message asked = Asked(actor_name::kEvent);
-  EXPECT_EQ(asked.acknowledge_request().until_ns(), 77);
-  proto::Message answer;
-  answer.mutable_acknowledge_reply()->set_count(2);
-  AnswerAs(actor_name::kEvent, asked, answer);
+  EXPECT_EQ(RequestIn(asked).acknowledge().until_ns(), 77);
+  proto::ControlReply answer;
+  answer.mutable_acknowledge()->set_count(2);
+  AnswerAs(actor_name::kEvent, asked, MessageOf(answer));
   EXPECT_EQ(OnlyAnswer().acknowledge().count(), 2u);
 }
 
@@ -196,14 +216,14 @@ TEST_F(GatewayActorTest, AddsUpTheShareStatusOfSyncAndReplication) {
   proto::ControlRequest request;
   request.mutable_share_status();
   Request(request);
-  proto::Message part;
+  proto::ControlReply part;
   part.mutable_share_status()->add_sessions()->set_destination(2);
   part.mutable_share_status()->set_received_records(3);
   part.mutable_share_status()->mutable_roles()->mutable_term()->set_number(5);
-  AnswerAs(actor_name::kSync, Asked(actor_name::kSync), part);
+  AnswerAs(actor_name::kSync, Asked(actor_name::kSync), MessageOf(part));
   part.mutable_share_status()->mutable_roles()->mutable_term()->set_number(4);
   part.mutable_share_status()->add_gathers_from(3);
-  AnswerAs(actor_name::kReplica, Asked(actor_name::kReplica), part);
+  AnswerAs(actor_name::kReplica, Asked(actor_name::kReplica), MessageOf(part));
   const proto::ShareStatus status = OnlyAnswer().share_status();
   EXPECT_EQ(status.sessions_size(), 2);
   EXPECT_EQ(status.received_records(), 6);
@@ -290,6 +310,33 @@ TEST_F(GatewayActorTest, AnswersWhatIsNoRequestAtOnce) {
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_INVALID);
 }
 
+TEST_F(GatewayActorTest, AnswersWhatDoesNotDecodeAtOnce) {
+  proto::ControlRequest many;  // Two bytes each on the wire, and much more in memory.
+  for (int i = 0; i < 300'000; ++i) many.mutable_insert()->add_records();
+  for (const std::string& bytes : {std::string("\xff\xff"), many.SerializeAsString()}) {
+    proto::Message message;
+    message.set_request_id(5);
+    message.set_control_request(bytes);
+    ASSERT_EQ(team_.Post(client_, gateway_, message), SendResult::kAccepted);
+    team_.RunUntilIdle();
+    EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_CORRUPT);
+  }
+  EXPECT_TRUE(team_.Take({1, actor_name::kStorage}).empty());
+}
+
+TEST_F(GatewayActorTest, SaysThatAnotherAgentsAnswerDoesNotDecode) {
+  Request(ReadAtTwo());  // Agent 2's gateway is a probe.
+  team_.AdvanceTime(seconds(1));
+  const auto asked = team_.Take({2, actor_name::kGateway});
+  ASSERT_EQ(asked.size(), 1u);
+  proto::Message answer;
+  answer.set_request_id(asked[0].request_id());
+  answer.set_control_reply("\xff\xff");
+  (void)team_.Post({2, actor_name::kGateway}, gateway_, answer);
+  team_.AdvanceTime(seconds(1));
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_CORRUPT);
+}
+
 TEST_F(GatewayActorTest, AnswersForAnActorThatKeepsSilentInTime) {
   proto::ControlRequest request;
   request.mutable_status();
@@ -349,15 +396,7 @@ TEST_F(GatewayActorTest, RefusesTheRequestOfAnotherAgent) {
   EXPECT_TRUE(team_.Take({1, actor_name::kPgo}).empty());
   const auto answers = team_.Take(other);
   ASSERT_EQ(answers.size(), 1u);
-  EXPECT_EQ(answers[0].control_reply().error().code(), proto::ERROR_CODE_REFUSED);
-}
-
-// A read at agent 2, asked of agent 1.
-proto::ControlRequest ReadAtTwo() {
-  proto::ControlRequest request;
-  request.mutable_read();
-  request.set_for_agent(2);
-  return request;
+  EXPECT_EQ(ReplyIn(answers[0]).error().code(), proto::ERROR_CODE_REFUSED);
 }
 
 TEST_F(GatewayActorTest, OfManyCommandsOfAKindWritesDownSomeAndHowManyMore) {
@@ -514,14 +553,13 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   const Address gateway{2, actor_name::kGateway};
   team_.Spawn(2, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
   const auto ask = [&](const std::string& connection, const std::string& key_name, const proto::ControlRequest& asked) {
-    proto::Message message;
+    proto::Message message = MessageOf(asked);
     message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
     message.set_client_name(key_name);
-    *message.mutable_control_request() = asked;
     (void)team_.Post({kClients, connection}, gateway, message);
     team_.RunUntilIdle();
     const auto answers = team_.Take({kClients, connection});
-    return answers.empty() ? "" : answers.front().control_reply().error().text();
+    return answers.empty() ? "" : ReplyIn(answers.front()).error().text();
   };
   EXPECT_EQ(ask("k1", "anna", Feed(30)), "");
   EXPECT_THAT(ask("k2", "anna", Feed(30)), testing::HasSubstr("too many reads of this client"));
@@ -537,15 +575,14 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
 class KeyedClientTest : public GatewayActorTest {
  protected:
   proto::ControlReply RequestWith(proto::ClientRights rights, const proto::ControlRequest& request) {
-    proto::Message message;
+    proto::Message message = MessageOf(request);
     message.set_request_id(5);
     message.set_client_rights(rights);
     message.set_client_name("anna");
-    *message.mutable_control_request() = request;
     (void)team_.Post(keyed_, gateway_, message);
     team_.RunUntilIdle();
     const auto answers = team_.Take(keyed_);
-    return answers.empty() ? proto::ControlReply() : answers.front().control_reply();
+    return answers.empty() ? proto::ControlReply() : ReplyIn(answers.front());
   }
   static proto::ControlRequest SetLeader() {
     proto::ControlRequest request;
@@ -557,18 +594,11 @@ class KeyedClientTest : public GatewayActorTest {
     proto::ControlRequest request;
     request.mutable_status();
     Request(request, 77);
-    proto::Message storage;
-    storage.mutable_storage_status();
-    AnswerAs(actor_name::kStorage, Asked(actor_name::kStorage), storage);
-    proto::Message roles;
-    roles.mutable_role_show_reply();
-    AnswerAs(actor_name::kRole, Asked(actor_name::kRole), roles);
-    proto::Message leases;
-    leases.mutable_leases_changed();
-    AnswerAs(actor_name::kLease, Asked(actor_name::kLease), leases);
-    proto::Message findings;
-    findings.mutable_findings_reply();
-    AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), findings);
+    proto::ControlReply part;
+    part.mutable_status();
+    for (const char* actor : {actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent}) {
+      AnswerAs(actor, Asked(actor), MessageOf(part));
+    }
     return OnlyAnswer(77).status().refused_clients();
   }
 
@@ -602,16 +632,16 @@ TEST_F(KeyedClientTest, StandsInTheStoryByItsKeysName) {
   team_.AdvanceTime(seconds(1));
   const auto at_other = team_.Take({2, actor_name::kGateway});
   ASSERT_EQ(at_other.size(), 1u);
-  EXPECT_EQ(at_other.front().control_request().by(), "anna (key)");
+  EXPECT_EQ(RequestIn(at_other.front()).by(), "anna (key)");
 }
 
 TEST_F(KeyedClientTest, CannotBePassedForByOneWithoutAKey) {
-  proto::Message message;
-  message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // As over ipc.
-  *message.mutable_control_request() = SetLeader();
+  proto::ControlRequest request = SetLeader();
   for (const auto& [said, written] : std::map<std::string, std::string>{
            {"anna (key)", "anna"}, {"anna(key) (key) ", "anna"}, {"anna@hill", "anna@hill"}}) {
-    message.mutable_control_request()->set_by(said);
+    request.set_by(said);
+    proto::Message message = MessageOf(request);
+    message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);  // As over ipc.
     (void)team_.Post({kClients, "c1"}, gateway_, message);
     team_.RunUntilIdle();
     EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), written);
@@ -712,10 +742,11 @@ TEST_F(GatewayActorTest, TakesNoAnswerFromAnyoneButTheAgentThatWasAsked) {
   team_.AdvanceTime(seconds(1));
   const auto asked = team_.Take({2, actor_name::kGateway});
   ASSERT_EQ(asked.size(), 1u);
-  EXPECT_EQ(asked[0].control_request().for_agent(), 2u);
-  proto::Message answer;
+  EXPECT_EQ(RequestIn(asked[0]).for_agent(), 2u);
+  proto::ControlReply reply;
+  reply.mutable_read();
+  proto::Message answer = MessageOf(reply);
   answer.set_request_id(asked[0].request_id());
-  answer.mutable_control_reply()->mutable_read();
   (void)team_.Post({2, actor_name::kStorage}, gateway_, answer);
   (void)team_.Post({1, actor_name::kStorage}, gateway_, answer);
   team_.AdvanceTime(seconds(1));
@@ -731,7 +762,7 @@ TEST_F(GatewayActorTest, PassesNoRequestOfAnotherAgentOn) {
   team_.AdvanceTime(seconds(1));
   const auto answers = team_.Take(other);
   ASSERT_EQ(answers.size(), 1u);
-  EXPECT_EQ(answers[0].control_reply().error().code(), proto::ERROR_CODE_REFUSED);
+  EXPECT_EQ(ReplyIn(answers[0]).error().code(), proto::ERROR_CODE_REFUSED);
 }
 
 TEST_F(GatewayActorTest, RefusesARequestForAnotherTeamBeforeAnythingIsDone) {
@@ -787,7 +818,7 @@ TEST_F(GatewayActorTest, RelaysForItsOwnTeamAlone) {
   team_.AdvanceTime(seconds(1));
   const auto relayed = team_.Take({2, actor_name::kGateway});
   ASSERT_EQ(relayed.size(), 1u);
-  EXPECT_EQ(relayed.front().control_request().team_id(), TeamIdBytes(team_config_.team_id()));
+  EXPECT_EQ(RequestIn(relayed.front()).team_id(), TeamIdBytes(team_config_.team_id()));
 }
 
 TEST_F(GatewayActorTest, RepliesToAStopBeforeItStops) {

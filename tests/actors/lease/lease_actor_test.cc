@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include "model/control_message.h"
+#include "proto/control.pb.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb {
@@ -55,13 +57,16 @@ class LeaseTeam {
   long KnownPause(AgentId agent, AgentId other) { return std::lround(LeaseKnown(agent, other).paused_s()); }
 
   proto::AgentLease LeaseKnown(AgentId agent, AgentId other) {
-    proto::Message question;
-    question.mutable_lease_show_request();
-    (void)team_.Post({agent, "asker"}, {agent, actor_name::kLease}, question);
-    const auto answer = team_.Expect({agent, "asker"}, proto::Message::kLeasesChanged, milliseconds(1));
+    proto::ControlRequest question;
+    question.mutable_status();
+    (void)team_.Post({agent, "asker"}, {agent, actor_name::kLease}, MessageOf(question));
+    const auto message = team_.Expect({agent, "asker"}, proto::Message::kControlReply, milliseconds(1));
+    EXPECT_TRUE(message);
+    if (!message) return {};
+    const auto answer = ControlReplyOf(*message);
     EXPECT_TRUE(answer);
     if (!answer) return {};
-    for (const proto::AgentLease& lease : answer->leases_changed().leases()) {
+    for (const proto::AgentLease& lease : answer->status().leases()) {
       if (lease.agent_id() == other) return lease;
     }
     return {};

@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 
+#include "model/control_message.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/actors/merge/merge_worlds.h"
 
@@ -551,7 +552,9 @@ TEST_F(MergeActorTest, TellsAnErrorOfTheQuestionForBeatenMaps) {
   Start();
   proto::Message question;
   question.mutable_beaten_maps_request()->set_records_max(10);
-  EXPECT_EQ(AskAnything(question)->control_reply().error().text(), "no disk");
+  const Result<void> answered = CheckControlReply(*AskAnything(question));
+  ASSERT_FALSE(answered);
+  EXPECT_EQ(answered.error().text, "no disk");
 }
 
 TEST_F(MergeActorTest, MergesWhatIsLeftAfterMapsWerePruned) {

@@ -7,6 +7,9 @@
 
 #include "actors/role/role_actor.h"
 #include "actors/storage/storage_actor.h"
+#include "model/control_message.h"
+#include "proto/control.pb.h"
+#include "proto/status.pb.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/temporary_folder.h"
 
@@ -20,6 +23,11 @@ constexpr AgentId kLeader = 1;
 constexpr AgentId kSurvivor = 2;
 constexpr AgentId kRover = 3;
 constexpr std::int64_t kDay_ns = 86'400'000'000'000;
+
+bool AsksForHave(const proto::Message& message) {
+  const auto request = ControlRequestOf(message);
+  return request && request->has_have();
+}
 
 // Rovers 1 to 3 with storage, roles and retention; records are carried between them by hand. Merge is a probe.
 class RetentionActorTest : public testing::Test {
@@ -123,6 +131,22 @@ class RetentionActorTest : public testing::Test {
     (void)Ask(to, actor_name::kStorage, std::move(message));
   }
 
+  void InsertOldMapEverywhere() {
+    Insert(kRover, MapOf(kRover, 1, 1, 64));
+    Bring(kRover, kLeader);
+    Bring(kRover, kSurvivor);
+    (void)team_.Take({kRover, actor_name::kMerge});  // What came as the actors started.
+  }
+
+  // The actor fails at the next message of that kind.
+  void FailOnce(const Address& actor, proto::Message::BodyCase body, simulation::Fault fault) {
+    team_.SetFault([actor, body, fault, is_done = false](const Address& at, const proto::Message& message) mutable {
+      if (is_done || at != actor || message.body_case() != body) return simulation::Fault::kNone;
+      is_done = true;
+      return fault;
+    });
+  }
+
   void Order(AgentId agent, proto::PruneOrder order) {
     proto::Message message;
     message.set_request_id(77);
@@ -146,15 +170,18 @@ class RetentionActorTest : public testing::Test {
   }
 
   proto::StorageStatus StatusOf(AgentId agent) {
-    proto::Message question;
-    question.mutable_storage_status_request();
-    return Ask(agent, actor_name::kStorage, std::move(question)).storage_status();
+    proto::ControlRequest question;
+    question.mutable_status();
+    const auto answer = ControlReplyOf(Ask(agent, actor_name::kStorage, MessageOf(question)));
+    EXPECT_TRUE(answer);
+    return answer ? answer->status().storage() : proto::StorageStatus();
   }
 
   // On the radio, from now on.
   void LoseHaveSets(bool is_lost) {
     team_.SetFilter([is_lost](AgentId, AgentId, const proto::Message& message) {
-      return !is_lost || !message.control_reply().has_have();
+      const auto reply = ControlReplyOf(message);
+      return !is_lost || !reply || !reply->has_have();
     });
   }
 
@@ -251,18 +278,19 @@ TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   Order(kRover, {});
   team_.AdvanceTime(seconds(2));
   for (const proto::Message& sent : team_.TakeSent({kRover, actor_name::kRetention})) {
-    if (sent.control_request().has_have()) request_id = sent.request_id();
+    if (AsksForHave(sent)) request_id = sent.request_id();
   }
   ASSERT_NE(request_id, 0u);
-  proto::Message lie;
-  lie.set_request_id(request_id);
-  proto::StreamHave& stream = *lie.mutable_control_reply()->mutable_have()->mutable_have()->add_streams();
+  proto::ControlReply lie;
+  proto::StreamHave& stream = *lie.mutable_have()->mutable_have()->add_streams();
   stream.set_origin_agent(kRover);
   stream.set_epoch(1);
   stream.set_data_type(proto::AGENT_EVENT);
   stream.add_held()->set_first(5);
   LoseHaveSets(false);
-  (void)team_.Post({kLeader, actor_name::kRetention}, {kRover, actor_name::kRetention}, std::move(lie));
+  proto::Message message = MessageOf(lie);
+  message.set_request_id(request_id);
+  (void)team_.Post({kLeader, actor_name::kRetention}, {kRover, actor_name::kRetention}, std::move(message));
   const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
   ASSERT_TRUE(answer);
   EXPECT_TRUE(answer->prune_reply().text().starts_with("rover1, the leader, says what cannot be: "))
@@ -277,12 +305,13 @@ TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
   team_.RecordSent({kLeader, actor_name::kRetention});
   Order(kLeader, {});
   team_.AdvanceTime(seconds(2));
-  proto::Message claim;
+  std::uint64_t request_id = 0;
   for (const proto::Message& sent : team_.TakeSent({kLeader, actor_name::kRetention})) {
-    if (sent.control_request().has_have()) claim.set_request_id(sent.request_id());
+    if (AsksForHave(sent)) request_id = sent.request_id();
   }
+  proto::ControlReply claim;
   for (const proto::StoredRecord& record : RecordsOf(kLeader)) {
-    proto::StreamHave& stream = *claim.mutable_control_reply()->mutable_have()->mutable_have()->add_streams();
+    proto::StreamHave& stream = *claim.mutable_have()->mutable_have()->add_streams();
     stream.set_origin_agent(kLeader);
     stream.set_epoch(record.key().epoch());
     stream.set_data_type(proto::AGENT_EVENT);
@@ -290,8 +319,10 @@ TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
     stream.mutable_held(0)->set_last(1);
   }
   LoseHaveSets(false);
-  (void)team_.Post({kRover, actor_name::kRetention}, {kLeader, actor_name::kRetention}, claim);
-  (void)team_.Post({kSurvivor, "impostor"}, {kLeader, actor_name::kRetention}, claim);
+  proto::Message message = MessageOf(claim);
+  message.set_request_id(request_id);
+  (void)team_.Post({kRover, actor_name::kRetention}, {kLeader, actor_name::kRetention}, message);
+  (void)team_.Post({kSurvivor, "impostor"}, {kLeader, actor_name::kRetention}, message);
   const auto answer = team_.Expect({kLeader, actor_name::kGateway}, proto::Message::kPruneReply, minutes(1));
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->prune_reply().text(), "rover2, the designated survivor, did not answer in time");
@@ -390,7 +421,7 @@ TEST_F(RetentionActorTest, AsksNobodyWhereTheTeamFileSetsNoLimits) {
   const std::uint64_t bytes = team_.radio_bytes();
   team_.AdvanceTime(minutes(60));
   team_.SetFilter([](AgentId, AgentId, const proto::Message& message) {
-    EXPECT_FALSE(message.control_request().has_have());
+    EXPECT_FALSE(AsksForHave(message));
     return true;
   });
   team_.AdvanceTime(minutes(60));
@@ -460,6 +491,25 @@ TEST_F(RetentionActorTest, TakesBeatenMapsAndTellsMerge) {
   for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), beaten.seq());
 }
 
+// Merging keeps what it has read, so that it has to be notified whatever befalls a prune.
+TEST_F(RetentionActorTest, NotifiesMergeThoughItFailsAsMapsAreGone) {
+  Start();
+  InsertOldMapEverywhere();
+  FailOnce({kRover, actor_name::kRetention}, proto::Message::kPruneReply, simulation::Fault::kBeforeHandler);
+  Order(kRover, {});
+  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, minutes(2)));
+  EXPECT_TRUE(RecordsOf(kRover).empty());
+}
+
+TEST_F(RetentionActorTest, NotifiesMergeWhereStorageDoesNotSayWhatIsGone) {
+  Start();
+  InsertOldMapEverywhere();
+  FailOnce({kRover, actor_name::kStorage}, proto::Message::kPruneRequest, simulation::Fault::kAtFirstSend);
+  EXPECT_EQ(Prune(kRover).error().code(), proto::ERROR_CODE_TIMED_OUT);
+  EXPECT_TRUE(RecordsOf(kRover).empty());
+  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, minutes(2)));
+}
+
 TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {
   Start();
   Insert(kRover, MapOf(kRover, 1, 1, 64));
@@ -482,9 +532,8 @@ TEST_F(RetentionActorTest, SaysWhyMergeCouldNotTell) {
   Order(kRover, order);
   const auto asked = team_.Expect({kRover, actor_name::kMerge}, proto::Message::kBeatenMapsRequest, minutes(1));
   ASSERT_TRUE(asked);
-  proto::Message answer;
+  proto::Message answer = ErrorMessage({ErrorCode::kFull, "too much waits", {}});
   answer.set_request_id(asked->request_id());
-  *answer.mutable_control_reply()->mutable_error() = ToProto(Error{ErrorCode::kFull, "too much waits", {}});
   (void)team_.Post({kRover, actor_name::kMerge}, {kRover, actor_name::kRetention}, std::move(answer));
   const auto reply = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
   ASSERT_TRUE(reply);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/status.pb.h"
+
 namespace moondb {
 namespace {
 

@@ -94,7 +94,7 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndSaysS
 
   // Nobody leads in its name, and it says whom to ask.
   Swap(1);
-  EXPECT_THAT(Answer(1).control_reply().error().text(), testing::HasSubstr("ask another agent"));
+  EXPECT_THAT(Refusal(1).text, testing::HasSubstr("ask another agent"));
   team_.AdvanceTime(minutes(5));
   EXPECT_TRUE(Told(1).empty()) << "what it cannot store it does not publish again and again";
 
@@ -186,7 +186,7 @@ TEST_F(RoleActorTest, ARepeatedSwapIsNotUndone) {
   Set(1, swap);
   team_.AdvanceTime(std::chrono::seconds(10));
   Set(1, swap);  // The answer came too late for the operator.
-  EXPECT_EQ(FromProto(Answer(1).control_reply().error()).field, "expected");
+  EXPECT_EQ(Refusal(1).field, "expected");
   team_.AdvanceTime(std::chrono::seconds(10));
   EXPECT_TRUE(AllAgree());
   EXPECT_EQ(Show(3).roles().leader(), 2u);
@@ -197,7 +197,7 @@ TEST_F(RoleActorTest, AnswersWithTheErrorOfARefusedChange) {
   proto::RoleSetRequest request;
   request.set_leader(4);
   Set(1, request);
-  EXPECT_EQ(Answer(1).control_reply().error().field(), "leader");
+  EXPECT_EQ(Refusal(1).field, "leader");
   EXPECT_EQ(Show(1).roles().leader(), 1u);
 }
 
@@ -216,7 +216,7 @@ TEST_F(RoleActorTest, DoesNotActOnWhatCannotBeStored) {
   StartAndSettle();
   disks_[1]->is_failing = true;
   Swap(1);
-  EXPECT_EQ(Answer(1).control_reply().error().code(), proto::ERROR_CODE_FULL);
+  EXPECT_EQ(Refusal(1).code, ErrorCode::kFull);
   team_.AdvanceTime(seconds(10));
   EXPECT_EQ(Show(2).roles().leader(), 1u);
 }

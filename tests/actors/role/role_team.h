@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "actors/role/role_actor.h"
+#include "model/control_message.h"
 #include "runtime/simulation/simulated_team.h"
 #include "runtime/team/team_config.h"
 
@@ -114,6 +115,13 @@ class RoleTeam {
     proto::Message answer;
     for (const proto::Message& message : team_.Take({at, actor_name::kGateway})) answer = message;
     return answer;
+  }
+
+  // The error with which it was answered.
+  Error Refusal(AgentId at) {
+    const Result<void> answered = CheckControlReply(Answer(at));
+    EXPECT_FALSE(answered);
+    return answered ? Error() : answered.error();
   }
 
   proto::RoleShowReply Show(AgentId at) {

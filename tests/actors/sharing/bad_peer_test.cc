@@ -3,6 +3,7 @@
 
 #include "actors/sharing/codec.h"
 #include "model/wire_version.h"
+#include "proto/share_status.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
 
 namespace moondb {

@@ -168,6 +168,8 @@ TEST_F(BatchesUnderWayTest, BoundsWhatItKeepsOfADestinationsWords) {
     TakeSent();
   }
   EXPECT_GE(Status().refused_haves(), 14);
+  Take(session_.OnPeerHaveRequest(UINT64_MAX));
+  EXPECT_GT(peer_haves_.back().acknowledged().streams_size(), kHaveStreamsMax / 2);
   for (const proto::PeerHave& told : std::exchange(peer_haves_, {})) {
     EXPECT_LE(told.acknowledged().streams_size(), kHaveStreamsMax);
   }

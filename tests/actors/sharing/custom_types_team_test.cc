@@ -6,6 +6,7 @@
 
 #include "actors/role/role_actor.h"
 #include "actors/storage/storage_actor.h"
+#include "proto/share_status.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
 
 namespace moondb {

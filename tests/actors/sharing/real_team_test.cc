@@ -14,6 +14,7 @@
 #include "actors/storage/paper_sql.h"
 #include "actors/storage/storage_actor.h"
 #include "model/have_set.h"
+#include "proto/share_status.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
 
 namespace moondb {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/share_status.pb.h"
 #include "tests/actors/sharing/memory_store.h"
 #include "tests/actors/sharing/sharing_team.h"
 

@@ -87,17 +87,8 @@ inline proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, c
   return reply;
 }
 
-inline proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor) {
-  proto::Message question;
-  question.mutable_share_status_request();
-  (void)team.Post({agent, "status"}, {agent, actor}, question);
-  team.RunUntilIdle();
-  proto::ShareStatus status;
-  for (const proto::Message& message : team.Take({agent, "status"})) {
-    if (message.has_share_status()) status = message.share_status();
-  }
-  return status;
-}
+// Include proto/share_status.pb.h to look into it.
+proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor);
 
 inline void TellRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
                       const proto::RoleAssignment& roles) {

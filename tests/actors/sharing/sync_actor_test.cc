@@ -5,6 +5,7 @@
 #include <map>
 #include <random>
 
+#include "proto/share_status.pb.h"
 #include "tests/actors/sharing/memory_store.h"
 #include "tests/actors/sharing/sharing_team.h"
 

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "actors/lease/lease_actor.h"
+#include "proto/share_status.pb.h"
 #include "tests/actors/sharing/memory_store.h"
 #include "tests/actors/sharing/sharing_team.h"
 

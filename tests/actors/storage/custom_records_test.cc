@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "model/record_check.h"
+#include "proto/status.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

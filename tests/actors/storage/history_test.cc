@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "actors/storage/store_file.h"
+#include "proto/status.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

@@ -6,6 +6,9 @@
 #include <fstream>
 
 #include "actors/storage/verify.h"
+#include "model/control_message.h"
+#include "proto/control.pb.h"
+#include "proto/status.pb.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/actors/storage/store_fixtures.h"
 
@@ -53,6 +56,14 @@ class StorageActorTest : public testing::Test {
     proto::Message question;
     question.mutable_read_request();
     return Ask(std::move(question)).read_reply();
+  }
+
+  proto::StorageStatus Status() {
+    proto::ControlRequest question;
+    question.mutable_status();
+    const auto answer = ControlReplyOf(Ask(MessageOf(question)));
+    EXPECT_TRUE(answer);
+    return answer ? answer->status().storage() : proto::StorageStatus();
   }
 
   TemporaryFolder folder_;
@@ -225,9 +236,7 @@ TEST_F(StorageActorTest, ReportsAFullDiskAndGoesOn) {
   EXPECT_EQ(Ask(question).insert_reply().error().code(), proto::ERROR_CODE_FULL);
   EXPECT_TRUE(team_.Take({2, "merge"}).empty());
   EXPECT_EQ(Insert(NodeRecord(2, 1)).keys_size(), 1);
-  proto::Message status;
-  status.mutable_storage_status_request();
-  const proto::StorageStatus shown = Ask(status).storage_status();
+  const proto::StorageStatus shown = Status();
   ASSERT_EQ(shown.counts_size(), 1);
   EXPECT_EQ(shown.counts(0).count(), 1);
   EXPECT_EQ(team_.restarts(2), 0u);
@@ -347,13 +356,11 @@ TEST_F(StorageActorTest, AStartWritesNothingWhereNothingDiffers) {
   Start();
   Insert(NodeRecord(2, 1));
   team_.CrashActor({2, "storage"});
-  proto::Message question;
-  question.mutable_storage_status_request();
-  const double log_bytes = Ask(question).storage_status().wal_bytes();
+  const double log_bytes = Status().wal_bytes();
   team_.AdvanceTime(std::chrono::seconds(1));
   team_.CrashActor({2, "storage"});
   team_.AdvanceTime(std::chrono::seconds(1));
-  EXPECT_EQ(Ask(question).storage_status().wal_bytes(), log_bytes);
+  EXPECT_EQ(Status().wal_bytes(), log_bytes);
 }
 
 }  // namespace

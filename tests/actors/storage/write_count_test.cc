@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/status.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

@@ -11,9 +11,11 @@
 #include <utility>
 
 #include "apps/moondb_agent/standard_actors.h"
+#include "model/control_message.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/term.h"
+#include "proto/control.pb.h"
 #include "tests/actors/pgo/scenario.h"
 #include "tests/actors/sharing/sharing_team.h"
 #include "tests/temporary_folder.h"
@@ -46,10 +48,10 @@ std::filesystem::path FolderOfFolders() {
 class NoFindings final : public Actor {
  public:
   void OnMessage(Context& context, const proto::Message& message) override {
-    if (!message.has_findings_request()) return;
-    proto::Message reply;
-    reply.mutable_findings_reply();
-    (void)context.Reply(std::move(reply));
+    if (!message.has_control_request()) return;
+    proto::ControlReply reply;
+    reply.mutable_status();
+    (void)context.Reply(MessageOf(reply));
   }
 };
 
@@ -242,6 +244,12 @@ class Mission {
 
   // --- Robots and the operator ---
 
+  proto::ControlReply ReplyIn(const proto::Message& message) {
+    const auto reply = ControlReplyOf(message);
+    if (!reply) Complain("an answer that does not decode: " + ToString(reply.error()));
+    return reply ? *reply : proto::ControlReply();
+  }
+
   // Calls of as many clients at once: an answer each, or nothing where none comes in time.
   std::vector<std::optional<proto::ControlReply>> Call(AgentId agent,
                                                        const std::vector<proto::ControlRequest>& requests) {
@@ -250,10 +258,8 @@ class Mission {
     for (std::size_t i = 0; i < requests.size(); ++i) {
       // A connection of its own each, as an answer that comes too late reaches nobody.
       const Address client{kClients, std::to_string(++call_count_)};
-      proto::Message message;
-      message.set_ms_type(proto::CONTROL);
+      proto::Message message = MessageOf(requests[i]);
       message.set_client_rights(proto::CLIENT_RIGHTS_COMMAND);
-      *message.mutable_control_request() = requests[i];
       const SendResult sent = team_.Post(client, {agent, actor_name::kGateway}, std::move(message));
       if (sent == SendResult::kAccepted) waiting[i] = client;
     }
@@ -261,7 +267,7 @@ class Mission {
       std::erase_if(waiting, [&](const auto& entry) {
         const std::vector<proto::Message> answers = team_.Take(entry.second);
         if (answers.size() > 1) Complain("more than one answer to " + requests[entry.first].ShortDebugString());
-        if (!answers.empty()) replies[entry.first] = answers.front().control_reply();
+        if (!answers.empty()) replies[entry.first] = ReplyIn(answers.front());
         return !answers.empty();
       });
       return waiting.empty();

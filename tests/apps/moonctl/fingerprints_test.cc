@@ -83,9 +83,9 @@ TEST(FingerprintsTest, GivesAnErrorOnAtOnce) {
 
 // An agent that answers for `per_answer` seqs at a time with the seqs themselves as hashes.
 FakeAgent::Answer InParts(std::uint64_t per_answer) {
-  return [per_answer](const proto::Message& request) {
+  return [per_answer](const proto::ClientMessage& request) {
     const proto::StreamHave& stream = request.control_request().fingerprint().stream();
-    proto::Message answer;
+    proto::ClientMessage answer;
     answer.set_request_id(request.request_id());
     proto::FingerprintReply& reply = *answer.mutable_control_reply()->mutable_fingerprint();
     std::uint64_t left = per_answer;

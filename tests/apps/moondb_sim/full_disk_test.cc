@@ -6,8 +6,11 @@
 #include "actors/storage/record_door.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/simulated_disk.h"
+#include "model/control_message.h"
 #include "model/have_set.h"
 #include "model/record_check.h"
+#include "proto/control.pb.h"
+#include "proto/status.pb.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb::simulation {
@@ -91,9 +94,11 @@ class FullDiskTest : public testing::Test {
   }
 
   proto::StorageStatus Status() {
-    proto::Message question;
-    question.mutable_storage_status_request();
-    return Ask(std::move(question)).storage_status();
+    proto::ControlRequest question;
+    question.mutable_status();
+    const auto answer = ControlReplyOf(Ask(MessageOf(question)));
+    EXPECT_TRUE(answer);
+    return answer ? answer->status().storage() : proto::StorageStatus();
   }
 
   HaveSet Have() {

@@ -12,6 +12,8 @@
 #include "model/have_set.h"
 #include "model/record_check.h"
 #include "model/record_key.h"
+#include "proto/trace.pb.h"
+#include "runtime/system_status.h"
 
 namespace moondb::simulation {
 namespace {
@@ -697,6 +699,15 @@ bool AskForNoMaps(Context&, proto::Message& message) {
   return true;
 }
 
+// At agent 2.
+bool LeavePosesOut(Context& context, proto::Message& message) {
+  if (context.self().agent != 2 || !message.has_read_reply()) return true;
+  for (proto::StoredRecord& record : *message.mutable_read_reply()->mutable_records()) {
+    if (record.key().data_type() == proto::OPTIMIZED_POSE) record.clear_content();
+  }
+  return true;
+}
+
 void KeepDamagedRows(SimOptions& options) {
   options.is_store_checked = false;
   options.faults_per_hour = {{"damage", 0}, {"damage_interval", 0}};
@@ -705,7 +716,11 @@ void KeepDamagedRows(SimOptions& options) {
 }  // namespace
 
 const std::vector<Mutant>& Mutants() {
+  using actor_name::kDownlink;
   using actor_name::kFailover;
+  using actor_name::kGateway;
+  using actor_name::kMerge;
+  using actor_name::kPgo;
   using actor_name::kReplica;
   using actor_name::kRole;
   using actor_name::kStorage;
@@ -1001,6 +1016,113 @@ const std::vector<Mutant>& Mutants() {
          options.faults_per_hour["failing"] = 6;
          Wrapped<AcknowledgesFailedInserts>(kStorage)(options);
        }},
+      {"ForgetsSilentActors",
+       "a gateway forgets requests that nobody answers",
+       {"answered"},
+       5,
+       Hears(kGateway, [](Context&, proto::Message& message) { return !message.has_timer(); }),
+       SimulatedActors::kAll},
+      {"AnswersWhatIsRefused",
+       "an insert that storage refuses is answered as done",
+       {"answer_true", "acknowledged_held"},
+       5,
+       Hears(kGateway,
+             [](Context&, proto::Message& message) {
+               if (message.has_insert_reply()) message.mutable_insert_reply()->clear_error();
+               return true;
+             }),
+       SimulatedActors::kAll},
+      {"LeavesOutTheLast",
+       "a page that a client reads lacks its last record",
+       {"answer_true"},
+       5,
+       Hears(kGateway,
+             [](Context&, proto::Message& message) {
+               if (!message.has_read_reply() || message.read_reply().records().empty()) return true;
+               message.mutable_read_reply()->mutable_records()->RemoveLast();
+               message.mutable_read_reply()->mutable_row_ids()->RemoveLast();
+               return true;
+             }),
+       SimulatedActors::kAll},
+      {"RefusesWithoutAReason",
+       "an agent that does not lead refuses to solve, and does not say why",
+       {"clear_error"},
+       5,
+       Says(kPgo,
+            [](Context&, const Address&, proto::Message& message) {
+              if (message.has_optimize_reply()) message.mutable_optimize_reply()->mutable_error()->clear_text();
+              return true;
+            }),
+       SimulatedActors::kAll},
+      {"SolvesWithoutLead",
+       "agent 2 solves whoever leads",
+       {"leader_solves", "answer_true"},
+       5,
+       Hears(kPgo,
+             [](Context& context, proto::Message& message) {
+               if (context.self().agent == 2 && message.has_roles_changed()) {
+                 message.mutable_roles_changed()->mutable_roles()->set_leader(2);
+               }
+               return true;
+             }),
+       SimulatedActors::kAll},
+      {"MergesWithoutPoses",
+       "agent 2 merges maps at raw poses",
+       {"map_of_records"},
+       5,
+       Hears(kMerge, LeavePosesOut),
+       SimulatedActors::kAll},
+      {"MergesWhatIsPruned",
+       "merging is not notified that maps are pruned",
+       {"map_of_records"},
+       10,
+       [](SimOptions& options) {
+         options.faults_per_hour["prune"] = 40;
+         Hears(kMerge, [](Context&, proto::Message& message) { return !message.has_prune_reply(); })(options);
+       },
+       SimulatedActors::kAll},
+      {"SendsSomeTiles",
+       "of the tiles that changed one is not sent",
+       {"map_of_records"},
+       5,
+       Says(kMerge,
+            [](Context&, const Address&, proto::Message& message) {
+              if (message.map_tiles_reply().tiles().empty()) return true;
+              message.mutable_map_tiles_reply()->mutable_tiles()->RemoveLast();
+              return true;
+            }),
+       SimulatedActors::kAll},
+      {"PacksTwice",
+       "a bundle is packed whatever those before it hold",
+       {"bundle_once"},
+       5,
+       Hears(kDownlink,
+             [](Context&, proto::Message& message) {
+               if (message.has_load_bundles_reply()) message.mutable_load_bundles_reply()->clear_taken();
+               return true;
+             }),
+       SimulatedActors::kAll},
+      {"PacksNoMaps",
+       "no map comes into a bundle",
+       {"bundle_once"},
+       5,
+       Says(kDownlink,
+            [](Context& context, const Address&, proto::Message& message) {
+              return !message.has_missing_request() || AskForNoMaps(context, message);
+            }),
+       SimulatedActors::kAll},
+      {"MakesUnsavedBundles",
+       "a bundle is made though the disk does not take it",
+       {"bundle_kept"},
+       15,
+       [](SimOptions& options) {
+         options.faults_per_hour["failing"] = 20;
+         Hears(kDownlink, [](Context&, proto::Message& message) {
+           if (message.has_save_bundle_reply()) message.mutable_save_bundle_reply()->clear_error();
+           return true;
+         })(options);
+       },
+       SimulatedActors::kAll},
   };
   return mutants;
 }

@@ -1,4 +1,4 @@
-// Mutants: actors of sharing with one rule broken on purpose, nearly each a wrapper around the real actor, so that no
+// Mutants: actors with one rule broken on purpose, nearly each a wrapper around the real actor, so that no
 // program holds the means to break it. The simulator must notice, by a rule that speaks of what was broken.
 #pragma once
 
@@ -19,6 +19,7 @@ struct Mutant {
   std::uint64_t seeds = 0;         // From 1; one of them notices.
   // For one run: what it keeps beyond its actors' lives begins anew.
   std::function<void(SimOptions& options)> apply;
+  SimulatedActors actors = SimulatedActors::kSharing;
 };
 
 const std::vector<Mutant>& Mutants();

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "proto/status.pb.h"
 #include "runtime/transport/outbound.h"
 #include "tests/runtime/transport/transport_fixture.h"
 

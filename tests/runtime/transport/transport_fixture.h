@@ -18,6 +18,7 @@
 #include <string>
 #include <utility>
 
+#include "proto/status.pb.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/team_config.h"
 #include "runtime/transport/zeromq_transport.h"

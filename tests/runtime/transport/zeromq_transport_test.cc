@@ -16,6 +16,8 @@
 #include <thread>
 #include <vector>
 
+#include "model/control_message.h"
+#include "proto/status.pb.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/private_folder.h"
 #include "runtime/team/team_config.h"
@@ -219,7 +221,7 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   request.set_agent_id(2);
   request.set_source_actor("storage");
   request.set_sql("drop table records");
-  request.mutable_control_request()->mutable_status();
+  request.set_control_request("status");
   request.set_request_id(1);
   first.Send(request.SerializeAsString());
   const OwnedMessage from_first = ears_[1].Take();
@@ -230,7 +232,7 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
   EXPECT_EQ(from_first->destination_actor(), actor_name::kGateway);
   EXPECT_EQ(from_first->request_id(), 1u);
   EXPECT_EQ(from_first->sql(), "");
-  EXPECT_TRUE(from_first->control_request().has_status());
+  EXPECT_EQ(from_first->control_request(), "status");
 
   request.set_request_id(2);
   second.Send(request.SerializeAsString());
@@ -265,8 +267,10 @@ TEST_F(ZeroMqTransportTest, TellsAClientThatItsReplyIsTooLarge) {
   proto::Message heard;
   ASSERT_TRUE(heard.ParseFromString(client.Receive()));
   EXPECT_EQ(heard.request_id(), 7u);
-  EXPECT_EQ(heard.control_reply().error().code(), proto::ERROR_CODE_FULL);
-  EXPECT_THAT(heard.control_reply().error().text(), HasSubstr("more than the 1000 of a message"));
+  const Result<void> answered = CheckControlReply(heard);
+  ASSERT_FALSE(answered);
+  EXPECT_EQ(answered.error().code, ErrorCode::kFull);
+  EXPECT_THAT(answered.error().text, HasSubstr("more than the 1000 of a message"));
 }
 
 TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {

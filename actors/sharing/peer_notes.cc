@@ -1,0 +1,85 @@
+#include "actors/sharing/peer_notes.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace moondb {
+namespace {
+
+// Held or dropped is one to storage: what was had before and is dropped by now is no news.
+HaveSet NewsOf(const HaveSet& heard, const HaveSet& known) {
+  HaveSet news;
+  for (const auto& [key, stream] : heard.streams()) {
+    IntervalSet added = stream.Had().Minus(known.Get(key).Had());
+    if (!added.is_empty()) news[key].held = std::move(added);
+  }
+  return news;
+}
+
+// The message of this step; the first to note something adds it.
+proto::Message& MessageIn(SharingActions& actions) {
+  const auto note = std::find_if(actions.begin(), actions.end(),
+                                 [](const SharingAction& action) { return action.message.has_peer_have(); });
+  if (note != actions.end()) return note->message;
+  proto::Message& added = actions.emplace_back().message;
+  added.set_ms_type(proto::EVENT);
+  added.mutable_peer_have();
+  return added;
+}
+
+}  // namespace
+
+PeerNotes::PeerNotes(proto::SharingKind kind, AgentId destination, std::uint64_t first_number)
+    : kind_(kind), destination_(destination), number_(first_number) {}
+
+void PeerNotes::NoteAnswer(const HaveSet& have, const std::set<AgentId>& origins, SharingActions& actions) {
+  is_answered_ = true;
+  origins_ = origins;
+  NoteAll(have, actions);
+}
+
+void PeerNotes::NoteAcknowledged(const HaveSet& heard, const HaveSet& known, SharingActions& actions) {
+  const HaveSet news = NewsOf(heard, known);
+  if (news.streams().empty()) return;
+  proto::PeerHave& note = NumberedNoteIn(actions);
+  note.set_is_difference(true);
+  *note.mutable_acknowledged() = ToProto(news);
+}
+
+void PeerNotes::NoteHandedOver(const std::vector<RecordKey>& keys, SharingActions& actions) const {
+  if (keys.empty()) return;
+  proto::PeerHave& note = NoteIn(actions);
+  for (const RecordKey& key : keys) *note.add_handed_over() = ToProto(key);
+}
+
+void PeerNotes::NoteClosed(SharingActions& actions) const { NoteIn(actions).set_is_session_closed(true); }
+
+void PeerNotes::NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& under_way,
+                             SharingActions& actions) {
+  if (!is_answered_ || unused_number < number_of_all_) return;
+  NoteAll(have, actions);
+  NoteHandedOver(under_way, actions);
+}
+
+void PeerNotes::NoteAll(const HaveSet& have, SharingActions& actions) {
+  proto::PeerHave& note = NumberedNoteIn(actions);
+  number_of_all_ = number_;
+  *note.mutable_acknowledged() = ToProto(have);
+  note.mutable_origin_agents()->Assign(origins_.begin(), origins_.end());
+}
+
+proto::PeerHave& PeerNotes::NoteIn(SharingActions& actions) const {
+  proto::PeerHave& note = *MessageIn(actions).mutable_peer_have();
+  note.set_peer(destination_);
+  note.set_kind(kind_);
+  return note;
+}
+
+proto::PeerHave& PeerNotes::NumberedNoteIn(SharingActions& actions) {
+  MessageIn(actions).set_request_id(++number_);
+  proto::PeerHave& note = NoteIn(actions);
+  note.set_number(number_);
+  return note;
+}
+
+}  // namespace moondb

@@ -1,0 +1,437 @@
+#include "apps/moondb_sim/simulated_clients.h"
+
+#include <algorithm>
+#include <iterator>
+#include <memory>
+#include <utility>
+
+#include "apps/moondb_sim/answer_check.h"
+#include "apps/moondb_sim/simulated_config.h"
+#include "model/term.h"
+#include "runtime/team/team_config.h"
+
+namespace moondb::simulation {
+namespace {
+
+using std::chrono::minutes;
+using std::chrono::seconds;
+
+constexpr Duration kAskPeriod = seconds(15);  // On average.
+constexpr std::uint64_t kSeveralEvery = 8;    // At one instant, up to kSeveralMax.
+constexpr std::uint64_t kSeveralMax = 5;
+constexpr std::uint64_t kOtherWayEvery = 6;
+constexpr std::uint64_t kSamplesMax = 5;
+constexpr double kWait_s = 15;  // For news; below the gateways' timeout.
+constexpr std::uint64_t kBundleBytesLeast = 1024;
+constexpr std::uint64_t kBundleBytesSpan = 15 * 1024;
+constexpr std::uint64_t kBundleBytesAtRest = 1024 * 1024;
+constexpr int kBundlesAtRestMax = 64;
+constexpr std::uint32_t kPageRecords = 1024;
+
+proto::Record Sample(std::string payload) {
+  proto::Record record;
+  record.mutable_custom()->set_data_type(kSample);
+  record.mutable_custom()->set_payload(std::move(payload));
+  return record;
+}
+
+proto::MergeRequest Everything() { return {}; }
+
+}  // namespace
+
+// --- The workload ---
+
+void SimulatedClients::Start() {
+  world_.At(world_.start + kAskPeriod, [this] { Work(); });
+}
+
+void SimulatedClients::Work() {
+  static constexpr Ask kKinds[] = {
+      &SimulatedClients::AskToInsert,   &SimulatedClients::AskToInsert,    &SimulatedClients::AskToInsert,
+      &SimulatedClients::AskForPage,    &SimulatedClients::AskForPage,     &SimulatedClients::AskForNews,
+      &SimulatedClients::AskWhatStands, &SimulatedClients::AskWhatStands,  &SimulatedClients::AskForSights,
+      &SimulatedClients::AskForMaps,    &SimulatedClients::AskForNewTiles, &SimulatedClients::AskToSolve,
+      &SimulatedClients::AskToSwap,     &SimulatedClients::AskForLease,    &SimulatedClients::AskToPrune,
+      &SimulatedClients::AskForBundles, &SimulatedClients::AskWrongly,     &SimulatedClients::AskToInsertTooMuch,
+  };
+  if (world_.is_quiet) return;
+  world_.In(world_.DrawDuration(2 * kAskPeriod), [this] { Work(); });
+  const AgentId agent = world_.DrawAgent();
+  asks_several_ = world_.rng() % kSeveralEvery == 0;
+  const std::uint64_t count = asks_several_ ? 2 + world_.rng() % (kSeveralMax - 1) : 1;
+  for (std::uint64_t i = 0; i < count; ++i) (this->*kKinds[world_.rng() % std::size(kKinds)])(agent);
+  calls_.Run();
+  asks_several_ = false;
+}
+
+void SimulatedClients::AskToInsert(AgentId agent) {
+  proto::ControlRequest request;
+  for (std::uint64_t i = 0; i <= world_.rng() % kSamplesMax; ++i) {
+    *request.mutable_insert()->add_records() = Sample(std::to_string(world_.rng()));
+  }
+  SendAnyWay(agent, request);
+}
+
+void SimulatedClients::AskToInsertTooMuch(AgentId agent) {
+  proto::ControlRequest request;
+  *request.mutable_insert()->add_records() = Sample("good");
+  *request.mutable_insert()->add_records() = Sample(std::string(kSampleBytesMax + 1, 'x'));
+  Send(agent, request, [this](const Answer& answer) {
+    if (!IsError(answer.reply.error())) world_.Violate("answer_true", "an insert of too much succeeds");
+  });
+}
+
+void SimulatedClients::AskForPage(AgentId agent) {
+  static constexpr DataType kTypes[] = {kSample, kBeacon, proto::POWER, proto::AGENT_EVENT, proto::POSE_GRAPH_NODE};
+  proto::ControlRequest request;
+  request.mutable_read()->add_data_types(kTypes[world_.rng() % std::size(kTypes)]);
+  request.mutable_read()->set_records_max(kPageRecords);
+  request.mutable_read()->set_is_newest_first(world_.rng() % 2 == 0);
+  SendAnyWay(agent, request, [this, agent](const Answer& answer) {
+    for (const proto::StoredRecord& record : answer.reply.read().records()) {
+      if (record.key().seq() != 0) world_.rules.SeeRecord(FromProto(record.key()), record.content(), agent);
+    }
+  });
+}
+
+// Samples behind the newest one that is there.
+void SimulatedClients::AskForNews(AgentId agent) {
+  proto::ControlRequest request;
+  request.mutable_read()->add_data_types(kSample);
+  request.mutable_read()->set_records_max(1);
+  request.mutable_read()->set_is_newest_first(true);
+  Send(agent, request, [this, agent](const Answer& newest) {
+    if (!newest.is_at_once || newest.reply.read().row_ids().empty()) return;
+    proto::ControlRequest news;
+    news.mutable_read()->add_data_types(kSample);
+    news.mutable_read()->set_after_row_id(newest.reply.read().row_ids(0));
+    news.mutable_read()->set_wait_s(kWait_s);
+    Send(agent, news, [this](const Answer& answer) {
+      const bool is_in_time = !answer.reply.read().records().empty() && answer.took > Duration::zero();
+      if (is_in_time) world_.rare_states.Count("feed_in_time");
+    });
+  });
+}
+
+void SimulatedClients::AskWhatStands(AgentId agent) {
+  proto::ControlRequest request;
+  switch (world_.rng() % 3) {
+    case 0:
+      request.mutable_status();
+      break;
+    case 1:
+      request.mutable_role_show()->set_with_history(true);
+      break;
+    default:
+      request.mutable_have();
+  }
+  SendAnyWay(agent, request);
+}
+
+// What changes nothing, and says nothing that is known otherwise.
+void SimulatedClients::AskForSights(AgentId agent) {
+  proto::ControlRequest request;
+  switch (world_.rng() % 7) {
+    case 0:
+      request.mutable_share_status();
+      break;
+    case 1:
+      request.mutable_graph_stats();
+      break;
+    case 2:
+      request.mutable_trace()->set_events_max(20);
+      break;
+    case 3:
+      request.mutable_map_stats();
+      break;
+    case 4:
+      request.mutable_verify()->set_part(proto::VERIFY_PART_ROWS);
+      break;
+    case 5:
+      request.mutable_acknowledge()->set_until_ns(std::max<std::int64_t>(1, world_.ClockOf(agent)));
+      break;
+    default:
+      request.mutable_map_why()->set_x_m(100 * world_.Draw());
+      request.mutable_map_why()->set_y_m(100 * world_.Draw());
+  }
+  SendAnyWay(agent, request);
+}
+
+// One after the other, so that each is alone.
+void SimulatedClients::AskForMaps(AgentId) {
+  calls_.Run();
+  asks_several_ = false;
+  for (AgentId agent = 1; agent <= world_.base; ++agent) CheckMap(agent);
+}
+
+void SimulatedClients::AskForNewTiles(AgentId agent) {
+  proto::ControlRequest request;
+  *request.mutable_map_tiles() = maps_.NextTiles(agent);
+  request.mutable_map_tiles()->set_wait_s(60 * world_.Draw());
+  Send(agent, request, [this](const Answer& answer) {
+    const bool is_in_time = !answer.reply.map_tiles().tiles().empty() && answer.took > Duration::zero();
+    if (is_in_time) world_.rare_states.Count("tiles_in_time");
+  });
+}
+
+void SimulatedClients::AskToSolve(AgentId agent) {
+  const std::set<AgentId> leaders = world_.Leaders();
+  const AgentId asked = leaders.empty() || world_.rng() % 4 == 0 ? agent : *leaders.begin();
+  proto::ControlRequest request;
+  request.mutable_optimize()->set_from_scratch(world_.rng() % 8 == 0);
+  Send(asked, request, [this, asked](const Answer& answer) {
+    if (answer.is_at_once && !IsError(answer.reply.error())) CheckSolved(asked, answer.reply.optimize());
+  });
+}
+
+void SimulatedClients::AskToSwap(AgentId agent) {
+  proto::ControlRequest request;
+  request.mutable_role_set()->set_is_swap(true);
+  request.mutable_role_set()->set_is_dry_run(world_.rng() % 2 == 0);
+  request.mutable_role_set()->set_reason("a simulated client");
+  const std::set<AgentId> leaders = world_.Leaders();
+  if (leaders.empty() || request.role_set().is_dry_run() || world_.rng() % 2 == 0) return SendAnyWay(agent, request);
+  asks_several_ = true;
+  AskAmidChange(*leaders.begin(), request);
+}
+
+// The leader has to solve and to merge while it gives up its role.
+void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest& change) {
+  proto::ControlRequest solve;
+  solve.mutable_optimize();
+  proto::ControlRequest merge;
+  *merge.mutable_merge() = Everything();
+  Send(leader, solve);
+  Send(leader, merge);
+  Send(leader, change);
+}
+
+void SimulatedClients::AskForLease(AgentId agent) {
+  proto::ControlRequest request;
+  request.mutable_lease()->set_kind(agent == world_.base ? proto::LEASE_KIND_PAUSED : proto::LEASE_KIND_DRIVING);
+  request.mutable_lease()->set_seconds(static_cast<double>(world_.rng() % 60));
+  SendAnyWay(agent, request);
+}
+
+void SimulatedClients::AskToPrune(AgentId agent) {
+  static const FaultKind kPrune = *std::find_if(FaultKinds().begin(), FaultKinds().end(),
+                                                [](const FaultKind& kind) { return kind.name == "prune"; });
+  proto::ControlRequest request;
+  proto::PruneOrder& order = *request.mutable_prune();
+  order.set_is_dry_run(world_.options.FaultsPerHour(kPrune) <= 0 || world_.rng() % 2 == 0);
+  order.set_beaten_maps(world_.rng() % 2 == 0);
+  if (!order.beaten_maps()) order.set_older_than_s(600 + 1200 * world_.Draw());
+  Send(agent, request);
+}
+
+// What cannot be done, or is none of a client's.
+void SimulatedClients::AskWrongly(AgentId agent) {
+  proto::ControlRequest request;
+  switch (world_.rng() % 8) {
+    case 0:
+      request.mutable_prune()->set_older_than_s(-1);
+      break;
+    case 1:
+      request.mutable_role_set();
+      break;
+    case 2:
+      request.mutable_share();
+      break;
+    case 3:
+      request.mutable_status();
+      request.set_for_agent(world_.base + 1);
+      break;
+    case 4:
+      request.mutable_custom()->set_actor("nobody");
+      break;
+    case 5:
+      request.mutable_map_why()->set_x_m(1e12);
+      break;
+    case 6:
+      request.mutable_status();
+      request.set_team_id(std::string(16, 'x'));
+      break;
+    default:
+      request.mutable_downlink()->set_bytes_max(1);
+  }
+  Send(agent, request, [this, request](const Answer& answer) {
+    if (!IsError(answer.reply.error())) world_.Violate("answer_true", "a wrong " + NameOf(request) + " succeeds");
+  });
+}
+
+// --- Questions and answers ---
+
+void SimulatedClients::Send(AgentId agent, proto::ControlRequest request, ClientCalls::Then then) {
+  if (!world_.team.is_running(agent)) return;
+  const std::optional<HaveSet> before = asks_several_ ? std::nullopt : world_.HaveOf(agent);
+  calls_.Ask(agent, request, [this, agent, request, before, then = std::move(then)](const Answer& answer) {
+    CheckAnswer(agent, request, before, answer);
+    if (then) then(answer);
+  });
+}
+
+void SimulatedClients::SendAnyWay(AgentId agent, proto::ControlRequest request, ClientCalls::Then then) {
+  const AgentId other = world_.DrawOther(agent);
+  if (world_.rng() % kOtherWayEvery != 0 || !world_.team.is_running(other)) {
+    return Send(agent, std::move(request), std::move(then));
+  }
+  request.set_for_agent(agent);
+  calls_.Ask(other, request, [this, then = std::move(then)](const Answer& answer) {
+    if (answer.reply.error().text().find("was lost before it answered") != std::string::npos) {
+      world_.rare_states.Count("relay_lost");
+    }
+    if (then) then(answer);
+  });
+}
+
+void SimulatedClients::CheckAnswer(AgentId agent, const proto::ControlRequest& request,
+                                   const std::optional<HaveSet>& before, const Answer& answer) {
+  if (!answer.is_at_once || IsError(answer.reply.error()) || !before) return;
+  const std::optional<HaveSet> after = world_.HaveOf(agent);
+  if (!after || !world_.roles.contains(agent)) return;
+  const AgentFacts facts{agent, *before, *after, world_.roles[agent], world_.durable_term[agent]};
+  const std::optional<std::string> wrong = WhyUntrue(request, answer.reply, facts);
+  if (wrong) world_.Violate("answer_true", "agent " + std::to_string(agent) + ", " + NameOf(request) + ": " + *wrong);
+}
+
+// As many poses of the newest run are there as the answer says.
+void SimulatedClients::CheckSolved(AgentId leader, const proto::OptimizeReply& reply) {
+  std::map<std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>, double> counts;
+  for (const auto& [key, content] : world_.ReadAll(leader)) {
+    proto::Record record;
+    if (key.stream.type != proto::OPTIMIZED_POSE || !record.ParseFromString(content)) continue;
+    ++counts[{OrderOf(record.optimized_pose().term()), record.optimized_pose().run()}];
+  }
+  const double newest_count = counts.empty() ? 0 : counts.rbegin()->second;
+  if (reply.updated_pose_count() <= newest_count) return;
+  world_.Violate("answer_true", "agent " + std::to_string(leader) + " optimizes " +
+                                    std::to_string(reply.updated_pose_count()) + " poses and stores " +
+                                    std::to_string(newest_count));
+}
+
+// --- Maps ---
+
+void SimulatedClients::CheckMap(AgentId agent) {
+  proto::ControlRequest tiles;
+  *tiles.mutable_map_tiles() = maps_.NextTiles(agent);
+  const auto is_followed = std::make_shared<bool>(false);
+  Send(agent, tiles, [this, agent, is_followed](const Answer& answer) {
+    *is_followed = answer.is_at_once && !IsError(answer.reply.error());
+    if (!*is_followed) return;
+    if (const auto wrong = maps_.OnTiles(agent, answer.reply.map_tiles())) world_.Violate("map_of_records", *wrong);
+  });
+  calls_.Run();
+  if (!*is_followed) return;
+  proto::ControlRequest merge;
+  *merge.mutable_merge() = Everything();
+  Send(agent, merge, [this, agent](const Answer& answer) {
+    const std::optional<HaveSet> have = world_.HaveOf(agent);
+    if (!answer.is_at_once || IsError(answer.reply.error()) || !have) return;
+    const auto wrong = maps_.OnMap(agent, *have, Everything(), answer.reply.merge());
+    if (wrong) world_.Violate("map_of_records", *wrong);
+  });
+  calls_.Run();
+}
+
+// --- Bundles ---
+
+// The base station's most of all, which has a link to the ground.
+void SimulatedClients::AskForBundles(AgentId agent) {
+  const AgentId asked = world_.rng() % 4 == 0 ? agent : world_.base;
+  proto::DownlinkRequest order;
+  const std::uint64_t draw = world_.rng() % 8;
+  if (draw < 3) order.set_bytes_max(kBundleBytesLeast + world_.rng() % kBundleBytesSpan);
+  if (draw == 5 || draw == 6) order.set_acknowledge(bundles_[asked].FetchedBundle());
+  Order(asked, order);
+}
+
+void SimulatedClients::Order(AgentId agent, const proto::DownlinkRequest& order) {
+  proto::ControlRequest request;
+  *request.mutable_downlink() = order;
+  bundles_[agent].OnAsked(order);
+  Send(agent, request, [this, agent, order](const Answer& answer) { OnDownlinkReply(agent, order, answer); });
+}
+
+void SimulatedClients::OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer) {
+  BundleWatch& watch = bundles_[agent];
+  const proto::ControlReply& reply = answer.reply;
+  const bool is_unknown = reply.error().code() == proto::ERROR_CODE_NOT_FOUND;
+  if (is_unknown && order.acknowledge() != 0) return Report(agent, watch.OnNotFound(order.acknowledge()));
+  if (IsError(reply.error())) return;
+  if (order.acknowledge() != 0 && watch.OutlivedProcess(order.acknowledge())) {
+    world_.rare_states.Count("bundle_outlives");
+  }
+  Report(agent, watch.OnReply(order, reply.downlink(), answer.is_at_once));
+  FetchUnknown(agent);
+}
+
+void SimulatedClients::FetchUnknown(AgentId agent) {
+  if (const std::uint32_t number = bundles_[agent].UnknownBundle(); number != 0) Fetch(agent, number, "");
+}
+
+void SimulatedClients::Fetch(AgentId agent, std::uint32_t number, const std::string& begin) {
+  proto::ControlRequest request;
+  request.mutable_read_bundle()->set_number(number);
+  request.mutable_read_bundle()->set_first_byte(begin.size());
+  Send(agent, request, [this, agent, number, begin](const Answer& answer) {
+    const proto::ReadBundleReply& reply = answer.reply.read_bundle();
+    if (IsError(answer.reply.error())) return;
+    const std::string file = begin + reply.part();
+    if (static_cast<double>(file.size()) < reply.bundle().bytes() && !reply.part().empty()) {
+      return Fetch(agent, number, file);
+    }
+    const BundleWatch::Broken broken = bundles_[agent].OnFile(number, file);
+    if (broken) return Report(agent, broken);
+    FetchUnknown(agent);
+  });
+}
+
+void SimulatedClients::Report(AgentId agent, const BundleWatch::Broken& broken) {
+  if (broken) world_.Violate(broken->first, "agent " + std::to_string(agent) + ": " + broken->second);
+}
+
+// --- At rest ---
+
+// A MergeActor that reads everything anew has to give the map that it followed through the run.
+void SimulatedClients::CheckRest() {
+  for (AgentId agent = 1; agent <= world_.base; ++agent) {
+    CheckMap(agent);
+    world_.team.CrashActor({agent, actor_name::kMerge});
+    CheckMap(agent);
+  }
+  CheckBundlesAtRest(world_.base);
+}
+
+// Whatever waits is fetched and acknowledged; what is left is packed.
+void SimulatedClients::CheckBundlesAtRest(AgentId agent) {
+  BundleWatch& watch = bundles_[agent];
+  const auto order = [&](std::uint64_t bytes_max, std::uint32_t acknowledge) {
+    proto::DownlinkRequest request;
+    request.set_bytes_max(bytes_max);
+    request.set_acknowledge(acknowledge);
+    Order(agent, request);
+    // Each file that is fetched is a question more.
+    for (int i = 0; i < kBundlesAtRestMax && (i == 0 || watch.UnknownBundle() != 0); ++i) calls_.Run();
+  };
+  order(0, 0);
+  for (int i = 0; i < kBundlesAtRestMax && watch.FetchedBundle() != 0; ++i) order(0, watch.FetchedBundle());
+  for (int i = 0; i < kBundlesAtRestMax; ++i) {
+    order(kBundleBytesAtRest, 0);
+    if (watch.FetchedBundle() == 0) break;
+    order(0, watch.FetchedBundle());
+  }
+  HaveSet wanted;
+  const std::optional<HaveSet> have = world_.HaveOf(agent);
+  if (!have) return;
+  for (const auto& [key, stream] : have->streams()) {
+    if (GroundPolicyOf(world_.config, key.type) != proto::POLICY_NONE) wanted[key].held = stream.held;
+  }
+  Report(agent, watch.WhyLost(wanted));
+}
+
+void SimulatedClients::OnAgentEnded(AgentId agent) {
+  calls_.Forget(agent);
+  bundles_[agent].OnLifeEnded();
+}
+
+}  // namespace moondb::simulation

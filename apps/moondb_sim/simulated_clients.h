@@ -1,0 +1,78 @@
+// SimulatedClients: what operators, planners and people at consoles ask of the simulated agents through their gateways,
+// in each run with all actors: they insert, read, look, follow the map, order solves, leases, prunes and bundles,
+// change roles, and ask for what is wrong. Mostly one thing at an instant, at times several; now and then through
+// another agent.
+//
+// What is answered is held against what is known then (answer_check.h, map_watch.h, bundle_watch.h).
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+
+#include "apps/moondb_sim/bundle_watch.h"
+#include "apps/moondb_sim/client_calls.h"
+#include "apps/moondb_sim/map_watch.h"
+#include "apps/moondb_sim/simulated_world.h"
+
+namespace moondb::simulation {
+
+class SimulatedClients {
+ public:
+  explicit SimulatedClients(SimulatedWorld& world) : world_(world), calls_(world) {}
+
+  void Start();  // Until the world is quiet.
+
+  void OnAgentEnded(AgentId agent);
+  void OnGatewayFailed(AgentId agent) { calls_.Forget(agent); }
+  void OnDiskLost(AgentId agent) { bundles_[agent].OnDiskLost(); }
+
+  // At rest: all agents' maps, and that the base station packs for the ground whatever that wants.
+  void CheckRest();
+
+ private:
+  using Answer = ClientCalls::Answer;
+  using Ask = void (SimulatedClients::*)(AgentId agent);
+
+  void Work();
+
+  // One kind of question each.
+  void AskToInsert(AgentId agent);
+  void AskToInsertTooMuch(AgentId agent);
+  void AskForPage(AgentId agent);
+  void AskForNews(AgentId agent);
+  void AskWhatStands(AgentId agent);
+  void AskForSights(AgentId agent);
+  void AskForMaps(AgentId agent);  // Of all agents.
+  void AskForNewTiles(AgentId agent);
+  void AskToSolve(AgentId agent);
+  void AskToSwap(AgentId agent);
+  void AskAmidChange(AgentId leader, const proto::ControlRequest& change);
+  void AskForLease(AgentId agent);
+  void AskToPrune(AgentId agent);
+  void AskForBundles(AgentId agent);
+  void AskWrongly(AgentId agent);
+
+  void Send(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
+  // Perhaps through another agent.
+  void SendAnyWay(AgentId agent, proto::ControlRequest request, ClientCalls::Then then = {});
+  void CheckAnswer(AgentId agent, const proto::ControlRequest& request, const std::optional<HaveSet>& before,
+                   const Answer& answer);
+  void CheckMap(AgentId agent);
+  void CheckSolved(AgentId leader, const proto::OptimizeReply& reply);
+
+  void Order(AgentId agent, const proto::DownlinkRequest& order);
+  void OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer);
+  void FetchUnknown(AgentId agent);  // Bundles, one after the other.
+  void Fetch(AgentId agent, std::uint32_t number, const std::string& begin);
+  void CheckBundlesAtRest(AgentId agent);
+  void Report(AgentId agent, const BundleWatch::Broken& broken);
+
+  SimulatedWorld& world_;
+  ClientCalls calls_;
+  bool asks_several_ = false;  // At this instant: nothing is known of each one's answer.
+  MapWatch maps_;
+  std::map<AgentId, BundleWatch> bundles_;
+};
+
+}  // namespace moondb::simulation

@@ -1,0 +1,103 @@
+#include "apps/moondb_sim/simulated_config.h"
+
+#include "apps/moondb_sim/state_watch.h"
+
+namespace moondb::simulation {
+namespace {
+
+// One seed in three has a survivor that takes the lead by itself.
+constexpr std::uint64_t kFailoverEvery = 3;
+constexpr double kLeaderTimeout_s = 120;
+
+constexpr std::uint64_t kStatesEvery = 2;  // Seeds: their agents send states unasked.
+constexpr double kStatesPeriod_s = 300;
+
+constexpr std::uint64_t kKeepsAllEvery = 2;  // Seeds: superseded states go for want of room alone.
+constexpr double kHistory_mb = 0.02;
+
+// Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
+constexpr std::uint64_t kCompactEvery = 4;
+
+// What those actors need that have no part in sharing: a site to drive in, and what is merged and packed for the
+// ground.
+void AddAllActors(proto::TeamConfig& team) {
+  team.set_team_id("0123456789abcdef0123456789abcdef");
+  for (proto::AgentConfig& agent : *team.mutable_agents()) {
+    const bool is_base = agent.kind() == proto::AGENT_KIND_BASE_STATION;
+    const Pose pose = StartOf(static_cast<AgentId>(agent.id()), is_base);
+    for (int i = 0; i < 3 && is_base; ++i) agent.add_position_m(pose.position_m[i]);
+    if (is_base) continue;
+    agent.mutable_start()->set_x(pose.position_m.x());
+    agent.mutable_start()->set_y(pose.position_m.y());
+    agent.mutable_start()->set_yaw(pose.Yaw());
+    agent.mutable_start()->set_sigma_m(0.05);
+    agent.mutable_start()->set_sigma_rad(0.01);
+  }
+  (*team.mutable_share())["pose_graph_edge"] = proto::POLICY_ALL;
+  (*team.mutable_share())["edge_verdict"] = proto::POLICY_LATEST;
+  (*team.mutable_share())["agent_event"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["agent_event"] = proto::POLICY_ALL;
+  proto::CustomType& sample = *team.add_custom_types();
+  sample.set_id(kSample);
+  sample.set_name("sample");
+  sample.set_share(proto::POLICY_ALL);
+  sample.set_ground(proto::POLICY_ALL);
+  sample.set_priority(6);
+  sample.set_bytes_max(kSampleBytesMax);
+  team.mutable_map()->set_resolution_m(0.2);
+  team.mutable_map()->add_footprint_m(0.8);
+  team.mutable_map()->add_footprint_m(0.6);
+  team.mutable_pose_graph()->set_solve_by_itself(true);
+}
+
+}  // namespace
+
+proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
+  proto::TeamConfig team;
+  team.set_team("simulated");
+  for (int id = 1; id <= options.rovers + 1; ++id) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(static_cast<std::uint32_t>(id));
+    const bool is_base = id == options.rovers + 1;
+    agent.set_name(is_base ? "base" : "rover" + std::to_string(id));
+    agent.set_kind(is_base ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
+  }
+  team.mutable_roles()->set_leader("rover1");
+  team.mutable_roles()->set_survivor("rover2");
+  if (options.seed % kFailoverEvery == 0) team.mutable_roles()->set_failover(proto::FAILOVER_AUTOMATIC);
+  team.mutable_roles()->set_leader_timeout_s(kLeaderTimeout_s);
+  team.mutable_radio()->set_quiet_while_driving(true);
+  if (options.is_paced) team.mutable_radio()->set_budget_kbps(options.BudgetKbps());
+  team.mutable_radio()->set_codec(options.seed % kCompactEvery == 1 ? proto::CODEC_COMPACT : proto::CODEC_ZSTD);
+  if (options.seed % kStatesEvery == 0) team.mutable_radio()->set_states_period_s(kStatesPeriod_s);
+  auto& share = *team.mutable_share();
+  share["power"] = proto::POLICY_LATEST;
+  share["pose_graph_node"] = proto::POLICY_ALL;
+  share["optimized_pose"] = proto::POLICY_LATEST;
+  share["local_traversability_map"] = proto::POLICY_ALL;
+  share["map_quarantine"] = proto::POLICY_ALL;
+  proto::CustomType& beacon = *team.add_custom_types();
+  beacon.set_id(kBeacon);
+  beacon.set_name("beacon");
+  beacon.set_share(proto::POLICY_LATEST);
+  beacon.set_ground(proto::POLICY_LATEST);
+  beacon.set_priority(5);
+  beacon.set_bytes_max(64);
+  // Enough for some minutes of states, so that the oldest go all the time.
+  team.mutable_retention()->set_history_mb_max(kHistory_mb);
+  (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
+  (*team.mutable_keep())["optimized_pose"] = "1h";
+  (*team.mutable_ground())["power"] = proto::POLICY_LATEST;
+  (*team.mutable_ground())["pose_graph_node"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
+  (*team.mutable_ground())["map_quarantine"] = proto::POLICY_ALL;
+  if (options.has_all_actors()) AddAllActors(team);
+  return team;
+}
+
+Pose StartOf(AgentId agent, bool is_base_station) {
+  if (is_base_station) return Pose::FromPlanar(0, 0, 0);
+  return Pose::FromPlanar(10.0 * agent, 3, 0.5 * agent);
+}
+
+}  // namespace moondb::simulation

@@ -1,0 +1,21 @@
+// The simulated team's configuration, which differs from seed to seed: who fails over by itself, how batches are coded,
+// what is kept. Plain functions.
+#pragma once
+
+#include "apps/moondb_sim/options.h"
+#include "model/geometry.h"
+#include "model/ids.h"
+#include "proto/team.pb.h"
+
+namespace moondb::simulation {
+
+// A custom type of the team with all actors, shared as `all`.
+inline constexpr DataType kSample = 1001;
+inline constexpr std::uint32_t kSampleBytesMax = 256;
+
+proto::TeamConfig MakeTeamConfig(const SimOptions& options);
+
+// Where a rover stands at its first node, as the team file has it and as it is; a base station, for ever.
+Pose StartOf(AgentId agent, bool is_base_station);
+
+}  // namespace moondb::simulation
