@@ -7,6 +7,7 @@
 
 #include "model/check.h"
 #include "runtime/envelope.h"
+#include "runtime/one_writer.h"
 
 namespace moondb {
 namespace {
@@ -43,7 +44,7 @@ std::optional<Error> ActorHost::Handle(const proto::Message& message, const Addr
   }
   sender_ = sender;
   request_id_ = message.request_id();
-  handled_.store(handled_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);  // One writer at a time.
+  Increase(handled_, 1);
   return Run([&] { actor_->OnMessage(*this, message); });
 }
 

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include "runtime/one_writer.h"
 #include "runtime/tick_clock.h"
 
 namespace moondb {
@@ -26,9 +27,9 @@ class HandlerTimes {
   Ticks OnEnded(Ticks now) {
     running_since_.store(0, std::memory_order_relaxed);
     const Ticks took = std::max<Ticks>(0, now - begun_);
-    total_.store(total_.load(std::memory_order_relaxed) + took, std::memory_order_relaxed);
+    Increase(total_, took);
     if (took > longest_.load(std::memory_order_relaxed)) longest_ = took;
-    if (IsOverrun(took)) overruns_.store(overruns_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    if (IsOverrun(took)) Increase(overruns_, 1);
     return took;
   }
   bool IsOverrun(Ticks took) const { return took > limit_; }

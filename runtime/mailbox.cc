@@ -5,14 +5,10 @@
 #include <utility>
 
 #include "model/check.h"
+#include "runtime/one_writer.h"
 
 namespace moondb {
 namespace {
-
-// For counters that one thread writes.
-void Add(std::atomic<std::uint64_t>& counter, std::uint64_t by) {
-  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
-}
 
 void Add(const proto::RecordsStored& later, proto::RecordsStored& stored) {
   stored.set_last_row_id(std::max(stored.last_row_id(), later.last_row_id()));
@@ -247,12 +243,12 @@ Mailbox::Totals Mailbox::Taken::totals() const {
 }
 
 void Mailbox::Taken::Count(const Item& item) {
-  Add(items_, 1);
-  Add(bytes_, item.bytes);
-  if (!item.is_past_bounds) Add(messages_, 1);
+  Increase(items_, 1);
+  Increase(bytes_, item.bytes);
+  if (!item.is_past_bounds) Increase(messages_, 1);
 }
 
-void Mailbox::Taken::CountControl() { Add(items_, 1); }
+void Mailbox::Taken::CountControl() { Increase(items_, 1); }
 
 void Mailbox::Taken::Set(const Totals& totals) {
   items_.store(totals.items, std::memory_order_relaxed);

@@ -11,8 +11,8 @@
 //
 // Losses and damage are findings (model/event.h) until an operator acknowledges them. What they are, the events in the
 // store say (actors/storage/findings.h): this actor asks StorageActor after each that it wrote down, and answers the
-// ControlRequest `status` with what it was told, as its part of AgentStatus. An AcknowledgeRequest is answered when its
-// event is stored; kFull where too many wait for that.
+// ControlRequest `status` with what storage answered, as its part of AgentStatus. An AcknowledgeRequest is answered
+// when its event is stored; kFull where too many wait for that.
 //
 // Events are records like others: shared by the policy `agent_event`, so that the leader has the whole team's event
 // log. Where storage refuses one it is lost. A restart of this actor is one too; what was counted before it counts as
@@ -94,7 +94,7 @@ class EventActor final : public Actor {
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnControlReply(Context& context, const proto::Message& message);
-  // Who asks for the findings, or acknowledges those up to a stamp.
+  // An actor that asks for the findings, or acknowledges those up to a stamp.
   void OnAsker(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
   void AskFindings(Context& context);
   void AnswerAsker(Context& context, const Asker& asker);

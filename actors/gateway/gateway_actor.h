@@ -57,7 +57,7 @@ class GatewayActor final : public Actor {
     std::function<double()> refused_handshakes;  // Shown in status: of clients with unknown keys.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
-    std::size_t pending_of_client_max = 64;    // Of one key, connection or other agent alone.
+    std::size_t pending_of_client_max = 64;    // So many of one key, connection or other agent.
     std::size_t feeds_max = 32;                // Of pending_max, reads that wait for something to be stored.
     std::size_t feeds_of_client_max = 8;       // The part of feeds_max that one key, connection or agent may use.
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.

@@ -98,8 +98,8 @@ class PgoActor final : public Actor {
   RecordReader reader_;  // Into known_.
 
   Phase phase_ = Phase::kIdle;
-  std::uint64_t request_id_ = 0;    // Of the insert that storage has not answered yet.
-  TimerId timeout_ = 0;             // Of that.
+  std::uint64_t request_id_ = 0;    // The insert that storage has not answered yet.
+  TimerId timeout_ = 0;             // After which storage has not answered that insert.
   std::vector<Asker> askers_;       // First come, first served.
   proto::OptimizeRequest request_;  // In hand.
   Publication publication_;

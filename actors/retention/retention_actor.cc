@@ -63,7 +63,7 @@ void RetentionActor::OnMessage(Context& context, const proto::Message& message) 
   }
   if (message.has_control_reply()) {
     const Result<proto::ControlReply> reply = ControlReplyOf(message);
-    if (reply && reply->has_have()) OnPeersHave(context, from, message.request_id(), reply->have());
+    if (reply && reply->has_have() && IsAnswer(message, Stage::kPeers)) OnPeersHave(context, from, reply->have());
   }
 }
 
@@ -252,10 +252,9 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
   }
 }
 
-void RetentionActor::OnPeersHave(Context& context, AgentId peer, std::uint64_t request_id,
-                                 const proto::HaveReply& had) {
+void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& had) {
   const auto awaited = job_.awaited.find(peer);
-  if (stage_ != Stage::kPeers || request_id != request_id_ || awaited == job_.awaited.end()) return;
+  if (awaited == job_.awaited.end()) return;
   const Result<HaveSet> have = FromProto(had.have());
   if (!have) return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
   job_.peers[peer] = *have;

@@ -87,7 +87,7 @@ class RetentionActor final : public Actor {
   void AskRoles(Context& context);
   void OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id);
   void OnOwnHave(Context& context, const proto::Message& message);
-  void OnPeersHave(Context& context, AgentId peer, std::uint64_t request_id, const proto::HaveReply& had);
+  void OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& had);
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
   void OnPruned(Context& context, const proto::PruneReply& reply);
 

@@ -62,7 +62,7 @@ class DownlinkActor final : public Actor {
 
   const Options options_;
   std::deque<Order> orders_;  // The first is being worked on.
-  // Of the order that is being worked on:
+  // What belongs to the order that is being worked on.
   std::uint64_t question_ = 0;  // To storage, whose answer is waited for.
   TimerId timer_ = 0;
   proto::DownlinkReply reply_;

@@ -45,8 +45,8 @@ class PeerNotes {
 
   proto::SharingKind kind_;
   AgentId destination_;
-  std::uint64_t number_;             // Of the last note that said what the destination has.
-  std::uint64_t number_of_all_ = 0;  // Of the last one that said all.
+  std::uint64_t number_;             // The number of the last note that said what the destination has.
+  std::uint64_t number_of_all_ = 0;  // The number of the last note that said all.
   bool is_answered_ = false;
   std::set<AgentId> origins_;  // The last answer's.
 };

@@ -39,7 +39,7 @@ class PeerLog {
   void Apply(AgentId peer, Had changed);
 
   std::map<AgentId, Had> had_;  // As in the table peer_have.
-  // Of the last note that was taken, by peer and kind of session; none: all has to be noted first.
+  // The number of the last note that was taken, by peer and kind of session; none: all has to be noted first.
   std::map<std::pair<AgentId, proto::SharingKind>, std::uint64_t> numbers_;
 };
 

@@ -1,5 +1,5 @@
 // The words between simulated clients and their agents' gateways, and among gateways, storage and retention: the one
-// place of the simulator that makes and reads control requests and replies. Plain functions.
+// place where the simulator makes and reads what they say. Plain functions.
 #pragma once
 
 #include <optional>

@@ -18,6 +18,18 @@ constexpr double kHistory_mb = 0.02;
 // Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
 constexpr std::uint64_t kCompactEvery = 4;
 
+// The ground gets as much of it as the leader.
+void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name, proto::Policy policy,
+                   std::uint32_t priority, std::uint32_t bytes_max) {
+  proto::CustomType& type = *team.add_custom_types();
+  type.set_id(id);
+  type.set_name(name);
+  type.set_share(policy);
+  type.set_ground(policy);
+  type.set_priority(priority);
+  type.set_bytes_max(bytes_max);
+}
+
 // What those actors need that have no part in sharing: a site to drive in, and what is merged and packed for the
 // ground.
 void AddAllActors(proto::TeamConfig& team) {
@@ -37,13 +49,7 @@ void AddAllActors(proto::TeamConfig& team) {
   (*team.mutable_share())["edge_verdict"] = proto::POLICY_LATEST;
   (*team.mutable_share())["agent_event"] = proto::POLICY_ALL;
   (*team.mutable_ground())["agent_event"] = proto::POLICY_ALL;
-  proto::CustomType& sample = *team.add_custom_types();
-  sample.set_id(kSample);
-  sample.set_name("sample");
-  sample.set_share(proto::POLICY_ALL);
-  sample.set_ground(proto::POLICY_ALL);
-  sample.set_priority(6);
-  sample.set_bytes_max(kSampleBytesMax);
+  AddCustomType(team, kSample, "sample", proto::POLICY_ALL, /*priority=*/6, kSampleBytesMax);
   team.mutable_map()->set_resolution_m(0.2);
   team.mutable_map()->add_footprint_m(0.8);
   team.mutable_map()->add_footprint_m(0.6);
@@ -76,13 +82,7 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   share["optimized_pose"] = proto::POLICY_LATEST;
   share["local_traversability_map"] = proto::POLICY_ALL;
   share["map_quarantine"] = proto::POLICY_ALL;
-  proto::CustomType& beacon = *team.add_custom_types();
-  beacon.set_id(kBeacon);
-  beacon.set_name("beacon");
-  beacon.set_share(proto::POLICY_LATEST);
-  beacon.set_ground(proto::POLICY_LATEST);
-  beacon.set_priority(5);
-  beacon.set_bytes_max(64);
+  AddCustomType(team, kBeacon, "beacon", proto::POLICY_LATEST, /*priority=*/5, /*bytes_max=*/64);
   // Enough for some minutes of states, so that the oldest go all the time.
   team.mutable_retention()->set_history_mb_max(kHistory_mb);
   (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";

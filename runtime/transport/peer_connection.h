@@ -29,8 +29,8 @@ class PeerConnection {
     std::size_t message_bytes_max = 0;
   };
 
-  // `context` outlives it.
-  PeerConnection(const ZmqContext& context, Options options) : context_(context), options_(std::move(options)) {}
+  // Both outlive it.
+  PeerConnection(const ZmqContext& context, const Options& options) : context_(context), options_(options) {}
 
   // Closes what there is and begins to connect. kUnavailable if sockets cannot be made; they are tried again in 30 s.
   Result<void> Connect(MonotonicTime now);
@@ -56,11 +56,10 @@ class PeerConnection {
 
   int socket_file() const { return dealer_ ? dealer_->file() : -1; }  // -1: none now.
   int monitor_file() const { return monitor_ ? monitor_->file() : -1; }
-  const Options& options() const { return options_; }
 
  private:
   const ZmqContext& context_;
-  const Options options_;
+  const Options& options_;
   std::optional<ZmqSocket> monitor_;
   std::optional<ZmqSocket> dealer_;
   std::uint64_t begun_ = 0;  // Connections so far; names the monitors.

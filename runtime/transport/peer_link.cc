@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "proto/status.pb.h"
+#include "runtime/one_writer.h"
 
 namespace moondb {
 namespace {
 
-using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 // So many small messages without a pause between them go out each in a frame of its own.
@@ -25,11 +25,6 @@ constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
 
 MonotonicTime SteadyNow() { return std::chrono::steady_clock::now(); }
-
-// To a counter that this thread alone writes.
-void Add(std::atomic<std::uint64_t>& counter, std::uint64_t value) {
-  counter.store(counter.load(std::memory_order_relaxed) + value, std::memory_order_relaxed);
-}
 
 Duration TimeFor(std::uint64_t bytes) { return seconds(bytes / kBytesPerSecondMin); }
 
@@ -148,13 +143,13 @@ void PeerLink::OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on
   is_heard_ = true;
   received_.heard_ns = SteadyNow().time_since_epoch().count();  // Before whoever gets the messages can ask.
   if (received_.coming_bytes.load(std::memory_order_relaxed) != 0) received_.coming_bytes = 0;
-  Add(received_.messages, count);
-  Add(received_.bytes, frame_bytes);
+  Increase(received_.messages, count);
+  Increase(received_.bytes, frame_bytes);
   if (is_on_link) received_count_.OnReceived(frame_bytes);
 }
 
 void PeerLink::OnRejected(std::size_t frame_bytes, bool is_on_link) {
-  Add(received_.rejected_messages, 1);
+  Increase(received_.rejected_messages, 1);
   if (is_on_link) received_count_.OnReceived(frame_bytes);
 }
 

@@ -1,4 +1,4 @@
-// ReportState: which report (proto::LinkReport) a link has to send, and what its peer was last told.
+// ReportState: which report (proto::LinkReport) a link has to send, and what its peer knows by the last one.
 //
 // Plain accounting of the sending end; its owner guards it.
 #pragma once
@@ -21,7 +21,7 @@ class ReportState {
   void AskPeer() { is_asking_peer_ = true; }  // The next report asks the peer for its own.
 
   bool IsDue(const LinkCredit& credit) const {
-    return is_opening_due_ || is_asking_peer_ || is_due_ || told_credit_bytes_ != credit.credit_bytes();
+    return is_opening_due_ || is_asking_peer_ || is_due_ || reported_credit_bytes_ != credit.credit_bytes();
   }
   // `coming_bytes`: of the next frame if it is so large that it must be announced, else 0.
   proto::LinkReport Make(const LinkCredit& credit, const ReceivedCount& received, std::uint64_t coming_bytes) const;
@@ -36,7 +36,7 @@ class ReportState {
   bool is_opening_due_ = false;
   bool is_due_ = false;
   bool is_asking_peer_ = false;
-  std::size_t told_credit_bytes_ = 0;  // By which the peer reports.
+  std::size_t reported_credit_bytes_ = 0;  // The credit by which the peer reports.
   LargeFrameNotice large_frame_notice_;
 };
 

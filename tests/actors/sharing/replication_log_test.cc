@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <random>
 #include <string>
@@ -14,6 +13,7 @@
 #include "actors/storage/storage_actor.h"
 #include "proto/share_status.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
+#include "tests/actors/storage/peer_have_rows.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -24,29 +24,6 @@ using std::chrono::minutes;
 
 constexpr AgentId kSelf = 1;
 constexpr AgentId kPeer = 2;
-
-using Had = std::map<StreamKey, IntervalSet>;
-
-// The table behind the view replication_log.
-Had ShownIn(Database& database, AgentId peer) {
-  Query query = database.Prepare("SELECT origin, epoch, data_type, first, last FROM peer_have WHERE peer = ?");
-  query << peer;
-  Had shown;
-  while (*query.Step()) {
-    const StreamKey stream{static_cast<AgentId>(query.Integer(0)), query.Unsigned(1),
-                           static_cast<DataType>(query.Integer(2))};
-    shown[stream].Add({query.Unsigned(3), query.Unsigned(4)});
-  }
-  return shown;
-}
-
-Had HadOf(const HaveSet& have) {
-  Had had;
-  for (const auto& [stream, of_stream] : have.streams()) {
-    if (!of_stream.Had().is_empty()) had[stream] = of_stream.Had();
-  }
-  return had;
-}
 
 // A session's notes on their way to a log that may fail to write them, or be made anew; some are lost.
 class NotesOverTime {

@@ -3,11 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <map>
 #include <memory>
 #include <string>
 #include <utility>
 
+#include "tests/actors/storage/peer_have_rows.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {
@@ -19,8 +19,6 @@ constexpr AgentId kSelf = 2;
 constexpr AgentId kPeer = 1;
 const StreamKey kStream{kSelf, 7, proto::POSE_GRAPH_NODE};
 const StreamKey kOther{3, 9, proto::POWER};
-
-using Had = std::map<StreamKey, IntervalSet>;
 
 class PeerLogTest : public testing::Test {
  protected:
@@ -47,27 +45,9 @@ class PeerLogTest : public testing::Test {
     return have;
   }
 
-  // As the views read it.
-  Had Shown(AgentId peer = kPeer) {
-    Query query = store_->database().Prepare(
-        "SELECT origin, epoch, data_type, first, last FROM peer_have WHERE peer = ? ORDER BY first");
-    query << peer;
-    Had shown;
-    while (*query.Step()) {
-      const StreamKey stream{static_cast<AgentId>(query.Integer(0)), query.Unsigned(1),
-                             static_cast<DataType>(query.Integer(2))};
-      shown[stream].Add({query.Unsigned(3), query.Unsigned(4)});
-    }
-    return shown;
-  }
+  Had Shown(AgentId peer = kPeer) { return ShownIn(store_->database(), peer); }
 
   std::int64_t HandedOverCount() { return *store_->database().Number("SELECT count(*) FROM handed_over"); }
-
-  static Had Of(const HaveSet& have) {
-    Had had;
-    for (const auto& [stream, of_stream] : have.streams()) had[stream] = of_stream.Had();
-    return had;
-  }
 
   TemporaryFolder folder_;
   std::unique_ptr<RecordStore> store_ = OpenStore(StoreOptionsOf(kSelf, folder_.File("a.db")));
@@ -82,7 +62,7 @@ TEST_F(PeerLogTest, ADifferenceAddsToWhatThePeerHas) {
   news[kStream].held.Add(12);
   ASSERT_TRUE(*Note(Difference(11, news)));
   have.Merge(news);
-  EXPECT_EQ(Shown(), Of(have));
+  EXPECT_EQ(Shown(), HadOf(have));
   ASSERT_TRUE(*Note(Difference(12, Held(kStream, 10, 11))));
   EXPECT_EQ(Shown()[kStream].intervals().size(), 1u);
 }
@@ -94,10 +74,10 @@ TEST_F(PeerLogTest, ADifferenceThatDoesNotFollowTheLastNoteAsksForAllAndChangesN
   EXPECT_FALSE(*Note(Difference(12, Held(kStream, 7, 7)))) << "one is lost";
   EXPECT_FALSE(*Note(Difference(13, Held(kStream, 8, 8)))) << "still";
   EXPECT_FALSE(*Note(Difference(10, Held(kStream, 6, 6)))) << "twice the same number";
-  EXPECT_EQ(Shown(), Of(Held(kStream, 1, 5)));
+  EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 5)));
   ASSERT_TRUE(*Note(All(14, Held(kStream, 1, 8))));
   ASSERT_TRUE(*Note(Difference(15, Held(kStream, 9, 9))));
-  EXPECT_EQ(Shown(), Of(Held(kStream, 1, 9)));
+  EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 9)));
 }
 
 TEST_F(PeerLogTest, NumbersAreThoseOfOnePeerAndOneKindOfSession) {
@@ -116,9 +96,9 @@ TEST_F(PeerLogTest, AfterARestartItShowsWhatItKnewAndAsksForAll) {
   ASSERT_TRUE(*Note(All(10, Held(kStream, 1, 5))));
   store_.reset();
   store_ = OpenStore(StoreOptionsOf(kSelf, folder_.File("a.db")));
-  EXPECT_EQ(Shown(), Of(Held(kStream, 1, 5)));
+  EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 5)));
   EXPECT_FALSE(*Note(Difference(11, Held(kStream, 6, 6))));
-  EXPECT_EQ(Shown(), Of(Held(kStream, 1, 5)));
+  EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 5)));
 }
 
 TEST_F(PeerLogTest, ANoteThatCouldNotBeWrittenIsMissedByTheNext) {
@@ -126,10 +106,10 @@ TEST_F(PeerLogTest, ANoteThatCouldNotBeWrittenIsMissedByTheNext) {
   ASSERT_TRUE(store_->database().Execute("PRAGMA query_only = ON"));
   EXPECT_FALSE(Note(Difference(11, Held(kStream, 6, 6))).has_value());
   ASSERT_TRUE(store_->database().Execute("PRAGMA query_only = OFF"));
-  EXPECT_EQ(Shown(), Of(Held(kStream, 1, 5)));
+  EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 5)));
   EXPECT_FALSE(*Note(Difference(12, Held(kStream, 7, 7))));
   ASSERT_TRUE(*Note(All(13, Held(kStream, 1, 7))));
-  EXPECT_EQ(Shown(), Of(Held(kStream, 1, 7)));
+  EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 7)));
 }
 
 TEST_F(PeerLogTest, AMalformedNoteIsRefusedAndMissedByTheNext) {
@@ -140,7 +120,7 @@ TEST_F(PeerLogTest, AMalformedNoteIsRefusedAndMissedByTheNext) {
   ASSERT_FALSE(refused.has_value());
   EXPECT_EQ(refused.error().code, ErrorCode::kInvalid);
   EXPECT_FALSE(*Note(Difference(12, Held(kStream, 7, 7))));
-  EXPECT_EQ(Shown(), Of(Held(kStream, 1, 5)));
+  EXPECT_EQ(Shown(), HadOf(Held(kStream, 1, 5)));
 }
 
 TEST_F(PeerLogTest, ANoteOfAllTakesBackWhatThePeerLost) {
@@ -150,7 +130,7 @@ TEST_F(PeerLogTest, ANoteOfAllTakesBackWhatThePeerLost) {
   proto::PeerHave nothing_of_self = All(11, HaveSet());
   nothing_of_self.add_origin_agents(kSelf);
   ASSERT_TRUE(*Note(nothing_of_self));
-  EXPECT_EQ(Shown(), Of(Held(kOther, 1, 3))) << "it was asked about one origin alone";
+  EXPECT_EQ(Shown(), HadOf(Held(kOther, 1, 3))) << "it was asked about one origin alone";
   ASSERT_TRUE(*Note(All(12, HaveSet())));
   EXPECT_THAT(Shown(), IsEmpty());
 }

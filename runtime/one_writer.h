@@ -1,0 +1,14 @@
+// Increase: a counter that one thread at a time writes and any thread reads, at the price of a plain one.
+#pragma once
+
+#include <atomic>
+#include <type_traits>
+
+namespace moondb {
+
+template <typename T>
+void Increase(std::atomic<T>& counter, std::type_identity_t<T> by) {
+  counter.store(counter.load(std::memory_order_relaxed) + by, std::memory_order_relaxed);
+}
+
+}  // namespace moondb

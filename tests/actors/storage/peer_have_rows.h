@@ -1,0 +1,35 @@
+// What peers are known to have, as people read it: the rows behind the view replication_log, against a have-set.
+#pragma once
+
+#include <map>
+
+#include "actors/storage/sqlite_database.h"
+#include "model/have_set.h"
+#include "model/ids.h"
+
+namespace moondb {
+
+using Had = std::map<StreamKey, IntervalSet>;
+
+inline Had ShownIn(Database& database, AgentId peer) {
+  Query query = database.Prepare("SELECT origin, epoch, data_type, first, last FROM peer_have WHERE peer = ?");
+  query << peer;
+  Had shown;
+  while (*query.Step()) {
+    const StreamKey stream{static_cast<AgentId>(query.Integer(0)), query.Unsigned(1),
+                           static_cast<DataType>(query.Integer(2))};
+    shown[stream].Add({query.Unsigned(3), query.Unsigned(4)});
+  }
+  return shown;
+}
+
+// Streams of which nothing is had are left out.
+inline Had HadOf(const HaveSet& have) {
+  Had had;
+  for (const auto& [stream, of_stream] : have.streams()) {
+    if (!of_stream.Had().is_empty()) had[stream] = of_stream.Had();
+  }
+  return had;
+}
+
+}  // namespace moondb
