@@ -52,7 +52,7 @@ const char* ToString(SendResult result);
 enum class Topic {
   kRoles = proto::Message::kRolesChanged,    // RoleActor: the assignment that stands.
   kLeases = proto::Message::kLeasesChanged,  // LeaseActor: who drives, sleeps or is paused.
-  kStored = proto::Message::kRecordsStored,  // StorageActor: there are new rows.
+  kStored = proto::Message::kRecordsStored,  // StorageActor: rows came, or were pruned.
 };
 
 struct SystemStatus;  // runtime/system_status.h
@@ -93,9 +93,9 @@ class Context {
   virtual void WatchPeers() = 0;
 
   // From now on what is published on `topic` comes. Roles and leases: first what was published last, if anything was,
-  // then each change, on the control lane. That something was stored (what is there already is read at the start) comes
-  // on the data lane past its bounds: while one such message waits, later ones are added to it. Ends with this
-  // incarnation.
+  // then each change, on the control lane. That something was stored or pruned (what is there already is read at the
+  // start) comes on the data lane past its bounds: while one such message waits, later ones are added to it. Ends with
+  // this incarnation.
   virtual void Watch(Topic topic) = 0;
   // RoleActor, LeaseActor and StorageActor only, each on its own topic.
   virtual void Publish(OwnedMessage message) = 0;

@@ -12,6 +12,7 @@ namespace {
 
 void Add(const proto::RecordsStored& later, proto::RecordsStored& stored) {
   stored.set_last_row_id(std::max(stored.last_row_id(), later.last_row_id()));
+  stored.set_is_pruned(stored.is_pruned() || later.is_pruned());
   for (const std::uint32_t type : later.data_types()) {
     const auto& known = stored.data_types();
     if (std::find(known.begin(), known.end(), type) == known.end()) stored.add_data_types(type);

@@ -271,7 +271,7 @@ void GatewayActor::AskFeed(Context& context, std::uint64_t id, Pending& pending)
 }
 
 void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
-  last_row_id_ = stored.last_row_id();
+  last_row_id_ = std::max(last_row_id_, stored.last_row_id());
   std::vector<std::uint64_t> failed;
   for (auto& [id, pending] : pending_) {
     if (!pending.feed || !pending.feed->Wants(stored)) continue;

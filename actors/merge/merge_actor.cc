@@ -114,9 +114,6 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
         OnRecordsStored(context, message.records_stored());
       }
       return;
-    case proto::Message::kPruneReply:
-      if (context.sender() == Address{options_.self, actor_name::kRetention}) OnPruned(context);
-      return;
     case proto::Message::kTimer:
       if (context.sender().agent == options_.self) OnTimer(context, message.timer());
       return;
@@ -168,12 +165,8 @@ void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
 }
 
 void MergeActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
-  if (reader_.Reads(stored)) LookSoon(context);
-}
-
-void MergeActor::OnPruned(Context& context) {
-  is_outdated_ = true;
-  LookSoon(context);
+  if (stored.is_pruned()) is_outdated_ = true;
+  if (stored.is_pruned() || reader_.Reads(stored)) LookSoon(context);
 }
 
 void MergeActor::LookSoon(Context& context) {

@@ -12,8 +12,8 @@
 // A MapTilesRequest with wait_s is a subscription: where nothing has changed it waits, at most so long, and is looked
 // at again when StorageActor publishes that records were stored, once in look_period at most.
 //
-// RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest), and says with its PruneReply that
-// maps are gone: then everything is read anew for the next question. An error of a BeatenMapsRequest is a ControlReply.
+// RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest); an error of it is a ControlReply.
+// Once StorageActor publishes that records were pruned, everything is read anew for the next question.
 //
 // Errors in replies: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
 // kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), kInvalid
@@ -71,7 +71,6 @@ class MergeActor final : public Actor {
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnRead(Context& context);
-  void OnPruned(Context& context);
   void LookSoon(Context& context);  // At the subscriptions.
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
@@ -103,7 +102,7 @@ class MergeActor final : public Actor {
   std::string backend_description_;         // As it was reported last.
   std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
   bool is_current_ = false;                 // It has all that is in collection_.
-  bool is_outdated_ = false;                // collection_ has maps that are gone: it is to be read anew.
+  bool is_outdated_ = false;                // collection_ may have records that are gone: it is to be read anew.
   std::size_t unusable_map_count_ = 0;      // Of records: cells too fine for the grid.
   std::size_t unplaced_map_count_ = 0;      // Maps and footprints that merger_ did not take the last time.
   std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.

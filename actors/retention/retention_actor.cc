@@ -32,18 +32,11 @@ double CountOf(const proto::PruneReply& reply) {
   return count;
 }
 
-bool HasMaps(const proto::PruneReply& reply) {
-  return std::any_of(reply.pruned().begin(), reply.pruned().end(), [](const proto::PrunedType& pruned) {
-    return pruned.data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
-  });
-}
-
 }  // namespace
 
 void RetentionActor::OnStart(Context& context) {
   // A random start, so that an answer to an earlier life meets no question of this one.
   request_id_ = context.rng()();
-  NotifyMerge(context, {});  // What an earlier life of this actor asked storage to remove may be gone.
   LookLater(context);
 }
 
@@ -351,14 +344,7 @@ void RetentionActor::Refuse(Context& context, const std::string& text) {
   Finish(context);
 }
 
-void RetentionActor::NotifyMerge(Context& context, const proto::PruneReply& reply) const {
-  proto::Message news;
-  *news.mutable_prune_reply() = reply;
-  (void)context.Send({options_.self, actor_name::kMerge}, std::move(news));  // Not every agent merges.
-}
-
 void RetentionActor::GiveUp(Context& context, const Error& error) {
-  job_.is_in_doubt = stage_ == Stage::kPruning;
   *job_.reply.mutable_error() = ToProto(error);
   Finish(context);
 }
@@ -366,9 +352,7 @@ void RetentionActor::GiveUp(Context& context, const Error& error) {
 void RetentionActor::Finish(Context& context) {
   context.Cancel(stage_timer_);
   stage_ = Stage::kIdle;
-  const bool is_dry_run = IsDryRun();
   const Job job = std::exchange(job_, {});
-  if ((HasMaps(job.reply) || job.is_in_doubt) && !is_dry_run) NotifyMerge(context, job.reply);
   if (job.asker) {
     proto::Message reply;
     reply.set_ms_type(proto::CONTROL);

@@ -14,9 +14,8 @@
 // Of the history of this agent's own robot (PruneOrder.is_history), which nobody else has, what is ordered goes at
 // once.
 //
-// One thing at a time: an order that comes meanwhile is refused with kFull. After maps went, or may have gone,
-// MergeActor is notified (by a PruneReply) and merges what is left. So it is after a restart, at which nothing else is
-// left to do: each request to storage is whole by itself.
+// One thing at a time: an order that comes meanwhile is refused with kFull. After a restart nothing is left to do: each
+// request to storage is whole by itself, and StorageActor publishes what it pruned.
 //
 // Errors in replies: kInvalid (a type that nothing is pruned of), kFull (see there), kUnavailable (no storage, no
 // merge), kTimedOut (they are silent), and theirs.
@@ -64,8 +63,7 @@ class RetentionActor final : public Actor {
     MonotonicTime asked_at;                  // when they were asked.
     std::map<AgentId, std::string> awaited;  // Those who have not answered, as people know them.
     double removed_bytes = 0;
-    bool is_in_doubt = false;  // Storage was asked to remove something, and did not say what it did.
-    proto::PruneReply reply;   // As far as it goes.
+    proto::PruneReply reply;  // As far as it goes.
   };
 
   // A peer that asked what this agent has.
@@ -100,7 +98,6 @@ class RetentionActor final : public Actor {
   void Begin(Context& context, Job job);
   void DoStep(Context& context);
   void AddPruned(const proto::PruneReply& reply);
-  void NotifyMerge(Context& context, const proto::PruneReply& reply) const;
   // Nothing can go, and why.
   void Refuse(Context& context, const std::string& text);
   void GiveUp(Context& context, const Error& error);

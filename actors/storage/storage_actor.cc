@@ -86,6 +86,9 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
 
 void StorageActor::OnStart(Context& context) {
   if (!OpenStore(context)) return;
+  proto::RecordsStored changed;
+  changed.set_is_pruned(true);  // Perhaps, by an earlier life that ended before it could publish it.
+  Publish(context, changed);
   context.WatchPeers();
   (void)IsClockSuspect(context);  // From here on a jump is seen.
   SaveWritten(context);
@@ -416,6 +419,9 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
   }
   if (pruned) {
     reply = *std::move(pruned);
+    proto::RecordsStored changed;
+    changed.set_is_pruned(!reply.pruned().empty() && !request.is_dry_run() && !request.is_history());
+    Publish(context, changed);
   } else {
     Note(context, "prune", pruned.error());
     *reply.mutable_error() = ToProto(pruned.error());
@@ -589,7 +595,7 @@ void StorageActor::FailIfDamaged(Context& context, const Error& error) {
 }
 
 void StorageActor::Publish(Context& context, const proto::RecordsStored& stored) {
-  if (stored.last_row_id() == 0) return;
+  if (stored.last_row_id() == 0 && !stored.is_pruned()) return;
   proto::Message message;
   *message.mutable_records_stored() = stored;
   context.Publish(std::move(message));

@@ -28,10 +28,10 @@ class SimulatedAgent::Host final : public ActorHost {
   MonotonicTime now() const override { return agent_.team_.now(); }
   std::int64_t utc_now_ns() const override { return agent_.team_.utc_now_ns() + agent_.utc_offset_.count(); }
   SendResult Send(const Address& to, OwnedMessage message) override {
-    if (injected == Fault::kAtFirstSend) throw std::runtime_error("crashed by the test at its first send");
+    CrashAt(Fault::kAtFirstSend);
     const SendResult result =
         is_alive() ? agent_.team_.Send(self(), to, std::move(*message)) : SendResult::kUnreachable;
-    if (injected == Fault::kAfterFirstSend) throw std::runtime_error("crashed by the test after its first send");
+    CrashAt(Fault::kAfterFirstSend);
     return result;
   }
   TimerId After(Duration delay, proto::Message message) override {
@@ -45,7 +45,9 @@ class SimulatedAgent::Host final : public ActorHost {
     if (is_alive()) agent_.Watch(self().actor, topic);
   }
   void Publish(OwnedMessage message) override {
+    CrashAt(Fault::kAtFirstSend);
     if (is_alive()) agent_.Notify(agent_.monitors_.Publish(self().actor, *message));
+    CrashAt(Fault::kAfterFirstSend);
   }
   void Monitor(const Address& target) override {
     if (!is_alive()) return;
@@ -75,6 +77,12 @@ class SimulatedAgent::Host final : public ActorHost {
     for (const SpawnedActor& other : owner.spawned_) options.can_step_down |= other.name == actor_name::kRole;
     options.can_step_down &= name != actor_name::kRole;
     return options;
+  }
+
+  void CrashAt(Fault fault) const {
+    if (injected != fault) return;
+    throw std::runtime_error(fault == Fault::kAtFirstSend ? "crashed by the test at its first send"
+                                                          : "crashed by the test after its first send");
   }
 
   Address Resolved(const Address& target) const { return {agent_.Resolve(target.agent), target.actor}; }

@@ -37,8 +37,9 @@ namespace moondb::simulation {
 enum class Fault {
   kNone,
   kBeforeHandler,   // It fails in place of handling the message.
-  kAtFirstSend,     // Its first Send has no effect and does not return (if it sends nothing: as kAfterHandler).
-  kAfterFirstSend,  // Its first Send is carried out and does not return (likewise).
+  kAtFirstSend,     // Its first Send or Publish has no effect and does not return (if there is none: as kAfterHandler).
+  kAfterFirstSend,  // Its first Send or Publish is carried out and does not return (if there is none: as
+                    // kAfterHandler).
   kAfterHandler,    // It fails when all is done and sent.
 };
 

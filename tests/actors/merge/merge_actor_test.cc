@@ -566,11 +566,11 @@ TEST_F(MergeActorTest, MergesWhatIsLeftAfterMapsWerePruned) {
   store_->records.erase(store_->records.begin() + 1);  // The row ids do not matter: all is read anew.
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
   proto::Message pruned;
-  pruned.mutable_prune_reply();
+  pruned.mutable_records_stored()->set_is_pruned(true);
   EXPECT_EQ(team_.Post({kSelf, "impostor"}, {kSelf, actor_name::kMerge}, proto::Message(pruned)),
             SendResult::kAccepted);
   EXPECT_EQ(Decode(Merge()), (Rows{".."}));
-  EXPECT_EQ(team_.Post({kSelf, actor_name::kRetention}, {kSelf, actor_name::kMerge}, std::move(pruned)),
+  EXPECT_EQ(team_.Post({kSelf, actor_name::kStorage}, {kSelf, actor_name::kMerge}, std::move(pruned)),
             SendResult::kAccepted);
   EXPECT_EQ(Decode(Merge()), (Rows{". "}));
 }

@@ -57,6 +57,7 @@ class RetentionActorTest : public testing::Test {
       Spawn<RetentionActor>(agent, actor_name::kRetention, retention);
     }
     team_.AdvanceTime(seconds(1));
+    team_.Watch({kRover, "reader"}, Topic::kStored);
   }
 
   template <typename ActorType, typename Options>
@@ -135,7 +136,14 @@ class RetentionActorTest : public testing::Test {
     Insert(kRover, MapOf(kRover, 1, 1, 64));
     Bring(kRover, kLeader);
     Bring(kRover, kSurvivor);
-    (void)team_.Take({kRover, actor_name::kMerge});  // What came as the actors started.
+  }
+
+  // Whether the rover's storage has published, since the last call, that records were pruned.
+  bool HearsOfPruned() {
+    team_.AdvanceTime(minutes(1));
+    const std::vector<proto::Message> heard = team_.Take({kRover, "reader"});
+    return std::any_of(heard.begin(), heard.end(),
+                       [](const proto::Message& message) { return message.records_stored().is_pruned(); });
   }
 
   // The actor fails at the next message of that kind.
@@ -474,7 +482,7 @@ TEST_F(RetentionActorTest, SaysThatSpaceIsLowWhereNothingMayGo) {
   EXPECT_EQ(StatusOf(kRover).database_bytes_max(), 1e6);
 }
 
-TEST_F(RetentionActorTest, TakesBeatenMapsAndTellsMerge) {
+TEST_F(RetentionActorTest, TakesBeatenMaps) {
   Start();
   for (std::uint64_t i = 1; i <= 3; ++i) Insert(kRover, MapOf(kRover, i, 1, 64));
   Bring(kRover, kLeader);
@@ -487,27 +495,43 @@ TEST_F(RetentionActorTest, TakesBeatenMapsAndTellsMerge) {
   const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
   ASSERT_TRUE(answer);
   EXPECT_EQ(GoneOf(answer->prune_reply()), 1);
-  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, seconds(1)));
+  EXPECT_TRUE(HearsOfPruned());
   for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), beaten.seq());
 }
 
-// Merging keeps what it has read, so that it has to be notified whatever befalls a prune.
-TEST_F(RetentionActorTest, NotifiesMergeThoughItFailsAsMapsAreGone) {
+// Merging keeps what it has read, so that it has to hear of a prune whatever befalls it.
+TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnyType) {
+  Start();
+  Insert(kRover, EventOf(1));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  EXPECT_FALSE(HearsOfPruned());
+  proto::PruneOrder order;
+  order.set_is_dry_run(true);
+  EXPECT_EQ(GoneOf(Prune(kRover, order)), 1);
+  EXPECT_FALSE(HearsOfPruned());
+  EXPECT_EQ(GoneOf(Prune(kRover)), 1);
+  EXPECT_TRUE(HearsOfPruned());
+  EXPECT_EQ(GoneOf(Prune(kRover)), 0);
+  EXPECT_FALSE(HearsOfPruned());
+}
+
+TEST_F(RetentionActorTest, ReadersHearOfAPruneThoughItFailsAsMapsAreGone) {
   Start();
   InsertOldMapEverywhere();
   FailOnce({kRover, actor_name::kRetention}, proto::Message::kPruneReply, simulation::Fault::kBeforeHandler);
   Order(kRover, {});
-  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, minutes(2)));
+  EXPECT_TRUE(HearsOfPruned());
   EXPECT_TRUE(RecordsOf(kRover).empty());
 }
 
-TEST_F(RetentionActorTest, NotifiesMergeWhereStorageDoesNotSayWhatIsGone) {
+TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnEarlierLifeOfStorage) {
   Start();
   InsertOldMapEverywhere();
   FailOnce({kRover, actor_name::kStorage}, proto::Message::kPruneRequest, simulation::Fault::kAtFirstSend);
   EXPECT_EQ(Prune(kRover).error().code(), proto::ERROR_CODE_TIMED_OUT);
   EXPECT_TRUE(RecordsOf(kRover).empty());
-  EXPECT_TRUE(team_.Expect({kRover, actor_name::kMerge}, proto::Message::kPruneReply, minutes(2)));
+  EXPECT_TRUE(HearsOfPruned());
 }
 
 TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {

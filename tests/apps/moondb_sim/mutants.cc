@@ -1073,12 +1073,15 @@ const std::vector<Mutant>& Mutants() {
        Hears(kMerge, LeavePosesOut),
        SimulatedActors::kAll},
       {"MergesWhatIsPruned",
-       "merging is not notified that maps are pruned",
+       "merging is not notified that records are pruned",
        {"map_of_records"},
        10,
        [](SimOptions& options) {
          options.faults_per_hour["prune"] = 40;
-         Hears(kMerge, [](Context&, proto::Message& message) { return !message.has_prune_reply(); })(options);
+         Hears(kMerge, [](Context&, proto::Message& message) {
+           if (message.has_records_stored()) message.mutable_records_stored()->clear_is_pruned();
+           return true;
+         })(options);
        },
        SimulatedActors::kAll},
       {"SendsSomeTiles",
