@@ -20,6 +20,7 @@ constexpr Duration kAskPeriod = seconds(15);  // On average.
 constexpr std::uint64_t kSeveralEvery = 8;    // At one instant, up to kSeveralMax.
 constexpr std::uint64_t kSeveralMax = 5;
 constexpr std::uint64_t kOtherWayEvery = 6;
+constexpr std::uint64_t kSwapAmidPiecesEvery = 2;
 constexpr std::uint64_t kSamplesMax = 5;
 constexpr double kWait_s = 15;  // For news; below the gateways' timeout.
 constexpr std::uint64_t kBundleBytesLeast = 1024;
@@ -204,6 +205,25 @@ void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest
   Send(leader, solve);
   Send(leader, merge);
   Send(leader, change);
+}
+
+// The survivor has the first piece of a large record, and the leader the others.
+void SimulatedClients::OnRadio(AgentId from, const proto::Message& message) {
+  const bool is_first_piece = message.batch().has_piece() && message.batch().piece().first_byte() == 0;
+  if (!is_first_piece || message.source_actor() != actor_name::kReplica || !world_.Leaders().contains(from)) return;
+  if (world_.is_quiet || world_.rng() % kSwapAmidPiecesEvery != 0) return;
+  world_.In(seconds(0), [this, from] { SwapAmidPieces(from); });
+}
+
+void SimulatedClients::SwapAmidPieces(AgentId leader) {
+  if (world_.is_quiet) return;
+  asks_several_ = true;
+  proto::ControlRequest swap;
+  swap.mutable_role_set()->set_is_swap(true);
+  swap.mutable_role_set()->set_reason("a simulated client, amid a large record");
+  Send(leader, swap);
+  calls_.Run();
+  asks_several_ = false;
 }
 
 void SimulatedClients::AskForLease(AgentId agent) {

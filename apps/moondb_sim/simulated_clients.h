@@ -25,6 +25,8 @@ class SimulatedClients {
 
   void OnAgentEnded(AgentId agent);
   void OnGatewayFailed(AgentId agent) { calls_.Forget(agent); }
+  // A message is on its way to another agent.
+  void OnRadio(AgentId from, const proto::Message& message);
   void OnDiskLost(AgentId agent) { bundles_[agent].OnDiskLost(); }
 
   // At rest: all agents' maps, and that the base station packs for the ground whatever that wants.
@@ -47,6 +49,7 @@ class SimulatedClients {
   void AskForNewTiles(AgentId agent);
   void AskToSolve(AgentId agent);
   void AskToSwap(AgentId agent);
+  void SwapAmidPieces(AgentId leader);
   void AskAmidChange(AgentId leader, const proto::ControlRequest& change);
   void AskForLease(AgentId agent);
   void AskToPrune(AgentId agent);

@@ -18,7 +18,7 @@ constexpr std::int32_t kMapCells = 16;
 constexpr std::uint32_t kMapResolution_um = 200'000;
 constexpr double kHazardRatio = 0.1;
 constexpr std::uint64_t kLargeMapEvery = 40;  // Of random cells, beyond a message, whatever codes it.
-constexpr std::int32_t kLargeMapCells = 192;
+constexpr std::int32_t kLargeMapCells = 320;
 
 double VarianceOf(double width) { return width * width / 3; }
 

@@ -258,6 +258,7 @@ class Mission {
 
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message) {
     world_.rare_states.OnRadio(from, to, message);
+    if (world_.options.has_all_actors()) clients_.OnRadio(from, message);
     const std::string who = "agent " + std::to_string(from) + " to " + std::to_string(to) + ": ";
     if (const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now())) {
       world_.Violate("quiet_window", who + *wrong);
