@@ -90,16 +90,14 @@ void MergeShareStatus(const proto::ControlReply& reply, proto::ControlReply& who
   }
 }
 
-// --- The table ---
+// --- The table: requests that are looked into, written down, or asked or answered otherwise ---
 
 constexpr Command kCommands[] = {
-    {.request = Request::kStatus},
     {.request = Request::kInsert,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckInsert(team, request.insert()); }},
     {.request = Request::kRead,
      .check = [](const Team&, AgentId, const Request& request) { return CheckRead(request.read()); },
      .ask = AskForPage},
-    {.request = Request::kRoleShow},
     {.request = Request::kRoleSet,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckRoleSet(team, request.role_set()); },
      .text = [](const Team& team, const Request& request) { return RoleText(team, request.role_set()); }},
@@ -114,18 +112,12 @@ constexpr Command kCommands[] = {
      .text = [](const Team&, const Request& request) { return OptimizeText(request.optimize()); }},
     {.request = Request::kMerge,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckMerge(team, request.merge()); }},
-    {.request = Request::kStop, .text = [](const Team&, const Request&) { return std::string("stop"); }},
-    {.request = Request::kGraphStats},
-    {.request = Request::kTrace},
     {.request = Request::kCustom, .ask = AskOwnActor},
     {.request = Request::kLease,
      .text = [](const Team&, const Request& request) { return LeaseText(request.lease()); }},
     {.request = Request::kHave, .ask = AskForHave},
-    {.request = Request::kVerify},
-    {.request = Request::kFingerprint},
     {.request = Request::kMapWhy,
      .check = [](const Team&, AgentId, const Request& request) { return CheckMapWhy(request.map_why()); }},
-    {.request = Request::kMapStats},
     {.request = Request::kMapTiles,
      .check = [](const Team&, AgentId, const Request& request) { return CheckMapTiles(request.map_tiles()); }},
     {.request = Request::kPrune,
@@ -133,12 +125,12 @@ constexpr Command kCommands[] = {
      .text = [](const Team&, const Request& request) { return PruneText(request.prune()); }},
     {.request = Request::kDownlink,
      .text = [](const Team&, const Request& request) { return DownlinkText(request.downlink()); }},
-    {.request = Request::kReadBundle},
     {.request = Request::kAcknowledge,
      .check = [](const Team&, AgentId, const Request& request) { return CheckAcknowledge(request.acknowledge()); },
      .text = [](const Team&, const Request&) { return std::string("health acknowledge"); }},
 };
 
+// Null where all is as usual.
 const Command* FindCommand(Request::RequestCase request) {
   const auto* found = std::find_if(std::begin(kCommands), std::end(kCommands),
                                    [request](const Command& command) { return command.request == request; });
@@ -156,7 +148,7 @@ const FieldDescriptor* BodyOfType(const Descriptor* type) {
   return nullptr;
 }
 
-// Null where there is no such request.
+// Null where this version knows no such request.
 const FieldDescriptor* FieldOf(Request::RequestCase request) {
   return Request::descriptor()->FindFieldByNumber(request);
 }
@@ -207,20 +199,24 @@ bool TakeControlReply(Request::RequestCase request, const proto::Message& answer
 
 Result<void> CheckRequest(const Team& team, AgentId asked, const Request& request) {
   if (auto checked = CheckForAgent(team, request); !checked) return checked;
+  if (FieldOf(request.request_case()) == nullptr) {
+    return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
+  }
   const Command* command = FindCommand(request.request_case());
-  if (command == nullptr) return Fail(ErrorCode::kInvalid, "holds no request that this version knows", "request");
-  return command->check == nullptr ? Result<void>() : command->check(team, asked, request);
+  return command == nullptr || command->check == nullptr ? Result<void>() : command->check(team, asked, request);
 }
 
 std::string CommandText(const Team& team, const Request& request) {
   const Command* command = FindCommand(request.request_case());
-  return command == nullptr || command->text == nullptr ? "" : command->text(team, request);
+  if (command != nullptr && command->text != nullptr) return command->text(team, request);
+  const bool is_command = CommandOptionsOf(request.request_case()).rights() == proto::CLIENT_RIGHTS_COMMAND;
+  return is_command ? FieldOf(request.request_case())->name() : "";
 }
 
 std::vector<Question> QuestionsOf(Request request, bool is_relayed) {
+  if (FieldOf(request.request_case()) == nullptr) return {};
   const Command* command = FindCommand(request.request_case());
-  if (command == nullptr) return {};
-  if (command->ask != nullptr) return command->ask(request, is_relayed);
+  if (command != nullptr && command->ask != nullptr) return command->ask(request, is_relayed);
   const auto& actors = CommandOptionsOf(request.request_case()).actors();
   if (actors.size() == 1) return AskOne(actors.Get(0), TakeMessageOf(request));
   std::vector<Question> questions;

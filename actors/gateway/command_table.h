@@ -1,10 +1,11 @@
-// What becomes of each request of a client: one row for each in command_table.cc, beside what proto/control.proto says
-// at the request itself (who answers, the right that is needed, whether it takes long).
+// What becomes of each request of a client. Its row stands in proto/control.proto, at the request itself: who answers,
+// the right that is needed, whether it takes long.
 //
-// Without a row's own functions a request is not looked into, is not written down, goes to its actor as the body of
-// Message that has its type, and what that answers is put into ControlReply by its type. Where Message has no such
-// body, or several actors answer, the ControlRequest itself goes to them, and they answer with ControlReplies, which
-// are merged. Plain functions, any thread.
+// As usual a request is not looked into, is written down by its name if it needs the right `command` and else not at
+// all, goes to its actor as the body of Message that has its type, and what that answers is put into ControlReply by
+// its type. Where Message has no such body, or several actors answer, the ControlRequest itself goes to them, and they
+// answer with ControlReplies, which are merged. What is not as usual has a row in command_table.cc, with functions of
+// its own. Plain functions, any thread.
 #pragma once
 
 #include <string>

@@ -9,6 +9,7 @@
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "model/did_you_mean.h"
 #include "model/rights_name.h"
@@ -234,8 +235,9 @@ void AddClientsCommands(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<ClientsArguments>();
   CLI::App& clients = *app.add_subcommand("clients", "Whose keys agents let in at their client_address, and for what");
   clients.require_subcommand(1);
-  const auto command = [&](const char* name, const char* description, auto action) -> CLI::App& {
-    CLI::App& added = *clients.add_subcommand(name, description);
+  const auto command = [&](const char* name, const char* description, const CommandNote& note,
+                           auto action) -> CLI::App& {
+    CLI::App& added = AddCommand(clients, name, description, note);
     added.add_option("--file", arguments->file, "The list (default: clients.yaml beside the team file)")
         ->type_name("FILE");
     added.callback([&context, arguments, action] {
@@ -243,7 +245,8 @@ void AddClientsCommands(CLI::App& app, CommandContext& context) {
     });
     return added;
   };
-  CLI::App& add = command("add", "List a client, with a key made now or its own", AddClient);
+  CLI::App& add = command("add", "List a client, with a key made now or its own",
+                          {"moonctl clients add anna --rights command"}, AddClient);
   add.add_option("name", arguments->name, "Its name in the team's event log")->required()->type_name("NAME");
   add.add_option("--rights", arguments->rights, "view, share (also insert, share, solve) or command (everything)")
       ->required()
@@ -255,9 +258,10 @@ void AddClientsCommands(CLI::App& app, CommandContext& context) {
       ->type_name("FILE")
       ->excludes(public_key);
   add.add_flag("--replace", arguments->is_replacing, "Of a client that is listed: its old key is known no longer");
-  command("list", "Who is listed", ListClients);
-  CLI::App& revoke = command(
-      "revoke", "A key is known no longer, also where it is connected now: from its next request on", RevokeClient);
+  command("list", "Who is listed", {"moonctl clients list"}, ListClients);
+  CLI::App& revoke =
+      command("revoke", "A key is known no longer, also where it is connected now: from its next request on",
+              {"moonctl clients revoke anna"}, RevokeClient);
   revoke.add_option("name", arguments->name, "Of the client")->required()->type_name("NAME");
 }
 

@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "apps/common/json_writer.h"
-#include "apps/moonctl/command_notes.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/manual_page.h"
 
@@ -11,7 +11,7 @@ namespace moondb {
 namespace {
 
 void AddVersionCommand(CLI::App& app, CommandContext& context) {
-  app.add_subcommand("version", "Show the version")->callback([&context] {
+  AddCommand(app, "version", "Show the version", {"moonctl version --json"}).callback([&context] {
     context.action = [&context] {
       JsonWriter json;
       json.BeginObject().Key("version").String(MOONDB_VERSION).EndObject();
@@ -21,7 +21,7 @@ void AddVersionCommand(CLI::App& app, CommandContext& context) {
 }
 
 void AddManCommand(CLI::App& app, CommandContext& context) {
-  app.add_subcommand("man", "Print the manual page, moonctl.1")->callback([&app, &context] {
+  AddCommand(app, "man", "Print the manual page, moonctl.1", {"moonctl man > moonctl.1"}).callback([&app, &context] {
     context.action = [&app, &context] {
       const std::string page = ManualPage(app, MOONDB_VERSION);
       JsonWriter json;
@@ -71,7 +71,8 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   AddCompletionCommand(app, context);
   AddManCommand(app, context);
   AddVersionCommand(app, context);
-  AddExamples(app);
+  app.footer("Example: moonctl -t team.yaml status");
+  AddExamplesOfGroups(app);
 }
 
 }  // namespace moondb

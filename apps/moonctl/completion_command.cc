@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "apps/common/json_writer.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/completion.h"
@@ -100,8 +101,8 @@ ExitCode PrintCompletions(const CLI::App& root, const std::vector<std::string>& 
 
 void AddCompletionCommand(CLI::App& app, CommandContext& context) {
   auto shell = std::make_shared<std::string>();
-  CLI::App& command =
-      *app.add_subcommand("completion", "Print the completion of commands, options and agents for a shell");
+  CLI::App& command = AddCommand(app, "completion", "Print the completion of commands, options and agents for a shell",
+                                 {"moonctl completion bash > ~/.local/share/bash-completion/completions/moonctl"});
   command.add_option("shell", *shell, "Whose")->required()->check(CLI::IsMember({"bash", "fish", "zsh"}));
   command.callback([&context, shell] {
     context.action = [&context, shell] {

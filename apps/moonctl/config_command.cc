@@ -3,6 +3,7 @@
 #include "apps/common/hash_text.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/config_schema.h"
 #include "apps/moonctl/config_show.h"
@@ -147,9 +148,9 @@ void AddConfigCommands(CLI::App& app, CommandContext& context) {
   group.require_subcommand(1);
   auto arguments = std::make_shared<ConfigArguments>();
   // `config check FILE` is the same as `-t FILE config check`.
-  const auto add_reader = [&](const char* name, const char* description,
+  const auto add_reader = [&](const char* name, const char* description, const CommandNote& note,
                               const std::function<ExitCode(CommandContext&)>& run) -> CLI::App& {
-    CLI::App& command = *group.add_subcommand(name, description);
+    CLI::App& command = AddCommand(group, name, description, note);
     command.add_option("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)")->type_name("FILE");
     command.callback([&context, arguments, run] {
       if (!arguments->file.empty()) context.team_path = arguments->file;
@@ -157,15 +158,18 @@ void AddConfigCommands(CLI::App& app, CommandContext& context) {
     });
     return command;
   };
-  add_reader("check", "Say all that is wrong with it", [arguments](CommandContext& asked) {
-    return arguments->is_fixing ? FixConfig(asked) : CheckConfig(asked);
-  }).add_flag("--fix", arguments->is_fixing, "Give it the team id that it lacks; all else stays as it is");
-  add_reader("show", "Show it in full; what it leaves to its default is marked", ShowConfig);
-  group.add_subcommand("schema", "Print the JSON Schema of team files, for editors")->callback([&context] {
-    context.action = [&context] { return ShowSchema(context); };
-  });
+  add_reader(
+      "check", "Say all that is wrong with it", {"moonctl config check team.yaml"},
+      [arguments](CommandContext& asked) { return arguments->is_fixing ? FixConfig(asked) : CheckConfig(asked); })
+      .add_flag("--fix", arguments->is_fixing, "Give it the team id that it lacks; all else stays as it is");
+  add_reader("show", "Show it in full; what it leaves to its default is marked", {"moonctl config show team.yaml"},
+             ShowConfig);
+  AddCommand(group, "schema", "Print the JSON Schema of team files, for editors",
+             {"moonctl config schema > team.schema.json"})
+      .callback([&context] { context.action = [&context] { return ShowSchema(context); }; });
 
-  CLI::App& init = *group.add_subcommand("init", "Write a team file to begin with, and its keys");
+  CLI::App& init = AddCommand(group, "init", "Write a team file to begin with, and its keys",
+                              {"moonctl config init --agents 4 my-team/team.yaml"});
   init.add_option("file", arguments->file, "Where to")->type_name("FILE")->required();
   init.add_option("--name", arguments->name, "The team's name (the folder's)")->type_name("NAME");
   init.add_option("--agents", arguments->agent_count, "How many; the last is a base station")->check(CLI::Range(1, 64));

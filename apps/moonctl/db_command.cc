@@ -3,6 +3,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/db_commands.h"
 #include "apps/moonctl/holdings.h"
@@ -163,9 +164,10 @@ using FileCommand = ExitCode (*)(CommandContext&, const Arguments&);
 template <typename Arguments>
 std::pair<CLI::App*, std::shared_ptr<Arguments>> AddFileCommand(CLI::App& group, CommandContext& context,
                                                                 const std::string& name, const std::string& description,
+                                                                const CommandNote& note,
                                                                 FileCommand<Arguments> command) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* added = group.add_subcommand(name, description);
+  CLI::App* added = &AddCommand(group, name, description, note);
   added->add_option("--data-dir", arguments->data_folder, "As given to up");
   added->callback([&context, arguments, command] {
     context.action = [&context, arguments, command] { return command(context, *arguments); };
@@ -175,7 +177,8 @@ std::pair<CLI::App*, std::shared_ptr<Arguments>> AddFileCommand(CLI::App& group,
 
 void AddQuery(CLI::App& group, CommandContext& context) {
   const auto [query, arguments] = AddFileCommand<QueryArguments>(
-      group, context, "query", "Ask the file of -a, on this machine, in SQL; changes nothing", QueryFile);
+      group, context, "query", "Ask the file of -a, on this machine, in SQL; changes nothing",
+      {"moonctl -a rover1 db query \"select * from v_event\" --csv --out events.csv", kShows}, QueryFile);
   query->add_option("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)")->required();
   query->add_option("--limit", arguments->rows_max, "At most so many rows (1000; as CSV 1000000)")
       ->check(CLI::Range(std::size_t{1}, kQueryRowsMax));
@@ -185,7 +188,8 @@ void AddQuery(CLI::App& group, CommandContext& context) {
 
 void AddBackUp(CLI::App& group, CommandContext& context) {
   const auto [backup, arguments] = AddFileCommand<StoreFileArguments>(
-      group, context, "backup", "Copy the file of -a, on this machine, whole, while the agent runs", BackUpFile);
+      group, context, "backup", "Copy the file of -a, on this machine, whole, while the agent runs",
+      {"moonctl -a rover1 db backup rover1.sqlite"}, BackUpFile);
   backup->add_option("file", arguments->text, "Where to; must not be there yet")->required();
 }
 
@@ -194,18 +198,21 @@ void AddBackUp(CLI::App& group, CommandContext& context) {
 void AddDbCommands(CLI::App& app, CommandContext& context) {
   CLI::App& group = *app.add_subcommand("db", "What agents hold, and whether it is sound");
   group.require_subcommand(1);
-  const auto add = [&](const std::string& name, const std::string& description, ExitCode (*command)(CommandContext&)) {
-    group.add_subcommand(name, description)->callback([&context, command] {
+  const auto add = [&](const std::string& name, const std::string& description, const CommandNote& note,
+                       ExitCode (*command)(CommandContext&)) {
+    AddCommand(group, name, description, note).callback([&context, command] {
       context.action = [&context, command] { return command(context); };
     });
   };
-  add("info", "Sizes, and rows by data type, of each agent (or -a)", ShowInfo);
-  add("holdings", "Who holds what: shared records by origin and data type", ShowHoldings);
+  add("info", "Sizes, and rows by data type, of each agent (or -a)", {"moonctl db info", kShows}, ShowInfo);
+  add("holdings", "Who holds what: shared records by origin and data type", {"moonctl db holdings", kShows},
+      ShowHoldings);
   add("verify", "Read through the store of each agent (or -a) for damage; exit code 1 where there is any",
-      VerifyStores);
+      {"moonctl db verify -a rover2"}, VerifyStores);
 
   auto arguments = std::make_shared<DiffArguments>();
-  CLI::App& diff = *group.add_subcommand("diff", "Compare what two agents hold; exit code 1 where they differ");
+  CLI::App& diff = AddCommand(group, "diff", "Compare what two agents hold; exit code 1 where they differ",
+                              {"moonctl db diff rover1 rover2", kShows});
   diff.add_option("first", arguments->first, "An agent")->type_name("AGENT")->required();
   diff.add_option("second", arguments->second, "Another")->type_name("AGENT")->required();
   diff.callback([&context, arguments] {
@@ -213,10 +220,11 @@ void AddDbCommands(CLI::App& app, CommandContext& context) {
   });
 
   auto prune_arguments = std::make_shared<PruneArguments>();
-  CLI::App& prune = *group.add_subcommand(
-      "prune",
+  CLI::App& prune = AddCommand(
+      group, "prune",
       "Remove from the store of -a what leader and designated survivor have too; exit code 4 where they cannot "
-      "be asked");
+      "be asked",
+      {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
   prune.add_option("--older-than", prune_arguments->older_than, "By their stamps: 30d, 12h, 90m")->type_name("AGE");
   prune
       .add_option("--type", prune_arguments->types,

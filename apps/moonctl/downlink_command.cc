@@ -5,6 +5,7 @@
 #include "actors/sharing/bundle_file.h"
 #include "apps/common/progress.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/record_json.h"
 #include "model/text.h"
@@ -225,25 +226,28 @@ void AddDownlinkCommands(CLI::App& app, CommandContext& context) {
   };
 
   CLI::App& group =
-      *app.add_subcommand("downlink", "Make a bundle for the ground, of what it lacks (at the base station, or -a)");
+      AddCommand(app, "downlink", "Make a bundle for the ground, of what it lacks (at the base station, or -a)",
+                 {"moonctl downlink --budget-kb 64"});
   group.require_subcommand(0, 1);
   group.add_option("--budget-kb", arguments->budget_kb, "Its file has at most so many kB (2 to 16000)")
       ->type_name("KB")
       ->check(CLI::Range(2u, 16000u));
   AddOut(group, *arguments);
 
-  group.add_subcommand("list", "The bundles that wait for the ground's acknowledgment")->callback([&context] {
-    context.action = [&context] { return ListBundles(context); };
-  });
-  CLI::App& get = *group.add_subcommand("get", "Fetch a bundle that waits, once more");
+  AddCommand(group, "list", "The bundles that wait for the ground's acknowledgment", {"moonctl downlink list", kShows})
+      .callback([&context] { context.action = [&context] { return ListBundles(context); }; });
+  CLI::App& get =
+      AddCommand(group, "get", "Fetch a bundle that waits, once more", {"moonctl downlink get 7 --out pass-12.bundle"});
   AddNumber(get, *arguments);
   AddOut(get, *arguments);
   get.callback(act(GetBundle));
-  CLI::App& ack = *group.add_subcommand("ack", "The ground has a bundle: it need not be kept");
+  CLI::App& ack = AddCommand(group, "ack", "The ground has a bundle: it need not be kept",
+                             {"moonctl downlink ack 7 --file pass-12.bundle"});
   AddNumber(ack, *arguments);
   ack.add_option("--file", arguments->file, "Only if it is this one")->type_name("FILE");
   ack.callback(act(AcknowledgeBundle));
-  CLI::App& show = *group.add_subcommand("show", "What is in a bundle's file; --json prints its records");
+  CLI::App& show = AddCommand(group, "show", "What is in a bundle's file; --json prints its records",
+                              {"moonctl downlink show pass-12.bundle --json"});
   show.add_option("file", arguments->file, "The bundle")->type_name("FILE")->required();
   show.callback(act(ShowBundle));
 

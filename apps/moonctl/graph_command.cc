@@ -7,6 +7,7 @@
 #include "apps/common/progress.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/g2o_graph.h"
 #include "apps/moonctl/graph_commands.h"
@@ -263,14 +264,16 @@ void AddGraphCommands(CLI::App& app, CommandContext& context) {
 
   auto file = std::make_shared<std::string>();
   CLI::App& imported =
-      *group.add_subcommand("import", "Insert a PyFG or g2o file, each rover's part at its own agent (g2o: see -a)");
+      AddCommand(group, "import", "Insert a PyFG or g2o file, each rover's part at its own agent (g2o: see -a)",
+                 {"moonctl graph import mission.pyfg"});
   imported.add_option("file", *file, "A .g2o file; anything else is read as PyFG")->type_name("FILE")->required();
   imported.callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });
 
   AddGraphExport(group, context);
 
   auto optimize = std::make_shared<OptimizeArguments>();
-  CLI::App& optimized = *group.add_subcommand("optimize", "Solve it now, at the leader (or -a)");
+  CLI::App& optimized = AddCommand(group, "optimize", "Solve it now, at the leader (or -a)",
+                                   {"moonctl graph optimize --covariance-of rover2:17"});
   auto* scratch = optimized.add_flag("--from-scratch", optimize->is_from_scratch, "Not from the last solution");
   optimized
       .add_option("--window", optimize->window_nodes, "Move only so many newest nodes of each rover: a quick answer")
@@ -282,7 +285,8 @@ void AddGraphCommands(CLI::App& app, CommandContext& context) {
       [&context, optimize] { context.action = [&context, optimize] { return OptimizeGraph(context, *optimize); }; });
 
   auto has_edges = std::make_shared<bool>(false);
-  CLI::App& stats = *group.add_subcommand("stats", "The last solve, and what was judged of the ranges");
+  CLI::App& stats = AddCommand(group, "stats", "The last solve, and what was judged of the ranges",
+                               {"moonctl graph stats --edges", kShows});
   stats.add_flag("--edges", *has_edges, "Also each rejected range");
   stats.callback([&context, has_edges] {
     context.action = [&context, has_edges] { return ShowGraphStats(context, *has_edges); };

@@ -4,6 +4,7 @@
 
 #include "apps/common/graph_reading.h"
 #include "apps/common/json_writer.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/file_origin.h"
 #include "apps/moonctl/g2o_graph.h"
 #include "apps/moonctl/graph_commands.h"
@@ -219,10 +220,11 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
 
 void AddGraphExport(CLI::App& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App& command = *group.add_subcommand("export",
-                                            "Write the graph that the leader (or -a) holds; what was judged of ranges "
-                                            "goes to FILE.verdicts.csv, where it came "
-                                            "from to FILE.origin.txt or (TUM) into the file");
+  CLI::App& command = AddCommand(group, "export",
+                                 "Write the graph that the leader (or -a) holds; what was judged of ranges "
+                                 "goes to FILE.verdicts.csv, where it came "
+                                 "from to FILE.origin.txt or (TUM) into the file",
+                                 {"moonctl graph export graph.g2o --format g2o"});
   command.add_option("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
       ->type_name("FILE")
       ->required();

@@ -4,6 +4,7 @@
 #include "actors/pgo/plain_solver.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/graph_commands.h"
 #include "model/text.h"
 
@@ -129,7 +130,8 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
 void AddGraphSolve(CLI::App& group, CommandContext& context) {
   auto arguments = std::make_shared<SolveArguments>();
   CLI::App& command =
-      *group.add_subcommand("solve", "Solve a graph file by itself, every factor as it is written; asks no agent");
+      AddCommand(group, "solve", "Solve a graph file by itself, every factor as it is written; asks no agent",
+                 {"moonctl graph solve plaza.pyfg --fix L0 --out solved.pyfg"});
   command.add_option("file", arguments->file, "A .g2o file; anything else is read as PyFG")
       ->type_name("FILE")
       ->required();

@@ -3,6 +3,7 @@
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
 #include "model/event.h"
@@ -108,12 +109,13 @@ ExitCode AcknowledgeHealth(CommandContext& context) {
 }  // namespace
 
 void AddHealthCommand(CLI::App& app, CommandContext& context) {
-  CLI::App& health = *app.add_subcommand(
-      "health", "What is wrong, for people and scripts: ends with 0 only where all agents are well");
+  CLI::App& health =
+      AddCommand(app, "health", "What is wrong, for people and scripts: ends with 0 only where all agents are well",
+                 {"moonctl health --json", kShows});
   health.require_subcommand(0, 1);
-  health
-      .add_subcommand("acknowledge", "You have read what was found: lost peers, damage, ends without stopping (or -a)")
-      ->callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
+  AddCommand(health, "acknowledge", "You have read what was found: lost peers, damage, ends without stopping (or -a)",
+             {"moonctl health acknowledge -a rover2"})
+      .callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
   health.callback([&context, &health] {
     if (!health.get_subcommands().empty()) return;
     context.action = [&context] { return ShowHealth(context); };

@@ -3,6 +3,8 @@
 
 #include "apps/common/proto_json.h"
 #include "apps/common/utc.h"
+#include "apps/moonctl/command.h"
+#include "apps/moonctl/command_tree.h"
 #include "apps/moonctl/commands.h"
 #include "model/leases.h"
 
@@ -48,7 +50,8 @@ ExitCode SetLease(CommandContext& context, proto::LeaseKind kind, const Result<m
 }
 
 void AddOff(CLI::App& group, CommandContext& context, proto::LeaseKind kind, const std::string& description) {
-  group.add_subcommand("off", description)->callback([&context, kind] {
+  const std::string path = PathOf(group) + " off";
+  AddCommand(group, "off", description, {"moonctl -a rover2 " + path}).callback([&context, kind] {
     context.action = [&context, kind] { return SetLease(context, kind, milliseconds(0)); };
   });
 }
@@ -64,14 +67,15 @@ void AddLeaseCommands(CLI::App& app, CommandContext& context) {
   CLI::App& drive =
       *app.add_subcommand("drive", "Tell an agent (-a) that its robot drives: nothing bulky is shared then");
   drive.require_subcommand(1);
-  CLI::App& on = *drive.add_subcommand("on", "From now on, for so long at most");
+  CLI::App& on = AddCommand(drive, "on", "From now on, for so long at most", {"moonctl -a rover2 drive on --for 40"});
   on.add_option("--for", arguments->duration, "Lapses by itself then: 40 (seconds), 10m, 2h")
       ->type_name("DURATION")
       ->required();
   on.callback([act] { act(proto::LEASE_KIND_DRIVING); });
   AddOff(drive, context, proto::LEASE_KIND_DRIVING, "It stands still");
 
-  CLI::App& sleep = *app.add_subcommand("sleep", "Tell an agent (-a) that its robot sleeps: nothing is shared then");
+  CLI::App& sleep = AddCommand(app, "sleep", "Tell an agent (-a) that its robot sleeps: nothing is shared then",
+                               {"moonctl -a rover2 sleep --until 2026-11-22T06:00Z"});
   sleep.require_subcommand(0, 1);
   CLI::Option* duration =
       sleep.add_option("--for", arguments->duration, "For so long: 40 (seconds), 10m, 8h")->type_name("DURATION");

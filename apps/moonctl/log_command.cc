@@ -3,6 +3,7 @@
 
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/follow.h"
 #include "model/event.h"
@@ -116,7 +117,8 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
 void AddLogCommand(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<LogArguments>();
   CLI::App& log =
-      *app.add_subcommand("log", "The team's event log as the leader (or -a) knows it: commands, roles, failures");
+      AddCommand(app, "log", "The team's event log as the leader (or -a) knows it: commands, roles, failures",
+                 {"moonctl log --events 20", kShows});
   log.add_option("--events", arguments->events, "At most so many, the newest (50)")->check(CLI::Range(1u, kEventsMax));
   log.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
   log.add_flag("-f,--follow", arguments->follows, "Go on with what comes; with --json one document a line");

@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "apps/moonctl/command_notes.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
 
 namespace moondb {

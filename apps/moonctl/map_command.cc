@@ -3,6 +3,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/file_origin.h"
 #include "apps/moonctl/map_files.h"
@@ -89,7 +90,8 @@ void AddMapCommands(CLI::App& app, CommandContext& context) {
   CLI::App& group = *app.add_subcommand("map", "The merged map");
   group.require_subcommand(1);
   auto arguments = std::make_shared<MapArguments>();
-  CLI::App& exported = *group.add_subcommand("export", "Merge at the leader (or -a) and write the map");
+  CLI::App& exported = AddCommand(group, "export", "Merge at the leader (or -a) and write the map",
+                                  {"moonctl map export maps --format geotiff"});
   exported.add_option("folder", arguments->folder, "Made if it is missing")->type_name("FOLDER")->required();
   exported
       .add_option(

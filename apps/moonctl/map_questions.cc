@@ -6,6 +6,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/common/utc.h"
+#include "apps/moonctl/command.h"
 #include "model/record_key.h"
 #include "model/text.h"
 
@@ -184,17 +185,20 @@ ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& argum
 
 void AddMapQuestions(CLI::App& group, CommandContext& context) {
   auto place = std::make_shared<Place>();
-  CLI::App& why = *group.add_subcommand("why", "Why is a cell what it is? At the leader, or at -a");
+  CLI::App& why = AddCommand(group, "why", "Why is a cell what it is? At the leader, or at -a",
+                             {"moonctl map why 10 -5.25", kShows});
   why.add_option("x", place->x_m, "Metres in the frame map")->required();
   why.add_option("y", place->y_m, "And so")->required();
   why.callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
 
-  CLI::App& stats =
-      *group.add_subcommand("stats", "Which maps still have a say, and quarantines; at the leader, or -a");
+  CLI::App& stats = AddCommand(group, "stats", "Which maps still have a say, and quarantines; at the leader, or -a",
+                               {"moonctl map stats", kShows});
   stats.callback([&context] { context.action = [&context] { return ShowStats(context); }; });
 
   auto arguments = std::make_shared<QuarantineArguments>();
-  CLI::App& quarantine = *group.add_subcommand("quarantine", "Leave an agent's maps out of all merged maps");
+  CLI::App& quarantine =
+      AddCommand(group, "quarantine", "Leave an agent's maps out of all merged maps",
+                 {"moonctl map quarantine --agent rover2 --from 2026-11-21T10:00Z --reason \"wheel slip\""});
   quarantine.add_option("--agent", arguments->agent, "Whose maps")->type_name("AGENT");
   quarantine.add_option("--from", arguments->from, "Stamped from then on, in UTC: 2026-11-22T06:00Z")
       ->type_name("TIME");

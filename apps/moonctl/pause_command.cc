@@ -7,6 +7,7 @@
 
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "model/leases.h"
 
 namespace moondb {
@@ -53,8 +54,9 @@ ExitCode SetPause(CommandContext& context, milliseconds duration) {
 
 void AddPauseCommands(CLI::App& sync, CommandContext& context) {
   auto length = std::make_shared<std::string>("600");
-  CLI::App& pause = *sync.add_subcommand(
-      "pause", "Nothing bulky is shared with any agent, or with -a, until it lapses or sync resume");
+  CLI::App& pause =
+      AddCommand(sync, "pause", "Nothing bulky is shared with any agent, or with -a, until it lapses or sync resume",
+                 {"moonctl sync pause --for 10m"});
   pause.add_option("--for", *length, "Lapses by itself then: 40 (seconds), 10m, 2h; at most 24 h")
       ->type_name("DURATION")
       ->capture_default_str();
@@ -64,7 +66,7 @@ void AddPauseCommands(CLI::App& sync, CommandContext& context) {
       return duration ? SetPause(context, *duration) : context.Report(duration.error());
     };
   });
-  sync.add_subcommand("resume", "The pause is over")->callback([&context] {
+  AddCommand(sync, "resume", "The pause is over", {"moonctl sync resume -a rover2"}).callback([&context] {
     context.action = [&context] { return SetPause(context, milliseconds(0)); };
   });
 }

@@ -4,6 +4,7 @@
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/common/utc.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/follow.h"
 #include "apps/moonctl/record_json.h"
@@ -175,7 +176,8 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
   group.require_subcommand(1);
   auto arguments = std::make_shared<RecordArguments>();
 
-  CLI::App& insert = *group.add_subcommand("insert", "Insert one record, as the agent's own");
+  CLI::App& insert = AddCommand(group, "insert", "Insert one record, as the agent's own",
+                                {"moonctl -a rover2 record insert temperature '{\"celsius\": -40.5}'"});
   insert.add_option("type", arguments->type, "Such as temperature, or a custom type of the team file")
       ->type_name("DATATYPE")
       ->required();
@@ -188,12 +190,14 @@ void AddRecordCommands(CLI::App& app, CommandContext& context) {
   insert.callback(
       [&context, arguments] { context.action = [&context, arguments] { return InsertRecord(context, *arguments); }; });
 
-  CLI::App& get = *group.add_subcommand("get", "Show one record as JSON");
+  CLI::App& get = AddCommand(group, "get", "Show one record as JSON",
+                             {"moonctl -a rover1 record get 2.5f3c9a1e0b7d4c21.30.17", kShows});
   get.add_option("key", arguments->key, "Such as 2.5f3c9a1e0b7d4c21.30.17")->required();
   get.callback(
       [&context, arguments] { context.action = [&context, arguments] { return GetRecord(context, *arguments); }; });
 
-  CLI::App& list = *group.add_subcommand("list", "The newest records");
+  CLI::App& list =
+      AddCommand(group, "list", "The newest records", {"moonctl -a rover1 record list temperature --limit 5", kShows});
   list.add_option("type", arguments->type, "Of this data type only")->type_name("DATATYPE");
   CLI::Option* follow =
       list.add_flag("-f,--follow", arguments->follows,

@@ -5,6 +5,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
 #include "apps/moonctl/role_change.h"
@@ -167,11 +168,12 @@ ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const Rol
 void AddRoleCommands(CLI::App& app, CommandContext& context) {
   CLI::App& role = *app.add_subcommand("role", "Who leads, who is the designated survivor");
   role.require_subcommand(1);
-  role.add_subcommand("show", "The roles as each agent knows them")->callback([&context] {
+  AddCommand(role, "show", "The roles as each agent knows them", {"moonctl role show", kShows}).callback([&context] {
     context.action = [&context] { return ShowRoles(context); };
   });
-  role.add_subcommand("history", "The assignments that the leader (or -a) has acted on, oldest first")
-      ->callback([&context] { context.action = [&context] { return ShowHistory(context); }; });
+  AddCommand(role, "history", "The assignments that the leader (or -a) has acted on, oldest first",
+             {"moonctl role history -a rover2", kShows})
+      .callback([&context] { context.action = [&context] { return ShowHistory(context); }; });
 
   auto arguments = std::make_shared<RoleArguments>();
   const auto add_common = [&arguments](CLI::App& command) {
@@ -179,7 +181,8 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
     command.add_option("--reason", arguments->reason, "Kept with the assignment");
     command.add_flag("--no-wait", arguments->is_at_once, "Not until the new leader and survivor have confirmed");
   };
-  CLI::App& set = *role.add_subcommand("set", "Give roles: AGENT leader|survivor [AGENT leader|survivor]");
+  CLI::App& set = AddCommand(role, "set", "Give roles: AGENT leader|survivor [AGENT leader|survivor]",
+                             {"moonctl role set rover2 leader rover3 survivor --reason \"rover1 is lost\""});
   set.add_option("pairs", arguments->words, "AGENT ROLE ...")
       ->type_name("{AGENT,leader,survivor}")
       ->required()
@@ -193,7 +196,8 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
       return ChangeRoles(context, parse, *arguments);
     };
   });
-  CLI::App& swap = *role.add_subcommand("swap", "Exchange leader and survivor");
+  CLI::App& swap =
+      AddCommand(role, "swap", "Exchange leader and survivor", {"moonctl role swap rover1 rover2 --dry-run"});
   swap.add_option("agents", arguments->words, "The two, to be sure")->type_name("AGENT")->expected(0, 2);
   add_common(swap);
   swap.callback([&context, arguments] {

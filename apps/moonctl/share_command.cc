@@ -8,6 +8,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/pause_command.h"
 #include "apps/moonctl/share_status.h"
@@ -348,17 +349,20 @@ CLI::App& AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind ki
   CLI::App& group = *app.add_subcommand(name, description);
   group.require_subcommand(1);
   auto arguments = std::make_shared<ShareArguments>();
-  CLI::App& now = *group.add_subcommand("now", "Start it, at the leader or at -a");
+  const bool is_sync = kind == proto::SHARING_KIND_SYNC;
+  CLI::App& now =
+      AddCommand(group, "now", "Start it, at the leader or at -a",
+                 {is_sync ? "moonctl sync now --from rover2 --wait" : "moonctl replicate now --wait --timeout 10m"});
   now.add_flag("--wait", arguments->is_waiting, "Until everything is acknowledged");
   now.add_option("--max-bytes", arguments->bytes_max, "Each session ends when it has sent so many coded bytes")
       ->type_name("BYTES")
       ->check(CLI::PositiveNumber);
-  if (kind == proto::SHARING_KIND_SYNC)
-    now.add_option("--from", arguments->from, "Only from these agents")->type_name("AGENT");
+  if (is_sync) now.add_option("--from", arguments->from, "Only from these agents")->type_name("AGENT");
   now.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };
   });
-  CLI::App& status = *group.add_subcommand("status", "Per pair: sent, acknowledged, left, rate, ETA");
+  CLI::App& status = AddCommand(group, "status", "Per pair: sent, acknowledged, left, rate, ETA",
+                                {is_sync ? "moonctl sync status --watch" : "moonctl replicate status", kShows});
   status.callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShowShareStatus(context, kind); };
   });

@@ -4,6 +4,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
 #include "model/leases.h"
@@ -115,9 +116,8 @@ ExitCode ShowStatus(CommandContext& context) {
 }  // namespace
 
 void AddStatusCommand(CLI::App& app, CommandContext& context) {
-  app.add_subcommand("status", "One row per configured agent, reachable or not")->callback([&context] {
-    context.action = [&context] { return ShowStatus(context); };
-  });
+  AddCommand(app, "status", "One row per configured agent, reachable or not", {"moonctl status --watch=5", kShows})
+      .callback([&context] { context.action = [&context] { return ShowStatus(context); }; });
 }
 
 }  // namespace moondb

@@ -3,6 +3,7 @@
 
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "runtime/trace_book.h"
 
@@ -63,7 +64,8 @@ ExitCode ShowTrace(CommandContext& context, const TraceArguments& arguments) {
 
 void AddTraceCommand(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<TraceArguments>();
-  CLI::App& trace = *app.add_subcommand("trace", "What the actors of the leader (or -a) did last and failed at");
+  CLI::App& trace = AddCommand(app, "trace", "What the actors of the leader (or -a) did last and failed at",
+                               {"moonctl trace -a rover1 --actor sync --events 20", kShows});
   trace.add_option("--events", arguments->events_max, "At most so many, the newest; 0: all that are kept (50)");
   trace.add_option("--actor", arguments->actor, "Only what this one did, or what was done to it");
   trace.callback(

@@ -13,6 +13,7 @@
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/agent_process.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "model/term.h"
 #include "model/text.h"
@@ -259,7 +260,7 @@ ExitCode Down(CommandContext& context, const UpArguments& arguments) {
 
 void AddUpCommands(CLI::App& app, CommandContext& context) {
   auto arguments = std::make_shared<UpArguments>();
-  CLI::App& up = *app.add_subcommand("up", "Start the whole team (or -a) on this machine");
+  CLI::App& up = AddCommand(app, "up", "Start the whole team (or -a) on this machine", {"moonctl up"});
   up.add_option("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
       ->type_name("FOLDER");
   up.add_option("--merge-backend", arguments->merge_backend, "auto, cpu or gl")->type_name("{auto,cpu,gl}");
@@ -268,7 +269,7 @@ void AddUpCommands(CLI::App& app, CommandContext& context) {
       ->type_name("{text,json}")
       ->check(CLI::IsMember({"text", "json"}));
   up.callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
-  CLI::App& down = *app.add_subcommand("down", "Stop the whole team (or -a) on this machine");
+  CLI::App& down = AddCommand(app, "down", "Stop the whole team (or -a) on this machine", {"moonctl down"});
   down.add_option("--data-dir", arguments->data_folder, "As given to up")->type_name("FOLDER");
   down.callback(
       [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });

@@ -10,7 +10,7 @@
 #include "apps/common/table.h"
 #include "apps/common/terminal.h"
 #include "apps/common/utc.h"
-#include "apps/moonctl/command_notes.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
 #include "model/text.h"
 

@@ -6,7 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "apps/moonctl/command_notes.h"
+#include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
 #include "apps/moonctl/manual_page.h"
 
@@ -37,20 +37,23 @@ TEST_F(CommandLineTest, DescribesEveryCommandAndAllThatItTakes) {
 }
 
 TEST_F(CommandLineTest, EndsEveryHelpWithAnExample) {
-  VisitCommands(app_, [](const CLI::App& command) {
+  VisitCommands(app_, [this](const CLI::App& command) {
     SCOPED_TRACE(PathOf(command));
     const CommandNote* note = NoteOf(command);
-    ASSERT_NE(note, nullptr);
-    EXPECT_THAT(command.help(), EndsWith("Example: " + std::string(note->example) + "\n"));
-    EXPECT_TRUE(note->path == PathOf(command) || !SubcommandsOf(command).empty()) << "it has one of its own";
+    ASSERT_NE(note, nullptr) << "AddCommand gives it one";
+    const std::string example = &command == &app_ ? "moonctl -t team.yaml status" : note->example;
+    EXPECT_THAT(command.help(), EndsWith("Example: " + example + "\n"));
   });
 }
 
 TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
-  std::vector<std::pair<std::string, std::string>> examples;
+  std::vector<std::pair<std::string, std::string>> examples;  // With the command's path.
   VisitCommands(app_, [&examples](const CLI::App& command) {
-    if (const CommandNote* note = NoteOf(command)) examples.emplace_back(note->path, note->example);
+    if (SubcommandsOf(command).empty() || command.get_require_subcommand_min() == 0) {
+      examples.emplace_back(PathOf(command), NoteOf(command)->example);
+    }
   });
+  EXPECT_GT(examples.size(), 40u);
   for (const auto& [path, example] : examples) {
     SCOPED_TRACE(example);
     CommandContext context{"."};
@@ -61,7 +64,7 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
     EXPECT_TRUE(context.action != nullptr);
     const CLI::App* chosen = &app;
     while (!chosen->get_subcommands().empty()) chosen = chosen->get_subcommands().front();
-    EXPECT_TRUE(path.empty() || PathOf(*chosen) == path);
+    EXPECT_EQ(PathOf(*chosen), path);
   }
 }
 
