@@ -33,6 +33,9 @@ class StorageActorTest : public testing::Test {
 
   void Start() {
     team_.Spawn(2, "storage", [this] { return std::make_unique<StorageActor>(options_); });
+    team_.RunUntilIdle();
+    started_ = team_.Take({2, "merge"});
+    (void)team_.Take({2, "pgo"});
   }
 
   proto::Message Ask(proto::Message question) {
@@ -69,8 +72,16 @@ class StorageActorTest : public testing::Test {
   TemporaryFolder folder_;
   StorageActor::Options options_;
   std::uint64_t request_id_ = 0;
+  std::vector<proto::Message> started_;  // What was published as it started.
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
+
+TEST_F(StorageActorTest, PublishesAtItsStartThatAnEarlierLifeMayHavePruned) {
+  Start();
+  ASSERT_EQ(started_.size(), 1u);
+  EXPECT_TRUE(started_[0].records_stored().is_pruned());
+  EXPECT_EQ(started_[0].records_stored().last_row_id(), 0u);
+}
 
 TEST_F(StorageActorTest, AnswersInsertsAndTellsTheOthersOfNewRows) {
   Start();
