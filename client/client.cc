@@ -3,6 +3,7 @@
 #include <pwd.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <iterator>
 #include <optional>
 #include <utility>
@@ -56,8 +57,12 @@ Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, D
   message.mutable_control_request()->set_for_agent(options_.for_agent);
   message.mutable_control_request()->set_by(options_.by);
   message.mutable_control_request()->set_team_id(TeamIdBytes(options_.team_id));
-  if (message.ByteSizeLong() > options_.message_bytes_max) {
-    return Fail(ErrorCode::kInvalid, "the request is larger than a message may be");
+  const std::size_t bytes_max = connection_->is_keyed() ? std::min(options_.message_bytes_max, kKeyedRequestBytesMax)
+                                                        : options_.message_bytes_max;
+  if (message.ByteSizeLong() > bytes_max) {
+    return Fail(ErrorCode::kInvalid, "the request is larger than the " + std::to_string(bytes_max) +
+                                         " bytes that a message may have" +
+                                         (connection_->is_keyed() ? " over the network" : ""));
   }
   if (auto opened = connection_->Open(options_.connect_timeout); !opened) return tl::unexpected(opened.error());
   if (auto sent = connection_->Send(message.SerializeAsString()); !sent) return tl::unexpected(sent.error());

@@ -24,6 +24,7 @@ class Client::Connection {
 
   // kUnavailable if the peer went away.
   Result<void> Send(const std::string& frame);
+  bool is_keyed() const { return !secret_key_.empty(); }
   // The next frame; kTimedOut after `deadline`, kUnavailable if the peer went away.
   Result<std::string> Receive(std::chrono::steady_clock::time_point deadline);
 

@@ -3,7 +3,6 @@
 #include <png.h>
 
 #include <string>
-#include <system_error>
 
 #include "model/check.h"
 #include "model/text.h"
@@ -78,8 +77,7 @@ Image::Image(int w, int h, int c, std::uint8_t fill)
 }
 
 Result<Image> ReadPng(const std::filesystem::path& file) {
-  std::error_code failure;
-  if (!std::filesystem::exists(file, failure)) return Fail(ErrorCode::kNotFound, "no such file", file.string());
+  if (const Result<void> is_file = CheckRegularFile(file); !is_file) return tl::unexpected(is_file.error());
   PngImage png;
   if (!png_image_begin_read_from_file(png.get(), file.c_str())) {
     return Fail(ErrorCode::kCorrupt, std::string("is no readable PNG: ") + png->message, file.string());

@@ -48,11 +48,16 @@ std::optional<std::int64_t> FractionNs(std::string_view digits) {
 
 }  // namespace
 
-Result<std::string> ReadTextFile(const std::filesystem::path& file, std::size_t bytes_max) {
+Result<void> CheckRegularFile(const std::filesystem::path& file) {
   std::error_code failure;
   const std::filesystem::file_status status = std::filesystem::status(file, failure);
   if (!std::filesystem::exists(status)) return Fail(ErrorCode::kNotFound, "no such file", file.string());
   if (!std::filesystem::is_regular_file(status)) return Fail(ErrorCode::kInvalid, "is no regular file", file.string());
+  return {};
+}
+
+Result<std::string> ReadTextFile(const std::filesystem::path& file, std::size_t bytes_max) {
+  if (const Result<void> is_file = CheckRegularFile(file); !is_file) return tl::unexpected(is_file.error());
   std::ifstream stream(file, std::ios::binary);
   if (!stream) return Fail(ErrorCode::kInternal, "cannot be opened", file.string());
   std::string text;

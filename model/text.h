@@ -1,6 +1,6 @@
 // Small pieces that every reader and writer of text files needs: whole files, lines, numbers that survive a round trip.
 //
-// Locale plays no part. All functions are pure but for the two that touch a file.
+// Locale plays no part. All functions are pure but for the three that touch a file.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +15,10 @@
 namespace moondb {
 
 inline constexpr std::size_t kTextFileBytesMax = 256 * 1024 * 1024;
+
+// kNotFound if it is absent, kInvalid if it is no regular file: a pipe would keep its reader waiting, a device would
+// not end. The error's field is the path.
+Result<void> CheckRegularFile(const std::filesystem::path& file);
 
 // The whole file. kNotFound if it is absent, kInvalid if it is larger than `bytes_max` or no regular file, kInternal
 // if reading fails; the error's field is the path.

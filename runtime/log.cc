@@ -6,6 +6,8 @@
 #include <spdlog/sinks/rotating_file_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <memory>
@@ -38,6 +40,13 @@ std::string_view TakeActor(std::string_view* text) {
   return name;
 }
 
+bool IsStderr(const std::string& file) {
+  struct stat stderr_status {};
+  struct stat file_status {};
+  return ::fstat(STDERR_FILENO, &stderr_status) == 0 && ::stat(file.c_str(), &file_status) == 0 &&
+         stderr_status.st_dev == file_status.st_dev && stderr_status.st_ino == file_status.st_ino;
+}
+
 class JsonFormatter final : public spdlog::formatter {
  public:
   void format(const spdlog::details::log_msg& event, spdlog::memory_buf_t& line) override {
@@ -68,10 +77,11 @@ Result<void> InitLog(const std::string& level, const std::string& agent_name, co
                 "level");
   }
   try {
-    std::vector<spdlog::sink_ptr> sinks = {std::make_shared<spdlog::sinks::stderr_sink_mt>()};
+    std::vector<spdlog::sink_ptr> sinks;
     if (!file.empty()) {
       sinks.push_back(std::make_shared<spdlog::sinks::rotating_file_sink_mt>(file, kFileBytesMax, kOldFilesMax));
     }
+    if (file.empty() || !IsStderr(file)) sinks.push_back(std::make_shared<spdlog::sinks::stderr_sink_mt>());
     auto logger = std::make_shared<spdlog::logger>(agent_name, sinks.begin(), sinks.end());
     if (format == LogFormat::kJson) {
       logger->set_formatter(std::make_unique<JsonFormatter>());

@@ -16,7 +16,8 @@ namespace moondb {
 enum class LogFormat { kText, kJson };
 
 // Call once, before other threads log. `level`: trace, debug, info, warning, error, critical or off.
-// `file`: empty for none; it is rotated at 10 MB and three old ones are kept.
+// `file`: empty for none; it is rotated at 10 MB and three old ones are kept. Where stderr goes to that very file, as
+// `moonctl up` has it, so that it also holds what a crash says, each line is written once.
 // kInvalid for another level; kUnavailable if the file cannot be opened. Then nothing has changed.
 Result<void> InitLog(const std::string& level, const std::string& agent_name, const std::string& file = {},
                      LogFormat format = LogFormat::kText);

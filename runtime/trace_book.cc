@@ -161,7 +161,7 @@ std::uint64_t TraceBook::Microseconds(Ticks ticks) const {
 }
 
 void TraceBook::WriteFile(const char* path, const char* headline) const {
-  const int file = ::open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  const int file = ::open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (file < 0) return;
   (Line() << headline).Write(file);
   const Ticks now = TickClock::Now();

@@ -329,7 +329,8 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
   if (options_.merge_backend) status.set_merge_backend(options_.merge_backend());
   status.set_version(options_.version);
   status.set_pid(options_.pid);
-  status.set_refused_clients(refused_requests_ + (options_.refused_handshakes ? options_.refused_handshakes() : 0));
+  if (options_.door) *status.mutable_door() = options_.door();
+  status.set_refused_clients(refused_requests_ + status.door().unknown_client_keys());
 
   const SystemStatus system = context.GetSystemStatus();
   status.set_uptime_s(std::chrono::duration<double>(system.uptime).count());

@@ -54,7 +54,7 @@ class GatewayActor final : public Actor {
     std::string version;                         // Shown in status.
     std::uint32_t pid = 0;                       // Shown in status.
     std::function<std::string()> merge_backend;  // Shown in status: "cpu" or "gl"; asked each time, on any thread.
-    std::function<double()> refused_handshakes;  // Shown in status: of clients with unknown keys.
+    std::function<proto::DoorStatus()> door;     // Shown in status: what the transport refused.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     std::size_t pending_of_client_max = 64;    // So many of one key, connection or other agent.

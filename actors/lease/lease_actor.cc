@@ -122,7 +122,8 @@ void LeaseActor::OnControlRequest(Context& context, const proto::Message& messag
 
 void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::LeaseAnnounce& announce) {
   if (auto checked = CheckAnnouncement(announce); !checked) {
-    spdlog::warn("{}: refused what agent {} announced: {}", ToString(context.self()), from, ToString(checked.error()));
+    refused_log_.Warn(ToString(context.self()) + ": refused what agent " + std::to_string(from) +
+                      " announced: " + ToString(checked.error()));
     return;
   }
   Peer& peer = peers_[from];

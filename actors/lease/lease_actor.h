@@ -17,6 +17,7 @@
 #include "model/leases.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/rate_limited_log.h"
 
 namespace moondb {
 
@@ -61,6 +62,7 @@ class LeaseActor final : public Actor {
   Duration announce_delay_{};
   TimerId announce_timer_ = 0;
   TimerId lapse_timer_ = 0;
+  RateLimitedLog refused_log_;
 };
 
 }  // namespace moondb

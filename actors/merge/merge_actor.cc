@@ -205,7 +205,7 @@ Result<void> MergeActor::TakeOrLeaveOut(const proto::StoredRecord& stored) {
     if (taken.error().code == ErrorCode::kFull) return taken;
     if (stored.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
     // Stored, so it passed the door; merging alone has no use for it (cells too fine for the grid).
-    spdlog::warn("merge: leaves out record {}: {}", ToString(FromProto(stored.key())), ToString(taken.error()));
+    refused_log_.Warn("merge: leaves out record " + ToString(FromProto(stored.key())) + ": " + ToString(taken.error()));
   }
   is_current_ = false;
   return {};
@@ -370,7 +370,7 @@ Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Select
 void MergeActor::Answer(Context& context, const Waiting& waiting, proto::Message reply) {
   reply.set_request_id(waiting.request_id);
   if (context.Send(waiting.sender, std::move(reply)) == SendResult::kAccepted) return;
-  spdlog::warn("{}: {} is gone, its answer is dropped", ToString(context.self()), ToString(waiting.sender));
+  dropped_log_.Warn(ToString(context.self()) + ": " + ToString(waiting.sender) + " is gone, its answer is dropped");
 }
 
 }  // namespace moondb

@@ -107,6 +107,7 @@ class MergeActor final : public Actor {
   std::size_t unplaced_map_count_ = 0;      // Maps and footprints that merger_ did not take the last time.
   std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.
   RateLimitedLog refused_log_;
+  RateLimitedLog dropped_log_;
   std::deque<Waiting> waiting_;
   std::deque<Waiting> subscribed_;
   bool is_look_due_ = false;       // A timer for it runs.

@@ -33,6 +33,12 @@ std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   return types;
 }
 
+// That the team's agents send.
+proto::Codec CodecOf(const SharingActor::Options& options) {
+  const proto::Codec codec = options.team.radio().codec();
+  return codec == proto::CODEC_UNSPECIFIED ? options.session.codec : codec;
+}
+
 PeerOrders::Options OrderOptionsOf(const SharingActor::Options& options, proto::SharingKind kind) {
   return {options.self, kind, options.session.resend_after, options.session.resend_after_max};
 }
@@ -60,7 +66,8 @@ void SharingActor::OnStart(Context& context) {
   receiver.kind = kind_;
   receiver.bytes_per_second_max = BudgetOf(options_.team);
   receiver.schemas = SchemasOf(options_.team.custom_types());
-  receiver.paper_sql = options_.session.paper_sql;
+  // Statements of peers are run by SQLite: only where the team sends some.
+  if (CodecOf(options_) == proto::CODEC_PAPER_SQL) receiver.paper_sql = options_.session.paper_sql;
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
   receiver_.emplace(std::move(receiver), random);
@@ -316,7 +323,7 @@ SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, Agent
   SharingSession::Options session_options = options_.session;
   session_options.state_types = StateTypesOf(options_.team);
   session_options.schemas = SchemasOf(options_.team.custom_types());
-  if (options_.team.radio().codec() != proto::CODEC_UNSPECIFIED) session_options.codec = options_.team.radio().codec();
+  session_options.codec = CodecOf(options_);
   SharingSession session(std::move(session_options), kind_, destination, context.rng()());
   (void)session.SetWindow(WindowTo(context, destination), context.now());  // Nothing is to be done yet.
   return outgoing_.emplace(destination, Outgoing{std::move(session), false, {}}).first->second;
@@ -366,8 +373,8 @@ void SharingActor::OnShareReply(Context& context, const proto::Message& message)
   if (!orders_.TakeAnswer(peer, message.request_id())) return;
   ArmOrdersTimer(context);
   if (!IsError(reply.error())) return;
-  spdlog::warn("{}: {} does not share: {}", ToString(context.self()), NameOf(peer),
-               OneLine(ToString(FromProto(reply.error()))));
+  refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) +
+                    " does not share: " + OneLine(ToString(FromProto(reply.error()))));
   OnOrderRefused(context, peer);
 }
 

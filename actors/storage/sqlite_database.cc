@@ -188,6 +188,9 @@ Result<void> Database::OpenConnection(const std::string& vfs) {
   const int code = sqlite3_open_v2(name.c_str(), &connection_, flags, files_->name());
   if (code != SQLITE_OK) return FailWith(code);
   sqlite3_extended_result_codes(connection_, 1);
+  // A file that somebody else has written to says by its triggers and its schema what is done to its rows.
+  sqlite3_db_config(connection_, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  sqlite3_db_config(connection_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
   sqlite3_busy_timeout(connection_, kBusyTimeout_ms);
   // Then WAL needs no shared memory: other file systems need not have it, and a full disk has no room for it.
   if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");

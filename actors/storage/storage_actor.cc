@@ -574,7 +574,7 @@ bool StorageActor::IsClockSuspect(Context& context) {
 void StorageActor::Answer(Context& context, proto::Message reply) {
   const SendResult sent = context.Reply(std::move(reply));
   if (sent != SendResult::kAccepted) {
-    spdlog::warn("storage: reply to {}: {}", ToString(context.sender()), ToString(sent));
+    reply_log_.Warn("storage: reply to " + ToString(context.sender()) + ": " + ToString(sent));
   }
 }
 

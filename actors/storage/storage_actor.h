@@ -112,6 +112,7 @@ class StorageActor final : public Actor {
   RateLimitedLog rejected_log_;
   RateLimitedLog failed_log_;
   RateLimitedLog trouble_log_;
+  RateLimitedLog reply_log_;
 };
 
 }  // namespace moondb

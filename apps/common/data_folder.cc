@@ -16,6 +16,7 @@
 #include "model/team_id.h"
 #include "model/text.h"
 #include "runtime/team/team_check.h"
+#include "runtime/team/trusted_file.h"
 
 namespace moondb {
 namespace {
@@ -158,7 +159,7 @@ Result<void> WriteEndpoint(const std::filesystem::path& folder, const std::strin
 }
 
 pid_t OwnerOf(const std::filesystem::path& folder) {
-  const int descriptor = ::open((folder / kPidFile).c_str(), O_RDONLY | O_CLOEXEC);
+  const int descriptor = ::open((folder / kPidFile).c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (descriptor < 0) return HolderOf(folder);
   struct flock lock = LockOf(F_RDLCK);
   const bool is_free = ::fcntl(descriptor, F_OFD_GETLK, &lock) == 0 && lock.l_type == F_UNLCK;
@@ -172,6 +173,7 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
   const bool is_new = std::filesystem::create_directories(folder, error);
   if (error) return Fail(ErrorCode::kInternal, "cannot make the folder: " + error.message(), folder.string());
   if (is_new) ::chmod(folder.c_str(), 0700);
+  if (const Result<void> trusted = CheckTrusted(folder); !trusted) return tl::unexpected(trusted.error());
   const auto refuse = [&folder] {
     return Fail(ErrorCode::kRefused,
                 "the data folder is in use by another agent process (pid " + std::to_string(OwnerOf(folder)) + ")",
@@ -184,7 +186,7 @@ Result<DataFolderLock> DataFolderLock::Take(const std::filesystem::path& folder)
   if (!is_folder_locked && errno == EWOULDBLOCK) return refuse();
 
   const std::string file = folder / kPidFile;
-  const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  const int descriptor = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
   // Some network file systems lock no folder; on any other one that lock is enough.
   if (descriptor < 0 && is_folder_locked && (errno == EROFS || errno == ENOSPC || errno == EIO)) return lock;
   if (descriptor < 0) return Fail(ErrorCode::kInternal, ErrnoText(), file);

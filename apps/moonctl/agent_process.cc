@@ -48,7 +48,7 @@ class SpawnSettings {
 
 Result<pid_t> StartProcess(const std::vector<std::string>& command, const std::filesystem::path& log) {
   // Opened here and not by the child: a log that cannot be opened is told apart from a program that cannot be started.
-  const int log_file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+  const int log_file = ::open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0600);
   if (log_file < 0)
     return Fail(ErrorCode::kInternal, std::string("cannot open: ") + std::strerror(errno), log.string());
   const SpawnSettings settings(log_file);

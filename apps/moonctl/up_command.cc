@@ -143,6 +143,10 @@ Result<void> Start(const CommandContext& context, const UpArguments& arguments, 
   if (!arguments.merge_backend.empty()) command.insert(command.end(), {"--merge-backend", arguments.merge_backend});
   if (!arguments.log_format.empty()) command.insert(command.end(), {"--log-format", arguments.log_format});
   agent.log = LogFor(agent);
+  // By which the agent keeps it small; a device would be renamed by that.
+  if (agent.log != "/dev/null") {
+    command.insert(command.end(), {"--log-file", std::filesystem::absolute(agent.log).string()});
+  }
   auto started = StartProcess(command, agent.log);
   if (!started) return tl::unexpected(started.error());
   agent.pid = *started;

@@ -152,9 +152,7 @@ class Agent::Impl {
     options.gateway.version = options_.version;
     options.gateway.pid = static_cast<std::uint32_t>(::getpid());
     options.gateway.merge_backend = [this] { return ToString(merge_backend_); };
-    options.gateway.refused_handshakes = [this] {
-      return transport_->refused_clients();
-    };  // It stands while actors run.
+    options.gateway.door = [this] { return transport_->Door(); };  // It stands while actors run.
     for (const OwnActor& actor : options_.own_actors) options.gateway.own_actors.insert(actor.name);
     return options;
   }

@@ -3,10 +3,13 @@
 #include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
+#include <sys/resource.h>
 #include <sys/signalfd.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -23,6 +26,11 @@ enum ExitCode : int { kStopped = 0, kFailed = 1, kUsage = 2, kBeyondHelp = 70 };
 
 // A stop that takes longer is ended by SIGALRM: nothing acknowledged is lost by that.
 constexpr unsigned kStopSecondsMax = 5;
+
+// libzmq ends the process where it may open no more files. 16 times the connections that a door lets in to an agent of
+// the largest team (runtime/transport/door_guard.h) are far below, those at their handshake included.
+constexpr rlim_t kOpenFilesLeast = 8'192;
+constexpr rlim_t kOpenFilesWanted = 65'536;
 
 struct Arguments {
   std::string team;
@@ -122,6 +130,19 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
   return options;
 }
 
+void RaiseOpenFiles() {
+  rlimit files{};
+  if (::getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+  const rlim_t wanted = std::min(files.rlim_max, kOpenFilesWanted);
+  if (files.rlim_cur < wanted) {
+    files.rlim_cur = wanted;
+    (void)::setrlimit(RLIMIT_NOFILE, &files);
+  }
+  if (files.rlim_cur >= kOpenFilesLeast) return;
+  spdlog::warn("may open {} files, {} would be safe: strangers on the network can end this agent (ulimit -Hn)",
+               files.rlim_cur, kOpenFilesLeast);
+}
+
 // Reads the command line; the exit code if the program is done with that.
 std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& program, Arguments& arguments) {
   CLI::App app("Runs one agent of a moondb team.", program.name);
@@ -141,6 +162,7 @@ std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& pr
 
 int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   std::signal(SIGPIPE, SIG_IGN);  // Whoever reads the log may leave; the agent stays.
+  ::umask(S_IRWXG | S_IRWXO);     // What the robot learnt is its user's alone.
   Arguments arguments;
   if (auto exit_code = ReadCommandLine(argc, argv, program, arguments)) return *exit_code;
   const auto team = ReadTeamFile(arguments.team);
@@ -153,6 +175,7 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
     return Complain(program, kFailed, ToString(log.error()));
   }
 
+  RaiseOpenFiles();
   StopWaiter waiter;
   AgentOptions options = MakeOptions(arguments, program, waiter);
   auto folder = DataFolderOf(arguments, *team, **named);

@@ -11,6 +11,7 @@
 #include "model/text.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/team_check.h"
+#include "runtime/team/trusted_file.h"
 #include "runtime/team/yaml_reader.h"
 
 namespace moondb {
@@ -85,6 +86,7 @@ Result<proto::ClientList> ParseClientList(const std::string& yaml, const std::st
 }
 
 Result<proto::ClientList> ReadClientList(const std::filesystem::path& path) {
+  if (const Result<void> trusted = CheckTrusted(path); !trusted) return tl::unexpected(trusted.error());
   const Result<std::string> text = ReadTextFile(path, kFileBytesMax);
   if (!text) return tl::unexpected(text.error());
   return ParseClientList(*text, path.string());

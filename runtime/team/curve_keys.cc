@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "model/curve_key.h"
+#include "runtime/team/trusted_file.h"
 
 namespace moondb {
 namespace {
@@ -51,7 +52,10 @@ Result<CurveKeys> MakeCurveKeys() {
   return CurveKeys{public_key.data(), secret_key.data()};
 }
 
-Result<std::string> ReadPublicKey(const std::filesystem::path& path) { return ReadKey(path); }
+Result<std::string> ReadPublicKey(const std::filesystem::path& path) {
+  if (const Result<void> trusted = CheckTrusted(path); !trusted) return tl::unexpected(trusted.error());
+  return ReadKey(path);
+}
 
 Result<std::string> ReadSecretKey(const std::filesystem::path& path) {
   if (const Result<void> is_file = CheckIsFile(path); !is_file) return tl::unexpected(is_file.error());

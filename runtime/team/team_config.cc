@@ -10,6 +10,7 @@
 #include "model/custom_types.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/team_check.h"
+#include "runtime/team/trusted_file.h"
 #include "runtime/team/yaml_reader.h"
 
 namespace moondb {
@@ -73,6 +74,7 @@ Result<TeamFile> ReadTeamFile(const std::filesystem::path& path) {
   if (!std::filesystem::is_regular_file(path, error)) {
     return Fail(ErrorCode::kInvalid, path.string() + ": not a regular file");
   }
+  if (const Result<void> trusted = CheckTrusted(path); !trusted) return tl::unexpected(trusted.error());
   std::ifstream file(path, std::ios::binary);
   std::string yaml(kFileBytesMax + 1, '\0');
   file.read(yaml.data(), static_cast<std::streamsize>(yaml.size()));

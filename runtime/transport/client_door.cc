@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <filesystem>
 #include <optional>
@@ -9,6 +10,7 @@
 
 #include "model/check.h"
 #include "model/control_message.h"
+#include "model/control_request.h"
 #include "runtime/team/private_folder.h"
 #include "runtime/transport/listen_address.h"
 #include "runtime/transport/outbound.h"
@@ -23,9 +25,9 @@ constexpr int kKeyedQueueMessages = 2;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
-constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
+constexpr std::size_t kClientsMax = 256;      // So many are remembered to be answered.
+constexpr std::size_t kClientsOfKeyMax = 16;  // Of one key.
 constexpr int kKeepAlive_s = 60;
-constexpr int kHandshake_ms = 5000;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr char kIpc[] = "ipc://";
 constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
@@ -42,7 +44,7 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
   router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
   // Neither one that says nothing nor one whose machine went away may be kept for ever.
-  router.Set(ZMQ_HANDSHAKE_IVL, kHandshake_ms);
+  router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
   router.Set(ZMQ_TCP_KEEPALIVE, 1);
   router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
   if (endpoint.find('[') != std::string::npos) router.Set(ZMQ_IPV6, 1);
@@ -74,7 +76,9 @@ Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, 
   router->Set(ZMQ_ROUTER_MANDATORY, 1);
   router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedQueueMessages);
   router->Set(ZMQ_SNDHWM, kQueueMessages);
-  router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
+  const std::size_t request_bytes_max =
+      is_ipc ? options.message_bytes_max : std::min(options.message_bytes_max, kKeyedRequestBytesMax);
+  router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(request_bytes_max));
   const auto bound =
       is_ipc ? ListenOnIpc(*router, options.endpoint) : ListenWithKeys(*router, options.endpoint, options.secret_key);
   if (!bound) return tl::unexpected(bound.error());
@@ -85,7 +89,7 @@ ClientDoor::ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options)
     : options_(std::move(options)),
       router_(std::move(router)),
       wake_up_(wake_up),
-      table_(kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
+      table_(kClientsMax, is_keyed() ? kClientsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
 
 SendResult ClientDoor::Send(const std::string& name, const proto::Message& message) {
   const std::optional<std::string> routing_id = table_.RoutingIdOf(name);
@@ -151,8 +155,9 @@ bool ClientDoor::Receive(const Transport::Deliver& deliver) {
 }
 
 void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
+  if (options_.on_message) options_.on_message(received.file);
   if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
-  const std::string name = table_.NameOf(std::string(received.route.text()));
+  const std::string name = table_.NameOf(std::string(received.route.text()), std::string(received.frame.user_id()));
   // Over ipc only this user comes.
   ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
   if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));

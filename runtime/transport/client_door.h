@@ -38,6 +38,7 @@ class ClientDoor {
     std::size_t message_bytes_max = 0;  // Of requests and replies.
     std::string secret_key;             // The agent's.
     IdentityOf identity_of;
+    std::function<void(int file)> on_message;  // With keys: a whole message came over the connection of this file.
   };
 
   // `wake_up` outlives the door; of two doors of one agent one is keyed. kUnavailable for an address in use, kInvalid

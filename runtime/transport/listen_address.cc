@@ -8,12 +8,20 @@
 
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <memory>
+#include <string_view>
+#include <system_error>
 
 #include "model/local_socket.h"
 
 namespace moondb {
+namespace {
+
+constexpr std::string_view kTcp = "tcp://";
+
+}  // namespace
 
 Result<void> ClaimIpcPath(const std::string& endpoint) {
   if (!endpoint.starts_with("ipc://")) return {};
@@ -54,6 +62,29 @@ Result<std::string> NumericEndpoint(const std::string& endpoint) {
   const auto* address = reinterpret_cast<const sockaddr_in*>(found->ai_addr);
   inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size());
   return "tcp://" + std::string(text.data()) + endpoint.substr(colon);
+}
+
+std::optional<std::uint16_t> TcpPortOf(const std::string& endpoint) {
+  if (!endpoint.starts_with(kTcp)) return std::nullopt;
+  const char* begin = endpoint.data() + endpoint.rfind(':') + 1;
+  const char* end = endpoint.data() + endpoint.size();
+  std::uint16_t port = 0;
+  const auto [rest, error] = std::from_chars(begin, end, port);
+  return error == std::errc() && rest == end ? std::optional(port) : std::nullopt;
+}
+
+std::string NumericAddressOf(const std::string& endpoint) {
+  if (!endpoint.starts_with(kTcp)) return "";
+  std::string host = endpoint.substr(kTcp.size(), endpoint.rfind(':') - kTcp.size());
+  if (host == "localhost") return "127.0.0.1";
+  if (host.starts_with("[") && host.ends_with("]")) host = host.substr(1, host.size() - 2);
+  std::array<unsigned char, sizeof(in6_addr)> bytes{};
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  for (const int family : {AF_INET, AF_INET6}) {
+    if (inet_pton(family, host.c_str(), bytes.data()) != 1) continue;
+    return inet_ntop(family, bytes.data(), text.data(), text.size());  // As the system writes it.
+  }
+  return "";
 }
 
 }  // namespace moondb

@@ -1,6 +1,8 @@
 // What must be right about an address before a socket can listen on it.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 
 #include "model/error.h"
@@ -15,5 +17,10 @@ Result<void> ClaimIpcPath(const std::string& endpoint);
 // libzmq listens on numbers only: "tcp://localhost:7400" becomes "tcp://127.0.0.1:7400". Asks the system's resolver.
 // kUnavailable if it does not know the name.
 Result<std::string> NumericEndpoint(const std::string& endpoint);
+
+// Of "tcp://10.0.0.3:7400": 7400 and "10.0.0.3", of "tcp://localhost:7400" too. None, and empty, where it is no TCP
+// address, or (NumericAddressOf) the host is another name: nobody is asked.
+std::optional<std::uint16_t> TcpPortOf(const std::string& endpoint);
+std::string NumericAddressOf(const std::string& endpoint);
 
 }  // namespace moondb

@@ -34,10 +34,10 @@ void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_CONNECT_TIMEOUT, kConnectTimeout_ms);
   dealer->Set(ZMQ_TCP_MAXRT, kUnacknowledgedMax_ms);
   dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
-  // The peer's ROUTER replaces a connection of ours that it has not yet seen die.
-  dealer->Set(ZMQ_ROUTING_ID, std::to_string(options.self));
   if (options.address.find('[') != std::string::npos) dealer->Set(ZMQ_IPV6, 1);
-  if (!options.own_keys) return;
+  // The word of the connection itself has to do for whose it is; the peer's ROUTER replaces a connection of ours that
+  // it has not yet seen die.
+  if (!options.own_keys) return dealer->Set(ZMQ_ROUTING_ID, std::to_string(options.self));
   dealer->Set(ZMQ_CURVE_SERVERKEY, options.peer_key);
   dealer->Set(ZMQ_CURVE_PUBLICKEY, options.own_keys->public_key);
   dealer->Set(ZMQ_CURVE_SECRETKEY, options.own_keys->secret_key);

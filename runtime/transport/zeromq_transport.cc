@@ -14,13 +14,16 @@
 #include <utility>
 
 #include "model/check.h"
+#include "model/control_request.h"
 #include "proto/status.pb.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/team_config.h"
 #include "runtime/team/team_keys.h"
 #include "runtime/transport/client_door.h"
+#include "runtime/transport/door_guard.h"
 #include "runtime/transport/inbound.h"
+#include "runtime/transport/link_routes.h"
 #include "runtime/transport/listen_address.h"
 #include "runtime/transport/peer_link.h"
 #include "runtime/transport/wake_up.h"
@@ -31,7 +34,11 @@ namespace moondb {
 namespace {
 
 constexpr int kPeerQueueMessages = 256;  // Received from one peer and not yet delivered; its credit bounds their bytes.
-constexpr std::size_t kBatchMessages = 256;  // Of one socket before the others have their turn.
+constexpr int kKeepAlive_s = 60;
+constexpr std::size_t kConnectionsPerAgent = 4;  // One that is, one that takes its place; two more at a reconnect.
+constexpr std::size_t kStrangersMax = 32;        // Connections to the agents' address from elsewhere.
+constexpr std::size_t kKeyedClientsMax = 64;     // Connections to client_address.
+constexpr std::size_t kBatchMessages = 256;      // Of one socket before the others have their turn.
 // After peers sent something the thread stays awake for so long, in case an answer follows: to put a processor to sleep
 // and to wake it takes tens of microseconds, and as much processor time (measured: a round trip takes 0.6 of the time).
 constexpr Duration kLingerTime = std::chrono::microseconds(60);
@@ -76,6 +83,7 @@ class ZeroMqTransport::Impl {
     if (const auto opened = OpenClients(); !opened) return opened;
     if (const auto opened = OpenKeyedClients(); !opened) return opened;
     if (const auto opened = OpenPeers(); !opened) return opened;
+    if (const auto opened = OpenGuard(); !opened) return opened;
     thread_ = std::thread([this] { Run(); });
     return {};
   }
@@ -99,7 +107,15 @@ class ZeroMqTransport::Impl {
     return statuses;
   }
 
-  double refused_clients() const { return static_cast<double>(refused_clients_.load()); }
+  proto::DoorStatus Door() const {
+    proto::DoorStatus status;
+    status.set_unknown_agent_keys(static_cast<double>(refused_agents_.load()));
+    status.set_unknown_client_keys(static_cast<double>(refused_clients_.load()));
+    if (!guard_) return status;
+    status.set_cut_for_number(static_cast<double>(guard_->cut_for_number()));
+    status.set_cut_for_bytes(static_cast<double>(guard_->cut_for_bytes()));
+    return status;
+  }
 
  private:
   Result<void> OpenZapHandler() {
@@ -117,14 +133,19 @@ class ZeroMqTransport::Impl {
   Result<void> OpenRouter() {
     Result<ZmqSocket> router = ZmqSocket::Make(context_, ZMQ_ROUTER);
     if (!router) return tl::unexpected(router.error());
-    router->Set(ZMQ_ROUTER_HANDOVER, 1);
     router->Set(ZMQ_RCVHWM, kPeerQueueMessages);
     router->Set(ZMQ_SNDHWM, 1);
+    router->Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
     router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.message_bytes_max));
     if (keys_) {
       router->Set(ZMQ_CURVE_SERVER, 1);
       router->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
       router->Set(ZMQ_ZAP_DOMAIN, ZapHandler::kAgentDomain);
+      // A connection whose machine went away sends nothing and is not replaced.
+      router->Set(ZMQ_TCP_KEEPALIVE, 1);
+      router->Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
+    } else {
+      router->Set(ZMQ_ROUTER_HANDOVER, 1);
     }
     const std::string& address = FindAgent(team_, options_.self)->address();
     if (address.find('[') != std::string::npos) router->Set(ZMQ_IPV6, 1);
@@ -155,6 +176,7 @@ class ZeroMqTransport::Impl {
     ClientDoor::Options options;
     options.self = options_.self;
     options.endpoint = address;
+    options.on_message = [this](int file) { OnWholeMessage(file); };
     options.secret_key = keys_->own.secret_key;
     options.identity_of = [this](const std::string& key) {
       const auto client = client_keys_->Find(key, std::chrono::steady_clock::now());
@@ -164,7 +186,7 @@ class ZeroMqTransport::Impl {
   }
 
   Result<void> OpenDoor(ClientDoor::Options options) {
-    options.message_bytes_max = options_.message_bytes_max;
+    options.message_bytes_max = options_.client_message_bytes_max;
     Result<std::unique_ptr<ClientDoor>> door = ClientDoor::Open(context_, wake_up_, std::move(options));
     if (!door) return tl::unexpected(door.error());
     doors_.push_back(std::move(*door));
@@ -194,6 +216,33 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
+  // Agents whose address is a name have their places among the others'.
+  Result<void> OpenGuard() {
+    std::map<std::uint16_t, ConnectionRules::Door> doors;
+    const proto::AgentConfig& self = *FindAgent(team_, options_.self);
+    if (const std::optional<std::uint16_t> port = TcpPortOf(self.address())) {
+      ConnectionRules::Door& door = doors[*port];
+      door.others_max = kStrangersMax;
+      door.shared_bytes = options_.message_bytes_max;
+      for (const proto::AgentConfig& agent : team_.agents()) {
+        const std::string address = NumericAddressOf(agent.address());
+        (address.empty() ? door.others_max : door.places[address]) += kConnectionsPerAgent;
+      }
+    }
+    if (const std::optional<std::uint16_t> port = TcpPortOf(self.client_address())) {
+      doors[*port] = {.places = {}, .others_max = kKeyedClientsMax, .shared_bytes = kKeyedRequestBytesMax};
+    }
+    if (doors.empty()) return {};
+    Result<std::unique_ptr<DoorGuard>> guard = DoorGuard::Make(std::move(doors));
+    if (!guard) return tl::unexpected(guard.error());
+    guard_ = std::move(*guard);
+    return {};
+  }
+
+  void OnWholeMessage(int file) {
+    if (guard_) guard_->OnMessage(file);
+  }
+
   void Run() {
     pthread_setname_np(pthread_self(), "transport");
     while (!is_stopping_) {
@@ -204,6 +253,7 @@ class ZeroMqTransport::Impl {
       for (const auto& door : doors_) door->KeepPlace(std::chrono::steady_clock::now());
       for (const auto& door : doors_) has_more_ = door->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
+      if (guard_) guard_->Work(now);
       for (const auto& [id, peer] : peers_) peer->Work(now, peer_changed_);
     }
   }
@@ -219,6 +269,7 @@ class ZeroMqTransport::Impl {
     for (const auto& door : doors_) deadline = std::min(deadline, door->deadline());
     const bool has_replies =
         std::any_of(doors_.begin(), doors_.end(), [](const auto& door) { return door->has_replies(); });
+    if (guard_) deadline = std::min(deadline, guard_->deadline());
     if (has_more_ || is_stopping_ || has_replies) deadline = MonotonicTime::min();
     wake_up_.SleepsUntil(deadline);
     CollectFiles();
@@ -229,6 +280,7 @@ class ZeroMqTransport::Impl {
     }
     wake_up_.IsAwake(/*by_file=*/files_[0].revents != 0);
     is_busy_ = files_[kRouterFile].revents != 0;
+    if (files_[kGuardFile].revents != 0) guard_->OnReadable(std::chrono::steady_clock::now());
     std::size_t next = kOtherFiles;
     for (const auto& [id, peer] : peers_) {
       if (files_[next++].revents != 0) peer->OnSocketReadable();
@@ -254,6 +306,7 @@ class ZeroMqTransport::Impl {
     const auto add = [this](int file) { files_.push_back({file, POLLIN, 0}); };
     add(wake_up_.file());
     add(router_->file());
+    add(guard_ ? guard_->file() : -1);
     add(zap_handler_ ? zap_handler_->file() : -1);
     for (std::size_t i = 0; i < kDoorsMax; ++i) add(i < doors_.size() ? doors_[i]->file() : -1);
     for (const auto& [id, peer] : peers_) {
@@ -262,13 +315,13 @@ class ZeroMqTransport::Impl {
     }
   }
   static constexpr std::size_t kRouterFile = 1;
+  static constexpr std::size_t kGuardFile = 2;
   static constexpr std::size_t kDoorsMax = 2;
-  static constexpr std::size_t kOtherFiles = 3 + kDoorsMax;  // Before those of peers.
+  static constexpr std::size_t kOtherFiles = 4 + kDoorsMax;  // Before those of peers.
 
   void OnHandshakes() {
-    const std::uint64_t refused_before = zap_handler_->refused_agents();
     zap_handler_->OnReadable();
-    if (zap_handler_->refused_agents() > refused_before) {
+    if (refused_agents_.exchange(zap_handler_->refused_agents()) < zap_handler_->refused_agents()) {
       logs_.refused_peer.Warn("transport: refused a connection whose key is not of this team");
     }
     if (refused_clients_.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
@@ -288,9 +341,9 @@ class ZeroMqTransport::Impl {
 
   // How many messages it held; 1 for one that was rejected.
   std::size_t OnPeerFrame(const ZmqRoutedFrame& received) {
+    OnWholeMessage(received.file);
     std::optional<AgentId> authenticated;
     if (keys_) authenticated = AgentOfUserId(received.frame.user_id());
-    const AgentId route = AgentOfUserId(received.route.text());
     Result<std::vector<OwnedMessage>> messages = received.parts == 2
                                                      ? ParsePeerFrame(received.frame.text(), authenticated)
                                                      : Fail(ErrorCode::kCorrupt, "sent a frame of several parts");
@@ -298,14 +351,12 @@ class ZeroMqTransport::Impl {
       messages = Fail(ErrorCode::kRefused, "claimed to be an agent that the team does not have");
     }
     if (!messages) {
-      // Without keys the connection's own word has to do for whom to blame.
-      OnRejected(received, authenticated.value_or(route), route, messages.error().text);
+      OnRejected(received, authenticated, messages.error().text);
       return 1;
     }
     const AgentId sender = messages->front()->hop_sender();
     PeerLink& peer = *peers_.at(sender);
-    // libzmq gives a connection that was replaced another routing id.
-    const bool is_on_link = route == sender;
+    const bool is_on_link = IsOnLink(sender, received);
     if (messages->front()->has_link_report()) {
       peer.OnReport(messages->front()->link_report(), is_on_link);
       return 1;
@@ -315,9 +366,17 @@ class ZeroMqTransport::Impl {
     return messages->size();
   }
 
-  void OnRejected(const ZmqRoutedFrame& received, AgentId blamed, AgentId route, const std::string& what) {
+  // Without keys libzmq gives a connection that was replaced another routing id than the agent's.
+  bool IsOnLink(AgentId sender, const ZmqRoutedFrame& received) {
+    if (keys_) return link_routes_.IsNewest(sender, received.route.text());
+    return AgentOfUserId(received.route.text()) == sender;
+  }
+
+  void OnRejected(const ZmqRoutedFrame& received, std::optional<AgentId> authenticated, const std::string& what) {
+    // Without keys the connection's own word has to do for whom to blame.
+    const AgentId blamed = authenticated.value_or(AgentOfUserId(received.route.text()));
     const auto peer = peers_.find(blamed);
-    if (peer != peers_.end()) peer->second->OnRejected(received.frame.size(), /*is_on_link=*/route == blamed);
+    if (peer != peers_.end()) peer->second->OnRejected(received.frame.size(), IsOnLink(blamed, received));
     logs_.rejected_frame.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
   }
 
@@ -334,10 +393,14 @@ class ZeroMqTransport::Impl {
   std::optional<ClientKeys> client_keys_;
   std::vector<std::unique_ptr<ClientDoor>> doors_;
   std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
+  LinkRoutes link_routes_;
+
+  std::unique_ptr<DoorGuard> guard_;  // None where nobody listens on TCP.
 
   std::vector<pollfd> files_;
   bool is_busy_ = false;   // Peers sent something just now.
   bool has_more_ = false;  // A socket was not read from until nothing waits.
+  std::atomic<std::uint64_t> refused_agents_ = 0;
   std::atomic<std::uint64_t> refused_clients_ = 0;
   struct Logs {
     RateLimitedLog refused_peer;
@@ -366,6 +429,6 @@ SendResult ZeroMqTransport::Send(const Address& to, const proto::Message& messag
 
 std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
 
-double ZeroMqTransport::refused_clients() const { return impl_->refused_clients(); }
+proto::DoorStatus ZeroMqTransport::Door() const { return impl_->Door(); }
 
 }  // namespace moondb

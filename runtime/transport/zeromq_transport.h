@@ -1,14 +1,16 @@
 // ZeroMqTransport: one thread that owns every socket of an agent.
 //
 // Between agents: a ROUTER that only receives, one DEALER per peer that only sends (runtime/transport/peer_link.h);
-// CURVE on all of them, and a ZAP handler that admits the team file's keys alone and binds each to its agent: a frame
-// whose hop_sender is not the key's agent is counted and dropped, and so is a body that only actors of one agent send
-// each other. A frame between agents is a proto::PeerFrame: small messages that come one upon the other share one.
-// Clients talk to ROUTERs of their own (runtime/transport/client_door.h), request and reply, a proto::Message a frame.
+// CURVE on all of them, and a ZAP handler that admits the team file's keys alone and binds each to its agent, whatever
+// the connection says of itself: a frame whose hop_sender is not the key's agent is counted and dropped, and so is a
+// body that only actors of one agent send each other. A frame between agents is a proto::PeerFrame: small messages that
+// come one upon the other share one. Clients talk to ROUTERs of their own (runtime/transport/client_door.h), request
+// and reply, a proto::Message a frame.
 //
 // libzmq would queue silently for absent peers and let megabytes in for frozen ones, so queues are bounded here: byte
-// credit per connection, ZMQ_IMMEDIATE, LINGER 0, ROUTER_HANDOVER; peers that fall silent are
-// noticed by deadlines, without ZMTP's heartbeat. The thread sleeps until a socket, a sender or a deadline wakes it.
+// credit per connection, ZMQ_IMMEDIATE, LINGER 0; peers that fall silent are noticed by deadlines, without ZMTP's
+// heartbeat. DoorGuard cuts connections that take too much. The thread sleeps until a socket, a sender or a deadline
+// wakes it.
 #pragma once
 
 #include <cstdint>
@@ -25,16 +27,22 @@
 
 namespace moondb {
 
+namespace proto {
+class DoorStatus;
+}
+
 class ZeroMqTransport final : public Transport {
  public:
   struct Options {
     AgentId self = 0;
-    std::string client_endpoint;                       // ipc://..., empty: no clients over ipc.
-    std::size_t message_bytes_max = 32 * 1024 * 1024;  // Larger frames from peers or clients close the connection.
-    Outbox::Options outbox;                            // Per peer, waiting for credit.
-    LinkCredit::Options credit;                        // Per peer, under way.
-    LinkHealth::Options health;                        // When a silent peer is asked, and given up.
-    std::string secret_key_file;                       // Empty: beside the public key, with the ending .sec.
+    std::string client_endpoint;  // ipc://..., empty: no clients over ipc.
+    // Larger frames close the connection, and are not sent. From a client with a key kKeyedRequestBytesMax at most.
+    std::size_t message_bytes_max = 8 * 1024 * 1024;          // Between agents.
+    std::size_t client_message_bytes_max = 32 * 1024 * 1024;  // Of a request or a reply.
+    Outbox::Options outbox;                                   // Per peer, waiting for credit.
+    LinkCredit::Options credit;                               // Per peer, under way.
+    LinkHealth::Options health;                               // When a silent peer is asked, and given up.
+    std::string secret_key_file;                              // Empty: beside the public key, with the ending .sec.
     std::string clients_file;  // Whom the team file's client_address lets in (runtime/team/client_list.h).
   };
 
@@ -50,8 +58,8 @@ class ZeroMqTransport final : public Transport {
   // A link_report is the transport's own word: to send one is a mistake in the program.
   [[nodiscard]] SendResult Send(const Address& to, const proto::Message& message) override;
   std::vector<proto::PeerStatus> Peers() const override;
-  // Handshakes at client_address with a key that is not listed. Any thread.
-  double refused_clients() const;
+  // What was refused before it was a message. Any thread.
+  proto::DoorStatus Door() const;
 
  private:
   class Impl;

@@ -126,15 +126,19 @@ bool ZmqSocket::Receive(std::vector<ZmqFrame>* parts) {
   return true;
 }
 
+// libzmq notes the file at the last part alone.
 bool ZmqSocket::Receive(ZmqRoutedFrame* message) {
   if (!ReceiveFrame(&message->route, ZMQ_DONTWAIT)) return false;
   message->parts = 1;
+  message->file = -1;
   if (zmq_msg_more(&message->route.message_) == 0) return true;
   if (!ReceiveFrame(&message->frame, 0)) return false;
   message->parts = 2;
+  message->file = zmq_msg_get(&message->frame.message_, ZMQ_SRCFD);
   for (bool has_more = zmq_msg_more(&message->frame.message_) != 0; has_more; ++message->parts) {
     ZmqFrame further;
     if (!ReceiveFrame(&further, 0)) return false;
+    message->file = zmq_msg_get(&further.message_, ZMQ_SRCFD);
     has_more = zmq_msg_more(&further.message_) != 0;
   }
   return true;

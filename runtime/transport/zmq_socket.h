@@ -52,7 +52,11 @@ struct ZmqRoutedFrame {
   ZmqFrame route;
   ZmqFrame frame;         // The first part; further ones are read and forgotten.
   std::size_t parts = 0;  // As received, with the route.
+  int file = -1;          // Of the connection on which it came; by now it may be another one's.
 };
+
+// A connection to a door that has not finished its handshake by then is closed.
+inline constexpr int kHandshakeMax_ms = 2000;
 
 enum class ZmqSend { kSent, kWouldBlock, kNoRoute };
 

@@ -14,7 +14,7 @@ import tempfile
 
 from snippets_test import SKIPPED, in_own_network, taken_port
 
-MODULES = "import google.protobuf, zmq, zstandard"
+MODULES = ["google.protobuf", "zmq", "zstandard"]
 SAID = re.compile(r"""rover2 of team moon, moondb [\d.]+
 stored 3 records, the first as (2\.[\da-f]{16}\.1\.1)
 read \1 -40\.5
@@ -22,10 +22,10 @@ merged map of 1: 80 x 80 cells of 0\.05 m, lower left corner at \(3\.00, 0\.00\)
 """)
 
 
-def python_with_modules():
+def python_with(modules):
     """The first interpreter that has the packages: an own one in front of Debian's may lack them."""
     for python in (sys.executable, "/usr/bin/python3"):
-        if subprocess.run([python, "-c", MODULES], capture_output=True).returncode == 0:
+        if subprocess.run([python, "-c", "import " + ", ".join(modules)], capture_output=True).returncode == 0:
             return python
     return None
 
@@ -58,7 +58,7 @@ def main():
         print(__doc__.strip(), file=sys.stderr)
         return 2
     in_own_network()
-    python = python_with_modules()
+    python = python_with(MODULES)
     if python is None or shutil.which("protoc") is None:
         print("skipped: needs protoc, python3-zmq, python3-protobuf and python3-zstandard")
         return SKIPPED

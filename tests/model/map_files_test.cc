@@ -1,5 +1,6 @@
 // Pictures and ROS maps: what is written is what others read.
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
@@ -66,6 +67,8 @@ TEST_F(MapFilesTest, PngKeepsEveryByteOfEachKind) {
 }
 
 TEST_F(MapFilesTest, PngErrorsAreValues) {
+  ASSERT_EQ(::mkfifo((folder_ / "pipe.png").c_str(), 0600), 0);
+  EXPECT_EQ(ReadPng(folder_ / "pipe.png").error().code, ErrorCode::kInvalid) << "nobody waits for its writer";
   EXPECT_EQ(ReadPng(folder_ / "none.png").error().code, ErrorCode::kNotFound);
   std::ofstream(folder_ / "text.png") << "no picture at all";
   EXPECT_EQ(ReadPng(folder_ / "text.png").error().code, ErrorCode::kCorrupt);

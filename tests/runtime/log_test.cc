@@ -1,5 +1,6 @@
 #include "runtime/log.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
@@ -41,6 +42,19 @@ TEST_F(LogTest, WritesALineAnEvent) {
   spdlog::info("storage: ready");
   EXPECT_THAT(Text(),
               ::testing::MatchesRegex("[0-9]+-[0-9]+-[0-9]+T[0-9]+:[0-9]+:[0-9.]+Z info rover1 storage: ready\n"));
+}
+
+TEST_F(LogTest, WritesALineOnceWhereStderrGoesToTheFile) {
+  const int stderr_before = ::dup(STDERR_FILENO);
+  const int file = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+  ASSERT_GE(::dup2(file, STDERR_FILENO), 0);
+  const Result<void> begun = InitLog("info", "rover1", path_);
+  spdlog::info("storage: ready");
+  ::dup2(stderr_before, STDERR_FILENO);
+  ::close(stderr_before);
+  ::close(file);
+  ASSERT_TRUE(begun);
+  EXPECT_THAT(Text(), ::testing::MatchesRegex("[^\n]+ storage: ready\n"));
 }
 
 // What reads them is a parser that is not the writer's: protobuf's.

@@ -262,8 +262,13 @@ TEST_F(LostDiskTest, StoresNothingOfALaterEpochBeforeItHasRestated) {
   // A constraint that SQLite looks at only when it commits.
   ASSERT_TRUE(store_->database().Execute(
       "PRAGMA foreign_keys=ON; CREATE TABLE parent(id INTEGER PRIMARY KEY);"
-      "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"
-      "CREATE TRIGGER orphan AFTER INSERT ON custom_record BEGIN INSERT INTO child VALUES(1); END;"));
+      "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"));
+  const auto fail_commits = [this] {
+    ASSERT_TRUE(store_->database().Execute(
+        "PRAGMA foreign_keys=ON;"
+        "CREATE TEMP TRIGGER orphan AFTER INSERT ON custom_record BEGIN INSERT INTO child VALUES(1); END;"));
+  };
+  fail_commits();
   proto::MissingRequest question;
   *question.mutable_destination_have() = peer_->GetHave().have();
   for (int i = 0; i < 2; ++i) {
@@ -274,7 +279,7 @@ TEST_F(LostDiskTest, StoresNothingOfALaterEpochBeforeItHasRestated) {
     EXPECT_EQ(store_->GetHave().have().SerializeAsString(), have);
     EXPECT_EQ(Celsius(*store_), 55);
     Restart();  // Killed, in the middle of it.
-    ASSERT_TRUE(store_->database().Execute("PRAGMA foreign_keys=ON"));
+    fail_commits();
   }
   ASSERT_TRUE(store_->database().Execute("DROP TRIGGER orphan"));
   Exchange(*store_, *peer_);

@@ -391,7 +391,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheCommitItselfFails) {
   ASSERT_TRUE(store->database().Execute(
       "PRAGMA foreign_keys=ON; CREATE TABLE parent(id INTEGER PRIMARY KEY);"
       "CREATE TABLE child(id INTEGER REFERENCES parent(id) DEFERRABLE INITIALLY DEFERRED);"
-      "CREATE TRIGGER orphan AFTER INSERT ON temperature BEGIN INSERT INTO child VALUES(1); END;"));
+      "CREATE TEMP TRIGGER orphan AFTER INSERT ON temperature BEGIN INSERT INTO child VALUES(1); END;"));
   const auto packed = Packed(Key(2, proto::TEMPERATURE, 1), TemperatureRecord(1));
   EXPECT_EQ(StoreOne(*store, packed).error().code(), proto::ERROR_CODE_INTERNAL);
   EXPECT_EQ(InsertAll(*store, {TemperatureRecord(1)}).error().code(), proto::ERROR_CODE_INTERNAL);
@@ -399,6 +399,22 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheCommitItselfFails) {
   EXPECT_EQ(Contents(*store).size(), 1u);
   ASSERT_TRUE(store->database().Execute("DROP TRIGGER orphan"));
   EXPECT_EQ(StoreOne(*store, packed).stored_count(), 1u);
+}
+
+// Somebody who may write the file writes a program into it.
+TEST(RecordStoreTest, RunsNoTriggersOfItsFile) {
+  TemporaryFolder folder;
+  const RecordStore::Options options = StoreOptionsOf(1, folder.File("store.db"));
+  auto store = OpenStore(options);
+  InsertOne(*store, NodeRecord(1, 1));
+  ASSERT_TRUE(store->database().Execute(
+      "CREATE TRIGGER wipe AFTER INSERT ON temperature BEGIN DELETE FROM pose_graph_node; END;"));
+  InsertOne(*store, TemperatureRecord(1));
+  EXPECT_EQ(Contents(*store).size(), 2u);
+  store.reset();
+  store = OpenStore(options);
+  InsertOne(*store, TemperatureRecord(2));
+  EXPECT_EQ(Contents(*store).size(), 2u) << "the node, and the newer temperature";
 }
 
 TEST(RecordStoreTest, SetsADamagedFileAsideAndRefusesAnotherAgentsFile) {

@@ -1,6 +1,7 @@
 #include "actors/storage/schema.h"
 
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 
 #include <filesystem>
 #include <string>
@@ -8,6 +9,7 @@
 #include "actors/storage/record_store.h"
 #include "model/text.h"
 #include "tests/actors/storage/store_fixtures.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
 namespace {
@@ -50,13 +52,23 @@ TEST(SchemaTest, MakesANewFileAStoreAndThenLeavesItAlone) {
 }
 
 TEST(SchemaTest, NoticesADamagedStatement) {
-  auto database = NewStore();
+  TemporaryFolder folder;
+  const std::string path = folder.File("store.db");
+  auto database = *Database::Open(path);
+  ASSERT_TRUE(MakeSchema(*database));
   ASSERT_TRUE(database->Execute("CREATE VIEW my_own AS SELECT 1"));
   EXPECT_TRUE(CheckSchema(*database));
-  ASSERT_TRUE(
-      database->Execute("PRAGMA writable_schema=ON; UPDATE sqlite_master SET sql = replace(sql, 'substr', 'sub\x7f') "
-                        "WHERE name = 'custom_record'; PRAGMA writable_schema=OFF"));
-  EXPECT_EQ(CheckSchema(*database).error().code, ErrorCode::kCorrupt);
+  const std::string damage =
+      "PRAGMA writable_schema=ON; UPDATE sqlite_master SET sql = replace(sql, 'substr', 'sub\x7f') "
+      "WHERE name = 'custom_record'; PRAGMA writable_schema=OFF";
+  EXPECT_FALSE(database->Execute(damage)) << "not by what the store runs";
+  database.reset();
+  sqlite3* other = nullptr;
+  ASSERT_EQ(sqlite3_open(path.c_str(), &other), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(other, damage.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(other);
+  const auto damaged = Database::Open(path);  // SQLite may notice it by itself.
+  EXPECT_EQ(damaged ? CheckSchema(**damaged).error().code : damaged.error().code, ErrorCode::kCorrupt);
 }
 
 TEST(SchemaTest, NoticesADamagedHeader) {

@@ -137,6 +137,27 @@ TEST_F(DataFolderTest, KnowsTheOwnerByTheFoldersOwnLock) {
   EXPECT_EQ(OwnerOf(folder_), 0);
 }
 
+TEST_F(DataFolderTest, BelongsToThisUserAlone) {
+  std::filesystem::create_directory(folder_);
+  std::filesystem::permissions(folder_, std::filesystem::perms::all);
+  const auto refused = DataFolderLock::Take(folder_);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(ToString(refused.error()).find("chmod go-w"), std::string::npos) << ToString(refused.error());
+  std::filesystem::permissions(folder_, std::filesystem::perms::owner_all);
+  EXPECT_TRUE(DataFolderLock::Take(folder_));
+}
+
+TEST_F(DataFolderTest, FollowsNoLinkToAnothersFile) {
+  std::filesystem::create_directory(folder_);
+  const std::filesystem::path victim = temporary_.path() / "victim";
+  std::ofstream(victim) << "mine";
+  std::filesystem::create_symlink(victim, folder_ / "agent.pid");
+  EXPECT_FALSE(DataFolderLock::Take(folder_));
+  std::string text;
+  std::ifstream(victim) >> text;
+  EXPECT_EQ(text, "mine");
+}
+
 TEST_F(DataFolderTest, SaysWhyAFolderCannotBeMade) {
   std::filesystem::create_directories(folder_);
   std::ofstream(folder_ / "file") << "x";

@@ -5,6 +5,10 @@
 #include <gmock/gmock.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <regex>
 
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
@@ -66,6 +70,20 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
     while (!chosen->get_subcommands().empty()) chosen = chosen->get_subcommands().front();
     EXPECT_EQ(PathOf(*chosen), path);
   }
+}
+
+// In the pages of docs/commands each is shown once at least, as it is typed.
+TEST_F(CommandLineTest, ShowsEveryCommandInAPage) {
+  std::string pages;
+  for (const auto& entry : std::filesystem::directory_iterator(MOONDB_COMMAND_PAGES)) {
+    std::ifstream file(entry.path());
+    pages.append(std::istreambuf_iterator<char>(file), {});
+  }
+  VisitCommands(app_, [this, &pages](const CLI::App& command) {
+    if (&command == &app_) return;
+    const std::regex typed("moonctl( -\\S+ \\S+)* " + PathOf(command) + "\\b");
+    EXPECT_TRUE(std::regex_search(pages, typed)) << PathOf(command) << " stands in no page of docs/commands";
+  });
 }
 
 TEST_F(CommandLineTest, PutsEveryCommandIntoTheManual) {

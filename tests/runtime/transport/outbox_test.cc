@@ -6,8 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "runtime/transport/client_table.h"
-
 namespace moondb {
 namespace {
 
@@ -119,20 +117,6 @@ TEST(OutboxTest, ForgetsWhatWaits) {
   EXPECT_TRUE(outbox.empty());
   EXPECT_EQ(outbox.bytes(), 0u);
   EXPECT_EQ(outbox.Push(Entry("1234", kControlClass)), SendResult::kAccepted);
-}
-
-TEST(ClientTableTest, KeepsThoseHeardFromMostRecently) {
-  ClientTable table(/*clients_max=*/2);
-  const std::string first = table.NameOf("a");
-  const std::string second = table.NameOf("b");
-  EXPECT_NE(first, second);
-  EXPECT_EQ(table.NameOf("a"), first);
-  const std::string third = table.NameOf("c");
-  EXPECT_EQ(table.RoutingIdOf(first), "a");
-  EXPECT_EQ(table.RoutingIdOf(second), std::nullopt);
-  EXPECT_EQ(table.RoutingIdOf(third), "c");
-  table.Forget("a");
-  EXPECT_EQ(table.RoutingIdOf(first), std::nullopt);
 }
 
 }  // namespace

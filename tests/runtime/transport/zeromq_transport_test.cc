@@ -60,7 +60,7 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndLargeOnes) {
   Start(1);
   Start(2);
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
-  constexpr std::size_t kLarge = 8 * 1024 * 1024;
+  constexpr std::size_t kLarge = 7 * 1024 * 1024;
   ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2, kLarge)), SendResult::kAccepted);
   ASSERT_EQ(ears_[2].Take()->record_id().size(), kLarge);
   for (std::size_t i = 1; i <= 100; ++i) {
@@ -255,7 +255,7 @@ TEST_F(ZeroMqTransportTest, AnswersClientsByTheirConnection) {
 TEST_F(ZeroMqTransportTest, TellsAClientThatItsReplyIsTooLarge) {
   ZeroMqTransport::Options options;
   options.client_endpoint = ClientEndpointHere();
-  options.message_bytes_max = 1000;
+  options.client_message_bytes_max = 1000;
   Start(1, options);
   RawDealer client(options.client_endpoint);
   proto::Message request = Message(0, 0);

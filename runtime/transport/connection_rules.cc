@@ -1,0 +1,85 @@
+#include "runtime/transport/connection_rules.h"
+
+#include <algorithm>
+#include <tuple>
+
+namespace moondb {
+
+std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpConnection>& connections) {
+  Update(connections);
+  std::vector<Cut> cuts;
+  for (const auto& [port, door] : doors_) {
+    JudgePlaces(port, door, cuts);
+    JudgeBytes(port, door, cuts);
+  }
+  return cuts;
+}
+
+void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
+  std::map<int, Known> now;
+  for (const TcpConnection& connection : connections) {
+    Known known{connection, 0, 0, false, false};
+    const auto before = known_.find(connection.file);
+    const bool is_same = before != known_.end() && before->second.connection.peer == connection.peer &&
+                         before->second.connection.peer_port == connection.peer_port &&
+                         before->second.connection.port == connection.port;
+    if (is_same) {
+      known = before->second;
+      known.connection = connection;
+    } else {
+      known.number = ++last_number_;
+    }
+    if (delivered_.contains(connection.file)) {
+      known.has_delivered = true;
+      known.bytes_delivered = connection.bytes_received;
+    }
+    now.emplace(connection.file, std::move(known));
+  }
+  known_ = std::move(now);
+  delivered_.clear();
+}
+
+void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {
+  std::map<std::string, std::vector<Known*>> groups;  // Those that share places; "" for all other addresses.
+  for (auto& [file, known] : known_) {
+    if (known.is_cut || known.connection.port != port) continue;
+    groups[door.places.contains(known.connection.peer) ? known.connection.peer : std::string()].push_back(&known);
+  }
+  for (auto& [address, group] : groups) {
+    const std::size_t places = address.empty() ? door.others_max : door.places.at(address);
+    if (group.size() <= places) continue;
+    std::map<std::string, std::size_t> count_of;
+    for (const Known* known : group) ++count_of[known->connection.peer];
+    std::sort(group.begin(), group.end(), [&count_of](const Known* a, const Known* b) {
+      const auto rank = [&count_of](const Known& known) {
+        const std::size_t count = known.has_delivered ? count_of.at(known.connection.peer) : 0;
+        return std::tuple(known.has_delivered, ~count, known.number);
+      };
+      return rank(*a) < rank(*b);
+    });
+    for (std::size_t i = 0; i < group.size() - places; ++i) CutOff(*group[i], Cause::kTooMany, cuts);
+  }
+}
+
+void ConnectionRules::JudgeBytes(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {
+  std::vector<Known*> large;
+  std::uint64_t bytes = 0;
+  for (auto& [file, known] : known_) {
+    if (known.is_cut || known.connection.port != port || known.bytes_open() <= kFreeBytes) continue;
+    large.push_back(&known);
+    bytes += known.bytes_open();
+  }
+  std::sort(large.begin(), large.end(),
+            [](const Known* a, const Known* b) { return a->bytes_open() > b->bytes_open(); });
+  for (auto known = large.begin(); known != large.end() && bytes > door.shared_bytes + kFreeBytes; ++known) {
+    bytes -= (*known)->bytes_open();
+    CutOff(**known, Cause::kTooMuch, cuts);
+  }
+}
+
+void ConnectionRules::CutOff(Known& known, Cause cause, std::vector<Cut>& cuts) {
+  known.is_cut = true;
+  cuts.push_back({known.connection, cause});
+}
+
+}  // namespace moondb

@@ -1,0 +1,83 @@
+// ConnectionRules: which of the TCP connections that others opened to this agent take more than their due, before or
+// after anybody knows who they are (docs/SECURITY.md). libzmq bounds neither how many there are nor what a message of
+// theirs takes until it is whole.
+//
+// Places: each address of the team has places of its own, which nobody else can take; all other addresses share some.
+// Where there are too many, one that never brought a whole message goes first, the oldest of them; then the oldest one
+// of the address that has most.
+//
+// Bytes: a connection may have received kFreeBytes since its last whole message. What goes beyond is a message that is
+// large, or one that never ends: at each door all of it together may be `shared_bytes`, which lets one message of the
+// largest size through; above that the connection with the most goes. Parts of one byte take some four times as much
+// memory as they have on the wire.
+//
+// A plain value that looks at nothing by itself: DoorGuard feeds it.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace moondb {
+
+// One that others opened to a port on which this process listens.
+struct TcpConnection {
+  int file = -1;
+  std::uint16_t port = 0;            // This agent's.
+  std::string peer;                  // "10.0.0.3"
+  std::uint16_t peer_port = 0;       // With `peer` and `file` it tells a connection from a later one.
+  std::uint64_t bytes_received = 0;  // Since it was opened.
+};
+
+class ConnectionRules {
+ public:
+  static constexpr std::uint64_t kFreeBytes = 256 * 1024;
+
+  struct Door {
+    std::map<std::string, std::size_t> places;  // By address.
+    std::size_t others_max = 0;                 // Of all other addresses together.
+    std::uint64_t shared_bytes = 0;
+  };
+
+  enum class Cause { kTooMany, kTooMuch };
+  struct Cut {
+    TcpConnection connection;
+    Cause cause = Cause::kTooMany;
+  };
+
+  // By port.
+  explicit ConnectionRules(std::map<std::uint16_t, Door> doors) : doors_(std::move(doors)) {}
+
+  // A whole message came from the connection that has this file.
+  void OnMessage(int file) { delivered_.insert(file); }
+
+  // All that there are now, in any order; each that is to be cut is named once.
+  std::vector<Cut> Judge(const std::vector<TcpConnection>& connections);
+
+ private:
+  struct Known {
+    TcpConnection connection;
+    std::uint64_t number = 0;           // As they came.
+    std::uint64_t bytes_delivered = 0;  // What it had received when the last whole message was there.
+    bool has_delivered = false;
+    bool is_cut = false;
+
+    std::uint64_t bytes_open() const { return connection.bytes_received - bytes_delivered; }
+  };
+
+  void Update(const std::vector<TcpConnection>& connections);
+  void JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
+  void JudgeBytes(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
+  static void CutOff(Known& known, Cause cause, std::vector<Cut>& cuts);
+
+  std::map<std::uint16_t, Door> doors_;
+  std::map<int, Known> known_;  // By file.
+  std::set<int> delivered_;     // Since the last look.
+  std::uint64_t last_number_ = 0;
+};
+
+}  // namespace moondb

@@ -1,0 +1,56 @@
+// DoorGuard: cuts the TCP connections to this agent that take more than their due (connection_rules.h), which libzmq by
+// itself does not bound. Upon the cut libzmq closes the connection and frees what it had received of a message.
+//
+// It looks a moment after anything came over any of them, and not at all while nothing comes, so that an agent at rest
+// sleeps. Between two looks a connection takes what the network brings: some 10 MB at the rate at which libzmq reads.
+//
+// The transport's thread; cut_* any thread.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <map>
+#include <memory>
+
+#include "model/error.h"
+#include "runtime/rate_limited_log.h"
+#include "runtime/transport.h"
+#include "runtime/transport/connection_rules.h"
+#include "runtime/transport/tcp_connections.h"
+
+namespace moondb {
+
+class DoorGuard {
+ public:
+  static constexpr Duration kLookAfter = std::chrono::milliseconds(50);
+
+  // By port. kUnavailable: the process may open no more files.
+  static Result<std::unique_ptr<DoorGuard>> Make(std::map<std::uint16_t, ConnectionRules::Door> doors);
+
+  // Readable when something came: then OnReadable.
+  int file() const { return connections_->file(); }
+  void OnReadable(MonotonicTime now);
+  // When Work has something to do.
+  MonotonicTime deadline() const { return looks_at_; }
+  void Work(MonotonicTime now);
+
+  // A whole message came from the connection that has this file.
+  void OnMessage(int file) { rules_.OnMessage(file); }
+
+  // Connections that were cut.
+  std::uint64_t cut_for_number() const { return cut_for_number_; }
+  std::uint64_t cut_for_bytes() const { return cut_for_bytes_; }
+
+ private:
+  DoorGuard(std::unique_ptr<TcpConnections> connections, std::map<std::uint16_t, ConnectionRules::Door> doors);
+
+  const std::unique_ptr<TcpConnections> connections_;
+  ConnectionRules rules_;
+  MonotonicTime looks_at_{};
+  RateLimitedLog number_log_;
+  RateLimitedLog bytes_log_;
+  std::atomic<std::uint64_t> cut_for_number_ = 0;
+  std::atomic<std::uint64_t> cut_for_bytes_ = 0;
+};
+
+}  // namespace moondb

@@ -1,0 +1,124 @@
+"""Attackers at the door: who they are is not known yet, or what they send never becomes a message."""
+import contextlib
+import socket
+import struct
+import threading
+import time
+
+import nacl.utils
+import zmtp
+from team import Failure
+
+
+def idle_connections(team, scale):
+    """No key: more connections than the agent may have open files, which send nothing."""
+    connections = []
+    for _ in range(int(1500 * scale)):
+        connection = socket.socket()
+        connection.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            connection.connect(team.address("rover1"))
+        connections.append(connection)
+        if len(connections) % 100 == 0:
+            time.sleep(0.02)
+    team.answers("rover1")
+    time.sleep(1)
+    for connection in connections:
+        connection.close()
+
+
+def announced_frames(team, scale):
+    """No key: 60 connections announce a command of 7 or of 32 MiB each, and send all but a byte of it."""
+    connections = []
+    for i in range(60):
+        with contextlib.suppress(OSError):
+            connection = zmtp.Connection(team.address("rover1"), timeout_s=2)
+            connections.append(connection)
+            connection.send_raw(zmtp.GREETING)
+            connection.receive_raw(64)
+            connection.send_raw(struct.pack(">BQ", zmtp.COMMAND | zmtp.LONG, (7 if i % 2 else 32) << 20))
+    for _ in range(int(32 * scale)):
+        for connection in connections:
+            with contextlib.suppress(OSError):
+                connection.send_raw(bytes((1 << 20) - 1))
+    for connection in connections:
+        connection.close()
+
+
+def any_bytes(team, scale):
+    """No key: handshakes that end anywhere, and what is no handshake."""
+    for i in range(int(2000 * scale)):
+        with contextlib.suppress(OSError):
+            connection = zmtp.Connection(team.address("rover1"), timeout_s=1)
+            begin = zmtp.GREETING[:i % 65] if i % 2 else b""
+            connection.send_raw(begin + nacl.utils.random(1 + i % 300))
+            connection.close()
+
+
+def endless(connect, part_bytes, total_bytes):
+    """A message whose parts never end, until it is cut or all is sent. How many bytes were taken."""
+    connection = connect()
+    part = bytes(part_bytes)
+    sent = 0
+    with contextlib.suppress(OSError):
+        while sent < total_bytes:
+            block = b"".join(connection.part(part, more=True) for _ in range(max(1, 65536 // (part_bytes + 40))))
+            connection.send_raw(block)
+            sent += len(block)
+    connection.close()
+    return sent
+
+
+def endless_parts_of_a_member(team, scale):
+    """rover3, with its key: four connections with messages that never end, of 1 kB parts."""
+    for _ in range(4):
+        endless(lambda: team.connect("rover1", "rover3"), 1024, int((100 << 20) * scale))
+
+
+def tiny_parts_of_a_member(team, scale):
+    """rover3, with its key: a message that never ends, of parts of one byte."""
+    endless(lambda: team.connect("rover1", "rover3"), 1, int((32 << 20) * scale))
+
+
+def endless_parts_of_a_client(team, scale):
+    """A client that may only view: a message that never ends."""
+    endless(lambda: team.connect_client("watcher"), 1024, int((300 << 20) * scale))
+
+
+def tiny_parts_of_a_client(team, scale):
+    """A client that may only view: a message that never ends, of parts of one byte."""
+    endless(lambda: team.connect_client("watcher"), 1, int((32 << 20) * scale))
+
+
+def foreign_routing_ids(team, scale):
+    """rover3, with its key: connections that claim to be the others', while they share."""
+    is_over = threading.Event()
+
+    def connect():
+        while not is_over.is_set():
+            for number in (b"1", b"2", b"4"):
+                with contextlib.suppress(OSError):
+                    team.connect("rover1", "rover3", routing_id=number).close()
+
+    others = ["rover2", "base"]
+    before = [team.connects(agent, "rover1") for agent in others]
+    attacker = threading.Thread(target=connect)
+    attacker.start()
+    try:
+        end = time.monotonic() + 15 * scale
+        while time.monotonic() < end:
+            team.moonctl("sync", "now", "--from", "rover2", "--wait", "--timeout", "10s")
+    finally:
+        is_over.set()
+        attacker.join()
+    after = [team.connects(agent, "rover1") for agent in others]
+    if before != after:
+        raise Failure(f"the others' links came up {before} times before, and {after} times after")
+
+
+ATTACKERS = [idle_connections, announced_frames, any_bytes, endless_parts_of_a_member, tiny_parts_of_a_member,
+             endless_parts_of_a_client, tiny_parts_of_a_client,
+             foreign_routing_ids]
+
+# With less than they send at length they show nothing.
+ONLY_AT_LENGTH = [tiny_parts_of_a_member, tiny_parts_of_a_client]

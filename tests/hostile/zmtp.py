@@ -1,0 +1,126 @@
+"""A raw client of ZMTP 3 with CURVE, which sends what libzmq never would: frames that do not end, messages of endless
+parts, any bytes instead of a handshake.
+
+    connection = zmtp.Connection(("127.0.0.1", 7400))            # TCP alone.
+    connection = zmtp.connect(address, server_key, keys, b"1")   # As a DEALER with that routing id, after the handshake.
+    connection.send(b"...", more=True)
+
+Keys are CURVE's, 32 bytes. ZMTP: https://rfc.zeromq.org/spec/23/, CURVE: https://rfc.zeromq.org/spec/26/.
+"""
+import socket
+import struct
+
+import nacl.bindings as sodium
+import nacl.utils
+
+TIMEOUT_S = 10
+GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"CURVE".ljust(20, b"\0") + b"\0" + bytes(31)
+MORE, LONG, COMMAND = 1, 2, 4
+Z85 = "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ.-:+=^!/*?&<>()[]{}@%$#"
+
+
+def from_z85(text):
+    number_of = {letter: number for number, letter in enumerate(Z85)}
+    words = []
+    for i in range(0, len(text), 5):
+        word = 0
+        for letter in text[i:i + 5]:
+            word = 85 * word + number_of[letter]
+        words.append(struct.pack(">I", word))
+    return b"".join(words)
+
+
+def key_pair():
+    """(public, secret), of nobody."""
+    return sodium.crypto_box_keypair()
+
+
+class Connection:
+    def __init__(self, address, timeout_s=TIMEOUT_S):
+        self.socket = socket.create_connection(address, timeout=timeout_s)
+        self.nonce = 0
+        self.session_keys = None  # (the server's public, this side's secret) once the handshake is done.
+
+    def close(self):
+        self.socket.close()
+
+    def send_raw(self, data):
+        self.socket.sendall(data)
+
+    def send_frame(self, body, flags=0):
+        if len(body) > 255:
+            self.send_raw(struct.pack(">BQ", flags | LONG, len(body)) + body)
+        else:
+            self.send_raw(struct.pack(">BB", flags, len(body)) + body)
+
+    def receive_raw(self, size):
+        data = b""
+        while len(data) < size:
+            part = self.socket.recv(size - len(data))
+            if not part:
+                raise ConnectionError("the other side closed")
+            data += part
+        return data
+
+    def receive_frame(self):
+        flags = self.receive_raw(1)[0]
+        size = struct.unpack(">Q", self.receive_raw(8))[0] if flags & LONG else self.receive_raw(1)[0]
+        return flags, self.receive_raw(size)
+
+    def is_closed_within(self, seconds):
+        """Whether the other side closes; what it sends is forgotten."""
+        self.socket.settimeout(seconds)
+        try:
+            while self.socket.recv(65536):
+                pass
+            return True
+        except TimeoutError:
+            return False
+        except OSError:
+            return True
+
+    def part(self, payload, more=False):
+        """One part of a message as it goes onto the wire."""
+        self.nonce += 1
+        short = struct.pack(">Q", self.nonce)
+        public, secret = self.session_keys
+        box = sodium.crypto_box(bytes([MORE if more else 0]) + payload, b"CurveZMQMESSAGEC" + short, public, secret)
+        body = b"\x07MESSAGE" + short + box
+        return (struct.pack(">BQ", LONG, len(body)) if len(body) > 255 else struct.pack(">BB", 0, len(body))) + body
+
+    def send(self, payload, more=False):
+        self.send_raw(self.part(payload, more))
+
+
+def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S):
+    connection = Connection(address, timeout_s)
+    connection.send_raw(GREETING)
+    connection.receive_raw(64)
+    public, secret = keys
+    own_public, own_secret = sodium.crypto_box_keypair()
+    short = struct.pack(">Q", 1)
+    hello = sodium.crypto_box(bytes(64), b"CurveZMQHELLO---" + short, server_key, own_secret)
+    connection.send_frame(b"\x05HELLO\x01\x00" + bytes(72) + own_public + short + hello, COMMAND)
+    _, welcome = connection.receive_frame()
+    if not welcome.startswith(b"\x07WELCOME"):
+        raise ConnectionError("no welcome")
+    opened = sodium.crypto_box_open(welcome[24:], b"WELCOME-" + welcome[8:24], server_key, own_secret)
+    server_public, cookie = opened[:32], opened[32:]
+    vouch_nonce = nacl.utils.random(16)
+    vouch = sodium.crypto_box(own_public + server_key, b"VOUCH---" + vouch_nonce, server_public, secret)
+    metadata = b"".join(struct.pack(">B", len(name)) + name + struct.pack(">I", len(value)) + value
+                        for name, value in ((b"Socket-Type", b"DEALER"), (b"Identity", routing_id)))
+    short = struct.pack(">Q", 2)
+    box = sodium.crypto_box(public + vouch_nonce + vouch + metadata, b"CurveZMQINITIATE" + short, server_public,
+                            own_secret)
+    connection.send_frame(b"\x08INITIATE" + cookie + short + box, COMMAND)
+    _, ready = connection.receive_frame()
+    if not ready.startswith(b"\x05READY"):
+        raise ConnectionError("not let in")
+    connection.nonce = 2
+    connection.session_keys = (server_public, own_secret)
+    return connection
+
+
+def public_of(secret):
+    return sodium.crypto_scalarmult_base(secret)

@@ -1,0 +1,65 @@
+#include "runtime/team/trusted_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "runtime/team/client_list.h"
+#include "runtime/team/curve_keys.h"
+#include "runtime/team/team_config.h"
+#include "tests/temporary_folder.h"
+
+namespace moondb {
+namespace {
+
+using testing::HasSubstr;
+
+class TrustedFileTest : public testing::Test {
+ protected:
+  std::string Make(const std::string& name, mode_t mode) {
+    const std::string path = folder_.File(name);
+    std::ofstream(path) << "text";
+    EXPECT_EQ(::chmod(path.c_str(), mode), 0);
+    return path;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(TrustedFileTest, IsWrittenByItsUserAlone) {
+  EXPECT_TRUE(CheckTrusted(Make("a", 0644)));
+  EXPECT_TRUE(CheckTrusted(Make("b", 0664))) << "this process's own group";
+  EXPECT_TRUE(CheckTrusted(folder_.File("missing")));
+  const auto refused = CheckTrusted(Make("c", 0646));
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalid);
+  EXPECT_THAT(ToString(refused.error()), HasSubstr("chmod go-w"));
+}
+
+TEST_F(TrustedFileTest, IsNotWrittenByAnotherGroup) {
+  const std::string path = Make("a", 0664);
+  if (::geteuid() != 0) GTEST_SKIP() << "only root gives files away";
+  ASSERT_EQ(::chown(path.c_str(), ::geteuid(), ::getegid() + 1), 0);
+  EXPECT_FALSE(CheckTrusted(path));
+}
+
+TEST_F(TrustedFileTest, AFolderLikeTmpIsNobodys) {
+  EXPECT_EQ(::chmod(folder_.path().c_str(), 0777), 0);
+  EXPECT_FALSE(CheckTrusted(folder_.path()));
+  EXPECT_EQ(::chmod(folder_.path().c_str(), 01777), 0);
+  EXPECT_TRUE(CheckTrusted(folder_.path())) << "others remove nothing there";
+}
+
+// Each would be taken for what whoever runs the team says.
+TEST_F(TrustedFileTest, IsAskedForTeamFilesClientListsAndPublicKeys) {
+  const std::string path = Make("a", 0666);
+  EXPECT_THAT(ToString(ReadTeamFile(path).error()), HasSubstr("other users may write it"));
+  EXPECT_THAT(ToString(ReadClientList(path).error()), HasSubstr("other users may write it"));
+  EXPECT_THAT(ToString(ReadPublicKey(path).error()), HasSubstr("other users may write it"));
+}
+
+}  // namespace
+}  // namespace moondb

@@ -1,0 +1,149 @@
+#include "runtime/transport/connection_rules.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+using Cause = ConnectionRules::Cause;
+
+constexpr std::uint16_t kPort = 7400;
+constexpr std::uint16_t kClientPort = 7500;
+constexpr std::uint64_t kSharedBytes = 32 * 1024 * 1024;
+
+// Two agents at 10.0.0.2 and one at 10.0.0.3, four places each; five others; three clients.
+class ConnectionRulesTest : public testing::Test {
+ protected:
+  void Open(int file, const std::string& peer, std::uint16_t port = kPort) {
+    open_[file] = {file, port, peer, ++last_peer_port_, 0};
+  }
+  void Receive(int file, std::uint64_t bytes) { open_.at(file).bytes_received += bytes; }
+  void Deliver(int file) { rules_.OnMessage(file); }
+
+  // The files that are to be cut; they are gone then.
+  std::vector<int> Judge(Cause cause) {
+    std::vector<TcpConnection> now;
+    for (const auto& [file, connection] : open_) now.push_back(connection);
+    std::vector<int> files;
+    for (const ConnectionRules::Cut& cut : rules_.Judge(now)) {
+      EXPECT_EQ(cut.cause, cause);
+      files.push_back(cut.connection.file);
+      if (frees_) open_.erase(cut.connection.file);
+    }
+    return files;
+  }
+  std::vector<int> TooMany() { return Judge(Cause::kTooMany); }
+  std::vector<int> TooMuch() { return Judge(Cause::kTooMuch); }
+
+  ConnectionRules rules_{
+      {{kPort, {{{"10.0.0.2", 8}, {"10.0.0.3", 4}}, 5, kSharedBytes}}, {kClientPort, {{}, 3, kSharedBytes}}}};
+  std::map<int, TcpConnection> open_;
+  std::uint16_t last_peer_port_ = 0;
+  bool frees_ = true;
+};
+
+TEST_F(ConnectionRulesTest, LetsInAsManyAsThereArePlaces) {
+  for (int i = 0; i < 8; ++i) Open(10 + i, "10.0.0.2");
+  for (int i = 0; i < 4; ++i) Open(20 + i, "10.0.0.3");
+  for (int i = 0; i < 5; ++i) Open(30 + i, "192.168.1." + std::to_string(i));
+  for (int i = 0; i < 3; ++i) Open(40 + i, "10.0.0.2", kClientPort);
+  EXPECT_THAT(TooMany(), IsEmpty());
+}
+
+TEST_F(ConnectionRulesTest, StrangersDoNotTakeThePlacesOfAgents) {
+  for (int i = 0; i < 3; ++i) Open(100 + i, "192.168.1.66");
+  EXPECT_THAT(TooMany(), IsEmpty());
+  for (int i = 3; i < 50; ++i) Open(100 + i, "192.168.1.66");
+  Open(10, "10.0.0.2");
+  EXPECT_EQ(TooMany().size(), 45u);
+  EXPECT_TRUE(open_.contains(10));
+  EXPECT_TRUE(open_.contains(149)) << "the newest ones stay: one of them may be true";
+  EXPECT_FALSE(open_.contains(100));
+}
+
+TEST_F(ConnectionRulesTest, WhoEverBroughtAMessageStaysLongest) {
+  for (int i = 0; i < 5; ++i) Open(10 + i, "192.168.1." + std::to_string(i));
+  Deliver(10);
+  EXPECT_THAT(TooMany(), IsEmpty());
+  Open(20, "192.168.1.66");
+  EXPECT_THAT(TooMany(), ElementsAre(11)) << "the oldest of the silent ones";
+  for (const int file : {12, 13, 14, 20}) Deliver(file);
+  Open(21, "192.168.1.66");
+  Deliver(21);
+  EXPECT_THAT(TooMany(), ElementsAre(20)) << "the oldest of the address that has most";
+  EXPECT_TRUE(open_.contains(10));
+}
+
+TEST_F(ConnectionRulesTest, AFileThatIsUsedAgainIsAnotherConnection) {
+  for (int i = 0; i < 5; ++i) Open(10 + i, "192.168.1." + std::to_string(i));
+  Deliver(10);
+  Receive(10, 1000);
+  EXPECT_THAT(TooMany(), IsEmpty());
+  Open(10, "192.168.1.66");  // The one before is closed.
+  for (const int file : {11, 12, 13, 14}) Deliver(file);
+  Open(20, "192.168.1.66");
+  EXPECT_THAT(TooMany(), ElementsAre(10));
+}
+
+TEST_F(ConnectionRulesTest, OneLargeMessageIsLetThrough) {
+  Open(10, "10.0.0.2");
+  Receive(10, 5000);
+  Deliver(10);
+  for (int i = 0; i < 32; ++i) {
+    Receive(10, 1024 * 1024);
+    EXPECT_THAT(TooMuch(), IsEmpty());
+  }
+  Deliver(10);
+  EXPECT_THAT(TooMuch(), IsEmpty());
+  for (int i = 0; i < 32; ++i) Receive(10, 1024 * 1024);
+  EXPECT_THAT(TooMuch(), IsEmpty()) << "what came with whole messages does not count";
+}
+
+TEST_F(ConnectionRulesTest, MessagesWithoutEndAreCutTheLargestFirst) {
+  Open(10, "10.0.0.2");
+  Open(11, "10.0.0.3");
+  Receive(10, 30'000'000);
+  Receive(11, 3'000'000);
+  EXPECT_THAT(TooMuch(), IsEmpty());
+  Receive(11, 1'000'000);
+  EXPECT_THAT(TooMuch(), ElementsAre(10));
+  Open(12, "10.0.0.3");
+  Receive(12, kSharedBytes + ConnectionRules::kFreeBytes);
+  EXPECT_THAT(TooMuch(), ElementsAre(12));
+}
+
+TEST_F(ConnectionRulesTest, SmallMessagesInManyConnectionsAreFree) {
+  for (int i = 0; i < 8; ++i) {
+    Open(10 + i, "10.0.0.2");
+    Receive(10 + i, ConnectionRules::kFreeBytes);
+  }
+  Open(30, "10.0.0.3");
+  Receive(30, kSharedBytes);
+  EXPECT_THAT(TooMuch(), IsEmpty());
+}
+
+TEST_F(ConnectionRulesTest, DoorsDoNotCountForEachOther) {
+  Open(10, "10.0.0.2");
+  Receive(10, kSharedBytes);
+  Open(40, "10.0.0.2", kClientPort);
+  Receive(40, kSharedBytes);
+  EXPECT_THAT(TooMuch(), IsEmpty());
+}
+
+// libzmq takes a moment to close it.
+TEST_F(ConnectionRulesTest, WhatIsCutIsNamedOnce) {
+  frees_ = false;
+  Open(10, "10.0.0.2");
+  Receive(10, kSharedBytes + ConnectionRules::kFreeBytes + 1);
+  EXPECT_THAT(TooMuch(), ElementsAre(10));
+  EXPECT_THAT(TooMuch(), IsEmpty());
+  Open(11, "10.0.0.3");
+  Receive(11, kSharedBytes);
+  EXPECT_THAT(TooMuch(), IsEmpty()) << "its bytes do not count any more";
+}
+
+}  // namespace
+}  // namespace moondb

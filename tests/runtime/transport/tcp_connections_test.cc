@@ -1,0 +1,155 @@
+// Real sockets of this process; the system chooses their ports.
+#include "runtime/transport/tcp_connections.h"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "runtime/transport/listen_address.h"
+
+namespace moondb {
+namespace {
+
+using testing::IsEmpty;
+using testing::SizeIs;
+
+class Socket {
+ public:
+  explicit Socket(int file) : file_(file) {}
+  Socket(Socket&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
+  Socket& operator=(Socket&&) = delete;
+  ~Socket() {
+    if (file_ >= 0) ::close(file_);
+  }
+  int file() const { return file_; }
+
+ private:
+  int file_;
+};
+
+sockaddr_in Loopback(std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  address.sin_port = htons(port);
+  return address;
+}
+
+class TcpConnectionsTest : public testing::Test {
+ protected:
+  TcpConnectionsTest() : listener_(::socket(AF_INET, SOCK_STREAM, 0)) {
+    sockaddr_in address = Loopback(0);
+    EXPECT_EQ(::bind(listener_.file(), reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    EXPECT_EQ(::listen(listener_.file(), 8), 0);
+    socklen_t size = sizeof address;
+    EXPECT_EQ(::getsockname(listener_.file(), reinterpret_cast<sockaddr*>(&address), &size), 0);
+    port_ = ntohs(address.sin_port);
+  }
+
+  std::unique_ptr<TcpConnections> Watch() const {
+    auto connections = TcpConnections::Watch({port_});
+    EXPECT_TRUE(connections) << ToString(connections.error());
+    return std::move(*connections);
+  }
+  Socket Connect() const {
+    Socket socket(::socket(AF_INET, SOCK_STREAM, 0));
+    const sockaddr_in address = Loopback(port_);
+    EXPECT_EQ(::connect(socket.file(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    return socket;
+  }
+  Socket Accept() const { return Socket(::accept(listener_.file(), nullptr, nullptr)); }
+
+  // Whether something came; waits for what is on its way within this machine.
+  static bool IsReadable(const TcpConnections& connections, int timeout_ms) {
+    pollfd file{connections.file(), POLLIN, 0};
+    return ::poll(&file, 1, timeout_ms) == 1;
+  }
+
+  Socket listener_;
+  std::uint16_t port_ = 0;
+};
+
+constexpr int kPatience_ms = 60'000;
+
+TEST_F(TcpConnectionsTest, ListsThoseThatOthersOpenedAndWhatTheyReceived) {
+  const std::unique_ptr<TcpConnections> connections = Watch();
+  EXPECT_THAT(connections->List(), IsEmpty()) << "the one that listens is none";
+  const Socket theirs = Connect();
+  const Socket ours = Accept();
+  ASSERT_THAT(connections->List(), SizeIs(1)) << "the other end's own port is another one";
+  const TcpConnection before = connections->List()[0];
+  EXPECT_EQ(before.file, ours.file());
+  EXPECT_EQ(before.port, port_);
+  EXPECT_EQ(before.peer, "127.0.0.1");
+  EXPECT_EQ(before.bytes_received, 0u);
+  ASSERT_EQ(::send(theirs.file(), "12345", 5, 0), 5);
+  ASSERT_TRUE(IsReadable(*connections, kPatience_ms));
+  EXPECT_EQ(connections->List()[0].bytes_received, 5u);
+  EXPECT_EQ(connections->List()[0].peer_port, before.peer_port);
+}
+
+TEST_F(TcpConnectionsTest, SaysOnceThatSomethingCame) {
+  const std::unique_ptr<TcpConnections> connections = Watch();
+  (void)connections->List();
+  EXPECT_FALSE(IsReadable(*connections, 0));
+  const Socket theirs = Connect();
+  EXPECT_TRUE(IsReadable(*connections, kPatience_ms)) << "somebody connected";
+  const Socket ours = Accept();
+  connections->Drain();
+  EXPECT_FALSE(IsReadable(*connections, 0));
+  (void)connections->List();
+  ASSERT_EQ(::send(theirs.file(), "1", 1, 0), 1);
+  EXPECT_TRUE(IsReadable(*connections, kPatience_ms));
+  connections->Drain();
+  ASSERT_EQ(::send(theirs.file(), "2", 1, 0), 1);
+  EXPECT_FALSE(IsReadable(*connections, 0)) << "until it is looked at";
+  (void)connections->List();
+  EXPECT_TRUE(IsReadable(*connections, kPatience_ms)) << "what waits is news again";
+}
+
+TEST_F(TcpConnectionsTest, LooksWhereTheProcessMayOpenNoMoreFiles) {
+  const std::unique_ptr<TcpConnections> connections = Watch();
+  const Socket theirs = Connect();
+  const Socket ours = Accept();
+  rlimit files{};
+  ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &files), 0);
+  const rlimit none{0, files.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &none), 0);
+  const std::size_t count = connections->List().size();
+  ASSERT_EQ(::setrlimit(RLIMIT_NOFILE, &files), 0);
+  EXPECT_EQ(count, 1u);
+}
+
+TEST_F(TcpConnectionsTest, ShutsOneDown) {
+  const std::unique_ptr<TcpConnections> connections = Watch();
+  const Socket theirs = Connect();
+  const Socket ours = Accept();
+  TcpConnections::ShutDown(connections->List()[0]);
+  char byte = 0;
+  EXPECT_EQ(::recv(theirs.file(), &byte, 1, 0), 0) << "the end";
+  TcpConnections::ShutDown({/*file=*/9999, 0, {}, 0, 0});
+}
+
+TEST(ListenAddressTest, KnowsPortsAndNumericAddresses) {
+  EXPECT_EQ(TcpPortOf("tcp://10.0.0.3:7400"), 7400);
+  EXPECT_EQ(TcpPortOf("tcp://[::1]:7400"), 7400);
+  EXPECT_EQ(TcpPortOf("ipc:///run/moondb/1.sock"), std::nullopt);
+  EXPECT_EQ(TcpPortOf("tcp://10.0.0.3:x"), std::nullopt);
+  EXPECT_EQ(NumericAddressOf("tcp://10.0.0.3:7400"), "10.0.0.3");
+  EXPECT_EQ(NumericAddressOf("tcp://localhost:7400"), "127.0.0.1");
+  EXPECT_EQ(NumericAddressOf("tcp://[FE80:0::1]:7400"), "fe80::1");
+  EXPECT_EQ(NumericAddressOf("tcp://rover1.local:7400"), "");
+  EXPECT_EQ(NumericAddressOf(""), "");
+}
+
+}  // namespace
+}  // namespace moondb
