@@ -43,6 +43,12 @@ constexpr std::size_t kBatchMessages = 256;      // Of one socket before the oth
 // and to wake it takes tens of microseconds, and as much processor time (measured: a round trip takes 0.6 of the time).
 constexpr Duration kLingerTime = std::chrono::microseconds(60);
 
+// Places among the files that the thread waits for.
+constexpr std::size_t kRouterFile = 1;
+constexpr std::size_t kGuardFile = 2;
+constexpr std::size_t kDoorsMax = 2;
+constexpr std::size_t kOtherFiles = 4 + kDoorsMax;  // Before those of peers.
+
 // For ppoll.
 timespec TimeUntil(MonotonicTime time) {
   if (time == MonotonicTime::min()) return {};
@@ -109,8 +115,8 @@ class ZeroMqTransport::Impl {
 
   proto::DoorStatus Door() const {
     proto::DoorStatus status;
-    status.set_unknown_agent_keys(static_cast<double>(refused_agents_.load()));
-    status.set_unknown_client_keys(static_cast<double>(refused_clients_.load()));
+    status.set_unknown_agent_keys(static_cast<double>(refused_.agents.load()));
+    status.set_unknown_client_keys(static_cast<double>(refused_.clients.load()));
     if (!guard_) return status;
     status.set_cut_for_number(static_cast<double>(guard_->cut_for_number()));
     status.set_cut_for_bytes(static_cast<double>(guard_->cut_for_bytes()));
@@ -314,18 +320,14 @@ class ZeroMqTransport::Impl {
       add(peer->monitor_file());
     }
   }
-  static constexpr std::size_t kRouterFile = 1;
-  static constexpr std::size_t kGuardFile = 2;
-  static constexpr std::size_t kDoorsMax = 2;
-  static constexpr std::size_t kOtherFiles = 4 + kDoorsMax;  // Before those of peers.
 
   void OnHandshakes() {
     zap_handler_->OnReadable();
-    if (refused_agents_.exchange(zap_handler_->refused_agents()) < zap_handler_->refused_agents()) {
-      logs_.refused_peer.Warn("transport: refused a connection whose key is not of this team");
+    if (refused_.agents.exchange(zap_handler_->refused_agents()) < zap_handler_->refused_agents()) {
+      refused_.agent_log.Warn("transport: refused a connection whose key is not of this team");
     }
-    if (refused_clients_.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
-      logs_.refused_client.Warn("transport: refused a client whose key is not listed");
+    if (refused_.clients.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
+      refused_.client_log.Warn("transport: refused a client whose key is not listed");
     }
   }
 
@@ -377,7 +379,7 @@ class ZeroMqTransport::Impl {
     const AgentId blamed = authenticated.value_or(AgentOfUserId(received.route.text()));
     const auto peer = peers_.find(blamed);
     if (peer != peers_.end()) peer->second->OnRejected(received.frame.size(), IsOnLink(blamed, received));
-    logs_.rejected_frame.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
+    refused_.frame_log.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
   }
 
   const proto::TeamConfig team_;
@@ -400,14 +402,14 @@ class ZeroMqTransport::Impl {
   std::vector<pollfd> files_;
   bool is_busy_ = false;   // Peers sent something just now.
   bool has_more_ = false;  // A socket was not read from until nothing waits.
-  std::atomic<std::uint64_t> refused_agents_ = 0;
-  std::atomic<std::uint64_t> refused_clients_ = 0;
-  struct Logs {
-    RateLimitedLog refused_peer;
-    RateLimitedLog refused_client;
-    RateLimitedLog rejected_frame;
+  struct Refused {
+    std::atomic<std::uint64_t> agents = 0;  // Handshakes.
+    std::atomic<std::uint64_t> clients = 0;
+    RateLimitedLog agent_log;
+    RateLimitedLog client_log;
+    RateLimitedLog frame_log;
   };
-  Logs logs_;
+  Refused refused_;
 
   std::atomic<bool> is_stopping_{false};
   std::thread thread_;
