@@ -8,12 +8,11 @@
 namespace moondb {
 namespace {
 
-// By hand, so that a new request is placed on purpose.
+// By hand, so that a new request is placed on purpose: what stands in neither needs the right `command`.
 const std::set<std::string> kView = {"status",  "read",      "role_show", "share_status", "graph_stats",
                                      "trace",   "have",      "verify",    "fingerprint",  "merge",
                                      "map_why", "map_stats", "map_tiles", "read_bundle"};
 const std::set<std::string> kShare = {"insert", "share", "lease", "optimize", "custom"};
-const std::set<std::string> kCommand = {"role_set", "stop", "prune", "downlink", "acknowledge"};
 
 TEST(ClientRightsTest, EveryRequestHasItsPlace) {
   const auto* requests = proto::ControlRequest::descriptor()->FindOneofByName("request");
@@ -21,20 +20,21 @@ TEST(ClientRightsTest, EveryRequestHasItsPlace) {
   for (int i = 0; i < requests->field_count(); ++i) {
     const auto* field = requests->field(i);
     const auto needed = RightsNeededFor(static_cast<proto::ControlRequest::RequestCase>(field->number()));
-    const int places =
-        static_cast<int>(kView.count(field->name()) + kShare.count(field->name()) + kCommand.count(field->name()));
-    EXPECT_EQ(places, 1) << field->name() << " is not listed here";
     if (kView.contains(field->name())) {
       EXPECT_EQ(needed, proto::CLIENT_RIGHTS_VIEW) << field->name();
     }
     if (kShare.contains(field->name())) {
       EXPECT_EQ(needed, proto::CLIENT_RIGHTS_SHARE) << field->name();
     }
-    if (kCommand.contains(field->name())) {
-      EXPECT_EQ(needed, proto::CLIENT_RIGHTS_COMMAND) << field->name();
+    if (!kView.contains(field->name()) && !kShare.contains(field->name())) {
+      EXPECT_EQ(needed, proto::CLIENT_RIGHTS_COMMAND) << field->name() << " is not listed here";
     }
   }
-  EXPECT_EQ(requests->field_count(), static_cast<int>(kView.size() + kShare.size() + kCommand.size()));
+  for (const std::set<std::string>& listed : {kView, kShare}) {
+    for (const std::string& name : listed) {
+      EXPECT_NE(proto::ControlRequest::descriptor()->FindFieldByName(name), nullptr) << name;
+    }
+  }
 }
 
 TEST(ClientRightsTest, SaysWhichRightIsNeededAndWhichThereIs) {
