@@ -57,7 +57,7 @@ class Client {
     Duration connect_timeout = std::chrono::seconds(1);
     Duration timeout = std::chrono::seconds(10);        // Of a call, once connected; beyond a read's wait_s.
     Duration long_timeout = std::chrono::seconds(600);  // Of what TakesLong (model/control_request.h).
-    // Of a request or an answer; a request over the network has kKeyedRequestBytesMax at most.
+    // A request and an answer have so many at most; a request over the network has kKeyedRequestBytesMax at most.
     std::size_t message_bytes_max = 32 * 1024 * 1024;
     // The agent that is meant, asked over the radio by the one that is connected to; 0: that one.
     AgentId for_agent = 0;

@@ -10,8 +10,8 @@ namespace moondb {
 
 inline constexpr double kReadWaitMax_s = 60;
 
-// Of a request at a client_address; over ipc it may be larger. What is on its way there takes memory before anybody
-// knows what it is.
+// A request at a client_address has so many at most; over ipc it may be larger. What is on its way there takes memory
+// before anybody knows what it is.
 inline constexpr std::size_t kKeyedRequestBytesMax = 12 * 1024 * 1024;
 
 // As proto/control.proto says of each request; of REQUEST_NOT_SET, and of one that says nothing, the defaults.

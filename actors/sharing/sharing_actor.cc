@@ -33,7 +33,7 @@ std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   return types;
 }
 
-// That the team's agents send.
+// The codec in which the team's agents send.
 proto::Codec CodecOf(const SharingActor::Options& options) {
   const proto::Codec codec = options.team.radio().codec();
   return codec == proto::CODEC_UNSPECIFIED ? options.session.codec : codec;

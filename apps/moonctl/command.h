@@ -16,7 +16,7 @@ inline constexpr bool kShows = true;
 // Its --help ends with the example.
 CLI::App& AddCommand(CLI::App& group, const std::string& name, const std::string& description, CommandNote note);
 
-// Of a group that of its first command; null: it has none.
+// A group has the note of its first command. Null: the command has none.
 const CommandNote* NoteOf(const CLI::App& command);
 
 // Ends the --help of each group below `root` with the example of its first command.

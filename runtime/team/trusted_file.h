@@ -1,4 +1,4 @@
-// Whether what a file says can be the word of somebody else than this user and root.
+// CheckTrusted: whether other users than this one and root could have written what a file says.
 #pragma once
 
 #include <filesystem>

@@ -26,7 +26,7 @@ constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rig
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;      // So many are remembered to be answered.
-constexpr std::size_t kClientsOfKeyMax = 16;  // Of one key.
+constexpr std::size_t kClientsOfKeyMax = 16;  // So many connections of one key are remembered.
 constexpr int kKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr char kIpc[] = "ipc://";

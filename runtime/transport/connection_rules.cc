@@ -40,7 +40,7 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
 }
 
 void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {
-  std::map<std::string, std::vector<Known*>> groups;  // Those that share places; "" for all other addresses.
+  std::map<std::string, std::vector<Known*>> groups;  // By the address whose places they share, or "".
   for (auto& [file, known] : known_) {
     if (known.is_cut || known.connection.port != port) continue;
     groups[door.places.contains(known.connection.peer) ? known.connection.peer : std::string()].push_back(&known);

@@ -39,7 +39,7 @@ class ConnectionRules {
 
   struct Door {
     std::map<std::string, std::size_t> places;  // By address.
-    std::size_t others_max = 0;                 // Of all other addresses together.
+    std::size_t others_max = 0;                 // Connections from all other addresses together.
     std::uint64_t shared_bytes = 0;
   };
 
@@ -62,7 +62,7 @@ class ConnectionRules {
   struct Known {
     TcpConnection connection;
     std::uint64_t number = 0;           // As they came.
-    std::uint64_t bytes_delivered = 0;  // What it had received when the last whole message was there.
+    std::uint64_t bytes_delivered = 0;  // The bytes it had received at its last whole message.
     bool has_delivered = false;
     bool is_cut = false;
 

@@ -18,8 +18,8 @@ Result<void> ClaimIpcPath(const std::string& endpoint);
 // kUnavailable if it does not know the name.
 Result<std::string> NumericEndpoint(const std::string& endpoint);
 
-// Of "tcp://10.0.0.3:7400": 7400 and "10.0.0.3", of "tcp://localhost:7400" too. None, and empty, where it is no TCP
-// address, or (NumericAddressOf) the host is another name: nobody is asked.
+// The parts of "tcp://10.0.0.3:7400" are 7400 and "10.0.0.3"; localhost is "127.0.0.1". What is no TCP address has no
+// port and an empty address, and so has (NumericAddressOf) a host with another name: nobody is asked for it.
 std::optional<std::uint16_t> TcpPortOf(const std::string& endpoint);
 std::string NumericAddressOf(const std::string& endpoint);
 
