@@ -79,6 +79,18 @@ void CheckQuarantine(const Record& record, FieldChecker& check) {
   check.Require(quarantine.from_ns() <= quarantine.to_ns(), "map_quarantine.to_ns", "lies before from_ns");
 }
 
+void CheckAssignment(const Record& record, FieldChecker& check) {
+  const proto::RoleAssignment& roles = record.role_assignment();
+  check.Term(roles.term(), "role_assignment.term");
+  check.Agent(roles.term().issuer(), "role_assignment.term.issuer");
+  check.Agent(roles.leader(), "role_assignment.leader");
+  if (roles.survivor() != 0) check.Agent(roles.survivor(), "role_assignment.survivor");
+  check.Require(roles.leader() != roles.survivor(), "role_assignment.survivor", "is the leader too");
+  check.Text(roles.reason(), kRoleReasonBytesMax, "role_assignment.reason");
+  check.Size(roles.follows(), kSignatureBytes, "role_assignment.follows");
+  check.Size(roles.signature(), kSignatureBytes, "role_assignment.signature");
+}
+
 std::vector<NamedAgent> EndsOf(const proto::NodeKey& from, const proto::NodeKey& to, const std::string& field) {
   return {{from.agent_id(), field + ".from.agent_id"}, {to.agent_id(), field + ".to.agent_id"}};
 }
@@ -248,6 +260,22 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
            check.Require(event.kind() != proto::EVENT_KIND_UNSPECIFIED, "agent_event.kind", "is missing");
            check.Text(event.text(), kEventTextBytesMax, "agent_event.text");
            check.Text(event.by(), kEventByBytesMax, "agent_event.by");
+         }},
+
+    {.type = proto::ROLE_ASSIGNMENT,
+     .rank = ShareRank::kRoles,
+     .share = proto::POLICY_ALL,
+     .ground = proto::POLICY_ALL,
+     .may_be_latest = false,
+     .is_kept_unless_named = true,
+     .check = CheckAssignment,
+     .agents =
+         [](const Record& record) {
+           const proto::RoleAssignment& roles = record.role_assignment();
+           std::vector<NamedAgent> agents = {{roles.term().issuer(), "role_assignment.term.issuer"},
+                                             {roles.leader(), "role_assignment.leader"}};
+           if (roles.survivor() != 0) agents.push_back({roles.survivor(), "role_assignment.survivor"});
+           return agents;
          }},
 });
 

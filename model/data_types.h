@@ -19,8 +19,9 @@
 
 namespace moondb {
 
-// The order in which types are shared: a smaller rank goes first. kOthers are events and custom types.
-enum class ShareRank { kStates, kNodes, kEdges, kDerived, kOthers, kMaps };
+// The order in which types are shared: a smaller rank goes first. Assignments of roles say whose records are taken.
+// kOthers are events and custom types.
+enum class ShareRank { kRoles, kStates, kNodes, kEdges, kDerived, kOthers, kMaps };
 
 // An agent that a record names. It must be a member of the team.
 struct NamedAgent {

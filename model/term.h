@@ -3,14 +3,29 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <tuple>
 
 #include "proto/types.pb.h"
 
 namespace moondb {
 
-// A new leader each millisecond would need thirty years for so many: a larger number is damaged or forged.
-inline constexpr std::uint64_t kTermNumberMax = 1ull << 40;
+// Term.number holds two counts: of reigns, each begun by an agent that may command the team, in the bits from this one
+// on, and below of the changes of roles within the reign. So terms are ordered by reign first, and what is versioned by
+// a term needs no field more.
+inline constexpr int kReignShift = 32;
+inline constexpr std::uint64_t kReignMax = (1ull << 20) - 1;
+inline constexpr std::uint64_t kChangeMax = (1ull << kReignShift) - 1;
+// JSON's numbers hold it exactly.
+inline constexpr std::uint64_t kTermNumberMax = kReignMax << kReignShift | kChangeMax;
+
+inline std::uint64_t ReignOf(const proto::Term& term) { return term.number() >> kReignShift; }
+inline std::uint64_t ChangeOf(const proto::Term& term) { return term.number() & kChangeMax; }
+inline std::uint64_t TermNumber(std::uint64_t reign, std::uint64_t change) { return reign << kReignShift | change; }
+// "7" in the reign of the team file, "2.7" in the second one after it.
+std::string TermText(const proto::Term& term);
+
+inline constexpr std::size_t kSignatureBytes = 64;  // Ed25519.
 
 // Why roles change, as people give it.
 inline constexpr std::size_t kRoleReasonBytesMax = 256;

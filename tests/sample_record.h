@@ -70,6 +70,7 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
     *record.mutable_local_traversability_map() = ToProto(map);
   }
   if (record.has_map_quarantine()) record.mutable_map_quarantine()->clear_lifts();
+  if (record.has_role_assignment()) record.mutable_role_assignment()->clear_survivor();
   return record;
 }
 

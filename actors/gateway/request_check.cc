@@ -75,6 +75,10 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
     if (insert.records(i).has_agent_event()) {
       return Fail(ErrorCode::kInvalid, "only agents themselves write down what happened", at + ".agent_event");
     }
+    if (insert.records(i).has_role_assignment()) {
+      return Fail(ErrorCode::kInvalid, "only agents themselves insert these; `role set` changes roles",
+                  at + ".role_assignment");
+    }
     if (auto checked = CheckAgentsOfRecord(team, insert.records(i), at); !checked) return checked;
   }
   return {};

@@ -150,6 +150,16 @@ std::vector<TypeTable> MakeTables() {
              const proto::AgentEvent& event = record.agent_event();
              query << static_cast<int>(event.kind()) << std::string_view(event.text()) << std::string_view(event.by());
            }},
+
+      {.type = proto::ROLE_ASSIGNMENT,
+       .columns = "term_number INTEGER NOT NULL, term_issuer INTEGER NOT NULL, term_issuer_epoch INTEGER NOT NULL,"
+                  "leader INTEGER NOT NULL, survivor INTEGER NOT NULL, reason TEXT NOT NULL",
+       .bind =
+           [](const Record& record, Query& query) {
+             const proto::RoleAssignment& roles = record.role_assignment();
+             query << roles.term().number() << roles.term().issuer() << roles.term().issuer_epoch() << roles.leader()
+                   << roles.survivor() << std::string_view(roles.reason());
+           }},
   };
 }
 

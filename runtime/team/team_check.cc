@@ -99,6 +99,10 @@ class Checker {
   void CheckPolicies(const std::string& section, const Policies& policies) {
     for (const auto& [name, policy] : policies) {
       const DataTypeRow* row = RowNamed(name);
+      if (row != nullptr && row->rank == ShareRank::kRoles && policy != proto::POLICY_ALL) {
+        Add(section + "." + name, "expected all: whose records are taken depends on it");
+        continue;
+      }
       if (policy != proto::POLICY_LATEST || row == nullptr || row->may_be_latest) continue;
       Add(section + "." + name, "expected none or all, got \"latest\"");
     }
