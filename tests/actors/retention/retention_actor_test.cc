@@ -41,6 +41,7 @@ class RetentionActorTest : public testing::Test {
     config_.mutable_roles()->set_leader("rover1");
     config_.mutable_roles()->set_survivor("rover2");
     (*config_.mutable_share())["agent_event"] = proto::POLICY_ALL;
+    (*config_.mutable_share())["health"] = proto::POLICY_ALL;
     (*config_.mutable_share())["local_traversability_map"] = proto::POLICY_ALL;
     (*config_.mutable_share())["pose_graph_node"] = proto::POLICY_ALL;
     (*config_.mutable_share())["power"] = proto::POLICY_LATEST;
@@ -83,12 +84,29 @@ class RetentionActorTest : public testing::Test {
     EXPECT_FALSE(IsError(answer.insert_reply().error())) << answer.DebugString();
   }
 
-  proto::Record EventOf(std::int64_t age_days, const std::string& text = "it was so") {
+  proto::Record ReportOf(std::int64_t age_days, const std::string& text = "it was so") {
+    proto::Record record;
+    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
+    record.mutable_health()->set_level(proto::HEALTH_LEVEL_NOMINAL);
+    record.mutable_health()->set_text(text);
+    return record;
+  }
+
+  proto::Record EventOf(std::int64_t age_days) {
     proto::Record record;
     record.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     record.mutable_agent_event()->set_kind(proto::EVENT_KIND_COMMAND);
-    record.mutable_agent_event()->set_text(text);
+    record.mutable_agent_event()->set_text("it was so");
     return record;
+  }
+
+  // At the leader, and heard by all.
+  void SetRoles(AgentId leader, AgentId survivor) {
+    proto::Message message;
+    message.mutable_role_set_request()->set_leader(leader);
+    message.mutable_role_set_request()->set_survivor(survivor);
+    (void)Ask(kLeader, actor_name::kRole, std::move(message));
+    team_.AdvanceTime(seconds(10));
   }
 
   proto::Record MapOf(AgentId agent, std::uint64_t index, std::int64_t age_days, std::size_t cells = 65536) {
@@ -209,10 +227,10 @@ class RetentionActorTest : public testing::Test {
 
 TEST_F(RetentionActorTest, RemovesWhatLeaderAndSurvivorHaveNow) {
   Start();
-  Insert(kRover, EventOf(1, "both"));
+  Insert(kRover, ReportOf(1, "both"));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
-  Insert(kRover, EventOf(1, "leader alone"));
+  Insert(kRover, ReportOf(1, "leader alone"));
   Bring(kRover, kLeader);
   const proto::PruneReply reply = Prune(kRover);
   EXPECT_EQ(reply.text(), "");
@@ -225,7 +243,7 @@ TEST_F(RetentionActorTest, RemovesWhatLeaderAndSurvivorHaveNow) {
 
 TEST_F(RetentionActorTest, TheLeaderAsksTheSurvivorAloneAndTheOtherWayRound) {
   Start();
-  Insert(kLeader, EventOf(1));
+  Insert(kLeader, ReportOf(1));
   Bring(kLeader, kSurvivor);
   team_.SetLink(kLeader, kRover, false);
   EXPECT_EQ(GoneOf(Prune(kLeader)), 1);
@@ -238,7 +256,7 @@ TEST_F(RetentionActorTest, TheLeaderAsksTheSurvivorAloneAndTheOtherWayRound) {
 
 TEST_F(RetentionActorTest, OfTwoThatRemoveTheSameAtOnceOneKeepsIt) {
   Start();
-  Insert(kLeader, EventOf(1));
+  Insert(kLeader, ReportOf(1));
   Bring(kLeader, kSurvivor);
   Order(kLeader, {});
   Order(kSurvivor, {});
@@ -248,7 +266,7 @@ TEST_F(RetentionActorTest, OfTwoThatRemoveTheSameAtOnceOneKeepsIt) {
 
 TEST_F(RetentionActorTest, RemovesNothingWhileTheSurvivorCannotBeReached) {
   Start();
-  Insert(kRover, EventOf(1));
+  Insert(kRover, ReportOf(1));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   team_.SetLink(kRover, kSurvivor, false);
@@ -262,7 +280,7 @@ TEST_F(RetentionActorTest, RemovesNothingWhileTheSurvivorCannotBeReached) {
 
 TEST_F(RetentionActorTest, RemovesNothingWhileTheLeaderIsSilent) {
   Start();
-  Insert(kRover, EventOf(1));
+  Insert(kRover, ReportOf(1));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   team_.SetLink(kRover, kLeader, false, /*tell=*/false);
@@ -273,13 +291,13 @@ TEST_F(RetentionActorTest, RemovesNothingWhileTheLeaderIsSilent) {
 TEST_F(RetentionActorTest, RemovesNothingWithoutASurvivor) {
   config_.mutable_roles()->clear_survivor();
   Start();
-  Insert(kRover, EventOf(1));
+  Insert(kRover, ReportOf(1));
   EXPECT_EQ(Prune(kRover).text(), "the team has no designated survivor");
 }
 
 TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   Start();
-  Insert(kRover, EventOf(1));
+  Insert(kRover, ReportOf(1));
   LoseHaveSets(true);
   std::uint64_t request_id = 0;
   team_.RecordSent({kRover, actor_name::kRetention});
@@ -293,7 +311,7 @@ TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   proto::StreamHave& stream = *lie.mutable_have()->mutable_have()->add_streams();
   stream.set_origin_agent(kRover);
   stream.set_epoch(1);
-  stream.set_data_type(proto::AGENT_EVENT);
+  stream.set_data_type(proto::HEALTH);
   stream.add_held()->set_first(5);
   LoseHaveSets(false);
   proto::Message message = MessageOf(lie);
@@ -308,7 +326,7 @@ TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
 
 TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
   Start();
-  Insert(kLeader, EventOf(1));
+  Insert(kLeader, ReportOf(1));
   LoseHaveSets(true);
   team_.RecordSent({kLeader, actor_name::kRetention});
   Order(kLeader, {});
@@ -322,7 +340,7 @@ TEST_F(RetentionActorTest, BelievesNobodyButWhomItAsked) {
     proto::StreamHave& stream = *claim.mutable_have()->mutable_have()->add_streams();
     stream.set_origin_agent(kLeader);
     stream.set_epoch(record.key().epoch());
-    stream.set_data_type(proto::AGENT_EVENT);
+    stream.set_data_type(proto::HEALTH);
     stream.add_held()->set_first(1);
     stream.mutable_held(0)->set_last(1);
   }
@@ -386,7 +404,7 @@ TEST_F(RetentionActorTest, RefusesTypesOfWhichNothingIsEverPruned) {
 
 TEST_F(RetentionActorTest, RemovesNothingByAgeWhileItsClockIsSuspect) {
   Start();
-  Insert(kRover, EventOf(1));
+  Insert(kRover, ReportOf(1));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   team_.SetUtcOffset(kRover, std::chrono::hours(24 * 365));
@@ -396,11 +414,40 @@ TEST_F(RetentionActorTest, RemovesNothingByAgeWhileItsClockIsSuspect) {
   EXPECT_EQ(RecordsOf(kRover).size(), 1u);
 }
 
+TEST_F(RetentionActorTest, AnOrderRemovesNoEvents) {
+  Start();
+  Insert(kRover, EventOf(31));
+  Insert(kRover, ReportOf(31));
+  Bring(kRover, kLeader);
+  Bring(kRover, kSurvivor);
+  proto::PruneOrder order;
+  order.add_data_types(proto::AGENT_EVENT);
+  const proto::PruneReply refused = Prune(kRover, order);
+  EXPECT_EQ(refused.error().code(), proto::ERROR_CODE_INVALID);
+  EXPECT_EQ(refused.error().field(), "prune.data_types[0]");
+  EXPECT_EQ(CountOf(kRover, proto::AGENT_EVENT), 1u);
+  Prune(kRover, {});
+  EXPECT_EQ(CountOf(kRover, proto::AGENT_EVENT), 1u) << "all types are all but these";
+  EXPECT_EQ(CountOf(kRover, proto::HEALTH), 0u);
+}
+
+TEST_F(RetentionActorTest, RemovesNothingForTenMinutesAfterLeaderOrSurvivorChanged) {
+  Start();
+  Insert(kRover, ReportOf(31));
+  for (const AgentId agent : {kLeader, kSurvivor}) Bring(kRover, agent);
+  SetRoles(kLeader, kRover);
+  EXPECT_NE(Prune(kSurvivor, {}).text().find("changed within the last 10 minutes"), std::string::npos);
+  EXPECT_EQ(RecordsOf(kSurvivor).size(), 1u);
+  team_.AdvanceTime(minutes(11));
+  Prune(kSurvivor, {});
+  EXPECT_EQ(RecordsOf(kSurvivor).size(), 0u);
+}
+
 TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesNowAndThen) {
   config_.mutable_retention()->set_keep_event_days(30);
   Start();
-  Insert(kRover, EventOf(31, "old"));
-  Insert(kRover, EventOf(29, "young"));
+  Insert(kRover, EventOf(31));
+  Insert(kRover, EventOf(29));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   team_.AdvanceTime(minutes(4));
@@ -413,7 +460,7 @@ TEST_F(RetentionActorTest, AppliesTheTeamFilesAgesNowAndThen) {
 TEST_F(RetentionActorTest, TriesAgainWhenTheOthersAreBack) {
   config_.mutable_retention()->set_keep_days(30);
   Start();
-  Insert(kRover, EventOf(31));
+  Insert(kRover, ReportOf(31));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   team_.SetLink(kRover, kLeader, false);
@@ -451,7 +498,7 @@ TEST_F(RetentionActorTest, LetsMapsGoFirstAndLeavesGraphAndStates) {
   node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m();
   node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
   Insert(kRover, node);
-  for (int i = 0; i < 100; ++i) Insert(kRover, EventOf(300));
+  for (int i = 0; i < 100; ++i) Insert(kRover, ReportOf(300));
   for (int i = 0; StatusOf(kRover).map_bytes() < 0.75e6; ++i) Insert(kRover, MapOf(kRover, 1, 200 - i));
   const std::size_t maps = CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP);
   Bring(kRover, kLeader);
@@ -461,7 +508,7 @@ TEST_F(RetentionActorTest, LetsMapsGoFirstAndLeavesGraphAndStates) {
   EXPECT_LT(CountOf(kRover, proto::LOCAL_TRAVERSABILITY_MAP), maps);
   EXPECT_LE(after.map_bytes(), 0.75e6);
   EXPECT_GT(after.map_bytes(), 0.2e6);
-  EXPECT_EQ(CountOf(kRover, proto::AGENT_EVENT), 100u) << "older than the maps, but within their part";
+  EXPECT_EQ(CountOf(kRover, proto::HEALTH), 100u) << "older than the maps, but within their part";
   EXPECT_EQ(CountOf(kRover, proto::POWER), 1u);
   EXPECT_EQ(CountOf(kRover, proto::POSE_GRAPH_NODE), 1u);
   EXPECT_EQ(after.space_low(), "");
@@ -502,7 +549,7 @@ TEST_F(RetentionActorTest, TakesBeatenMaps) {
 // Merging keeps what it has read, so that it has to hear of a prune whatever befalls it.
 TEST_F(RetentionActorTest, ReadersHearOfAPruneOfAnyType) {
   Start();
-  Insert(kRover, EventOf(1));
+  Insert(kRover, ReportOf(1));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   EXPECT_FALSE(HearsOfPruned());
@@ -566,7 +613,7 @@ TEST_F(RetentionActorTest, SaysWhyMergeCouldNotTell) {
 
 TEST_F(RetentionActorTest, GoesOnAfterARestartInTheMiddle) {
   Start();
-  Insert(kRover, EventOf(1));
+  Insert(kRover, ReportOf(1));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   team_.SetFilter([](AgentId, AgentId, const proto::Message& message) { return !message.has_control_reply(); });

@@ -13,6 +13,7 @@
 
 #include "model/team_id.h"
 #include "runtime/team/curve_keys.h"
+#include "runtime/team/signing_key.h"
 #include "runtime/team/team_init.h"
 #include "tests/temporary_folder.h"
 
@@ -411,11 +412,14 @@ TEST_F(TeamFileTest, InitialTeamIsReadBack) {
     const std::filesystem::path public_path = team->folder / agent.key();
     EXPECT_EQ(ModeOf(public_path), 0644u);
     EXPECT_EQ(ModeOf(SecretKeyPath(public_path)), 0600u);
+    EXPECT_EQ(ModeOf(SigningSecretPath(SecretKeyPath(public_path))), 0600u);
+    EXPECT_EQ(SigningKey::Read(SigningSecretPath(SecretKeyPath(public_path))).value().public_key(),
+              agent.signing_key());
     EXPECT_EQ(PublicKeyOf(ReadSecretKey(SecretKeyPath(public_path)).value()).value(),
               ReadPublicKey(public_path).value());
   }
-  // The team, eight keys and nothing left aside.
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(team->folder), {}), 9);
+  // The team, twelve keys and nothing left aside.
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(team->folder), {}), 13);
 }
 
 TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
