@@ -2,8 +2,8 @@
 // their term that counts (model/role_chain.h) names their origin leader. So no rover that never led moves the others'
 // maps, however high a term it gives, and which ones count depends on the records alone.
 //
-// Fed with the records that are held, in any order. What came before its assignment is left out; when that is there, all
-// has to be read anew. A plain value, not copied.
+// Fed with the records that are held, in any order. What came before its assignment is left out; when that is there,
+// all has to be read anew. A plain value, not copied.
 #pragma once
 
 #include <cstdint>

@@ -148,7 +148,8 @@ void PgoActor::AwaitQuiet(Context& context) {
 void PgoActor::OnQuiet(Context& context) {
   quiet_.is_awaited = false;
   if (!Leads()) return;
-  MonotonicTime due = std::min(quiet_.newest_news + options_.solve_when_quiet, quiet_.oldest_news + options_.solve_apart);
+  MonotonicTime due =
+      std::min(quiet_.newest_news + options_.solve_when_quiet, quiet_.oldest_news + options_.solve_apart);
   if (quiet_.last_unasked) due = std::max(due, *quiet_.last_unasked + options_.solve_apart);
   if (phase_ != Phase::kIdle) due = std::max(due, context.now() + options_.solve_when_quiet);
   if (context.now() >= due) {

@@ -206,10 +206,11 @@ void RetentionActor::OnOrder(Context& context, const proto::Message& message) {
 Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
   const auto events = std::find(order.data_types().begin(), order.data_types().end(), proto::AGENT_EVENT);
   if (events != order.data_types().end() && !order.is_history()) {
-    return Fail(ErrorCode::kInvalid,
-                "agent_event goes by the limits of the team file alone (retention.keep_event_days): it says who ordered "
-                "what",
-                "prune.data_types[" + std::to_string(events - order.data_types().begin()) + "]");
+    return Fail(
+        ErrorCode::kInvalid,
+        "agent_event goes by the limits of the team file alone (retention.keep_event_days): it says who ordered "
+        "what",
+        "prune.data_types[" + std::to_string(events - order.data_types().begin()) + "]");
   }
   for (int i = 0; i < order.data_types_size() && !order.is_history(); ++i) {
     const DataType type = order.data_types(i);

@@ -7,10 +7,10 @@
 // an agent), and again when a minute has passed; storage then removes only what all of them had and, unless it goes by
 // its age, only what one of them still holds: so that size alone never takes the last copy. If one of them cannot be
 // reached, is silent, acts on other roles, or there is none, nothing goes, and PruneReply.text says who; nor does
-// anything for `roles_held_min` after leader or survivor changed, so that nobody takes a role only to vouch. In turn it answers the same
-// question of other agents, from its own storage; while it removes something itself it vouches for nothing. What others
-// send is checked here: a have-set that cannot be is an answer that did not come. Which agents hold the roles is asked
-// anew each time; an agent that has missed a change asks those who held them before.
+// anything for `roles_held_min` after leader or survivor changed, so that nobody takes a role only to vouch. In turn it
+// answers the same question of other agents, from its own storage; while it removes something itself it vouches for
+// nothing. What others send is checked here: a have-set that cannot be is an answer that did not come. Which agents
+// hold the roles is asked anew each time; an agent that has missed a change asks those who held them before.
 //
 // Of the history of this agent's own robot (PruneOrder.is_history), which nobody else has, what is ordered goes at
 // once.
@@ -40,11 +40,11 @@ class RetentionActor final : public Actor {
     AgentId self = 0;
     proto::TeamConfig team;                      // Complete and checked.
     Duration period = std::chrono::minutes(10);  // From one look at the limits to the next, at most; half at least.
-    Duration peer_timeout = std::chrono::seconds(20);   // For leader and survivor to say what they have.
-    Duration vouched_for = std::chrono::minutes(1);     // How long their word holds; then they are asked again.
+    Duration peer_timeout = std::chrono::seconds(20);    // For leader and survivor to say what they have.
+    Duration vouched_for = std::chrono::minutes(1);      // How long their word holds; then they are asked again.
     Duration roles_held_min = std::chrono::minutes(10);  // How long leader and survivor have to be the same ones.
-    Duration own_timeout = std::chrono::seconds(60);    // For this agent's storage and roles,
-    Duration merge_timeout = std::chrono::minutes(10);  // and its merging, which may have much to read.
+    Duration own_timeout = std::chrono::seconds(60);     // For this agent's storage and roles,
+    Duration merge_timeout = std::chrono::minutes(10);   // and its merging, which may have much to read.
   };
 
   explicit RetentionActor(Options options) : options_(std::move(options)) {}
@@ -60,7 +60,7 @@ class RetentionActor final : public Actor {
     std::optional<Address> asker;  // None: the limits.
     std::uint64_t asker_request_id = 0;
     PrunePlan plan;
-    std::size_t step = 0;                    // Of the plan.
+    std::size_t step = 0;  // Of the plan.
     proto::RoleAssignment roles;
     std::map<AgentId, HaveSet> peers;        // What leader and survivor had, as they said;
     MonotonicTime asked_at;                  // when they were asked.

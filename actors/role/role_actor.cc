@@ -127,7 +127,8 @@ void RoleActor::OnLoadRolesReply(Context& context, const proto::LoadRolesReply& 
   context.Cancel(storage_timer_);
   storage_timer_ = 0;
   const std::uint64_t epoch = context.rng()() | 1;
-  Perform(context, logic_.OnLoaded({reply.history().begin(), reply.history().end()}, epoch, context.utc_now_ns()));
+  Perform(context, logic_.OnLoaded({reply.history().begin(), reply.history().end()}, epoch, context.utc_now_ns(),
+                                   {reply.known().begin(), reply.known().end()}));
   if (options_.sign) assignments_.Follow(context);
 }
 

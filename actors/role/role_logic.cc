@@ -12,7 +12,7 @@ RoleLogic::RoleLogic(Options options)
     : options_(std::move(options)), chain_({options_.initial, options_.may_command, options_.sign != nullptr}) {}
 
 RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch,
-                                       std::int64_t now_ns) {
+                                       std::int64_t now_ns, const std::vector<proto::RoleAssignment>& known) {
   Check(!is_loaded_ && own_epoch != 0, "roles are loaded once, in an epoch");
   is_loaded_ = true;
   own_epoch_ = own_epoch;
@@ -22,6 +22,7 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
     highest_number_ = std::max(highest_number_, roles.term().number());
   }
   for (const proto::RoleAssignment& roles : history_) NoteStored(roles);
+  for (const proto::RoleAssignment& roles : known) NoteStored(roles);
   const proto::RoleAssignment stored = has_keys() || history_.empty() ? chain_.newest() : history_.back();
   current_ = options_.check(stored) ? stored : options_.initial;
   confirmed_ = {options_.self};

@@ -100,9 +100,10 @@ class RoleLogic {
   explicit RoleLogic(Options options);
 
   // What storage has, oldest first; in a team without keys the last one stands, in one with keys the newest that
-  // counts. `own_epoch` is random and not 0. A stored assignment that the team file no longer allows gives way to the
-  // file's; its number stays taken.
-  Actions OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch, std::int64_t now_ns);
+  // counts, also of those that are `known` from records alone. `own_epoch` is random and not 0. A stored assignment
+  // that the team file no longer allows gives way to the file's; its number stays taken.
+  Actions OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch, std::int64_t now_ns,
+                   const std::vector<proto::RoleAssignment>& known = {});
   bool is_loaded() const { return is_loaded_; }
   // The monotonic time of what comes next.
   void SetNow(Time now) { now_ = now; }

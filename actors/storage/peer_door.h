@@ -68,7 +68,7 @@ class PeerDoor {
 
   const Options options_;
   RoleChain chain_;
-  std::set<std::string> held_as_records_;  // Signatures.
+  std::set<std::string> held_as_records_;                                 // Signatures.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
 };
 

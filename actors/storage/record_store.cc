@@ -864,7 +864,14 @@ Result<proto::RecordsStored> RecordStore::SaveRoles(const proto::SaveRolesReques
   return stored;
 }
 
-Result<proto::LoadRolesReply> RecordStore::LoadRoles() { return moondb::LoadRoles(*database_); }
+Result<proto::LoadRolesReply> RecordStore::LoadRoles() {
+  Result<proto::LoadRolesReply> reply = moondb::LoadRoles(*database_);
+  if (!reply) return reply;
+  const Result<std::vector<proto::RoleAssignment>> known = LoadRoleRecords(*database_);
+  if (!known) return tl::unexpected(known.error());
+  reply->mutable_known()->Assign(known->begin(), known->end());
+  return reply;
+}
 
 Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
   if (const Result<void> done = LearnOwnEpochs(note.peer(), note.acknowledged()); !done)

@@ -69,9 +69,8 @@ ExitCode ShowHistory(CommandContext& context) {
   }
   Table table({"TERM", "BY", "LEADER", "SURVIVOR", "WHEN", "REASON"});
   for (const proto::RoleAssignment& roles : shown->history()) {
-    table.Add({moondb::TermText(roles.term()), AgentName(team, roles.term().issuer()),
-               AgentName(team, roles.leader()), AgentName(team, roles.survivor()), FormatUtc(roles.stamp_ns()),
-               roles.reason()});
+    table.Add({moondb::TermText(roles.term()), AgentName(team, roles.term().issuer()), AgentName(team, roles.leader()),
+               AgentName(team, roles.survivor()), FormatUtc(roles.stamp_ns()), roles.reason()});
   }
   return context.Done(ToJson(*shown), table.Text());
 }

@@ -194,7 +194,7 @@ class Agent::Impl {
   AgentId self_ = 0;
   std::string endpoint_;
   std::optional<SigningKey> signing_key_;  // None in a team without keys.
-  std::string set_aside_;  // At this start.
+  std::string set_aside_;                  // At this start.
   bool dumps_on_crash_ = false;
   std::atomic<bool> has_failed_ = false;         // An actor is beyond help: this is no end that was asked for.
   std::atomic<std::int64_t> stopped_at_ns_ = 0;  // 0: it runs, or failed.

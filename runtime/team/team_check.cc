@@ -160,7 +160,8 @@ class Checker {
       const proto::AgentConfig& agent = team_.agents(i);
       const std::string path = AgentPath(i) + ".signing_key";
       if (!IsGiven(path)) {
-        if (!team_.insecure() && IsGiven(AgentPath(i) + ".key")) Add(path, "missing: `moonctl keys add-signing` gives every agent one that has none");
+        if (!team_.insecure() && IsGiven(AgentPath(i) + ".key"))
+          Add(path, "missing: `moonctl keys add-signing` gives every agent one that has none");
       } else if (!errors_.Has(path) && !IsSigningKey(agent.signing_key())) {
         Add(path, "expected 40 characters in Z85 of an Ed25519 key");
       } else if (team_.insecure()) {

@@ -34,8 +34,9 @@ class SignedTeam {
     for (const AgentId agent : agents_) Start(agent, {});
   }
 
-  // A new life, with what its disk holds.
-  void Start(AgentId agent, std::vector<proto::RoleAssignment> disk) {
+  // A new life, with what its disk holds: what it acted on, and what it has as records.
+  void Start(AgentId agent, std::vector<proto::RoleAssignment> disk,
+             const std::vector<proto::RoleAssignment>& records = {}) {
     RoleLogic::Options options;
     options.self = agent;
     options.agents = agents_;
@@ -53,7 +54,7 @@ class SignedTeam {
     logics_[agent] = std::make_unique<RoleLogic>(options);
     logics_[agent]->SetNow(now_);
     disks_[agent] = disk;
-    Perform(agent, logics_[agent]->OnLoaded(std::move(disk), ++epoch_, 0));
+    Perform(agent, logics_[agent]->OnLoaded(std::move(disk), ++epoch_, 0, records));
     Perform(agent, logics_[agent]->OnLeaderTimer(0));
     Settle();
   }
@@ -278,6 +279,22 @@ TEST(SignedRolesTest, ComeBackToAnAgentThatWasWipedAtChange5000) {
   // What its disk holds by now is enough for its next life.
   team.Divide({3});
   team.Start(3, team.disk(3));
+  EXPECT_EQ(team.Term(3), term);
+}
+
+// What an assignment follows may have come as a record alone.
+TEST(SignedRolesTest, StandAfterARestartThoughForerunnersAreRecordsAlone) {
+  SignedTeam team(3);
+  ASSERT_TRUE(team.Set(1, 1, 3));
+  ASSERT_TRUE(team.Set(1, 1, 2));
+  const std::string term = team.Term(3);
+  std::vector<proto::RoleAssignment> acted_on = team.disk(3);
+  std::vector<proto::RoleAssignment> records(acted_on.begin(), acted_on.end() - 1);
+  acted_on.erase(acted_on.begin(), acted_on.end() - 1);
+  team.Divide({3});
+  team.Start(3, acted_on);
+  EXPECT_EQ(team.Term(3), "0") << "nothing shows that it counts";
+  team.Start(3, acted_on, records);
   EXPECT_EQ(team.Term(3), term);
 }
 

@@ -10,8 +10,8 @@
 namespace moondb {
 namespace {
 
-// The store of agent 1, which leads by the team file; 2 survives, 9 is the base station, 3 is a plain rover. In place of
-// a signature an assignment says "signed".
+// The store of agent 1, which leads by the team file; 2 survives, 9 is the base station, 3 is a plain rover. In place
+// of a signature an assignment says "signed".
 RecordStore::Options OptionsWithKeys(AgentId self = 1) {
   RecordStore::Options options = StoreOptionsOf(self);
   options.policies[proto::ROLE_ASSIGNMENT] = proto::POLICY_ALL;
@@ -154,8 +154,8 @@ TEST(PeerDoorTest, MakesARecordOfWhatGivesThisAgentARoleOnceAndOfItsForerunners)
 TEST(PeerDoorTest, OffersOtherAgentsRecordsOnlyWhereTheyAreTakenFromIt) {
   proto::MissingRequest request;
   auto plain = OpenStore(OptionsWithKeys(3));
-  StoreFrom(*plain, 1, {Node(2, 1), Packed({{2, 7, proto::ROLE_ASSIGNMENT}, 1},
-                                           RecordOf(AssignmentOf(2, 1, 2, "signed")))});
+  StoreFrom(*plain, 1,
+            {Node(2, 1), Packed({{2, 7, proto::ROLE_ASSIGNMENT}, 1}, RecordOf(AssignmentOf(2, 1, 2, "signed")))});
   InsertOne(*plain, NodeRecord(3, 1));
   EXPECT_EQ(plain->GetMissing(request)->records_size(), 2) << "its own, and the assignment";
   auto leader = OpenStore(OptionsWithKeys(1));
