@@ -5,7 +5,7 @@
 
 namespace moondb {
 
-// The first 128 bits of the key's SHA-256, as hexadecimal digits; empty for what is not 40 characters in Z85.
+// The first 128 bits of the SHA-256 of the key's 40 characters in Z85, as hexadecimal digits; empty for what is none.
 std::string FingerprintOf(const std::string& public_key);
 
 }  // namespace moondb
