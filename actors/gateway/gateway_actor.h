@@ -42,6 +42,7 @@
 #include "actors/gateway/feed.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/transport.h"
 
 namespace moondb {
 
@@ -57,10 +58,11 @@ class GatewayActor final : public Actor {
     std::function<proto::DoorStatus()> door;     // Shown in status: what the transport refused.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
-    std::size_t pending_of_client_max = 64;    // So many of one key, connection or other agent.
-    std::size_t feeds_max = 32;                // Of pending_max, reads that wait for something to be stored.
-    std::size_t feeds_of_client_max = 8;       // The part of feeds_max that one key, connection or agent may use.
-    std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
+    std::size_t pending_of_client_max = 64;  // So many of one key, connection or other agent.
+    std::size_t feeds_max = 32;              // Of pending_max, reads that wait for something to be stored.
+    std::size_t feeds_of_client_max = 8;     // The part of feeds_max that one key, connection or agent may use.
+    // Of a request or answer over the radio: two seconds of it. A message between agents holds it and its envelope.
+    std::size_t relay_bytes_max = kPeerMessageBytesMax - 1024;
     CommandLog::Options log = {};
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).

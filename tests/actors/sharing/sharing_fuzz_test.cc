@@ -208,6 +208,7 @@ class Conversation {
     SharingReceiver::Options options;
     options.team = "test";
     options.kind = proto::SHARING_KIND_REPLICATION;
+    options.have_page_bytes_max = 40;  // A stream or two.
     return options;
   }
 
@@ -293,7 +294,7 @@ class Conversation {
       if (action.to != 0) {
         air_.push_back({action.to, std::move(message)});
       } else if (message.has_have_request()) {
-        const proto::HaveReply reply = sink_->GetHave();
+        const proto::HaveReply reply = sink_->GetHave(message.have_request());
         ASSERT_LE(reply.ByteSizeLong(), kHaveBytesMax);
         TakeOfReceiver(receiver_.OnHaveReply(message.request_id(), reply));
       } else if (message.has_store_request()) {
