@@ -121,7 +121,7 @@ class Mission {
     options.storage.vfs = world_.disk.name();
     options.storage.is_checked = true;  // By CheckStore.
     options.sharing.session = world_.options.session;
-    if (world_.options.seed % 2 == 1) options.sharing.have_page_bytes_max = kSmallPageBytes;
+    if (world_.options.seed % 2 == 0) options.sharing.have_page_bytes_max = kSmallPageBytes;
     options.pgo.solver.thread_count = 1;
     options.pgo.solve_apart = kSolveApart;
     options.merge.backend = MergeBackend::kCpu;
