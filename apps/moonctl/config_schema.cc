@@ -54,7 +54,12 @@ void WriteRange(const proto::FieldRule& rule, JsonWriter& json) {
 
 void WriteList(const FieldDescriptor& field, JsonWriter& json) {
   const proto::FieldRule& rule = RuleOf(field);
-  json.Key("type").String("array").Key("items").BeginObject();
+  if (field.cpp_type() == FieldDescriptor::CPPTYPE_STRING) {
+    json.Key("type").BeginArray().String("array").String("string").EndArray();  // One word stands for a list of it.
+  } else {
+    json.Key("type").String("array");
+  }
+  json.Key("items").BeginObject();
   WriteType(field, json);
   WriteRange(rule, json);
   json.EndObject();

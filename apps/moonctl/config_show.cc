@@ -47,7 +47,9 @@ std::string ListText(const Message& message, const FieldDescriptor& field) {
   const int count = reflection.FieldSize(message, &field);
   std::string text;
   for (int i = 0; i < count; ++i) {
-    text += (i == 0 ? "" : ", ") + FormatDouble(reflection.GetRepeatedDouble(message, &field, i));
+    const bool is_text = field.cpp_type() == FieldDescriptor::CPPTYPE_STRING;
+    text += (i == 0 ? "" : ", ") + (is_text ? Quoted(reflection.GetRepeatedString(message, &field, i))
+                                            : FormatDouble(reflection.GetRepeatedDouble(message, &field, i)));
   }
   return count == 0 ? "" : "[" + text + "]";
 }

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 
+#include <fstream>
+
 #include "apps/common/data_folder.h"
 #include "model/text.h"
 #include "tests/apps/process_team.h"
@@ -24,12 +26,14 @@ class FourMachinesTest : public ProcessTeam {
   void SetUp() override {
     ProcessTeam::SetUp();
     environment_.clear();  // Of the operator's shell; an agent's has its own run folder.
+    LetCommandsComeThrough("base, rover2");
     for (const std::string& name : kNames) {
       std::filesystem::create_directories(MachineOf(name));
       for (const auto& file : std::filesystem::directory_iterator(folder_)) {
         const std::string file_name = file.path().filename();
         const bool is_for_all = file_name == "team.yaml" || file_name.ends_with(".pub");
-        if (is_for_all || file_name == name + ".sec") std::filesystem::copy(file, MachineOf(name));
+        const bool is_own = file_name == name + ".sec" || file_name == name + ".sign";
+        if (is_for_all || is_own) std::filesystem::copy(file, MachineOf(name));
       }
       StartOn(name);
     }
@@ -46,6 +50,14 @@ class FourMachinesTest : public ProcessTeam {
       agent->Signal(SIGTERM);
     }
     for (auto& [name, agent] : agents_) (void)agent->Wait();
+  }
+
+  // Names of the team file's command_from.
+  void LetCommandsComeThrough(const std::string& names) {
+    std::string yaml = *ReadTextFile(team_file_);
+    const std::string line = "command_from: [base]";
+    ASSERT_NE(yaml.find(line), std::string::npos);
+    std::ofstream(team_file_) << yaml.replace(yaml.find(line), line.size(), "command_from: [" + names + "]");
   }
 
   std::filesystem::path MachineOf(const std::string& name) const { return folder_ / ("at-" + name); }
@@ -123,6 +135,18 @@ TEST_F(FourMachinesTest, TheFirstPagesCommandsWorkThroughOneAgentAndSayWhich) {
     EXPECT_EQ(outcome.error.find("through"), outcome.error.rfind("through")) << "once a command";
   }
   EXPECT_EQ(AtRover2(0, {"-a", "rover2", "status"}).error, "") << "its own agent is asked itself";
+}
+
+// rover3's operator asks what there is to know of all, and commands rover3 alone.
+TEST_F(FourMachinesTest, ThroughAnAgentThatTheTeamFileDoesNotNameQuestionsAloneGo) {
+  EXPECT_EQ(At("rover3", {"status"}).exit_code, 0);
+  const Outcome refused = At("rover3", {"-a", "rover1", "record", "insert", "temperature", "{\"celsius\": 1}"});
+  EXPECT_EQ(refused.exit_code, 4);
+  EXPECT_THAT(refused.error, HasSubstr("rover1 takes no commands through rover3: command_from of its team file"));
+  EXPECT_EQ(At("rover3", {"role", "swap", "-a", "rover3"}).exit_code, 4) << "it neither leads nor survives";
+  EXPECT_EQ(At("rover3", {"-a", "rover3", "record", "insert", "temperature", "{\"celsius\": 1}"}).exit_code, 0);
+  EXPECT_THAT(At("rover2", {"log"}).out, HasSubstr("refused insert through rover3"));
+  EXPECT_THAT(At("rover2", {"health"}).out, HasSubstr("commands through rover3"));
 }
 
 TEST_F(FourMachinesTest, JsonStaysOneDocumentAndNamesTheAgentInBetween) {

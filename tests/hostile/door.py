@@ -28,7 +28,7 @@ def idle_connections(team, scale):
 
 
 def announced_frames(team, scale):
-    """No key: 60 connections announce a command of 7 or of 32 MiB each, and send all but a byte of it."""
+    """No key: 60 connections announce a command of 255 KiB or of 7 MiB each, and send all but a byte of it."""
     connections = []
     for i in range(60):
         with contextlib.suppress(OSError):
@@ -36,11 +36,11 @@ def announced_frames(team, scale):
             connections.append(connection)
             connection.send_raw(zmtp.GREETING)
             connection.receive_raw(64)
-            connection.send_raw(struct.pack(">BQ", zmtp.COMMAND | zmtp.LONG, (7 if i % 2 else 32) << 20))
-    for _ in range(int(32 * scale)):
-        for connection in connections:
+            connection.send_raw(struct.pack(">BQ", zmtp.COMMAND | zmtp.LONG, (255 << 10) if i % 2 else 7 << 20))
+    for part in range(max(1, int(28 * scale))):
+        for connection in connections[::2] if part else connections:
             with contextlib.suppress(OSError):
-                connection.send_raw(bytes((1 << 20) - 1))
+                connection.send_raw(bytes((255 << 10) - 1))
     for connection in connections:
         connection.close()
 
