@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/command_from.h"
 #include "model/control_message.h"
 #include "model/data_types.h"
 #include "model/order_number.h"

@@ -324,7 +324,6 @@ std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set
   std::set<std::uint64_t> believed;
   for (const std::uint64_t epoch : claimed) {
     if (own_epochs_.IsKnown(epoch)) continue;
-    door_.CountRefused(peer, PeerDoor::Cause::kOwnEpoch, 0);
     if (!own_epochs_.IsPossible(epoch)) ++rejected_count_;
     if (own_epochs_.IsPossible(epoch) && door_.IsBelieved(peer)) believed.insert(epoch);
   }
@@ -333,6 +332,7 @@ std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set
 
 Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed) {
   std::set<std::uint64_t> epochs;
+  std::size_t beyond = 0;
   for (const proto::StreamHave& stream : claimed.streams()) {
     if (stream.origin_agent() != options_.self) continue;
     epochs.insert(stream.epoch());
@@ -340,9 +340,9 @@ Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& cla
     std::uint64_t last = 0;
     for (const proto::Interval& interval : stream.held()) last = std::max(last, interval.last());
     for (const proto::Interval& interval : stream.dropped()) last = std::max(last, interval.last());
-    const bool is_beyond = own_epochs_.IsKnown(stream.epoch()) && last > ledger_.have().Get(key).Had().Max();
-    if (is_beyond) door_.CountRefused(peer, PeerDoor::Cause::kOwnEpoch, 0);
+    beyond += last > ledger_.have().Get(key).Had().Max() ? 1 : 0;
   }
+  if (!epochs.empty()) door_.NoteOwnBeyond(peer, beyond);
   return LearnOwnEpochs(BelievedEpochs(peer, epochs));
 }
 
@@ -434,6 +434,9 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
     if (epoch <= last) return Fail(ErrorCode::kInvalid, "are not in rising order from 1", "epochs");
     last = epoch;
   }
+  const auto is_unknown = [this](std::uint64_t epoch) { return !own_epochs_.IsKnown(epoch); };
+  const auto unknown = std::count_if(report.epochs().begin(), report.epochs().end(), is_unknown);
+  door_.NoteOwnBeyond(peer, static_cast<std::size_t>(unknown));
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
 

@@ -141,9 +141,8 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
 }  // namespace
 
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored) {
-  return "cannot store term " + TermText(unstored.term()) + " (leader " +
-         AgentName(team, unstored.leader()) + ", survivor " + AgentName(team, unstored.survivor()) +
-         "): until it can it neither leads nor survives";
+  return "cannot store term " + TermText(unstored.term()) + " (leader " + AgentName(team, unstored.leader()) +
+         ", survivor " + AgentName(team, unstored.survivor()) + "): until it can it neither leads nor survives";
 }
 
 std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here) {
