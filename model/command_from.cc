@@ -8,7 +8,7 @@ bool MayCommand(const proto::TeamConfig& team, AgentId agent) {
   const auto& agents = team.agents();
   const auto found = std::find_if(agents.begin(), agents.end(),
                                   [agent](const proto::AgentConfig& config) { return config.id() == agent; });
-  if (found == agents.end()) return false;
+  if (found == agents.end() || found->left()) return false;
   if (team.command_from().empty()) {
     const bool has_base = std::any_of(agents.begin(), agents.end(), [](const proto::AgentConfig& config) {
       return config.kind() == proto::AGENT_KIND_BASE_STATION;

@@ -10,7 +10,7 @@ namespace moondb {
 inline constexpr char kAllMayCommand[] = "all";  // In place of names.
 
 // Where the file names nobody, the base station may, or every agent in a team without one. False for who is not of the
-// team.
+// team, or has left it.
 bool MayCommand(const proto::TeamConfig& team, AgentId agent);
 
 }  // namespace moondb

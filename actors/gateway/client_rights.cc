@@ -23,6 +23,7 @@ Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequ
 
 Result<void> CheckRelayRights(const proto::TeamConfig& team, AgentId self, const proto::RoleAssignment& roles,
                               AgentId from, const proto::ControlRequest& request) {
+  if (HasLeft(team, from)) return Fail(ErrorCode::kRefused, AgentName(team, from) + " has left the team");
   if (RightsNeededFor(request.request_case()) == proto::CLIENT_RIGHTS_VIEW || MayCommand(team, from)) return {};
   if (request.has_share() && (from == roles.leader() || from == roles.survivor())) return {};
   std::string names;

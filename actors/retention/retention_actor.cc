@@ -258,6 +258,9 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
   for (const auto& [agent, role] :
        {std::pair(roles.leader(), "the leader"), std::pair(roles.survivor(), "the designated survivor")}) {
     if (agent == options_.self) continue;
+    if (HasLeft(options_.team, agent)) {
+      return Refuse(context, AgentName(options_.team, agent) + ", " + role + ", has left the team");
+    }
     job_.peers[static_cast<AgentId>(agent)] = {};
     job_.awaited[static_cast<AgentId>(agent)] = AgentName(options_.team, static_cast<AgentId>(agent)) + ", " + role;
   }

@@ -129,21 +129,25 @@ bool FailoverActor::MayAskLeader(const Context& context) const {
 }
 
 bool FailoverActor::IsLeaderMissed(Context& context) const {
-  return IsAutomatic() && roles_.survivor() == options_.self && known_.contains(roles_.leader()) &&
-         !connected_.contains(roles_.leader()) && !leases_.MayBeSilent(options_.self, context.now()) &&
-         !leases_.MayBeSilent(roles_.leader(), context.now()) && ReachesAnyOther();
+  const bool was_there = known_.contains(roles_.leader()) || HasLeft(options_.team, roles_.leader());
+  return IsAutomatic() && roles_.survivor() == options_.self && was_there && !connected_.contains(roles_.leader()) &&
+         !leases_.MayBeSilent(options_.self, context.now()) && !leases_.MayBeSilent(roles_.leader(), context.now()) &&
+         ReachesAnyOther();
 }
 
 bool FailoverActor::ReachesAnyOther() const {
-  constexpr int kLeaderAndSurvivor = 2;
-  return !connected_.empty() || options_.team.agents_size() == kLeaderAndSurvivor;
+  const auto& agents = options_.team.agents();
+  const bool has_others = std::any_of(agents.begin(), agents.end(), [this](const proto::AgentConfig& agent) {
+    return !agent.left() && agent.id() != options_.self && agent.id() != roles_.leader();
+  });
+  return !connected_.empty() || !has_others;
 }
 
 AgentId FailoverActor::NextSurvivor() const {
   const auto rank = [this](AgentId agent) { return connected_.contains(agent) ? 0 : agent != roles_.leader() ? 1 : 2; };
   AgentId next = 0;
   for (const proto::AgentConfig& agent : options_.team.agents()) {
-    if (agent.id() == options_.self || agent.kind() != proto::AGENT_KIND_ROVER) continue;
+    if (agent.id() == options_.self || agent.kind() != proto::AGENT_KIND_ROVER || agent.left()) continue;
     if (next == 0 || rank(agent.id()) < rank(next)) next = agent.id();
   }
   return next;

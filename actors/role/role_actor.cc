@@ -22,7 +22,10 @@ enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kStor
 RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   RoleLogic::Options logic;
   logic.self = options.self;
-  for (const proto::AgentConfig& agent : options.team.agents()) logic.agents.push_back(agent.id());
+  for (const proto::AgentConfig& agent : options.team.agents()) {
+    logic.agents.push_back(agent.id());
+    if (agent.left()) logic.left.insert(agent.id());
+  }
   logic.initial = InitialRoles(options.team);
   logic.check = [team = options.team](const proto::RoleAssignment& roles) { return CheckRoles(team, roles); };
   logic.may_command = [team = options.team](AgentId agent) { return MayCommand(team, agent); };

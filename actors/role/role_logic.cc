@@ -69,7 +69,7 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
     roles.set_leader(request.leader() != 0 ? request.leader() : current_.leader());
     roles.set_survivor(request.survivor() != 0 ? request.survivor() : current_.survivor());
   }
-  if (Result<void> checked = options_.check(roles); !checked) return tl::unexpected(checked.error());
+  if (Result<void> checked = CheckNew(roles); !checked) return tl::unexpected(checked.error());
   roles.set_stamp_ns(now_ns);
   roles.set_reason(request.reason());
   return Issue(std::move(roles), /*is_command=*/true);
@@ -102,7 +102,7 @@ std::optional<proto::RoleAssignment> RoleLogic::WithoutOwnRole(const std::set<Ag
       roles.set_leader(leader);
       roles.set_survivor(survivor);
       const bool is_change = leader != current_.leader() || survivor != current_.survivor();
-      if ((is_leader ? leader : survivor) != options_.self && is_change && options_.check(roles)) return roles;
+      if ((is_leader ? leader : survivor) != options_.self && is_change && CheckNew(roles)) return roles;
     }
   }
   return std::nullopt;
@@ -122,7 +122,9 @@ RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
 Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::RoleAnnounce& announce) {
   Actions actions;
   if (!is_loaded_) return actions;  // It will be announced again.
-  if (!IsMember(from) || from == options_.self) return Fail(ErrorCode::kRefused, "is not of this team", "sender");
+  if (!IsMember(from) || HasLeft(from) || from == options_.self) {
+    return Fail(ErrorCode::kRefused, "is not of this team", "sender");
+  }
   if (Result<void> checked = CheckAnnounced(announce.roles()); !checked) return tl::unexpected(checked.error());
   const proto::RoleAssignment& theirs = announce.roles();
   if (OrderOf(theirs.term()) == OrderOf(current_.term())) {
@@ -350,7 +352,7 @@ RoleLogic::Actions RoleLogic::OnLeaderTimer(std::int64_t now_ns) {
 
 RoleLogic::Actions RoleLogic::OnPeerConnected(AgentId peer) {
   Actions actions;
-  if (!is_loaded_ || !IsMember(peer) || confirmed_.count(peer)) return actions;
+  if (!is_loaded_ || !IsMember(peer) || HasLeft(peer) || confirmed_.count(peer)) return actions;
   announce_delay_ = options_.announce_after;
   Tell(peer, /*is_reply=*/false, actions);
   actions.announce_timer = announce_delay_;
@@ -440,6 +442,21 @@ proto::RoleAssignment RoleLogic::Issue(proto::RoleAssignment roles, bool is_comm
   return roles;
 }
 
+Result<void> RoleLogic::CheckNew(const proto::RoleAssignment& roles) const {
+  if (Result<void> checked = options_.check(roles); !checked) return checked;
+  const auto left = [this](AgentId agent, const char* field) {
+    return Fail(ErrorCode::kRefused, options_.name_of(agent) + " has left the team", field);
+  };
+  if (HasLeft(roles.leader())) return left(roles.leader(), "leader");
+  if (HasLeft(roles.survivor())) return left(roles.survivor(), "survivor");
+  return {};
+}
+
+bool RoleLogic::IsConfirmedByAll() const {
+  return std::all_of(options_.agents.begin(), options_.agents.end(),
+                     [this](AgentId agent) { return HasLeft(agent) || confirmed_.contains(agent); });
+}
+
 bool RoleLogic::IsMember(AgentId agent) const {
   return std::find(options_.agents.begin(), options_.agents.end(), agent) != options_.agents.end();
 }
@@ -458,7 +475,7 @@ void RoleLogic::Tell(AgentId to, bool is_reply, Actions& actions) const {
 
 void RoleLogic::TellUnconfirmed(Actions& actions) {
   for (const AgentId agent : options_.agents) {
-    if (!confirmed_.count(agent)) Tell(agent, /*is_reply=*/false, actions);
+    if (!HasLeft(agent) && !confirmed_.count(agent)) Tell(agent, /*is_reply=*/false, actions);
   }
   if (!IsConfirmedByAll()) actions.announce_timer = announce_delay_;
 }

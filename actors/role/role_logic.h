@@ -48,7 +48,8 @@ class RoleLogic {
 
   struct Options {
     AgentId self = 0;
-    std::vector<AgentId> agents;                                      // Of the team, this one too.
+    std::vector<AgentId> agents;  // Of the team, this one too.
+    std::set<AgentId> left;  // Of these, who has left: what they decided stays history, and no new roles name them.
     proto::RoleAssignment initial;                                    // Of the team file, term 0.
     std::function<Result<void>(const proto::RoleAssignment&)> check;  // Whether the team can have these roles.
     // In a team with keys: this agent's signature, and whether an assignment has its issuer's. Null in one without.
@@ -165,11 +166,14 @@ class RoleLogic {
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
   void NoteStored(const proto::RoleAssignment& roles);
   void AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
-  bool IsMember(AgentId agent) const;
+  // Whether the team can have these roles from now on.
+  Result<void> CheckNew(const proto::RoleAssignment& roles) const;
+  bool IsMember(AgentId agent) const;  // Of the team file, though it may have left.
+  bool HasLeft(AgentId agent) const { return options_.left.contains(agent); }
   // Names this agent leader in a term in which it may have led before it started: any that it did not issue since. It
   // need not remember, if its disk was lost or is an old copy.
   bool IsFromEarlierLife(const proto::RoleAssignment& roles) const;
-  bool IsConfirmedByAll() const { return confirmed_.size() >= options_.agents.size(); }
+  bool IsConfirmedByAll() const;                             // Who has left aside.
   bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // This agent issued it, in its present life.
   // What this agent acts on.
   proto::RoleAssignment InForce() const;

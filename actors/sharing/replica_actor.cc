@@ -67,7 +67,7 @@ void ReplicaActor::BeginGathering(Context& context) {
   patience_ = kPatienceMin;
   if (is_leading()) {
     for (const proto::AgentConfig& agent : team().agents()) {
-      if (agent.id() == self()) continue;
+      if (agent.id() == self() || agent.left()) continue;
       if (agent.id() == roles().survivor()) {
         to_ask_.push_front(agent.id());
       } else {

@@ -307,6 +307,7 @@ void SharingActor::SetRoles(Context& context, const proto::RoleAssignment& roles
 
 Result<void> SharingActor::CheckOrderer(const Context& context, const proto::Term& term) const {
   const AgentId from = context.sender().agent;
+  if (HasLeft(options_.team, from)) return Fail(ErrorCode::kRefused, NameOf(from) + " has left the team");
   const bool may_order = from == roles_.leader() || from == roles_.survivor() || MayCommand(options_.team, from);
   if (is_from_here(context) || may_order || !HasSigningKeys(options_.team)) return {};
   if (IsNewer(term, roles_.term())) {
@@ -318,14 +319,19 @@ Result<void> SharingActor::CheckOrderer(const Context& context, const proto::Ter
 
 Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request) const {
   if (request.kind() != kind_) return Fail(ErrorCode::kInvalid, "is not this actor's", "kind");
-  if (request.destination() != 0 && FindAgent(options_.team, request.destination()) == nullptr) {
-    return Fail(ErrorCode::kInvalid, "no agent has the id " + std::to_string(request.destination()), "destination");
+  const auto check_agent = [this](AgentId agent, const std::string& field) -> Result<void> {
+    if (FindAgent(options_.team, agent) == nullptr) {
+      return Fail(ErrorCode::kInvalid, "no agent has the id " + std::to_string(agent), field);
+    }
+    if (HasLeft(options_.team, agent)) return Fail(ErrorCode::kRefused, NameOf(agent) + " has left the team", field);
+    return {};
+  };
+  if (request.destination() != 0) {
+    if (auto checked = check_agent(request.destination(), "destination"); !checked) return checked;
   }
   for (int i = 0; i < request.from_agents_size(); ++i) {
-    if (FindAgent(options_.team, request.from_agents(i)) == nullptr) {
-      return Fail(ErrorCode::kInvalid, "no agent has the id " + std::to_string(request.from_agents(i)),
-                  "from_agents[" + std::to_string(i) + "]");
-    }
+    auto checked = check_agent(request.from_agents(i), "from_agents[" + std::to_string(i) + "]");
+    if (!checked) return checked;
   }
   return {};
 }

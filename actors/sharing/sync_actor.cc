@@ -68,7 +68,7 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
   is_bringing_to_base_ = BaseStationOf(team()) != 0 && is_meant(self()) && request.bytes_max() == 0;
   int count = 0;
   for (const proto::AgentConfig& agent : team().agents()) {
-    if (agent.id() == self()) continue;
+    if (agent.id() == self() || agent.left()) continue;
     if (is_meant(agent.id())) {
       OrderFrom(context, agent.id(), request.bytes_max());
       ++count;

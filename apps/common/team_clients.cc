@@ -39,6 +39,14 @@ Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, cons
   return Fail(ErrorCode::kInvalid, "team " + team.team() + " has no agent \"" + name + "\"" + DidYouMean(name, names));
 }
 
+Result<const proto::AgentConfig*> MemberNamed(const proto::TeamConfig& team, const std::string& name) {
+  auto named = AgentNamed(team, name);
+  if (named && (*named)->left()) {
+    return Fail(ErrorCode::kRefused, name + " has left team " + team.team() + ": its team file says left: true");
+  }
+  return named;
+}
+
 Result<std::unique_ptr<Client>> ConnectTo(const TeamFile& team, const proto::AgentConfig& agent,
                                           Client::Options options, const proto::AgentConfig* via) {
   const proto::AgentConfig& asked = via != nullptr ? *via : agent;

@@ -14,6 +14,9 @@ namespace moondb {
 // kInvalid with a suggestion where the team has no agent of that name.
 Result<const proto::AgentConfig*> AgentNamed(const proto::TeamConfig& team, const std::string& name);
 
+// The same, and kRefused for one that has left the team.
+Result<const proto::AgentConfig*> MemberNamed(const proto::TeamConfig& team, const std::string& name);
+
 // The client knows the team's custom types. With a secret_key in the options it goes to the agent's client_address,
 // else to its ipc socket on this machine. `via`: the agent that is connected to and asks `agent` over the radio; null:
 // `agent` itself.

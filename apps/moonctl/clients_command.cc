@@ -11,12 +11,14 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/user_folder.h"
 #include "model/did_you_mean.h"
 #include "model/rights_name.h"
 #include "model/text.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/new_files.h"
+#include "runtime/team/private_folder.h"
 #include "runtime/team/team_check.h"
 
 namespace moondb {
@@ -31,7 +33,7 @@ struct ClientsArguments {
   std::string name;
   std::string rights;
   std::string public_key_file;  // Empty: keys are made.
-  std::string out;              // Of the secret key made; empty: NAME.sec beside the list.
+  std::string out;              // Of the secret key made; empty: NAME.sec in the user's own folder.
   bool is_replacing = false;
 };
 
@@ -148,6 +150,16 @@ Result<std::string> PublicKey(const ClientsArguments& arguments, const std::file
   return keys->public_key;
 }
 
+// Where the secret of a key made here goes: to the user, since what lies beside the team file is copied to robots.
+// Empty where none is made.
+Result<std::filesystem::path> SecretFile(const ClientsArguments& arguments) {
+  if (!arguments.public_key_file.empty() || !arguments.out.empty()) return std::filesystem::path(arguments.out);
+  auto folder = UserFolder();
+  if (!folder) return folder;
+  if (const auto made = MakePrivateFolder(*folder); !made) return tl::unexpected(made.error());
+  return *folder / (arguments.name + ".sec");
+}
+
 ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   auto edit = BeginEdit(context, arguments);
   if (!edit) return context.Report(edit.error());
@@ -162,10 +174,10 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
                            arguments.name + " is listed already; --replace puts a new key in the place of the old one",
                            {}});
   }
-  const std::filesystem::path secret_file = arguments.out.empty() ? edit->file.parent_path() / (arguments.name + ".sec")
-                                                                  : std::filesystem::path(arguments.out);
+  const auto secret_file = SecretFile(arguments);
+  if (!secret_file) return context.Report(secret_file.error());
   NewFiles files;
-  const auto key = PublicKey(arguments, secret_file, files);
+  const auto key = PublicKey(arguments, *secret_file, files);
   if (!key) return context.Report(key.error());
   proto::ListedClient& client = index >= 0 ? *edit->list.mutable_clients(index) : *edit->list.add_clients();
   client.set_name(arguments.name);
@@ -178,15 +190,15 @@ ExitCode AddClient(CommandContext& context, const ClientsArguments& arguments) {
   if (auto published = files.Publish(); !published) return context.Report(published.error());
   if (auto written = WriteTextFile(edit->file, *text); !written) {
     std::error_code ignored;
-    if (is_made) std::filesystem::remove(secret_file, ignored);
+    if (is_made) std::filesystem::remove(*secret_file, ignored);
     return context.Report(written.error());
   }
 
   JsonWriter json;
   json.BeginObject().Key("name").String(arguments.name).Key("rights").String(arguments.rights);
-  json.Key("key").String(*key).Key("secret_file").String(is_made ? secret_file.string() : "").EndObject();
+  json.Key("key").String(*key).Key("secret_file").String(is_made ? secret_file->string() : "").EndObject();
   std::string shown = arguments.name + " may " + arguments.rights + " at agents that have " + edit->file.string();
-  if (is_made) shown += "\n" + arguments.name + "'s secret key: " + secret_file.string() + "; for moonctl --key";
+  if (is_made) shown += "\n" + arguments.name + "'s secret key: " + secret_file->string() + "; for moonctl --key";
   return context.Done(json.text(), shown);
 }
 
@@ -254,7 +266,7 @@ void AddClientsCommands(CLI::App& app, CommandContext& context) {
   CLI::Option* public_key = add.add_option("--public-key", arguments->public_key_file,
                                            "File of the client's own public key, in place of a new one")
                                 ->type_name("FILE");
-  add.add_option("--out", arguments->out, "Where the secret key made goes (default: NAME.sec beside the list)")
+  add.add_option("--out", arguments->out, "Where the secret key made goes (default: ~/.config/moondb/NAME.sec)")
       ->type_name("FILE")
       ->excludes(public_key);
   add.add_flag("--replace", arguments->is_replacing, "Of a client that is listed: its old key is known no longer");

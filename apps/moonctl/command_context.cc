@@ -84,7 +84,7 @@ Result<const proto::AgentConfig*> CommandContext::Via() {
   if (name.empty()) return nullptr;
   auto team = Team();
   if (!team) return tl::unexpected(team.error());
-  auto named = AgentNamed((*team)->config, name);
+  auto named = MemberNamed((*team)->config, name);
   if (!named && !is_option) return Fail(named.error().code, named.error().text, kViaVariable);
   return named;
 }
@@ -139,7 +139,7 @@ Result<proto::RoleAssignment> CommandContext::Roles() {
 Result<AgentClient> CommandContext::Connect(const std::string& name) {
   auto reach = Reach();
   if (!reach) return tl::unexpected(reach.error());
-  auto named = AgentNamed(team_->config, name);
+  auto named = MemberNamed(team_->config, name);
   if (!named) return tl::unexpected(named.error());
   return (*reach)->Connect(**named);
 }
@@ -157,12 +157,14 @@ Result<std::vector<const proto::AgentConfig*>> CommandContext::ChosenAgents() {
   if (!team) return tl::unexpected(team.error());
   if (auto through = Via(); !through) return tl::unexpected(through.error());
   if (!agent.empty()) {
-    auto named = AgentNamed((*team)->config, agent);
+    auto named = MemberNamed((*team)->config, agent);
     if (!named) return tl::unexpected(named.error());
     return std::vector{*named};
   }
   std::vector<const proto::AgentConfig*> agents;
-  for (const proto::AgentConfig& configured : (*team)->config.agents()) agents.push_back(&configured);
+  for (const proto::AgentConfig& configured : (*team)->config.agents()) {
+    if (!configured.left()) agents.push_back(&configured);
+  }
   return agents;
 }
 
@@ -177,7 +179,12 @@ Result<AgentClient> CommandContext::ConnectToLeaderOf(const proto::RoleAssignmen
   auto team = Team();
   if (!team) return tl::unexpected(team.error());
   if (roles.leader() == 0) return Fail(ErrorCode::kRefused, "nobody leads the team; see moonctl role set");
-  auto leader = Connect(AgentName((*team)->config, roles.leader()));
+  const std::string name = AgentName((*team)->config, roles.leader());
+  if (HasLeft((*team)->config, roles.leader())) {
+    return Fail(ErrorCode::kRefused,
+                name + " leads the team, but has left it: name another leader by moonctl role set");
+  }
+  auto leader = Connect(name);
   // One that others hear is not lost, whatever keeps it from answering here.
   const proto::AgentConfig* named = FindAgent((*team)->config, static_cast<AgentId>(roles.leader()));
   if (!leader && IsUnreachable(leader.error()) && named != nullptr && !reach_->IsHeard(*named)) {

@@ -80,7 +80,8 @@ class CommandContext {
   // Of the agent's team file, as it said last; 0: it did not. Where that is another one than this command's, one line
   // on stderr says so, once.
   std::uint64_t ConfigHashOf(AgentId of) const;
-  // The agent of -a, without it all of the team. kInvalid for one that the team does not have.
+  // The agent of -a, without it all who have not left the team. kInvalid for one that the team does not have, kRefused
+  // for one that has left.
   Result<std::vector<const proto::AgentConfig*>> ChosenAgents();
   // Asks each of them by `ask`, a Result<T>(Client&); one that cannot be reached stands in the answers too.
   // kInvalid for a key that cannot be read.

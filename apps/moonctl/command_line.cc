@@ -60,6 +60,7 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   AddShareCommands(app, context);
   AddLeaseCommands(app, context);
   AddClientsCommands(app, context);
+  AddKeysCommands(app, context);
   AddGraphCommands(app, context);
   AddMapCommands(app, context);
   AddRecordCommands(app, context);

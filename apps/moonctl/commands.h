@@ -17,6 +17,7 @@ void AddRoleCommands(CLI::App& app, CommandContext& context);
 void AddShareCommands(CLI::App& app, CommandContext& context);
 void AddLeaseCommands(CLI::App& app, CommandContext& context);
 void AddClientsCommands(CLI::App& app, CommandContext& context);
+void AddKeysCommands(CLI::App& app, CommandContext& context);
 void AddGraphCommands(CLI::App& app, CommandContext& context);
 void AddMapCommands(CLI::App& app, CommandContext& context);
 void AddRecordCommands(CLI::App& app, CommandContext& context);

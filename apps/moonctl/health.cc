@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "apps/common/hash_text.h"
 #include "apps/common/table.h"
@@ -9,6 +10,7 @@
 #include "model/event.h"
 #include "model/term.h"
 #include "model/text.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {
@@ -45,6 +47,12 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
     findings.push_back("leads without a designated survivor");
   }
   if (newest.leader() == 0) findings.push_back("knows of no leader of team " + team.team());
+  for (const auto& [agent, role] : {std::pair(newest.leader(), "leader"), std::pair(newest.survivor(), "survivor")}) {
+    if (!HasLeft(team, agent)) continue;
+    const std::string name = AgentName(team, agent);
+    findings.push_back(name + " is " + role + " in term " + TermText(newest.term()) +
+                       ", but has left the team: name another by moonctl role set");
+  }
 }
 
 void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {

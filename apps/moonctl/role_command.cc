@@ -82,7 +82,7 @@ Result<proto::RoleSetRequest> ParsePairs(const proto::TeamConfig& team, const st
   }
   proto::RoleSetRequest request;
   for (std::size_t i = 0; i < words.size(); i += 2) {
-    auto agent = AgentNamed(team, words[i]);
+    auto agent = MemberNamed(team, words[i]);
     if (!agent) return tl::unexpected(agent.error());
     const std::string& role = words[i + 1];
     const bool is_survivor = role == "survivor" || role == "designated_survivor";

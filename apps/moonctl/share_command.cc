@@ -44,7 +44,7 @@ std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleA
   std::vector<SharePair> pairs;
   const auto is_meant = IsAsked(request);
   for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.id() == target) continue;
+    if (agent.id() == target || agent.left()) continue;
     if (is_meant(agent.id())) pairs.push_back({agent.id(), target, request.kind()});
     if (is_meant(target)) pairs.push_back({target, agent.id(), request.kind()});
   }
@@ -59,7 +59,7 @@ Result<proto::ShareRequest> MakeRequest(CommandContext& context, proto::SharingK
   auto team = context.Team();
   if (!team) return tl::unexpected(team.error());
   for (const std::string& name : arguments.from) {
-    auto agent = AgentNamed((*team)->config, name);
+    auto agent = MemberNamed((*team)->config, name);
     if (!agent) return tl::unexpected(agent.error());
     request.add_from_agents((*agent)->id());
   }

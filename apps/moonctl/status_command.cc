@@ -107,6 +107,14 @@ ExitCode ShowStatus(CommandContext& context) {
     }
     json.EndObject();
   }
+  json.EndArray();
+  // Nobody asks them; their ids and names stay taken.
+  json.Key("left").BeginArray();
+  for (const proto::AgentConfig& agent : (*context.Team())->config.agents()) {
+    if (!agent.left() || !context.agent.empty()) continue;
+    table.Add({agent.name(), std::to_string(agent.id()), "has left the team"});
+    json.String(agent.name());
+  }
   json.EndArray().EndObject();
   const std::string leases = LeasesText((*context.Team())->config, statuses);
   const std::string leaders = LeadersText((*context.Team())->config, statuses);

@@ -1,6 +1,7 @@
 #include "apps/moonctl/team_letters.h"
 
 #include "model/pyfg.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 
@@ -9,10 +10,9 @@ std::map<AgentId, AgentId> AgentsByLetter(const proto::TeamConfig& team) {
   std::map<AgentId, AgentId> agents;
   AgentId place = 0;
   for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) {
-      agents[AgentOfLetter(kBaseLetter)] = agent.id();
-      continue;
-    }
+    // One that has left gives the letter to the one after it.
+    const bool is_base = agent.kind() == proto::AGENT_KIND_BASE_STATION && (!agent.left() || BaseStationOf(team) == 0);
+    if (is_base && agents.emplace(AgentOfLetter(kBaseLetter), agent.id()).second) continue;
     if (++place == AgentOfLetter(kBaseLetter)) ++place;
     agents[place] = agent.id();
   }

@@ -89,6 +89,7 @@ const std::vector<TeamReach::Neighbor>& TeamReach::Neighbors() {
   if (is_known && now - neighbors_at_ < kNeighborsAgeMax) return neighbors_;
   neighbors_.clear();
   for (const proto::AgentConfig& agent : team_.config.agents()) {
+    if (agent.left()) continue;
     auto here = ConnectHere(agent);
     if (!here) continue;
     const auto status = here->client->Status();
@@ -148,6 +149,7 @@ Result<proto::RoleAssignment> TeamReach::NewestRoles() {
     if (!newest || IsNewer(roles.term(), newest->term())) newest = roles;
   };
   for (const proto::AgentConfig& agent : team_.config.agents()) {
+    if (agent.left()) continue;
     const bool is_itself = options_.via == nullptr;
     auto client = is_itself ? ConnectHere(agent).map([](AgentClient&& here) { return std::move(here.client); })
                             : ConnectTo(team_, agent, ClientOptionsFor(agent), options_.via);

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cerrno>
+#include <iterator>
 #include <set>
 #include <thread>
 #include <tuple>
@@ -44,6 +45,7 @@ struct LocalAgent {
   bool is_ours = false;  // Started by this command.
   std::string remark;    // A line below the table; empty: none.
   bool is_failed = false;
+  bool has_left = false;  // The team: it is stopped, and never started.
 };
 
 using SteadyClock = std::chrono::steady_clock;
@@ -80,6 +82,7 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     if (!context.agent.empty() && agent.name() != context.agent) continue;
     LocalAgent& local = agents.emplace_back();
     local.name = agent.name();
+    local.has_left = agent.left();
     const auto root = arguments.data_folder.empty() ? DefaultDataRoot((*team)->folder)
                                                     : std::filesystem::absolute(arguments.data_folder);
     const auto folder = FindDataFolder(root, (*team)->config, agent);
@@ -181,13 +184,17 @@ void Shutdown(CommandContext& context, LocalAgent& agent) {
   agent.is_failed = true;
 }
 
-ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents) {
+// `left`: shown below them, and judged by nobody.
+ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent>& agents,
+                     const std::vector<LocalAgent>& left = {}) {
   Table table({"AGENT", "PID", "STATE", "ROLE", "DATA"});
   JsonWriter json;
   json.BeginObject().Key("agents").BeginArray();
   ExitCode code = ExitCode::kDone;
   std::string remarks;
-  for (const LocalAgent& agent : agents) {
+  std::vector<LocalAgent> all = agents;
+  all.insert(all.end(), left.begin(), left.end());
+  for (const LocalAgent& agent : all) {
     if (!agent.remark.empty()) remarks += agent.remark + "\n";
     if (agent.is_failed) code = ExitCode::kFailed;
     const std::string pid = agent.pid == 0 ? "-" : std::to_string(agent.pid);
@@ -200,6 +207,17 @@ ExitCode ShowOutcome(const CommandContext& context, const std::vector<LocalAgent
   return context.Print(code, json.text(), table.Text() + remarks);
 }
 
+// Those that have left the team, which are not started: out of `agents`.
+std::vector<LocalAgent> TakeLeft(std::vector<LocalAgent>& agents) {
+  const auto left =
+      std::stable_partition(agents.begin(), agents.end(), [](const auto& agent) { return !agent.has_left; });
+  std::vector<LocalAgent> taken(std::make_move_iterator(left), std::make_move_iterator(agents.end()));
+  agents.erase(left, agents.end());
+  for (LocalAgent& agent : taken)
+    agent.state = agent.pid == 0 ? "has left the team" : "has left the team, but runs here";
+  return taken;
+}
+
 Result<void> CheckHere(CommandContext& context) {
   context.StayHere();
   if (context.via.empty()) return {};
@@ -210,8 +228,9 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   if (auto here = CheckHere(context); !here) return context.Report(here.error());
   auto agents = LocalAgents(context, arguments);
   if (!agents) return context.Report(agents.error());
+  std::vector<LocalAgent> left = TakeLeft(*agents);
   const auto has_failed = [](const LocalAgent& agent) { return agent.is_failed; };
-  if (std::any_of(agents->begin(), agents->end(), has_failed)) return ShowOutcome(context, *agents);
+  if (std::any_of(agents->begin(), agents->end(), has_failed)) return ShowOutcome(context, *agents, left);
   const auto start = [&](LocalAgent& agent) {
     Result<void> started = Start(context, arguments, agent);
     if (!started) StopOurs(*agents);
@@ -247,7 +266,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     // Of use at once, where the leader is among them; a team without its leader is up all the same.
     WaitUntil(SteadyClock::now() + kAgreementTimeout, [&] { return IsAgreed(context, *agents); });
   }
-  return ShowOutcome(context, *agents);
+  return ShowOutcome(context, *agents, left);
 }
 
 ExitCode Down(CommandContext& context, const UpArguments& arguments) {

@@ -216,7 +216,7 @@ void Agent::WriteTrace() const { impl_->WriteTrace(); }
 void Agent::WriteTraceOnCrash() const { impl_->WriteTraceOnCrash(); }
 
 Result<std::unique_ptr<Agent>> Agent::Start(const TeamFile& team, AgentOptions options) {
-  if (auto named = AgentNamed(team.config, options.name); !named) return tl::unexpected(named.error());
+  if (auto named = MemberNamed(team.config, options.name); !named) return tl::unexpected(named.error());
   if (auto checked = CheckOwnActors(team, options.own_actors); !checked) return tl::unexpected(checked.error());
   auto lock = DataFolderLock::Take(options.data_folder);
   if (!lock) return tl::unexpected(lock.error());

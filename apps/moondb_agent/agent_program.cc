@@ -167,7 +167,7 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   if (auto exit_code = ReadCommandLine(argc, argv, program, arguments)) return *exit_code;
   const auto team = ReadTeamFile(arguments.team);
   if (!team) return Complain(program, kUsage, ToString(team.error()));
-  const auto named = AgentNamed(team->config, arguments.agent);
+  const auto named = MemberNamed(team->config, arguments.agent);
   if (!named) return Complain(program, kUsage, ToString(named.error()));
   const bool logs_json = arguments.log_format == "json";
   const LogFormat format = logs_json ? LogFormat::kJson : LogFormat::kText;

@@ -50,6 +50,10 @@ Result<void> NewFiles::Add(const std::filesystem::path& path, const std::string&
   return SystemFailure(aside);
 }
 
+void NewFiles::TakeBack() {
+  for (const File& file : files_) (void)unlink(file.path.c_str());
+}
+
 Result<void> NewFiles::Publish() {
   for (std::size_t i = 0; i < files_.size(); ++i) {
     // A link, since a rename would silently replace what has appeared there.

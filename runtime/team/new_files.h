@@ -25,6 +25,9 @@ class NewFiles {
   // kRefused if something has appeared there since Add.
   Result<void> Publish();
 
+  // Removes what Publish brought to its place, where that came to nothing after all.
+  void TakeBack();
+
  private:
   struct File {
     std::filesystem::path aside;

@@ -118,11 +118,19 @@ class Checker {
     Add("team_id", "expected 32 digits of 0 to 9 and a to f, got " + Quoted(team_.team_id()));
   }
 
-  // At least one rover, at most one base station.
+  // At least one rover and at most one base station, those aside that have left.
   void CheckKinds() {
     const auto& agents = team_.agents();
-    const auto is_base = [](const proto::AgentConfig& agent) { return agent.kind() == proto::AGENT_KIND_BASE_STATION; };
-    if (std::all_of(agents.begin(), agents.end(), is_base)) Add("agents", "expected at least one rover");
+    const auto is_base = [](const proto::AgentConfig& agent) {
+      return agent.kind() == proto::AGENT_KIND_BASE_STATION && !agent.left();
+    };
+    const auto is_rover = [](const proto::AgentConfig& agent) { return agent.kind() == proto::AGENT_KIND_ROVER; };
+    const auto stays = [&](const proto::AgentConfig& agent) { return is_rover(agent) && !agent.left(); };
+    if (std::none_of(agents.begin(), agents.end(), is_rover)) {
+      Add("agents", "expected at least one rover");
+    } else if (std::none_of(agents.begin(), agents.end(), stays)) {
+      Add("agents", "expected at least one rover that has not left");
+    }
     const auto first_base = std::find_if(agents.begin(), agents.end(), is_base);
     for (int i = 0; i < agents.size(); ++i) {
       if (is_base(agents[i]) && i != first_base - agents.begin()) {
@@ -283,6 +291,7 @@ class Checker {
 
   // Names of agents, or "all" alone.
   void CheckCommandFrom() {
+    if (!IsGiven("command_from")) return CheckBaseCommands();
     if (!IsRead("command_from")) return;
     const auto& given = team_.command_from();
     if (given.empty()) Add("command_from", "expected names of agents, or all");
@@ -298,8 +307,20 @@ class Checker {
         Add(path, "all stands alone: it names every agent");
       } else if (first != given.begin() + i) {
         Add(path, given[i] + " is named twice");
+      } else if (const auto* agent = FindAgent(team_, given[i]); agent != nullptr && agent->left()) {
+        Add(path, given[i] + " has left the team; nobody obeys what comes through it");
       }
     }
+  }
+
+  // By default the base station commands. That everybody does where it has left is for the file to say.
+  void CheckBaseCommands() {
+    const auto& agents = team_.agents();
+    const bool has_left = std::any_of(agents.begin(), agents.end(), [](const proto::AgentConfig& agent) {
+      return agent.kind() == proto::AGENT_KIND_BASE_STATION && agent.left();
+    });
+    if (!has_left || BaseStationOf(team_) != 0) return;
+    Add("command_from", "missing: the base station, which commands by default, has left; name who does, or all");
   }
 
   const proto::AgentConfig* FindRover(const std::string& field, const std::string& name) {
@@ -309,8 +330,10 @@ class Checker {
       const proto::AgentConfig& agent = team_.agents(i);
       names.push_back(agent.name());
       if (agent.name() != name) continue;
-      if (agent.kind() == proto::AGENT_KIND_ROVER) return &agent;
-      Add(field, name + " is a base station; only a rover can hold this role");
+      const bool is_rover = agent.kind() == proto::AGENT_KIND_ROVER;
+      if (is_rover && !agent.left()) return &agent;
+      Add(field, is_rover ? name + " has left the team; name another rover"
+                          : name + " is a base station; only a rover can hold this role");
       return nullptr;
     }
     // An agent whose name could not be read may be the one.
@@ -354,7 +377,7 @@ void FillRoles(proto::TeamConfig* team) {
   proto::RolesConfig* roles = team->mutable_roles();
   const auto first_rover_except = [&](const std::string& other) -> std::string {
     for (const proto::AgentConfig& agent : team->agents()) {
-      if (agent.kind() == proto::AGENT_KIND_ROVER && agent.name() != other) return agent.name();
+      if (agent.kind() == proto::AGENT_KIND_ROVER && !agent.left() && agent.name() != other) return agent.name();
     }
     return "";
   };
@@ -364,11 +387,8 @@ void FillRoles(proto::TeamConfig* team) {
 
 void FillCommandFrom(proto::TeamConfig* team) {
   if (!team->command_from().empty()) return;
-  const auto& agents = team->agents();
-  const auto base = std::find_if(agents.begin(), agents.end(), [](const proto::AgentConfig& agent) {
-    return agent.kind() == proto::AGENT_KIND_BASE_STATION;
-  });
-  team->add_command_from(base == agents.end() ? kAllMayCommand : base->name());
+  const proto::AgentConfig* base = FindAgent(*team, BaseStationOf(*team));
+  team->add_command_from(base == nullptr ? kAllMayCommand : base->name());
 }
 
 void FillCustomTypes(proto::TeamConfig* team) {

@@ -102,9 +102,14 @@ const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::st
   return nullptr;
 }
 
+bool HasLeft(const proto::TeamConfig& team, AgentId agent) {
+  const proto::AgentConfig* config = FindAgent(team, agent);
+  return config != nullptr && config->left();
+}
+
 AgentId BaseStationOf(const proto::TeamConfig& team) {
   for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.kind() == proto::AGENT_KIND_BASE_STATION) return agent.id();
+    if (agent.kind() == proto::AGENT_KIND_BASE_STATION && !agent.left()) return agent.id();
   }
   return 0;
 }
@@ -174,7 +179,7 @@ Result<void> CheckRoles(const proto::TeamConfig& team, const proto::RoleAssignme
 
 proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent) {
   const proto::AgentConfig* config = FindAgent(team, agent);
-  if (config == nullptr) return proto::ROLE_UNSPECIFIED;
+  if (config == nullptr || config->left()) return proto::ROLE_UNSPECIFIED;
   if (config->kind() == proto::AGENT_KIND_BASE_STATION) return proto::ROLE_BASE_STATION;
   if (agent == roles.leader()) return proto::ROLE_LEADER;
   return agent == roles.survivor() ? proto::ROLE_DESIGNATED_SURVIVOR : proto::ROLE_ROVER;

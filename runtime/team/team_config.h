@@ -32,7 +32,10 @@ Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name)
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
 const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
 
-AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none.
+// Whether `agent` has left the team: it stands in the file marked `left`. Its records and what it decided remain.
+bool HasLeft(const proto::TeamConfig& team, AgentId agent);
+
+AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none, or it has left.
 
 // The same bytes for teams that are equal, which SerializeAsString does not promise for maps.
 std::string SerializeTeam(const proto::TeamConfig& team);
@@ -51,11 +54,11 @@ KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type);
 // The assignment of the file, as term 0.
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team);
 
-// Why `roles` cannot be: unknown agent, survivor = leader, a base station as either, no leader. kRefused, `field` is
-// "leader" or "survivor".
+// Why `roles` cannot be, nor can ever have been: unknown agent, survivor = leader, a base station as either, no leader.
+// kRefused, `field` is "leader" or "survivor".
 Result<void> CheckRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
-// The role of `agent` under `roles`.
+// The role of `agent` under `roles`; of one that has left none.
 proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent);
 
 // A team to begin with: `agent_count` agents on loopback ports from `first_port`, the last one a base station when

@@ -1,5 +1,6 @@
 #include "runtime/team/team_init.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -22,7 +23,9 @@ constexpr char kHead[] =
     "# Lengths are metres, angles radians; what is left out has its default.\n";
 
 constexpr char kKeyNote[] =
-    "# key: the file of the agent's public key, which every agent needs; its secret NAME.sec stays on its agent.\n"
+    "# key: the file of the agent's public key, which every agent needs; its secrets, NAME.sec and NAME.sign, stay on "
+    "its agent.\n"
+    "# signing_key: the public half of NAME.sign, by which others believe its changes of roles.\n"
     "# client_address: \"tcp://HOST:PORT\", where clients from elsewhere are let in (`moonctl clients`); none by "
     "default.\n";
 
@@ -93,6 +96,7 @@ std::string AgentText(const proto::AgentConfig& agent) {
   if (is_base) add("kind", "base_station");
   if (!agent.key().empty()) add("key", "\"" + agent.key() + "\"");
   if (!agent.signing_key().empty()) add("signing_key", "\"" + agent.signing_key() + "\"");
+  if (agent.left()) add("left", "true");
   if (!agent.client_address().empty()) add("client_address", "\"" + agent.client_address() + "\"");
   if (is_base) add("position_m", List(agent.position_m()));
   if (agent.has_start()) add("start", StartText(agent.start()));
@@ -149,9 +153,9 @@ std::string Format(const char* format, const std::vector<std::string>& values) {
   return text;
 }
 
-std::string TeamIdLine(const std::string& team_id, const std::string& line_end) {
+std::string TeamIdText(const std::string& team_id) {
   // A text, whatever its digits: without quotes some would be numbers.
-  return "team_id: \"" + team_id + "\"   # Tells this team from any other, for ever." + line_end;
+  return "team_id: \"" + team_id + "\"   # Tells this team from any other, for ever.";
 }
 
 std::string CommandFromText(const proto::TeamConfig& team) {
@@ -164,7 +168,7 @@ std::string CommandFromText(const proto::TeamConfig& team) {
 std::string TeamText(const proto::TeamConfig& team) {
   std::string text = kHead;
   text += "team: " + team.team() + "\n";
-  text += TeamIdLine(team.team_id(), "\n");
+  text += TeamIdText(team.team_id()) + "\n";
   if (team.insecure()) text += "insecure: true   # Anybody who reaches the ports can speak as any agent.\n";
   text += "\n";
   if (!team.insecure()) text += kKeyNote;
@@ -188,15 +192,41 @@ std::string TeamText(const proto::TeamConfig& team) {
   return text + CustomTypesText(team.custom_types());
 }
 
-Result<void> AddKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files) {
-  const Result<CurveKeys> keys = MakeCurveKeys();
-  if (!keys) return tl::unexpected(keys.error());
-  const std::filesystem::path secret_path = SecretKeyPath(public_path);
-  if (const auto added = files->Add(secret_path, keys->secret_key + "\n", 0600); !added) return added;
-  if (const auto added = files->Add(SigningSecretPath(secret_path), signing.SecretText() + "\n", 0600); !added) {
-    return added;
-  }
-  return files->Add(public_path, keys->public_key + "\n", 0644);
+// What the text says, whatever is wrong with it: errors are reported when the file is checked.
+Places ReadLeniently(const std::string& yaml, proto::TeamConfig* team) {
+  Places places;
+  PlacedErrors errors("");
+  ReadYaml(yaml, team, &places, &errors);
+  return places;
+}
+
+// Where a line begins, counted from 1, which the text has.
+std::size_t BeginOfLine(const std::string& yaml, int line) {
+  std::size_t at = 0;
+  for (int i = 1; i < line && at != std::string::npos; ++i) at = yaml.find('\n', at) + 1;
+  return at;
+}
+
+// The text with `added` as a line of its own behind the line that holds `place`, `indent` blanks in.
+std::string WithLineBelow(const std::string& yaml, Place place, std::size_t indent, const std::string& added) {
+  const std::size_t end = yaml.find('\n', BeginOfLine(yaml, place.line));
+  const bool has_end = end != std::string::npos;
+  const std::string line_end = has_end && end > 0 && yaml[end - 1] == '\r' ? "\r\n" : "\n";
+  std::string longer = yaml;
+  const std::string line = std::string(indent, ' ') + added + line_end;
+  return longer.insert(has_end ? end + 1 : yaml.size(), (has_end ? "" : line_end) + line);
+}
+
+// The texts that may be `yaml` with `field: value` behind the field that stands at `place`: as a line below it, and
+// in braces before it.
+std::vector<std::string> WithField(const std::string& yaml, const std::string& before, Place place,
+                                   const std::string& field) {
+  const std::size_t line = BeginOfLine(yaml, place.line);
+  const std::size_t key = yaml.rfind(before + ":", line + static_cast<std::size_t>(place.column) - 1);
+  if (key == std::string::npos || key < line) return {};
+  std::string in_braces = yaml;
+  in_braces.insert(key, field + ", ");
+  return {WithLineBelow(yaml, place, key - line, field), in_braces};
 }
 
 }  // namespace
@@ -231,7 +261,7 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   NewFiles files;
   if (!team.insecure()) {
     for (int i = 0; i < team.agents_size(); ++i) {
-      const auto added = AddKeys(folder / team.agents(i).key(), signing_keys[static_cast<std::size_t>(i)], &files);
+      const auto added = AddAgentKeys(folder / team.agents(i).key(), signing_keys[static_cast<std::size_t>(i)], &files);
       if (!added) return added;
     }
   }
@@ -252,30 +282,83 @@ std::string PlainNameOf(const std::string& text) {
 }
 
 Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_id) {
-  const auto read = [](const std::string& text, proto::TeamConfig* team) {
-    Places places;
-    PlacedErrors errors("");  // Errors of other fields are reported when the file is checked.
-    ReadYaml(text, team, &places, &errors);
-    return places;
-  };
-  proto::TeamConfig before;
-  const Places places = read(yaml, &before);
+  proto::TeamConfig wanted;
+  const Places places = ReadLeniently(yaml, &wanted);
+  wanted.set_team_id(team_id);
   if (const auto name = places.find("team"); name != places.end()) {
-    std::size_t at = 0;
-    for (int line = 1; line < name->second.line && at != std::string::npos; ++line) at = yaml.find('\n', at) + 1;
-    const std::size_t end = yaml.find('\n', at);
-    const bool has_end = end != std::string::npos;
-    const std::string line_end = has_end && end > 0 && yaml[end - 1] == '\r' ? "\r\n" : "\n";
-    const std::string indent = yaml.substr(at, yaml.find_first_not_of(' ', at) - at);
-    std::string fixed = yaml;
-    fixed.insert(has_end ? end + 1 : yaml.size(), (has_end ? "" : "\n") + indent + TeamIdLine(team_id, line_end));
+    const std::size_t line = BeginOfLine(yaml, name->second.line);
+    const std::string fixed =
+        WithLineBelow(yaml, name->second, yaml.find_first_not_of(' ', line) - line, TeamIdText(team_id));
     // The reader is the judge: it finds the same team, and the id.
-    proto::TeamConfig after;
-    (void)read(fixed, &after);
-    before.set_team_id(team_id);
-    if (SerializeTeam(after) == SerializeTeam(before)) return fixed;
+    proto::TeamConfig found;
+    (void)ReadLeniently(fixed, &found);
+    if (SerializeTeam(found) == SerializeTeam(wanted)) return fixed;
   }
   return Fail(ErrorCode::kInvalid, "no place for a line is found; add  team_id: \"" + team_id + "\"  by hand");
+}
+
+Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std::string, std::string>& keys) {
+  std::string fixed = yaml;
+  for (const auto& [name, key] : keys) {
+    proto::TeamConfig wanted;
+    const Places places = ReadLeniently(fixed, &wanted);
+    const std::string field = "signing_key: \"" + key + "\"";
+    std::vector<std::string> candidates;
+    for (int i = 0; i < wanted.agents_size(); ++i) {
+      if (wanted.agents(i).name() != name) continue;
+      wanted.mutable_agents(i)->set_signing_key(key);
+      const auto place = places.find("agents[" + std::to_string(i) + "].key");
+      if (place != places.end()) candidates = WithField(fixed, "key", place->second, field);
+    }
+    // The reader is the judge, as above.
+    const auto is_right = [&wanted](const std::string& candidate) {
+      proto::TeamConfig found;
+      (void)ReadLeniently(candidate, &found);
+      return SerializeTeam(found) == SerializeTeam(wanted);
+    };
+    const auto right = std::find_if(candidates.begin(), candidates.end(), is_right);
+    if (right == candidates.end()) {
+      return Fail(ErrorCode::kInvalid, "no place for the signing_key of " + Quoted(name) +
+                                           " is found; bring its `key` to a line of its own");
+    }
+    fixed = *right;
+  }
+  return fixed;
+}
+
+Result<SigningKeysAdded> AddSigningKeys(const std::string& yaml, const std::filesystem::path& file, NewFiles* files) {
+  proto::TeamConfig team;
+  (void)ReadLeniently(yaml, &team);
+  if (team.insecure())
+    return Fail(ErrorCode::kInvalid, file.string() + ": a team that is `insecure: true` has no keys");
+  SigningKeysAdded added;
+  std::map<std::string, std::string> keys;
+  for (const proto::AgentConfig& agent : team.agents()) {
+    if (!agent.signing_key().empty() || agent.key().empty()) continue;
+    const SigningKey key = SigningKey::Make();
+    keys[agent.name()] = key.public_key();
+    added.agents.push_back(agent.name());
+    if (const auto kept = AddSigningSecret(file.parent_path() / agent.key(), key, files); !kept) {
+      return tl::unexpected(kept.error());
+    }
+  }
+  Result<std::string> fixed = WithSigningKeys(yaml, keys);
+  if (!fixed) return Fail(fixed.error().code, file.string() + ": " + fixed.error().text);
+  if (const auto read = ParseTeamFile(*fixed, file.string()); !read) return tl::unexpected(read.error());
+  added.yaml = *std::move(fixed);
+  return added;
+}
+
+Result<void> AddAgentKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files) {
+  const Result<CurveKeys> keys = MakeCurveKeys();
+  if (!keys) return tl::unexpected(keys.error());
+  if (const auto added = files->Add(SecretKeyPath(public_path), keys->secret_key + "\n", 0600); !added) return added;
+  if (const auto added = AddSigningSecret(public_path, signing, files); !added) return added;
+  return files->Add(public_path, keys->public_key + "\n", 0644);
+}
+
+Result<void> AddSigningSecret(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files) {
+  return files->Add(SigningSecretPath(SecretKeyPath(public_path)), signing.SecretText() + "\n", 0600);
 }
 
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,

@@ -135,7 +135,7 @@ class ZeroMqTransport::Impl {
     if (!keys_) return {};
     std::map<std::string, AgentId> agents;
     for (const auto& [agent, key] : keys_->public_keys) {
-      if (agent != options_.self) agents[key] = agent;
+      if (agent != options_.self && !HasLeft(team_, agent)) agents[key] = agent;
     }
     Result<ZapHandler> handler = ZapHandler::Make(context_, std::move(agents));
     if (!handler) return tl::unexpected(handler.error());
@@ -208,7 +208,7 @@ class ZeroMqTransport::Impl {
 
   Result<void> OpenPeers() {
     for (const proto::AgentConfig& agent : team_.agents()) {
-      if (agent.id() == options_.self) continue;
+      if (agent.id() == options_.self || agent.left()) continue;
       PeerLink::Options options;
       options.name = agent.name();
       options.connection.self = options_.self;
@@ -238,6 +238,7 @@ class ZeroMqTransport::Impl {
       door.others_max = kStrangersMax;
       door.shared_bytes = kAgentsSharedBytes;
       for (const proto::AgentConfig& agent : team_.agents()) {
+        if (agent.left()) continue;
         const std::string address = NumericAddressOf(agent.address());
         (address.empty() ? door.others_max : door.places[address]) += kConnectionsPerAgent;
       }
@@ -331,7 +332,7 @@ class ZeroMqTransport::Impl {
   void OnHandshakes() {
     zap_handler_->OnReadable();
     if (refused_.agents.exchange(zap_handler_->refused_agents()) < zap_handler_->refused_agents()) {
-      refused_.agent_log.Warn("transport: refused a connection whose key is not of this team");
+      refused_.agent_log.Warn("transport: refused a connection whose key is not of this team, or has left it");
     }
     if (refused_.clients.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
       refused_.client_log.Warn("transport: refused a client whose key is not listed");

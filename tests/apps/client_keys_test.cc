@@ -27,47 +27,56 @@ class ClientKeysProcessTest : public ProcessTeam {
                 "    client_address: \"tcp://127.0.0.1:" + std::to_string(FreePort()) + "\"\n");
     ASSERT_TRUE(WriteTextFile(team_file_, text).has_value());
   }
-  std::vector<std::string> With(const std::string& key, std::vector<std::string> arguments) const {
-    arguments.insert(arguments.begin(), {"--key", (folder_ / key).string()});
+  static std::vector<std::string> With(const std::filesystem::path& key, std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"--key", key.string()});
     return arguments;
+  }
+  // Where a client's secret key goes unasked.
+  std::filesystem::path KeyOf(const std::string& client) const {
+    return folder_ / "config" / "moondb" / (client + ".sec");
   }
 };
 
 TEST_F(ClientKeysProcessTest, AKeyOpensWhatItsRightsAllowUntilItIsRevoked) {
   const auto added = MoonctlJson(0, {"clients", "add", "anna", "--rights", "view"});
-  EXPECT_EQ(added.fields().at("secret_file").string_value(), (folder_ / "anna.sec").string());
+  EXPECT_EQ(added.fields().at("secret_file").string_value(), KeyOf("anna").string());
   struct stat status {};
-  ASSERT_EQ(::stat((folder_ / "anna.sec").c_str(), &status), 0);
+  ASSERT_EQ(::stat(KeyOf("anna").c_str(), &status), 0);
   EXPECT_EQ(status.st_mode & 0777, 0600u);
+  ASSERT_EQ(::stat(KeyOf("anna").parent_path().c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0700u);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "anna.sec")) << "what lies there is copied to robots";
   MoonctlExpecting(0, {"up"});
 
-  EXPECT_THAT(MoonctlExpecting(0, With("anna.sec", {"status", "-a", "rover1"})), HasSubstr("leader"));
-  EXPECT_THAT(MoonctlExpecting(0, With("anna.sec", {"status", "--via", "rover1"})),
+  EXPECT_THAT(MoonctlExpecting(0, With(KeyOf("anna"), {"status", "-a", "rover1"})), HasSubstr("leader"));
+  EXPECT_THAT(MoonctlExpecting(0, With(KeyOf("anna"), {"status", "--via", "rover1"})),
               AllOf(HasSubstr("rover3"), Not(HasSubstr("unreachable"))));
   const Outcome refused =
-      Moonctl(With("anna.sec", {"record", "insert", "temperature", "{\"celsius\": 1}", "-a", "rover1"}));
+      Moonctl(With(KeyOf("anna"), {"record", "insert", "temperature", "{\"celsius\": 1}", "-a", "rover1"}));
   EXPECT_EQ(refused.exit_code, 4);
   EXPECT_THAT(refused.error, HasSubstr("this needs the right to share; the key of anna has the right to view"));
-  MoonctlExpecting(4, With("anna.sec", {"role", "swap", "--via", "rover1"}));
+  MoonctlExpecting(4, With(KeyOf("anna"), {"role", "swap", "--via", "rover1"}));
   // rover2 has no client_address: it is asked through an agent that has.
-  const Outcome through = Moonctl(With("anna.sec", {"status", "-a", "rover2"}));
+  const Outcome through = Moonctl(With(KeyOf("anna"), {"status", "-a", "rover2"}));
   EXPECT_EQ(through.exit_code, 0) << through.out;
   EXPECT_EQ(through.error, "moonctl: through rover1, over the radio\n");
 
   MoonctlExpecting(4, {"clients", "add", "anna", "--rights", "share"});
   MoonctlExpecting(0, {"clients", "add", "anna", "--rights", "share", "--replace", "--out", folder_ / "new.sec"});
-  EXPECT_TRUE(Until([&] { return Moonctl(With("new.sec", {"sync", "now", "-a", "rover1"})).exit_code == 0; }));
-  EXPECT_THAT(MoonctlExpecting(4, With("anna.sec", {"status", "-a", "rover1"})),
+  EXPECT_TRUE(Until([&] {
+    return Moonctl(With(folder_ / "new.sec", {"sync", "now", "-a", "rover1"})).exit_code == 0;
+  }));
+  EXPECT_THAT(MoonctlExpecting(4, With(KeyOf("anna"), {"status", "-a", "rover1"})),
               HasSubstr("refused: agent rover1 does not let this key in"));
   EXPECT_THAT(MoonctlExpecting(0, {"log"}), HasSubstr("sync now (anna (key))"));
 
   MoonctlExpecting(0, {"clients", "revoke", "anna"});
-  EXPECT_TRUE(Until([&] { return Moonctl(With("new.sec", {"status", "-a", "rover1"})).exit_code == 4; }));
-  EXPECT_EQ(Moonctl(With("new.sec", {"status"})).exit_code, 3) << "the others are not reached";
+  EXPECT_TRUE(Until([&] { return Moonctl(With(folder_ / "new.sec", {"status", "-a", "rover1"})).exit_code == 4; }));
+  EXPECT_EQ(Moonctl(With(folder_ / "new.sec", {"status"})).exit_code, 3) << "the others are not reached";
   const auto shown = MoonctlJson(0, {"status", "-a", "rover1"});
   const auto& agent = shown.fields().at("agents").list_value().values(0).struct_value().fields().at("status");
   EXPECT_GE(agent.struct_value().fields().at("refused_clients").number_value(), 2);
-  MoonctlExpecting(0, With("new.sec", {"down"}));  // About processes of this machine.
+  MoonctlExpecting(0, With(folder_ / "new.sec", {"down"}));  // About processes of this machine.
 }
 
 TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
@@ -93,7 +102,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
   EXPECT_THAT(error(2, {"clients", "add", "bob", "--rights", "view", "--public-key", folder_ / "rover2.pub"}),
               HasSubstr("is already that of clients[2]"));
   EXPECT_THAT(error(1, {"clients", "revoke", "ana"}), HasSubstr("did you mean \"anna\"?"));
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
+  EXPECT_FALSE(std::filesystem::exists(KeyOf("bob")));
   EXPECT_THAT(error(2, {"--key", folder_ / "none.sec", "status"}),
               AllOf(HasSubstr("--key"), HasSubstr("no such file")));
   environment_["MOONDB_CLIENT_KEY"] = folder_ / "none.sec";
@@ -104,7 +113,7 @@ TEST_F(ClientKeysProcessTest, ListsClientsAndSaysWhatIsWrong) {
   const std::string list = *ReadTextFile(folder_ / "clients.yaml");
   std::filesystem::create_directory(folder_ / "clients.yaml.part");
   EXPECT_THAT(error(1, {"clients", "add", "bob", "--rights", "view"}), HasSubstr("cannot be written"));
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "bob.sec"));
+  EXPECT_FALSE(std::filesystem::exists(KeyOf("bob")));
   std::filesystem::remove(folder_ / "clients.yaml.part");
   ASSERT_TRUE(WriteTextFile(folder_ / "clients.yaml", list + "  # until May\n").has_value());
   EXPECT_THAT(error(4, {"clients", "revoke", "anna"}), HasSubstr("this comment would be lost"));

@@ -90,6 +90,10 @@ const std::vector<Case>& Cases() {
       {{"clients", "add", "anna%", "--rights", "view"}, kDone, kDone, kDone, "anna1"},
       {{"clients", "list"}, kDone, kDone, kDone, "anna1"},
       {{"clients", "revoke", "anna%"}, kDone, kDone, kDone, "anna1"},
+      {{"keys", "new", "robot%"}, kDone, kDone, kDone, "robot1.sign"},
+      {{"keys", "new", "bob%", "--client"}, kDone, kDone, kDone, "bob1"},
+      {{"keys", "show"}, kDone, kDone, kDone, "rover1.sec, rover1.sign"},
+      {{"keys", "add-signing"}, kDone, kDone, kDone, "nothing to add"},
       {{"completion", "bash"}, kDone, kDone, kDone, "moonctl"},
       {{"man"}, kDone, kDone, kDone, ".TH"},
       {{"version"}, kDone, kDone, kDone, "moonctl"},
@@ -112,7 +116,8 @@ class EveryCommandTest : public ProcessTeam {
  protected:
   // A team with a mission's records, all of which were shared.
   void SetUp() override {
-    environment_ = {{"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}};
+    environment_ = {
+        {"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}, {"XDG_CONFIG_HOME", folder_ / "config"}};
     ASSERT_EQ(Run({MOONDB_MISSION_PROGRAM, "generate", "--seed", "7", "--minutes", "1", "--out", folder_ / "mission"})
                   .exit_code,
               0);

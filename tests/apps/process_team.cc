@@ -29,7 +29,8 @@ void AdaptToTest(const std::filesystem::path& team_file, const std::filesystem::
 }
 
 void ProcessTeam::SetUp() {
-  environment_ = {{"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}};
+  environment_ = {
+      {"MOONDB_RUN_DIR", folder_ / "run"}, {"MOONDB_TEAM", team_file_}, {"XDG_CONFIG_HOME", folder_ / "config"}};
   const Outcome made = Run({MOONCTL_PROGRAM, "config", "init", "--name", "moon", "--agents", "4", team_file_});
   ASSERT_EQ(made.exit_code, 0) << made.error;
   AdaptToTest(team_file_, folder_);

@@ -102,8 +102,9 @@ def run_guide(guide, programs):
     count = 0
     with tempfile.TemporaryDirectory(prefix="moondb-doc-") as folder:
         environment = dict(os.environ, PATH=f"{programs}:{os.environ['PATH']}", MOONDB_RUN_DIR=f"{folder}/run",
-                           NO_COLOR="1", COLUMNS="120")
-        environment.pop("MOONDB_TEAM", None)
+                           HOME=folder, NO_COLOR="1", COLUMNS="120")
+        for name in ("MOONDB_TEAM", "XDG_CONFIG_HOME"):
+            environment.pop(name, None)
         shell = Shell(folder, environment)
         try:
             for match in FENCE.finditer(text):

@@ -57,7 +57,7 @@ class Team:
         if own not in text:
             raise Failure("the team file is not as this test knows it")
         path.write_text(text.replace(own, own + f'    client_address: "tcp://127.0.0.1:{CLIENT_PORT}"\n', 1))
-        self.moonctl("clients", "add", "watcher", "--rights", "view")
+        self.moonctl("clients", "add", "watcher", "--rights", "view", "--out", "watcher.sec")
         self.moonctl("up", "--merge-backend", "cpu")
 
     def down(self):

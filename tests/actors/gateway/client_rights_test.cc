@@ -84,6 +84,22 @@ TEST(RelayRightsTest, AreThoseOfTheBaseStationUnlessTheTeamFileNamesOthers) {
   EXPECT_FALSE(CheckRelayRights(team, 1, {}, 9, stop)) << "of no agent of the team";
 }
 
+TEST(RelayRightsTest, AreNobodysWhoHasLeft) {
+  proto::TeamConfig team = TeamWithBase();
+  team.add_command_from("all");
+  team.mutable_agents(1)->set_left(true);
+  proto::RoleAssignment roles;
+  roles.set_leader(2);
+  proto::ControlRequest share;
+  share.mutable_share();
+  const Result<void> refused = CheckRelayRights(team, 1, roles, 2, share);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().text, "rover2 has left the team");
+  proto::ControlRequest read;
+  read.mutable_read();
+  EXPECT_FALSE(CheckRelayRights(team, 1, roles, 2, read));
+}
+
 TEST(RelayRightsTest, AreEveryAgentsInATeamWithoutABaseStation) {
   proto::TeamConfig team = TeamWithBase();
   team.mutable_agents()->RemoveLast();

@@ -295,6 +295,13 @@ TEST_F(RetentionActorTest, RemovesNothingWithoutASurvivor) {
   EXPECT_EQ(Prune(kRover).text(), "the team has no designated survivor");
 }
 
+TEST_F(RetentionActorTest, AsksNobodyWhoHasLeft) {
+  config_.mutable_agents(1)->set_left(true);
+  Start();
+  team_.AdvanceTime(minutes(11));
+  EXPECT_EQ(Prune(kRover).text(), "rover2, the designated survivor, has left the team");
+}
+
 TEST_F(RetentionActorTest, RefusesAHaveSetThatCannotBe) {
   Start();
   Insert(kRover, ReportOf(1));

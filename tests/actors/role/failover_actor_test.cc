@@ -123,6 +123,26 @@ TEST_F(FailoverActorTest, NamesTheLostLeaderSurvivorWhereThereIsNobodyElse) {
   EXPECT_EQ(Show(2).roles().survivor(), 1u);
 }
 
+TEST_F(FailoverActorTest, ReplacesALeaderThatHasLeftThoughNobodyEverHeardIt) {
+  config_.mutable_agents(0)->set_left(true);
+  Lose(1);
+  StartWithFailover();
+  Lose(1);
+  team_.AdvanceTime(minutes(3));
+  EXPECT_EQ(LeaderAsKnownTo(2), 2u);
+  EXPECT_EQ(Show(2).roles().survivor(), 3u);
+}
+
+TEST_F(FailoverActorTest, NamesNobodySurvivorWhoHasLeft) {
+  config_.mutable_agents(2)->set_left(true);  // The only other rover.
+  StartWithFailover();
+  Lose(3);
+  Lose(1);
+  team_.AdvanceTime(minutes(3));
+  EXPECT_EQ(Show(2).roles().leader(), 2u);
+  EXPECT_EQ(Show(2).roles().survivor(), 1u) << "the lost leader rather than one that has left";
+}
+
 TEST_F(FailoverActorTest, DoesNothingWhenFailoverIsManual) {
   config_.mutable_roles()->set_failover(proto::FAILOVER_MANUAL);
   StartWithFailover();

@@ -349,5 +349,46 @@ TEST_F(RoleLogicTest, WhoHasNoRoleGivesUpNone) {
   EXPECT_EQ(logic.ProposeStepDown({1, 2}, "", 0).error().code, ErrorCode::kNotFound);
 }
 
+// Agent 1 has left the team that it led.
+TEST(RoleLogicLeftTest, NamesNobodyWhoLeftAndKeepsWhatItDecided) {
+  RoleLogic::Options options = Options(kSelf);
+  options.left = {1};
+  RoleLogic logic(options);
+  EXPECT_THAT(Told(logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0)), ElementsAre(3)) << "who left hears nothing";
+  EXPECT_EQ(logic.current().leader(), 1u) << "history, until somebody decides";
+  EXPECT_FALSE(logic.OnAnnounce(1, Announce(Roles(1, 2, 6, 1)))) << "who left says nothing";
+  EXPECT_TRUE(logic.OnPeerConnected(1).announcements.empty());
+  EXPECT_TRUE(logic.OnAnnounce(3, Announce(Roles(1, 3, 6, 1)))->save) << "what it issued is taken from others";
+  logic.OnSaved();
+
+  proto::RoleSetRequest request;
+  request.set_survivor(2);
+  const auto with_leader_that_left = logic.Propose(request, 0);
+  ASSERT_FALSE(with_leader_that_left);
+  EXPECT_EQ(ToString(with_leader_that_left.error()), "leader: agent 1 has left the team");
+  request.set_leader(2);
+  request.set_survivor(1);
+  EXPECT_EQ(logic.Propose(request, 0).error().field, "survivor");
+  request.set_survivor(3);
+  const auto roles = logic.Propose(request, 0);
+  ASSERT_TRUE(roles) << ToString(roles.error());
+  logic.Adopt(*roles);
+  logic.OnSaved();
+  EXPECT_TRUE(logic.OnAnnounceTimer().announce_timer);
+  logic.OnAnnounce(3, Announce(logic.current(), /*is_reply=*/true));
+  EXPECT_FALSE(logic.OnAnnounceTimer().announce_timer) << "nobody waits for who left";
+}
+
+TEST(RoleLogicLeftTest, StepsDownInFavourOfNobodyWhoLeft) {
+  RoleLogic::Options options = Options(1);
+  options.left = {2};
+  RoleLogic logic(options);
+  logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0);
+  const auto roles = logic.ProposeStepDown({2, 3}, "", 0);
+  ASSERT_TRUE(roles) << ToString(roles.error());
+  EXPECT_EQ(roles->leader(), 3u);
+  EXPECT_EQ(roles->survivor(), 1u);
+}
+
 }  // namespace
 }  // namespace moondb

@@ -40,6 +40,7 @@ class SignedTeam {
     RoleLogic::Options options;
     options.self = agent;
     options.agents = agents_;
+    options.left = left_;
     options.initial.set_leader(1);
     options.initial.set_survivor(2);
     options.check = [](const proto::RoleAssignment& roles) -> Result<void> {
@@ -59,6 +60,15 @@ class SignedTeam {
     Settle();
   }
 
+  // It stops, and the others start again with a team file that marks it.
+  void Leave(AgentId gone) {
+    left_.insert(gone);
+    logics_.erase(gone);
+    for (const AgentId agent : agents_) {
+      if (!left_.contains(agent)) Start(agent, std::vector<proto::RoleAssignment>(disks_[agent]));
+    }
+  }
+
   // Only these hear each other from now on; what was said before is lost.
   void Divide(std::set<AgentId> together) {
     together_ = std::move(together);
@@ -67,14 +77,14 @@ class SignedTeam {
   // All hear each other, and say what they hold.
   void Heal() {
     together_.clear();
-    for (const AgentId agent : agents_) {
+    for (const auto& [agent, logic] : logics_) {
       for (const AgentId peer : agents_) {
-        if (peer != agent) Perform(agent, logics_[agent]->OnPeerConnected(peer));
+        if (peer != agent) Perform(agent, logic->OnPeerConnected(peer));
       }
     }
     Settle();
     // What waited for a chain is announced once more.
-    for (const AgentId agent : agents_) Perform(agent, logics_[agent]->OnAnnounceTimer());
+    for (const auto& [agent, logic] : logics_) Perform(agent, logic->OnAnnounceTimer());
     Settle();
   }
 
@@ -173,6 +183,7 @@ class SignedTeam {
   }
 
   std::vector<AgentId> agents_;
+  std::set<AgentId> left_;  // Of these.
   std::map<AgentId, std::unique_ptr<RoleLogic>> logics_;
   std::map<AgentId, std::vector<proto::RoleAssignment>> disks_;
   std::map<std::string, proto::RoleAssignment> lies_;  // By signature.
@@ -345,6 +356,22 @@ TEST(SignedRolesTest, AreActedOnTwentyTimesAtOnceAndThenOnceAMinuteOfOneIssuer) 
   team.AdvanceTime(std::chrono::minutes(2));
   team.Heal();
   EXPECT_EQ(team.Term(2), team.Term(1)) << "the newest of what waited";
+}
+
+TEST(SignedRolesTest, ThatOneIssuedWhoLeftStillCountAndAWordOfTheBaseStationEndsThem) {
+  SignedTeam team(4, /*has_base=*/true);
+  ASSERT_TRUE(team.Set(1, 1, 3));
+  const std::string before = team.Term(3);
+  team.Leave(1);
+  EXPECT_EQ(team.Term(3), before) << "read back from its disk";
+  EXPECT_EQ(team.LeaderAt(3), 1u);
+  // A wiped agent hears of it from the others, with the chain that the one who left had issued.
+  team.Start(4, {});
+  team.Heal();
+  EXPECT_EQ(team.Term(4), before);
+  ASSERT_FALSE(team.Set(kBase, 1, 2));
+  ASSERT_TRUE(team.Set(kBase, 3, 2));
+  for (const AgentId agent : {2, 3, 4, 9}) EXPECT_EQ(team.LeaderAt(agent), 3u) << agent;
 }
 
 }  // namespace

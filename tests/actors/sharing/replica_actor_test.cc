@@ -90,6 +90,17 @@ TEST_F(ReplicaActorTest, ANewLeaderGathersOnceAllThatTheTeamHolds) {
   EXPECT_EQ(stores_[3]->records().size(), 34u);
 }
 
+TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNobodyWhoHasLeft) {
+  proto::TeamConfig config = TestTeam(3);
+  config.mutable_agents(0)->set_left(true);
+  simulation::SimulatedTeam team(1);
+  for (const AgentId agent : {1u, 2u, 3u, 4u}) AddMemoryAgent(team, agent, config);
+  team.SetLink(1, 3, false);
+  TellRoles(team, config, 3, Roles(3, 2, 3));
+  team.AdvanceTime(seconds(2));
+  EXPECT_TRUE(ShareStatusOf(team, 3, actor_name::kReplica).gathers_from().empty());
+}
+
 // Nobody sends what another one is sending.
 TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNothingTwice) {
   InsertAtLeader(10);

@@ -94,6 +94,26 @@ TEST_F(SyncActorTest, CollectsFromTheWholeTeamAtTheLeadersOrder) {
   EXPECT_TRUE(LeaderHasAll(50));
 }
 
+TEST(SyncActorLeftTest, AsksNobodyWhoHasLeftAndPassesItsRecordsOn) {
+  proto::TeamConfig config = TestTeam(3);
+  config.mutable_agents(2)->set_left(true);
+  simulation::SimulatedTeam team(1);
+  std::map<AgentId, std::shared_ptr<MemoryStore>> stores;
+  for (const AgentId agent : {1u, 2u, 3u, 4u}) stores[agent] = AddMemoryAgent(team, agent, config);
+  stores[3]->Insert(3, proto::POSE_GRAPH_NODE, "what it keeps for itself");
+  stores[kLeader]->Insert(3, proto::POSE_GRAPH_NODE, "what it brought before");
+  EXPECT_EQ(Share(team, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).session_count(), 4u) << "rover2 and base";
+  team.AdvanceTime(seconds(2));
+  EXPECT_EQ(stores[kLeader]->records().size(), 1u);
+  EXPECT_EQ(stores[3]->records().size(), 1u);
+  EXPECT_EQ(stores[4]->records().size(), 1u) << "the ground has what it brought";
+  const auto refused = Share(team, kLeader, ShareOrder(proto::SHARING_KIND_SYNC, 3));
+  EXPECT_EQ(refused.error().text(), "rover3 has left the team");
+  proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC);
+  order.mutable_share_request()->add_from_agents(3);
+  EXPECT_EQ(Share(team, kLeader, order).error().field(), "from_agents[0]");
+}
+
 TEST_F(SyncActorTest, CollectsFromNamedAgentsOnly) {
   InsertAll(5);
   proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC);

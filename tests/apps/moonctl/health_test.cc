@@ -122,5 +122,17 @@ TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   EXPECT_THAT(Of(2), ElementsAre("refused 3 records of peers", "rover1 has another team file"));
 }
 
+TEST_F(HealthTest, FindsThatWhoHasARoleHasLeft) {
+  team_.mutable_agents(0)->set_left(true);
+  reports_.erase(1);
+  Status(2).clear_peers();
+  EXPECT_THAT(Of(2),
+              ElementsAre("rover1 is leader in term 4, but has left the team: name another by moonctl role set"));
+  Status(2).mutable_roles()->set_leader(2);
+  Status(2).mutable_roles()->set_survivor(1);
+  EXPECT_THAT(Of(2),
+              ElementsAre("rover1 is survivor in term 4, but has left the team: name another by moonctl role set"));
+}
+
 }  // namespace
 }  // namespace moondb

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "model/term.h"
+#include "runtime/team/key_fingerprint.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 #include "tests/temporary_folder.h"
@@ -67,6 +68,14 @@ TEST(SigningKeyTest, KnowsWhatIsNoKey) {
   EXPECT_TRUE(IsSigningKey(KeyOf(1).public_key()));
   EXPECT_FALSE(IsSigningKey(""));
   EXPECT_FALSE(IsSigningKey(std::string(40, '0'))) << "no point of the curve that has the right order";
+}
+
+TEST(KeyFingerprintTest, IsTheBeginningOfTheSha256OfTheCharacters) {
+  const std::string key = "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7";
+  EXPECT_EQ(FingerprintOf(key), "84112785d1092a7effc25904531ada76");
+  EXPECT_NE(FingerprintOf(KeyOf(1).public_key()), FingerprintOf(KeyOf(2).public_key()));
+  EXPECT_EQ(FingerprintOf(""), "");
+  EXPECT_EQ(FingerprintOf(key + "0"), "");
 }
 
 class RoleSignatureTest : public testing::Test {

@@ -146,6 +146,17 @@ const BadFile kBadFiles[] = {
      "t:8:15: command_from: no agent is named \"alll\"; did you mean \"all\"?"},
     {"CommandFromAllAndOne", GoodAnd("command_from: [all, base]"),
      "t:8:16: command_from[0]: all stands alone: it names every agent"},
+    {"LeftAndLeader", Replaced(GoodAnd("roles: {leader: rover2}"), "name: rover2", "name: rover2, left: true"),
+     "t:8:17: roles.leader: rover2 has left the team; name another rover"},
+    {"LeftAndSurvivor", Replaced(GoodAnd("roles: {survivor: rover2}"), "name: rover2", "name: rover2, left: true"),
+     "t:8:19: roles.survivor: rover2 has left the team; name another rover"},
+    {"LeftAndCommands", Replaced(GoodAnd("command_from: [base, rover2]"), "name: rover2", "name: rover2, left: true"),
+     "t:8:22: command_from[1]: rover2 has left the team; nobody obeys what comes through it"},
+    {"AllRoversLeft",
+     Replaced(Good("name: rover1", "name: rover1, left: true"), "name: rover2", "name: rover2, left: true"),
+     "t:4:3: agents: expected at least one rover that has not left"},
+    {"BaseThatCommandsLeft", Good("name: base", "name: base, left: true"),
+     "t:1:1: command_from: missing: the base station, which commands by default, has left; name who does, or all"},
     {"CommandFromTwice", GoodAnd("command_from: [base, base]"), "t:8:22: command_from[1]: base is named twice"},
     {"Codec", GoodAnd("radio: {codec: gzip}"),
      "t:8:16: radio.codec: expected plain, zstd, compact or paper_sql, got \"gzip\""},
@@ -377,6 +388,41 @@ TEST(TeamConfigTest, NamesTheRoleOfEachAgent) {
   EXPECT_EQ(RoleOf(team, roles, 4), proto::ROLE_UNSPECIFIED);
 }
 
+TEST(TeamConfigTest, KeepsWhoHasLeftWithoutAnyRole) {
+  const proto::TeamConfig team = ParseTeamFile(Good("name: rover1", "name: rover1, left: true"), "t").value().config;
+  EXPECT_TRUE(HasLeft(team, 1));
+  EXPECT_FALSE(HasLeft(team, 2));
+  EXPECT_FALSE(HasLeft(team, 9)) << "never was there";
+  const proto::RoleAssignment roles = InitialRoles(team);
+  EXPECT_EQ(roles.leader(), 2u) << "the first rover that stays";
+  EXPECT_EQ(roles.survivor(), 0u);
+  EXPECT_EQ(RoleOf(team, roles, 1), proto::ROLE_UNSPECIFIED);
+  proto::RoleAssignment earlier;
+  earlier.set_leader(1);
+  EXPECT_TRUE(CheckRoles(team, earlier)) << "what was stays history";
+}
+
+TEST(TeamConfigTest, ObeysNobodyWhoHasLeft) {
+  const std::string everybody = GoodAnd("command_from: all");
+  const proto::TeamConfig team =
+      ParseTeamFile(Replaced(everybody, "name: rover1", "name: rover1, left: true"), "t").value().config;
+  EXPECT_FALSE(MayCommand(team, 1));
+  EXPECT_TRUE(MayCommand(team, 2));
+}
+
+TEST(TeamConfigTest, MayHaveAnotherBaseStationWhereOneHasLeft) {
+  const std::string base =
+      "  - {id: 3, name: base, address: \"tcp://127.0.0.1:7402\", kind: base_station, position_m: [1, 2, 3]";
+  const std::string second =
+      "  - {id: 4, name: base2, address: \"tcp://127.0.0.1:7403\", kind: base_station, position_m: [1, 2, 3]}\n";
+  const auto team = ParseTeamFile(Good(base + "}\n", base + ", left: true}\n" + second), "t");
+  ASSERT_TRUE(team) << team.error().text;
+  EXPECT_EQ(BaseStationOf(team->config), 4u);
+  EXPECT_TRUE(MayCommand(team->config, 4));
+  EXPECT_FALSE(MayCommand(team->config, 3));
+  EXPECT_FALSE(ParseTeamFile(Good(base + "}\n", base + "}\n" + second), "t")) << "two that both stay";
+}
+
 class TeamFileTest : public ::testing::Test {
  protected:
   static mode_t ModeOf(const std::filesystem::path& path) {
@@ -436,6 +482,9 @@ TEST_F(TeamFileTest, WrittenTeamKeepsWhatItWasGiven) {
   config.add_custom_types()->set_id(1000);
   config.mutable_custom_types(0)->set_name("soil");
   config.mutable_agents(0)->mutable_start()->set_sigma_m(0.2);
+  config.mutable_roles()->set_leader("rover1");
+  config.mutable_roles()->clear_survivor();
+  config.mutable_agents(1)->set_left(true);
   ASSERT_TRUE(WriteTeam(folder_ / "team.yaml", config));
   const Result<TeamFile> team = ReadTeamFile(folder_ / "team.yaml");
   ASSERT_TRUE(team) << team.error().text;
@@ -481,6 +530,40 @@ TEST(TeamIdLineTest, IsAddedAndAllElseKept) {
               HasSubstr("add  team_id: \"" + id + "\"  by hand"));
   EXPECT_FALSE(WithTeamId("team: [\n", id));
   EXPECT_FALSE(WithTeamId("insecure: true\n", id));
+}
+
+TEST(SigningKeyLinesTest, AreAddedToEachAgentAndAllElseKept) {
+  const std::string a = SigningKey::FromSeed({1}).public_key();
+  const std::string b = SigningKey::FromSeed({2}).public_key();
+  const std::string yaml =
+      "team: test   # Ours.\n"
+      "agents:\n"
+      "  # The first.\n"
+      "  - id: 1\n"
+      "    name: one\n"
+      "    key: \"one.pub\"   # Made by hand.\n"
+      "    antenna_m: [0, 0, 1]\n"
+      "  - {id: 2, name: two, key: two.pub, left: true}   # In braces.\n"
+      "  - key: three.pub\n"
+      "    id: 3\n"
+      "    name: three\n";
+  const auto fixed = WithSigningKeys(yaml, {{"one", a}, {"two", b}});
+  ASSERT_TRUE(fixed) << fixed.error().text;
+  std::string expected = Replaced(yaml, "# Made by hand.\n", "# Made by hand.\n    signing_key: \"" + a + "\"\n");
+  expected = Replaced(expected, "key: two.pub", "signing_key: \"" + b + "\", key: two.pub");
+  EXPECT_EQ(*fixed, expected);
+  const auto third = WithSigningKeys(yaml, {{"three", a}});
+  ASSERT_TRUE(third) << third.error().text;
+  EXPECT_EQ(*third, Replaced(yaml, "three.pub\n", "three.pub\n    signing_key: \"" + a + "\"\n"));
+}
+
+TEST(SigningKeyLinesTest, AreForAgentsWhoseKeyIsFound) {
+  const std::string key = SigningKey::FromSeed({1}).public_key();
+  EXPECT_THAT(WithSigningKeys("team: test\nagents: [{id: 1, name: one}]\n", {{"one", key}}).error().text,
+              HasSubstr("no place for the signing_key of \"one\" is found"));
+  EXPECT_FALSE(WithSigningKeys("team: [\n", {{"one", key}}));
+  const std::string windows = "agents:\r\n- name: one\r\n  key: one.pub";
+  EXPECT_EQ(WithSigningKeys(windows, {{"one", key}}).value(), windows + "\n  signing_key: \"" + key + "\"\n");
 }
 
 TEST_F(TeamFileTest, OverwritesNothing) {

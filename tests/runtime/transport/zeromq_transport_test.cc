@@ -118,6 +118,20 @@ TEST_F(ZeroMqTransportTest, RefusesAKeyThatIsNotTheTeams) {
   EXPECT_EQ(ears_[1].waiting(), 0u);
 }
 
+TEST_F(ZeroMqTransportTest, RefusesAnAgentThatHasLeftAndConnectsToItNoMore) {
+  Start(2);
+  team_.config.mutable_agents(1)->set_left(true);  // Rover2's own file is the old one.
+  Start(1);
+  Start(3);
+  ASSERT_TRUE(ears_[1].WaitForPeer(3, true));
+  RawDealer::Keys keys = KeysOf(2, 1);
+  RawDealer gone(AddressOf(1), &keys);
+  EXPECT_EQ(gone.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
+  EXPECT_GE(transports_[1]->Door().unknown_agent_keys(), 1);
+  EXPECT_EQ(transports_[1]->Peers().size(), 1u) << "rover3 alone";
+  EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kNoPeer);
+}
+
 TEST_F(ZeroMqTransportTest, DoesNotTrustAPeerWithTheWrongKey) {
   Start(1);
   // Somebody else listens at rover2's address, with a key of their own.

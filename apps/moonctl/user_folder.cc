@@ -1,0 +1,23 @@
+#include "apps/moonctl/user_folder.h"
+
+#include <cstdlib>
+
+namespace moondb {
+namespace {
+
+// Empty for a variable that is not set, or is no absolute path.
+std::filesystem::path FolderIn(const char* variable) {
+  const char* value = std::getenv(variable);
+  const std::filesystem::path folder = value == nullptr ? "" : value;
+  return folder.is_absolute() ? folder : std::filesystem::path();
+}
+
+}  // namespace
+
+Result<std::filesystem::path> UserFolder() {
+  if (const auto folder = FolderIn("XDG_CONFIG_HOME"); !folder.empty()) return folder / "moondb";
+  if (const auto home = FolderIn("HOME"); !home.empty()) return home / ".config" / "moondb";
+  return Fail(ErrorCode::kInvalid, "neither XDG_CONFIG_HOME nor HOME names a folder; say by --out where the key goes");
+}
+
+}  // namespace moondb
