@@ -32,6 +32,14 @@ void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* err
       errors->Add(PlaceOf(places, field), field, "is the key of " + owner->second + " too");
     }
   }
+  // One key must not both open connections and sign.
+  for (int i = 0; i < team.config.agents_size(); ++i) {
+    const auto owner = owners.find(team.config.agents(i).signing_key());
+    if (owner == owners.end()) continue;
+    const std::string field = "agents[" + std::to_string(i) + "].signing_key";
+    errors->Add(PlaceOf(places, field), field,
+                "is the CURVE key of " + owner->second + ": expected a signing key, which is another one");
+  }
 }
 
 Result<TeamFile> Parse(const std::string& yaml, const std::string& name, const std::filesystem::path* folder) {
