@@ -62,11 +62,15 @@ class Bystander:
             self.is_over.wait(PAUSE_BETWEEN_SHARES_S)
 
 
-def lost_records(team, before):
-    """A line for each honest agent that lost records, or holds others under their keys."""
+def lost_records(team, before, of_team):
+    """A line for each honest agent that lost records, or holds others under their keys; `of_team`: where nobody has them
+    any more."""
+    now = {agent: team.records(agent) for agent in before}
+    if of_team:
+        before, now = [{"the team": {key: digest for held in agents.values() for key, digest in held.items()}}
+                       for agents in (before, now)]
     for agent, held in before.items():
-        now = team.records(agent)
-        lost = sum(now.get(key) != digest for key, digest in held.items())
+        lost = sum(now[agent].get(key) != digest for key, digest in held.items())
         if lost:
             yield f"{agent} lost {lost} of {len(held)} records"
 
@@ -105,8 +109,8 @@ def refresh(team):
     return team.settle()
 
 
-def attack(team, attacker, scale):
-    """What became of the team; with "broken", what did not hold."""
+def attack(team, attacker, scale, prunes):
+    """What became of the team; with "broken", what did not hold. `prunes`: the operator removes records meanwhile."""
     from team import HONEST, Failure
     quiet_s = refresh(team)
     team.forget_peak("rover1")
@@ -122,7 +126,7 @@ def attack(team, attacker, scale):
     result = {"attack_s": round(time.monotonic() - begin, 1), "quiet_share_s": round(quiet_s, 3),
               "share_s_meanwhile": round(bystander.longest_s, 3)}
     if not team.is_alive("rover1"):
-        return {**result, "broken": [*broken, "the agent ended"]}
+        return {**result, "broken": [*broken, "the agent ended"], "log": team.log_end("rover1")}
     if bystander.failure:
         broken.append(bystander.failure)
     result.update(costs(team, before))
@@ -131,7 +135,7 @@ def attack(team, attacker, scale):
         result.update(still_shares(team))
     except Failure as failure:
         broken.append(str(failure))
-    broken += lost_records(team, held)
+    broken += lost_records(team, held, of_team=prunes)
     return {**result, "broken": broken}
 
 
@@ -165,7 +169,8 @@ def run(options):
         for module, attacker in chosen(options):
             print(f"{module.__name__}.{attacker.__name__}: {attacker.__doc__.splitlines()[0]}", flush=True)
             team.take_over() if getattr(module, "TAKES_ROVER3", False) else team.give_back()
-            result = results[attacker.__name__] = attack(team, attacker, options.scale)
+            prunes = attacker in getattr(module, "PRUNING", [])
+            result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes)
             if report(module, attacker, result):
                 failed.append(attacker.__name__)
             if result["broken"]:

@@ -122,6 +122,23 @@ class Member:
         with self.received:
             self.messages.clear()
 
+    def agent_of(self, heard):
+        """The name of the agent that sent this."""
+        return NAMES[heard.hop_sender - 1]
+
+    def vouch_for_everything(self):
+        """From now on it answers who asks what it has, before pruning, with every stream of the asker, without an end."""
+        def answer(asked):
+            request = control.ControlRequest.FromString(asked.control_request)
+            if request.WhichOneof("request") != "have":
+                return
+            agent = self.agent_of(asked)
+            had = [messages.have_stream(origin, epoch, types.DataType.Value(table.upper()), messages.SEQ_MAX)
+                   for table, origin, epoch in {key[:3] for key in self.team.records(agent)}]
+            reply = control.ControlReply(have={"have": {"streams": had}})
+            self.send(agent, "retention", request_id=asked.request_id, control_reply=reply.SerializeToString())
+        self.answers["control_request"] = answer
+
     # --- The transport ---
 
     def _listen(self):
@@ -162,7 +179,7 @@ class Member:
 
     def _take(self, frame):
         heard = message.PeerFrame.FromString(frame).messages
-        agent = NAMES[heard[0].hop_sender - 1]
+        agent = self.agent_of(heard[0])
         link = self.links[agent]
         if heard[0].HasField("link_report"):
             report = heard[0].link_report

@@ -1,8 +1,8 @@
 """Attackers by records: a member that gives others what is not its own, or what nobody should keep."""
 import messages
-from member import CODEC_PLAIN, Member, Session, frame_of
+from member import Member
 from messages import record, types
-from team import NAMES, TAKEN, Failure
+from team import TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
@@ -29,6 +29,22 @@ def records_of_another(team, scale):
     if forged:
         raise Failure(f"the leader holds {len(forged)} records in rover2's name that rover2 never gave")
     team.share()
+
+
+def state_of_another(team, scale):
+    """rover3 gives the leader a temperature in rover2's name, above all that rover2 will ever give."""
+    team.insert("rover2", [messages.temperature(20)])
+    team.share()
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch, _ = session.last_of(ROVER2, "TEMPERATURE")
+        session.bring([messages.stored(ROVER2, epoch, messages.SEQ_MAX, messages.temperature(-273))])
+    team.insert("rover2", [messages.temperature(21)])
+    team.share()
+    with team.store("rover1") as store:
+        celsius = [row[0] for row in store.execute("SELECT celsius FROM temperature WHERE origin = ?", (ROVER2,))]
+    if celsius != [21]:
+        raise Failure(f"the leader takes {celsius} for rover2's temperature, which is 21")
 
 
 def drops_of_another(team, scale):
@@ -161,7 +177,10 @@ def undeclared_types(team, scale):
                 for data_type in range(1000 + i % 20 * 50, 1050 + i % 20 * 50)])
 
 
-ATTACKERS = [records_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
+ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
              streams_of_its_own, quarantine_in_anothers_name, absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own]
-NOT_YET = {}
+
+UNSIGNED = "team files have no signing keys yet, so that the word of each member counts (actors/storage/peer_door.h)"
+NOT_YET = {records_of_another: UNSIGNED, state_of_another: UNSIGNED, climbing_epochs: UNSIGNED,
+           quarantine_in_anothers_name: UNSIGNED}

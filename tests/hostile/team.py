@@ -144,12 +144,13 @@ class Team:
     def share(self, limit_s=STEP_LIMIT_S):
         """What rover2 inserts now comes to the leader, and what the leader inserts to the survivor, or Failure. How long
         it took, in seconds."""
-        awaited = {"rover1": self.insert_node("rover2"), "rover2": self.insert_node("rover1")}
+        awaited = {"rover1": ("rover2", self.insert_node("rover2")), "rover2": ("rover1", self.insert_node("rover1"))}
         begin = time.monotonic()
         self.call("rover2", share={"kind": "SHARING_KIND_SYNC"})
         self.call("rover1", share={"kind": "SHARING_KIND_REPLICATION"})
         while True:
-            awaited = {agent: key for agent, key in awaited.items() if not self.holds(agent, key)}
+            awaited = {agent: (origin, key) for agent, (origin, key) in awaited.items()
+                       if self.node_hash(agent, key) != self.node_hash(origin, key)}
             if not awaited:
                 return time.monotonic() - begin
             if time.monotonic() - begin > limit_s:
@@ -166,6 +167,11 @@ class Team:
                 if time.monotonic() > end:
                     raise
                 time.sleep(0.2)
+
+    def prune_everything(self, agent):
+        """As the operator at that agent would; it may refuse."""
+        self.moonctl("-a", agent, "db", "prune", *(word for table in KEPT_TABLES for word in ("--type", table)),
+                     check=False)
 
     def status(self, agent):
         """Its AgentStatus."""
@@ -189,12 +195,13 @@ class Team:
                 held.update({(table, origin, epoch & (1 << 64) - 1, seq): digest for origin, epoch, seq, digest in rows})
         return held
 
-    def holds(self, agent, key):
-        """Whether the agent has that pose-graph node's record."""
+    def node_hash(self, agent, key):
+        """Of the record of a pose-graph node; None where the agent does not hold it."""
         with self.store(agent) as store:
             epoch = struct.unpack("<q", struct.pack("<Q", key.epoch))[0]
-            return bool(store.execute("SELECT 1 FROM pose_graph_node WHERE origin = ? AND epoch = ? AND seq = ?",
-                                      (key.origin_agent, epoch, key.seq)).fetchone())
+            row = store.execute("SELECT hash FROM pose_graph_node WHERE origin = ? AND epoch = ? AND seq = ?",
+                                (key.origin_agent, epoch, key.seq)).fetchone()
+            return row and row[0]
 
     def disk_bytes(self, agent):
         return sum(path.stat().st_size for path in self.data_folder(agent).glob("moondb.sqlite*"))
@@ -221,6 +228,9 @@ class Team:
 
     def log_bytes(self, agent):
         return (self.data_folder(agent) / "agent.log").stat().st_size
+
+    def log_end(self, agent, lines=20):
+        return (self.data_folder(agent) / "agent.log").read_text(errors="replace").splitlines()[-lines:]
 
     def connects(self, agent, peer):
         """How often the agent's link to this peer came up since the agent started."""
