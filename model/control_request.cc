@@ -10,6 +10,11 @@ const proto::CommandOptions& CommandOptionsOf(proto::ControlRequest::RequestCase
   return field->options().GetExtension(proto::command);
 }
 
+std::string RequestName(proto::ControlRequest::RequestCase request) {
+  const auto* field = proto::ControlRequest::descriptor()->FindFieldByNumber(request);
+  return field == nullptr ? "" : field->name();
+}
+
 bool TakesLong(const proto::ControlRequest& request) {
   return CommandOptionsOf(request.request_case()).is_long() || request.downlink().bytes_max() > 0 ||
          request.verify().part() == proto::VERIFY_PART_FILE;

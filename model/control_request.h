@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstddef>
+#include <string>
 
 #include "proto/control.pb.h"
 
@@ -16,6 +17,9 @@ inline constexpr std::size_t kKeyedRequestBytesMax = 12 * 1024 * 1024;
 
 // As proto/control.proto says of each request; of REQUEST_NOT_SET, and of one that says nothing, the defaults.
 const proto::CommandOptions& CommandOptionsOf(proto::ControlRequest::RequestCase request);
+
+// As proto/control.proto names it: "role_set"; empty for REQUEST_NOT_SET.
+std::string RequestName(proto::ControlRequest::RequestCase request);
 
 // Its answer may take minutes: a solve, a merge (which all questions about the map may begin with), a whole file read,
 // a bundle made.

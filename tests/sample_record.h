@@ -70,7 +70,7 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
     *record.mutable_local_traversability_map() = ToProto(map);
   }
   if (record.has_map_quarantine()) record.mutable_map_quarantine()->clear_lifts();
-  if (record.has_role_assignment()) record.mutable_role_assignment()->clear_survivor();
+  if (record.has_role_assignment()) record.mutable_role_assignment()->set_survivor(agent + 1);
   return record;
 }
 

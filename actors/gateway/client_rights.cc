@@ -1,7 +1,9 @@
 #include "actors/gateway/client_rights.h"
 
+#include "model/agent_name.h"
 #include "model/control_request.h"
 #include "model/rights_name.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 
@@ -17,6 +19,20 @@ Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequ
   if (has == proto::CLIENT_RIGHTS_NONE) return Fail(ErrorCode::kRefused, "your key is no longer listed at this agent");
   return Fail(ErrorCode::kRefused, "this needs the right to " + RightsName(needed) + "; the key of " +
                                        message.client_name() + " has the right to " + RightsName(has));
+}
+
+Result<void> CheckRelayRights(const proto::TeamConfig& team, AgentId self, const proto::RoleAssignment& roles,
+                              AgentId from, const proto::ControlRequest& request) {
+  if (RightsNeededFor(request.request_case()) == proto::CLIENT_RIGHTS_VIEW || MayCommand(team, from)) return {};
+  if (request.has_share() && (from == roles.leader() || from == roles.survivor())) return {};
+  std::string names;
+  for (const std::string& name : team.command_from()) names += (names.empty() ? "" : ", ") + name;
+  const std::string sender = AgentName(team, from);
+  return Fail(ErrorCode::kRefused,
+              AgentName(team, self) + " takes no commands through " + sender + ": command_from of its team file (" +
+                  names + ") would have to name " + sender + "; ask through an agent that it names, or " +
+                  AgentName(team, self) + " itself",
+              "command_from");
 }
 
 }  // namespace moondb

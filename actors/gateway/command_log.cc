@@ -13,14 +13,14 @@ CommandLog::Added CommandLog::Add(Kind kind, const std::string& text, const std:
     commands.last_by = by;
     return {};
   }
-  return {MakeEvent(proto::EVENT_KIND_COMMAND, text, by, utc_now_ns), commands.written++ == 0};
+  return {MakeEvent(options_.event_kind, text, by, utc_now_ns), commands.written++ == 0};
 }
 
 std::optional<proto::Record> CommandLog::OnPeriodEnd(Kind kind, std::int64_t utc_now_ns) {
   const Commands commands = std::exchange(commands_[kind], {});
   if (commands.left_out == 0) return std::nullopt;
   const std::string text = commands.last_text + ": the last of " + std::to_string(commands.left_out) + " more";
-  return MakeEvent(proto::EVENT_KIND_COMMAND, text, commands.last_by, utc_now_ns);
+  return MakeEvent(options_.event_kind, text, commands.last_by, utc_now_ns);
 }
 
 std::string ByOf(const proto::Message& message, const proto::ControlRequest& request) {

@@ -1,5 +1,5 @@
-// CommandLog: which of the commands that clients and other agents give are written down, as events in the agent's store
-// (EVENT_KIND_COMMAND).
+// CommandLog: which of the commands that clients and other agents give, or wanted to give, are written down, as events
+// in the agent's store.
 //
 // At most Options::commands_max commands of one kind are written down in a period, and then how many more there were: a
 // program does not flood the event log. Plain logic; whoever calls it stores what it gives and keeps the time.
@@ -21,6 +21,7 @@ class CommandLog {
   using Kind = proto::ControlRequest::RequestCase;
 
   struct Options {
+    proto::EventKind event_kind = proto::EVENT_KIND_COMMAND;
     int commands_max = 20;
     std::chrono::nanoseconds period = std::chrono::minutes(1);
   };

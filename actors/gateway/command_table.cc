@@ -210,7 +210,7 @@ std::string CommandText(const Team& team, const Request& request) {
   const Command* command = FindCommand(request.request_case());
   if (command != nullptr && command->text != nullptr) return command->text(team, request);
   const bool is_command = CommandOptionsOf(request.request_case()).rights() == proto::CLIENT_RIGHTS_COMMAND;
-  return is_command ? FieldOf(request.request_case())->name() : "";
+  return is_command ? RequestName(request.request_case()) : "";
 }
 
 std::vector<Question> QuestionsOf(Request request, bool is_relayed) {

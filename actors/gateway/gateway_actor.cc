@@ -15,7 +15,10 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2, kCommandPeriod = 3 };
+enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2, kCommandPeriod = 3, kRefusedPeriod = 4 };
+
+// One period for what other agents may not order, whatever it is.
+constexpr auto kRefusedKind = proto::ControlRequest::REQUEST_NOT_SET;
 
 constexpr std::size_t kShortBytes = 4096;  // As a control message it delays others by 32 ms at 1 Mbit/s.
 
@@ -39,13 +42,18 @@ void LetOthersGoFirst(proto::Message& message) {
 
 }  // namespace
 
-GatewayActor::GatewayActor(Options options) : options_(std::move(options)), log_(options_.log) {}
+GatewayActor::GatewayActor(Options options)
+    : options_(std::move(options)),
+      log_(options_.log),
+      refused_log_(options_.refused_log),
+      roles_(InitialRoles(options_.team)) {}
 
 void GatewayActor::OnStart(Context& context) {
   // A random start, so that an answer to a request of this actor's life before a restart meets no new one.
   next_id_ = context.rng()() | 1;
   context.WatchPeers();
   context.Watch(Topic::kStored);
+  context.Watch(Topic::kRoles);
 }
 
 void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
@@ -65,6 +73,9 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
         OnRecordsStored(context, message.records_stored());
       }
       return;
+    case proto::Message::kRolesChanged:
+      if (context.sender() == Address{options_.self, actor_name::kRole}) roles_ = message.roles_changed().roles();
+      return;
     default:
       return OnAnswer(context, message);
   }
@@ -79,8 +90,8 @@ void GatewayActor::OnControlRequest(Context& context, const proto::Message& mess
       ++refused_requests_;
       return Answer(context, client, message.request_id(), ErrorReply(allowed.error()));
     }
-    request->set_by(ByOf(message, *request));
   }
+  request->set_by(ByOf(message, *request));
   OnCheckedRequest(context, message, *std::move(request));
 }
 
@@ -93,6 +104,10 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   }
   if (auto same = CheckTeamOf(request, options_.team); !same) {
     return Answer(context, client, message.request_id(), ErrorReply(same.error()));
+  }
+  if (IsPeer(client.agent)) {
+    const Result<void> allowed = CheckRelayRights(options_.team, options_.self, roles_, client.agent, request);
+    if (!allowed) return RefuseRelayed(context, message, request, allowed.error());
   }
   const AgentId asked = is_for_self ? options_.self : static_cast<AgentId>(request.for_agent());
   if (auto checked = CheckRequest(options_.team, asked, request); !checked) {
@@ -131,6 +146,18 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
   pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
+}
+
+void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message, const proto::ControlRequest& request,
+                                 const Error& error) {
+  const AgentId from = context.sender().agent;
+  ++refused_commands_[from];
+  const std::string text = "refused " + RequestName(request.request_case()) + " through " +
+                           AgentName(options_.team, from) + ", which command_from does not name";
+  const CommandLog::Added added = refused_log_.Add(kRefusedKind, text, request.by(), context.utc_now_ns());
+  if (added.begins_period) context.AfterTimer(options_.refused_log.period, kRefusedPeriod);
+  Store(context, added.event);
+  Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
 
 Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const {
@@ -295,6 +322,9 @@ void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
   if (timer.kind() == kCommandPeriod) {
     return Store(context, log_.OnPeriodEnd(static_cast<CommandLog::Kind>(timer.value()), context.utc_now_ns()));
   }
+  if (timer.kind() == kRefusedPeriod) {
+    return Store(context, refused_log_.OnPeriodEnd(kRefusedKind, context.utc_now_ns()));
+  }
   const auto found = pending_.find(timer.value());
   if (found == pending_.end()) return;
   Pending& pending = found->second;
@@ -331,6 +361,13 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
   status.set_pid(options_.pid);
   if (options_.door) *status.mutable_door() = options_.door();
   status.set_refused_clients(refused_requests_ + status.door().unknown_client_keys());
+
+  for (const auto& [agent, count] : refused_commands_) {
+    proto::RefusedFrom& refused = *status.add_refused();
+    refused.set_agent_id(agent);
+    refused.set_cause(proto::REFUSAL_CAUSE_COMMAND);
+    refused.set_count(count);
+  }
 
   const SystemStatus system = context.GetSystemStatus();
   status.set_uptime_s(std::chrono::duration<double>(system.uptime).count());

@@ -7,9 +7,10 @@
 // and what the system knows.
 //
 // A request for another agent of the team (ControlRequest.for_agent) goes to that one's gateway over the radio, and its
-// answer comes back: so an operator at the base station reaches the whole team. Agents of a team trust each other (they
-// hold each other's keys); no request travels further than from one agent to another. What is short goes in the
-// control class; what is longer waits behind everything that is shared, and nothing is longer than `relay_bytes_max`.
+// answer comes back: so an operator at the base station reaches the whole team. No request travels further than from
+// one agent to another, and what changes anything is obeyed only from those that command_from of the team file names
+// (CheckRelayRights). What is short goes in the control class; what is longer waits behind everything that is shared,
+// and nothing is longer than `relay_bytes_max`.
 //
 // A client that came with a key may ask what its rights allow (actors/gateway/client_rights.h), here and of other
 // agents through here; kRefused for the rest.
@@ -18,7 +19,9 @@
 // that it is relayed to; each answer says whose it is, by team and team file.
 //
 // What somebody ordered is written down as an event (actors/gateway/command_log.h), before it is done. Who it was, a
-// client with a key does not say itself: "anna (key)" stands there, by its key's name.
+// client with a key does not say itself: "anna (key)" stands there, by its key's name, at the agent that checked the
+// key; another one that it is relayed to knows no more than that agent's word, and writes "anna". What another agent
+// ordered and may not is written down as refused, so many in a minute.
 //
 // A read with wait_s is a feed: where nothing is there yet it is kept here (actors/gateway/feed.h) until the time is
 // up; then its answer is an empty page. Nothing is queued for a client: one that is slow asks later.
@@ -62,6 +65,7 @@ class GatewayActor final : public Actor {
     std::size_t feeds_of_client_max = 8;       // The part of feeds_max that one key, connection or agent may use.
     std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
     CommandLog::Options log = {};
+    CommandLog::Options refused_log = {.event_kind = proto::EVENT_KIND_REJECTED, .commands_max = 2};
     Duration timeout = std::chrono::seconds(60);
     Duration long_timeout = std::chrono::seconds(600);    // Of what TakesLong (model/control_request.h).
     Duration stop_delay = std::chrono::milliseconds(50);  // From the reply to a stop until the stop: it must leave.
@@ -101,6 +105,8 @@ class GatewayActor final : public Actor {
   // True if it has come to its end, with an empty page; else storage's answer, under way now, is its last.
   bool EndsFeed(Context& context, std::uint64_t id, Pending& pending);
 
+  void RefuseRelayed(Context& context, const proto::Message& message, const proto::ControlRequest& request,
+                     const Error& error);
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
   void WriteDown(Context& context, const proto::ControlRequest& request);
   void Store(Context& context, const std::optional<proto::Record>& event) const;
@@ -119,8 +125,11 @@ class GatewayActor final : public Actor {
   std::map<std::uint64_t, Pending> pending_;  // By own request id.
   std::uint64_t next_id_ = 1;
   CommandLog log_;
-  std::uint64_t last_row_id_ = 0;  // As StorageActor published it last.
-  double refused_requests_ = 0;    // For want of rights.
+  CommandLog refused_log_;
+  proto::RoleAssignment roles_;                 // As RoleActor published them last.
+  std::uint64_t last_row_id_ = 0;               // As StorageActor published it last.
+  double refused_requests_ = 0;                 // Of clients, for want of rights.
+  std::map<AgentId, double> refused_commands_;  // Of other agents, likewise.
 };
 
 }  // namespace moondb

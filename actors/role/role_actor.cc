@@ -2,11 +2,15 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+#include <ratio>
 #include <utility>
 
 #include "model/agent_name.h"
 #include "model/control_message.h"
+#include "model/term.h"
 #include "proto/control.pb.h"
+#include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -20,6 +24,11 @@ RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   for (const proto::AgentConfig& agent : options.team.agents()) logic.agents.push_back(agent.id());
   logic.initial = InitialRoles(options.team);
   logic.check = [team = options.team](const proto::RoleAssignment& roles) { return CheckRoles(team, roles); };
+  logic.may_command = [team = options.team](AgentId agent) { return MayCommand(team, agent); };
+  if (options.sign) {
+    logic.sign = options.sign;
+    logic.is_signed = [team = options.team](const proto::RoleAssignment& roles) { return IsSigned(team, roles); };
+  }
   logic.name_of = [team = options.team](AgentId agent) { return AgentName(team, agent); };
   logic.leader_wait = options.leader_wait;
   logic.announce_after = options.announce_after;
@@ -29,7 +38,11 @@ RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
 
 }  // namespace
 
-RoleActor::RoleActor(Options options) : options_(std::move(options)), logic_(LogicOptions(options_)) {}
+RoleActor::RoleActor(Options options)
+    : options_(std::move(options)),
+      logic_(LogicOptions(options_)),
+      assignments_({.data_types = {proto::ROLE_ASSIGNMENT}},
+                   [this](Context& context, const proto::StoredRecord& record) { return OnRecord(context, record); }) {}
 
 void RoleActor::OnStart(Context& context) {
   // A random start, so that an answer to a question of an earlier life fits none of this one's.
@@ -39,10 +52,17 @@ void RoleActor::OnStart(Context& context) {
 }
 
 void RoleActor::OnMessage(Context& context, const proto::Message& message) {
-  if (context.sender().agent == options_.self) {
+  logic_.SetNow(context.now());
+  if (assignments_.OnMessage(context, message)) return;
+  const AgentId from = context.sender().agent;
+  if (from == options_.self) {
     OnLocal(context, message);
   } else if (message.has_role_announce()) {
-    OnRoleAnnounce(context, context.sender().agent, message.role_announce());
+    OnRoleAnnounce(context, from, message.role_announce());
+  } else if (message.has_role_chain_request()) {
+    OnRoleChainRequest(context, message.role_chain_request());
+  } else if (message.has_role_chain_reply()) {
+    PerformOr(context, from, logic_.OnChainReply(from, message.role_chain_reply()));
   }
 }
 
@@ -108,6 +128,7 @@ void RoleActor::OnLoadRolesReply(Context& context, const proto::LoadRolesReply& 
   storage_timer_ = 0;
   const std::uint64_t epoch = context.rng()() | 1;
   Perform(context, logic_.OnLoaded({reply.history().begin(), reply.history().end()}, epoch, context.utc_now_ns()));
+  if (options_.sign) assignments_.Follow(context);
 }
 
 void RoleActor::OnSaveRolesReply(Context& context, const proto::Message& message) {
@@ -168,6 +189,12 @@ void RoleActor::OnControlRequest(Context& context, const proto::Message& message
   *status.mutable_roles() = shown->roles();
   status.set_refused_announcements(shown->refused_announcements());
   if (shown->has_unstored()) *status.mutable_unstored_roles() = shown->unstored();
+  for (const auto& [from, count] : refused_announcements_) {
+    proto::RefusedFrom& refused = *status.add_refused();
+    refused.set_agent_id(from);
+    refused.set_cause(proto::REFUSAL_CAUSE_ROLES);
+    refused.set_count(count);
+  }
   (void)context.Reply(MessageOf(reply));
 }
 
@@ -176,14 +203,32 @@ Result<proto::RoleShowReply> RoleActor::Show(bool with_history) const {
     return Fail(ErrorCode::kUnavailable, "the stored roles are still being read; try again");
   }
   proto::RoleShowReply shown = logic_.Show(with_history);
-  shown.set_refused_announcements(refused_announcements_);
+  double refused = 0;
+  for (const auto& [from, count] : refused_announcements_) refused += count;
+  shown.set_refused_announcements(refused);
   return shown;
 }
 
 void RoleActor::OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce) {
-  Result<RoleLogic::Actions> actions = logic_.OnAnnounce(from, announce);
+  PerformOr(context, from, logic_.OnAnnounce(from, announce));
+}
+
+void RoleActor::OnRoleChainRequest(Context& context, const proto::RoleChainRequest& request) {
+  proto::Message reply;
+  reply.set_ms_type(proto::CONTROL);
+  *reply.mutable_role_chain_reply() = logic_.OnChainRequest(request);
+  (void)context.Reply(std::move(reply));
+}
+
+Result<void> RoleActor::OnRecord(Context& context, const proto::StoredRecord& stored) {
+  proto::Record record;
+  if (record.ParseFromString(stored.content())) Perform(context, logic_.OnRecord(record.role_assignment()));
+  return {};
+}
+
+void RoleActor::PerformOr(Context& context, AgentId from, Result<RoleLogic::Actions> actions) {
   if (!actions) {
-    ++refused_announcements_;
+    ++refused_announcements_[from];
     refused_log_.Warn(ToString(context.self()) + ": refused the roles that agent " + std::to_string(from) +
                       " announced: " + ToString(actions.error()));
     return;
@@ -208,6 +253,12 @@ void RoleActor::Perform(Context& context, RoleLogic::Actions actions) {
     AskStorage(context);
   }
   if (actions.apply) Apply(context, *actions.apply);
+  if (actions.question) {
+    proto::Message message;
+    message.set_ms_type(proto::CONTROL);
+    *message.mutable_role_chain_request() = std::move(actions.question->request);
+    (void)context.Send({actions.question->to, actor_name::kRole}, std::move(message));
+  }
   for (RoleLogic::Announcement& announcement : actions.announcements) {
     proto::Message message;
     message.set_ms_type(proto::CONTROL);
@@ -244,6 +295,9 @@ void RoleActor::AskStorage(Context& context) {
     message.mutable_load_roles_request();
   } else if (logic_.saving()) {
     *message.mutable_save_roles_request()->mutable_roles() = *logic_.saving();
+    for (proto::RoleAssignment& roles : logic_.SavingChain()) {
+      *message.mutable_save_roles_request()->add_chain() = std::move(roles);
+    }
   } else {
     return;
   }

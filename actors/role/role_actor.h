@@ -6,10 +6,15 @@
 // nothing but an error; the ControlRequest `status` with its part of AgentStatus. All are taken from this agent's own
 // actors only, as clients come through the gateway. After a restart everything comes back from storage.
 //
+// In a team with keys it answers the other agents' RoleChainRequests, and reads the assignments that are stored as
+// records (role_assignment), so that it knows what counts though it was away.
+//
 // On StepDown (an actor of this agent fails again and again) it gives up the agent's role to an agent that is
 // connected, now or as soon as there is one.
 #pragma once
 
+#include <functional>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -19,6 +24,7 @@
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/rate_limited_log.h"
+#include "runtime/record_reader.h"
 
 namespace moondb {
 
@@ -27,6 +33,8 @@ class RoleActor final : public Actor {
   struct Options {
     AgentId self = 0;
     proto::TeamConfig team;  // Complete and checked.
+    // Signs with this agent's own key (runtime/team/role_signature.h); null in a team without keys.
+    std::function<std::string(const proto::RoleAssignment&)> sign;
     Duration leader_wait = std::chrono::seconds(2);
     Duration announce_after = std::chrono::seconds(5);
     Duration announce_after_max = std::chrono::seconds(60);
@@ -54,6 +62,9 @@ class RoleActor final : public Actor {
   void OnRoleShowRequest(Context& context, const proto::RoleShowRequest& request);
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnRoleAnnounce(Context& context, AgentId from, const proto::RoleAnnounce& announce);
+  void OnRoleChainRequest(Context& context, const proto::RoleChainRequest& request);
+  Result<void> OnRecord(Context& context, const proto::StoredRecord& record);
+  void PerformOr(Context& context, AgentId from, Result<RoleLogic::Actions> actions);
 
   Result<proto::RoleShowReply> Show(bool with_history) const;
   void StepDownIfDue(Context& context);
@@ -68,7 +79,8 @@ class RoleActor final : public Actor {
   TimerId storage_timer_ = 0;
   TimerId store_timer_ = 0;
   TimerId announce_timer_ = 0;
-  double refused_announcements_ = 0;
+  std::map<AgentId, double> refused_announcements_;  // By who sent them.
+  RecordReader assignments_;
   RateLimitedLog refused_log_;
   RateLimitedLog unstored_log_;
   std::optional<Asker> asker_;

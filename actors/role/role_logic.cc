@@ -8,6 +8,9 @@
 
 namespace moondb {
 
+RoleLogic::RoleLogic(Options options)
+    : options_(std::move(options)), chain_({options_.initial, options_.may_command, options_.sign != nullptr}) {}
+
 RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch,
                                        std::int64_t now_ns) {
   Check(!is_loaded_ && own_epoch != 0, "roles are loaded once, in an epoch");
@@ -18,8 +21,9 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
   for (const proto::RoleAssignment& roles : history_) {
     highest_number_ = std::max(highest_number_, roles.term().number());
   }
-  const bool is_stored_valid = !history_.empty() && options_.check(history_.back()).has_value();
-  current_ = is_stored_valid ? history_.back() : options_.initial;
+  for (const proto::RoleAssignment& roles : history_) NoteStored(roles);
+  const proto::RoleAssignment stored = has_keys() || history_.empty() ? chain_.newest() : history_.back();
+  current_ = options_.check(stored) ? stored : options_.initial;
   confirmed_ = {options_.self};
 
   Actions actions;
@@ -38,7 +42,7 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
 Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& request, std::int64_t now_ns) const {
   if (!is_loaded_) return Fail(ErrorCode::kUnavailable, "the stored roles are still being read; try again");
   if (unstored_) {
-    return Fail(ErrorCode::kRefused, "term " + std::to_string(unstored_->term().number()) +
+    return Fail(ErrorCode::kRefused, "term " + TermText(unstored_->term()) +
                                          " is known here but cannot be stored; ask another agent, with -a");
   }
   if (saving_) return Fail(ErrorCode::kUnavailable, "another change is being stored; try again");
@@ -46,6 +50,7 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
     return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes", "reason");
   }
   if (Result<void> checked = CheckExpected(request); !checked) return tl::unexpected(checked.error());
+  if (Result<void> checked = CheckMayDecide(); !checked) return tl::unexpected(checked.error());
   proto::RoleAssignment roles;
   if (request.is_swap()) {
     if (request.leader() != 0 || request.survivor() != 0) {
@@ -64,10 +69,9 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
     roles.set_survivor(request.survivor() != 0 ? request.survivor() : current_.survivor());
   }
   if (Result<void> checked = options_.check(roles); !checked) return tl::unexpected(checked.error());
-  *roles.mutable_term() = NextTerm();
   roles.set_stamp_ns(now_ns);
   roles.set_reason(request.reason());
-  return roles;
+  return Issue(std::move(roles), /*is_command=*/true);
 }
 
 Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>& connected, const std::string& reason,
@@ -79,10 +83,9 @@ Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>
   }
   std::optional<proto::RoleAssignment> roles = WithoutOwnRole(connected);
   if (!roles) return Fail(ErrorCode::kUnavailable, "nobody who could take the role is connected");
-  *roles->mutable_term() = NextTerm();
   roles->set_stamp_ns(now_ns);
   roles->set_reason(reason.substr(0, kRoleReasonBytesMax));
-  return *std::move(roles);
+  return Issue(*std::move(roles), /*is_command=*/false);
 }
 
 std::optional<proto::RoleAssignment> RoleLogic::WithoutOwnRole(const std::set<AgentId>& connected) const {
@@ -122,7 +125,8 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
   if (Result<void> checked = CheckAnnounced(announce.roles()); !checked) return tl::unexpected(checked.error());
   const proto::RoleAssignment& theirs = announce.roles();
   if (OrderOf(theirs.term()) == OrderOf(current_.term())) {
-    if (theirs.leader() != current_.leader() || theirs.survivor() != current_.survivor()) {
+    if (theirs.leader() != current_.leader() || theirs.survivor() != current_.survivor() ||
+        theirs.signature() != current_.signature()) {
       return Fail(ErrorCode::kRefused, "another assignment stands here in the same term", "roles");
     }
     if (!announce.is_reply()) Tell(from, /*is_reply=*/true, actions);
@@ -133,18 +137,132 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
   } else if (unstored_ && IsNewer(unstored_->term(), theirs.term())) {
     return actions;  // Its sender will hear of the newer one from an agent that holds it.
   } else if (!saving_) {
-    actions = Adopt(theirs);
-    saving_holders_.insert(from);
-    if (theirs.term().issuer() != 0) saving_holders_.insert(theirs.term().issuer());
-    answer_to_ = from;
+    switch (chain_.StandingOf(theirs)) {
+      case RoleChain::Standing::kCounts:
+        AdoptAnnounced(from, theirs, actions);
+        break;
+      case RoleChain::Standing::kLacksForerunner:
+        AskForChain(from, theirs, actions);
+        break;
+      case RoleChain::Standing::kNever:
+        return Fail(ErrorCode::kRefused, "does not count: " + WhyNever(theirs), "roles");
+    }
   }
   return actions;
+}
+
+bool RoleLogic::TakesTurn(AgentId issuer) {
+  if (!has_keys() || issuer == options_.self) return true;
+  Turns& turns = turns_.try_emplace(issuer, Turns{kChangesAtOnce, now_}).first->second;
+  const double hours = std::chrono::duration<double, std::ratio<3600>>(now_ - turns.at).count();
+  turns.left = std::min(kChangesAtOnce, turns.left + hours * kChangesPerHour);
+  turns.at = now_;
+  if (turns.left < 1) return false;
+  turns.left -= 1;
+  return true;
+}
+
+void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
+  if (!TakesTurn(theirs.term().issuer())) return;
+  actions.save = Adopt(theirs).save;
+  saving_holders_.insert(from);
+  if (theirs.term().issuer() != 0) saving_holders_.insert(theirs.term().issuer());
+  answer_to_ = from;
+}
+
+// --- Chains ---
+
+void RoleLogic::AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
+  // One at a time; what another agent announces meanwhile is announced again. The same agent's newer word counts.
+  if (chain_asked_ && chain_asked_->from != from) return;
+  const bool goes_on = chain_asked_ && chain_asked_->announced.signature() == theirs.signature();
+  if (!goes_on) chain_asked_ = ChainAsked{from, theirs, {}};
+  const auto& chain = chain_asked_->chain;
+  actions.question = ChainQuestion{from, {}};
+  actions.question->request.set_signature(chain.empty() ? theirs.follows() : chain.back().follows());
+}
+
+proto::RoleChainReply RoleLogic::OnChainRequest(const proto::RoleChainRequest& request) const {
+  proto::RoleChainReply reply;
+  for (proto::RoleAssignment& roles : chain_.ChainOf(request.signature(), kChainPageBytesMax)) {
+    *reply.add_chain() = std::move(roles);
+  }
+  return reply;
+}
+
+Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::RoleChainReply& reply) {
+  Actions actions;
+  if (!chain_asked_ || chain_asked_->from != from) return actions;
+  ChainAsked asked = *std::exchange(chain_asked_, std::nullopt);
+  if (saving_ || !IsNewer(asked.announced.term(), current_.term())) return actions;
+  if (reply.chain().empty()) return Fail(ErrorCode::kRefused, "lacks what it announced follows", "chain");
+  const proto::RoleAssignment* later = asked.chain.empty() ? &asked.announced : &asked.chain.back();
+  std::string follows = later->follows();
+  bool is_joined = false;
+  for (const proto::RoleAssignment& roles : reply.chain()) {
+    if (roles.signature() != follows) return Fail(ErrorCode::kRefused, "is not what was asked for", "chain");
+    if (Result<void> checked = CheckIssued(roles); !checked) return tl::unexpected(checked.error());
+    is_joined = chain_.StandingOf(roles) == RoleChain::Standing::kCounts;
+    if (chain_.Find(roles.signature()) == nullptr) asked.chain.push_back(roles);
+    if (is_joined) break;
+    follows = roles.follows();
+  }
+  if (!is_joined && asked.chain.size() >= kChainLengthMax) {
+    return Fail(ErrorCode::kRefused, "is longer than " + std::to_string(kChainLengthMax) + " assignments", "chain");
+  }
+  if (!is_joined) {
+    actions.question = ChainQuestion{from, {}};
+    actions.question->request.set_signature(follows);
+    chain_asked_ = std::move(asked);
+    return actions;
+  }
+  // Each counts once the one before it does.
+  std::for_each(asked.chain.rbegin(), asked.chain.rend(),
+                [this](const proto::RoleAssignment& roles) { (void)chain_.Add(roles); });
+  if (chain_.StandingOf(asked.announced) != RoleChain::Standing::kCounts) {
+    return Fail(ErrorCode::kRefused, "does not count: " + WhyNever(asked.announced), "roles");
+  }
+  AdoptAnnounced(from, asked.announced, actions);
+  return actions;
+}
+
+RoleLogic::Actions RoleLogic::OnRecord(const proto::RoleAssignment& roles) {
+  Actions actions;
+  NoteStored(roles);
+  const proto::RoleAssignment& newest = chain_.newest();
+  const bool is_newer =
+      IsNewer(newest.term(), current_.term()) && (!unstored_ || IsNewer(newest.term(), unstored_->term()));
+  if (is_loaded_ && !saving_ && is_newer && CheckAnnounced(newest)) actions.save = Adopt(newest).save;
+  return actions;
+}
+
+void RoleLogic::NoteStored(const proto::RoleAssignment& roles) {
+  if (chain_.Add(roles) != RoleChain::Standing::kNever) stored_.insert(roles.signature());
+}
+
+std::vector<proto::RoleAssignment> RoleLogic::SavingChain() const {
+  std::vector<proto::RoleAssignment> oldest_first;
+  if (!saving_ || !has_keys()) return oldest_first;
+  const proto::RoleAssignment* at = ChangeOf(saving_->term()) == 0 ? nullptr : chain_.Find(saving_->follows());
+  while (at != nullptr && !at->signature().empty() && !stored_.contains(at->signature())) {
+    oldest_first.push_back(*at);
+    at = ChangeOf(at->term()) == 0 ? nullptr : chain_.Find(at->follows());
+  }
+  std::reverse(oldest_first.begin(), oldest_first.end());
+  return oldest_first;
+}
+
+std::string RoleLogic::WhyNever(const proto::RoleAssignment& roles) const {
+  return options_.name_of(roles.term().issuer()) +
+         " neither leads nor survives in what it follows, nor does command_from of the team file name it";
 }
 
 RoleLogic::Actions RoleLogic::OnSaved() {
   Actions actions;
   if (!saving_) return actions;
+  for (const proto::RoleAssignment& roles : SavingChain()) NoteStored(roles);
   current_ = *std::exchange(saving_, std::nullopt);
+  NoteStored(current_);
   history_.push_back(current_);
   if (history_.size() > kHistoryMax) history_.erase(history_.begin());
   confirmed_ = std::move(saving_holders_);
@@ -256,7 +374,7 @@ Result<void> RoleLogic::CheckExpected(const proto::RoleSetRequest& request) cons
   if (!request.has_expected() || is_met) return {};
   const auto& name = options_.name_of;
   const auto term = [&name](const proto::Term& of) {
-    return "term " + std::to_string(of.number()) + (of.issuer() == 0 ? "" : " by " + name(of.issuer()));
+    return "term " + TermText(of) + (of.issuer() == 0 ? "" : " by " + name(of.issuer()));
   };
   return Fail(ErrorCode::kRefused,
               name(options_.self) + " holds " + term(current_.term()) + ": " + name(current_.leader()) + " leads, " +
@@ -264,7 +382,16 @@ Result<void> RoleLogic::CheckExpected(const proto::RoleSetRequest& request) cons
               "expected");
 }
 
-Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const {
+Result<void> RoleLogic::CheckMayDecide() const {
+  const bool has_role = current_.leader() == options_.self || current_.survivor() == options_.self;
+  if (!has_keys() || has_role || options_.may_command(options_.self)) return {};
+  return Fail(ErrorCode::kRefused, options_.name_of(options_.self) + " may not change roles: ask the leader, " +
+                                       options_.name_of(current_.leader()) + ", the survivor, " +
+                                       options_.name_of(current_.survivor()) +
+                                       ", or an agent that command_from of the team file names");
+}
+
+Result<void> RoleLogic::CheckIssued(const proto::RoleAssignment& roles) const {
   const proto::Term& term = roles.term();
   if (term.number() > 0 && !IsMember(term.issuer())) {
     return Fail(ErrorCode::kRefused, "is not of this team", "roles.term.issuer");
@@ -272,13 +399,23 @@ Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const
   if (term.number() == 0 && (term.issuer() != 0 || term.issuer_epoch() != 0)) {
     return Fail(ErrorCode::kRefused, "number 0 is the team file's", "roles.term");
   }
-  if (term.number() > std::min(highest_number_ + kTermJumpMax, kTermNumberMax)) {
+  const std::uint64_t number_max =
+      has_keys() ? kTermNumberMax : std::min(highest_number_ + kTermJumpMax, kTermNumberMax);
+  if (term.number() > number_max) {
     return Fail(ErrorCode::kRefused, "is from the far future", "roles.term.number");
   }
   if (roles.reason().size() > kRoleReasonBytesMax) {
     return Fail(ErrorCode::kRefused, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes",
                 "roles.reason");
   }
+  if (has_keys() && term.number() > 0 && !options_.is_signed(roles)) {
+    return Fail(ErrorCode::kRefused, "is not its issuer's", "roles.signature");
+  }
+  return {};
+}
+
+Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const {
+  if (Result<void> checked = CheckIssued(roles); !checked) return checked;
   // A change keeps the survivor or names another one, so a team that begins with one always has one. An agent that
   // cannot store that it survives acts on roles without itself, and these are no assignment.
   if (roles.survivor() == 0 && options_.initial.survivor() != 0) {
@@ -287,12 +424,19 @@ Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const
   return options_.check(roles);
 }
 
-proto::Term RoleLogic::NextTerm() const {
-  proto::Term term;
-  term.set_number(std::max(highest_number_, current_.term().number()) + 1);
-  term.set_issuer(options_.self);
-  term.set_issuer_epoch(own_epoch_);
-  return term;
+proto::RoleAssignment RoleLogic::Issue(proto::RoleAssignment roles, bool is_command) const {
+  if (has_keys()) {
+    const bool begins_reign = is_command && options_.may_command(options_.self);
+    const proto::RoleAssignment next = RoleChain::Next(current_, begins_reign);
+    *roles.mutable_term() = next.term();
+    roles.set_follows(next.follows());
+  } else {
+    roles.mutable_term()->set_number(std::max(highest_number_, current_.term().number()) + 1);
+  }
+  roles.mutable_term()->set_issuer(options_.self);
+  roles.mutable_term()->set_issuer_epoch(own_epoch_);
+  if (has_keys()) roles.set_signature(options_.sign(roles));
+  return roles;
 }
 
 bool RoleLogic::IsMember(AgentId agent) const {
@@ -325,12 +469,11 @@ void RoleLogic::Confirm(AgentId agent, Actions& actions) {
 
 void RoleLogic::TakeNewTerm(bool is_start, Actions& actions) {
   proto::RoleAssignment roles = current_;
-  *roles.mutable_term() = NextTerm();
   if (is_start) {
     roles.set_stamp_ns(started_ns_);
     roles.set_reason(current_.term().number() == 0 ? "start of the leader" : "restart of the leader");
   }
-  actions.save = Adopt(std::move(roles)).save;
+  actions.save = Adopt(Issue(std::move(roles), /*is_command=*/false)).save;
 }
 
 }  // namespace moondb

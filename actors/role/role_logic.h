@@ -6,6 +6,11 @@
 // an older one learns the newer by the answer to its own. So agents that can talk agree, and two leaders can only stand
 // in two parts of a team that cannot.
 //
+// In a team with keys an assignment is signed by its issuer and stands only where it counts (model/role_chain.h): one
+// who never led nor survived, and through whom nobody may command the team, moves nobody. Who hears of one whose
+// forerunner it lacks asks the announcer for the chain that it ends, page by page, and stores the chain with it; until
+// then its own stands. Who may not decide roles is refused as it asks for others.
+//
 // An agent that its stored roles name leader waits after its start: it announces what it has, and unless it hears of
 // a newer term within `leader_wait` (or everyone agrees before) it takes a new term with the same roles before it
 // acts, so that nothing of an earlier life of it shares a term with this one. So does one that lost its disk and hears
@@ -22,6 +27,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -29,6 +35,7 @@
 
 #include "model/error.h"
 #include "model/ids.h"
+#include "model/role_chain.h"
 #include "proto/role.pb.h"
 #include "proto/types.pb.h"
 
@@ -37,12 +44,17 @@ namespace moondb {
 class RoleLogic {
  public:
   using Duration = std::chrono::nanoseconds;
+  using Time = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 
   struct Options {
     AgentId self = 0;
     std::vector<AgentId> agents;                                      // Of the team, this one too.
     proto::RoleAssignment initial;                                    // Of the team file, term 0.
     std::function<Result<void>(const proto::RoleAssignment&)> check;  // Whether the team can have these roles.
+    // In a team with keys: this agent's signature, and whether an assignment has its issuer's. Null in one without.
+    std::function<std::string(const proto::RoleAssignment&)> sign;
+    std::function<bool(const proto::RoleAssignment&)> is_signed;
+    std::function<bool(AgentId)> may_command = [](AgentId) { return true; };  // As command_from has it.
     // How errors name an agent; "nobody" for 0.
     std::function<std::string(AgentId)> name_of = [](AgentId agent) { return "agent " + std::to_string(agent); };
     Duration leader_wait = std::chrono::seconds(2);
@@ -52,17 +64,32 @@ class RoleLogic {
   };
 
   static constexpr std::size_t kHistoryMax = 1000;
-  // A term number that far ahead of the present one is a mistake or an attack, not a change.
+  // In a team without keys a term number that far ahead of the present one is a mistake or an attack, not a change.
   static constexpr std::uint64_t kTermJumpMax = 1'000'000;
+  // Of one other issuer so many assignments are acted on at once, and then so many an hour; what waits is announced
+  // again, and only the newest of it. In a team with keys.
+  static constexpr double kChangesAtOnce = 20;
+  static constexpr double kChangesPerHour = 60;
+  // A page of a chain. As a control message it delays others by 128 ms at 1 Mbit/s.
+  static constexpr std::size_t kChainPageBytesMax = 16 * 1024;
+  // What is asked for of one chain; a longer one is not followed, and one word of command_from ends it.
+  static constexpr std::size_t kChainLengthMax = kAssignmentsOfIssuerMax;
 
   struct Announcement {
     AgentId to = 0;
     proto::RoleAnnounce announce;
   };
 
+  // What another agent's RoleActor is asked for.
+  struct ChainQuestion {
+    AgentId to = 0;
+    proto::RoleChainRequest request;
+  };
+
   // What is to be done, in this order.
   struct Actions {
-    std::optional<proto::RoleAssignment> save;   // To storage; then OnSaved.
+    std::optional<proto::RoleAssignment> save;  // To storage; then OnSaved.
+    std::optional<ChainQuestion> question;
     std::optional<proto::RoleAssignment> apply;  // Act on it: it is durable, or without roles of this agent's own.
     std::vector<Announcement> announcements;
     std::optional<Duration> announce_timer;  // Then OnAnnounceTimer; replaces an earlier one.
@@ -70,12 +97,15 @@ class RoleLogic {
     std::optional<Duration> store_timer;     // Then OnStoreTimer.
   };
 
-  explicit RoleLogic(Options options) : options_(std::move(options)) {}
+  explicit RoleLogic(Options options);
 
-  // What storage has, oldest first; the last one counts. `own_epoch` is random and not 0. A stored assignment that
-  // the team file no longer allows gives way to the file's; its number stays taken.
+  // What storage has, oldest first; in a team without keys the last one stands, in one with keys the newest that
+  // counts. `own_epoch` is random and not 0. A stored assignment that the team file no longer allows gives way to the
+  // file's; its number stays taken.
   Actions OnLoaded(std::vector<proto::RoleAssignment> history, std::uint64_t own_epoch, std::int64_t now_ns);
   bool is_loaded() const { return is_loaded_; }
+  // The monotonic time of what comes next.
+  void SetNow(Time now) { now_ = now; }
 
   // The assignment that `request` means, not stored yet. kUnavailable before OnLoaded and while another one is being
   // stored, kInvalid for a contradictory request, kRefused for roles that cannot be, with the field named, for a
@@ -92,6 +122,12 @@ class RoleLogic {
 
   // From another agent, or forwarded for it. kRefused, with nothing done, where it does not pass the door.
   Result<Actions> OnAnnounce(AgentId from, const proto::RoleAnnounce& announce);
+  // From another agent that lacks what an assignment follows, and its answer to this agent's question. kRefused as
+  // above: a page that is not what was asked for ends the question.
+  proto::RoleChainReply OnChainRequest(const proto::RoleChainRequest& request) const;
+  Result<Actions> OnChainReply(AgentId from, const proto::RoleChainReply& reply);
+  // That is stored as a record: it is history, unless it makes one count that is newer than what stands.
+  Actions OnRecord(const proto::RoleAssignment& roles);
 
   // Storage's answer for the assignment being stored.
   Actions OnSaved();
@@ -100,6 +136,8 @@ class RoleLogic {
   Actions OnSaveLate();
   Actions OnStoreTimer();
   const std::optional<proto::RoleAssignment>& saving() const { return saving_; }
+  // What that one follows and is to be stored with it, oldest first.
+  std::vector<proto::RoleAssignment> SavingChain() const;
 
   Actions OnAnnounceTimer();
   Actions OnLeaderTimer(std::int64_t now_ns);
@@ -111,8 +149,21 @@ class RoleLogic {
  private:
   std::optional<proto::RoleAssignment> WithoutOwnRole(const std::set<AgentId>& connected) const;
   Result<void> CheckExpected(const proto::RoleSetRequest& request) const;
+  // Whoever decided it, and whatever the team file says now.
+  Result<void> CheckIssued(const proto::RoleAssignment& roles) const;
   Result<void> CheckAnnounced(const proto::RoleAssignment& roles) const;
-  proto::Term NextTerm() const;
+  Result<void> CheckMayDecide() const;
+  std::string WhyNever(const proto::RoleAssignment& roles) const;
+  bool has_keys() const { return options_.sign != nullptr; }
+  // What the roles are issued as by this agent now: with term, what they follow and signature. `is_command`: by an
+  // operator's word, where one may be given through this agent.
+  proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
+  // Whether one more of this issuer's assignments may be acted on by now; if so it is.
+  bool TakesTurn(AgentId issuer);
+  // What was announced and counts.
+  void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
+  void NoteStored(const proto::RoleAssignment& roles);
+  void AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
   bool IsMember(AgentId agent) const;
   // Names this agent leader in a term in which it may have led before it started: any that it did not issue since. It
   // need not remember, if its disk was lost or is an old copy.
@@ -128,7 +179,25 @@ class RoleLogic {
   // Of the present assignment; `is_start`: for this agent's start, else for what another agent decided.
   void TakeNewTerm(bool is_start, Actions& actions);
 
+  // A chain that is being asked for: what was announced, and its forerunners that came so far, newest first.
+  struct ChainAsked {
+    AgentId from = 0;
+    proto::RoleAssignment announced;
+    std::vector<proto::RoleAssignment> chain;
+  };
+
+  // Changes of one issuer's that may be acted on at once, as of `at`.
+  struct Turns {
+    double left = kChangesAtOnce;
+    Time at{};
+  };
+
   Options options_;
+  Time now_{};
+  std::map<AgentId, Turns> turns_;  // By issuer.
+  RoleChain chain_;
+  std::set<std::string> stored_;  // Signatures of those that count and that storage has.
+  std::optional<ChainAsked> chain_asked_;
   bool is_loaded_ = false;
   bool is_waiting_to_lead_ = false;
   std::uint64_t own_epoch_ = 0;

@@ -345,6 +345,7 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   proto::MissingRequest& request = *action.message.mutable_missing_request();
   *request.mutable_destination_have() = ToProto(under_way_.ExpectedHave(maker_.Contents()));
   *request.mutable_filter() = order_.Meant();
+  request.set_destination(destination_);
   const double content_bytes = maker_.ContentBytesFor(BatchBytesMax());
   request.set_content_bytes_max(
       static_cast<std::uint32_t>(std::clamp(content_bytes, kContentBytesMin, kContentBytesMax)));

@@ -102,6 +102,7 @@ void SyncActor::OnStepTimer(Context& context, std::uint64_t) {
 proto::RecordFilter SyncActor::OwnRecords() const {
   proto::RecordFilter filter;
   filter.add_origin_agents(self());
+  filter.add_everyones_types(proto::ROLE_ASSIGNMENT);  // Whoever hears of it may lack it.
   return filter;
 }
 
@@ -115,6 +116,7 @@ proto::RecordFilter SyncActor::LeadersRecordsFor(AgentId destination) const {
     for (const DataType type : {proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
       if (SharePolicyOf(team(), type) != proto::POLICY_NONE) filter.add_data_types(type);
     }
+    filter.add_everyones_types(proto::ROLE_ASSIGNMENT);
     // Who merges maps leaves out the same ones.
     if (SharePolicyOf(team(), proto::MAP_QUARANTINE) != proto::POLICY_NONE) {
       filter.add_everyones_types(proto::MAP_QUARANTINE);

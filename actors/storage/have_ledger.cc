@@ -62,14 +62,34 @@ Result<void> HaveLedger::Load(Database& database) {
     }
   }
   have_ = std::move(have);
-  draft_.clear();
+  Forget();
+  CountStreams();
   return {};
+}
+
+void HaveLedger::CountStreams() {
+  stream_counts_.clear();
+  for (const auto& [stream, state] : have_.streams()) ++stream_counts_[stream.origin];
+}
+
+std::size_t HaveLedger::StreamsOf(AgentId origin) const {
+  const auto kept = stream_counts_.find(origin);
+  const auto drafted = new_in_draft_.find(origin);
+  return (kept == stream_counts_.end() ? 0 : kept->second) + (drafted == new_in_draft_.end() ? 0 : drafted->second);
+}
+
+void HaveLedger::Forget() {
+  draft_.clear();
+  new_in_draft_.clear();
 }
 
 Result<void> HaveLedger::Replace(Database& database, const HaveSet& have) {
   if (const Result<void> done = database.Execute("DELETE FROM have_interval"); !done) return done;
   have_ = HaveSet();
+  stream_counts_.clear();
+  new_in_draft_.clear();
   draft_ = have.streams();
+  for (const auto& [stream, state] : draft_) ++new_in_draft_[stream.origin];
   return Write(database);
 }
 
@@ -90,8 +110,9 @@ RecordKey HaveLedger::NewestHeld(AgentId origin, DataType type) const {
 }
 
 StreamHave& HaveLedger::Edit(const StreamKey& stream) {
-  const auto drafted = draft_.find(stream);
-  return drafted != draft_.end() ? drafted->second : draft_.emplace(stream, have_.Get(stream)).first->second;
+  const auto [entry, is_new] = draft_.try_emplace(stream, have_.Get(stream));
+  if (is_new && !have_.streams().contains(stream)) ++new_in_draft_[stream.origin];
+  return entry->second;
 }
 
 void HaveLedger::AddHeld(const StreamKey& stream, std::uint64_t seq) { Edit(stream).held.Add(seq); }
@@ -117,7 +138,8 @@ Result<void> HaveLedger::Write(Database& database) const {
 
 void HaveLedger::Keep() {
   for (auto& [key, stream] : draft_) have_[key] = std::move(stream);
-  draft_.clear();
+  for (const auto& [origin, count] : new_in_draft_) stream_counts_[origin] += count;
+  Forget();
 }
 
 }  // namespace moondb

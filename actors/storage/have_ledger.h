@@ -24,6 +24,8 @@ class HaveLedger {
 
   // The draft's state of a stream, else the have-set's.
   const StreamHave& Get(const StreamKey& stream) const;
+  // How many of an origin's anything was had of, with the draft's.
+  std::size_t StreamsOf(AgentId origin) const;
   void AddHeld(const StreamKey& stream, std::uint64_t seq);
   // The last, in its origin's order, of an origin's records of a type that is held; seq 0: none is.
   RecordKey NewestHeld(AgentId origin, DataType type) const;
@@ -32,14 +34,17 @@ class HaveLedger {
 
   Result<void> Write(Database& database) const;
   void Keep();
-  void Forget() { draft_.clear(); }
+  void Forget();
 
  private:
   StreamHave& Edit(const StreamKey& stream);
+  void CountStreams();
 
   HaveSet have_;
   bool is_sound_ = true;
   std::map<StreamKey, StreamHave> draft_;
+  std::map<AgentId, std::size_t> stream_counts_;  // Of have_.
+  std::map<AgentId, std::size_t> new_in_draft_;
 };
 
 }  // namespace moondb

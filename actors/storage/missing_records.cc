@@ -20,9 +20,14 @@ bool Contains(const google::protobuf::RepeatedField<std::uint32_t>& values, std:
 
 class MissingFinder {
  public:
-  MissingFinder(Database& database, const HaveSet& have, const SharingRules& rules, const proto::RecordFilter& filter,
-                const HaveSet& destination)
-      : database_(database), have_(have), rules_(rules), filter_(filter), destination_(destination) {}
+  MissingFinder(Database& database, const HaveSet& have, const SharingRules& rules, bool brings_others,
+                const proto::RecordFilter& filter, const HaveSet& destination)
+      : database_(database),
+        have_(have),
+        rules_(rules),
+        brings_others_(brings_others),
+        filter_(filter),
+        destination_(destination) {}
 
   Result<void> AddRecords(std::uint64_t bytes_max, std::uint64_t records_max, proto::MissingReply& reply) {
     for (const StreamKey& stream : StreamsInOrder()) {
@@ -57,6 +62,8 @@ class MissingFinder {
  private:
   bool IsWanted(const StreamKey& stream) const {
     if (!rules_.IsShared(stream) || !FindRecordTable(stream.type)) return false;
+    const bool is_taken = brings_others_ || stream.origin == rules_.self || stream.type == proto::ROLE_ASSIGNMENT;
+    if (!is_taken) return false;
     if (Contains(filter_.not_data_types(), stream.type)) return false;
     if (IsOwn(stream)) return true;
     if (Contains(filter_.everyones_types(), stream.type)) return true;
@@ -145,6 +152,7 @@ class MissingFinder {
   Database& database_;
   const HaveSet& have_;
   const SharingRules& rules_;
+  const bool brings_others_;
   const proto::RecordFilter& filter_;
   const HaveSet& destination_;
   std::map<std::pair<AgentId, DataType>, std::map<std::uint64_t, IntervalSet>> newest_;  // By origin and type, epoch.
@@ -159,12 +167,12 @@ std::uint32_t Limit(std::uint32_t asked, std::uint32_t standard, std::uint32_t m
 }  // namespace
 
 Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
-                                        const proto::MissingRequest& request) {
+                                        bool brings_others, const proto::MissingRequest& request) {
   const Result<HaveSet> destination = FromProto(request.destination_have());
   if (!destination) return tl::unexpected(destination.error());
   const std::uint32_t bytes_max = Limit(request.content_bytes_max(), kMissingBytesDefault, kMissingBytesMax);
   const std::uint32_t records_max = Limit(request.records_max(), kMissingRecordsDefault, kMissingRecordsMax);
-  MissingFinder finder(database, have, rules, request.filter(), *destination);
+  MissingFinder finder(database, have, rules, brings_others, request.filter(), *destination);
   proto::MissingReply reply;
   if (const Result<void> added = finder.AddRecords(bytes_max, records_max, reply); !added) {
     return tl::unexpected(added.error());

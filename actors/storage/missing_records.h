@@ -19,8 +19,9 @@ inline constexpr std::uint32_t kMissingBytesMax = 16 * 1024 * 1024;
 inline constexpr std::uint32_t kMissingRecordsDefault = 256;
 inline constexpr std::uint32_t kMissingRecordsMax = 4096;
 
-// `have` is this agent's own. Fails as Database does; kInvalid where destination_have is malformed.
+// `have` is this agent's own. `brings_others`: whether others take other agents' records from it; else it offers its
+// own and what is signed by whoever made it. Fails as Database does; kInvalid where destination_have is malformed.
 Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
-                                        const proto::MissingRequest& request);
+                                        bool brings_others, const proto::MissingRequest& request);
 
 }  // namespace moondb

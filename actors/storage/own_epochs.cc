@@ -160,7 +160,7 @@ std::uint64_t OwnEpochs::highest() const {
 }
 
 bool OwnEpochs::IsPossible(std::uint64_t epoch) const {
-  return epoch != 0 && (epoch <= highest() || epoch - highest() <= kOwnEpochJumpMax);
+  return epoch != 0 && (epoch <= highest_at_start_ || epoch - highest_at_start_ <= kOwnEpochJumpMax);
 }
 
 void OwnEpochs::Learn(std::uint64_t epoch) {

@@ -57,7 +57,10 @@ class OwnEpochs {
   Result<void> Load(Database& database);
 
   std::uint64_t highest() const;  // Of all that are known; 0: none is.
-  // Whether one that somebody claims can be: at most kOwnEpochJumpMax above the highest, and not 0.
+  // The process starts here, with all that its file knows: what is claimed from now on is held against it.
+  void BeginLife() { highest_at_start_ = highest(); }
+  // Whether one that somebody claims can be: at most kOwnEpochJumpMax above the highest as the process started, however
+  // many were claimed since, and not 0.
   bool IsPossible(std::uint64_t epoch) const;
   bool IsKnown(std::uint64_t epoch) const { return begun_.contains(epoch) || foreign_.contains(epoch); }
   void Learn(std::uint64_t epoch);  // Nothing where this file's history began it.
@@ -87,6 +90,7 @@ class OwnEpochs {
   std::uint32_t tag_ = 0;  // 0: not drawn yet.
   std::set<std::uint64_t> begun_;
   std::set<std::uint64_t> foreign_;
+  std::uint64_t highest_at_start_ = 0;
 };
 
 // Of a copy that is not the agent's store: who opens it as one is a new incarnation. Nothing where `database` has no

@@ -226,6 +226,13 @@ Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& option
   return tl::unexpected(loaded.error());
 }
 
+PeerDoor::Options RecordStore::DoorOptions(const Options& options) {
+  PeerDoor::Options door = options.door;
+  door.self = options.self;
+  door.team = options.team;
+  return door;
+}
+
 Result<void> RecordStore::Load() {
   if (!options_.is_checked) {
     if (const Result<void> checked = database_->QuickCheck(); !checked) return checked;
@@ -237,7 +244,9 @@ Result<void> RecordStore::Load() {
   for (const auto& [stream, have] : ledger_.have().streams()) {  // Of rows, too, that are damaged.
     if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
   }
+  own_epochs_.BeginLife();
   if (const Result<void> loaded = peer_log_.Load(*database_); !loaded) return loaded;
+  if (const Result<void> loaded = door_.Load(*database_); !loaded) return loaded;
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
   if (!next_row_id) return tl::unexpected(next_row_id.error());
   next_row_id_ = static_cast<std::uint64_t>(*next_row_id);
@@ -310,24 +319,30 @@ bool RecordStore::IsPossible(const StreamKey& stream) const {
 }
 
 // All against what was known before: claims that climb on each other's shoulders are none.
-std::set<std::uint64_t> RecordStore::PossibleEpochs(const std::set<std::uint64_t>& claimed) {
-  std::set<std::uint64_t> possible;
+std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set<std::uint64_t>& claimed) {
+  std::set<std::uint64_t> believed;
   for (const std::uint64_t epoch : claimed) {
-    if (own_epochs_.IsPossible(epoch)) {
-      possible.insert(epoch);
-    } else {
-      ++rejected_count_;
-    }
+    if (own_epochs_.IsKnown(epoch)) continue;
+    door_.CountRefused(peer, PeerDoor::Cause::kOwnEpoch, 0);
+    if (!own_epochs_.IsPossible(epoch)) ++rejected_count_;
+    if (own_epochs_.IsPossible(epoch) && door_.IsBelieved(peer)) believed.insert(epoch);
   }
-  return possible;
+  return believed;
 }
 
-Result<void> RecordStore::LearnOwnEpochs(const proto::HaveSet& claimed) {
+Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed) {
   std::set<std::uint64_t> epochs;
   for (const proto::StreamHave& stream : claimed.streams()) {
-    if (stream.origin_agent() == options_.self) epochs.insert(stream.epoch());
+    if (stream.origin_agent() != options_.self) continue;
+    epochs.insert(stream.epoch());
+    const StreamKey key{options_.self, stream.epoch(), static_cast<DataType>(stream.data_type())};
+    std::uint64_t last = 0;
+    for (const proto::Interval& interval : stream.held()) last = std::max(last, interval.last());
+    for (const proto::Interval& interval : stream.dropped()) last = std::max(last, interval.last());
+    const bool is_beyond = own_epochs_.IsKnown(stream.epoch()) && last > ledger_.have().Get(key).Had().Max();
+    if (is_beyond) door_.CountRefused(peer, PeerDoor::Cause::kOwnEpoch, 0);
   }
-  return LearnOwnEpochs(PossibleEpochs(epochs));
+  return LearnOwnEpochs(BelievedEpochs(peer, epochs));
 }
 
 Result<void> RecordStore::LearnOwnEpochs(const std::set<std::uint64_t>& epochs) {
@@ -409,7 +424,7 @@ Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing)
 
 proto::RecordsStored RecordStore::TakeRestated() { return std::exchange(restated_, {}); }
 
-Result<void> RecordStore::NoteEpochReport(const proto::EpochReport& report) {
+Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport& report) {
   if (report.epochs_size() > kEpochReportMax) {
     return Fail(ErrorCode::kInvalid, "has more than " + std::to_string(kEpochReportMax), "epochs");
   }
@@ -418,7 +433,7 @@ Result<void> RecordStore::NoteEpochReport(const proto::EpochReport& report) {
     if (epoch <= last) return Fail(ErrorCode::kInvalid, "are not in rising order from 1", "epochs");
     last = epoch;
   }
-  return LearnOwnEpochs(PossibleEpochs({report.epochs().begin(), report.epochs().end()}));
+  return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
 
 proto::EpochReport RecordStore::ReportEpochs(AgentId origin) const {
@@ -576,6 +591,10 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
     if (record && is_forged) record = Fail(ErrorCode::kInvalid, "was never given by this agent", "key.seq");
     if (record && !IsPossible(key.stream)) record = Fail(ErrorCode::kInvalid, "is from the far future", "key.epoch");
     if (record) {
+      const Result<void> brought = CheckBrought(request.sender(), key, *record);
+      if (!brought) record = tl::unexpected(brought.error());
+    }
+    if (record) {
       touched.insert(key.stream);
       opened.push_back(Opened{key, *std::move(record), &stored});
     } else {
@@ -584,7 +603,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   }
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
-    const Result<void> checked = CheckDropped(stream, dropped);
+    const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
     if (!checked) Reject(checked.error(), result);
   }
   for (const auto& [stream, have] : dropped.streams()) touched.insert(stream);
@@ -597,7 +616,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   const std::uint64_t rejected_before = rejected_count_;
   const auto store = [&] {
     const Result<void> learnt = LearnOwnEpochs(own_epochs);
-    return learnt ? StoreAll(opened, dropped, result) : learnt;
+    return learnt ? StoreAll(request.sender(), opened, dropped, result) : learnt;
   };
   std::uint64_t bytes = 0;
   for (const Opened& record : opened) bytes += record.stored->content().size();
@@ -618,20 +637,39 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   return result;
 }
 
-Result<void> RecordStore::StoreAll(const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result) {
+Result<void> RecordStore::CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record) {
+  const Result<void> checked = door_.CheckOrigin(sender, key.stream);
+  if (!checked || !record.has_role_assignment()) return checked;
+  return door_.CheckAssignment(sender, record.role_assignment());
+}
+
+Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped,
+                                   Stored& result) {
   if (opened.empty() && dropped.streams().empty()) return {};
   Result<Writing> writing = Writing::Begin(*this);
   if (!writing) return tl::unexpected(writing.error());
   for (const Opened& record : opened) {
-    if (const Result<void> done = StoreOne(record, *writing, result); !done) return done;
+    if (const Result<void> done = StoreOne(sender, record, *writing, result); !done) return done;
   }
   for (const auto& [stream, have] : dropped.streams()) {
-    if (const Result<void> done = ApplyDropped(stream, have.dropped, *writing); !done) return done;
+    if (const Result<void> room = door_.CheckRoom(sender, stream, ledger_); !room) {
+      Reject(room.error(), result);
+    } else if (const Result<void> done = ApplyDropped(stream, have.dropped, *writing); !done) {
+      return done;
+    }
   }
-  return writing->Commit(result.stored);
+  if (const Result<void> done = writing->Commit(result.stored); !done) return done;
+  for (const Opened& record : opened) {
+    if (record.record.has_role_assignment()) door_.NoteAssignment(record.record.role_assignment());
+  }
+  return {};
 }
 
-Result<void> RecordStore::StoreOne(const Opened& opened, Writing& writing, Stored& result) {
+Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, Writing& writing, Stored& result) {
+  if (const Result<void> room = door_.CheckRoom(sender, opened.key.stream, ledger_); !room) {
+    Reject(room.error(), result);
+    return {};
+  }
   const RecordTable& table = *FindRecordTable(opened.key.stream.type);
   const StreamHave& have = ledger_.Get(opened.key.stream);
   if (have.dropped.Contains(opened.key.seq)) return {};
@@ -660,7 +698,7 @@ Result<void> RecordStore::StoreOne(const Opened& opened, Writing& writing, Store
   return writing.InsertRow(opened.key, opened.record, opened.stored->content(), opened.stored->hash());
 }
 
-Result<void> RecordStore::CheckDropped(const proto::StreamHave& dropped, HaveSet& accepted) const {
+Result<void> RecordStore::CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted) {
   proto::HaveSet single;
   *single.add_streams() = dropped;
   single.mutable_streams(0)->clear_held();
@@ -670,6 +708,7 @@ Result<void> RecordStore::CheckDropped(const proto::StreamHave& dropped, HaveSet
   const IntervalSet& seqs = read->streams().begin()->second.dropped;
   if (!options_.team.count(stream.origin))
     return Fail(ErrorCode::kInvalid, "is not in the team", "dropped.origin_agent");
+  if (const Result<void> checked = door_.CheckOrigin(sender, stream); !checked) return checked;
   if (!rules_.MayBeDropped(stream.type)) {
     return Fail(ErrorCode::kInvalid, DataTypeName(stream.type) + " records are never dropped", "dropped.data_type");
   }
@@ -743,9 +782,9 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
   // A disk that takes nothing now keeps nobody from getting what is there: what is endangered is stored once more
   // before the first record of a later epoch comes home.
-  const Result<void> learnt = LearnOwnEpochs(request.destination_have());
+  const Result<void> learnt = LearnOwnEpochs(request.destination(), request.destination_have());
   if (!learnt && learnt.error().code == ErrorCode::kCorrupt) return tl::unexpected(learnt.error());
-  return FindMissing(*database_, ledger_.have(), rules_, request);
+  return FindMissing(*database_, ledger_.have(), rules_, door_.IsBelieved(options_.self), request);
 }
 
 Result<proto::ReadReply> RecordStore::Read(const proto::ReadRequest& request) {
@@ -786,12 +825,36 @@ bool RecordStore::MakesRoom(const Error& failure, std::uint64_t content_bytes) {
   return freed && *freed > 0;
 }
 
-Result<void> RecordStore::SaveRoles(const proto::RoleAssignment& roles) { return moondb::SaveRoles(*database_, roles); }
+Result<proto::RecordsStored> RecordStore::SaveRoles(const proto::SaveRolesRequest& request) {
+  Result<Writing> writing = Writing::Begin(*this);
+  if (!writing) return tl::unexpected(writing.error());
+  for (const proto::RoleAssignment& roles : request.chain()) {
+    if (const Result<bool> added = AddRoles(*database_, roles); !added) return tl::unexpected(added.error());
+  }
+  const proto::RoleAssignment& roles = request.roles();
+  const Result<bool> added = AddRoles(*database_, roles);
+  if (!added) return tl::unexpected(added.error());
+  const bool has_role = roles.leader() == options_.self || roles.survivor() == options_.self;
+  if (*added && has_role && !roles.signature().empty()) {
+    proto::Record record;
+    record.set_stamp_ns(roles.stamp_ns());
+    *record.mutable_role_assignment() = roles;
+    proto::RecordKey key;
+    const Result<void> done = InsertOne(record, SerializeRecord(record), /*is_local=*/false, *writing, key);
+    if (!done) return tl::unexpected(done.error());
+  }
+  proto::RecordsStored stored;
+  if (const Result<void> done = writing->Commit(stored); !done) return tl::unexpected(done.error());
+  for (const proto::RoleAssignment& before : request.chain()) door_.NoteAssignment(before);
+  door_.NoteAssignment(roles);
+  return stored;
+}
 
 Result<proto::LoadRolesReply> RecordStore::LoadRoles() { return moondb::LoadRoles(*database_); }
 
 Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
-  if (const Result<void> done = LearnOwnEpochs(note.acknowledged()); !done) return tl::unexpected(done.error());
+  if (const Result<void> done = LearnOwnEpochs(note.peer(), note.acknowledged()); !done)
+    return tl::unexpected(done.error());
   return peer_log_.Note(*database_, note);
 }
 

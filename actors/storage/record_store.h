@@ -44,6 +44,7 @@
 #include "actors/storage/history.h"
 #include "actors/storage/missing_records.h"
 #include "actors/storage/own_epochs.h"
+#include "actors/storage/peer_door.h"
 #include "actors/storage/peer_log.h"
 #include "actors/storage/record_tables.h"
 #include "actors/storage/sharing_rules.h"
@@ -55,6 +56,7 @@
 #include "proto/storage.pb.h"
 
 namespace moondb::proto {
+class AgentStatus;
 class StorageStatus;
 }  // namespace moondb::proto
 
@@ -77,6 +79,7 @@ class RecordStore {
     std::uint64_t map_store_bytes_max = 0;
     bool is_checked = false;  // This process opened it before: it is not read through again (1 ms a MB).
     History::Rules history;   // What of own superseded records is kept; by default nothing.
+    PeerDoor::Options door;   // Whose word is taken; `self` and `team` are filled in. By default everybody's.
   };
 
   // Opens, reads through and where needed creates the file. A damaged one is set aside and an empty one
@@ -124,7 +127,7 @@ class RecordStore {
 
   // What a peer says of this agent's own epochs: at most kEpochReportMax, rising, none 0; else kInvalid, and none is
   // heard. One that cannot be is passed over and counted as rejected.
-  Result<void> NoteEpochReport(const proto::EpochReport& report);
+  Result<void> NoteEpochReport(AgentId peer, const proto::EpochReport& report);
   // The highest epochs of `origin` of which anything was had, for that agent itself.
   proto::EpochReport ReportEpochs(AgentId origin) const;
   static constexpr int kEpochReportMax = 64;
@@ -135,7 +138,11 @@ class RecordStore {
   Result<proto::MissingReply> GetMissing(const proto::MissingRequest& request);
   // A page of what is held, or with is_history of what this agent's own robot has superseded.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
-  Result<void> SaveRoles(const proto::RoleAssignment& roles);
+  // What an agent acts on from now on, durably, after what that follows. One in which this agent leads or survives is
+  // stored as a record of its own too: whoever it brings other agents' records to must know it.
+  Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
+  // What peers sent and was refused, by peer.
+  void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(status); }
   Result<proto::LoadRolesReply> LoadRoles();
   // As PeerLog::Note.
   Result<bool> NotePeerHave(const proto::PeerHave& note);
@@ -177,7 +184,9 @@ class RecordStore {
         rules_{options_.self, options_.policies, options_.custom_types, options_.for_ground},
         database_(std::move(database)),
         history_(options_.self, options_.history),
+        door_(DoorOptions(options_)),
         random_(options_.seed) {}
+  static PeerDoor::Options DoorOptions(const Options& options);
   Result<void> Load();
   Result<void> Mend();   // What a read through of all rows finds wrong.
   Result<void> Claim();  // For this agent; trouble of the disk is only noted where it is its file already.
@@ -188,8 +197,9 @@ class RecordStore {
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   // Own epochs that others know. Restates what that endangers, also what could not be restated before.
   Result<void> LearnOwnEpochs(const std::set<std::uint64_t>& epochs);
-  Result<void> LearnOwnEpochs(const proto::HaveSet& claimed);
-  std::set<std::uint64_t> PossibleEpochs(const std::set<std::uint64_t>& claimed);
+  // What a peer says of them; what it is not believed, or cannot be, is passed over.
+  Result<void> LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed);
+  std::set<std::uint64_t> BelievedEpochs(AgentId peer, const std::set<std::uint64_t>& claimed);
   Result<void> Restate();
   Result<std::vector<RecordKey>> FindEndangered();
   Result<void> RestateOne(const RecordKey& old_key, Writing& writing);
@@ -208,10 +218,11 @@ class RecordStore {
   };
   // As HaveRequest.is_for_peer has it.
   HaveSet ForPeer(const HaveSet& have) const;
-  Result<void> StoreAll(const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
-  Result<void> StoreOne(const Opened& opened, Writing& writing, Stored& result);
+  Result<void> StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
+  Result<void> StoreOne(AgentId sender, const Opened& opened, Writing& writing, Stored& result);
   Result<void> ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing);
-  Result<void> CheckDropped(const proto::StreamHave& dropped, HaveSet& accepted) const;
+  Result<void> CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted);
+  Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
   Result<bool> IsSuperseded(const RecordTable& table, const RecordTable::Row& row);
   void Reject(Error error, Stored& result);
   // True where `failure` is a full file or disk, and history made room: the transaction may be tried once more.
@@ -227,6 +238,7 @@ class RecordStore {
   HaveLedger ledger_;
   History history_;
   PeerLog peer_log_;
+  PeerDoor door_;
   WriteCount write_count_;
   std::mt19937_64 random_;
   std::uint64_t epoch_ = 0;  // 0: the next shared insert begins one.

@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "actors/storage/record_tables.h"
+
 namespace moondb {
 
 namespace {
@@ -22,25 +24,21 @@ Result<bool> IsNewest(Database& database, const std::string& content) {
 
 }  // namespace
 
-Result<void> SaveRoles(Database& database, const proto::RoleAssignment& roles) {
+Result<bool> AddRoles(Database& database, const proto::RoleAssignment& roles) {
   const std::string content = roles.SerializeAsString();
   const Result<bool> is_newest = IsNewest(database, content);
   if (!is_newest) return tl::unexpected(is_newest.error());
-  if (*is_newest) return {};
-  Result<Transaction> transaction = Transaction::Begin(database);
-  if (!transaction) return tl::unexpected(transaction.error());
-  {
-    Query insert = database.Prepare(
-        "INSERT INTO role_history(term_number, leader, survivor, stamp_ns, content, hash) VALUES(?, ?, ?, ?, ?, ?)");
-    insert << roles.term().number() << roles.leader() << roles.survivor() << roles.stamp_ns() << Blob{content}
-           << HashOf(content);
-    if (const Result<void> done = insert.Run(); !done) return done;
-    Query forget =
-        database.Prepare("DELETE FROM role_history WHERE row_id <= (SELECT max(row_id) FROM role_history) - ?");
-    forget << kRoleHistoryMax;
-    if (const Result<void> done = forget.Run(); !done) return done;
-  }
-  return transaction->Commit();
+  if (*is_newest) return false;
+  Query insert = database.Prepare(
+      "INSERT INTO role_history(term_number, leader, survivor, stamp_ns, content, hash) VALUES(?, ?, ?, ?, ?, ?)");
+  insert << roles.term().number() << roles.leader() << roles.survivor() << roles.stamp_ns() << Blob{content}
+         << HashOf(content);
+  if (const Result<void> done = insert.Run(); !done) return tl::unexpected(done.error());
+  Query forget =
+      database.Prepare("DELETE FROM role_history WHERE row_id <= (SELECT max(row_id) FROM role_history) - ?");
+  forget << kRoleHistoryMax;
+  if (const Result<void> done = forget.Run(); !done) return tl::unexpected(done.error());
+  return true;
 }
 
 Result<proto::LoadRolesReply> LoadRoles(Database& database) {
@@ -57,6 +55,20 @@ Result<proto::LoadRolesReply> LoadRoles(Database& database) {
     } else {
       spdlog::error("storage: a role assignment in {} is damaged and left out", database.path());
     }
+  }
+}
+
+Result<std::vector<proto::RoleAssignment>> LoadRoleRecords(Database& database) {
+  std::vector<proto::RoleAssignment> assignments;
+  Query query = FindRecordTable(proto::ROLE_ASSIGNMENT)->ReadAfter(database, 0);
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return assignments;
+    proto::Record record;
+    // What is damaged is the audit's to find.
+    const proto::StoredRecord stored = FindRecordTable(proto::ROLE_ASSIGNMENT)->Read(query);
+    if (record.ParseFromString(stored.content())) assignments.push_back(std::move(*record.mutable_role_assignment()));
   }
 }
 

@@ -1,16 +1,22 @@
-// The role assignments that this agent has acted on, oldest first. Durable before anyone acts (docs: terms).
+// The role assignments that this agent has acted on, and what they follow, oldest first. Durable before anyone acts
+// (docs: terms).
 #pragma once
+
+#include <vector>
 
 #include "actors/storage/sqlite_database.h"
 #include "proto/storage.pb.h"
 
 namespace moondb {
 
-inline constexpr int kRoleHistoryMax = 1000;  // Older ones are forgotten.
+inline constexpr int kRoleHistoryMax = 16384;  // Older ones are forgotten.
 
-// One transaction that survives a power cut. Saving the newest one again changes nothing. Fails as Database does.
-Result<void> SaveRoles(Database& database, const proto::RoleAssignment& roles);
+// Inside the caller's transaction. False for the newest one once more, which changes nothing. Fails as Database does.
+Result<bool> AddRoles(Database& database, const proto::RoleAssignment& roles);
 
 Result<proto::LoadRolesReply> LoadRoles(Database& database);
+
+// Those that are held as records, oldest first.
+Result<std::vector<proto::RoleAssignment>> LoadRoleRecords(Database& database);
 
 }  // namespace moondb

@@ -10,6 +10,7 @@
 #include "model/control_message.h"
 #include "model/text.h"
 #include "proto/control.pb.h"
+#include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -76,6 +77,11 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
     if (SharePolicyOf(options.team, type) != proto::POLICY_LATEST) continue;
     store.history.keep[type] = KeepRuleOf(options.team, type);
   }
+  store.door.base = BaseStationOf(options.team);
+  store.door.has_keys = HasSigningKeys(options.team);
+  store.door.roles.initial = InitialRoles(options.team);
+  store.door.roles.may_command = [team = options.team](AgentId agent) { return MayCommand(team, agent); };
+  store.door.is_signed = [team = options.team](const proto::RoleAssignment& roles) { return IsSigned(team, roles); };
   if (options.self == BaseStationOf(options.team)) {
     for (const DataType type : DataTypesOf(options.team)) {
       if (GroundPolicyOf(options.team, type) == proto::POLICY_ALL) store.for_ground.insert(type);
@@ -176,7 +182,7 @@ void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
     return spdlog::debug("storage: ignored a message of kind {} from agent {}", static_cast<int>(message.body_case()),
                          peer);
   }
-  const Result<void> noted = store_->NoteEpochReport(message.epoch_report());
+  const Result<void> noted = store_->NoteEpochReport(peer, message.epoch_report());
   if (!noted && noted.error().code == ErrorCode::kInvalid) {
     return rejected_log_.Warn("storage: rejected from agent " + std::to_string(peer) + ": " +
                               OneLine(ToString(noted.error())));
@@ -304,12 +310,13 @@ void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
 void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& request) {
   proto::Message reply;
   proto::SaveRolesReply& body = *reply.mutable_save_roles_reply();
-  const Result<void> saved = WriteInAnyCase([&] { return store_->SaveRoles(request.roles()); });
+  const Result<proto::RecordsStored> saved = WriteInAnyCase([&] { return store_->SaveRoles(request); });
   if (!saved) {
     FailIfDamaged(context, saved.error());
     *body.mutable_error() = ToProto(saved.error());
   }
   Answer(context, std::move(reply));
+  if (saved) Publish(context, *saved);
 }
 
 template <typename Write>
@@ -374,6 +381,7 @@ void StorageActor::OnStatus(Context& context) {
     added.set_offset_s(offset.offset_s);
     added.set_age_s(offset.age_s);
   }
+  store_->DescribeRefused(*reply.mutable_status());
   Answer(context, MessageOf(reply));
 }
 

@@ -94,6 +94,32 @@ void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status
   }
 }
 
+// What only a member that lies, or is broken, sends.
+std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom& refused) {
+  const std::string sender = AgentName(team, refused.agent_id());
+  const std::string count = FormatCount(refused.count());
+  const std::string of = refused.origin_agent() == 0 ? "" : " of " + AgentName(team, refused.origin_agent());
+  switch (refused.cause()) {
+    case proto::REFUSAL_CAUSE_COMMAND:
+      return "refused " + count + " commands through " + sender + ", which command_from of its team file does not name";
+    case proto::REFUSAL_CAUSE_ORIGIN:
+      return "refused " + count + " records" + of + " that " + sender + " brought, which never led nor survived";
+    case proto::REFUSAL_CAUSE_OWN_EPOCH:
+      return sender + " tells of records of this agent that its disk never had: the disk is older than it was, or " +
+             sender + " is wrong";
+    case proto::REFUSAL_CAUSE_STREAMS:
+      return "refused " + count + " records" + of + " that " + sender + " brought, which has used up its streams";
+    case proto::REFUSAL_CAUSE_ROLES:
+      return "refused " + count + " role assignments from " + sender + ", which it may not decide";
+    default:
+      return "refused " + count + " messages of " + sender;
+  }
+}
+
+void JudgeRefused(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
+  for (const proto::RefusedFrom& refused : status.refused()) findings.push_back(RefusedText(team, refused));
+}
+
 void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares, Findings& findings) {
   for (const proto::ShareSession& session : shares.sessions()) {
     const std::string to = (session.kind() == proto::SHARING_KIND_REPLICATION ? "replication to " : "sync to ") +
@@ -135,6 +161,7 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
       JudgeRoles(team, *report.status, newest, findings);
       JudgePeers(team, *report.status, findings);
       JudgeSelf(*report.status, findings);
+      JudgeRefused(team, *report.status, findings);
       JudgeClocks(team, *report.status, findings);
     }
     if (report.shares) JudgeShares(team, *report.shares, findings);

@@ -15,6 +15,7 @@
 #include "model/local_socket.h"
 #include "model/team_id.h"
 #include "runtime/team/field_rules.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {
@@ -82,6 +83,7 @@ class Checker {
     for (int i = 0; i < team_.agents_size(); ++i) CheckAgent(i);
     CheckDuplicates();
     CheckRoles();
+    CheckCommandFrom();
     CheckPolicies("share", team_.share());
     CheckPolicies("ground", team_.ground());
     CheckKeepPolicies();
@@ -259,6 +261,27 @@ class Checker {
     }
   }
 
+  // Names of agents, or "all" alone.
+  void CheckCommandFrom() {
+    if (!IsRead("command_from")) return;
+    const auto& given = team_.command_from();
+    if (given.empty()) Add("command_from", "expected names of agents, or all");
+    std::vector<std::string> names = {kAllMayCommand};
+    for (const proto::AgentConfig& agent : team_.agents()) names.push_back(agent.name());
+    for (int i = 0; i < given.size(); ++i) {
+      const std::string path =
+          IsGiven(ElementPath("command_from", i)) ? ElementPath("command_from", i) : "command_from";
+      const auto first = std::find(given.begin(), given.begin() + i, given[i]);
+      if (std::find(names.begin(), names.end(), given[i]) == names.end()) {
+        Add(path, "no agent is named " + Quoted(given[i]) + DidYouMean(given[i], names));
+      } else if (given[i] == kAllMayCommand && given.size() > 1) {
+        Add(path, "all stands alone: it names every agent");
+      } else if (first != given.begin() + i) {
+        Add(path, given[i] + " is named twice");
+      }
+    }
+  }
+
   const proto::AgentConfig* FindRover(const std::string& field, const std::string& name) {
     if (!IsRead(field)) return nullptr;
     std::vector<std::string> names;
@@ -319,6 +342,15 @@ void FillRoles(proto::TeamConfig* team) {
   if (roles->survivor().empty()) roles->set_survivor(first_rover_except(roles->leader()));
 }
 
+void FillCommandFrom(proto::TeamConfig* team) {
+  if (!team->command_from().empty()) return;
+  const auto& agents = team->agents();
+  const auto base = std::find_if(agents.begin(), agents.end(), [](const proto::AgentConfig& agent) {
+    return agent.kind() == proto::AGENT_KIND_BASE_STATION;
+  });
+  team->add_command_from(base == agents.end() ? kAllMayCommand : base->name());
+}
+
 void FillCustomTypes(proto::TeamConfig* team) {
   auto& types = *team->mutable_custom_types();
   for (proto::CustomType& type : types) type.set_keep(KeepText(type.keep(), "all"));
@@ -341,6 +373,7 @@ void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors
 void FillDefaults(const Places& places, proto::TeamConfig* team) {
   FillFields(places, team);
   FillRoles(team);
+  FillCommandFrom(team);
   FillPolicies(&DataTypeRow::share, team->mutable_share());
   FillPolicies(&DataTypeRow::ground, team->mutable_ground());
   FillKeep(team);

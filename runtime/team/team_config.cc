@@ -4,6 +4,7 @@
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <xxhash.h>
 
+#include <algorithm>
 #include <fstream>
 #include <map>
 
@@ -107,6 +108,15 @@ AgentId BaseStationOf(const proto::TeamConfig& team) {
     if (agent.kind() == proto::AGENT_KIND_BASE_STATION) return agent.id();
   }
   return 0;
+}
+
+bool MayCommand(const proto::TeamConfig& team, AgentId agent) {
+  const proto::AgentConfig* config = FindAgent(team, agent);
+  if (config == nullptr) return false;
+  const AgentId base = BaseStationOf(team);
+  if (team.command_from().empty()) return base == 0 || agent == base;
+  return std::any_of(team.command_from().begin(), team.command_from().end(),
+                     [config](const std::string& name) { return name == kAllMayCommand || name == config->name(); });
 }
 
 std::string SerializeTeam(const proto::TeamConfig& team) {

@@ -31,6 +31,9 @@ constexpr char kTail[] =
 # automatic (the survivor takes the lead of a leader that is silent for leader_timeout_s).
 roles: {leader: %s, %sfailover: %s, leader_timeout_s: %s}
 
+# Through whom agents take commands that are relayed to them, and who changes roles as an operator: names, or all.
+command_from: [%s]
+
 # What one agent may send and receive together; how often states go to the leader unasked (0: never); how records are
 # coded: compact, or to compare with it zstd, plain or paper_sql.
 radio: {budget_kbps: %s, quiet_while_driving: %s, states_period_s: %s, codec: %s}
@@ -149,6 +152,12 @@ std::string TeamIdLine(const std::string& team_id, const std::string& line_end) 
   return "team_id: \"" + team_id + "\"   # Tells this team from any other, for ever." + line_end;
 }
 
+std::string CommandFromText(const proto::TeamConfig& team) {
+  std::string text;
+  for (const std::string& name : team.command_from()) text += (text.empty() ? "" : ", ") + name;
+  return text;
+}
+
 // `team` is complete.
 std::string TeamText(const proto::TeamConfig& team) {
   std::string text = kHead;
@@ -162,13 +171,13 @@ std::string TeamText(const proto::TeamConfig& team) {
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
-  text += Format(
-      kTail,
-      {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), Number(team.radio().budget_kbps()),
-       team.radio().quiet_while_driving() ? "true" : "false", Number(team.radio().states_period_s()),
-       YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())), PoliciesText(team, SharePolicyOf),
-       PoliciesText(team, GroundPolicyOf), KeepText(team), team.pose_graph().solve_by_itself() ? "true" : "false",
-       Number(team.map().resolution_m()), Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+  text += Format(kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), CommandFromText(team),
+                         Number(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
+                         Number(team.radio().states_period_s()),
+                         YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())),
+                         PoliciesText(team, SharePolicyOf), PoliciesText(team, GroundPolicyOf), KeepText(team),
+                         team.pose_graph().solve_by_itself() ? "true" : "false", Number(team.map().resolution_m()),
+                         Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
   if (team.has_site()) {
     text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
             ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +

@@ -100,7 +100,8 @@ class Reader {
   void ReadField(const YAML::Node& node, Place place, const std::string& path, const FieldDescriptor& field,
                  Message* message) {
     if (field.is_map()) return ReadMap(node, place, path, field, message);
-    if (!field.is_repeated()) return ReadValue(node, place, path, field, message);
+    const bool is_one_word = field.cpp_type() == FieldDescriptor::CPPTYPE_STRING && node.IsScalar();
+    if (!field.is_repeated() || is_one_word) return ReadValue(node, place, path, field, message);
     if (!node.IsSequence()) return errors_.Add(place, path, "expected a list, got " + Describe(node));
     if (node.size() > kElementsMax) {
       return errors_.Add(
@@ -190,6 +191,7 @@ class Reader {
       case FieldDescriptor::CPPTYPE_STRING:
         if (!node.IsScalar() || text.empty()) return expected("text");
         if (!IsPlainText(text)) return expected("text of plain ASCII characters");
+        if (field.is_repeated()) return reflection->AddString(message, &field, text);
         return reflection->SetString(message, &field, text);
       case FieldDescriptor::CPPTYPE_BOOL:
         if (text != "true" && text != "false") return expected("true or false");

@@ -23,6 +23,8 @@ bool MayComeFromOutside(const proto::Message& message) {
     case proto::Message::kShareRequest:
     case proto::Message::kShareReply:
     case proto::Message::kRoleAnnounce:
+    case proto::Message::kRoleChainRequest:
+    case proto::Message::kRoleChainReply:
     case proto::Message::kLeaseAnnounce:
     case proto::Message::kLinkReport:
     case proto::Message::kClockReport:

@@ -23,6 +23,9 @@ std::string ReplaceKeyOf(const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kRoleAnnounce:
       return KeyOf(message, message.role_announce().is_reply() ? 1 : 0);
+    case proto::Message::kRoleChainRequest:
+    case proto::Message::kRoleChainReply:
+      return KeyOf(message, 0);
     case proto::Message::kHello:
       return KeyOf(message, message.hello().kind());
     case proto::Message::kLeaseAnnounce:

@@ -36,7 +36,10 @@ std::vector<std::string> AgentFieldsIn(const Message& message, const std::string
   message.GetReflection()->ListFields(message, &set);
   for (const FieldDescriptor* field : set) {
     const std::string at = path + "." + field->name();
-    if (field->name() == "agent_id") fields.push_back(at);
+    const bool is_role = field->name() == "issuer" || field->name() == "leader" || field->name() == "survivor";
+    const bool is_solves =
+        path.find("role_assignment") == std::string::npos;  // A solve's term names nobody that counts.
+    if (field->name() == "agent_id" || (is_role && !is_solves)) fields.push_back(at);
     if (field->is_repeated() || field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
     const auto inner = AgentFieldsIn(message.GetReflection()->GetMessage(message, field), at);
     fields.insert(fields.end(), inner.begin(), inner.end());

@@ -55,5 +55,61 @@ TEST(ClientRightsTest, SaysWhichRightIsNeededAndWhichThereIs) {
   EXPECT_TRUE(CheckClientRights(message, proto::ControlRequest::kInsert).has_value());
 }
 
+// Two rovers and a base station.
+proto::TeamConfig TeamWithBase() {
+  proto::TeamConfig team;
+  for (const std::uint32_t id : {1, 2, 3}) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(id);
+    agent.set_name(id == 3 ? "base" : "rover" + std::to_string(id));
+    if (id == 3) agent.set_kind(proto::AGENT_KIND_BASE_STATION);
+  }
+  return team;
+}
+
+TEST(RelayRightsTest, AreThoseOfTheBaseStationUnlessTheTeamFileNamesOthers) {
+  proto::TeamConfig team = TeamWithBase();
+  proto::ControlRequest stop;
+  stop.mutable_stop();
+  EXPECT_TRUE(CheckRelayRights(team, 1, {}, 3, stop));
+  const Result<void> refused = CheckRelayRights(team, 1, {}, 2, stop);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+  EXPECT_EQ(refused.error().field, "command_from");
+  team.add_command_from("rover2");
+  EXPECT_TRUE(CheckRelayRights(team, 1, {}, 2, stop));
+  EXPECT_FALSE(CheckRelayRights(team, 1, {}, 3, stop));
+  team.set_command_from(0, "all");
+  EXPECT_TRUE(CheckRelayRights(team, 1, {}, 2, stop));
+  EXPECT_FALSE(CheckRelayRights(team, 1, {}, 9, stop)) << "of no agent of the team";
+}
+
+TEST(RelayRightsTest, AreEveryAgentsInATeamWithoutABaseStation) {
+  proto::TeamConfig team = TeamWithBase();
+  team.mutable_agents()->RemoveLast();
+  proto::ControlRequest stop;
+  stop.mutable_stop();
+  EXPECT_TRUE(CheckRelayRights(team, 1, {}, 2, stop));
+}
+
+TEST(RelayRightsTest, LeaveQuestionsToAllAndSharingToLeaderAndSurvivor) {
+  const proto::TeamConfig team = TeamWithBase();
+  proto::RoleAssignment roles;
+  roles.set_leader(2);
+  proto::ControlRequest read;
+  read.mutable_read();
+  EXPECT_TRUE(CheckRelayRights(team, 1, {}, 2, read));
+  proto::ControlRequest share;
+  share.mutable_share();
+  EXPECT_FALSE(CheckRelayRights(team, 1, {}, 2, share));
+  EXPECT_TRUE(CheckRelayRights(team, 1, roles, 2, share));
+  roles.set_leader(1);
+  roles.set_survivor(2);
+  EXPECT_TRUE(CheckRelayRights(team, 1, roles, 2, share));
+  proto::ControlRequest insert;
+  insert.mutable_insert();
+  EXPECT_FALSE(CheckRelayRights(team, 1, roles, 2, insert)) << "in this agent's name";
+}
+
 }  // namespace
 }  // namespace moondb

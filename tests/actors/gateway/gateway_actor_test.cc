@@ -16,7 +16,7 @@ using std::chrono::seconds;
 // The gateway of agent 1; storage, role and the others are probes.
 class GatewayActorTest : public testing::Test {
  protected:
-  GatewayActorTest() {
+  explicit GatewayActorTest(bool has_base = false) {
     team_config_.set_team("test");
     team_config_.set_team_id("00112233445566778899aabbccddeeff");
     for (const std::uint32_t id : {1, 2}) {
@@ -24,6 +24,13 @@ class GatewayActorTest : public testing::Test {
       agent.set_id(id);
       agent.set_name("rover" + std::to_string(id));
       team_.AddAgent(id);
+    }
+    if (has_base) {
+      proto::AgentConfig& base = *team_config_.add_agents();
+      base.set_id(3);
+      base.set_name("base");
+      base.set_kind(proto::AGENT_KIND_BASE_STATION);
+      team_.AddAgent(3);
     }
     SpawnGateway(1);
   }
@@ -673,6 +680,80 @@ TEST_F(GatewayActorTest, WritesDownWhatItIsToldToDoBeforeItIsDoneAndByWhom) {
   request.clear_for_agent();
   Request(request);
   for (const proto::Message& asked : team_.Take({1, actor_name::kStorage})) EXPECT_FALSE(asked.has_insert_request());
+}
+
+// The team of two with a base station, agent 3, through which alone commands come.
+class CommandFromTest : public GatewayActorTest {
+ protected:
+  CommandFromTest() : GatewayActorTest(/*has_base=*/true) {}
+
+  // From that agent's gateway; its answer.
+  proto::ControlReply Relay(AgentId from, const proto::ControlRequest& request) {
+    RequestAs({from, actor_name::kGateway}, request, 6);
+    team_.AdvanceTime(seconds(1));
+    const auto answers = team_.Take({from, actor_name::kGateway});
+    EXPECT_LE(answers.size(), 1u);
+    return answers.empty() ? proto::ControlReply() : ReplyIn(answers.front());
+  }
+  static proto::ControlRequest SetLeader() {
+    proto::ControlRequest request;
+    request.mutable_role_set()->set_leader(2);
+    request.set_for_agent(1);
+    request.set_by("anna (key)");
+    return request;
+  }
+};
+
+TEST_F(CommandFromTest, IsAskedBeforeAnythingComesOfARelayedCommand) {
+  const proto::ControlReply refused = Relay(2, SetLeader());
+  EXPECT_EQ(refused.error().code(), proto::ERROR_CODE_REFUSED);
+  EXPECT_EQ(refused.error().field(), "command_from");
+  EXPECT_TRUE(team_.Take({1, actor_name::kRole}).empty());
+  const proto::Record written = Asked(actor_name::kStorage).insert_request().records(0);
+  EXPECT_EQ(written.agent_event().kind(), proto::EVENT_KIND_REJECTED);
+  EXPECT_EQ(written.agent_event().text(), "refused role_set through rover2, which command_from does not name");
+
+  Relay(3, SetLeader());
+  EXPECT_TRUE(Asked(actor_name::kRole).has_role_set_request());
+}
+
+TEST_F(CommandFromTest, CountsWhatItRefusesAndWritesDownAFewAMinute) {
+  for (int i = 0; i < 50; ++i) Relay(2, SetLeader());
+  EXPECT_EQ(team_.Take({1, actor_name::kStorage}).size(), 2u);
+  team_.AdvanceTime(std::chrono::minutes(1));
+  const proto::Record rest = Asked(actor_name::kStorage).insert_request().records(0);
+  EXPECT_THAT(rest.agent_event().text(), testing::HasSubstr("the last of 48 more"));
+
+  proto::ControlRequest status;
+  status.mutable_status();
+  Request(status, 77);
+  proto::ControlReply part;
+  part.mutable_status();
+  for (const char* actor : {actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent}) {
+    AnswerAs(actor, Asked(actor), MessageOf(part));
+  }
+  const proto::ControlReply reply = OnlyAnswer(77);
+  ASSERT_EQ(reply.status().refused_size(), 1);
+  EXPECT_EQ(reply.status().refused(0).agent_id(), 2u);
+  EXPECT_EQ(reply.status().refused(0).cause(), proto::REFUSAL_CAUSE_COMMAND);
+  EXPECT_EQ(reply.status().refused(0).count(), 50);
+}
+
+TEST_F(CommandFromTest, BelievesNoOtherAgentThatAKeyWasChecked) {
+  Relay(3, SetLeader());
+  EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), "anna");
+}
+
+TEST_F(CommandFromTest, LetsWhoLeadsOrderSharing) {
+  proto::ControlRequest share;
+  share.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
+  share.set_for_agent(1);
+  EXPECT_EQ(Relay(2, share).error().code(), proto::ERROR_CODE_REFUSED);
+  proto::Message changed;
+  changed.mutable_roles_changed()->mutable_roles()->set_leader(2);
+  ASSERT_EQ(team_.Post({1, actor_name::kRole}, gateway_, changed), SendResult::kAccepted);
+  Relay(2, share);
+  EXPECT_TRUE(Asked(actor_name::kSync).has_share_request());
 }
 
 TEST_F(GatewayActorTest, AsksAnotherAgentAndBringsItsAnswerBack) {

@@ -56,7 +56,7 @@ TEST(RequestCheckTest, ChecksTheRolesThatARequestReliesOn) {
   expected.mutable_term()->set_issuer(9);
   EXPECT_EQ(FieldOf(request), "role_set.expected.term.issuer");
   expected.mutable_term()->set_issuer(3);
-  expected.mutable_term()->set_number((1ull << 40) + 1);
+  expected.mutable_term()->set_number(kTermNumberMax + 1);
   EXPECT_EQ(FieldOf(request), "role_set.expected.term.number");
   expected.mutable_term()->set_number(7);
   expected.set_leader(9);

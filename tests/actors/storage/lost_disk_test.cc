@@ -18,6 +18,7 @@ using testing::ElementsAre;
 using testing::UnorderedElementsAre;
 
 constexpr AgentId kSelf = 2;
+constexpr AgentId kPeer = 1;
 constexpr DataType kBeacon = 1001;
 
 std::int64_t Number(RecordStore& store, const std::string& sql) { return *store.database().Number(sql); }
@@ -125,7 +126,7 @@ TEST_F(LostDiskTest, HearsOfItsLaterEpochsInAReportAHaveSetAndANoteOfAnAcknowled
     note.set_peer(1);
     *note.mutable_acknowledged() = peer_->GetHave().have();
     if (way == 0) {
-      ASSERT_TRUE(store_->NoteEpochReport(peer_->ReportEpochs(kSelf)));
+      ASSERT_TRUE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
     } else if (way == 1) {
       ASSERT_TRUE(store_->GetMissing(question));
     } else {
@@ -190,7 +191,7 @@ TEST_F(LostDiskTest, TheReplacementsStatesStandWhenTheOldDiskIsPutBack) {
   Live(3);
   CopyAside("old.db");
   Wipe();
-  ASSERT_TRUE(store_->NoteEpochReport(peer_->ReportEpochs(kSelf)));
+  ASSERT_TRUE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
   Live(2);
   InsertOne(*store_, CustomRecordOf(kBeacon, "new", "a"));
   Exchange(*store_, *peer_);
@@ -213,7 +214,7 @@ TEST_F(LostDiskTest, AnOldDiskThatHearsOfALaterEpochAloneTakesWhatItHadSharedFor
   InsertOne(*store_, CustomRecordOf(kBeacon, "2", "b"));
   proto::EpochReport report;
   report.add_epochs(EpochOf({PartsOf(Contents(*store_)[0].key().epoch()).counter + 5, 1, 1, 1}, 0));
-  ASSERT_TRUE(store_->NoteEpochReport(report));
+  ASSERT_TRUE(store_->NoteEpochReport(kPeer, report));
   std::map<std::string, std::uint64_t> epochs;  // By key of the beacon.
   for (const proto::StoredRecord& record : Contents(*store_)) {
     proto::Record beacon;
@@ -273,7 +274,7 @@ TEST_F(LostDiskTest, StoresNothingOfALaterEpochBeforeItHasRestated) {
   *question.mutable_destination_have() = peer_->GetHave().have();
   for (int i = 0; i < 2; ++i) {
     EXPECT_EQ(StoreOne(*store_, Contents(*peer_)[0]).error().code(), proto::ERROR_CODE_INTERNAL);
-    EXPECT_FALSE(store_->NoteEpochReport(peer_->ReportEpochs(kSelf)));
+    EXPECT_FALSE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
     EXPECT_TRUE(store_->GetMissing(question)) << "what is there is shared meanwhile";
     EXPECT_EQ(store_->TakeRestated().last_row_id(), 0u);
     EXPECT_EQ(store_->GetHave().have().SerializeAsString(), have);
@@ -294,7 +295,7 @@ TEST_F(LostDiskTest, RestatesOnce) {
   Wipe();
   InsertOne(*store_, TemperatureRecord(55));
   for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE(store_->NoteEpochReport(peer_->ReportEpochs(kSelf)));
+    ASSERT_TRUE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
     Exchange(*store_, *peer_);
     Restart();
   }
@@ -324,7 +325,7 @@ TEST_F(LostDiskTest, RefusesAReportThatIsNone) {
   const auto note = [this](const std::vector<std::uint64_t>& epochs) {
     proto::EpochReport report;
     for (const std::uint64_t epoch : epochs) report.add_epochs(epoch);
-    const Result<void> noted = store_->NoteEpochReport(report);
+    const Result<void> noted = store_->NoteEpochReport(kPeer, report);
     return noted ? std::string() : ToString(noted.error());
   };
   EXPECT_EQ(note({}), "");

@@ -218,13 +218,17 @@ TEST(OwnEpochsTest, SparesWhatABackupBroughtAlong) {
 
 TEST(OwnEpochsTest, BelievesNoClaimThatIsTooHighAndKeepsABoundedNumber) {
   OwnEpochs own = Began({Epoch(2, kOurs, 0)});
+  own.BeginLife();
   EXPECT_FALSE(own.IsPossible(0));
-  EXPECT_TRUE(own.IsPossible(own.highest() + kOwnEpochJumpMax));
-  EXPECT_FALSE(own.IsPossible(own.highest() + kOwnEpochJumpMax + 1));
+  const std::uint64_t last = own.highest() + kOwnEpochJumpMax;
+  EXPECT_TRUE(own.IsPossible(last));
+  EXPECT_FALSE(own.IsPossible(last + 1));
   EXPECT_TRUE(own.IsPossible(1));
   for (std::uint64_t i = 1; i <= kForeignEpochsMax + 5; ++i) own.Learn(Epoch(3, kLost, 0, 0, i));
   EXPECT_FALSE(own.IsKnown(Epoch(3, kLost, 0, 0, 5)));
   EXPECT_TRUE(own.IsKnown(Epoch(3, kLost, 0, 0, 6)));
+  own.Learn(last);
+  EXPECT_FALSE(own.IsPossible(last + 1)) << "claims do not climb on each other's shoulders";
 }
 
 TEST(OwnEpochsTest, GoesOnWhereTheCounterIsUsedUp) {

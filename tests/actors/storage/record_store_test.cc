@@ -7,6 +7,7 @@
 #include <fstream>
 #include <limits>
 
+#include "actors/storage/role_history.h"
 #include "proto/status.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
@@ -785,25 +786,31 @@ TEST(RecordStoreTest, DerivesTypedColumnsOfMapsAndRanges) {
   EXPECT_EQ(Number(*store, "SELECT count(*) FROM pose_graph_edge WHERE is_range AND range_m = 5 AND to_agent = 3"), 1);
 }
 
-TEST(RecordStoreTest, KeepsTheNewestThousandRoleAssignments) {
+proto::SaveRolesRequest Saving(const proto::RoleAssignment& roles) {
+  proto::SaveRolesRequest request;
+  *request.mutable_roles() = roles;
+  return request;
+}
+
+TEST(RecordStoreTest, KeepsTheNewestRoleAssignments) {
   TemporaryFolder folder;
   const auto options = StoreOptionsOf(2, folder.File("store.db"));
   {
     auto store = OpenStore(StoreOptionsOf(2));
-    for (int i = 1; i <= 1003; ++i) {
+    for (int i = 1; i <= kRoleHistoryMax + 3; ++i) {
       proto::RoleAssignment roles;
       roles.mutable_term()->set_number(i);
-      ASSERT_TRUE(store->SaveRoles(roles));
-      ASSERT_TRUE(store->SaveRoles(roles));
+      ASSERT_TRUE(store->SaveRoles(Saving(roles)));
+      ASSERT_TRUE(store->SaveRoles(Saving(roles)));
     }
     const proto::LoadRolesReply loaded = *store->LoadRoles();
-    ASSERT_EQ(loaded.history_size(), 1000);
+    ASSERT_EQ(loaded.history_size(), kRoleHistoryMax);
     EXPECT_EQ(loaded.history(0).term().number(), 4u);
-    EXPECT_EQ(loaded.history(999).term().number(), 1003u);
+    EXPECT_EQ(loaded.history(kRoleHistoryMax - 1).term().number(), kRoleHistoryMax + 3u);
   }
   proto::RoleAssignment roles;
   roles.set_leader(1);
-  ASSERT_TRUE(OpenStore(options)->SaveRoles(roles));
+  ASSERT_TRUE(OpenStore(options)->SaveRoles(Saving(roles)));
   EXPECT_EQ(OpenStore(options)->LoadRoles()->history(0).leader(), 1u);
 }
 
@@ -812,7 +819,7 @@ TEST(RecordStoreTest, LeavesOutADamagedRoleAssignment) {
   for (int number = 1; number <= 3; ++number) {
     proto::RoleAssignment roles;
     roles.mutable_term()->set_number(number);
-    ASSERT_TRUE(store->SaveRoles(roles));
+    ASSERT_TRUE(store->SaveRoles(Saving(roles)));
   }
   ASSERT_TRUE(store->database().Execute("UPDATE role_history SET content = x'0a02087f' WHERE row_id = 2"));
   const proto::LoadRolesReply loaded = *store->LoadRoles();

@@ -34,10 +34,10 @@ std::unique_ptr<Database> NewStore() {
   return database;
 }
 
-TEST(SchemaTest, DeclaresWhatStoreVersion1Declares) {
-  EXPECT_EQ(SchemaOf(*NewStore()), Golden("schema_v1.txt"))
-      << "stores of version 1 lie on robots' disks: another schema is another version (docs/COMPATIBILITY.md)";
-  EXPECT_EQ(kStoreVersion, 1) << "each version has its golden file here";
+TEST(SchemaTest, DeclaresWhatStoreVersion2Declares) {
+  EXPECT_EQ(SchemaOf(*NewStore()), Golden("schema_v2.txt"))
+      << "stores of version 2 lie on robots' disks: another schema is another version (docs/COMPATIBILITY.md)";
+  EXPECT_EQ(kStoreVersion, 2) << "each version has its golden file here";
 }
 
 TEST(SchemaTest, MakesANewFileAStoreAndThenLeavesItAlone) {
@@ -82,11 +82,11 @@ TEST(SchemaTest, NoticesADamagedHeader) {
 
 TEST(SchemaTest, RefusesAStoreOfAnotherVersionAndNamesBoth) {
   auto database = NewStore();
-  ASSERT_TRUE(database->Execute("CREATE TABLE of_that_version(a INTEGER); PRAGMA user_version=2"));
+  ASSERT_TRUE(database->Execute("CREATE TABLE of_that_version(a INTEGER); PRAGMA user_version=3"));
   const Result<void> refused = CheckSchema(*database);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
-  EXPECT_NE(refused.error().text.find("has store version 2, and this moondb opens version 1"), std::string::npos)
+  EXPECT_NE(refused.error().text.find("has store version 3, and this moondb opens version 2"), std::string::npos)
       << refused.error().text;
 }
 
@@ -130,7 +130,7 @@ TEST_F(RefusedFileTest, AStoreOfANewerVersion) {
   {
     auto store = OpenStore(StoreOptionsOf(2, path_));
     InsertOne(*store, TemperatureRecord(1));
-    ASSERT_TRUE(store->database().Execute("PRAGMA user_version=2"));
+    ASSERT_TRUE(store->database().Execute("PRAGMA user_version=3"));
     store->database().LeaveAsItIs();
   }
   ASSERT_FALSE(Bytes("-wal").empty()) << "what its last process wrote is still in the log";

@@ -1,0 +1,99 @@
+#include "actors/storage/peer_door.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "actors/storage/role_history.h"
+#include "model/have_set.h"
+#include "proto/status.pb.h"
+
+namespace moondb {
+namespace {
+
+proto::RefusalCause ToProto(PeerDoor::Cause cause) {
+  switch (cause) {
+    case PeerDoor::Cause::kOrigin:
+      return proto::REFUSAL_CAUSE_ORIGIN;
+    case PeerDoor::Cause::kOwnEpoch:
+      return proto::REFUSAL_CAUSE_OWN_EPOCH;
+    case PeerDoor::Cause::kStreams:
+      return proto::REFUSAL_CAUSE_STREAMS;
+  }
+  return proto::REFUSAL_CAUSE_UNSPECIFIED;
+}
+
+RoleChain::Options ChainOptions(const PeerDoor::Options& options) {
+  RoleChain::Options chain = options.roles;
+  chain.has_keys = options.has_keys;
+  if (!chain.may_command) chain.may_command = [](AgentId) { return true; };
+  return chain;
+}
+
+}  // namespace
+
+PeerDoor::PeerDoor(Options options) : options_(std::move(options)), chain_(ChainOptions(options_)) {}
+
+Result<void> PeerDoor::Load(Database& database) {
+  if (!options_.has_keys) return {};
+  const Result<proto::LoadRolesReply> acted_on = LoadRoles(database);
+  if (!acted_on) return tl::unexpected(acted_on.error());
+  for (const proto::RoleAssignment& roles : acted_on->history()) NoteAssignment(roles);
+  const Result<std::vector<proto::RoleAssignment>> records = LoadRoleRecords(database);
+  if (!records) return tl::unexpected(records.error());
+  for (const proto::RoleAssignment& roles : *records) NoteAssignment(roles);
+  return {};
+}
+
+bool PeerDoor::IsBelieved(AgentId sender) const {
+  return !options_.has_keys || sender == 0 || (options_.base != 0 && sender == options_.base) ||
+         chain_.HasHadRole(sender);
+}
+
+Result<void> PeerDoor::CheckOrigin(AgentId sender, const StreamKey& stream) {
+  const bool is_signed_itself = stream.type == proto::ROLE_ASSIGNMENT;
+  if (sender == stream.origin || is_signed_itself || IsBelieved(sender)) return {};
+  CountRefused(sender, Cause::kOrigin, stream.origin);
+  return Fail(ErrorCode::kRefused,
+              "is agent " + std::to_string(stream.origin) + "'s, and agent " + std::to_string(sender) +
+                  " never led nor survived",
+              "key.origin_agent");
+}
+
+Result<void> PeerDoor::CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger) {
+  if (HasRoom(stream, ledger)) return {};
+  CountRefused(sender, Cause::kStreams, stream.origin);
+  return Fail(ErrorCode::kRefused, "agent " + std::to_string(stream.origin) + " has used up its streams", "key.epoch");
+}
+
+bool PeerDoor::HasRoom(const StreamKey& stream, const HaveLedger& ledger) const {
+  if (!ledger.Get(stream).Had().is_empty()) return true;
+  constexpr std::size_t kHalf = kHaveStreamsMax / 2;
+  const std::size_t part = kHalf / std::max<std::size_t>(options_.team.size(), 1);
+  if (ledger.StreamsOf(stream.origin) < part) return true;
+  std::size_t beyond_parts = 0;
+  for (const AgentId origin : options_.team) {
+    const std::size_t count = ledger.StreamsOf(origin);
+    beyond_parts += count > part ? count - part : 0;
+  }
+  return beyond_parts < kHalf;
+}
+
+Result<void> PeerDoor::CheckAssignment(AgentId sender, const proto::RoleAssignment& roles) {
+  if (!options_.has_keys || options_.is_signed(roles)) return {};
+  CountRefused(sender, Cause::kOrigin, roles.term().issuer());
+  return Fail(ErrorCode::kRefused, "is not that of its issuer", "role_assignment.signature");
+}
+
+void PeerDoor::CountRefused(AgentId sender, Cause cause, AgentId origin) { ++refused_[{sender, cause, origin}]; }
+
+void PeerDoor::Describe(proto::AgentStatus& status) const {
+  for (const auto& [key, count] : refused_) {
+    proto::RefusedFrom& refused = *status.add_refused();
+    refused.set_agent_id(std::get<0>(key));
+    refused.set_cause(ToProto(std::get<1>(key)));
+    refused.set_origin_agent(std::get<2>(key));
+    refused.set_count(static_cast<double>(count));
+  }
+}
+
+}  // namespace moondb

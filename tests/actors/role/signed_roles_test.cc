@@ -1,0 +1,334 @@
+// Roles in a team with keys: RoleLogics that talk to each other, and what members that lie can make of them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+
+#include "actors/role/role_logic.h"
+#include "model/term.h"
+
+namespace moondb {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr AgentId kBase = 9;
+
+// As a signature would be: nobody makes another agent's.
+std::string SignAs(AgentId agent, proto::RoleAssignment roles) {
+  roles.clear_signature();
+  return "agent " + std::to_string(agent) + ": " + std::to_string(std::hash<std::string>()(roles.SerializeAsString()));
+}
+
+// Rovers from 1 on, of whom 1 leads and 2 survives by the team file, and perhaps a base station.
+class SignedTeam {
+ public:
+  explicit SignedTeam(int rovers, bool has_base = false) {
+    for (AgentId agent = 1; agent <= static_cast<AgentId>(rovers); ++agent) agents_.push_back(agent);
+    if (has_base) agents_.push_back(kBase);
+    for (const AgentId agent : agents_) Start(agent, {});
+  }
+
+  // A new life, with what its disk holds.
+  void Start(AgentId agent, std::vector<proto::RoleAssignment> disk) {
+    RoleLogic::Options options;
+    options.self = agent;
+    options.agents = agents_;
+    options.initial.set_leader(1);
+    options.initial.set_survivor(2);
+    options.check = [](const proto::RoleAssignment& roles) -> Result<void> {
+      if (roles.leader() == kBase || roles.survivor() == kBase) return Fail(ErrorCode::kRefused, "is a base station");
+      return {};
+    };
+    options.sign = [agent](const proto::RoleAssignment& roles) { return SignAs(agent, roles); };
+    options.is_signed = [](const proto::RoleAssignment& roles) {
+      return roles.signature() == SignAs(roles.term().issuer(), roles);
+    };
+    options.may_command = [](AgentId other) { return other == kBase; };
+    logics_[agent] = std::make_unique<RoleLogic>(options);
+    logics_[agent]->SetNow(now_);
+    disks_[agent] = disk;
+    Perform(agent, logics_[agent]->OnLoaded(std::move(disk), ++epoch_, 0));
+    Perform(agent, logics_[agent]->OnLeaderTimer(0));
+    Settle();
+  }
+
+  // Only these hear each other from now on; what was said before is lost.
+  void Divide(std::set<AgentId> together) {
+    together_ = std::move(together);
+    queue_.clear();
+  }
+  // All hear each other, and say what they hold.
+  void Heal() {
+    together_.clear();
+    for (const AgentId agent : agents_) {
+      for (const AgentId peer : agents_) {
+        if (peer != agent) Perform(agent, logics_[agent]->OnPeerConnected(peer));
+      }
+    }
+    Settle();
+    // What waited for a chain is announced once more.
+    for (const AgentId agent : agents_) Perform(agent, logics_[agent]->OnAnnounceTimer());
+    Settle();
+  }
+
+  Result<void> Set(AgentId at, AgentId leader, AgentId survivor) {
+    proto::RoleSetRequest request;
+    request.set_leader(leader);
+    request.set_survivor(survivor);
+    Result<proto::RoleAssignment> roles = logics_[at]->Propose(request, 0);
+    if (!roles) return tl::unexpected(roles.error());
+    Perform(at, logics_[at]->Adopt(*std::move(roles)));
+    Settle();
+    return {};
+  }
+
+  // What the liar says to everybody, whatever it holds itself; asked for the chain, it gives its earlier lies.
+  void Announce(AgentId liar, const proto::RoleAssignment& roles) {
+    lies_[roles.signature()] = roles;
+    proto::RoleAnnounce announce;
+    *announce.mutable_roles() = roles;
+    for (const AgentId agent : agents_) {
+      if (agent != liar)
+        queue_.push_back({liar, agent, [=, this] { Take(agent, logics_[agent]->OnAnnounce(liar, announce)); }});
+    }
+    Settle();
+  }
+
+  void AdvanceTime(std::chrono::nanoseconds time) {
+    now_ += time;
+    for (auto& [agent, logic] : logics_) logic->SetNow(now_);
+  }
+
+  const proto::RoleAssignment& Of(AgentId agent) const { return logics_.at(agent)->current(); }
+  std::string Term(AgentId agent) const { return TermText(Of(agent).term()); }
+  AgentId LeaderAt(AgentId agent) const { return Of(agent).leader(); }
+  const std::vector<proto::RoleAssignment>& disk(AgentId agent) const { return disks_.at(agent); }
+  const std::string& last_refusal() const { return last_refusal_; }
+  int refusals() const { return refusals_; }
+  std::size_t chain_pages() const { return chain_pages_; }
+
+ private:
+  struct Said {
+    AgentId from;
+    AgentId to;
+    std::function<void()> hear;
+  };
+
+  bool CanHear(AgentId from, AgentId to) const {
+    return together_.empty() || together_.contains(from) == together_.contains(to);
+  }
+
+  void Take(AgentId agent, Result<RoleLogic::Actions> actions) {
+    if (actions) return Perform(agent, *std::move(actions));
+    ++refusals_;
+    last_refusal_ = ToString(actions.error());
+  }
+
+  void Perform(AgentId agent, RoleLogic::Actions actions) {
+    for (const RoleLogic::Announcement& said : actions.announcements) {
+      queue_.push_back(
+          {agent, said.to, [=, this] { Take(said.to, logics_[said.to]->OnAnnounce(agent, said.announce)); }});
+    }
+    if (actions.question) {
+      const RoleLogic::ChainQuestion question = *actions.question;
+      queue_.push_back({agent, question.to, [=, this] {
+                          const proto::RoleChainReply reply = ChainFrom(question.to, question.request);
+                          EXPECT_LE(reply.ByteSizeLong(), 2 * RoleLogic::kChainPageBytesMax);
+                          ++chain_pages_;
+                          queue_.push_back({question.to, agent, [=, this] {
+                                              Take(agent, logics_[agent]->OnChainReply(question.to, reply));
+                                            }});
+                        }});
+    }
+    if (actions.save) {
+      for (const proto::RoleAssignment& roles : logics_[agent]->SavingChain()) disks_[agent].push_back(roles);
+      disks_[agent].push_back(*actions.save);
+      Perform(agent, logics_[agent]->OnSaved());
+    }
+  }
+
+  proto::RoleChainReply ChainFrom(AgentId agent, const proto::RoleChainRequest& request) {
+    proto::RoleChainReply reply;
+    for (auto lie = lies_.find(request.signature()); lie != lies_.end() && reply.chain_size() < 100;) {
+      *reply.add_chain() = lie->second;
+      lie = lies_.find(lie->second.follows());
+    }
+    return reply.chain().empty() ? logics_[agent]->OnChainRequest(request) : reply;
+  }
+
+  void Settle() {
+    for (int i = 0; !queue_.empty(); ++i) {
+      ASSERT_LT(i, 100'000) << "they never end";
+      const Said said = queue_.front();
+      queue_.pop_front();
+      if (logics_.contains(said.to) && CanHear(said.from, said.to)) said.hear();
+    }
+  }
+
+  std::vector<AgentId> agents_;
+  std::map<AgentId, std::unique_ptr<RoleLogic>> logics_;
+  std::map<AgentId, std::vector<proto::RoleAssignment>> disks_;
+  std::map<std::string, proto::RoleAssignment> lies_;  // By signature.
+  std::set<AgentId> together_;
+  std::deque<Said> queue_;
+  RoleLogic::Time now_{};
+  std::uint64_t epoch_ = 100;
+  std::string last_refusal_;
+  int refusals_ = 0;
+  std::size_t chain_pages_ = 0;
+};
+
+// By the liar's own key, as it may be issued after `follows` by one who has a role there.
+proto::RoleAssignment ForgedAfter(const proto::RoleAssignment& follows, AgentId liar, AgentId leader, AgentId survivor,
+                                  bool is_command = false) {
+  proto::RoleAssignment roles = RoleChain::Next(follows, is_command);
+  roles.mutable_term()->set_issuer(liar);
+  roles.mutable_term()->set_issuer_epoch(666);
+  roles.set_leader(leader);
+  roles.set_survivor(survivor);
+  roles.set_signature(SignAs(liar, roles));
+  return roles;
+}
+
+TEST(SignedRolesTest, AreChangedByLeaderSurvivorAndWhoMayCommand) {
+  SignedTeam team(3, /*has_base=*/true);
+  ASSERT_TRUE(team.Set(1, 3, 2));
+  EXPECT_EQ(team.LeaderAt(kBase), 3u);
+  ASSERT_TRUE(team.Set(2, 2, 3));
+  EXPECT_EQ(team.LeaderAt(1), 2u);
+  const std::string before = team.Term(1);
+  ASSERT_TRUE(team.Set(kBase, 1, 2));
+  for (const AgentId agent : {1, 2, 3}) EXPECT_EQ(team.LeaderAt(agent), 1u);
+  EXPECT_EQ(ReignOf(team.Of(3).term()), 1u) << before;
+
+  const Result<void> refused = team.Set(3, 3, 2);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(refused.error().text, HasSubstr("ask the leader, agent 1, the survivor, agent 2"));
+  EXPECT_EQ(team.refusals(), 0);
+}
+
+TEST(SignedRolesTest, AreMovedByNoPlainRover) {
+  SignedTeam team(3, /*has_base=*/true);
+  const std::string before = team.Term(1);
+  team.Announce(3, ForgedAfter(team.Of(1), 3, 3, 2));
+  EXPECT_THAT(team.last_refusal(), HasSubstr("agent 3 neither leads nor survives in what it follows"));
+  team.Announce(3, ForgedAfter(team.Of(1), 3, 3, 2, /*is_command=*/true));
+  proto::RoleAssignment far = ForgedAfter(team.Of(1), 3, 3, 2);
+  far.mutable_term()->set_number(kTermNumberMax);
+  far.set_signature(SignAs(3, far));
+  team.Announce(3, far);
+  proto::RoleAssignment another = ForgedAfter(team.Of(1), 3, 3, 2);
+  another.mutable_term()->set_issuer(1);
+  team.Announce(3, another);
+  EXPECT_THAT(team.last_refusal(), HasSubstr("is not its issuer's"));
+  for (const AgentId agent : {1, 2, 3, 9}) EXPECT_EQ(team.Term(agent), before) << agent;
+  EXPECT_EQ(team.refusals(), 12);
+}
+
+TEST(SignedRolesTest, OfTwoHalvesAreOneWhereTheyHealTenTermsAgainstOne) {
+  SignedTeam team(4);
+  team.Divide({1, 3});
+  for (int i = 0; i < 10; ++i) ASSERT_TRUE(team.Set(1, 1, i % 2 == 0 ? 3 : 2));
+  ASSERT_TRUE(team.Set(2, 2, 4));
+  EXPECT_EQ(team.LeaderAt(3), 1u);
+  EXPECT_EQ(team.LeaderAt(4), 2u);
+  team.Heal();
+  for (const AgentId agent : {1, 2, 3, 4}) {
+    EXPECT_EQ(team.LeaderAt(agent), 1u) << agent;
+    EXPECT_EQ(team.Term(agent), team.Term(1)) << agent;
+  }
+  EXPECT_EQ(team.refusals(), 0);
+}
+
+TEST(SignedRolesTest, OfATeamOfTwoAreChangedByEither) {
+  SignedTeam team(2);
+  ASSERT_TRUE(team.Set(2, 2, 1));
+  EXPECT_EQ(team.LeaderAt(1), 2u);
+  ASSERT_TRUE(team.Set(1, 1, 2));
+  EXPECT_EQ(team.LeaderAt(2), 1u);
+  // Its leader's disk is lost while nobody hears it.
+  team.Divide({1});
+  team.Start(1, {});
+  team.Heal();
+  EXPECT_EQ(team.LeaderAt(1), 1u);
+  EXPECT_EQ(team.Term(1), team.Term(2));
+}
+
+TEST(SignedRolesTest, ComeBackToAnAgentThatWasWipedAtChange5000) {
+  SignedTeam team(3);
+  team.Divide({1});
+  for (int i = 0; i < 5000; ++i) ASSERT_TRUE(team.Set(1, 1, i % 2 == 0 ? 3 : 2));
+  const std::string term = team.Term(1);
+  team.Heal();
+  EXPECT_EQ(team.Term(2), term);
+  team.Divide({3});
+  team.Start(3, {});
+  EXPECT_EQ(team.Term(3), "0");
+  const std::size_t pages = team.chain_pages();
+  team.Heal();
+  EXPECT_EQ(team.Term(3), team.Term(1));
+  EXPECT_GT(team.chain_pages(), pages + 10) << "a chain of 5,000 comes page by page";
+  // What its disk holds by now is enough for its next life.
+  team.Divide({3});
+  team.Start(3, team.disk(3));
+  EXPECT_EQ(team.Term(3), term);
+}
+
+TEST(SignedRolesTest, AreNotALiarsBesideAnAgentThatWasWiped) {
+  SignedTeam team(3);
+  ASSERT_TRUE(team.Set(1, 1, 2));
+  const std::string before = team.Term(1);
+  team.Divide({2});
+  team.Start(2, {});
+  proto::RoleAssignment invented = ForgedAfter(team.Of(1), 3, 3, 2);
+  for (int i = 0; i < 5; ++i) {
+    const proto::RoleAssignment next = ForgedAfter(invented, 3, 3, 2);
+    invented = next;
+  }
+  team.Divide({2, 3});
+  team.Announce(3, invented);
+  EXPECT_EQ(team.Term(2), "0") << "its chain begins nowhere";
+  team.Heal();
+  EXPECT_EQ(team.Term(2), before);
+}
+
+TEST(SignedRolesTest, OfADeposedLiarWithAThousandAssignmentsEndWithOneWordOfTheBaseStation) {
+  SignedTeam team(3, /*has_base=*/true);
+  ASSERT_TRUE(team.Set(1, 3, 2));  // Rover 3 leads, and will lie.
+  proto::RoleAssignment lie = team.Of(1);
+  ASSERT_TRUE(team.Set(2, 1, 2));
+  EXPECT_EQ(team.LeaderAt(3), 1u);
+  for (int i = 0; i < 1000; ++i) {
+    team.AdvanceTime(std::chrono::minutes(1));
+    lie = ForgedAfter(lie, 3, 3, 2);
+    team.Announce(3, lie);
+  }
+  EXPECT_EQ(team.LeaderAt(kBase), 3u) << "it led once: as a half that went on alone";
+  ASSERT_TRUE(team.Set(kBase, 1, 2));
+  for (int i = 0; i < 10; ++i) {
+    team.AdvanceTime(std::chrono::minutes(1));
+    lie = ForgedAfter(lie, 3, 3, 2);
+    team.Announce(3, lie);
+  }
+  for (const AgentId agent : {1, 2, 9}) EXPECT_EQ(team.LeaderAt(agent), 1u) << agent;
+}
+
+TEST(SignedRolesTest, AreActedOnTwentyTimesAtOnceAndThenOnceAMinuteOfOneIssuer) {
+  SignedTeam team(3);
+  const std::uint64_t before = ChangeOf(team.Of(2).term());
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(team.Set(1, 1, i % 2 == 0 ? 3 : 2));
+  EXPECT_LE(ChangeOf(team.Of(2).term()), before + 20);
+  team.AdvanceTime(std::chrono::minutes(2));
+  team.Heal();
+  EXPECT_EQ(team.Term(2), team.Term(1)) << "the newest of what waited";
+}
+
+}  // namespace
+}  // namespace moondb

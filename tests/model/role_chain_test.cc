@@ -1,0 +1,163 @@
+#include "model/role_chain.h"
+
+#include <gtest/gtest.h>
+
+#include "model/term.h"
+
+namespace moondb {
+namespace {
+
+using Standing = RoleChain::Standing;
+
+constexpr AgentId kBase = 4;
+
+// Rover 1 leads and rover 2 survives by the team file; the base station alone may command.
+RoleChain::Options Options() {
+  RoleChain::Options options;
+  options.initial.set_leader(1);
+  options.initial.set_survivor(2);
+  options.may_command = [](AgentId agent) { return agent == kBase; };
+  return options;
+}
+
+// Signatures are checked before: here a word that is unlike the others.
+proto::RoleAssignment After(const proto::RoleAssignment& follows, AgentId issuer, AgentId leader, AgentId survivor,
+                            const std::string& signature) {
+  proto::RoleAssignment roles = RoleChain::Next(follows, /*is_command=*/issuer == kBase);
+  roles.mutable_term()->set_issuer(issuer);
+  roles.set_leader(leader);
+  roles.set_survivor(survivor);
+  roles.set_signature(signature);
+  return roles;
+}
+
+TEST(TermTest, SaysReignAndChange) {
+  proto::Term term;
+  term.set_number(7);
+  EXPECT_EQ(TermText(term), "7");
+  term.set_number(TermNumber(2, 7));
+  EXPECT_EQ(TermText(term), "2.7");
+  EXPECT_EQ(ReignOf(term), 2u);
+  EXPECT_EQ(ChangeOf(term), 7u);
+}
+
+TEST(RoleChainTest, CountsWhatLeaderOrSurvivorOfTheOneBeforeDecides) {
+  RoleChain chain(Options());
+  const proto::RoleAssignment first = After(Options().initial, 1, 3, 2, "a");
+  const proto::RoleAssignment second = After(first, 2, 2, 3, "b");
+  EXPECT_EQ(chain.Add(first), Standing::kCounts);
+  EXPECT_EQ(chain.Add(second), Standing::kCounts);
+  EXPECT_EQ(chain.newest().signature(), "b");
+  EXPECT_EQ(TermText(chain.newest().term()), "2");
+  EXPECT_TRUE(chain.HasHadRole(3));
+  EXPECT_TRUE(chain.HasLedIn(2, second.term()));
+  EXPECT_FALSE(chain.HasLedIn(3, second.term()));
+  EXPECT_TRUE(chain.HasLedIn(1, Options().initial.term()));
+}
+
+TEST(RoleChainTest, NeverCountsWhatSomebodyElseDecides) {
+  RoleChain chain(Options());
+  EXPECT_EQ(chain.Add(After(Options().initial, 3, 3, 2, "a")), Standing::kNever);
+  proto::RoleAssignment reign = RoleChain::Next(Options().initial, /*is_command=*/true);
+  reign.mutable_term()->set_issuer(1);
+  reign.set_leader(1);
+  reign.set_signature("b");
+  EXPECT_EQ(chain.Add(reign), Standing::kNever) << "only who may command begins a reign";
+  // Rover 1 was deposed in what it says that it follows.
+  const proto::RoleAssignment deposed = After(Options().initial, 2, 2, 3, "c");
+  EXPECT_EQ(chain.Add(deposed), Standing::kCounts);
+  EXPECT_EQ(chain.Add(After(deposed, 1, 1, 3, "d")), Standing::kNever);
+  EXPECT_FALSE(chain.HasLedIn(1, deposed.term()));
+}
+
+TEST(RoleChainTest, NeverCountsATermThatIsNotTheNext) {
+  RoleChain chain(Options());
+  proto::RoleAssignment far = After(Options().initial, 1, 1, 3, "a");
+  far.mutable_term()->set_number(1000);
+  EXPECT_EQ(chain.Add(far), Standing::kNever);
+  proto::RoleAssignment without = After(Options().initial, 1, 1, 3, "");
+  EXPECT_EQ(chain.Add(without), Standing::kNever);
+}
+
+TEST(RoleChainTest, LetsWhoMayCommandBeginAReignUponWhatIsNotKnown) {
+  RoleChain chain(Options());
+  proto::RoleAssignment unknown = After(Options().initial, 1, 1, 3, "unknown");
+  const proto::RoleAssignment reign = After(unknown, kBase, 3, 2, "a");
+  EXPECT_EQ(chain.Add(reign), Standing::kCounts);
+  EXPECT_EQ(TermText(reign.term()), "1.0");
+  EXPECT_EQ(chain.newest().leader(), 3u);
+  proto::RoleAssignment wrong = After(Options().initial, kBase, 3, 2, "b");
+  wrong.mutable_term()->set_number(TermNumber(9, 0));
+  EXPECT_EQ(chain.Add(wrong), Standing::kNever) << "it says falsely which reign it follows";
+}
+
+TEST(RoleChainTest, KeepsTwoBranchesAndTheNewerTermStands) {
+  RoleChain chain(Options());
+  proto::RoleAssignment left = After(Options().initial, 1, 1, 3, "a0");
+  const proto::RoleAssignment right = After(Options().initial, 2, 2, 3, "b0");
+  EXPECT_EQ(chain.Add(right), Standing::kCounts);
+  EXPECT_EQ(chain.Add(left), Standing::kCounts);
+  EXPECT_EQ(chain.newest().signature(), "b0") << "of one number the higher issuer's";
+  for (int i = 1; i < 10; ++i) {
+    left = After(left, 1, 1, 3, "a" + std::to_string(i));
+    EXPECT_EQ(chain.Add(left), Standing::kCounts);
+  }
+  EXPECT_EQ(chain.newest().signature(), "a9");
+  EXPECT_TRUE(chain.HasLedIn(2, right.term())) << "the other branch stays history";
+}
+
+TEST(RoleChainTest, WaitsForWhatIsFollowed) {
+  RoleChain chain(Options());
+  const proto::RoleAssignment first = After(Options().initial, 1, 3, 2, "a");
+  const proto::RoleAssignment second = After(first, 3, 3, 1, "b");
+  const proto::RoleAssignment third = After(second, 1, 1, 3, "c");
+  EXPECT_EQ(chain.Add(third), Standing::kLacksForerunner);
+  EXPECT_EQ(chain.Add(second), Standing::kLacksForerunner);
+  EXPECT_FALSE(chain.HasHadRole(3));
+  EXPECT_EQ(chain.Add(first), Standing::kCounts);
+  EXPECT_EQ(chain.newest().signature(), "c");
+  EXPECT_EQ(chain.Add(third), Standing::kCounts);
+}
+
+TEST(RoleChainTest, GivesAChainInPagesBackToWhereAReignBegins) {
+  RoleChain chain(Options());
+  proto::RoleAssignment last = After(Options().initial, kBase, 1, 2, "reign");
+  chain.Add(last);
+  for (int i = 0; i < 99; ++i) {
+    last = After(last, 1, 1, 2, "change" + std::to_string(i));
+    ASSERT_EQ(chain.Add(last), Standing::kCounts);
+  }
+  const auto all = chain.ChainOf(last.signature(), 1 << 20);
+  ASSERT_EQ(all.size(), 100u);
+  EXPECT_EQ(all.front().signature(), last.signature());
+  EXPECT_EQ(all.back().signature(), "reign");
+  EXPECT_EQ(chain.ChainOf(last.signature(), 1).size(), 1u) << "a page holds one at least";
+  const auto page = chain.ChainOf(last.signature(), 1000);
+  EXPECT_GT(page.size(), 5u);
+  EXPECT_LT(page.size(), 50u);
+  EXPECT_TRUE(chain.ChainOf("unknown", 1000).empty());
+}
+
+TEST(RoleChainTest, TakesNoMoreOfOneIssuerThanItsShare) {
+  RoleChain chain(Options());
+  proto::RoleAssignment last = Options().initial;
+  for (std::size_t i = 0; i < kAssignmentsOfIssuerMax; ++i) {
+    last = After(last, 1, 1, 2, std::to_string(i));
+    ASSERT_EQ(chain.Add(last), Standing::kCounts) << i;
+  }
+  EXPECT_EQ(chain.Add(After(last, 1, 1, 2, "more")), Standing::kNever);
+  EXPECT_EQ(chain.Add(After(last, 2, 2, 1, "another's")), Standing::kCounts);
+}
+
+TEST(RoleChainTest, CountsAllInATeamWithoutKeys) {
+  RoleChain::Options options = Options();
+  options.has_keys = false;
+  RoleChain chain(options);
+  proto::RoleAssignment any = After(options.initial, 3, 3, 2, "");
+  any.mutable_term()->set_number(5);
+  EXPECT_EQ(chain.Add(any), Standing::kCounts);
+  EXPECT_EQ(chain.newest().leader(), 3u);
+}
+
+}  // namespace
+}  // namespace moondb
