@@ -22,6 +22,7 @@ import tempfile
 import time
 
 import messages
+import zmq
 import zmtp
 
 sys.path.insert(0, str(messages.ROOT / "examples" / "python"))
@@ -256,6 +257,11 @@ class Team:
     def keys(self, name):
         return tuple(zmtp.from_z85(key.decode()) for key in self.z85_keys(name))
 
+    def client_keys(self, key_name):
+        """(public, secret) of a listed client."""
+        secret = (self.folder / f"{key_name}.sec").read_text().split()[0].encode()
+        return zmq.curve_public(secret), secret
+
     def connect(self, agent, as_agent, routing_id=None):
         """As a member, with its true key."""
         number = str(NAMES.index(as_agent) + 1).encode() if routing_id is None else routing_id
@@ -263,7 +269,7 @@ class Team:
 
     def connect_client(self, key_name):
         """To rover1's client_address."""
-        secret = zmtp.from_z85((self.folder / f"{key_name}.sec").read_text().split()[0])
+        _, secret = (zmtp.from_z85(key.decode()) for key in self.client_keys(key_name))
         return zmtp.connect(("127.0.0.1", CLIENT_PORT), self.keys("rover1")[0], (zmtp.public_of(secret), secret))
 
 
