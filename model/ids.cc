@@ -53,6 +53,8 @@ int SharingRank(DataType type) {
   return static_cast<int>(row == nullptr ? ShareRank::kOthers : row->rank);
 }
 
+bool IsState(DataType type) { return SharingRank(type) == static_cast<int>(ShareRank::kStates); }
+
 std::string RoleName(proto::Role role) {
   return role == proto::ROLE_UNSPECIFIED ? "none" : ToCase(proto::Role_Name(role).substr(5), std::tolower);
 }

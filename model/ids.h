@@ -45,6 +45,7 @@ const std::vector<DataType>& BuiltInDataTypes();
 // The order in which types are shared, a ShareRank (model/data_types.h): a smaller one goes first. Messages that are of
 // no type go with the states, types without a row with the custom ones.
 int SharingRank(DataType type);
+bool IsState(DataType type);  // Of the rank of a robot's states.
 
 // "rover", "leader", "designated_survivor", "base_station".
 std::string RoleName(proto::Role role);

@@ -44,6 +44,13 @@ class RoleChain {
     kNever,            // Its issuer may not decide it, or has decided too many.
   };
 
+  // Of a team without keys.
+  static Options WithoutKeys() {
+    Options options;
+    options.has_keys = false;
+    return options;
+  }
+
   explicit RoleChain(Options options);
   RoleChain(const RoleChain&) = delete;
   RoleChain& operator=(const RoleChain&) = delete;
@@ -54,6 +61,7 @@ class RoleChain {
 
   // Of those that count; null for a signature that none has. Empty: the team file's.
   const proto::RoleAssignment* Find(const std::string& signature) const;
+  std::size_t size() const { return counting_.size(); }  // Of those that count, with the team file's.
   // The one of the newest term that counts.
   const proto::RoleAssignment& newest() const { return *newest_; }
   // Whether an assignment that counts, or the team file, named the agent leader or designated survivor.

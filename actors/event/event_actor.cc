@@ -92,7 +92,7 @@ void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const std::string reason = roles.reason().empty() ? "" : ": " + roles.reason();
   Tell(context, proto::EVENT_KIND_ROLES,
        AgentName(options_.team, roles.leader()) + " leads, " + AgentName(options_.team, roles.survivor()) +
-           " is the designated survivor, term " + std::to_string(roles.term().number()) + reason);
+           " is the designated survivor, term " + TermText(roles.term()) + reason);
 }
 
 void EventActor::OnPeriod(Context& context) {

@@ -9,6 +9,7 @@
 #include "actors/merge/map_answers.h"
 #include "model/control_message.h"
 #include "model/geometry.h"
+#include "runtime/team/role_signature.h"
 
 namespace moondb {
 namespace {
@@ -18,7 +19,7 @@ enum TimerKind : std::uint32_t { kLook = 1, kSubscriptionEnd = 2 };
 RecordReader::Options ReaderOptions(const MergeActor::Options& options) {
   RecordReader::Options reader;
   reader.data_types = {proto::POSE_GRAPH_NODE, proto::OPTIMIZED_POSE, proto::LOCAL_TRAVERSABILITY_MAP,
-                       proto::MAP_QUARANTINE};
+                       proto::MAP_QUARANTINE, proto::ROLE_ASSIGNMENT};
   reader.page_records_max = options.page_records_max;
   reader.page_bytes_max = options.page_content_bytes_max;
   reader.answer_timeout = options.storage_timeout;
@@ -71,6 +72,7 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
 MergeActor::MergeActor(Options options)
     : options_(std::move(options)),
       collection_(CollectionOptions(options_.team)),
+      derived_(RoleChainOptions(options_.team)),
       reader_(ReaderOptions(options_),
               [this](Context&, const proto::StoredRecord& stored) { return TakeOrLeaveOut(stored); }) {}
 
@@ -152,6 +154,10 @@ void MergeActor::StartReading(Context& context) {
 void MergeActor::OnRead(Context& context) {
   if (reader_.is_reading()) return;
   if (!reader_.result()) return FailAll(context, reader_.result().error());
+  if (derived_.TakeOutdated()) {
+    is_outdated_ = true;
+    return StartReading(context);
+  }
   AnswerCovered(context);
   if (!waiting_.empty()) StartReading(context);
 }
@@ -215,6 +221,7 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
   proto::Record record;
   if (!record.ParseFromString(stored.content())) return Fail(ErrorCode::kCorrupt, "does not parse");
   const RecordKey key = FromProto(stored.key());
+  if (!derived_.Counts(key, record)) return {};
   switch (record.body_case()) {
     case proto::Record::kPoseGraphNode: {
       const proto::PoseGraphNode& node = record.pose_graph_node();

@@ -29,6 +29,7 @@
 
 #include "actors/merge/map_collection.h"
 #include "actors/merge/merger.h"
+#include "model/derived_records.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/rate_limited_log.h"
@@ -96,6 +97,7 @@ class MergeActor final : public Actor {
 
   const Options options_;
   MapCollection collection_;
+  DerivedRecords derived_;
   RecordReader reader_;                     // Into collection_.
   std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
   Error start_error_;                       // Why.

@@ -5,6 +5,7 @@
 
 #include "actors/pgo/team_facts.h"
 #include "model/agent_name.h"
+#include "runtime/team/role_signature.h"
 
 namespace moondb {
 
@@ -16,7 +17,8 @@ constexpr std::uint32_t kSolved = 3;
 
 RecordReader::Options ReaderOptions(const PgoActor::Options& options) {
   RecordReader::Options reader;
-  reader.data_types = {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::EDGE_VERDICT};
+  reader.data_types = {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::EDGE_VERDICT,
+                       proto::ROLE_ASSIGNMENT};
   reader.page_records_max = static_cast<std::uint32_t>(options.read_records_max);
   reader.answer_timeout = options.storage_timeout;
   return reader;
@@ -27,6 +29,7 @@ RecordReader::Options ReaderOptions(const PgoActor::Options& options) {
 PgoActor::PgoActor(Options options)
     : options_(std::move(options)),
       agents_(FactsOf(options_.team)),
+      derived_(RoleChainOptions(options_.team)),
       reader_(ReaderOptions(options_),
               [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
 
@@ -115,34 +118,44 @@ void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
   request_ = std::move(request);
   phase_ = Phase::kReading;
   reply_.Clear();
-  reader_.Read(context);
+  StartReading(context);
+}
+
+void PgoActor::StartReading(Context& context) {
+  if (std::exchange(is_outdated_, false)) {
+    known_ = KnownGraph();
+    reader_.ReadAnew(context);
+  } else {
+    reader_.Read(context);
+  }
   OnRead(context);
 }
 
 void PgoActor::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
+  is_outdated_ = is_outdated_ || stored.is_pruned();
   const auto is_news = [](auto type) { return type == proto::POSE_GRAPH_NODE || type == proto::POSE_GRAPH_EDGE; };
   if (std::any_of(stored.data_types().begin(), stored.data_types().end(), is_news)) AwaitQuiet(context);
 }
 
 void PgoActor::AwaitQuiet(Context& context) {
   if (options_.solve_when_quiet <= Duration::zero() || !Leads()) return;
-  newest_news_ = context.now();
-  if (std::exchange(is_awaiting_quiet_, true)) return;
-  oldest_news_ = newest_news_;
+  quiet_.newest_news = context.now();
+  if (std::exchange(quiet_.is_awaited, true)) return;
+  quiet_.oldest_news = quiet_.newest_news;
   (void)context.AfterTimer(options_.solve_when_quiet, kQuiet);
 }
 
 void PgoActor::OnQuiet(Context& context) {
-  is_awaiting_quiet_ = false;
+  quiet_.is_awaited = false;
   if (!Leads()) return;
-  MonotonicTime due = std::min(newest_news_ + options_.solve_when_quiet, oldest_news_ + options_.solve_apart);
-  if (last_unasked_) due = std::max(due, *last_unasked_ + options_.solve_apart);
+  MonotonicTime due = std::min(quiet_.newest_news + options_.solve_when_quiet, quiet_.oldest_news + options_.solve_apart);
+  if (quiet_.last_unasked) due = std::max(due, *quiet_.last_unasked + options_.solve_apart);
   if (phase_ != Phase::kIdle) due = std::max(due, context.now() + options_.solve_when_quiet);
   if (context.now() >= due) {
-    last_unasked_ = context.now();
+    quiet_.last_unasked = context.now();
     return Begin(context, {});
   }
-  is_awaiting_quiet_ = true;
+  quiet_.is_awaited = true;
   (void)context.AfterTimer(due - context.now(), kQuiet);
 }
 
@@ -161,13 +174,18 @@ void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
 Result<void> PgoActor::TakeRecord(const proto::StoredRecord& stored) {
   proto::Record record;
   // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
-  if (record.ParseFromString(stored.content())) (void)known_.Add(FromProto(stored.key()), record);
+  const RecordKey key = FromProto(stored.key());
+  if (record.ParseFromString(stored.content()) && derived_.Counts(key, record)) (void)known_.Add(key, record);
   return {};
 }
 
 void PgoActor::OnRead(Context& context) {
   if (phase_ != Phase::kReading || reader_.is_reading()) return;
   if (!reader_.result()) return FinishWith(context, reader_.result().error());
+  if (derived_.TakeOutdated()) {
+    is_outdated_ = true;
+    return StartReading(context);
+  }
   SolveNow(context);
 }
 

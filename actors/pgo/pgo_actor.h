@@ -30,6 +30,7 @@
 #include "actors/pgo/known_graph.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "actors/pgo/publication.h"
+#include "model/derived_records.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/record_reader.h"
@@ -80,6 +81,7 @@ class PgoActor final : public Actor {
   bool Leads() const { return roles_ && roles_->leader() == options_.self; }
   void AwaitQuiet(Context& context);
   void Begin(Context& context, proto::OptimizeRequest request);
+  void StartReading(Context& context);
 
   std::optional<Error> WhyNotLeader() const;
   Result<void> TakeRecord(const proto::StoredRecord& stored);
@@ -95,7 +97,9 @@ class PgoActor final : public Actor {
   const AgentFactsMap agents_;
   std::optional<proto::RoleAssignment> roles_;
   KnownGraph known_;
-  RecordReader reader_;  // Into known_.
+  DerivedRecords derived_;
+  bool is_outdated_ = false;  // known_ may have records that are gone, or lack some that count by now.
+  RecordReader reader_;       // Into known_.
 
   Phase phase_ = Phase::kIdle;
   std::uint64_t request_id_ = 0;    // The insert that storage has not answered yet.
@@ -106,10 +110,14 @@ class PgoActor final : public Actor {
   std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Of the solve in hand.
 
-  bool is_awaiting_quiet_ = false;  // A timer runs.
-  MonotonicTime oldest_news_{};     // When the oldest news came that no solve has seen.
-  MonotonicTime newest_news_{};
-  std::optional<MonotonicTime> last_unasked_;
+  // Until records stop coming.
+  struct Quiet {
+    bool is_awaited = false;      // A timer runs.
+    MonotonicTime oldest_news{};  // When the oldest news came that no solve has seen.
+    MonotonicTime newest_news{};
+    std::optional<MonotonicTime> last_unasked;
+  };
+  Quiet quiet_;
 
   std::uint64_t last_run_ = 0;  // In the present term, of this actor's life.
   proto::GraphStatsReply stats_;

@@ -32,11 +32,17 @@ double CountOf(const proto::PruneReply& reply) {
   return count;
 }
 
+// The same agents lead and survive.
+bool HaveOneRoles(const proto::RoleAssignment& a, const proto::RoleAssignment& b) {
+  return a.leader() == b.leader() && a.survivor() == b.survivor();
+}
+
 }  // namespace
 
 void RetentionActor::OnStart(Context& context) {
   // A random start, so that an answer to an earlier life meets no question of this one.
   request_id_ = context.rng()();
+  context.Watch(Topic::kRoles);
   LookLater(context);
 }
 
@@ -65,6 +71,8 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kTimer:
       if (context.sender() == context.self()) OnTimer(context, message.timer());
       return;
+    case proto::Message::kRolesChanged:
+      return OnRolesChanged(context, message.roles_changed().roles());
     case proto::Message::kPruneOrder:
       return OnOrder(context, message);
     case proto::Message::kHaveReply:
@@ -171,6 +179,7 @@ void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) 
 
 void RetentionActor::Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply had) {
   proto::ControlReply reply;
+  if (roles_) *had.mutable_roles() = *roles_;
   *reply.mutable_have() = std::move(had);
   proto::Message answer = MessageOf(reply);
   answer.set_request_id(request_id);
@@ -190,11 +199,18 @@ void RetentionActor::OnOrder(Context& context, const proto::Message& message) {
   Job job;
   job.asker = context.sender();
   job.asker_request_id = message.request_id();
-  job.plan = PlanOf(message.prune_order());
+  job.plan = PlanOf(message.prune_order(), DataTypesOf(options_.team));
   Begin(context, std::move(job));
 }
 
 Result<void> RetentionActor::CheckOrder(const proto::PruneOrder& order) const {
+  const auto events = std::find(order.data_types().begin(), order.data_types().end(), proto::AGENT_EVENT);
+  if (events != order.data_types().end() && !order.is_history()) {
+    return Fail(ErrorCode::kInvalid,
+                "agent_event goes by the limits of the team file alone (retention.keep_event_days): it says who ordered "
+                "what",
+                "prune.data_types[" + std::to_string(events - order.data_types().begin()) + "]");
+  }
   for (int i = 0; i < order.data_types_size() && !order.is_history(); ++i) {
     const DataType type = order.data_types(i);
     if (SharePolicyOf(options_.team, type) == proto::POLICY_ALL) continue;
@@ -222,9 +238,19 @@ void RetentionActor::AskRoles(Context& context) {
   Ask(context, actor_name::kRole, std::move(question));
 }
 
+void RetentionActor::OnRolesChanged(const Context& context, const proto::RoleAssignment& roles) {
+  if (roles_ && !HaveOneRoles(*roles_, roles)) roles_since_ = context.now();
+  roles_ = roles;
+}
+
 void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   if (roles.leader() == 0) return Refuse(context, "the team has no leader");
   if (roles.survivor() == 0) return Refuse(context, "the team has no designated survivor");
+  if (roles_since_ && context.now() - *roles_since_ < options_.roles_held_min) {
+    const auto minutes = std::chrono::ceil<std::chrono::minutes>(options_.roles_held_min).count();
+    return Refuse(context, "leader or survivor changed within the last " + std::to_string(minutes) + " minutes");
+  }
+  job_.roles = roles;
   job_.awaited.clear();
   job_.peers.clear();
   job_.asked_at = context.now();
@@ -248,6 +274,9 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
 void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& had) {
   const auto awaited = job_.awaited.find(peer);
   if (awaited == job_.awaited.end()) return;
+  if (had.has_roles() && !HaveOneRoles(had.roles(), job_.roles)) {
+    return Refuse(context, awaited->second + ", acts on other roles");
+  }
   const Result<HaveSet> have = FromProto(had.have());
   if (!have) return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
   job_.peers[peer] = *have;

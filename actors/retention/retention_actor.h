@@ -6,7 +6,8 @@
 // this agent itself, what they have NOW, over the radio (ControlRequest.have: a HaveRequest of its own must not leave
 // an agent), and again when a minute has passed; storage then removes only what all of them had and, unless it goes by
 // its age, only what one of them still holds: so that size alone never takes the last copy. If one of them cannot be
-// reached, is silent, or there is none, nothing goes, and PruneReply.text says who. In turn it answers the same
+// reached, is silent, acts on other roles, or there is none, nothing goes, and PruneReply.text says who; nor does
+// anything for `roles_held_min` after leader or survivor changed, so that nobody takes a role only to vouch. In turn it answers the same
 // question of other agents, from its own storage; while it removes something itself it vouches for nothing. What others
 // send is checked here: a have-set that cannot be is an answer that did not come. Which agents hold the roles is asked
 // anew each time; an agent that has missed a change asks those who held them before.
@@ -41,6 +42,7 @@ class RetentionActor final : public Actor {
     Duration period = std::chrono::minutes(10);  // From one look at the limits to the next, at most; half at least.
     Duration peer_timeout = std::chrono::seconds(20);   // For leader and survivor to say what they have.
     Duration vouched_for = std::chrono::minutes(1);     // How long their word holds; then they are asked again.
+    Duration roles_held_min = std::chrono::minutes(10);  // How long leader and survivor have to be the same ones.
     Duration own_timeout = std::chrono::seconds(60);    // For this agent's storage and roles,
     Duration merge_timeout = std::chrono::minutes(10);  // and its merging, which may have much to read.
   };
@@ -59,6 +61,7 @@ class RetentionActor final : public Actor {
     std::uint64_t asker_request_id = 0;
     PrunePlan plan;
     std::size_t step = 0;                    // Of the plan.
+    proto::RoleAssignment roles;
     std::map<AgentId, HaveSet> peers;        // What leader and survivor had, as they said;
     MonotonicTime asked_at;                  // when they were asked.
     std::map<AgentId, std::string> awaited;  // Those who have not answered, as people know them.
@@ -87,6 +90,7 @@ class RetentionActor final : public Actor {
   void OnOwnHave(Context& context, const proto::Message& message);
   void OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& had);
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
+  void OnRolesChanged(const Context& context, const proto::RoleAssignment& roles);
   void OnPruned(Context& context, const proto::PruneReply& reply);
 
   bool IsAnswer(const proto::Message& message, Stage stage) const {
@@ -104,6 +108,8 @@ class RetentionActor final : public Actor {
   void Finish(Context& context);
 
   const Options options_;
+  std::optional<proto::RoleAssignment> roles_;  // As RoleActor published them last;
+  std::optional<MonotonicTime> roles_since_;    // none: leader and survivor are those of this actor's start.
   Stage stage_ = Stage::kIdle;
   Job job_;
   std::uint64_t request_id_ = 0;  // Of the stage's questions.

@@ -11,6 +11,13 @@ namespace {
 constexpr double kDay_s = 86'400;
 constexpr double kMegabyte = 1e6;
 
+// All that storage means by all types, but for events.
+void AddTypesButEvents(const std::vector<DataType>& team_types, proto::PruneRequest& request) {
+  for (const DataType type : team_types) {
+    if (type != proto::AGENT_EVENT && !IsKeptUnlessNamed(type)) request.add_data_types(type);
+  }
+}
+
 void AddAgeSteps(const proto::RetentionConfig& retention, const std::vector<DataType>& team_types, PrunePlan& plan) {
   if (retention.keep_event_days() > 0) {
     PruneStep& step = plan.emplace_back();
@@ -21,9 +28,7 @@ void AddAgeSteps(const proto::RetentionConfig& retention, const std::vector<Data
   PruneStep& step = plan.emplace_back();
   step.request.set_older_than_s(retention.keep_days() * kDay_s);
   if (retention.keep_event_days() <= 0) return;  // All types, as storage has them.
-  for (const DataType type : team_types) {
-    if (type != proto::AGENT_EVENT && !IsKeptUnlessNamed(type)) step.request.add_data_types(type);
-  }
+  AddTypesButEvents(team_types, step.request);
 }
 
 void AddSizeSteps(const proto::RetentionConfig& retention, const proto::StorageStatus& status, PrunePlan& plan) {
@@ -59,12 +64,13 @@ PrunePlan PlanOf(const proto::RetentionConfig& retention, const std::vector<Data
   return plan;
 }
 
-PrunePlan PlanOf(const proto::PruneOrder& order) {
+PrunePlan PlanOf(const proto::PruneOrder& order, const std::vector<DataType>& team_types) {
   PruneStep step;
   step.request.set_is_dry_run(order.is_dry_run());
   step.request.set_is_history(order.is_history());
   step.request.set_older_than_s(order.older_than_s());
   *step.request.mutable_data_types() = order.data_types();
+  if (order.data_types().empty() && !order.is_history()) AddTypesButEvents(team_types, step.request);
   step.is_of_beaten_maps = order.beaten_maps();
   step.until_bytes = order.content_bytes_max();
   return {step};

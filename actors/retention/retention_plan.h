@@ -43,6 +43,6 @@ PrunePlan PlanOf(const proto::RetentionConfig& retention, const std::vector<Data
                  const proto::StorageStatus& status);
 
 // Of an operator.
-PrunePlan PlanOf(const proto::PruneOrder& order);
+PrunePlan PlanOf(const proto::PruneOrder& order, const std::vector<DataType>& team_types);
 
 }  // namespace moondb

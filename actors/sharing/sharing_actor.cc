@@ -13,6 +13,8 @@
 #include "model/text.h"
 #include "model/wire_version.h"
 #include "proto/control.pb.h"
+#include "runtime/team/role_signature.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {
@@ -28,7 +30,7 @@ double BudgetOf(const proto::TeamConfig& team) { return team.radio().budget_kbps
 std::vector<DataType> StateTypesOf(const proto::TeamConfig& team) {
   std::vector<DataType> types;
   for (const DataType type : BuiltInDataTypes()) {
-    if (SharingRank(type) == 0 && SharePolicyOf(team, type) == proto::POLICY_LATEST) types.push_back(type);
+    if (IsState(type) && SharePolicyOf(team, type) == proto::POLICY_LATEST) types.push_back(type);
   }
   return types;
 }
@@ -207,7 +209,8 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   const proto::ShareRequest& request = message.share_request();
   const bool is_leaders =
       !is_from_here(context) && (context.sender().agent == roles_.leader() || IsNewer(message.term(), roles_.term()));
-  Result<void> checked = CheckShareRequest(request);
+  Result<void> checked = CheckOrderer(context, message.term());
+  if (checked) checked = CheckShareRequest(request);
   if (checked) checked = CheckExpectedTerm(context, request);
   in_hand_ = {context.sender().agent, is_from_here(context) ? ++last_order_ : request.order()};
   const Result<int> started =
@@ -291,6 +294,17 @@ void SharingActor::SetRoles(Context& context, const proto::RoleAssignment& roles
   OnNewRoles(context, previous);
 }
 
+Result<void> SharingActor::CheckOrderer(const Context& context, const proto::Term& term) const {
+  const AgentId from = context.sender().agent;
+  const bool may_order = from == roles_.leader() || from == roles_.survivor() || MayCommand(options_.team, from);
+  if (is_from_here(context) || may_order || !HasSigningKeys(options_.team)) return {};
+  if (IsNewer(term, roles_.term())) {
+    return Fail(ErrorCode::kUnavailable, NameOf(options_.self) + " does not know yet of term " + TermText(term));
+  }
+  return Fail(ErrorCode::kRefused, NameOf(from) + " neither leads nor survives in term " + TermText(roles_.term()) +
+                                       ", nor does command_from of the team file name it");
+}
+
 Result<void> SharingActor::CheckShareRequest(const proto::ShareRequest& request) const {
   if (request.kind() != kind_) return Fail(ErrorCode::kInvalid, "is not this actor's", "kind");
   if (request.destination() != 0 && FindAgent(options_.team, request.destination()) == nullptr) {
@@ -315,7 +329,7 @@ Result<void> SharingActor::CheckExpectedTerm(const Context& context, const proto
 }
 
 std::string SharingActor::TermText(const proto::Term& term) const {
-  return std::to_string(term.number()) + (term.issuer() == 0 ? "" : " by " + NameOf(term.issuer()));
+  return moondb::TermText(term) + (term.issuer() == 0 ? "" : " by " + NameOf(term.issuer()));
 }
 
 SharingActor::Outgoing& SharingActor::FindOrMakeOutgoing(Context& context, AgentId destination) {
@@ -370,6 +384,8 @@ void SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes
 void SharingActor::OnShareReply(Context& context, const proto::Message& message) {
   const AgentId peer = context.sender().agent;
   const proto::ShareReply& reply = message.share_reply();
+  // A peer that has not heard of these roles yet is asked again.
+  if (reply.error().code() == proto::ERROR_CODE_UNAVAILABLE) return;
   if (!orders_.TakeAnswer(peer, message.request_id())) return;
   ArmOrdersTimer(context);
   if (!IsError(reply.error())) return;

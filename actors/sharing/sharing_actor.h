@@ -124,6 +124,8 @@ class SharingActor : public Actor {
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
   void OnTimer(Context& context, const proto::Timer& timer);
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
+  // Of a sharing order: whether the agent that gives it, in this term, may.
+  Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
   // kRefused where a client of this agent relies on the roles of another term.
   Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;

@@ -5,6 +5,7 @@
 
 #include "actors/storage/role_history.h"
 #include "model/have_set.h"
+#include "model/term.h"
 #include "proto/status.pb.h"
 
 namespace moondb {
@@ -22,30 +23,42 @@ proto::RefusalCause ToProto(PeerDoor::Cause cause) {
   return proto::REFUSAL_CAUSE_UNSPECIFIED;
 }
 
-RoleChain::Options ChainOptions(const PeerDoor::Options& options) {
-  RoleChain::Options chain = options.roles;
-  chain.has_keys = options.has_keys;
-  if (!chain.may_command) chain.may_command = [](AgentId) { return true; };
-  return chain;
-}
-
 }  // namespace
 
-PeerDoor::PeerDoor(Options options) : options_(std::move(options)), chain_(ChainOptions(options_)) {}
+PeerDoor::PeerDoor(Options options) : options_(std::move(options)), chain_(options_.roles) {}
 
 Result<void> PeerDoor::Load(Database& database) {
-  if (!options_.has_keys) return {};
+  if (!options_.roles.has_keys) return {};
   const Result<proto::LoadRolesReply> acted_on = LoadRoles(database);
   if (!acted_on) return tl::unexpected(acted_on.error());
-  for (const proto::RoleAssignment& roles : acted_on->history()) NoteAssignment(roles);
+  for (const proto::RoleAssignment& roles : acted_on->history()) NoteAssignment(roles, /*is_record=*/false);
   const Result<std::vector<proto::RoleAssignment>> records = LoadRoleRecords(database);
   if (!records) return tl::unexpected(records.error());
-  for (const proto::RoleAssignment& roles : *records) NoteAssignment(roles);
+  for (const proto::RoleAssignment& roles : *records) NoteAssignment(roles, /*is_record=*/true);
   return {};
 }
 
+void PeerDoor::NoteAssignment(const proto::RoleAssignment& roles, bool is_record) {
+  (void)chain_.Add(roles);
+  if (is_record) held_as_records_.insert(roles.signature());
+}
+
+void PeerDoor::NoteIfSigned(const proto::RoleAssignment& roles) {
+  if (options_.roles.has_keys && options_.is_signed(roles)) NoteAssignment(roles, /*is_record=*/false);
+}
+
+std::vector<proto::RoleAssignment> PeerDoor::NotHeldAsRecords(const proto::RoleAssignment& roles) const {
+  std::vector<proto::RoleAssignment> missing;
+  for (const proto::RoleAssignment* at = &roles; at != nullptr && !at->signature().empty();) {
+    if (held_as_records_.contains(at->signature())) break;
+    missing.push_back(*at);
+    at = ChangeOf(at->term()) == 0 ? nullptr : chain_.Find(at->follows());
+  }
+  return missing;
+}
+
 bool PeerDoor::IsBelieved(AgentId sender) const {
-  return !options_.has_keys || sender == 0 || (options_.base != 0 && sender == options_.base) ||
+  return !options_.roles.has_keys || sender == 0 || (options_.base != 0 && sender == options_.base) ||
          chain_.HasHadRole(sender);
 }
 
@@ -79,7 +92,7 @@ bool PeerDoor::HasRoom(const StreamKey& stream, const HaveLedger& ledger) const 
 }
 
 Result<void> PeerDoor::CheckAssignment(AgentId sender, const proto::RoleAssignment& roles) {
-  if (!options_.has_keys || options_.is_signed(roles)) return {};
+  if (!options_.roles.has_keys || options_.is_signed(roles)) return {};
   CountRefused(sender, Cause::kOrigin, roles.term().issuer());
   return Fail(ErrorCode::kRefused, "is not that of its issuer", "role_assignment.signature");
 }

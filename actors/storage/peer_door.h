@@ -35,9 +35,8 @@ class PeerDoor {
     AgentId self = 0;
     AgentId base = 0;  // 0: the team has none.
     std::set<AgentId> team;
-    bool has_keys = false;  // Whether assignments are signed.
-    RoleChain::Options roles;
-    std::function<bool(const proto::RoleAssignment&)> is_signed;  // By its issuer's key; with has_keys alone.
+    RoleChain::Options roles = RoleChain::WithoutKeys();
+    std::function<bool(const proto::RoleAssignment&)> is_signed;  // By its issuer's key; in a team with keys alone.
   };
   enum class Cause { kOrigin, kOwnEpoch, kStreams };
 
@@ -45,8 +44,11 @@ class PeerDoor {
 
   // The assignments that the store holds: those that were acted on, and those that came as records.
   Result<void> Load(Database& database);
-  // Of one that is committed.
-  void NoteAssignment(const proto::RoleAssignment& roles) { (void)chain_.Add(roles); }
+  // Of one that is committed; `is_record`: as a record.
+  void NoteAssignment(const proto::RoleAssignment& roles, bool is_record);
+  void NoteIfSigned(const proto::RoleAssignment& roles);
+  // What ends with this one, newest first, and is not held as a record.
+  std::vector<proto::RoleAssignment> NotHeldAsRecords(const proto::RoleAssignment& roles) const;
 
   // Whether the agent's word is taken for other agents' records; 0 is this agent's own.
   bool IsBelieved(AgentId sender) const;
@@ -66,6 +68,7 @@ class PeerDoor {
 
   const Options options_;
   RoleChain chain_;
+  std::set<std::string> held_as_records_;  // Signatures.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
 };
 

@@ -579,10 +579,20 @@ void RecordStore::Reject(Error error, Stored& result) {
   if (result.rejections.size() < kRejectionsKept) result.rejections.push_back(std::move(error));
 }
 
+// Whose records are taken is decided by assignments that may come with these.
+void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
+  for (const proto::StoredRecord& stored : request.records()) {
+    if (stored.key().data_type() != proto::ROLE_ASSIGNMENT) continue;
+    const Result<proto::Record> record = OpenStored(stored, options_.team);
+    if (record) door_.NoteIfSigned(record->role_assignment());
+  }
+}
+
 RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   Stored result;
   std::vector<Opened> opened;
   std::set<StreamKey> touched;
+  NoteAssignmentsIn(request);
   for (const proto::StoredRecord& stored : request.records()) {
     const RecordKey key = FromProto(stored.key());
     Result<proto::Record> record = OpenStored(stored, options_.team);
@@ -660,7 +670,7 @@ Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& op
   }
   if (const Result<void> done = writing->Commit(result.stored); !done) return done;
   for (const Opened& record : opened) {
-    if (record.record.has_role_assignment()) door_.NoteAssignment(record.record.role_assignment());
+    if (record.record.has_role_assignment()) door_.NoteAssignment(record.record.role_assignment(), /*is_record=*/true);
   }
   return {};
 }
@@ -835,18 +845,22 @@ Result<proto::RecordsStored> RecordStore::SaveRoles(const proto::SaveRolesReques
   const Result<bool> added = AddRoles(*database_, roles);
   if (!added) return tl::unexpected(added.error());
   const bool has_role = roles.leader() == options_.self || roles.survivor() == options_.self;
-  if (*added && has_role && !roles.signature().empty()) {
+  for (const proto::RoleAssignment& before : request.chain()) door_.NoteAssignment(before, /*is_record=*/false);
+  door_.NoteAssignment(roles, /*is_record=*/false);
+  std::vector<proto::RoleAssignment> records;
+  if (*added && has_role) records = door_.NotHeldAsRecords(roles);
+  std::reverse(records.begin(), records.end());
+  for (const proto::RoleAssignment& before : records) {
     proto::Record record;
-    record.set_stamp_ns(roles.stamp_ns());
-    *record.mutable_role_assignment() = roles;
+    record.set_stamp_ns(before.stamp_ns());
+    *record.mutable_role_assignment() = before;
     proto::RecordKey key;
     const Result<void> done = InsertOne(record, SerializeRecord(record), /*is_local=*/false, *writing, key);
     if (!done) return tl::unexpected(done.error());
   }
   proto::RecordsStored stored;
   if (const Result<void> done = writing->Commit(stored); !done) return tl::unexpected(done.error());
-  for (const proto::RoleAssignment& before : request.chain()) door_.NoteAssignment(before);
-  door_.NoteAssignment(roles);
+  for (const proto::RoleAssignment& before : records) door_.NoteAssignment(before, /*is_record=*/true);
   return stored;
 }
 

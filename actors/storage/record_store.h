@@ -139,7 +139,8 @@ class RecordStore {
   // A page of what is held, or with is_history of what this agent's own robot has superseded.
   Result<proto::ReadReply> Read(const proto::ReadRequest& request);
   // What an agent acts on from now on, durably, after what that follows. One in which this agent leads or survives is
-  // stored as a record of its own too: whoever it brings other agents' records to must know it.
+  // stored as a record of its own too, with what it follows and nobody's record holds: whoever it brings other agents'
+  // records to must know that it may.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
   // What peers sent and was refused, by peer.
   void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(status); }
@@ -222,6 +223,7 @@ class RecordStore {
   Result<void> StoreOne(AgentId sender, const Opened& opened, Writing& writing, Stored& result);
   Result<void> ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing);
   Result<void> CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted);
+  void NoteAssignmentsIn(const proto::StoreRequest& request);
   Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
   Result<bool> IsSuperseded(const RecordTable& table, const RecordTable::Row& row);
   void Reject(Error error, Stored& result);

@@ -78,9 +78,7 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
     store.history.keep[type] = KeepRuleOf(options.team, type);
   }
   store.door.base = BaseStationOf(options.team);
-  store.door.has_keys = HasSigningKeys(options.team);
-  store.door.roles.initial = InitialRoles(options.team);
-  store.door.roles.may_command = [team = options.team](AgentId agent) { return MayCommand(team, agent); };
+  store.door.roles = RoleChainOptions(options.team);
   store.door.is_signed = [team = options.team](const proto::RoleAssignment& roles) { return IsSigned(team, roles); };
   if (options.self == BaseStationOf(options.team)) {
     for (const DataType type : DataTypesOf(options.team)) {

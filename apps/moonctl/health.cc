@@ -39,8 +39,8 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
   if (status.has_unstored_roles()) {
     findings.push_back(UnstoredText(team, status.unstored_roles()));
   } else if (OrderOf(status.roles().term()) != OrderOf(newest.term())) {
-    findings.push_back("acts on the roles of term " + std::to_string(status.roles().term().number()) + ", where term " +
-                       std::to_string(newest.term().number()) + " is known");
+    findings.push_back("acts on the roles of term " + TermText(status.roles().term()) + ", where term " +
+                       TermText(newest.term()) + " is known");
   } else if (status.agent_id() == newest.leader() && newest.survivor() == 0) {
     findings.push_back("leads without a designated survivor");
   }
@@ -141,7 +141,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
 }  // namespace
 
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored) {
-  return "cannot store term " + std::to_string(unstored.term().number()) + " (leader " +
+  return "cannot store term " + TermText(unstored.term()) + " (leader " +
          AgentName(team, unstored.leader()) + ", survivor " + AgentName(team, unstored.survivor()) +
          "): until it can it neither leads nor survives";
 }

@@ -10,6 +10,7 @@
 #include "apps/moonctl/health.h"
 #include "apps/moonctl/role_change.h"
 #include "model/did_you_mean.h"
+#include "model/term.h"
 
 namespace moondb {
 namespace {
@@ -23,7 +24,7 @@ struct RoleArguments {
 };
 
 std::string TermText(const proto::TeamConfig& team, const proto::Term& term) {
-  return std::to_string(term.number()) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
+  return moondb::TermText(term) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
 }
 
 // What each agent holds: a split team shows.
@@ -68,7 +69,7 @@ ExitCode ShowHistory(CommandContext& context) {
   }
   Table table({"TERM", "BY", "LEADER", "SURVIVOR", "WHEN", "REASON"});
   for (const proto::RoleAssignment& roles : shown->history()) {
-    table.Add({std::to_string(roles.term().number()), AgentName(team, roles.term().issuer()),
+    table.Add({moondb::TermText(roles.term()), AgentName(team, roles.term().issuer()),
                AgentName(team, roles.leader()), AgentName(team, roles.survivor()), FormatUtc(roles.stamp_ns()),
                roles.reason()});
   }

@@ -201,7 +201,7 @@ Result<std::uint64_t> ShareOrder::Order(Target& target, Shared& shared) {
 
 std::string ShareOrder::TermText(const proto::RoleAssignment& roles) const {
   const proto::Term& term = roles.term();
-  return "term " + std::to_string(term.number()) +
+  return "term " + moondb::TermText(term) +
          (term.issuer() == 0 ? "" : " by " + AgentName((*context_.Team())->config, term.issuer()));
 }
 

@@ -8,6 +8,7 @@
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
 #include "model/leases.h"
+#include "model/term.h"
 
 namespace moondb {
 namespace {
@@ -28,7 +29,7 @@ std::vector<std::string> Row(const proto::AgentConfig& agent, const proto::Agent
   return {agent.name(),
           std::to_string(agent.id()),
           RoleName(status.role()),
-          std::to_string(status.roles().term().number()),
+          TermText(status.roles().term()),
           FormatCount(RecordCountOf(status)),
           FormatBytes(status.storage().database_bytes()),
           PeersText(status),
@@ -62,7 +63,7 @@ std::string LeadersText(const proto::TeamConfig& team, const std::vector<proto::
   for (const proto::AgentStatus& status : statuses) {
     if (status.role() != proto::ROLE_LEADER) continue;
     leaders += (count++ == 0 ? "" : " and ") + AgentName(team, status.agent_id()) + " (term " +
-               std::to_string(status.roles().term().number()) + ")";
+               TermText(status.roles().term()) + ")";
   }
   return count < 2 ? "" : leaders + " lead: they do not reach each other, or have not agreed yet\n";
 }

@@ -18,6 +18,8 @@
 #include "model/check.h"
 #include "runtime/actor_system.h"
 #include "runtime/team/client_list.h"
+#include "runtime/team/role_signature.h"
+#include "runtime/team/team_keys.h"
 #include "runtime/transport/zeromq_transport.h"
 
 namespace moondb {
@@ -84,6 +86,9 @@ class Agent::Impl {
     auto endpoint = ClientEndpoint(team_, options_.name);
     if (!endpoint) return tl::unexpected(endpoint.error());
     endpoint_ = *endpoint;
+    auto signing_key = ReadSigningKey(team_.config, team_.folder, self_, options_.secret_key_file);
+    if (!signing_key) return tl::unexpected(signing_key.error());
+    signing_key_ = *std::move(signing_key);
     const Result<std::string> set_aside = CheckStore(StorageOptions());
     if (!set_aside) return tl::unexpected(set_aside.error());
     set_aside_ = *set_aside;
@@ -144,6 +149,11 @@ class Agent::Impl {
       const std::int64_t stopped_at_ns = stopped_at_ns_;
       return stopped_at_ns == 0 ? std::nullopt : std::optional(stopped_at_ns);
     };
+    if (signing_key_) {
+      options.role.sign = [this](const proto::RoleAssignment& roles) {
+        return signing_key_->Sign(SignedBytes(team_.config, roles));
+      };
+    }
     options.event.version = options_.version;
     merge_backend_ = ResolveMergeBackend(options_.merge_backend);
     options.merge.backend = options_.merge_backend;
@@ -183,6 +193,7 @@ class Agent::Impl {
   DataFolderLock lock_;  // Freed last: the database is closed before.
   AgentId self_ = 0;
   std::string endpoint_;
+  std::optional<SigningKey> signing_key_;  // None in a team without keys.
   std::string set_aside_;  // At this start.
   bool dumps_on_crash_ = false;
   std::atomic<bool> has_failed_ = false;         // An actor is beyond help: this is no end that was asked for.

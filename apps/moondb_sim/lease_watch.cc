@@ -27,7 +27,7 @@ bool IsOfStates(const proto::Message& message) {
   if (!decoded) return false;
   const auto& records = decoded->records();
   return std::all_of(records.begin(), records.end(), [](const proto::StoredRecord& record) {
-    return SharingRank(FromProto(record.key()).stream.type) == 0;
+    return IsState(FromProto(record.key()).stream.type);
   });
 }
 

@@ -18,6 +18,9 @@ constexpr double kHistory_mb = 0.02;
 // Seeds, from the first on, whose agents code compactly: half of a run's time goes there. The others send zstd.
 constexpr std::uint64_t kCompactEvery = 4;
 
+// Seeds, from the second on, whose agents sign assignments of roles. The others are as a team without keys.
+constexpr std::uint64_t kKeysEvery = 2;
+
 // The ground gets as much of it as the leader.
 void AddCustomType(proto::TeamConfig& team, DataType id, const std::string& name, proto::Policy policy,
                    std::uint32_t priority, std::uint32_t bytes_max) {
@@ -92,7 +95,18 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
   (*team.mutable_ground())["map_quarantine"] = proto::POLICY_ALL;
   if (options.has_all_actors()) AddAllActors(team);
+  if (options.seed % kKeysEvery == 0) {
+    team.mutable_share()->insert({"role_assignment", proto::POLICY_ALL});
+    team.mutable_ground()->insert({"role_assignment", proto::POLICY_ALL});
+    for (proto::AgentConfig& agent : *team.mutable_agents()) agent.set_signing_key(SigningKeyOf(agent.id()).public_key());
+  }
   return team;
+}
+
+SigningKey SigningKeyOf(AgentId agent) {
+  SigningKey::Seed seed{};
+  seed[0] = static_cast<std::uint8_t>(agent);
+  return SigningKey::FromSeed(seed);
 }
 
 Pose StartOf(AgentId agent, bool is_base_station) {

@@ -6,6 +6,7 @@
 #include "model/geometry.h"
 #include "model/ids.h"
 #include "proto/team.pb.h"
+#include "runtime/team/signing_key.h"
 
 namespace moondb::simulation {
 
@@ -14,6 +15,9 @@ inline constexpr DataType kSample = 1001;
 inline constexpr std::uint32_t kSampleBytesMax = 256;
 
 proto::TeamConfig MakeTeamConfig(const SimOptions& options);
+
+// With which an agent of a team with keys signs.
+SigningKey SigningKeyOf(AgentId agent);
 
 // Where a rover stands at its first node, as the team file has it and as it is; a base station, for ever.
 Pose StartOf(AgentId agent, bool is_base_station);

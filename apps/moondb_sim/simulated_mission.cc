@@ -20,6 +20,7 @@
 #include "apps/moondb_sim/prune_watch.h"
 #include "apps/moondb_sim/session_watch.h"
 #include "apps/moondb_sim/simulated_clients.h"
+#include "apps/moondb_sim/simulated_config.h"
 #include "apps/moondb_sim/simulated_faults.h"
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
@@ -27,6 +28,7 @@
 #include "model/control_message.h"
 #include "model/term.h"
 #include "proto/control.pb.h"
+#include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb::simulation {
@@ -124,6 +126,11 @@ class Mission {
     options.merge.backend = MergeBackend::kCpu;
     options.gateway.timeout = kClientTimeout;
     options.gateway.long_timeout = kLongClientTimeout;
+    if (HasSigningKeys(world_.config)) {
+      options.role.sign = [this, key = SigningKeyOf(agent)](const proto::RoleAssignment& roles) {
+        return key.Sign(SignedBytes(world_.config, roles));
+      };
+    }
     for (const StandardActor& actor : StandardActors(world_.config, agent, kConfigHash, std::move(options))) {
       if (!world_.options.has_all_actors() && kNoPartOfSharing.contains(actor.name)) continue;
       world_.team.Spawn(agent, actor.name, [this, agent, actor]() -> std::unique_ptr<Actor> {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "runtime/team/signing_key.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -12,8 +13,9 @@ constexpr char kPurpose[] = "moondb roles 1";
 }  // namespace
 
 bool HasSigningKeys(const proto::TeamConfig& team) {
-  (void)team;
-  return false;
+  return !team.insecure() && !team.agents().empty() &&
+         std::all_of(team.agents().begin(), team.agents().end(),
+                     [](const proto::AgentConfig& agent) { return !agent.signing_key().empty(); });
 }
 
 std::string SignedBytes(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
@@ -25,7 +27,13 @@ std::string SignedBytes(const proto::TeamConfig& team, const proto::RoleAssignme
 
 bool IsSigned(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
   const proto::AgentConfig* issuer = FindAgent(team, roles.term().issuer());
-  return issuer != nullptr;
+  return issuer != nullptr && IsSignatureOf(issuer->signing_key(), SignedBytes(team, roles), roles.signature());
+}
+
+RoleChain::Options RoleChainOptions(const proto::TeamConfig& team) {
+  return {.initial = InitialRoles(team),
+          .may_command = [team](AgentId agent) { return MayCommand(team, agent); },
+          .has_keys = HasSigningKeys(team)};
 }
 
 }  // namespace moondb

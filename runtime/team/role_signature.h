@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "model/role_chain.h"
 #include "proto/team.pb.h"
 #include "proto/types.pb.h"
 
@@ -16,5 +17,8 @@ std::string SignedBytes(const proto::TeamConfig& team, const proto::RoleAssignme
 
 // By its issuer's key in the team file; false too where the issuer is not of the team or has no key.
 bool IsSigned(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
+
+// What a RoleChain of this team needs.
+RoleChain::Options RoleChainOptions(const proto::TeamConfig& team);
 
 }  // namespace moondb

@@ -15,6 +15,7 @@
 #include "model/local_socket.h"
 #include "model/team_id.h"
 #include "runtime/team/field_rules.h"
+#include "runtime/team/signing_key.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
@@ -82,6 +83,7 @@ class Checker {
     CheckKinds();
     for (int i = 0; i < team_.agents_size(); ++i) CheckAgent(i);
     CheckDuplicates();
+    CheckSigningKeys();
     CheckRoles();
     CheckCommandFrom();
     CheckPolicies("share", team_.share());
@@ -152,6 +154,21 @@ class Checker {
     CheckPlace(agent, path);
   }
 
+  // All agents have one, or in a team without keys none.
+  void CheckSigningKeys() {
+    for (int i = 0; i < team_.agents_size(); ++i) {
+      const proto::AgentConfig& agent = team_.agents(i);
+      const std::string path = AgentPath(i) + ".signing_key";
+      if (!IsGiven(path)) {
+        if (!team_.insecure()) Add(path, "missing: `moonctl keys add-signing` gives every agent one that has none");
+      } else if (!errors_.Has(path) && !IsSigningKey(agent.signing_key())) {
+        Add(path, "expected 40 characters in Z85 of an Ed25519 key");
+      } else if (team_.insecure()) {
+        Add(path, "needs keys, which `insecure: true` does without");
+      }
+    }
+  }
+
   void CheckClientAddress(const proto::AgentConfig& agent, const std::string& field) {
     if (!IsRead(field)) return;
     if (!agent.client_address().starts_with("tcp://")) {
@@ -180,6 +197,7 @@ class Checker {
     check("name", [](const proto::AgentConfig& agent) { return agent.name(); });
     check("address", [](const proto::AgentConfig& agent) { return agent.address(); });
     check("key", [](const proto::AgentConfig& agent) { return agent.key(); });
+    check("signing_key", [](const proto::AgentConfig& agent) { return agent.signing_key(); });
     check("client_address", [](const proto::AgentConfig& agent) { return agent.client_address(); });
     CheckClientAddressesAreOthers();
   }

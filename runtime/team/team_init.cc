@@ -10,6 +10,7 @@
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/field_rules.h"
 #include "runtime/team/new_files.h"
+#include "runtime/team/signing_key.h"
 #include "runtime/team/team_check.h"
 #include "runtime/team/yaml_reader.h"
 
@@ -91,6 +92,7 @@ std::string AgentText(const proto::AgentConfig& agent) {
   add("address", "\"" + agent.address() + "\"");
   if (is_base) add("kind", "base_station");
   if (!agent.key().empty()) add("key", "\"" + agent.key() + "\"");
+  if (!agent.signing_key().empty()) add("signing_key", "\"" + agent.signing_key() + "\"");
   if (!agent.client_address().empty()) add("client_address", "\"" + agent.client_address() + "\"");
   if (is_base) add("position_m", List(agent.position_m()));
   if (agent.has_start()) add("start", StartText(agent.start()));
@@ -186,10 +188,14 @@ std::string TeamText(const proto::TeamConfig& team) {
   return text + CustomTypesText(team.custom_types());
 }
 
-Result<void> AddKeys(const std::filesystem::path& public_path, NewFiles* files) {
+Result<void> AddKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files) {
   const Result<CurveKeys> keys = MakeCurveKeys();
   if (!keys) return tl::unexpected(keys.error());
-  if (const auto added = files->Add(SecretKeyPath(public_path), keys->secret_key + "\n", 0600); !added) return added;
+  const std::filesystem::path secret_path = SecretKeyPath(public_path);
+  if (const auto added = files->Add(secret_path, keys->secret_key + "\n", 0600); !added) return added;
+  if (const auto added = files->Add(SigningSecretPath(secret_path), signing.SecretText() + "\n", 0600); !added) {
+    return added;
+  }
   return files->Add(public_path, keys->public_key + "\n", 0644);
 }
 
@@ -202,9 +208,11 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
     if (!id) return tl::unexpected(id.error());
     team.set_team_id(*id);
   }
+  std::vector<SigningKey> signing_keys;
   if (!team.insecure()) {
     for (proto::AgentConfig& agent : *team.mutable_agents()) {
       if (agent.key().empty()) agent.set_key(agent.name() + ".pub");
+      agent.set_signing_key(signing_keys.emplace_back(SigningKey::Make()).public_key());
     }
   }
   FillDefaults(PlacesOf(team), &team);
@@ -222,8 +230,9 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   if (error) return Fail(ErrorCode::kInternal, folder.string() + ": " + error.message());
   NewFiles files;
   if (!team.insecure()) {
-    for (const proto::AgentConfig& agent : team.agents()) {
-      if (const Result<void> added = AddKeys(folder / agent.key(), &files); !added) return added;
+    for (int i = 0; i < team.agents_size(); ++i) {
+      const auto added = AddKeys(folder / team.agents(i).key(), signing_keys[static_cast<std::size_t>(i)], &files);
+      if (!added) return added;
     }
   }
   // Last, so that a team file never stands without its keys.

@@ -1,9 +1,18 @@
 #include "runtime/team/team_keys.h"
 
 #include "model/check.h"
+#include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {
+namespace {
+
+std::filesystem::path SecretPathOf(const proto::AgentConfig& agent, const std::filesystem::path& folder,
+                                   const std::filesystem::path& given) {
+  return given.empty() ? SecretKeyPath(folder / agent.key()) : given;
+}
+
+}  // namespace
 
 Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesystem::path& folder, AgentId self,
                               const std::filesystem::path& secret_key_file) {
@@ -16,7 +25,7 @@ Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesyst
   const proto::AgentConfig* agent = FindAgent(team, self);
   Check(agent != nullptr, "the agent itself is in the team");
   const std::filesystem::path public_path = folder / agent->key();
-  const std::filesystem::path secret_path = secret_key_file.empty() ? SecretKeyPath(public_path) : secret_key_file;
+  const std::filesystem::path secret_path = SecretPathOf(*agent, folder, secret_key_file);
   const Result<std::string> secret = ReadSecretKey(secret_path);
   if (!secret) return tl::unexpected(secret.error());
   keys.own = {keys.public_keys[self], *secret};
@@ -24,6 +33,21 @@ Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesyst
     return Fail(ErrorCode::kInvalid, secret_path.string() + ": does not fit the public key " + public_path.string());
   }
   return keys;
+}
+
+Result<std::optional<SigningKey>> ReadSigningKey(const proto::TeamConfig& team, const std::filesystem::path& folder,
+                                                 AgentId self, const std::filesystem::path& secret_key_file) {
+  if (!HasSigningKeys(team)) return std::optional<SigningKey>();
+  const proto::AgentConfig* agent = FindAgent(team, self);
+  Check(agent != nullptr, "the agent itself is in the team");
+  const std::filesystem::path path = SigningSecretPath(SecretPathOf(*agent, folder, secret_key_file));
+  Result<SigningKey> key = SigningKey::Read(path);
+  if (!key) return tl::unexpected(key.error());
+  if (key->public_key() != agent->signing_key()) {
+    return Fail(ErrorCode::kInvalid,
+                path.string() + ": does not fit the signing_key of " + agent->name() + " in the team file");
+  }
+  return std::optional<SigningKey>(*std::move(key));
 }
 
 }  // namespace moondb

@@ -101,7 +101,7 @@ TEST(RetentionPlanTest, DoesWhatAnOperatorOrders) {
   order.set_older_than_s(60);
   order.add_data_types(proto::POSE_GRAPH_EDGE);
   order.set_content_bytes_max(5);
-  const PrunePlan plan = PlanOf(order);
+  const PrunePlan plan = PlanOf(order, kTypes);
   ASSERT_EQ(plan.size(), 1u);
   EXPECT_TRUE(plan[0].request.is_dry_run());
   EXPECT_EQ(plan[0].request.older_than_s(), 60);

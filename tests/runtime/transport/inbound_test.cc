@@ -83,7 +83,8 @@ TEST(InboundTest, RefusesWhatMustNotLeaveItsAgent) {
   const std::set<std::string> may_leave = {"hello",           "have",          "batch",         "refusal",
                                            "share_request",   "share_reply",   "role_announce", "lease_announce",
                                            "link_report",     "clock_report",  "epoch_report",  "leader_check",
-                                           "control_request", "control_reply", "custom"};
+                                           "control_request", "control_reply", "custom",        "role_chain_request",
+                                           "role_chain_reply"};
   const auto* bodies = proto::Message::descriptor()->FindOneofByName("body");
   for (int i = 0; i < bodies->field_count(); ++i) {
     const auto* field = bodies->field(i);

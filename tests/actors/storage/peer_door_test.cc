@@ -1,0 +1,244 @@
+#include "actors/storage/peer_door.h"
+
+#include <gtest/gtest.h>
+
+#include "model/have_set.h"
+#include "model/term.h"
+#include "proto/status.pb.h"
+#include "tests/actors/storage/store_fixtures.h"
+
+namespace moondb {
+namespace {
+
+// The store of agent 1, which leads by the team file; 2 survives, 9 is the base station, 3 is a plain rover. In place of
+// a signature an assignment says "signed".
+RecordStore::Options OptionsWithKeys(AgentId self = 1) {
+  RecordStore::Options options = StoreOptionsOf(self);
+  options.policies[proto::ROLE_ASSIGNMENT] = proto::POLICY_ALL;
+  options.door.base = 9;
+  options.door.roles.has_keys = true;
+  options.door.roles.initial.set_leader(1);
+  options.door.roles.initial.set_survivor(2);
+  options.door.roles.may_command = [](AgentId agent) { return agent == 9; };
+  options.door.is_signed = [](const proto::RoleAssignment& roles) { return roles.signature().starts_with("signed"); };
+  return options;
+}
+
+proto::RoleAssignment AssignmentOf(AgentId issuer, AgentId leader, AgentId survivor, const std::string& signature) {
+  proto::RoleAssignment roles;
+  roles.mutable_term()->set_number(issuer == 9 ? TermNumber(1, 0) : 1);
+  roles.mutable_term()->set_issuer(issuer);
+  roles.set_leader(leader);
+  roles.set_survivor(survivor);
+  roles.set_signature(signature);
+  return roles;
+}
+
+proto::Record RecordOf(const proto::RoleAssignment& roles) {
+  proto::Record record;
+  *record.mutable_role_assignment() = roles;
+  return record;
+}
+
+proto::StoredRecord Node(AgentId origin, std::uint64_t seq, std::uint64_t epoch = 7) {
+  return Packed({{origin, epoch, proto::POSE_GRAPH_NODE}, seq}, NodeRecord(origin, seq));
+}
+
+proto::StoreReply StoreFrom(RecordStore& store, AgentId sender, const std::vector<proto::StoredRecord>& records) {
+  proto::StoreRequest request;
+  request.set_sender(sender);
+  for (const proto::StoredRecord& record : records) *request.add_records() = record;
+  return store.Store(request).reply;
+}
+
+std::map<std::pair<AgentId, proto::RefusalCause>, double> RefusedBy(const RecordStore& store) {
+  proto::AgentStatus status;
+  store.DescribeRefused(status);
+  std::map<std::pair<AgentId, proto::RefusalCause>, double> refused;
+  for (const auto& entry : status.refused()) refused[{entry.agent_id(), entry.cause()}] += entry.count();
+  return refused;
+}
+
+TEST(PeerDoorTest, TakesRecordsFromTheirOriginTheBaseStationAndWhoHasARole) {
+  auto store = OpenStore(OptionsWithKeys());
+  EXPECT_EQ(StoreFrom(*store, 3, {Node(3, 1)}).stored_count(), 1u);
+  EXPECT_EQ(StoreFrom(*store, 9, {Node(3, 2)}).stored_count(), 1u);
+  EXPECT_EQ(StoreFrom(*store, 2, {Node(3, 3)}).stored_count(), 1u);
+  const proto::StoreReply refused = StoreFrom(*store, 3, {Node(2, 1), Node(3, 4)});
+  EXPECT_EQ(refused.stored_count(), 1u) << "what is its own is taken all the same";
+  EXPECT_EQ(refused.rejected_count(), 1u);
+  EXPECT_EQ(refused.had().streams_size(), 1) << "what was refused is not acknowledged";
+  EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_ORIGIN}]), 1);
+}
+
+TEST(PeerDoorTest, TakesDropsFromThemAlone) {
+  auto store = OpenStore(OptionsWithKeys());
+  const auto power = [](std::uint64_t seq) {
+    proto::Record record;
+    record.mutable_power()->set_battery_ratio(0.5);
+    return Packed({{2, 7, proto::POWER}, seq}, record);
+  };
+  StoreFrom(*store, 2, {power(1)});
+  StoreFrom(*store, 2, {power(5)});
+  proto::StoreRequest request;
+  proto::StreamHave& dropped = *request.add_dropped();
+  dropped.set_origin_agent(2);
+  dropped.set_epoch(7);
+  dropped.set_data_type(proto::POWER);
+  dropped.add_dropped()->set_first(2);
+  dropped.mutable_dropped(0)->set_last(4);
+  request.set_sender(3);
+  EXPECT_EQ(store->Store(request).reply.rejected_count(), 1u);
+  request.set_sender(2);
+  EXPECT_EQ(store->Store(request).reply.rejected_count(), 0u);
+}
+
+TEST(PeerDoorTest, TakesAssignmentsFromAnybodyButOnlySignedOnes) {
+  auto store = OpenStore(OptionsWithKeys());
+  const RecordKey key{{2, 7, proto::ROLE_ASSIGNMENT}, 1};
+  EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, RecordOf(AssignmentOf(2, 3, 2, "forged")))}).stored_count(), 0u);
+  EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, RecordOf(AssignmentOf(2, 3, 2, "signed")))}).stored_count(), 1u);
+}
+
+// Rover 3 led in an assignment that agent 1 has not heard of but from rover 3 itself.
+TEST(PeerDoorTest, TakesRecordsFromWhoLedOnceItsAssignmentIsHere) {
+  auto store = OpenStore(OptionsWithKeys());
+  const proto::StoredRecord assignment =
+      Packed({{3, 7, proto::ROLE_ASSIGNMENT}, 1}, RecordOf(AssignmentOf(2, 3, 2, "signed")));
+  EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 0u);
+  EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1), assignment}).stored_count(), 2u) << "in whatever order they come";
+  EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 2)}).stored_count(), 1u);
+}
+
+TEST(PeerDoorTest, BelievesNoAssignmentOfItsOwnThatAPlainRoverSigns) {
+  auto store = OpenStore(OptionsWithKeys());
+  const proto::StoredRecord assignment =
+      Packed({{3, 7, proto::ROLE_ASSIGNMENT}, 1}, RecordOf(AssignmentOf(3, 3, 2, "signed")));
+  EXPECT_EQ(StoreFrom(*store, 3, {assignment}).stored_count(), 1u) << "it says so of itself";
+  EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 0u);
+}
+
+TEST(PeerDoorTest, KnowsWhoHadARoleAfterARestart) {
+  TemporaryFolder folder;
+  RecordStore::Options options = OptionsWithKeys();
+  options.path = folder.File("store.db");
+  {
+    auto store = OpenStore(options);
+    proto::SaveRolesRequest request;
+    *request.mutable_roles() = AssignmentOf(2, 3, 2, "signed");
+    ASSERT_TRUE(store->SaveRoles(request));
+  }
+  EXPECT_EQ(StoreFrom(*OpenStore(options), 3, {Node(2, 1)}).stored_count(), 1u);
+}
+
+TEST(PeerDoorTest, MakesARecordOfWhatGivesThisAgentARoleOnceAndOfItsForerunners) {
+  auto store = OpenStore(OptionsWithKeys());
+  proto::SaveRolesRequest request;
+  *request.add_chain() = AssignmentOf(2, 3, 2, "signed a");
+  proto::RoleAssignment last = AssignmentOf(3, 1, 3, "signed b");
+  last.mutable_term()->set_number(2);
+  last.set_follows("signed a");
+  *request.mutable_roles() = last;
+  const auto saved = store->SaveRoles(request);
+  ASSERT_TRUE(saved) << ToString(saved.error());
+  EXPECT_NE(saved->last_row_id(), 0u);
+  EXPECT_EQ(Contents(*store).size(), 2u);
+  request.clear_chain();
+  ASSERT_TRUE(store->SaveRoles(request)) << "storage is asked once more when it is silent";
+  EXPECT_EQ(Contents(*store).size(), 2u);
+  *request.mutable_roles() = AssignmentOf(9, 2, 3, "signed c");
+  ASSERT_TRUE(store->SaveRoles(request));
+  EXPECT_EQ(Contents(*store).size(), 2u) << "this agent has no role there";
+}
+
+TEST(PeerDoorTest, OffersOtherAgentsRecordsOnlyWhereTheyAreTakenFromIt) {
+  proto::MissingRequest request;
+  auto plain = OpenStore(OptionsWithKeys(3));
+  StoreFrom(*plain, 1, {Node(2, 1), Packed({{2, 7, proto::ROLE_ASSIGNMENT}, 1},
+                                           RecordOf(AssignmentOf(2, 1, 2, "signed")))});
+  InsertOne(*plain, NodeRecord(3, 1));
+  EXPECT_EQ(plain->GetMissing(request)->records_size(), 2) << "its own, and the assignment";
+  auto leader = OpenStore(OptionsWithKeys(1));
+  StoreFrom(*leader, 2, {Node(2, 1)});
+  EXPECT_EQ(leader->GetMissing(request)->records_size(), 1);
+}
+
+TEST(PeerDoorTest, TakesWordOfOwnEpochsFromThoseAloneAndSaysWhoGaveIt) {
+  auto store = OpenStore(OptionsWithKeys());
+  InsertOne(*store, NodeRecord(1, 1));
+  const std::uint64_t present = store->GetHave().epoch();
+  proto::EpochReport report;
+  report.add_epochs(present + (1ull << 50));
+  ASSERT_TRUE(store->NoteEpochReport(3, report));
+  InsertOne(*store, NodeRecord(1, 2));
+  EXPECT_EQ(store->GetHave().epoch(), present) << "a plain rover's word moves nothing";
+  EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1) << "but people are to hear of it";
+  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  InsertOne(*store, NodeRecord(1, 3));
+  EXPECT_GT(store->GetHave().epoch(), present);
+}
+
+TEST(PeerDoorTest, LetsNobodyUseUpOwnEpochsByClaimsUponClaims) {
+  auto store = OpenStore(OptionsWithKeys());
+  InsertOne(*store, NodeRecord(1, 1));
+  std::uint64_t claimed = store->GetHave().epoch();
+  for (int i = 0; i < 8; ++i) {
+    claimed += kOwnEpochJumpMax / 2;
+    proto::EpochReport report;
+    report.add_epochs(claimed);
+    ASSERT_TRUE(store->NoteEpochReport(2, report));
+  }
+  EXPECT_LE(store->GetHave().epoch(), 3 * kOwnEpochJumpMax);
+  InsertOne(*store, NodeRecord(1, 2));
+  EXPECT_LT(store->GetHave().epoch(), 2 * kOwnEpochJumpMax);
+}
+
+TEST(PeerDoorTest, SaysWhereAPeerHasMoreOfThisAgentThanItsDiskEverHad) {
+  auto store = OpenStore(OptionsWithKeys());
+  InsertOne(*store, NodeRecord(1, 1));
+  proto::MissingRequest request;
+  request.set_destination(3);
+  proto::StreamHave& claimed = *request.mutable_destination_have()->add_streams();
+  claimed.set_origin_agent(1);
+  claimed.set_epoch(store->GetHave().epoch());
+  claimed.set_data_type(proto::POSE_GRAPH_NODE);
+  claimed.add_held()->set_first(1);
+  claimed.mutable_held(0)->set_last(1);
+  ASSERT_TRUE(store->GetMissing(request));
+  EXPECT_TRUE(RefusedBy(*store).empty());
+  claimed.mutable_held(0)->set_last(2);
+  ASSERT_TRUE(store->GetMissing(request));
+  EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
+}
+
+// A ledger of so many streams of each origin.
+HaveLedger LedgerOf(const std::map<AgentId, std::uint64_t>& streams) {
+  HaveLedger ledger;
+  for (const auto& [origin, count] : streams) {
+    for (std::uint64_t epoch = 1; epoch <= count; ++epoch) ledger.AddHeld({origin, epoch, proto::POWER}, 1);
+  }
+  return ledger;
+}
+
+TEST(PeerDoorTest, KeepsHalfOfTheStreamsInEqualPartsAndGivesTheRestToWhoComes) {
+  PeerDoor::Options options;
+  options.team = {1, 2, 3, 9};
+  PeerDoor door(options);
+  constexpr std::uint64_t kPart = kHaveStreamsMax / 8;
+  const StreamKey next{2, 1'000'000, proto::POWER};
+  EXPECT_TRUE(door.CheckRoom(2, next, LedgerOf({{2, kPart + kHaveStreamsMax / 2 - 1}})));
+  const HaveLedger full = LedgerOf({{2, kPart + kHaveStreamsMax / 2}, {3, 7}});
+  EXPECT_FALSE(door.CheckRoom(2, next, full)) << "all that nobody else has is used up";
+  EXPECT_TRUE(door.CheckRoom(2, {2, 1, proto::POWER}, full)) << "a stream that is there goes on";
+  EXPECT_TRUE(door.CheckRoom(3, {3, 1'000'000, proto::POWER}, full)) << "another's part is kept for it";
+  const HaveLedger other = LedgerOf({{2, kPart + kHaveStreamsMax / 2}, {3, kPart}});
+  EXPECT_FALSE(door.CheckRoom(3, {3, 1'000'000, proto::POWER}, other));
+}
+
+TEST(PeerDoorTest, BelievesEverybodyInATeamWithoutKeys) {
+  auto store = OpenStore(StoreOptionsOf(1));
+  EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 1u);
+}
+
+}  // namespace
+}  // namespace moondb
