@@ -22,6 +22,7 @@ import tempfile
 import time
 
 import messages
+import nacl.signing
 import zmq
 import zmtp
 
@@ -256,6 +257,13 @@ class Team:
 
     def keys(self, name):
         return tuple(zmtp.from_z85(key.decode()) for key in self.z85_keys(name))
+
+    def sign(self, agent, roles):
+        """With that agent's key, as runtime/team/role_signature.h has it."""
+        seed = zmtp.from_z85((self.folder / f"{agent}.sign").read_text().split()[0])
+        roles.ClearField("signature")
+        signed = b"moondb roles 1" + self.team_id.hex().encode() + roles.SerializeToString()
+        roles.signature = nacl.signing.SigningKey(seed).sign(signed).signature
 
     def client_keys(self, key_name):
         """(public, secret) of a listed client."""
