@@ -1,8 +1,7 @@
 """A client from elsewhere, with a key of the team's list: what moonctl --key is, and whatever an attacker sends instead."""
 import zmq
-from team import CLIENT_PORT, STEP_LIMIT_S, MoondbClient
-
 from messages import control
+from team import CLIENT_PORT, STEP_LIMIT_S, AgentError, Failure, MoondbClient
 
 
 class KeyedClient(MoondbClient):
@@ -25,7 +24,11 @@ class KeyedClient(MoondbClient):
         self.close()
 
     def ask(self, timeout_s=None, **request):
-        return self.call(control.ControlRequest(**request), timeout_s)
+        """The ControlReply; Failure where none comes, or an error."""
+        try:
+            return self.call(control.ControlRequest(**request), timeout_s)
+        except (AgentError, TimeoutError) as error:
+            raise Failure(f"{request}: {error}") from error
 
     def send(self, request_id=1, **request):
         """Asks, and waits for nothing."""
