@@ -1,6 +1,7 @@
 """Attackers by what they make an agent do: write its log, remember, decode, compare."""
 import contextlib
 import random
+import time
 
 import messages
 import zstandard
@@ -72,17 +73,18 @@ def more_connections_than_places(team, scale):
 
 
 def giant_have_sets(team, scale):
-    """rover3 says that it has 60,000 streams that nobody ever heard of, of three intervals each, again and again."""
-    def make_have():
-        first = random.getrandbits(60)
-        return {"have": {"streams": [
-            {"origin_agent": 1 + i % 4, "epoch": first + i, "data_type": 20,
-             "held": [{"first": j, "last": j} for j in (1, 3, 5)]} for i in range(STREAMS)]}}
+    """rover3 says that it has 60,000 streams that nobody ever heard of, and wants to be greeted anew after each batch."""
+    epochs = random.getrandbits(60)
+    giants = [types.HaveSet(streams=[
+        {"origin_agent": 1 + i % 4, "epoch": epochs + STREAMS * giant + i, "data_type": types.POSE_GRAPH_NODE,
+         "held": [{"first": j, "last": j} for j in (1, 3, 5)]} for i in range(STREAMS)]) for giant in range(3)]
     with Member(team, TAKEN) as member:
-        receiver = Receiver(member, make_have)
-        for i in range(max(2, int(12 * scale))):
-            receiver.ask("rover1")
+        receiver = Receiver(member, lambda: {"have": random.choice(giants)}, is_refusing=True)
+        receiver.ask("rover1")
+        time.sleep(25 * scale)
         member.ask("rover1", timeout_s=60, status={})
+        if receiver.greetings < 2:
+            raise Failure(f"rover1 greeted {receiver.greetings} times, which shows nothing")
 
 
 def zstd_bombs(team, scale):
@@ -99,19 +101,20 @@ def zstd_bombs(team, scale):
 
 
 def statements_of_a_compact_team(team, scale):
-    """rover3 brings records as SQL, though its team sends none, with statements that take long."""
-    statement = (b"INSERT INTO temperature VALUES((WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) "
-                 b"SELECT count(*) FROM c))")
+    """rover3 brings records as SQL, though its team sends none: one as they should be, others that would take long."""
+    epoch, endless = 1 << 50, ("(WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT count(*) FROM c)")
     with Member(team, TAKEN) as member:
         session = member.session("rover1")
-        for _ in range(int(20_000 * scale)):
-            heard = session.batch(coded=b"", record_count=1, codec=CODEC_PAPER_SQL)
-            heard.sql = statement
-            member.send_frame("rover1", frame_of(heard))
+        for seq in range(1, max(2, int(20_000 * scale))):
+            batch = session.batch(coded=b"", record_count=1, codec=CODEC_PAPER_SQL)
+            batch.record_id = f"{ROVER3}.{epoch:016x}.1.{seq}".encode()
+            batch.sql = (f"INSERT INTO temperature (record_id, agent_id, stamp_ns, celsius) VALUES "
+                         f"('{batch.record_id.decode()}', {ROVER3}, 1700, {-40.5 if seq == 1 else endless})").encode()
+            member.send_frame("rover1", frame_of(batch))
         member.ask("rover1", timeout_s=60, status={})
-    status = team.call("rover1", share_status={}).share_status
-    if status.received_records > 0:
-        raise Failure("rover1 ran a member's SQL, though the team's codec is compact")
+    with team.store("rover1") as store:
+        if store.execute("SELECT count(*) FROM temperature WHERE epoch = ?", (epoch,)).fetchone()[0]:
+            raise Failure("rover1 ran a member's SQL, though the team's codec is compact")
 
 
 def long_questions(team, scale):

@@ -16,9 +16,11 @@ SESSION_TIMEOUT_S = 10
 class Receiver:
     """The receiving end of whatever session another agent begins with this member."""
 
-    def __init__(self, member, make_have):
-        """`make_have` gives the fields of the Have with which a Hello is answered."""
-        self.member, self.make_have, self.greeted = member, make_have, threading.Event()
+    def __init__(self, member, make_have, is_refusing=False):
+        """`make_have` gives the fields of the Have with which a Hello is answered, and a batch, unless batches are refused
+        so that the other agent greets anew."""
+        self.member, self.make_have, self.is_refusing = member, make_have, is_refusing
+        self.greeted, self.greetings = threading.Event(), 0
         member.answers["hello"] = self._on_hello
         member.answers["batch"] = self._on_batch
 
@@ -34,9 +36,14 @@ class Receiver:
 
     def _on_hello(self, heard):
         self._send(heard, session_id=heard.hello.session_id, is_whole=True, unacked_bytes_max=8192, **self.make_have())
+        self.greetings += 1
         self.greeted.set()
 
     def _on_batch(self, heard):
+        if self.is_refusing:
+            refusal = {"session_id": heard.batch.session_id, "error": {"code": types.ERROR_CODE_NOT_FOUND}}
+            self.member.send(self.member.agent_of(heard), heard.destination_actor.decode(), refusal=refusal)
+            return
         self._send(heard, session_id=heard.batch.session_id, batch_number=heard.batch.batch_number,
                    unacked_bytes_max=8192, **self.make_have())
 
