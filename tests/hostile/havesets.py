@@ -25,9 +25,9 @@ class Receiver:
         member.answers["batch"] = self._on_batch
 
     def ask(self, agent, kind=SYNC):
-        """Asks the agent to bring what it has, and answers its Hello."""
+        """An operator lets the agent bring what it has to this member, which answers its Hello."""
         self.greeted.clear()
-        self.member.send(agent, ACTOR_OF_KIND[kind], share_request={"kind": kind})
+        self.member.team.call(agent, share={"kind": kind, "destination": self.member.number})
         if not self.greeted.wait(SESSION_TIMEOUT_S):
             raise Failure(f"{agent} began no session with {self.member.name}")
 
@@ -123,9 +123,8 @@ def refuses_for_ever(team, scale):
             member.send(member.agent_of(heard), heard.destination_actor.decode(), refusal={
                 "session_id": heard.hello.session_id, "error": {"code": random.randrange(1, 9), "text": b"\x1b[2Jno"}})
         member.answers["hello"] = refuse
-        for _ in range(int(1000 * scale)):
-            for agent in HONEST:
-                member.send(agent, "sync", share_request={"kind": SYNC})
+        for _ in range(int(100 * scale)):
+            team.call(random.choice(HONEST), share={"kind": SYNC, "destination": ROVER3})
         member.ask("rover1", timeout_s=60, status={})
 
 

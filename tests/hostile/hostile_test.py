@@ -109,8 +109,9 @@ def refresh(team):
     return team.settle()
 
 
-def attack(team, attacker, scale, prunes):
-    """What became of the team; with "broken", what did not hold. `prunes`: the operator removes records meanwhile."""
+def attack(team, attacker, scale, prunes, is_at_rest):
+    """What became of the team; with "broken", what did not hold. `prunes`: the operator removes records meanwhile;
+    `is_at_rest`: the attacked agent is stopped for it."""
     from team import HONEST, Failure
     quiet_s = refresh(team)
     team.forget_peak("rover1")
@@ -118,7 +119,8 @@ def attack(team, attacker, scale, prunes):
     before = (team.rss_mb("rover1"), team.log_bytes("rover1"), team.disk_bytes("rover1"))
     broken = []
     begin = time.monotonic()
-    with Bystander(team) as bystander:
+    bystander = Bystander(team)
+    with contextlib.nullcontext() if is_at_rest else bystander:
         try:
             attacker(team, scale)
         except Failure as failure:
@@ -170,7 +172,8 @@ def run(options):
             print(f"{module.__name__}.{attacker.__name__}: {attacker.__doc__.splitlines()[0]}", flush=True)
             team.take_over() if getattr(module, "TAKES_ROVER3", False) else team.give_back()
             prunes = attacker in getattr(module, "PRUNING", [])
-            result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes)
+            is_at_rest = getattr(module, "AT_REST", False)
+            result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_at_rest)
             if report(module, attacker, result):
                 failed.append(attacker.__name__)
             if result["broken"]:

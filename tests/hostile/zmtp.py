@@ -11,6 +11,7 @@ import socket
 import struct
 
 import nacl.bindings as sodium
+import nacl.exceptions
 import nacl.utils
 
 TIMEOUT_S = 10
@@ -92,8 +93,9 @@ class Connection:
         self.send_raw(self.part(payload, more))
 
 
-def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S):
-    connection = Connection(address, timeout_s)
+def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S, make=Connection):
+    """`make` gives the Connection of which the handshake is made."""
+    connection = make(address, timeout_s)
     connection.send_raw(GREETING)
     connection.receive_raw(64)
     public, secret = keys
