@@ -258,7 +258,7 @@ def hostile_yaml(team, scale):
 
 def hostile_bundles(team, scale):
     """A bundle, a graph or a record's body that somebody sent is a fifo, a device, or says that it is larger than it is."""
-    body = messages.FREE_CELLS * 1000
+    body = b"\xff" * 1000
     bundles = {
         "a head alone": written(b"moondb bundle 1\n"),
         "a wrong hash": written(b"moondb bundle 1\n" + bytes(8) + body),
@@ -295,4 +295,8 @@ def huge_files(team, scale):
 
 ATTACKERS = [files_that_others_may_write, links_in_the_data_folder, hostile_stores, hostile_missions, hostile_yaml,
              hostile_bundles, huge_files]
+
+# Hundreds of programs, one after the other.
+ONLY_AT_LENGTH = [hostile_missions, hostile_bundles]
+
 NOT_YET = {huge_files: "`graph import` and `moondb_replay feed` read a file whole before they look at it: 535 MB of memory"}

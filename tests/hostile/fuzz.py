@@ -1,4 +1,5 @@
 """Any bytes: handshakes and frames that were right until an attacker changed some of them, at random (the runner's seed)."""
+import concurrent.futures
 import contextlib
 import random
 
@@ -10,53 +11,68 @@ from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER3 = 3
-HANDSHAKES, FRAMES = 20_000, 80_000  # At length.
-HANDSHAKE_TIMEOUT_S = 0.5
+HANDSHAKES, FRAMES = 4_000, 96_000  # At length.
+HANDSHAKE_TIMEOUT_S = 0.2
+HANDSHAKES_AT_ONCE = 32
 ANSWER_EVERY = 5000  # Frames, so that what was sent is taken in.
 
 
-def changed(data):
+def changed(data, chance=random):
     """The bytes with one to four changes: bits, bytes, parts left out, repeated or made up."""
     data = bytearray(data)
-    for _ in range(random.randint(1, 4)):
-        at = random.randrange(len(data) + 1)
-        to = min(len(data), at + random.choice([1, 1, 2, 8, 40]))
-        kind = random.randrange(6)
+    for _ in range(chance.randint(1, 4)):
+        at = chance.randrange(len(data) + 1)
+        to = min(len(data), at + chance.choice([1, 1, 2, 8, 40]))
+        kind = chance.randrange(6)
         if kind == 0 and at < len(data):
-            data[at] ^= 1 << random.randrange(8)
+            data[at] ^= 1 << chance.randrange(8)
         elif kind == 1 and at < len(data):
-            data[at] = random.choice([0, 1, 0x7F, 0x80, 0xFF])
+            data[at] = chance.choice([0, 1, 0x7F, 0x80, 0xFF])
         elif kind == 2:
             del data[at:to]
         elif kind == 3:
-            data[at:at] = data[at:to] * random.choice([1, 2, 50])
+            data[at:at] = data[at:to] * chance.choice([1, 2, 50])
         elif kind == 4:
-            data[at:at] = random.randbytes(random.randint(1, 20))
+            data[at:at] = chance.randbytes(chance.randint(1, 20))
         else:
-            del data[random.randrange(len(data) + 1):]
+            del data[chance.randrange(len(data) + 1):]
     return bytes(data)
 
 
 class ChangedConnection(zmtp.Connection):
     """Of what it sends in the handshake one step is changed."""
 
-    def __init__(self, address, timeout_s):
-        super().__init__(address, HANDSHAKE_TIMEOUT_S)
-        self.steps_before = random.randrange(4)
+    def __init__(self, address, timeout_s, chance):
+        super().__init__(address, timeout_s)
+        self.chance, self.steps_before = chance, chance.randrange(4)
 
     def send_raw(self, data):
         if self.steps_before == 0:
-            data = changed(data)
+            data = changed(data, self.chance)
         self.steps_before -= 1
         super().send_raw(data)
 
 
+def handshake(team, number, seed):
+    """One of which a step is changed; what the agent still waits for then is not sent."""
+    chance = random.Random(seed + number)
+    keys = team.keys(TAKEN) if number % 2 else zmtp.key_pair()
+    connections = []
+
+    def make(address, timeout_s):
+        connections.append(ChangedConnection(address, timeout_s, chance))
+        return connections[0]
+    with contextlib.suppress(OSError, nacl.exceptions.CryptoError, ValueError):
+        zmtp.connect(team.address("rover1"), team.keys("rover1")[0], keys, b"3", HANDSHAKE_TIMEOUT_S, make)
+    for connection in connections:
+        connection.close()
+
+
 def handshakes(team, scale):
     """No key, and rover3's: handshakes of which one step is changed, at the agents' address."""
-    for i in range(int(HANDSHAKES * scale)):
-        keys = team.keys(TAKEN) if i % 2 else zmtp.key_pair()
-        with contextlib.suppress(OSError, nacl.exceptions.CryptoError, ValueError):
-            zmtp.connect(team.address("rover1"), team.keys("rover1")[0], keys, b"3", make=ChangedConnection).close()
+    seed = random.getrandbits(32)
+    with concurrent.futures.ThreadPoolExecutor(HANDSHAKES_AT_ONCE) as threads:
+        list(threads.map(lambda number: handshake(team, number, seed), range(int(HANDSHAKES * scale))))
 
 
 def right_messages(member, session):

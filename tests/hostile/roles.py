@@ -138,7 +138,7 @@ def endless_chain(team, scale):
     asked = []
     with Member(team, TAKEN) as member:
         present = member.ask("rover1", status={}).status.roles
-        length = max(200, int(20_000 * scale))
+        length = max(200, int(5000 * scale))
         chain = [assignment(team, present, ROVER3, ROVER2)]
         for _ in range(length):
             chain.append(assignment(team, chain[-1], ROVER3, ROVER2))
