@@ -36,7 +36,7 @@ class RecordFeed {
   // The next page; empty if nothing was stored in `timeout`. Errors as of every call of Client: kTimedOut if the agent
   // took Client::Options::timeout longer than it was to wait, after which the next call goes on; kFull if too many
   // programs wait at this agent: try again later. Of another agent over the radio (Client::Options::for_agent) a record
-  // of more than 256 KiB cannot come, and the feed not go past it: kFull; ask that agent itself.
+  // of more than 255 KiB cannot come, and the feed not go past it: kFull; ask that agent itself.
   Result<proto::ReadReply> Next(Client::Duration timeout);
 
   // Of the last record that came, to go on behind it another time.

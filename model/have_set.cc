@@ -80,10 +80,27 @@ IntervalSet IntervalSet::Minus(const IntervalSet& other) const {
   return result;
 }
 
+IntervalSet IntervalSet::Around(const IntervalSet& other) const {
+  IntervalSet result;
+  auto it = intervals_.begin();
+  for (const Interval& named : other.intervals_) {
+    it = std::lower_bound(it, intervals_.end(), named.first,
+                          [](const Interval& i, std::uint64_t first) { return i.last < first; });
+    for (; it != intervals_.end() && it->first <= named.last; ++it) result.intervals_.push_back(*it);
+  }
+  return result;
+}
+
 IntervalSet StreamHave::Had() const {
   IntervalSet had = held;
   had.Add(dropped);
   return had;
+}
+
+void StreamHave::Merge(const StreamHave& other) {
+  dropped.Add(other.dropped);
+  held.Add(other.held);
+  held = held.Minus(dropped);
 }
 
 const StreamHave& HaveSet::Get(const StreamKey& key) const {
@@ -93,18 +110,38 @@ const StreamHave& HaveSet::Get(const StreamKey& key) const {
 }
 
 void HaveSet::Merge(const HaveSet& other) {
+  for (const auto& [key, theirs] : other.streams_) streams_[key].Merge(theirs);
+}
+
+Result<void> HaveSet::CheckJoins(const HaveSet& other) const {
+  std::size_t stream_count = streams_.size();
+  std::size_t interval_count = IntervalCount();
   for (const auto& [key, theirs] : other.streams_) {
-    StreamHave& ours = streams_[key];
-    ours.dropped.Add(theirs.dropped);
-    ours.held.Add(theirs.held);
-    ours.held = ours.held.Minus(ours.dropped);
+    StreamHave joined = Get(key);
+    stream_count += streams_.contains(key) ? 0 : 1;
+    interval_count -= joined.IntervalCount();
+    joined.Merge(theirs);
+    interval_count += joined.IntervalCount();
+    const std::size_t most = std::max(joined.held.intervals().size(), joined.dropped.intervals().size());
+    if (most > kHaveIntervalsPerStreamMax) return Fail(ErrorCode::kInvalid, "has too many intervals", "have");
   }
+  const bool fits = stream_count <= kHaveStreamsMax && interval_count <= kHaveIntervalsMax;
+  if (!fits) return Fail(ErrorCode::kInvalid, "has grown too large", "have");
+  return {};
+}
+
+HaveSet HaveSet::Around(const HaveSet& other) const {
+  HaveSet result;
+  for (const auto& [key, named] : other.streams_) {
+    const StreamHave& ours = Get(key);
+    result[key] = {ours.held.Around(named.Had()), ours.dropped.Around(named.Had())};
+  }
+  return result;
 }
 
 std::size_t HaveSet::IntervalCount() const {
   std::size_t count = 0;
-  for (const auto& [key, stream] : streams_)
-    count += stream.held.intervals().size() + stream.dropped.intervals().size();
+  for (const auto& [key, stream] : streams_) count += stream.IntervalCount();
   return count;
 }
 

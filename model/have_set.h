@@ -37,6 +37,8 @@ class IntervalSet {
 
   // What is in this set and not in `other`.
   IntervalSet Minus(const IntervalSet& other) const;
+  // The intervals that have a seq in common with `other`.
+  IntervalSet Around(const IntervalSet& other) const;
 
   const std::vector<Interval>& intervals() const { return intervals_; }
   bool operator==(const IntervalSet&) const = default;
@@ -50,6 +52,9 @@ struct StreamHave {
   IntervalSet dropped;
 
   IntervalSet Had() const;
+  // Union. A seq dropped on either side ends up dropped.
+  void Merge(const StreamHave& other);
+  std::size_t IntervalCount() const { return held.intervals().size() + dropped.intervals().size(); }
   bool operator==(const StreamHave&) const = default;
 };
 
@@ -65,6 +70,10 @@ class HaveSet {
 
   // Union, stream by stream. A seq dropped on either side ends up dropped.
   void Merge(const HaveSet& other);
+  // kInvalid where the union would be larger than a have-set may be.
+  Result<void> CheckJoins(const HaveSet& other) const;
+  // Of the streams of `other`, the intervals that have a seq in common with what `other` had.
+  HaveSet Around(const HaveSet& other) const;
 
   const std::map<StreamKey, StreamHave>& streams() const { return streams_; }
   std::size_t IntervalCount() const;

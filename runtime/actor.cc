@@ -16,6 +16,8 @@ const char* ToString(SendResult result) {
       return "no such peer";
     case SendResult::kUnreachable:
       return "unreachable";
+    case SendResult::kTooLong:
+      return "too long for a message between agents";
   }
   return "unknown";
 }

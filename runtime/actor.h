@@ -44,6 +44,7 @@ enum class [[nodiscard]] SendResult{
     kNoActor,      // This agent has no actor of that name.
     kNoPeer,       // No such agent in the team, or an alias that stands for nobody now.
     kUnreachable,  // The peer or client is not connected.
+    kTooLong,      // Longer than a message between agents may be (runtime/transport.h); dropped and counted.
 };
 
 const char* ToString(SendResult result);

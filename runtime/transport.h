@@ -4,6 +4,7 @@
 // from another agent than hop_sender says. Whatever must arrive is sent again by whoever wants it to (actors/sharing).
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -15,6 +16,12 @@ class PeerStatus;
 }  // namespace moondb::proto
 
 namespace moondb {
+
+// A frame between agents has so many bytes at most, two seconds of a 1 Mbps radio. What is longer is cut into pages or
+// pieces by whoever sends it, or refused there with kTooLong: one that came in would close the connection.
+inline constexpr std::size_t kPeerFrameBytesMax = 256 * 1024;
+// Of a message that has a frame of its own, serialised.
+inline constexpr std::size_t kPeerMessageBytesMax = kPeerFrameBytesMax - 6;
 
 class Transport {
  public:

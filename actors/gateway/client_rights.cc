@@ -1,9 +1,9 @@
 #include "actors/gateway/client_rights.h"
 
 #include "model/agent_name.h"
+#include "model/command_from.h"
 #include "model/control_request.h"
 #include "model/rights_name.h"
-#include "runtime/team/team_config.h"
 
 namespace moondb {
 

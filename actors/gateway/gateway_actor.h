@@ -45,6 +45,7 @@
 #include "actors/gateway/feed.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
+#include "runtime/transport.h"
 
 namespace moondb {
 
@@ -60,10 +61,11 @@ class GatewayActor final : public Actor {
     std::function<proto::DoorStatus()> door;     // Shown in status: what the transport refused.
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
-    std::size_t pending_of_client_max = 64;    // So many of one key, connection or other agent.
-    std::size_t feeds_max = 32;                // Of pending_max, reads that wait for something to be stored.
-    std::size_t feeds_of_client_max = 8;       // The part of feeds_max that one key, connection or agent may use.
-    std::size_t relay_bytes_max = 256 * 1024;  // Of a request or answer over the radio: two seconds of it.
+    std::size_t pending_of_client_max = 64;  // So many of one key, connection or other agent.
+    std::size_t feeds_max = 32;              // Of pending_max, reads that wait for something to be stored.
+    std::size_t feeds_of_client_max = 8;     // The part of feeds_max that one key, connection or agent may use.
+    // Of a request or answer over the radio: two seconds of it. A message between agents holds it and its envelope.
+    std::size_t relay_bytes_max = kPeerMessageBytesMax - 1024;
     CommandLog::Options log = {};
     CommandLog::Options refused_log = {.event_kind = proto::EVENT_KIND_REJECTED, .commands_max = 2};
     Duration timeout = std::chrono::seconds(60);

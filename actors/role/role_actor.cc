@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/command_from.h"
 #include "model/control_message.h"
 #include "model/term.h"
 #include "proto/control.pb.h"

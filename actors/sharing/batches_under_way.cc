@@ -31,13 +31,6 @@ void BatchesUnderWay::Clear() {
   unacked_bytes_ = 0;
 }
 
-Result<void> BatchesUnderWay::CheckJoins(const HaveSet& heard) const {
-  const bool fits = have_.streams().size() + heard.streams().size() <= kHaveStreamsMax &&
-                    have_.IntervalCount() + heard.IntervalCount() <= kHaveIntervalsMax;
-  if (!fits) return Fail(ErrorCode::kInvalid, "has grown too large", "have");
-  return {};
-}
-
 HaveSet BatchesUnderWay::ExpectedHave(const HaveSet& more) const {
   HaveSet coming = more;
   for (const auto& [number, batch] : batches_) AddContents(batch, coming);

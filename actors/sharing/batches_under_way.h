@@ -37,8 +37,7 @@ class BatchesUnderWay {
 
   // The destination said that it has this.
   void SetHave(HaveSet have) { have_ = std::move(have); }
-  // What the destination says later joins what it said before. kInvalid where both together would be too large.
-  Result<void> CheckJoins(const HaveSet& heard) const;
+  // What the destination says later joins what it said before.
   void Join(const HaveSet& heard) { have_.Merge(heard); }
   const HaveSet& have() const { return have_; }
   // Had once everything under way and `more` arrives.

@@ -6,7 +6,9 @@
 #include <utility>
 
 #include "model/agent_name.h"
+#include "model/command_from.h"
 #include "model/control_message.h"
+#include "model/data_types.h"
 #include "model/order_number.h"
 #include "model/team_id.h"
 #include "model/term.h"
@@ -15,11 +17,19 @@
 #include "proto/control.pb.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
+#include "runtime/transport.h"
 
 namespace moondb {
 namespace {
 
 enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget = 4 };
+
+// What sharing sends one another fits into a message, whatever a peer brings: a page, and what is around its streams;
+// the acknowledgment of a batch with as many records as there may be, each of a stream of its own.
+constexpr std::size_t kAroundBytesMax = 8 * 1024;
+static_assert(kHavePageBytesMax + kAroundBytesMax <= kPeerMessageBytesMax);
+static_assert(kBatchRecordsMax * (kHaveStreamBytesMax + kHaveIntervalBytesMax) + kAroundBytesMax <=
+              kPeerMessageBytesMax);
 
 constexpr Duration kBudgetPeriod = std::chrono::seconds(5);
 
@@ -72,6 +82,7 @@ void SharingActor::OnStart(Context& context) {
   if (CodecOf(options_) == proto::CODEC_PAPER_SQL) receiver.paper_sql = options_.session.paper_sql;
   receiver.sessions_max = static_cast<std::size_t>(options_.team.agents_size());
   receiver.unacked_bytes_max = static_cast<std::uint32_t>(options_.session.unacked_bytes_max);
+  receiver.have_page_bytes_max = options_.have_page_bytes_max;
   receiver_.emplace(std::move(receiver), random);
   OnStarted(context);
 }

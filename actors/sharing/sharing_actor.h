@@ -22,6 +22,7 @@
 #include "actors/sharing/radio_share.h"
 #include "actors/sharing/sharing_receiver.h"
 #include "actors/sharing/sharing_session.h"
+#include "model/have_page.h"
 #include "model/leases.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
@@ -41,6 +42,7 @@ class SharingActor : public Actor {
     proto::TeamConfig team;         // Complete and checked.
     std::uint64_t config_hash = 0;  // TeamFile::hash.
     SharingSession::Options session;
+    std::size_t have_page_bytes_max = kHavePageBytesMax;
   };
 
   void OnStart(Context& context) final;

@@ -27,6 +27,10 @@ SharingActions Refuse(AgentId sender, std::uint64_t session_id, Error error) {
   return {std::move(action)};
 }
 
+SharingActions RefuseUnknown(AgentId sender, std::uint64_t session_id) {
+  return Refuse(sender, session_id, Error{ErrorCode::kNotFound, "no such session is open here", ""});
+}
+
 Result<void> CheckDropped(const proto::Batch& batch) {
   proto::HaveSet dropped;
   *dropped.mutable_streams() = batch.dropped();
@@ -68,16 +72,19 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   } else {
     other_configs_.insert(sender);
   }
+  const RecordKey have_from = FromProto(hello.have_from());
   const auto known = incoming_.find(sender);
-  if (known == incoming_.end()) {
-    if (!MakeRoom(now)) {
-      return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
-    }
-  } else {
-    const std::uint64_t age = known->second.session_id - hello.session_id();
-    const bool is_repeated = age == 0 && known->second.have_request_id != 0;
+  const bool is_known = known != incoming_.end();
+  const std::uint64_t age = is_known ? known->second.session_id - hello.session_id() : 0;
+  if (is_known) {
+    const bool is_repeated = age == 0 && known->second.have_request_id != 0 && known->second.have_from == have_from;
     const bool is_late = age > 0 && age < kStaleSessions && now - known->second.last_heard < options_.idle_after;
     if (is_repeated || is_late) return {};
+  }
+  // The earlier pages are of a session that was forgotten here, perhaps with a disk that had what they name.
+  if (have_from != RecordKey() && !(is_known && age == 0)) return RefuseUnknown(sender, hello.session_id());
+  if (!is_known && !MakeRoom(now)) {
+    return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
   }
   Incoming& incoming = incoming_[sender];
   if (incoming.session_id != hello.session_id()) incoming = Incoming();
@@ -85,14 +92,22 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
   incoming.last_heard = now_ = now;
   incoming.is_at_end = false;
   incoming.is_other_schema = hello.schema_hash() != schema_hash_;
-  incoming.origins = {hello.origin_agents().begin(), hello.origin_agents().end()};
-  incoming.everyones_types = {hello.everyones_types().begin(), hello.everyones_types().end()};
+  incoming.have_from = have_from;
+  return AskForPage(incoming, hello);
+}
+
+SharingActions SharingReceiver::AskForPage(Incoming& incoming, const proto::Hello& hello) {
   if (++next_request_id_ == 0) ++next_request_id_;
   incoming.have_request_id = next_request_id_;
   SharingAction action;
   action.message.set_ms_type(proto::CONTROL);
   action.message.set_request_id(incoming.have_request_id);
-  action.message.mutable_have_request()->set_is_for_peer(true);
+  proto::HaveRequest& request = *action.message.mutable_have_request();
+  request.set_is_for_peer(true);
+  *request.mutable_origin_agents() = hello.origin_agents();
+  *request.mutable_everyones_types() = hello.everyones_types();
+  if (incoming.have_from != RecordKey()) *request.mutable_from() = ToProto(incoming.have_from);
+  request.set_bytes_max(static_cast<std::uint32_t>(options_.have_page_bytes_max));
   return {std::move(action)};
 }
 
@@ -100,7 +115,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   const proto::Batch& batch = message.batch();
   const auto it = incoming_.find(sender);
   if (it == incoming_.end() || it->second.session_id != batch.session_id()) {
-    return Refuse(sender, batch.session_id(), Error{ErrorCode::kNotFound, "no such session is open here", ""});
+    return RefuseUnknown(sender, batch.session_id());
   }
   Incoming& incoming = it->second;
   incoming.last_heard = now_ = now;
@@ -123,8 +138,14 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     if (!*taken) return AnswerWithoutRecords(sender, message, incoming);
     whole = **std::move(taken);
   }
+  DecodeBudget& budget = decode_budgets_[sender];
+  if (!budget.Takes(whole ? whole->size() : batch.coded().size() + message.sql().size(), now)) {
+    ++counts_.dropped_messages;
+    return SharingActions();
+  }
   const bool is_late = batch.batch_number() <= incoming.last_run_batch;
   Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
+  budget.Charge(records ? records->ByteSizeLong() : DecodeBudget::kDamagedBytes);
   if (!records && records.error().code == ErrorCode::kNotFound) {
     if (is_late) return SharingActions();
     SharingActions answer = AnswerWithoutRecords(sender, message, incoming);
@@ -166,21 +187,26 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
     action.message.set_ms_type(proto::ACKNOWLEDGMENT);
     proto::Have& have = *action.message.mutable_have();
     have.set_session_id(incoming.session_id);
-    for (const proto::StreamHave& stream : reply.have().streams()) {
-      const bool is_asked = incoming.origins.empty() || incoming.origins.contains(stream.origin_agent()) ||
-                            incoming.everyones_types.contains(stream.data_type());
-      if (is_asked) *have.mutable_have()->add_streams() = stream;
-    }
+    *have.mutable_have() = reply.have();
     have.set_is_whole(true);
-    have.set_keeps_runs(runs_.TakePlace(sender, now_));
-    const PartOfWhole part = pieces_.PartFrom(sender);
-    have.set_part_hash(part.hash);
-    have.set_part_bytes(part.bytes);
-    if (incoming.is_other_schema) *have.mutable_schemas() = options_.schemas;
+    if (incoming.have_from != RecordKey()) *have.mutable_have_from() = ToProto(incoming.have_from);
     Grant(incoming, have);
+    if (reply.has_next()) {
+      *have.mutable_have_next() = reply.next();
+    } else {
+      CompleteAnswer(sender, incoming, have);
+    }
     return {std::move(action)};
   }
   return {};
+}
+
+void SharingReceiver::CompleteAnswer(AgentId sender, const Incoming& incoming, proto::Have& have) {
+  have.set_keeps_runs(runs_.TakePlace(sender, now_));
+  const PartOfWhole part = pieces_.PartFrom(sender);
+  have.set_part_hash(part.hash);
+  have.set_part_bytes(part.bytes);
+  if (incoming.is_other_schema) *have.mutable_schemas() = options_.schemas;
 }
 
 SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply) {

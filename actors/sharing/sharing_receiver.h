@@ -1,14 +1,16 @@
 // SharingReceiver: the receiving side of all sessions of one kind.
 //
-//   Hello -> HaveRequest to storage -> Have (whole) to the sender
+//   Hello -> HaveRequest to storage -> Have (a page of the whole) to the sender
 //   Batch -> decoded -> StoreRequest to storage -> StoreReply, after the commit -> Have (touched streams), which
 //            acknowledges
 //
 // Keeps nothing that matters: what was stored shows in the have-set. A sender has one session; its newer Hello
-// replaces it. Everything is bounded: sessions, StoreRequests that wait per sender, coded and decoded bytes. A batch
-// of an unknown session is refused with kNotFound, so that its sender starts over at once; a damaged one is counted
-// and dropped; for one that leans on others that are not here its sender is asked for a new run (run_decoders.h).
-// Records are taken from any agent of the team, whatever its role or term: they are immutable and named.
+// replaces it. A Hello costs one page (model/have_page.h), whatever it asks for, and the next page is made when the
+// session's sender asks for it. Everything is bounded: sessions, StoreRequests that wait per sender, coded and decoded
+// bytes. A batch of an unknown session is refused with kNotFound, so that its sender starts over at once; a damaged one
+// is counted and dropped; for one that leans on others that are not here its sender is asked for a new run
+// (run_decoders.h). Records are taken from any agent of the team, whatever its role or term: they are immutable and
+// named.
 //
 // A plain state machine like SharingSession; whether the sender belongs to the team is the caller's to check.
 #pragma once
@@ -21,10 +23,13 @@
 #include <string>
 
 #include "actors/sharing/codec.h"
+#include "actors/sharing/decode_budget.h"
 #include "actors/sharing/pieces.h"
 #include "actors/sharing/run_decoders.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/error.h"
+#include "model/have_page.h"
+#include "model/record_key.h"
 #include "model/type_schema.h"
 #include "proto/message.pb.h"
 
@@ -49,13 +54,14 @@ class SharingReceiver {
     std::chrono::nanoseconds idle_after = std::chrono::seconds(60);
     std::size_t run_places_max = 8;                  // Of senders whose runs of maps are kept (run_decoders.h).
     std::size_t waiting_stores_per_sender_max = 16;  // A batch beyond is dropped and counted.
+    std::size_t have_page_bytes_max = kHavePageBytesMax;
   };
 
   struct Counts {
     double received_records = 0;  // Stored as new rows.
     double rejected_records = 0;  // Refused by storage.
     double damaged_messages = 0;
-    double dropped_messages = 0;  // Too much waits for storage.
+    double dropped_messages = 0;  // Too much waits for storage, or the sender's batches become too much when decoded.
     double refused_hellos = 0;
   };
 
@@ -84,8 +90,7 @@ class SharingReceiver {
   struct Incoming {
     std::uint64_t session_id = 0;
     std::uint64_t have_request_id = 0;                       // 0: none waits.
-    std::set<AgentId> origins;                               // The origins that the Hello asks for; empty: all.
-    std::set<DataType> everyones_types;                      // The types that the Hello asks for whatever the origin.
+    RecordKey have_from;                                     // Where the page begins that was asked for last.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};
     bool is_other_schema = false;
@@ -96,6 +101,9 @@ class SharingReceiver {
   };
 
   Result<void> CheckHello(const proto::Hello& hello) const;
+  SharingActions AskForPage(Incoming& incoming, const proto::Hello& hello);
+  // What stands on the last page alone.
+  void CompleteAnswer(AgentId sender, const Incoming& incoming, proto::Have& have);
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
   bool MakeRoom(Time now);
   // `whole`: of pieces, all their bytes.
@@ -108,6 +116,7 @@ class SharingReceiver {
   Options options_;
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
+  std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender, whatever its sessions.
   PieceCollector pieces_{kCodedBytesMax};
   RunDecoders runs_;
   Time now_{};  // Of what was heard last.

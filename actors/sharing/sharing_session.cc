@@ -65,7 +65,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
     Start(now, actions);
   } else if (phase_ == Phase::kAwaitingHave) {
     // Whoever asks again while the destination is silent does not wait for a delay that has grown.
-    if (resend_delay_.has_grown()) Start(now, actions);
+    if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
     AskAnew();
     Fill(now, actions);
@@ -84,6 +84,7 @@ void SharingSession::End(Ending ending, SharingActions& actions) {
   if (!order_.is_unasked()) counts_.NoteEnd(ending);
   order_.End(ending);
   phase_ = Phase::kClosed;
+  pages_.Clear();
   ForgetUnderWay();
   maker_.ForgetMissing();
   notes_.NoteClosed(actions);
@@ -93,17 +94,13 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   SharingActions actions;
   if (!is_open() || have.session_id() != session_id_) return actions;
   if (phase_ == Phase::kAwaitingHave && !have.is_whole()) return actions;
-  Result<HaveSet> heard = CheckHave(have);
-  if (!heard) {
+  const Result<void> taken =
+      phase_ == Phase::kAwaitingHave ? TakePage(have, now, actions) : TakeTouchedStreams(have, actions);
+  if (!taken) {
     counts_.NoteRefusedHave();
-    NoteError("the destination's have-set was refused: " + ToString(heard.error()));
-    return actions;
+    NoteError("the destination's have-set was refused: " + ToString(taken.error()));
   }
-  if (phase_ == Phase::kAwaitingHave) {
-    TakeAnswer(have, *std::move(heard), now, actions);
-  } else {
-    Join(*heard, actions);
-  }
+  if (!taken || phase_ == Phase::kAwaitingHave) return actions;
   TakeGrant(have, now);
   if (have.needs_new_run()) {
     if (const auto run = under_way_.GiveUpBroken(have.batch_number())) {
@@ -117,19 +114,29 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   return actions;
 }
 
-Result<HaveSet> SharingSession::CheckHave(const proto::Have& have) const {
+Result<void> SharingSession::CheckBatchNumber(const proto::Have& have) const {
   const bool is_of_a_batch = have.batch_number() != 0 || !have.is_whole();
   if (is_of_a_batch && (have.batch_number() == 0 || have.batch_number() >= maker_.next_number())) {
     return Fail(ErrorCode::kInvalid, "was never sent", "batch_number");
   }
-  Result<HaveSet> heard = FromProto(have.have());
-  if (!heard || phase_ == Phase::kAwaitingHave) return heard;
-  if (const Result<void> joins = under_way_.CheckJoins(*heard); !joins) return tl::unexpected(joins.error());
-  return heard;
+  return {};
 }
 
-void SharingSession::TakeAnswer(const proto::Have& have, HaveSet heard, Time now, SharingActions& actions) {
-  under_way_.SetHave(std::move(heard));
+Result<void> SharingSession::TakePage(const proto::Have& have, Time now, SharingActions& actions) {
+  if (const Result<void> checked = CheckBatchNumber(have); !checked) return checked;
+  const Result<HaveCollector::Taken> taken = pages_.Take(have);
+  if (!taken) return tl::unexpected(taken.error());
+  if (*taken == HaveCollector::Taken::kLastPage) TakeAnswer(have, now, actions);
+  if (*taken == HaveCollector::Taken::kPage) {
+    last_progress_ = now;
+    resend_delay_.NoteProgress(/*has_records=*/false);
+    AskForPage(now, actions);
+  }
+  return {};
+}
+
+void SharingSession::TakeAnswer(const proto::Have& have, Time now, SharingActions& actions) {
+  under_way_.SetHave(pages_.TakeWhole());
   notes_.NoteAnswer(under_way_.have(), order_.asked_origins(), actions);
   order_.SetOtherSchemaTypes(TypesNotFor(options_.schemas, have.schemas()));
   maker_.TakeAnswer(have);
@@ -139,9 +146,14 @@ void SharingSession::TakeAnswer(const proto::Have& have, HaveSet heard, Time now
   SetDeadline(now);
 }
 
-void SharingSession::Join(const HaveSet& heard, SharingActions& actions) {
-  notes_.NoteAcknowledged(heard, under_way_.have(), actions);
-  under_way_.Join(heard);
+Result<void> SharingSession::TakeTouchedStreams(const proto::Have& have, SharingActions& actions) {
+  if (const Result<void> checked = CheckBatchNumber(have); !checked) return checked;
+  const Result<HaveSet> heard = FromProto(have.have());
+  if (!heard) return tl::unexpected(heard.error());
+  if (const Result<void> joins = under_way_.have().CheckJoins(*heard); !joins) return joins;
+  notes_.NoteAcknowledged(*heard, under_way_.have(), actions);
+  under_way_.Join(*heard);
+  return {};
 }
 
 void SharingSession::TakeGrant(const proto::Have& have, Time now) {
@@ -165,6 +177,7 @@ SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now
   SharingActions actions;
   if (!is_open() || refusal.session_id() != session_id_) return actions;
   const Error error = FromProto(refusal.error());
+  pages_.Clear();  // Whatever is wrong, the next Hello begins anew.
   if (error.code == ErrorCode::kNotFound && resend_delay_.TakeStartAtOnce()) {  // The receiver started anew.
     Restart(now, actions);
     return actions;
@@ -201,13 +214,13 @@ void SharingSession::SetRate(double bytes_per_second, Time now) {
 
 SharingActions SharingSession::SetWindow(Window window, Time now) {
   SharingActions actions;
-  if (order_.SetWindow(window) && is_open() && !order_.is_waiting()) Start(now, actions);
+  if (order_.SetWindow(window) && is_open() && !order_.is_waiting()) GoOn(now, actions);
   return actions;
 }
 
 SharingActions SharingSession::OnConnected(Time now) {
   SharingActions actions;
-  if (is_open()) Start(now, actions);
+  if (is_open()) GoOn(now, actions);
   return actions;
 }
 
@@ -217,7 +230,12 @@ SharingActions SharingSession::OnTimer(Time now) {
   Fill(now, actions);
   if (!is_open() || order_.is_waiting() || now < deadline_) return actions;
   resend_delay_.Grow();
-  Restart(now, actions);
+  if (IsCollecting()) {
+    counts_.NoteResends(1);
+    AskForPage(now, actions);
+  } else {
+    Restart(now, actions);
+  }
   return actions;
 }
 
@@ -248,16 +266,27 @@ void SharingSession::Start(Time now, SharingActions& actions) {
   Restart(now, actions);
 }
 
+void SharingSession::GoOn(Time now, SharingActions& actions) {
+  if (!IsCollecting() || order_.NeedsNewStart()) return Start(now, actions);
+  resend_delay_.Reset();
+  AskForPage(now, actions);
+}
+
+void SharingSession::AskForPage(Time now, SharingActions& actions) {
+  SetDeadline(now);
+  if (!order_.is_waiting()) SayHello(actions);
+}
+
 void SharingSession::Restart(Time now, SharingActions& actions) {
   if (is_open() && !order_.is_waiting()) counts_.NoteResends(1);
   phase_ = Phase::kAwaitingHave;
   ++session_id_;
   if (session_id_ == 0) ++session_id_;
+  pages_.Clear();
   ForgetUnderWay();
-  SetDeadline(now);
   order_.StartOver();
   notes_.StartOver();
-  if (!order_.is_waiting()) SayHello(actions);
+  AskForPage(now, actions);
 }
 
 void SharingSession::SayHello(SharingActions& actions) {
@@ -268,6 +297,7 @@ void SharingSession::SayHello(SharingActions& actions) {
   hello.set_kind(kind_);
   hello.set_schema_hash(HashSchemas(options_.schemas));
   order_.Ask(hello);
+  if (pages_.is_begun()) *hello.mutable_have_from() = ToProto(pages_.next());
   actions.push_back(std::move(action));
 }
 

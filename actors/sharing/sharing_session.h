@@ -4,7 +4,11 @@
 // (paper, Section 4). It trusts nothing but the destination's have-set: a lost acknowledgment, a restart on either
 // side, a lost disk or a new leader need no special case.
 //
-//   Order -> Hello -> (Have, whole) -> MissingRequest -> (MissingReply) -> Batch -> (Have: acknowledgment) ... done
+//   Order -> Hello -> (Have, a page) ... -> MissingRequest -> (MissingReply) -> Batch -> (Have: acknowledgment) ...
+//   done
+//
+// The destination's have-set comes in pages, each asked for by a Hello of the session (have_collector.h). One that is
+// lost is asked for again, also when the destination is reached again; those before it are not.
 //
 // The last batch says that none remain, and holds nothing where nothing was missing: the receiver hears the end of each
 // order. Several batches may be under way. What they carry counts as had while the next one is chosen, and only there:
@@ -40,6 +44,7 @@
 #include "actors/sharing/batch_maker.h"
 #include "actors/sharing/batches_under_way.h"
 #include "actors/sharing/codec.h"
+#include "actors/sharing/have_collector.h"
 #include "actors/sharing/pacer.h"
 #include "actors/sharing/peer_notes.h"
 #include "actors/sharing/resend_delay.h"
@@ -101,7 +106,7 @@ class SharingSession {
   void SetRate(double bytes_per_second, Time now);
   // Open at first.
   SharingActions SetWindow(Window window, Time now);
-  // The destination was reached again: an open session starts over at once.
+  // The destination was reached again: an open session starts over at once, or asks for the page that it waits for.
   SharingActions OnConnected(Time now);
   // To be called when deadline() has come; earlier calls do nothing.
   SharingActions OnTimer(Time now);
@@ -130,13 +135,19 @@ class SharingSession {
   };
 
   bool is_answered() const { return phase_ != Phase::kClosed && phase_ != Phase::kAwaitingHave; }
+  // Pages of the destination's have-set are here, but not all of them.
+  bool IsCollecting() const { return phase_ == Phase::kAwaitingHave && pages_.is_begun(); }
   void LookAgain(Time now, SharingActions& actions);
-  Result<HaveSet> CheckHave(const proto::Have& have) const;
-  void TakeAnswer(const proto::Have& have, HaveSet heard, Time now, SharingActions& actions);
-  void Join(const HaveSet& heard, SharingActions& actions);
+  Result<void> CheckBatchNumber(const proto::Have& have) const;
+  Result<void> TakePage(const proto::Have& have, Time now, SharingActions& actions);
+  void TakeAnswer(const proto::Have& last_page, Time now, SharingActions& actions);
+  Result<void> TakeTouchedStreams(const proto::Have& have, SharingActions& actions);
   void TakeGrant(const proto::Have& have, Time now);
   void TakeAcknowledgment(std::uint32_t batch_number, Time now);
   void Start(Time now, SharingActions& actions);  // Restart with the shortest delay.
+  // Start, but for pages that are here and of use: the next one is asked for.
+  void GoOn(Time now, SharingActions& actions);
+  void AskForPage(Time now, SharingActions& actions);  // Unless it waits for the window.
   // A new id and Hello, unless it waits for the window; nothing is under way any more.
   void Restart(Time now, SharingActions& actions);
   void SayHello(SharingActions& actions);
@@ -162,6 +173,7 @@ class SharingSession {
   std::uint64_t session_id_;
   std::uint64_t request_id_;  // Of the last question to storage.
   StandingOrder order_;
+  HaveCollector pages_;
   BatchMaker maker_;
   BatchesUnderWay under_way_;
   PeerNotes notes_;

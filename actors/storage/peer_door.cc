@@ -15,8 +15,6 @@ proto::RefusalCause ToProto(PeerDoor::Cause cause) {
   switch (cause) {
     case PeerDoor::Cause::kOrigin:
       return proto::REFUSAL_CAUSE_ORIGIN;
-    case PeerDoor::Cause::kOwnEpoch:
-      return proto::REFUSAL_CAUSE_OWN_EPOCH;
     case PeerDoor::Cause::kStreams:
       return proto::REFUSAL_CAUSE_STREAMS;
   }
@@ -99,7 +97,21 @@ Result<void> PeerDoor::CheckAssignment(AgentId sender, const proto::RoleAssignme
 
 void PeerDoor::CountRefused(AgentId sender, Cause cause, AgentId origin) { ++refused_[{sender, cause, origin}]; }
 
+void PeerDoor::NoteOwnBeyond(AgentId peer, std::size_t count) {
+  if (count == 0) {
+    own_beyond_.erase(peer);
+  } else {
+    own_beyond_[peer] = count;
+  }
+}
+
 void PeerDoor::Describe(proto::AgentStatus& status) const {
+  for (const auto& [peer, count] : own_beyond_) {
+    proto::RefusedFrom& beyond = *status.add_refused();
+    beyond.set_agent_id(peer);
+    beyond.set_cause(proto::REFUSAL_CAUSE_OWN_EPOCH);
+    beyond.set_count(static_cast<double>(count));
+  }
   for (const auto& [key, count] : refused_) {
     proto::RefusedFrom& refused = *status.add_refused();
     refused.set_agent_id(std::get<0>(key));

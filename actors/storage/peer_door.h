@@ -38,7 +38,7 @@ class PeerDoor {
     RoleChain::Options roles = RoleChain::WithoutKeys();
     std::function<bool(const proto::RoleAssignment&)> is_signed;  // By its issuer's key; in a team with keys alone.
   };
-  enum class Cause { kOrigin, kOwnEpoch, kStreams };
+  enum class Cause { kOrigin, kStreams };
 
   explicit PeerDoor(Options options);
 
@@ -58,18 +58,22 @@ class PeerDoor {
   Result<void> CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger);
   // kRefused, and counted: not signed by its issuer.
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
-  void CountRefused(AgentId sender, Cause cause, AgentId origin);
+  // How many of this agent's own streams and epochs the peer's newest word of them has beyond what this disk ever had;
+  // 0 where records have come home meanwhile.
+  void NoteOwnBeyond(AgentId peer, std::size_t count);
 
   // What was refused, by who sent it.
   void Describe(proto::AgentStatus& status) const;
 
  private:
+  void CountRefused(AgentId sender, Cause cause, AgentId origin);
   bool HasRoom(const StreamKey& stream, const HaveLedger& ledger) const;
 
   const Options options_;
   RoleChain chain_;
   std::set<std::string> held_as_records_;                                 // Signatures.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
+  std::map<AgentId, std::size_t> own_beyond_;                             // By peer.
 };
 
 }  // namespace moondb

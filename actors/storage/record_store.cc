@@ -19,6 +19,7 @@
 #include "actors/storage/verify.h"
 #include "model/check.h"
 #include "model/event.h"
+#include "model/have_page.h"
 #include "model/record_check.h"
 #include "proto/status.pb.h"
 
@@ -323,7 +324,6 @@ std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set
   std::set<std::uint64_t> believed;
   for (const std::uint64_t epoch : claimed) {
     if (own_epochs_.IsKnown(epoch)) continue;
-    door_.CountRefused(peer, PeerDoor::Cause::kOwnEpoch, 0);
     if (!own_epochs_.IsPossible(epoch)) ++rejected_count_;
     if (own_epochs_.IsPossible(epoch) && door_.IsBelieved(peer)) believed.insert(epoch);
   }
@@ -332,6 +332,7 @@ std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set
 
 Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed) {
   std::set<std::uint64_t> epochs;
+  std::size_t beyond = 0;
   for (const proto::StreamHave& stream : claimed.streams()) {
     if (stream.origin_agent() != options_.self) continue;
     epochs.insert(stream.epoch());
@@ -339,9 +340,9 @@ Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& cla
     std::uint64_t last = 0;
     for (const proto::Interval& interval : stream.held()) last = std::max(last, interval.last());
     for (const proto::Interval& interval : stream.dropped()) last = std::max(last, interval.last());
-    const bool is_beyond = own_epochs_.IsKnown(stream.epoch()) && last > ledger_.have().Get(key).Had().Max();
-    if (is_beyond) door_.CountRefused(peer, PeerDoor::Cause::kOwnEpoch, 0);
+    beyond += last > ledger_.have().Get(key).Had().Max() ? 1 : 0;
   }
+  if (!epochs.empty()) door_.NoteOwnBeyond(peer, beyond);
   return LearnOwnEpochs(BelievedEpochs(peer, epochs));
 }
 
@@ -433,6 +434,9 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
     if (epoch <= last) return Fail(ErrorCode::kInvalid, "are not in rising order from 1", "epochs");
     last = epoch;
   }
+  const auto is_unknown = [this](std::uint64_t epoch) { return !own_epochs_.IsKnown(epoch); };
+  const auto unknown = std::count_if(report.epochs().begin(), report.epochs().end(), is_unknown);
+  door_.NoteOwnBeyond(peer, static_cast<std::size_t>(unknown));
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
 
@@ -642,8 +646,13 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
     return result;
   }
   HaveSet had;
-  for (const StreamKey& stream : touched) had[stream] = ledger_.have().Get(stream);
-  *result.reply.mutable_had() = ToProto(ForPeer(had));
+  for (const StreamKey& stream : touched) had[stream] = ForPeer(stream.type, ledger_.have().Get(stream));
+  *result.reply.mutable_had() = ToProto(had);
+  if (result.reply.had().ByteSizeLong() <= kHavePageBytesMax) return result;
+  // Whether what the request drops is dropped here the sender need not know.
+  HaveSet named;
+  for (const Opened& record : opened) named[record.key.stream].held.Add(record.key.seq);
+  *result.reply.mutable_had() = ToProto(had.Around(named));
   return result;
 }
 
@@ -769,22 +778,26 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   return {};
 }
 
-HaveSet RecordStore::ForPeer(const HaveSet& have) const {
-  HaveSet told;
-  for (const auto& [stream, state] : have.streams()) {
-    const bool is_pruned = !rules_.MayBeDropped(stream.type) && !state.dropped.is_empty();
-    if (rules_.IsLatest(stream.type) || is_pruned) {
-      told[stream].dropped = state.Had();
-    } else {
-      told[stream] = state;
-    }
-  }
-  return told;
+StreamHave RecordStore::ForPeer(DataType type, const StreamHave& have) const {
+  const bool is_pruned = !rules_.MayBeDropped(type) && !have.dropped.is_empty();
+  if (rules_.IsLatest(type) || is_pruned) return {.held = {}, .dropped = have.Had()};
+  return have;
 }
 
 proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
+  const std::set<AgentId> origins(request.origin_agents().begin(), request.origin_agents().end());
+  const std::set<DataType> everyones(request.everyones_types().begin(), request.everyones_types().end());
+  const RecordKey from = FromProto(request.from());
+  HavePageWriter writer(from, request.bytes_max());
+  const auto& streams = ledger_.have().streams();
+  for (auto it = streams.lower_bound(from.stream); it != streams.end(); ++it) {
+    const auto& [key, have] = *it;
+    if (!origins.empty() && !origins.contains(key.origin) && !everyones.contains(key.type)) continue;
+    if (!writer.Add(key, request.is_for_peer() ? ForPeer(key.type, have) : have)) break;
+  }
   proto::HaveReply reply;
-  *reply.mutable_have() = ToProto(request.is_for_peer() ? ForPeer(ledger_.have()) : ledger_.have());
+  *reply.mutable_have() = std::move(writer.page());
+  if (writer.next()) *reply.mutable_next() = ToProto(*writer.next());
   reply.set_epoch(epoch_);
   return reply;
 }

@@ -115,7 +115,8 @@ class RecordStore {
   Inserted Insert(const proto::InsertRequest& request);
 
   // Records of any origin, from a peer: each is checked and stored or rejected on its own; a failing transaction
-  // stores none. When this returns without error, what `reply.had` says survives a power cut.
+  // stores none. When this returns without error, what `reply.had` says survives a power cut; it is larger than a page
+  // of a have-set only where it has an interval for each of so many records.
   struct Stored {
     proto::StoreReply reply;
     proto::RecordsStored stored;
@@ -218,7 +219,7 @@ class RecordStore {
     const proto::StoredRecord* stored;
   };
   // As HaveRequest.is_for_peer has it.
-  HaveSet ForPeer(const HaveSet& have) const;
+  StreamHave ForPeer(DataType type, const StreamHave& have) const;
   Result<void> StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
   Result<void> StoreOne(AgentId sender, const Opened& opened, Writing& writing, Stored& result);
   Result<void> ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing);

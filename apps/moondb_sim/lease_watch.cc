@@ -26,9 +26,8 @@ bool IsOfStates(const proto::Message& message) {
   const Result<proto::RecordBatch> decoded = DecodeBatch(batch.codec(), batch.coded(), batch.record_count());
   if (!decoded) return false;
   const auto& records = decoded->records();
-  return std::all_of(records.begin(), records.end(), [](const proto::StoredRecord& record) {
-    return IsState(FromProto(record.key()).stream.type);
-  });
+  return std::all_of(records.begin(), records.end(),
+                     [](const proto::StoredRecord& record) { return IsState(FromProto(record.key()).stream.type); });
 }
 
 }  // namespace

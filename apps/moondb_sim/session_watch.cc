@@ -8,6 +8,7 @@ namespace moondb::simulation {
 constexpr AgentId kSender = 1;
 
 void SessionWatch::OnHello(const proto::Hello& hello) {
+  if (hello.has_have_from()) return;  // For a further page: nothing is under way yet.
   session_id_ = hello.session_id();
   have_ = HaveSet();
   under_way_.clear();

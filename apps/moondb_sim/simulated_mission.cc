@@ -46,6 +46,8 @@ constexpr double kQuietRatio = 1.0 / 6;  // Of the hours, at the end.
 constexpr Duration kSolveApart = minutes(5);  // A solve takes longer than all else in a minute of a run.
 
 constexpr std::uint64_t kConfigHash = 1;
+// In one seed of two have-sets come in pages of this size: an hour's is no larger than a page elsewhere.
+constexpr std::size_t kSmallPageBytes = 1000;
 // Where sharing is simulated alone.
 const std::set<std::string> kNoPartOfSharing = {actor_name::kEvent, actor_name::kDownlink, actor_name::kPgo,
                                                 actor_name::kMerge, actor_name::kGateway};
@@ -121,6 +123,7 @@ class Mission {
     options.storage.vfs = world_.disk.name();
     options.storage.is_checked = true;  // By CheckStore.
     options.sharing.session = world_.options.session;
+    if (world_.options.seed % 2 == 0) options.sharing.have_page_bytes_max = kSmallPageBytes;
     options.pgo.solver.thread_count = 1;
     options.pgo.solve_apart = kSolveApart;
     options.merge.backend = MergeBackend::kCpu;

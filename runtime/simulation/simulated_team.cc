@@ -12,6 +12,7 @@
 #include "runtime/simulation/simulated_agent.h"
 #include "runtime/system_status.h"
 #include "runtime/timer_queue.h"
+#include "runtime/transport.h"
 
 namespace moondb::simulation {
 namespace {
@@ -203,6 +204,7 @@ SendResult SimulatedTeam::Impl::HandOver(const Address& to, OwnedMessage message
 
 SendResult SimulatedTeam::Impl::Transmit(const Address& from, const Address& to, const proto::Message& message) {
   std::string bytes = message.SerializeAsString();
+  if (bytes.size() > kPeerMessageBytesMax) return SendResult::kTooLong;
   const SimulatedRadio::Flight flight = radio_.Transmit(from.agent, to.agent, bytes.size(), now_);
   if (flight.result != SendResult::kAccepted) return flight.result;
   const auto sender = agents_.find(from.agent);

@@ -38,10 +38,19 @@ Result<std::string> ReadKey(const std::filesystem::path& path) {
 
 }  // namespace
 
-bool IsCurveKey(const std::string& text) {
-  std::array<std::uint8_t, 32> bytes{};
-  return text.size() == kCurveKeyLength && zmq_z85_decode(bytes.data(), text.c_str()) != nullptr;
+std::string ToZ85(const KeyBytes& bytes) {
+  std::array<char, kCurveKeyLength + 1> text{};
+  zmq_z85_encode(text.data(), bytes.data(), bytes.size());
+  return text.data();
 }
+
+std::optional<KeyBytes> FromZ85(const std::string& text) {
+  KeyBytes bytes{};
+  const bool is_read = text.size() == kCurveKeyLength && zmq_z85_decode(bytes.data(), text.c_str()) != nullptr;
+  return is_read ? std::optional(bytes) : std::nullopt;
+}
+
+bool IsCurveKey(const std::string& text) { return FromZ85(text).has_value(); }
 
 Result<CurveKeys> MakeCurveKeys() {
   std::array<char, kCurveKeyLength + 1> public_key{};

@@ -2,7 +2,10 @@
 // NAME.sec by its owner alone.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "model/error.h"
@@ -19,6 +22,11 @@ Result<CurveKeys> MakeCurveKeys();
 
 // 40 characters in Z85.
 bool IsCurveKey(const std::string& text);
+
+// Z85 of any 32 bytes, and back; none for what is no such text.
+using KeyBytes = std::array<std::uint8_t, 32>;
+std::string ToZ85(const KeyBytes& bytes);
+std::optional<KeyBytes> FromZ85(const std::string& text);
 
 // kInvalid: missing, not one key, or (secret) readable by others than its owner.
 Result<std::string> ReadPublicKey(const std::filesystem::path& path);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/command_from.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_config.h"
 

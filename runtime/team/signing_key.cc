@@ -1,37 +1,21 @@
 #include "runtime/team/signing_key.h"
 
 #include <sodium.h>
-#include <zmq.h>
-
-#include <algorithm>
 
 #include "model/check.h"
-#include "model/curve_key.h"
 #include "model/term.h"
 #include "runtime/team/curve_keys.h"
 
 namespace moondb {
 namespace {
 
-using Bytes32 = std::array<std::uint8_t, 32>;
-
 static_assert(crypto_sign_BYTES == kSignatureBytes);
-static_assert(crypto_sign_PUBLICKEYBYTES == sizeof(Bytes32) && crypto_sign_SEEDBYTES == sizeof(Bytes32));
+static_assert(crypto_sign_PUBLICKEYBYTES == sizeof(KeyBytes) && crypto_sign_SEEDBYTES == sizeof(KeyBytes));
 
 // Once in a process; every function here may be the first.
 void Begin() {
   static const bool is_ready = sodium_init() >= 0;
   Check(is_ready, "libsodium starts");
-}
-
-std::string ToZ85(const Bytes32& bytes) {
-  std::array<char, kCurveKeyLength + 1> text{};
-  zmq_z85_encode(text.data(), bytes.data(), bytes.size());
-  return text.data();
-}
-
-bool FromZ85(const std::string& text, Bytes32* bytes) {
-  return text.size() == kCurveKeyLength && zmq_z85_decode(bytes->data(), text.c_str()) != nullptr;
 }
 
 }  // namespace
@@ -49,7 +33,7 @@ SigningKey SigningKey::FromSeed(const Seed& seed) {
   Begin();
   SigningKey key;
   key.seed_ = seed;
-  Bytes32 public_key;
+  KeyBytes public_key;
   Check(crypto_sign_seed_keypair(public_key.data(), key.secret_.data(), seed.data()) == 0, "a seed has its keys");
   key.public_key_ = ToZ85(public_key);
   return key;
@@ -58,11 +42,10 @@ SigningKey SigningKey::FromSeed(const Seed& seed) {
 Result<SigningKey> SigningKey::Read(const std::filesystem::path& path) {
   Result<std::string> text = ReadSecretKey(path);
   if (!text) return tl::unexpected(text.error());
-  Seed seed;
-  Check(FromZ85(*text, &seed), "ReadSecretKey gives Z85");
-  SigningKey key = FromSeed(seed);
-  Begin();
-  sodium_memzero(seed.data(), seed.size());
+  std::optional<KeyBytes> seed = FromZ85(*text);
+  Check(seed.has_value(), "ReadSecretKey gives Z85");
+  SigningKey key = FromSeed(*seed);
+  sodium_memzero(seed->data(), seed->size());
   sodium_memzero(text->data(), text->size());
   return key;
 }
@@ -84,17 +67,17 @@ std::string SigningKey::Sign(std::string_view bytes) const {
 
 bool IsSigningKey(const std::string& public_key) {
   Begin();
-  Bytes32 bytes;
-  return FromZ85(public_key, &bytes) && crypto_core_ed25519_is_valid_point(bytes.data()) == 1;
+  const std::optional<KeyBytes> bytes = FromZ85(public_key);
+  return bytes && crypto_core_ed25519_is_valid_point(bytes->data()) == 1;
 }
 
 bool IsSignatureOf(const std::string& public_key, std::string_view bytes, std::string_view signature) {
   Begin();
-  Bytes32 key;
-  if (signature.size() != kSignatureBytes || !FromZ85(public_key, &key)) return false;
+  const std::optional<KeyBytes> key = FromZ85(public_key);
+  if (signature.size() != kSignatureBytes || !key) return false;
   return crypto_sign_verify_detached(reinterpret_cast<const unsigned char*>(signature.data()),
                                      reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(),
-                                     key.data()) == 0;
+                                     key->data()) == 0;
 }
 
 std::filesystem::path SigningSecretPath(std::filesystem::path secret_key_path) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "model/command_from.h"
 #include "model/custom_types.h"
 #include "model/data_types.h"
 #include "model/did_you_mean.h"

@@ -4,7 +4,6 @@
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <xxhash.h>
 
-#include <algorithm>
 #include <fstream>
 #include <map>
 
@@ -32,6 +31,14 @@ void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* err
     } else if (const auto [owner, is_new] = owners.emplace(*key, agent.name()); !is_new) {
       errors->Add(PlaceOf(places, field), field, "is the key of " + owner->second + " too");
     }
+  }
+  // One key must not both open connections and sign.
+  for (int i = 0; i < team.config.agents_size(); ++i) {
+    const auto owner = owners.find(team.config.agents(i).signing_key());
+    if (owner == owners.end()) continue;
+    const std::string field = "agents[" + std::to_string(i) + "].signing_key";
+    errors->Add(PlaceOf(places, field), field,
+                "is the CURVE key of " + owner->second + ": expected a signing key, which is another one");
   }
 }
 
@@ -113,15 +120,6 @@ AgentId BaseStationOf(const proto::TeamConfig& team) {
     if (agent.kind() == proto::AGENT_KIND_BASE_STATION && !agent.left()) return agent.id();
   }
   return 0;
-}
-
-bool MayCommand(const proto::TeamConfig& team, AgentId agent) {
-  const proto::AgentConfig* config = FindAgent(team, agent);
-  if (config == nullptr || config->left()) return false;
-  const AgentId base = BaseStationOf(team);
-  if (team.command_from().empty()) return base == 0 || agent == base;
-  return std::any_of(team.command_from().begin(), team.command_from().end(),
-                     [config](const std::string& name) { return name == kAllMayCommand || name == config->name(); });
 }
 
 std::string SerializeTeam(const proto::TeamConfig& team) {

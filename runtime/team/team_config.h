@@ -37,10 +37,6 @@ bool HasLeft(const proto::TeamConfig& team, AgentId agent);
 
 AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none, or it has left.
 
-// Whether others obey what `agent` relays or decides as an operator's word: command_from of the team file names it.
-bool MayCommand(const proto::TeamConfig& team, AgentId agent);
-inline constexpr char kAllMayCommand[] = "all";  // In place of names in command_from.
-
 // The same bytes for teams that are equal, which SerializeAsString does not promise for maps.
 std::string SerializeTeam(const proto::TeamConfig& team);
 

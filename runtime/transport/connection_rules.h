@@ -6,10 +6,10 @@
 // Where there are too many, one that never brought a whole message goes first, the oldest of them; then the oldest one
 // of the address that has most.
 //
-// Bytes: a connection may have received kFreeBytes since its last whole message. What goes beyond is a message that is
-// large, or one that never ends: at each door all of it together may be `shared_bytes`, which lets one message of the
-// largest size through; above that the connection with the most goes. Parts of one byte take some four times as much
-// memory as they have on the wire.
+// Bytes: a connection may have received kFreeBytes since its last whole message, which is more than any frame between
+// agents has. What goes beyond is a client's large message, what this agent is slow to read, or a message that never
+// ends: at each door all of it together may be `shared_bytes`; above that the connection with the most goes. Parts of
+// one byte take some four times as much memory as they have on the wire.
 //
 // A plain value that looks at nothing by itself: DoorGuard feeds it.
 #pragma once
@@ -35,7 +35,7 @@ struct TcpConnection {
 
 class ConnectionRules {
  public:
-  static constexpr std::uint64_t kFreeBytes = 256 * 1024;
+  static constexpr std::uint64_t kFreeBytes = 320 * 1024;
 
   struct Door {
     std::map<std::string, std::size_t> places;  // By address.

@@ -11,7 +11,7 @@
 namespace moondb {
 
 // What waits for a peer goes out by class, 0 first: control messages and acknowledgments, then data by the sharing
-// class of their type (model/ids.h): states, pose-graph nodes, edges, poses, custom types, maps.
+// class of their type (model/ids.h): roles, states, pose-graph nodes, edges, poses, custom types, maps.
 inline constexpr std::size_t kOutboundClasses = 8;
 inline constexpr std::size_t kControlClass = 0;
 std::size_t OutboundClassOf(const proto::Message& message);

@@ -33,7 +33,7 @@ void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_RECONNECT_IVL_MAX, kReconnectLast_ms);
   dealer->Set(ZMQ_CONNECT_TIMEOUT, kConnectTimeout_ms);
   dealer->Set(ZMQ_TCP_MAXRT, kUnacknowledgedMax_ms);
-  dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.message_bytes_max));
+  dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.frame_bytes_max));
   if (options.address.find('[') != std::string::npos) dealer->Set(ZMQ_IPV6, 1);
   // The word of the connection itself has to do for whose it is; the peer's ROUTER replaces a connection of ours that
   // it has not yet seen die.

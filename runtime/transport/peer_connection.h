@@ -26,7 +26,7 @@ class PeerConnection {
     std::string address;
     std::optional<CurveKeys> own_keys;  // None: without CURVE.
     std::string peer_key;               // Public.
-    std::size_t message_bytes_max = 0;
+    std::size_t frame_bytes_max = 0;
   };
 
   // Both outlive it.

@@ -24,6 +24,8 @@ constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
 // A radio that brings less is as good as none. For how long one large frame may keep everything else silent.
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
 
+static_assert(kPeerMessageBytesMax == kPeerFrameBytesMax - kPeerFrameBytesMore);
+
 MonotonicTime SteadyNow() { return std::chrono::steady_clock::now(); }
 
 Duration TimeFor(std::uint64_t bytes) { return seconds(bytes / kBytesPerSecondMin); }
@@ -56,7 +58,8 @@ void PeerLink::Disconnect(MonotonicTime now) {
 
 SendResult PeerLink::Send(const proto::Message& message) {
   Outbox::Entry entry;
-  const bool is_small_enough = message.ByteSizeLong() <= options_.connection.message_bytes_max - kPeerFrameBytesMore;
+  const std::size_t bytes = message.ByteSizeLong();
+  const bool is_small_enough = bytes <= options_.connection.frame_bytes_max - kPeerFrameBytesMore;
   if (is_open_ && is_small_enough) {
     entry.frame = ToPeerFrame(message);
     entry.outbound_class = OutboundClassOf(message);
@@ -66,12 +69,13 @@ SendResult PeerLink::Send(const proto::Message& message) {
   MonotonicTime due = MonotonicTime::max();
   {
     const std::lock_guard lock(mutex_);
-    SendResult result = is_small_enough ? SendResult::kAccepted : SendResult::kFull;
+    SendResult result = is_small_enough ? SendResult::kAccepted : SendResult::kTooLong;
     // It may have opened only just now, with the frame not made.
     if (!is_open_ || (is_small_enough && entry.frame.empty())) result = SendResult::kUnreachable;
     if (result == SendResult::kAccepted) result = SendOrKeep(now, std::move(entry));
     if (result != SendResult::kAccepted) {
       ++counts_.dropped_messages;
+      if (result == SendResult::kTooLong) WarnOfTooLong(message, bytes);
       return result;
     }
     // The transport's thread knows from the first that waits when to look.
@@ -81,6 +85,12 @@ SendResult PeerLink::Send(const proto::Message& message) {
   }
   wake_up_.RingFor(due);
   return SendResult::kAccepted;
+}
+
+void PeerLink::WarnOfTooLong(const proto::Message& message, std::size_t bytes) {
+  log_.Warn("transport: a message of " + std::to_string(bytes) + " bytes from " + message.source_actor() + " to " +
+            options_.name + " was not sent: a frame between agents has at most " +
+            std::to_string(options_.connection.frame_bytes_max));
 }
 
 // Without a detour through the outbox and the transport's thread, if it can be. Large frames are announced first, by
@@ -164,7 +174,7 @@ void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
   if (received_count_.OnLink(report.link()) && !is_open_) is_hurried_ = true;
   if (report.report_after_bytes() != 0) received_count_.SetReportAfter(report.report_after_bytes());
   if (report.is_asking()) reports_.Request();
-  received_.coming_bytes = std::min<std::uint64_t>(report.coming_bytes(), options_.connection.message_bytes_max);
+  received_.coming_bytes = std::min<std::uint64_t>(report.coming_bytes(), options_.connection.frame_bytes_max);
   if (report.reported_link() == 0 || !is_open_) return;
   const MonotonicTime now = SteadyNow();
   const std::uint64_t unreported_before = credit_.unreported_bytes();

@@ -49,7 +49,7 @@ class PeerLink {
   // made.
   static Result<std::unique_ptr<PeerLink>> Make(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // A message too large for the peer is kFull.
+  // kTooLong for a message with which a frame would have more than connection.frame_bytes_max.
   SendResult Send(const proto::Message& message);
   proto::PeerStatus Status() const;
 
@@ -96,6 +96,7 @@ class PeerLink {
   bool SendReport(std::uint64_t coming_bytes);
   bool SendFrame(MonotonicTime now, const Outbox::Entry& entry);
   bool TrySend(MonotonicTime now, const Outbox::Entry& entry);
+  void WarnOfTooLong(const proto::Message& message, std::size_t bytes);
   SendResult SendOrKeep(MonotonicTime now, Outbox::Entry&& entry);
   std::size_t SharedFrameBytesMax() const;
   void UpdateExpectation(MonotonicTime now);

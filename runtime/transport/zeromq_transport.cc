@@ -39,6 +39,13 @@ constexpr std::size_t kConnectionsPerAgent = 4;  // One that is, one that takes 
 constexpr std::size_t kStrangersMax = 32;        // Connections to the agents' address from elsewhere.
 constexpr std::size_t kKeyedClientsMax = 64;     // Connections to client_address.
 constexpr std::size_t kBatchMessages = 256;      // Of one socket before the others have their turn.
+// What CURVE adds to a frame. libzmq holds ZMQ_MAXMSGSIZE against the frame with it, and cuts the link.
+constexpr std::size_t kCurveBytes = 64;
+// Beyond the free bytes of each connection, of all agents together: the largest credit of a link that this agent is
+// slow to read.
+constexpr std::uint64_t kAgentsSharedBytes = 1024 * 1024;
+static_assert(kPeerFrameBytesMax + kCurveBytes < ConnectionRules::kFreeBytes, "each frame can be delivered");
+static_assert(LinkCredit::Options().bytes_max <= kAgentsSharedBytes);
 // After peers sent something the thread stays awake for so long, in case an answer follows: to put a processor to sleep
 // and to wake it takes tens of microseconds, and as much processor time (measured: a round trip takes 0.6 of the time).
 constexpr Duration kLingerTime = std::chrono::microseconds(60);
@@ -142,7 +149,7 @@ class ZeroMqTransport::Impl {
     router->Set(ZMQ_RCVHWM, kPeerQueueMessages);
     router->Set(ZMQ_SNDHWM, 1);
     router->Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
-    router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.message_bytes_max));
+    router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.frame_bytes_max + kCurveBytes));
     if (keys_) {
       router->Set(ZMQ_CURVE_SERVER, 1);
       router->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
@@ -211,7 +218,7 @@ class ZeroMqTransport::Impl {
         options.connection.own_keys = keys_->own;
         options.connection.peer_key = keys_->public_keys[agent.id()];
       }
-      options.connection.message_bytes_max = options_.message_bytes_max;
+      options.connection.frame_bytes_max = options_.frame_bytes_max;
       options.credit = options_.credit;
       options.outbox = options_.outbox;
       options.health = options_.health;
@@ -229,7 +236,7 @@ class ZeroMqTransport::Impl {
     if (const std::optional<std::uint16_t> port = TcpPortOf(self.address())) {
       ConnectionRules::Door& door = doors[*port];
       door.others_max = kStrangersMax;
-      door.shared_bytes = options_.message_bytes_max;
+      door.shared_bytes = kAgentsSharedBytes;
       for (const proto::AgentConfig& agent : team_.agents()) {
         if (agent.left()) continue;
         const std::string address = NumericAddressOf(agent.address());

@@ -37,7 +37,7 @@ class ZeroMqTransport final : public Transport {
     AgentId self = 0;
     std::string client_endpoint;  // ipc://..., empty: no clients over ipc.
     // Larger frames close the connection, and are not sent. From a client with a key kKeyedRequestBytesMax at most.
-    std::size_t message_bytes_max = 8 * 1024 * 1024;          // Between agents.
+    std::size_t frame_bytes_max = kPeerFrameBytesMax;         // Between agents.
     std::size_t client_message_bytes_max = 32 * 1024 * 1024;  // Of a request or a reply.
     Outbox::Options outbox;                                   // Per peer, waiting for credit.
     LinkCredit::Options credit;                               // Per peer, under way.

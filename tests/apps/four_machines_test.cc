@@ -101,7 +101,7 @@ TEST_F(FourMachinesTest, TheFirstPagesCommandsWorkThroughOneAgentAndSayWhich) {
   EXPECT_EQ(inserted.error, kThroughRover2);
   const std::vector<std::pair<Words, std::string>> commands = {
       {{"role", "swap"}, "leader rover2, survivor rover1"},
-      {{"-a", "rover3", "role", "set", "rover1", "leader", "rover2", "survivor"}, "leader rover1, survivor rover2"},
+      {{"-a", "rover1", "role", "set", "rover1", "leader", "rover2", "survivor"}, "leader rover1, survivor rover2"},
       {{"sync", "now", "--wait"}, "sync at rover1: everything is acknowledged"},
       {{"replicate", "now", "--wait"}, "replication at rover1: everything is acknowledged"},
       {{"-a", "rover1", "record", "list", "temperature"}, "3."},

@@ -28,7 +28,7 @@ def idle_connections(team, scale):
 
 
 def announced_frames(team, scale):
-    """No key: 60 connections announce a command of 7 or of 32 MiB each, and send all but a byte of it."""
+    """No key: 60 connections announce a command of 255 KiB or of 7 MiB each, and send all but a byte of it."""
     connections = []
     for i in range(60):
         with contextlib.suppress(OSError):
@@ -36,11 +36,11 @@ def announced_frames(team, scale):
             connections.append(connection)
             connection.send_raw(zmtp.GREETING)
             connection.receive_raw(64)
-            connection.send_raw(struct.pack(">BQ", zmtp.COMMAND | zmtp.LONG, (7 if i % 2 else 32) << 20))
-    for _ in range(int(32 * scale)):
-        for connection in connections:
+            connection.send_raw(struct.pack(">BQ", zmtp.COMMAND | zmtp.LONG, (255 << 10) if i % 2 else 7 << 20))
+    for part in range(max(1, int(28 * scale))):
+        for connection in connections[::2] if part else connections:
             with contextlib.suppress(OSError):
-                connection.send_raw(bytes((1 << 20) - 1))
+                connection.send_raw(bytes((255 << 10) - 1))
     for connection in connections:
         connection.close()
 
@@ -90,6 +90,52 @@ def tiny_parts_of_a_client(team, scale):
     endless(lambda: team.connect_client("watcher"), 1, int((32 << 20) * scale))
 
 
+class RecordedConnection(zmtp.Connection):
+    """Keeps what it sends."""
+
+    def __init__(self, address, timeout_s):
+        super().__init__(address, timeout_s)
+        self.sent = []
+
+    def send_raw(self, data):
+        self.sent.append(data)
+        super().send_raw(data)
+
+
+def replayed_connections(team, scale):
+    """A stranger who listened sends, byte by byte, what rover3 sent over a connection, over new ones and amid its own."""
+    made = []
+
+    def make(address, timeout_s):
+        made.append(RecordedConnection(address, timeout_s))
+        return made[0]
+    address, server_key = team.address("rover1"), team.keys("rover1")[0]
+    lost_before = team.connects("rover2", "rover1")
+    true = zmtp.connect(address, server_key, team.keys("rover3"), b"3", make=make)
+    for _ in range(20):
+        true.send(b"\x0a\x00")
+    for _ in range(int(200 * scale)):
+        with contextlib.suppress(OSError):
+            stranger = zmtp.Connection(address, timeout_s=1)
+            for data in made[0].sent:
+                stranger.send_raw(data)
+            if not stranger.is_closed_within(3):
+                raise Failure("a connection that repeats another's bytes is let in")
+    true.send_raw(made[0].sent[-1])  # A message whose number was used.
+    true.close()
+    if team.connects("rover2", "rover1") != lost_before:
+        raise Failure("rover2's link to rover1 was lost")
+
+
+def endless_metadata(team, scale):
+    """A stranger, and rover3, with 2,000 properties in their handshake, of 200 bytes or of 100 kB each."""
+    for i in range(int(200 * scale)):
+        properties = [(b"X-%d" % j, bytes(100_000 if i % 10 == 0 else 200)) for j in range(20 if i % 10 == 0 else 2000)]
+        keys = team.keys("rover3") if i % 2 else zmtp.key_pair()
+        with contextlib.suppress(OSError):
+            zmtp.connect(team.address("rover1"), team.keys("rover1")[0], keys, bytes(300), 1, properties=properties).close()
+
+
 def foreign_routing_ids(team, scale):
     """rover3, with its key: connections that claim to be the others', while they share."""
     is_over = threading.Event()
@@ -118,7 +164,7 @@ def foreign_routing_ids(team, scale):
 
 ATTACKERS = [idle_connections, announced_frames, any_bytes, endless_parts_of_a_member, tiny_parts_of_a_member,
              endless_parts_of_a_client, tiny_parts_of_a_client,
-             foreign_routing_ids]
+             replayed_connections, endless_metadata, foreign_routing_ids]
 
 # With less than they send at length they show nothing.
 ONLY_AT_LENGTH = [tiny_parts_of_a_member, tiny_parts_of_a_client]

@@ -1,7 +1,10 @@
-"""A real team on loopback for attackers: four agents, their keys, what each takes in memory and log.
+"""A real team on loopback for attackers: four agents, their keys, what each takes in memory, log and disk, what it holds.
 
     with hostile_team(programs) as team:
         connection = team.connect("rover1", as_agent="rover3")
+
+rover1 leads, rover2 survives; both have records that an attacker could destroy. rover3 is the member that attackers take
+over: while one speaks in its place (member.py) the real one rests.
 """
 import contextlib
 import json
@@ -9,17 +12,31 @@ import os
 import pathlib
 import re
 import resource
+import shutil
 import signal
+import sqlite3
+import struct
 import subprocess
+import sys
 import tempfile
 import time
 
+import messages
+import nacl.signing
+import zmq
 import zmtp
 
+sys.path.insert(0, str(messages.ROOT / "examples" / "python"))
+from moondb_client import AgentError, MoondbClient  # noqa: E402
+
 NAMES = ["rover1", "rover2", "rover3", "base"]
+HONEST = ["rover1", "rover2", "base"]
+TAKEN = "rover3"
 FIRST_PORT = 7400
 CLIENT_PORT = 7500  # Of rover1.
 STEP_LIMIT_S = 60
+NODES = 10  # Of each rover, before any attack.
+KEPT_TABLES = ["pose_graph_node", "pose_graph_edge", "local_traversability_map", "map_quarantine", "agent_event"]
 
 
 class Failure(Exception):
@@ -38,6 +55,8 @@ resource.setrlimit(resource.RLIMIT_NOFILE, (HARD_FILES, HARD_FILES))
 class Team:
     def __init__(self, programs, folder):
         self.programs, self.folder = programs, folder
+        self.is_taken = False  # Whether an attacker has the place of rover3.
+        self.last_node, self.fresh_rss_mb = NODES, 0
         self.environment = {**os.environ, "MOONDB_TEAM": str(folder / "team.yaml"),
                             "MOONDB_RUN_DIR": str(folder / "run")}
 
@@ -57,8 +76,29 @@ class Team:
         if own not in text:
             raise Failure("the team file is not as this test knows it")
         path.write_text(text.replace(own, own + f'    client_address: "tcp://127.0.0.1:{CLIENT_PORT}"\n', 1))
-        self.moonctl("clients", "add", "watcher", "--rights", "view", "--out", "watcher.sec")
+        for name, rights in (("watcher", "view"), ("sharer", "share")):
+            self.moonctl("clients", "add", name, "--rights", rights, "--out", f"{name}.sec")
         self.moonctl("up", "--merge-backend", "cpu")
+        self.is_taken = False
+        self.fresh_rss_mb = self.rss_mb("rover1")  # Before anything was asked of it.
+        for agent in ("rover1", "rover2", "rover3"):
+            number = NAMES.index(agent) + 1
+            self.insert(agent, [*(messages.node(number, i, x=i) for i in range(1, NODES + 1)),
+                                *(messages.edge(number, i) for i in range(1, NODES)),
+                                messages.map_at(number, 1), messages.map_at(number, NODES)])
+        self.settle()
+        self.moonctl("sync", "now", "--wait", "--timeout", "30s")
+        self.moonctl("replicate", "now", "--wait", "--timeout", "30s")
+
+    def make_anew(self):
+        """A team as at the beginning, in place of one that an attacker broke."""
+        was_taken = self.is_taken
+        self.down()
+        for path in self.folder.iterdir():
+            shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+        self.make()
+        if was_taken:
+            self.take_over()
 
     def down(self):
         self.moonctl("down", check=False)
@@ -71,8 +111,109 @@ class Team:
         self.moonctl("-a", agent, "down", check=False)
         self.moonctl("-a", agent, "up", "--merge-backend", "cpu")
 
+    def take_over(self):
+        """From now on an attacker may have the place of rover3."""
+        if not self.is_taken:
+            self.moonctl("-a", TAKEN, "down")
+            self.is_taken = True
+
+    def give_back(self):
+        if self.is_taken:
+            self.moonctl("-a", TAKEN, "up", "--merge-backend", "cpu")
+            self.is_taken = False
+
+    # --- What the honest agents do ---
+
+    def call(self, agent, **request):
+        """The ControlReply to the agent's own user, who may ask for everything."""
+        endpoint = (self.data_folder(agent) / "agent.endpoint").read_text().strip()
+        client = MoondbClient(endpoint, self.team_id.hex(), timeout_s=STEP_LIMIT_S)
+        try:
+            return client.call(messages.control.ControlRequest(**request))
+        except (AgentError, TimeoutError) as error:
+            raise Failure(f"{agent}: {error}") from error
+        finally:
+            client.close()
+
+    def insert(self, agent, records):
+        return self.call(agent, insert={"records": records}).insert.keys
+
+    def insert_node(self, agent):
+        """One that the agent never had; its record key."""
+        self.last_node += 1
+        return self.insert(agent, [messages.node(NAMES.index(agent) + 1, self.last_node, x=self.last_node)])[0]
+
+    def share(self, limit_s=STEP_LIMIT_S):
+        """What rover2 inserts now comes to the leader, and what the leader inserts to the survivor, or Failure. How long
+        it took, in seconds."""
+        awaited = {"rover1": ("rover2", self.insert_node("rover2")), "rover2": ("rover1", self.insert_node("rover1"))}
+        begin = time.monotonic()
+        self.call("rover2", share={"kind": "SHARING_KIND_SYNC"})
+        self.call("rover1", share={"kind": "SHARING_KIND_REPLICATION"})
+        while True:
+            awaited = {agent: (origin, key) for agent, (origin, key) in awaited.items()
+                       if self.node_hash(agent, key) != self.node_hash(origin, key)}
+            if not awaited:
+                return time.monotonic() - begin
+            if time.monotonic() - begin > limit_s:
+                raise Failure(f"what was inserted did not come to {', '.join(awaited)} within {limit_s} s")
+            time.sleep(0.02)
+
+    def settle(self):
+        """After a start, when links come up and the leader takes a new term: until all is shared. How long it took."""
+        end = time.monotonic() + STEP_LIMIT_S
+        while True:
+            try:
+                return self.share(5)
+            except Failure:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(0.2)
+
+    def prune_everything(self, agent):
+        """As the operator at that agent would; it may refuse."""
+        self.moonctl("-a", agent, "db", "prune", *(word for table in KEPT_TABLES for word in ("--type", table)),
+                     check=False)
+
+    def status(self, agent):
+        """Its AgentStatus."""
+        return self.call(agent, status={}).status
+
+    # --- What an agent holds ---
+
+    def data_folder(self, agent):
+        return self.folder / "moondb-data" / agent
+
+    def store(self, agent):
+        """Its file, to be read."""
+        return contextlib.closing(sqlite3.connect(f"file:{self.data_folder(agent)}/moondb.sqlite?mode=ro", uri=True))
+
+    def records(self, agent):
+        """What it holds under the policy `all`: {(table, origin, epoch, seq): hash}, as its file says."""
+        held = {}
+        with self.store(agent) as store:
+            for table in KEPT_TABLES:
+                rows = store.execute(f"SELECT origin, epoch, seq, hash FROM {table} WHERE seq IS NOT NULL")
+                held.update({(table, origin, epoch & (1 << 64) - 1, seq): digest for origin, epoch, seq, digest in rows})
+        return held
+
+    def node_hash(self, agent, key):
+        """Of the record of a pose-graph node; None where the agent does not hold it."""
+        with self.store(agent) as store:
+            epoch = struct.unpack("<q", struct.pack("<Q", key.epoch))[0]
+            row = store.execute("SELECT hash FROM pose_graph_node WHERE origin = ? AND epoch = ? AND seq = ?",
+                                (key.origin_agent, epoch, key.seq)).fetchone()
+            return row and row[0]
+
+    def disk_bytes(self, agent):
+        return sum(path.stat().st_size for path in self.data_folder(agent).glob("moondb.sqlite*"))
+
+    @property
+    def team_id(self):
+        return bytes.fromhex(re.search(r'^team_id: "([0-9a-f]{32})"', (self.folder / "team.yaml").read_text(), re.M)[1])
+
     def pid(self, agent):
-        return int((self.folder / "moondb-data" / agent / "agent.pid").read_text().split()[0])
+        return int((self.data_folder(agent) / "agent.pid").read_text().split()[0])
 
     def is_alive(self, agent):
         try:
@@ -88,7 +229,10 @@ class Team:
         pathlib.Path(f"/proc/{self.pid(agent)}/clear_refs").write_text("5")
 
     def log_bytes(self, agent):
-        return (self.folder / "moondb-data" / agent / "agent.log").stat().st_size
+        return (self.data_folder(agent) / "agent.log").stat().st_size
+
+    def log_end(self, agent, lines=20):
+        return (self.data_folder(agent) / "agent.log").read_text(errors="replace").splitlines()[-lines:]
 
     def connects(self, agent, peer):
         """How often the agent's link to this peer came up since the agent started."""
@@ -107,8 +251,24 @@ class Team:
     def address(self, agent):
         return ("127.0.0.1", FIRST_PORT + NAMES.index(agent))
 
+    def z85_keys(self, name):
+        """(public, secret) of an agent."""
+        return tuple((self.folder / f"{name}.{kind}").read_text().split()[0].encode() for kind in ("pub", "sec"))
+
     def keys(self, name):
-        return tuple(zmtp.from_z85((self.folder / f"{name}.{kind}").read_text().split()[0]) for kind in ("pub", "sec"))
+        return tuple(zmtp.from_z85(key.decode()) for key in self.z85_keys(name))
+
+    def sign(self, agent, roles):
+        """With that agent's key, as runtime/team/role_signature.h has it."""
+        seed = zmtp.from_z85((self.folder / f"{agent}.sign").read_text().split()[0])
+        roles.ClearField("signature")
+        signed = b"moondb roles 1" + self.team_id.hex().encode() + roles.SerializeToString()
+        roles.signature = nacl.signing.SigningKey(seed).sign(signed).signature
+
+    def client_keys(self, key_name):
+        """(public, secret) of a listed client."""
+        secret = (self.folder / f"{key_name}.sec").read_text().split()[0].encode()
+        return zmq.curve_public(secret), secret
 
     def connect(self, agent, as_agent, routing_id=None):
         """As a member, with its true key."""
@@ -117,7 +277,7 @@ class Team:
 
     def connect_client(self, key_name):
         """To rover1's client_address."""
-        secret = zmtp.from_z85((self.folder / f"{key_name}.sec").read_text().split()[0])
+        _, secret = (zmtp.from_z85(key.decode()) for key in self.client_keys(key_name))
         return zmtp.connect(("127.0.0.1", CLIENT_PORT), self.keys("rover1")[0], (zmtp.public_of(secret), secret))
 
 

@@ -11,6 +11,7 @@ import socket
 import struct
 
 import nacl.bindings as sodium
+import nacl.exceptions
 import nacl.utils
 
 TIMEOUT_S = 10
@@ -92,8 +93,9 @@ class Connection:
         self.send_raw(self.part(payload, more))
 
 
-def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S):
-    connection = Connection(address, timeout_s)
+def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S, make=Connection, properties=()):
+    """`make` gives the Connection of which the handshake is made; `properties`, pairs of bytes, go into its metadata."""
+    connection = make(address, timeout_s)
     connection.send_raw(GREETING)
     connection.receive_raw(64)
     public, secret = keys
@@ -109,7 +111,7 @@ def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S):
     vouch_nonce = nacl.utils.random(16)
     vouch = sodium.crypto_box(own_public + server_key, b"VOUCH---" + vouch_nonce, server_public, secret)
     metadata = b"".join(struct.pack(">B", len(name)) + name + struct.pack(">I", len(value)) + value
-                        for name, value in ((b"Socket-Type", b"DEALER"), (b"Identity", routing_id)))
+                        for name, value in ((b"Socket-Type", b"DEALER"), (b"Identity", routing_id), *properties))
     short = struct.pack(">Q", 2)
     box = sodium.crypto_box(public + vouch_nonce + vouch + metadata, b"CurveZMQINITIATE" + short, server_public,
                             own_secret)

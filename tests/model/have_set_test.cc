@@ -83,6 +83,38 @@ TEST(HaveSetTest, MergesBothSidesAndDroppedWins) {
   EXPECT_EQ(ours.Get(key).Had(), Set({{1, 6}}));
 }
 
+TEST(HaveSetTest, FindsTheIntervalsAroundOthers) {
+  const StreamKey key{1, 2, proto::TEMPERATURE};
+  HaveSet ours, named;
+  ours[key].held = Set({{1, 4}, {6, 9}, {20, 20}});
+  ours[key].dropped = Set({{11, 15}, {30, 40}});
+  ours[{2, 2, proto::TEMPERATURE}].held = Set({{1, 1}});
+  named[key].held = Set({{4, 7}, {9, 9}, {35, 50}, {60, 60}});
+  HaveSet around;
+  around[key].held = Set({{1, 4}, {6, 9}});
+  around[key].dropped = Set({{30, 40}});
+  EXPECT_EQ(ours.Around(named), around);
+}
+
+TEST(HaveSetTest, JoinsAsLongAsTheUnionIsNotTooLarge) {
+  HaveSet full;
+  for (std::uint64_t epoch = 1; epoch <= kHaveStreamsMax; ++epoch) full[{1, epoch, proto::POWER}].held.Add({1, 9});
+  HaveSet more;
+  more[{1, 1, proto::POWER}].held.Add(10);
+  EXPECT_TRUE(full.CheckJoins(more)) << "the stream is there already";
+  more[{1, 0, proto::POWER}].held.Add(1);
+  EXPECT_FALSE(full.CheckJoins(more));
+
+  HaveSet gaps;
+  for (std::uint64_t i = 1; i <= kHaveIntervalsPerStreamMax; ++i) gaps[{1, 1, proto::POWER}].held.Add(2 * i);
+  HaveSet filling;
+  filling[{1, 1, proto::POWER}].held.Add(3);
+  EXPECT_TRUE(gaps.CheckJoins(filling)) << "it joins two intervals";
+  HaveSet another;
+  another[{1, 1, proto::POWER}].held.Add(2 * kHaveIntervalsPerStreamMax + 10);
+  EXPECT_FALSE(gaps.CheckJoins(another));
+}
+
 TEST(HaveSetTest, SurvivesTheWire) {
   HaveSet have;
   have[{1, 2, proto::TEMPERATURE}].held = Set({{1, 4}, {9, 9}});

@@ -35,7 +35,7 @@ class GatewayActorTest : public testing::Test {
     SpawnGateway(1);
   }
 
-  void SpawnGateway(AgentId agent) {
+  void SpawnGateway(AgentId agent, std::size_t relay_bytes_max = 20'000) {
     GatewayActor::Options options;
     options.self = agent;
     options.team = team_config_;
@@ -46,7 +46,7 @@ class GatewayActorTest : public testing::Test {
     options.pending_max = 4;
     options.feeds_max = 2;
     options.own_actors = {"soil"};
-    options.relay_bytes_max = 20'000;
+    options.relay_bytes_max = relay_bytes_max;
     team_.Spawn(agent, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
   }
 
@@ -796,6 +796,25 @@ TEST_F(GatewayActorTest, RefusesAnAnswerTooLongForTheRadio) {
     team_.AdvanceTime(seconds(1));
     const proto::ControlReply reply = OnlyAnswer();
     EXPECT_EQ(reply.error().code(), bytes > 20'000 ? proto::ERROR_CODE_FULL : proto::ERROR_CODE_NONE);
+  }
+}
+
+// With its envelope.
+TEST_F(GatewayActorTest, TheLongestAnswerFitsIntoAMessageBetweenAgents) {
+  const std::size_t longest = GatewayActor::Options().relay_bytes_max;
+  SpawnGateway(2, longest);
+  for (const std::size_t bytes : {longest - 100, longest}) {
+    Request(ReadAtTwo());
+    team_.AdvanceTime(seconds(1));
+    const auto asked = team_.Take({2, actor_name::kStorage});
+    ASSERT_EQ(asked.size(), 1u);
+    proto::Message page;
+    page.set_request_id(asked[0].request_id());
+    page.mutable_read_reply()->add_records()->set_content(std::string(bytes, 'x'));
+    ASSERT_EQ(team_.Post({2, actor_name::kStorage}, {2, actor_name::kGateway}, page), SendResult::kAccepted);
+    team_.AdvanceTime(seconds(1));
+    const proto::ControlReply reply = OnlyAnswer();
+    EXPECT_EQ(reply.error().code(), bytes < longest ? proto::ERROR_CODE_NONE : proto::ERROR_CODE_FULL);
   }
 }
 

@@ -265,7 +265,7 @@ TEST_F(MergeActorTest, ReadsPageByPageAndOnlyWhatIsNew) {
   EXPECT_EQ(store_->reads[3].after_row_id(), 6u);
   EXPECT_GT(store_->reads[3].records_max(), 0u);
   EXPECT_GT(store_->reads[3].content_bytes_max(), 0u);
-  EXPECT_EQ(store_->reads[3].data_types_size(), 4);
+  EXPECT_EQ(store_->reads[3].data_types_size(), 5);
 }
 
 TEST_F(MergeActorTest, MapsWaitForTheirNodes) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
+#include "model/have_page.h"
 #include "model/wire_version.h"
 #include "proto/share_status.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
@@ -152,6 +153,35 @@ TEST_F(BadPeerTest, ShowsAcknowledgmentsOfWhatWasNeverSent) {
   EXPECT_EQ(Status().sessions(0).refused_haves(), 100);
   EXPECT_EQ(CountHeard(proto::Message::kBatch), 0);
   EXPECT_EQ(Status().sessions(0).acknowledged_records(), 0);
+}
+
+// Each page says that one more follows.
+TEST_F(BadPeerTest, RefusesAHaveSetWithoutEnd) {
+  store_->Insert(kGood, proto::POWER, "own");
+  Say(ShareOrder(proto::SHARING_KIND_SYNC));
+  int hellos = 0;
+  for (int step = 0; step < 5000 && Status().sessions(0).refused_haves() == 0; ++step) {
+    for (const proto::Message& message : team_.Take({kBad, actor_name::kSync})) {
+      if (!message.has_hello()) continue;
+      ++hellos;
+      proto::Message page;
+      proto::Have& have = *page.mutable_have();
+      have.set_session_id(message.hello().session_id());
+      have.set_is_whole(true);
+      if (message.hello().has_have_from()) *have.mutable_have_from() = message.hello().have_from();
+      const auto epoch = static_cast<std::uint64_t>(hellos);
+      HaveSet one;
+      one[{kBad, epoch, proto::POWER}].held.Add(1);
+      *have.mutable_have() = ToProto(one);
+      *have.mutable_have_next() = ToProto(RecordKey{{kBad, epoch + 1, proto::POWER}, 1});
+      (void)team_.Post({kBad, actor_name::kSync}, {kGood, actor_name::kSync}, page);
+    }
+    team_.AdvanceTime(std::chrono::milliseconds(100));
+  }
+  EXPECT_EQ(Status().sessions(0).refused_haves(), 1);
+  EXPECT_EQ(hellos, kHavePagesMax);
+  team_.AdvanceTime(seconds(4));
+  EXPECT_EQ(CountHeard(proto::Message::kHello), 0) << "it is asked again after the delay";
 }
 
 }  // namespace

@@ -1,11 +1,13 @@
 // MemoryStore: a small stand-in for StorageActor: records in memory, everything under the policy `all`.
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <string>
 #include <utility>
 
+#include "model/have_page.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "proto/storage.pb.h"
@@ -32,9 +34,18 @@ class MemoryStore {
   // Records of this type are refused at the door.
   void Reject(DataType type) { rejected_type_ = type; }
 
-  proto::HaveReply Have() const {
+  proto::HaveReply Have(const proto::HaveRequest& request = {}) const {
+    const RecordKey from = FromProto(request.from());
+    HavePageWriter writer(from, request.bytes_max());
+    for (auto it = have_.streams().lower_bound(from.stream); it != have_.streams().end(); ++it) {
+      const auto& origins = request.origin_agents();
+      const bool is_asked =
+          origins.empty() || std::find(origins.begin(), origins.end(), it->first.origin) != origins.end();
+      if (is_asked && !writer.Add(it->first, it->second)) break;
+    }
     proto::HaveReply reply;
-    *reply.mutable_have() = ToProto(have_);
+    *reply.mutable_have() = std::move(writer.page());
+    if (writer.next()) *reply.mutable_next() = ToProto(*writer.next());
     return reply;
   }
 
@@ -128,7 +139,7 @@ class MemoryStorageActor final : public Actor {
   void OnMessage(Context& context, const proto::Message& message) override {
     proto::Message reply;
     if (message.has_have_request()) {
-      *reply.mutable_have_reply() = store_->Have();
+      *reply.mutable_have_reply() = store_->Have(message.have_request());
     } else if (message.has_missing_request()) {
       *reply.mutable_missing_reply() = store_->Missing(message.missing_request());
     } else if (message.has_store_request()) {

@@ -1,8 +1,10 @@
 #include "actors/sharing/sharing_receiver.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "actors/sharing/codec.h"
+#include "model/have_page.h"
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/wire_version.h"
@@ -12,6 +14,7 @@ namespace moondb {
 namespace {
 
 using std::chrono::seconds;
+using testing::ElementsAre;
 
 constexpr char kTeamId[] = "0123456789abcdef";  // As messages carry it.
 
@@ -129,13 +132,75 @@ TEST_F(SharingReceiverTest, SpeaksOfTheOriginsThatTheHelloAsksFor) {
   proto::Hello hello = Hello(10);
   hello.add_origin_agents(3);
   hello.add_origin_agents(5);
+  hello.add_everyones_types(proto::MAP_QUARANTINE);
   const SharingActions asked = receiver_.OnHello(2, hello, now_);
+  ASSERT_EQ(asked.size(), 1u);
+  const proto::HaveRequest& request = asked[0].message.have_request();
+  EXPECT_TRUE(request.is_for_peer());
+  EXPECT_THAT(request.origin_agents(), ElementsAre(3u, 5u));
+  EXPECT_THAT(request.everyones_types(), ElementsAre(proto::MAP_QUARANTINE));
+}
+
+TEST_F(SharingReceiverTest, AnswersEachHelloWithOnePage) {
   proto::HaveReply reply;
-  for (const AgentId origin : {2u, 3u, 4u}) reply.mutable_have()->add_streams()->set_origin_agent(origin);
-  const SharingActions answered = receiver_.OnHaveReply(asked[0].message.request_id(), reply);
-  ASSERT_EQ(answered.size(), 1u);
-  ASSERT_EQ(answered[0].message.have().have().streams_size(), 1);
-  EXPECT_EQ(answered[0].message.have().have().streams(0).origin_agent(), 3u);
+  const RecordKey next{{3, 7, proto::POWER}, 9};
+  *reply.mutable_next() = ToProto(next);
+  proto::Hello hello = Hello(10);
+  hello.set_schema_hash(5);
+  const SharingActions asked = receiver_.OnHello(2, hello, now_);
+  EXPECT_FALSE(asked.at(0).message.have_request().has_from());
+  EXPECT_EQ(asked[0].message.have_request().bytes_max(), kHavePageBytesMax);
+  const proto::Have first = receiver_.OnHaveReply(asked[0].message.request_id(), reply).at(0).message.have();
+  EXPECT_FALSE(first.has_have_from());
+  EXPECT_EQ(FromProto(first.have_next()), next);
+  EXPECT_GT(first.unacked_bytes_max(), 0u);
+  EXPECT_FALSE(first.keeps_runs()) << "it stands on the last page";
+
+  *hello.mutable_have_from() = ToProto(next);
+  const SharingActions asked_on = receiver_.OnHello(2, hello, now_);
+  EXPECT_EQ(FromProto(asked_on.at(0).message.have_request().from()), next);
+  EXPECT_TRUE(receiver_.OnHello(2, hello, now_).empty()) << "it is being answered";
+  const proto::Have last =
+      receiver_.OnHaveReply(asked_on[0].message.request_id(), proto::HaveReply()).at(0).message.have();
+  EXPECT_EQ(FromProto(last.have_from()), next);
+  EXPECT_FALSE(last.has_have_next());
+  EXPECT_TRUE(last.keeps_runs());
+  EXPECT_EQ(receiver_.MovingSessions(now_), 1u);
+}
+
+TEST_F(SharingReceiverTest, RefusesToGoOnWithASessionThatItDoesNotKnow) {
+  proto::Hello hello = Hello(10);
+  *hello.mutable_have_from() = ToProto(RecordKey{{3, 7, proto::POWER}, 9});
+  EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kNotFound);
+  OpenSession(2, 9);
+  EXPECT_EQ(RefusalOf(receiver_.OnHello(2, hello, now_)), ErrorCode::kNotFound);
+  EXPECT_EQ(receiver_.counts().refused_hellos, 0) << "the sender did nothing wrong";
+  EXPECT_EQ(receiver_.OnBatch(2, Batch(9, 1), now_)->size(), 1u) << "the session that is known stays";
+}
+
+// A thousand bytes that become sixteen million: the first few are decoded, then the sender has to wait.
+TEST_F(SharingReceiverTest, DecodesSoMuchOfOneSenderAMinute) {
+  proto::RecordBatch records;
+  *records.add_records()->mutable_key() = ToProto(RecordKey{{2, 9, proto::POWER}, 1});
+  records.mutable_records(0)->set_content(std::string(16 << 20, '\0'));
+  const CodedBatch bomb = EncodeBatch(records);
+  ASSERT_LT(bomb.bytes.size(), 10'000u);
+  const auto decoded_of = [&](AgentId sender, SharingReceiver::Time at) {
+    receiver_.OnHello(sender, Hello(5), at);
+    int decoded = 0;
+    for (std::uint32_t number = 1; number <= 10; ++number) {
+      proto::Message message = Batch(5, number);
+      message.mutable_batch()->set_codec(bomb.codec);
+      message.mutable_batch()->set_coded(bomb.bytes);
+      const auto actions = receiver_.OnBatch(sender, message, at);
+      decoded += actions && !actions->empty() ? 1 : 0;
+    }
+    return decoded;
+  };
+  EXPECT_EQ(decoded_of(2, now_), 5);
+  EXPECT_EQ(receiver_.counts().dropped_messages, 5);
+  EXPECT_EQ(decoded_of(3, now_), 5) << "another sender has its own";
+  EXPECT_EQ(decoded_of(2, now_ + std::chrono::minutes(1)), 5);
 }
 
 TEST_F(SharingReceiverTest, RefusesWhatIsNotOfThisTeamOrKind) {
@@ -166,7 +231,7 @@ TEST_F(SharingReceiverTest, RefusesAnotherWireVersionAndNamesBoth) {
 // Whatever else a Hello of another version holds.
 TEST_F(SharingReceiverTest, ReadsTheWireVersionOfAnyVersionsHello) {
   proto::Hello hello;
-  ASSERT_TRUE(hello.ParseFromString("\x08\x2A\x12\x03tea\x5A\x02no"));
+  ASSERT_TRUE(hello.ParseFromString("\x08\x2A\x12\x03tea\x7A\x02no"));
   EXPECT_EQ(hello.wire_version(), 42u);
 }
 

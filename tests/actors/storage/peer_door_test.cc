@@ -209,6 +209,9 @@ TEST(PeerDoorTest, SaysWhereAPeerHasMoreOfThisAgentThanItsDiskEverHad) {
   claimed.mutable_held(0)->set_last(2);
   ASSERT_TRUE(store->GetMissing(request));
   EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
+  InsertOne(*store, NodeRecord(1, 2));
+  ASSERT_TRUE(store->GetMissing(request));
+  EXPECT_TRUE(RefusedBy(*store).empty()) << "this disk has it by now";
 }
 
 // A ledger of so many streams of each origin.

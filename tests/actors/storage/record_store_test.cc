@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "actors/storage/role_history.h"
+#include "model/have_page.h"
 #include "proto/status.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
@@ -570,6 +571,63 @@ TEST(RecordStoreTest, TellsPeersOneIntervalOfATypeOfWhichTheNewestStand) {
   *missing.mutable_destination_have() = told.have();
   const proto::MissingReply reply = *store->GetMissing(missing);
   EXPECT_EQ(reply.records_size() + reply.dropped_size(), 0);
+}
+
+TEST(RecordStoreTest, SpeaksOfTheStreamsThatAreAskedFor) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  auto other = OpenStore(StoreOptionsOf(3));
+  InsertOne(*store, NodeRecord(2, 1));
+  InsertOne(*other, NodeRecord(3, 1));
+  InsertOne(*other, TemperatureRecord(1));
+  while (Bring(*other, *store)) {
+  }
+  proto::HaveRequest request;
+  EXPECT_EQ(store->GetHave(request).have().streams_size(), 3);
+  request.add_origin_agents(2);
+  EXPECT_EQ(store->GetHave(request).have().streams_size(), 1);
+  request.add_everyones_types(proto::POSE_GRAPH_NODE);
+  EXPECT_EQ(store->GetHave(request).have().streams_size(), 2);
+}
+
+TEST(RecordStoreTest, SpeaksInPagesOfWhatItHas) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  for (std::uint64_t epoch = 1; epoch <= 20; ++epoch) {
+    (void)StoreOne(*store, Packed(Key(3, proto::TEMPERATURE, 1, epoch), TemperatureRecord(20)));
+  }
+  InsertOne(*store, NodeRecord(2, 1));
+  proto::HaveRequest request;
+  request.set_is_for_peer(true);
+  const HaveSet whole = *FromProto(store->GetHave(request).have());
+  request.set_bytes_max(100);
+  HaveSet joined;
+  int pages = 0;
+  for (bool is_last = false; !is_last; ++pages) {
+    const proto::HaveReply reply = store->GetHave(request);
+    EXPECT_LE(reply.have().ByteSizeLong(), 100u);
+    joined.Merge(*FromProto(reply.have()));
+    *request.mutable_from() = reply.next();
+    is_last = !reply.has_next();
+  }
+  EXPECT_EQ(joined, whole);
+  EXPECT_GT(pages, 4);
+}
+
+// A stream with very many gaps: what an acknowledgment says of it does not grow with them.
+TEST(RecordStoreTest, AcknowledgesWithTheIntervalsOfTheBatchWhereStreamsAreLarge) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const auto store_each_second = [&](std::uint64_t first, std::uint64_t last) {
+    proto::StoreRequest request;
+    for (std::uint64_t seq = first; seq <= last; seq += 2) {
+      *request.add_records() = Packed(Key(3, proto::POSE_GRAPH_NODE, seq), NodeRecord(3, seq));
+    }
+    return store->Store(request).reply;
+  };
+  EXPECT_EQ(store_each_second(1, 8000).stored_count(), 4000u);
+  EXPECT_GT(store->GetHave().have().ByteSizeLong(), kHavePageBytesMax);
+  const proto::StoreReply last = store_each_second(8001, 8100);
+  ASSERT_EQ(last.had().streams_size(), 1);
+  EXPECT_EQ(last.had().streams(0).held_size(), 50);
+  EXPECT_EQ(last.had().streams(0).held(0).first(), 8001u);
 }
 
 TEST(RecordStoreTest, LeavesADamagedHaveSetToANewProcess) {

@@ -21,6 +21,7 @@ namespace moondb {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 // Three agents, one a line, so that errors have places to point to.
 constexpr char kGood[] = R"(team: test
@@ -172,6 +173,9 @@ const BadFile kBadFiles[] = {
     {"NoValue", GoodAnd("map: {footprint_m: }"), "t:8:7: map.footprint_m: expected a list, got nothing"},
     {"NoMessage", GoodAnd("map: 5"), "t:8:6: map: expected fields such as \"resolution_m: ...\", got \"5\""},
     {"Latitude", GoodAnd("site: {lat_deg: 91}"), "t:8:17: site.lat_deg: expected -90 to 90, got 91"},
+    {"SigningKeyInATeamWithoutKeys",
+     Good("name: rover2,", "name: rover2, signing_key: \"eBQVrmV@gcGAmNE7f?TwAVN(=Iy!Obr?$HC.M#d>\","),
+     "t:5:40: agents[1].signing_key: needs keys, which `insecure: true` does without"},
     {"Missing", "insecure: true\n",
      "t:1:1: team: missing\n"
      "t:1:1: team_id: missing: `moonctl config check --fix` gives the file one\n"
@@ -609,6 +613,36 @@ TEST_F(TeamFileTest, TellsWhatIsWrongWithKeyFiles) {
   EXPECT_THAT(text, HasSubstr(": agents[0].key: " + (folder_ / "rover1.pub").string() + ": no such file\n"));
   EXPECT_THAT(text, HasSubstr(": agents[1].key: " + (folder_ / "rover2.pub").string() + ": not a key"));
   EXPECT_THAT(text, HasSubstr(": agents[3].key: is the key of rover3 too"));
+}
+
+TEST_F(TeamFileTest, EveryAgentHasASigningKeyOfItsOwn) {
+  const std::filesystem::path path = folder_ / "team.yaml";
+  ASSERT_TRUE(WriteInitialTeam(path, 3, 7400));
+  const std::string yaml = Text(path);
+  const proto::TeamConfig team = ReadTeamFile(path).value().config;
+  const auto error_of = [&](const std::string& text) {
+    Write(path, text);
+    const Result<TeamFile> read = ReadTeamFile(path);
+    return read ? "no error" : read.error().text;
+  };
+  const auto without_key_of = [&team](const std::string& text, int agent) {
+    return Replaced(text, "    signing_key: \"" + team.agents(agent).signing_key() + "\"\n", "");
+  };
+  const std::string missing = ".signing_key: missing: `moonctl keys add-signing` gives every agent one that has none";
+  const std::string one_lacks = error_of(without_key_of(yaml, 1));
+  EXPECT_THAT(one_lacks, HasSubstr(": agents[1]" + missing));
+  EXPECT_THAT(one_lacks, Not(HasSubstr("agents[0]")));
+  const std::string all_lack = error_of(without_key_of(without_key_of(without_key_of(yaml, 0), 1), 2));
+  for (const char* agent : {"agents[0]", "agents[1]", "agents[2]"}) EXPECT_THAT(all_lack, HasSubstr(agent + missing));
+
+  const std::string first = team.agents(0).signing_key();
+  const std::string second = team.agents(1).signing_key();
+  EXPECT_THAT(error_of(Replaced(yaml, second, first)),
+              HasSubstr(": agents[1].signing_key: " + first + " is already that of agents[0]"));
+  EXPECT_THAT(error_of(Replaced(yaml, second, std::string(40, '0'))),
+              HasSubstr(": agents[1].signing_key: expected 40 characters in Z85 of an Ed25519 key"));
+  Write(folder_ / "base.pub", first + "\n");
+  EXPECT_THAT(error_of(yaml), HasSubstr(": agents[0].signing_key: is the CURVE key of base: expected a signing key"));
 }
 
 TEST_F(TeamFileTest, SecretsThatOthersCanReadAreRefused) {

@@ -56,13 +56,25 @@ TEST_F(ZeroMqTransportTest, CarriesMessagesBothWays) {
   EXPECT_LT(Peer(1, 3).seconds_since_heard(), 0);
 }
 
-TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndLargeOnes) {
+// The longest that a frame has room for, and not a byte more: the link is not cut by either.
+TEST_F(ZeroMqTransportTest, CarriesMessagesInOrderAndTheLongest) {
   Start(1);
   Start(2);
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
-  constexpr std::size_t kLarge = 7 * 1024 * 1024;
-  ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2, kLarge)), SendResult::kAccepted);
-  ASSERT_EQ(ears_[2].Take()->record_id().size(), kLarge);
+  proto::Message longest = Message(1, 2, 250'000);
+  longest.mutable_record_id()->append(kPeerMessageBytesMax - longest.ByteSizeLong(), 'x');
+  ASSERT_EQ(longest.ByteSizeLong(), kPeerMessageBytesMax);
+  proto::Message too_long = longest;
+  too_long.mutable_record_id()->push_back('x');
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(transports_[1]->Send({2, "sync"}, too_long), SendResult::kTooLong);
+    ASSERT_EQ(transports_[1]->Send({2, "sync"}, longest), SendResult::kAccepted);
+    const OwnedMessage heard = ears_[2].Take();
+    ASSERT_NE(heard, nullptr);
+    EXPECT_EQ(heard->record_id().size(), longest.record_id().size());
+  }
+  EXPECT_EQ(Peer(1, 2).dropped_messages(), 3);
+  EXPECT_EQ(Peer(1, 2).connects(), 1);
   for (std::size_t i = 1; i <= 100; ++i) {
     ASSERT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2, i)), SendResult::kAccepted);
   }
@@ -182,11 +194,11 @@ TEST_F(ZeroMqTransportTest, DropsWhatOnlyActorsOfOneAgentMaySay) {
 
 TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
   ZeroMqTransport::Options options;
-  options.message_bytes_max = 1000;
+  options.frame_bytes_max = 1000;
   Start(1, options);
   Start(2, options);
   ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
-  EXPECT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1, 1001)), SendResult::kFull);
+  EXPECT_EQ(transports_[2]->Send({1, "sync"}, Message(2, 1, 1001)), SendResult::kTooLong);
   EXPECT_EQ(Peer(2, 1).dropped_messages(), 1);
 
   const RawDealer::Keys keys = KeysOf(3, 1);

@@ -1,0 +1,22 @@
+#include "model/command_from.h"
+
+#include <algorithm>
+
+namespace moondb {
+
+bool MayCommand(const proto::TeamConfig& team, AgentId agent) {
+  const auto& agents = team.agents();
+  const auto found = std::find_if(agents.begin(), agents.end(),
+                                  [agent](const proto::AgentConfig& config) { return config.id() == agent; });
+  if (found == agents.end() || found->left()) return false;
+  if (team.command_from().empty()) {
+    const bool has_base = std::any_of(agents.begin(), agents.end(), [](const proto::AgentConfig& config) {
+      return config.kind() == proto::AGENT_KIND_BASE_STATION;
+    });
+    return !has_base || found->kind() == proto::AGENT_KIND_BASE_STATION;
+  }
+  return std::any_of(team.command_from().begin(), team.command_from().end(),
+                     [found](const std::string& name) { return name == kAllMayCommand || name == found->name(); });
+}
+
+}  // namespace moondb

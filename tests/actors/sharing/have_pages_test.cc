@@ -1,0 +1,175 @@
+// A have-set that travels in pages: one session whose destination is asked page by page.
+#include <gtest/gtest.h>
+
+#include "tests/actors/sharing/session_fixture.h"
+
+namespace moondb {
+namespace {
+
+using std::chrono::seconds;
+
+// Pages of four streams or so.
+constexpr std::size_t kPageBytes = 100;
+
+class HavePagesTest : public SessionFixture {
+ protected:
+  HavePagesTest() {
+    for (std::uint64_t epoch = 1; epoch <= 20; ++epoch) destination_.Insert(kSelf, proto::POWER, "p", epoch);
+    for (std::uint64_t epoch = 1; epoch <= 21; ++epoch) source_.Insert(kSelf, proto::POWER, "p", epoch);
+  }
+
+  // The destination's answer to a Hello.
+  proto::Have PageFor(const proto::Hello& hello) const {
+    proto::HaveRequest request;
+    *request.mutable_from() = hello.have_from();
+    request.set_bytes_max(kPageBytes);
+    const proto::HaveReply reply = destination_.Have(request);
+    proto::Have page;
+    page.set_session_id(hello.session_id());
+    page.set_is_whole(true);
+    page.set_unacked_bytes_max(credit_);
+    *page.mutable_have() = reply.have();
+    if (hello.has_have_from()) *page.mutable_have_from() = hello.have_from();
+    if (reply.has_next()) *page.mutable_have_next() = reply.next();
+    return page;
+  }
+
+  // The one Hello that was sent since.
+  proto::Hello NextHello() {
+    const auto sent = TakeSent();
+    EXPECT_EQ(sent.size(), 1u);
+    EXPECT_TRUE(!sent.empty() && sent.back().has_hello());
+    return sent.empty() ? proto::Hello() : sent.back().hello();
+  }
+
+  // Answers Hellos until something else is sent; how many.
+  int AnswerAll() {
+    int pages = 0;
+    for (; !sent_.empty() && sent_.back().has_hello(); ++pages) Take(session_.OnHave(PageFor(NextHello()), now_));
+    return pages;
+  }
+
+  void ExpectOneRecordMoreAndTheEnd() {
+    std::uint32_t count = 0;
+    for (const auto& message : RunToEnd()) count += message.batch().record_count();
+    EXPECT_EQ(count, 1u);
+    EXPECT_EQ(destination_.have(), source_.have());
+    EXPECT_FALSE(session_.is_open());
+  }
+};
+
+TEST_F(HavePagesTest, AreAskedForOneAfterTheOther) {
+  Order();
+  EXPECT_GE(AnswerAll(), 4);
+  ExpectOneRecordMoreAndTheEnd();
+  EXPECT_EQ(Status().resends(), 0);
+  EXPECT_EQ(Status().refused_haves(), 0);
+}
+
+TEST_F(HavePagesTest, ALostOneIsAskedForAgainAndNoOther) {
+  Order();
+  Take(session_.OnHave(PageFor(NextHello()), now_));
+  const proto::Hello lost = NextHello();
+  Advance(seconds(6));
+  const proto::Hello again = NextHello();
+  EXPECT_EQ(again.session_id(), lost.session_id());
+  EXPECT_EQ(FromProto(again.have_from()), FromProto(lost.have_from()));
+  EXPECT_NE(FromProto(again.have_from()), RecordKey());
+  Take(session_.OnHave(PageFor(again), now_));
+  AnswerAll();
+  ExpectOneRecordMoreAndTheEnd();
+}
+
+TEST_F(HavePagesTest, ThoseThatAreHereOutliveACutOfTheLink) {
+  Order();
+  Take(session_.OnHave(PageFor(NextHello()), now_));
+  const RecordKey waited_for = FromProto(NextHello().have_from());
+  Advance(std::chrono::minutes(10));
+  TakeSent();
+  Take(session_.OnConnected(now_));
+  EXPECT_EQ(FromProto(PageFor(sent_.back().hello()).have_from()), waited_for);
+  AnswerAll();
+  ExpectOneRecordMoreAndTheEnd();
+}
+
+TEST_F(HavePagesTest, RepeatedAndLateOnesChangeNothing) {
+  Order();
+  std::vector<proto::Have> before;
+  while (!sent_.empty() && sent_.back().has_hello()) {
+    before.push_back(PageFor(NextHello()));
+    Take(session_.OnHave(before.back(), now_));
+    const std::size_t sent = sent_.size();
+    if (sent_.back().has_batch()) break;
+    for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
+    EXPECT_EQ(sent_.size(), sent) << "a page that came twice is not answered";
+  }
+  // While records are sent they are what the destination has, as ever.
+  for (const proto::Have& page : before) Take(session_.OnHave(page, now_));
+  ExpectOneRecordMoreAndTheEnd();
+  EXPECT_EQ(Status().refused_haves(), 0);
+}
+
+TEST_F(HavePagesTest, ThoseOfAnEarlierSessionAreNotHeard) {
+  Order();
+  const proto::Have old = PageFor(NextHello());
+  Advance(seconds(6));
+  const proto::Hello hello = NextHello();
+  EXPECT_NE(hello.session_id(), old.session_id());
+  Take(session_.OnHave(old, now_));
+  EXPECT_TRUE(sent_.empty());
+}
+
+// It may have lost its disk with what the pages name.
+TEST_F(HavePagesTest, ADestinationThatBeganAnewIsAskedFromTheBeginning) {
+  Order();
+  Take(session_.OnHave(PageFor(NextHello()), now_));
+  destination_ = MemoryStore();
+  proto::Refusal refusal;
+  refusal.set_session_id(NextHello().session_id());
+  refusal.mutable_error()->set_code(proto::ERROR_CODE_NOT_FOUND);
+  Take(session_.OnRefusal(refusal, now_));
+  EXPECT_FALSE(sent_.back().hello().has_have_from());
+  AnswerAll();
+  RunToEnd();
+  EXPECT_EQ(destination_.have(), source_.have());
+}
+
+TEST_F(HavePagesTest, AskNothingInAShutWindowAndGoOnAfterIt) {
+  Order();
+  const proto::Hello first = NextHello();
+  Take(session_.SetWindow(SharingSession::Window::kShut, now_));
+  Take(session_.OnHave(PageFor(first), now_));
+  Advance(seconds(60));
+  EXPECT_TRUE(sent_.empty());
+  Take(session_.SetWindow(SharingSession::Window::kOpen, now_));
+  EXPECT_TRUE(sent_.back().hello().has_have_from());
+  AnswerAll();
+  ExpectOneRecordMoreAndTheEnd();
+}
+
+TEST_F(HavePagesTest, AreAskedForAnewWhereAnOrderMeansMore) {
+  proto::RecordFilter own;
+  own.add_origin_agents(kSelf);
+  Take(session_.Order(own, now_));
+  Take(session_.OnHave(PageFor(NextHello()), now_));
+  NextHello();
+  Order();
+  EXPECT_FALSE(NextHello().has_have_from());
+}
+
+TEST_F(HavePagesTest, WhoSaysWhatCannotBeIsAskedFromTheBeginningAfterTheDelay) {
+  Order();
+  Take(session_.OnHave(PageFor(NextHello()), now_));
+  proto::Have bad = PageFor(NextHello());
+  *bad.mutable_have_next() = bad.have_from();
+  Take(session_.OnHave(bad, now_));
+  EXPECT_TRUE(sent_.empty());
+  EXPECT_EQ(Status().refused_haves(), 1);
+  Advance(seconds(6));
+  EXPECT_FALSE(sent_.back().hello().has_have_from());
+  AnswerAll();
+  ExpectOneRecordMoreAndTheEnd();
+}
+
+}  // namespace
+}  // namespace moondb

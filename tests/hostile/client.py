@@ -1,0 +1,43 @@
+"""A client from elsewhere, with a key of the team's list: what moonctl --key is, and whatever an attacker sends instead."""
+import zmq
+from messages import control
+from team import CLIENT_PORT, STEP_LIMIT_S, AgentError, Failure, MoondbClient
+
+
+class KeyedClient(MoondbClient):
+    """At rover1's client_address. `call(request)` asks and waits for the ControlReply; each client is a connection."""
+
+    def __init__(self, team, key_name, timeout_s=STEP_LIMIT_S):
+        public, secret = team.client_keys(key_name)
+        self._dealer = zmq.Context.instance().socket(zmq.DEALER)
+        self._dealer.linger = 0
+        self._dealer.curve_publickey, self._dealer.curve_secretkey = public, secret
+        self._dealer.curve_serverkey, _ = team.z85_keys("rover1")
+        self._endpoint = f"tcp://127.0.0.1:{CLIENT_PORT}"
+        self._dealer.connect(self._endpoint)
+        self._timeout_s, self._request_id, self._team_id, self._by = timeout_s, 0, team.team_id, "carl@hill"
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def ask(self, timeout_s=None, **request):
+        """The ControlReply; Failure where none comes, or an error."""
+        try:
+            return self.call(control.ControlRequest(**request), timeout_s)
+        except (AgentError, TimeoutError) as error:
+            raise Failure(f"{request}: {error}") from error
+
+    def send(self, request_id=1, **request):
+        """Asks, and waits for nothing."""
+        asked = control.ControlRequest(team_id=self._team_id, **{"by": self._by, **request})
+        self.send_bytes(control.ClientMessage(request_id=request_id, control_request=asked).SerializeToString())
+
+    def send_bytes(self, data):
+        self._dealer.send(data)
+
+    def receive(self, timeout_s):
+        """The next ClientMessage; None where none comes."""
+        return control.ClientMessage.FromString(self._dealer.recv()) if self._dealer.poll(1000 * timeout_s) else None

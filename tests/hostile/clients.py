@@ -1,0 +1,134 @@
+"""Attackers by what a client may ask: one that is let in with a key, and asks for more, or for too much."""
+import contextlib
+import random
+import time
+
+import messages
+from client import KeyedClient
+from messages import control, message, types
+from team import HONEST, Failure
+
+VIEW = 1
+FEEDS = 500
+READERS, QUESTIONS = 20, 400
+ESCAPES = "\x1b[2J\x1b]0;owned\x07\nbase: role swap (anna (key))"
+
+
+def feeds_kept_open(team, scale):
+    """A client that may view opens 500 reads that wait for a minute, while others ask and wait, too."""
+    with contextlib.ExitStack() as stack:
+        watchers = [stack.enter_context(KeyedClient(team, "watcher")) for _ in range(10)]
+        for i in range(FEEDS):
+            watchers[i % len(watchers)].send(i + 1, read={"after_row_id": 1 << 50, "wait_s": 60})
+        sharer = stack.enter_context(KeyedClient(team, "sharer"))
+        last = sharer.ask(read={"records_max": 1, "is_newest_first": True}).read.row_ids[0]
+        sharer.send(77, read={"after_row_id": last, "data_types": [types.MODE], "wait_s": 30})
+        team.insert("rover1", [messages.record.Record(stamp_ns=messages.now_ns(), mode={"activity": 2})])
+        answer = sharer.receive(10)
+        if answer is None or not answer.control_reply.read.records:
+            raise Failure("a client that waited for a record was not sent it")
+        team.answers("rover1")
+
+
+def never_reads(team, scale):
+    """A client that may view asks 8,000 times for all records, over 20 connections, and reads no answer."""
+    with contextlib.ExitStack() as stack:
+        readers = [stack.enter_context(KeyedClient(team, "watcher")) for _ in range(READERS)]
+        for i in range(int(QUESTIONS * scale)):
+            for reader in readers:
+                reader.send(i + 1, read={"records_max": 1000, "content_bytes_max": 1 << 20})
+        time.sleep(1)
+        team.answers("rover1")
+        sharer = stack.enter_context(KeyedClient(team, "sharer"))
+        sharer.ask(status={})
+
+
+def above_its_right(team, scale):
+    """A client that may view asks for each thing that needs more, for rover1 and for each other agent, with forged rights."""
+    granted = []
+    with KeyedClient(team, "watcher") as watcher:
+        for field in control.ControlRequest.DESCRIPTOR.oneofs_by_name["request"].fields:
+            if field.GetOptions().Extensions[control.command].rights <= VIEW:
+                continue
+            for for_agent in range(5):
+                request = control.ControlRequest(for_agent=for_agent, team_id=team.team_id, **{field.name: {}})
+                forged = message.Message(request_id=for_agent + 1, client_rights=3, client_name=b"anna", hop_sender=1,
+                                         source_actor=b"gateway", control_request=request.SerializeToString())
+                watcher.send_bytes(forged.SerializeToString())
+                answer = watcher.receive(10)
+                if answer is None or answer.control_reply.error.code != types.ERROR_CODE_REFUSED:
+                    granted.append(field.name)
+    if granted:
+        raise Failure(f"a client that may view is not refused {', '.join(sorted(set(granted)))}")
+
+
+def bodies_of_agents(team, scale):
+    """A client sends what agents alone send each other, each body to each of rover1's actors, in their names."""
+    held = {agent: len(team.records(agent)) for agent in HONEST}
+    fields = message.Message.DESCRIPTOR.oneofs_by_name["body"].fields
+    with KeyedClient(team, "sharer") as sharer:
+        for actor in (b"storage", b"sync", b"role", b"gateway", b"retention", b"lease"):
+            for field in fields:
+                body = random.randbytes(20) if field.type == field.TYPE_BYTES else {}
+                sharer.send_bytes(message.Message(
+                    hop_sender=random.randrange(6), source_actor=actor, destination_actor=actor, destination_id=1,
+                    agent_id=2, request_id=random.getrandbits(64), **{field.name: body}).SerializeToString())
+    with KeyedClient(team, "sharer") as sharer:
+        sharer.ask(status={})
+    for agent, count in held.items():
+        if len(team.records(agent)) < count:
+            raise Failure(f"{agent} holds fewer records")
+
+
+def absurd_requests(team, scale):
+    """A client sends requests that are nested 100,000 deep, megabytes long, made of nothing, or for no team."""
+    deep = b"\x0b" * 100_000
+    nested = b""
+    for _ in range(200):
+        nested = messages.control.ControlRequest(custom={"actor": "x", "body": {"value": nested}}).SerializeToString()
+    absurd = [b"", b"\x00", deep, b"\xa2\x06\xff\xff\xff\xff\x0f", b"\xa2\x06\x80\x80\x80\x04" + bytes(1 << 20),
+              b"\x82\x7d\x80\x80\xc0\x02" + bytes(5 << 20), b"\x98\x7d\x01" * 300_000,
+              message.Message(request_id=1, control_request=nested).SerializeToString(),
+              message.Message(request_id=1, control_request=deep).SerializeToString(),
+              message.Message(request_id=1, control_request=b"\x12\x02\x0a\x00" * 200_000).SerializeToString()]
+    for _ in range(max(2, int(30 * scale))):
+        for data in absurd:
+            with KeyedClient(team, "sharer") as sharer:
+                sharer.send_bytes(data)
+    for pattern in ({"read": {"data_types": range(100_000)}}, {"read": {"records_max": (1 << 32) - 1, "wait_s": -1}},
+                    {"map_tiles": {"wait_s": float("nan")}}, {"fingerprint": {"stream": {"held": [{"first": 9}] * 1000}}},
+                    {"trace": {"actor": ESCAPES * 1000}}, {"merge": {}, "for_agent": 99}):
+        with KeyedClient(team, "sharer") as sharer:
+            sharer.send(1, **pattern)
+            if sharer.receive(10) is None:
+                raise Failure(f"a client that asks for {next(iter(pattern))} as nobody does is not answered")
+
+
+def names_with_escapes(team, scale):
+    """A client that may share gives its name, a lease and a record's text as what a terminal obeys."""
+    with KeyedClient(team, "sharer") as sharer:
+        sharer.send(1, by=ESCAPES, lease={"kind": 1, "seconds": 1})
+        sharer.send(2, by=ESCAPES * 100, share={"kind": 1})
+        sharer.send(3, by=ESCAPES, insert={"records": [
+            messages.record.Record(stamp_ns=1, health={"level": 1, "text": ESCAPES})]})
+        for _ in range(3):
+            sharer.receive(10)
+    team.share()
+    for words in (["log"], ["health"], ["status"], ["record", "list"], ["trace"]):
+        shown = team.moonctl(*words, check=False)
+        if "\x1b" in shown.stdout + shown.stderr or "\x07" in shown.stdout:
+            raise Failure(f"moonctl {' '.join(words)} writes what a client wrote to the terminal as it is")
+
+
+def questions_for_others(team, scale):
+    """A client that may view asks rover1 for what the others have, 5,000 times, and reads no answer."""
+    with KeyedClient(team, "watcher") as watcher:
+        for i in range(int(5000 * scale)):
+            watcher.send(i + 1, for_agent=2 + i % 3, **({"status": {}} if i % 2 else {"have": {}}))
+        with KeyedClient(team, "sharer") as sharer:
+            sharer.ask(for_agent=2, status={})
+        team.answers("rover1")
+
+
+ATTACKERS = [feeds_kept_open, never_reads, above_its_right, bodies_of_agents, absurd_requests, names_with_escapes,
+             questions_for_others]

@@ -1,0 +1,250 @@
+"""A member of the team that was taken over: it has an agent's true keys, and says whatever an attacker wants.
+
+    with Member(team, "rover3") as member:             # The real rover3 must not run.
+        member.send("rover1", "lease", lease_announce={"number": 1, "driving_s": 60})
+        reply = member.ask("rover1", status={})
+        session = member.session("rover1")
+        have = session.bring([messages.stored(...)])
+
+It listens at its agent's address, as the others expect, and reports what it got, so that their links to it stay up. What
+it sends goes out at once: credits are the sender's own to keep to (runtime/transport/link_credit.h).
+"""
+import collections
+import contextlib
+import random
+import threading
+import time
+
+import zmq
+
+import messages
+from messages import control, message, record, types
+from team import NAMES, Failure
+
+ANSWER_TIMEOUT_S = 10
+LINK_TIMEOUT_S = 20
+KEPT_MESSAGES = 20000  # Received and not looked at.
+REPORT_AFTER_BYTES = 8192
+SYNC, REPLICATION = 1, 2
+ACTOR_OF_KIND = {SYNC: "sync", REPLICATION: "replica"}
+CODEC_PLAIN, CODEC_ZSTD, CODEC_COMPACT, CODEC_PAPER_SQL = 1, 2, 3, 4
+
+
+class Link:
+    """To one agent: the connection over which this member sends, and what it got over that agent's own."""
+
+    def __init__(self, socket):
+        self.socket, self.lock = socket, threading.Lock()
+        self.number = random.randrange(1, 1 << 32)
+        self.reported_link, self.received_bytes, self.unreported_bytes = 0, 0, 0
+        self.is_up = threading.Event()
+
+
+class Member:
+    def __init__(self, team, name):
+        self.team, self.name, self.number = team, name, NAMES.index(name) + 1
+        self.context = zmq.Context()
+        self.links = {}
+        self.messages = collections.deque(maxlen=KEPT_MESSAGES)
+        self.received = threading.Condition()
+        self.answers = {}  # By a body's name: what is called with each message of that body, in the receiving thread.
+        self.last_request_id = random.getrandbits(40)
+        self.is_over = threading.Event()
+        self.receiver = threading.Thread(target=self._receive, daemon=True)
+
+    def __enter__(self):
+        self._listen()
+        for agent in NAMES:
+            if agent != self.name:
+                self.links[agent] = Link(self._connect(agent))
+        self.receiver.start()
+        for agent in self.links:
+            self._report(agent)
+        for agent, link in self.links.items():
+            if not link.is_up.wait(LINK_TIMEOUT_S):
+                raise Failure(f"{agent} did not connect to {self.name} within {LINK_TIMEOUT_S} s")
+        return self
+
+    def __exit__(self, *_):
+        self.is_over.set()
+        self.receiver.join()
+        self.router.close(linger=0)
+        for link in self.links.values():
+            link.socket.close(linger=0)
+        self.context.term()
+
+    # --- Sending ---
+
+    def message(self, agent, actor, source=None, **fields):
+        """A Message as this agent would send it; `fields` may say otherwise."""
+        envelope = {"destination_id": NAMES.index(agent) + 1, "hop_sender": self.number, "ms_type": message.CONTROL,
+                    "agent_id": self.number, "destination_actor": actor.encode(),
+                    "source_actor": (actor if source is None else source).encode()}
+        return message.Message(**{**envelope, **fields})
+
+    def send(self, agent, actor, source=None, **fields):
+        self.send_frame(agent, frame_of(self.message(agent, actor, source, **fields)))
+
+    def send_frame(self, agent, frame):
+        """Any bytes, as one frame."""
+        link = self.links[agent]
+        with link.lock:
+            link.socket.send(frame)
+
+    def ask(self, agent, timeout_s=ANSWER_TIMEOUT_S, source="gateway", **request):
+        """The ControlReply to a request that this agent says it relays."""
+        asked = control.ControlRequest(for_agent=NAMES.index(agent) + 1, team_id=self.team.team_id,
+                                       **{"by": "anna@hill", **request})
+        self.last_request_id += 1
+        request_id = self.last_request_id
+        self.send(agent, "gateway", source, request_id=request_id, control_request=asked.SerializeToString())
+        answer = self.wait_for(agent, "control_reply", timeout_s, lambda heard: heard.request_id == request_id)
+        return control.ControlReply.FromString(answer.control_reply)
+
+    def session(self, agent, kind=SYNC, **hello):
+        return Session(self, agent, kind, **hello)
+
+    # --- Receiving ---
+
+    def wait_for(self, agent, body, timeout_s=ANSWER_TIMEOUT_S, is_meant=lambda heard: True):
+        """The next message of that body from the agent; what comes before it is forgotten."""
+        number, end = NAMES.index(agent) + 1, time.monotonic() + timeout_s
+        with self.received:
+            while True:
+                while self.messages:
+                    heard = self.messages.popleft()
+                    if heard.hop_sender == number and heard.WhichOneof("body") == body and is_meant(heard):
+                        return heard
+                if not self.received.wait(end - time.monotonic()):
+                    raise Failure(f"{agent} sent no {body} within {timeout_s} s")
+
+    def forget(self):
+        with self.received:
+            self.messages.clear()
+
+    def agent_of(self, heard):
+        """The name of the agent that sent this."""
+        return NAMES[heard.hop_sender - 1]
+
+    def vouch_for_everything(self):
+        """From now on it answers who asks what it has, before pruning, with every stream of the asker, without an end."""
+        def answer(asked):
+            request = control.ControlRequest.FromString(asked.control_request)
+            if request.WhichOneof("request") != "have":
+                return
+            agent = self.agent_of(asked)
+            had = [messages.have_stream(origin, epoch, types.DataType.Value(table.upper()), messages.SEQ_MAX)
+                   for table, origin, epoch in {key[:3] for key in self.team.records(agent)}]
+            reply = control.ControlReply(have={"have": {"streams": had}})
+            self.send(agent, "retention", request_id=asked.request_id, control_reply=reply.SerializeToString())
+        self.answers["control_request"] = answer
+
+    # --- The transport ---
+
+    def _listen(self):
+        _, secret = self.team.z85_keys(self.name)
+        self.router = self.context.socket(zmq.ROUTER)
+        self.router.curve_server, self.router.curve_secretkey = True, secret
+        self.router.router_handover = True
+        host, port = self.team.address(self.name)
+        for _ in range(50):  # The real agent's port may be closing still.
+            with contextlib.suppress(zmq.ZMQError):
+                return self.router.bind(f"tcp://{host}:{port}")
+            time.sleep(0.1)
+        raise Failure(f"port {port} of {self.name} is taken: does the real one run?")
+
+    def _connect(self, agent):
+        socket = self.context.socket(zmq.DEALER)
+        socket.curve_publickey, socket.curve_secretkey = self.team.z85_keys(self.name)
+        socket.curve_serverkey, _ = self.team.z85_keys(agent)
+        socket.routing_id = str(self.number).encode()
+        socket.sndtimeo = int(1000 * ANSWER_TIMEOUT_S)
+        host, port = self.team.address(agent)
+        socket.connect(f"tcp://{host}:{port}")
+        return socket
+
+    def _report(self, agent):
+        link = self.links[agent]
+        link.unreported_bytes = 0
+        report = {"link": link.number, "reported_link": link.reported_link, "received_bytes": link.received_bytes,
+                  "report_after_bytes": REPORT_AFTER_BYTES}
+        with contextlib.suppress(zmq.ZMQError):  # Again when the agent asks.
+            self.send(agent, "", link_report=report)
+
+    def _receive(self):
+        while not self.is_over.is_set():
+            if self.router.poll(50):
+                _, *parts = self.router.recv_multipart()
+                self._take(parts[-1])
+
+    def _take(self, frame):
+        heard = message.PeerFrame.FromString(frame).messages
+        agent = self.agent_of(heard[0])
+        link = self.links[agent]
+        if heard[0].HasField("link_report"):
+            report = heard[0].link_report
+            if report.link != link.reported_link:
+                link.reported_link, link.received_bytes = report.link, 0
+            link.is_up.set()
+            if report.is_asking or report.coming_bytes:
+                self._report(agent)
+            return
+        link.received_bytes += len(frame)
+        link.unreported_bytes += len(frame)
+        if link.unreported_bytes >= REPORT_AFTER_BYTES:
+            self._report(agent)
+        for one in heard:
+            answer = self.answers.get(one.WhichOneof("body"))
+            if answer:
+                answer(one)
+        with self.received:
+            self.messages.extend(heard)
+            self.received.notify_all()
+
+
+class Session:
+    """The sending end of a session: a Hello, whole have-set `have`, and then batches."""
+    last_id = random.getrandbits(48)
+
+    def __init__(self, member, agent, kind=SYNC, **hello):
+        self.member, self.agent, self.kind = member, agent, kind
+        Session.last_id += 1
+        self.id, self.batch_number = Session.last_id, 0
+        member.send(agent, ACTOR_OF_KIND[kind], hello=self.hello(**hello))
+        answer = self._answer(lambda have: have.is_whole)
+        self.have = answer.have.have
+
+    def hello(self, **fields):
+        own = {"wire_version": messages.WIRE_VERSION, "team_id": self.member.team.team_id, "session_id": self.id,
+               "kind": self.kind}
+        return {**own, **fields}
+
+    def batch(self, records=(), dropped=(), remaining=1, **fields):
+        """The Message of a batch, with the next number."""
+        self.batch_number += 1
+        coded = record.RecordBatch(records=records).SerializeToString()
+        batch = {"session_id": self.id, "batch_number": self.batch_number, "codec": CODEC_PLAIN, "coded": coded,
+                 "record_count": len(records), "dropped": dropped}
+        return self.member.message(self.agent, ACTOR_OF_KIND[self.kind], ms_type=message.DATA, remaining=remaining,
+                                   batch={**batch, **fields})
+
+    def bring(self, records=(), dropped=(), **fields):
+        """Sends a batch and waits for its acknowledgment, a have-set of the touched streams."""
+        self.member.send_frame(self.agent, frame_of(self.batch(records, dropped, **fields)))
+        number = self.batch_number
+        return self._answer(lambda have: have.batch_number == number).have.have
+
+    def last_of(self, origin, name):
+        """(epoch, last seq) of the newest stream of that origin and type that the agent said it has; None: of none."""
+        number = types.DataType.Value(name)
+        known = [(stream.epoch, max(interval.last for interval in [*stream.held, *stream.dropped]))
+                 for stream in self.have.streams if stream.origin_agent == origin and stream.data_type == number]
+        return max(known, default=None)
+
+    def _answer(self, is_meant):
+        return self.member.wait_for(self.agent, "have", ANSWER_TIMEOUT_S,
+                                    lambda heard: heard.have.session_id == self.id and is_meant(heard.have))
+
+
+def frame_of(*many):
+    return message.PeerFrame(messages=many).SerializeToString()

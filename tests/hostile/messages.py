@@ -1,0 +1,102 @@
+"""Python modules of proto/, which protoc makes when this one is imported, and what goes into records.
+
+    from messages import message, record
+    message.Message(...)
+"""
+import ctypes
+import pathlib
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+FOLDER = tempfile.TemporaryDirectory(prefix="moondb-proto-")
+
+subprocess.run(["protoc", f"--python_out={FOLDER.name}", "-I", str(ROOT / "proto"),
+                *sorted(str(path) for path in (ROOT / "proto").glob("*.proto"))], check=True)
+sys.path.insert(0, FOLDER.name)
+
+import control_pb2 as control  # noqa: E402, F401
+import message_pb2 as message  # noqa: E402, F401
+import record_pb2 as record  # noqa: E402
+import types_pb2 as types  # noqa: E402
+
+SEQ_MAX = (1 << 63) - 1
+WIRE_VERSION = 1
+FREE_CELLS = b"\x55"  # Four of them a byte.
+
+xxhash = ctypes.CDLL("libxxhash.so.0")
+xxhash.XXH64.restype = ctypes.c_uint64
+
+
+def xxh64(data):
+    return xxhash.XXH64(data, ctypes.c_size_t(len(data)), ctypes.c_uint64(0))
+
+
+def hash_of(key, content):
+    """HashRecord of model/record_key.h."""
+    return xxh64(struct.pack("<IQIQ", key.origin_agent, key.epoch, key.data_type, key.seq) + content)
+
+
+def stored(origin, epoch, seq, body, data_type=None):
+    """A StoredRecord with the hash that fits; the type is that of the body unless another one is named."""
+    name = body.WhichOneof("body")
+    number = types.DataType.Value(name.upper()) if data_type is None else data_type
+    key = types.RecordKey(origin_agent=origin, epoch=epoch, data_type=number, seq=seq)
+    content = body.SerializeToString()
+    return record.StoredRecord(key=key, content=content, hash=hash_of(key, content))
+
+
+def now_ns():
+    return time.time_ns()
+
+
+def pose(x=0.0, y=0.0, z=0.0):
+    return types.Pose(position_m={"x": x, "y": y, "z": z}, orientation={"w": 1})
+
+
+def node(agent, index, x=0.0, y=0.0):
+    return record.Record(stamp_ns=now_ns(),
+                         pose_graph_node={"node": {"agent_id": agent, "index": index}, "map_from_node": pose(x, y)})
+
+
+def edge(agent, index):
+    """Odometry from the node to the next one, a metre ahead."""
+    covariance = [0.0] * 21
+    for diagonal in (0, 6, 11, 15, 18, 20):
+        covariance[diagonal] = 1e-4
+    measurement = {"from_from_to": pose(1), "covariance": covariance}
+    return record.Record(stamp_ns=now_ns(),
+                         pose_graph_edge={"from": {"agent_id": agent, "index": index},
+                                          "to": {"agent_id": agent, "index": index + 1},
+                                          "relative_pose": measurement})
+
+
+def map_at(agent, index, cells=40):
+    """A map of one free layer, around a node."""
+    layer = {"width_cells": cells, "height_cells": cells, "resolution_um": 50000,
+             "cells": FREE_CELLS * (cells * cells // 4)}
+    return record.Record(stamp_ns=now_ns(),
+                         local_traversability_map={"node": {"agent_id": agent, "index": index},
+                                                   "node_from_map": pose(), "layers": [layer]})
+
+
+def event(text, kind=record.EVENT_KIND_COMMAND, by=""):
+    return record.Record(stamp_ns=now_ns(), agent_event={"kind": kind, "text": text, "by": by})
+
+
+def temperature(celsius):
+    return record.Record(stamp_ns=now_ns(), temperature={"celsius": celsius})
+
+
+def have_stream(origin, epoch, data_type, last, first=1):
+    """A StreamHave that holds all seqs from `first` to `last`."""
+    return types.StreamHave(origin_agent=origin, epoch=epoch, data_type=data_type,
+                            held=[{"first": first, "last": last}])
+
+
+def dropped_stream(origin, epoch, data_type, last, first=1):
+    return types.StreamHave(origin_agent=origin, epoch=epoch, data_type=data_type,
+                            dropped=[{"first": first, "last": last}])

@@ -1,0 +1,183 @@
+"""Attackers by records: a member that gives others what is not its own, or what nobody should keep."""
+import messages
+from member import Member
+from messages import record, types
+from team import TAKEN, Failure
+
+TAKES_ROVER3 = True
+ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
+NODE = types.POSE_GRAPH_NODE
+EVENT = types.AGENT_EVENT
+EPOCH = 1 << 48  # Above each epoch that a new team has.
+
+
+def own_epoch(session):
+    """An epoch above all that rover3 ever had."""
+    return max([stream.epoch for stream in session.have.streams if stream.origin_agent == ROVER3], default=0) + EPOCH
+
+
+def records_of_another(team, scale):
+    """rover3 gives the leader 200 nodes and events in rover2's name, under rover2's present epoch and next seqs."""
+    team.share()
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        for name, make in (("POSE_GRAPH_NODE", lambda i: messages.node(ROVER2, 10_000 + i)),
+                           ("AGENT_EVENT", lambda i: messages.event(f"role swap {i}", by="anna (key)"))):
+            epoch, last = session.last_of(ROVER2, name)
+            session.bring([messages.stored(ROVER2, epoch, last + 1 + i, make(i)) for i in range(200)])
+    forged = {key for key in team.records("rover1") if key[1] == ROVER2} - set(team.records("rover2"))
+    if forged:
+        raise Failure(f"the leader holds {len(forged)} records in rover2's name that rover2 never gave")
+    team.share()
+
+
+def state_of_another(team, scale):
+    """rover3 gives the leader a temperature in rover2's name, above all that rover2 will ever give."""
+    team.insert("rover2", [messages.temperature(20)])
+    team.share()
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch, _ = session.last_of(ROVER2, "TEMPERATURE")
+        session.bring([messages.stored(ROVER2, epoch, messages.SEQ_MAX, messages.temperature(-273))])
+    team.insert("rover2", [messages.temperature(21)])
+    team.share()
+    with team.store("rover1") as store:
+        celsius = [row[0] for row in store.execute("SELECT celsius FROM temperature WHERE origin = ?", (ROVER2,))]
+    if celsius != [21]:
+        raise Failure(f"the leader takes {celsius} for rover2's temperature, which is 21")
+
+
+def drops_of_another(team, scale):
+    """rover3 says that rover2's next million nodes were dropped, so that nobody would ask for them."""
+    team.share()
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch, last = session.last_of(ROVER2, "POSE_GRAPH_NODE")
+        session.bring(dropped=[messages.dropped_stream(ROVER2, epoch, NODE, last + 1_000_000, first=last + 1)],
+                      remaining=0)
+    team.share()
+
+
+def own_epochs_used_up(team, scale):
+    """rover3 brings rover1 records of rover1's own, under epochs up to 2^64 - 1, each within a jump of the last."""
+    with Member(team, TAKEN) as member:
+        for agent, number in (("rover1", ROVER1), ("rover2", ROVER2)):
+            session = member.session(agent)
+            for epoch in (1 << 62, 1 << 63, 3 << 62, (1 << 64) - 1):
+                session.bring([messages.stored(number, epoch, 1, messages.temperature(1))])
+    for agent in ("rover1", "rover2"):
+        team.insert_node(agent)
+
+
+def climbing_epochs(team, scale):
+    """rover3 reports epochs of rover1's own, each as far ahead as may be, again and again."""
+    highest = 0
+    with Member(team, TAKEN) as member:
+        for i in range(1, int(2000 * scale)):
+            highest = min(highest + (1 << 62), (1 << 64) - 1 - i % 7)
+            member.send("rover1", "storage", epoch_report={"epochs": [highest]})
+    team.insert_node("rover1")
+    epoch = max(key[2] for key in team.records("rover1") if key[1] == ROVER1)
+    if epoch > 1 << 62:
+        raise Failure(f"rover1 numbers its records from epoch {epoch:x} on: few are left")
+
+
+def streams_of_another(team, scale):
+    """rover3 gives the leader 65,700 events in rover2's name, one stream each."""
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        for i in range(17):
+            session.bring([messages.stored(ROVER2, EPOCH * 2 + 4096 * i + j, 1, messages.event("x"))
+                           for j in range(4096 if i < 16 else 164)])
+    team.share()
+
+
+def streams_of_its_own(team, scale):
+    """rover3 gives the leader 66,000 events of its own, one stream each: more than a have-set may have."""
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch = own_epoch(session)
+        for i in range(17):
+            session.bring([messages.stored(ROVER3, epoch + 4096 * i + j, 1, messages.event("x")) for j in range(4096)])
+    team.share()
+
+
+def quarantine_in_anothers_name(team, scale):
+    """rover3 brings the base station's word that all maps of rover1 are left out."""
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        quarantine = record.Record(stamp_ns=messages.now_ns(), map_quarantine={
+            "agent_id": ROVER1, "from_ns": 0, "to_ns": messages.SEQ_MAX, "reason": "dust"})
+        session.bring([messages.stored(BASE, EPOCH, 1, quarantine)])
+    if any(table == "map_quarantine" and origin == BASE for table, origin, _, _ in team.records("rover1")):
+        raise Failure("rover1 leaves out maps by a word of the base station that it never gave")
+
+
+def absurd_bodies():
+    """Records that no robot gives: not numbers, sizes beyond all bounds, agents that there are not."""
+    nan, huge = float("nan"), 1e300
+    yield messages.node(ROVER3, 0, x=nan)
+    yield messages.node(ROVER3, messages.SEQ_MAX * 2 + 1, x=huge)
+    yield messages.node(77, 1)
+    yield record.Record(pose_graph_node={"node": {"agent_id": ROVER3, "index": 1}})
+    yield record.Record(pose_graph_edge={"from": {"agent_id": ROVER3}, "to": {"agent_id": ROVER3},
+                                         "relative_pose": {"from_from_to": messages.pose(nan), "covariance": [0] * 21}})
+    yield record.Record(pose_graph_edge={"from": {"agent_id": ROVER3, "index": 1}, "to": {"agent_id": ROVER1, "index": 1},
+                                         "range": {"range_m": -1, "variance_m2": 0}})
+    for width, height, cells in ((0, 0, b""), (1 << 31, 1 << 31, b"\x55" * 100), ((1 << 32) - 1, 1, b"\x55"),
+                                 (40, 40, b"\xff" * 400), (65536, 65536, b"")):
+        body = messages.map_at(ROVER3, 1)
+        layer = body.local_traversability_map.layers[0]
+        layer.width_cells, layer.height_cells, layer.cells = width, height, cells
+        yield body
+    for resolution, centre in ((0, 0), (1, 0), ((1 << 32) - 1, 0), (50000, nan), (50000, huge)):
+        body = messages.map_at(ROVER3, 1)
+        layer = body.local_traversability_map.layers[0]
+        layer.resolution_um, layer.center_x_m = resolution, centre
+        yield body
+    body = messages.map_at(ROVER3, 1)
+    body.local_traversability_map.layers.extend(body.local_traversability_map.layers[:1] * 1000)
+    yield body
+    for stamp in (-messages.SEQ_MAX, messages.SEQ_MAX):
+        body = messages.temperature(nan)
+        body.stamp_ns = stamp
+        yield body
+    yield record.Record(custom={"data_type": 5, "payload": b"x"})
+    yield record.Record(custom={"data_type": 1999, "latest_key": bytes(100_000)})
+    yield messages.event("\x1b[2J\r\n" * 200)
+    yield record.Record()
+
+
+def absurd_records(team, scale):
+    """rover3 brings records of its own that no robot gives, and then has them merged, solved and shown."""
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch = own_epoch(session)
+        for seq, body in enumerate(absurd_bodies(), 1):
+            for data_type in {NODE if body.WhichOneof("body") is None else None, 1000 if body.HasField("custom") else None}:
+                if data_type is not None or body.WhichOneof("body") not in (None, "custom"):
+                    session.bring([messages.stored(ROVER3, epoch, seq, body, data_type)])
+    for words in (("graph", "optimize"), ("map", "stats"), ("map", "export", str(team.folder / "map"), "--format", "pgm"),
+                  ("record", "list"), ("log",), ("health",)):
+        shown = team.moonctl(*words, check=False)
+        if "\x1b[2J" in shown.stdout + shown.stderr:
+            raise Failure(f"moonctl {' '.join(words)} writes what rover3 wrote to the terminal as it is")
+        if "did not answer" in shown.stderr or shown.returncode < 0:
+            raise Failure(f"moonctl {' '.join(words)}: {shown.stderr.strip()[-200:]}")
+
+
+def undeclared_types(team, scale):
+    """rover3 brings records of 1,000 custom types that nobody declared, 256 bytes of key and 4 kB each."""
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch = own_epoch(session)
+        for i in range(int(100 * scale)):
+            session.bring([messages.stored(ROVER3, epoch, i + 1, record.Record(custom={
+                "data_type": data_type, "latest_key": (b"%d" % i) * 40, "payload": bytes(4096)}), data_type)
+                for data_type in range(1000 + i % 20 * 50, 1050 + i % 20 * 50)])
+
+
+ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
+             streams_of_its_own, quarantine_in_anothers_name, absurd_records, undeclared_types]
+ONLY_AT_LENGTH = [streams_of_its_own]
+NOT_YET = {}
