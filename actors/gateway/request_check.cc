@@ -204,7 +204,13 @@ Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge) {
 }
 
 Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRequest& request) {
-  return request.for_agent() == 0 ? Result<void>() : CheckMember(team, request.for_agent(), "for_agent");
+  if (request.for_agent() == 0) return {};
+  if (auto checked = CheckMember(team, request.for_agent(), "for_agent"); !checked) return checked;
+  const auto has_left = [&request](const proto::AgentConfig& agent) {
+    return agent.id() == request.for_agent() && agent.left();
+  };
+  if (std::none_of(team.agents().begin(), team.agents().end(), has_left)) return {};
+  return Fail(ErrorCode::kRefused, "agent " + std::to_string(request.for_agent()) + " has left the team", "for_agent");
 }
 
 Result<void> CheckTeamOf(const proto::ControlRequest& request, const proto::TeamConfig& team) {

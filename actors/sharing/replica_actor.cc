@@ -29,6 +29,9 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
                 NameOf(self()) + " does not lead, " + NameOf(roles().leader()) + " does: give the command there");
   }
   if (roles().survivor() == 0) return Fail(ErrorCode::kRefused, "no designated survivor is assigned");
+  if (HasLeft(team(), roles().survivor())) {
+    return Fail(ErrorCode::kRefused, NameOf(roles().survivor()) + " survives, but has left the team");
+  }
   Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());
   return 1;
 }

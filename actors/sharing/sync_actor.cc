@@ -37,6 +37,9 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
                 "from_agents");
   }
   if (roles().leader() == 0) return Fail(ErrorCode::kRefused, "the team has no leader now", "destination");
+  if (request.destination() == 0 && HasLeft(team(), roles().leader())) {
+    return Fail(ErrorCode::kRefused, NameOf(roles().leader()) + " leads, but has left the team", "destination");
+  }
   if (request.destination() == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
   const AgentId destination = request.destination() == 0 ? roles().leader() : request.destination();
   Open(context, destination, OwnRecords(), /*is_by_role=*/request.destination() == 0, request.bytes_max());

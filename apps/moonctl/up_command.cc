@@ -228,6 +228,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
   if (auto here = CheckHere(context); !here) return context.Report(here.error());
   auto agents = LocalAgents(context, arguments);
   if (!agents) return context.Report(agents.error());
+  if (auto chosen = context.ChosenAgents(); !chosen) return context.Report(chosen.error());
   std::vector<LocalAgent> left = TakeLeft(*agents);
   const auto has_failed = [](const LocalAgent& agent) { return agent.is_failed; };
   if (std::any_of(agents->begin(), agents->end(), has_failed)) return ShowOutcome(context, *agents, left);

@@ -92,7 +92,9 @@ TEST_F(KeysProcessTest, ShowsWhoseSecretsAreHereAndWhichDoNotFit) {
   std::filesystem::remove(folder_ / "rover2.sign");
   const std::string shown = MoonctlExpecting(0, {"keys", "show"});
   EXPECT_THAT(shown, AllOf(HasSubstr("rover1.sec, rover1.sign"), Not(HasSubstr("rover2.sec"))));
-  EXPECT_FALSE(std::regex_search(shown, std::regex(*ReadTextFile(folder_ / "rover1.sec")))) << "no secret is shown";
+  for (const char* secret : {"rover1.sec", "rover1.sign"}) {
+    EXPECT_THAT(shown, Not(HasSubstr(ReadTextFile(folder_ / secret)->substr(0, 40)))) << "no secret is shown";
+  }
   std::filesystem::copy(folder_ / "rover3.sec", folder_ / "rover2.sec");
   std::filesystem::permissions(folder_ / "base.sign", std::filesystem::perms(0644));
   EXPECT_THAT(MoonctlExpecting(1, {"keys", "show"}),

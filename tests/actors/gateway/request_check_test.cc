@@ -48,6 +48,22 @@ TEST(RequestCheckTest, NamesTheRecordWhoseAgentIsNotOfTheTeam) {
   EXPECT_EQ(FieldOf(request), "insert.records[2].pose_graph_edge.to.agent_id");
 }
 
+TEST(RequestCheckTest, RefusesWhatIsForAnAgentThatHasLeftAndTakesItsRecords) {
+  proto::TeamConfig team = Team();
+  team.mutable_agents(1)->set_left(true);
+  proto::ControlRequest request;
+  auto* node = request.mutable_insert()->add_records()->mutable_pose_graph_node()->mutable_node();
+  node->set_agent_id(2);
+  EXPECT_TRUE(CheckForAgent(team, request));
+  request.set_for_agent(3);
+  EXPECT_TRUE(CheckForAgent(team, request));
+  request.set_for_agent(2);
+  const Result<void> refused = CheckForAgent(team, request);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+  EXPECT_EQ(ToString(refused.error()), "for_agent: agent 2 has left the team");
+}
+
 TEST(RequestCheckTest, ChecksTheRolesThatARequestReliesOn) {
   proto::ControlRequest request;
   request.mutable_role_set()->set_is_swap(true);

@@ -98,7 +98,11 @@ TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNobodyWhoHasLeft) {
   team.SetLink(1, 3, false);
   TellRoles(team, config, 3, Roles(3, 2, 3));
   team.AdvanceTime(seconds(2));
-  EXPECT_TRUE(ShareStatusOf(team, 3, actor_name::kReplica).gathers_from().empty());
+  const proto::ShareStatus status = ShareStatusOf(team, 3, actor_name::kReplica);
+  EXPECT_TRUE(status.gathers_from().empty()) << status.ShortDebugString();
+  TellRoles(team, config, 3, Roles(3, 1, 4));
+  EXPECT_EQ(Share(team, 3, ShareOrder(proto::SHARING_KIND_REPLICATION)).error().text(),
+            "rover1 survives, but has left the team");
 }
 
 // Nobody sends what another one is sending.

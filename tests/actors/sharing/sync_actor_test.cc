@@ -112,6 +112,8 @@ TEST(SyncActorLeftTest, AsksNobodyWhoHasLeftAndPassesItsRecordsOn) {
   proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC);
   order.mutable_share_request()->add_from_agents(3);
   EXPECT_EQ(Share(team, kLeader, order).error().field(), "from_agents[0]");
+  TellRoles(team, config, 2, Roles(3, 2, 3));
+  EXPECT_EQ(Share(team, 2, ShareOrder(proto::SHARING_KIND_SYNC)).error().text(), "rover3 leads, but has left the team");
 }
 
 TEST_F(SyncActorTest, CollectsFromNamedAgentsOnly) {
