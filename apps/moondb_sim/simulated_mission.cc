@@ -192,7 +192,8 @@ class Mission {
         if (IsError(message.store_reply().error()) && world_.HadDiskTrouble(actor.agent)) {
           world_.rare_states.Count("batch_on_bad_disk");
         }
-        if (byzantine_watch_.OnStoreReply(actor.agent, message) || message.store_reply().rejected_count() == 0) break;
+        if (byzantine_watch_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
+        if (message.store_reply().rejected_count() == 0) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
                                               " records of a peer");
