@@ -241,7 +241,8 @@ proto::Record ByzantineAgent::RecordLike(const RecordKey& key) {
     default:
       record.mutable_map_quarantine()->set_agent_id(DrawHonest());
       record.mutable_map_quarantine()->set_to_ns(record.stamp_ns());
-      record.mutable_map_quarantine()->set_from_ns(record.stamp_ns() - static_cast<std::int64_t>(Draw(600)) * 1'000'000'000);
+      record.mutable_map_quarantine()->set_from_ns(record.stamp_ns() -
+                                                   static_cast<std::int64_t>(Draw(600)) * 1'000'000'000);
   }
   return record;
 }
@@ -531,10 +532,10 @@ proto::Message ByzantineAgent::DrawGarbage() {
 }
 
 void ByzantineAgent::Flood(AgentId target) {
-  static constexpr const char* kActors[] = {actor_name::kStorage, actor_name::kSync,      actor_name::kReplica,
-                                            actor_name::kRole,    actor_name::kLease,     actor_name::kRetention,
-                                            actor_name::kEvent,   actor_name::kPgo,       actor_name::kMerge,
-                                            actor_name::kGateway, actor_name::kDownlink,  "no such actor"};
+  static constexpr const char* kActors[] = {actor_name::kStorage, actor_name::kSync,     actor_name::kReplica,
+                                            actor_name::kRole,    actor_name::kLease,    actor_name::kRetention,
+                                            actor_name::kEvent,   actor_name::kPgo,      actor_name::kMerge,
+                                            actor_name::kGateway, actor_name::kDownlink, "no such actor"};
   for (int i = 0; i < kFloodMessages; ++i) {
     const char* actor = kActors[Draw(std::size(kActors))];
     Send({target, actor}, Draw(2) == 0 ? actor : "flood", DrawGarbage());

@@ -84,11 +84,11 @@ class ByzantineAgent {
   SimulatedWorld& world_;
   ByzantineWatch& watch_;
   std::mt19937_64 rng_;
-  std::size_t kind_ = 0;                                     // Of the attack that is being made.
-  bool is_attacking_ = false;                                // What is sent now is an attack.
-  std::deque<Seen> seen_;                                    // Messages that its actors handled or sent.
+  std::size_t kind_ = 0;                                               // Of the attack that is being made.
+  bool is_attacking_ = false;                                          // What is sent now is an attack.
+  std::deque<Seen> seen_;                                              // Messages that its actors handled or sent.
   std::map<std::pair<AgentId, std::string>, std::uint64_t> sessions_;  // That others opened with it, by their actor.
-  std::map<std::uint64_t, std::size_t> under_way_;           // Kinds of attacks, by hash of the message.
+  std::map<std::uint64_t, std::size_t> under_way_;                     // Kinds of attacks, by hash of the message.
 };
 
 }  // namespace moondb::simulation

@@ -21,9 +21,9 @@ void ByzantineWatch::OnForged(const proto::Record& record) {
 
 void ByzantineWatch::OnImpossible(const RecordKey& key) { impossible_.insert(key); }
 
-// Assignments of roles are signed by their issuer: whoever brings them.
-bool ByzantineWatch::MayBring(const proto::StoredRecord& record) const {
-  return record.key().origin_agent() == liar_ || record.key().data_type() == proto::ROLE_ASSIGNMENT;
+// What it did not make up is no lie, whoever may bring it.
+bool ByzantineWatch::IsMadeUp(const proto::StoredRecord& record) const {
+  return record.key().origin_agent() != liar_ && forged_.contains(ContentHash(record.content()));
 }
 
 void ByzantineWatch::OnStoreRequest(AgentId agent, const proto::Message& message) {
@@ -36,7 +36,7 @@ void ByzantineWatch::OnStoreRequest(AgentId agent, const proto::Message& message
     return;
   }
   const auto count = std::count_if(request.records().begin(), request.records().end(),
-                                   [this](const proto::StoredRecord& record) { return MayBring(record); });
+                                   [this](const proto::StoredRecord& record) { return !IsMadeUp(record); });
   may_store_[{agent, message.request_id()}] = static_cast<std::uint32_t>(count);
 }
 
@@ -46,7 +46,7 @@ bool ByzantineWatch::OnStoreReply(AgentId agent, const proto::Message& message) 
   const std::uint32_t stored = message.store_reply().stored_count();
   if (stored > may_store->second && !is_trusted_) {
     report_("only_own_lies", NameOf(agent) + " stores " + std::to_string(stored) + " records of " + NameOf(liar_) +
-                                 ", which may bring " + std::to_string(may_store->second) + " of them");
+                                 ", of which " + std::to_string(may_store->second) + " are not made up");
   }
   may_store_.erase(may_store);
   return true;
@@ -61,8 +61,8 @@ void ByzantineWatch::OnRoles(AgentId agent, const proto::RoleAssignment& roles) 
   if (liar_ == 0 || agent == liar_) return;
   const bool is_own = roles.term().issuer() == liar_ && !is_trusted_;
   if (is_own || roles.reason() == kByzantineReason) {
-    report_("honest_roles", NameOf(agent) + " acts on roles by the word of " + NameOf(liar_) + ": " +
-                                roles.ShortDebugString());
+    report_("honest_roles",
+            NameOf(agent) + " acts on roles by the word of " + NameOf(liar_) + ": " + roles.ShortDebugString());
   }
   if (roles.leader() == liar_ || roles.survivor() == liar_) is_trusted_ = true;
 }

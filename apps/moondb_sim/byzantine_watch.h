@@ -1,8 +1,8 @@
-// ByzantineWatch: what must hold of honest agents while another one lies (byzantine_agent.h). Knows each lie, so that it
-// need not guess which records are true.
+// ByzantineWatch: what must hold of honest agents while another one lies (byzantine_agent.h). Knows each lie, so that
+// it need not guess which records are true.
 //
-//   only_own_lies     no honest agent takes a record or a drop of an honest origin from the Byzantine agent, holds one
-//                     that it made up, or inserts one by its word
+//   only_own_lies     no honest agent stores or holds a record in an honest agent's name that the Byzantine agent made
+//                     up, or had one that never was
 //   honest_roles      no honest agent acts on roles that the Byzantine agent decided or ordered
 //   honest_converge   at rest the leader had whatever any honest agent holds of honest origins, with the same content
 //
@@ -49,14 +49,14 @@ class ByzantineWatch {
   bool is_trusted() const { return is_trusted_; }
 
  private:
-  bool MayBring(const proto::StoredRecord& record) const;
+  bool IsMadeUp(const proto::StoredRecord& record) const;
   bool IsLie(AgentId agent, AgentId origin) const { return liar_ != 0 && agent != liar_ && origin != liar_; }
 
   const AgentId liar_;
   const Rules::Report report_;
   std::set<std::uint64_t> forged_;  // Hashes of contents.
   std::set<RecordKey> impossible_;
-  std::map<std::pair<AgentId, std::uint64_t>, std::uint32_t> may_store_;  // By agent and request: of the liar's records.
+  std::map<std::pair<AgentId, std::uint64_t>, std::uint32_t> may_store_;  // By agent and request.
   bool is_trusted_ = false;
 };
 

@@ -46,7 +46,7 @@ struct SimOptions {
   bool is_faultless = false;
   ByzantineSeeds byzantine = ByzantineSeeds::kSome;
   std::set<std::string> attacks;  // Names of the Byzantine agent's; empty: all that there are.
-  bool measures_refill = false;  // At the end: how long a survivor with an empty disk takes to hold all again.
+  bool measures_refill = false;   // At the end: how long a survivor with an empty disk takes to hold all again.
 
   // For tests that break a rule on purpose.
   std::function<std::unique_ptr<Actor>(AgentId agent, const std::string& name, std::unique_ptr<Actor> actor)> wrap;

@@ -24,7 +24,8 @@ class RestChecks {
   void Check();
 
  private:
-  // What all honest agents have, from their role actors and as their other actors heard it; nothing if a rule is broken.
+  // What all honest agents have, from their role actors and as their other actors heard it; nothing if a rule is
+  // broken.
   std::optional<proto::RoleAssignment> CheckRoles();
   void CheckHistory(AgentId agent, const HaveSet& have);
   void CheckBytesEnd();

@@ -98,7 +98,8 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   if (options.seed % kKeysEvery == 0) {
     team.mutable_share()->insert({"role_assignment", proto::POLICY_ALL});
     team.mutable_ground()->insert({"role_assignment", proto::POLICY_ALL});
-    for (proto::AgentConfig& agent : *team.mutable_agents()) agent.set_signing_key(SigningKeyOf(agent.id()).public_key());
+    for (proto::AgentConfig& agent : *team.mutable_agents())
+      agent.set_signing_key(SigningKeyOf(agent.id()).public_key());
   }
   return team;
 }

@@ -219,8 +219,8 @@ AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rn
 
 // Honest operators give the Byzantine agent no role, and none through it.
 void SimulatedFaults::SetRoles(AgentId agent, proto::RoleSetRequest request) {
-  if (world_.byzantine != 0 && (agent == world_.byzantine || request.leader() == world_.byzantine ||
-                                request.survivor() == world_.byzantine)) {
+  if (world_.byzantine != 0 &&
+      (agent == world_.byzantine || request.leader() == world_.byzantine || request.survivor() == world_.byzantine)) {
     return;
   }
   proto::Message message;

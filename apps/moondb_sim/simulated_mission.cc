@@ -28,9 +28,7 @@
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
-#include "model/control_message.h"
 #include "model/term.h"
-#include "proto/control.pb.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
@@ -61,8 +59,8 @@ class Mission {
         lives_(world_, robots_),
         faults_(world_, robots_, lives_),
         clients_(world_),
-        byzantine_watch_(world_.byzantine, [this](const std::string& rule,
-                                                  std::string text) { world_.Violate(rule, std::move(text)); }),
+        byzantine_watch_(world_.byzantine,
+                         [this](const std::string& rule, std::string text) { world_.Violate(rule, std::move(text)); }),
         byzantine_(world_, byzantine_watch_),
         rest_(world_, lives_, clients_, byzantine_watch_, prunes_),
         messages_max_(static_cast<std::uint64_t>(kMessagesMaxPerHour * options.hours * world_.base)) {
