@@ -4,6 +4,7 @@
 #include <iterator>
 
 #include "actors/sharing/codec.h"
+#include "apps/moondb_sim/forged_message.h"
 #include "apps/moondb_sim/simulated_config.h"
 #include "model/control_message.h"
 #include "model/team_id.h"
@@ -18,10 +19,8 @@ namespace {
 constexpr Duration kAttackPeriod = std::chrono::seconds(20);  // On average.
 constexpr std::size_t kSeenMax = 256;
 constexpr std::uint64_t kReplayedMax = 8;
-constexpr std::uint64_t kFarSeq = 1ull << 40;  // No agent gives so many records.
-constexpr std::uint64_t kCounterShift = 48;    // Of an epoch (actors/storage/own_epochs.h).
+constexpr std::uint64_t kCounterShift = 48;  // Of an epoch (actors/storage/own_epochs.h).
 constexpr int kFloodMessages = 48;
-constexpr std::size_t kFloodBytes = 64 * 1024;
 constexpr int kHugeStreams = 2000;
 constexpr char kBy[] = "anna@hill (key)";
 
@@ -203,48 +202,8 @@ void ByzantineAgent::BringRecord(AgentId target, const RecordKey& key, const pro
 
 // --- Records ---
 
-// One that may have this key, and is like no other.
 proto::Record ByzantineAgent::RecordLike(const RecordKey& key) {
-  proto::Record record;
-  record.set_stamp_ns(world_.ClockOf(key.stream.origin) + static_cast<std::int64_t>(Draw(1'000'000'000)));
-  switch (key.stream.type) {
-    case proto::POWER:
-      record.mutable_power()->set_battery_ratio(static_cast<double>(Draw(1'000'000)) / 1e6);
-      break;
-    case proto::POSE_GRAPH_NODE: {
-      proto::PoseGraphNode& node = *record.mutable_pose_graph_node();
-      node.mutable_node()->set_agent_id(key.stream.origin);
-      node.mutable_node()->set_index(kFarSeq + Draw(kFarSeq));
-      node.mutable_map_from_node()->mutable_position_m()->set_x(static_cast<double>(Draw(1000)));
-      node.mutable_map_from_node()->mutable_orientation()->set_w(1);
-      break;
-    }
-    case proto::OPTIMIZED_POSE: {
-      proto::OptimizedPose& pose = *record.mutable_optimized_pose();
-      pose.mutable_node()->set_agent_id(DrawHonest());
-      pose.mutable_node()->set_index(Draw(200));
-      pose.mutable_map_from_node()->mutable_position_m()->set_x(1000 + static_cast<double>(Draw(1000)));
-      pose.mutable_map_from_node()->mutable_orientation()->set_w(1);
-      *pose.mutable_term() = RolesOf(key.stream.origin).term();
-      pose.set_run(1'000'000 + Draw(1000));
-      break;
-    }
-    case proto::AGENT_EVENT:
-      record.mutable_agent_event()->set_kind(proto::EVENT_KIND_COMMAND);
-      record.mutable_agent_event()->set_text("role swap");
-      record.mutable_agent_event()->set_by(kBy);
-      break;
-    case kBeacon:
-      record.mutable_custom()->set_data_type(kBeacon);
-      record.mutable_custom()->set_payload(std::to_string(rng_()));
-      break;
-    default:
-      record.mutable_map_quarantine()->set_agent_id(DrawHonest());
-      record.mutable_map_quarantine()->set_to_ns(record.stamp_ns());
-      record.mutable_map_quarantine()->set_from_ns(record.stamp_ns() -
-                                                   static_cast<std::int64_t>(Draw(600)) * 1'000'000'000);
-  }
-  return record;
+  return ForgedRecord(key, DrawHonest(), RolesOf(key.stream.origin).term(), world_.ClockOf(key.stream.origin), rng_);
 }
 
 void ByzantineAgent::ForgeRecord(AgentId target) {
@@ -480,57 +439,6 @@ void ByzantineAgent::OrderToShare(AgentId target) {
 
 // --- Noise ---
 
-std::string ByzantineAgent::DrawBytes(std::size_t count) {
-  std::string bytes(count, '\0');
-  for (char& byte : bytes) byte = static_cast<char>(rng_());
-  return bytes;
-}
-
-proto::Message ByzantineAgent::DrawGarbage() {
-  proto::Message message;
-  switch (Draw(12)) {
-    case 0:
-      message.mutable_hello()->set_wire_version(static_cast<std::uint32_t>(rng_()));
-      break;
-    case 1:
-      message.mutable_have()->mutable_have()->add_streams()->add_held()->set_first(rng_());
-      break;
-    case 2:
-      message.mutable_batch()->set_coded(DrawBytes(Draw(kFloodBytes)));
-      message.mutable_batch()->set_codec(static_cast<proto::Codec>(Draw(6)));
-      break;
-    case 3:
-      message.mutable_role_announce()->mutable_roles()->mutable_term()->set_number(rng_());
-      break;
-    case 4:
-      message.mutable_lease_announce()->set_driving_s(-1);
-      message.mutable_lease_announce()->set_number(rng_());
-      break;
-    case 5:
-      message.mutable_clock_report()->set_utc_ns(static_cast<std::int64_t>(rng_()));
-      break;
-    case 6:
-      for (int i = 0; i < 100; ++i) message.mutable_epoch_report()->add_epochs(rng_());
-      break;
-    case 7:
-      message.mutable_leader_check()->set_is_reply(Draw(2) == 0);
-      break;
-    case 8:
-      message.set_control_request(DrawBytes(Draw(200)));
-      break;
-    case 9:
-      message.set_control_reply(DrawBytes(Draw(200)));
-      break;
-    case 10:
-      message.mutable_refusal()->set_session_id(rng_());
-      break;
-    default:
-      message.mutable_role_chain_request()->set_signature(DrawBytes(Draw(200)));
-  }
-  message.set_request_id(rng_());
-  return message;
-}
-
 void ByzantineAgent::Flood(AgentId target) {
   static constexpr const char* kActors[] = {actor_name::kStorage, actor_name::kSync,     actor_name::kReplica,
                                             actor_name::kRole,    actor_name::kLease,    actor_name::kRetention,
@@ -538,7 +446,7 @@ void ByzantineAgent::Flood(AgentId target) {
                                             actor_name::kGateway, actor_name::kDownlink, "no such actor"};
   for (int i = 0; i < kFloodMessages; ++i) {
     const char* actor = kActors[Draw(std::size(kActors))];
-    Send({target, actor}, Draw(2) == 0 ? actor : "flood", DrawGarbage());
+    Send({target, actor}, Draw(2) == 0 ? actor : "flood", DrawGarbage(rng_));
   }
 }
 

@@ -78,8 +78,6 @@ class ByzantineAgent {
   proto::Record RecordLike(const RecordKey& key);
   proto::RoleAssignment Assignment(AgentId target);
   proto::ControlRequest DrawOrder(AgentId target);
-  proto::Message DrawGarbage();
-  std::string DrawBytes(std::size_t count);
 
   SimulatedWorld& world_;
   ByzantineWatch& watch_;

@@ -1,7 +1,5 @@
 #include "apps/moondb_sim/byzantine_watch.h"
 
-#include <algorithm>
-
 namespace moondb::simulation {
 namespace {
 
@@ -29,27 +27,35 @@ bool ByzantineWatch::IsMadeUp(const proto::StoredRecord& record) const {
 void ByzantineWatch::OnStoreRequest(AgentId agent, const proto::Message& message) {
   const proto::StoreRequest& request = message.store_request();
   if (liar_ == 0 || agent == liar_) return;
-  if (request.sender() != liar_) {
+  Expected expected;
+  if (request.sender() == liar_) {
+    expected.may_store = 0;
+    for (const proto::StoredRecord& record : request.records()) expected.may_store += IsMadeUp(record) ? 0 : 1;
+  } else {
+    // Others may hold another content of what it gave them.
+    expected.may_refuse = 0;
     for (const proto::StoredRecord& record : request.records()) {
+      expected.may_refuse += record.key().origin_agent() == liar_ ? 1 : 0;
       OnRecord(agent, FromProto(record.key()), record.content());
     }
-    return;
+    for (const proto::StreamHave& dropped : request.dropped()) {
+      expected.may_refuse += dropped.origin_agent() == liar_ ? 1 : 0;
+    }
   }
-  const auto count = std::count_if(request.records().begin(), request.records().end(),
-                                   [this](const proto::StoredRecord& record) { return !IsMadeUp(record); });
-  may_store_[{agent, message.request_id()}] = static_cast<std::uint32_t>(count);
+  expected_[{agent, message.request_id()}] = expected;
 }
 
 bool ByzantineWatch::OnStoreReply(AgentId agent, const proto::Message& message) {
-  const auto may_store = may_store_.find({agent, message.request_id()});
-  if (may_store == may_store_.end()) return false;
-  const std::uint32_t stored = message.store_reply().stored_count();
-  if (stored > may_store->second && !is_trusted_) {
-    report_("only_own_lies", NameOf(agent) + " stores " + std::to_string(stored) + " records of " + NameOf(liar_) +
-                                 ", of which " + std::to_string(may_store->second) + " are not made up");
+  const auto expected = expected_.find({agent, message.request_id()});
+  if (expected == expected_.end()) return false;
+  const auto [may_store, may_refuse] = expected->second;
+  expected_.erase(expected);
+  const proto::StoreReply& reply = message.store_reply();
+  if (reply.stored_count() > may_store && !is_trusted_) {
+    report_("only_own_lies", NameOf(agent) + " stores " + std::to_string(reply.stored_count()) + " records of " +
+                                 NameOf(liar_) + ", of which " + std::to_string(may_store) + " are not made up");
   }
-  may_store_.erase(may_store);
-  return true;
+  return reply.rejected_count() <= may_refuse;
 }
 
 void ByzantineWatch::OnRecord(AgentId agent, const RecordKey& key, const std::string& content) const {

@@ -35,7 +35,7 @@ class ByzantineWatch {
   // It claims, or drops, what no honest agent ever gives.
   void OnImpossible(const RecordKey& key);
 
-  // Storage of `agent` is to store what a peer sent; and answers. True: it was the Byzantine agent's.
+  // Storage of `agent` is to store what a peer sent; and answers. True: what it refuses is the Byzantine agent's doing.
   void OnStoreRequest(AgentId agent, const proto::Message& message);
   bool OnStoreReply(AgentId agent, const proto::Message& message);
   // `agent` holds it, or an honest agent sent it there.
@@ -49,6 +49,12 @@ class ByzantineWatch {
   bool is_trusted() const { return is_trusted_; }
 
  private:
+  // What storage may do with the records of one request.
+  struct Expected {
+    std::uint32_t may_store = UINT32_MAX;
+    std::uint32_t may_refuse = UINT32_MAX;
+  };
+
   bool IsMadeUp(const proto::StoredRecord& record) const;
   bool IsLie(AgentId agent, AgentId origin) const { return liar_ != 0 && agent != liar_ && origin != liar_; }
 
@@ -56,7 +62,7 @@ class ByzantineWatch {
   const Rules::Report report_;
   std::set<std::uint64_t> forged_;  // Hashes of contents.
   std::set<RecordKey> impossible_;
-  std::map<std::pair<AgentId, std::uint64_t>, std::uint32_t> may_store_;  // By agent and request.
+  std::map<std::pair<AgentId, std::uint64_t>, Expected> expected_;  // By agent and request.
   bool is_trusted_ = false;
 };
 

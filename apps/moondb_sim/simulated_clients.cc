@@ -186,6 +186,7 @@ void SimulatedClients::AskToSolve(AgentId agent) {
 }
 
 void SimulatedClients::AskToSwap(AgentId agent) {
+  if (agent == world_.byzantine) return;  // Honest operators change no roles through it.
   proto::ControlRequest request;
   request.mutable_role_set()->set_is_swap(true);
   request.mutable_role_set()->set_is_dry_run(world_.rng() % 2 == 0);

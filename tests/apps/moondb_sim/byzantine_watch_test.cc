@@ -21,7 +21,8 @@ proto::Record State(double battery_ratio) {
 class ByzantineWatchTest : public testing::Test {
  protected:
   // Agent 2's storage is to store it, and answers that it stored so many.
-  void Store(AgentId sender, const RecordKey& key, const proto::Record& record, std::uint32_t stored_count) {
+  bool Store(AgentId sender, const RecordKey& key, const proto::Record& record, std::uint32_t stored_count,
+             std::uint32_t rejected_count = 0) {
     proto::Message request;
     request.set_request_id(++request_id_);
     request.mutable_store_request()->set_sender(sender);
@@ -32,7 +33,8 @@ class ByzantineWatchTest : public testing::Test {
     proto::Message reply;
     reply.set_request_id(request_id_);
     reply.mutable_store_reply()->set_stored_count(stored_count);
-    watch_.OnStoreReply(2, reply);
+    reply.mutable_store_reply()->set_rejected_count(rejected_count);
+    return watch_.OnStoreReply(2, reply);
   }
 
   proto::RoleAssignment Roles(AgentId issuer, const std::string& reason) {
@@ -58,6 +60,12 @@ TEST_F(ByzantineWatchTest, StoresNoForgedRecord) {
   EXPECT_THAT(broken_, IsEmpty());
   Store(kLiar, kOfAgent1, State(0.25), 1);
   EXPECT_THAT(broken_, ElementsAre("only_own_lies"));
+}
+
+TEST_F(ByzantineWatchTest, OnlyItsOwnWordsAreRefused) {
+  EXPECT_TRUE(Store(kLiar, kOfAgent1, State(0.5), 0, /*rejected_count=*/1));
+  EXPECT_TRUE(Store(/*sender=*/1, {{kLiar, 7, proto::POWER}, 1}, State(0.5), 0, 1));
+  EXPECT_FALSE(Store(/*sender=*/1, kOfAgent1, State(0.5), 0, 1));
 }
 
 TEST_F(ByzantineWatchTest, PassesNoForgedRecordOn) {

@@ -1177,12 +1177,14 @@ const std::vector<Mutant>& Mutants() {
        "that a record was dropped is believed of whoever says so",
        {"only_own_lies", "pruned_is_had", "newest_state"},
        4,
-       Hears(kStorage,
-             [](Context&, proto::Message& message) {
-               const bool is_drop = message.has_store_request() && message.store_request().records().empty();
-               if (is_drop) message.mutable_store_request()->clear_sender();
-               return true;
-             }),
+       [](SimOptions& options) {
+         options.attacks = {"drop"};
+         Hears(kStorage, [](Context&, proto::Message& message) {
+           const bool is_drop = message.has_store_request() && message.store_request().records().empty();
+           if (is_drop) message.mutable_store_request()->clear_sender();
+           return true;
+         })(options);
+       },
        SimulatedActors::kSharing,
        /*is_of_lies=*/true},
       {"TakesCommandsOfAnybody",
