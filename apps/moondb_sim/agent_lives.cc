@@ -189,7 +189,9 @@ void AgentLives::CheckFailures(AgentId agent) {
   if (is_ended) OnEnded(agent);  // As a service manager sees it.
 }
 
+// Who is flooded drops what is too much, and is sent it again.
 void AgentLives::CheckMailboxes(AgentId agent) {
+  if (world_.byzantine != 0) return;
   for (const proto::ActorStatus& actor : world_.team.GetSystemStatus(agent).actors) {
     if (actor.queued_max() <= kMailboxMax + 4 * world_.base && actor.dropped() == 0) continue;
     world_.Violate("mailbox_bounded", "agent " + std::to_string(agent) + ": " + actor.ShortDebugString());

@@ -15,6 +15,7 @@
 
 #include "apps/common/json_writer.h"
 #include "apps/common/progress.h"
+#include "apps/moondb_sim/byzantine_agent.h"
 #include "apps/moondb_sim/rare_states.h"
 #include "apps/moondb_sim/simulated_mission.h"
 #include "model/text.h"
@@ -26,6 +27,7 @@ struct Request {
   SimOptions options;
   std::string seeds;
   std::vector<std::string> faults;
+  std::string attacks;
   bool is_json = false;
   bool is_list = false;
 };
@@ -45,6 +47,9 @@ Result<Sweep> ParseSeeds(const std::string& text) {
   return Sweep{*first, *last};
 }
 
+const std::map<std::string, ByzantineSeeds> kByzantineNames = {
+    {"none", ByzantineSeeds::kNone}, {"some", ByzantineSeeds::kSome}, {"all", ByzantineSeeds::kAll}};
+
 int Complain(const std::string& text, int exit_code) {
   std::fprintf(stderr, "moondb_sim: %s\n", text.c_str());
   return exit_code;
@@ -54,6 +59,10 @@ void PrintList() {
   std::printf("%-14s %8s  %s\n", "FAULT", "AN HOUR", "WHAT HAPPENS");
   for (const FaultKind& kind : FaultKinds()) {
     std::printf("%-14s %8g  %s\n", kind.name.c_str(), kind.per_hour, kind.what.c_str());
+  }
+  std::printf("\n%-14s %8s  %s\n", "ATTACK", "", "WHAT A BYZANTINE AGENT DOES");
+  for (const AttackKind& kind : AttackKinds()) {
+    std::printf("%-14s %8s  %s\n", kind.name.c_str(), "", kind.what.c_str());
   }
 }
 
@@ -90,6 +99,11 @@ std::string ReplayCommand(const Request& request, std::uint64_t seed) {
   if (!request.options.has_all_actors()) command += " --sharing";
   if (request.options.is_faultless) command += " --no-faults";
   for (const std::string& fault : request.faults) command += " --fault " + fault;
+  for (const auto& [name, seeds] : kByzantineNames) {
+    const bool is_it = seeds == request.options.byzantine && seeds != standard.byzantine;
+    if (is_it) command += " --byzantine " + name;
+  }
+  if (!request.attacks.empty()) command += " --attacks " + request.attacks;
   return command;
 }
 
@@ -183,9 +197,14 @@ int Main(int argc, char** argv) {
       "The actors of sharing alone, without clients: faster");
   app.add_option("--fault", request.faults, "NAME=RATE an hour; may be given several times");
   app.add_flag("--no-faults", request.options.is_faultless, "None but those that --fault names");
+  app.add_option("--byzantine", request.options.byzantine,
+                 "Seeds with one rover more, which lies: none, some (of those with signing keys) or all")
+      ->transform(CLI::CheckedTransformer(kByzantineNames))
+      ->default_str("some");
+  app.add_option("--attacks", request.attacks, "NAME,NAME...: of its attacks these alone");
   app.add_flag("--refill", request.options.measures_refill, "At the end of one run: refill an empty survivor");
   app.add_flag("--json", request.is_json, "One JSON object at the end");
-  app.add_flag("--list", request.is_list, "The faults there are");
+  app.add_flag("--list", request.is_list, "The faults and attacks there are");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -197,6 +216,11 @@ int Main(int argc, char** argv) {
   }
   for (const std::string& fault : request.faults) {
     if (const Result<void> set = SetFault(fault, request.options); !set) return Complain(ToString(set.error()), 2);
+  }
+  if (!request.attacks.empty()) {
+    if (const Result<void> set = SetAttacks(request.attacks, request.options); !set) {
+      return Complain(ToString(set.error()), 2);
+    }
   }
   return Run(request);
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "apps/moondb_sim/byzantine_agent.h"
 #include "model/text.h"
 
 namespace moondb::simulation {
@@ -10,6 +11,7 @@ namespace moondb::simulation {
 namespace {
 
 constexpr std::uint64_t kPrunedEvery = 3;
+constexpr std::uint64_t kByzantineEvery = 4;  // Of the seeds with signing keys, which are even, every other one.
 
 }  // namespace
 
@@ -47,7 +49,14 @@ const std::vector<FaultKind>& FaultKinds() {
 
 double SimOptions::BudgetKbps() const {
   if (measures_refill) return 1000;
-  return 4.0 * (rovers + 1);
+  return 4.0 * (RoverCount() + 1);
+}
+
+AgentId SimOptions::Byzantine() const {
+  if (byzantine == ByzantineSeeds::kNone) return 0;
+  if (byzantine == ByzantineSeeds::kSome && seed % kByzantineEvery != 0) return 0;
+  constexpr std::uint64_t kFirst = 3;  // Behind leader and survivor of the team file.
+  return static_cast<AgentId>(kFirst + seed / kByzantineEvery % (static_cast<std::uint64_t>(rovers) - 1));
 }
 
 double SimOptions::FaultsPerHour(const FaultKind& kind) const {
@@ -56,6 +65,22 @@ double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   // What was pruned hides from the rules what was lost: most seeds run without.
   if (kind.name == "prune" && seed % kPrunedEvery != 0) return 0;
   return is_faultless ? 0 : kind.per_hour;
+}
+
+Result<void> SetAttacks(const std::string& text, SimOptions& options) {
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    const std::string name = text.substr(begin, end - begin);
+    std::string names;
+    for (const AttackKind& kind : AttackKinds()) names += (names.empty() ? "" : ", ") + kind.name;
+    const auto is_it = [&](const AttackKind& kind) { return kind.name == name; };
+    if (std::none_of(AttackKinds().begin(), AttackKinds().end(), is_it)) {
+      return Fail(ErrorCode::kInvalid, "there is no attack '" + name + "'; there are " + names, "attacks");
+    }
+    options.attacks.insert(name);
+    begin = end + 1;
+  }
+  return {};
 }
 
 Result<void> SetFault(const std::string& text, SimOptions& options) {

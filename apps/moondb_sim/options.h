@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -29,14 +30,23 @@ enum class SimulatedActors {
   kSharing,  // Storage, roles, leases and sharing, asked by the robots and the operator directly.
 };
 
+// Which seeds have a Byzantine agent (byzantine_agent.h): one rover more.
+enum class ByzantineSeeds {
+  kNone,
+  kSome,  // One in four: half of those whose agents have signing keys.
+  kAll,   // Those without keys too, which lies break.
+};
+
 struct SimOptions {
   std::uint64_t seed = 1;
   SimulatedActors actors = SimulatedActors::kAll;
   double hours = 2;                               // Of simulated time: five parts in six with faults, the rest quiet.
-  int rovers = 3;                                 // Beside the base station, the last agent.
+  int rovers = 3;                                 // Honest ones, beside the base station, the last agent.
   std::map<std::string, double> faults_per_hour;  // Others: their default.
   bool is_faultless = false;
-  bool measures_refill = false;  // At the end: how long a survivor with an empty disk takes to hold all again.
+  ByzantineSeeds byzantine = ByzantineSeeds::kSome;
+  std::set<std::string> attacks;  // Names of the Byzantine agent's; empty: all that there are.
+  bool measures_refill = false;   // At the end: how long a survivor with an empty disk takes to hold all again.
 
   // For tests that break a rule on purpose.
   std::function<std::unique_ptr<Actor>(AgentId agent, const std::string& name, std::unique_ptr<Actor> actor)> wrap;
@@ -47,10 +57,17 @@ struct SimOptions {
   // Of each agent, to which the rules hold them. Small: only who fills an empty disk needs all of it.
   double BudgetKbps() const;
 
+  // The rover that lies; 0: none does. Neither leads nor survives in the team file.
+  AgentId Byzantine() const;
+  int RoverCount() const { return Byzantine() == 0 ? rovers : rovers + 1; }
+
   double FaultsPerHour(const FaultKind& kind) const;
 
   bool has_all_actors() const { return actors == SimulatedActors::kAll; }
 };
+
+// NAME,NAME...; kInvalid with the names that there are.
+Result<void> SetAttacks(const std::string& text, SimOptions& options);
 
 // NAME=RATE, RATE an hour; kInvalid with the names that there are.
 Result<void> SetFault(const std::string& text, SimOptions& options);

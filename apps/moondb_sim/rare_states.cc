@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "apps/moondb_sim/byzantine_agent.h"
+
 namespace moondb::simulation {
 namespace {
 
@@ -18,20 +20,26 @@ bool IsMapAnswer(const proto::Message& message) {
 }  // namespace
 
 const std::vector<RareState>& RareStateKinds() {
-  static const std::vector<RareState> kinds = {
-      {"piece_resumed", "a large record goes on in another session where a cut ended it"},
-      {"piece_after_roles", "it goes on after a change of roles"},
-      {"roles_at_the_end", "roles change while the last batch of a session is not acknowledged"},
-      {"batch_on_bad_disk", "a disk that is full or fails does not take a batch"},
-      {"roles_amid_merge", "roles change while a client waits for a map"},
-      {"roles_amid_solve", "roles change while the pose graph is solved"},
-      {"bundle_outlives", "a bundle is acknowledged to a later life of the process that made it"},
-      {"tiles_in_time", "a client that waits for changes of the map is sent them"},
-      {"feed_in_time", "a client that waits for records is sent them"},
-      {"insert_unanswered", "an agent ends while its storage works on an insert"},
-      {"relay_lost", "the agent that a client asks through another is lost before it answers"},
-      {"failover", "a survivor takes the lead by itself"},
-  };
+  static const std::vector<RareState> kinds = [] {
+    std::vector<RareState> all = {
+        {"piece_resumed", "a large record goes on in another session where a cut ended it"},
+        {"piece_after_roles", "it goes on after a change of roles"},
+        {"roles_at_the_end", "roles change while the last batch of a session is not acknowledged"},
+        {"batch_on_bad_disk", "a disk that is full or fails does not take a batch"},
+        {"roles_amid_merge", "roles change while a client waits for a map"},
+        {"roles_amid_solve", "roles change while the pose graph is solved"},
+        {"bundle_outlives", "a bundle is acknowledged to a later life of the process that made it"},
+        {"tiles_in_time", "a client that waits for changes of the map is sent them"},
+        {"feed_in_time", "a client that waits for records is sent them"},
+        {"insert_unanswered", "an agent ends while its storage works on an insert"},
+        {"relay_lost", "the agent that a client asks through another is lost before it answers"},
+        {"failover", "a survivor takes the lead by itself"},
+    };
+    for (const AttackKind& kind : AttackKinds()) {
+      all.push_back({RareStateOf(kind), "an honest agent hears a Byzantine one that " + kind.what});
+    }
+    return all;
+  }();
   return kinds;
 }
 

@@ -60,7 +60,16 @@ IntervalSet HadOf(const StreamHave& stream) { return stream.Had(); }
 
 }  // namespace
 
+HaveSet Rules::WithoutLiars(const HaveSet& have) const {
+  HaveSet left;
+  for (const auto& [stream, seqs] : have.streams()) {
+    if (stream.origin != liar_) left[stream] = seqs;
+  }
+  return left;
+}
+
 void Rules::SeeRecord(const RecordKey& key, const std::string& content, AgentId where) {
+  if (liar_ != 0 && (where == liar_ || key.stream.origin == liar_)) return;
   const std::uint64_t hash = ContentHash(content);
   const auto [known, is_new] = content_of_.emplace(key, hash);
   if (known->second != hash) {
@@ -121,6 +130,7 @@ void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_
 }
 
 void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record) {
+  if (agent == liar_) return;
   inserted_[key.stream].held.Add(key.seq);
   held_[agent][key.stream].held.Add(key.seq);
   proto::Record marked = record;
@@ -148,7 +158,9 @@ void Rules::CheckLeads(AgentId agent, const proto::OptimizedPose& pose) const {
                                ", in which agent " + std::to_string(assignment->second.first) + " leads");
 }
 
-void Rules::SeeHave(AgentId agent, const HaveSet& have) { held_[agent].Merge(have); }
+void Rules::SeeHave(AgentId agent, const HaveSet& have) {
+  if (agent != liar_) held_[agent].Merge(WithoutLiars(have));
+}
 
 // --- What may be forgotten ---
 
@@ -214,7 +226,9 @@ bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {
 
 // --- Checks ---
 
-void Rules::CheckHave(AgentId agent, const HaveSet& have) {
+void Rules::CheckHave(AgentId agent, const HaveSet& whole) {
+  if (agent == liar_) return;
+  const HaveSet have = WithoutLiars(whole);
   CheckHeld(agent, have);
   CheckStates(agent, have);
   CheckPoses(agent, have);
@@ -282,7 +296,13 @@ void Rules::CheckPoses(AgentId agent, const HaveSet& have) {
 
 // --- At rest ---
 
-void Rules::CheckRest(const TeamAtRest& team) {
+void Rules::CheckRest(TeamAtRest team) {
+  team.have.erase(liar_);
+  team.records.erase(liar_);
+  for (auto& [agent, have] : team.have) have = WithoutLiars(have);
+  for (auto& [agent, records] : team.records) {
+    std::erase_if(records, [this](const auto& record) { return record.first.stream.origin == liar_; });
+  }
   const HaveSet& leaders = team.have.at(team.leader);
   for (const auto& [agent, have] : team.have) CheckHave(agent, have);
   for (const auto& [agent, have] : team.have) CheckRows(agent, have, team.records.at(agent));

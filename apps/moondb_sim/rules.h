@@ -71,7 +71,8 @@ class Rules {
   using PoseVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;  // Term, run.
 
   using Report = std::function<void(const std::string& rule, std::string text)>;
-  explicit Rules(Report report) : report_(std::move(report)) {}
+  // `liar`: an agent whose word, and whose records, prove nothing; 0: the team has none.
+  explicit Rules(Report report, AgentId liar = 0) : report_(std::move(report)), liar_(liar) {}
 
   // A record was seen: on its way to a store, or read.
   void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
@@ -79,7 +80,9 @@ class Rules {
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_durable = true);
   void ForgetUnstoredRoles(AgentId agent) { unstored_roles_of_.erase(agent); }
   // The robot of `agent` gives it that, in the order in which it was learnt.
-  void SeeGiven(AgentId agent, const proto::Record& record) { states_.OnGiven(agent, record); }
+  void SeeGiven(AgentId agent, const proto::Record& record) {
+    if (agent != liar_) states_.OnGiven(agent, record);
+  }
   // The robot of `agent` was told that it is stored there, marked or not as of a suspect clock.
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
   // `agent` told another that it has these, or its disk holds them while it does not run.
@@ -97,7 +100,7 @@ class Rules {
   void CheckHave(AgentId agent, const HaveSet& have);
   // Likewise, or whole of some origins.
   void CheckStates(AgentId agent, const HaveSet& have) const;
-  void CheckRest(const TeamAtRest& team);
+  void CheckRest(TeamAtRest team);
 
  private:
   using Node = std::pair<AgentId, std::uint64_t>;
@@ -106,6 +109,7 @@ class Rules {
     PoseVersion version;
   };
 
+  HaveSet WithoutLiars(const HaveSet& have) const;
   void NamePose(const RecordKey& key, const proto::Record& record);
   void NameVerdict(const RecordKey& key, const proto::Record& record);
   void CheckLeads(AgentId agent, const proto::OptimizedPose& pose) const;
@@ -124,6 +128,7 @@ class Rules {
   void CheckBroughtOut(AgentId agent, const TeamAtRest& team) const;
 
   const Report report_;
+  const AgentId liar_;
   std::map<RecordKey, std::uint64_t> content_of_;                             // Hashes.
   std::map<RecordKey, std::pair<std::uint64_t, std::uint64_t>> inserted_as_;  // Likewise: as it was, and marked.
   std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;          // Leader and survivor, by term.

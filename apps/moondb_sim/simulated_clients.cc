@@ -186,6 +186,7 @@ void SimulatedClients::AskToSolve(AgentId agent) {
 }
 
 void SimulatedClients::AskToSwap(AgentId agent) {
+  if (agent == world_.byzantine) return;  // Honest operators change no roles through it.
   proto::ControlRequest request;
   request.mutable_role_set()->set_is_swap(true);
   request.mutable_role_set()->set_is_dry_run(world_.rng() % 2 == 0);
@@ -314,12 +315,13 @@ void SimulatedClients::CheckAnswer(AgentId agent, const proto::ControlRequest& r
   if (wrong) world_.Violate("answer_true", "agent " + std::to_string(agent) + ", " + NameOf(request) + ": " + *wrong);
 }
 
-// As many poses of the newest run are there as the answer says.
+// As many poses of the newest run are there as the answer says; of a Byzantine agent there may be any.
 void SimulatedClients::CheckSolved(AgentId leader, const proto::OptimizeReply& reply) {
   std::map<std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>, double> counts;
   for (const auto& [key, content] : world_.ReadAll(leader)) {
     proto::Record record;
-    if (key.stream.type != proto::OPTIMIZED_POSE || !record.ParseFromString(content)) continue;
+    if (key.stream.type != proto::OPTIMIZED_POSE || key.stream.origin == world_.byzantine) continue;
+    if (!record.ParseFromString(content)) continue;
     ++counts[{OrderOf(record.optimized_pose().term()), record.optimized_pose().run()}];
   }
   const double newest_count = counts.empty() ? 0 : counts.rbegin()->second;

@@ -64,10 +64,10 @@ void AddAllActors(proto::TeamConfig& team) {
 proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   proto::TeamConfig team;
   team.set_team("simulated");
-  for (int id = 1; id <= options.rovers + 1; ++id) {
+  for (int id = 1; id <= options.RoverCount() + 1; ++id) {
     proto::AgentConfig& agent = *team.add_agents();
     agent.set_id(static_cast<std::uint32_t>(id));
-    const bool is_base = id == options.rovers + 1;
+    const bool is_base = id == options.RoverCount() + 1;
     agent.set_name(is_base ? "base" : "rover" + std::to_string(id));
     agent.set_kind(is_base ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
   }

@@ -217,7 +217,12 @@ void SimulatedFaults::TroubleDisk(bool is_full) {
 
 AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)); }
 
+// Honest operators give the Byzantine agent no role, and none through it.
 void SimulatedFaults::SetRoles(AgentId agent, proto::RoleSetRequest request) {
+  if (world_.byzantine != 0 &&
+      (agent == world_.byzantine || request.leader() == world_.byzantine || request.survivor() == world_.byzantine)) {
+    return;
+  }
   proto::Message message;
   *message.mutable_role_set_request() = std::move(request);
   (void)world_.team.Post({agent, "operator"}, {agent, actor_name::kRole}, std::move(message));

@@ -13,11 +13,14 @@
 #include "apps/moondb_agent/standard_actors.h"
 #include "apps/moondb_sim/agent_lives.h"
 #include "apps/moondb_sim/budget_watch.h"
+#include "apps/moondb_sim/byzantine_agent.h"
+#include "apps/moondb_sim/byzantine_watch.h"
 #include "apps/moondb_sim/client_message.h"
 #include "apps/moondb_sim/failover_watch.h"
 #include "apps/moondb_sim/lease_watch.h"
 #include "apps/moondb_sim/own_inserts.h"
 #include "apps/moondb_sim/prune_watch.h"
+#include "apps/moondb_sim/rest_checks.h"
 #include "apps/moondb_sim/session_watch.h"
 #include "apps/moondb_sim/simulated_clients.h"
 #include "apps/moondb_sim/simulated_config.h"
@@ -25,9 +28,7 @@
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
-#include "model/control_message.h"
 #include "model/term.h"
-#include "proto/control.pb.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
@@ -60,6 +61,10 @@ class Mission {
         lives_(world_, robots_),
         faults_(world_, robots_, lives_),
         clients_(world_),
+        byzantine_watch_(world_.byzantine,
+                         [this](const std::string& rule, std::string text) { world_.Violate(rule, std::move(text)); }),
+        byzantine_(world_, byzantine_watch_),
+        rest_(world_, lives_, clients_, byzantine_watch_, prunes_),
         messages_max_(static_cast<std::uint64_t>(kMessagesMaxPerHour * options.hours * world_.base)) {
     lives_.on_end = [this](AgentId agent) { OnAgentEnded(agent); };
     lives_.on_disk_lost = [this](AgentId agent) { clients_.OnDiskLost(agent); };
@@ -93,6 +98,7 @@ class Mission {
     world_.At(world_.start + seconds(30), [this] { Operate(); });
     world_.At(world_.start + kInspectPeriod, [this] { Inspect(); });
     faults_.Start();
+    byzantine_.Start();
     if (world_.options.has_all_actors()) clients_.Start();
     world_.At(quiet_from, [this] { BecomeQuiet(); });
     while (!world_.schedule.empty() && !world_.HasEnough() && !is_stormy_) {
@@ -105,7 +111,7 @@ class Mission {
     }
     if (world_.report.violations.empty()) {
       world_.AdvanceTo(end);
-      CheckRest();
+      rest_.Check();
     }
     world_.report.radio_bytes = world_.team.radio_bytes();
     world_.report.rare = world_.rare_states.counts();
@@ -155,6 +161,7 @@ class Mission {
         static_cast<std::uint64_t>(world_.team.now().time_since_epoch().count())};
     hash_ = XXH64(step.data(), sizeof step, hash_);
     world_.NoteEvent(actor, message);
+    byzantine_.OnHandle(actor, message);
     See(actor, message);
     WatchWindows(actor, message);
     world_.rare_states.OnHandle(actor, message);
@@ -168,19 +175,25 @@ class Mission {
     return fault;
   }
 
+  bool IsByzantine(AgentId agent) const { return agent != 0 && agent == world_.byzantine; }
+
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
+    byzantine_watch_.OnRoles(agent, roles);
     world_.rules.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
   }
 
   void See(const Address& actor, const proto::Message& message) {
     switch (message.body_case()) {
       case proto::Message::kStoreRequest:
+        byzantine_watch_.OnStoreRequest(actor.agent, message);
+        if (IsByzantine(static_cast<AgentId>(message.store_request().sender()))) break;
         for (const proto::StoredRecord& record : message.store_request().records()) SeeRecord(record, actor.agent);
         break;
       case proto::Message::kStoreReply:
         if (IsError(message.store_reply().error()) && world_.HadDiskTrouble(actor.agent)) {
           world_.rare_states.Count("batch_on_bad_disk");
         }
+        if (byzantine_watch_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
@@ -203,6 +216,7 @@ class Mission {
         }
         break;
       case proto::Message::kHave:
+        if (IsByzantine(static_cast<AgentId>(message.hop_sender()))) break;
         watches_[{actor.agent, actor.actor, message.hop_sender()}].OnHave(message.have());
         break;
       case proto::Message::kRolesChanged:
@@ -267,12 +281,14 @@ class Mission {
   }
 
   bool OnRadio(AgentId from, AgentId to, const proto::Message& message) {
+    if (byzantine_.OnRadio(from, to, message)) return !is_stormy_ && !faults_.IsDeaf(from, to);
     world_.rare_states.OnRadio(from, to, message);
     if (world_.options.has_all_actors()) clients_.OnRadio(from, message);
     const std::string who = "agent " + std::to_string(from) + " to " + std::to_string(to) + ": ";
     if (const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now())) {
       world_.Violate("quiet_window", who + *wrong);
     }
+    const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Both ends.
     if (message.has_hello()) watches_[{from, message.source_actor(), to}].OnHello(message.hello());
     if (message.has_batch()) {
       world_.report.batch_bytes += message.ByteSizeLong();
@@ -281,7 +297,7 @@ class Mission {
         if (beyond) Violate("within_budget", end, *beyond);
       }
       for (const auto& [rule, text] : watches_[{from, message.source_actor(), to}].OnBatch(message)) {
-        world_.Violate(rule, who + text);
+        if (is_honest) world_.Violate(rule, who + text);
       }
     }
     if (message.has_refusal()) {
@@ -290,7 +306,7 @@ class Mission {
       const bool is_usual =
           error.code == ErrorCode::kNotFound ||
           (error.code == ErrorCode::kUnavailable && (lives_.is_damaged(from) || world_.HadDiskTrouble(from)));
-      if (!is_usual) world_.Violate("nothing_refused", who + ToString(error));
+      if (!is_usual && is_honest) world_.Violate("nothing_refused", who + ToString(error));
     }
     if (IsQuestionForHave(message)) prunes_.at(from).OnQuestion(world_.roles[from]);
     if (const std::optional<HaveSet> have = HaveInAnswer(message)) {
@@ -341,6 +357,7 @@ class Mission {
       }
       if (const std::optional<HaveSet> have = world_.HaveOf(agent)) {
         world_.rules.CheckHave(agent, *have);
+        byzantine_watch_.CheckHave(agent, *have);
         CheckPruned(agent, *have);
       }
     }
@@ -377,83 +394,6 @@ class Mission {
     }
   }
 
-  // --- At rest ---
-
-  void CheckHistory(AgentId agent, const HaveSet& have) {
-    proto::Message question;
-    question.mutable_read_request()->set_is_history(true);
-    question.mutable_read_request()->set_records_max(10'000);
-    const proto::Message answer = world_.AskActor(agent, actor_name::kStorage, std::move(question));
-    proto::ControlRequest request;
-    request.mutable_status();
-    const auto sums = ControlReplyOf(world_.AskActor(agent, actor_name::kStorage, MessageOf(request)));
-    const proto::StorageStatus& status = sums ? sums->status().storage() : proto::StorageStatus::default_instance();
-    std::string wrong;
-    for (const proto::StoredRecord& record : answer.read_reply().records()) {
-      const RecordKey key = FromProto(record.key());
-      const bool is_held = key.seq != 0 && have.Get(key.stream).held.Contains(key.seq);
-      if (key.stream.origin != agent || is_held || HashRecord(key, record.content()) != record.hash()) {
-        wrong = ToString(key);
-      }
-    }
-    const double count = status.history_count();
-    if (answer.read_reply().records_size() != count) wrong = "its sums";
-    if (status.history_bytes() > world_.config.retention().history_mb_max() * 1e6) wrong = "its size";
-    if (!wrong.empty()) world_.Violate("history_is_own", "agent " + std::to_string(agent) + ": " + wrong);
-  }
-
-  void CheckRest() {
-    const std::optional<proto::RoleAssignment> roles = CheckRoles();
-    if (!roles) return;
-    TeamAtRest team{roles->leader(), roles->survivor(), world_.base, {}, {}, {}};
-    for (const DataType type : DataTypesOf(world_.config)) {
-      if (GroundPolicyOf(world_.config, type) == proto::POLICY_NONE) team.not_for_ground.insert(type);
-    }
-    for (AgentId agent = 1; agent <= world_.base; ++agent) {
-      lives_.CheckFailures(agent);
-      const std::optional<HaveSet> have = world_.HaveOf(agent);
-      if (!have) return world_.Violate("starts", "storage of agent " + std::to_string(agent) + " does not answer");
-      team.have[agent] = *have;
-      CheckPruned(agent, *have);
-      CheckHistory(agent, *have);
-      team.records[agent] = world_.ReadAll(agent);
-    }
-    world_.rules.CheckRest(team);
-    if (world_.options.has_all_actors()) clients_.CheckRest();
-    CheckBytesEnd();
-    for (AgentId agent = 1; agent <= world_.base; ++agent) {
-      CheckSessions(agent);
-      lives_.CheckMailboxes(agent);
-    }
-  }
-
-  // What all agents have, from their role actors and as their other actors heard it; nothing if a rule is broken.
-  std::optional<proto::RoleAssignment> CheckRoles() {
-    std::optional<proto::RoleAssignment> roles;
-    for (AgentId agent = 1; agent <= world_.base; ++agent) {
-      const std::string who = "agent " + std::to_string(agent);
-      proto::Message question;
-      question.mutable_role_show_request();
-      const proto::Message answer = world_.team.is_running(agent)
-                                        ? world_.AskActor(agent, actor_name::kRole, std::move(question))
-                                        : proto::Message();
-      if (!answer.has_role_show_reply() || !world_.roles.contains(agent)) {
-        world_.Violate(world_.team.is_running(agent) ? "one_leader" : "starts",
-                       who + " does not run, or does not know its roles");
-        return std::nullopt;
-      }
-      const proto::RoleAssignment& shown = answer.role_show_reply().roles();
-      if (!roles) roles = shown;
-      for (const proto::RoleAssignment& its : {shown, world_.roles[agent]}) {
-        if (its.SerializeAsString() == roles->SerializeAsString()) continue;
-        world_.Violate("one_leader", who + " has term " + its.term().ShortDebugString() + ", agent 1 " +
-                                         roles->term().ShortDebugString());
-        return std::nullopt;
-      }
-    }
-    return roles;
-  }
-
   void MeasureRefill() {
     const SimReport run = world_.report;
     const AgentId leader = world_.roles[1].leader();
@@ -475,49 +415,6 @@ class Mission {
     world_.report.refill_bytes = world_.team.radio_bytes() - bytes;
   }
 
-  // Of sessions that bring the leader states unasked, and find nothing new.
-  std::uint64_t StatesBytesMax(Duration length) const {
-    constexpr double kSessionBytesMax = 4096;
-    const double period_s = world_.config.radio().states_period_s();
-    if (period_s <= 0) return 0;
-    const double sessions = (std::chrono::duration<double>(length).count() / period_s + 1) * world_.base;
-    return static_cast<std::uint64_t>(sessions * kSessionBytesMax);
-  }
-
-  // The survivor's questions to the leader, with the answers (FailoverActor).
-  std::uint64_t LeaderCheckBytesMax(Duration length) const {
-    constexpr double kCheckBytesMax = 128;
-    if (world_.config.roles().failover() != proto::FAILOVER_AUTOMATIC) return 0;
-    const double period_s = world_.config.roles().leader_timeout_s() / 3;
-    return static_cast<std::uint64_t>((std::chrono::duration<double>(length).count() / period_s + 1) * kCheckBytesMax);
-  }
-
-  void CheckBytesEnd() {
-    world_.team.AdvanceTime(minutes(1));  // Nobody orders anything any more.
-    const std::uint64_t before = world_.team.radio_bytes();
-    world_.team.AdvanceTime(minutes(10));
-    const std::uint64_t bytes = world_.team.radio_bytes() - before;
-    if (bytes <= StatesBytesMax(minutes(10)) + LeaderCheckBytesMax(minutes(10))) return;
-    world_.Violate("comes_to_rest", std::to_string(bytes) + " bytes in ten minutes without orders");
-  }
-
-  void CheckSessions(AgentId agent) {
-    for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
-      proto::ControlRequest request;
-      request.mutable_share_status();
-      const auto answer = ControlReplyOf(world_.AskActor(agent, actor, MessageOf(request)));
-      if (!answer) continue;
-      const proto::ShareStatus& status = answer->share_status();
-      for (const proto::ShareSession& session : status.sessions()) {
-        if (!session.is_open() && session.remaining() == 0) continue;
-        world_.Violate("comes_to_rest", "agent " + std::to_string(agent) + ": " + session.ShortDebugString());
-      }
-      if (status.damaged_messages() > 0) {
-        world_.Violate("nothing_refused", "agent " + std::to_string(agent) + " could not decode messages");
-      }
-    }
-  }
-
   std::uint64_t hash_ = 0;
   bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
@@ -532,6 +429,9 @@ class Mission {
   SimulatedFaults faults_;
   SimulatedClients clients_;
   OwnInserts own_inserts_;
+  ByzantineWatch byzantine_watch_;
+  ByzantineAgent byzantine_;
+  RestChecks rest_;
   const std::uint64_t messages_max_;
 };
 

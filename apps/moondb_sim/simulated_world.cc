@@ -18,10 +18,11 @@ constexpr std::size_t kLastEvents = 60;
 SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
     : options(sim_options),
       config(MakeTeamConfig(sim_options)),
-      base(static_cast<AgentId>(sim_options.rovers + 1)),
+      base(static_cast<AgentId>(sim_options.RoverCount() + 1)),
+      byzantine(sim_options.Byzantine()),
       rng(sim_options.seed),
       disk(sim_options.seed),
-      rules([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); }),
+      rules([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); }, byzantine),
       team(sim_options.seed) {}
 
 std::string SimulatedWorld::Prefix(AgentId agent) { return "agent" + std::to_string(agent) + "/"; }

@@ -60,7 +60,8 @@ class SimulatedWorld {
 
   const SimOptions options;
   const proto::TeamConfig config;
-  const AgentId base;  // The base station, and the last agent.
+  const AgentId base;       // The base station, and the last agent.
+  const AgentId byzantine;  // The rover that lies; 0: none does.
   SimReport report;
   std::mt19937_64 rng;
   std::multimap<MonotonicTime, Action> schedule;

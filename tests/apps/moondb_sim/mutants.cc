@@ -708,6 +708,42 @@ bool LeavePosesOut(Context& context, proto::Message& message) {
   return true;
 }
 
+// What another agent relays, its gateway takes for the base station's.
+class RelaysForTheBase final : public OtherActor {
+ public:
+  RelaysForTheBase(std::unique_ptr<Actor> actor, AgentId base) : OtherActor(std::move(actor)), base_(base) {}
+  void OnMessage(Context& context, const proto::Message& message) override {
+    if (!message.has_control_request() || !IsPeer(context.sender().agent)) {
+      return OtherActor::OnMessage(context, message);
+    }
+    class FromTheBase final : public OtherContext {
+     public:
+      FromTheBase(Context& context, AgentId base) : OtherContext(context), sender_{base, actor_name::kGateway} {}
+      const Address& sender() const override { return sender_; }
+
+     private:
+      const Address sender_;
+    };
+    FromTheBase from_the_base(context, base_);
+    actor().OnMessage(from_the_base, message);
+  }
+
+ private:
+  bool IsPeer(AgentId agent) const { return agent != kClients && agent < base_; }
+
+  const AgentId base_;
+};
+
+void RelayForTheBase(SimOptions& options) {
+  options.byzantine = ByzantineSeeds::kAll;
+  options.attacks = {"order"};
+  const auto base = static_cast<AgentId>(options.RoverCount() + 1);
+  options.wrap = [base](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
+    if (name != actor_name::kGateway) return actor;
+    return std::make_unique<RelaysForTheBase>(std::move(actor), base);
+  };
+}
+
 void KeepDamagedRows(SimOptions& options) {
   options.is_store_checked = false;
   options.faults_per_hour = {{"damage", 0}, {"damage_interval", 0}};
@@ -1126,6 +1162,38 @@ const std::vector<Mutant>& Mutants() {
          })(options);
        },
        SimulatedActors::kAll},
+      {"TakesRecordsOfAnybody",
+       "a record is taken from whoever brings it",
+       {"only_own_lies"},
+       4,
+       Hears(kStorage,
+             [](Context&, proto::Message& message) {
+               if (message.has_store_request()) message.mutable_store_request()->clear_sender();
+               return true;
+             }),
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/true},
+      {"TakesDropsOfAnybody",
+       "that a record was dropped is believed of whoever says so",
+       {"only_own_lies", "pruned_is_had", "newest_state"},
+       4,
+       [](SimOptions& options) {
+         options.attacks = {"drop"};
+         Hears(kStorage, [](Context&, proto::Message& message) {
+           const bool is_drop = message.has_store_request() && message.store_request().records().empty();
+           if (is_drop) message.mutable_store_request()->clear_sender();
+           return true;
+         })(options);
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/true},
+      {"TakesCommandsOfAnybody",
+       "a command is taken through whoever relays it",
+       {"honest_roles", "only_own_lies", "starts"},
+       4,
+       RelayForTheBase,
+       SimulatedActors::kAll,
+       /*is_of_lies=*/true},
   };
   return mutants;
 }

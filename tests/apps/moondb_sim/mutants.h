@@ -20,6 +20,7 @@ struct Mutant {
   // For one run: what it keeps beyond its actors' lives begins anew.
   std::function<void(SimOptions& options)> apply;
   SimulatedActors actors = SimulatedActors::kSharing;
+  bool is_of_lies = false;  // Only seeds with a Byzantine agent notice. Other mutants run without one.
 };
 
 const std::vector<Mutant>& Mutants();

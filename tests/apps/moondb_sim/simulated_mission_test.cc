@@ -103,6 +103,7 @@ TEST_P(MutantTest, IsCaughtByItsRule) {
     SimOptions options;
     options.actors = mutant.actors;
     options.seed = seed;
+    if (!mutant.is_of_lies) options.byzantine = ByzantineSeeds::kNone;
     mutant.apply(options);
     const SimReport report = RunSimulatedMission(options);
     if (report.violations.empty()) continue;

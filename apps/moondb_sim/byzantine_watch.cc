@@ -1,0 +1,101 @@
+#include "apps/moondb_sim/byzantine_watch.h"
+
+namespace moondb::simulation {
+namespace {
+
+std::string NameOf(AgentId agent) { return "agent " + std::to_string(agent); }
+
+// A rover that never led does not pass on what a leader that is gone derived: the next one solves anew.
+bool IsDerived(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
+
+}  // namespace
+
+void ByzantineWatch::OnForged(const proto::Record& record) {
+  forged_.insert(ContentHash(record.SerializeAsString()));
+  proto::Record marked = record;  // As an agent stores what it is to insert while its clock is suspect.
+  marked.set_is_clock_suspect(true);
+  forged_.insert(ContentHash(marked.SerializeAsString()));
+}
+
+void ByzantineWatch::OnImpossible(const RecordKey& key) { impossible_.insert(key); }
+
+// What it did not make up is no lie, whoever may bring it.
+bool ByzantineWatch::IsMadeUp(const proto::StoredRecord& record) const {
+  return record.key().origin_agent() != liar_ && forged_.contains(ContentHash(record.content()));
+}
+
+void ByzantineWatch::OnStoreRequest(AgentId agent, const proto::Message& message) {
+  const proto::StoreRequest& request = message.store_request();
+  if (liar_ == 0 || agent == liar_) return;
+  Expected expected;
+  if (request.sender() == liar_) {
+    expected.may_store = 0;
+    for (const proto::StoredRecord& record : request.records()) expected.may_store += IsMadeUp(record) ? 0 : 1;
+  } else {
+    // Others may hold another content of what it gave them.
+    expected.may_refuse = 0;
+    for (const proto::StoredRecord& record : request.records()) {
+      expected.may_refuse += record.key().origin_agent() == liar_ ? 1 : 0;
+      OnRecord(agent, FromProto(record.key()), record.content());
+    }
+    for (const proto::StreamHave& dropped : request.dropped()) {
+      expected.may_refuse += dropped.origin_agent() == liar_ ? 1 : 0;
+    }
+  }
+  expected_[{agent, message.request_id()}] = expected;
+}
+
+bool ByzantineWatch::OnStoreReply(AgentId agent, const proto::Message& message) {
+  const auto expected = expected_.find({agent, message.request_id()});
+  if (expected == expected_.end()) return false;
+  const auto [may_store, may_refuse] = expected->second;
+  expected_.erase(expected);
+  const proto::StoreReply& reply = message.store_reply();
+  if (reply.stored_count() > may_store && !is_trusted_) {
+    report_("only_own_lies", NameOf(agent) + " stores " + std::to_string(reply.stored_count()) + " records of " +
+                                 NameOf(liar_) + ", of which " + std::to_string(may_store) + " are not made up");
+  }
+  return reply.rejected_count() <= may_refuse;
+}
+
+void ByzantineWatch::OnRecord(AgentId agent, const RecordKey& key, const std::string& content) const {
+  if (!IsLie(agent, key.stream.origin) || !forged_.contains(ContentHash(content))) return;
+  report_("only_own_lies", NameOf(agent) + " has " + ToString(key) + ", which " + NameOf(liar_) + " made up");
+}
+
+void ByzantineWatch::OnRoles(AgentId agent, const proto::RoleAssignment& roles) {
+  if (liar_ == 0 || agent == liar_) return;
+  const bool is_own = roles.term().issuer() == liar_ && !is_trusted_;
+  if (is_own || roles.reason() == kByzantineReason) {
+    report_("honest_roles",
+            NameOf(agent) + " acts on roles by the word of " + NameOf(liar_) + ": " + roles.ShortDebugString());
+  }
+  if (roles.leader() == liar_ || roles.survivor() == liar_) is_trusted_ = true;
+}
+
+void ByzantineWatch::CheckHave(AgentId agent, const HaveSet& have) const {
+  for (const RecordKey& key : impossible_) {
+    if (!IsLie(agent, key.stream.origin) || !have.Get(key.stream).Had().Contains(key.seq)) continue;
+    return report_("only_own_lies", NameOf(agent) + " had " + ToString(key) + ", which there never was");
+  }
+}
+
+void ByzantineWatch::CheckRest(const TeamAtRest& team) const {
+  if (liar_ == 0 || is_trusted_) return;
+  const Records& leaders = team.records.at(team.leader);
+  for (const auto& [agent, records] : team.records) {
+    for (const auto& [key, content] : records) {
+      if (!IsLie(agent, key.stream.origin)) continue;
+      OnRecord(agent, key, content);
+      const auto same = leaders.find(key);
+      const bool is_had = team.have.at(team.leader).Get(key.stream).Had().Contains(key.seq);
+      const bool converges = same != leaders.end() ? same->second == content : is_had || IsDerived(key.stream.type);
+      if (converges) continue;
+      return report_("honest_converge", NameOf(agent) + " holds " + ToString(key) + ", and the leader, " +
+                                            NameOf(team.leader) +
+                                            (same == leaders.end() ? ", had it never" : ", another content of it"));
+    }
+  }
+}
+
+}  // namespace moondb::simulation
