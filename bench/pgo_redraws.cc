@@ -5,6 +5,7 @@
 #include "actors/pgo/team_facts.h"
 #include "apps/moondb_mission/measurement.h"
 #include "model/metrics.h"
+#include "model/team_member.h"
 
 namespace moondb {
 namespace {

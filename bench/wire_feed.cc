@@ -15,6 +15,7 @@
 
 #include "apps/common/team_clients.h"
 #include "bench/wire_measure.h"
+#include "model/team_member.h"
 
 namespace moondb {
 namespace {

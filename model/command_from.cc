@@ -2,13 +2,14 @@
 
 #include <algorithm>
 
+#include "model/team_member.h"
+
 namespace moondb {
 
 bool MayCommand(const proto::TeamConfig& team, AgentId agent) {
   const auto& agents = team.agents();
-  const auto found = std::find_if(agents.begin(), agents.end(),
-                                  [agent](const proto::AgentConfig& config) { return config.id() == agent; });
-  if (found == agents.end() || found->left()) return false;
+  const proto::AgentConfig* found = FindAgent(team, agent);
+  if (found == nullptr || found->left()) return false;
   if (team.command_from().empty()) {
     const bool has_base = std::any_of(agents.begin(), agents.end(), [](const proto::AgentConfig& config) {
       return config.kind() == proto::AGENT_KIND_BASE_STATION;

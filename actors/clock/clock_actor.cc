@@ -1,6 +1,6 @@
 #include "actors/clock/clock_actor.h"
 
-#include "runtime/team/team_config.h"
+#include "model/team_member.h"
 
 namespace moondb {
 

@@ -4,6 +4,7 @@
 #include "model/command_from.h"
 #include "model/control_request.h"
 #include "model/rights_name.h"
+#include "model/team_member.h"
 
 namespace moondb {
 

@@ -7,6 +7,7 @@
 #include "model/prune_rules.h"
 #include "model/record_check.h"
 #include "model/team_id.h"
+#include "model/team_member.h"
 #include "model/term.h"
 
 namespace moondb {
@@ -206,10 +207,7 @@ Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge) {
 Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRequest& request) {
   if (request.for_agent() == 0) return {};
   if (auto checked = CheckMember(team, request.for_agent(), "for_agent"); !checked) return checked;
-  const auto has_left = [&request](const proto::AgentConfig& agent) {
-    return agent.id() == request.for_agent() && agent.left();
-  };
-  if (std::none_of(team.agents().begin(), team.agents().end(), has_left)) return {};
+  if (!HasLeft(team, request.for_agent())) return {};
   return Fail(ErrorCode::kRefused, "agent " + std::to_string(request.for_agent()) + " has left the team", "for_agent");
 }
 

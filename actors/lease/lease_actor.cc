@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "model/control_message.h"
+#include "model/team_member.h"
 #include "proto/control.pb.h"
-#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

@@ -10,6 +10,7 @@
 #include "model/control_message.h"
 #include "model/custom_types.h"
 #include "model/have_set.h"
+#include "model/team_member.h"
 #include "proto/control.pb.h"
 #include "runtime/team/team_config.h"
 

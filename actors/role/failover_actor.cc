@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "model/control_message.h"
+#include "model/team_member.h"
 #include "model/term.h"
 #include "runtime/team/team_config.h"
 

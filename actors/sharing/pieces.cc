@@ -35,7 +35,7 @@ proto::Batch PieceCutter::Next(std::size_t bytes_max) {
 Result<std::optional<std::string>> PieceCollector::Take(AgentId sender, const proto::Batch& batch) {
   const proto::Piece& piece = batch.piece();
   const std::uint64_t end = piece.first_byte() + batch.coded().size();
-  const bool is_piece = piece.hash() != 0 && piece.whole_bytes() <= bytes_max_ &&
+  const bool is_piece = piece.hash() != 0 && piece.whole_bytes() <= whole_bytes_max_ &&
                         piece.first_byte() < piece.whole_bytes() && end <= piece.whole_bytes() &&
                         !batch.coded().empty();
   if (!is_piece) return Fail(ErrorCode::kCorrupt, "cannot be", "piece");
@@ -45,6 +45,7 @@ Result<std::optional<std::string>> PieceCollector::Take(AgentId sender, const pr
     Forget(sender);
     parts_.push_back({sender, piece.hash(), piece.whole_bytes(), {}});
     part = &parts_.back();
+    part->bytes.reserve(part->size);  // Growing by doubling would take three times as much; unused pages take nothing.
   } else if (!is_known || piece.first_byte() > part->bytes.size()) {
     return Fail(ErrorCode::kNotFound, "what comes before this piece is not here", "piece");
   }

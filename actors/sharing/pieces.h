@@ -3,10 +3,12 @@
 // A batch of one large record is coded once and cut into pieces, which are batches of the session like others: each has
 // its number, counts against the credit and is acknowledged. A piece names the whole by its hash and size. The receiver
 // keeps pieces in their order only, in memory, and says in its Have of which whole it has how much; it reads the whole
-// when the last one is there. One whole per sender, all together at most `bytes_max`: when there is no room, what was
-// begun first gives way, and its sender begins anew.
+// when the last one is there. One whole of at most kWholeBytesMax per sender, so that one sender alone takes no more,
+// and all together at most `bytes_max`: when there is no room, what was begun first gives way, and its sender begins
+// anew.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -16,9 +18,13 @@
 #include "actors/sharing/codec.h"
 #include "model/error.h"
 #include "model/ids.h"
+#include "model/record_check.h"
 #include "proto/sharing.pb.h"
 
 namespace moondb {
+
+// The largest record, and what its coding adds.
+inline constexpr std::size_t kWholeBytesMax = kRecordContentBytesMax + 64 * 1024;
 
 // What a receiver has of a whole; hash 0: nothing.
 struct PartOfWhole {
@@ -44,7 +50,8 @@ class PieceCutter {
 
 class PieceCollector {
  public:
-  explicit PieceCollector(std::size_t bytes_max) : bytes_max_(bytes_max) {}
+  explicit PieceCollector(std::size_t bytes_max, std::size_t whole_bytes_max = kWholeBytesMax)
+      : bytes_max_(bytes_max), whole_bytes_max_(std::min(bytes_max, whole_bytes_max)) {}
 
   // The whole's bytes, once this was its last piece. A piece that came before changes nothing. kNotFound: what comes
   // before it is not here, the sender has to begin anew. kCorrupt: it cannot be a piece, or the whole is not what its
@@ -65,6 +72,7 @@ class PieceCollector {
   void Forget(AgentId sender);
 
   std::size_t bytes_max_;
+  std::size_t whole_bytes_max_;
   std::deque<Part> parts_;  // Oldest first.
 };
 

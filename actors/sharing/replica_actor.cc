@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/team_member.h"
 #include "model/term.h"
 #include "proto/share_status.pb.h"
 

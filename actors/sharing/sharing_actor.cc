@@ -11,6 +11,7 @@
 #include "model/data_types.h"
 #include "model/order_number.h"
 #include "model/team_id.h"
+#include "model/team_member.h"
 #include "model/term.h"
 #include "model/text.h"
 #include "model/wire_version.h"

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "model/team_member.h"
+
 namespace moondb {
 
 proto::RecordFilter GroundRecords(const proto::TeamConfig& team) {

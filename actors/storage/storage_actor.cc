@@ -8,6 +8,7 @@
 
 #include "model/agent_name.h"
 #include "model/control_message.h"
+#include "model/team_member.h"
 #include "model/text.h"
 #include "proto/control.pb.h"
 #include "runtime/team/role_signature.h"

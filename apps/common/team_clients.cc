@@ -2,6 +2,7 @@
 
 #include "apps/common/local_endpoint.h"
 #include "model/did_you_mean.h"
+#include "model/team_member.h"
 #include "runtime/team/curve_keys.h"
 
 namespace moondb {

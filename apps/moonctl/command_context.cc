@@ -9,6 +9,7 @@
 
 #include "apps/common/json_writer.h"
 #include "apps/moonctl/health.h"
+#include "model/team_member.h"
 #include "model/text.h"
 #include "runtime/team/curve_keys.h"
 

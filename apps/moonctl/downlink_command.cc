@@ -8,8 +8,8 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/record_json.h"
+#include "model/team_member.h"
 #include "model/text.h"
-#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

@@ -10,6 +10,7 @@
 #include "apps/moonctl/graph_commands.h"
 #include "apps/moonctl/team_letters.h"
 #include "apps/moonctl/written_files.h"
+#include "model/team_member.h"
 #include "model/text.h"
 #include "model/tum.h"
 

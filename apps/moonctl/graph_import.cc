@@ -5,7 +5,7 @@
 #include <set>
 
 #include "apps/moonctl/team_letters.h"
-#include "runtime/team/team_config.h"
+#include "model/team_member.h"
 
 namespace moondb {
 namespace {

@@ -8,9 +8,9 @@
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
 #include "model/event.h"
+#include "model/team_member.h"
 #include "model/term.h"
 #include "model/text.h"
-#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

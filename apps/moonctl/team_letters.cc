@@ -1,7 +1,7 @@
 #include "apps/moonctl/team_letters.h"
 
 #include "model/pyfg.h"
-#include "runtime/team/team_config.h"
+#include "model/team_member.h"
 
 namespace moondb {
 

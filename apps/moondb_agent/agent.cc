@@ -16,6 +16,7 @@
 #include "apps/common/utc.h"
 #include "apps/moondb_agent/standard_actors.h"
 #include "model/check.h"
+#include "model/team_member.h"
 #include "runtime/actor_system.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/role_signature.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "runtime/team/team_config.h"
+#include "model/team_member.h"
 
 namespace moondb {
 namespace {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "model/command_from.h"
+#include "model/team_member.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_config.h"
 

@@ -15,6 +15,7 @@
 #include "model/keep_rule.h"
 #include "model/local_socket.h"
 #include "model/team_id.h"
+#include "model/team_member.h"
 #include "runtime/team/field_rules.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_config.h"

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "model/custom_types.h"
+#include "model/team_member.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/team_check.h"
 #include "runtime/team/trusted_file.h"
@@ -95,32 +96,6 @@ Result<TeamFile> ReadTeamFile(const std::filesystem::path& path) {
 }
 
 Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name) { return Parse(yaml, name, nullptr); }
-
-const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id) {
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.id() == id) return &agent;
-  }
-  return nullptr;
-}
-
-const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name) {
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.name() == name) return &agent;
-  }
-  return nullptr;
-}
-
-bool HasLeft(const proto::TeamConfig& team, AgentId agent) {
-  const proto::AgentConfig* config = FindAgent(team, agent);
-  return config != nullptr && config->left();
-}
-
-AgentId BaseStationOf(const proto::TeamConfig& team) {
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.kind() == proto::AGENT_KIND_BASE_STATION && !agent.left()) return agent.id();
-  }
-  return 0;
-}
 
 std::string SerializeTeam(const proto::TeamConfig& team) {
   std::string bytes;

@@ -28,15 +28,6 @@ Result<TeamFile> ReadTeamFile(const std::filesystem::path& path);
 // The same from text; `name` stands in errors.
 Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name);
 
-// Null where there is none.
-const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, AgentId id);
-const proto::AgentConfig* FindAgent(const proto::TeamConfig& team, const std::string& name);
-
-// Whether `agent` has left the team: it stands in the file marked `left`. Its records and what it decided remain.
-bool HasLeft(const proto::TeamConfig& team, AgentId agent);
-
-AgentId BaseStationOf(const proto::TeamConfig& team);  // 0: none, or it has left.
-
 // The same bytes for teams that are equal, which SerializeAsString does not promise for maps.
 std::string SerializeTeam(const proto::TeamConfig& team);
 

@@ -1,8 +1,8 @@
 #include "runtime/team/team_keys.h"
 
 #include "model/check.h"
+#include "model/team_member.h"
 #include "runtime/team/role_signature.h"
-#include "runtime/team/team_config.h"
 
 namespace moondb {
 namespace {

@@ -25,8 +25,7 @@ constexpr int kKeyedQueueMessages = 2;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
-constexpr std::size_t kClientsMax = 256;      // So many are remembered to be answered.
-constexpr std::size_t kClientsOfKeyMax = 16;  // So many connections of one key are remembered.
+constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
 constexpr int kKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr char kIpc[] = "ipc://";
@@ -89,7 +88,7 @@ ClientDoor::ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options)
     : options_(std::move(options)),
       router_(std::move(router)),
       wake_up_(wake_up),
-      table_(kClientsMax, is_keyed() ? kClientsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
+      table_(kClientsMax, is_keyed() ? kConnectionsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
 
 SendResult ClientDoor::Send(const std::string& name, const proto::Message& message) {
   const std::optional<std::string> routing_id = table_.RoutingIdOf(name);
@@ -155,7 +154,7 @@ bool ClientDoor::Receive(const Transport::Deliver& deliver) {
 }
 
 void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
-  if (options_.on_message) options_.on_message(received.file);
+  if (options_.on_message) options_.on_message(received.file, received.frame.user_id());
   if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
   const std::string name = table_.NameOf(std::string(received.route.text()), std::string(received.frame.user_id()));
   // Over ipc only this user comes.

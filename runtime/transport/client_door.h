@@ -29,6 +29,9 @@ namespace moondb {
 
 class ClientDoor {
  public:
+  // So many connections of one key are remembered to be answered.
+  static constexpr std::size_t kConnectionsOfKeyMax = 16;
+
   // Who comes with this key (Z85), at this moment.
   using IdentityOf = std::function<ClientIdentity(const std::string& key)>;
 
@@ -38,7 +41,8 @@ class ClientDoor {
     std::size_t message_bytes_max = 0;  // Of requests and replies.
     std::string secret_key;             // The agent's.
     IdentityOf identity_of;
-    std::function<void(int file)> on_message;  // With keys: a whole message came over the connection of this file.
+    // With keys: a whole message came over the connection of this file, from who has this key.
+    std::function<void(int file, std::string_view key)> on_message;
   };
 
   // `wake_up` outlives the door; of two doors of one agent one is keyed. kUnavailable for an address in use, kInvalid

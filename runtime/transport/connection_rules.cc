@@ -5,10 +5,17 @@
 
 namespace moondb {
 
+void ConnectionRules::OnMessage(int file, std::string_view key) {
+  std::string& known = delivered_[file];
+  if (known != key) known = key;
+}
+
 std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpConnection>& connections) {
+  ++look_;
   Update(connections);
   std::vector<Cut> cuts;
   for (const auto& [port, door] : doors_) {
+    JudgeKeys(port, door, cuts);
     JudgePlaces(port, door, cuts);
     JudgeBytes(port, door, cuts);
   }
@@ -18,7 +25,8 @@ std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpCo
 void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
   std::map<int, Known> now;
   for (const TcpConnection& connection : connections) {
-    Known known{connection, 0, 0, false, false};
+    Known known;
+    known.connection = connection;
     const auto before = known_.find(connection.file);
     const bool is_same = before != known_.end() && before->second.connection.peer == connection.peer &&
                          before->second.connection.peer_port == connection.peer_port &&
@@ -29,14 +37,30 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
     } else {
       known.number = ++last_number_;
     }
-    if (delivered_.contains(connection.file)) {
+    if (const auto delivered = delivered_.find(connection.file); delivered != delivered_.end()) {
       known.has_delivered = true;
+      known.key = std::move(delivered->second);
+      known.heard_at = look_;
       known.bytes_delivered = connection.bytes_received;
     }
     now.emplace(connection.file, std::move(known));
   }
   known_ = std::move(now);
   delivered_.clear();
+}
+
+void ConnectionRules::JudgeKeys(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {
+  std::map<std::string, std::vector<Known*>> groups;
+  for (auto& [file, known] : known_) {
+    if (!known.is_cut && known.connection.port == port && !known.key.empty()) groups[known.key].push_back(&known);
+  }
+  for (auto& [key, group] : groups) {
+    if (group.size() <= door.key_max) continue;
+    std::sort(group.begin(), group.end(), [](const Known* a, const Known* b) {
+      return std::tuple(a->heard_at, a->number) < std::tuple(b->heard_at, b->number);
+    });
+    for (std::size_t i = 0; i < group.size() - door.key_max; ++i) CutOff(*group[i], Cause::kTooManyOfKey, cuts);
+  }
 }
 
 void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {

@@ -4,7 +4,8 @@
 //
 // Places: each address of the team has places of its own, which nobody else can take; all other addresses share some.
 // Where there are too many, one that never brought a whole message goes first, the oldest of them; then the oldest one
-// of the address that has most.
+// of the address that has most. Of one key there are at most `key_max` that ever brought a message: beyond them the one
+// goes that was silent for longest, so that no key takes the places of another one.
 //
 // Bytes: a connection may have received kFreeBytes since its last whole message, which is more than any frame between
 // agents has. What goes beyond is a client's large message, what this agent is slow to read, or a message that never
@@ -17,8 +18,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -40,10 +41,11 @@ class ConnectionRules {
   struct Door {
     std::map<std::string, std::size_t> places;  // By address.
     std::size_t others_max = 0;                 // Connections from all other addresses together.
+    std::size_t key_max = 0;                    // Connections with one key.
     std::uint64_t shared_bytes = 0;
   };
 
-  enum class Cause { kTooMany, kTooMuch };
+  enum class Cause { kTooMany, kTooManyOfKey, kTooMuch };
   struct Cut {
     TcpConnection connection;
     Cause cause = Cause::kTooMany;
@@ -52,8 +54,8 @@ class ConnectionRules {
   // By port.
   explicit ConnectionRules(std::map<std::uint16_t, Door> doors) : doors_(std::move(doors)) {}
 
-  // A whole message came from the connection that has this file.
-  void OnMessage(int file) { delivered_.insert(file); }
+  // A whole message came from the connection that has this file. `key`: of whom it is; empty without CURVE.
+  void OnMessage(int file, std::string_view key);
 
   // All that there are now, in any order; each that is to be cut is named once.
   std::vector<Cut> Judge(const std::vector<TcpConnection>& connections);
@@ -64,20 +66,24 @@ class ConnectionRules {
     std::uint64_t number = 0;           // As they came.
     std::uint64_t bytes_delivered = 0;  // The bytes it had received at its last whole message.
     bool has_delivered = false;
+    std::string key;             // Of its last message.
+    std::uint64_t heard_at = 0;  // The look at which its last message was known.
     bool is_cut = false;
 
     std::uint64_t bytes_open() const { return connection.bytes_received - bytes_delivered; }
   };
 
   void Update(const std::vector<TcpConnection>& connections);
+  void JudgeKeys(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
   void JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
   void JudgeBytes(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
   static void CutOff(Known& known, Cause cause, std::vector<Cut>& cuts);
 
   std::map<std::uint16_t, Door> doors_;
-  std::map<int, Known> known_;  // By file.
-  std::set<int> delivered_;     // Since the last look.
+  std::map<int, Known> known_;            // By file.
+  std::map<int, std::string> delivered_;  // Since the last look: the key by file.
   std::uint64_t last_number_ = 0;
+  std::uint64_t look_ = 0;
 };
 
 }  // namespace moondb

@@ -36,12 +36,13 @@ void DoorGuard::Work(MonotonicTime now) {
     TcpConnections::ShutDown(cut.connection);
     const std::string who =
         "a connection from " + cut.connection.peer + " to port " + std::to_string(cut.connection.port);
-    if (cut.cause == ConnectionRules::Cause::kTooMany) {
-      ++cut_for_number_;
-      number_log_.Warn("transport: cut " + who + ": there are too many from there");
-    } else {
+    if (cut.cause == ConnectionRules::Cause::kTooMuch) {
       ++cut_for_bytes_;
       bytes_log_.Warn("transport: cut " + who + ": it sends a message without an end");
+    } else {
+      ++cut_for_number_;
+      const bool is_of_key = cut.cause == ConnectionRules::Cause::kTooManyOfKey;
+      number_log_.Warn("transport: cut " + who + ": there are too many " + (is_of_key ? "of its key" : "from there"));
     }
   }
 }

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <string_view>
 
 #include "model/error.h"
 #include "runtime/rate_limited_log.h"
@@ -34,8 +35,8 @@ class DoorGuard {
   MonotonicTime deadline() const { return looks_at_; }
   void Work(MonotonicTime now);
 
-  // A whole message came from the connection that has this file.
-  void OnMessage(int file) { rules_.OnMessage(file); }
+  // A whole message came from the connection that has this file (ConnectionRules::OnMessage).
+  void OnMessage(int file, std::string_view key) { rules_.OnMessage(file, key); }
 
   // Connections that were cut.
   std::uint64_t cut_for_number() const { return cut_for_number_; }

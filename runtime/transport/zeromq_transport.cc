@@ -15,10 +15,10 @@
 
 #include "model/check.h"
 #include "model/control_request.h"
+#include "model/team_member.h"
 #include "proto/status.pb.h"
 #include "runtime/rate_limited_log.h"
 #include "runtime/team/client_list.h"
-#include "runtime/team/team_config.h"
 #include "runtime/team/team_keys.h"
 #include "runtime/transport/client_door.h"
 #include "runtime/transport/door_guard.h"
@@ -189,7 +189,7 @@ class ZeroMqTransport::Impl {
     ClientDoor::Options options;
     options.self = options_.self;
     options.endpoint = address;
-    options.on_message = [this](int file) { OnWholeMessage(file); };
+    options.on_message = [this](int file, std::string_view key) { OnWholeMessage(file, key); };
     options.secret_key = keys_->own.secret_key;
     options.identity_of = [this](const std::string& key) {
       const auto client = client_keys_->Find(key, std::chrono::steady_clock::now());
@@ -236,6 +236,7 @@ class ZeroMqTransport::Impl {
     if (const std::optional<std::uint16_t> port = TcpPortOf(self.address())) {
       ConnectionRules::Door& door = doors[*port];
       door.others_max = kStrangersMax;
+      door.key_max = kConnectionsPerAgent;
       door.shared_bytes = kAgentsSharedBytes;
       for (const proto::AgentConfig& agent : team_.agents()) {
         if (agent.left()) continue;
@@ -244,7 +245,10 @@ class ZeroMqTransport::Impl {
       }
     }
     if (const std::optional<std::uint16_t> port = TcpPortOf(self.client_address())) {
-      doors[*port] = {.places = {}, .others_max = kKeyedClientsMax, .shared_bytes = kKeyedRequestBytesMax};
+      doors[*port] = {.places = {},
+                      .others_max = kKeyedClientsMax,
+                      .key_max = ClientDoor::kConnectionsOfKeyMax,
+                      .shared_bytes = kKeyedRequestBytesMax};
     }
     if (doors.empty()) return {};
     Result<std::unique_ptr<DoorGuard>> guard = DoorGuard::Make(std::move(doors));
@@ -253,8 +257,8 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  void OnWholeMessage(int file) {
-    if (guard_) guard_->OnMessage(file);
+  void OnWholeMessage(int file, std::string_view key) {
+    if (guard_) guard_->OnMessage(file, key);
   }
 
   void Run() {
@@ -351,7 +355,7 @@ class ZeroMqTransport::Impl {
 
   // How many messages it held; 1 for one that was rejected.
   std::size_t OnPeerFrame(const ZmqRoutedFrame& received) {
-    OnWholeMessage(received.file);
+    OnWholeMessage(received.file, received.frame.user_id());
     std::optional<AgentId> authenticated;
     if (keys_) authenticated = AgentOfUserId(received.frame.user_id());
     Result<std::vector<OwnedMessage>> messages = received.parts == 2

@@ -8,6 +8,7 @@
 
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
+#include "model/team_member.h"
 #include "model/text.h"
 
 namespace moondb {

@@ -135,8 +135,3 @@ ATTACKERS = [floods_the_log, connections_of_one_key, more_connections_than_place
              statements_of_a_compact_team, long_questions]
 
 ONLY_AT_LENGTH = [giant_have_sets]
-
-NOT_YET = {more_connections_than_places: "places at client_address are not divided by key: who asks over 64 connections"
-                                         " leaves none for others (runtime/transport/connection_rules.cc)",
-           zstd_bombs: "what two actors decode at once is bounded by its size alone, 32 MiB a batch, and not by a sender's"
-                       " budget (actors/sharing/sharing_receiver.cc)"}

@@ -83,6 +83,17 @@ TEST(PiecesTest, TakeNothingThatCannotBe) {
   EXPECT_FALSE(broken([](proto::Batch&) {}));
 }
 
+TEST(PiecesTest, OneSenderTakesNoMoreThanTheLargestRecord) {
+  PieceCollector collector(5'000, 2'000);
+  EXPECT_EQ(collector.Take(kSender, Cut(Noise(2001), 1000)[0]).error().code, ErrorCode::kCorrupt);
+  for (int i = 0; i < 2; ++i) {
+    const auto pieces = Cut(Noise(2000), 1500);
+    ASSERT_TRUE(collector.Take(kSender, pieces[0]));
+    EXPECT_EQ(collector.PartFrom(kSender).hash, pieces[0].piece().hash()) << "in place of the one before";
+    ASSERT_TRUE(collector.Take(3, Cut(Noise(1500), 1500)[0])) << "whole at once";
+  }
+}
+
 TEST(PiecesTest, NoticeAWholeThatIsNotWhatItsHashSays) {
   PieceCollector collector(100'000);
   auto pieces = Cut(Noise(2000), 1000);

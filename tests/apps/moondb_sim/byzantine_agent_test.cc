@@ -10,6 +10,10 @@
 #include "apps/moondb_sim/simulated_mission.h"
 
 namespace moondb::simulation {
+
+// For gtest.
+void PrintTo(const AttackKind& kind, std::ostream* out) { *out << kind.name; }
+
 namespace {
 
 constexpr std::uint64_t kWithoutKeys = 1;

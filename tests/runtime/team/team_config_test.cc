@@ -11,7 +11,9 @@
 #include <sstream>
 #include <string>
 
+#include "model/command_from.h"
 #include "model/team_id.h"
+#include "model/team_member.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_init.h"

@@ -14,14 +14,15 @@ constexpr std::uint16_t kPort = 7400;
 constexpr std::uint16_t kClientPort = 7500;
 constexpr std::uint64_t kSharedBytes = 32 * 1024 * 1024;
 
-// Two agents at 10.0.0.2 and one at 10.0.0.3, four places each; five others; three clients.
+// Two agents at 10.0.0.2 and one at 10.0.0.3, four places each; five others; three clients. Four of a key, two of a
+// client's.
 class ConnectionRulesTest : public testing::Test {
  protected:
   void Open(int file, const std::string& peer, std::uint16_t port = kPort) {
     open_[file] = {file, port, peer, ++last_peer_port_, 0};
   }
   void Receive(int file, std::uint64_t bytes) { open_.at(file).bytes_received += bytes; }
-  void Deliver(int file) { rules_.OnMessage(file); }
+  void Deliver(int file, const std::string& key = {}) { rules_.OnMessage(file, key); }
 
   // The files that are to be cut; they are gone then.
   std::vector<int> Judge(Cause cause) {
@@ -36,10 +37,11 @@ class ConnectionRulesTest : public testing::Test {
     return files;
   }
   std::vector<int> TooMany() { return Judge(Cause::kTooMany); }
+  std::vector<int> TooManyOfKey() { return Judge(Cause::kTooManyOfKey); }
   std::vector<int> TooMuch() { return Judge(Cause::kTooMuch); }
 
   ConnectionRules rules_{
-      {{kPort, {{{"10.0.0.2", 8}, {"10.0.0.3", 4}}, 5, kSharedBytes}}, {kClientPort, {{}, 3, kSharedBytes}}}};
+      {{kPort, {{{"10.0.0.2", 8}, {"10.0.0.3", 4}}, 5, 4, kSharedBytes}}, {kClientPort, {{}, 3, 2, kSharedBytes}}}};
   std::map<int, TcpConnection> open_;
   std::uint16_t last_peer_port_ = 0;
   bool frees_ = true;
@@ -75,6 +77,43 @@ TEST_F(ConnectionRulesTest, WhoEverBroughtAMessageStaysLongest) {
   Deliver(21);
   EXPECT_THAT(TooMany(), ElementsAre(20)) << "the oldest of the address that has most";
   EXPECT_TRUE(open_.contains(10));
+}
+
+TEST_F(ConnectionRulesTest, OfAKeyWithTooManyTheOneThatWasSilentForLongestGoes) {
+  Open(10, "10.0.0.9", kClientPort);
+  Open(11, "10.0.0.9", kClientPort);
+  Open(12, "10.0.0.9", kClientPort);
+  Deliver(10, "watcher");
+  Deliver(11, "sharer");
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  Deliver(12, "watcher");
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  Deliver(10, "watcher");
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  Open(13, "10.0.0.9", kClientPort);
+  Deliver(13, "watcher");
+  EXPECT_THAT(TooManyOfKey(), ElementsAre(12)) << "the other key keeps its place, and so does who spoke since";
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+}
+
+TEST_F(ConnectionRulesTest, AMemberTakesNoOtherMembersPlaces) {
+  for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.2");
+  Deliver(10, "1");
+  Deliver(11, "2");
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  for (int i = 0; i < 6; ++i) {
+    Open(20 + i, "10.0.0.2");
+    Deliver(20 + i, "2");
+  }
+  EXPECT_THAT(TooManyOfKey(), ElementsAre(11, 20, 21));
+}
+
+TEST_F(ConnectionRulesTest, ConnectionsWithoutKeysAreOfNobody) {
+  for (int i = 0; i < 8; ++i) {
+    Open(10 + i, "10.0.0.2");
+    Deliver(10 + i);
+  }
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
 }
 
 TEST_F(ConnectionRulesTest, AFileThatIsUsedAgainIsAnotherConnection) {

@@ -18,6 +18,7 @@
 #include <string>
 #include <utility>
 
+#include "model/team_member.h"
 #include "proto/status.pb.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/team_config.h"
