@@ -66,6 +66,7 @@ void CheckEdge(const Record& record, FieldChecker& check) {
 void CheckQuarantine(const Record& record, FieldChecker& check) {
   const proto::MapQuarantine& quarantine = record.map_quarantine();
   check.Text(quarantine.reason(), kQuarantineReasonBytesMax, "map_quarantine.reason");
+  check.Size(quarantine.signature(), kSignatureBytes, "map_quarantine.signature");
   if (quarantine.has_lifts()) {
     const proto::RecordKey& lifted = quarantine.lifts();
     check.Agent(lifted.origin_agent(), "map_quarantine.lifts.origin_agent");

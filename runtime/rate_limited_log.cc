@@ -2,20 +2,17 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
+
 namespace moondb {
 
-void RateLimitedLog::Warn(const std::string& text) { Log(/*is_error=*/false, text); }
-
-void RateLimitedLog::Error(const std::string& text) { Log(/*is_error=*/true, text); }
-
-void RateLimitedLog::Log(bool is_error, const std::string& text) {
+void RateLimitedLog::Log(spdlog::level::level_enum level, const std::string& text) {
   const auto now = std::chrono::steady_clock::now();
-  if (now < next_) {
+  if (now + kPeriod * (at_once_ - 1) < next_) {
     ++left_out_;
     return;
   }
-  next_ = now + period_;
-  const auto level = is_error ? spdlog::level::err : spdlog::level::warn;
+  next_ = std::max(next_, now) + kPeriod;
   if (left_out_ > 0) {
     spdlog::log(level, "{} (and {} more like it before)", text, left_out_);
   } else {

@@ -69,7 +69,10 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
     const TraversabilityMap map{NodeKey{agent, 1}, Pose(), {MapLayer{Grid(5, 3, Cell::kFree), 50'000, 0, 0}}};
     *record.mutable_local_traversability_map() = ToProto(map);
   }
-  if (record.has_map_quarantine()) record.mutable_map_quarantine()->clear_lifts();
+  if (record.has_map_quarantine()) {
+    record.mutable_map_quarantine()->clear_lifts();
+    record.mutable_map_quarantine()->clear_signature();  // Made by the agent at which it is inserted.
+  }
   if (record.has_role_assignment()) record.mutable_role_assignment()->set_survivor(agent + 1);
   return record;
 }

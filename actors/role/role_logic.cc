@@ -110,12 +110,10 @@ std::optional<proto::RoleAssignment> RoleLogic::WithoutOwnRole(const std::set<Ag
 
 RoleLogic::Actions RoleLogic::Adopt(proto::RoleAssignment roles) {
   Check(is_loaded_ && !saving_, "one assignment is stored at a time");
-  saving_ = std::move(roles);
-  highest_number_ = std::max(highest_number_, saving_->term().number());  // Taken, even if storing fails.
-  saving_holders_ = {options_.self};
-  answer_to_ = 0;
+  highest_number_ = std::max(highest_number_, roles.term().number());  // Taken, even if storing fails.
   Actions actions;
-  actions.save = saving_;
+  actions.save = roles;
+  saving_ = Saving{.roles = std::move(roles), .holders = {options_.self}};
   return actions;
 }
 
@@ -154,23 +152,13 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
   return actions;
 }
 
-bool RoleLogic::TakesTurn(AgentId issuer) {
-  if (!has_keys() || issuer == options_.self) return true;
-  Turns& turns = turns_.try_emplace(issuer, Turns{kChangesAtOnce, now_}).first->second;
-  const double hours = std::chrono::duration<double, std::ratio<3600>>(now_ - turns.at).count();
-  turns.left = std::min(kChangesAtOnce, turns.left + hours * kChangesPerHour);
-  turns.at = now_;
-  if (turns.left < 1) return false;
-  turns.left -= 1;
-  return true;
-}
-
 void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
-  if (!TakesTurn(theirs.term().issuer())) return;
+  const AgentId issuer = theirs.term().issuer();
+  if (has_keys() && issuer != options_.self && !changes_.Takes(issuer, now_)) return;
   actions.save = Adopt(theirs).save;
-  saving_holders_.insert(from);
-  if (theirs.term().issuer() != 0) saving_holders_.insert(theirs.term().issuer());
-  answer_to_ = from;
+  saving_->holders.insert(from);
+  if (issuer != 0) saving_->holders.insert(issuer);
+  saving_->answer_to = from;
 }
 
 // --- Chains ---
@@ -246,7 +234,8 @@ void RoleLogic::NoteStored(const proto::RoleAssignment& roles) {
 std::vector<proto::RoleAssignment> RoleLogic::SavingChain() const {
   std::vector<proto::RoleAssignment> oldest_first;
   if (!saving_ || !has_keys()) return oldest_first;
-  const proto::RoleAssignment* at = ChangeOf(saving_->term()) == 0 ? nullptr : chain_.Find(saving_->follows());
+  const proto::RoleAssignment* at = nullptr;
+  if (ChangeOf(saving_->roles.term()) != 0) at = chain_.Find(saving_->roles.follows());
   while (at != nullptr && !at->signature().empty() && !stored_.contains(at->signature())) {
     oldest_first.push_back(*at);
     at = ChangeOf(at->term()) == 0 ? nullptr : chain_.Find(at->follows());
@@ -264,11 +253,12 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   Actions actions;
   if (!saving_) return actions;
   for (const proto::RoleAssignment& roles : SavingChain()) NoteStored(roles);
-  current_ = *std::exchange(saving_, std::nullopt);
+  Saving saved = *std::exchange(saving_, std::nullopt);
+  current_ = std::move(saved.roles);
   NoteStored(current_);
   history_.push_back(current_);
   if (history_.size() > kHistoryMax) history_.erase(history_.begin());
-  confirmed_ = std::move(saving_holders_);
+  confirmed_ = std::move(saved.holders);
   if (unstored_ && !IsNewer(unstored_->term(), current_.term())) unstored_.reset();
   own_unstored_.reset();
   is_waiting_to_lead_ = IsFromEarlierLife(current_);
@@ -277,7 +267,7 @@ RoleLogic::Actions RoleLogic::OnSaved() {
     return actions;
   }
   actions.apply = InForce();
-  if (answer_to_ != 0) Tell(std::exchange(answer_to_, 0), /*is_reply=*/true, actions);
+  if (saved.answer_to != 0) Tell(saved.answer_to, /*is_reply=*/true, actions);
   announce_delay_ = options_.announce_after;
   TellUnconfirmed(actions);
   return actions;
@@ -286,7 +276,7 @@ RoleLogic::Actions RoleLogic::OnSaved() {
 RoleLogic::Actions RoleLogic::OnSaveFailed() {
   Actions actions;
   if (!saving_) return actions;
-  const proto::RoleAssignment failed = *std::exchange(saving_, std::nullopt);
+  const proto::RoleAssignment failed = std::exchange(saving_, std::nullopt)->roles;
   if (!IsOwnTerm(failed)) {
     ActWithoutOwnRole(failed, actions);
     actions.store_timer = options_.store_after;
@@ -301,7 +291,7 @@ RoleLogic::Actions RoleLogic::OnSaveFailed() {
 
 RoleLogic::Actions RoleLogic::OnSaveLate() {
   Actions actions;
-  if (saving_ && !IsOwnTerm(*saving_)) ActWithoutOwnRole(*saving_, actions);
+  if (saving_ && !IsOwnTerm(saving_->roles)) ActWithoutOwnRole(saving_->roles, actions);
   return actions;
 }
 

@@ -33,6 +33,7 @@
 #include <string>
 #include <vector>
 
+#include "actors/role/change_budget.h"
 #include "model/error.h"
 #include "model/ids.h"
 #include "model/role_chain.h"
@@ -67,10 +68,6 @@ class RoleLogic {
   static constexpr std::size_t kHistoryMax = 1000;
   // In a team without keys a term number that far ahead of the present one is a mistake or an attack, not a change.
   static constexpr std::uint64_t kTermJumpMax = 1'000'000;
-  // Of one other issuer so many assignments are acted on at once, and then so many an hour; what waits is announced
-  // again, and only the newest of it. In a team with keys.
-  static constexpr double kChangesAtOnce = 20;
-  static constexpr double kChangesPerHour = 60;
   // A page of a chain. As a control message it delays others by 128 ms at 1 Mbit/s.
   static constexpr std::size_t kChainPageBytesMax = 16 * 1024;
   // What is asked for of one chain; a longer one is not followed, and one word of command_from ends it.
@@ -137,7 +134,8 @@ class RoleLogic {
   // Storage has not answered the request to save for a while: it is asked again, and may still say either.
   Actions OnSaveLate();
   Actions OnStoreTimer();
-  const std::optional<proto::RoleAssignment>& saving() const { return saving_; }
+  // Null while none is.
+  const proto::RoleAssignment* saving() const { return saving_ ? &saving_->roles : nullptr; }
   // What that one follows and is to be stored with it, oldest first.
   std::vector<proto::RoleAssignment> SavingChain() const;
 
@@ -160,8 +158,6 @@ class RoleLogic {
   // What the roles are issued as by this agent now: with term, what they follow and signature. `is_command`: by an
   // operator's word, where one may be given through this agent.
   proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
-  // Whether one more of this issuer's assignments may be acted on by now; if so it is.
-  bool TakesTurn(AgentId issuer);
   // What was announced and counts.
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
   void NoteStored(const proto::RoleAssignment& roles);
@@ -191,15 +187,15 @@ class RoleLogic {
     std::vector<proto::RoleAssignment> chain;
   };
 
-  // Changes of one issuer's that may be acted on at once, as of `at`.
-  struct Turns {
-    double left = kChangesAtOnce;
-    Time at{};
+  struct Saving {
+    proto::RoleAssignment roles;
+    std::set<AgentId> holders;  // Known to hold it.
+    AgentId answer_to = 0;      // Waits for our word that it is held here too.
   };
 
   Options options_;
   Time now_{};
-  std::map<AgentId, Turns> turns_;  // By issuer.
+  ChangeBudget changes_;  // In a team with keys.
   RoleChain chain_;
   std::set<std::string> stored_;  // Signatures of those that count and that storage has.
   std::optional<ChainAsked> chain_asked_;
@@ -211,11 +207,9 @@ class RoleLogic {
   proto::RoleAssignment current_;
   std::vector<proto::RoleAssignment> history_;
   std::set<AgentId> confirmed_;  // Known to hold current_.
-  std::optional<proto::RoleAssignment> saving_;
-  std::set<AgentId> saving_holders_;                   // Known to hold saving_.
+  std::optional<Saving> saving_;
   std::optional<proto::RoleAssignment> unstored_;      // What others decided: newer than current_, not durable here.
   std::optional<proto::RoleAssignment> own_unstored_;  // The last one by which this agent wanted to lead.
-  AgentId answer_to_ = 0;                              // Waits for our word that saving_ is held here too.
   Duration announce_delay_{};
 };
 

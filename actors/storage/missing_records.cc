@@ -5,6 +5,7 @@
 #include <tuple>
 #include <vector>
 
+#include "actors/storage/peer_door.h"
 #include "actors/storage/record_tables.h"
 
 namespace moondb {
@@ -62,7 +63,7 @@ class MissingFinder {
  private:
   bool IsWanted(const StreamKey& stream) const {
     if (!rules_.IsShared(stream) || !FindRecordTable(stream.type)) return false;
-    const bool is_taken = brings_others_ || stream.origin == rules_.self || stream.type == proto::ROLE_ASSIGNMENT;
+    const bool is_taken = brings_others_ || stream.origin == rules_.self || PeerDoor::IsSignedType(stream.type);
     if (!is_taken) return false;
     if (Contains(filter_.not_data_types(), stream.type)) return false;
     if (IsOwn(stream)) return true;

@@ -60,9 +60,13 @@ bool PeerDoor::IsBelieved(AgentId sender) const {
          chain_.HasHadRole(sender);
 }
 
+Result<void> PeerDoor::CheckRecord(AgentId sender, const RecordKey& key, const proto::Record& record) {
+  if (IsSignedType(key.stream.type) && options_.roles.has_keys && options_.is_record_signed(key, record)) return {};
+  return CheckOrigin(sender, key.stream);
+}
+
 Result<void> PeerDoor::CheckOrigin(AgentId sender, const StreamKey& stream) {
-  const bool is_signed_itself = stream.type == proto::ROLE_ASSIGNMENT;
-  if (sender == stream.origin || is_signed_itself || IsBelieved(sender)) return {};
+  if (sender == stream.origin || IsBelieved(sender)) return {};
   CountRefused(sender, Cause::kOrigin, stream.origin);
   return Fail(ErrorCode::kRefused,
               "is agent " + std::to_string(stream.origin) + "'s, and agent " + std::to_string(sender) +
@@ -97,20 +101,24 @@ Result<void> PeerDoor::CheckAssignment(AgentId sender, const proto::RoleAssignme
 
 void PeerDoor::CountRefused(AgentId sender, Cause cause, AgentId origin) { ++refused_[{sender, cause, origin}]; }
 
-void PeerDoor::NoteOwnBeyond(AgentId peer, std::size_t count) {
-  if (count == 0) {
-    own_beyond_.erase(peer);
-  } else {
-    own_beyond_[peer] = count;
-  }
+void PeerDoor::NoteOwnBeyond(AgentId peer, std::vector<RecordKey> beyond) {
+  if (beyond.size() > kOwnBeyondMax) beyond.resize(kOwnBeyondMax);
+  own_beyond_[peer] = std::move(beyond);
 }
 
-void PeerDoor::Describe(proto::AgentStatus& status) const {
-  for (const auto& [peer, count] : own_beyond_) {
-    proto::RefusedFrom& beyond = *status.add_refused();
-    beyond.set_agent_id(peer);
-    beyond.set_cause(proto::REFUSAL_CAUSE_OWN_EPOCH);
-    beyond.set_count(static_cast<double>(count));
+void PeerDoor::Describe(const HaveSet& have, proto::AgentStatus& status) const {
+  for (const auto& [peer, beyond] : own_beyond_) {
+    const auto count = std::count_if(beyond.begin(), beyond.end(), [&have](const RecordKey& key) {
+      if (key.seq != 0) return have.Get(key.stream).Had().Max() < key.seq;
+      const auto of_epoch = have.streams().lower_bound(key.stream);
+      return of_epoch == have.streams().end() || of_epoch->first.origin != key.stream.origin ||
+             of_epoch->first.epoch != key.stream.epoch;
+    });
+    if (count == 0) continue;
+    proto::RefusedFrom& shown = *status.add_refused();
+    shown.set_agent_id(peer);
+    shown.set_cause(proto::REFUSAL_CAUSE_OWN_EPOCH);
+    shown.set_count(static_cast<double>(count));
   }
   for (const auto& [key, count] : refused_) {
     proto::RefusedFrom& refused = *status.add_refused();

@@ -1,10 +1,10 @@
 // PeerDoor: whose word this agent's store takes, and for what.
 //
 // Records of an agent are taken from that agent itself, from the base station, and from who leads or survives, or did,
-// in an assignment that counts and is held here (model/role_chain.h); assignments, which their issuers sign, from
-// anybody. From others records of a third agent are refused, and the bringer is counted by name: a member that lies
-// lies about itself alone. So are drops. What peers claim of this agent's own epochs is believed from the same ones.
-// In a team without signing keys all are believed.
+// in an assignment that counts and is held here (model/role_chain.h); assignments and quarantines of maps, which are
+// signed, from anybody. From others records of a third agent are refused, and the bringer is counted by name: a member
+// that lies lies about itself alone. So are drops. What peers claim of this agent's own epochs is believed from the
+// same ones. In a team without signing keys all are believed.
 //
 // Streams: a have-set has kHaveStreamsMax of them at most. Of half of these each agent of the team has an equal part;
 // who needs more takes of the other half what nobody else has. What goes beyond is refused.
@@ -16,27 +16,37 @@
 #include <set>
 #include <string>
 #include <tuple>
+#include <vector>
 
 #include "actors/storage/have_ledger.h"
 #include "actors/storage/sqlite_database.h"
 #include "model/error.h"
+#include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/role_chain.h"
 
 namespace moondb::proto {
 class AgentStatus;
+class Record;
 }  // namespace moondb::proto
 
 namespace moondb {
 
 class PeerDoor {
  public:
+  // Whether records of the type are signed, so that any agent may bring them.
+  static bool IsSignedType(DataType type) { return type == proto::ROLE_ASSIGNMENT || type == proto::MAP_QUARANTINE; }
+
+  static constexpr std::size_t kOwnBeyondMax = 64;  // Of a peer's.
+
   struct Options {
     AgentId self = 0;
     AgentId base = 0;  // 0: the team has none.
     std::set<AgentId> team;
     RoleChain::Options roles = RoleChain::WithoutKeys();
-    std::function<bool(const proto::RoleAssignment&)> is_signed;  // By its issuer's key; in a team with keys alone.
+    // In a team with keys alone: by the issuer's key, and by the origin's of a record that anybody may bring.
+    std::function<bool(const proto::RoleAssignment&)> is_signed;
+    std::function<bool(const RecordKey&, const proto::Record&)> is_record_signed;
   };
   enum class Cause { kOrigin, kStreams };
 
@@ -52,18 +62,21 @@ class PeerDoor {
 
   // Whether the agent's word is taken for other agents' records; 0 is this agent's own.
   bool IsBelieved(AgentId sender) const;
-  // kRefused, and counted: the sender may not bring what is of this stream.
+  // kRefused, and counted: the sender may not bring it.
+  Result<void> CheckRecord(AgentId sender, const RecordKey& key, const proto::Record& record);
+  // kRefused, and counted: the sender may not say what was dropped of this stream.
   Result<void> CheckOrigin(AgentId sender, const StreamKey& stream);
   // kRefused, and counted: of its origin `ledger` has no room for this stream, which is new there.
   Result<void> CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger);
   // kRefused, and counted: not signed by its issuer.
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
-  // How many of this agent's own streams and epochs the peer's newest word of them has beyond what this disk ever had;
-  // 0 where records have come home meanwhile.
-  void NoteOwnBeyond(AgentId peer, std::size_t count);
+  // Of this agent's own records the peer's newest word names these, which this disk never had: the last of a stream, or
+  // of an epoch of which nothing else is known a key without type and seq. Of more than kOwnBeyondMax the rest is not
+  // remembered.
+  void NoteOwnBeyond(AgentId peer, std::vector<RecordKey> beyond);
 
-  // What was refused, by who sent it.
-  void Describe(proto::AgentStatus& status) const;
+  // What was refused, by who sent it, and what this disk, which has `have`, still lacks of what peers name.
+  void Describe(const HaveSet& have, proto::AgentStatus& status) const;
 
  private:
   void CountRefused(AgentId sender, Cause cause, AgentId origin);
@@ -73,7 +86,7 @@ class PeerDoor {
   RoleChain chain_;
   std::set<std::string> held_as_records_;                                 // Signatures.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
-  std::map<AgentId, std::size_t> own_beyond_;                             // By peer.
+  std::map<AgentId, std::vector<RecordKey>> own_beyond_;                  // By peer.
 };
 
 }  // namespace moondb

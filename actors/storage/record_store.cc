@@ -332,7 +332,7 @@ std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set
 
 Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed) {
   std::set<std::uint64_t> epochs;
-  std::size_t beyond = 0;
+  std::vector<RecordKey> beyond;
   for (const proto::StreamHave& stream : claimed.streams()) {
     if (stream.origin_agent() != options_.self) continue;
     epochs.insert(stream.epoch());
@@ -340,9 +340,9 @@ Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& cla
     std::uint64_t last = 0;
     for (const proto::Interval& interval : stream.held()) last = std::max(last, interval.last());
     for (const proto::Interval& interval : stream.dropped()) last = std::max(last, interval.last());
-    beyond += last > ledger_.have().Get(key).Had().Max() ? 1 : 0;
+    if (last > ledger_.have().Get(key).Had().Max()) beyond.push_back({key, last});
   }
-  if (!epochs.empty()) door_.NoteOwnBeyond(peer, beyond);
+  if (!epochs.empty()) door_.NoteOwnBeyond(peer, std::move(beyond));
   return LearnOwnEpochs(BelievedEpochs(peer, epochs));
 }
 
@@ -370,9 +370,6 @@ Result<void> RecordStore::Restate() {
     if (const Result<void> done = RestateOne(key, *writing); !done) return done;
   }
   if (const Result<void> done = writing->Commit(restated_); !done) return done;
-  spdlog::info("storage: a peer knows a later epoch of this agent's, of a disk that was lost or put back: {} newest {}",
-               endangered->size(),
-               endangered->size() == 1 ? "state is stored once more" : "states are stored once more");
   return {};
 }
 
@@ -420,7 +417,7 @@ Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing)
   const Result<RecordKey> key = writing.NextKey(old_key.stream.type);
   if (!key) return tl::unexpected(key.error());
   if (const Result<void> done = writing.DeleteRow(table, **row); !done) return done;
-  return writing.InsertRow(*key, record, content, HashRecord(*key, content));
+  return InsertSigned(*key, record, content, writing);
 }
 
 proto::RecordsStored RecordStore::TakeRestated() { return std::exchange(restated_, {}); }
@@ -434,9 +431,12 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
     if (epoch <= last) return Fail(ErrorCode::kInvalid, "are not in rising order from 1", "epochs");
     last = epoch;
   }
-  const auto is_unknown = [this](std::uint64_t epoch) { return !own_epochs_.IsKnown(epoch); };
-  const auto unknown = std::count_if(report.epochs().begin(), report.epochs().end(), is_unknown);
-  door_.NoteOwnBeyond(peer, static_cast<std::size_t>(unknown));
+  std::vector<RecordKey> unknown;
+  for (const std::uint64_t epoch : report.epochs()) {
+    if (!own_epochs_.IsKnown(epoch)) unknown.push_back({{options_.self, epoch, 0}, 0});
+  }
+  // An epoch that was learnt is known, though nothing of it may have come home.
+  if (!unknown.empty()) door_.NoteOwnBeyond(peer, std::move(unknown));
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
 
@@ -463,6 +463,9 @@ Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const
     if (checked && request.is_local() && request.records(i).has_map_quarantine()) {
       checked =
           Fail(ErrorCode::kInvalid, "holds for the whole team or not at all: it cannot be local", "map_quarantine");
+    }
+    if (checked && !request.records(i).map_quarantine().signature().empty()) {
+      checked = Fail(ErrorCode::kInvalid, "is made by this agent: leave it out", "map_quarantine.signature");
     }
     if (checked) continue;
     const std::string place = "records[" + std::to_string(i) + "]";
@@ -574,7 +577,18 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
     }
   }
   reply_key = ToProto(key);
-  return writing.InsertRow(key, record, content, HashRecord(key, content));
+  return InsertSigned(key, record, content, writing);
+}
+
+Result<void> RecordStore::InsertSigned(const RecordKey& key, const proto::Record& record, const std::string& content,
+                                       Writing& writing) {
+  if (!options_.sign || !record.has_map_quarantine()) {
+    return writing.InsertRow(key, record, content, HashRecord(key, content));
+  }
+  proto::Record signed_record = record;
+  signed_record.mutable_map_quarantine()->set_signature(options_.sign(key, record));
+  const std::string signed_content = SerializeRecord(signed_record);
+  return writing.InsertRow(key, signed_record, signed_content, HashRecord(key, signed_content));
 }
 
 void RecordStore::Reject(Error error, Stored& result) {
@@ -592,11 +606,9 @@ void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   }
 }
 
-RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
-  Stored result;
+// What passes the door; the rest is counted.
+std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequest& request, Stored& result) {
   std::vector<Opened> opened;
-  std::set<StreamKey> touched;
-  NoteAssignmentsIn(request);
   for (const proto::StoredRecord& stored : request.records()) {
     const RecordKey key = FromProto(stored.key());
     Result<proto::Record> record = OpenStored(stored, options_.team);
@@ -609,12 +621,20 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
       if (!brought) record = tl::unexpected(brought.error());
     }
     if (record) {
-      touched.insert(key.stream);
       opened.push_back(Opened{key, *std::move(record), &stored});
     } else {
       Reject(Error{record.error().code, ToString(key) + ": " + record.error().text, record.error().field}, result);
     }
   }
+  return opened;
+}
+
+RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
+  Stored result;
+  NoteAssignmentsIn(request);
+  const std::vector<Opened> opened = OpenBrought(request, result);
+  std::set<StreamKey> touched;
+  for (const Opened& record : opened) touched.insert(record.key.stream);
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
     const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
@@ -657,9 +677,8 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
 }
 
 Result<void> RecordStore::CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record) {
-  const Result<void> checked = door_.CheckOrigin(sender, key.stream);
-  if (!checked || !record.has_role_assignment()) return checked;
-  return door_.CheckAssignment(sender, record.role_assignment());
+  if (record.has_role_assignment()) return door_.CheckAssignment(sender, record.role_assignment());
+  return door_.CheckRecord(sender, key, record);
 }
 
 Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped,

@@ -80,6 +80,8 @@ class RecordStore {
     bool is_checked = false;  // This process opened it before: it is not read through again (1 ms a MB).
     History::Rules history;   // What of own superseded records is kept; by default nothing.
     PeerDoor::Options door;   // Whose word is taken; `self` and `team` are filled in. By default everybody's.
+    // This agent's signature of an own record that anybody may bring; none in a team without signing keys.
+    std::function<std::string(const RecordKey&, const proto::Record&)> sign;
   };
 
   // Opens, reads through and where needed creates the file. A damaged one is set aside and an empty one
@@ -144,7 +146,7 @@ class RecordStore {
   // records to must know that it may.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
   // What peers sent and was refused, by peer.
-  void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(status); }
+  void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
   // As PeerLog::Note.
   Result<bool> NotePeerHave(const proto::PeerHave& note);
@@ -210,6 +212,9 @@ class RecordStore {
   Result<void> InsertAll(const proto::InsertRequest& request, const std::vector<std::string>& contents,
                          Inserted& result);
   Result<void> CheckInsert(const proto::InsertRequest& request) const;
+  // Signs it where anybody may bring such records.
+  Result<void> InsertSigned(const RecordKey& key, const proto::Record& record, const std::string& content,
+                            Writing& writing);
   Result<void> InsertOne(const proto::Record& record, const std::string& content, bool is_local, Writing& writing,
                          proto::RecordKey& key);
 
@@ -218,6 +223,7 @@ class RecordStore {
     proto::Record record;
     const proto::StoredRecord* stored;
   };
+  std::vector<Opened> OpenBrought(const proto::StoreRequest& request, Stored& result);
   // As HaveRequest.is_for_peer has it.
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
   Result<void> StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);

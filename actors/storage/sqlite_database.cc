@@ -23,6 +23,7 @@ namespace {
 
 constexpr char kInMemory[] = ":memory:";
 constexpr int kBusyTimeout_ms = 2000;
+constexpr int kStepsBetweenLooks = 100'000;
 constexpr std::uint64_t kPageBytes = 4096;            // SQLite's default.
 constexpr std::uint64_t kLogPagesMax = 1000;          // A log that grew so long is moved into the file.
 constexpr std::uint64_t kLogPagesMin = 16;            // On a tiny disk.
@@ -125,6 +126,7 @@ Query& Query::operator<<(std::nullptr_t) {
 
 Result<bool> Query::Step() {
   if (code_ != SQLITE_OK) return database_->FailWith(code_);
+  database_->steps_ = 0;
   const int code = sqlite3_step(prepared_->statement);
   if (code == SQLITE_ROW) return true;
   if (code == SQLITE_DONE) return false;
@@ -191,6 +193,7 @@ Result<void> Database::OpenConnection(const std::string& vfs) {
   // A file that somebody else has written to says by its triggers and its schema what is done to its rows.
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   sqlite3_db_config(connection_, SQLITE_DBCONFIG_ENABLE_TRIGGER, 0, nullptr);
+  sqlite3_progress_handler(connection_, kStepsBetweenLooks, OnSteps, this);
   sqlite3_busy_timeout(connection_, kBusyTimeout_ms);
   // Then WAL needs no shared memory: other file systems need not have it, and a full disk has no room for it.
   if (!vfs.empty() || access_ != Access::kShared) return Execute("PRAGMA locking_mode=EXCLUSIVE");
@@ -285,7 +288,17 @@ Result<void> Database::Lock() {
   return {};
 }
 
+int Database::OnSteps(void* database) {
+  Database& self = *static_cast<Database*>(database);
+  self.steps_ += kStepsBetweenLooks;
+  return self.steps_ > self.steps_max_ ? 1 : 0;
+}
+
 tl::unexpected<Error> Database::FailWith(int code) const {
+  if (code == SQLITE_INTERRUPT) {
+    return Fail(ErrorCode::kCorrupt,
+                "database " + path_ + ": a statement does not end: somebody else wrote to the file");
+  }
   const bool is_full = (code & 0xFF) == SQLITE_IOERR && connection_ != nullptr &&
                        (sqlite3_system_errno(connection_) == ENOSPC || sqlite3_system_errno(connection_) == EDQUOT);
   if (is_full) code = SQLITE_FULL;
@@ -308,6 +321,7 @@ Query Database::Prepare(const std::string& sql) {
 }
 
 Result<void> Database::Execute(const std::string& sql) {
+  steps_ = 0;
   const int code = sqlite3_exec(connection_, sql.c_str(), nullptr, nullptr, nullptr);
   if (code != SQLITE_OK) return FailWith(code);
   return {};

@@ -139,6 +139,11 @@ class Database {
   // kCorrupt where file or log are not those at their paths any more, or the file was cut: removed, moved, replaced or
   // truncated by somebody else while it was open. What was written since reaches nobody. Two calls of stat.
   Result<void> CheckInPlace();
+  // A step of a statement that takes more of SQLite's own is ended with kCorrupt: in a file of ours none does, in one
+  // that somebody else has written to one may never end. kStepsMax takes minutes; reading a whole file takes some fifty
+  // a row.
+  static constexpr std::uint64_t kStepsMax = 10'000'000'000;
+  void SetStepsMax(std::uint64_t steps) { steps_max_ = steps; }  // For tests.
   // Of what the file holds, or will when the log is moved into it: without pages that are free to be written again.
   Result<std::uint64_t> UsedPageBytes();
   // By this object, to file and log (actors/storage/counting_files.h).
@@ -159,6 +164,7 @@ class Database {
   std::uint64_t BytesByHeader() const;  // As long as the file must be, by its first page.
   tl::unexpected<Error> NotInPlace(const char* ending, const std::string& what);
   std::uint64_t FileBytes(const char* ending) const;  // Of the path with this ending; 0 where there is no such file.
+  static int OnSteps(void* database);
   tl::unexpected<Error> FailWith(int code) const;
   Result<void> SetDurability(Durability durability);
 
@@ -172,6 +178,8 @@ class Database {
   std::unique_ptr<CountingFiles> files_;
   sqlite3* connection_ = nullptr;
   Durability durability_ = Durability::kFull;
+  std::uint64_t steps_ = 0;  // Of the present step of a statement.
+  std::uint64_t steps_max_ = kStepsMax;
   std::unordered_map<std::string, Query::Prepared> statements_;
 };
 

@@ -11,6 +11,7 @@
 #include "model/team_member.h"
 #include "model/text.h"
 #include "proto/control.pb.h"
+#include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
@@ -81,6 +82,10 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
   store.door.base = BaseStationOf(options.team);
   store.door.roles = RoleChainOptions(options.team);
   store.door.is_signed = [team = options.team](const proto::RoleAssignment& roles) { return IsSigned(team, roles); };
+  store.door.is_record_signed = [team = options.team](const RecordKey& key, const proto::Record& record) {
+    return IsSigned(team, key, record);
+  };
+  store.sign = options.sign;
   if (options.self == BaseStationOf(options.team)) {
     for (const DataType type : DataTypesOf(options.team)) {
       if (GroundPolicyOf(options.team, type) == proto::POLICY_ALL) store.for_ground.insert(type);
@@ -187,7 +192,7 @@ void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
                               OneLine(ToString(noted.error())));
   }
   if (!noted) Note(context, "a report of epochs", noted.error());
-  Publish(context, store_->TakeRestated());
+  PublishRestated(context);
 }
 
 void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
@@ -207,7 +212,7 @@ void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
     request.mutable_peer_have_request()->set_peer(note.peer());
     Answer(context, std::move(request));
   }
-  Publish(context, store_->TakeRestated());
+  PublishRestated(context);
 }
 
 void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
@@ -247,7 +252,7 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   proto::Message reply;
   *reply.mutable_store_reply() = std::move(stored.reply);
   Answer(context, std::move(reply));
-  Publish(context, store_->TakeRestated());
+  PublishRestated(context);
   Publish(context, stored.stored);
 }
 
@@ -291,7 +296,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));
-  Publish(context, store_->TakeRestated());
+  PublishRestated(context);
 }
 
 void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
@@ -560,6 +565,15 @@ bool StorageActor::MoveScrubOn(const proto::VerifyReply& reply) {
                        : done == proto::VERIFY_PART_HELD ? proto::VERIFY_PART_FILE
                                                          : proto::VERIFY_PART_ROWS);
   return done == proto::VERIFY_PART_FILE;
+}
+
+void StorageActor::PublishRestated(Context& context) {
+  const proto::RecordsStored restated = store_->TakeRestated();
+  if (restated.last_row_id() == 0) return;
+  restated_log_.Info(
+      "storage: a peer knows a later epoch of this agent's, of a disk that was lost or put back: newest " +
+      std::string("states are stored once more"));
+  Publish(context, restated);
 }
 
 bool StorageActor::IsClockSuspect(Context& context) {

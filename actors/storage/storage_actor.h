@@ -52,6 +52,8 @@ class StorageActor final : public Actor {
     // When the process began to end in order, UTC; none: it does not end, or not in order. Asked as the actor ends,
     // which then writes it down as the store's last event.
     std::function<std::optional<std::int64_t>()> stopped_at_ns;
+    // As RecordStore::Options.
+    std::function<std::string(const RecordKey&, const proto::Record&)> sign;
     bool is_checked = false;  // As RecordStore::Options: the actor's restarts take no longer for a large file.
   };
 
@@ -100,6 +102,7 @@ class StorageActor final : public Actor {
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);
   void Publish(Context& context, const proto::RecordsStored& stored);
+  void PublishRestated(Context& context);
   // Whether what is inserted now must be marked.
   bool IsClockSuspect(Context& context);
 
@@ -113,6 +116,7 @@ class StorageActor final : public Actor {
   RateLimitedLog failed_log_;
   RateLimitedLog trouble_log_;
   RateLimitedLog reply_log_;
+  RateLimitedLog restated_log_;
 };
 
 }  // namespace moondb

@@ -113,8 +113,10 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom&
     case proto::REFUSAL_CAUSE_ORIGIN:
       return "refused " + count + " records" + of + " that " + sender + " brought, which never led nor survived";
     case proto::REFUSAL_CAUSE_OWN_EPOCH:
-      return sender + " tells of records of this agent that its disk never had: the disk is older than it was, or " +
-             sender + " is wrong";
+      return sender +
+             " tells of records of this agent that its disk never had: the disk is older than it was, and 'moonctl "
+             "sync " +
+             "now' brings them home, or " + sender + " is wrong";
     case proto::REFUSAL_CAUSE_STREAMS:
       return "refused " + count + " records" + of + " that " + sender + " brought, which has used up its streams";
     case proto::REFUSAL_CAUSE_ROLES:

@@ -19,6 +19,7 @@
 #include "model/team_member.h"
 #include "runtime/actor_system.h"
 #include "runtime/team/client_list.h"
+#include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_keys.h"
 #include "runtime/transport/zeromq_transport.h"
@@ -153,6 +154,9 @@ class Agent::Impl {
     if (signing_key_) {
       options.role.sign = [this](const proto::RoleAssignment& roles) {
         return signing_key_->Sign(SignedBytes(team_.config, roles));
+      };
+      options.storage.sign = [this](const RecordKey& key, const proto::Record& record) {
+        return signing_key_->Sign(SignedBytes(team_.config, key, record));
       };
     }
     options.event.version = options_.version;

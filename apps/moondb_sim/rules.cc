@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "actors/storage/peer_door.h"
 #include "apps/moondb_sim/prune_watch.h"
 
 namespace moondb::simulation {
@@ -58,6 +59,14 @@ Records WithoutPruned(const Records& records, const HaveSet& have) {
 IntervalSet HeldOf(const StreamHave& stream) { return stream.held; }
 IntervalSet HadOf(const StreamHave& stream) { return stream.Had(); }
 
+// As its robot gave it.
+std::string WithoutSignature(const RecordKey& key, const std::string& content) {
+  proto::Record record;
+  if (key.stream.type != proto::MAP_QUARANTINE || !record.ParseFromString(content)) return content;
+  record.mutable_map_quarantine()->clear_signature();
+  return record.SerializeAsString();
+}
+
 }  // namespace
 
 HaveSet Rules::WithoutLiars(const HaveSet& have) const {
@@ -68,8 +77,9 @@ HaveSet Rules::WithoutLiars(const HaveSet& have) const {
   return left;
 }
 
-void Rules::SeeRecord(const RecordKey& key, const std::string& content, AgentId where) {
+void Rules::SeeRecord(const RecordKey& key, const std::string& stored, AgentId where) {
   if (liar_ != 0 && (where == liar_ || key.stream.origin == liar_)) return;
+  const std::string content = WithoutSignature(key, stored);
   const std::uint64_t hash = ContentHash(content);
   const auto [known, is_new] = content_of_.emplace(key, hash);
   if (known->second != hash) {
@@ -117,7 +127,10 @@ void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_
   // An agent leaves out its own role where it cannot store it, and its lead until it has a term of its own.
   const bool is_whole = roles.leader() != 0 && (is_durable || roles.survivor() != 0);
   const std::string term = roles.term().SerializeAsString();
-  if (is_whole) assignment_of_.emplace(term, std::pair(roles.leader(), roles.survivor()));
+  if (is_whole) {
+    assignment_of_.emplace(term, std::pair(roles.leader(), roles.survivor()));
+    had_role_.insert({roles.leader(), roles.survivor()});
+  }
   const auto assignment = assignment_of_.find(term);
   if (assignment == assignment_of_.end()) return;
   const auto [leader, survivor] = assignment->second;
@@ -203,11 +216,19 @@ void Rules::ForgetWhatIsLost() {
   HaveSet kept;
   for (const auto& [key, stream] : inserted_.streams()) {
     IntervalSet somewhere;
-    for (const auto& [agent, held] : held_) somewhere.Add(held.Get(key).Had());
+    for (const auto& [agent, held] : held_) {
+      if (CanBring(agent, key)) somewhere.Add(held.Get(key).Had());
+    }
     const IntervalSet left = stream.held.Minus(stream.held.Minus(somewhere));
     if (!left.is_empty()) kept[key].held = left;
   }
   inserted_ = std::move(kept);
+}
+
+// Others take it from there.
+bool Rules::CanBring(AgentId agent, const StreamKey& stream) const {
+  return !has_keys_ || agent == stream.origin || agent == base_ || had_role_.contains(agent) ||
+         PeerDoor::IsSignedType(stream.type);
 }
 
 bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {

@@ -71,8 +71,14 @@ class Rules {
   using PoseVersion = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;  // Term, run.
 
   using Report = std::function<void(const std::string& rule, std::string text)>;
-  // `liar`: an agent whose word, and whose records, prove nothing; 0: the team has none.
-  explicit Rules(Report report, AgentId liar = 0) : report_(std::move(report)), liar_(liar) {}
+  struct Team {
+    AgentId liar = 0;       // Whose word, and whose records, prove nothing; 0: there is none.
+    AgentId base = 0;       // The base station; 0: there is none.
+    bool has_keys = false;  // Not everybody's word of others' records is taken (actors/storage/peer_door.h).
+  };
+  explicit Rules(Report report) : Rules(std::move(report), Team()) {}
+  Rules(Report report, const Team& team)
+      : report_(std::move(report)), liar_(team.liar), base_(team.base), has_keys_(team.has_keys) {}
 
   // A record was seen: on its way to a store, or read.
   void SeeRecord(const RecordKey& key, const std::string& content, AgentId where);
@@ -115,6 +121,7 @@ class Rules {
   void CheckLeads(AgentId agent, const proto::OptimizedPose& pose) const;
   void CheckAsInserted(const RecordKey& key) const;
   void ForgetWhatIsLost();
+  bool CanBring(AgentId agent, const StreamKey& stream) const;
   // Both are of the same `latest` key, or one record.
   bool Replaces(const RecordKey& newer, const RecordKey& older) const;
   void CheckHeld(AgentId agent, const HaveSet& have) const;
@@ -129,9 +136,12 @@ class Rules {
 
   const Report report_;
   const AgentId liar_;
+  const AgentId base_;
+  const bool has_keys_;
   std::map<RecordKey, std::uint64_t> content_of_;                             // Hashes.
   std::map<RecordKey, std::pair<std::uint64_t, std::uint64_t>> inserted_as_;  // Likewise: as it was, and marked.
   std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;          // Leader and survivor, by term.
+  std::set<AgentId> had_role_;                                                // In any of these.
   std::map<AgentId, proto::RoleAssignment> roles_of_;                         // Durable.
   std::map<AgentId, proto::RoleAssignment> unstored_roles_of_;
   StateWatch states_;

@@ -29,6 +29,7 @@
 #include "apps/moondb_sim/simulated_world.h"
 #include "model/check.h"
 #include "model/term.h"
+#include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 
@@ -138,6 +139,9 @@ class Mission {
     if (HasSigningKeys(world_.config)) {
       options.role.sign = [this, key = SigningKeyOf(agent)](const proto::RoleAssignment& roles) {
         return key.Sign(SignedBytes(world_.config, roles));
+      };
+      options.storage.sign = [this, key = SigningKeyOf(agent)](const RecordKey& name, const proto::Record& record) {
+        return key.Sign(SignedBytes(world_.config, name, record));
       };
     }
     for (const StandardActor& actor : StandardActors(world_.config, agent, kConfigHash, std::move(options))) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "apps/moondb_sim/simulated_config.h"
+#include "runtime/team/role_signature.h"
 
 namespace moondb::simulation {
 namespace {
@@ -22,7 +23,8 @@ SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
       byzantine(sim_options.Byzantine()),
       rng(sim_options.seed),
       disk(sim_options.seed),
-      rules([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); }, byzantine),
+      rules([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); },
+            {.liar = byzantine, .base = base, .has_keys = HasSigningKeys(config)}),
       team(sim_options.seed) {}
 
 std::string SimulatedWorld::Prefix(AgentId agent) { return "agent" + std::to_string(agent) + "/"; }

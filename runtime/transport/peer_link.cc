@@ -253,7 +253,7 @@ void PeerLink::Work(MonotonicTime now, const Transport::PeerChanged& peer_change
     changes.swap(changes_);
   }
   for (const bool is_connected : changes) {
-    spdlog::info("transport: {} is {}", options_.name, is_connected ? "connected" : "lost");
+    change_log_.Info("transport: " + options_.name + " is " + (is_connected ? "connected" : "lost"));
     peer_changed(options_.connection.peer, is_connected);
   }
 }

@@ -37,6 +37,9 @@ namespace moondb {
 
 class PeerLink {
  public:
+  // Of a link that comes and goes so many changes are logged at once, then one in a while.
+  static constexpr int kLoggedChangesAtOnce = 20;
+
   struct Options {
     std::string name;
     PeerConnection::Options connection;
@@ -126,6 +129,7 @@ class PeerLink {
   WakeUp& wake_up_;
   const Options options_;
   RateLimitedLog log_;
+  RateLimitedLog change_log_{kLoggedChangesAtOnce};
 
   mutable std::mutex mutex_;
   PeerConnection connection_;

@@ -192,7 +192,9 @@ TEST_F(ProcessTest, DamageAndAnEndWithoutStoppingAreNewsUntilTheyAreAcknowledged
   EXPECT_THAT(Moonctl({"health", "-a", "rover2"}).out, Not(HasSubstr("ended without stopping")));
   EXPECT_THAT(Moonctl({"health", "-a", "rover3"}).out, HasSubstr("set aside")) << "rover2's alone were";
   EXPECT_THAT(MoonctlExpecting(0, {"health", "acknowledge"}), HasSubstr("set aside"));
-  ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; }));
+  EXPECT_THAT(Moonctl({"health", "-a", "rover3"}).out, HasSubstr("records of this agent that its disk never had"));
+  MoonctlExpecting(0, {"sync", "now", "--wait"});
+  ASSERT_TRUE(Until([this] { return Moonctl({"health"}).exit_code == 0; })) << Moonctl({"health"}).out;
   // The acknowledgment outlives the agent, and the log keeps what was acknowledged.
   MoonctlExpecting(0, {"down", "-a", "rover3"});
   MoonctlExpecting(0, {"up"});

@@ -136,7 +136,7 @@ def absurd_bodies():
         layer.resolution_um, layer.center_x_m = resolution, centre
         yield body
     body = messages.map_at(ROVER3, 1)
-    body.local_traversability_map.layers.extend(body.local_traversability_map.layers[:1] * 1000)
+    body.local_traversability_map.layers.extend(body.local_traversability_map.layers[:1] * 500)
     yield body
     for stamp in (-messages.SEQ_MAX, messages.SEQ_MAX):
         body = messages.temperature(nan)

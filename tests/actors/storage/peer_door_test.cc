@@ -21,6 +21,10 @@ RecordStore::Options OptionsWithKeys(AgentId self = 1) {
   options.door.roles.initial.set_survivor(2);
   options.door.roles.may_command = [](AgentId agent) { return agent == 9; };
   options.door.is_signed = [](const proto::RoleAssignment& roles) { return roles.signature().starts_with("signed"); };
+  options.door.is_record_signed = [](const RecordKey& key, const proto::Record& record) {
+    return record.map_quarantine().signature() == "signed " + ToString(key);
+  };
+  options.sign = [](const RecordKey& key, const proto::Record&) { return "signed " + ToString(key); };
   return options;
 }
 
@@ -210,8 +214,67 @@ TEST(PeerDoorTest, SaysWhereAPeerHasMoreOfThisAgentThanItsDiskEverHad) {
   ASSERT_TRUE(store->GetMissing(request));
   EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
   InsertOne(*store, NodeRecord(1, 2));
-  ASSERT_TRUE(store->GetMissing(request));
   EXPECT_TRUE(RefusedBy(*store).empty()) << "this disk has it by now";
+}
+
+TEST(PeerDoorTest, SaysSoUntilWhatAPeerNamedHasComeHome) {
+  auto store = OpenStore(OptionsWithKeys());
+  proto::EpochReport report;
+  report.add_epochs(7);
+  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
+  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1) << "known by now, and still not here";
+  EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 1, 7)}).stored_count(), 1u);
+  EXPECT_TRUE(RefusedBy(*store).empty());
+}
+
+proto::Record QuarantineRecord() {
+  proto::Record record;
+  record.mutable_map_quarantine()->set_agent_id(2);
+  record.mutable_map_quarantine()->set_to_ns(9);
+  return record;
+}
+
+TEST(PeerDoorTest, TakesAQuarantineFromAnybodyIfItsOriginSignedIt) {
+  auto store = OpenStore(OptionsWithKeys());
+  const RecordKey key{{2, 7, proto::MAP_QUARANTINE}, 1};
+  proto::Record record = QuarantineRecord();
+  EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, record)}).stored_count(), 0u);
+  record.mutable_map_quarantine()->set_signature("signed " + ToString(key));
+  RecordKey next = key;
+  ++next.seq;
+  EXPECT_EQ(StoreFrom(*store, 3, {Packed(next, record)}).stored_count(), 0u) << "it is another record's";
+  EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_ORIGIN}]), 2);
+  EXPECT_EQ(StoreFrom(*store, 3, {Packed(key, record)}).stored_count(), 1u);
+}
+
+TEST(PeerDoorTest, SignsItsOwnQuarantinesAndOffersThoseOfOthers) {
+  RecordStore::Options options = OptionsWithKeys(3);
+  options.policies[proto::MAP_QUARANTINE] = proto::POLICY_ALL;
+  auto store = OpenStore(options);
+  proto::InsertRequest forged;
+  *forged.add_records() = QuarantineRecord();
+  forged.mutable_records(0)->mutable_map_quarantine()->set_signature("signed");
+  EXPECT_EQ(store->Insert(forged).reply.error().field(), "records[0].map_quarantine.signature");
+  const RecordKey own = FromProto(InsertOne(*store, QuarantineRecord()));
+  const RecordKey others{{2, 7, proto::MAP_QUARANTINE}, 1};
+  proto::Record record = QuarantineRecord();
+  record.mutable_map_quarantine()->set_signature("signed " + ToString(others));
+  EXPECT_EQ(StoreFrom(*store, 2, {Packed(others, record), Node(2, 1)}).stored_count(), 2u);
+
+  proto::MissingRequest request;
+  request.set_destination(1);
+  const auto missing = store->GetMissing(request);
+  ASSERT_TRUE(missing);
+  ASSERT_EQ(missing->records_size(), 2) << "a plain rover brings no nodes of another's";
+  for (const proto::StoredRecord& offered : missing->records()) {
+    const RecordKey key = FromProto(offered.key());
+    EXPECT_TRUE(key == own || key == others) << ToString(key);
+    proto::Record content;
+    ASSERT_TRUE(content.ParseFromString(offered.content()));
+    EXPECT_EQ(content.map_quarantine().signature(), "signed " + ToString(key));
+  }
 }
 
 // A ledger of so many streams of each origin.

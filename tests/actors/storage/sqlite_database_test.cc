@@ -1,5 +1,6 @@
 #include "actors/storage/sqlite_database.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -53,6 +54,19 @@ TEST(SqliteDatabaseTest, SaysThatAFileIsNoDatabase) {
   const auto database = Database::Open(folder.File("a.db"));
   ASSERT_FALSE(database);
   EXPECT_EQ(database.error().code, ErrorCode::kCorrupt);
+}
+
+TEST(SqliteDatabaseTest, EndsAStatementThatNeverWould) {
+  auto database = Database::Open(":memory:").value();
+  ASSERT_TRUE(
+      database->Execute("CREATE VIEW record AS WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) "
+                        "SELECT x FROM c"));
+  database->SetStepsMax(1'000'000);
+  const Result<std::int64_t> counted = database->Number("SELECT count(*) FROM record");
+  ASSERT_FALSE(counted);
+  EXPECT_EQ(counted.error().code, ErrorCode::kCorrupt);
+  EXPECT_THAT(counted.error().text, testing::HasSubstr("does not end"));
+  EXPECT_EQ(database->Number("SELECT 7").value(), 7) << "each step has its own";
 }
 
 TEST(SqliteDatabaseTest, SetsDamagedFilesAsideUpToALimit) {

@@ -51,6 +51,18 @@ std::vector<Strike> ChooseStrikes(const Kinds& kinds, bool kills_agent) {
   return strikes;
 }
 
+// With the link of a rover cut in the middle of an order, and then the leader lost: early, half-way and at the end.
+class LossesTest : public testing::TestWithParam<int> {};
+
+TEST_P(LossesTest, ASurvivorSolvesAndMergesAllThatItAcknowledged) {
+  const MissionReport report = RunLosses(kSeed, GetParam());
+  for (const std::string& fault : report.faults) ADD_FAILURE() << fault;
+  std::cout << report.kept_count << " records of others\n";
+  EXPECT_GT(report.kept_count, 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Batches, LossesTest, testing::Values(2, 4, 8, 16, 100));
+
 TEST(MissionTest, EndsWellWithoutFaults) {
   const MissionReport report = RunMission(kSeed, {});
   for (const std::string& fault : report.faults) ADD_FAILURE() << fault;

@@ -116,10 +116,33 @@ class Mission {
     team_.SetFault([this](const Address& actor, const proto::Message& message) { return OnHandle(actor, message); });
     team_.SetFilter([this](AgentId from, AgentId, const proto::Message& message) {
       if (message.has_have()) claimed_[from].Merge(*FromProto(message.have().have()));
+      batches_[from] += message.has_batch() ? 1 : 0;
+      answers_[from] += message.has_have() ? 1 : 0;
       return true;
     });
     for (AgentId agent = 1; agent <= kAgents; ++agent) team_.AddAgent(agent);
     for (AgentId agent = 1; agent <= kAgents; ++agent) SpawnActors(agent);
+  }
+
+  MissionReport RunLosses(int batches) {
+    Advance(seconds(1));
+    for (AgentId rover = 1; rover <= 3; ++rover) InsertDrive(rover, 0, kNodesOfARover);
+    Share(proto::SHARING_KIND_SYNC);
+    (void)RunUntil([&] { return batches_[3] >= batches; }, seconds(10));
+    for (AgentId other = 1; other <= kAgents; ++other) {
+      if (other != 3) team_.SetLink(3, other, false);
+    }
+    Advance(seconds(2));
+    answers_[2] = 0;
+    Share(proto::SHARING_KIND_REPLICATION);
+    (void)RunUntil([&] { return answers_[2] >= batches; }, seconds(10));
+    team_.Crash(1);
+    for (AgentId other = 2; other <= kAgents; ++other) team_.SetLink(1, other, false);
+    is_quiet_ = true;
+    Advance(seconds(5));
+    TakeTheLead(2);
+    CheckKept(2);
+    return std::move(report_);
   }
 
   MissionReport Run() {
@@ -433,7 +456,44 @@ class Mission {
     }
   }
 
+  void TakeTheLead(AgentId agent) {
+    proto::ControlRequest request;
+    request.mutable_role_set()->set_leader(agent);
+    request.mutable_role_set()->set_survivor(1);  // Perhaps it comes back.
+    (void)Ask(agent, request);
+    Advance(seconds(5));
+    if (RolesAt(agent).leader() != agent) Complain("the survivor does not lead");
+  }
+
   // --- What must hold ---
+
+  // What `agent` ever said that it has is there, is solved and is merged.
+  void CheckKept(AgentId agent) {
+    const HaveSet have = HaveOf(agent);
+    for (const auto& [stream, claimed] : claimed_[agent].streams()) {
+      if (!claimed.Had().Minus(have.Get(stream).Had()).is_empty()) Complain("the survivor lacks what it acknowledged");
+    }
+    double nodes = 0;
+    double maps = 0;
+    for (const auto& [key, content] : ReadAll(agent)) {
+      nodes += key.stream.type == proto::POSE_GRAPH_NODE ? 1 : 0;
+      maps += key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP ? 1 : 0;
+      report_.kept_count +=
+          key.stream.origin != agent && claimed_[agent].Get(key.stream).held.Contains(key.seq) ? 1 : 0;
+    }
+    proto::ControlRequest request;
+    request.mutable_optimize();
+    const auto solved = Ask(agent, request);
+    if (!solved || solved->optimize().node_count() != nodes + 1) {  // And the base station.
+      Complain("of " + std::to_string(nodes) + " nodes are solved: " + (solved ? solved->ShortDebugString() : "none"));
+    }
+    request.mutable_merge();
+    const auto merged = Ask(agent, request);
+    if (!merged || merged->merge().map_count() + merged->merge().waiting_map_count() != maps) {
+      Complain("of " + std::to_string(maps) +
+               " maps are merged: " + (merged ? std::to_string(merged->merge().map_count()) : "none"));
+    }
+  }
 
   void Settle() {
     Advance(seconds(20));
@@ -609,6 +669,8 @@ class Mission {
   std::uint64_t call_count_ = 0;
   Records acknowledged_;                // To robots.
   std::map<AgentId, HaveSet> claimed_;  // By all have-sets that each agent ever sent.
+  std::map<AgentId, int> batches_;      // That each sent.
+  std::map<AgentId, int> answers_;      // Have-sets that each sent.
   SimulatedTeam team_;
   const MonotonicTime start_ = team_.now();
 };
@@ -618,6 +680,8 @@ class Mission {
 MissionReport RunMission(std::uint64_t seed, const std::vector<Strike>& strikes) {
   return Mission(seed, strikes).Run();
 }
+
+MissionReport RunLosses(std::uint64_t seed, int batches) { return Mission(seed, {}).RunLosses(batches); }
 
 std::string ToString(const Strike& strike) {
   static const std::map<Fault, std::string> kNames = {{Fault::kNone, "nothing"},

@@ -24,10 +24,16 @@ struct MissionReport {
   std::vector<std::string> handled;  // Each message before it was quiet: "storage insert_request".
   std::vector<std::string> struck;   // Who, at which message, when.
   std::vector<std::string> faults;   // What does not hold; empty: all is well.
+  std::size_t kept_count = 0;        // Of RunLosses: records of others that the survivor has.
 };
 
 // Runs it to the end, in a folder of its own. Equal arguments give equal runs.
 MissionReport RunMission(std::uint64_t seed, const std::vector<Strike>& strikes);
+
+// One mission more: rover 3's link is cut for good as its `batches`-th batch is on its way to the leader, which
+// collects; and the leader is lost for good once the survivor has answered as many of what is replicated. The survivor
+// takes the lead, solves and merges; what it had acknowledged must be there, and be used.
+MissionReport RunLosses(std::uint64_t seed, int batches);
 
 std::string ToString(const Strike& strike);
 

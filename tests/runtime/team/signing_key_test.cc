@@ -7,6 +7,7 @@
 
 #include "model/term.h"
 #include "runtime/team/key_fingerprint.h"
+#include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 #include "tests/temporary_folder.h"
@@ -129,6 +130,38 @@ TEST_F(RoleSignatureTest, IsAskedForWhereEveryAgentHasAKey) {
   team_.mutable_agents(1)->set_signing_key(KeyOf(2).public_key());
   team_.set_insecure(true);
   EXPECT_FALSE(HasSigningKeys(team_));
+}
+
+TEST(RecordSignatureTest, IsOfOneRecordUnderOneKeyInOneTeam) {
+  proto::TeamConfig team;
+  team.set_team_id(std::string(16, 't'));
+  for (AgentId id = 1; id <= 2; ++id) {
+    proto::AgentConfig& agent = *team.add_agents();
+    agent.set_id(id);
+    agent.set_signing_key(KeyOf(static_cast<std::uint8_t>(id)).public_key());
+  }
+  const RecordKey key{{1, 7, proto::MAP_QUARANTINE}, 3};
+  proto::Record record;
+  record.set_stamp_ns(5);
+  record.mutable_map_quarantine()->set_agent_id(2);
+  EXPECT_FALSE(IsSigned(team, key, record));
+  record.mutable_map_quarantine()->set_signature(KeyOf(1).Sign(SignedBytes(team, key, record)));
+  EXPECT_TRUE(IsSigned(team, key, record));
+
+  proto::Record changed = record;
+  changed.set_stamp_ns(6);
+  EXPECT_FALSE(IsSigned(team, key, changed));
+  for (const RecordKey& other :
+       {RecordKey{{2, 7, proto::MAP_QUARANTINE}, 3}, RecordKey{{1, 8, proto::MAP_QUARANTINE}, 3},
+        RecordKey{{1, 7, proto::MAP_QUARANTINE}, 4}, RecordKey{{3, 7, proto::MAP_QUARANTINE}, 3}}) {
+    EXPECT_FALSE(IsSigned(team, other, record)) << ToString(other);
+  }
+  proto::TeamConfig another = team;
+  another.set_team_id(std::string(16, 'u'));
+  EXPECT_FALSE(IsSigned(another, key, record));
+  proto::Record node;
+  node.mutable_pose_graph_node();
+  EXPECT_FALSE(IsSigned(team, key, node));
 }
 
 }  // namespace
