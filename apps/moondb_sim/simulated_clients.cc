@@ -329,10 +329,6 @@ void SimulatedClients::CheckSolved(AgentId leader, const proto::OptimizeReply& r
   world_.Violate("answer_true", "agent " + std::to_string(leader) + " optimizes " +
                                     std::to_string(reply.updated_pose_count()) + " poses and stores " +
                                     std::to_string(newest_count));
-  for (const auto& [name, count] : counts)
-    fprintf(stderr, "DEBUG reign/number %llx run %llu: %g\n", (unsigned long long)std::get<0>(name.first),
-            (unsigned long long)name.second, count);
-  fprintf(stderr, "DEBUG %s\n", reply.ShortDebugString().c_str());
 }
 
 // --- Maps ---

@@ -231,7 +231,10 @@ class Session:
     def bring(self, records=(), dropped=(), **fields):
         """Sends a batch and waits for its acknowledgment, a have-set of the touched streams."""
         self.member.send_frame(self.agent, frame_of(self.batch(records, dropped, **fields)))
-        number = self.batch_number
+        return self.wait_for(self.batch_number)
+
+    def wait_for(self, number):
+        """The have-set by which the agent acknowledges the batch of that number."""
         return self._answer(lambda have: have.batch_number == number).have.have
 
     def last_of(self, origin, name):

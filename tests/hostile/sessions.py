@@ -43,8 +43,9 @@ def replayed_session(team, scale):
         epoch, last = old.last_of(ROVER3, "POSE_GRAPH_NODE")
         frames = [frame_of(member.message("rover1", "sync", hello=old.hello())),
                   *(frame_of(old.batch([one])) for one in nodes(1, 20))]
-        for frame in frames[1:]:
+        for number, frame in enumerate(frames[1:], 1):
             member.send_frame("rover1", frame)
+            old.wait_for(number)
         for i in range(int(40 * scale)):
             new = member.session("rover1")
             for frame in frames * 3:

@@ -141,7 +141,7 @@ class Team:
     def insert_node(self, agent):
         """One that the agent never had; its record key."""
         self.last_node += 1
-        return self.insert(agent, [messages.node(NAMES.index(agent) + 1, self.last_node, x=self.last_node)])[0]
+        return self.insert(agent, [messages.node(NAMES.index(agent) + 1, self.last_node, x=self.last_node % 50)])[0]
 
     def share(self, limit_s=STEP_LIMIT_S):
         """What rover2 inserts now comes to the leader, and what the leader inserts to the survivor, or Failure. How long
