@@ -129,6 +129,7 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   pending.client_name = message.client_name();
   pending.request = request.request_case();
   pending.client_request_id = message.request_id();
+  if (!is_for_self) pending.relayed_to = static_cast<AgentId>(request.for_agent());
   if (auto room = CheckRoom(pending, is_feed); !room) {
     return Answer(context, client, message.request_id(), ErrorReply(room.error()));
   }
@@ -165,18 +166,24 @@ Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const
   std::size_t feeds = 0;
   std::size_t own = 0;
   std::size_t own_feeds = 0;
+  std::size_t own_relays = 0;
   for (const auto& [id, other] : pending_) {
     const bool is_own =
         other.client_name == pending.client_name && (!pending.client_name.empty() || other.client == pending.client);
     feeds += other.feed ? 1 : 0;
     own += is_own ? 1 : 0;
     own_feeds += is_own && other.feed ? 1 : 0;
+    own_relays += is_own && pending.relayed_to != 0 && other.relayed_to == pending.relayed_to ? 1 : 0;
   }
   if (pending_.size() >= options_.pending_max) {
     return Fail(ErrorCode::kFull, "too many requests wait for an answer at this agent; try again later");
   }
   if (own >= options_.pending_of_client_max) {
     return Fail(ErrorCode::kFull, "too many requests of this client wait for an answer; try again later");
+  }
+  if (own_relays >= options_.relays_of_client_max) {
+    return Fail(ErrorCode::kFull, "too many requests of this client wait for an answer of " +
+                                      AgentName(options_.team, pending.relayed_to) + "; try again later");
   }
   if (is_feed && feeds >= options_.feeds_max) {
     return Fail(ErrorCode::kFull, "too many reads wait for something to be stored; try again later");
@@ -227,7 +234,6 @@ Result<void> GatewayActor::Forward(Context& context, proto::ControlRequest reque
 }
 
 Result<void> GatewayActor::Relay(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending) {
-  pending.relayed_to = static_cast<AgentId>(request.for_agent());
   request.set_team_id(TeamIdBytes(options_.team.team_id()));
   proto::Message message = MessageOf(request);
   message.set_request_id(id);

@@ -62,8 +62,10 @@ class GatewayActor final : public Actor {
     std::set<std::string> own_actors;            // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     std::size_t pending_of_client_max = 64;  // So many of one key, connection or other agent.
-    std::size_t feeds_max = 32;              // Of pending_max, reads that wait for something to be stored.
-    std::size_t feeds_of_client_max = 8;     // The part of feeds_max that one key, connection or agent may use.
+    // Of these, so many to one other agent: its answers cross the radio, and others' have to find room there.
+    std::size_t relays_of_client_max = 8;
+    std::size_t feeds_max = 32;           // Of pending_max, reads that wait for something to be stored.
+    std::size_t feeds_of_client_max = 8;  // The part of feeds_max that one key, connection or agent may use.
     // Of a request or answer over the radio: two seconds of it. A message between agents holds it and its envelope.
     std::size_t relay_bytes_max = kPeerMessageBytesMax - 1024;
     CommandLog::Options log = {};

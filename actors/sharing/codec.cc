@@ -84,7 +84,7 @@ Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view code
 
 Result<proto::RecordBatch> DecodeBatch(proto::Codec codec, std::string_view coded, std::uint32_t record_count,
                                        BatchDecoder& run) {
-  if (coded.size() > kCodedBytesMax) return Fail(ErrorCode::kCorrupt, "is larger than 32 MiB", "coded");
+  if (coded.size() > kCodedBytesMax) return Fail(ErrorCode::kCorrupt, "is larger than 18 MiB", "coded");
   if (record_count > kBatchRecordsMax) return Fail(ErrorCode::kCorrupt, "is above 4096", "record_count");
   if (codec == proto::CODEC_PLAIN) return Parse(coded, record_count);
   if (codec == proto::CODEC_COMPACT) return run.Decode(coded, record_count);

@@ -24,7 +24,8 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kDecodedBytesMax = 32 * 1024 * 1024;  // Twice the largest record.
+// Of the largest record, or page of a bundle (actors/storage/missing_records.h), and what their parts take beside it.
+inline constexpr std::size_t kDecodedBytesMax = 18 * 1024 * 1024;
 inline constexpr std::size_t kCodedBytesMax = kDecodedBytesMax;
 inline constexpr std::uint32_t kBatchRecordsMax = 4096;
 

@@ -1,4 +1,4 @@
-// DecodeBudget: what one sender's batches may become when they are decoded. A few hundred bytes can state 32 MiB; who
+// DecodeBudget: what one sender's batches may become when they are decoded. A few hundred bytes can state 18 MiB; who
 // sends such ones again and again would take the processor from all others.
 //
 // kAtOnceBytes at once, which come back within a minute, and kBytesPerCodedByte for each byte that is sent: honest

@@ -219,7 +219,7 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
       return Refuse(sender, incoming.session_id, Error{ErrorCode::kUnavailable, reply.error().text(), ""});
     }
     counts_.received_records += reply.stored_count();
-    counts_.rejected_records += reply.rejected_count();
+    counts_.rejected_records += reply.rejected_count() - reply.untrusted_count();
     *action.message.mutable_have()->mutable_have() = reply.had();
     Grant(incoming, *action.message.mutable_have());
     return {std::move(action)};

@@ -59,7 +59,7 @@ class SharingReceiver {
 
   struct Counts {
     double received_records = 0;  // Stored as new rows.
-    double rejected_records = 0;  // Refused by storage.
+    double rejected_records = 0;  // Refused by storage, but for what the sender may not bring.
     double damaged_messages = 0;
     double dropped_messages = 0;  // Too much waits for storage, or the sender's batches become too much when decoded.
     double refused_hellos = 0;
@@ -117,7 +117,7 @@ class SharingReceiver {
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
   std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender, whatever its sessions.
-  PieceCollector pieces_{kCodedBytesMax};
+  PieceCollector pieces_{2 * kWholeBytesMax};
   RunDecoders runs_;
   Time now_{};  // Of what was heard last.
   std::size_t moving_elsewhere_ = 0;

@@ -121,6 +121,8 @@ void PeerDoor::Describe(const HaveSet& have, proto::AgentStatus& status) const {
     shown.set_count(static_cast<double>(count));
   }
   for (const auto& [key, count] : refused_) {
+    // It came before the assignment by which the sender has had a role: no lie, and it comes again.
+    if (std::get<1>(key) == Cause::kOrigin && IsBelieved(std::get<0>(key))) continue;
     proto::RefusedFrom& refused = *status.add_refused();
     refused.set_agent_id(std::get<0>(key));
     refused.set_cause(ToProto(std::get<1>(key)));

@@ -594,6 +594,7 @@ Result<void> RecordStore::InsertSigned(const RecordKey& key, const proto::Record
 void RecordStore::Reject(Error error, Stored& result) {
   ++rejected_count_;
   result.reply.set_rejected_count(result.reply.rejected_count() + 1);
+  if (error.code == ErrorCode::kRefused) result.reply.set_untrusted_count(result.reply.untrusted_count() + 1);
   if (result.rejections.size() < kRejectionsKept) result.rejections.push_back(std::move(error));
 }
 

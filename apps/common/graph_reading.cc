@@ -1,21 +1,40 @@
 #include "apps/common/graph_reading.h"
 
-namespace moondb {
+#include <initializer_list>
 
-Result<KnownGraph> ReadGraphOf(Client& client) {
+#include "model/derived_records.h"
+#include "runtime/team/role_signature.h"
+
+namespace moondb {
+namespace {
+
+proto::ReadRequest RequestOf(std::initializer_list<DataType> types) {
   proto::ReadRequest request;
-  for (const auto type : {proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::EDGE_VERDICT}) {
-    request.add_data_types(type);
-  }
+  for (const DataType type : types) request.add_data_types(type);
   request.set_records_max(1024);
+  return request;
+}
+
+}  // namespace
+
+Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team) {
+  DerivedRecords derived(RoleChainOptions(team));
+  const auto take = [&derived](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
+    (void)derived.Counts(FromProto(stored.key()), record);
+    return {};
+  };
+  // Which poses count is known once all assignments are.
+  if (auto read = client.ReadAll(RequestOf({proto::ROLE_ASSIGNMENT}), take); !read) return tl::unexpected(read.error());
   KnownGraph graph;
-  const auto read =
-      client.ReadAll(request, [&graph](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
-        auto added = graph.Add(FromProto(stored.key()), record);
-        if (!added) return Fail(ErrorCode::kCorrupt, added.error().text, added.error().field);
-        return {};
-      });
-  if (!read) return tl::unexpected(read.error());
+  const auto add = [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
+    if (!derived.Counts(FromProto(stored.key()), record)) return {};
+    auto added = graph.Add(FromProto(stored.key()), record);
+    if (!added) return Fail(ErrorCode::kCorrupt, added.error().text, added.error().field);
+    return {};
+  };
+  const auto request =
+      RequestOf({proto::POSE_GRAPH_NODE, proto::POSE_GRAPH_EDGE, proto::OPTIMIZED_POSE, proto::EDGE_VERDICT});
+  if (auto read = client.ReadAll(request, add); !read) return tl::unexpected(read.error());
   return graph;
 }
 

@@ -3,10 +3,12 @@
 
 #include "actors/pgo/known_graph.h"
 #include "client/client.h"
+#include "proto/team.pb.h"
 
 namespace moondb {
 
-// The errors of Client::ReadAll, and kCorrupt for a record that does not hold what its type says.
-Result<KnownGraph> ReadGraphOf(Client& client);
+// Without poses and verdicts of who never led, as the agents themselves leave them out (model/derived_records.h). The
+// errors of Client::ReadAll, and kCorrupt for a record that does not hold what its type says.
+Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team);
 
 }  // namespace moondb

@@ -8,6 +8,7 @@
 #include "apps/moonctl/config_schema.h"
 #include "apps/moonctl/config_show.h"
 #include "apps/moonctl/written_files.h"
+#include "model/command_from.h"
 #include "model/mission.h"
 #include "model/team_id.h"
 #include "model/text.h"
@@ -63,9 +64,18 @@ ExitCode CheckConfig(CommandContext& context) {
   const int count = (*team)->config.agents_size();
   JsonWriter json;
   json.BeginObject().Key("file").String(context.TeamPath().string()).Key("team").String((*team)->config.team());
-  json.Key("agent_count").Number(count).EndObject();
-  return context.Done(json.text(), context.TeamPath().string() + ": team " + (*team)->config.team() + " of " +
-                                       std::to_string(count) + " agents, no errors");
+  json.Key("agent_count").Number(count);
+  std::string text = context.TeamPath().string() + ": team " + (*team)->config.team() + " of " + std::to_string(count) +
+                     " agents, no errors";
+  const auto& commanders = (*team)->config.command_from();
+  const bool all_command = std::find(commanders.begin(), commanders.end(), kAllMayCommand) != commanders.end();
+  json.Key("all_may_command").Bool(all_command).EndObject();
+  if (all_command) {
+    text +=
+        "\nnote: command_from: all lets every agent command every other one and decide the roles: one robot that is "
+        "taken over commands the team";
+  }
+  return context.Done(json.text(), text);
 }
 
 ExitCode ShowConfig(CommandContext& context) {

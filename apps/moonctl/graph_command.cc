@@ -239,7 +239,7 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
   const proto::TeamConfig& team = (*context.Team())->config;
   auto stats = target->client->GraphStats();
   if (!stats) return context.Report(stats.error());
-  const auto known = ReadGraphOf(*target->client);
+  const auto known = ReadGraphOf(*target->client, team);
   if (!known) return context.Report(known.error());
   std::string text = stats->solve_count() == 0
                          ? target->agent->name() + " has not solved the graph since it started\n"

@@ -203,10 +203,10 @@ Result<GraphFiles> FilesOf(const proto::TeamConfig& team, const HeldGraph& held,
 ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) {
   auto target = context.ConnectToChosenOrLeader();
   if (!target) return context.Report(target.error());
-  const auto known = ReadGraphOf(*target->client);
+  const proto::TeamConfig& team = (*context.Team())->config;
+  const auto known = ReadGraphOf(*target->client, team);
   if (!known) return context.Report(known.error());
   const HeldGraph held = Arrange(*known, arguments.poses == "optimized");
-  const proto::TeamConfig& team = (*context.Team())->config;
   const FileOrigin origin = OriginOf(team, *target);
   const FileNotes notes = NotesOf(origin, NotesOn(arguments, held));
   auto made = FilesOf(team, held, arguments, origin, notes);

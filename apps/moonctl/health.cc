@@ -15,6 +15,8 @@
 namespace moondb {
 namespace {
 
+constexpr std::uint64_t kChangesOfAReignMax = 1000;
+
 using Findings = std::vector<std::string>;
 
 // The newest assignment that any agent reports.
@@ -45,6 +47,10 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
                        TermText(newest.term()) + " is known");
   } else if (status.agent_id() == newest.leader() && newest.survivor() == 0) {
     findings.push_back("leads without a designated survivor");
+  }
+  if (ChangeOf(newest.term()) >= kChangesOfAReignMax && !newest.signature().empty()) {
+    findings.push_back("the roles changed " + FormatCount(static_cast<double>(ChangeOf(newest.term()))) +
+                       " times since an operator's word, and who joins has to fetch each: give moonctl role set once");
   }
   if (newest.leader() == 0) findings.push_back("knows of no leader of team " + team.team());
   for (const auto& [agent, role] : {std::pair(newest.leader(), "leader"), std::pair(newest.survivor(), "survivor")}) {

@@ -42,9 +42,9 @@ Poses TruePoses(const Mission& mission, const Poses& known) {
 
 }  // namespace
 
-Result<Held> ReadHeld(Client& client) {
+Result<Held> ReadHeld(Client& client, const proto::TeamConfig& team) {
   Held held;
-  auto graph = ReadGraphOf(client);
+  auto graph = ReadGraphOf(client, team);
   if (!graph) return tl::unexpected(graph.error());
   held.graph = std::move(*graph);
   proto::ReadRequest request;

@@ -29,7 +29,7 @@ struct Held {
   std::vector<HeldMap> maps;
 };
 
-Result<Held> ReadHeld(Client& client);
+Result<Held> ReadHeld(Client& client, const proto::TeamConfig& team);
 
 using Poses = std::map<NodeKey, Pose>;
 

@@ -142,7 +142,7 @@ Result<Setting> Gather(const ScoreArguments& arguments) {
   auto client = ConnectTo(setting.team, **agent,
                           {.connect_timeout = std::chrono::seconds(10), .timeout = std::chrono::seconds(60)});
   if (!client) return tl::unexpected(client.error());
-  auto held = ReadHeld(**client);
+  auto held = ReadHeld(**client, setting.team.config);
   if (!held) return tl::unexpected(held.error());
   setting.held = std::move(*held);
   auto merged = (*client)->Merge({});

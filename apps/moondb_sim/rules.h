@@ -102,6 +102,10 @@ class Rules {
   // What the agent had dropped of that origin and type may be forgotten there.
   void ForgetDropped(AgentId agent, AgentId origin, DataType type);
 
+  // Whether some agent acted on roles newer than those of `term` that name `agent`: who does not know of them yet
+  // refuses what it brings, and takes it once it does.
+  bool HasRoleBeyond(AgentId agent, const proto::Term& term) const;
+
   // What `agent` has now, whole.
   void CheckHave(AgentId agent, const HaveSet& have);
   // Likewise, or whole of some origins.

@@ -41,7 +41,7 @@ class SessionWatch {
   HaveSet have_;  // Of the receiver, as the sender heard it.
   std::map<std::uint32_t, Handed> under_way_;
   // All that was sent is decoded, in its order.
-  PieceCollector pieces_{kCodedBytesMax};
+  PieceCollector pieces_{2 * kWholeBytesMax};
   RunDecoders runs_{1, {}};
   std::uint32_t unheard_run_ = 0;  // It began in pieces, some of which were not sent to here.
 };

@@ -190,19 +190,25 @@ class Mission {
     switch (message.body_case()) {
       case proto::Message::kStoreRequest:
         byzantine_watch_.OnStoreRequest(actor.agent, message);
+        store_senders_[{actor.agent, message.request_id()}] = static_cast<AgentId>(message.store_request().sender());
         if (IsByzantine(static_cast<AgentId>(message.store_request().sender()))) break;
         for (const proto::StoredRecord& record : message.store_request().records()) SeeRecord(record, actor.agent);
         break;
-      case proto::Message::kStoreReply:
+      case proto::Message::kStoreReply: {
+        const auto asked = store_senders_.extract({actor.agent, message.request_id()});
+        const AgentId sender = asked.empty() ? 0 : asked.mapped();
         if (IsError(message.store_reply().error()) && world_.HadDiskTrouble(actor.agent)) {
           world_.rare_states.Count("batch_on_bad_disk");
         }
         if (byzantine_watch_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
+        if (HasSigningKeys(world_.config) && world_.rules.HasRoleBeyond(sender, world_.durable_term[actor.agent]))
+          break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
-                                              " records of a peer");
+                                              " records of agent " + std::to_string(sender));
         break;
+      }
       case proto::Message::kInsertRequest:
         if (actor.actor == actor_name::kStorage && world_.options.has_all_actors()) {
           own_inserts_.OnRequest(actor.agent, message);
@@ -434,6 +440,7 @@ class Mission {
   SimulatedClients clients_;
   OwnInserts own_inserts_;
   ByzantineWatch byzantine_watch_;
+  std::map<std::pair<AgentId, std::uint64_t>, AgentId> store_senders_;  // By agent and request of its storage.
   ByzantineAgent byzantine_;
   RestChecks rest_;
   const std::uint64_t messages_max_;

@@ -10,12 +10,12 @@
 
 namespace moondb {
 
-// What is signed: what it is for, whose team it is, under which key the record is held, and all that it says but for the
-// signature.
+// What is signed: what it is for, whose team it is, under which key the record is held, and all that it says but for
+// the signature.
 std::string SignedBytes(const proto::TeamConfig& team, const RecordKey& key, const proto::Record& record);
 
-// By its origin's key in the team file; false too where the origin is not of the team or has no key, and for a record of
-// a type that is not signed.
+// By its origin's key in the team file; false too where the origin is not of the team or has no key, and for a record
+// of a type that is not signed.
 bool IsSigned(const proto::TeamConfig& team, const RecordKey& key, const proto::Record& record);
 
 }  // namespace moondb

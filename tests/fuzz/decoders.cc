@@ -9,18 +9,10 @@
 #include "actors/sharing/coding/row_codec.h"
 #include "actors/storage/paper_sql.h"
 #include "model/check.h"
+#include "tests/fuzz/door_decoders.h"
 
 namespace moondb {
 namespace {
-
-// Takes the next number of so many bytes off; 0 where there are none left.
-std::size_t TakeNumber(std::size_t byte_count, std::string_view& bytes) {
-  std::size_t number = 0;
-  for (; byte_count > 0 && !bytes.empty(); --byte_count, bytes.remove_prefix(1)) {
-    number = number << 8 | static_cast<unsigned char>(bytes.front());
-  }
-  return number;
-}
 
 void CheckCodesAgain(const proto::RecordBatch& batch) {
   const std::string coded = BatchEncoder(MapRunEncoder::Previous::kNever).Encode(batch);
@@ -125,10 +117,26 @@ void RunSql(std::string_view bytes) {
 
 }  // namespace
 
+std::size_t TakeNumber(std::size_t byte_count, std::string_view& bytes) {
+  std::size_t number = 0;
+  for (; byte_count > 0 && !bytes.empty(); --byte_count, bytes.remove_prefix(1)) {
+    number = number << 8 | static_cast<unsigned char>(bytes.front());
+  }
+  return number;
+}
+
 const std::vector<FuzzedDecoder>& FuzzedDecoders() {
-  static const std::vector<FuzzedDecoder> decoders = {
-      {"batch", RunBatch},         {"run", RunRun}, {"map", RunMap}, {"rows", RunRows}, {"plain", RunPlain},
-      {"reference", RunReference}, {"sql", RunSql}};
+  static const std::vector<FuzzedDecoder> decoders = {{"batch", RunBatch},
+                                                      {"run", RunRun},
+                                                      {"map", RunMap},
+                                                      {"rows", RunRows},
+                                                      {"plain", RunPlain},
+                                                      {"reference", RunReference},
+                                                      {"sql", RunSql},
+                                                      {"peer_frame", RunPeerFrame},
+                                                      {"client_frame", RunClientFrame},
+                                                      {"signed", RunSigned},
+                                                      {"chain", RunChain}};
   return decoders;
 }
 

@@ -1,7 +1,8 @@
-// What reads bytes of peers in actors/sharing and actors/storage, each behind one entry that takes any bytes: for
-// libFuzzer (`cmake --preset fuzz`) and for fuzz_smoke_test.cc, which runs them everywhere.
+// What reads bytes of peers, and of clients, each behind one entry that takes any bytes: for libFuzzer (`cmake --preset
+// fuzz`) and for fuzz_smoke_test.cc, which runs them everywhere.
 #pragma once
 
+#include <cstddef>
 #include <string_view>
 #include <vector>
 
@@ -19,5 +20,8 @@ struct FuzzedDecoder {
 };
 
 const std::vector<FuzzedDecoder>& FuzzedDecoders();
+
+// Takes the next number of so many bytes off; 0 where there are none left.
+std::size_t TakeNumber(std::size_t byte_count, std::string_view& bytes);
 
 }  // namespace moondb

@@ -9,9 +9,14 @@
 #include "actors/sharing/coding/row_codec.h"
 #include "actors/storage/paper_sql.h"
 #include "model/check.h"
+#include "model/control_message.h"
 #include "model/record_check.h"
+#include "model/term.h"
+#include "proto/control.pb.h"
+#include "proto/message.pb.h"
 #include "tests/actors/sharing/coding/records.h"
 #include "tests/fuzz/decoders.h"
+#include "tests/fuzz/door_decoders.h"
 
 namespace moondb {
 namespace {
@@ -130,6 +135,60 @@ bool WriteStatements(const std::filesystem::path& folder) {
   return is_written;
 }
 
+bool WriteFrames(const std::filesystem::path& folder) {
+  proto::PeerFrame peer;
+  proto::Message& hello = *peer.add_messages();
+  hello.set_hop_sender(3);
+  hello.set_destination_actor("sync");
+  hello.mutable_hello()->set_session_id(7);
+  hello.mutable_hello()->set_team_id("00112233445566778899aabbccddeeff");
+  proto::Message& have = *peer.add_messages();
+  have.set_hop_sender(3);
+  have.set_destination_actor("sync");
+  proto::StreamHave& stream = *have.mutable_have()->mutable_have()->add_streams();
+  stream.set_origin_agent(3);
+  stream.set_epoch(9);
+  stream.set_data_type(proto::POWER);
+  stream.add_held()->set_first(1);
+  stream.mutable_held(0)->set_last(4);
+  proto::ControlRequest status, insert, roles;
+  status.mutable_status();
+  *insert.mutable_insert()->add_records() = TemperatureRecord(0);
+  roles.mutable_role_set()->set_leader(2);
+  roles.mutable_role_set()->set_survivor(1);
+  return Write(folder, "peer_frame", "sharing", Number(1, 1) + peer.SerializeAsString()) &&
+         Write(folder, "client_frame", "status", MessageOf(status).SerializeAsString()) &&
+         Write(folder, "client_frame", "insert", MessageOf(insert).SerializeAsString()) &&
+         Write(folder, "client_frame", "roles", MessageOf(roles).SerializeAsString());
+}
+
+// A liar's words: roles of a high term that nobody decided before, and the chain that it says they follow.
+bool WriteSigned(const std::filesystem::path& folder) {
+  proto::RoleAnnounce announce;
+  proto::RoleChainReply chain;
+  std::string follows;
+  for (std::uint64_t number = 1; number <= 3; ++number) {
+    proto::RoleAssignment roles;
+    roles.mutable_term()->set_number(TermNumber(0, number));
+    roles.mutable_term()->set_issuer(3);
+    roles.set_leader(3);
+    roles.set_survivor(2);
+    roles.set_follows(follows);
+    roles.set_signature(follows = "signed " + std::to_string(number));
+    *announce.mutable_roles() = roles;
+    if (number < 3) chain.mutable_chain()->Add()->Swap(&roles);
+  }
+  std::reverse(chain.mutable_chain()->begin(), chain.mutable_chain()->end());
+  const auto said = [](std::size_t kind, const std::string& bytes) {
+    return Number(2, 1) + Number(kind, 1) + Number(bytes.size(), 2) + bytes;
+  };
+  return Write(folder, "signed", "assignment", FuzzedAssignment().SerializeAsString()) &&
+         Write(folder, "signed", "quarantine", FuzzedQuarantine().SerializeAsString()) &&
+         Write(folder, "chain", "announced",
+               said(0, announce.SerializeAsString()) + said(1, chain.SerializeAsString())) &&
+         Write(folder, "chain", "stored", said(3, announce.roles().SerializeAsString()));
+}
+
 bool WriteAll(const std::filesystem::path& folder) {
   const auto counted = [](const proto::RecordBatch& batch) {
     return Number(static_cast<std::size_t>(batch.records_size()), 2);
@@ -151,7 +210,8 @@ bool WriteAll(const std::filesystem::path& folder) {
          Write(folder, "plain", "plain", Number(0, 1) + counted(rows) + rows.SerializeAsString()) &&
          Write(folder, "plain", "frame", Number(1, 1) + counted(Mixed()) + EncodeBatch(Mixed()).bytes) &&
          Write(folder, "reference", "head", with_reference.Encode(MapBatch(1, 1))) &&
-         Write(folder, "reference", "map", MapOf(RoomMap(7, 0, 0, 0, 1, 24), 0).content()) && WriteStatements(folder);
+         Write(folder, "reference", "map", MapOf(RoomMap(7, 0, 0, 0, 1, 24), 0).content()) && WriteStatements(folder) &&
+         WriteFrames(folder) && WriteSigned(folder);
 }
 
 }  // namespace

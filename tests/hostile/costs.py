@@ -14,7 +14,7 @@ from team import TAKEN, Failure
 TAKES_ROVER3 = True
 ROVER3 = 3
 STREAMS = 60_000
-BOMB_BYTES = 31 << 20
+BOMB_BYTES = 17 << 20
 
 
 def floods_the_log(team, scale):
@@ -88,7 +88,7 @@ def giant_have_sets(team, scale):
 
 
 def zstd_bombs(team, scale):
-    """rover3 brings batches of a kilobyte that become 31 MiB each, in one session after the other."""
+    """rover3 brings batches of a kilobyte that become 17 MiB each, in one session after the other."""
     bomb = zstandard.ZstdCompressor(level=19).compress(record.RecordBatch(records=[
         {"key": {"origin_agent": ROVER3, "epoch": 1 << 50, "data_type": types.AGENT_EVENT, "seq": 1},
          "content": bytes(BOMB_BYTES)}]).SerializeToString())

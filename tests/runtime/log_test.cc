@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "runtime/rate_limited_log.h"
 #include "tests/temporary_folder.h"
 
 namespace moondb {
@@ -55,6 +56,24 @@ TEST_F(LogTest, WritesALineOnceWhereStderrGoesToTheFile) {
   ::close(file);
   ASSERT_TRUE(begun);
   EXPECT_THAT(Text(), ::testing::MatchesRegex("[^\n]+ storage: ready\n"));
+}
+
+TEST_F(LogTest, LimitsLinesThatOthersCause) {
+  ASSERT_TRUE(InitLog("info", "rover1", path_));
+  RateLimitedLog log;
+  RateLimitedLog changes(/*at_once=*/3);
+  for (int i = 0; i < 1000; ++i) {
+    log.Warn("a peer said something");
+    changes.Info("rover2 is lost");
+  }
+  const std::string text = Text();
+  const auto count = [&text](const std::string& part) {
+    int found = 0;
+    for (auto at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++found;
+    return found;
+  };
+  EXPECT_EQ(count("warning rover1 a peer said something"), 1) << text;
+  EXPECT_EQ(count("info rover1 rover2 is lost"), 3) << text;
 }
 
 // What reads them is a parser that is not the writer's: protobuf's.

@@ -94,7 +94,7 @@ Result<std::string> TakePacked(ByteReader& reader, std::string_view before) {
   const std::string_view packed = reader.Bytes(mark / 2);
   if (!reader.is_good()) return tl::unexpected(Corrupt("ends within its rows"));
   if (mark % 2 == 1) return DecompressFrame(packed, kBatchRowsBytesMax, before);
-  if (packed.size() > kBatchRowsBytesMax) return tl::unexpected(Corrupt("has more than 34 MiB of rows"));
+  if (packed.size() > kBatchRowsBytesMax) return tl::unexpected(Corrupt("has more than 20 MiB of rows"));
   return std::string(packed);
 }
 

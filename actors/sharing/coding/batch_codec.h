@@ -31,9 +31,9 @@
 
 namespace moondb {
 
-inline constexpr std::size_t kBatchContentBytesMax = 32 * 1024 * 1024;
+inline constexpr std::size_t kBatchContentBytesMax = 18 * 1024 * 1024;
 // Before zstd: the contents and what is beside them.
-inline constexpr std::size_t kBatchRowsBytesMax = 34 * 1024 * 1024;
+inline constexpr std::size_t kBatchRowsBytesMax = 20 * 1024 * 1024;
 
 // A map that both ends hold.
 struct MapReference {

@@ -557,6 +557,7 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   options.team = team_config_;
   options.pending_of_client_max = 2;
   options.feeds_of_client_max = 1;
+  options.relays_of_client_max = 1;
   const Address gateway{2, actor_name::kGateway};
   team_.Spawn(2, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
   const auto ask = [&](const std::string& connection, const std::string& key_name, const proto::ControlRequest& asked) {
@@ -576,6 +577,13 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   EXPECT_EQ(ask("1", "", Feed(30)), "");
   EXPECT_NE(ask("1", "", Feed(30)), "");
   EXPECT_EQ(ask("2", "", Feed(30)), "");
+
+  proto::ControlRequest relayed;
+  relayed.mutable_status();
+  relayed.set_for_agent(1);
+  EXPECT_EQ(ask("k5", "carol", relayed), "");
+  EXPECT_THAT(ask("k6", "carol", relayed), testing::HasSubstr("too many requests of this client wait for an answer of"));
+  EXPECT_EQ(ask("k7", "dave", relayed), "");
 }
 
 // A client with a key, and what it is answered at once.

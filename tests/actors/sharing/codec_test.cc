@@ -77,7 +77,7 @@ TEST(CodecTest, RefusesWhatWouldDecodeToTooMuch) {
   const std::string tiny_frame_of_64_mib = {'\x28', '\xB5', '\x2F', '\xFD', '\xA0', 0, 0, 0, 4, 1, 0, 0};
   const auto decoded = DecodeBatch(proto::CODEC_ZSTD, tiny_frame_of_64_mib, 1);
   ASSERT_FALSE(decoded);
-  EXPECT_EQ(decoded.error().text, "would decode to more than 32 MiB");
+  EXPECT_EQ(decoded.error().text, "would decode to more than 18 MiB");
 }
 
 // Some hundred bytes on the wire, that would take a gigabyte here.

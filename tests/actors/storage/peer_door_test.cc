@@ -217,6 +217,16 @@ TEST(PeerDoorTest, SaysWhereAPeerHasMoreOfThisAgentThanItsDiskEverHad) {
   EXPECT_TRUE(RefusedBy(*store).empty()) << "this disk has it by now";
 }
 
+TEST(PeerDoorTest, NamesNobodyForWhatCameBeforeItsAssignment) {
+  auto store = OpenStore(OptionsWithKeys());
+  EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 0u);
+  EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_ORIGIN}]), 1);
+  const proto::RoleAssignment roles = AssignmentOf(9, 3, 2, "signed by 9");
+  const proto::StoredRecord assignment = Packed({{9, 7, proto::ROLE_ASSIGNMENT}, 1}, RecordOf(roles));
+  EXPECT_EQ(StoreFrom(*store, 3, {assignment, Node(2, 1)}).stored_count(), 2u);
+  EXPECT_TRUE(RefusedBy(*store).empty());
+}
+
 TEST(PeerDoorTest, SaysSoUntilWhatAPeerNamedHasComeHome) {
   auto store = OpenStore(OptionsWithKeys());
   proto::EpochReport report;

@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include "model/ids.h"
+#include "model/term.h"
+
 namespace moondb {
 namespace {
 
@@ -120,6 +123,21 @@ TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   reports_[2].shares->set_rejected_records(3);
   reports_[2].shares->add_other_config_agents(1);
   EXPECT_THAT(Of(2), ElementsAre("refused 3 records of peers", "rover1 has another team file"));
+}
+
+TEST_F(HealthTest, AsksForAnOperatorsWordAfterAThousandChanges) {
+  for (const std::uint64_t number : {TermNumber(3, 999), TermNumber(3, 1000)}) {
+    for (const AgentId agent : {AgentId{1}, AgentId{2}}) {
+      Status(agent).mutable_roles()->mutable_term()->set_number(number);
+      Status(agent).mutable_roles()->set_signature("signed");
+    }
+    if (number == TermNumber(3, 999)) {
+      EXPECT_THAT(Of(2), IsEmpty());
+    }
+  }
+  EXPECT_THAT(Of(2),
+              ElementsAre("the roles changed 1000 times since an operator's word, and who joins has to fetch each: "
+                          "give moonctl role set once"));
 }
 
 TEST_F(HealthTest, FindsThatWhoHasARoleHasLeft) {
