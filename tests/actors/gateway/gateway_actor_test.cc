@@ -582,7 +582,8 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   relayed.mutable_status();
   relayed.set_for_agent(1);
   EXPECT_EQ(ask("k5", "carol", relayed), "");
-  EXPECT_THAT(ask("k6", "carol", relayed), testing::HasSubstr("too many requests of this client wait for an answer of"));
+  EXPECT_THAT(ask("k6", "carol", relayed),
+              testing::HasSubstr("too many requests of this client wait for an answer of"));
   EXPECT_EQ(ask("k7", "dave", relayed), "");
 }
 
