@@ -142,14 +142,6 @@ void Rules::SeeRoles(AgentId agent, const proto::RoleAssignment& roles, bool is_
                                 std::to_string(roles.leader()) + "/" + std::to_string(roles.survivor()));
 }
 
-bool Rules::HasRoleBeyond(AgentId agent, const proto::Term& term) const {
-  return std::any_of(assignment_of_.begin(), assignment_of_.end(), [&](const auto& assignment) {
-    const auto& [bytes, roles] = assignment;
-    proto::Term its;
-    return (roles.first == agent || roles.second == agent) && its.ParseFromString(bytes) && IsNewer(its, term);
-  });
-}
-
 void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record) {
   if (agent == liar_) return;
   inserted_[key.stream].held.Add(key.seq);

@@ -102,9 +102,9 @@ class Rules {
   // What the agent had dropped of that origin and type may be forgotten there.
   void ForgetDropped(AgentId agent, AgentId origin, DataType type);
 
-  // Whether some agent acted on roles newer than those of `term` that name `agent`: who does not know of them yet
-  // refuses what it brings, and takes it once it does.
-  bool HasRoleBeyond(AgentId agent, const proto::Term& term) const;
+  // Whether some agent acted on roles that name `agent`: who does not hold these yet refuses what it brings of others,
+  // and takes it once it does.
+  bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
 
   // What `agent` has now, whole.
   void CheckHave(AgentId agent, const HaveSet& have);

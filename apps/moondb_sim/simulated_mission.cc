@@ -202,8 +202,7 @@ class Mission {
         }
         if (byzantine_watch_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
-        if (HasSigningKeys(world_.config) && world_.rules.HasRoleBeyond(sender, world_.durable_term[actor.agent]))
-          break;
+        if (HasSigningKeys(world_.config) && world_.rules.HasHadRole(sender)) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
                                               " records of agent " + std::to_string(sender));

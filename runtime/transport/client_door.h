@@ -29,7 +29,7 @@ namespace moondb {
 
 class ClientDoor {
  public:
-  // So many connections of one key are remembered to be answered.
+  // So many connections of one key there may be at once (ConnectionRules::Door::key_max).
   static constexpr std::size_t kConnectionsOfKeyMax = 16;
 
   // Who comes with this key (Z85), at this moment.

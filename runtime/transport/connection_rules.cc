@@ -76,8 +76,7 @@ void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vec
     for (const Known* known : group) ++count_of[known->connection.peer];
     std::sort(group.begin(), group.end(), [&count_of](const Known* a, const Known* b) {
       const auto rank = [&count_of](const Known& known) {
-        const std::size_t count = known.has_delivered ? count_of.at(known.connection.peer) : 0;
-        return std::tuple(known.has_delivered, ~count, known.number);
+        return std::tuple(known.has_delivered, ~count_of.at(known.connection.peer), known.number);
       };
       return rank(*a) < rank(*b);
     });

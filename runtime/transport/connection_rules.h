@@ -3,9 +3,9 @@
 // theirs takes until it is whole.
 //
 // Places: each address of the team has places of its own, which nobody else can take; all other addresses share some.
-// Where there are too many, one that never brought a whole message goes first, the oldest of them; then the oldest one
-// of the address that has most. Of one key there are at most `key_max` that ever brought a message: beyond them the one
-// goes that was silent for longest, so that no key takes the places of another one.
+// Where there are too many, those that never brought a whole message go first; among them, and among the others, the
+// oldest one of the address that has most. Of one key there are at most `key_max` that ever brought a message: beyond
+// them the one goes that was silent for longest, so that no key takes the places of another one.
 //
 // Bytes: a connection may have received kFreeBytes since its last whole message, which is more than any frame between
 // agents has. What goes beyond is a client's large message, what this agent is slow to read, or a message that never

@@ -18,6 +18,8 @@
 namespace moondb {
 namespace {
 
+constexpr std::uint8_t kEstablished = 1;  // TCP_ESTABLISHED of netinet/tcp.h, which does not go with linux/tcp.h.
+
 struct Endpoint {
   std::string address;
   std::uint16_t port = 0;
@@ -85,6 +87,7 @@ std::vector<TcpConnection> TcpConnections::List() {
     tcp_info info{};
     socklen_t size = sizeof info;
     if (!peer || ::getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) continue;  // One that listens.
+    if (info.tcpi_state != kEstablished) continue;  // Its peer has left, which libzmq is about to notice.
     connections.push_back({file, own->port, peer->address, peer->port, 0});
     if (size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof info.tcpi_bytes_received) {
       connections.back().bytes_received = info.tcpi_bytes_received;

@@ -5,15 +5,16 @@ from team import CLIENT_PORT, STEP_LIMIT_S, AgentError, Failure, MoondbClient
 
 
 class KeyedClient(MoondbClient):
-    """At rover1's client_address. `call(request)` asks and waits for the ControlReply; each client is a connection."""
+    """At rover1's client_address. `call(request)` asks and waits for the ControlReply; each client is a connection, from
+    another computer where `from_address` is given."""
 
-    def __init__(self, team, key_name, timeout_s=STEP_LIMIT_S):
+    def __init__(self, team, key_name, timeout_s=STEP_LIMIT_S, from_address="127.0.0.1"):
         public, secret = team.client_keys(key_name)
         self._dealer = zmq.Context.instance().socket(zmq.DEALER)
         self._dealer.linger = 0
         self._dealer.curve_publickey, self._dealer.curve_secretkey = public, secret
         self._dealer.curve_serverkey, _ = team.z85_keys("rover1")
-        self._endpoint = f"tcp://127.0.0.1:{CLIENT_PORT}"
+        self._endpoint = f"tcp://{from_address}:0;127.0.0.1:{CLIENT_PORT}"
         self._dealer.connect(self._endpoint)
         self._timeout_s, self._request_id, self._team_id, self._by = timeout_s, 0, team.team_id, "carl@hill"
 

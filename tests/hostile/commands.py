@@ -153,12 +153,12 @@ def answers_never_asked(team, scale):
 
 
 def huge_answers(team, scale):
-    """rover3 answers what rover1's clients ask it with megabytes, nested without an end, and in pages that never end."""
+    """rover3 answers what rover1's clients ask it with all that a frame takes, nested without an end, and with what is no answer."""
     def answer(asked):
         kind = random.randrange(4)
-        text = b"x" * (7 << 20)
+        text = b"x" * (240 << 10)
         body = [control.ControlReply(error={"code": types.ERROR_CODE_INTERNAL, "text": text}).SerializeToString(),
-                b"\x0a\x80" * 100_000, b"\x0b" * 300_000, random.randbytes(1000)][kind]
+                b"\x0a\x80" * 100_000, b"\x0b" * 240_000, random.randbytes(1000)][kind]
         member.send("rover1", "gateway", request_id=asked.request_id, control_reply=body)
 
     with Member(team, TAKEN) as member:

@@ -176,7 +176,7 @@ def run(options):
             result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_at_rest)
             if report(module, attacker, result):
                 failed.append(attacker.__name__)
-            if result["broken"]:
+            if result["broken"] or attacker in getattr(module, "LEAVES_MUCH", []):
                 team.make_anew()
     print(f"{len(results)} attackers; not withstood: {', '.join(failed) or 'none'}")
     if options.json:

@@ -180,4 +180,4 @@ def undeclared_types(team, scale):
 ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
              streams_of_its_own, quarantine_in_anothers_name, absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own]
-NOT_YET = {}
+LEAVES_MUCH = [streams_of_its_own]  # Of its own, on every disk: have-sets of the next attackers would be larger.
