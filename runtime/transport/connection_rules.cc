@@ -5,9 +5,10 @@
 
 namespace moondb {
 
-void ConnectionRules::OnMessage(int file, std::string_view key) {
-  std::string& known = delivered_[file];
-  if (known != key) known = key;
+void ConnectionRules::OnMessage(int file, std::string_view key, std::uint16_t peer_port) {
+  Delivered& known = delivered_[file];
+  if (known.key != key) known.key = key;
+  known.peer_port = peer_port;
 }
 
 std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpConnection>& connections) {
@@ -37,9 +38,12 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
     } else {
       known.number = ++last_number_;
     }
-    if (const auto delivered = delivered_.find(connection.file); delivered != delivered_.end()) {
+    const auto delivered = delivered_.find(connection.file);
+    const bool is_its = delivered != delivered_.end() &&
+                        (delivered->second.peer_port == 0 || delivered->second.peer_port == connection.peer_port);
+    if (is_its) {
       known.has_delivered = true;
-      known.key = std::move(delivered->second);
+      known.key = std::move(delivered->second.key);
       known.heard_at = look_;
       known.bytes_delivered = connection.bytes_received;
     }

@@ -55,7 +55,8 @@ class ConnectionRules {
   explicit ConnectionRules(std::map<std::uint16_t, Door> doors) : doors_(std::move(doors)) {}
 
   // A whole message came from the connection that has this file. `key`: of whom it is; empty without CURVE.
-  void OnMessage(int file, std::string_view key);
+  // `peer_port`: where it is known, so that nothing is taken for a later connection's with the same file; 0: it is not.
+  void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0);
 
   // All that there are now, in any order; each that is to be cut is named once.
   std::vector<Cut> Judge(const std::vector<TcpConnection>& connections);
@@ -80,8 +81,12 @@ class ConnectionRules {
   static void CutOff(Known& known, Cause cause, std::vector<Cut>& cuts);
 
   std::map<std::uint16_t, Door> doors_;
-  std::map<int, Known> known_;            // By file.
-  std::map<int, std::string> delivered_;  // Since the last look: the key by file.
+  std::map<int, Known> known_;  // By file.
+  struct Delivered {
+    std::string key;
+    std::uint16_t peer_port = 0;
+  };
+  std::map<int, Delivered> delivered_;  // Since the last look, by file.
   std::uint64_t last_number_ = 0;
   std::uint64_t look_ = 0;
 };

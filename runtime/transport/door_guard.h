@@ -36,7 +36,9 @@ class DoorGuard {
   void Work(MonotonicTime now);
 
   // A whole message came from the connection that has this file (ConnectionRules::OnMessage).
-  void OnMessage(int file, std::string_view key) { rules_.OnMessage(file, key); }
+  void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0) {
+    rules_.OnMessage(file, key, peer_port);
+  }
 
   // Connections that were cut.
   std::uint64_t cut_for_number() const { return cut_for_number_; }

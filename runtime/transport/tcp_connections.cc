@@ -96,6 +96,11 @@ std::vector<TcpConnection> TcpConnections::List() {
   return connections;
 }
 
+std::uint16_t TcpConnections::PeerPortOf(int file) {
+  const std::optional<Endpoint> peer = Ask(::getpeername, file);
+  return peer ? peer->port : 0;
+}
+
 void TcpConnections::Drain() {
   std::array<epoll_event, 64> events{};
   while (::epoll_wait(epoll_, events.data(), static_cast<int>(events.size()), /*timeout=*/0) > 0) {

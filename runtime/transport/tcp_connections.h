@@ -34,6 +34,7 @@ class TcpConnections {
   std::vector<TcpConnection> List();
 
   // Its end for both sides. No harm where the connection is gone and its file is another one's that is no socket.
+  static std::uint16_t PeerPortOf(int file);  // 0 where it is no connection.
   static void ShutDown(const TcpConnection& connection);
 
  private:

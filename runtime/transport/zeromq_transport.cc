@@ -189,7 +189,9 @@ class ZeroMqTransport::Impl {
     ClientDoor::Options options;
     options.self = options_.self;
     options.endpoint = address;
-    options.on_message = [this](int file, std::string_view key) { OnWholeMessage(file, key); };
+    options.on_message = [this](int file, std::string_view key) {
+      OnWholeMessage(file, key, TcpConnections::PeerPortOf(file));
+    };
     options.secret_key = keys_->own.secret_key;
     options.identity_of = [this](const std::string& key) {
       const auto client = client_keys_->Find(key, std::chrono::steady_clock::now());
@@ -257,8 +259,8 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  void OnWholeMessage(int file, std::string_view key) {
-    if (guard_) guard_->OnMessage(file, key);
+  void OnWholeMessage(int file, std::string_view key, std::uint16_t peer_port = 0) {
+    if (guard_) guard_->OnMessage(file, key, peer_port);
   }
 
   void Run() {

@@ -96,6 +96,17 @@ TEST_F(ConnectionRulesTest, OfAKeyWithTooManyTheOneThatWasSilentForLongestGoes) 
   EXPECT_THAT(TooManyOfKey(), IsEmpty());
 }
 
+TEST_F(ConnectionRulesTest, WhatALaterConnectionWithTheSameFileDidNotBringIsNotItsOwn) {
+  for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.9", kClientPort);
+  for (int i = 0; i < 2; ++i) Deliver(10 + i, "sharer");
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  rules_.OnMessage(12, "sharer", /*peer_port=*/999);  // It came, was answered and left between two looks.
+  Open(12, "10.0.0.9", kClientPort);
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  rules_.OnMessage(12, "sharer", open_.at(12).peer_port);
+  EXPECT_THAT(TooManyOfKey(), ElementsAre(10));
+}
+
 TEST_F(ConnectionRulesTest, AMemberTakesNoOtherMembersPlaces) {
   for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.2");
   Deliver(10, "1");
