@@ -315,8 +315,8 @@ void SimulatedClients::CheckAnswer(AgentId agent, const proto::ControlRequest& r
   if (wrong) world_.Violate("answer_true", "agent " + std::to_string(agent) + ", " + NameOf(request) + ": " + *wrong);
 }
 
-// As many poses of the newest run are there as the answer says; of a Byzantine agent there may be any, also once an honest
-// one has let it lead.
+// As many poses of the newest run are there as the answer says; of a Byzantine agent there may be any, also once an
+// honest one has let it lead.
 void SimulatedClients::CheckSolved(AgentId leader, const proto::OptimizeReply& reply) {
   if (leader == world_.byzantine) return;
   std::map<std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>, double> counts;
