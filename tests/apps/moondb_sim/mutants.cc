@@ -8,12 +8,16 @@
 #include <utility>
 
 #include "actors/storage/own_epochs.h"
+#include "apps/moondb_sim/byzantine_watch.h"
+#include "apps/moondb_sim/simulated_config.h"
 #include "apps/moondb_sim/state_watch.h"
 #include "model/have_set.h"
 #include "model/record_check.h"
 #include "model/record_key.h"
+#include "model/term.h"
 #include "proto/trace.pb.h"
 #include "runtime/system_status.h"
+#include "runtime/team/role_signature.h"
 
 namespace moondb::simulation {
 namespace {
@@ -734,6 +738,20 @@ class RelaysForTheBase final : public OtherActor {
   const AgentId base_;
 };
 
+// Roles that a Byzantine agent announces are taken as if the base station had decided and signed them.
+void TakeRolesOfAnybody(SimOptions& options) {
+  options.attacks = {"announce"};
+  const auto base = static_cast<AgentId>(options.RoverCount() + 1);
+  Hears(actor_name::kRole, [base, config = MakeTeamConfig(options)](Context&, proto::Message& message) {
+    if (message.role_announce().roles().reason() != kByzantineReason) return true;
+    proto::RoleAssignment& roles = *message.mutable_role_announce()->mutable_roles();
+    roles.mutable_term()->set_number(TermNumber(ReignOf(roles.term()) + 1, 0));
+    roles.mutable_term()->set_issuer(base);
+    roles.set_signature(SigningKeyOf(base).Sign(SignedBytes(config, roles)));
+    return true;
+  })(options);
+}
+
 void RelayForTheBase(SimOptions& options) {
   options.byzantine = ByzantineSeeds::kAll;
   options.attacks = {"order"};
@@ -1185,6 +1203,13 @@ const std::vector<Mutant>& Mutants() {
            return true;
          })(options);
        },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/true},
+      {"TakesRolesOfAnybody",
+       "roles are taken whoever decided them",
+       {"honest_roles"},
+       4,
+       TakeRolesOfAnybody,
        SimulatedActors::kSharing,
        /*is_of_lies=*/true},
       {"TakesCommandsOfAnybody",
