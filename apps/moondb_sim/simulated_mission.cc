@@ -294,7 +294,9 @@ class Mission {
     world_.rare_states.OnRadio(from, to, message);
     if (world_.options.has_all_actors()) clients_.OnRadio(from, message);
     const std::string who = "agent " + std::to_string(from) + " to " + std::to_string(to) + ": ";
-    if (const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now())) {
+    // Of what it says itself that it does, nothing is known of a Byzantine agent.
+    const auto wrong = leases_.at(from).WhyQuiet(message.source_actor(), to, message, world_.team.now());
+    if (wrong && !IsByzantine(from) && !IsByzantine(to)) {
       world_.Violate("quiet_window", who + *wrong);
     }
     const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Both ends.
