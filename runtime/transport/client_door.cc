@@ -25,9 +25,7 @@ constexpr int kKeyedQueueMessages = 2;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
 constexpr int kBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
-constexpr std::size_t kClientsMax = 1024;  // So many are remembered to be answered.
-// And so many of one key: one that left stays among them until newer ones come, and one that waits must outlast those.
-constexpr std::size_t kClientsOfKeyMax = 64;
+constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
 constexpr int kKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr char kIpc[] = "ipc://";
@@ -90,7 +88,7 @@ ClientDoor::ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options)
     : options_(std::move(options)),
       router_(std::move(router)),
       wake_up_(wake_up),
-      table_(kClientsMax, is_keyed() ? kClientsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
+      table_(kClientsMax, is_keyed() ? kConnectionsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
 
 SendResult ClientDoor::Send(const std::string& name, const proto::Message& message) {
   const std::optional<std::string> routing_id = table_.RoutingIdOf(name);

@@ -29,7 +29,8 @@ namespace moondb {
 
 class ClientDoor {
  public:
-  // So many connections of one key there may be at once (ConnectionRules::Door::key_max).
+  // So many connections of one key there may be at once (ConnectionRules::Door::key_max), and so many are remembered to
+  // be answered, also of those that left.
   static constexpr std::size_t kConnectionsOfKeyMax = 16;
 
   // Who comes with this key (Z85), at this moment.

@@ -54,7 +54,7 @@ def ask_beside(team, count, scale):
         for i in range(count):
             watcher = stack.enter_context(KeyedClient(team, "watcher"))
             watcher.send(i + 1, status={})
-        for _ in range(max(3, int(30 * scale))):
+        for _ in range(max(3, int(12 * scale))):  # With 16 of its own key carl would be forgotten.
             with KeyedClient(team, "sharer", timeout_s=5, from_address=ELSEWHERE) as other:
                 other.ask(status={})
         team.insert("rover1", [record.Record(stamp_ns=messages.now_ns(), mode={"activity": 1})])
