@@ -162,14 +162,20 @@ void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message
   Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
 
+// Another agent is one, whatever actors it names.
+bool GatewayActor::IsSameClient(const Pending& a, const Pending& b) const {
+  if (a.client_name != b.client_name) return false;
+  if (!a.client_name.empty()) return true;
+  return IsPeer(a.client.agent) ? a.client.agent == b.client.agent : a.client == b.client;
+}
+
 Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const {
   std::size_t feeds = 0;
   std::size_t own = 0;
   std::size_t own_feeds = 0;
   std::size_t own_relays = 0;
   for (const auto& [id, other] : pending_) {
-    const bool is_own =
-        other.client_name == pending.client_name && (!pending.client_name.empty() || other.client == pending.client);
+    const bool is_own = IsSameClient(other, pending);
     feeds += other.feed ? 1 : 0;
     own += is_own ? 1 : 0;
     own_feeds += is_own && other.feed ? 1 : 0;

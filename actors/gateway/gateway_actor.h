@@ -96,6 +96,7 @@ class GatewayActor final : public Actor {
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnCheckedRequest(Context& context, const proto::Message& message, proto::ControlRequest request);
+  bool IsSameClient(const Pending& a, const Pending& b) const;
   // kFull where the client, or all together, may not wait for one answer more.
   Result<void> CheckRoom(const Pending& pending, bool is_feed) const;
   void OnStop(Context& context, const proto::Message& message);

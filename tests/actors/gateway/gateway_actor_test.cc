@@ -585,6 +585,18 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   EXPECT_THAT(ask("k6", "carol", relayed),
               testing::HasSubstr("too many requests of this client wait for an answer of"));
   EXPECT_EQ(ask("k7", "dave", relayed), "");
+
+  // Another agent has the room of one client, whatever actors it names.
+  const auto ask_as = [&](const Address& asker) {
+    proto::ControlRequest asked = Feed(30);
+    asked.set_for_agent(2);
+    (void)team_.Post(asker, gateway, MessageOf(asked));
+    team_.AdvanceTime(seconds(1));
+    const auto answers = team_.Take(asker);
+    return answers.empty() ? "" : ReplyIn(answers.front()).error().text();
+  };
+  EXPECT_EQ(ask_as({1, "asker1"}), "");
+  EXPECT_THAT(ask_as({1, "asker2"}), testing::HasSubstr("of this client"));
 }
 
 // A client with a key, and what it is answered at once.
