@@ -15,7 +15,7 @@ class DecodeBudget {
  public:
   using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
 
-  static constexpr double kAtOnceBytes = 32.0 * 1024 * 1024;
+  static constexpr double kAtOnceBytes = 16.0 * 1024 * 1024;
   static constexpr double kBytesPerCodedByte = 100;
   // That a batch counts as which does not decode: what it cost is not known.
   static constexpr std::size_t kDamagedBytes = 1024 * 1024;
