@@ -42,18 +42,26 @@ Result<std::optional<std::string>> PieceCollector::Take(AgentId sender, const pr
   Part* part = Find(sender);
   const bool is_known = part != nullptr && part->hash == piece.hash() && part->size == piece.whole_bytes();
   if (!is_known && piece.first_byte() == 0) {
+    // What it began before gives its buffer: a sender that finishes nothing has one, however often it begins. Growing
+    // by doubling would take three times as much; pages that nothing was written to take nothing.
+    Part begun = part != nullptr ? std::move(*part) : Part{};
     Forget(sender);
-    parts_.push_back({sender, piece.hash(), piece.whole_bytes(), {}});
+    begun.sender = sender;
+    begun.hash = piece.hash();
+    begun.size = piece.whole_bytes();
+    begun.bytes.clear();
+    begun.bytes.reserve(begun.size);
+    parts_.push_back(std::move(begun));
     part = &parts_.back();
-    part->bytes.reserve(part->size);  // Growing by doubling would take three times as much; unused pages take nothing.
   } else if (!is_known || piece.first_byte() > part->bytes.size()) {
     return Fail(ErrorCode::kNotFound, "what comes before this piece is not here", "piece");
   }
   if (end <= part->bytes.size()) return std::optional<std::string>();
   part->bytes.append(batch.coded(), part->bytes.size() - piece.first_byte());
+  part->written_bytes = std::max(part->written_bytes, part->bytes.size());
   if (part->bytes.size() < part->size) {
     std::size_t bytes = 0;
-    for (const Part& other : parts_) bytes += other.bytes.size();
+    for (const Part& other : parts_) bytes += other.written_bytes;
     if (bytes > bytes_max_) parts_.pop_front();
     return std::optional<std::string>();
   }

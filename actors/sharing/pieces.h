@@ -66,6 +66,7 @@ class PieceCollector {
     std::uint64_t hash = 0;
     std::uint64_t size = 0;
     std::string bytes;
+    std::size_t written_bytes = 0;  // Of the buffer, by this whole or one before it.
   };
 
   Part* Find(AgentId sender);

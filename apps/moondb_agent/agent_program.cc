@@ -1,5 +1,6 @@
 #include "apps/moondb_agent/agent_program.h"
 
+#include <malloc.h>
 #include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
@@ -30,6 +31,7 @@ constexpr unsigned kStopSecondsMax = 5;
 // libzmq ends the process where it may open no more files. 16 times the connections that a door lets in to an agent of
 // the largest team (runtime/transport/door_guard.h) are far below, those at their handshake included.
 constexpr rlim_t kOpenFilesLeast = 8'192;
+constexpr int kLargeBufferBytes = 4 * 1024 * 1024;
 constexpr rlim_t kOpenFilesWanted = 65'536;
 
 struct Arguments {
@@ -130,6 +132,9 @@ AgentOptions MakeOptions(const Arguments& arguments, const AgentProgram& program
   return options;
 }
 
+// glibc's own limit grows with what is freed, up to 32 MiB, and each thread would keep twice that of what it freed.
+void GiveLargeBuffersBack() { (void)::mallopt(M_MMAP_THRESHOLD, kLargeBufferBytes); }
+
 void RaiseOpenFiles() {
   rlimit files{};
   if (::getrlimit(RLIMIT_NOFILE, &files) != 0) return;
@@ -176,6 +181,7 @@ int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   }
 
   RaiseOpenFiles();
+  GiveLargeBuffersBack();
   StopWaiter waiter;
   AgentOptions options = MakeOptions(arguments, program, waiter);
   auto folder = DataFolderOf(arguments, *team, **named);

@@ -41,7 +41,7 @@ proto::Record ForgedRecord(const RecordKey& key, AgentId named, const proto::Ter
       pose.mutable_map_from_node()->mutable_position_m()->set_x(1000 + static_cast<double>(draw(1000)));
       pose.mutable_map_from_node()->mutable_orientation()->set_w(1);
       *pose.mutable_term() = term;
-      pose.set_run(1'000'000 + draw(1000));
+      pose.set_run(kForgedRunMin + draw(1000));
       break;
     }
     case proto::AGENT_EVENT:

@@ -12,6 +12,8 @@ namespace moondb::simulation {
 
 // Seqs from here on, and nodes, are never given: so many would take an agent thousands of years.
 inline constexpr std::uint64_t kFarSeq = 1ull << 40;
+// Forged poses are of this run or a later one; no leader solves so often.
+inline constexpr std::uint64_t kForgedRunMin = 1'000'000;
 
 // One that may have this key, and is like no other. Poses are of a node of `named` and of `term`, quarantines of the
 // maps of `named`; the stamp is within a second of `clock_ns`.

@@ -115,5 +115,18 @@ TEST(PiecesTest, WhatWasBegunFirstGivesWayWhenThereIsNoRoom) {
   EXPECT_TRUE(**collector.Take(3, second[3]) != "");
 }
 
+TEST(PiecesTest, ABufferCountsForAllThatWasWrittenToIt) {
+  PieceCollector collector(5'000);
+  const auto first = Cut(Noise(4000), 1000);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(collector.Take(2, first[i]));
+  ASSERT_TRUE(collector.Take(2, Cut(Noise(4000), 1000)[0])) << "in the buffer of the first";
+  const auto other = Cut(Noise(4000), 1000);
+  for (int i = 0; i < 2; ++i) ASSERT_TRUE(collector.Take(3, other[i]));
+  EXPECT_EQ(collector.PartFrom(2).bytes, 1000u);
+  ASSERT_TRUE(collector.Take(3, other[2]));
+  EXPECT_EQ(collector.PartFrom(2).bytes, 0u);
+  EXPECT_EQ(collector.PartFrom(3).bytes, 3000u);
+}
+
 }  // namespace
 }  // namespace moondb

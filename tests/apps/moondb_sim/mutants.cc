@@ -9,6 +9,7 @@
 
 #include "actors/storage/own_epochs.h"
 #include "apps/moondb_sim/byzantine_watch.h"
+#include "apps/moondb_sim/forged_message.h"
 #include "apps/moondb_sim/simulated_config.h"
 #include "apps/moondb_sim/state_watch.h"
 #include "model/have_set.h"
@@ -17,6 +18,7 @@
 #include "model/term.h"
 #include "proto/trace.pb.h"
 #include "runtime/system_status.h"
+#include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"
 
 namespace moondb::simulation {
@@ -752,6 +754,39 @@ void TakeRolesOfAnybody(SimOptions& options) {
   })(options);
 }
 
+// A quarantine that a Byzantine agent forges is taken as if its origin had signed it.
+bool SignQuarantines(const proto::TeamConfig& config, proto::Message& message) {
+  if (!message.has_store_request() || !HasSigningKeys(config)) return true;
+  for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
+    const RecordKey key = FromProto(stored.key());
+    proto::Record record;
+    if (key.stream.type != proto::MAP_QUARANTINE || !record.ParseFromString(stored.content())) continue;
+    const SigningKey signs = SigningKeyOf(key.stream.origin);
+    record.mutable_map_quarantine()->set_signature(signs.Sign(SignedBytes(config, key, record)));
+    stored.set_content(record.SerializeAsString());
+    stored.set_hash(HashRecord(key, stored.content()));
+  }
+  return true;
+}
+
+// At agent 2, as if the leader of the newest assignment had solved what no leader did.
+void TakePosesOfAnybody(SimOptions& options) {
+  options.attacks = {"pose"};
+  Hears(actor_name::kMerge, [newest = proto::RoleAssignment()](Context& context, proto::Message& message) mutable {
+    if (context.self().agent != 2 || !message.has_read_reply()) return true;
+    for (proto::StoredRecord& stored : *message.mutable_read_reply()->mutable_records()) {
+      proto::Record record;
+      if (!record.ParseFromString(stored.content())) continue;
+      if (record.has_role_assignment()) newest = record.role_assignment();
+      if (newest.leader() == 0 || record.optimized_pose().run() < kForgedRunMin) continue;
+      stored.mutable_key()->set_origin_agent(newest.leader());
+      *record.mutable_optimized_pose()->mutable_term() = newest.term();
+      stored.set_content(record.SerializeAsString());
+    }
+    return true;
+  })(options);
+}
+
 void RelayForTheBase(SimOptions& options) {
   options.byzantine = ByzantineSeeds::kAll;
   options.attacks = {"order"};
@@ -1211,6 +1246,25 @@ const std::vector<Mutant>& Mutants() {
        4,
        TakeRolesOfAnybody,
        SimulatedActors::kSharing,
+       /*is_of_lies=*/true},
+      {"TakesQuarantinesOfAnybody",
+       "a quarantine of maps is taken whoever signed it",
+       {"only_own_lies"},
+       4,
+       [](SimOptions& options) {
+         options.attacks = {"event"};
+         Hears(kStorage, [config = MakeTeamConfig(options)](Context&, proto::Message& message) {
+           return SignQuarantines(config, message);
+         })(options);
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/true},
+      {"TakesPosesOfAnybody",
+       "agent 2 merges maps at poses of who never led",
+       {"map_of_records"},
+       4,
+       TakePosesOfAnybody,
+       SimulatedActors::kAll,
        /*is_of_lies=*/true},
       {"TakesCommandsOfAnybody",
        "a command is taken through whoever relays it",
