@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import struct
 import subprocess
+import sys
 import tempfile
 import time
 import zlib
@@ -16,6 +17,14 @@ from team import NAMES, Failure
 
 READ_LIMIT_S = 10
 READ_MB_MAX = 256
+# Prints the exit code of a program and its peak of memory in kB. A process counts the memory of the one that started it as
+# its own: this one is small, the attackers' is not.
+MEASURED = """
+import os, subprocess, sys
+process = subprocess.Popen(sys.argv[1:], stdout=sys.stderr)
+_, status, used = os.wait4(process.pid, 0)
+print(os.waitstatus_to_exitcode(status), used.ru_maxrss)
+"""
 VICTIM_TEXT = "what was here before"
 
 
@@ -135,25 +144,19 @@ def hostile_stores(team, scale):
 
 def expect_refused(team, what, program, *words):
     """The program that reads it ends soon with an error of its own, without much memory."""
-    command = [team.programs / program, *map(str, words)]
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(command, env=team.environment, cwd=team.folder, stdin=subprocess.DEVNULL, stdout=said,
-                                   stderr=subprocess.STDOUT)
-        end = time.monotonic() + READ_LIMIT_S
-        done = (0, 0, None)
-        while done[0] == 0 and time.monotonic() < end:
-            time.sleep(0.02)
-            done = os.wait4(process.pid, os.WNOHANG)
-        if done[0] == 0:
-            os.kill(process.pid, signal.SIGKILL)
-            os.wait4(process.pid, 0)
-            raise Failure(f"{program} did not end within {READ_LIMIT_S} s: {what}")
-    process.returncode = code = os.waitstatus_to_exitcode(done[1])
-    mb = done[2].ru_maxrss / 1024
+    process = subprocess.Popen([sys.executable, "-c", MEASURED, str(team.programs / program), *map(str, words)],
+                               env=team.environment, cwd=team.folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                               stderr=subprocess.DEVNULL, text=True, start_new_session=True)
+    try:
+        code, kilobytes = map(int, process.communicate(timeout=READ_LIMIT_S)[0].split())
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        raise Failure(f"{program} did not end within {READ_LIMIT_S} s: {what}") from None
     if code <= 0:
         raise Failure(f"{program} ended with {code}: {what}")
-    if mb > READ_MB_MAX:
-        raise Failure(f"{program} took {mb:.0f} MB: {what}")
+    if kilobytes / 1024 > READ_MB_MAX:
+        raise Failure(f"{program} took {kilobytes / 1024:.0f} MB: {what}")
 
 
 def png(width, height, data):
