@@ -37,12 +37,6 @@ std::string NameOf(const proto::ControlRequest& request) {
   return name;
 }
 
-bool IsQuestionForHave(const proto::Message& message) {
-  if (!message.has_control_request() || message.source_actor() != actor_name::kRetention) return false;
-  const Result<proto::ControlRequest> request = ControlRequestOf(message);
-  return request && request->has_have();
-}
-
 std::optional<HaveSet> HaveInAnswer(const proto::Message& message) {
   if (!message.has_control_reply() || message.source_actor() != actor_name::kRetention) return std::nullopt;
   const Result<proto::ControlReply> reply = ControlReplyOf(message);

@@ -22,8 +22,7 @@ Duration AnsweredWithin(const proto::ControlRequest& request, Duration timeout, 
 // "downlink for agent 4", for people.
 std::string NameOf(const proto::ControlRequest& request);
 
-// RetentionActors ask each other what their agents have.
-bool IsQuestionForHave(const proto::Message& message);
+// What a RetentionActor answers another one, which asked what its agent has.
 std::optional<HaveSet> HaveInAnswer(const proto::Message& message);
 
 }  // namespace moondb::simulation

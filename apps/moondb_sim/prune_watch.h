@@ -18,8 +18,8 @@ class PruneWatch {
  public:
   explicit PruneWatch(AgentId self) : self_(self) {}
 
-  // It asks what another has, acting on these roles.
-  void OnQuestion(const proto::RoleAssignment& roles) {
+  // It is to ask what these leader and survivor have.
+  void OnRoles(const proto::RoleAssignment& roles) {
     roles_ = roles;
     told_.clear();
   }

@@ -216,6 +216,9 @@ class Mission {
       case proto::Message::kInsertReply:
         SeeInserted(actor.agent, message);
         break;
+      case proto::Message::kRoleShowReply:
+        if (actor.actor == actor_name::kRetention) prunes_.at(actor.agent).OnRoles(message.role_show_reply().roles());
+        break;
       case proto::Message::kPruneRequest:
         prunes_.at(actor.agent).OnPruneRequest();
         break;
@@ -319,7 +322,6 @@ class Mission {
           (error.code == ErrorCode::kUnavailable && (lives_.is_damaged(from) || world_.HadDiskTrouble(from)));
       if (!is_usual && is_honest) world_.Violate("nothing_refused", who + ToString(error));
     }
-    if (IsQuestionForHave(message)) prunes_.at(from).OnQuestion(world_.roles[from]);
     if (const std::optional<HaveSet> have = HaveInAnswer(message)) {
       prunes_.at(to).OnAnswer(from, *have);
       world_.rules.SeeHave(from, *have);

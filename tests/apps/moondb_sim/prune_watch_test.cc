@@ -28,7 +28,7 @@ proto::RoleAssignment Roles() {
 
 TEST(PruneWatchTest, AllowsWhatLeaderAndSurvivorHad) {
   PruneWatch watch(3);
-  watch.OnQuestion(Roles());
+  watch.OnRoles(Roles());
   watch.OnAnswer(1, Held({1, 9}));
   watch.OnAnswer(2, Dropped({3, 12}));
   watch.OnPruneRequest();
@@ -39,7 +39,7 @@ TEST(PruneWatchTest, AllowsWhatLeaderAndSurvivorHad) {
 
 TEST(PruneWatchTest, AsksNotTheAgentItself) {
   PruneWatch watch(1);
-  watch.OnQuestion(Roles());
+  watch.OnRoles(Roles());
   watch.OnAnswer(2, Held({1, 9}));
   watch.OnPruneRequest();
   EXPECT_FALSE(watch.OnHave(Dropped({1, 9})));
@@ -47,7 +47,7 @@ TEST(PruneWatchTest, AsksNotTheAgentItself) {
 
 TEST(PruneWatchTest, AllowsNothingWhereOneDidNotAnswer) {
   PruneWatch watch(3);
-  watch.OnQuestion(Roles());
+  watch.OnRoles(Roles());
   watch.OnAnswer(1, Held({1, 9}));
   watch.OnPruneRequest();
   EXPECT_TRUE(watch.OnHave(Dropped({1, 1})));
