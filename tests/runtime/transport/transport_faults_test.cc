@@ -71,7 +71,7 @@ class TransportFaultsTest : public TransportFixture {
       }
     });
     (void)Fill(Marked("bulk"));
-    EXPECT_TRUE(ears_[1].WaitForPeer(2, false));
+    EXPECT_TRUE(ears_[1].WaitUntilLost(2));
     is_over = true;
     talk.join();
     EXPECT_GE(Peer(1, 2).lost_by_deadline(), 1);
@@ -113,7 +113,7 @@ TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpUnderAFlood) {
   std::thread flood([&] {
     while (!is_over) (void)SendToPeer(Marked("bulk"));
   });
-  EXPECT_TRUE(ears_[1].WaitForPeer(2, false));
+  EXPECT_TRUE(ears_[1].WaitUntilLost(2));
   is_over = true;
   flood.join();
   const proto::PeerStatus status = Peer(1, 2);
@@ -140,7 +140,7 @@ TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpInTimeWhileAnotherFloods) {
     while (!is_lost) (void)ears_[1].Take();
   });
   const auto begun = std::chrono::steady_clock::now();
-  EXPECT_TRUE(ears_[1].WaitForPeer(2, false));
+  EXPECT_TRUE(ears_[1].WaitUntilLost(2));
   const auto took = std::chrono::steady_clock::now() - begun;
   is_lost = true;
   reader.join();
@@ -158,7 +158,7 @@ TEST_F(TransportFaultsTest, AFrozenPeerIsGivenUpWhenNothingIsSentEither) {
   Start(1, options_);
   RawRouter frozen(AddressOf(2));
   ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
-  EXPECT_TRUE(ears_[1].WaitForPeer(2, false));
+  EXPECT_TRUE(ears_[1].WaitUntilLost(2));
 }
 
 TEST_F(TransportFaultsTest, APeerThatAnswersIsKept) {

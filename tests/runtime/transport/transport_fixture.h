@@ -45,7 +45,7 @@ class Ear {
     return [this](AgentId peer, bool is_connected) {
       const std::lock_guard lock(mutex_);
       is_connected_[peer] = is_connected;
-      if (is_connected) ++times_connected_[peer];
+      ++(is_connected ? times_connected_ : times_lost_)[peer];
       changed_.notify_all();
     };
   }
@@ -72,6 +72,12 @@ class Ear {
     return changed_.wait_for(lock, kPatience, [&] { return times_connected_[peer] >= times; });
   }
 
+  // Also where it is connected again by now.
+  bool WaitUntilLost(AgentId peer) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, kPatience, [&] { return times_lost_[peer] > 0; });
+  }
+
   std::size_t waiting() {
     const std::lock_guard lock(mutex_);
     return messages_.size();
@@ -83,6 +89,7 @@ class Ear {
   std::deque<OwnedMessage> messages_;
   std::map<AgentId, bool> is_connected_;
   std::map<AgentId, int> times_connected_;
+  std::map<AgentId, int> times_lost_;
 };
 
 // One part; none if none comes in the socket's patience.
