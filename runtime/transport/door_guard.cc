@@ -1,5 +1,6 @@
 #include "runtime/transport/door_guard.h"
 
+#include <algorithm>
 #include <set>
 #include <string>
 #include <utility>
@@ -26,12 +27,14 @@ DoorGuard::DoorGuard(std::unique_ptr<TcpConnections> connections, std::map<std::
 
 void DoorGuard::OnReadable(MonotonicTime now) {
   connections_->Drain();
-  if (looks_at_ == MonotonicTime::max()) looks_at_ = now + kLookAfter;
+  next_look_after_ = kLookAfter;
+  looks_at_ = std::min(looks_at_, now + kLookAfter);
 }
 
 void DoorGuard::Work(MonotonicTime now) {
   if (now < looks_at_) return;
-  looks_at_ = MonotonicTime::max();
+  looks_at_ = next_look_after_ <= kLookAfterMax ? now + next_look_after_ : MonotonicTime::max();
+  next_look_after_ *= 2;
   for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List())) {
     TcpConnections::ShutDown(cut.connection);
     const std::string who =

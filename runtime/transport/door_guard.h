@@ -1,8 +1,9 @@
 // DoorGuard: cuts the TCP connections to this agent that take more than their due (connection_rules.h), which libzmq by
 // itself does not bound. Upon the cut libzmq closes the connection and frees what it had received of a message.
 //
-// It looks a moment after anything came over any of them, and not at all while nothing comes, so that an agent at rest
-// sleeps. Between two looks a connection takes what the network brings: some 10 MB at the rate at which libzmq reads.
+// It looks a moment after anything came over any of them, a few times more at growing intervals (libzmq may let in who
+// connected between two looks), and not at all while nothing comes, so that an agent at rest sleeps. Between two looks
+// a connection takes what the network brings: some 10 MB at the rate at which libzmq reads.
 //
 // The transport's thread; cut_* any thread.
 #pragma once
@@ -24,6 +25,7 @@ namespace moondb {
 class DoorGuard {
  public:
   static constexpr Duration kLookAfter = std::chrono::milliseconds(50);
+  static constexpr Duration kLookAfterMax = std::chrono::milliseconds(800);
 
   // By port. kUnavailable: the process may open no more files.
   static Result<std::unique_ptr<DoorGuard>> Make(std::map<std::uint16_t, ConnectionRules::Door> doors);
@@ -50,6 +52,7 @@ class DoorGuard {
   const std::unique_ptr<TcpConnections> connections_;
   ConnectionRules rules_;
   MonotonicTime looks_at_{};
+  Duration next_look_after_ = kLookAfter;
   RateLimitedLog number_log_;
   RateLimitedLog bytes_log_;
   std::atomic<std::uint64_t> cut_for_number_ = 0;

@@ -71,8 +71,17 @@ TcpConnections::~TcpConnections() {
   ::close(epoll_);
 }
 
-// Each file says once, from here on, that something came; a file that libzmq closes leaves epoll by itself.
+// The file says once, from here on, that something came; one that libzmq closes leaves epoll by itself.
+void TcpConnections::Arm(int file) const {
+  epoll_event event{};
+  event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
+  if (::epoll_ctl(epoll_, EPOLL_CTL_MOD, file, &event) != 0) (void)::epoll_ctl(epoll_, EPOLL_CTL_ADD, file, &event);
+}
+
+// Files that listen are armed before the others are looked at: who connects meanwhile is seen here or announced.
 std::vector<TcpConnection> TcpConnections::List() {
+  const std::set<int> armed = std::exchange(listeners_, {});
+  for (const int listener : armed) Arm(listener);
   std::vector<TcpConnection> connections;
   ::rewinddir(own_files_);
   while (const dirent* entry = ::readdir(own_files_)) {
@@ -80,13 +89,19 @@ std::vector<TcpConnection> TcpConnections::List() {
     const int file = std::atoi(entry->d_name);
     const std::optional<Endpoint> own = Ask(::getsockname, file);
     if (!own || !ports_.contains(own->port)) continue;
-    epoll_event event{};
-    event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
-    if (::epoll_ctl(epoll_, EPOLL_CTL_MOD, file, &event) != 0) (void)::epoll_ctl(epoll_, EPOLL_CTL_ADD, file, &event);
+    int listens = 0;
+    socklen_t listens_size = sizeof listens;
+    (void)::getsockopt(file, SOL_SOCKET, SO_ACCEPTCONN, &listens, &listens_size);
+    if (listens != 0) {
+      listeners_.insert(file);
+      if (!armed.contains(file)) Arm(file);
+      continue;
+    }
+    Arm(file);
     const std::optional<Endpoint> peer = Ask(::getpeername, file);
     tcp_info info{};
     socklen_t size = sizeof info;
-    if (!peer || ::getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) continue;  // One that listens.
+    if (!peer || ::getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) continue;
     if (info.tcpi_state != kEstablished) continue;  // Its peer has left, which libzmq is about to notice.
     connections.push_back({file, own->port, peer->address, peer->port, 0});
     if (size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof info.tcpi_bytes_received) {

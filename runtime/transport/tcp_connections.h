@@ -38,12 +38,15 @@ class TcpConnections {
   static void ShutDown(const TcpConnection& connection);
 
  private:
+  void Arm(int file) const;
+
   TcpConnections(std::set<std::uint16_t> ports, int epoll, DIR* own_files)
       : ports_(std::move(ports)), epoll_(epoll), own_files_(own_files) {}
 
   const std::set<std::uint16_t> ports_;
   const int epoll_;
   DIR* const own_files_;  // /proc/self/fd
+  std::set<int> listeners_;
 };
 
 }  // namespace moondb
