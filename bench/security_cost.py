@@ -5,7 +5,7 @@
 Usage: security_cost.py PROGRAMS [--seconds S] [--swaps N] [--pairs N] [--json FILE]
     PROGRAMS   folder of moonctl and moondb_agent
     --seconds  how long the teams are watched at rest (30)
-    --swaps    how many swaps there are, one a second (20)
+    --swaps    how many swaps there are, one a second (15; an agent takes 20 changes of one issuer at once)
     --pairs    how often both teams are watched, in turn (3)
 
 Prints, and writes as JSON: the processor time of all four agents as a share of one processor, with keys and without, and
@@ -95,7 +95,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("programs", type=pathlib.Path)
     parser.add_argument("--seconds", type=float, default=30)
-    parser.add_argument("--swaps", type=int, default=20)
+    parser.add_argument("--swaps", type=int, default=15)
     parser.add_argument("--pairs", type=int, default=3)
     parser.add_argument("--json", type=pathlib.Path)
     options = parser.parse_args()

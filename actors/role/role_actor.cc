@@ -89,9 +89,6 @@ void RoleActor::OnLocal(Context& context, const proto::Message& message) {
       return OnRoleShowRequest(context, message.role_show_request());
     case proto::Message::kControlRequest:
       return OnControlRequest(context, message);
-    case proto::Message::kRoleAnnounce:
-      // Forwarded by a sharing actor, which heard it from agent_id.
-      return OnRoleAnnounce(context, message.agent_id(), message.role_announce());
     default:
       return;
   }

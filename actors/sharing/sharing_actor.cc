@@ -169,17 +169,6 @@ void SharingActor::OnHello(Context& context, const proto::Hello& hello) {
   if (!was_other_config && receiver_->other_configs().contains(peer)) {
     refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) + " runs with another team configuration");
   }
-  // An agent whose disk takes no newer roles acts on them without its own: that is no assignment to hand on.
-  const bool is_assignment =
-      hello.roles().leader() != 0 && (hello.roles().survivor() != 0 || InitialRoles(options_.team).survivor() == 0);
-  if (is_assignment && OrderOf(hello.roles().term()) != OrderOf(roles_.term())) {
-    // One of the two has missed a change; RoleActor knows what to do, agent_id says about whom.
-    proto::Message announce;
-    announce.set_agent_id(peer);
-    announce.set_ms_type(proto::CONTROL);
-    *announce.mutable_role_announce()->mutable_roles() = hello.roles();
-    (void)context.Send({options_.self, actor_name::kRole}, std::move(announce));
-  }
   Perform(context, std::move(answer));
 }
 
@@ -231,7 +220,7 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
   proto::ShareReply& body = *reply.mutable_share_reply();
-  *body.mutable_roles() = roles_;
+  if (is_from_here(context)) *body.mutable_roles() = roles_;
   body.set_order(carried_out.number);
   if (started) {
     body.set_session_count(static_cast<std::uint32_t>(*started));
@@ -472,8 +461,6 @@ void SharingActor::Perform(Context& context, Outgoing& outgoing, SharingActions 
       hello.set_team(options_.team.team());
       hello.set_team_id(TeamIdBytes(options_.team.team_id()));
       hello.set_config_hash(options_.config_hash);
-      *hello.mutable_roles() = roles_;
-      *action.message.mutable_term() = roles_.term();
     }
     const Address to =
         is_to_peer ? Address{action.to, context.self().actor} : Address{options_.self, actor_name::kStorage};

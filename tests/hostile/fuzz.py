@@ -85,7 +85,7 @@ def right_messages(member, session):
     status = messages.control.ControlRequest(for_agent=1, team_id=member.team.team_id, status={})
     read = messages.control.ControlRequest(for_agent=1, team_id=member.team.team_id, read={"records_max": 5})
     bodies = [
-        ("sync", {"hello": session.hello(roles=roles, origin_agents=[1, 2], everyones_types=[31])}),
+        ("sync", {"hello": session.hello(origin_agents=[1, 2], everyones_types=[31])}),
         ("sync", {"have": {"session_id": session.id, "is_whole": True,
                            "have": {"streams": [messages.have_stream(1, epoch, 20, 9)]}}}),
         ("replica", {"refusal": {"session_id": 1, "error": {"code": 3, "field": "x", "text": b"no"}}}),

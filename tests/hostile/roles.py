@@ -76,16 +76,6 @@ def roles_of_the_file(team, scale):
                                                   follows=present.follows, signature=present.signature))
 
 
-def roles_in_a_hello(team, scale):
-    """rover3 greets the others with roles in which it leads."""
-    before = roles_of(team)
-    with Member(team, TAKEN) as member:
-        present = member.ask("rover1", status={}).status.roles
-        for agent in HONEST:
-            member.session(agent, roles=assignment(team, present, ROVER3, ROVER2))
-    expect_roles(team, before)
-
-
 def roles_as_a_record(team, scale):
     """rover3 brings the leader assignments as records, in its own and in the base station's name, in which it leads."""
     before = roles_of(team)
@@ -185,6 +175,6 @@ def vouches_as_survivor(team, scale):
             team.prune_everything(agent)
 
 
-ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_in_a_hello, roles_as_a_record,
+ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_as_a_record,
              terms_to_the_end, chains_never_asked, endless_chain, poses_of_a_high_term, vouches_as_survivor]
 PRUNING = [vouches_as_survivor]
