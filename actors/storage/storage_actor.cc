@@ -48,6 +48,11 @@ void DropHistoryWhereShort(const DiskGuard& disk, RecordStore& store) {
   if (freed && *freed > 0) spdlog::warn("storage: the disk is short: {} bytes of history were removed", *freed);
 }
 
+bool HasRecordsOf(AgentId agent, const proto::MissingReply& reply) {
+  return std::any_of(reply.records().begin(), reply.records().end(),
+                     [agent](const proto::StoredRecord& record) { return record.key().origin_agent() == agent; });
+}
+
 }  // namespace
 
 StorageActor::StorageActor(Options options)
@@ -196,12 +201,16 @@ void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
 }
 
 void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
-  if (!event.is_connected()) return;
+  if (event.is_connected()) ReportEpochs(context, event.peer());
+}
+
+// A report that is lost comes again with the next link, and before records of the peer's own go home.
+void StorageActor::ReportEpochs(Context& context, AgentId peer) {
   proto::Message report;
   report.set_ms_type(proto::CONTROL);
-  *report.mutable_epoch_report() = store_->ReportEpochs(event.peer());
+  *report.mutable_epoch_report() = store_->ReportEpochs(peer);
   if (report.epoch_report().epochs().empty()) return;
-  (void)context.Send({event.peer(), actor_name::kStorage}, std::move(report));  // Lost, it comes with the next link.
+  (void)context.Send({peer, actor_name::kStorage}, std::move(report));
 }
 
 void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
@@ -289,6 +298,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
   proto::Message message;
   Result<proto::MissingReply> reply = store_->GetMissing(request);
   if (reply) {
+    if (HasRecordsOf(request.destination(), *reply)) ReportEpochs(context, request.destination());
     *message.mutable_missing_reply() = *std::move(reply);
   } else {
     Note(context, "what is missing", reply.error());

@@ -69,6 +69,7 @@ class StorageActor final : public Actor {
  private:
   void OnFromPeer(Context& context, const proto::Message& message);
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);
+  void ReportEpochs(Context& context, AgentId peer);
   void OnPeerHave(Context& context, const proto::PeerHave& note);
   void OnInsert(Context& context, const proto::InsertRequest& request);
   void OnStore(Context& context, const proto::StoreRequest& request);

@@ -326,22 +326,6 @@ TEST_F(RoleActorTest, IsSilentWhenAllHaveConfirmed) {
   EXPECT_EQ(team_.radio_bytes(), bytes);
 }
 
-TEST_F(RoleActorTest, HearsOfANewTermFromAHello) {
-  StartAndSettle();
-  proto::Message forwarded;
-  forwarded.set_agent_id(3);
-  proto::RoleAssignment& roles = *forwarded.mutable_role_announce()->mutable_roles();
-  roles.set_leader(3);
-  roles.set_survivor(2);
-  roles.mutable_term()->set_number(7);
-  roles.mutable_term()->set_issuer(3);
-  roles.mutable_term()->set_issuer_epoch(1);
-  (void)team_.Post({1, actor_name::kSync}, {1, actor_name::kRole}, forwarded);
-  team_.AdvanceTime(seconds(2));
-  EXPECT_EQ(Show(1).roles().leader(), 3u);
-  EXPECT_TRUE(AllAgree());
-}
-
 // Random commands at random agents, crashes, cuts and a lossy radio; then quiet, in which all must agree on the newest
 // term, with at most one assignment a term ever seen.
 class RoleActorChaosTest : public testing::TestWithParam<int> {};

@@ -151,7 +151,7 @@ TEST_F(SharingOrdersTest, StatusSaysForHowLongAnAgentCannotBeAsked) {
 // What --wait looks at: an earlier order's session may end between the look before the order and the order's arrival.
 TEST_F(SharingOrdersTest, ASessionOfAnEarlierOrderDoesNotCompleteALaterOne) {
   InsertAt(2, 100);
-  team_.radio().bytes_per_second = 4'000;
+  team_.radio().bytes_per_second = 3'000;
   const std::uint64_t earlier = Share(team_, kLeader, ShareOrder(proto::SHARING_KIND_SYNC)).order();
   ASSERT_NE(earlier, 0u);
   team_.AdvanceTime(std::chrono::milliseconds(200));

@@ -188,6 +188,27 @@ TEST_F(EpochReportTest, TellsAPeerItsEpochsWhenALinkComesUp) {
   EXPECT_TRUE(team_.Take({7, "storage"}).empty()) << "of which it knows none";
 }
 
+TEST_F(EpochReportTest, TellsAPeerItsEpochsAgainBeforeRecordsOfItsOwnGoHome) {
+  proto::Message question;
+  for (const std::uint64_t epoch : {9, 4}) {
+    *question.mutable_store_request()->add_records() =
+        Packed(RecordKey{StreamKey{1, epoch, proto::POSE_GRAPH_NODE}, 2}, NodeRecord(1, epoch));
+  }
+  Ask(question);
+  for (const AgentId destination : {1u, 7u}) {
+    proto::Message missing;
+    missing.mutable_missing_request()->set_destination(destination);
+    missing.mutable_missing_request()->set_records_max(1);
+    ASSERT_EQ(Ask(missing).missing_reply().records_size(), 1);
+    team_.AdvanceTime(std::chrono::seconds(1));
+    const std::vector<proto::Message> told = team_.Take({destination, "storage"});
+    ASSERT_EQ(told.size(), destination == 1 ? 1u : 0u);
+    for (const proto::Message& report : told) {
+      EXPECT_EQ(report.epoch_report().ShortDebugString(), "epochs: 4 epochs: 9");
+    }
+  }
+}
+
 TEST_F(EpochReportTest, RestatesWhatAReportEndangersAndNotifiesItsReaders) {
   const std::uint64_t epoch = Insert(TemperatureRecord(20)).keys(0).epoch();
   (void)team_.Take({2, "merge"});

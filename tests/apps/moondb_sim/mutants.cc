@@ -355,7 +355,8 @@ class DropsPoses : public OtherActor {
       void AddTo(proto::HaveSet& told) const {
         HaveSet have = *FromProto(told);
         for (const auto& [stream, dropped] : mutant_.dropped_.streams()) {
-          if (!have.Get(stream).Had().is_empty()) have[stream].dropped.Add(dropped.dropped);
+          const IntervalSet had = have.Get(stream).Had();
+          have[stream].dropped.Add(had.Minus(had.Minus(dropped.dropped)));  // Only what is on the disk.
           have[stream].held = have[stream].held.Minus(dropped.dropped);
         }
         told = ToProto(have);
@@ -845,7 +846,7 @@ const std::vector<Mutant>& Mutants() {
        }},
       {"PosesByEpoch",
        "an optimized pose of a newer term gives way to an older one in a higher epoch",
-       {"pose_goes_up", "survivor_is_leader", "brought_out", "home_again", "acknowledged_held"},
+       {"pose_goes_up", "survivor_is_leader", "brought_out", "home_again"},
        15,
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 20;
