@@ -17,6 +17,7 @@ namespace {
 // Parts of the whole time with which growth begins; 1 is the whole at once.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
+constexpr double kWorseTimes = 1.5;  // An arrangement of so many times the best one's cost is none that fits as well.
 constexpr int kRoadsBesideMax = 60;
 constexpr std::size_t kShapesMax = 8;  // Shapes that are distinguished from each other.
 
@@ -65,15 +66,7 @@ class PlainSolver {
   }
 
   PlainSolution RunFromOdometry() {
-    std::vector<bool> placed(graph_.nodes.size(), false);
-    PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
-    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
-    for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
-    // Along the way that was driven, not over its loops: these only for what the way does not reach.
-    ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
-    ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
-    MoveToFixed(heads, state);
-    Add(Road{cost_.Minimise(all_, StartQuality::kRough, state), state}, Beginning::kOdometry);
+    GoFromOdometry();
     return Finish();
   }
 
@@ -95,6 +88,20 @@ class PlainSolver {
     MoveToFixed(heads, state);
     const PlainFit fit = cost_.Minimise(all_, StartQuality::kNear, state);
     Add(Road{fit, std::move(state)}, has_loops ? Beginning::kChordal : Beginning::kOdometry);
+    if (!fit.has_converged && has_loops && !IsStopped()) GoFromOdometry();
+  }
+
+  void GoFromOdometry() {
+    std::vector<bool> placed(graph_.nodes.size(), false);
+    PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
+    // Along the way that was driven, not over its loops: these only for what the way does not reach.
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
+    MoveToFixed(heads, state);
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kRough, state);
+    Add(Road{fit, std::move(state)}, Beginning::kOdometry);
   }
 
   // Each part as a whole, so that its first fixed node stands at its vertex, and so do all fixed ones.
@@ -189,8 +196,11 @@ class PlainSolver {
     Beginning beginning = is_whole ? (HasLoops(graph_, active, heads) ? Beginning::kChordal : Beginning::kOdometry)
                                    : Beginning::kArrangedParts;
     if (first < 1) beginning = Beginning::kPrefixGrowth;
-    for (Arrangement& arrangement : ArrangeParts(graph_, active, placed, heads, state, Freedom())) {
+    std::vector<Arrangement> arrangements = ArrangeParts(graph_, active, placed, heads, state, Freedom());
+    for (Arrangement& arrangement : arrangements) {
       if (IsStopped()) return;
+      const bool is_worse = arrangement.cost > kWorseTimes * arrangements.front().cost;
+      if (solution_.roads_to_lowest > 1 && is_worse) return;
       Add(GoRoad(first, active, std::move(arrangement.state)), beginning);
     }
   }
