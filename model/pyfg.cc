@@ -94,7 +94,8 @@ class Parser {
     edge.from = TakeKey(fields);
     edge.to = TakeKey(fields);
     edge.from_from_to = fields.PoseOf(is_planar);
-    edge.covariance = is_planar ? Lift(fields.PositiveDefinite<3>("covariance")) : fields.PositiveDefinite<6>("covariance");
+    edge.covariance =
+        is_planar ? Lift(fields.PositiveDefinite<3>("covariance")) : fields.PositiveDefinite<6>("covariance");
     edges_.push_back({edge.from, edge.to, line_, false, false});
     pyfg_.graph.odometry.push_back(edge);
   }

@@ -30,6 +30,13 @@ struct Road {
   PlainState state;
 };
 
+// The solution of a prefix of the time, which a road went on from.
+struct Passed {
+  double part = 0;
+  double cost = 0;
+  PlainState state;
+};
+
 class PlainSolver {
  public:
   PlainSolver(const PlainGraph& graph, const PlainOptions& options)
@@ -212,10 +219,15 @@ class PlainSolver {
     return options;
   }
 
+  // It ends nowhere where it comes by the solution of a prefix that another road went on from: the rest would be the
+  // same, and no witness for it.
   Road GoRoad(double part, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;
     while (part < 1 && !IsStopped()) {
+      if (HasPassed(part, fit.cost, state))
+        return Road{{false, std::numeric_limits<double>::infinity(), iterations}, {}};
+      passed_.push_back({part, fit.cost, state});
       part = std::min(1.0, 2 * part);
       const ActiveNodes grown = Prefix(part);
       Extend(active, grown, state);
@@ -225,6 +237,13 @@ class PlainSolver {
     }
     fit.iterations = iterations;
     return Road{fit, std::move(state)};
+  }
+
+  bool HasPassed(double part, double cost, const PlainState& state) const {
+    return std::any_of(passed_.begin(), passed_.end(), [&](const Passed& passed) {
+      const bool is_there = passed.part == part && IsSame(cost, passed.cost);
+      return is_there && HaveSameShape(graph_, joined_, state, passed.state);
+    });
   }
 
   // New nodes by their steps from old ones; new parts are arranged about what stands.
@@ -293,6 +312,7 @@ class PlainSolver {
   const ActiveNodes all_;
   const std::vector<std::size_t> joined_;  // FindJoined.
   std::vector<std::int64_t> times_;
+  std::vector<Passed> passed_;
   PlainState best_;
   std::vector<PlainState> lowest_;  // One of each shape that had the lowest cost.
   PlainSolution solution_;
