@@ -166,7 +166,8 @@ class PlainSolver {
     }
   }
 
-  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, dogleg goes on.
+  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, it has more of them, in space
+  // by dogleg.
   void Polish() {
     if (best_.empty()) return;
     PlainState state = best_;

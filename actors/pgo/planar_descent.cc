@@ -9,6 +9,7 @@ namespace moondb {
 namespace {
 
 constexpr double kFunctionTolerance = 1e-9;
+constexpr double kStepTolerance = 1e-9;  // Of the size of all unknowns together.
 constexpr double kGradientTolerance = 1e-10;
 constexpr double kRoundingPart = 1e-13;  // Of F: what its sum loses by rounding.
 constexpr double kRadiusMax = 1e16;
@@ -46,6 +47,8 @@ class Descent {
     Eigen::VectorXd step;
     const double expected = Solve(step);
     if (!(expected > 0)) return Retreat();
+    result_.has_converged = step.norm() <= kStepTolerance * SizeOf(state_);
+    if (result_.has_converged) return;
     PlanarState moved = system_.Plus(state_, step);
     system_.SettlePositions(moved);
     const double cost = system_.Cost(moved);
@@ -65,6 +68,12 @@ class Descent {
     const bool is_exact = gauss_newton_steps_ == 0 && fall <= kNearPart * cost;
     curvature_ = is_exact ? Curvature::kExact : Curvature::kGaussNewton;
     system_.Linearise(state_, curvature_);
+  }
+
+  static double SizeOf(const PlanarState& state) {
+    double square_sum = 0;
+    for (const Eigen::Vector3d& place : state) square_sum += place.squaredNorm();
+    return std::sqrt(square_sum);
   }
 
   // Where the exact curvature led nowhere, that of Gauss and Newton takes over for a while; else the step was too long.
