@@ -98,7 +98,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 1000));
   app.add_option("--only", options.only, "Of the simulated teams those whose name holds this");
   app.add_flag("--json", options.is_json, "One JSON object instead of a table");
-  app.add_flag("--ours-only", options.is_ours_only, "Without plain Ceres beside each graph");
+  app.add_flag("--ours-only", options.is_ours_only, "Without plain least squares from odometry beside each graph");
   app.add_option("--plots", options.plots, "Writes a PNG picture of each graph's trajectories into this folder")
       ->check(CLI::ExistingDirectory);
   CLI11_PARSE(app, argc, argv);

@@ -1,4 +1,4 @@
-// pgo_bench's first part: graphs in a folder, solved as they are written, against plain Ceres from odometry.
+// pgo_bench's first part: graphs in a folder, solved as they are written, against plain least squares from odometry.
 #pragma once
 
 #include <filesystem>
@@ -41,7 +41,7 @@ struct GraphRun {
 
 struct GraphBenchOptions {
   SolverOptions solver;   // Of teams; its threads are everybody's.
-  bool has_plain = true;  // Also solve with plain Ceres from odometry.
+  bool has_plain = true;  // Also solve plainly from odometry.
 };
 
 // Files .g2o and .pyfg in `folder`, by name, and folders in it (or itself) that hold agents.csv: these as team

@@ -90,7 +90,7 @@ Table MethodTable(const std::map<Method, MethodFigures>& methods) {
 }  // namespace
 
 std::string TableOf(const std::vector<GraphRun>& graphs) {
-  Table table({"GRAPH", "NODES", "EDGES", "RANGES", "COST", "ATE M", "SECONDS", "BEGINNING", "PLAIN CERES", "ATE M",
+  Table table({"GRAPH", "NODES", "EDGES", "RANGES", "COST", "ATE M", "SECONDS", "BEGINNING", "FROM ODOMETRY", "ATE M",
                "SECONDS", "HAZARD IOU", "NOTE"});
   for (const GraphRun& run : graphs) {
     std::vector<std::string> row = {run.name,

@@ -16,7 +16,7 @@ std::string TableOf(const std::vector<RedrawRun>& redraws);
 std::string TextOf(const UnknownStartsRun& run);
 
 // One object: `graphs`, each with name, cost, ate_m (null where no truth is known), seconds, initialisation and the
-// same of plain Ceres from odometry; `redraws` and `teams`, each with its methods; `unknown_starts`.
+// same of plain least squares from odometry; `redraws` and `teams`, each with its methods; `unknown_starts`.
 std::string JsonOf(const std::vector<GraphRun>& graphs, const std::vector<RedrawRun>& redraws,
                    const std::vector<TeamRun>& teams, const UnknownStartsRun& unknown);
 

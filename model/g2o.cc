@@ -1,5 +1,7 @@
 #include "model/g2o.h"
 
+#include <Eigen/LU>
+#include <cmath>
 #include <set>
 #include <utility>
 
@@ -12,7 +14,7 @@ namespace {
 
 class Parser {
  public:
-  explicit Parser(std::string name) : name_(std::move(name)) {}
+  Parser(std::string name, InformationCheck check) : name_(std::move(name)), check_(check) {}
 
   Result<G2o> Parse(std::string_view text) {
     const Result<void> parsed = ParseLines(text, name_, [this](LineFields& fields, std::size_t line) {
@@ -69,11 +71,28 @@ class Parser {
     if (fields.error().empty() && edge.from == edge.to) fields.Stop("the edge joins a vertex with itself");
     edge.from_from_to = fields.PoseOf(is_planar);
     if (is_planar) {
-      SetPlanar(fields.Symmetric<3>("information"), edge.information);
+      SetPlanar(InformationOf<3, 2>(fields), edge.information);
     } else {
-      edge.information = fields.Symmetric<6>("information");
+      edge.information = InformationOf<6, 3>(fields);
     }
     g2o_.edges.push_back(edge);
+  }
+
+  // Whose first `kTranslation` rows are those of the translation.
+  template <int kSize, int kTranslation>
+  Eigen::Matrix<double, kSize, kSize> InformationOf(LineFields& fields) const {
+    constexpr const char* kName = "information";
+    if (check_ == InformationCheck::kPositiveDefinite) return fields.PositiveDefinite<kSize>(kName);
+    constexpr int kRotation = kSize - kTranslation;
+    const Eigen::Matrix<double, kSize, kSize> matrix = fields.Symmetric<kSize>();
+    const Eigen::Matrix<double, kTranslation, kTranslation> translation =
+        matrix.template topLeftCorner<kTranslation, kTranslation>().inverse();
+    const Eigen::Matrix<double, kRotation, kRotation> rotation =
+        matrix.template bottomRightCorner<kRotation, kRotation>().inverse();
+    const auto has_weight = [](double trace) { return std::isfinite(trace) && trace > 0; };
+    if (!has_weight(translation.trace())) fields.Stop("the translation's information has no inverse of positive trace");
+    if (!has_weight(rotation.trace())) fields.Stop("the rotation's information has no inverse of positive trace");
+    return matrix;
   }
 
   void ParseFix(LineFields& fields) {
@@ -98,6 +117,7 @@ class Parser {
   }
 
   std::string name_;
+  InformationCheck check_;
   std::size_t line_ = 0;
   bool has_dimension_ = false;
   G2o g2o_;
@@ -131,12 +151,14 @@ std::string InformationText(const Matrix6d& information, bool is_planar) {
 
 }  // namespace
 
-Result<G2o> ParseG2o(std::string_view text, const std::string& name) { return Parser(name).Parse(text); }
+Result<G2o> ParseG2o(std::string_view text, const std::string& name, InformationCheck check) {
+  return Parser(name, check).Parse(text);
+}
 
-Result<G2o> ReadG2o(const std::filesystem::path& file) {
+Result<G2o> ReadG2o(const std::filesystem::path& file, InformationCheck check) {
   const Result<std::string> text = ReadTextFile(file);
   if (!text) return tl::unexpected(text.error());
-  return ParseG2o(*text, file.string());
+  return ParseG2o(*text, file.string(), check);
 }
 
 std::string FormatG2o(const G2o& g2o) {

@@ -45,14 +45,20 @@ struct G2o {
   std::vector<std::uint64_t> fixed;  // Ids of vertices that stand still.
 };
 
+// What an edge's information must be. kBlocks: its translation and its rotation part each have an inverse of positive
+// trace, which is all that an isotropic cost takes of it (SE-Sync reads files so). Public files whose numbers were
+// rounded hold matrices that are no more positive definite.
+enum class InformationCheck { kPositiveDefinite, kBlocks };
+
 // kInvalid with field "file:line": an unknown keyword, too few or too many fields, a number that is not finite, an id
 // that is no whole number, a doubled vertex, an edge of a vertex with itself, an edge or FIX with a vertex that is
-// nowhere, a quaternion not of length 1 (within 1 %), an information that is not positive definite, a position beyond
+// nowhere, a quaternion not of length 1 (within 1 %), an information that is not as `check` has it, a position beyond
 // 1e9 m, 2-D and 3-D mixed, a line longer than kGraphLineBytesMax. `name` stands for the file in errors.
-Result<G2o> ParseG2o(std::string_view text, const std::string& name);
+Result<G2o> ParseG2o(std::string_view text, const std::string& name,
+                     InformationCheck check = InformationCheck::kPositiveDefinite);
 
 // The same from a file; also the errors of ReadTextFile.
-Result<G2o> ReadG2o(const std::filesystem::path& file);
+Result<G2o> ReadG2o(const std::filesystem::path& file, InformationCheck check = InformationCheck::kPositiveDefinite);
 
 // Vertices, FIX, edges, each in their order.
 std::string FormatG2o(const G2o& g2o);

@@ -36,13 +36,20 @@ class LineFields {
   // x y yaw, or x y z qx qy qz qw; a quaternion's length must be 1 within 1 %, and is made 1.
   Pose PoseOf(bool is_planar);
 
-  // The upper triangle, row by row; must be positive definite. `name` is what the matrix is called in errors.
+  // The upper triangle, row by row.
   template <int kSize>
-  Eigen::Matrix<double, kSize, kSize> Symmetric(const char* name) {
+  Eigen::Matrix<double, kSize, kSize> Symmetric() {
     Eigen::Matrix<double, kSize, kSize> matrix;
     for (int row = 0; row < kSize; ++row) {
       for (int column = row; column < kSize; ++column) matrix(row, column) = matrix(column, row) = Number();
     }
+    return matrix;
+  }
+
+  // The same, and it must be positive definite. `name` is what the matrix is called in errors.
+  template <int kSize>
+  Eigen::Matrix<double, kSize, kSize> PositiveDefinite(const char* name) {
+    const Eigen::Matrix<double, kSize, kSize> matrix = Symmetric<kSize>();
     const Eigen::LLT<Eigen::Matrix<double, kSize, kSize>> decomposition(matrix);
     if (decomposition.info() != Eigen::Success) Stop(std::string("the ") + name + " is not positive definite");
     return matrix;

@@ -94,7 +94,8 @@ class Parser {
     edge.from = TakeKey(fields);
     edge.to = TakeKey(fields);
     edge.from_from_to = fields.PoseOf(is_planar);
-    edge.covariance = is_planar ? Lift(fields.Symmetric<3>("covariance")) : fields.Symmetric<6>("covariance");
+    edge.covariance =
+        is_planar ? Lift(fields.PositiveDefinite<3>("covariance")) : fields.PositiveDefinite<6>("covariance");
     edges_.push_back({edge.from, edge.to, line_, false, false});
     pyfg_.graph.odometry.push_back(edge);
   }
@@ -107,9 +108,9 @@ class Parser {
     sighting.to = TakeKey(fields);
     sighting.from_point_m = fields.Position(is_planar);
     if (is_planar) {
-      sighting.covariance.topLeftCorner<2, 2>() = fields.Symmetric<2>("covariance");
+      sighting.covariance.topLeftCorner<2, 2>() = fields.PositiveDefinite<2>("covariance");
     } else {
-      sighting.covariance = fields.Symmetric<3>("covariance");
+      sighting.covariance = fields.PositiveDefinite<3>("covariance");
     }
     edges_.push_back({sighting.from, sighting.to, line_, true, false});
     pyfg_.sightings.push_back(sighting);

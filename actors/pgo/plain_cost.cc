@@ -4,12 +4,12 @@
 #include <ceres/solver.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
 #include "actors/pgo/ceres_options.h"
 #include "actors/pgo/connected_parts.h"
+#include "actors/pgo/planar_descent.h"
 
 namespace moondb {
 
@@ -27,6 +27,7 @@ Matrix6d CovarianceOf(const PlainStep& step) {
 }  // namespace
 
 PlainCost::PlainCost(const PlainGraph& graph, const PlainOptions& options) : graph_(graph), options_(options) {
+  if (graph.is_planar) return;
   for (const PlainStep& step : graph.steps) {
     terms_.push_back({MakeOdometryFactor(step.from_from_to, CovarianceOf(step)), step.from, step.to, true});
   }
@@ -43,9 +44,14 @@ PlainCost::PlainCost(const PlainGraph& graph, const PlainOptions& options) : gra
 
 std::vector<std::size_t> PlainCost::FindStanding(const ActiveNodes& active) const {
   ConnectedParts parts(graph_.nodes.size());
-  for (const Term& term : terms_) {
-    if (active[term.from] && active[term.to]) parts.Join(term.from, term.to);
-  }
+  const auto join = [&](const auto& edges) {
+    for (const auto& edge : edges) {
+      if (active[edge.from] && active[edge.to]) parts.Join(edge.from, edge.to);
+    }
+  };
+  join(graph_.steps);
+  join(graph_.sightings);
+  join(graph_.ranges);
   std::vector<std::size_t> standing;
   std::vector<bool> is_held(graph_.nodes.size(), false);
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
@@ -61,9 +67,33 @@ std::vector<std::size_t> PlainCost::FindStanding(const ActiveNodes& active) cons
 }
 
 PlainFit PlainCost::Minimise(const ActiveNodes& active, StartQuality quality, PlainState& state) const {
-  const BodyFreedom freedom = graph_.is_planar ? BodyFreedom::kPlanar : BodyFreedom::kSpatial;
-  AxesManifold pose_manifold(AxesOf(freedom, /*is_point=*/false));
-  AxesManifold point_manifold(AxesOf(freedom, /*is_point=*/true));
+  return graph_.is_planar ? MinimiseInPlane(active, quality, state) : MinimiseInSpace(active, quality, state);
+}
+
+PlainFit PlainCost::MinimiseInPlane(const ActiveNodes& active, StartQuality quality, PlainState& state) const {
+  std::vector<bool> free = active;
+  for (const std::size_t node : FindStanding(active)) free[node] = false;
+  PlanarSystem system(graph_, active, free);
+  PlanarState places;
+  for (const PoseBlock& block : state) {
+    const Pose pose = FromBlock(block);
+    places.emplace_back(pose.position_m.x(), pose.position_m.y(), pose.Yaw());
+  }
+  PlanarDescentOptions options;
+  options.iterations_max = options_.iterations_max * (quality == StartQuality::kShallow ? kShallowIterations : 1);
+  options.trust_region_radius = quality == StartQuality::kNear ? kBoldTrustRegion : kCarefulTrustRegion;
+  options.stop_requested = options_.stop_requested;
+  const PlanarDescent descent = MinimisePlanar(system, options, places);
+  for (std::size_t node = 0; node < state.size(); ++node) {
+    if (free[node]) state[node] = ToBlock(Pose::FromPlanar(places[node].x(), places[node].y(), places[node].z()));
+  }
+  const double cost = std::isfinite(descent.cost) ? descent.cost : std::numeric_limits<double>::infinity();
+  return {descent.has_converged, cost, descent.iterations};
+}
+
+PlainFit PlainCost::MinimiseInSpace(const ActiveNodes& active, StartQuality quality, PlainState& state) const {
+  AxesManifold pose_manifold(AxesOf(BodyFreedom::kSpatial, /*is_point=*/false));
+  AxesManifold point_manifold(AxesOf(BodyFreedom::kSpatial, /*is_point=*/true));
   double zero = 0;
   ceres::Problem problem(BorrowingProblemOptions());
   problem.AddParameterBlock(&zero, 1);
@@ -97,19 +127,6 @@ PlainFit PlainCost::Minimise(const ActiveNodes& active, StartQuality quality, Pl
   fit.cost = summary.IsSolutionUsable() ? 2 * summary.final_cost : std::numeric_limits<double>::infinity();
   fit.iterations = static_cast<int>(summary.iterations.size());
   return fit;
-}
-
-double PlainCost::Cost(const ActiveNodes& active, const PlainState& state) const {
-  const double zero = 0;
-  double square_sum = 0;
-  std::array<double, 6> residuals{};
-  for (const Term& term : terms_) {
-    if (!active[term.from] || !active[term.to]) continue;
-    const std::array<const double*, 3> blocks = {state[term.from].data(), state[term.to].data(), &zero};
-    term.factor->Evaluate(blocks.data(), residuals.data(), nullptr);
-    for (int i = 0; i < term.factor->num_residuals(); ++i) square_sum += residuals[i] * residuals[i];
-  }
-  return square_sum;
 }
 
 }  // namespace moondb

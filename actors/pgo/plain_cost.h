@@ -1,4 +1,5 @@
-// PlainCost: the cost F of a PlainGraph, and its minimisation by Ceres over a part of the nodes.
+// PlainCost: the cost F of a PlainGraph, and its minimisation over a part of the nodes: in space by Ceres, in the plane
+// by planar_descent.h, which takes fewer and shorter steps.
 //
 // Factors are made once and serve every start and every prefix of time. Where no active node of a connected part is
 // fixed, its first pose stands still: F does not change when all move together. Single-threaded apart from Ceres' own
@@ -42,7 +43,6 @@ class PlainCost {
   PlainCost(const PlainGraph& graph, const PlainOptions& options);
 
   PlainFit Minimise(const ActiveNodes& active, StartQuality quality, PlainState& state) const;
-  double Cost(const ActiveNodes& active, const PlainState& state) const;
 
  private:
   struct Term {
@@ -52,11 +52,13 @@ class PlainCost {
     bool has_number = false;  // Also takes the scale or the bias, which are 0 here.
   };
 
+  PlainFit MinimiseInPlane(const ActiveNodes& active, StartQuality quality, PlainState& state) const;
+  PlainFit MinimiseInSpace(const ActiveNodes& active, StartQuality quality, PlainState& state) const;
   std::vector<std::size_t> FindStanding(const ActiveNodes& active) const;
 
   const PlainGraph& graph_;
   const PlainOptions& options_;
-  std::vector<Term> terms_;
+  std::vector<Term> terms_;  // None in the plane.
 };
 
 }  // namespace moondb

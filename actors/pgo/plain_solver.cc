@@ -17,6 +17,7 @@ namespace {
 // Parts of the whole time with which growth begins; 1 is the whole at once.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
+constexpr double kWorseTimes = 1.5;  // An arrangement of so many times the best one's cost is none that fits as well.
 constexpr int kRoadsBesideMax = 60;
 constexpr std::size_t kShapesMax = 8;  // Shapes that are distinguished from each other.
 
@@ -26,6 +27,13 @@ bool IsSame(double a, double b) {
 
 struct Road {
   PlainFit fit;
+  PlainState state;
+};
+
+// The solution of a prefix of the time, which a road went on from.
+struct Passed {
+  double part = 0;
+  double cost = 0;
   PlainState state;
 };
 
@@ -65,15 +73,7 @@ class PlainSolver {
   }
 
   PlainSolution RunFromOdometry() {
-    std::vector<bool> placed(graph_.nodes.size(), false);
-    PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
-    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
-    for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
-    // Along the way that was driven, not over its loops: these only for what the way does not reach.
-    ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
-    ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
-    MoveToFixed(heads, state);
-    Add(Road{cost_.Minimise(all_, StartQuality::kRough, state), state}, Beginning::kOdometry);
+    GoFromOdometry();
     return Finish();
   }
 
@@ -95,6 +95,20 @@ class PlainSolver {
     MoveToFixed(heads, state);
     const PlainFit fit = cost_.Minimise(all_, StartQuality::kNear, state);
     Add(Road{fit, std::move(state)}, has_loops ? Beginning::kChordal : Beginning::kOdometry);
+    if (!fit.has_converged && has_loops && !IsStopped()) GoFromOdometry();
+  }
+
+  void GoFromOdometry() {
+    std::vector<bool> placed(graph_.nodes.size(), false);
+    PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
+    // Along the way that was driven, not over its loops: these only for what the way does not reach.
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
+    MoveToFixed(heads, state);
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kRough, state);
+    Add(Road{fit, std::move(state)}, Beginning::kOdometry);
   }
 
   // Each part as a whole, so that its first fixed node stands at its vertex, and so do all fixed ones.
@@ -152,7 +166,8 @@ class PlainSolver {
     }
   }
 
-  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, dogleg goes on.
+  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, it has more of them, in space
+  // by dogleg.
   void Polish() {
     if (best_.empty()) return;
     PlainState state = best_;
@@ -189,8 +204,11 @@ class PlainSolver {
     Beginning beginning = is_whole ? (HasLoops(graph_, active, heads) ? Beginning::kChordal : Beginning::kOdometry)
                                    : Beginning::kArrangedParts;
     if (first < 1) beginning = Beginning::kPrefixGrowth;
-    for (Arrangement& arrangement : ArrangeParts(graph_, active, placed, heads, state, Freedom())) {
+    std::vector<Arrangement> arrangements = ArrangeParts(graph_, active, placed, heads, state, Freedom());
+    for (Arrangement& arrangement : arrangements) {
       if (IsStopped()) return;
+      const bool is_worse = arrangement.cost > kWorseTimes * arrangements.front().cost;
+      if (solution_.roads_to_lowest > 1 && is_worse) return;
       Add(GoRoad(first, active, std::move(arrangement.state)), beginning);
     }
   }
@@ -202,10 +220,15 @@ class PlainSolver {
     return options;
   }
 
+  // It ends nowhere where it comes by the solution of a prefix that another road went on from: the rest would be the
+  // same, and no witness for it.
   Road GoRoad(double part, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;
     while (part < 1 && !IsStopped()) {
+      if (HasPassed(part, fit.cost, state))
+        return Road{{false, std::numeric_limits<double>::infinity(), iterations}, {}};
+      passed_.push_back({part, fit.cost, state});
       part = std::min(1.0, 2 * part);
       const ActiveNodes grown = Prefix(part);
       Extend(active, grown, state);
@@ -215,6 +238,13 @@ class PlainSolver {
     }
     fit.iterations = iterations;
     return Road{fit, std::move(state)};
+  }
+
+  bool HasPassed(double part, double cost, const PlainState& state) const {
+    return std::any_of(passed_.begin(), passed_.end(), [&](const Passed& passed) {
+      const bool is_there = passed.part == part && IsSame(cost, passed.cost);
+      return is_there && HaveSameShape(graph_, joined_, state, passed.state);
+    });
   }
 
   // New nodes by their steps from old ones; new parts are arranged about what stands.
@@ -283,6 +313,7 @@ class PlainSolver {
   const ActiveNodes all_;
   const std::vector<std::size_t> joined_;  // FindJoined.
   std::vector<std::int64_t> times_;
+  std::vector<Passed> passed_;
   PlainState best_;
   std::vector<PlainState> lowest_;  // One of each shape that had the lowest cost.
   PlainSolution solution_;

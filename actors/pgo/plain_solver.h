@@ -1,10 +1,11 @@
 // SolvePlainGraph: the least squares solution of a graph by itself, with the beginning chosen by itself.
 //
-// Without ranges it begins at the chordal relaxation (chordal.h). With ranges F has many minima, and no beginning is
-// right always; so several roads are gone, and the lowest end counts: parts that only ranges join are arranged first
-// (arrangement.h), over the whole time and over short prefixes of it, which then grow twice as long again and again,
-// each solved from the last. The search ends early when two roads that began differently end at the same lowest cost in
-// the same shape; where no two do, each part of the lowest one is set down elsewhere in turn.
+// Without ranges it begins at the chordal relaxation (chordal.h), and at odometry too where that does not converge.
+// With ranges F has many minima, and no beginning is right always; so several roads are gone, and the lowest end
+// counts: parts that only ranges join are arranged first (arrangement.h), over the whole time and over short prefixes
+// of it, which then grow twice as long again and again, each solved from the last. The search ends early when two roads
+// that began differently end at the same lowest cost in the same shape; where no two do, each part of the lowest one is
+// set down elsewhere in turn.
 //
 // A pure function of its arguments, on any thread; the same graph gives the same solution for one thread count and
 // binary.

@@ -16,6 +16,7 @@ struct SolveArguments {
   std::string out;
   std::vector<std::string> fixed;
   bool starts_at_vertices = false;
+  bool is_isotropic = false;
   int threads = 2;
 };
 
@@ -28,11 +29,12 @@ struct GraphFile {
   Pyfg pyfg;
 };
 
-Result<GraphFile> ReadGraphFile(const std::string& file) {
+Result<GraphFile> ReadGraphFile(const std::string& file, bool is_isotropic) {
   GraphFile graph;
   graph.is_g2o = IsG2o(file);
+  if (is_isotropic && !graph.is_g2o) return Fail(ErrorCode::kInvalid, "is for .g2o files alone", "--isotropic");
   if (graph.is_g2o) {
-    auto g2o = ReadG2o(file);
+    auto g2o = ReadG2o(file, is_isotropic ? InformationCheck::kBlocks : InformationCheck::kPositiveDefinite);
     if (!g2o) return tl::unexpected(g2o.error());
     graph.g2o = *std::move(g2o);
   } else {
@@ -90,7 +92,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   if (!arguments.out.empty() && IsG2o(arguments.out) != IsG2o(arguments.file)) {
     return context.Report(Error{ErrorCode::kInvalid, "must be of the same format as the file that is solved", "--out"});
   }
-  auto file = ReadGraphFile(arguments.file);
+  auto file = ReadGraphFile(arguments.file, arguments.is_isotropic);
   if (!file) return context.Report(InputError(file.error()));
   const auto graph = ToPlain(*file, arguments.fixed);
   if (!graph) return context.Report(graph.error());
@@ -139,6 +141,8 @@ void AddGraphSolve(CLI::App& group, CommandContext& context) {
   command.add_option("--fix", arguments->fixed, "A vertex that stands still where the file has it (L0, or a g2o id)");
   command.add_flag("--vertices-as-start", arguments->starts_at_vertices,
                    "Begin where the file has the vertices; else they are not looked at: often they are the truth");
+  command.add_flag("--isotropic", arguments->is_isotropic,
+                   "Take a g2o file whose information matrices are not positive definite, each block by its trace");
   command.add_option("--threads", arguments->threads, "Threads of the solver")->check(CLI::Range(1, 64));
   command.callback(
       [&context, arguments] { context.action = [&context, arguments] { return SolveFile(context, *arguments); }; });

@@ -73,6 +73,21 @@ TEST(G2oTest, RefusesToFixAVertexThatNoEdgeNames) {
   EXPECT_EQ(ErrorOf("FIX 99\n" + edge), "graph.g2o:1: no vertex has the id 99");
 }
 
+TEST(G2oTest, TakesAMatrixByItsBlocksWhereAsked) {
+  const auto error_of = [](const std::string& information) {
+    const Result<G2o> g2o = ParseG2o("EDGE_SE2 0 1 1 0 0.5 " + information + "\n", "a.g2o", InformationCheck::kBlocks);
+    return g2o ? "no error" : g2o.error().text;
+  };
+  const std::string indefinite = "1 0 5 1 0 2";  // Translation and turn as good as one, which cannot be.
+  EXPECT_EQ(error_of(indefinite), "no error");
+  EXPECT_EQ(ErrorOf("EDGE_SE2 0 1 1 0 0.5 " + indefinite + "\n"),
+            "graph.g2o:1: the information is not positive definite");
+  EXPECT_EQ(error_of("1 0 0 -3 0 2"), "no error") << "the traces of the inverses count, 1 - 1 / 3 and 1 / 2";
+  EXPECT_EQ(error_of("1 1 0 1 0 2"), "the translation's information has no inverse of positive trace");
+  EXPECT_EQ(error_of("-1 0 0 -1 0 2"), "the translation's information has no inverse of positive trace");
+  EXPECT_EQ(error_of("1 0 0 1 0 0"), "the rotation's information has no inverse of positive trace");
+}
+
 TEST(G2oTest, NamesTheLineOfEachError) {
   const std::string text = kPlanar;
   EXPECT_EQ(ErrorOf(text + "VERTEX_SE2 1 0 0 0\n"), "graph.g2o:4: the vertex 1 stands here a second time");
