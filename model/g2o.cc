@@ -12,9 +12,9 @@ namespace moondb {
 
 namespace {
 
-class Parser {
+class G2oParser {
  public:
-  Parser(std::string name, InformationCheck check) : name_(std::move(name)), check_(check) {}
+  G2oParser(std::string name, InformationCheck check) : name_(std::move(name)), check_(check) {}
 
   Result<G2o> Parse(std::string_view text) {
     const Result<void> parsed = ParseLines(text, name_, [this](LineFields& fields, std::size_t line) {
@@ -152,7 +152,7 @@ std::string InformationText(const Matrix6d& information, bool is_planar) {
 }  // namespace
 
 Result<G2o> ParseG2o(std::string_view text, const std::string& name, InformationCheck check) {
-  return Parser(name, check).Parse(text);
+  return G2oParser(name, check).Parse(text);
 }
 
 Result<G2o> ReadG2o(const std::filesystem::path& file, InformationCheck check) {

@@ -7,7 +7,7 @@ namespace moondb {
 namespace {
 
 constexpr int kDimensions = 6;
-constexpr int kCovarianceNumbers = kDimensions * (kDimensions + 1) / 2;
+constexpr int kTriangleNumbers = kDimensions * (kDimensions + 1) / 2;
 
 Result<void> AddNode(const proto::Record& record, PoseGraph& graph) {
   const proto::PoseGraphNode& node = record.pose_graph_node();
@@ -42,7 +42,7 @@ Result<void> AddEdge(const proto::Record& record, PoseGraph& graph) {
 }  // namespace
 
 Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>& numbers) {
-  if (numbers.size() != kCovarianceNumbers) {
+  if (numbers.size() != kTriangleNumbers) {
     return Fail(ErrorCode::kInvalid, "has " + std::to_string(numbers.size()) + " numbers instead of 21");
   }
   Matrix6d matrix;
@@ -54,7 +54,7 @@ Result<Matrix6d> FromUpperTriangle(const google::protobuf::RepeatedField<double>
 }
 
 void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<double>& numbers) {
-  numbers.Reserve(numbers.size() + kCovarianceNumbers);
+  numbers.Reserve(numbers.size() + kTriangleNumbers);
   for (int row = 0; row < kDimensions; ++row) {
     for (int column = row; column < kDimensions; ++column) numbers.Add(matrix(row, column));
   }

@@ -38,9 +38,9 @@ Matrix6d Lift(const Eigen::Matrix3d& planar) {
   return covariance;
 }
 
-class Parser {
+class PyfgParser {
  public:
-  explicit Parser(std::string name) : name_(std::move(name)) {}
+  explicit PyfgParser(std::string name) : name_(std::move(name)) {}
 
   Result<Pyfg> Parse(std::string_view text) {
     const Result<void> parsed = ParseLines(text, name_, [this](LineFields& fields, std::size_t line) {
@@ -246,7 +246,7 @@ std::optional<NodeKey> ParseKey(std::string_view text) {
 
 std::string FormatKey(const NodeKey& key) { return LetterOfAgent(key.agent) + std::to_string(key.index); }
 
-Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name) { return Parser(name).Parse(text); }
+Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name) { return PyfgParser(name).Parse(text); }
 
 Result<Pyfg> ReadPyfg(const std::filesystem::path& file) {
   const Result<std::string> text = ReadTextFile(file);

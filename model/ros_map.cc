@@ -6,9 +6,9 @@ namespace moondb {
 
 namespace {
 
-constexpr double kMicrometresPerMetre = 1e6;
+constexpr double kRosMicrometresPerMetre = 1e6;
 
-char PixelOf(Cell cell) {
+char RosPixelOf(Cell cell) {
   switch (cell) {
     case Cell::kFree:
       return static_cast<char>(254);
@@ -21,7 +21,7 @@ char PixelOf(Cell cell) {
 }
 
 // Whole micrometres over a million: one division, so that the shortest text is the decimal number itself.
-std::string Metres(double micrometres) { return FormatDouble(micrometres / kMicrometresPerMetre); }
+std::string Metres(double micrometres) { return FormatDouble(micrometres / kRosMicrometresPerMetre); }
 
 }  // namespace
 
@@ -29,7 +29,7 @@ std::string RosMapPgm(const Grid& grid) {
   std::string bytes = "P5\n" + std::to_string(grid.width) + " " + std::to_string(grid.height) + "\n255\n";
   bytes.reserve(bytes.size() + grid.cells.size());
   for (std::int32_t row = grid.height - 1; row >= 0; --row) {
-    for (std::int32_t column = 0; column < grid.width; ++column) bytes += PixelOf(grid.At(column, row));
+    for (std::int32_t column = 0; column < grid.width; ++column) bytes += RosPixelOf(grid.At(column, row));
   }
   return bytes;
 }

@@ -6,7 +6,7 @@ namespace moondb {
 
 namespace {
 
-constexpr double kZeroDistance_m = 1e-9;
+constexpr double kZeroLength_m = 1e-9;
 
 Eigen::Vector2d QuarterTurn(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
 
@@ -118,7 +118,7 @@ void PlanarSystem::LineariseRange(std::size_t range, const PlanarState& state) {
   const auto& [from, to, range_m, weight] = ranges_[range];
   const Eigen::Vector2d apart_m = (state[to] - state[from]).head<2>();
   const double distance_m = apart_m.norm();
-  if (distance_m <= kZeroDistance_m) return;  // The direction is undefined and counts as zero.
+  if (distance_m <= kZeroLength_m) return;  // The direction is undefined and counts as zero.
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
   direction.head<2>() = apart_m / distance_m;
   const Eigen::Vector3d pull = weight * (distance_m - range_m) * direction;
@@ -185,7 +185,7 @@ void PlanarSystem::SettlePositions(PlanarState& state) {
     const Eigen::Vector2d apart_m = (state[range.to] - state[range.from]).head<2>();
     const double distance_m = apart_m.norm();
     const Eigen::Vector2d direction =
-        distance_m > kZeroDistance_m ? Eigen::Vector2d(apart_m / distance_m) : Eigen::Vector2d::UnitX();
+        distance_m > kZeroLength_m ? Eigen::Vector2d(apart_m / distance_m) : Eigen::Vector2d::UnitX();
     add(range, range.weight, range.range_m * direction);
   }
   const Eigen::MatrixX2d places = settled_.solve(right);

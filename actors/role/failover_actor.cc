@@ -13,7 +13,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kMissed = 0, kCheck = 1 };
+enum FailoverTimer : std::uint32_t { kMissed = 0, kCheck = 1 };
 
 constexpr std::uint64_t kTakeLead = 1;  // The request's id; its answer says nothing that RolesChanged does not.
 

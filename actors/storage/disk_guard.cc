@@ -12,16 +12,16 @@ namespace moondb {
 
 namespace {
 
-constexpr double kMegabyte = 1e6;
+constexpr double kBytesPerMegabyte = 1e6;
 constexpr std::size_t kDeletableMax = 4;  // Named in one message.
 
 constexpr std::uint64_t MapFloor(std::uint64_t reserve_bytes) { return 2 * reserve_bytes; }
 constexpr std::uint64_t RecordFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 2; }
 constexpr std::uint64_t LogFloor(std::uint64_t reserve_bytes) { return reserve_bytes / 4; }
 
-std::string Megabytes(std::uint64_t bytes) {
+std::string DiskMegabytes(std::uint64_t bytes) {
   char text[32];
-  const double megabytes = static_cast<double>(bytes) / kMegabyte;
+  const double megabytes = static_cast<double>(bytes) / kBytesPerMegabyte;
   std::snprintf(text, sizeof text, megabytes < 10 ? "%.1f MB" : "%.0f MB", megabytes);
   return text;
 }
@@ -46,7 +46,7 @@ std::string DeletableFiles(const std::string& database_path) {
   std::sort(files.rbegin(), files.rend());
   std::string text;
   for (std::size_t i = 0; i < std::min(files.size(), kDeletableMax); ++i) {
-    text += (i == 0 ? "" : ", ") + files[i].second + " (" + Megabytes(files[i].first) + ")";
+    text += (i == 0 ? "" : ", ") + files[i].second + " (" + DiskMegabytes(files[i].first) + ")";
   }
   return text.empty() ? "" : text + " in " + path.parent_path().string();
 }
@@ -78,11 +78,11 @@ Result<void> DiskGuard::CheckRoom(Database& database, Kind kind) const {
   const bool is_short = room->bytes < RecordFloor(room->reserve_bytes) ||
                         room->disk_bytes + room->log_bytes < LogFloor(room->reserve_bytes);
   if (is_short) {
-    return Fail(ErrorCode::kFull, "the disk is full (" + Megabytes(room->disk_bytes) +
+    return Fail(ErrorCode::kFull, "the disk is full (" + DiskMegabytes(room->disk_bytes) +
                                       " are free): no records are taken, what is left is for roles; " + Advice());
   }
   if (kind == Kind::kMap && room->bytes < MapFloor(room->reserve_bytes)) {
-    return Fail(ErrorCode::kFull, "the disk is nearly full (" + Megabytes(room->disk_bytes) +
+    return Fail(ErrorCode::kFull, "the disk is nearly full (" + DiskMegabytes(room->disk_bytes) +
                                       " are free): no more maps are taken, what is left is for states; " + Advice());
   }
   return {};

@@ -291,12 +291,12 @@ bool GatherCells(proto::Record& record) {
   return true;
 }
 
-struct Close {
+struct CloseSql {
   void operator()(sqlite3* database) const { sqlite3_close(database); }
   void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
 };
-using DatabaseHandle = std::unique_ptr<sqlite3, Close>;
-using Statement = std::unique_ptr<sqlite3_stmt, Close>;
+using DatabaseHandle = std::unique_ptr<sqlite3, CloseSql>;
+using SqlStatement = std::unique_ptr<sqlite3_stmt, CloseSql>;
 
 // Inserts into the one table, and nothing else.
 int Authorize(void* table, int action, const char* name, const char*, const char* database, const char* trigger) {
@@ -366,7 +366,7 @@ Result<void> Run(std::string_view sql, PaperTable& table, sqlite3* database) {
   sqlite3_stmt* prepared = nullptr;
   const char* tail = nullptr;
   const int result = sqlite3_prepare_v2(database, sql.data(), static_cast<int>(sql.size()), &prepared, &tail);
-  const Statement statement(prepared);
+  const SqlStatement statement(prepared);
   if (result != SQLITE_OK || !statement) return tl::unexpected(Corrupt(kNoInsert));
   if (tail != sql.data() + sql.size()) return tl::unexpected(Corrupt("has something behind its statement"));
   if (sqlite3_step(prepared) != SQLITE_DONE) return tl::unexpected(Corrupt("does not run"));
@@ -386,7 +386,7 @@ Result<proto::Record> ReadRow(const PaperTable& table, const RecordKey& key, sql
   sqlite3_stmt* prepared = nullptr;
   const std::string select = "SELECT * FROM \"" + table.name + "\"";
   const int result = sqlite3_prepare_v2(database, select.c_str(), -1, &prepared, nullptr);
-  const Statement row(prepared);
+  const SqlStatement row(prepared);
   if (result != SQLITE_OK || sqlite3_step(prepared) != SQLITE_ROW) return tl::unexpected(Corrupt("makes no row"));
   const bool is_announced = IsText(prepared, 0, ToString(key)) && sqlite3_column_type(prepared, 1) == SQLITE_INTEGER &&
                             sqlite3_column_int64(prepared, 1) == std::int64_t{key.stream.origin};

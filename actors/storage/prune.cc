@@ -16,7 +16,7 @@ namespace moondb {
 
 namespace {
 
-constexpr double kSecond_ns = 1e9;
+constexpr double kNanosecondsPerSecond = 1e9;
 
 IntervalSet Common(const IntervalSet& a, const IntervalSet& b) { return a.Minus(a.Minus(b)); }
 
@@ -43,7 +43,7 @@ class Chooser {
         acknowledged_(std::move(acknowledged)),
         bundled_(std::move(bundled)) {
     if (request.older_than_s() > 0) {
-      stamped_before_ns_ = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * kSecond_ns);
+      stamped_before_ns_ = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * kNanosecondsPerSecond);
     }
     for (const proto::RecordKey& key : request.records()) {
       if (key.seq() >= 1 && key.seq() <= kSeqMax) named_[FromProto(key).stream].held.Add(key.seq());

@@ -13,8 +13,8 @@ namespace moondb {
 
 namespace {
 
-constexpr int kBusyTimeout_ms = 5000;
-constexpr int kStepsBetweenLooks = 10'000;  // Of SQLite's machine, at stop_requested.
+constexpr int kFileBusyTimeout_ms = 5000;
+constexpr int kFileStepsBetweenLooks = 10'000;  // Of SQLite's machine, at stop_requested.
 
 struct Close {
   void operator()(sqlite3* connection) const { sqlite3_close_v2(connection); }
@@ -36,7 +36,7 @@ Result<Connection> Open(const std::filesystem::path& file, int flags) {
   const int code = sqlite3_open_v2(file.c_str(), &opened, flags | SQLITE_OPEN_NOMUTEX, nullptr);
   Connection connection(opened);
   if (code != SQLITE_OK) return FailWith(code, opened, file);
-  sqlite3_busy_timeout(opened, kBusyTimeout_ms);
+  sqlite3_busy_timeout(opened, kFileBusyTimeout_ms);
   return connection;
 }
 
@@ -124,7 +124,7 @@ Result<QueryAnswer> QueryStore(const std::filesystem::path& file, const std::str
                                StopRequested stop_requested) {
   const Result<Connection> connection = OpenToRead(file);
   if (!connection) return tl::unexpected(connection.error());
-  if (stop_requested) sqlite3_progress_handler(connection->get(), kStepsBetweenLooks, IsStopped, &stop_requested);
+  if (stop_requested) sqlite3_progress_handler(connection->get(), kFileStepsBetweenLooks, IsStopped, &stop_requested);
   const Result<Statement> statement = Prepare(connection->get(), sql, file);
   if (!statement) return tl::unexpected(statement.error());
   QueryAnswer answer;

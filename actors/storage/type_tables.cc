@@ -30,7 +30,7 @@ void BindVersion(const proto::Term& term, std::uint64_t run, Query& query) {
   query << term.number() << term.issuer() << term.issuer_epoch() << run;
 }
 
-std::vector<TypeTable> MakeTables() {
+std::vector<TypeTable> MakeTypeTables() {
   return {
       {.type = proto::TEMPERATURE,
        .columns = "celsius REAL NOT NULL",
@@ -166,7 +166,7 @@ std::vector<TypeTable> MakeTables() {
 }  // namespace
 
 const std::vector<TypeTable>& TypeTables() {
-  static const std::vector<TypeTable> kTables = MakeTables();
+  static const std::vector<TypeTable> kTables = MakeTypeTables();
   return kTables;
 }
 

@@ -8,7 +8,7 @@
 namespace moondb::simulation {
 namespace {
 
-std::string NameOf(std::uint32_t number) { return "bundle " + std::to_string(number); }
+std::string BundleNameOf(std::uint32_t number) { return "bundle " + std::to_string(number); }
 
 }  // namespace
 
@@ -25,7 +25,7 @@ void BundleWatch::OnAsked(const proto::DownlinkRequest& request) {
 BundleWatch::Broken BundleWatch::OnReply(const proto::DownlinkRequest& request, const proto::DownlinkReply& reply,
                                          bool is_at_once) {
   if (reply.has_made() && bundles_.contains(reply.made().number())) {
-    return std::pair("bundle_kept", NameOf(reply.made().number()) + " is made a second time");
+    return std::pair("bundle_kept", BundleNameOf(reply.made().number()) + " is made a second time");
   }
   const auto acknowledged = bundles_.find(request.acknowledge());
   if (acknowledged != bundles_.end()) acknowledged->second.is_acknowledged = true;
@@ -45,7 +45,7 @@ BundleWatch::Broken BundleWatch::Add(const proto::DownlinkBundle& bundle) {
     entry->second.life = life_;
   }
   if (entry->second.hash == bundle.hash()) return std::nullopt;
-  return std::pair("bundle_kept", NameOf(bundle.number()) + " is another one than before");
+  return std::pair("bundle_kept", BundleNameOf(bundle.number()) + " is another one than before");
 }
 
 BundleWatch::Broken BundleWatch::CheckWaiting(const proto::DownlinkReply& reply) const {
@@ -53,34 +53,35 @@ BundleWatch::Broken BundleWatch::CheckWaiting(const proto::DownlinkReply& reply)
     const auto is_it = [number = number](const proto::DownlinkBundle& other) { return other.number() == number; };
     const bool is_waiting = std::any_of(reply.waiting().begin(), reply.waiting().end(), is_it);
     if (bundle.is_acknowledged && is_waiting) {
-      return std::pair("bundle_kept", NameOf(number) + " was acknowledged and waits again");
+      return std::pair("bundle_kept", BundleNameOf(number) + " was acknowledged and waits again");
     }
-    if (!is_waiting && !bundle.may_be_acknowledged) return std::pair("bundle_kept", NameOf(number) + " is gone");
+    if (!is_waiting && !bundle.may_be_acknowledged) return std::pair("bundle_kept", BundleNameOf(number) + " is gone");
   }
   return std::nullopt;
 }
 
 BundleWatch::Broken BundleWatch::OnNotFound(std::uint32_t number) const {
   if (!bundles_.contains(number)) return std::nullopt;
-  return std::pair("bundle_kept", NameOf(number) + " cannot be acknowledged: the agent does not know it any more");
+  return std::pair("bundle_kept",
+                   BundleNameOf(number) + " cannot be acknowledged: the agent does not know it any more");
 }
 
 BundleWatch::Broken BundleWatch::OnFile(std::uint32_t number, const std::string& file) {
   const auto bundle = bundles_.find(number);
   if (bundle == bundles_.end()) return std::nullopt;
-  if (HashOfBundle(file) != bundle->second.hash) return std::pair("bundle_kept", NameOf(number) + " is changed");
+  if (HashOfBundle(file) != bundle->second.hash) return std::pair("bundle_kept", BundleNameOf(number) + " is changed");
   const Result<proto::BundleFile> head = ReadBundle(file, [](const proto::StoredRecord&) { return Result<void>(); });
-  if (!head) return std::pair("bundle_kept", NameOf(number) + ": " + ToString(head.error()));
+  if (!head) return std::pair("bundle_kept", BundleNameOf(number) + ": " + ToString(head.error()));
   const Result<HaveSet> have = FromProto(head->have());
-  if (!have) return std::pair("bundle_kept", NameOf(number) + ": " + ToString(have.error()));
+  if (!have) return std::pair("bundle_kept", BundleNameOf(number) + ": " + ToString(have.error()));
   for (const auto& [other_number, other] : bundles_) {
     if (other_number == number || !other.have) continue;
     for (const auto& [stream, seqs] : have->streams()) {
       const IntervalSet& packed = other.have->Get(stream).held;
       const IntervalSet twice = seqs.held.Minus(seqs.held.Minus(packed));
       if (twice.is_empty()) continue;
-      return std::pair("bundle_once", ToString(RecordKey{stream, twice.Max()}) + " is in " + NameOf(number) +
-                                          " and in " + NameOf(other_number));
+      return std::pair("bundle_once", ToString(RecordKey{stream, twice.Max()}) + " is in " + BundleNameOf(number) +
+                                          " and in " + BundleNameOf(other_number));
     }
   }
   bundle->second.have = *have;

@@ -3,7 +3,7 @@
 namespace moondb::simulation {
 namespace {
 
-std::string NameOf(AgentId agent) { return "agent " + std::to_string(agent); }
+std::string ByzantineName(AgentId agent) { return "agent " + std::to_string(agent); }
 
 // A rover that never led does not pass on what a leader that is gone derived: the next one solves anew.
 bool IsDerived(DataType type) { return type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT; }
@@ -52,23 +52,24 @@ bool ByzantineWatch::OnStoreReply(AgentId agent, const proto::Message& message) 
   expected_.erase(expected);
   const proto::StoreReply& reply = message.store_reply();
   if (reply.stored_count() > may_store && !is_trusted_) {
-    report_("only_own_lies", NameOf(agent) + " stores " + std::to_string(reply.stored_count()) + " records of " +
-                                 NameOf(liar_) + ", of which " + std::to_string(may_store) + " are not made up");
+    report_("only_own_lies", ByzantineName(agent) + " stores " + std::to_string(reply.stored_count()) + " records of " +
+                                 ByzantineName(liar_) + ", of which " + std::to_string(may_store) + " are not made up");
   }
   return reply.rejected_count() <= may_refuse;
 }
 
 void ByzantineWatch::OnRecord(AgentId agent, const RecordKey& key, const std::string& content) const {
   if (!IsLie(agent, key.stream.origin) || !forged_.contains(ContentHash(content))) return;
-  report_("only_own_lies", NameOf(agent) + " has " + ToString(key) + ", which " + NameOf(liar_) + " made up");
+  report_("only_own_lies",
+          ByzantineName(agent) + " has " + ToString(key) + ", which " + ByzantineName(liar_) + " made up");
 }
 
 void ByzantineWatch::OnRoles(AgentId agent, const proto::RoleAssignment& roles) {
   if (liar_ == 0 || agent == liar_) return;
   const bool is_own = roles.term().issuer() == liar_ && !is_trusted_;
   if (is_own || roles.reason() == kByzantineReason) {
-    report_("honest_roles",
-            NameOf(agent) + " acts on roles by the word of " + NameOf(liar_) + ": " + roles.ShortDebugString());
+    report_("honest_roles", ByzantineName(agent) + " acts on roles by the word of " + ByzantineName(liar_) + ": " +
+                                roles.ShortDebugString());
   }
   if (roles.leader() == liar_ || roles.survivor() == liar_) is_trusted_ = true;
 }
@@ -76,7 +77,7 @@ void ByzantineWatch::OnRoles(AgentId agent, const proto::RoleAssignment& roles) 
 void ByzantineWatch::CheckHave(AgentId agent, const HaveSet& have) const {
   for (const RecordKey& key : impossible_) {
     if (!IsLie(agent, key.stream.origin) || !have.Get(key.stream).Had().Contains(key.seq)) continue;
-    return report_("only_own_lies", NameOf(agent) + " had " + ToString(key) + ", which there never was");
+    return report_("only_own_lies", ByzantineName(agent) + " had " + ToString(key) + ", which there never was");
   }
 }
 
@@ -91,8 +92,8 @@ void ByzantineWatch::CheckRest(const TeamAtRest& team) const {
       const bool is_had = team.have.at(team.leader).Get(key.stream).Had().Contains(key.seq);
       const bool converges = same != leaders.end() ? same->second == content : is_had || IsDerived(key.stream.type);
       if (converges) continue;
-      return report_("honest_converge", NameOf(agent) + " holds " + ToString(key) + ", and the leader, " +
-                                            NameOf(team.leader) +
+      return report_("honest_converge", ByzantineName(agent) + " holds " + ToString(key) + ", and the leader, " +
+                                            ByzantineName(team.leader) +
                                             (same == leaders.end() ? ", had it never" : ", another content of it"));
     }
   }

@@ -9,7 +9,7 @@ namespace moondb::simulation {
 namespace {
 
 // Durations are sent as seconds in floating point.
-constexpr Duration kRounding = std::chrono::milliseconds(1);
+constexpr Duration kFailoverRounding = std::chrono::milliseconds(1);
 // What the agent's own actors may take to notify each other.
 constexpr Duration kOverdue = std::chrono::seconds(15);
 
@@ -41,7 +41,7 @@ bool FailoverWatch::IsFailover(const std::string& actor, const proto::Message& m
 void FailoverWatch::OnOwn(const proto::Message& message, const LeaseWatch& leases, MonotonicTime now) {
   switch (message.body_case()) {
     case proto::Message::kTimer:
-      verdict_ = WhyNot(leases, now, timeout_ - kRounding);
+      verdict_ = WhyNot(leases, now, timeout_ - kFailoverRounding);
       return;
     case proto::Message::kRolesChanged:
       return SetRoles(message.roles_changed().roles(), now);

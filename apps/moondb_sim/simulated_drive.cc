@@ -17,7 +17,7 @@ constexpr double kRangeNoise_m = 0.15;
 constexpr std::int32_t kMapCells = 16;
 constexpr std::uint32_t kMapResolution_um = 200'000;
 constexpr double kHazardRatio = 0.1;
-constexpr std::uint64_t kLargeMapEvery = 40;  // Of random cells, beyond a message, whatever codes it.
+constexpr std::uint64_t kRandomMapEvery = 40;  // Of random cells, beyond a message, whatever codes it.
 constexpr std::int32_t kLargeMapCells = 320;
 
 double VarianceOf(double width) { return width * width / 3; }
@@ -60,7 +60,7 @@ proto::Record SimulatedDrive::Range(AgentId from, AgentId to) {
 }
 
 proto::Record SimulatedDrive::MapHere(AgentId rover) {
-  const bool is_large = world_.rng() % kLargeMapEvery == 0;
+  const bool is_large = world_.rng() % kRandomMapEvery == 0;
   const std::int32_t side = is_large ? kLargeMapCells : kMapCells;
   TraversabilityMap map;
   map.node = LastNode(rover);

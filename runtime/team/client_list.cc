@@ -17,11 +17,11 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kFileBytesMax = 256 * 1024;
+constexpr std::size_t kClientListBytesMax = 256 * 1024;
 
-class Checker {
+class ClientListChecker {
  public:
-  Checker(const proto::ClientList& list, const Places& places, PlacedErrors* errors)
+  ClientListChecker(const proto::ClientList& list, const Places& places, PlacedErrors* errors)
       : list_(list), places_(places), errors_(*errors) {}
 
   void Check() {
@@ -80,14 +80,14 @@ Result<proto::ClientList> ParseClientList(const std::string& yaml, const std::st
   proto::ClientList list;
   Places places;
   ReadYaml(yaml, &list, &places, &errors);
-  if (!places.empty() || errors.empty()) Checker(list, places, &errors).Check();
+  if (!places.empty() || errors.empty()) ClientListChecker(list, places, &errors).Check();
   if (!errors.empty()) return Fail(ErrorCode::kInvalid, errors.Text());
   return list;
 }
 
 Result<proto::ClientList> ReadClientList(const std::filesystem::path& path) {
   if (const Result<void> trusted = CheckTrusted(path); !trusted) return tl::unexpected(trusted.error());
-  const Result<std::string> text = ReadTextFile(path, kFileBytesMax);
+  const Result<std::string> text = ReadTextFile(path, kClientListBytesMax);
   if (!text) return tl::unexpected(text.error());
   return ParseClientList(*text, path.string());
 }

@@ -6,7 +6,7 @@
 namespace moondb {
 namespace {
 
-constexpr char kPurpose[] = "moondb record 1";
+constexpr char kRecordPurpose[] = "moondb record 1";
 
 }  // namespace
 
@@ -15,7 +15,7 @@ std::string SignedBytes(const proto::TeamConfig& team, const RecordKey& key, con
   unsigned_record.mutable_map_quarantine()->clear_signature();
   // Each part ends where it says: the id has a fixed length, the key is led by its own.
   const std::string key_bytes = ToProto(key).SerializeAsString();
-  return kPurpose + team.team_id() + static_cast<char>(key_bytes.size()) + key_bytes +
+  return kRecordPurpose + team.team_id() + static_cast<char>(key_bytes.size()) + key_bytes +
          unsigned_record.SerializeAsString();
 }
 

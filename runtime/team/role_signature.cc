@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-constexpr char kPurpose[] = "moondb roles 1";
+constexpr char kRolePurpose[] = "moondb roles 1";
 
 }  // namespace
 
@@ -24,7 +24,7 @@ std::string SignedBytes(const proto::TeamConfig& team, const proto::RoleAssignme
   proto::RoleAssignment unsigned_roles = roles;
   unsigned_roles.clear_signature();
   // Each part ends where it says: the id has a fixed length.
-  return kPurpose + team.team_id() + unsigned_roles.SerializeAsString();
+  return kRolePurpose + team.team_id() + unsigned_roles.SerializeAsString();
 }
 
 bool IsSigned(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {

@@ -73,9 +73,9 @@ using Policies = google::protobuf::Map<std::string, proto::Policy>;
 // Null for a name that is no built-in type's.
 const DataTypeRow* RowNamed(const std::string& name) { return FindDataType(DataTypeFromName(name).value_or(0)); }
 
-class Checker {
+class TeamChecker {
  public:
-  Checker(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors)
+  TeamChecker(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors)
       : team_(team), places_(places), errors_(*errors) {}
 
   void Check() {
@@ -408,7 +408,7 @@ bool IsPlainName(const std::string& name) {
 }
 
 void CheckTeam(const proto::TeamConfig& team, const Places& places, PlacedErrors* errors) {
-  Checker(team, places, errors).Check();
+  TeamChecker(team, places, errors).Check();
 }
 
 void FillDefaults(const Places& places, proto::TeamConfig* team) {

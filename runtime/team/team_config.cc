@@ -17,7 +17,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::size_t kFileBytesMax = 1'000'000;
+constexpr std::size_t kTeamFileBytesMax = 1'000'000;
 
 // The file's text is checked before; this looks at what it refers to.
 void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* errors) {
@@ -45,7 +45,7 @@ void CheckKeyFiles(const TeamFile& team, const Places& places, PlacedErrors* err
 
 Result<TeamFile> Parse(const std::string& yaml, const std::string& name, const std::filesystem::path* folder) {
   PlacedErrors errors(name);
-  if (yaml.size() > kFileBytesMax) {
+  if (yaml.size() > kTeamFileBytesMax) {
     errors.Add({}, "", "the file is larger than 1 MB");
     return Fail(ErrorCode::kInvalid, errors.Text());
   }
@@ -85,7 +85,7 @@ Result<TeamFile> ReadTeamFile(const std::filesystem::path& path) {
   }
   if (const Result<void> trusted = CheckTrusted(path); !trusted) return tl::unexpected(trusted.error());
   std::ifstream file(path, std::ios::binary);
-  std::string yaml(kFileBytesMax + 1, '\0');
+  std::string yaml(kTeamFileBytesMax + 1, '\0');
   file.read(yaml.data(), static_cast<std::streamsize>(yaml.size()));
   if (file.bad() || (file.fail() && !file.eof())) {
     return Fail(ErrorCode::kInvalid, path.string() + ": cannot be read");

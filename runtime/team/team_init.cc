@@ -64,7 +64,7 @@ map: {resolution_m: %s, footprint_m: [%s, %s]}   # The merged map's cells; a rov
 )";
 
 // The shortest text that reads back as the same number.
-std::string Number(double value) {
+std::string ShortestNumber(double value) {
   char text[32];
   for (int digits = 6; digits <= 17; ++digits) {
     std::snprintf(text, sizeof text, "%.*g", digits, value);
@@ -75,14 +75,14 @@ std::string Number(double value) {
 
 std::string List(const google::protobuf::RepeatedField<double>& numbers) {
   std::string text = "[";
-  for (int i = 0; i < numbers.size(); ++i) text += (i > 0 ? ", " : "") + Number(numbers.Get(i));
+  for (int i = 0; i < numbers.size(); ++i) text += (i > 0 ? ", " : "") + ShortestNumber(numbers.Get(i));
   return text + "]";
 }
 
 std::string StartText(const proto::StartPose& start) {
-  return "{x: " + Number(start.x()) + ", y: " + Number(start.y()) + ", z: " + Number(start.z()) +
-         ", yaw: " + Number(start.yaw()) + ", sigma_m: " + Number(start.sigma_m()) +
-         ", sigma_rad: " + Number(start.sigma_rad()) + "}";
+  return "{x: " + ShortestNumber(start.x()) + ", y: " + ShortestNumber(start.y()) +
+         ", z: " + ShortestNumber(start.z()) + ", yaw: " + ShortestNumber(start.yaw()) +
+         ", sigma_m: " + ShortestNumber(start.sigma_m()) + ", sigma_rad: " + ShortestNumber(start.sigma_rad()) + "}";
 }
 
 std::string AgentText(const proto::AgentConfig& agent) {
@@ -177,17 +177,18 @@ std::string TeamText(const proto::TeamConfig& team) {
   const proto::RolesConfig& roles = team.roles();
   const std::string survivor = roles.survivor().empty() ? "" : "survivor: " + roles.survivor() + ", ";
   const std::string failover = roles.failover() == proto::FAILOVER_AUTOMATIC ? "automatic" : "manual";
-  text += Format(kTail, {roles.leader(), survivor, failover, Number(roles.leader_timeout_s()), CommandFromText(team),
-                         Number(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
-                         Number(team.radio().states_period_s()),
-                         YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())),
-                         PoliciesText(team, SharePolicyOf), PoliciesText(team, GroundPolicyOf), KeepText(team),
-                         team.pose_graph().solve_by_itself() ? "true" : "false", Number(team.map().resolution_m()),
-                         Number(team.map().footprint_m(0)), Number(team.map().footprint_m(1))});
+  text += Format(kTail,
+                 {roles.leader(), survivor, failover, ShortestNumber(roles.leader_timeout_s()), CommandFromText(team),
+                  ShortestNumber(team.radio().budget_kbps()), team.radio().quiet_while_driving() ? "true" : "false",
+                  ShortestNumber(team.radio().states_period_s()),
+                  YamlName(*proto::Codec_descriptor()->FindValueByNumber(team.radio().codec())),
+                  PoliciesText(team, SharePolicyOf), PoliciesText(team, GroundPolicyOf), KeepText(team),
+                  team.pose_graph().solve_by_itself() ? "true" : "false", ShortestNumber(team.map().resolution_m()),
+                  ShortestNumber(team.map().footprint_m(0)), ShortestNumber(team.map().footprint_m(1))});
   if (team.has_site()) {
-    text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + Number(team.site().lat_deg()) +
-            ", lon_deg: " + Number(team.site().lon_deg()) + ", north_yaw_rad: " + Number(team.site().north_yaw_rad()) +
-            "}\n";
+    text += "\n# Where the frame `map` lies on the Moon.\nsite: {lat_deg: " + ShortestNumber(team.site().lat_deg()) +
+            ", lon_deg: " + ShortestNumber(team.site().lon_deg()) +
+            ", north_yaw_rad: " + ShortestNumber(team.site().north_yaw_rad()) + "}\n";
   }
   return text + CustomTypesText(team.custom_types());
 }

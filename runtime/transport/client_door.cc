@@ -23,10 +23,10 @@ constexpr int kQueueMessages = 16;  // Of one client, each way.
 // Of one client with a key, to be taken in: each may be as large as a message may be, and clients ask one by one.
 constexpr int kKeyedQueueMessages = 2;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
-constexpr int kBatchMessages = 64;
+constexpr int kClientBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
-constexpr int kKeepAlive_s = 60;
+constexpr int kClientKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
 constexpr char kIpc[] = "ipc://";
 constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
@@ -45,7 +45,7 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   // Neither one that says nothing nor one whose machine went away may be kept for ever.
   router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
   router.Set(ZMQ_TCP_KEEPALIVE, 1);
-  router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
+  router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kClientKeepAlive_s);
   if (endpoint.find('[') != std::string::npos) router.Set(ZMQ_IPV6, 1);
   const Result<std::string> numeric = NumericEndpoint(endpoint);
   if (!numeric) return tl::unexpected(numeric.error());
@@ -146,7 +146,7 @@ bool ClientDoor::Work(const Transport::Deliver& deliver) {
 
 bool ClientDoor::Receive(const Transport::Deliver& deliver) {
   ZmqRoutedFrame received;
-  for (int i = 0; i < kBatchMessages; ++i) {
+  for (int i = 0; i < kClientBatchMessages; ++i) {
     if (!router_.Receive(&received)) return false;
     OnFrame(received, deliver);
   }

@@ -27,7 +27,7 @@ static_assert(kLevels + kRuns.size() <= kAlphabet.size());
 // A weight is two characters, a rare probability as well.
 constexpr int kWeightStep = 8;
 constexpr int kBase = 91;
-constexpr int kWeightMax = kBase * kBase / 2;
+constexpr int kTableWeightMax = kBase * kBase / 2;
 static_assert(kBase <= kAlphabet.size());
 
 std::array<int, 256> MakeDigits() {
@@ -50,7 +50,8 @@ void WriteUnseen(std::size_t count, std::string& text) {
 }
 
 void WritePair(int value, std::string& text) {
-  const std::size_t number = static_cast<std::size_t>(std::clamp(value, -kWeightMax, kWeightMax) + kWeightMax);
+  const std::size_t number =
+      static_cast<std::size_t>(std::clamp(value, -kTableWeightMax, kTableWeightMax) + kTableWeightMax);
   text.push_back(kAlphabet[number / kBase]);
   text.push_back(kAlphabet[number % kBase]);
 }
@@ -70,7 +71,7 @@ class Reader {
   }
   int Pair() {
     const int high = Digit();
-    return high * kBase + Digit() - kWeightMax;
+    return high * kBase + Digit() - kTableWeightMax;
   }
   bool IsAtEnd() const { return next_ == text_.size(); }
 

@@ -14,7 +14,7 @@ std::uint64_t Zigzag(std::uint64_t value) { return value << 1 ^ (0 - (value >> 6
 std::uint64_t Unzigzag(std::uint64_t value) { return value >> 1 ^ (0 - (value & 1)); }
 
 // Walks along a column. Numbers wrap around, so that every one has a difference to every other.
-struct Walk {
+struct ColumnWalk {
   std::uint64_t last = 0;
   std::uint64_t last_difference = 0;
 
@@ -41,7 +41,7 @@ struct Walk {
 
 Way BestWay(const std::vector<std::uint64_t>& numbers) {
   std::array<std::uint64_t, kWayCount> bits{};
-  Walk walk{numbers.front(), 0};
+  ColumnWalk walk{numbers.front(), 0};
   for (std::size_t i = 1; i < numbers.size(); ++i) {
     const std::uint64_t difference = numbers[i] - walk.last;
     bits[kDifference] += static_cast<std::uint64_t>(std::bit_width(Zigzag(difference)));
@@ -62,7 +62,7 @@ Way BestWay(const std::vector<std::uint64_t>& numbers) {
 void PutColumn(const std::vector<std::uint64_t>& numbers, std::string& bytes) {
   if (numbers.empty()) return;
   const Way way = BestWay(numbers);
-  Walk walk{numbers.front(), 0};
+  ColumnWalk walk{numbers.front(), 0};
   std::vector<std::uint64_t> left;
   left.reserve(numbers.size());
   std::uint64_t all = 0;
@@ -84,7 +84,7 @@ void PutColumn(const std::vector<std::uint64_t>& numbers, std::string& bytes) {
 std::vector<std::uint64_t> TakeColumn(std::size_t count, ByteReader& reader) {
   if (count == 0) return {};
   const std::uint64_t way = reader.Varint();
-  Walk walk{reader.Varint(), 0};
+  ColumnWalk walk{reader.Varint(), 0};
   const std::uint64_t width = reader.Varint();
   if (way >= kWayCount || width > sizeof(std::uint64_t)) reader.Fail();
   const std::string_view planes = reader.Bytes(width * (count - 1));

@@ -36,13 +36,13 @@ std::int64_t Sine(std::int32_t yaw) {
 
 // Where the middle of a later layer's cell (0, 0) lies among an earlier layer's cells, and how far apart neighbours
 // lie, in 1/2^kPlaceBits cells.
-struct Walk {
+struct GridWalk {
   std::int64_t x = 0, y = 0;
   std::int64_t step_x = 0, step_y = 0;  // Per column; a row further is (-step_y, step_x).
 };
 
-Walk MakeWalk(const CodedLayer& earlier, const CodedLayer& later, std::uint32_t unit_um,
-              const MapPlacement& placement) {
+GridWalk MakeGridWalk(const CodedLayer& earlier, const CodedLayer& later, std::uint32_t unit_um,
+                      const MapPlacement& placement) {
   const Rotation rotation = RotationOf(placement.yaw);
   const std::int64_t from = later.resolution_um;
   const std::int64_t to = earlier.resolution_um;
@@ -53,7 +53,7 @@ Walk MakeWalk(const CodedLayer& earlier, const CodedLayer& later, std::uint32_t 
     const std::int64_t from_corner = twice_um + ((shift_um + side * to) << kRotationBits);
     return (from_corner << (kPlaceBits - kRotationBits)) / (2 * to);
   };
-  Walk walk;
+  GridWalk walk;
   walk.x = cells(rotation.cosine * x0 - rotation.sine * y0, std::int64_t{placement.x} * unit_um, earlier.cells.width());
   walk.y =
       cells(rotation.sine * x0 + rotation.cosine * y0, std::int64_t{placement.y} * unit_um, earlier.cells.height());
@@ -63,7 +63,7 @@ Walk MakeWalk(const CodedLayer& earlier, const CodedLayer& later, std::uint32_t 
 }
 
 // Writes the cells that `earlier` covers.
-void Overlay(const CodedLayer& earlier, const Walk& walk, CellPlane& placed) {
+void Overlay(const CodedLayer& earlier, const GridWalk& walk, CellPlane& placed) {
   const std::uint64_t width = static_cast<std::uint64_t>(earlier.cells.width());
   const std::uint64_t height = static_cast<std::uint64_t>(earlier.cells.height());
   for (std::int32_t row = 0; row < placed.height(); ++row) {
@@ -91,7 +91,7 @@ CellPlane Place(const CodedLayers& earlier, const CodedLayer& later, std::uint32
   }
   for (auto layer = earlier.rbegin(); layer != earlier.rend(); ++layer) {
     if (layer->resolution_um < later.resolution_um) break;
-    Overlay(*layer, MakeWalk(*layer, later, unit_um, placement), placed);
+    Overlay(*layer, MakeGridWalk(*layer, later, unit_um, placement), placed);
   }
   return placed;
 }

@@ -16,7 +16,7 @@ constexpr std::size_t kCandidates = 3;
 constexpr std::int8_t kOnHazard = 4;
 constexpr std::int8_t kBesideHazard = 2;
 constexpr std::int8_t kOnFree = -1;
-constexpr std::uint8_t kHazard = 2;
+constexpr std::uint8_t kHazardCell = 2;
 
 // A hazard of the later map: twice its micrometres from the middle.
 struct Point {
@@ -25,7 +25,7 @@ struct Point {
 };
 
 bool IsHazard(const CellPlane& cells, std::int32_t column, std::int32_t row) {
-  return *cells.At(column, row) == kHazard;
+  return *cells.At(column, row) == kHazardCell;
 }
 
 // A hazard with others beside it; one that stands alone is mostly noise.

@@ -1,0 +1,31 @@
+# How the tree is compiled in little time (docs/decisions/0012-compile-times.md): headers that most files include are
+# precompiled, and source files of a library are compiled a few at a time. Neither changes what a file may rely on: a
+# build with both off must pass.
+option(MOONDB_PRECOMPILE "Precompile the headers that most files include" ON)
+set(MOONDB_FILES_AT_A_TIME 4 CACHE STRING "Source files of a target that are compiled as one; 1 compiles each alone")
+
+if(MOONDB_FILES_AT_A_TIME GREATER 1)
+  set(CMAKE_UNITY_BUILD ON)
+  set(CMAKE_UNITY_BUILD_BATCH_SIZE ${MOONDB_FILES_AT_A_TIME})
+  # GCC takes a source file that another one includes for a header, in which unnamed namespaces would be a mistake.
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    add_compile_options(-Wno-subobject-linkage)
+  endif()
+endif()
+
+# moondb_precompiled(NAME LIBRARIES...): precompiles cmake/precompiled/NAME.h for targets that link these libraries.
+function(moondb_precompiled name)
+  if(MOONDB_PRECOMPILE)
+    file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/precompiled_${name}.cc "")
+    add_library(moondb_precompiled_${name} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/precompiled_${name}.cc)
+    target_link_libraries(moondb_precompiled_${name} PRIVATE ${ARGN})
+    target_precompile_headers(moondb_precompiled_${name} PRIVATE ${PROJECT_SOURCE_DIR}/cmake/precompiled/${name}.h)
+  endif()
+endfunction()
+
+# moondb_use_precompiled(TARGET NAME)
+function(moondb_use_precompiled target name)
+  if(MOONDB_PRECOMPILE)
+    target_precompile_headers(${target} REUSE_FROM moondb_precompiled_${name})
+  endif()
+endfunction()
