@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <tuple>
 
@@ -219,23 +218,22 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
 
 }  // namespace
 
-void AddGraphExport(CLI::App& group, CommandContext& context) {
+void AddGraphExport(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App& command = AddCommand(group, "export",
-                                 "Write the graph that the leader (or -a) holds; what was judged of ranges "
-                                 "goes to FILE.verdicts.csv, where it came "
-                                 "from to FILE.origin.txt or (TUM) into the file",
-                                 {"moonctl graph export graph.g2o --format g2o"});
-  command.add_option("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
-      ->type_name("FILE")
-      ->required();
+  Command& command = AddCommand(group, "export",
+                                "Write the graph that the leader (or -a) holds; what was judged of ranges "
+                                "goes to FILE.verdicts.csv, where it came "
+                                "from to FILE.origin.txt or (TUM) into the file",
+                                {"moonctl graph export graph.g2o --format g2o"});
+  command.AddOption("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
+      .TypeName("FILE")
+      .Required();
   command
-      .add_option("--format", arguments->format,
-                  "pyfg, g2o (poses and odometry: it has no ranges), or tum (the trajectories alone)")
-      ->check(CLI::IsMember({"pyfg", "g2o", "tum"}));
-  command.add_option("--poses", arguments->poses, "optimized (where there are any) or raw")
-      ->check(CLI::IsMember({"optimized", "raw"}));
-  command.callback(
+      .AddOption("--format", arguments->format,
+                 "pyfg, g2o (poses and odometry: it has no ranges), or tum (the trajectories alone)")
+      .OneOf({"pyfg", "g2o", "tum"});
+  command.AddOption("--poses", arguments->poses, "optimized (where there are any) or raw").OneOf({"optimized", "raw"});
+  command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportGraph(context, *arguments); }; });
 }
 
