@@ -8,7 +8,6 @@
 // written; other: wrong arguments.
 #include <fmt/core.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -16,6 +15,7 @@
 #include <vector>
 
 #include "actors/storage/record_store.h"
+#include "apps/common/arguments.h"
 #include "proto/status.pb.h"
 
 namespace moondb {
@@ -135,11 +135,10 @@ int RunBench(const Options& options) {
 
 int main(int argc, char** argv) {
   moondb::Options options;
-  CLI::App app("Measures inserting states whose predecessors are kept.", "history_bench");
-  app.add_option("--inserts", options.inserts, "States, of one key (100000)")->check(CLI::Range(1u, 100'000'000u));
-  app.add_option("--folder", options.folder, "Where the stores are made, on the disk to measure")
-      ->check(CLI::ExistingDirectory);
-  app.add_option("--history-mb", options.history_mb, "retention.history_mb_max (64)")->check(CLI::Range(0.0, 1e6));
-  CLI11_PARSE(app, argc, argv);
+  moondb::Command app("history_bench", "Measures inserting states whose predecessors are kept.");
+  app.AddOption("--inserts", options.inserts, "States, of one key (100000)").Within(1u, 100'000'000u);
+  app.AddOption("--folder", options.folder, "Where the stores are made, on the disk to measure").ExistingFolder();
+  app.AddOption("--history-mb", options.history_mb, "retention.history_mb_max (64)").Within(0.0, 1e6);
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   return moondb::RunBench(options);
 }

@@ -5,12 +5,12 @@
 #include <fmt/core.h>
 #include <spdlog/spdlog.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>
 #include <vector>
 
 #include "actors/merge/gather_pool.h"
+#include "apps/common/arguments.h"
 #include "bench/merge_contest.h"
 #include "bench/merge_plot.h"
 #include "bench/merge_report.h"
@@ -71,19 +71,17 @@ int RunBench(const Options& options) {
 
 int main(int argc, char** argv) {
   moondb::Options options;
-  CLI::App app("Measures moondb's merger beside other ways to merge local maps.", "merge_bench");
-  app.option_defaults()->always_capture_default();
-  app.add_option("--maps", options.maps, "Numbers of maps")->check(CLI::Range(1, 10000));
-  app.add_option("--side", options.side_cells, "Side of the square in which all that is known lies, in cells of 5 cm")
-      ->check(CLI::Range(1024, 16000));
-  app.add_option("--growth", options.growth_sides, "Also 100 maps in squares of these sides")
-      ->check(CLI::Range(1024, 16000));
-  app.add_option("--repeat", options.repetitions, "Repetitions, of which the median counts")
-      ->check(CLI::Range(1, 1000));
-  app.add_option("--threads", options.threads, "Threads of the CPU's full merge")->check(CLI::Range(1, 64));
-  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
-  app.add_option("--plot", options.plot, "Writes a PNG picture of the times here");
-  CLI11_PARSE(app, argc, argv);
+  moondb::Command app("merge_bench", "Measures moondb's merger beside other ways to merge local maps.");
+  app.ShowDefaults();
+  app.AddOption("--maps", options.maps, "Numbers of maps").Within(1, 10000);
+  app.AddOption("--side", options.side_cells, "Side of the square in which all that is known lies, in cells of 5 cm")
+      .Within(1024, 16000);
+  app.AddOption("--growth", options.growth_sides, "Also 100 maps in squares of these sides").Within(1024, 16000);
+  app.AddOption("--repeat", options.repetitions, "Repetitions, of which the median counts").Within(1, 1000);
+  app.AddOption("--threads", options.threads, "Threads of the CPU's full merge").Within(1, 64);
+  app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
+  app.AddOption("--plot", options.plot, "Writes a PNG picture of the times here");
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   spdlog::set_level(spdlog::level::err);
   return moondb::RunBench(options);
 }

@@ -5,11 +5,11 @@
 #include <fmt/core.h>
 #include <spdlog/spdlog.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>
 #include <vector>
 
+#include "apps/common/arguments.h"
 #include "bench/pgo_graphs.h"
 #include "bench/pgo_redraws.h"
 #include "bench/pgo_report.h"
@@ -85,23 +85,23 @@ int RunBench(const Options& options) {
 
 int main(int argc, char** argv) {
   moondb::Options options;
-  CLI::App app("Measures the pose graph solver on public graphs, missions and simulated teams.", "pgo_bench");
-  app.option_defaults()->always_capture_default();
-  app.add_option("folders", options.folders, "Folders with .g2o and .pyfg files, or missions (agents.csv)")
-      ->check(CLI::ExistingDirectory);
-  app.add_option("--threads", options.threads, "Threads of each solve")->check(CLI::Range(1, 64));
-  app.add_option("--seeds", options.seeds, "Also simulated teams with the seeds 1 to this")->check(CLI::Range(0, 1000));
-  app.add_option("--redraws", options.redraws, "Also each mission with its noise drawn anew, so many times")
-      ->check(CLI::Range(0, 1000));
-  app.add_option("--unknown-starts", options.unknown_starts,
-                 "Also so many simulated teams in which two rovers do not know where they began")
-      ->check(CLI::Range(0, 1000));
-  app.add_option("--only", options.only, "Of the simulated teams those whose name holds this");
-  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
-  app.add_flag("--ours-only", options.is_ours_only, "Without plain least squares from odometry beside each graph");
-  app.add_option("--plots", options.plots, "Writes a PNG picture of each graph's trajectories into this folder")
-      ->check(CLI::ExistingDirectory);
-  CLI11_PARSE(app, argc, argv);
+  moondb::Command app("pgo_bench", "Measures the pose graph solver on public graphs, missions and simulated teams.");
+  app.ShowDefaults();
+  app.AddOption("folders", options.folders, "Folders with .g2o and .pyfg files, or missions (agents.csv)")
+      .ExistingFolder();
+  app.AddOption("--threads", options.threads, "Threads of each solve").Within(1, 64);
+  app.AddOption("--seeds", options.seeds, "Also simulated teams with the seeds 1 to this").Within(0, 1000);
+  app.AddOption("--redraws", options.redraws, "Also each mission with its noise drawn anew, so many times")
+      .Within(0, 1000);
+  app.AddOption("--unknown-starts", options.unknown_starts,
+                "Also so many simulated teams in which two rovers do not know where they began")
+      .Within(0, 1000);
+  app.AddOption("--only", options.only, "Of the simulated teams those whose name holds this");
+  app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
+  app.AddFlag("--ours-only", options.is_ours_only, "Without plain least squares from odometry beside each graph");
+  app.AddOption("--plots", options.plots, "Writes a PNG picture of each graph's trajectories into this folder")
+      .ExistingFolder();
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   spdlog::set_level(spdlog::level::err);
   return moondb::RunBench(options);
 }

@@ -5,12 +5,12 @@
 #include <fmt/core.h>
 #include <spdlog/spdlog.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <string>
 #include <vector>
 
+#include "apps/common/arguments.h"
 #include "bench/cases.h"
 #include "bench/report.h"
 
@@ -52,19 +52,17 @@ int RunBench(const BenchOptions& options) {
 
 int main(int argc, char** argv) {
   moondb::BenchOptions options;
-  CLI::App app("Measures moondb's actor runtime beside other ways to do the same.", "runtime_bench");
-  app.option_defaults()->always_capture_default();
-  app.add_option("--only", options.only, "Only these cases")->check(CLI::IsMember(moondb::CaseNames()));
-  app.add_option("--contender", options.contender, "Only this contender, for a profiler")
-      ->check(CLI::IsMember({"moondb", "caf", "limit", "raw", "raw_defaults"}));
-  app.add_option("--messages", options.messages, "Messages of a repetition of the cheapest cases; others have a share")
-      ->check(CLI::Range(1000, 1000000000));
-  app.add_option("--repeat", options.repetitions, "Repetitions, of which the median counts")
-      ->check(CLI::Range(1, 1000));
-  app.add_option("--idle-seconds", options.idle_seconds, "How long to watch an idle system")
-      ->check(CLI::Range(1, 3600));
-  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
-  CLI11_PARSE(app, argc, argv);
+  moondb::Command app("runtime_bench", "Measures moondb's actor runtime beside other ways to do the same.");
+  app.ShowDefaults();
+  app.AddOption("--only", options.only, "Only these cases").OneOf(moondb::CaseNames());
+  app.AddOption("--contender", options.contender, "Only this contender, for a profiler")
+      .OneOf({"moondb", "caf", "limit", "raw", "raw_defaults"});
+  app.AddOption("--messages", options.messages, "Messages of a repetition of the cheapest cases; others have a share")
+      .Within(1000, 1000000000);
+  app.AddOption("--repeat", options.repetitions, "Repetitions, of which the median counts").Within(1, 1000);
+  app.AddOption("--idle-seconds", options.idle_seconds, "How long to watch an idle system").Within(1, 3600);
+  app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   spdlog::set_level(spdlog::level::err);
   return moondb::RunBench(options);
 }

@@ -3,12 +3,12 @@
 //
 // A line of the --ping-file for each answer: microseconds there, microseconds back. Both ends read one clock, so that
 // they must run on one machine.
-#include <CLI/App.hpp>
 #include <cstdio>
 #include <fstream>
 #include <memory>
 #include <random>
 
+#include "apps/common/arguments.h"
 #include "apps/moondb_agent/agent_program.h"
 
 namespace moondb {
@@ -86,9 +86,9 @@ int main(int argc, char** argv) {
   moondb::PingActor::Options ping;
   moondb::AgentProgram program;
   program.name = "sharing_bench_agent";
-  program.add_options = [&ping](CLI::App& app) {
-    app.add_option("--ping", ping.to, "Agent to send control messages to");
-    app.add_option("--ping-file", ping.file, "Where to write how long they took");
+  program.add_options = [&ping](moondb::Command& app) {
+    app.AddOption("--ping", ping.to, "Agent to send control messages to");
+    app.AddOption("--ping-file", ping.file, "Where to write how long they took");
   };
   program.make_actors = [&ping](moondb::AgentId, const moondb::proto::TeamConfig&) {
     return moondb::Result<std::vector<moondb::OwnActor>>(moondb::MakeActors(ping));

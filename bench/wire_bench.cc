@@ -7,12 +7,12 @@
 // arguments.
 #include <fmt/core.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
 #include <vector>
 
+#include "apps/common/arguments.h"
 #include "bench/wire_measure.h"
 
 namespace moondb {
@@ -53,9 +53,9 @@ int RunBench(Options options) {
 
 int main(int argc, char** argv) {
   moondb::Options options;
-  CLI::App app("Measures what missions take on the wire.", "wire_bench");
-  app.add_option("--recorded", options.recorded, "Recorded missions to measure as well")->check(CLI::ExistingDirectory);
-  app.add_flag("--json", options.is_json, "One JSON object instead of a table");
-  CLI11_PARSE(app, argc, argv);
+  moondb::Command app("wire_bench", "Measures what missions take on the wire.");
+  app.AddOption("--recorded", options.recorded, "Recorded missions to measure as well").ExistingFolder();
+  app.AddFlag("--json", options.is_json, "One JSON object instead of a table");
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   return moondb::RunBench(std::move(options));
 }

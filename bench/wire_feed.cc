@@ -7,12 +7,12 @@
 // Exit code 0: all is stored; 1: no such mission, or an agent that is not there or refuses; other: wrong arguments.
 #include <fmt/core.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <string>
 #include <vector>
 
+#include "apps/common/arguments.h"
 #include "apps/common/team_clients.h"
 #include "bench/wire_measure.h"
 #include "model/team_member.h"
@@ -67,9 +67,9 @@ int Run(const std::string& team_file, const std::string& name) {
 
 int main(int argc, char** argv) {
   std::string team_file, mission;
-  CLI::App app("Gives a whole mission's records to the agents of a running team.", "wire_feed");
-  app.add_option("--team", team_file, "The team's file")->envname("MOONDB_TEAM")->required();
-  app.add_option("mission", mission, "rolling, single_view, or a recorded mission's folder")->required();
-  CLI11_PARSE(app, argc, argv);
+  moondb::Command app("wire_feed", "Gives a whole mission's records to the agents of a running team.");
+  app.AddOption("--team", team_file, "The team's file").EnvName("MOONDB_TEAM").Required();
+  app.AddOption("mission", mission, "rolling, single_view, or a recorded mission's folder").Required();
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code;
   return moondb::Run(team_file, mission);
 }

@@ -2,7 +2,6 @@
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -243,38 +242,38 @@ ExitCode RevokeClient(CommandContext& context, const ClientsArguments& arguments
 
 }  // namespace
 
-void AddClientsCommands(CLI::App& app, CommandContext& context) {
+void AddClientsCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<ClientsArguments>();
-  CLI::App& clients = *app.add_subcommand("clients", "Whose keys agents let in at their client_address, and for what");
-  clients.require_subcommand(1);
+  Command& clients = app.AddSubcommand("clients", "Whose keys agents let in at their client_address, and for what");
+  clients.RequireSubcommand();
   const auto command = [&](const char* name, const char* description, const CommandNote& note,
-                           auto action) -> CLI::App& {
-    CLI::App& added = AddCommand(clients, name, description, note);
-    added.add_option("--file", arguments->file, "The list (default: clients.yaml beside the team file)")
-        ->type_name("FILE");
-    added.callback([&context, arguments, action] {
+                           auto action) -> Command& {
+    Command& added = AddCommand(clients, name, description, note);
+    added.AddOption("--file", arguments->file, "The list (default: clients.yaml beside the team file)")
+        .TypeName("FILE");
+    added.Callback([&context, arguments, action] {
       context.action = [&context, arguments, action] { return action(context, *arguments); };
     });
     return added;
   };
-  CLI::App& add = command("add", "List a client, with a key made now or its own",
-                          {"moonctl clients add anna --rights command"}, AddClient);
-  add.add_option("name", arguments->name, "Its name in the team's event log")->required()->type_name("NAME");
-  add.add_option("--rights", arguments->rights, "view, share (also insert, share, solve) or command (everything)")
-      ->required()
-      ->type_name("{view,share,command}");
-  CLI::Option* public_key = add.add_option("--public-key", arguments->public_key_file,
-                                           "File of the client's own public key, in place of a new one")
-                                ->type_name("FILE");
-  add.add_option("--out", arguments->out, "Where the secret key made goes (default: ~/.config/moondb/NAME.sec)")
-      ->type_name("FILE")
-      ->excludes(public_key);
-  add.add_flag("--replace", arguments->is_replacing, "Of a client that is listed: its old key is known no longer");
+  Command& add = command("add", "List a client, with a key made now or its own",
+                         {"moonctl clients add anna --rights command"}, AddClient);
+  add.AddOption("name", arguments->name, "Its name in the team's event log").Required().TypeName("NAME");
+  add.AddOption("--rights", arguments->rights, "view, share (also insert, share, solve) or command (everything)")
+      .Required()
+      .TypeName("{view,share,command}");
+  Option& public_key = add.AddOption("--public-key", arguments->public_key_file,
+                                     "File of the client's own public key, in place of a new one")
+                           .TypeName("FILE");
+  add.AddOption("--out", arguments->out, "Where the secret key made goes (default: ~/.config/moondb/NAME.sec)")
+      .TypeName("FILE")
+      .Excludes(public_key);
+  add.AddFlag("--replace", arguments->is_replacing, "Of a client that is listed: its old key is known no longer");
   command("list", "Who is listed", {"moonctl clients list"}, ListClients);
-  CLI::App& revoke =
+  Command& revoke =
       command("revoke", "A key is known no longer, also where it is connected now: from its next request on",
               {"moonctl clients revoke anna"}, RevokeClient);
-  revoke.add_option("name", arguments->name, "Of the client")->required()->type_name("NAME");
+  revoke.AddOption("name", arguments->name, "Of the client").Required().TypeName("NAME");
 }
 
 }  // namespace moondb

@@ -1,7 +1,5 @@
 #include "apps/moonctl/command_line.h"
 
-#include <CLI/CLI.hpp>
-
 #include "apps/common/json_writer.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
@@ -10,8 +8,8 @@
 namespace moondb {
 namespace {
 
-void AddVersionCommand(CLI::App& app, CommandContext& context) {
-  AddCommand(app, "version", "Show the version", {"moonctl version --json"}).callback([&context] {
+void AddVersionCommand(Command& app, CommandContext& context) {
+  AddCommand(app, "version", "Show the version", {"moonctl version --json"}).Callback([&context] {
     context.action = [&context] {
       JsonWriter json;
       json.BeginObject().Key("version").String(MOONDB_VERSION).EndObject();
@@ -20,8 +18,8 @@ void AddVersionCommand(CLI::App& app, CommandContext& context) {
   });
 }
 
-void AddManCommand(CLI::App& app, CommandContext& context) {
-  AddCommand(app, "man", "Print the manual page, moonctl.1", {"moonctl man > moonctl.1"}).callback([&app, &context] {
+void AddManCommand(Command& app, CommandContext& context) {
+  AddCommand(app, "man", "Print the manual page, moonctl.1", {"moonctl man > moonctl.1"}).Callback([&app, &context] {
     context.action = [&app, &context] {
       const std::string page = ManualPage(app, MOONDB_VERSION);
       JsonWriter json;
@@ -33,26 +31,26 @@ void AddManCommand(CLI::App& app, CommandContext& context) {
 
 }  // namespace
 
-void AddCommandLine(CLI::App& app, CommandContext& context) {
-  app.require_subcommand(1);
-  app.fallthrough();  // Global options may stand behind the command.
-  app.add_option("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)")->type_name("FILE");
-  app.add_option("-a,--agent", context.agent, "Ask this agent")->type_name("AGENT");
-  app.add_flag("--json", context.is_json, "One JSON document on stdout");
-  app.add_option(
+void AddCommandLine(Command& app, CommandContext& context) {
+  app.RequireSubcommand();
+  app.Fallthrough();  // Global options may stand behind the command.
+  app.AddOption("-t,--team", context.team_path, "Team file (default: $MOONDB_TEAM)").TypeName("FILE");
+  app.AddOption("-a,--agent", context.agent, "Ask this agent").TypeName("AGENT");
+  app.AddFlag("--json", context.is_json, "One JSON document on stdout");
+  app.AddOption(
          "--via", context.via,
          "Ask all agents through this one, over the radio (default: $MOONDB_VIA; without one agents that are not on "
          "this machine are asked through one that is)")
-      ->type_name("AGENT");
-  app.add_option(
+      .TypeName("AGENT");
+  app.AddOption(
          "--key", context.key_file,
          "Secret key to be let in by, at agents' client_address (default: $MOONDB_CLIENT_KEY; without one agents "
          "are reached on this machine alone)")
-      ->type_name("FILE");
-  app.add_option("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m")->type_name("DURATION");
-  app.add_flag("--watch{2}", context.watch,
-               "Again every 2 s (--watch=10: every 10 s); for commands that show something");
-  app.set_version_flag("--version", "moonctl " MOONDB_VERSION);
+      .TypeName("FILE");
+  app.AddOption("--timeout", context.timeout, "Longest wait for an answer: 3s, 500ms, 2m").TypeName("DURATION");
+  app.AddFlag("--watch{2}", context.watch,
+              "Again every 2 s (--watch=10: every 10 s); for commands that show something");
+  app.AddVersionFlag("--version", "moonctl " MOONDB_VERSION);
   AddUpCommands(app, context);
   AddStatusCommand(app, context);
   AddHealthCommand(app, context);
@@ -72,7 +70,7 @@ void AddCommandLine(CLI::App& app, CommandContext& context) {
   AddCompletionCommand(app, context);
   AddManCommand(app, context);
   AddVersionCommand(app, context);
-  app.footer("Example: moonctl -t team.yaml status");
+  app.Footer("Example: moonctl -t team.yaml status");
   AddExamplesOfGroups(app);
 }
 

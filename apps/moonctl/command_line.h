@@ -3,16 +3,14 @@
 
 #include "apps/moonctl/command_context.h"
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
+
+class Command;
 
 inline constexpr char kProgramName[] = "moonctl";
 inline constexpr char kProgramDescription[] = "Operates a team of moondb agents.";
 
 // Global options, all commands and their examples. `context` outlives the app.
-void AddCommandLine(CLI::App& app, CommandContext& context);
+void AddCommandLine(Command& app, CommandContext& context);
 
 }  // namespace moondb

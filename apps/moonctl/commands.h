@@ -4,28 +4,26 @@
 
 #include "apps/moonctl/command_context.h"
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
 
-void AddUpCommands(CLI::App& app, CommandContext& context);
-void AddStatusCommand(CLI::App& app, CommandContext& context);
-void AddHealthCommand(CLI::App& app, CommandContext& context);
-void AddRoleCommands(CLI::App& app, CommandContext& context);
-void AddShareCommands(CLI::App& app, CommandContext& context);
-void AddLeaseCommands(CLI::App& app, CommandContext& context);
-void AddClientsCommands(CLI::App& app, CommandContext& context);
-void AddKeysCommands(CLI::App& app, CommandContext& context);
-void AddGraphCommands(CLI::App& app, CommandContext& context);
-void AddMapCommands(CLI::App& app, CommandContext& context);
-void AddRecordCommands(CLI::App& app, CommandContext& context);
-void AddDbCommands(CLI::App& app, CommandContext& context);
-void AddDownlinkCommands(CLI::App& app, CommandContext& context);
-void AddLogCommand(CLI::App& app, CommandContext& context);
-void AddTraceCommand(CLI::App& app, CommandContext& context);
-void AddConfigCommands(CLI::App& app, CommandContext& context);
-void AddCompletionCommand(CLI::App& app, CommandContext& context);
+class Command;
+
+void AddUpCommands(Command& app, CommandContext& context);
+void AddStatusCommand(Command& app, CommandContext& context);
+void AddHealthCommand(Command& app, CommandContext& context);
+void AddRoleCommands(Command& app, CommandContext& context);
+void AddShareCommands(Command& app, CommandContext& context);
+void AddLeaseCommands(Command& app, CommandContext& context);
+void AddClientsCommands(Command& app, CommandContext& context);
+void AddKeysCommands(Command& app, CommandContext& context);
+void AddGraphCommands(Command& app, CommandContext& context);
+void AddMapCommands(Command& app, CommandContext& context);
+void AddRecordCommands(Command& app, CommandContext& context);
+void AddDbCommands(Command& app, CommandContext& context);
+void AddDownlinkCommands(Command& app, CommandContext& context);
+void AddLogCommand(Command& app, CommandContext& context);
+void AddTraceCommand(Command& app, CommandContext& context);
+void AddConfigCommands(Command& app, CommandContext& context);
+void AddCompletionCommand(Command& app, CommandContext& context);
 
 }  // namespace moondb

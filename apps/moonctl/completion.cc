@@ -1,7 +1,5 @@
 #include "apps/moonctl/completion.h"
 
-#include <CLI/CLI.hpp>
-
 #include "apps/moonctl/command_tree.h"
 #include "model/text.h"
 
@@ -10,12 +8,12 @@ namespace {
 
 // Where on the command line the last word stands.
 struct Cursor {
-  const CLI::App* command = nullptr;
-  const CLI::Option* value_of = nullptr;  // The word is its value.
-  int argument = 0;                       // Else it may be the command's argument of this place.
+  const Command* command = nullptr;
+  const Option* value_of = nullptr;  // The word is its value.
+  int argument = 0;                  // Else it may be the command's argument of this place.
 };
 
-Cursor FindCursor(const CLI::App& root, const std::vector<std::string>& words) {
+Cursor FindCursor(const Command& root, const std::vector<std::string>& words) {
   Cursor cursor{&root};
   for (std::size_t i = 0; i + 1 < words.size(); ++i) {
     const std::string& word = words[i];
@@ -23,10 +21,10 @@ Cursor FindCursor(const CLI::App& root, const std::vector<std::string>& words) {
     if (cursor.value_of != nullptr) {
       cursor.value_of = nullptr;
     } else if (word.starts_with("-")) {
-      const CLI::Option* option = FindOption(*cursor.command, word);
-      const bool is_open = option != nullptr && TakesValue(*option) && word.find('=') == std::string::npos;
+      const Option* option = FindOption(*cursor.command, word);
+      const bool is_open = option != nullptr && option->takes_value() && word.find('=') == std::string::npos;
       cursor.value_of = is_open ? option : nullptr;
-    } else if (const CLI::App* sub = FindSubcommand(*cursor.command, word)) {
+    } else if (const Command* sub = FindSubcommand(*cursor.command, word)) {
       cursor = {sub};
     } else {
       ++cursor.argument;
@@ -36,17 +34,17 @@ Cursor FindCursor(const CLI::App& root, const std::vector<std::string>& words) {
 }
 
 // The last one takes what is too many.
-const CLI::Option* ArgumentAt(const CLI::App& command, int place) {
-  for (const CLI::Option* argument : ArgumentsOf(command)) {
-    place -= argument->get_items_expected_max();
+const Option* ArgumentAt(const Command& command, int place) {
+  for (const Option* argument : ArgumentsOf(command)) {
+    place -= argument->values_max();
     if (place < 0) return argument;
   }
   return nullptr;
 }
 
 // A type's name says what may stand there: "AGENT", "FILE", "TEXT:{ros,png}", "{AGENT,leader,survivor}".
-void AddValues(const CLI::Option& option, const TeamWords& team, Completion& completion) {
-  const std::string type = option.get_type_name();
+void AddValues(const Option& option, const TeamWords& team, Completion& completion) {
+  const std::string type = option.type_name();
   const std::size_t open = type.find('{');
   const bool is_list = open != std::string::npos;
   const std::string names = is_list ? type.substr(open + 1, type.find('}') - open - 1) : type;
@@ -58,25 +56,25 @@ void AddValues(const CLI::Option& option, const TeamWords& team, Completion& com
     } else if (name == "DATATYPE") {
       for (const std::string& data_type : team.data_types) completion.candidates.push_back({data_type, "data type"});
     } else if (is_list) {
-      completion.candidates.push_back({std::string(name), option.get_description()});
+      completion.candidates.push_back({std::string(name), option.description()});
     }
   }
 }
 
-void AddOptions(const CLI::App& command, Completion& completion) {
+void AddOptions(const Command& command, Completion& completion) {
   for (const std::string& name : OptionNames(command)) {
-    completion.candidates.push_back({name, FindOption(command, name)->get_description()});
+    completion.candidates.push_back({name, FindOption(command, name)->description()});
   }
 }
 
 }  // namespace
 
-Completion Complete(const CLI::App& root, const std::vector<std::string>& words, const TeamWords& team) {
+Completion Complete(const Command& root, const std::vector<std::string>& words, const TeamWords& team) {
   const Cursor cursor = FindCursor(root, words);
   std::string typed = words.empty() || words.back() == "=" ? "" : words.back();
   std::string before;  // "--agent=" of "--agent=ro".
   Completion all;
-  const CLI::Option* option = cursor.value_of;
+  const Option* option = cursor.value_of;
   if (option == nullptr && typed.starts_with("--") && typed.find('=') != std::string::npos) {
     option = FindOption(*cursor.command, typed);
     before = OptionName(typed) + "=";
@@ -87,10 +85,10 @@ Completion Complete(const CLI::App& root, const std::vector<std::string>& words,
   } else if (typed.starts_with("-")) {
     AddOptions(*cursor.command, all);
   } else {
-    for (const CLI::App* sub : SubcommandsOf(*cursor.command)) {
-      all.candidates.push_back({sub->get_name(), sub->get_description()});
+    for (const Command* sub : cursor.command->subcommands()) {
+      all.candidates.push_back({sub->name(), sub->description()});
     }
-    if (const CLI::Option* argument = ArgumentAt(*cursor.command, cursor.argument)) AddValues(*argument, team, all);
+    if (const Option* argument = ArgumentAt(*cursor.command, cursor.argument)) AddValues(*argument, team, all);
   }
   Completion fitting;
   fitting.is_file = all.is_file;

@@ -6,11 +6,9 @@
 #include <string>
 #include <vector>
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
+
+class Command;
 
 // Words that only the team file knows; without one none.
 struct TeamWords {
@@ -30,6 +28,6 @@ struct Completion {
 
 // `words` are those behind "moonctl"; the last one, which may be empty, is being typed. "=" as a word of its own, as
 // bash cuts "--agent=rover1", counts for nothing.
-Completion Complete(const CLI::App& root, const std::vector<std::string>& words, const TeamWords& team);
+Completion Complete(const Command& root, const std::vector<std::string>& words, const TeamWords& team);
 
 }  // namespace moondb

@@ -1,6 +1,5 @@
 #include "apps/moonctl/completion_command.h"
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 
 #include "apps/common/json_writer.h"
@@ -90,7 +89,7 @@ TeamWords ReadTeamWords(const std::vector<std::string>& words, CommandContext& c
 
 }  // namespace
 
-ExitCode PrintCompletions(const CLI::App& root, const std::vector<std::string>& words, CommandContext& context) {
+ExitCode PrintCompletions(const Command& root, const std::vector<std::string>& words, CommandContext& context) {
   const Completion completion = Complete(root, words, ReadTeamWords(words, context));
   for (const Candidate& candidate : completion.candidates) {
     std::printf("%s\t%s\n", candidate.word.c_str(), candidate.description.c_str());
@@ -99,12 +98,12 @@ ExitCode PrintCompletions(const CLI::App& root, const std::vector<std::string>& 
   return ExitCode::kDone;
 }
 
-void AddCompletionCommand(CLI::App& app, CommandContext& context) {
+void AddCompletionCommand(Command& app, CommandContext& context) {
   auto shell = std::make_shared<std::string>();
-  CLI::App& command = AddCommand(app, "completion", "Print the completion of commands, options and agents for a shell",
-                                 {"moonctl completion bash > ~/.local/share/bash-completion/completions/moonctl"});
-  command.add_option("shell", *shell, "Whose")->required()->check(CLI::IsMember({"bash", "fish", "zsh"}));
-  command.callback([&context, shell] {
+  Command& command = AddCommand(app, "completion", "Print the completion of commands, options and agents for a shell",
+                                {"moonctl completion bash > ~/.local/share/bash-completion/completions/moonctl"});
+  command.AddOption("shell", *shell, "Whose").Required().OneOf({"bash", "fish", "zsh"});
+  command.Callback([&context, shell] {
     context.action = [&context, shell] {
       const std::string& script = kScripts.at(*shell);
       JsonWriter json;

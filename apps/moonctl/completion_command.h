@@ -6,14 +6,12 @@
 
 #include "apps/moonctl/command_context.h"
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
+
+class Command;
 
 inline constexpr char kCompleteWord[] = "__complete";  // As the first word: the rest is to be completed.
 
-ExitCode PrintCompletions(const CLI::App& root, const std::vector<std::string>& words, CommandContext& context);
+ExitCode PrintCompletions(const Command& root, const std::vector<std::string>& words, CommandContext& context);
 
 }  // namespace moondb

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 
 #include "apps/common/hash_text.h"
 #include "apps/common/json_writer.h"
@@ -153,16 +152,16 @@ ExitCode InitConfig(CommandContext& context, const ConfigArguments& arguments) {
 
 }  // namespace
 
-void AddConfigCommands(CLI::App& app, CommandContext& context) {
-  CLI::App& group = *app.add_subcommand("config", "The team file");
-  group.require_subcommand(1);
+void AddConfigCommands(Command& app, CommandContext& context) {
+  Command& group = app.AddSubcommand("config", "The team file");
+  group.RequireSubcommand();
   auto arguments = std::make_shared<ConfigArguments>();
   // `config check FILE` is the same as `-t FILE config check`.
   const auto add_reader = [&](const char* name, const char* description, const CommandNote& note,
-                              const std::function<ExitCode(CommandContext&)>& run) -> CLI::App& {
-    CLI::App& command = AddCommand(group, name, description, note);
-    command.add_option("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)")->type_name("FILE");
-    command.callback([&context, arguments, run] {
+                              const std::function<ExitCode(CommandContext&)>& run) -> Command& {
+    Command& command = AddCommand(group, name, description, note);
+    command.AddOption("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)").TypeName("FILE");
+    command.Callback([&context, arguments, run] {
       if (!arguments->file.empty()) context.team_path = arguments->file;
       context.action = [&context, run] { return run(context); };
     });
@@ -171,22 +170,21 @@ void AddConfigCommands(CLI::App& app, CommandContext& context) {
   add_reader(
       "check", "Say all that is wrong with it", {"moonctl config check team.yaml"},
       [arguments](CommandContext& asked) { return arguments->is_fixing ? FixConfig(asked) : CheckConfig(asked); })
-      .add_flag("--fix", arguments->is_fixing, "Give it the team id that it lacks; all else stays as it is");
+      .AddFlag("--fix", arguments->is_fixing, "Give it the team id that it lacks; all else stays as it is");
   add_reader("show", "Show it in full; what it leaves to its default is marked", {"moonctl config show team.yaml"},
              ShowConfig);
   AddCommand(group, "schema", "Print the JSON Schema of team files, for editors",
              {"moonctl config schema > team.schema.json"})
-      .callback([&context] { context.action = [&context] { return ShowSchema(context); }; });
+      .Callback([&context] { context.action = [&context] { return ShowSchema(context); }; });
 
-  CLI::App& init = AddCommand(group, "init", "Write a team file to begin with, and its keys",
-                              {"moonctl config init --agents 4 my-team/team.yaml"});
-  init.add_option("file", arguments->file, "Where to")->type_name("FILE")->required();
-  init.add_option("--name", arguments->name, "The team's name (the folder's)")->type_name("NAME");
-  init.add_option("--agents", arguments->agent_count, "How many; the last is a base station")->check(CLI::Range(1, 64));
-  init.add_option("--mission", arguments->mission, "Take the agents of this mission folder")->type_name("FOLDER");
-  init.add_option("--first-port", arguments->first_port, "Loopback ports from here (7400)")
-      ->check(CLI::Range(1, 65000));
-  init.callback(
+  Command& init = AddCommand(group, "init", "Write a team file to begin with, and its keys",
+                             {"moonctl config init --agents 4 my-team/team.yaml"});
+  init.AddOption("file", arguments->file, "Where to").TypeName("FILE").Required();
+  init.AddOption("--name", arguments->name, "The team's name (the folder's)").TypeName("NAME");
+  init.AddOption("--agents", arguments->agent_count, "How many; the last is a base station").Within(1, 64);
+  init.AddOption("--mission", arguments->mission, "Take the agents of this mission folder").TypeName("FOLDER");
+  init.AddOption("--first-port", arguments->first_port, "Loopback ports from here (7400)").Within(1, 65000);
+  init.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return InitConfig(context, *arguments); }; });
 }
 

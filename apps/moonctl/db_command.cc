@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -162,45 +161,45 @@ using FileCommand = ExitCode (*)(CommandContext&, const Arguments&);
 
 // A command on the file of -a.
 template <typename Arguments>
-std::pair<CLI::App*, std::shared_ptr<Arguments>> AddFileCommand(CLI::App& group, CommandContext& context,
-                                                                const std::string& name, const std::string& description,
-                                                                const CommandNote& note,
-                                                                FileCommand<Arguments> command) {
+std::pair<Command*, std::shared_ptr<Arguments>> AddFileCommand(Command& group, CommandContext& context,
+                                                               const std::string& name, const std::string& description,
+                                                               const CommandNote& note,
+                                                               FileCommand<Arguments> command) {
   auto arguments = std::make_shared<Arguments>();
-  CLI::App* added = &AddCommand(group, name, description, note);
-  added->add_option("--data-dir", arguments->data_folder, "As given to up");
-  added->callback([&context, arguments, command] {
+  Command* added = &AddCommand(group, name, description, note);
+  added->AddOption("--data-dir", arguments->data_folder, "As given to up");
+  added->Callback([&context, arguments, command] {
     context.action = [&context, arguments, command] { return command(context, *arguments); };
   });
   return {added, arguments};
 }
 
-void AddQuery(CLI::App& group, CommandContext& context) {
+void AddQuery(Command& group, CommandContext& context) {
   const auto [query, arguments] = AddFileCommand<QueryArguments>(
       group, context, "query", "Ask the file of -a, on this machine, in SQL; changes nothing",
       {"moonctl -a rover1 db query \"select * from v_event\" --csv --out events.csv", kShows}, QueryFile);
-  query->add_option("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)")->required();
-  query->add_option("--limit", arguments->rows_max, "At most so many rows (1000; as CSV 1000000)")
-      ->check(CLI::Range(std::size_t{1}, kQueryRowsMax));
-  CLI::Option* csv = query->add_flag("--csv", arguments->is_csv, "As CSV: NULL is empty, a blob hexadecimal");
-  query->add_option("--out", arguments->out, "A file for the CSV")->type_name("FILE")->needs(csv);
+  query->AddOption("sql", arguments->text, "One SELECT; views v_* are stable (docs/commands/records.md)").Required();
+  query->AddOption("--limit", arguments->rows_max, "At most so many rows (1000; as CSV 1000000)")
+      .Within(std::size_t{1}, kQueryRowsMax);
+  Option& csv = query->AddFlag("--csv", arguments->is_csv, "As CSV: NULL is empty, a blob hexadecimal");
+  query->AddOption("--out", arguments->out, "A file for the CSV").TypeName("FILE").Needs(csv);
 }
 
-void AddBackUp(CLI::App& group, CommandContext& context) {
+void AddBackUp(Command& group, CommandContext& context) {
   const auto [backup, arguments] = AddFileCommand<StoreFileArguments>(
       group, context, "backup", "Copy the file of -a, on this machine, whole, while the agent runs",
       {"moonctl -a rover1 db backup rover1.sqlite"}, BackUpFile);
-  backup->add_option("file", arguments->text, "Where to; must not be there yet")->required();
+  backup->AddOption("file", arguments->text, "Where to; must not be there yet").Required();
 }
 
 }  // namespace
 
-void AddDbCommands(CLI::App& app, CommandContext& context) {
-  CLI::App& group = *app.add_subcommand("db", "What agents hold, and whether it is sound");
-  group.require_subcommand(1);
+void AddDbCommands(Command& app, CommandContext& context) {
+  Command& group = app.AddSubcommand("db", "What agents hold, and whether it is sound");
+  group.RequireSubcommand();
   const auto add = [&](const std::string& name, const std::string& description, const CommandNote& note,
                        ExitCode (*command)(CommandContext&)) {
-    AddCommand(group, name, description, note).callback([&context, command] {
+    AddCommand(group, name, description, note).Callback([&context, command] {
       context.action = [&context, command] { return command(context); };
     });
   };
@@ -211,35 +210,36 @@ void AddDbCommands(CLI::App& app, CommandContext& context) {
       {"moonctl db verify -a rover2"}, VerifyStores);
 
   auto arguments = std::make_shared<DiffArguments>();
-  CLI::App& diff = AddCommand(group, "diff", "Compare what two agents hold; exit code 1 where they differ",
-                              {"moonctl db diff rover1 rover2", kShows});
-  diff.add_option("first", arguments->first, "An agent")->type_name("AGENT")->required();
-  diff.add_option("second", arguments->second, "Another")->type_name("AGENT")->required();
-  diff.callback([&context, arguments] {
+  Command& diff = AddCommand(group, "diff", "Compare what two agents hold; exit code 1 where they differ",
+                             {"moonctl db diff rover1 rover2", kShows});
+  diff.AddOption("first", arguments->first, "An agent").TypeName("AGENT").Required();
+  diff.AddOption("second", arguments->second, "Another").TypeName("AGENT").Required();
+  diff.Callback([&context, arguments] {
     context.action = [&context, arguments] { return CompareStores(context, arguments->first, arguments->second); };
   });
 
   auto prune_arguments = std::make_shared<PruneArguments>();
-  CLI::App& prune = AddCommand(
+  Command& prune = AddCommand(
       group, "prune",
       "Remove from the store of -a what leader and designated survivor have too; exit code 4 where they cannot "
       "be asked",
       {"moonctl -a rover2 db prune --older-than 30d --dry-run"});
-  prune.add_option("--older-than", prune_arguments->older_than, "By their stamps: 30d, 12h, 90m")->type_name("AGE");
+  prune.AddOption("--older-than", prune_arguments->older_than, "By their stamps: 30d, 12h, 90m").TypeName("AGE");
   prune
-      .add_option("--type", prune_arguments->types,
-                  "Of this data type; may be repeated. The pose graph and quarantines go only where named")
-      ->type_name("DATATYPE");
-  prune.add_flag("--beaten-maps", prune_arguments->beaten_maps, "Maps that win no cell of the merged map, only these");
+      .AddOption("--type", prune_arguments->types,
+                 "Of this data type; may be repeated. The pose graph and quarantines go only where named")
+      .TypeName("DATATYPE");
+  Option& beaten_maps = prune.AddFlag("--beaten-maps", prune_arguments->beaten_maps,
+                                      "Maps that win no cell of the merged map, only these");
   prune
-      .add_flag("--history", prune_arguments->is_history,
-                "Superseded states that its own robot keeps, only these; nobody else has them")
-      ->excludes("--beaten-maps");
-  prune.add_option("--max-mb", prune_arguments->megabytes_max, "Until so much is removed (MB), oldest first")
-      ->type_name("MB")
-      ->check(CLI::Range(0.001, 1e9));
-  prune.add_flag("--dry-run", prune_arguments->is_dry_run, "Only tell what would go");
-  prune.callback([&context, prune_arguments] {
+      .AddFlag("--history", prune_arguments->is_history,
+               "Superseded states that its own robot keeps, only these; nobody else has them")
+      .Excludes(beaten_maps);
+  prune.AddOption("--max-mb", prune_arguments->megabytes_max, "Until so much is removed (MB), oldest first")
+      .TypeName("MB")
+      .Within(0.001, 1e9);
+  prune.AddFlag("--dry-run", prune_arguments->is_dry_run, "Only tell what would go");
+  prune.Callback([&context, prune_arguments] {
     context.action = [&context, prune_arguments] { return PruneStore(context, *prune_arguments); };
   });
 

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <limits>
 
@@ -204,20 +203,20 @@ ExitCode ShowBundle(CommandContext& context, const DownlinkArguments& arguments)
                                        FormatUtc(head->made_ns()) + "\n" + table.Text());
 }
 
-void AddNumber(CLI::App& command, DownlinkArguments& arguments) {
-  command.add_option("number", arguments.number, "The bundle's")
-      ->type_name("NUMBER")
-      ->check(CLI::Range(1u, std::numeric_limits<std::uint32_t>::max()))
-      ->required();
+void AddNumber(Command& command, DownlinkArguments& arguments) {
+  command.AddOption("number", arguments.number, "The bundle's")
+      .TypeName("NUMBER")
+      .Within(1u, std::numeric_limits<std::uint32_t>::max())
+      .Required();
 }
 
-void AddOut(CLI::App& command, DownlinkArguments& arguments) {
-  command.add_option("--out", arguments.out, "Where it goes; else AGENT-NUMBER.bundle here")->type_name("FILE");
+void AddOut(Command& command, DownlinkArguments& arguments) {
+  command.AddOption("--out", arguments.out, "Where it goes; else AGENT-NUMBER.bundle here").TypeName("FILE");
 }
 
 }  // namespace
 
-void AddDownlinkCommands(CLI::App& app, CommandContext& context) {
+void AddDownlinkCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<DownlinkArguments>();
   const auto act = [&context, arguments](ExitCode (*action)(CommandContext&, const DownlinkArguments&)) {
     return [&context, arguments, action] {
@@ -225,34 +224,34 @@ void AddDownlinkCommands(CLI::App& app, CommandContext& context) {
     };
   };
 
-  CLI::App& group =
+  Command& group =
       AddCommand(app, "downlink", "Make a bundle for the ground, of what it lacks (at the base station, or -a)",
                  {"moonctl downlink --budget-kb 64"});
-  group.require_subcommand(0, 1);
-  group.add_option("--budget-kb", arguments->budget_kb, "Its file has at most so many kB (2 to 16000)")
-      ->type_name("KB")
-      ->check(CLI::Range(2u, 16000u));
+  group.AllowSubcommand();
+  group.AddOption("--budget-kb", arguments->budget_kb, "Its file has at most so many kB (2 to 16000)")
+      .TypeName("KB")
+      .Within(2u, 16000u);
   AddOut(group, *arguments);
 
   AddCommand(group, "list", "The bundles that wait for the ground's acknowledgment", {"moonctl downlink list", kShows})
-      .callback([&context] { context.action = [&context] { return ListBundles(context); }; });
-  CLI::App& get =
+      .Callback([&context] { context.action = [&context] { return ListBundles(context); }; });
+  Command& get =
       AddCommand(group, "get", "Fetch a bundle that waits, once more", {"moonctl downlink get 7 --out pass-12.bundle"});
   AddNumber(get, *arguments);
   AddOut(get, *arguments);
-  get.callback(act(GetBundle));
-  CLI::App& ack = AddCommand(group, "ack", "The ground has a bundle: it need not be kept",
-                             {"moonctl downlink ack 7 --file pass-12.bundle"});
+  get.Callback(act(GetBundle));
+  Command& ack = AddCommand(group, "ack", "The ground has a bundle: it need not be kept",
+                            {"moonctl downlink ack 7 --file pass-12.bundle"});
   AddNumber(ack, *arguments);
-  ack.add_option("--file", arguments->file, "Only if it is this one")->type_name("FILE");
-  ack.callback(act(AcknowledgeBundle));
-  CLI::App& show = AddCommand(group, "show", "What is in a bundle's file; --json prints its records",
-                              {"moonctl downlink show pass-12.bundle --json"});
-  show.add_option("file", arguments->file, "The bundle")->type_name("FILE")->required();
-  show.callback(act(ShowBundle));
+  ack.AddOption("--file", arguments->file, "Only if it is this one").TypeName("FILE");
+  ack.Callback(act(AcknowledgeBundle));
+  Command& show = AddCommand(group, "show", "What is in a bundle's file; --json prints its records",
+                             {"moonctl downlink show pass-12.bundle --json"});
+  show.AddOption("file", arguments->file, "The bundle").TypeName("FILE").Required();
+  show.Callback(act(ShowBundle));
 
-  group.callback([&context, &group, arguments, act] {
-    if (!group.get_subcommands().empty()) return;
+  group.Callback([&context, &group, arguments, act] {
+    if (group.GivenSubcommand() != nullptr) return;
     if (arguments->budget_kb > 0) return act(MakeBundle)();
     context.action = [&context] {
       return context.Report({ErrorCode::kInvalid, "expected downlink --budget-kb N, list, get, ack or show", {}});

@@ -15,7 +15,7 @@ namespace {
 constexpr std::chrono::seconds kWait(60);
 
 // A line is written at once and only at its end, so that it can be left anywhere.
-void EndNow(int) { ::_exit(static_cast<int>(ExitCode::kDone)); }
+void EndFollow(int) { ::_exit(static_cast<int>(ExitCode::kDone)); }
 
 // False where nobody reads any more, or the line cannot be written.
 bool PrintLine(const std::string& line) {
@@ -27,8 +27,8 @@ bool PrintLine(const std::string& line) {
 
 ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadRequest filter,
                        const std::function<std::string(const proto::StoredRecord&, const proto::Record&)>& line_of) {
-  ::signal(SIGINT, EndNow);
-  ::signal(SIGTERM, EndNow);
+  ::signal(SIGINT, EndFollow);
+  ::signal(SIGTERM, EndFollow);
   const bool is_from_now = filter.after_row_id() == 0;
   RecordFeed feed(client, std::move(filter));
   if (is_from_now) {

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 
@@ -258,37 +257,37 @@ ExitCode ShowGraphStats(CommandContext& context, bool has_edges) {
 
 }  // namespace
 
-void AddGraphCommands(CLI::App& app, CommandContext& context) {
-  CLI::App& group = *app.add_subcommand("graph", "The team's pose graph");
-  group.require_subcommand(1);
+void AddGraphCommands(Command& app, CommandContext& context) {
+  Command& group = app.AddSubcommand("graph", "The team's pose graph");
+  group.RequireSubcommand();
 
   auto file = std::make_shared<std::string>();
-  CLI::App& imported =
+  Command& imported =
       AddCommand(group, "import", "Insert a PyFG or g2o file, each rover's part at its own agent (g2o: see -a)",
                  {"moonctl graph import mission.pyfg"});
-  imported.add_option("file", *file, "A .g2o file; anything else is read as PyFG")->type_name("FILE")->required();
-  imported.callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });
+  imported.AddOption("file", *file, "A .g2o file; anything else is read as PyFG").TypeName("FILE").Required();
+  imported.Callback([&context, file] { context.action = [&context, file] { return ImportGraph(context, *file); }; });
 
   AddGraphExport(group, context);
 
   auto optimize = std::make_shared<OptimizeArguments>();
-  CLI::App& optimized = AddCommand(group, "optimize", "Solve it now, at the leader (or -a)",
-                                   {"moonctl graph optimize --covariance-of rover2:17"});
-  auto* scratch = optimized.add_flag("--from-scratch", optimize->is_from_scratch, "Not from the last solution");
+  Command& optimized = AddCommand(group, "optimize", "Solve it now, at the leader (or -a)",
+                                  {"moonctl graph optimize --covariance-of rover2:17"});
+  Option& scratch = optimized.AddFlag("--from-scratch", optimize->is_from_scratch, "Not from the last solution");
   optimized
-      .add_option("--window", optimize->window_nodes, "Move only so many newest nodes of each rover: a quick answer")
-      ->check(CLI::Range(1u, 1000000u))
-      ->excludes(scratch);
-  optimized.add_flag("--covariance", optimize->has_covariance, "Also how well each rover's newest node is known");
-  optimized.add_option("--covariance-of", optimize->covariance_of, "And of these nodes: rover2:17");
-  optimized.callback(
+      .AddOption("--window", optimize->window_nodes, "Move only so many newest nodes of each rover: a quick answer")
+      .Within(1u, 1000000u)
+      .Excludes(scratch);
+  optimized.AddFlag("--covariance", optimize->has_covariance, "Also how well each rover's newest node is known");
+  optimized.AddOption("--covariance-of", optimize->covariance_of, "And of these nodes: rover2:17");
+  optimized.Callback(
       [&context, optimize] { context.action = [&context, optimize] { return OptimizeGraph(context, *optimize); }; });
 
   auto has_edges = std::make_shared<bool>(false);
-  CLI::App& stats = AddCommand(group, "stats", "The last solve, and what was judged of the ranges",
-                               {"moonctl graph stats --edges", kShows});
-  stats.add_flag("--edges", *has_edges, "Also each rejected range");
-  stats.callback([&context, has_edges] {
+  Command& stats = AddCommand(group, "stats", "The last solve, and what was judged of the ranges",
+                              {"moonctl graph stats --edges", kShows});
+  stats.AddFlag("--edges", *has_edges, "Also each rejected range");
+  stats.Callback([&context, has_edges] {
     context.action = [&context, has_edges] { return ShowGraphStats(context, *has_edges); };
   });
 

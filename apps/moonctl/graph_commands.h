@@ -3,13 +3,11 @@
 
 #include "apps/moonctl/command_context.h"
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
 
-void AddGraphExport(CLI::App& group, CommandContext& context);
-void AddGraphSolve(CLI::App& group, CommandContext& context);
+class Command;
+
+void AddGraphExport(Command& group, CommandContext& context);
+void AddGraphSolve(Command& group, CommandContext& context);
 
 }  // namespace moondb

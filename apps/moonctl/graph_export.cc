@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <tuple>
 
@@ -22,8 +21,6 @@ struct ExportArguments {
   std::string poses = "optimized";
   std::string format = "pyfg";
 };
-
-std::string Count(std::size_t count) { return std::to_string(count); }
 
 // What an agent holds, in the order of names, without edges whose nodes have not come yet.
 struct HeldGraph {
@@ -119,12 +116,12 @@ std::string PosesText(const ExportArguments& arguments) {
 
 FileNotes NotesOn(const ExportArguments& arguments, const HeldGraph& held) {
   FileNotes notes{{"poses", PosesText(arguments)},
-                  {"nodes", Count(held.graph.nodes.size())},
-                  {"optimized_nodes", Count(held.optimized.size())},
-                  {"odometry_edges", Count(held.graph.odometry.size())},
-                  {"ranges", Count(held.graph.ranges.size())},
-                  {"rejected_ranges", Count(held.rejected_count)},
-                  {"waiting_edges", Count(held.waiting_edge_count)}};
+                  {"nodes", std::to_string(held.graph.nodes.size())},
+                  {"optimized_nodes", std::to_string(held.optimized.size())},
+                  {"odometry_edges", std::to_string(held.graph.odometry.size())},
+                  {"ranges", std::to_string(held.graph.ranges.size())},
+                  {"rejected_ranges", std::to_string(held.rejected_count)},
+                  {"waiting_edges", std::to_string(held.waiting_edge_count)}};
   if (arguments.format == "g2o") notes.emplace_back("left_out", "the ranges, which g2o does not have");
   return notes;
 }
@@ -179,12 +176,12 @@ GraphFiles TumFiles(const proto::TeamConfig& team, const HeldGraph& held, const 
     const std::string name = AgentName(team, agent);
     const FileNotes notes = NotesOf(origin, {{"trajectory_of", name},
                                              {"poses", PosesText(arguments)},
-                                             {"nodes", Count(track.size())},
-                                             {"optimized_nodes", Count(optimized_counts[agent])}});
+                                             {"nodes", std::to_string(track.size())},
+                                             {"optimized_nodes", std::to_string(optimized_counts[agent])}});
     const std::filesystem::path file = std::filesystem::path(arguments.file) / (name + ".tum");
     made.files.push_back({file, FormatTum(track, notes)});
     made.json.String(file.string());
-    made.text += "wrote " + file.string() + ": " + Count(track.size()) + " poses\n";
+    made.text += "wrote " + file.string() + ": " + std::to_string(track.size()) + " poses\n";
   }
   made.json.EndArray();
   if (tracks.empty()) made.text = "the graph has no node\n";
@@ -219,23 +216,22 @@ ExitCode ExportGraph(CommandContext& context, const ExportArguments& arguments) 
 
 }  // namespace
 
-void AddGraphExport(CLI::App& group, CommandContext& context) {
+void AddGraphExport(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<ExportArguments>();
-  CLI::App& command = AddCommand(group, "export",
-                                 "Write the graph that the leader (or -a) holds; what was judged of ranges "
-                                 "goes to FILE.verdicts.csv, where it came "
-                                 "from to FILE.origin.txt or (TUM) into the file",
-                                 {"moonctl graph export graph.g2o --format g2o"});
-  command.add_option("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
-      ->type_name("FILE")
-      ->required();
+  Command& command = AddCommand(group, "export",
+                                "Write the graph that the leader (or -a) holds; what was judged of ranges "
+                                "goes to FILE.verdicts.csv, where it came "
+                                "from to FILE.origin.txt or (TUM) into the file",
+                                {"moonctl graph export graph.g2o --format g2o"});
+  command.AddOption("file", arguments->file, "The file; for TUM a folder, which gets one file per agent")
+      .TypeName("FILE")
+      .Required();
   command
-      .add_option("--format", arguments->format,
-                  "pyfg, g2o (poses and odometry: it has no ranges), or tum (the trajectories alone)")
-      ->check(CLI::IsMember({"pyfg", "g2o", "tum"}));
-  command.add_option("--poses", arguments->poses, "optimized (where there are any) or raw")
-      ->check(CLI::IsMember({"optimized", "raw"}));
-  command.callback(
+      .AddOption("--format", arguments->format,
+                 "pyfg, g2o (poses and odometry: it has no ranges), or tum (the trajectories alone)")
+      .OneOf({"pyfg", "g2o", "tum"});
+  command.AddOption("--poses", arguments->poses, "optimized (where there are any) or raw").OneOf({"optimized", "raw"});
+  command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportGraph(context, *arguments); }; });
 }
 

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <chrono>
 
 #include "actors/pgo/plain_solver.h"
@@ -129,22 +128,20 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
 
 }  // namespace
 
-void AddGraphSolve(CLI::App& group, CommandContext& context) {
+void AddGraphSolve(Command& group, CommandContext& context) {
   auto arguments = std::make_shared<SolveArguments>();
-  CLI::App& command =
+  Command& command =
       AddCommand(group, "solve", "Solve a graph file by itself, every factor as it is written; asks no agent",
                  {"moonctl graph solve plaza.pyfg --fix L0 --out solved.pyfg"});
-  command.add_option("file", arguments->file, "A .g2o file; anything else is read as PyFG")
-      ->type_name("FILE")
-      ->required();
-  command.add_option("--out", arguments->out, "Writes the same graph at the solved poses")->type_name("FILE");
-  command.add_option("--fix", arguments->fixed, "A vertex that stands still where the file has it (L0, or a g2o id)");
-  command.add_flag("--vertices-as-start", arguments->starts_at_vertices,
-                   "Begin where the file has the vertices; else they are not looked at: often they are the truth");
-  command.add_flag("--isotropic", arguments->is_isotropic,
-                   "Take a g2o file whose information matrices are not positive definite, each block by its trace");
-  command.add_option("--threads", arguments->threads, "Threads of the solver")->check(CLI::Range(1, 64));
-  command.callback(
+  command.AddOption("file", arguments->file, "A .g2o file; anything else is read as PyFG").TypeName("FILE").Required();
+  command.AddOption("--out", arguments->out, "Writes the same graph at the solved poses").TypeName("FILE");
+  command.AddOption("--fix", arguments->fixed, "A vertex that stands still where the file has it (L0, or a g2o id)");
+  command.AddFlag("--vertices-as-start", arguments->starts_at_vertices,
+                  "Begin where the file has the vertices; else they are not looked at: often they are the truth");
+  command.AddFlag("--isotropic", arguments->is_isotropic,
+                  "Take a g2o file whose information matrices are not positive definite, each block by its trace");
+  command.AddOption("--threads", arguments->threads, "Threads of the solver").Within(1, 64);
+  command.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return SolveFile(context, *arguments); }; });
 }
 

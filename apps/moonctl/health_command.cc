@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <algorithm>
 
 #include "apps/common/json_writer.h"
@@ -108,16 +107,16 @@ ExitCode AcknowledgeHealth(CommandContext& context) {
 
 }  // namespace
 
-void AddHealthCommand(CLI::App& app, CommandContext& context) {
-  CLI::App& health =
+void AddHealthCommand(Command& app, CommandContext& context) {
+  Command& health =
       AddCommand(app, "health", "What is wrong, for people and scripts: ends with 0 only where all agents are well",
                  {"moonctl health --json", kShows});
-  health.require_subcommand(0, 1);
+  health.AllowSubcommand();
   AddCommand(health, "acknowledge", "You have read what was found: lost peers, damage, ends without stopping (or -a)",
              {"moonctl health acknowledge -a rover2"})
-      .callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
-  health.callback([&context, &health] {
-    if (!health.get_subcommands().empty()) return;
+      .Callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
+  health.Callback([&context, &health] {
+    if (health.GivenSubcommand() != nullptr) return;
     context.action = [&context] { return ShowHealth(context); };
   });
 }

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -235,25 +234,25 @@ ExitCode CompleteTeamFile(CommandContext& context) {
 
 }  // namespace
 
-void AddKeysCommands(CLI::App& app, CommandContext& context) {
+void AddKeysCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<KeysArguments>();
-  CLI::App& keys = *app.add_subcommand("keys", "Keys of agents and clients: making them, and which are here");
-  keys.require_subcommand(1);
-  CLI::App& made = AddCommand(keys, "new", "Make the keys of an agent, or of a client", {"moonctl keys new rover4"});
-  made.add_option("name", arguments->name, "Whose they are")->required()->type_name("NAME");
-  made.add_flag("--client", arguments->is_client, "A client's: a public and a secret key, in your own folder");
-  made.add_option("--out", arguments->out,
-                  "Folder of the keys (default: beside the team file; a client's: ~/.config/moondb)")
-      ->type_name("FOLDER");
-  made.callback(
+  Command& keys = app.AddSubcommand("keys", "Keys of agents and clients: making them, and which are here");
+  keys.RequireSubcommand();
+  Command& made = AddCommand(keys, "new", "Make the keys of an agent, or of a client", {"moonctl keys new rover4"});
+  made.AddOption("name", arguments->name, "Whose they are").Required().TypeName("NAME");
+  made.AddFlag("--client", arguments->is_client, "A client's: a public and a secret key, in your own folder");
+  made.AddOption("--out", arguments->out,
+                 "Folder of the keys (default: beside the team file; a client's: ~/.config/moondb)")
+      .TypeName("FOLDER");
+  made.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return MakeKeys(context, *arguments); }; });
   AddCommand(keys, "show", "Fingerprints of the team's keys, and whose secrets are on this machine",
              {"moonctl keys show"})
-      .callback([&context] { context.action = [&context] { return ShowKeys(context); }; });
-  CLI::App& add = AddCommand(keys, "add-signing", "Give each agent of a team file the signing key that it lacks",
-                             {"moonctl keys add-signing team.yaml"});
-  add.add_option("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)")->type_name("FILE");
-  add.callback([&context, arguments] {
+      .Callback([&context] { context.action = [&context] { return ShowKeys(context); }; });
+  Command& add = AddCommand(keys, "add-signing", "Give each agent of a team file the signing key that it lacks",
+                            {"moonctl keys add-signing team.yaml"});
+  add.AddOption("file", arguments->file, "Team file (default: -t or $MOONDB_TEAM)").TypeName("FILE");
+  add.Callback([&context, arguments] {
     if (!arguments->file.empty()) context.team_path = arguments->file;
     context.action = [&context] { return CompleteTeamFile(context); };
   });

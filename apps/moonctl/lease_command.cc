@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <chrono>
 
 #include "apps/common/proto_json.h"
@@ -49,43 +48,42 @@ ExitCode SetLease(CommandContext& context, proto::LeaseKind kind, const Result<m
   return context.Done(ToJson(*reply), text);
 }
 
-void AddOff(CLI::App& group, CommandContext& context, proto::LeaseKind kind, const std::string& description) {
+void AddOff(Command& group, CommandContext& context, proto::LeaseKind kind, const std::string& description) {
   const std::string path = PathOf(group) + " off";
-  AddCommand(group, "off", description, {"moonctl -a rover2 " + path}).callback([&context, kind] {
+  AddCommand(group, "off", description, {"moonctl -a rover2 " + path}).Callback([&context, kind] {
     context.action = [&context, kind] { return SetLease(context, kind, milliseconds(0)); };
   });
 }
 
 }  // namespace
 
-void AddLeaseCommands(CLI::App& app, CommandContext& context) {
+void AddLeaseCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<LeaseArguments>();
   const auto act = [&context, arguments](proto::LeaseKind kind) {
     context.action = [&context, arguments, kind] { return SetLease(context, kind, DurationOf(*arguments)); };
   };
 
-  CLI::App& drive =
-      *app.add_subcommand("drive", "Tell an agent (-a) that its robot drives: nothing bulky is shared then");
-  drive.require_subcommand(1);
-  CLI::App& on = AddCommand(drive, "on", "From now on, for so long at most", {"moonctl -a rover2 drive on --for 40"});
-  on.add_option("--for", arguments->duration, "Lapses by itself then: 40 (seconds), 10m, 2h")
-      ->type_name("DURATION")
-      ->required();
-  on.callback([act] { act(proto::LEASE_KIND_DRIVING); });
+  Command& drive = app.AddSubcommand("drive", "Tell an agent (-a) that its robot drives: nothing bulky is shared then");
+  drive.RequireSubcommand();
+  Command& on = AddCommand(drive, "on", "From now on, for so long at most", {"moonctl -a rover2 drive on --for 40"});
+  on.AddOption("--for", arguments->duration, "Lapses by itself then: 40 (seconds), 10m, 2h")
+      .TypeName("DURATION")
+      .Required();
+  on.Callback([act] { act(proto::LEASE_KIND_DRIVING); });
   AddOff(drive, context, proto::LEASE_KIND_DRIVING, "It stands still");
 
-  CLI::App& sleep = AddCommand(app, "sleep", "Tell an agent (-a) that its robot sleeps: nothing is shared then",
-                               {"moonctl -a rover2 sleep --until 2026-11-22T06:00Z"});
-  sleep.require_subcommand(0, 1);
-  CLI::Option* duration =
-      sleep.add_option("--for", arguments->duration, "For so long: 40 (seconds), 10m, 8h")->type_name("DURATION");
-  sleep.add_option("--until", arguments->until, "Until then, in UTC: 2026-11-22T06:00Z")
-      ->type_name("TIME")
-      ->excludes(duration);
+  Command& sleep = AddCommand(app, "sleep", "Tell an agent (-a) that its robot sleeps: nothing is shared then",
+                              {"moonctl -a rover2 sleep --until 2026-11-22T06:00Z"});
+  sleep.AllowSubcommand();
+  Option& duration =
+      sleep.AddOption("--for", arguments->duration, "For so long: 40 (seconds), 10m, 8h").TypeName("DURATION");
+  sleep.AddOption("--until", arguments->until, "Until then, in UTC: 2026-11-22T06:00Z")
+      .TypeName("TIME")
+      .Excludes(duration);
   AddOff(sleep, context, proto::LEASE_KIND_SLEEPING, "It is awake");
-  sleep.callback([&context, &sleep, arguments, act] {
+  sleep.Callback([&context, &sleep, arguments, act] {
     const bool is_on = !arguments->duration.empty() || !arguments->until.empty();
-    const bool is_off = !sleep.get_subcommands().empty();
+    const bool is_off = sleep.GivenSubcommand() != nullptr;
     if (is_on == is_off) {
       context.action = [&context] {
         return context.Report(

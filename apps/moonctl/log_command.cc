@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <algorithm>
 
 #include "apps/common/json_writer.h"
@@ -114,15 +113,15 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
 
 }  // namespace
 
-void AddLogCommand(CLI::App& app, CommandContext& context) {
+void AddLogCommand(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<LogArguments>();
-  CLI::App& log =
+  Command& log =
       AddCommand(app, "log", "The team's event log as the leader (or -a) knows it: commands, roles, failures",
                  {"moonctl log --events 20", kShows});
-  log.add_option("--events", arguments->events, "At most so many, the newest (50)")->check(CLI::Range(1u, kEventsMax));
-  log.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
-  log.add_flag("-f,--follow", arguments->follows, "Go on with what comes; with --json one document a line");
-  log.callback(
+  log.AddOption("--events", arguments->events, "At most so many, the newest (50)").Within(1u, kEventsMax);
+  log.AddOption("--origin", arguments->origin, "Of this agent only").TypeName("AGENT");
+  log.AddFlag("-f,--follow", arguments->follows, "Go on with what comes; with --json one document a line");
+  log.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ShowLog(context, *arguments); }; });
 }
 

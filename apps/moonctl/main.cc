@@ -1,9 +1,9 @@
 // moonctl: what an operator types. Verb after noun; exit codes in apps/moonctl/exit_code.h.
 
-#include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
 
+#include "apps/common/arguments.h"
 #include "apps/moonctl/command_line.h"
 #include "apps/moonctl/completion_command.h"
 #include "apps/moonctl/mistyped.h"
@@ -19,20 +19,18 @@ std::filesystem::path OwnFolder() {
 
 ExitCode Run(int argc, char** argv) {
   CommandContext context(OwnFolder());
-  CLI::App app(kProgramDescription, kProgramName);
+  Command app(kProgramName, kProgramDescription);
   AddCommandLine(app, context);
   const std::vector<std::string> words(argv + 1, argv + argc);
   if (!words.empty() && words.front() == kCompleteWord) {
     return PrintCompletions(app, {words.begin() + 1, words.end()}, context);
   }
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return static_cast<ExitCode>(app.exit(error));  // --help
+  if (const std::optional<ParseStop> stop = app.Parse(argc, argv)) {
+    if (stop->exit_code == 0) return ExitCode::kDone;  // --help
     const auto mistyped = DescribeMistyped(app, words);
     // The flag may stand behind what could not be parsed.
     context.is_json = std::find(words.begin(), words.end(), "--json") != words.end();
-    return context.Report({ErrorCode::kInvalid, mistyped.value_or(error.what()), {}});
+    return context.Report({ErrorCode::kInvalid, mistyped.value_or(stop->error), {}});
   }
   if (auto parsed = context.ParseTimeout(); !parsed) return context.Report(parsed.error());
   return context.watch.empty() ? context.action() : RunWatched(app, context);

@@ -1,7 +1,5 @@
 #include "apps/moonctl/manual_page.h"
 
-#include <CLI/CLI.hpp>
-
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
 
@@ -64,45 +62,43 @@ std::string Escaped(const std::string& text) {
 }
 
 // "-a, --agent AGENT"; of arguments the name alone.
-std::string Heading(const CLI::Option& option) {
+std::string Heading(const Option& option) {
   std::string names;
-  for (const std::string& name : option.get_snames()) names += (names.empty() ? "-" : ", -") + name;
-  for (const std::string& name : option.get_lnames()) names += (names.empty() ? "--" : ", --") + name;
-  const std::string type = TakesValue(option) ? " \\fI" + Escaped(option.get_type_name()) + "\\fR" : "";
-  return "\\fB" + Escaped(names.empty() ? option.get_name() : names) + "\\fR" + type;
+  for (const std::string& name : option.short_names()) names += (names.empty() ? "-" : ", -") + name;
+  for (const std::string& name : option.long_names()) names += (names.empty() ? "--" : ", --") + name;
+  const std::string type = option.takes_value() ? " \\fI" + Escaped(option.type_name()) + "\\fR" : "";
+  return "\\fB" + Escaped(names.empty() ? option.name() : names) + "\\fR" + type;
 }
 
-std::string OptionText(const CLI::Option& option) {
-  return ".TP\n" + Heading(option) + "\n" + Escaped(option.get_description()) + "\n";
+std::string OptionText(const Option& option) {
+  return ".TP\n" + Heading(option) + "\n" + Escaped(option.description()) + "\n";
 }
 
-std::string OptionsText(const CLI::App& command) {
+std::string OptionsText(const Command& command) {
   std::string text;
-  for (const CLI::Option* argument : ArgumentsOf(command)) text += OptionText(*argument);
-  for (const CLI::Option* option : OwnOptions(command)) {
-    if (option->get_name() != "--help") text += OptionText(*option);
+  for (const Option* argument : ArgumentsOf(command)) text += OptionText(*argument);
+  for (const Option* option : OwnOptions(command)) {
+    if (option->name() != "--help") text += OptionText(*option);
   }
   return text;
 }
 
-std::string Synopsis(const CLI::App& command) {
+std::string Synopsis(const Command& command) {
   std::string text = PathOf(command);
-  for (const CLI::Option* argument : ArgumentsOf(command)) {
-    text += argument->get_required() ? " " + argument->get_name() : " [" + argument->get_name() + "]";
+  for (const Option* argument : ArgumentsOf(command)) {
+    text += argument->is_required() ? " " + argument->name() : " [" + argument->name() + "]";
   }
   return text;
 }
 
 // A group without options of its own is no command.
-bool IsCommand(const CLI::App& command) {
-  return SubcommandsOf(command).empty() || command.get_require_subcommand_min() == 0;
-}
+bool IsCommand(const Command& command) { return command.subcommands().empty() || !command.requires_subcommand(); }
 
-std::string CommandText(const CLI::App& command) {
+std::string CommandText(const Command& command) {
   std::string text = ".SS " + Escaped(Synopsis(command)) + "\n";
-  const CLI::App& group = *command.get_parent();
-  if (group.get_parent() != nullptr) text += Escaped(group.get_description()) + ".\n";  // "off" alone says little.
-  text += Escaped(command.get_description()) + ".\n";
+  const Command& group = *command.parent();
+  if (group.parent() != nullptr) text += Escaped(group.description()) + ".\n";  // "off" alone says little.
+  text += Escaped(command.description()) + ".\n";
   text += OptionsText(command);
   if (const CommandNote* note = NoteOf(command)) {
     text += ".PP\n.nf\n" + Escaped(std::string(note->example)) + "\n.fi\n";
@@ -112,14 +108,14 @@ std::string CommandText(const CLI::App& command) {
 
 }  // namespace
 
-std::string ManualPage(const CLI::App& root, const std::string& version) {
+std::string ManualPage(const Command& root, const std::string& version) {
   std::string text = ".TH MOONCTL 1 \"\" \"moondb " + Escaped(version) + "\" \"User Commands\"\n";
-  text += ".SH NAME\nmoonctl \\- " + Escaped(root.get_description()) + "\n.SH SYNOPSIS\n.B moonctl\n";
+  text += ".SH NAME\nmoonctl \\- " + Escaped(root.description()) + "\n.SH SYNOPSIS\n.B moonctl\n";
   text +=
       "[\\fIoptions\\fR] \\fIcommand\\fR [\\fIarguments\\fR]\n.SH OPTIONS\nThey may stand before or behind the "
       "command.\n";
   text += OptionsText(root) + ".SH COMMANDS\n";
-  VisitCommands(root, [&text, &root](const CLI::App& command) {
+  VisitCommands(root, [&text, &root](const Command& command) {
     if (&command != &root && IsCommand(command)) text += CommandText(command);
   });
   return text + kEnd;

@@ -3,13 +3,11 @@
 
 #include <string>
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
 
+class Command;
+
 // In roff, with the macros of man(7).
-std::string ManualPage(const CLI::App& root, const std::string& version);
+std::string ManualPage(const Command& root, const std::string& version);
 
 }  // namespace moondb

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -86,21 +85,21 @@ ExitCode ExportMap(CommandContext& context, const MapArguments& arguments) {
 
 }  // namespace
 
-void AddMapCommands(CLI::App& app, CommandContext& context) {
-  CLI::App& group = *app.add_subcommand("map", "The merged map");
-  group.require_subcommand(1);
+void AddMapCommands(Command& app, CommandContext& context) {
+  Command& group = app.AddSubcommand("map", "The merged map");
+  group.RequireSubcommand();
   auto arguments = std::make_shared<MapArguments>();
-  CLI::App& exported = AddCommand(group, "export", "Merge at the leader (or -a) and write the map",
-                                  {"moonctl map export maps --format geotiff"});
-  exported.add_option("folder", arguments->folder, "Made if it is missing")->type_name("FOLDER")->required();
+  Command& exported = AddCommand(group, "export", "Merge at the leader (or -a) and write the map",
+                                 {"moonctl map export maps --format geotiff"});
+  exported.AddOption("folder", arguments->folder, "Made if it is missing").TypeName("FOLDER").Required();
   exported
-      .add_option(
+      .AddOption(
           "--format", arguments->format,
           "nav2 (map.yaml and map.pgm), png (with a world file), or geotiff (on the Moon; see site in the team file)")
-      ->check(CLI::IsMember({"nav2", "png", "geotiff"}));
-  exported.add_flag("--raw-poses", arguments->use_raw_poses, "Ignore optimized poses");
-  exported.add_option("--agents", arguments->agents, "Maps of these agents only")->type_name("AGENT");
-  exported.callback(
+      .OneOf({"nav2", "png", "geotiff"});
+  exported.AddFlag("--raw-poses", arguments->use_raw_poses, "Ignore optimized poses");
+  exported.AddOption("--agents", arguments->agents, "Maps of these agents only").TypeName("AGENT");
+  exported.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ExportMap(context, *arguments); }; });
   AddMapQuestions(group, context);
 }

@@ -1,7 +1,5 @@
 #include "apps/moonctl/map_questions.h"
 
-#include <CLI/CLI.hpp>
-
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
@@ -14,7 +12,7 @@ namespace moondb {
 namespace {
 
 constexpr std::int64_t kBeginning = INT64_MIN;
-constexpr std::int64_t kEnd = INT64_MAX;
+constexpr std::int64_t kEndOfTime = INT64_MAX;
 
 struct Place {
   double x_m = 0;
@@ -73,7 +71,7 @@ ExitCode AskWhy(CommandContext& context, const Place& place) {
 }
 
 std::string SpanText(std::int64_t stamp_ns) {
-  return stamp_ns == kBeginning || stamp_ns == kEnd ? "-" : FormatUtc(stamp_ns);
+  return stamp_ns == kBeginning || stamp_ns == kEndOfTime ? "-" : FormatUtc(stamp_ns);
 }
 
 std::string QuarantinesText(const proto::TeamConfig& team, const proto::MapStatsReply& stats) {
@@ -140,7 +138,7 @@ Result<proto::Record> MakeQuarantine(CommandContext& context, const QuarantineAr
   if (!agent) return tl::unexpected(agent.error());
   const Result<std::int64_t> from = StampOf(arguments.from, kBeginning, "--from");
   if (!from) return tl::unexpected(from.error());
-  const Result<std::int64_t> to = StampOf(arguments.to, kEnd, "--to");
+  const Result<std::int64_t> to = StampOf(arguments.to, kEndOfTime, "--to");
   if (!to) return tl::unexpected(to.error());
   if (*from > *to) return Fail(ErrorCode::kInvalid, "lies before --from", "--to");
   quarantine.set_agent_id((*agent)->id());
@@ -183,30 +181,29 @@ ExitCode SetQuarantine(CommandContext& context, const QuarantineArguments& argum
 
 }  // namespace
 
-void AddMapQuestions(CLI::App& group, CommandContext& context) {
+void AddMapQuestions(Command& group, CommandContext& context) {
   auto place = std::make_shared<Place>();
-  CLI::App& why = AddCommand(group, "why", "Why is a cell what it is? At the leader, or at -a",
-                             {"moonctl map why 10 -5.25", kShows});
-  why.add_option("x", place->x_m, "Metres in the frame map")->required();
-  why.add_option("y", place->y_m, "And so")->required();
-  why.callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
+  Command& why = AddCommand(group, "why", "Why is a cell what it is? At the leader, or at -a",
+                            {"moonctl map why 10 -5.25", kShows});
+  why.AddOption("x", place->x_m, "Metres in the frame map").Required();
+  why.AddOption("y", place->y_m, "And so").Required();
+  why.Callback([&context, place] { context.action = [&context, place] { return AskWhy(context, *place); }; });
 
-  CLI::App& stats = AddCommand(group, "stats", "Which maps still have a say, and quarantines; at the leader, or -a",
-                               {"moonctl map stats", kShows});
-  stats.callback([&context] { context.action = [&context] { return ShowStats(context); }; });
+  Command& stats = AddCommand(group, "stats", "Which maps still have a say, and quarantines; at the leader, or -a",
+                              {"moonctl map stats", kShows});
+  stats.Callback([&context] { context.action = [&context] { return ShowStats(context); }; });
 
   auto arguments = std::make_shared<QuarantineArguments>();
-  CLI::App& quarantine =
+  Command& quarantine =
       AddCommand(group, "quarantine", "Leave an agent's maps out of all merged maps",
                  {"moonctl map quarantine --agent rover2 --from 2026-11-21T10:00Z --reason \"wheel slip\""});
-  quarantine.add_option("--agent", arguments->agent, "Whose maps")->type_name("AGENT");
-  quarantine.add_option("--from", arguments->from, "Stamped from then on, in UTC: 2026-11-22T06:00Z")
-      ->type_name("TIME");
-  quarantine.add_option("--to", arguments->to, "Stamped up to then")->type_name("TIME");
-  quarantine.add_option("--reason", arguments->reason, "For people");
-  quarantine.add_option("--lift", arguments->lift, "Undo the quarantine of that ID, which map stats shows")
-      ->type_name("ID");
-  quarantine.callback(
+  quarantine.AddOption("--agent", arguments->agent, "Whose maps").TypeName("AGENT");
+  quarantine.AddOption("--from", arguments->from, "Stamped from then on, in UTC: 2026-11-22T06:00Z").TypeName("TIME");
+  quarantine.AddOption("--to", arguments->to, "Stamped up to then").TypeName("TIME");
+  quarantine.AddOption("--reason", arguments->reason, "For people");
+  quarantine.AddOption("--lift", arguments->lift, "Undo the quarantine of that ID, which map stats shows")
+      .TypeName("ID");
+  quarantine.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return SetQuarantine(context, *arguments); }; });
 }
 

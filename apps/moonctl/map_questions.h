@@ -3,12 +3,10 @@
 
 #include "apps/moonctl/command_context.h"
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
 
-void AddMapQuestions(CLI::App& group, CommandContext& context);
+class Command;
+
+void AddMapQuestions(Command& group, CommandContext& context);
 
 }  // namespace moondb

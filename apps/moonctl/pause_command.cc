@@ -1,6 +1,5 @@
 #include "apps/moonctl/pause_command.h"
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <memory>
 #include <string>
@@ -52,21 +51,21 @@ ExitCode SetPause(CommandContext& context, milliseconds duration) {
 
 }  // namespace
 
-void AddPauseCommands(CLI::App& sync, CommandContext& context) {
+void AddPauseCommands(Command& sync, CommandContext& context) {
   auto length = std::make_shared<std::string>("600");
-  CLI::App& pause =
+  Command& pause =
       AddCommand(sync, "pause", "Nothing bulky is shared with any agent, or with -a, until it lapses or sync resume",
                  {"moonctl sync pause --for 10m"});
-  pause.add_option("--for", *length, "Lapses by itself then: 40 (seconds), 10m, 2h; at most 24 h")
-      ->type_name("DURATION")
-      ->capture_default_str();
-  pause.callback([&context, length] {
+  pause.AddOption("--for", *length, "Lapses by itself then: 40 (seconds), 10m, 2h; at most 24 h")
+      .TypeName("DURATION")
+      .DefaultShown();
+  pause.Callback([&context, length] {
     context.action = [&context, length] {
       const auto duration = ParseLeaseDuration(*length);
       return duration ? SetPause(context, *duration) : context.Report(duration.error());
     };
   });
-  AddCommand(sync, "resume", "The pause is over", {"moonctl sync resume -a rover2"}).callback([&context] {
+  AddCommand(sync, "resume", "The pause is over", {"moonctl sync resume -a rover2"}).Callback([&context] {
     context.action = [&context] { return SetPause(context, milliseconds(0)); };
   });
 }

@@ -3,13 +3,11 @@
 
 #include "apps/moonctl/command_context.h"
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
 
+class Command;
+
 // As in apps/moonctl/commands.h; `sync` is the group that they belong to.
-void AddPauseCommands(CLI::App& sync, CommandContext& context);
+void AddPauseCommands(Command& sync, CommandContext& context);
 
 }  // namespace moondb

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
@@ -171,43 +170,41 @@ ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) 
 
 }  // namespace
 
-void AddRecordCommands(CLI::App& app, CommandContext& context) {
-  CLI::App& group = *app.add_subcommand("record", "Insert, get and list records of an agent (-a)");
-  group.require_subcommand(1);
+void AddRecordCommands(Command& app, CommandContext& context) {
+  Command& group = app.AddSubcommand("record", "Insert, get and list records of an agent (-a)");
+  group.RequireSubcommand();
   auto arguments = std::make_shared<RecordArguments>();
 
-  CLI::App& insert = AddCommand(group, "insert", "Insert one record, as the agent's own",
-                                {"moonctl -a rover2 record insert temperature '{\"celsius\": -40.5}'"});
-  insert.add_option("type", arguments->type, "Such as temperature, or a custom type of the team file")
-      ->type_name("DATATYPE")
-      ->required();
-  insert.add_option("json", arguments->json,
-                    "Its body, such as {\"celsius\": -20}; @FILE reads it. Of a custom type {\"payload\": BASE64, "
-                    "\"latest_key\": BASE64, \"metadata\": TEXT}, or payload_text and latest_key_text");
-  insert.add_option("--payload-file", arguments->payload_file, "A custom type's payload is this file")
-      ->type_name("FILE");
-  insert.add_flag("--local", arguments->is_local, "Keep it on this agent");
-  insert.callback(
+  Command& insert = AddCommand(group, "insert", "Insert one record, as the agent's own",
+                               {"moonctl -a rover2 record insert temperature '{\"celsius\": -40.5}'"});
+  insert.AddOption("type", arguments->type, "Such as temperature, or a custom type of the team file")
+      .TypeName("DATATYPE")
+      .Required();
+  insert.AddOption("json", arguments->json,
+                   "Its body, such as {\"celsius\": -20}; @FILE reads it. Of a custom type {\"payload\": BASE64, "
+                   "\"latest_key\": BASE64, \"metadata\": TEXT}, or payload_text and latest_key_text");
+  insert.AddOption("--payload-file", arguments->payload_file, "A custom type's payload is this file").TypeName("FILE");
+  insert.AddFlag("--local", arguments->is_local, "Keep it on this agent");
+  insert.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return InsertRecord(context, *arguments); }; });
 
-  CLI::App& get = AddCommand(group, "get", "Show one record as JSON",
-                             {"moonctl -a rover1 record get 2.5f3c9a1e0b7d4c21.30.17", kShows});
-  get.add_option("key", arguments->key, "Such as 2.5f3c9a1e0b7d4c21.30.17")->required();
-  get.callback(
+  Command& get = AddCommand(group, "get", "Show one record as JSON",
+                            {"moonctl -a rover1 record get 2.5f3c9a1e0b7d4c21.30.17", kShows});
+  get.AddOption("key", arguments->key, "Such as 2.5f3c9a1e0b7d4c21.30.17").Required();
+  get.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return GetRecord(context, *arguments); }; });
 
-  CLI::App& list =
+  Command& list =
       AddCommand(group, "list", "The newest records", {"moonctl -a rover1 record list temperature --limit 5", kShows});
-  list.add_option("type", arguments->type, "Of this data type only")->type_name("DATATYPE");
-  CLI::Option* follow =
-      list.add_flag("-f,--follow", arguments->follows,
-                    "What is stored from now on, a line each (with --json a document each), until Ctrl-C");
-  list.add_option("--origin", arguments->origin, "Of this agent only")->type_name("AGENT");
-  list.add_flag("--history", arguments->is_history,
-                "Instead what the agent's own robot superseded and its disk still keeps (`keep` in the team file)")
-      ->excludes(follow);
-  list.add_option("--limit", arguments->limit, "At most so many (20)")->check(CLI::Range(1u, kListMax));
-  list.callback(
+  list.AddOption("type", arguments->type, "Of this data type only").TypeName("DATATYPE");
+  Option& follow = list.AddFlag("-f,--follow", arguments->follows,
+                                "What is stored from now on, a line each (with --json a document each), until Ctrl-C");
+  list.AddOption("--origin", arguments->origin, "Of this agent only").TypeName("AGENT");
+  list.AddFlag("--history", arguments->is_history,
+               "Instead what the agent's own robot superseded and its disk still keeps (`keep` in the team file)")
+      .Excludes(follow);
+  list.AddOption("--limit", arguments->limit, "At most so many (20)").Within(1u, kListMax);
+  list.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ListRecords(context, *arguments); }; });
 }
 

@@ -9,8 +9,8 @@ namespace moondb {
 namespace {
 
 constexpr std::chrono::seconds kLimit(10);
-constexpr std::chrono::milliseconds kPollPeriod(20);
-constexpr std::chrono::milliseconds kRelayedPollPeriod(500);  // Over the radio.
+constexpr std::chrono::milliseconds kRolePollPeriod(20);
+constexpr std::chrono::milliseconds kRelayedRolePollPeriod(500);  // Over the radio.
 constexpr std::chrono::milliseconds kTryAgainAfter(200);
 constexpr char kExpected[] = "expected";  // Field of the refusal.
 
@@ -86,7 +86,7 @@ Result<RoleChange::Done> RoleChange::UntilConfirmed(Client& target, proto::RoleS
       for (const AgentId agent : not_confirmed) done.not_confirmed.push_back(AgentName(team, agent));
       return done;
     }
-    std::this_thread::sleep_for(context_.is_relayed() ? kRelayedPollPeriod : kPollPeriod);
+    std::this_thread::sleep_for(context_.is_relayed() ? kRelayedRolePollPeriod : kRolePollPeriod);
     auto held = target.Roles();
     if (!held || IsNewer(shown.roles().term(), held->roles().term())) continue;
     if (!IsWanted(held->roles())) {

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <set>
 
@@ -165,30 +164,30 @@ ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const Rol
 
 }  // namespace
 
-void AddRoleCommands(CLI::App& app, CommandContext& context) {
-  CLI::App& role = *app.add_subcommand("role", "Who leads, who is the designated survivor");
-  role.require_subcommand(1);
-  AddCommand(role, "show", "The roles as each agent knows them", {"moonctl role show", kShows}).callback([&context] {
+void AddRoleCommands(Command& app, CommandContext& context) {
+  Command& role = app.AddSubcommand("role", "Who leads, who is the designated survivor");
+  role.RequireSubcommand();
+  AddCommand(role, "show", "The roles as each agent knows them", {"moonctl role show", kShows}).Callback([&context] {
     context.action = [&context] { return ShowRoles(context); };
   });
   AddCommand(role, "history", "The assignments that the leader (or -a) has acted on, oldest first",
              {"moonctl role history -a rover2", kShows})
-      .callback([&context] { context.action = [&context] { return ShowHistory(context); }; });
+      .Callback([&context] { context.action = [&context] { return ShowHistory(context); }; });
 
   auto arguments = std::make_shared<RoleArguments>();
-  const auto add_common = [&arguments](CLI::App& command) {
-    command.add_flag("--dry-run", arguments->is_dry_run, "Say what would be, change nothing");
-    command.add_option("--reason", arguments->reason, "Kept with the assignment");
-    command.add_flag("--no-wait", arguments->is_at_once, "Not until the new leader and survivor have confirmed");
+  const auto add_common = [&arguments](Command& command) {
+    command.AddFlag("--dry-run", arguments->is_dry_run, "Say what would be, change nothing");
+    command.AddOption("--reason", arguments->reason, "Kept with the assignment");
+    command.AddFlag("--no-wait", arguments->is_at_once, "Not until the new leader and survivor have confirmed");
   };
-  CLI::App& set = AddCommand(role, "set", "Give roles: AGENT leader|survivor [AGENT leader|survivor]",
-                             {"moonctl role set rover2 leader rover3 survivor --reason \"rover1 is lost\""});
-  set.add_option("pairs", arguments->words, "AGENT ROLE ...")
-      ->type_name("{AGENT,leader,survivor}")
-      ->required()
-      ->expected(2, 4);
+  Command& set = AddCommand(role, "set", "Give roles: AGENT leader|survivor [AGENT leader|survivor]",
+                            {"moonctl role set rover2 leader rover3 survivor --reason \"rover1 is lost\""});
+  set.AddOption("pairs", arguments->words, "AGENT ROLE ...")
+      .TypeName("{AGENT,leader,survivor}")
+      .Required()
+      .Expected(2, 4);
   add_common(set);
-  set.callback([&context, arguments] {
+  set.Callback([&context, arguments] {
     context.action = [&context, arguments] {
       const auto parse = [arguments](const proto::TeamConfig& team, const proto::RoleAssignment&) {
         return ParsePairs(team, arguments->words);
@@ -196,11 +195,11 @@ void AddRoleCommands(CLI::App& app, CommandContext& context) {
       return ChangeRoles(context, parse, *arguments);
     };
   });
-  CLI::App& swap =
+  Command& swap =
       AddCommand(role, "swap", "Exchange leader and survivor", {"moonctl role swap rover1 rover2 --dry-run"});
-  swap.add_option("agents", arguments->words, "The two, to be sure")->type_name("AGENT")->expected(0, 2);
+  swap.AddOption("agents", arguments->words, "The two, to be sure").TypeName("AGENT").Expected(0, 2);
   add_common(swap);
-  swap.callback([&context, arguments] {
+  swap.Callback([&context, arguments] {
     context.action = [&context, arguments] {
       if (arguments->words.size() == 1) {
         return context.Report({ErrorCode::kInvalid, "expected two agents, or none", {}});

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -344,26 +343,26 @@ ExitCode ShowShareStatus(CommandContext& context, proto::SharingKind kind) {
   return context.Print(ExitCodeOf(*answers), json.text(), table.Text() + backlog + refused);
 }
 
-CLI::App& AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind kind, const std::string& name,
-                   const std::string& description) {
-  CLI::App& group = *app.add_subcommand(name, description);
-  group.require_subcommand(1);
+Command& AddGroup(Command& app, CommandContext& context, proto::SharingKind kind, const std::string& name,
+                  const std::string& description) {
+  Command& group = app.AddSubcommand(name, description);
+  group.RequireSubcommand();
   auto arguments = std::make_shared<ShareArguments>();
   const bool is_sync = kind == proto::SHARING_KIND_SYNC;
-  CLI::App& now =
+  Command& now =
       AddCommand(group, "now", "Start it, at the leader or at -a",
                  {is_sync ? "moonctl sync now --from rover2 --wait" : "moonctl replicate now --wait --timeout 10m"});
-  now.add_flag("--wait", arguments->is_waiting, "Until everything is acknowledged");
-  now.add_option("--max-bytes", arguments->bytes_max, "Each session ends when it has sent so many coded bytes")
-      ->type_name("BYTES")
-      ->check(CLI::PositiveNumber);
-  if (is_sync) now.add_option("--from", arguments->from, "Only from these agents")->type_name("AGENT");
-  now.callback([&context, kind, arguments] {
+  now.AddFlag("--wait", arguments->is_waiting, "Until everything is acknowledged");
+  now.AddOption("--max-bytes", arguments->bytes_max, "Each session ends when it has sent so many coded bytes")
+      .TypeName("BYTES")
+      .Positive();
+  if (is_sync) now.AddOption("--from", arguments->from, "Only from these agents").TypeName("AGENT");
+  now.Callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShareNow(context, kind, *arguments); };
   });
-  CLI::App& status = AddCommand(group, "status", "Per pair: sent, acknowledged, left, rate, ETA",
-                                {is_sync ? "moonctl sync status --watch" : "moonctl replicate status", kShows});
-  status.callback([&context, kind, arguments] {
+  Command& status = AddCommand(group, "status", "Per pair: sent, acknowledged, left, rate, ETA",
+                               {is_sync ? "moonctl sync status --watch" : "moonctl replicate status", kShows});
+  status.Callback([&context, kind, arguments] {
     context.action = [&context, kind, arguments] { return ShowShareStatus(context, kind); };
   });
   return group;
@@ -371,7 +370,7 @@ CLI::App& AddGroup(CLI::App& app, CommandContext& context, proto::SharingKind ki
 
 }  // namespace
 
-void AddShareCommands(CLI::App& app, CommandContext& context) {
+void AddShareCommands(Command& app, CommandContext& context) {
   AddPauseCommands(AddGroup(app, context, proto::SHARING_KIND_SYNC, "sync", "Bring records to the leader"), context);
   AddGroup(app, context, proto::SHARING_KIND_REPLICATION, "replicate", "Bring all records to the survivor");
 }

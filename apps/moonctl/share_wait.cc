@@ -14,8 +14,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::chrono::milliseconds kPollPeriod(50);
-constexpr std::chrono::milliseconds kRelayedPollPeriod(1000);  // Over the radio, whose time the sharing needs.
+constexpr std::chrono::milliseconds kSharePollPeriod(50);
+constexpr std::chrono::milliseconds kRelayedSharePollPeriod(1000);  // Over the radio, whose time the sharing needs.
 constexpr std::chrono::minutes kLeaseMargin(2);                // For what waited for the end of a lease.
 // How long an agent that answers moonctl may be without a connection to the leader before it counts as away.
 constexpr std::chrono::seconds kReconnectMax(5);
@@ -215,7 +215,7 @@ Result<bool> ShareWait::Wait(const GiveOrder& give_order, WaitLimit& limit) {
       return Fail(ErrorCode::kUnavailable, "ended before all was acknowledged: " + Missing() + "; order it again");
     }
     if (limit.is_over()) return Fail(ErrorCode::kTimedOut, "not acknowledged in time: " + Missing());
-    std::this_thread::sleep_for(context_.is_relayed() ? kRelayedPollPeriod : kPollPeriod);
+    std::this_thread::sleep_for(context_.is_relayed() ? kRelayedSharePollPeriod : kSharePollPeriod);
   }
 }
 

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <map>
 
 #include "apps/common/json_writer.h"
@@ -124,9 +123,9 @@ ExitCode ShowStatus(CommandContext& context) {
 
 }  // namespace
 
-void AddStatusCommand(CLI::App& app, CommandContext& context) {
+void AddStatusCommand(Command& app, CommandContext& context) {
   AddCommand(app, "status", "One row per configured agent, reachable or not", {"moonctl status --watch=5", kShows})
-      .callback([&context] { context.action = [&context] { return ShowStatus(context); }; });
+      .Callback([&context] { context.action = [&context] { return ShowStatus(context); }; });
 }
 
 }  // namespace moondb

@@ -1,4 +1,3 @@
-#include <CLI/CLI.hpp>
 #include <memory>
 
 #include "apps/common/proto_json.h"
@@ -62,13 +61,13 @@ ExitCode ShowTrace(CommandContext& context, const TraceArguments& arguments) {
 
 }  // namespace
 
-void AddTraceCommand(CLI::App& app, CommandContext& context) {
+void AddTraceCommand(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<TraceArguments>();
-  CLI::App& trace = AddCommand(app, "trace", "What the actors of the leader (or -a) did last and failed at",
-                               {"moonctl trace -a rover1 --actor sync --events 20", kShows});
-  trace.add_option("--events", arguments->events_max, "At most so many, the newest; 0: all that are kept (50)");
-  trace.add_option("--actor", arguments->actor, "Only what this one did, or what was done to it");
-  trace.callback(
+  Command& trace = AddCommand(app, "trace", "What the actors of the leader (or -a) did last and failed at",
+                              {"moonctl trace -a rover1 --actor sync --events 20", kShows});
+  trace.AddOption("--events", arguments->events_max, "At most so many, the newest; 0: all that are kept (50)");
+  trace.AddOption("--actor", arguments->actor, "Only what this one did, or what was done to it");
+  trace.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return ShowTrace(context, *arguments); }; });
 }
 

@@ -2,7 +2,6 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cerrno>
 #include <iterator>
@@ -26,7 +25,7 @@ namespace {
 constexpr std::chrono::seconds kStartTimeout(20);
 constexpr std::chrono::seconds kStopTimeout(10);
 constexpr std::chrono::seconds kAgreementTimeout(8);
-constexpr std::chrono::milliseconds kPollPeriod(20);
+constexpr std::chrono::milliseconds kStartPollPeriod(20);
 
 struct UpArguments {
   std::string data_folder;    // Empty: moondb-data beside the team file.
@@ -54,7 +53,7 @@ using SteadyClock = std::chrono::steady_clock;
 bool WaitUntil(SteadyClock::time_point deadline, const std::function<bool()>& condition) {
   while (!condition()) {
     if (SteadyClock::now() >= deadline) return false;
-    std::this_thread::sleep_for(kPollPeriod);
+    std::this_thread::sleep_for(kStartPollPeriod);
   }
   return true;
 }
@@ -282,20 +281,20 @@ ExitCode Down(CommandContext& context, const UpArguments& arguments) {
 
 }  // namespace
 
-void AddUpCommands(CLI::App& app, CommandContext& context) {
+void AddUpCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<UpArguments>();
-  CLI::App& up = AddCommand(app, "up", "Start the whole team (or -a) on this machine", {"moonctl up"});
-  up.add_option("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
-      ->type_name("FOLDER");
-  up.add_option("--merge-backend", arguments->merge_backend, "auto, cpu or gl")->type_name("{auto,cpu,gl}");
-  up.add_option("--log-format", arguments->log_format,
-                "What agents write to their agent.log: text or json, an object a line")
-      ->type_name("{text,json}")
-      ->check(CLI::IsMember({"text", "json"}));
-  up.callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
-  CLI::App& down = AddCommand(app, "down", "Stop the whole team (or -a) on this machine", {"moonctl down"});
-  down.add_option("--data-dir", arguments->data_folder, "As given to up")->type_name("FOLDER");
-  down.callback(
+  Command& up = AddCommand(app, "up", "Start the whole team (or -a) on this machine", {"moonctl up"});
+  up.AddOption("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
+      .TypeName("FOLDER");
+  up.AddOption("--merge-backend", arguments->merge_backend, "auto, cpu or gl").TypeName("{auto,cpu,gl}");
+  up.AddOption("--log-format", arguments->log_format,
+               "What agents write to their agent.log: text or json, an object a line")
+      .TypeName("{text,json}")
+      .OneOf({"text", "json"});
+  up.Callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
+  Command& down = AddCommand(app, "down", "Stop the whole team (or -a) on this machine", {"moonctl down"});
+  down.AddOption("--data-dir", arguments->data_folder, "As given to up").TypeName("FOLDER");
+  down.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });
 }
 

@@ -3,7 +3,6 @@
 #include <signal.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <thread>
 
@@ -23,13 +22,7 @@ constexpr std::size_t kBlockBytes = 1 << 20;
 volatile sig_atomic_t last_code = 0;
 
 // A pass writes its block at once and only at its end, so that it can be left anywhere.
-void EndNow(int) { ::_exit(last_code); }
-
-const CLI::App& ChosenCommand(const CLI::App& root) {
-  const CLI::App* command = &root;
-  while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
-  return *command;
-}
+void EndWatch(int) { ::_exit(last_code); }
 
 std::string Heading(const CommandContext& context, std::chrono::milliseconds period, bool is_first) {
   if (context.is_json) return "";
@@ -40,8 +33,8 @@ std::string Heading(const CommandContext& context, std::chrono::milliseconds per
 
 }  // namespace
 
-ExitCode RunWatched(const CLI::App& root, CommandContext& context) {
-  const CLI::App& command = ChosenCommand(root);
+ExitCode RunWatched(const Command& root, CommandContext& context) {
+  const Command& command = GivenCommand(root);
   const CommandNote* note = NoteOf(command);
   if (note == nullptr || !note->is_showing) {
     return context.Report(
@@ -53,8 +46,8 @@ ExitCode RunWatched(const CLI::App& root, CommandContext& context) {
         {ErrorCode::kInvalid, "expected seconds from 0.1 on, got \"" + context.watch + "\"", "--watch"});
   }
   std::setvbuf(stdout, nullptr, _IOFBF, kBlockBytes);
-  ::signal(SIGINT, EndNow);
-  ::signal(SIGTERM, EndNow);
+  ::signal(SIGINT, EndWatch);
+  ::signal(SIGTERM, EndWatch);
   for (bool is_first = true;; is_first = false) {
     context.heading = Heading(context, *period, is_first);
     const ExitCode code = context.action();

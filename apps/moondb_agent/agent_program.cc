@@ -9,13 +9,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <optional>
 
+#include "apps/common/arguments.h"
 #include "apps/common/data_folder.h"
 #include "apps/common/team_clients.h"
 #include "runtime/log.h"
@@ -46,20 +46,18 @@ struct Arguments {
   std::string clients_file;
 };
 
-void AddOptions(CLI::App& app, Arguments& arguments) {
-  app.add_option("-t,--team", arguments.team, "Team file")->required();
-  app.add_option("-a,--agent", arguments.agent, "Which of its agents this is")->required();
-  app.add_option("--data-dir", arguments.data_folder, "Data folder (moondb-data/AGENT beside the team file)");
-  app.add_option("--log-level", arguments.log_level, "From this level on")
-      ->check(CLI::IsMember({"trace", "debug", "info", "warn", "error", "off"}));
-  app.add_option("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (stderr alone)");
-  app.add_option("--log-format", arguments.log_format, "Lines of text, or a JSON object a line")
-      ->check(CLI::IsMember({"text", "json"}));
-  app.add_option("--merge-backend", arguments.merge_backend, "What merges maps")
-      ->check(CLI::IsMember({"auto", "cpu", "gl"}));
-  app.add_option("--clients", arguments.clients_file,
-                 "File of the clients that client_address lets in (clients.yaml beside the team file)");
-  app.add_option("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
+void AddOptions(Command& app, Arguments& arguments) {
+  app.AddOption("-t,--team", arguments.team, "Team file").Required();
+  app.AddOption("-a,--agent", arguments.agent, "Which of its agents this is").Required();
+  app.AddOption("--data-dir", arguments.data_folder, "Data folder (moondb-data/AGENT beside the team file)");
+  app.AddOption("--log-level", arguments.log_level, "From this level on")
+      .OneOf({"trace", "debug", "info", "warn", "error", "off"});
+  app.AddOption("--log-file", arguments.log_file, "Log to this file too, rotated at 10 MB (stderr alone)");
+  app.AddOption("--log-format", arguments.log_format, "Lines of text, or a JSON object a line").OneOf({"text", "json"});
+  app.AddOption("--merge-backend", arguments.merge_backend, "What merges maps").OneOf({"auto", "cpu", "gl"});
+  app.AddOption("--clients", arguments.clients_file,
+                "File of the clients that client_address lets in (clients.yaml beside the team file)");
+  app.AddOption("--secret-key", arguments.secret_key, "File of the secret key (beside the public one, as .sec)");
 }
 
 int Complain(const AgentProgram& program, int code, const std::string& text) {
@@ -150,17 +148,13 @@ void RaiseOpenFiles() {
 
 // Reads the command line; the exit code if the program is done with that.
 std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& program, Arguments& arguments) {
-  CLI::App app("Runs one agent of a moondb team.", program.name);
+  Command app(program.name, "Runs one agent of a moondb team.");
   AddOptions(app, arguments);
-  app.set_version_flag("--version", program.name + " " + program.version);
+  app.AddVersionFlag("--version", program.name + " " + program.version);
   if (program.add_options) program.add_options(app);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
-    return Complain(program, kUsage, error.what());
-  }
-  return std::nullopt;
+  const std::optional<ParseStop> stop = app.Parse(argc, argv);
+  if (!stop) return std::nullopt;
+  return stop->exit_code == 0 ? 0 : Complain(program, kUsage, stop->error);
 }
 
 }  // namespace

@@ -16,18 +16,17 @@
 
 #include "apps/moondb_agent/agent.h"
 
-namespace CLI {
-class App;
-}
-
 namespace moondb {
+
+class Command;
 
 struct AgentProgram {
   std::string name = "moondb_agent";  // In --help and before errors.
   std::string version;                // By --version and in the agent's status.
 
-  // May be empty. Adds options to the command line before it is read (CLI11's CLI::App::add_option).
-  std::function<void(CLI::App&)> add_options;
+  // May be empty. Adds options to the command line before it is read (Command::AddOption in
+  // apps/common/arguments.h).
+  std::function<void(Command&)> add_options;
 
   // May be empty. Makes what AgentOptions::own_actors says, once command line and team file are read. An error is
   // printed and ends the program with exit code 2.

@@ -3,10 +3,10 @@
 //   moondb_mission generate --seed 7 --out missions/seven [--minutes 10] [--rovers 3] [--side-m 40] ...
 //
 // Exit codes: 0 done, 1 failed, 2 wrong usage. Errors are one line on standard error.
-#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <string>
 
+#include "apps/common/arguments.h"
 #include "apps/moondb_mission/mission_maker.h"
 #include "model/metrics.h"
 
@@ -61,33 +61,29 @@ int Generate(const Request& request) {
   return 0;
 }
 
-void AddGenerate(CLI::App& app, Request& request) {
+void AddGenerate(Command& app, Request& request) {
   MissionOptions& options = request.options;
-  CLI::App* command = app.add_subcommand("generate", "Make a mission folder: agents.csv, graph.pyfg, maps.csv, maps/");
-  command->add_option("--seed", options.seed, "The same seed makes the same mission")->required();
-  command->add_option("--out", request.folder, "Folder to make; must be empty or absent")->required();
-  command->add_option("--minutes", options.minutes, "Length of the mission")->capture_default_str();
-  command->add_option("--period-s", options.node_period_s, "Time between nodes")->capture_default_str();
-  command->add_option("--rovers", options.rover_count, "Number of rovers, 1 to 8")->capture_default_str();
-  command->add_option("--side-m", options.terrain.side_m, "Side of the explored square")->capture_default_str();
-  command->add_option("--rock-share", options.terrain.rock_area_share, "Share of the ground that rocks cover")
-      ->capture_default_str();
-  command->add_option("--crater-share", options.terrain.crater_share, "Craters against the lunar equilibrium")
-      ->capture_default_str();
-  command->add_option("--picture", request.picture, "Also draw hazards and true ways into this PNG");
+  Command& command = app.AddSubcommand("generate", "Make a mission folder: agents.csv, graph.pyfg, maps.csv, maps/");
+  command.AddOption("--seed", options.seed, "The same seed makes the same mission").Required();
+  command.AddOption("--out", request.folder, "Folder to make; must be empty or absent").Required();
+  command.AddOption("--minutes", options.minutes, "Length of the mission").DefaultShown();
+  command.AddOption("--period-s", options.node_period_s, "Time between nodes").DefaultShown();
+  command.AddOption("--rovers", options.rover_count, "Number of rovers, 1 to 8").DefaultShown();
+  command.AddOption("--side-m", options.terrain.side_m, "Side of the explored square").DefaultShown();
+  command.AddOption("--rock-share", options.terrain.rock_area_share, "Share of the ground that rocks cover")
+      .DefaultShown();
+  command.AddOption("--crater-share", options.terrain.crater_share, "Craters against the lunar equilibrium")
+      .DefaultShown();
+  command.AddOption("--picture", request.picture, "Also draw hazards and true ways into this PNG");
 }
 
 int Main(int argc, char** argv) {
-  CLI::App app("Makes simulated lunar missions for moondb.", "moondb_mission");
-  app.require_subcommand(1);
+  Command app("moondb_mission", "Makes simulated lunar missions for moondb.");
+  app.RequireSubcommand();
   Request request;
   AddGenerate(app, request);
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::Success& success) {
-    return app.exit(success);  // --help.
-  } catch (const CLI::ParseError& error) {
-    return Complain(std::string(error.what()) + " (see --help)", 2);
+  if (const std::optional<ParseStop> stop = app.Parse(argc, argv)) {
+    return stop->exit_code == 0 ? 0 : Complain(stop->error + " (see --help)", 2);
   }
   return Generate(request);
 }

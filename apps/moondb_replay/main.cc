@@ -2,9 +2,9 @@
 //
 // Exit codes: 0 done, 1 failed, 2 the command line or an input file is wrong, 3 an agent is not running.
 
-#include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "apps/common/arguments.h"
 #include "apps/moondb_replay/feed_command.h"
 #include "apps/moondb_replay/score_command.h"
 
@@ -27,28 +27,26 @@ int Finish(const Result<void>& result) {
 int Run(int argc, char** argv) {
   FeedArguments feed;
   ScoreArguments score;
-  CLI::App app("Feeds a mission folder to a running team and scores the outcome.", "moondb_replay");
-  app.require_subcommand(1);
-  CLI::App& feed_command = *app.add_subcommand("feed", "Insert each agent's records at that agent");
-  feed_command.add_option("--mission", feed.mission, "Mission folder")->required();
-  feed_command.add_option("-t,--team", feed.team, "Team file")->envname("MOONDB_TEAM")->required();
-  feed_command.add_option("--from", feed.from_s, "From this second of the mission on");
-  feed_command.add_option("--to", feed.to_s, "Before this second of the mission");
-  feed_command.add_option("--agents", feed.agents, "Only these");
-  CLI::App& score_command = *app.add_subcommand("score", "Score what an agent holds, against the truth");
-  score_command.add_option("--mission", score.mission, "Mission folder")->required();
-  score_command.add_option("-t,--team", score.team, "Team file")->envname("MOONDB_TEAM")->required();
-  score_command.add_option("-a,--agent", score.agent, "Whose records")->required();
-  score_command.add_option("--out", score.out, "Folder for the pictures")->required();
-  score_command.add_option("--json", score.json, "File for the figures");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
-    std::fprintf(stderr, "moondb_replay: %s\n", error.what());
+  Command app("moondb_replay", "Feeds a mission folder to a running team and scores the outcome.");
+  app.RequireSubcommand();
+  Command& feed_command = app.AddSubcommand("feed", "Insert each agent's records at that agent");
+  feed_command.AddOption("--mission", feed.mission, "Mission folder").Required();
+  feed_command.AddOption("-t,--team", feed.team, "Team file").EnvName("MOONDB_TEAM").Required();
+  feed_command.AddOption("--from", feed.from_s, "From this second of the mission on");
+  feed_command.AddOption("--to", feed.to_s, "Before this second of the mission");
+  feed_command.AddOption("--agents", feed.agents, "Only these");
+  Command& score_command = app.AddSubcommand("score", "Score what an agent holds, against the truth");
+  score_command.AddOption("--mission", score.mission, "Mission folder").Required();
+  score_command.AddOption("-t,--team", score.team, "Team file").EnvName("MOONDB_TEAM").Required();
+  score_command.AddOption("-a,--agent", score.agent, "Whose records").Required();
+  score_command.AddOption("--out", score.out, "Folder for the pictures").Required();
+  score_command.AddOption("--json", score.json, "File for the figures");
+  if (const std::optional<ParseStop> stop = app.Parse(argc, argv)) {
+    if (stop->exit_code == 0) return 0;
+    std::fprintf(stderr, "moondb_replay: %s\n", stop->error.c_str());
     return 2;
   }
-  return Finish(feed_command.parsed() ? Feed(feed) : ScoreAgent(score));
+  return Finish(feed_command.is_given() ? Feed(feed) : ScoreAgent(score));
 }
 
 }  // namespace

@@ -7,12 +7,12 @@
 // Exit codes: 0 no rule broken, 1 a rule broken, 2 wrong usage.
 #include <spdlog/spdlog.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <map>
 #include <string>
 
+#include "apps/common/arguments.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/progress.h"
 #include "apps/moondb_sim/byzantine_agent.h"
@@ -183,33 +183,24 @@ int Run(const Request& request) {
 int Main(int argc, char** argv) {
   spdlog::set_level(spdlog::level::off);  // Failures are on purpose here.
   Request request;
-  CLI::App app("Simulates a team for hours, breaks what can break, and checks the rules of sharing", "moondb_sim");
-  CLI::Option* seed = app.add_option("--seed", request.options.seed, "One run")->capture_default_str();
-  app.add_option("--seeds", request.seeds, "Many runs: FIRST..LAST")->excludes(seed);
-  app.add_option("--hours", request.options.hours, "Simulated time of a run")
-      ->check(CLI::Range(0.2, 1000.0))
-      ->capture_default_str();
-  app.add_option("--rovers", request.options.rovers, "Beside the base station")
-      ->check(CLI::Range(2, 63))
-      ->capture_default_str();
-  app.add_flag_callback(
-      "--sharing", [&request] { request.options.actors = SimulatedActors::kSharing; },
-      "The actors of sharing alone, without clients: faster");
-  app.add_option("--fault", request.faults, "NAME=RATE an hour; may be given several times");
-  app.add_flag("--no-faults", request.options.is_faultless, "None but those that --fault names");
-  app.add_option("--byzantine", request.options.byzantine,
-                 "Seeds with one rover more, which lies: none, some (of those with signing keys) or all")
-      ->transform(CLI::CheckedTransformer(kByzantineNames))
-      ->default_str("some");
-  app.add_option("--attacks", request.attacks, "NAME,NAME...: of its attacks these alone");
-  app.add_flag("--refill", request.options.measures_refill, "At the end of one run: refill an empty survivor");
-  app.add_flag("--json", request.is_json, "One JSON object at the end");
-  app.add_flag("--list", request.is_list, "The faults and attacks there are");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  }
+  Command app("moondb_sim", "Simulates a team for hours, breaks what can break, and checks the rules of sharing");
+  Option& seed = app.AddOption("--seed", request.options.seed, "One run").DefaultShown();
+  app.AddOption("--seeds", request.seeds, "Many runs: FIRST..LAST").Excludes(seed);
+  app.AddOption("--hours", request.options.hours, "Simulated time of a run").Within(0.2, 1000.0).DefaultShown();
+  app.AddOption("--rovers", request.options.rovers, "Beside the base station").Within(2, 63).DefaultShown();
+  bool is_sharing_only = false;
+  app.AddFlag("--sharing", is_sharing_only, "The actors of sharing alone, without clients: faster");
+  app.AddOption("--fault", request.faults, "NAME=RATE an hour; may be given several times");
+  app.AddFlag("--no-faults", request.options.is_faultless, "None but those that --fault names");
+  app.AddChoice("--byzantine", request.options.byzantine, kByzantineNames,
+                "Seeds with one rover more, which lies: none, some (of those with signing keys) or all")
+      .DefaultShown("some");
+  app.AddOption("--attacks", request.attacks, "NAME,NAME...: of its attacks these alone");
+  app.AddFlag("--refill", request.options.measures_refill, "At the end of one run: refill an empty survivor");
+  app.AddFlag("--json", request.is_json, "One JSON object at the end");
+  app.AddFlag("--list", request.is_list, "The faults and attacks there are");
+  if (const std::optional<int> exit_code = app.ParseOrReport(argc, argv)) return *exit_code == 0 ? 0 : 2;
+  if (is_sharing_only) request.options.actors = SimulatedActors::kSharing;
   if (request.is_list) {
     PrintList();
     return 0;

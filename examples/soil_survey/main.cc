@@ -4,8 +4,7 @@
 //
 // The sensor is a file that holds the share of water as a number; without one the agent only listens.
 
-#include <CLI/App.hpp>
-
+#include "apps/common/arguments.h"
 #include "apps/moondb_agent/agent_program.h"
 #include "model/custom_types.h"
 #include "model/text.h"
@@ -54,9 +53,9 @@ int main(int argc, char** argv) {
   moondb::AgentProgram program;
   program.name = "soil_survey_agent";
   program.version = "1.0";
-  program.add_options = [&arguments](CLI::App& app) {
-    app.add_option("--soil-sensor", arguments.sensor_file, "File that holds the soil's share of water");
-    app.add_option("--soil-period", arguments.period_s, "Seconds between measurements")->check(CLI::Range(1., 1e6));
+  program.add_options = [&arguments](moondb::Command& app) {
+    app.AddOption("--soil-sensor", arguments.sensor_file, "File that holds the soil's share of water");
+    app.AddOption("--soil-period", arguments.period_s, "Seconds between measurements").Within(1., 1e6);
   };
   program.make_actors = [&arguments](moondb::AgentId, const moondb::proto::TeamConfig& team) {
     return soil_survey::MakeActors(arguments, team);

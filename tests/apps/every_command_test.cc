@@ -4,10 +4,10 @@
 #include <google/protobuf/util/json_util.h>
 #include <signal.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <set>
 
+#include "apps/common/arguments.h"
 #include "apps/moonctl/command_line.h"
 #include "apps/moonctl/command_tree.h"
 #include "model/text.h"
@@ -196,11 +196,11 @@ TEST_F(EveryCommandTest, SaysWhatItDidWhetherAllAgentsAreThereOrNot) {
 // A new command has to be added above.
 TEST(EveryCommandListTest, KnowsEveryCommand) {
   CommandContext context("");
-  CLI::App app;
+  Command app;
   AddCommandLine(app, context);
-  VisitCommands(app, [](const CLI::App& command) {
+  VisitCommands(app, [](const Command& command) {
     const std::string path = PathOf(command);
-    if (!SubcommandsOf(command).empty() || kUpAndDown.contains(path)) return;
+    if (!command.subcommands().empty() || kUpAndDown.contains(path)) return;
     const bool is_there = std::any_of(Cases().begin(), Cases().end(), [&path](const Case& one) {
       std::string words;
       for (const std::string& word : one.words) {

@@ -4,12 +4,12 @@
 
 #include <gmock/gmock.h>
 
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <regex>
 
+#include "apps/common/arguments.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/command_tree.h"
 #include "apps/moonctl/manual_page.h"
@@ -25,35 +25,34 @@ class CommandLineTest : public testing::Test {
   CommandLineTest() { AddCommandLine(app_, context_); }
 
   CommandContext context_{"."};
-  CLI::App app_{kProgramDescription, kProgramName};
+  Command app_{kProgramName, kProgramDescription};
 };
 
 TEST_F(CommandLineTest, DescribesEveryCommandAndAllThatItTakes) {
   int count = 0;
-  VisitCommands(app_, [&count](const CLI::App& command) {
+  VisitCommands(app_, [&count](const Command& command) {
     ++count;
     SCOPED_TRACE(PathOf(command));
-    EXPECT_NE(command.get_description(), "");
-    for (const CLI::Option* option : command.get_options())
-      EXPECT_NE(option->get_description(), "") << option->get_name();
+    EXPECT_NE(command.description(), "");
+    for (const Option* option : command.options()) EXPECT_NE(option->description(), "") << option->name();
   });
   EXPECT_GT(count, 40);
 }
 
 TEST_F(CommandLineTest, EndsEveryHelpWithAnExample) {
-  VisitCommands(app_, [this](const CLI::App& command) {
+  VisitCommands(app_, [this](const Command& command) {
     SCOPED_TRACE(PathOf(command));
     const CommandNote* note = NoteOf(command);
     ASSERT_NE(note, nullptr) << "AddCommand gives it one";
     const std::string example = &command == &app_ ? "moonctl -t team.yaml status" : note->example;
-    EXPECT_THAT(command.help(), EndsWith("Example: " + example + "\n"));
+    EXPECT_THAT(command.Help(), EndsWith("Example: " + example + "\n"));
   });
 }
 
 TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
   std::vector<std::pair<std::string, std::string>> examples;  // With the command's path.
-  VisitCommands(app_, [&examples](const CLI::App& command) {
-    if (SubcommandsOf(command).empty() || command.get_require_subcommand_min() == 0) {
+  VisitCommands(app_, [&examples](const Command& command) {
+    if (command.subcommands().empty() || !command.requires_subcommand()) {
       examples.emplace_back(PathOf(command), NoteOf(command)->example);
     }
   });
@@ -61,14 +60,13 @@ TEST_F(CommandLineTest, UnderstandsItsOwnExamples) {
   for (const auto& [path, example] : examples) {
     SCOPED_TRACE(example);
     CommandContext context{"."};
-    CLI::App app(kProgramDescription, kProgramName);
+    Command app(kProgramName, kProgramDescription);
     AddCommandLine(app, context);
     // What stands behind > is the shell's.
-    ASSERT_NO_THROW(app.parse(example.substr(0, example.find(" > ")), /*program_name_included=*/true));
+    const auto stop = app.Parse(example.substr(0, example.find(" > ")));
+    ASSERT_FALSE(stop.has_value()) << stop->error;
     EXPECT_TRUE(context.action != nullptr);
-    const CLI::App* chosen = &app;
-    while (!chosen->get_subcommands().empty()) chosen = chosen->get_subcommands().front();
-    EXPECT_EQ(PathOf(*chosen), path);
+    EXPECT_EQ(PathOf(GivenCommand(app)), path);
   }
 }
 
@@ -79,7 +77,7 @@ TEST_F(CommandLineTest, ShowsEveryCommandInAPage) {
     std::ifstream file(entry.path());
     pages.append(std::istreambuf_iterator<char>(file), {});
   }
-  VisitCommands(app_, [this, &pages](const CLI::App& command) {
+  VisitCommands(app_, [this, &pages](const Command& command) {
     if (&command == &app_) return;
     const std::regex typed("moonctl( -\\S+ \\S+)* " + PathOf(command) + "\\b");
     EXPECT_TRUE(std::regex_search(pages, typed)) << PathOf(command) << " stands in no page of docs/commands";

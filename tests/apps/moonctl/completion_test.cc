@@ -2,8 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include <CLI/CLI.hpp>
-
+#include "apps/common/arguments.h"
 #include "apps/moonctl/command_line.h"
 
 namespace moondb {
@@ -25,7 +24,7 @@ class CompletionTest : public testing::Test {
   }
 
   CommandContext context_{"."};
-  CLI::App app_{kProgramDescription, kProgramName};
+  Command app_{kProgramName, kProgramDescription};
   const TeamWords team_{{"rover1", "rover2", "base"}, {"power", "pose_graph_node"}};
 };
 

@@ -2,8 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
-
+#include "apps/common/arguments.h"
 #include "apps/moonctl/mistyped.h"
 #include "apps/moonctl/team_letters.h"
 
@@ -97,13 +96,13 @@ TEST(GraphImportTest, RefusesANodeThatOdometryDoesNotReach) {
 }
 
 TEST(MistypedTest, FindsTheWordAndItsNeighbour) {
-  CLI::App app;
+  Command app;
   bool is_json = false;
   std::string agent;
-  app.add_flag("--json", is_json);
-  app.add_option("-a,--agent", agent);
-  CLI::App& role = *app.add_subcommand("role", "");
-  role.add_subcommand("show", "");
+  app.AddFlag("--json", is_json);
+  app.AddOption("-a,--agent", agent);
+  Command& role = app.AddSubcommand("role", "");
+  role.AddSubcommand("show", "");
   EXPECT_EQ(DescribeMistyped(app, {"rloe"}), "unknown command \"rloe\"; did you mean \"role\"?");
   EXPECT_EQ(DescribeMistyped(app, {"--agent", "rloe", "role", "shwo"}),
             "unknown command \"shwo\"; did you mean \"show\"?");
