@@ -252,7 +252,7 @@ def parse_arguments():
     parser.add_argument("--mission", help="a recorded mission's folder (docs/MISSIONS.md); default: make one")
     parser.add_argument("--seed", type=int, default=7, help="of the mission that is made")
     parser.add_argument("--out", default="out", help="folder for the results; emptied first (default: out)")
-    parser.add_argument("--bin", help=argparse.SUPPRESS, default=pathlib.Path(__file__).parent.parent / "build/release/bin")
+    parser.add_argument("--bin", help=argparse.SUPPRESS, default=pathlib.Path(__file__).parent.parent / "build/dev/bin")
     return parser.parse_args()
 
 
