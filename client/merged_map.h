@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "model/error.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 #include "proto/map.pb.h"
 
 namespace moondb {

@@ -12,7 +12,8 @@
 
 #include "model/error.h"
 #include "model/file_notes.h"
-#include "model/traversability_map.h"
+#include "model/geometry.h"
+#include "model/grid.h"
 
 namespace moondb {
 

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "model/file_notes.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

@@ -32,7 +32,7 @@
 #include "actors/merge/placement.h"
 #include "actors/merge/tile.h"
 #include "model/error.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

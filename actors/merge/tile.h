@@ -17,7 +17,7 @@
 
 #include "actors/merge/placement.h"
 #include "actors/merge/quantize.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

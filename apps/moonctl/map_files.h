@@ -7,7 +7,7 @@
 
 #include "model/error.h"
 #include "model/file_notes.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 #include "proto/team.pb.h"
 
 namespace moondb {

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "apps/moondb_mission/random.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

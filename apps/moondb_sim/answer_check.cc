@@ -63,16 +63,16 @@ Wrong CheckStatus(const proto::AgentStatus& status, const AgentFacts& facts) {
 }
 
 Wrong CheckLease(const proto::LeaseRequest& request, const proto::LeaseReply& reply, const AgentFacts& facts) {
-  double seconds = 0;
+  double held_s = 0;
   for (const proto::AgentLease& lease : reply.leases()) {
     if (lease.agent_id() != facts.self) continue;
-    if (request.kind() == proto::LEASE_KIND_DRIVING) seconds = lease.driving_s();
-    if (request.kind() == proto::LEASE_KIND_SLEEPING) seconds = lease.sleeping_s();
-    if (request.kind() == proto::LEASE_KIND_PAUSED) seconds = lease.paused_s();
+    if (request.kind() == proto::LEASE_KIND_DRIVING) held_s = lease.driving_s();
+    if (request.kind() == proto::LEASE_KIND_SLEEPING) held_s = lease.sleeping_s();
+    if (request.kind() == proto::LEASE_KIND_PAUSED) held_s = lease.paused_s();
   }
   constexpr double kRounding_s = 0.001;
-  if (std::abs(seconds - request.seconds()) < kRounding_s) return std::nullopt;
-  return "a lease of " + std::to_string(seconds) + " s in place of " + std::to_string(request.seconds());
+  if (std::abs(held_s - request.seconds()) < kRounding_s) return std::nullopt;
+  return "a lease of " + std::to_string(held_s) + " s in place of " + std::to_string(request.seconds());
 }
 
 Wrong CheckHave(const proto::HaveReply& reply, const AgentFacts& facts) {

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "model/grid.h"
 #include "model/have_set.h"
-#include "model/traversability_map.h"
 #include "proto/control.pb.h"
 
 namespace moondb::simulation {

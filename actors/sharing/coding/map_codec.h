@@ -30,7 +30,7 @@
 #include "actors/sharing/coding/range_coder.h"
 #include "actors/sharing/coding/ray_table.h"
 #include "model/error.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 
@@ -40,7 +40,7 @@ inline constexpr std::uint64_t kCodedCellsMax = kRunCellsMax;    // Of one strin
 inline constexpr std::uint64_t kCodedMapCellsMax = 1024 * 1024;  // Of one map.
 inline constexpr std::int32_t kCodedMapSideMax = 4096;           // Of a layer.
 
-// Whether these layers' sizes are within the limits above and those of traversability_map.h; other maps have to travel
+// Whether these layers' sizes are within the limits above and those of grid.h; other maps have to travel
 // in another form. Looks at no cell.
 bool IsCodable(const std::vector<MapLayer>& layers);
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "model/error.h"
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "model/traversability_map.h"
+#include "model/grid.h"
 
 namespace moondb {
 

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "model/record_key.h"
+#include "model/traversability_map.h"
 #include "proto/record.pb.h"
 #include "proto/storage.pb.h"
 #include "tests/actors/sharing/coding/drawn_maps.h"

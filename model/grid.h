@@ -1,0 +1,59 @@
+// Grids of cells: layers of local traversability maps, merged maps, and how records and answers pack cells
+// (proto/record.proto, MapLayer).
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "model/error.h"
+
+namespace moondb {
+
+enum class Cell : std::uint8_t { kUnknown = 0, kFree = 1, kHazard = 2 };
+
+// A row-major grid of cells; row 0 has the smallest y.
+struct Grid {
+  std::int32_t width = 0;
+  std::int32_t height = 0;
+  std::vector<Cell> cells;  // width * height.
+
+  Grid() = default;
+  Grid(std::int32_t w, std::int32_t h, Cell fill = Cell::kUnknown);
+  Cell At(std::int32_t column, std::int32_t row) const { return cells[static_cast<std::size_t>(row) * width + column]; }
+  Cell& At(std::int32_t column, std::int32_t row) { return cells[static_cast<std::size_t>(row) * width + column]; }
+  bool operator==(const Grid&) const = default;
+};
+
+struct MapLayer {
+  Grid grid;
+  std::uint32_t resolution_um = 0;
+  double center_x_m = 0;
+  double center_y_m = 0;
+};
+
+// Limits of a map that comes from a message or a file.
+inline constexpr int kMapLayersMax = 16;
+inline constexpr std::uint32_t kMapSideCellsMax = 16384;
+inline constexpr std::uint64_t kMapCellsMax = 64ull * 1024 * 1024;  // Of all layers together.
+inline constexpr std::uint32_t kMapResolutionUmMax = 100'000'000;   // 100 m.
+
+// A merged map: cell (0, 0) has its lower left corner at origin * resolution in the frame `map`.
+struct MergedMap {
+  Grid grid;
+  std::uint32_t resolution_um = 0;
+  std::int64_t origin_cell_x = 0;
+  std::int64_t origin_cell_y = 0;
+};
+
+// The part that holds all known cells and a margin; the map itself where nothing is known.
+MergedMap CroppedToKnown(const MergedMap& map, std::int32_t margin_cells);
+
+// Packed cells, four a byte (proto/record.proto).
+std::string PackCells(const Grid& grid);
+
+// kInvalid if the size disagrees with the bytes, a cell is 3 or a spare bit is set.
+Result<Grid> UnpackCells(std::int32_t width, std::int32_t height, std::string_view bytes);
+
+}  // namespace moondb
