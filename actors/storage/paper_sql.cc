@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "model/traversability_map.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

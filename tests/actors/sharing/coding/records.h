@@ -9,6 +9,7 @@
 #include "model/record_key.h"
 #include "proto/record.pb.h"
 #include "proto/storage.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/drawn_maps.h"
 
 namespace moondb {
