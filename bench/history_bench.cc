@@ -17,6 +17,7 @@
 #include "actors/storage/record_store.h"
 #include "apps/common/arguments.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

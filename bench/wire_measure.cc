@@ -11,6 +11,7 @@
 #include "bench/rolling_maps.h"
 #include "model/check.h"
 #include "proto/message.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

@@ -9,6 +9,8 @@
 #include "model/pose_graph.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
+#include "proto/policy.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

@@ -15,7 +15,9 @@
 #include "model/field_checker.h"
 #include "model/ids.h"
 #include "model/term.h"
+#include "proto/policy.pb.h"
 #include "proto/record.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

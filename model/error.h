@@ -8,19 +8,22 @@
 #include <tl/expected.hpp>
 #include <utility>
 
-#include "proto/types.pb.h"
+namespace moondb::proto {
+class Error;
+}  // namespace moondb::proto
 
 namespace moondb {
 
+// The numbers are those of proto::ErrorCode (proto/error.proto).
 enum class ErrorCode {
-  kInvalid = proto::ERROR_CODE_INVALID,  // The caller's input is wrong.
-  kNotFound = proto::ERROR_CODE_NOT_FOUND,
-  kRefused = proto::ERROR_CODE_REFUSED,          // Right in form, not allowed in this state.
-  kUnavailable = proto::ERROR_CODE_UNAVAILABLE,  // Absent for now: a peer, a driver, a service.
-  kTimedOut = proto::ERROR_CODE_TIMED_OUT,
-  kCorrupt = proto::ERROR_CODE_CORRUPT,    // Bytes that do not decode.
-  kFull = proto::ERROR_CODE_FULL,          // A mailbox, an outbox, the disk.
-  kInternal = proto::ERROR_CODE_INTERNAL,  // A library or the operating system failed.
+  kInvalid = 1,  // The caller's input is wrong.
+  kNotFound = 2,
+  kRefused = 3,      // Right in form, not allowed in this state.
+  kUnavailable = 4,  // Absent for now: a peer, a driver, a service.
+  kTimedOut = 5,
+  kCorrupt = 6,   // Bytes that do not decode.
+  kFull = 7,      // A mailbox, an outbox, the disk.
+  kInternal = 8,  // A library or the operating system failed.
 };
 
 struct Error {
@@ -44,6 +47,7 @@ proto::Error ToProto(const Error& error);
 // An Error from a message's; a code of 0 or an unknown one becomes kInternal.
 Error FromProto(const proto::Error& error);
 
-inline bool IsError(const proto::Error& error) { return error.code() != proto::ERROR_CODE_NONE; }
+// True if the code is not ERROR_CODE_NONE.
+bool IsError(const proto::Error& error);
 
 }  // namespace moondb

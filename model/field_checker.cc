@@ -5,6 +5,8 @@
 #include "model/geometry.h"
 #include "model/term.h"
 #include "model/text.h"
+#include "proto/ids.pb.h"
+#include "proto/pose.pb.h"
 
 namespace moondb {
 

@@ -6,7 +6,9 @@
 
 #include "model/error.h"
 #include "model/ids.h"
-#include "proto/types.pb.h"
+#include "proto/ids.pb.h"
+#include "proto/pose.pb.h"
+#include "proto/term.pb.h"
 
 namespace moondb {
 

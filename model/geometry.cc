@@ -3,6 +3,8 @@
 #include <cmath>
 #include <string>
 
+#include "proto/pose.pb.h"
+
 namespace moondb {
 
 namespace {

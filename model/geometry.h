@@ -5,7 +5,7 @@
 #include <Eigen/Geometry>
 
 #include "model/error.h"
-#include "proto/types.pb.h"
+#include "proto/pose.pb.h"
 
 namespace moondb {
 

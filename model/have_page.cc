@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "proto/have.pb.h"
+
 namespace moondb {
 namespace {
 

@@ -11,7 +11,7 @@
 
 #include "model/have_set.h"
 #include "model/record_key.h"
-#include "proto/types.pb.h"
+#include "proto/have.pb.h"
 
 namespace moondb {
 

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "model/check.h"
+#include "proto/have.pb.h"
 
 namespace moondb {
 

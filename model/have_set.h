@@ -10,7 +10,10 @@
 
 #include "model/error.h"
 #include "model/record_key.h"
-#include "proto/types.pb.h"
+
+namespace moondb::proto {
+class HaveSet;
+}  // namespace moondb::proto
 
 namespace moondb {
 

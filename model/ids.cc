@@ -4,6 +4,7 @@
 #include <cctype>
 
 #include "model/data_types.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

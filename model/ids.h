@@ -8,7 +8,10 @@
 #include <string_view>
 #include <vector>
 
-#include "proto/types.pb.h"
+namespace moondb::proto {
+class NodeKey;
+enum Role : int;
+}  // namespace moondb::proto
 
 namespace moondb {
 

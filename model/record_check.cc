@@ -6,6 +6,7 @@
 
 #include "model/data_types.h"
 #include "model/field_checker.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <memory>
 
+#include "proto/ids.pb.h"
+
 namespace moondb {
 
 namespace {

@@ -9,6 +9,10 @@
 #include "model/error.h"
 #include "model/ids.h"
 
+namespace moondb::proto {
+class RecordKey;
+}  // namespace moondb::proto
+
 namespace moondb {
 
 // Of a record that is shared; a row keeps it as a signed number.

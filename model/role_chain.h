@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "model/ids.h"
-#include "proto/types.pb.h"
+#include "proto/term.pb.h"
 
 namespace moondb {
 

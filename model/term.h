@@ -6,7 +6,7 @@
 #include <string>
 #include <tuple>
 
-#include "proto/types.pb.h"
+#include "proto/term.pb.h"
 
 namespace moondb {
 

@@ -1,5 +1,7 @@
 #include "runtime/role_table.h"
 
+#include "proto/term.pb.h"
+
 namespace moondb {
 
 void RoleTable::SetRoles(const proto::RoleAssignment& roles) {

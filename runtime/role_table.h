@@ -6,7 +6,7 @@
 #include <atomic>
 #include <cstdint>
 
-#include "proto/types.pb.h"
+#include "proto/term.pb.h"
 #include "runtime/address.h"
 
 namespace moondb {

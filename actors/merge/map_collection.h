@@ -20,7 +20,6 @@
 #include "model/record_key.h"
 #include "model/traversability_map.h"
 #include "proto/record.pb.h"
-#include "proto/types.pb.h"
 
 namespace moondb {
 

@@ -9,6 +9,7 @@
 #include "actors/merge/map_answers.h"
 #include "model/control_message.h"
 #include "model/geometry.h"
+#include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
 namespace moondb {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "actors/merge/merger.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

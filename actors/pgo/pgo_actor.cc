@@ -5,6 +5,7 @@
 
 #include "actors/pgo/team_facts.h"
 #include "model/agent_name.h"
+#include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
 namespace moondb {

@@ -12,6 +12,7 @@
 #include "model/have_set.h"
 #include "model/team_member.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb {

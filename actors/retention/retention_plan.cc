@@ -4,6 +4,7 @@
 
 #include "model/prune_rules.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

@@ -11,6 +11,7 @@
 #include "model/control_message.h"
 #include "model/term.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"
 

@@ -38,7 +38,6 @@
 #include "model/ids.h"
 #include "model/role_chain.h"
 #include "proto/role.pb.h"
-#include "proto/types.pb.h"
 
 namespace moondb {
 

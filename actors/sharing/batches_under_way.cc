@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "proto/have.pb.h"
+
 namespace moondb {
 namespace {
 

@@ -14,7 +14,7 @@
 
 #include "model/error.h"
 #include "model/have_set.h"
-#include "proto/types.pb.h"
+#include "proto/have.pb.h"
 
 namespace moondb {
 

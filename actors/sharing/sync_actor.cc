@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/team_member.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

@@ -11,6 +11,7 @@
 #include "actors/storage/sqlite_database.h"
 #include "model/event.h"
 #include "model/ids.h"
+#include "proto/status.pb.h"
 
 namespace moondb {
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "model/grid.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

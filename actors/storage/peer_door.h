@@ -24,6 +24,8 @@
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/role_chain.h"
+#include "proto/term.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb::proto {
 class AgentStatus;

@@ -22,6 +22,7 @@
 #include "model/have_page.h"
 #include "model/record_check.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

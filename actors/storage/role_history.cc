@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "actors/storage/record_tables.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

@@ -11,6 +11,7 @@
 #include "model/team_member.h"
 #include "model/text.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"
 #include "runtime/team/team_config.h"

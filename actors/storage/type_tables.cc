@@ -4,6 +4,7 @@
 
 #include "model/record_key.h"
 #include "model/text.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

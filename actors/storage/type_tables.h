@@ -10,6 +10,7 @@
 #include "actors/storage/sqlite_database.h"
 #include "model/ids.h"
 #include "proto/record.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

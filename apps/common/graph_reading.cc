@@ -3,6 +3,7 @@
 #include <initializer_list>
 
 #include "model/derived_records.h"
+#include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
 namespace moondb {

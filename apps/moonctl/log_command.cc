@@ -7,6 +7,7 @@
 #include "apps/moonctl/follow.h"
 #include "model/event.h"
 #include "model/text.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

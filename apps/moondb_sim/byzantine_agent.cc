@@ -11,6 +11,7 @@
 #include "model/term.h"
 #include "model/wire_version.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
 namespace moondb::simulation {

@@ -1,5 +1,7 @@
 #include "apps/moondb_sim/byzantine_watch.h"
 
+#include "proto/types.pb.h"
+
 namespace moondb::simulation {
 namespace {
 

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "apps/moondb_sim/state_watch.h"
+#include "proto/types.pb.h"
 
 namespace moondb::simulation {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "model/have_set.h"
-#include "proto/types.pb.h"
+#include "proto/term.pb.h"
 
 namespace moondb::simulation {
 

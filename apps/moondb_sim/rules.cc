@@ -5,6 +5,7 @@
 
 #include "actors/storage/peer_door.h"
 #include "apps/moondb_sim/prune_watch.h"
+#include "proto/types.pb.h"
 
 namespace moondb::simulation {
 namespace {

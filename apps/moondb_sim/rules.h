@@ -46,6 +46,7 @@
 #include "model/record_key.h"
 #include "model/term.h"
 #include "proto/message.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/actor.h"
 
 namespace moondb::simulation {

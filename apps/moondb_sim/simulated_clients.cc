@@ -8,6 +8,7 @@
 #include "apps/moondb_sim/answer_check.h"
 #include "apps/moondb_sim/simulated_config.h"
 #include "model/term.h"
+#include "proto/types.pb.h"
 #include "runtime/team/team_config.h"
 
 namespace moondb::simulation {

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <iterator>
 
+#include "proto/types.pb.h"
+
 namespace moondb::simulation {
 namespace {
 

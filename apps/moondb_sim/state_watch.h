@@ -12,6 +12,7 @@
 
 #include "model/record_key.h"
 #include "proto/record.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb::simulation {
 

@@ -19,7 +19,7 @@ import control_pb2
 
 
 class AgentError(Exception):
-    """What the agent says is wrong: `code` is an ErrorCode of types.proto, `field` names the part of the request."""
+    """What the agent says is wrong: `code` is an ErrorCode of error.proto, `field` names the part of the request."""
 
     def __init__(self, error):
         super().__init__(f"{error.field}: {error.text}" if error.field else error.text)

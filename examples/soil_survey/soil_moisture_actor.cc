@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "proto/message.pb.h"
 #include "proto/record.pb.h"
 
 namespace soil_survey {

@@ -4,6 +4,7 @@
 
 #include "model/command_from.h"
 #include "model/team_member.h"
+#include "proto/term.pb.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_config.h"
 

@@ -5,7 +5,7 @@
 
 #include "model/role_chain.h"
 #include "proto/team.pb.h"
-#include "proto/types.pb.h"
+#include "proto/term.pb.h"
 
 namespace moondb {
 

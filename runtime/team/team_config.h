@@ -13,6 +13,7 @@
 #include "model/ids.h"
 #include "model/keep_rule.h"
 #include "proto/team.pb.h"
+#include "proto/term.pb.h"
 
 namespace moondb {
 

@@ -9,6 +9,7 @@
 #include "client/record_feed.h"
 #include "model/team_id.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 #include "tests/client/fake_agent.h"
 
 namespace moondb {

@@ -8,6 +8,7 @@
 #include "model/control_message.h"
 #include "model/record_check.h"
 #include "model/term.h"
+#include "proto/types.pb.h"
 #include "runtime/address.h"
 #include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"

@@ -5,7 +5,6 @@
 #include <string_view>
 
 #include "proto/record.pb.h"
-#include "proto/types.pb.h"
 
 namespace moondb {
 

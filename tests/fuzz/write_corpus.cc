@@ -14,6 +14,7 @@
 #include "model/term.h"
 #include "proto/control.pb.h"
 #include "proto/message.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/records.h"
 #include "tests/fuzz/decoders.h"
 #include "tests/fuzz/door_decoders.h"

@@ -5,7 +5,7 @@ import time
 
 import messages
 from client import KeyedClient
-from messages import control, message, types
+from messages import control, errors, message, types
 from team import HONEST, Failure
 
 VIEW = 1
@@ -56,7 +56,7 @@ def above_its_right(team, scale):
                                          source_actor=b"gateway", control_request=request.SerializeToString())
                 watcher.send_bytes(forged.SerializeToString())
                 answer = watcher.receive(10)
-                if answer is None or answer.control_reply.error.code != types.ERROR_CODE_REFUSED:
+                if answer is None or answer.control_reply.error.code != errors.ERROR_CODE_REFUSED:
                     granted.append(field.name)
     if granted:
         raise Failure(f"a client that may view is not refused {', '.join(sorted(set(granted)))}")

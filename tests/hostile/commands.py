@@ -5,7 +5,7 @@ import time
 
 import messages
 from member import Member, frame_of
-from messages import control, message, types
+from messages import control, errors, message, types
 from team import HONEST, NAMES, TAKEN, Failure
 
 TAKES_ROVER3 = True
@@ -55,7 +55,7 @@ def every_command(team, scale):
         for field in control.ControlRequest.DESCRIPTOR.oneofs_by_name["request"].fields:
             if rights_of(field) > VIEW:
                 reply = member.ask("rover2", by="anna (key)", **{field.name: {}})
-                if reply.error.code != types.ERROR_CODE_REFUSED or reply.error.field != "command_from":
+                if reply.error.code != errors.ERROR_CODE_REFUSED or reply.error.field != "command_from":
                     given.append(field.name)
     if given:
         raise Failure(f"rover2 takes {', '.join(given)} through {TAKEN}")
@@ -134,7 +134,7 @@ def bodies_to_every_actor(team, scale):
 def answers_never_asked(team, scale):
     """rover3 answers clients' requests that rover1 passes on to base, with errors under every id that it can guess."""
     is_over = threading.Event()
-    reply = control.ControlReply(error={"code": types.ERROR_CODE_INTERNAL, "text": b"hostile"})
+    reply = control.ControlReply(error={"code": errors.ERROR_CODE_INTERNAL, "text": b"hostile"})
     with Member(team, TAKEN) as member:
         def answer():
             while not is_over.is_set():
@@ -157,7 +157,7 @@ def huge_answers(team, scale):
     def answer(asked):
         kind = random.randrange(4)
         text = b"x" * (240 << 10)
-        body = [control.ControlReply(error={"code": types.ERROR_CODE_INTERNAL, "text": text}).SerializeToString(),
+        body = [control.ControlReply(error={"code": errors.ERROR_CODE_INTERNAL, "text": text}).SerializeToString(),
                 b"\x0a\x80" * 100_000, b"\x0b" * 240_000, random.randbytes(1000)][kind]
         member.send("rover1", "gateway", request_id=asked.request_id, control_reply=body)
 

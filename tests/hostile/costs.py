@@ -8,7 +8,7 @@ import zstandard
 from client import KeyedClient
 from havesets import Receiver
 from member import CODEC_PAPER_SQL, CODEC_ZSTD, Member, frame_of
-from messages import record, types
+from messages import have, record, types
 from team import TAKEN, Failure
 
 TAKES_ROVER3 = True
@@ -76,7 +76,7 @@ def more_connections_than_places(team, scale):
 def giant_have_sets(team, scale):
     """rover3 says that it has 60,000 streams that nobody ever heard of, and wants to be greeted anew after each batch."""
     epochs = random.getrandbits(60)
-    giants = [types.HaveSet(streams=[
+    giants = [have.HaveSet(streams=[
         {"origin_agent": 1 + i % 4, "epoch": epochs + STREAMS * giant + i, "data_type": types.POSE_GRAPH_NODE,
          "held": [{"first": j, "last": j} for j in (1, 3, 5)]} for i in range(STREAMS)]) for giant in range(3)]
     with Member(team, TAKEN) as member:

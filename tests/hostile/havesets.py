@@ -4,7 +4,7 @@ import threading
 
 import messages
 from member import ACTOR_OF_KIND, REPLICATION, SYNC, Member
-from messages import types
+from messages import errors, types
 from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
@@ -41,7 +41,7 @@ class Receiver:
 
     def _on_batch(self, heard):
         if self.is_refusing:
-            refusal = {"session_id": heard.batch.session_id, "error": {"code": types.ERROR_CODE_NOT_FOUND}}
+            refusal = {"session_id": heard.batch.session_id, "error": {"code": errors.ERROR_CODE_NOT_FOUND}}
             self.member.send(self.member.agent_of(heard), heard.destination_actor.decode(), refusal=refusal)
             return
         self._send(heard, session_id=heard.batch.session_id, batch_number=heard.batch.batch_number,

@@ -19,8 +19,13 @@ subprocess.run(["protoc", f"--python_out={FOLDER.name}", "-I", str(ROOT / "proto
 sys.path.insert(0, FOLDER.name)
 
 import control_pb2 as control  # noqa: E402, F401
+import error_pb2 as errors  # noqa: E402, F401
+import have_pb2 as have  # noqa: E402
+import ids_pb2 as ids  # noqa: E402
 import message_pb2 as message  # noqa: E402, F401
+import pose_pb2 as poses  # noqa: E402
 import record_pb2 as record  # noqa: E402
+import term_pb2 as term  # noqa: E402, F401
 import types_pb2 as types  # noqa: E402
 
 SEQ_MAX = (1 << 63) - 1
@@ -44,7 +49,7 @@ def stored(origin, epoch, seq, body, data_type=None):
     """A StoredRecord with the hash that fits; the type is that of the body unless another one is named."""
     name = body.WhichOneof("body")
     number = types.DataType.Value(name.upper()) if data_type is None else data_type
-    key = types.RecordKey(origin_agent=origin, epoch=epoch, data_type=number, seq=seq)
+    key = ids.RecordKey(origin_agent=origin, epoch=epoch, data_type=number, seq=seq)
     content = body.SerializeToString()
     return record.StoredRecord(key=key, content=content, hash=hash_of(key, content))
 
@@ -54,7 +59,7 @@ def now_ns():
 
 
 def pose(x=0.0, y=0.0, z=0.0):
-    return types.Pose(position_m={"x": x, "y": y, "z": z}, orientation={"w": 1})
+    return poses.Pose(position_m={"x": x, "y": y, "z": z}, orientation={"w": 1})
 
 
 def node(agent, index, x=0.0, y=0.0):
@@ -93,10 +98,10 @@ def temperature(celsius):
 
 def have_stream(origin, epoch, data_type, last, first=1):
     """A StreamHave that holds all seqs from `first` to `last`."""
-    return types.StreamHave(origin_agent=origin, epoch=epoch, data_type=data_type,
+    return have.StreamHave(origin_agent=origin, epoch=epoch, data_type=data_type,
                             held=[{"first": first, "last": last}])
 
 
 def dropped_stream(origin, epoch, data_type, last, first=1):
-    return types.StreamHave(origin_agent=origin, epoch=epoch, data_type=data_type,
+    return have.StreamHave(origin_agent=origin, epoch=epoch, data_type=data_type,
                             dropped=[{"first": first, "last": last}])

@@ -4,7 +4,7 @@ import time
 
 import messages
 from member import Member
-from messages import record, types
+from messages import record, term
 from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
@@ -32,7 +32,7 @@ def expect_roles(team, before):
 def assignment(team, follows, leader, survivor, issuer=ROVER3, number=None, reign_begins=False):
     """Signed by rover3's true key, whoever issues it; the next of what it follows unless another number is named."""
     next_number = ((follows.term.number >> REIGN_SHIFT) + 1) << REIGN_SHIFT if reign_begins else follows.term.number + 1
-    roles = types.RoleAssignment(
+    roles = term.RoleAssignment(
         term={"number": next_number if number is None else number, "issuer": issuer,
               "issuer_epoch": random.getrandbits(63)},
         leader=leader, survivor=survivor, stamp_ns=messages.now_ns(), reason="hostile", follows=follows.signature)
@@ -71,8 +71,8 @@ def roles_in_anothers_name(team, scale):
 
 def roles_of_the_file(team, scale):
     """rover3 announces other roles under the number of the team file's, which nobody signs."""
-    announce(team, lambda _: types.RoleAssignment(leader=ROVER3, survivor=ROVER2),
-             lambda present: types.RoleAssignment(term=present.term, leader=ROVER3, survivor=ROVER2,
+    announce(team, lambda _: term.RoleAssignment(leader=ROVER3, survivor=ROVER2),
+             lambda present: term.RoleAssignment(term=present.term, leader=ROVER3, survivor=ROVER2,
                                                   follows=present.follows, signature=present.signature))
 
 

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "proto/types.pb.h"
+
 namespace moondb {
 namespace {
 

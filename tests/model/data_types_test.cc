@@ -6,6 +6,7 @@
 #include "model/custom_types.h"
 #include "model/record_check.h"
 #include "model/text.h"
+#include "proto/types.pb.h"
 #include "tests/sample_record.h"
 
 namespace moondb {

@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include "model/ids.h"
+#include "proto/pose.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

@@ -5,6 +5,9 @@
 #include <random>
 #include <set>
 
+#include "proto/have.pb.h"
+#include "proto/types.pb.h"
+
 namespace moondb {
 namespace {
 

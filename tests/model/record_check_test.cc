@@ -11,6 +11,7 @@
 #include "model/record_key.h"
 #include "model/term.h"
 #include "model/traversability_map.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

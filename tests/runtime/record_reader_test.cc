@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "model/record_key.h"
+#include "proto/types.pb.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/runtime/scripted_actor.h"
 

@@ -6,6 +6,7 @@
 #include "model/control_message.h"
 #include "model/record_check.h"
 #include "model/team_id.h"
+#include "proto/types.pb.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb {

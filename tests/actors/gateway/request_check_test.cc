@@ -7,6 +7,7 @@
 
 #include "actors/gateway/command_table.h"
 #include "model/term.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

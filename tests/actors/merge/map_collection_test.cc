@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/types.pb.h"
 #include "tests/actors/merge/merge_worlds.h"
 
 namespace moondb {

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "model/control_message.h"
+#include "proto/types.pb.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/actors/merge/merge_worlds.h"
 

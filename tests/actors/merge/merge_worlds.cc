@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "model/check.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

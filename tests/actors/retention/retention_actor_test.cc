@@ -10,6 +10,7 @@
 #include "model/control_message.h"
 #include "proto/control.pb.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/simulation/simulated_team.h"
 #include "tests/temporary_folder.h"
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

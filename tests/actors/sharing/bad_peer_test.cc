@@ -5,6 +5,7 @@
 #include "model/have_page.h"
 #include "model/wire_version.h"
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
 
 namespace moondb {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/session_fixture.h"
 
 namespace moondb {

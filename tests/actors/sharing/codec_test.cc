@@ -5,6 +5,7 @@
 
 #include <random>
 
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/records.h"
 
 namespace moondb {

@@ -5,6 +5,7 @@
 
 #include "actors/sharing/codec.h"
 #include "model/wire_version.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/records.h"
 
 namespace moondb {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "model/have_page.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 namespace {

@@ -1,6 +1,7 @@
 // A have-set that travels in pages: one session whose destination is asked page by page.
 #include <gtest/gtest.h>
 
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/session_fixture.h"
 
 namespace moondb {

@@ -8,6 +8,7 @@
 #include "model/order_number.h"
 #include "model/term.h"
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/memory_store.h"
 #include "tests/actors/sharing/sharing_team.h"
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/session_fixture.h"
 
 namespace moondb {

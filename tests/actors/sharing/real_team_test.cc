@@ -15,6 +15,7 @@
 #include "actors/storage/storage_actor.h"
 #include "model/have_set.h"
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
 
 namespace moondb {

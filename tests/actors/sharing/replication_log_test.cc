@@ -12,6 +12,7 @@
 #include "actors/storage/peer_log.h"
 #include "actors/storage/storage_actor.h"
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/sharing_team.h"
 #include "tests/actors/storage/peer_have_rows.h"
 #include "tests/temporary_folder.h"

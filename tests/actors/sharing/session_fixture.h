@@ -11,6 +11,7 @@
 #include "actors/sharing/run_decoders.h"
 #include "actors/sharing/sharing_session.h"
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/records.h"
 #include "tests/actors/sharing/memory_store.h"
 

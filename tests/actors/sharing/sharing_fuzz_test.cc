@@ -18,6 +18,7 @@
 #include "actors/storage/storage_actor.h"
 #include "model/wire_version.h"
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/mutator.h"
 #include "tests/actors/sharing/sharing_team.h"
 

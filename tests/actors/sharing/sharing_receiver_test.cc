@@ -8,6 +8,7 @@
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/wire_version.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/records.h"
 
 namespace moondb {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/session_fixture.h"
 
 namespace moondb {

@@ -7,6 +7,7 @@
 
 #include "actors/lease/lease_actor.h"
 #include "proto/share_status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/memory_store.h"
 #include "tests/actors/sharing/sharing_team.h"
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "model/have_set.h"
+#include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

@@ -4,6 +4,7 @@
 
 #include "model/record_check.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

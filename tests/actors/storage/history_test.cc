@@ -7,6 +7,7 @@
 
 #include "actors/storage/store_file.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

@@ -5,6 +5,7 @@
 #include "model/have_set.h"
 #include "model/term.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "proto/types.pb.h"
 #include "tests/actors/storage/peer_have_rows.h"
 #include "tests/actors/storage/store_fixtures.h"
 

@@ -10,6 +10,7 @@
 #include "actors/storage/role_history.h"
 #include "model/have_page.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "actors/storage/record_door.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 

@@ -4,6 +4,7 @@
 
 #include <fstream>
 
+#include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 
 namespace moondb {

@@ -16,6 +16,7 @@
 #include "model/record_key.h"
 #include "model/term.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/pgo/scenario.h"
 #include "tests/actors/sharing/sharing_team.h"
 #include "tests/temporary_folder.h"

@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "proto/types.pb.h"
 #include "tests/client/fake_agent.h"
 
 namespace moondb {

@@ -6,6 +6,7 @@
 #include "actors/storage/record_store.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/simulated_disk.h"
+#include "proto/types.pb.h"
 
 namespace moondb::simulation {
 namespace {

@@ -11,6 +11,7 @@
 #include "model/record_check.h"
 #include "proto/control.pb.h"
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/simulation/simulated_team.h"
 
 namespace moondb::simulation {

@@ -4,6 +4,7 @@
 
 #include "actors/sharing/codec.h"
 #include "model/record_key.h"
+#include "proto/types.pb.h"
 
 namespace moondb::simulation {
 namespace {

@@ -17,6 +17,7 @@
 #include "model/record_key.h"
 #include "model/term.h"
 #include "proto/trace.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/system_status.h"
 #include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"

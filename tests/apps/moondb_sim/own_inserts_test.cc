@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/types.pb.h"
+
 namespace moondb::simulation {
 namespace {
 

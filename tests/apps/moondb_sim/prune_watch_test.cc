@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/term.pb.h"
+#include "proto/types.pb.h"
+
 namespace moondb::simulation {
 namespace {
 

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "proto/types.pb.h"
+
 namespace moondb::simulation {
 namespace {
 

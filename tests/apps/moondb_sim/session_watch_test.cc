@@ -6,6 +6,7 @@
 #include <random>
 
 #include "actors/sharing/codec.h"
+#include "proto/types.pb.h"
 
 namespace moondb::simulation {
 namespace {

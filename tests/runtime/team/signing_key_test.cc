@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "model/term.h"
+#include "proto/types.pb.h"
 #include "runtime/team/key_fingerprint.h"
 #include "runtime/team/record_signature.h"
 #include "runtime/team/role_signature.h"

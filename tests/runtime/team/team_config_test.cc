@@ -14,6 +14,8 @@
 #include "model/command_from.h"
 #include "model/team_id.h"
 #include "model/team_member.h"
+#include "proto/term.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/signing_key.h"
 #include "runtime/team/team_init.h"

@@ -4,6 +4,8 @@
 
 #include <vector>
 
+#include "proto/types.pb.h"
+
 namespace moondb {
 namespace {
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "proto/status.pb.h"
+#include "proto/types.pb.h"
 #include "runtime/transport/outbound.h"
 #include "tests/runtime/transport/transport_fixture.h"
 

@@ -4,6 +4,7 @@
 
 #include "actors/sharing/coding/row_codec.h"
 #include "drawn_maps.h"
+#include "proto/types.pb.h"
 #include "records.h"
 #include "tests/actors/sharing/mutator.h"
 

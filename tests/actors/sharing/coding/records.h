@@ -10,6 +10,7 @@
 #include "model/traversability_map.h"
 #include "proto/record.pb.h"
 #include "proto/storage.pb.h"
+#include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/drawn_maps.h"
 
 namespace moondb {

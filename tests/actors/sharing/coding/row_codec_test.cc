@@ -8,6 +8,7 @@
 #include <random>
 
 #include "actors/sharing/coding/row_shape.h"
+#include "proto/record.pb.h"
 #include "records.h"
 #include "tests/actors/sharing/mutator.h"
 
