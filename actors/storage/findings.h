@@ -11,7 +11,6 @@
 #include "actors/storage/sqlite_database.h"
 #include "model/event.h"
 #include "model/ids.h"
-#include "proto/status.pb.h"
 
 namespace moondb {
 

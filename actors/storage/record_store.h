@@ -53,7 +53,6 @@
 #include "proto/downlink.pb.h"
 #include "proto/retention.pb.h"
 #include "proto/sharing.pb.h"
-#include "proto/status.pb.h"
 #include "proto/storage.pb.h"
 
 namespace moondb::proto {

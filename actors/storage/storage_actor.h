@@ -27,7 +27,6 @@
 #include "actors/storage/clock_judge.h"
 #include "actors/storage/disk_guard.h"
 #include "actors/storage/record_store.h"
-#include "proto/status.pb.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/rate_limited_log.h"

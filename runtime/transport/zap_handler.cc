@@ -15,18 +15,19 @@ enum Part : std::size_t { kVersion, kRequestId, kDomain, kPeerAddress, kRoutingI
 
 }  // namespace
 
-Result<ZapHandler> ZapHandler::Make(const ZmqContext& context, std::map<std::string, AgentId> agents) {
+Result<ZapHandler> ZapHandler::Make(const ZmqContext& context, std::map<std::string, AgentId> agents,
+                                    OnRefused on_refused) {
   Result<ZmqSocket> socket = ZmqSocket::Make(context, ZMQ_REP);
   if (!socket) return tl::unexpected(socket.error());
   if (const Result<void> bound = socket->Bind(kEndpoint); !bound) return tl::unexpected(bound.error());
-  return ZapHandler(std::move(*socket), std::move(agents));
+  return ZapHandler(std::move(*socket), std::move(agents), std::move(on_refused));
 }
 
 void ZapHandler::OnReadable() {
   for (std::vector<ZmqFrame> request; socket_.Receive(&request);) {
     const std::optional<std::string> user = UserOf(request);
     const bool is_client = request.size() > kDomain && request[kDomain].text() == kClientDomain;
-    if (!user) ++(is_client ? refused_clients_ : refused_agents_);
+    if (!user) on_refused_(is_client);
     const std::array<std::string, 6> reply = {
         "1.0",
         std::string(request.size() > kRequestId ? request[kRequestId].text() : ""),

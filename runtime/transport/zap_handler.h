@@ -24,22 +24,21 @@ class ZapHandler {
   static constexpr char kAgentDomain[] = "moondb";
   static constexpr char kClientDomain[] = "moondb-clients";
   using IsClient = std::function<bool(const std::string& key)>;
+  using OnRefused = std::function<void(bool is_client)>;
 
-  // Binds in `context`; before any socket that uses CURVE. `agents` is by public key in Z85.
-  static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents);
+  // Binds in `context`; before any socket that uses CURVE. `agents` is by public key in Z85. Calls `on_refused` for
+  // each handshake of an unknown key before it answers, so a peer that sees its refusal has been counted.
+  static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents,
+                                 OnRefused on_refused);
   void LetClientsIn(IsClient is_client) { is_client_ = std::move(is_client); }
 
   // Answers what waits.
   void OnReadable();
   int file() const { return socket_.file(); }
 
-  // Handshakes of unknown keys.
-  std::uint64_t refused_agents() const { return refused_agents_; }
-  std::uint64_t refused_clients() const { return refused_clients_; }
-
  private:
-  ZapHandler(ZmqSocket socket, std::map<std::string, AgentId> agents)
-      : socket_(std::move(socket)), agents_(std::move(agents)) {}
+  ZapHandler(ZmqSocket socket, std::map<std::string, AgentId> agents, OnRefused on_refused)
+      : socket_(std::move(socket)), agents_(std::move(agents)), on_refused_(std::move(on_refused)) {}
 
   // The User-Id of whoever asks to come in; none: nobody who is known.
   std::optional<std::string> UserOf(const std::vector<ZmqFrame>& request) const;
@@ -47,8 +46,7 @@ class ZapHandler {
   ZmqSocket socket_;
   std::map<std::string, AgentId> agents_;
   IsClient is_client_;
-  std::uint64_t refused_agents_ = 0;
-  std::uint64_t refused_clients_ = 0;
+  OnRefused on_refused_;
 };
 
 // The agent that a User-Id stands for; 0 for none.

@@ -137,7 +137,8 @@ class ZeroMqTransport::Impl {
     for (const auto& [agent, key] : keys_->public_keys) {
       if (agent != options_.self && !HasLeft(team_, agent)) agents[key] = agent;
     }
-    Result<ZapHandler> handler = ZapHandler::Make(context_, std::move(agents));
+    Result<ZapHandler> handler =
+        ZapHandler::Make(context_, std::move(agents), [this](bool is_client) { OnRefusedKey(is_client); });
     if (!handler) return tl::unexpected(handler.error());
     zap_handler_ = std::move(*handler);
     return {};
@@ -267,7 +268,7 @@ class ZeroMqTransport::Impl {
     pthread_setname_np(pthread_self(), "transport");
     while (!is_stopping_) {
       Sleep();
-      if (zap_handler_) OnHandshakes();
+      if (zap_handler_) zap_handler_->OnReadable();
       has_more_ = ReceiveFromPeers();
       // Listening may take in libzmq's news of requests, so that the door's work comes last.
       for (const auto& door : doors_) door->KeepPlace(std::chrono::steady_clock::now());
@@ -335,13 +336,12 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  void OnHandshakes() {
-    zap_handler_->OnReadable();
-    if (refused_.agents.exchange(zap_handler_->refused_agents()) < zap_handler_->refused_agents()) {
-      refused_.agent_log.Warn("transport: refused a connection whose key is not of this team, or has left it");
-    }
-    if (refused_.clients.exchange(zap_handler_->refused_clients()) < zap_handler_->refused_clients()) {
+  void OnRefusedKey(bool is_client) {
+    ++(is_client ? refused_.clients : refused_.agents);
+    if (is_client) {
       refused_.client_log.Warn("transport: refused a client whose key is not listed");
+    } else {
+      refused_.agent_log.Warn("transport: refused a connection whose key is not of this team, or has left it");
     }
   }
 

@@ -19,7 +19,6 @@
 #include <vector>
 
 #include "model/error.h"
-#include "proto/status.pb.h"
 #include "proto/team.pb.h"
 #include "runtime/transport.h"
 #include "runtime/transport/link_credit.h"
