@@ -16,7 +16,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kSharePollPeriod(50);
 constexpr std::chrono::milliseconds kRelayedSharePollPeriod(1000);  // Over the radio, whose time the sharing needs.
-constexpr std::chrono::minutes kLeaseMargin(2);                // For what waited for the end of a lease.
+constexpr std::chrono::minutes kLeaseMargin(2);                     // For what waited for the end of a lease.
 // How long an agent that answers moonctl may be without a connection to the leader before it counts as away.
 constexpr std::chrono::seconds kReconnectMax(5);
 constexpr int kLooksDone = 2;
