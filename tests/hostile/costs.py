@@ -40,7 +40,7 @@ def floods_the_log(team, scale):
         for _ in range(int(300_000 * scale / len(frames))):
             for frame in frames:
                 member.send_frame("rover1", frame)
-        member.ask("rover1", timeout_s=60, status={})
+        member.ask_until_answered("rover1", timeout_s=60, status={})
         for _ in range(3):
             team.answers("rover1")
 
@@ -83,7 +83,7 @@ def giant_have_sets(team, scale):
         receiver = Receiver(member, lambda: {"have": random.choice(giants)}, is_refusing=True)
         receiver.ask("rover1")
         time.sleep(25 * scale)
-        member.ask("rover1", timeout_s=60, status={})
+        member.ask_until_answered("rover1", timeout_s=60, status={})
         if receiver.greetings < 2:
             raise Failure(f"rover1 greeted {receiver.greetings} times, which shows nothing")
 
@@ -98,7 +98,7 @@ def zstd_bombs(team, scale):
             session = member.session("rover1")
             for _ in range(16):
                 member.send_frame("rover1", frame_of(session.batch(coded=bomb, record_count=1, codec=CODEC_ZSTD)))
-        member.ask("rover1", timeout_s=60, status={})
+        member.ask_until_answered("rover1", timeout_s=60, status={})
 
 
 def statements_of_a_compact_team(team, scale):
@@ -112,7 +112,7 @@ def statements_of_a_compact_team(team, scale):
             batch.sql = (f"INSERT INTO temperature (record_id, agent_id, stamp_ns, celsius) VALUES "
                          f"('{batch.record_id.decode()}', {ROVER3}, 1700, {-40.5 if seq == 1 else endless})").encode()
             member.send_frame("rover1", frame_of(batch))
-        member.ask("rover1", timeout_s=60, status={})
+        member.ask_until_answered("rover1", timeout_s=60, status={})
     with team.store("rover1") as store:
         if store.execute("SELECT count(*) FROM temperature WHERE epoch = ?", (epoch,)).fetchone()[0]:
             raise Failure("rover1 ran a member's SQL, though the team's codec is compact")

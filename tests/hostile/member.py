@@ -101,6 +101,16 @@ class Member:
         answer = self.wait_for(agent, "control_reply", timeout_s, lambda heard: heard.request_id == request_id)
         return control.ControlReply.FromString(answer.control_reply)
 
+    def ask_until_answered(self, agent, timeout_s, **request):
+        """Asks again every 5 s, since a link under attack may lose a message; fails after timeout_s without an answer."""
+        end = time.monotonic() + timeout_s
+        while True:
+            try:
+                return self.ask(agent, **request, timeout_s=5)
+            except Failure:
+                if time.monotonic() > end:
+                    raise
+
     def session(self, agent, kind=SYNC, **hello):
         return Session(self, agent, kind, **hello)
 
