@@ -1,6 +1,7 @@
 #include "model/metrics.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
@@ -99,6 +100,21 @@ void CountKappa(const MergedMap& map, const MergedMap& truth, MapAgreement& agre
   agreement.kappa = observed >= 1 ? 1 : (observed - by_chance) / (1 - by_chance);
 }
 
+// The rotation that fits best, from the covariance of centred points (Umeyama 1991, equations 40 to 43).
+Eigen::Quaterniond Rotation(const Eigen::Matrix3d& covariance) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs(1, 1, 1);
+  if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) signs.z() = -1;
+  return Eigen::Quaterniond(Eigen::Matrix3d(svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose()))
+      .normalized();
+}
+
+// The same for rotations about the z axis.
+Eigen::Quaterniond PlanarRotation(const Eigen::Matrix3d& covariance) {
+  const double yaw = std::atan2(covariance(1, 0) - covariance(0, 1), covariance(0, 0) + covariance(1, 1));
+  return Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
+}
+
 }  // namespace
 
 TrajectoryError CompareTrajectories(const std::map<NodeKey, Pose>& estimate, const std::map<NodeKey, Pose>& truth,
@@ -128,19 +144,18 @@ Pose FindAlignment(const std::map<NodeKey, Pose>& estimate, const std::map<NodeK
     if (found != truth.end()) pairs.emplace_back(pose.position_m, found->second.position_m);
   }
   if (pairs.size() < 2) return {};
-  const int size = is_planar ? 2 : 3;
-  Eigen::MatrixXd from(size, pairs.size());
-  Eigen::MatrixXd to(size, pairs.size());
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    from.col(static_cast<Eigen::Index>(i)) = pairs[i].first.head(size);
-    to.col(static_cast<Eigen::Index>(i)) = pairs[i].second.head(size);
+  Eigen::Vector3d from_mean = Eigen::Vector3d::Zero();
+  Eigen::Vector3d to_mean = Eigen::Vector3d::Zero();
+  for (const auto& [from, to] : pairs) {
+    from_mean += from / static_cast<double>(pairs.size());
+    to_mean += to / static_cast<double>(pairs.size());
   }
-  const Eigen::MatrixXd found = Eigen::umeyama(from, to, /*with_scaling=*/false);
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const auto& [from, to] : pairs) covariance += (to - to_mean) * (from - from_mean).transpose();
   Pose alignment;
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner(size, size) = found.topLeftCorner(size, size);
-  alignment.orientation = Eigen::Quaterniond(turn).normalized();
-  alignment.position_m.head(size) = found.topRightCorner(size, 1);
+  alignment.orientation = is_planar ? PlanarRotation(covariance) : Rotation(covariance);
+  alignment.position_m = to_mean - alignment.orientation * from_mean;
+  if (is_planar) alignment.position_m.z() = 0;
   return alignment;
 }
 
