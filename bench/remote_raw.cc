@@ -24,20 +24,20 @@ class RawAgent {
       : sockets_(sockets),
         bytes_(bytes),
         context_(zmq_ctx_new()),
-        router_(Make(ZMQ_ROUTER)),
+        listener_(Make(TypeOfListener(sockets, is_curve))),
         dealer_(Make(ZMQ_DEALER)) {
     if (is_curve) keys_ = MakeCurveKeys().value();
     if (sockets_ == RawSockets::kAsMoondb) SetUpAsMoondb();
     if (keys_) {
-      Set(router_, ZMQ_CURVE_SERVER, 1);
-      Set(router_, ZMQ_CURVE_SECRETKEY, keys_->secret_key);
+      Set(listener_, ZMQ_CURVE_SERVER, 1);
+      Set(listener_, ZMQ_CURVE_SECRETKEY, keys_->secret_key);
     }
-    Check(zmq_bind(router_, "tcp://127.0.0.1:*") == 0, "loopback has a free port");
+    Check(zmq_bind(listener_, "tcp://127.0.0.1:*") == 0, "loopback has a free port");
   }
 
   ~RawAgent() {
     zmq_close(dealer_);
-    zmq_close(router_);
+    zmq_close(listener_);
     zmq_ctx_term(context_);
   }
 
@@ -52,7 +52,8 @@ class RawAgent {
     }
     std::array<char, 64> endpoint{};
     std::size_t size = endpoint.size();
-    Check(zmq_getsockopt(other.router_, ZMQ_LAST_ENDPOINT, endpoint.data(), &size) == 0, "a bound socket has its name");
+    Check(zmq_getsockopt(other.listener_, ZMQ_LAST_ENDPOINT, endpoint.data(), &size) == 0,
+          "a bound socket has its name");
     Check(zmq_connect(dealer_, endpoint.data()) == 0, "loopback is there");
   }
 
@@ -73,8 +74,10 @@ class RawAgent {
     zmq_msg_t frame;
     zmq_msg_init(&frame);
     std::optional<std::uint64_t> id;
-    // The first part is the connection's.
-    if (zmq_msg_recv(&frame, router_, 0) >= 0 && zmq_msg_recv(&frame, router_, 0) == static_cast<int>(bytes_)) {
+    // The first part from a ROUTER is the connection's.
+    const bool has_route = TypeOfListener(sockets_, keys_.has_value()) == ZMQ_ROUTER;
+    if (has_route && zmq_msg_recv(&frame, listener_, 0) < 0) return id;
+    if (zmq_msg_recv(&frame, listener_, 0) == static_cast<int>(bytes_)) {
       std::memcpy(&id.emplace(), zmq_msg_data(&frame), sizeof *id);
     }
     zmq_msg_close(&frame);
@@ -82,6 +85,10 @@ class RawAgent {
   }
 
  private:
+  static int TypeOfListener(RawSockets sockets, bool is_curve) {
+    return sockets == RawSockets::kAsMoondb && is_curve ? ZMQ_DEALER : ZMQ_ROUTER;
+  }
+
   void* Make(int type) {
     void* socket = zmq_socket(context_, type);
     Check(socket != nullptr, "there are sockets");
@@ -92,7 +99,7 @@ class RawAgent {
 
   // What runtime/transport/peer_link.cc and runtime/transport/zeromq_transport.cc set.
   void SetUpAsMoondb() {
-    for (void* socket : {dealer_, router_}) {
+    for (void* socket : {dealer_, listener_}) {
       Set(socket, ZMQ_LINGER, 0);
       const std::int64_t bytes_max = 32 * 1024 * 1024;
       Check(zmq_setsockopt(socket, ZMQ_MAXMSGSIZE, &bytes_max, sizeof bytes_max) == 0, "libzmq knows the option");
@@ -105,9 +112,9 @@ class RawAgent {
     Set(dealer_, ZMQ_CONNECT_TIMEOUT, 5000);
     Set(dealer_, ZMQ_TCP_MAXRT, 15000);
     Set(dealer_, ZMQ_ROUTING_ID, std::string("1"));
-    Set(router_, ZMQ_ROUTER_HANDOVER, 1);
-    Set(router_, ZMQ_RCVHWM, 256);
-    Set(router_, ZMQ_SNDHWM, 1);
+    if (!keys_) Set(listener_, ZMQ_ROUTER_HANDOVER, 1);
+    Set(listener_, ZMQ_RCVHWM, 256);
+    Set(listener_, ZMQ_SNDHWM, 1);
   }
 
   static void Set(void* socket, int option, int value) {
@@ -120,7 +127,7 @@ class RawAgent {
   const RawSockets sockets_;
   const std::size_t bytes_;
   void* const context_;
-  void* const router_;
+  void* const listener_;
   void* const dealer_;
   std::optional<CurveKeys> keys_;
 };

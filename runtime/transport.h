@@ -21,7 +21,7 @@ namespace moondb {
 // pieces by whoever sends it, or refused there with kTooLong: one that came in would close the connection.
 inline constexpr std::size_t kPeerFrameBytesMax = 256 * 1024;
 // Of a message that has a frame of its own, serialised.
-inline constexpr std::size_t kPeerMessageBytesMax = kPeerFrameBytesMax - 6;
+inline constexpr std::size_t kPeerMessageBytesMax = kPeerFrameBytesMax - 11;
 
 class Transport {
  public:

@@ -67,6 +67,11 @@ void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status,
       findings.push_back("refused " + FormatCount(peer.rejected_messages()) + " messages that " +
                          AgentName(team, peer.agent_id()) + " may not send");
     }
+    if (peer.cut_for_bytes() > 0) {
+      findings.push_back("closed the link to " + AgentName(team, peer.agent_id()) + " " +
+                         FormatCount(peer.cut_for_bytes()) + " times: " + AgentName(team, peer.agent_id()) +
+                         " sends data over this agent's own link");
+    }
     if (peer.is_connected() || IsAsleep(status, peer.agent_id())) continue;
     const double silent_s = peer.seconds_since_heard();
     findings.push_back("does not reach " + AgentName(team, peer.agent_id()) +

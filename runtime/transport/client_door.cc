@@ -52,6 +52,30 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   return router.Bind(*numeric);
 }
 
+// The number in a routing id of the form in which a ROUTER assigns them: a zero byte and 32 bits, the highest first.
+std::optional<std::uint32_t> NumberOf(std::string_view routing_id) {
+  if (routing_id.size() != 5 || routing_id[0] != '\0') return std::nullopt;
+  std::uint32_t number = 0;
+  for (const char byte : routing_id.substr(1)) number = number << 8 | static_cast<std::uint8_t>(byte);
+  return number;
+}
+
+// Connects to `router` within this process, and returns the number that it assigns to that first connection.
+Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router, const std::string& name) {
+  const std::string endpoint = "inproc://first-of-" + name;
+  if (const auto bound = router.Bind(endpoint); !bound) return tl::unexpected(bound.error());
+  Result<ZmqSocket> dealer = ZmqSocket::Make(context, ZMQ_DEALER);
+  if (!dealer) return tl::unexpected(dealer.error());
+  if (const auto connected = dealer->Connect(endpoint); !connected) return tl::unexpected(connected.error());
+  ZmqFrame frame("first");
+  ZmqReceived received;
+  const bool is_there = dealer->Send(&frame) == ZmqSend::kSent && router.Receive(&received);
+  const std::optional<std::uint32_t> number = is_there ? NumberOf(received.route.text()) : std::nullopt;
+  if (!number) return Fail(ErrorCode::kUnavailable, "this libzmq does not number its connections");
+  router.Unbind(endpoint);
+  return *number;
+}
+
 // What the client gets instead of a reply that it could not be sent.
 proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
   proto::Message message = ErrorMessage({ErrorCode::kFull,
@@ -78,15 +102,21 @@ Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, 
   const std::size_t request_bytes_max =
       is_ipc ? options.message_bytes_max : std::min(options.message_bytes_max, kKeyedRequestBytesMax);
   router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(request_bytes_max));
+  const Result<std::uint32_t> first_id = FirstNumberOf(context, *router, options.endpoint);
+  if (!first_id) return tl::unexpected(first_id.error());
+  if (const auto ready = is_ipc ? Result<void>() : options.before_listening(*router); !ready) {
+    return tl::unexpected(ready.error());
+  }
   const auto bound =
       is_ipc ? ListenOnIpc(*router, options.endpoint) : ListenWithKeys(*router, options.endpoint, options.secret_key);
   if (!bound) return tl::unexpected(bound.error());
-  return std::unique_ptr<ClientDoor>(new ClientDoor(std::move(*router), wake_up, std::move(options)));
+  return std::unique_ptr<ClientDoor>(new ClientDoor(std::move(*router), *first_id, wake_up, std::move(options)));
 }
 
-ClientDoor::ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options)
+ClientDoor::ClientDoor(ZmqSocket router, std::uint32_t first_id, WakeUp& wake_up, Options options)
     : options_(std::move(options)),
       router_(std::move(router)),
+      first_id_(first_id),
       wake_up_(wake_up),
       table_(kClientsMax, is_keyed() ? kConnectionsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
 
@@ -145,7 +175,7 @@ bool ClientDoor::Work(const Transport::Deliver& deliver) {
 }
 
 bool ClientDoor::Receive(const Transport::Deliver& deliver) {
-  ZmqRoutedFrame received;
+  ZmqReceived received;
   for (int i = 0; i < kClientBatchMessages; ++i) {
     if (!router_.Receive(&received)) return false;
     OnFrame(received, deliver);
@@ -153,9 +183,20 @@ bool ClientDoor::Receive(const Transport::Deliver& deliver) {
   return true;
 }
 
-void ClientDoor::OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver) {
-  if (options_.on_message) options_.on_message(received.file, received.frame.user_id());
-  if (received.parts != 2) return log_.Warn("transport: a client sent a frame of several parts");
+bool ClientDoor::HasAssigned(std::string_view routing_id) const {
+  const std::optional<std::uint32_t> number = NumberOf(routing_id);
+  if (!number) return false;
+  const std::uint32_t place = *number - first_id_;
+  return place > 0 && place <= options_.admitted_handshakes();
+}
+
+void ClientDoor::OnFrame(const ZmqReceived& received, const Transport::Deliver& deliver) {
+  if (is_keyed()) {
+    const bool has_claimed_id = !HasAssigned(received.route.text());
+    options_.on_message(received.file, received.frame.user_id(), has_claimed_id);
+    if (has_claimed_id) return;
+  }
+  if (received.parts != 1) return log_.Warn("transport: a client sent a frame of several parts");
   const std::string name = table_.NameOf(std::string(received.route.text()), std::string(received.frame.user_id()));
   // Over ipc only this user comes.
   ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};

@@ -6,16 +6,23 @@
 // clients to let in: the limit on open files has to be well above the number of clients, those that are still at their
 // handshake included: a client_address belongs on a network of one's own.
 //
+// A ROUTER numbers its connections upwards from a random number, and libzmq ends the process if a connection has
+// claimed the next number as its routing id. So the door learns its first number, which nobody else knows, and a
+// connection over TCP whose message comes with an id that the ROUTER did not assign is reported as claimed
+// (docs/SECURITY.md).
+//
 // Send: any thread. All else: the transport's thread.
 #pragma once
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <string_view>
 
 #include "model/error.h"
 #include "runtime/rate_limited_log.h"
@@ -31,7 +38,7 @@ class ClientDoor {
  public:
   // So many connections of one key there may be at once (ConnectionRules::Door::key_max), and so many are remembered to
   // be answered, also of those that left.
-  static constexpr std::size_t kConnectionsOfKeyMax = 16;
+  static constexpr std::size_t kConnectionsOfKeyMax = 15;
 
   // Who comes with this key (Z85), at this moment.
   using IdentityOf = std::function<ClientIdentity(const std::string& key)>;
@@ -43,7 +50,11 @@ class ClientDoor {
     std::string secret_key;             // The agent's.
     IdentityOf identity_of;
     // With keys: a whole message came over the connection of this file, from who has this key.
-    std::function<void(int file, std::string_view key)> on_message;
+    std::function<void(int file, std::string_view key, bool has_claimed_id)> on_message;
+    // With keys: how many handshakes were admitted so far. The ROUTER has assigned at most so many routing ids.
+    std::function<std::uint32_t()> admitted_handshakes;
+    // With keys: called with the socket before it listens.
+    std::function<Result<void>(ZmqSocket& listener)> before_listening;
   };
 
   // `wake_up` outlives the door; of two doors of one agent one is keyed. kUnavailable for an address in use, kInvalid
@@ -74,16 +85,18 @@ class ClientDoor {
     ZmqFrame frame;
   };
 
-  ClientDoor(ZmqSocket router, WakeUp& wake_up, Options options);
+  ClientDoor(ZmqSocket router, std::uint32_t first_id, WakeUp& wake_up, Options options);
 
   SendResult Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes);
   bool Receive(const Transport::Deliver& deliver);
-  void OnFrame(const ZmqRoutedFrame& received, const Transport::Deliver& deliver);
+  void OnFrame(const ZmqReceived& received, const Transport::Deliver& deliver);
   void Flush();
   bool is_keyed() const { return options_.identity_of != nullptr; }
+  bool HasAssigned(std::string_view routing_id) const;
 
   const Options options_;
   ZmqSocket router_;
+  const std::uint32_t first_id_;  // The ROUTER's number for its first connection, this process's own.
   WakeUp& wake_up_;
   ClientTable table_;
   RateLimitedLog log_;

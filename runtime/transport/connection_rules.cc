@@ -5,16 +5,30 @@
 
 namespace moondb {
 
-void ConnectionRules::OnMessage(int file, std::string_view key, std::uint16_t peer_port) {
+void ConnectionRules::OnMessage(int file, std::string_view key, std::uint16_t peer_port, bool has_claimed_id) {
   Delivered& known = delivered_[file];
   if (known.key != key) known.key = key;
   known.peer_port = peer_port;
+  known.has_claimed_id = has_claimed_id;
+}
+
+bool ConnectionRules::Admit(std::uint16_t port, const std::string& key, const std::string& peer) {
+  const auto is_of_key = [&](const auto& entry) {
+    return !entry.second.is_cut && entry.second.connection.port == port && entry.second.key == key;
+  };
+  const auto is_admitted = [&](const Admission& admission) { return admission.port == port && admission.key == key; };
+  const auto count = std::ranges::count_if(known_, is_of_key) + std::ranges::count_if(admissions_, is_admitted);
+  if (static_cast<std::size_t>(count) >= doors_.at(port).key_max) return false;
+  admissions_.push_back({port, key, peer});
+  return true;
 }
 
 std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpConnection>& connections) {
   ++look_;
   Update(connections);
+  EndAdmissions();
   std::vector<Cut> cuts;
+  JudgeClaims(cuts);
   for (const auto& [port, door] : doors_) {
     JudgeKeys(port, door, cuts);
     JudgePlaces(port, door, cuts);
@@ -42,7 +56,14 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
     const bool is_its = delivered != delivered_.end() &&
                         (delivered->second.peer_port == 0 || delivered->second.peer_port == connection.peer_port);
     if (is_its) {
+      if (!known.has_delivered) {
+        const auto admission = std::ranges::find_if(admissions_, [&](const Admission& one) {
+          return one.port == connection.port && one.key == delivered->second.key && one.peer == connection.peer;
+        });
+        if (admission != admissions_.end()) admissions_.erase(admission);
+      }
       known.has_delivered = true;
+      known.has_claimed_id = delivered->second.has_claimed_id;
       known.key = std::move(delivered->second.key);
       known.heard_at = look_;
       known.bytes_delivered = connection.bytes_received;
@@ -51,6 +72,29 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
   }
   known_ = std::move(now);
   delivered_.clear();
+}
+
+// Of the admissions from an address as many count as there are silent connections from there, the newest ones.
+void ConnectionRules::EndAdmissions() {
+  std::map<std::pair<std::uint16_t, std::string>, std::size_t> silent;
+  for (const auto& [file, known] : known_) {
+    if (!known.has_delivered) ++silent[{known.connection.port, known.connection.peer}];
+  }
+  std::vector<Admission> left;
+  for (auto admission = admissions_.rbegin(); admission != admissions_.rend(); ++admission) {
+    std::size_t& room = silent[{admission->port, admission->peer}];
+    if (room == 0) continue;
+    --room;
+    left.push_back(std::move(*admission));
+  }
+  std::ranges::reverse(left);
+  admissions_ = std::move(left);
+}
+
+void ConnectionRules::JudgeClaims(std::vector<Cut>& cuts) {
+  for (auto& [file, known] : known_) {
+    if (known.has_claimed_id && !known.is_cut) CutOff(known, Cause::kClaimedId, cuts);
+  }
 }
 
 void ConnectionRules::JudgeKeys(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {

@@ -7,6 +7,10 @@
 // oldest one of the address that has most. Of one key there are at most `key_max` that ever brought a message: beyond
 // them the one goes that was silent for longest, so that no key takes the places of another one.
 //
+// A key that has `key_max` connections is not admitted once more (Admit). Until a connection brings a message nobody
+// can say which key it has, so an admission counts until a connection from the same address brings its first message
+// with that key, or until that address has fewer silent connections than admissions; then the oldest admission ends.
+//
 // Bytes: a connection may have received kFreeBytes since its last whole message, which is more than any frame between
 // agents has. What goes beyond is a client's large message, what this agent is slow to read, or a message that never
 // ends: at each door all of it together may be `shared_bytes`; above that the connection with the most goes. Parts of
@@ -45,7 +49,7 @@ class ConnectionRules {
     std::uint64_t shared_bytes = 0;
   };
 
-  enum class Cause { kTooMany, kTooManyOfKey, kTooMuch };
+  enum class Cause { kTooMany, kTooManyOfKey, kTooMuch, kClaimedId };
   struct Cut {
     TcpConnection connection;
     Cause cause = Cause::kTooMany;
@@ -56,7 +60,12 @@ class ConnectionRules {
 
   // A whole message came from the connection that has this file. `key`: of whom it is; empty without CURVE.
   // `peer_port`: where it is known, so that nothing is taken for a later connection's with the same file; 0: it is not.
-  void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0);
+  // `has_claimed_id`: the connection chose a routing id for itself, and is cut.
+  void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false);
+
+  // Counts a connection from `peer` to `port` whose handshake shows that it has this key. Returns false, and counts
+  // nothing, if the key has `key_max` connections by the last Judge and by the admissions since.
+  bool Admit(std::uint16_t port, const std::string& key, const std::string& peer);
 
   // All that there are now, in any order; each that is to be cut is named once.
   std::vector<Cut> Judge(const std::vector<TcpConnection>& connections);
@@ -69,12 +78,15 @@ class ConnectionRules {
     bool has_delivered = false;
     std::string key;             // Of its last message.
     std::uint64_t heard_at = 0;  // The look at which its last message was known.
+    bool has_claimed_id = false;
     bool is_cut = false;
 
     std::uint64_t bytes_open() const { return connection.bytes_received - bytes_delivered; }
   };
 
   void Update(const std::vector<TcpConnection>& connections);
+  void EndAdmissions();
+  void JudgeClaims(std::vector<Cut>& cuts);
   void JudgeKeys(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
   void JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
   void JudgeBytes(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
@@ -85,8 +97,16 @@ class ConnectionRules {
   struct Delivered {
     std::string key;
     std::uint16_t peer_port = 0;
+    bool has_claimed_id = false;
   };
   std::map<int, Delivered> delivered_;  // Since the last look, by file.
+  // Of a connection that has not brought a message yet.
+  struct Admission {
+    std::uint16_t port = 0;
+    std::string key;
+    std::string peer;
+  };
+  std::vector<Admission> admissions_;  // Oldest first.
   std::uint64_t last_number_ = 0;
   std::uint64_t look_ = 0;
 };

@@ -1,6 +1,7 @@
 #include "runtime/transport/door_guard.h"
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -17,7 +18,7 @@ std::set<std::uint16_t> PortsOf(const std::map<std::uint16_t, ConnectionRules::D
 }  // namespace
 
 Result<std::unique_ptr<DoorGuard>> DoorGuard::Make(std::map<std::uint16_t, ConnectionRules::Door> doors) {
-  Result<std::unique_ptr<TcpConnections>> connections = TcpConnections::Watch(PortsOf(doors));
+  Result<std::unique_ptr<TcpConnections>> connections = TcpConnections::Make(PortsOf(doors));
   if (!connections) return tl::unexpected(connections.error());
   return std::unique_ptr<DoorGuard>(new DoorGuard(std::move(*connections), std::move(doors)));
 }
@@ -25,8 +26,23 @@ Result<std::unique_ptr<DoorGuard>> DoorGuard::Make(std::map<std::uint16_t, Conne
 DoorGuard::DoorGuard(std::unique_ptr<TcpConnections> connections, std::map<std::uint16_t, ConnectionRules::Door> doors)
     : connections_(std::move(connections)), rules_(std::move(doors)) {}
 
+void DoorGuard::OnAccepted(int file, MonotonicTime now) {
+  connections_->OnAccepted(file);
+  LookSoon(now);
+}
+
+void DoorGuard::OnLinkConnected(AgentId peer, int file, MonotonicTime now) {
+  links_.erase(peer);
+  if (const std::optional<TcpConnection> connection = connections_->Read(file)) links_[peer] = *connection;
+  LookSoon(now);
+}
+
 void DoorGuard::OnReadable(MonotonicTime now) {
   connections_->Drain();
+  LookSoon(now);
+}
+
+void DoorGuard::LookSoon(MonotonicTime now) {
   next_look_after_ = kLookAfter;
   looks_at_ = std::min(looks_at_, now + kLookAfter);
 }
@@ -35,18 +51,51 @@ void DoorGuard::Work(MonotonicTime now) {
   if (now < looks_at_) return;
   looks_at_ = next_look_after_ <= kLookAfterMax ? now + next_look_after_ : MonotonicTime::max();
   next_look_after_ *= 2;
-  for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List())) {
-    TcpConnections::ShutDown(cut.connection);
-    const std::string who =
-        "a connection from " + cut.connection.peer + " to port " + std::to_string(cut.connection.port);
-    if (cut.cause == ConnectionRules::Cause::kTooMuch) {
+  Look(now);
+}
+
+bool DoorGuard::Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now) {
+  if (rules_.Admit(port, key, peer)) return true;
+  if (now < looked_at_ + kLookAfter) return false;  // A look at each of many handshakes would take a processor.
+  Look(now);                                        // Connections that closed since the last look count no longer.
+  return rules_.Admit(port, key, peer);
+}
+
+void DoorGuard::Look(MonotonicTime now) {
+  looked_at_ = now;
+  for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List())) Cut(cut);
+  LookAtLinks();
+}
+
+// A link that closed, or whose descriptor the kernel gave to another connection, is watched no longer.
+void DoorGuard::LookAtLinks() {
+  std::erase_if(links_, [&](const auto& entry) {
+    const auto& [peer, opened] = entry;
+    const std::optional<TcpConnection> now = connections_->Read(opened.file);
+    if (!now || now->port != opened.port || now->peer != opened.peer || now->peer_port != opened.peer_port) return true;
+    if (now->bytes_received <= kLinkBytesMax) return false;
+    flooded_links_.push_back(peer);
+    return true;
+  });
+}
+
+void DoorGuard::Cut(const ConnectionRules::Cut& cut) {
+  TcpConnections::ShutDown(cut.connection);
+  const std::string who =
+      "transport: cut a connection from " + cut.connection.peer + " to port " + std::to_string(cut.connection.port);
+  switch (cut.cause) {
+    case ConnectionRules::Cause::kTooMuch:
       ++cut_for_bytes_;
-      bytes_log_.Warn("transport: cut " + who + ": it sends a message without an end");
-    } else {
+      return bytes_log_.Warn(who + ": it sends a message without an end");
+    case ConnectionRules::Cause::kTooMany:
       ++cut_for_number_;
-      const bool is_of_key = cut.cause == ConnectionRules::Cause::kTooManyOfKey;
-      number_log_.Warn("transport: cut " + who + ": there are too many " + (is_of_key ? "of its key" : "from there"));
-    }
+      return number_log_.Warn(who + ": there are too many from there");
+    case ConnectionRules::Cause::kTooManyOfKey:
+      ++cut_for_number_;
+      return number_log_.Warn(who + ": there are too many of its key");
+    case ConnectionRules::Cause::kClaimedId:
+      ++cut_for_claimed_id_;
+      return claimed_id_log_.Warn(who + ": it chose its own routing id; clients over TCP leave ZMQ_ROUTING_ID unset");
   }
 }
 

@@ -69,6 +69,16 @@ std::optional<std::string_view> TakeMessage(std::string_view* frame) {
 
 }  // namespace
 
+std::optional<std::uint32_t> TakeLinkNumber(std::string_view* frame) {
+  if (frame->size() < kLinkNumberBytes || frame->front() != kLinkNumberTag) return std::nullopt;
+  std::uint32_t link_number = 0;
+  google::protobuf::io::CodedInputStream::ReadLittleEndian32FromArray(
+      reinterpret_cast<const std::uint8_t*>(frame->data() + 1), &link_number);
+  if (link_number == 0) return std::nullopt;
+  frame->remove_prefix(kLinkNumberBytes);
+  return link_number;
+}
+
 Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated) {
   const bool may_be_shared = frame.size() <= kSharedFrameBytesMax;
   std::vector<OwnedMessage> messages;

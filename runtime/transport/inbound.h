@@ -12,11 +12,15 @@
 
 namespace moondb {
 
-// A proto::PeerFrame; all of its messages, which one agent sent, or none. Several share only a frame of at most
-// kSharedFrameBytesMax. `authenticated`: the agent whose key the connection has; none without CURVE, where the claim
-// has to do. kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a message
-// that only actors of one agent send each other (timers, storage's own). A peer's word for a client's rights is not
-// heard.
+// Removes the link number from the front of a proto::PeerFrame, and returns it. Returns none, and leaves the frame, if
+// it does not begin with one, or with 0.
+std::optional<std::uint32_t> TakeLinkNumber(std::string_view* frame);
+
+// The rest of a proto::PeerFrame; all of its messages, which one agent sent, or none. Several share only a frame of at
+// most kSharedFrameBytesMax. `authenticated`: the agent whose key the connection has; none without CURVE, where the
+// claim has to do. kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a
+// message that only actors of one agent send each other (timers, storage's own). A peer's word for a client's rights is
+// not heard.
 Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated);
 
 // Who a client is, as its agent's door knows it.

@@ -46,6 +46,12 @@ std::string ToPeerFrame(const proto::Message& message) {
   return frame;
 }
 
+void WriteLinkNumber(std::uint32_t link_number, char* to) {
+  *to = kLinkNumberTag;
+  google::protobuf::io::CodedOutputStream::WriteLittleEndian32ToArray(link_number,
+                                                                      reinterpret_cast<std::uint8_t*>(to + 1));
+}
+
 ZmqFrame ToClientFrame(const proto::Message& message, std::size_t bytes) {
   ZmqFrame frame(bytes);
   message.SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(frame.data()));

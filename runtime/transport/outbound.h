@@ -25,13 +25,20 @@ std::string ReplaceKeyOf(const proto::Message& message);
 // Several messages share a frame up to this size; a larger one has its own.
 inline constexpr std::size_t kSharedFrameBytesMax = 32 * 1024;
 
-// proto::PeerFrame's one field, as protobuf writes it.
+// The fields of proto::PeerFrame as protobuf writes them: the link number, which the connection adds when it sends,
+// then the messages.
+inline constexpr char kLinkNumberTag = proto::PeerFrame::kLinkNumberFieldNumber << 3 | 5;
+inline constexpr std::size_t kLinkNumberBytes = 1 + 4;
 inline constexpr std::uint32_t kPeerFrameTag = proto::PeerFrame::kMessagesFieldNumber << 3 | 2;
 inline constexpr std::size_t kPeerFrameTagBytes = 1;
-inline constexpr std::size_t kPeerFrameBytesMore = kPeerFrameTagBytes + 5;  // At most, than the message in it.
+// A frame has at most so many bytes more than the message in it.
+inline constexpr std::size_t kPeerFrameBytesMore = kLinkNumberBytes + kPeerFrameTagBytes + 5;
 
-// For a peer: a proto::PeerFrame of this message alone.
+// Returns a proto::PeerFrame of this message alone, without the link number. Several of them in a row are such a frame
+// too.
 std::string ToPeerFrame(const proto::Message& message);
+// Writes the link number's kLinkNumberBytes to `to`.
+void WriteLinkNumber(std::uint32_t link_number, char* to);
 // For a client; `bytes` is message.ByteSizeLong(), just computed.
 ZmqFrame ToClientFrame(const proto::Message& message, std::size_t bytes);
 

@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <utility>
+
+#include "runtime/transport/outbound.h"
 
 namespace moondb {
 namespace {
@@ -22,8 +25,8 @@ constexpr int kUnacknowledgedMax_ms = 15000;
 constexpr Duration kDelayFirst = milliseconds(100);
 constexpr Duration kDelayLast = seconds(30);
 
-constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
-                        ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL;
+constexpr int kEvents = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_DISCONNECTED |
+                        ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL;
 
 void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_IMMEDIATE, 1);
@@ -70,9 +73,15 @@ void PeerConnection::Disconnect(MonotonicTime now) {
   delay_ *= 2;
 }
 
+void PeerConnection::DisconnectForLong(MonotonicTime now) {
+  Disconnect(now);
+  not_before_ = now + kDelayLast;
+  connect_at_ = not_before_;
+}
+
 void PeerConnection::OnHeard(MonotonicTime now, bool is_at_once) {
   delay_ = kDelayFirst;
-  if (!dealer_ || is_at_once) connect_at_ = now;
+  if (!dealer_ || is_at_once) connect_at_ = std::max(now, not_before_);
 }
 
 void PeerConnection::OnReadable() {
@@ -80,8 +89,10 @@ void PeerConnection::OnReadable() {
   is_full_ = false;
 }
 
-bool PeerConnection::Send(const std::string& bytes) {
-  ZmqFrame frame(bytes);
+bool PeerConnection::Send(std::uint32_t link_number, const std::string& messages) {
+  ZmqFrame frame(kLinkNumberBytes + messages.size());
+  WriteLinkNumber(link_number, frame.data());
+  std::memcpy(frame.data() + kLinkNumberBytes, messages.data(), messages.size());
   is_full_ = dealer_->Send(&frame) != ZmqSend::kSent;
   return !is_full_;
 }

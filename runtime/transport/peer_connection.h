@@ -36,6 +36,8 @@ class PeerConnection {
   Result<void> Connect(MonotonicTime now);
   // Closes the sockets, to be made anew after the delay.
   void Disconnect(MonotonicTime now);
+  // Closes the sockets, to be made anew in 30 s, whatever is heard until then.
+  void DisconnectForLong(MonotonicTime now);
   // The peer was heard: the delay begins small again, and sockets that wait for it are made now. `is_at_once`: those
   // with which libzmq waits to try again too.
   void OnHeard(MonotonicTime now, bool is_at_once);
@@ -45,13 +47,14 @@ class PeerConnection {
 
   // The handshake has ended well: nothing is known yet of what the socket has room for.
   void OnOpened() { is_full_ = false; }
-  // The next event of the monitor (ZMQ_EVENT_...), if there is one.
-  std::optional<int> ReceiveEvent() { return monitor_ ? monitor_->ReceiveEvent() : std::nullopt; }
+  // Returns the next event of the monitor, if there is one.
+  std::optional<ZmqEvent> ReceiveEvent() { return monitor_ ? monitor_->ReceiveEvent() : std::nullopt; }
   // The socket's file has news.
   void OnReadable();
 
-  // False: the socket is full, until its file has news.
-  bool Send(const std::string& bytes);
+  // Sends a proto::PeerFrame with this link number and these messages (ToPeerFrame). Returns false if the socket is
+  // full, until its file has news.
+  bool Send(std::uint32_t link_number, const std::string& messages);
   bool is_full() const { return is_full_; }
 
   int socket_file() const { return dealer_ ? dealer_->file() : -1; }  // -1: none now.
@@ -64,7 +67,8 @@ class PeerConnection {
   std::optional<ZmqSocket> dealer_;
   std::uint64_t begun_ = 0;  // Connections so far; names the monitors.
   std::optional<MonotonicTime> connect_at_;
-  Duration delay_{};  // Grows while nothing is heard.
+  Duration delay_{};            // Grows while nothing is heard.
+  MonotonicTime not_before_{};  // Connect is not due earlier.
   bool is_full_ = false;
 };
 

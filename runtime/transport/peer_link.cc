@@ -51,6 +51,10 @@ PeerLink::PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options)
 
 void PeerLink::Disconnect(MonotonicTime now) {
   connection_.Disconnect(now);
+  OnDisconnected();
+}
+
+void PeerLink::OnDisconnected() {
   if (!is_open_.exchange(false)) return;
   counts_.dropped_messages += outbox_.Clear();
   changes_.push_back(false);
@@ -143,6 +147,7 @@ proto::PeerStatus PeerLink::Status() const {
   status.set_unreported_bytes(static_cast<double>(is_open_ ? credit_.unreported_bytes() : 0));
   status.set_replaced_messages(static_cast<double>(outbox_.replaced()));
   status.set_connects(static_cast<double>(counts_.connects));
+  status.set_cut_for_bytes(static_cast<double>(counts_.cut_for_bytes));
   status.set_lost_by_deadline(static_cast<double>(counts_.lost_by_deadline));
   status.set_sent_reports(static_cast<double>(counts_.sent_reports));
   status.set_refused_reports(static_cast<double>(counts_.refused_reports));
@@ -163,7 +168,7 @@ void PeerLink::OnRejected(std::size_t frame_bytes, bool is_on_link) {
   if (is_on_link) received_count_.OnReceived(frame_bytes);
 }
 
-void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
+void PeerLink::OnReport(const proto::LinkReport& report, std::uint32_t link_number, bool is_on_link) {
   is_heard_ = true;
   const std::lock_guard lock(mutex_);
   if (!is_on_link) {
@@ -171,7 +176,7 @@ void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
     return;
   }
   // Whoever reached us can be reached, and waits for our reports.
-  if (received_count_.OnLink(report.link()) && !is_open_) is_hurried_ = true;
+  if (received_count_.OnLink(link_number) && !is_open_) is_hurried_ = true;
   if (report.report_after_bytes() != 0) received_count_.SetReportAfter(report.report_after_bytes());
   if (report.is_asking()) reports_.Request();
   received_.coming_bytes = std::min<std::uint64_t>(report.coming_bytes(), options_.connection.frame_bytes_max);
@@ -187,7 +192,17 @@ void PeerLink::OnReport(const proto::LinkReport& report, bool is_on_link) {
 
 void PeerLink::OnMonitorReadable() {
   const std::lock_guard lock(mutex_);
-  while (const std::optional<int> event = connection_.ReceiveEvent()) OnEvent(*event, SteadyNow());
+  while (const std::optional<ZmqEvent> event = connection_.ReceiveEvent()) OnEvent(*event, SteadyNow());
+}
+
+std::optional<int> PeerLink::TakeConnectedFile() { return std::exchange(connected_file_, std::nullopt); }
+
+void PeerLink::OnFlooded(MonotonicTime now) {
+  const std::lock_guard lock(mutex_);
+  ++counts_.cut_for_bytes;
+  log_.Warn("transport: closed the link to " + options_.name + " for 30 s: it sent data over this agent's own link");
+  connection_.DisconnectForLong(now);
+  OnDisconnected();
 }
 
 void PeerLink::OnSocketReadable() {
@@ -195,8 +210,11 @@ void PeerLink::OnSocketReadable() {
   connection_.OnReadable();
 }
 
-void PeerLink::OnEvent(int event, MonotonicTime now) {
-  switch (event) {
+void PeerLink::OnEvent(const ZmqEvent& event, MonotonicTime now) {
+  switch (event.type) {
+    case ZMQ_EVENT_CONNECTED:
+      connected_file_ = event.value;
+      return;
     case ZMQ_EVENT_HANDSHAKE_SUCCEEDED:
       if (is_open_) return;
       is_open_ = true;
@@ -307,7 +325,7 @@ bool PeerLink::SendReport(std::uint64_t coming_bytes) {
   message.set_ms_type(proto::CONTROL);
   message.set_hop_sender(options_.connection.self);
   *message.mutable_link_report() = reports_.Make(credit_, received_count_, coming_bytes);
-  if (!connection_.Send(ToPeerFrame(message))) return false;
+  if (!connection_.Send(link_number_, ToPeerFrame(message))) return false;
   reports_.OnSent(credit_, coming_bytes);
   received_count_.OnReported();
   ++counts_.sent_reports;
@@ -315,7 +333,7 @@ bool PeerLink::SendReport(std::uint64_t coming_bytes) {
 }
 
 bool PeerLink::SendFrame(MonotonicTime now, const Outbox::Entry& entry) {
-  if (!connection_.Send(entry.frame)) return false;
+  if (!connection_.Send(link_number_, entry.frame)) return false;
   reports_.OnFrameSent();
   credit_.OnSent(now, entry.frame.size());
   counts_.sent_messages += entry.messages;

@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -59,12 +60,16 @@ class PeerLink {
   // A frame of this peer came in, with so many messages. `is_on_link`: over the connection that the peer's reports
   // speak of, not over one that it replaced.
   void OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link);
-  void OnReport(const proto::LinkReport& report, bool is_on_link);
+  void OnReport(const proto::LinkReport& report, std::uint32_t link_number, bool is_on_link);
   // A frame that was not taken. Its bytes have arrived all the same.
   void OnRejected(std::size_t frame_bytes, bool is_on_link);
 
   // What libzmq has to say of the connection, if anything.
   void OnMonitorReadable();
+  // Returns the descriptor of the connection that opened since the last call, if one did.
+  std::optional<int> TakeConnectedFile();
+  // The peer sends over the link, on which it has nothing to send: closes the connection for 30 s.
+  void OnFlooded(MonotonicTime now);
   void OnSocketReadable();
 
   // After all that came in was given: gives up or makes connections, sends reports and what waits. Then reports the
@@ -91,7 +96,8 @@ class PeerLink {
 
   // With mutex_ held.
   void Disconnect(MonotonicTime now);
-  void OnEvent(int event, MonotonicTime now);
+  void OnDisconnected();
+  void OnEvent(const ZmqEvent& event, MonotonicTime now);
   void OnHeard(MonotonicTime now);
   void CheckHealth(MonotonicTime now);
   void Flush(MonotonicTime now);
@@ -122,6 +128,7 @@ class PeerLink {
     std::uint64_t dropped_messages = 0;
     std::uint64_t connects = 0;
     std::uint64_t lost_by_deadline = 0;
+    std::uint64_t cut_for_bytes = 0;
     std::uint64_t sent_reports = 0;
     std::uint64_t refused_reports = 0;
   };
@@ -148,6 +155,7 @@ class PeerLink {
   bool is_heard_ = false;
   bool is_hurried_ = false;  // The peer reached us while we do not reach it.
   std::vector<bool> changes_;
+  std::optional<int> connected_file_;
 
   Received received_;
 };

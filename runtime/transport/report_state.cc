@@ -13,7 +13,6 @@ void ReportState::OnOpened() {
 proto::LinkReport ReportState::Make(const LinkCredit& credit, const ReceivedCount& received,
                                     std::uint64_t coming_bytes) const {
   proto::LinkReport report;
-  report.set_link(credit.link());
   report.set_reported_link(received.link());
   report.set_received_bytes(received.received_bytes());
   report.set_is_asking(is_asking_peer_);

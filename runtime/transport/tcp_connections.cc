@@ -10,9 +10,10 @@
 #include <array>
 #include <cerrno>
 #include <cstddef>
-#include <cstdlib>
 #include <cstring>
+#include <iterator>
 #include <optional>
+#include <string>
 #include <utility>
 
 namespace moondb {
@@ -55,58 +56,37 @@ std::optional<Endpoint> Ask(Call call, int file) {
 
 }  // namespace
 
-Result<std::unique_ptr<TcpConnections>> TcpConnections::Watch(std::set<std::uint16_t> ports) {
+Result<std::unique_ptr<TcpConnections>> TcpConnections::Make(std::set<std::uint16_t> ports) {
   const int epoll = ::epoll_create1(EPOLL_CLOEXEC);
-  DIR* own_files = epoll < 0 ? nullptr : ::opendir("/proc/self/fd");
-  if (own_files == nullptr) {
-    const std::string why = std::strerror(errno);
-    if (epoll >= 0) ::close(epoll);
-    return Fail(ErrorCode::kUnavailable, "cannot watch connections: " + why);
-  }
-  return std::unique_ptr<TcpConnections>(new TcpConnections(std::move(ports), epoll, own_files));
+  if (epoll < 0) return Fail(ErrorCode::kUnavailable, std::string("cannot watch connections: ") + std::strerror(errno));
+  return std::unique_ptr<TcpConnections>(new TcpConnections(std::move(ports), epoll));
 }
 
-TcpConnections::~TcpConnections() {
-  ::closedir(own_files_);
-  ::close(epoll_);
-}
+TcpConnections::~TcpConnections() { ::close(epoll_); }
 
-// The file says once, from here on, that something came; one that libzmq closes leaves epoll by itself.
-void TcpConnections::Arm(int file) const {
+std::optional<TcpConnection> TcpConnections::Read(int file) const {
+  const std::optional<Endpoint> own = Ask(::getsockname, file);
+  const std::optional<Endpoint> peer = Ask(::getpeername, file);
+  if (!own || !peer) return std::nullopt;
+  // One event, from now on, when something arrives. A descriptor that libzmq closes leaves epoll by itself.
   epoll_event event{};
   event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
   if (::epoll_ctl(epoll_, EPOLL_CTL_MOD, file, &event) != 0) (void)::epoll_ctl(epoll_, EPOLL_CTL_ADD, file, &event);
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  if (::getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return std::nullopt;
+  if (info.tcpi_state != kEstablished) return std::nullopt;  // Its peer has left; libzmq is about to notice.
+  const bool has_bytes = size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof info.tcpi_bytes_received;
+  return TcpConnection{file, own->port, peer->address, peer->port, has_bytes ? info.tcpi_bytes_received : 0};
 }
 
-// Files that listen are armed before the others are looked at: who connects meanwhile is seen here or announced.
 std::vector<TcpConnection> TcpConnections::List() {
-  const std::set<int> armed = std::exchange(listeners_, {});
-  for (const int listener : armed) Arm(listener);
   std::vector<TcpConnection> connections;
-  ::rewinddir(own_files_);
-  while (const dirent* entry = ::readdir(own_files_)) {
-    if (entry->d_name[0] == '.') continue;
-    const int file = std::atoi(entry->d_name);
-    const std::optional<Endpoint> own = Ask(::getsockname, file);
-    if (!own || !ports_.contains(own->port)) continue;
-    int listens = 0;
-    socklen_t listens_size = sizeof listens;
-    (void)::getsockopt(file, SOL_SOCKET, SO_ACCEPTCONN, &listens, &listens_size);
-    if (listens != 0) {
-      listeners_.insert(file);
-      if (!armed.contains(file)) Arm(file);
-      continue;
-    }
-    Arm(file);
-    const std::optional<Endpoint> peer = Ask(::getpeername, file);
-    tcp_info info{};
-    socklen_t size = sizeof info;
-    if (!peer || ::getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) continue;
-    if (info.tcpi_state != kEstablished) continue;  // Its peer has left, which libzmq is about to notice.
-    connections.push_back({file, own->port, peer->address, peer->port, 0});
-    if (size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof info.tcpi_bytes_received) {
-      connections.back().bytes_received = info.tcpi_bytes_received;
-    }
+  for (auto file = accepted_.begin(); file != accepted_.end();) {
+    std::optional<TcpConnection> connection = Read(*file);
+    const bool is_here = connection && ports_.contains(connection->port);
+    if (is_here) connections.push_back(std::move(*connection));
+    file = is_here ? std::next(file) : accepted_.erase(file);
   }
   return connections;
 }

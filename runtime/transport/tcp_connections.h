@@ -1,13 +1,14 @@
-// TcpConnections: the TCP connections that others opened to ports on which this process listens, as the system knows
-// them. libzmq owns their files; this only looks, and may shut one down, upon which libzmq closes it.
+// TcpConnections: TCP connections of this process, as the kernel knows them, by the file descriptors that libzmq
+// reports. libzmq owns the descriptors. This class only reads their state, and may shut a connection down; libzmq then
+// closes it.
 //
-// Linux: /proc/self/fd, TCP_INFO (tcpi_bytes_received, Linux 4.1), epoll. One thread.
+// A descriptor may have been closed and reused since libzmq reported it, so its addresses are read each time. Linux:
+// TCP_INFO (tcpi_bytes_received, Linux 4.1), epoll. Not thread-safe.
 #pragma once
-
-#include <dirent.h>
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <set>
 #include <utility>
 #include <vector>
@@ -19,34 +20,34 @@ namespace moondb {
 
 class TcpConnections {
  public:
-  // Keeps open what it needs, and so looks where the process may open no more files. kUnavailable: already now.
-  static Result<std::unique_ptr<TcpConnections>> Watch(std::set<std::uint16_t> ports);
+  // `ports`: those on which this process listens. kUnavailable if the process may open no more files.
+  static Result<std::unique_ptr<TcpConnections>> Make(std::set<std::uint16_t> ports);
   ~TcpConnections();
   TcpConnections(const TcpConnections&) = delete;
   TcpConnections& operator=(const TcpConnections&) = delete;
 
-  // Readable when one of them received something since the last List, or somebody connected, until Drain: while nothing
-  // happens nobody has to look.
+  // Readable when a connection received something since List or Read looked at it, until Drain.
   int file() const { return epoll_; }
   void Drain();
 
-  // Those that there are now.
+  // Somebody connected to one of the ports, with this descriptor here. Another descriptor is ignored.
+  void OnAccepted(int file) { accepted_.insert(file); }
+  // Returns the connections to the ports that are established now, and watches each. Opens no files.
   std::vector<TcpConnection> List();
+  // Returns the connection with this descriptor, and watches it; none if it is not an established TCP connection.
+  std::optional<TcpConnection> Read(int file) const;
 
-  // Its end for both sides. No harm where the connection is gone and its file is another one's that is no socket.
-  static std::uint16_t PeerPortOf(int file);  // 0 where it is no connection.
+  // Returns the peer's port; 0 if it is no connection.
+  static std::uint16_t PeerPortOf(int file);
+  // Ends the connection for both sides. Does nothing if its descriptor is not a socket any more.
   static void ShutDown(const TcpConnection& connection);
 
  private:
-  void Arm(int file) const;
-
-  TcpConnections(std::set<std::uint16_t> ports, int epoll, DIR* own_files)
-      : ports_(std::move(ports)), epoll_(epoll), own_files_(own_files) {}
+  TcpConnections(std::set<std::uint16_t> ports, int epoll) : ports_(std::move(ports)), epoll_(epoll) {}
 
   const std::set<std::uint16_t> ports_;
   const int epoll_;
-  DIR* const own_files_;  // /proc/self/fd
-  std::set<int> listeners_;
+  std::set<int> accepted_;  // Not known to be closed.
 };
 
 }  // namespace moondb

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <charconv>
+#include <utility>
 
 namespace moondb {
 namespace {
@@ -12,6 +13,10 @@ constexpr char kEndpoint[] = "inproc://zeromq.zap.01";
 
 // A request's parts.
 enum Part : std::size_t { kVersion, kRequestId, kDomain, kPeerAddress, kRoutingId, kMechanism, kKey, kPartCount };
+
+// Code and text for each ZapHandler::Admission.
+constexpr std::array<std::pair<const char*, const char*>, 3> kStatus = {
+    {{"200", "OK"}, {"400", "this key is not known here"}, {"300", "this key has all its connections for now"}}};
 
 }  // namespace
 
@@ -25,15 +30,13 @@ Result<ZapHandler> ZapHandler::Make(const ZmqContext& context, std::map<std::str
 
 void ZapHandler::OnReadable() {
   for (std::vector<ZmqFrame> request; socket_.Receive(&request);) {
-    const std::optional<std::string> user = UserOf(request);
+    const Answer answer = Ask(request);
     const bool is_client = request.size() > kDomain && request[kDomain].text() == kClientDomain;
-    if (!user) on_refused_(is_client);
+    if (answer.admission == Admission::kUnknown) on_refused_(is_client);
+    const auto& [code, text] = kStatus.at(static_cast<std::size_t>(answer.admission));
     const std::array<std::string, 6> reply = {
-        "1.0",
-        std::string(request.size() > kRequestId ? request[kRequestId].text() : ""),
-        user ? "200" : "400",
-        user ? "OK" : "this key is not known here",
-        user.value_or(""),
+        "1.0",          std::string(request.size() > kRequestId ? request[kRequestId].text() : ""), code, text,
+        answer.user_id,
         /*metadata=*/""};
     for (std::size_t i = 0; i < reply.size(); ++i) {
       ZmqFrame frame(reply[i]);
@@ -42,19 +45,22 @@ void ZapHandler::OnReadable() {
   }
 }
 
-std::optional<std::string> ZapHandler::UserOf(const std::vector<ZmqFrame>& request) const {
+ZapHandler::Answer ZapHandler::Ask(const std::vector<ZmqFrame>& request) const {
   if (request.size() != kPartCount || request[kVersion].text() != "1.0" || request[kMechanism].text() != "CURVE") {
-    return std::nullopt;
+    return {};
   }
   std::array<char, 41> text{};
   const std::string_view key = request[kKey].text();
-  if (key.size() != 32) return std::nullopt;
+  if (key.size() != 32) return {};
   zmq_z85_encode(text.data(), reinterpret_cast<const std::uint8_t*>(key.data()), key.size());
   if (request[kDomain].text() == kClientDomain) {
-    return is_client_ && is_client_(text.data()) ? std::optional<std::string>(text.data()) : std::nullopt;
+    if (!admit_client_) return {};
+    const Admission admission = admit_client_(text.data(), std::string(request[kPeerAddress].text()));
+    return {admission, admission == Admission::kAdmitted ? text.data() : ""};
   }
   const auto agent = agents_.find(text.data());
-  return agent == agents_.end() ? std::nullopt : std::optional(std::to_string(agent->second));
+  if (agent == agents_.end()) return {};
+  return {Admission::kAdmitted, std::to_string(agent->second)};
 }
 
 AgentId AgentOfUserId(std::string_view user_id) {

@@ -2,7 +2,8 @@
 //
 // libzmq asks it by inproc messages during each handshake; without it, every key would be let in. A key that belongs to
 // an agent gets that agent's id as User-Id, which libzmq then attaches to each frame of the connection. At a socket of
-// the domain kClientDomain clients' keys are let in instead, with the key itself (Z85) as User-Id.
+// the domain kClientDomain clients' keys are let in instead, with the key itself (Z85) as User-Id. Those that are
+// refused for now get ZAP's temporary error, upon which libzmq connects again later.
 #pragma once
 
 #include <functional>
@@ -23,14 +24,16 @@ class ZapHandler {
  public:
   static constexpr char kAgentDomain[] = "moondb";
   static constexpr char kClientDomain[] = "moondb-clients";
-  using IsClient = std::function<bool(const std::string& key)>;
+  enum class Admission { kAdmitted, kUnknown, kNotNow };
+  // `address`: from where the client connects, in numbers.
+  using AdmitClient = std::function<Admission(const std::string& key, const std::string& address)>;
   using OnRefused = std::function<void(bool is_client)>;
 
   // Binds in `context`; before any socket that uses CURVE. `agents` is by public key in Z85. Calls `on_refused` for
   // each handshake of an unknown key before it answers, so a peer that sees its refusal has been counted.
   static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents,
                                  OnRefused on_refused);
-  void LetClientsIn(IsClient is_client) { is_client_ = std::move(is_client); }
+  void LetClientsIn(AdmitClient admit_client) { admit_client_ = std::move(admit_client); }
 
   // Answers what waits.
   void OnReadable();
@@ -40,12 +43,15 @@ class ZapHandler {
   ZapHandler(ZmqSocket socket, std::map<std::string, AgentId> agents, OnRefused on_refused)
       : socket_(std::move(socket)), agents_(std::move(agents)), on_refused_(std::move(on_refused)) {}
 
-  // The User-Id of whoever asks to come in; none: nobody who is known.
-  std::optional<std::string> UserOf(const std::vector<ZmqFrame>& request) const;
+  struct Answer {
+    Admission admission = Admission::kUnknown;
+    std::string user_id;  // Of the key that asks, if it is admitted.
+  };
+  Answer Ask(const std::vector<ZmqFrame>& request) const;
 
   ZmqSocket socket_;
   std::map<std::string, AgentId> agents_;
-  IsClient is_client_;
+  AdmitClient admit_client_;
   OnRefused on_refused_;
 };
 

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <thread>
 #include <utility>
 
@@ -22,8 +23,9 @@
 #include "runtime/team/team_keys.h"
 #include "runtime/transport/client_door.h"
 #include "runtime/transport/door_guard.h"
+#include "runtime/transport/handshake_limit.h"
 #include "runtime/transport/inbound.h"
-#include "runtime/transport/link_routes.h"
+#include "runtime/transport/link_order.h"
 #include "runtime/transport/listen_address.h"
 #include "runtime/transport/peer_link.h"
 #include "runtime/transport/wake_up.h"
@@ -51,10 +53,12 @@ static_assert(LinkCredit::Options().bytes_max <= kAgentsSharedBytes);
 constexpr Duration kLingerTime = std::chrono::microseconds(60);
 
 // Places among the files that the thread waits for.
-constexpr std::size_t kRouterFile = 1;
+constexpr std::size_t kPeerListenerFile = 1;
 constexpr std::size_t kGuardFile = 2;
 constexpr std::size_t kDoorsMax = 2;
-constexpr std::size_t kOtherFiles = 4 + kDoorsMax;  // Before those of peers.
+constexpr std::size_t kAcceptedFiles = 4 + kDoorsMax;
+constexpr std::size_t kListenersMax = 2;                             // At which accepted connections are watched.
+constexpr std::size_t kOtherFiles = kAcceptedFiles + kListenersMax;  // Before those of peers.
 
 // For ppoll.
 timespec TimeUntil(MonotonicTime time) {
@@ -63,6 +67,14 @@ timespec TimeUntil(MonotonicTime time) {
       std::clamp<Duration>(time - std::chrono::steady_clock::now(), Duration::zero(), std::chrono::hours(1));
   const auto whole = std::chrono::floor<std::chrono::seconds>(left);
   return {.tv_sec = whole.count(), .tv_nsec = (left - whole).count()};
+}
+
+// The address as TcpConnection::peer has it: libzmq names the interface of a link-local one, and an IPv4 address that
+// came over IPv6 as such.
+std::string PlainAddress(const std::string& address) {
+  constexpr std::string_view kMapped = "::ffff:";
+  const std::string plain = address.substr(0, address.find('%'));
+  return plain.starts_with(kMapped) ? plain.substr(kMapped.size()) : plain;
 }
 
 }  // namespace
@@ -92,7 +104,7 @@ class ZeroMqTransport::Impl {
       keys_ = std::move(*keys);
     }
     if (const auto opened = OpenZapHandler(); !opened) return opened;
-    if (const auto opened = OpenRouter(); !opened) return opened;
+    if (const auto opened = OpenPeerListener(); !opened) return opened;
     if (const auto opened = OpenClients(); !opened) return opened;
     if (const auto opened = OpenKeyedClients(); !opened) return opened;
     if (const auto opened = OpenPeers(); !opened) return opened;
@@ -124,9 +136,10 @@ class ZeroMqTransport::Impl {
     proto::DoorStatus status;
     status.set_unknown_agent_keys(static_cast<double>(refused_.agents.load()));
     status.set_unknown_client_keys(static_cast<double>(refused_.clients.load()));
-    if (!guard_) return status;
+    status.set_deferred_client_handshakes(static_cast<double>(refused_.deferred_clients.load()));
     status.set_cut_for_number(static_cast<double>(guard_->cut_for_number()));
     status.set_cut_for_bytes(static_cast<double>(guard_->cut_for_bytes()));
+    status.set_cut_for_claimed_id(static_cast<double>(guard_->cut_for_claimed_id()));
     return status;
   }
 
@@ -144,30 +157,42 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  Result<void> OpenRouter() {
-    Result<ZmqSocket> router = ZmqSocket::Make(context_, ZMQ_ROUTER);
-    if (!router) return tl::unexpected(router.error());
-    router->Set(ZMQ_RCVHWM, kPeerQueueMessages);
-    router->Set(ZMQ_SNDHWM, 1);
-    router->Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
-    router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.frame_bytes_max + kCurveBytes));
+  // With keys a DEALER: it assigns no routing ids, which a peer could claim, and each frame names its connection
+  // (LinkOrder). Without keys a ROUTER: the routing id that a connection claims says whose it is.
+  Result<void> OpenPeerListener() {
+    Result<ZmqSocket> listener = ZmqSocket::Make(context_, keys_ ? ZMQ_DEALER : ZMQ_ROUTER);
+    if (!listener) return tl::unexpected(listener.error());
+    listener->Set(ZMQ_RCVHWM, kPeerQueueMessages);
+    listener->Set(ZMQ_SNDHWM, 1);
+    listener->Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
+    listener->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options_.frame_bytes_max + kCurveBytes));
     if (keys_) {
-      router->Set(ZMQ_CURVE_SERVER, 1);
-      router->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
-      router->Set(ZMQ_ZAP_DOMAIN, ZapHandler::kAgentDomain);
+      listener->Set(ZMQ_CURVE_SERVER, 1);
+      listener->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
+      listener->Set(ZMQ_ZAP_DOMAIN, ZapHandler::kAgentDomain);
       // A connection whose machine went away sends nothing and is not replaced.
-      router->Set(ZMQ_TCP_KEEPALIVE, 1);
-      router->Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
+      listener->Set(ZMQ_TCP_KEEPALIVE, 1);
+      listener->Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
     } else {
-      router->Set(ZMQ_ROUTER_HANDOVER, 1);
+      listener->Set(ZMQ_ROUTER_HANDOVER, 1);
     }
+    if (const auto watched = WatchAccepted(*listener); !watched) return watched;
     const std::string& address = FindAgent(team_, options_.self)->address();
-    if (address.find('[') != std::string::npos) router->Set(ZMQ_IPV6, 1);
+    if (address.find('[') != std::string::npos) listener->Set(ZMQ_IPV6, 1);
     if (const auto claimed = ClaimIpcPath(address); !claimed) return claimed;
     const Result<std::string> endpoint = NumericEndpoint(address);
     if (!endpoint) return tl::unexpected(endpoint.error());
-    if (const auto bound = router->Bind(*endpoint); !bound) return bound;
-    router_ = std::move(*router);
+    if (const auto bound = listener->Bind(*endpoint); !bound) return bound;
+    peer_listener_ = std::move(*listener);
+    return {};
+  }
+
+  // Before it listens.
+  Result<void> WatchAccepted(ZmqSocket& listener) {
+    const std::string endpoint = "inproc://accepted-" + std::to_string(accepted_.size());
+    Result<ZmqSocket> monitor = listener.MakeMonitor(context_, endpoint, ZMQ_EVENT_ACCEPTED);
+    if (!monitor) return tl::unexpected(monitor.error());
+    accepted_.push_back(std::move(*monitor));
     return {};
   }
 
@@ -184,15 +209,16 @@ class ZeroMqTransport::Impl {
     if (address.empty()) return {};
     Check(keys_.has_value(), "a team without keys has no client_address");
     client_keys_ = ClientKeys::Open(options_.clients_file, std::chrono::steady_clock::now());
-    zap_handler_->LetClientsIn([this](const std::string& key) {
-      return client_keys_->Find(key, std::chrono::steady_clock::now()).has_value();
-    });
+    zap_handler_->LetClientsIn(
+        [this](const std::string& key, const std::string& from) { return AdmitClient(key, from); });
     ClientDoor::Options options;
     options.self = options_.self;
     options.endpoint = address;
-    options.on_message = [this](int file, std::string_view key) {
-      OnWholeMessage(file, key, TcpConnections::PeerPortOf(file));
+    options.on_message = [this](int file, std::string_view key, bool has_claimed_id) {
+      guard_->OnMessage(file, key, TcpConnections::PeerPortOf(file), has_claimed_id);
     };
+    options.admitted_handshakes = [this] { return admitted_clients_; };
+    options.before_listening = [this](ZmqSocket& listener) { return WatchAccepted(listener); };
     options.secret_key = keys_->own.secret_key;
     options.identity_of = [this](const std::string& key) {
       const auto client = client_keys_->Find(key, std::chrono::steady_clock::now());
@@ -253,15 +279,45 @@ class ZeroMqTransport::Impl {
                       .key_max = ClientDoor::kConnectionsOfKeyMax,
                       .shared_bytes = kKeyedRequestBytesMax};
     }
-    if (doors.empty()) return {};
     Result<std::unique_ptr<DoorGuard>> guard = DoorGuard::Make(std::move(doors));
     if (!guard) return tl::unexpected(guard.error());
     guard_ = std::move(*guard);
     return {};
   }
 
-  void OnWholeMessage(int file, std::string_view key, std::uint16_t peer_port = 0) {
-    if (guard_) guard_->OnMessage(file, key, peer_port);
+  void ReadAccepted(MonotonicTime now) {
+    for (ZmqSocket& monitor : accepted_) {
+      while (const std::optional<ZmqEvent> event = monitor.ReceiveEvent()) guard_->OnAccepted(event->value, now);
+    }
+  }
+
+  void OnMonitorReadable(AgentId id, PeerLink& peer) {
+    peer.OnMonitorReadable();
+    if (const std::optional<int> file = peer.TakeConnectedFile()) {
+      guard_->OnLinkConnected(id, *file, std::chrono::steady_clock::now());
+    }
+  }
+
+  // Decides whether a client with this key may come in from `address`.
+  ZapHandler::Admission AdmitClient(const std::string& key, const std::string& address) {
+    const MonotonicTime now = std::chrono::steady_clock::now();
+    const std::optional<proto::ListedClient> client = client_keys_->Find(key, now);
+    if (!client) return ZapHandler::Admission::kUnknown;
+    const std::optional<std::uint16_t> port = TcpPortOf(FindAgent(team_, options_.self)->client_address());
+    Check(port.has_value(), "clients with keys come over TCP");
+    ReadAccepted(now);  // The guard knows each connection before it is asked to admit one.
+    const bool has_handshakes = handshake_limit_.HasRoom(key, now);
+    if (!has_handshakes || !guard_->Admit(*port, key, PlainAddress(address), now)) {
+      ++refused_.deferred_clients;
+      refused_.deferred_log.Warn(
+          "transport: refused client " + client->name() + " for now: its key has " +
+          (has_handshakes ? std::to_string(ClientDoor::kConnectionsOfKeyMax) + " connections"
+                          : "made " + std::to_string(HandshakeLimit::kPerMinute) + " connections within a minute"));
+      return ZapHandler::Admission::kNotNow;
+    }
+    handshake_limit_.Count(key, now);
+    ++admitted_clients_;
+    return ZapHandler::Admission::kAdmitted;
   }
 
   void Run() {
@@ -274,7 +330,8 @@ class ZeroMqTransport::Impl {
       for (const auto& door : doors_) door->KeepPlace(std::chrono::steady_clock::now());
       for (const auto& door : doors_) has_more_ = door->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
-      if (guard_) guard_->Work(now);
+      guard_->Work(now);
+      for (const AgentId flooding : guard_->TakeFloodedLinks()) peers_.at(flooding)->OnFlooded(now);
       for (const auto& [id, peer] : peers_) peer->Work(now, peer_changed_);
     }
   }
@@ -290,7 +347,7 @@ class ZeroMqTransport::Impl {
     for (const auto& door : doors_) deadline = std::min(deadline, door->deadline());
     const bool has_replies =
         std::any_of(doors_.begin(), doors_.end(), [](const auto& door) { return door->has_replies(); });
-    if (guard_) deadline = std::min(deadline, guard_->deadline());
+    deadline = std::min(deadline, guard_->deadline());
     if (has_more_ || is_stopping_ || has_replies) deadline = MonotonicTime::min();
     wake_up_.SleepsUntil(deadline);
     CollectFiles();
@@ -300,12 +357,16 @@ class ZeroMqTransport::Impl {
       for (pollfd& file : files_) file.revents = 0;
     }
     wake_up_.IsAwake(/*by_file=*/files_[0].revents != 0);
-    is_busy_ = files_[kRouterFile].revents != 0;
+    is_busy_ = files_[kPeerListenerFile].revents != 0;
     if (files_[kGuardFile].revents != 0) guard_->OnReadable(std::chrono::steady_clock::now());
+    const auto accepted = std::span(files_).subspan(kAcceptedFiles, kListenersMax);
+    if (std::ranges::any_of(accepted, [](const pollfd& file) { return file.revents != 0; })) {
+      ReadAccepted(std::chrono::steady_clock::now());
+    }
     std::size_t next = kOtherFiles;
     for (const auto& [id, peer] : peers_) {
       if (files_[next++].revents != 0) peer->OnSocketReadable();
-      if (files_[next++].revents != 0) peer->OnMonitorReadable();
+      if (files_[next++].revents != 0) OnMonitorReadable(id, *peer);
     }
   }
 
@@ -326,10 +387,11 @@ class ZeroMqTransport::Impl {
     files_.clear();
     const auto add = [this](int file) { files_.push_back({file, POLLIN, 0}); };
     add(wake_up_.file());
-    add(router_->file());
-    add(guard_ ? guard_->file() : -1);
+    add(peer_listener_->file());
+    add(guard_->file());
     add(zap_handler_ ? zap_handler_->file() : -1);
     for (std::size_t i = 0; i < kDoorsMax; ++i) add(i < doors_.size() ? doors_[i]->file() : -1);
+    for (std::size_t i = 0; i < kListenersMax; ++i) add(i < accepted_.size() ? accepted_[i].file() : -1);
     for (const auto& [id, peer] : peers_) {
       add(peer->socket_file());
       add(peer->monitor_file());
@@ -347,53 +409,52 @@ class ZeroMqTransport::Impl {
 
   // libzmq takes frames of all peers in turn. True if more wait.
   bool ReceiveFromPeers() {
-    ZmqRoutedFrame received;
+    ZmqReceived received;
     for (std::size_t messages = 0; messages < kBatchMessages;) {
-      if (!router_->Receive(&received)) return false;
+      if (!peer_listener_->Receive(&received)) return false;
       messages += OnPeerFrame(received);
     }
     return true;
   }
 
-  // How many messages it held; 1 for one that was rejected.
-  std::size_t OnPeerFrame(const ZmqRoutedFrame& received) {
-    OnWholeMessage(received.file, received.frame.user_id());
+  // Returns how many messages the frame held; 1 if it was rejected.
+  std::size_t OnPeerFrame(const ZmqReceived& received) {
+    guard_->OnMessage(received.file, received.frame.user_id());
     std::optional<AgentId> authenticated;
     if (keys_) authenticated = AgentOfUserId(received.frame.user_id());
-    Result<std::vector<OwnedMessage>> messages = received.parts == 2
-                                                     ? ParsePeerFrame(received.frame.text(), authenticated)
-                                                     : Fail(ErrorCode::kCorrupt, "sent a frame of several parts");
+    std::string_view frame = received.frame.text();
+    const std::optional<std::uint32_t> link = TakeLinkNumber(&frame);
+    Result<std::vector<OwnedMessage>> messages =
+        link && received.parts == 1
+            ? ParsePeerFrame(frame, authenticated)
+            : Fail(ErrorCode::kCorrupt, "sent a frame of several parts, or without link number");
     if (messages && !peers_.contains(messages->front()->hop_sender())) {
       messages = Fail(ErrorCode::kRefused, "claimed to be an agent that the team does not have");
     }
+    // Without keys the connection's own word has to do for whom to blame.
+    const AgentId sender =
+        messages ? messages->front()->hop_sender() : authenticated.value_or(AgentOfUserId(received.route.text()));
+    const auto peer = peers_.find(sender);
+    const bool is_on_link = peer != peers_.end() && link && IsOnLink(sender, *link, received);
     if (!messages) {
-      OnRejected(received, authenticated, messages.error().text);
+      if (peer != peers_.end()) peer->second->OnRejected(frame.size(), is_on_link);
+      refused_.frame_log.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " +
+                              messages.error().text);
       return 1;
     }
-    const AgentId sender = messages->front()->hop_sender();
-    PeerLink& peer = *peers_.at(sender);
-    const bool is_on_link = IsOnLink(sender, received);
     if (messages->front()->has_link_report()) {
-      peer.OnReport(messages->front()->link_report(), is_on_link);
+      peer->second->OnReport(messages->front()->link_report(), *link, is_on_link);
       return 1;
     }
-    peer.OnMessages(messages->size(), received.frame.size(), is_on_link);
+    peer->second->OnMessages(messages->size(), frame.size(), is_on_link);
     for (OwnedMessage& message : *messages) deliver_(std::move(message));
     return messages->size();
   }
 
   // Without keys libzmq gives a connection that was replaced another routing id than the agent's.
-  bool IsOnLink(AgentId sender, const ZmqRoutedFrame& received) {
-    if (keys_) return link_routes_.IsNewest(sender, received.route.text());
-    return AgentOfUserId(received.route.text()) == sender;
-  }
-
-  void OnRejected(const ZmqRoutedFrame& received, std::optional<AgentId> authenticated, const std::string& what) {
-    // Without keys the connection's own word has to do for whom to blame.
-    const AgentId blamed = authenticated.value_or(AgentOfUserId(received.route.text()));
-    const auto peer = peers_.find(blamed);
-    if (peer != peers_.end()) peer->second->OnRejected(received.frame.size(), IsOnLink(blamed, received));
-    refused_.frame_log.Warn("transport: " + (peer == peers_.end() ? "somebody" : peer->second->name()) + " " + what);
+  bool IsOnLink(AgentId sender, std::uint32_t link, const ZmqReceived& received) {
+    if (!keys_ && AgentOfUserId(received.route.text()) != sender) return false;
+    return link_order_.IsNewest(sender, link);
   }
 
   const proto::TeamConfig team_;
@@ -405,13 +466,16 @@ class ZeroMqTransport::Impl {
   ZmqContext context_;  // Before all sockets: it outlives them.
   WakeUp wake_up_;
   std::optional<ZapHandler> zap_handler_;
-  std::optional<ZmqSocket> router_;
+  std::vector<ZmqSocket> accepted_;  // Monitors of the sockets that listen; they outlive those sockets.
+  std::optional<ZmqSocket> peer_listener_;
   std::optional<ClientKeys> client_keys_;
+  HandshakeLimit handshake_limit_;      // Of clients.
+  std::uint32_t admitted_clients_ = 0;  // Handshakes.
   std::vector<std::unique_ptr<ClientDoor>> doors_;
   std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
-  LinkRoutes link_routes_;
+  LinkOrder link_order_;
 
-  std::unique_ptr<DoorGuard> guard_;  // None where nobody listens on TCP.
+  std::unique_ptr<DoorGuard> guard_;
 
   std::vector<pollfd> files_;
   bool is_busy_ = false;   // Peers sent something just now.
@@ -421,6 +485,8 @@ class ZeroMqTransport::Impl {
     std::atomic<std::uint64_t> clients = 0;
     RateLimitedLog agent_log;
     RateLimitedLog client_log;
+    std::atomic<std::uint64_t> deferred_clients = 0;
+    RateLimitedLog deferred_log;
     RateLimitedLog frame_log;
   };
   Refused refused_;

@@ -1,11 +1,11 @@
 // ZeroMqTransport: one thread that owns every socket of an agent.
 //
-// Between agents: a ROUTER that only receives, one DEALER per peer that only sends (runtime/transport/peer_link.h);
-// CURVE on all of them, and a ZAP handler that admits the team file's keys alone and binds each to its agent, whatever
-// the connection says of itself: a frame whose hop_sender is not the key's agent is counted and dropped, and so is a
-// body that only actors of one agent send each other. A frame between agents is a proto::PeerFrame: small messages that
-// come one upon the other share one. Clients talk to ROUTERs of their own (runtime/transport/client_door.h), request
-// and reply, a proto::Message a frame.
+// Between agents: a bound DEALER that only receives, one DEALER per peer that only sends
+// (runtime/transport/peer_link.h); CURVE on all of them, and a ZAP handler that admits the team file's keys alone and
+// binds each to its agent, whatever the connection says of itself: a frame whose hop_sender is not the key's agent is
+// counted and dropped, and so is a body that only actors of one agent send each other. A frame between agents is a
+// proto::PeerFrame: small messages that come one upon the other share one. Clients talk to ROUTERs of their own
+// (runtime/transport/client_door.h), request and reply, a proto::Message a frame.
 //
 // libzmq would queue silently for absent peers and let megabytes in for frozen ones, so queues are bounded here: byte
 // credit per connection, ZMQ_IMMEDIATE, LINGER 0; peers that fall silent are noticed by deadlines, without ZMTP's

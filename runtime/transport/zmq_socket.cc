@@ -1,7 +1,10 @@
 #include "runtime/transport/zmq_socket.h"
 
+#include <sys/random.h>
+
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 
 #include "model/check.h"
@@ -24,6 +27,13 @@ void ZmqContextDeleter::operator()(void* context) const {
 }
 
 ZmqContext MakeZmqContext(int io_threads) {
+  static const bool kIsSeeded = [] {
+    unsigned seed = 0;
+    Check(::getrandom(&seed, sizeof seed, 0) == sizeof seed, "the system gives random numbers");
+    std::srand(seed);
+    return true;
+  }();
+  Check(kIsSeeded, "rand() is seeded");
   ZmqContext context(zmq_ctx_new());
   Check(context != nullptr, "libzmq makes a context");
   Check(zmq_ctx_set(context.get(), ZMQ_IO_THREADS, io_threads) == 0, "a number of threads that libzmq takes");
@@ -52,6 +62,7 @@ void ZmqSocket::Closer::operator()(void* socket) const {
 Result<ZmqSocket> ZmqSocket::Make(const ZmqContext& context, int type) {
   ZmqSocket socket;
   socket.socket_.reset(zmq_socket(context.get(), type));
+  socket.type_ = type;
   if (socket.socket_ == nullptr) {
     return Fail(ErrorCode::kUnavailable, std::string("cannot make a socket: ") + zmq_strerror(zmq_errno()));
   }
@@ -99,13 +110,15 @@ Result<ZmqSocket> ZmqSocket::MakeMonitor(const ZmqContext& context, const std::s
 }
 
 // Two frames: the event's number with a value, and the address.
-std::optional<int> ZmqSocket::ReceiveEvent() {
+std::optional<ZmqEvent> ZmqSocket::ReceiveEvent() {
   std::vector<ZmqFrame> parts;
   if (!Receive(&parts)) return std::nullopt;
-  std::uint16_t event = 0;
-  if (parts[0].size() < sizeof event) return 0;
-  std::memcpy(&event, parts[0].data(), sizeof event);
-  return event;
+  std::uint16_t type = 0;
+  std::uint32_t value = 0;
+  Check(parts[0].size() == sizeof type + sizeof value, "a monitor's event has a type and a value");
+  std::memcpy(&type, parts[0].data(), sizeof type);
+  std::memcpy(&value, parts[0].data() + sizeof type, sizeof value);
+  return ZmqEvent{type, static_cast<int>(value)};
 }
 
 bool ZmqSocket::ReceiveFrame(ZmqFrame* frame, int flags) {
@@ -126,20 +139,24 @@ bool ZmqSocket::Receive(std::vector<ZmqFrame>* parts) {
   return true;
 }
 
-// libzmq notes the file at the last part alone.
-bool ZmqSocket::Receive(ZmqRoutedFrame* message) {
-  if (!ReceiveFrame(&message->route, ZMQ_DONTWAIT)) return false;
-  message->parts = 1;
+// libzmq notes the file descriptor at the last part alone.
+bool ZmqSocket::Receive(ZmqReceived* message) {
+  message->route = {};
+  message->parts = 0;
   message->file = -1;
-  if (zmq_msg_more(&message->route.message_) == 0) return true;
-  if (!ReceiveFrame(&message->frame, 0)) return false;
-  message->parts = 2;
-  message->file = zmq_msg_get(&message->frame.message_, ZMQ_SRCFD);
-  for (bool has_more = zmq_msg_more(&message->frame.message_) != 0; has_more; ++message->parts) {
+  int flags = ZMQ_DONTWAIT;  // The parts of a message arrive together, so only the first one can be missing.
+  if (type_ == ZMQ_ROUTER) {
+    if (!ReceiveFrame(&message->route, flags)) return false;
+    if (zmq_msg_more(&message->route.message_) == 0) return true;
+    flags = 0;
+  }
+  for (bool has_more = true; has_more; ++message->parts) {
     ZmqFrame further;
-    if (!ReceiveFrame(&further, 0)) return false;
-    message->file = zmq_msg_get(&further.message_, ZMQ_SRCFD);
-    has_more = zmq_msg_more(&further.message_) != 0;
+    ZmqFrame& part = message->parts == 0 ? message->frame : further;
+    if (!ReceiveFrame(&part, flags)) return false;
+    flags = 0;
+    message->file = zmq_msg_get(&part.message_, ZMQ_SRCFD);
+    has_more = zmq_msg_more(&part.message_) != 0;
   }
   return true;
 }

@@ -21,6 +21,8 @@ struct ZmqContextDeleter {
 // Destroy after all of its sockets: it waits for them.
 using ZmqContext = std::unique_ptr<void, ZmqContextDeleter>;
 
+// Also seeds rand(), once in a process, from the system's random numbers. libzmq draws the first routing id of each
+// ROUTER from rand(), and ends the process if a peer has claimed an id before a ROUTER assigns it.
 ZmqContext MakeZmqContext(int io_threads);
 
 // Bytes in libzmq's own memory, so that they are copied neither into a socket nor out of it.
@@ -47,16 +49,22 @@ class ZmqFrame {
   mutable zmq_msg_t message_;  // libzmq reads it through pointers to non-const.
 };
 
-// A message with the frame that a ROUTER puts before it.
-struct ZmqRoutedFrame {
-  ZmqFrame route;
-  ZmqFrame frame;         // The first part; further ones are read and forgotten.
-  std::size_t parts = 0;  // As received, with the route.
-  int file = -1;          // Of the connection on which it came; by now it may be another one's.
+// A received message.
+struct ZmqReceived {
+  ZmqFrame route;         // The routing id that a ROUTER puts before the message; empty from another socket.
+  ZmqFrame frame;         // The first part. Further parts are read and dropped.
+  std::size_t parts = 0;  // Of the message, without the route.
+  int file = -1;          // File descriptor of the connection it came over. By now the kernel may have reused it.
 };
 
 // A connection to a door that has not finished its handshake by then is closed.
 inline constexpr int kHandshakeMax_ms = 2000;
+
+// Of a monitor: a ZMQ_EVENT_* and its value, which for ACCEPTED and CONNECTED is the connection's file descriptor.
+struct ZmqEvent {
+  int type = 0;
+  int value = 0;
+};
 
 enum class ZmqSend { kSent, kWouldBlock, kNoRoute };
 
@@ -79,12 +87,12 @@ class ZmqSocket {
   // A socket that reports what becomes of this one's connections, from now on: ZMQ_EVENT_* of `events`. `endpoint` is
   // inproc and not used before. Close it after this one.
   Result<ZmqSocket> MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events);
-  // Of a monitor: the next ZMQ_EVENT_*; none if nothing waits.
-  std::optional<int> ReceiveEvent();
+  // Of a monitor: returns the next event; none if nothing waits.
+  std::optional<ZmqEvent> ReceiveEvent();
 
   // Never block; false if nothing waits. Of the parts of a message, at most kPartsMax are kept.
   bool Receive(std::vector<ZmqFrame>* parts);
-  bool Receive(ZmqRoutedFrame* message);
+  bool Receive(ZmqReceived* message);
   static constexpr std::size_t kPartsMax = 8;
 
   // Never blocks. What was sent is empty afterwards; kWouldBlock and kNoRoute leave the (first) frame as it was.
@@ -105,6 +113,7 @@ class ZmqSocket {
   bool ReceiveFrame(ZmqFrame* frame, int flags);
 
   std::unique_ptr<void, Closer> socket_;
+  int type_ = 0;  // ZMQ_ROUTER, ...
   int file_ = -1;
 };
 

@@ -1,9 +1,12 @@
 """Attackers by what they make an agent do: write its log, remember, decode, compare."""
 import contextlib
 import random
+import socket
+import threading
 import time
 
 import messages
+import zmtp
 import zstandard
 from client import KeyedClient
 from havesets import Receiver
@@ -54,7 +57,7 @@ def ask_beside(team, count, scale):
         for i in range(count):
             watcher = stack.enter_context(KeyedClient(team, "watcher"))
             watcher.send(i + 1, status={})
-        for _ in range(max(3, int(12 * scale))):  # With 16 of its own key carl would be forgotten.
+        for _ in range(max(3, int(12 * scale))):
             with KeyedClient(team, "sharer", timeout_s=5, from_address=ELSEWHERE) as other:
                 other.ask(status={})
         team.insert("rover1", [record.Record(stamp_ns=messages.now_ns(), mode={"activity": 1})])
@@ -132,7 +135,33 @@ def long_questions(team, scale):
         team.answers("rover1")
 
 
-ATTACKERS = [floods_the_log, connections_of_one_key, more_connections_than_places, giant_have_sets, zstd_bombs,
-             statements_of_a_compact_team, long_questions]
+def endless_messages_over_links(team, scale):
+    """rover3 answers rover1, which connects to it, with a message that never ends, of 64 kB parts, then of 1 byte."""
+    is_over, sent = threading.Event(), [0]
+
+    def send_parts(accepted):
+        with contextlib.suppress(OSError):
+            connection = zmtp.accept(accepted, team.keys(TAKEN)[1])
+            size = 1 << 16 if sent[0] < 200 << 20 else 1
+            while not is_over.is_set() and connection.peer_key == team.keys("rover1")[0]:
+                block = b"".join(connection.part(bytes(size), more=True) for _ in range(max(1, 65536 // (size + 40))))
+                connection.send_raw(block)
+                sent[0] += len(block)
+        accepted.close()
+
+    with socket.create_server(team.address(TAKEN)) as server, contextlib.ExitStack() as stack:
+        stack.callback(is_over.set)
+        server.settimeout(0.2)
+        end = time.monotonic() + max(2, 15 * scale)
+        while time.monotonic() < end:
+            with contextlib.suppress(TimeoutError):
+                threading.Thread(target=send_parts, args=(server.accept()[0],), daemon=True).start()
+    findings = team.moonctl("-a", "rover1", "health", check=False).stdout
+    if "sends data over this agent's own link" not in findings:
+        raise Failure("health does not name rover3, which floods the link to it")
+
+
+ATTACKERS = [floods_the_log, endless_messages_over_links, connections_of_one_key, more_connections_than_places,
+             giant_have_sets, zstd_bombs, statements_of_a_compact_team, long_questions]
 
 ONLY_AT_LENGTH = [giant_have_sets]

@@ -162,7 +162,44 @@ def foreign_routing_ids(team, scale):
         raise Failure(f"the others' links came up {before} times before, and {after} times after")
 
 
-ATTACKERS = [idle_connections, announced_frames, any_bytes, endless_parts_of_a_member, tiny_parts_of_a_member,
+# The first numbers that a ROUTER or REP of libzmq takes for its connections if nobody seeds rand(), in their order.
+UNSEEDED_NUMBERS = [0x6b8b4567, 0xe43c9869, 0xf4b0dc51, 0x2ae8944a]
+
+
+def claim_next_ids(connect):
+    """Claims the ids that an unseeded ROUTER is about to assign, and lets it assign them."""
+    with contextlib.ExitStack() as stack:
+        for ahead in range(4, 8):
+            for number in UNSEEDED_NUMBERS:
+                with contextlib.suppress(OSError):
+                    routing_id = b"\x00" + struct.pack(">I", number + ahead)
+                    stack.callback(connect(routing_id).close)
+        for _ in range(12):
+            with contextlib.suppress(OSError):
+                stack.callback(connect(b"").close)
+        time.sleep(0.5)
+
+
+def claimed_ids_of_a_client(team, scale):
+    """A client that may view: connections that claim the routing ids which the agent would assign next."""
+    claim_next_ids(lambda routing_id: team.connect_client("watcher", routing_id, timeout_s=2))
+
+
+def claimed_ids_of_a_member(team, scale):
+    """rover3, with its key: connections that claim the routing ids which the agent would assign next."""
+    claim_next_ids(lambda routing_id: team.connect("rover1", "rover3", routing_id))
+
+
+def messages_under_claimed_ids(team, scale):
+    """A client that may share: each message comes over a connection with an id of its own choice, and cuts it."""
+    for routing_id in (b"1", b"\x00" + bytes(4), b"anna"):
+        connection = team.connect_client("sharer", routing_id)
+        connection.send(b"\x82\x7d\x01")
+        if not connection.is_closed_within(5):
+            raise Failure(f"a client that claimed the id {routing_id!r} stays connected")
+
+
+ATTACKERS = [claimed_ids_of_a_client, claimed_ids_of_a_member, messages_under_claimed_ids, idle_connections, announced_frames, any_bytes, endless_parts_of_a_member, tiny_parts_of_a_member,
              endless_parts_of_a_client, tiny_parts_of_a_client,
              replayed_connections, endless_metadata, foreign_routing_ids]
 

@@ -98,7 +98,7 @@ def right_messages(member, session):
         ("clock", {"clock_report": {"utc_ns": messages.now_ns()}}),
         ("storage", {"epoch_report": {"epochs": [1, epoch]}}),
         ("failover", {"leader_check": {}}),
-        ("", {"link_report": {"link": 5, "reported_link": 6, "received_bytes": 7}}),
+        ("", {"link_report": {"reported_link": 6, "received_bytes": 7}}),
         ("gateway", {"control_request": status.SerializeToString(), "request_id": 5}),
         ("gateway", {"control_request": read.SerializeToString(), "request_id": 6}),
         ("retention", {"control_request": messages.control.ControlRequest(have={}).SerializeToString()}),

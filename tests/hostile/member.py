@@ -12,6 +12,7 @@ it sends goes out at once: credits are the sender's own to keep to (runtime/tran
 import collections
 import contextlib
 import random
+import struct
 import threading
 import time
 
@@ -25,6 +26,8 @@ ANSWER_TIMEOUT_S = 10
 LINK_TIMEOUT_S = 20
 KEPT_MESSAGES = 20000  # Received and not looked at.
 REPORT_AFTER_BYTES = 8192
+LINK_NUMBER_TAG = 2 << 3 | 5  # Of PeerFrame.link_number, a fixed32.
+LINK_NUMBER_BYTES = 5
 SYNC, REPLICATION = 1, 2
 ACTOR_OF_KIND = {SYNC: "sync", REPLICATION: "replica"}
 CODEC_PLAIN, CODEC_ZSTD, CODEC_COMPACT, CODEC_PAPER_SQL = 1, 2, 3, 4
@@ -86,10 +89,10 @@ class Member:
         self.send_frame(agent, frame_of(self.message(agent, actor, source, **fields)))
 
     def send_frame(self, agent, frame):
-        """Any bytes, as one frame."""
+        """Any bytes, as one frame behind the link number."""
         link = self.links[agent]
         with link.lock:
-            link.socket.send(frame)
+            link.socket.send(struct.pack("<BI", LINK_NUMBER_TAG, link.number) + frame)
 
     def ask(self, agent, timeout_s=ANSWER_TIMEOUT_S, source="gateway", **request):
         """The ControlReply to a request that this agent says it relays."""
@@ -176,7 +179,7 @@ class Member:
     def _report(self, agent):
         link = self.links[agent]
         link.unreported_bytes = 0
-        report = {"link": link.number, "reported_link": link.reported_link, "received_bytes": link.received_bytes,
+        report = {"reported_link": link.reported_link, "received_bytes": link.received_bytes,
                   "report_after_bytes": REPORT_AFTER_BYTES}
         with contextlib.suppress(zmq.ZMQError):  # Again when the agent asks.
             self.send(agent, "", link_report=report)
@@ -188,19 +191,20 @@ class Member:
                 self._take(parts[-1])
 
     def _take(self, frame):
-        heard = message.PeerFrame.FromString(frame).messages
+        peer_frame = message.PeerFrame.FromString(frame)
+        heard = peer_frame.messages
         agent = self.agent_of(heard[0])
         link = self.links[agent]
         if heard[0].HasField("link_report"):
             report = heard[0].link_report
-            if report.link != link.reported_link:
-                link.reported_link, link.received_bytes = report.link, 0
+            if peer_frame.link_number != link.reported_link:
+                link.reported_link, link.received_bytes = peer_frame.link_number, 0
             link.is_up.set()
             if report.is_asking or report.coming_bytes:
                 self._report(agent)
             return
-        link.received_bytes += len(frame)
-        link.unreported_bytes += len(frame)
+        link.received_bytes += len(frame) - LINK_NUMBER_BYTES
+        link.unreported_bytes += len(frame) - LINK_NUMBER_BYTES
         if link.unreported_bytes >= REPORT_AFTER_BYTES:
             self._report(agent)
         for one in heard:
@@ -260,4 +264,5 @@ class Session:
 
 
 def frame_of(*many):
+    """The messages of a PeerFrame, without the link number."""
     return message.PeerFrame(messages=many).SerializeToString()

@@ -148,13 +148,16 @@ def orders_to_share(team, scale):
 
 
 def lying_reports(team, scale):
-    """rover3 reports to the transport what never arrived, asks for reports, and announces frames of 2^63 bytes."""
+    """rover3 reports to the transport what never arrived, under false link numbers, and announces frames of 2^63 bytes."""
     with Member(team, TAKEN) as member:
+        link = member.links["rover1"]
+        number = link.number
         for i in range(int(30_000 * scale)):
+            link.number = random.choice([number, i + 1])
             member.send("rover1", "", link_report={
-                "link": random.choice([member.links["rover1"].number, i]), "reported_link": random.getrandbits(32),
-                "received_bytes": random.getrandbits(64), "is_asking": True, "report_after_bytes": 1,
-                "coming_bytes": 1 << 63})
+                "reported_link": random.getrandbits(32), "received_bytes": random.getrandbits(64), "is_asking": True,
+                "report_after_bytes": 1, "coming_bytes": 1 << 63})
+        link.number = number
         answers(team, member)
 
 

@@ -275,10 +275,11 @@ class Team:
         number = str(NAMES.index(as_agent) + 1).encode() if routing_id is None else routing_id
         return zmtp.connect(self.address(agent), self.keys(agent)[0], self.keys(as_agent), number)
 
-    def connect_client(self, key_name):
+    def connect_client(self, key_name, routing_id=b"", timeout_s=zmtp.TIMEOUT_S):
         """To rover1's client_address."""
         _, secret = (zmtp.from_z85(key.decode()) for key in self.client_keys(key_name))
-        return zmtp.connect(("127.0.0.1", CLIENT_PORT), self.keys("rover1")[0], (zmtp.public_of(secret), secret))
+        return zmtp.connect(("127.0.0.1", CLIENT_PORT), self.keys("rover1")[0], (zmtp.public_of(secret), secret), routing_id,
+                            timeout_s)
 
 
 @contextlib.contextmanager

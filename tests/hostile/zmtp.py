@@ -37,9 +37,10 @@ def key_pair():
 
 
 class Connection:
-    def __init__(self, address, timeout_s=TIMEOUT_S):
-        self.socket = socket.create_connection(address, timeout=timeout_s)
+    def __init__(self, address, timeout_s=TIMEOUT_S, accepted=None):
+        self.socket = accepted or socket.create_connection(address, timeout=timeout_s)
         self.nonce = 0
+        self.nonce_prefix = b"CurveZMQMESSAGEC"
         self.session_keys = None  # (the server's public, this side's secret) once the handshake is done.
 
     def close(self):
@@ -85,7 +86,7 @@ class Connection:
         self.nonce += 1
         short = struct.pack(">Q", self.nonce)
         public, secret = self.session_keys
-        box = sodium.crypto_box(bytes([MORE if more else 0]) + payload, b"CurveZMQMESSAGEC" + short, public, secret)
+        box = sodium.crypto_box(bytes([MORE if more else 0]) + payload, self.nonce_prefix + short, public, secret)
         body = b"\x07MESSAGE" + short + box
         return (struct.pack(">BQ", LONG, len(body)) if len(body) > 255 else struct.pack(">BB", 0, len(body))) + body
 
@@ -121,6 +122,29 @@ def connect(address, server_key, keys, routing_id=b"", timeout_s=TIMEOUT_S, make
         raise ConnectionError("not let in")
     connection.nonce = 2
     connection.session_keys = (server_public, own_secret)
+    return connection
+
+
+def accept(accepted, secret):
+    """The server's side of the handshake over an accepted socket. Lets in any key, and keeps it as `peer_key`."""
+    connection = Connection(None, accepted=accepted)
+    connection.send_raw(GREETING[:32] + b"\x01" + GREETING[33:])
+    connection.receive_raw(64)
+    _, hello = connection.receive_frame()
+    client_public = hello[80:112]
+    own_public, own_secret = sodium.crypto_box_keypair()
+    nonce = nacl.utils.random(16)
+    box = sodium.crypto_box(own_public + nacl.utils.random(96), b"WELCOME-" + nonce, client_public, secret)
+    connection.send_frame(b"\x07WELCOME" + nonce + box, COMMAND)
+    _, initiate = connection.receive_frame()
+    nonce = b"CurveZMQINITIATE" + initiate[105:113]
+    connection.peer_key = sodium.crypto_box_open(initiate[113:], nonce, client_public, own_secret)[:32]
+    short = struct.pack(">Q", 1)
+    metadata = b"\x0bSocket-Type\x00\x00\x00\x06ROUTER\x08Identity\x00\x00\x00\x00"
+    ready = sodium.crypto_box(metadata, b"CurveZMQREADY---" + short, client_public, own_secret)
+    connection.send_frame(b"\x05READY" + short + ready, COMMAND)
+    connection.nonce, connection.nonce_prefix = 1, b"CurveZMQMESSAGES"
+    connection.session_keys = (client_public, own_secret)
     return connection
 
 

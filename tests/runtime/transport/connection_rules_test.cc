@@ -107,6 +107,41 @@ TEST_F(ConnectionRulesTest, WhatALaterConnectionWithTheSameFileDidNotBringIsNotI
   EXPECT_THAT(TooManyOfKey(), ElementsAre(10));
 }
 
+TEST_F(ConnectionRulesTest, AKeyIsAdmittedAsOftenAsItHasPlacesAlsoWhereNothingIsSent) {
+  for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.9", kClientPort);
+  EXPECT_TRUE(rules_.Admit(kClientPort, "watcher", "10.0.0.9"));
+  EXPECT_TRUE(rules_.Admit(kClientPort, "watcher", "10.0.0.9"));
+  EXPECT_FALSE(rules_.Admit(kClientPort, "watcher", "10.0.0.9"));
+  EXPECT_TRUE(rules_.Admit(kClientPort, "sharer", "10.0.0.9")) << "another key has its own places";
+  Open(12, "10.0.0.9", kClientPort);
+  Deliver(10, "watcher");
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  EXPECT_FALSE(rules_.Admit(kClientPort, "watcher", "10.0.0.9")) << "one that spoke and one that is silent";
+  open_.erase(10);
+  EXPECT_THAT(TooManyOfKey(), IsEmpty());
+  EXPECT_TRUE(rules_.Admit(kClientPort, "watcher", "10.0.0.9")) << "the one that spoke has left";
+}
+
+TEST_F(ConnectionRulesTest, AdmissionsEndWithTheSilentConnectionsOfTheirAddress) {
+  for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.9", kClientPort);
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(rules_.Admit(kClientPort, "watcher", "10.0.0.9"));
+  EXPECT_THAT(TooMany(), IsEmpty());
+  EXPECT_FALSE(rules_.Admit(kClientPort, "watcher", "10.0.0.9"));
+  open_.erase(11);
+  Open(12, "10.0.0.8", kClientPort);
+  EXPECT_THAT(TooMany(), IsEmpty());
+  EXPECT_TRUE(rules_.Admit(kClientPort, "watcher", "10.0.0.8")) << "one left, whichever it was";
+  EXPECT_FALSE(rules_.Admit(kClientPort, "watcher", "10.0.0.8"));
+}
+
+TEST_F(ConnectionRulesTest, AConnectionThatChoseItsRoutingIdIsCut) {
+  Open(10, "10.0.0.9", kClientPort);
+  Open(11, "10.0.0.9", kClientPort);
+  rules_.OnMessage(10, "watcher", open_.at(10).peer_port, /*has_claimed_id=*/true);
+  rules_.OnMessage(11, "watcher", open_.at(11).peer_port, /*has_claimed_id=*/false);
+  EXPECT_THAT(Judge(Cause::kClaimedId), ElementsAre(10));
+}
+
 TEST_F(ConnectionRulesTest, AMemberTakesNoOtherMembersPlaces) {
   for (int i = 0; i < 2; ++i) Open(10 + i, "10.0.0.2");
   Deliver(10, "1");

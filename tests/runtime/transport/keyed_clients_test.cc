@@ -1,7 +1,10 @@
 // Clients over TCP, under CURVE, with keys that are listed: real transports and raw sockets in one process.
 #include <gmock/gmock.h>
 
+#include <memory>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "model/control_message.h"
 #include "model/text.h"
@@ -137,6 +140,44 @@ TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneCo
   ASSERT_NE(heard, nullptr);
   EXPECT_EQ(heard->client_name(), "anna");
   EXPECT_EQ(heard->client_rights(), proto::CLIENT_RIGHTS_COMMAND);
+}
+
+TEST_F(KeyedClientsTest, AConnectionThatChoseItsRoutingIdIsNotHeardAndIsCut) {
+  ZeroMqTransport& transport = StartWithClients();
+  const RawDealer::Keys keys = With(anna_);
+  int cut = 0;
+  // The last one has the form of those that the agent assigns.
+  for (const std::string& claimed : {std::string("anna"), std::string("\0abc", 4), std::string("\0abcd", 5)}) {
+    SCOPED_TRACE(++cut);
+    RawDealer client(address_, &keys, claimed);
+    ASSERT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
+    client.Send("request");
+    EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_DISCONNECTED);
+    EXPECT_EQ(transport.Door().cut_for_claimed_id(), cut);
+  }
+  RawDealer honest(address_, &keys);
+  EXPECT_NE(HeardOf(honest), nullptr);
+  EXPECT_EQ(ears_[1].waiting(), 0u);
+}
+
+TEST_F(KeyedClientsTest, AKeyHasFifteenConnectionsAndTheNextWaitsUntilOneEnds) {
+  ZeroMqTransport& transport = StartWithClients();
+  const RawDealer::Keys keys = With(anna_);
+  std::vector<std::unique_ptr<RawDealer>> standing;
+  for (int i = 0; i < 15; ++i) {
+    standing.push_back(std::make_unique<RawDealer>(address_, &keys));
+    ASSERT_EQ(standing.back()->NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
+    if (i % 2 != 0) continue;  // It stays silent.
+    ASSERT_NE(HeardOf(*standing.back()), nullptr);
+  }
+  RawDealer next(address_, &keys);
+  EXPECT_NE(next.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
+  EXPECT_GE(transport.Door().deferred_client_handshakes(), 1);
+  standing.pop_back();
+  while (next.NextEvent() != ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
+    // libzmq tries again by itself.
+  }
+  for (const auto& client : standing) EXPECT_NE(HeardOf(*client), nullptr) << "an idle client is not cut";
 }
 
 TEST_F(KeyedClientsTest, StartsWithNobodyWhereTheListIsWrong) {

@@ -11,12 +11,10 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
-#include <thread>
 #include <utility>
-#include <vector>
 
 #include "runtime/transport/listen_address.h"
 
@@ -59,8 +57,8 @@ class TcpConnectionsTest : public testing::Test {
     port_ = ntohs(address.sin_port);
   }
 
-  std::unique_ptr<TcpConnections> Watch() const {
-    auto connections = TcpConnections::Watch({port_});
+  std::unique_ptr<TcpConnections> Make() const {
+    auto connections = TcpConnections::Make({port_});
     EXPECT_TRUE(connections) << ToString(connections.error());
     return std::move(*connections);
   }
@@ -85,10 +83,13 @@ class TcpConnectionsTest : public testing::Test {
 constexpr int kPatience_ms = 60'000;
 
 TEST_F(TcpConnectionsTest, ListsThoseThatOthersOpenedAndWhatTheyReceived) {
-  const std::unique_ptr<TcpConnections> connections = Watch();
+  const std::unique_ptr<TcpConnections> connections = Make();
+  connections->OnAccepted(listener_.file());
   EXPECT_THAT(connections->List(), IsEmpty()) << "the one that listens is none";
   const Socket theirs = Connect();
   const Socket ours = Accept();
+  connections->OnAccepted(ours.file());
+  connections->OnAccepted(theirs.file());
   ASSERT_THAT(connections->List(), SizeIs(1)) << "the other end's own port is another one";
   const TcpConnection before = connections->List()[0];
   EXPECT_EQ(before.file, ours.file());
@@ -101,16 +102,40 @@ TEST_F(TcpConnectionsTest, ListsThoseThatOthersOpenedAndWhatTheyReceived) {
   EXPECT_EQ(connections->List()[0].peer_port, before.peer_port);
 }
 
-TEST_F(TcpConnectionsTest, SaysOnceThatSomethingCame) {
-  const std::unique_ptr<TcpConnections> connections = Watch();
-  (void)connections->List();
-  EXPECT_FALSE(IsReadable(*connections, 0));
+TEST_F(TcpConnectionsTest, ForgetsADescriptorThatWasClosedOrReusedForSomethingElse) {
+  const std::unique_ptr<TcpConnections> connections = Make();
   const Socket theirs = Connect();
-  EXPECT_TRUE(IsReadable(*connections, kPatience_ms)) << "somebody connected";
+  auto ours = std::make_optional(Accept());
+  const int file = ours->file();
+  connections->OnAccepted(file);
+  ASSERT_THAT(connections->List(), SizeIs(1));
+  ours.reset();
+  const Socket reused(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+  ASSERT_EQ(reused.file(), file) << "the kernel gives the lowest free descriptor";
+  EXPECT_THAT(connections->List(), IsEmpty());
+  EXPECT_EQ(connections->Read(file), std::nullopt);
+}
+
+TEST_F(TcpConnectionsTest, ReadsAConnectionThatThisSideOpened) {
+  const std::unique_ptr<TcpConnections> connections = Make();
+  const Socket ours = Connect();
+  const Socket theirs = Accept();
+  EXPECT_EQ(connections->Read(theirs.file())->port, port_);
+  const std::optional<TcpConnection> opened = connections->Read(ours.file());
+  ASSERT_TRUE(opened);
+  EXPECT_EQ(opened->peer_port, port_);
+  ASSERT_EQ(::send(theirs.file(), "12345", 5, 0), 5);
+  ASSERT_TRUE(IsReadable(*connections, kPatience_ms));
+  EXPECT_EQ(connections->Read(ours.file())->bytes_received, 5u);
+}
+
+TEST_F(TcpConnectionsTest, SaysOnceThatSomethingCame) {
+  const std::unique_ptr<TcpConnections> connections = Make();
+  const Socket theirs = Connect();
   const Socket ours = Accept();
-  connections->Drain();
-  EXPECT_FALSE(IsReadable(*connections, 0));
+  connections->OnAccepted(ours.file());
   (void)connections->List();
+  EXPECT_FALSE(IsReadable(*connections, 0));
   ASSERT_EQ(::send(theirs.file(), "1", 1, 0), 1);
   EXPECT_TRUE(IsReadable(*connections, kPatience_ms));
   connections->Drain();
@@ -121,9 +146,10 @@ TEST_F(TcpConnectionsTest, SaysOnceThatSomethingCame) {
 }
 
 TEST_F(TcpConnectionsTest, LooksWhereTheProcessMayOpenNoMoreFiles) {
-  const std::unique_ptr<TcpConnections> connections = Watch();
+  const std::unique_ptr<TcpConnections> connections = Make();
   const Socket theirs = Connect();
   const Socket ours = Accept();
+  connections->OnAccepted(ours.file());
   rlimit files{};
   ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &files), 0);
   const rlimit none{0, files.rlim_max};
@@ -134,9 +160,10 @@ TEST_F(TcpConnectionsTest, LooksWhereTheProcessMayOpenNoMoreFiles) {
 }
 
 TEST_F(TcpConnectionsTest, ShutsOneDown) {
-  const std::unique_ptr<TcpConnections> connections = Watch();
+  const std::unique_ptr<TcpConnections> connections = Make();
   const Socket theirs = Connect();
   const Socket ours = Accept();
+  connections->OnAccepted(ours.file());
   TcpConnections::ShutDown(connections->List()[0]);
   char byte = 0;
   EXPECT_EQ(::recv(theirs.file(), &byte, 1, 0), 0) << "the end";
@@ -153,37 +180,6 @@ TEST(ListenAddressTest, KnowsPortsAndNumericAddresses) {
   EXPECT_EQ(NumericAddressOf("tcp://[FE80:0::1]:7400"), "fe80::1");
   EXPECT_EQ(NumericAddressOf("tcp://rover1.local:7400"), "");
   EXPECT_EQ(NumericAddressOf(""), "");
-}
-
-// A connection that is let in under a low number while higher ones are looked at would be seen by nobody, and nothing
-// that it sends would be announced.
-TEST_F(TcpConnectionsTest, SeesWhoIsLetInWhileItLooks) {
-  constexpr int kRounds = 40;
-  constexpr int kHighFile = 400;
-  const Socket high(::fcntl(listener_.file(), F_DUPFD_CLOEXEC, kHighFile));
-  ASSERT_EQ(::close(listener_.file()), 0);  // A low number for who is let in; the fixture closes it once more, in vain.
-  std::vector<Socket> between;
-  for (int i = 0; i < 200; ++i) between.emplace_back(::fcntl(high.file(), F_DUPFD_CLOEXEC, kHighFile / 4));
-  const auto connections = Watch();
-  (void)connections->List();
-  for (int round = 0; round < kRounds; ++round) {
-    SCOPED_TRACE(round);
-    const Socket client = Connect();
-    ASSERT_TRUE(IsReadable(*connections, 1000));
-    std::atomic<int> accepted = -1;
-    std::thread lets_in([&] { accepted = ::accept(high.file(), nullptr, nullptr); });
-    bool is_seen = false;
-    do {
-      connections->Drain();
-      is_seen = !connections->List().empty();
-    } while (!is_seen && IsReadable(*connections, 200));
-    lets_in.join();
-    is_seen = is_seen || !connections->List().empty();  // Between two steps of the system's own; DoorGuard looks again.
-    ::close(accepted);
-    ASSERT_TRUE(is_seen);
-    (void)connections->Drain();
-    (void)connections->List();
-  }
 }
 
 }  // namespace

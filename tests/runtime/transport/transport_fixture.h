@@ -22,6 +22,7 @@
 #include "proto/status.pb.h"
 #include "runtime/team/curve_keys.h"
 #include "runtime/team/team_config.h"
+#include "runtime/transport/outbound.h"
 #include "runtime/transport/zeromq_transport.h"
 #include "tests/temporary_folder.h"
 
@@ -102,6 +103,13 @@ inline std::optional<std::string> ReceiveFrom(void* socket, int flags = 0) {
   }
   zmq_msg_close(&part);
   return text;
+}
+
+// A proto::PeerFrame over the connection with this link number, of messages as ToPeerFrame gives them.
+inline std::string OnLink(std::uint32_t link_number, const std::string& messages) {
+  std::string frame(kLinkNumberBytes, '\0');
+  WriteLinkNumber(link_number, frame.data());
+  return frame + messages;
 }
 
 // A DEALER without moondb: a client, or a peer that does not keep to the rules.
@@ -192,6 +200,12 @@ class RawRouter {
     zmq_ctx_term(context_);
   }
 
+  // Over the connection of a frame that it received.
+  void Send(const std::string& route, const std::string& bytes) {
+    EXPECT_EQ(zmq_send(socket_, route.data(), route.size(), ZMQ_SNDMORE), static_cast<int>(route.size()));
+    EXPECT_EQ(zmq_send(socket_, bytes.data(), bytes.size(), 0), static_cast<int>(bytes.size()));
+  }
+
   // The next message; an empty one if none comes.
   Frame Receive(int flags = 0) {
     if (waiting_.empty()) {
@@ -200,6 +214,7 @@ class RawRouter {
       ++frames_;
       proto::PeerFrame frame;
       EXPECT_TRUE(frame.ParseFromString(ReceiveFrom(socket_).value_or("")));
+      last_link_ = frame.link_number();
       for (const proto::Message& message : frame.messages()) waiting_.push_back({route, message});
     }
     Frame next = std::move(waiting_.front());
@@ -230,6 +245,7 @@ class RawRouter {
 
   int frames() const { return frames_; }  // Received so far.
   const proto::LinkReport& last_report() const { return last_report_; }
+  std::uint32_t last_link() const { return last_link_; }  // The link number of the last frame.
 
  private:
   void* context_;
@@ -237,6 +253,7 @@ class RawRouter {
   int frames_ = 0;
   std::deque<Frame> waiting_;  // Of the last frame.
   proto::LinkReport last_report_;
+  std::uint32_t last_link_ = 0;
 };
 
 class TransportFixture : public ::testing::Test {

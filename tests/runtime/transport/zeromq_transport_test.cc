@@ -23,6 +23,7 @@
 #include "runtime/team/team_config.h"
 #include "runtime/transport/listen_address.h"
 #include "runtime/transport/outbound.h"
+#include "tests/free_port.h"
 #include "tests/runtime/transport/transport_fixture.h"
 #include "tests/temporary_folder.h"
 
@@ -162,6 +163,57 @@ TEST_F(ZeroMqTransportTest, DropsAndCountsWhatClaimsToBeAnother) {
   EXPECT_EQ(Peer(1, 3).received_messages(), 0);
 }
 
+TEST_F(ZeroMqTransportTest, HearsPeersThatClaimTheSameRoutingId) {
+  Start(1);
+  const RawDealer::Keys keys_of_2 = KeysOf(2, 1);
+  const RawDealer::Keys keys_of_3 = KeysOf(3, 1);
+  RawDealer first(AddressOf(1), &keys_of_2, "2");
+  first.Send(OnLink(7, ToPeerFrame(Message(2, 1))));
+  ASSERT_NE(ears_[1].Take(), nullptr);
+  RawDealer second(AddressOf(1), &keys_of_3, "2");
+  second.Send(OnLink(7, ToPeerFrame(Message(3, 1))));
+  const OwnedMessage heard = ears_[1].Take();
+  ASSERT_NE(heard, nullptr);
+  EXPECT_EQ(heard->hop_sender(), 3u);
+  first.Send(OnLink(7, ToPeerFrame(Message(2, 1))));
+  EXPECT_NE(ears_[1].Take(), nullptr);
+}
+
+// The kernel gives the second connection the descriptor of the first one; the link number tells them apart.
+TEST_F(ZeroMqTransportTest, CountsBytesPerConnectionWhereADescriptorIsReused) {
+  Start(1);
+  const RawDealer::Keys keys = KeysOf(2, 1);
+  auto first = std::make_unique<RawDealer>(AddressOf(1), &keys);
+  first->Send(OnLink(7, ToPeerFrame(Message(2, 1, 1000))));
+  ASSERT_NE(ears_[1].Take(), nullptr);
+  first.reset();
+  RawDealer second(AddressOf(1), &keys);
+  proto::Message report = Message(2, 1);
+  report.mutable_link_report()->set_reported_link(1);
+  second.Send(OnLink(8, ToPeerFrame(report)));
+  second.Send(OnLink(8, ToPeerFrame(Message(2, 1))));
+  ASSERT_NE(ears_[1].Take(), nullptr);
+  EXPECT_EQ(Peer(1, 2).refused_reports(), 0) << "the report came over the newest connection";
+  EXPECT_EQ(Peer(1, 2).received_messages(), 2);
+}
+
+TEST_F(ZeroMqTransportTest, ClosesALinkOverWhichItsPeerSends) {
+  MakeTeam(/*is_insecure=*/true);
+  for (int i = 0; i < 2; ++i) {
+    team_.config.mutable_agents(i)->set_address("tcp://127.0.0.1:" + std::to_string(FreePort()));
+  }
+  Start(1);
+  RawRouter peer(AddressOf(2));
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
+  const std::string route = peer.Receive().route;
+  ASSERT_FALSE(route.empty());
+  peer.Send(route, std::string(10'000, 'x'));
+  EXPECT_TRUE(Peer(1, 2).is_connected());
+  for (int i = 0; i < 3; ++i) peer.Send(route, std::string(30'000, 'x'));
+  ASSERT_TRUE(ears_[1].WaitForPeer(2, false));
+  EXPECT_EQ(Peer(1, 2).cut_for_bytes(), 1);
+}
+
 TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
   Start(1);
   const RawDealer::Keys keys = KeysOf(2, 1);
@@ -170,8 +222,8 @@ TEST_F(ZeroMqTransportTest, DropsAndCountsDamagedFrames) {
   peer.Send("one", /*has_more=*/true);
   peer.Send("two");
   peer.Send("");
-  peer.Send(ToPeerFrame({}));  // An empty Message, whose hop_sender is nobody.
-  peer.Send(ToPeerFrame(Message(2, 1)));
+  peer.Send(OnLink(7, ToPeerFrame({})));  // An empty Message, whose hop_sender is nobody.
+  peer.Send(OnLink(7, ToPeerFrame(Message(2, 1))));
   ASSERT_NE(ears_[1].Take(), nullptr);
   EXPECT_EQ(Peer(1, 2).rejected_messages(), 4);
   EXPECT_EQ(Peer(1, 2).received_messages(), 1);
@@ -183,11 +235,11 @@ TEST_F(ZeroMqTransportTest, DropsWhatOnlyActorsOfOneAgentMaySay) {
   RawDealer peer(AddressOf(1), &keys);
   proto::Message message = Message(2, 1);
   message.mutable_timer()->set_kind(1);
-  peer.Send(ToPeerFrame(message));
+  peer.Send(OnLink(7, ToPeerFrame(message)));
   message.mutable_save_roles_request();
-  peer.Send(ToPeerFrame(message));
+  peer.Send(OnLink(7, ToPeerFrame(message)));
   message.mutable_hello();
-  peer.Send(ToPeerFrame(message));
+  peer.Send(OnLink(7, ToPeerFrame(message)));
   EXPECT_TRUE(ears_[1].Take()->has_hello());
   EXPECT_EQ(Peer(1, 2).rejected_messages(), 2);
 }
@@ -204,7 +256,7 @@ TEST_F(ZeroMqTransportTest, BoundsTheSizeOfMessagesAtBothEnds) {
   const RawDealer::Keys keys = KeysOf(3, 1);
   RawDealer peer(AddressOf(1), &keys);
   EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
-  peer.Send(ToPeerFrame(Message(3, 1, 2000)));
+  peer.Send(OnLink(7, ToPeerFrame(Message(3, 1, 2000))));
   EXPECT_EQ(peer.NextEvent(), ZMQ_EVENT_DISCONNECTED);
   EXPECT_EQ(ears_[1].waiting(), 0u);
 }
@@ -305,7 +357,7 @@ TEST_F(ZeroMqTransportTest, DoesNotHearAClientThatSpeaksAsATransport) {
   Start(1, options);
   RawDealer client(options.client_endpoint);
   proto::Message report = Message(2, 1);
-  report.mutable_link_report()->set_link(1);
+  report.mutable_link_report()->set_reported_link(1);
   client.Send(report.SerializeAsString());
   client.Send(Message(0, 0).SerializeAsString());
   EXPECT_FALSE(ears_[1].Take()->has_link_report());

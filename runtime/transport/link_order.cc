@@ -1,0 +1,19 @@
+#include "runtime/transport/link_order.h"
+
+#include <algorithm>
+
+namespace moondb {
+
+bool LinkOrder::IsNewest(AgentId agent, std::uint32_t link_number) {
+  Links& links = links_[agent];
+  if (links.newest == link_number) return true;
+  // Numbers shortly below the newest one are of the same process, opened before. A restarted agent's lie elsewhere.
+  const bool was_before = links.newest != 0 && links.newest - link_number <= kEarlierMax;
+  if (was_before || std::ranges::find(links.earlier, link_number) != links.earlier.end()) return false;
+  if (links.newest != 0) links.earlier.push_back(links.newest);
+  if (links.earlier.size() > kEarlierMax) links.earlier.pop_front();
+  links.newest = link_number;
+  return true;
+}
+
+}  // namespace moondb

@@ -1,0 +1,33 @@
+// LinkOrder: tells an agent's newest connection from its earlier ones by the link numbers in its frames (PeerFrame).
+//
+// An agent that connects again leaves its earlier connection behind. This side may not have seen that connection close,
+// and frames may still arrive over it. Each agent numbers its own connections upwards, from a random start in each
+// process, so a false number harms only the agent that sends it. File descriptors and routing ids play no part: the
+// kernel reuses the former, and a peer can claim the latter.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+
+#include "model/ids.h"
+
+namespace moondb {
+
+class LinkOrder {
+ public:
+  // Records that a frame with this link number came from `agent`. Returns whether it is the agent's newest connection.
+  bool IsNewest(AgentId agent, std::uint32_t link_number);
+
+ private:
+  static constexpr std::size_t kEarlierMax = 16;  // More than an agent may have open.
+
+  struct Links {
+    std::uint32_t newest = 0;  // 0: none yet.
+    std::deque<std::uint32_t> earlier;
+  };
+  std::map<AgentId, Links> links_;
+};
+
+}  // namespace moondb
