@@ -2,7 +2,7 @@
 # precompiled, and source files of a library are compiled a few at a time. Neither changes what a file may rely on: a
 # build with both off must pass.
 option(MOONDB_PRECOMPILE "Precompile the headers that most files include" ON)
-set(MOONDB_FILES_AT_A_TIME 4 CACHE STRING "Source files of a target that are compiled as one; 1 compiles each alone")
+set(MOONDB_FILES_AT_A_TIME 6 CACHE STRING "Source files of a target that are compiled as one; 1 compiles each alone")
 
 if(MOONDB_FILES_AT_A_TIME GREATER 1)
   set(CMAKE_UNITY_BUILD ON)

@@ -160,7 +160,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
            return std::vector<NamedAgent>{
                {record.pose_graph_node().node().agent_id(), "pose_graph_node.node.agent_id"}};
          },
-     .is_of_origin = true,
+     .speaker = Speaker::kNamedAgent,
      .natural_key = [](const Record& record) { return NodeText(record.pose_graph_node().node()); }},
 
     {.type = proto::POSE_GRAPH_EDGE,
@@ -173,6 +173,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
          [](const Record& record) {
            return EndsOf(record.pose_graph_edge().from(), record.pose_graph_edge().to(), "pose_graph_edge");
          },
+     .speaker = Speaker::kNamedAgent,
      .natural_key =
          [](const Record& record) {
            const proto::PoseGraphEdge& edge = record.pose_graph_edge();
@@ -192,6 +193,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
          [](const Record& record) {
            return std::vector<NamedAgent>{{record.optimized_pose().node().agent_id(), "optimized_pose.node.agent_id"}};
          },
+     .speaker = Speaker::kLeader,
      .latest_key = [](const Record& record) { return NodeText(record.optimized_pose().node()); },
      .version =
          [](const Record& record) {
@@ -213,6 +215,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
          [](const Record& record) {
            return EndsOf(record.edge_verdict().from(), record.edge_verdict().to(), "edge_verdict");
          },
+     .speaker = Speaker::kLeader,
      .latest_key =
          [](const Record& record) {
            const proto::EdgeVerdict& verdict = record.edge_verdict();
@@ -237,7 +240,7 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
            return std::vector<NamedAgent>{
                {record.local_traversability_map().node().agent_id(), "local_traversability_map.node.agent_id"}};
          },
-     .is_of_origin = true},
+     .speaker = Speaker::kNamedAgent},
 
     {.type = proto::MAP_QUARANTINE,
      .rank = ShareRank::kDerived,
@@ -249,9 +252,12 @@ constexpr std::array kRows = std::to_array<DataTypeRow>({
      .agents =
          [](const Record& record) {
            const proto::MapQuarantine& quarantine = record.map_quarantine();
-           if (quarantine.has_lifts()) return std::vector<NamedAgent>();
+           if (quarantine.has_lifts()) {
+             return std::vector<NamedAgent>{{quarantine.lifts().origin_agent(), "map_quarantine.lifts.origin_agent"}};
+           }
            return std::vector<NamedAgent>{{quarantine.agent_id(), "map_quarantine.agent_id"}};
-         }},
+         },
+     .speaker = Speaker::kNamedAgentOrLeader},
 
     {.type = proto::AGENT_EVENT,
      .rank = ShareRank::kOthers,

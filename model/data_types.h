@@ -25,6 +25,17 @@ namespace moondb {
 // kOthers are events and custom types.
 enum class ShareRank { kRoles, kStates, kNodes, kEdges, kDerived, kOthers, kMaps };
 
+// Which agents may state a record of a type, beyond what its signature and sharing demand (model/record_authority.h).
+enum class Speaker {
+  kAnyAgent,    // It speaks of its origin itself (robot states, events, custom types), or is judged elsewhere
+                // (role assignments: model/role_chain.h).
+  kNamedAgent,  // Its origin is one of the agents that it names: nodes and maps, odometry between nodes of one agent,
+                // ranges between two. Loop closures and priors will be too.
+  kLeader,      // Its origin led in the term that it gives: optimised poses, edge verdicts.
+  kNamedAgentOrLeader,  // Its origin is named, or is in command_from of the team file, or led in the term that it
+                        // gives: quarantines of maps.
+};
+
 // An agent that a record names. It must be a member of the team.
 struct NamedAgent {
   AgentId agent = 0;
@@ -52,8 +63,7 @@ struct DataTypeRow {
   void (*check)(const proto::Record& record, FieldChecker& check) = nullptr;
   // The agents that it names; null where it names none.
   std::vector<NamedAgent> (*agents)(const proto::Record& record) = nullptr;
-  // Whether it speaks of its origin's own node: nobody else inserts it.
-  bool is_of_origin = false;
+  Speaker speaker = Speaker::kAnyAgent;
   // The name that robots give it (NaturalKey); null for a type without.
   std::string (*natural_key)(const proto::Record& record) = nullptr;
   // Of which things the newest record each stands (LatestKey); null where the origin itself is the one thing.

@@ -71,7 +71,9 @@ inline proto::Record SampleRecord(DataType type, AgentId agent) {
   }
   if (record.has_map_quarantine()) {
     record.mutable_map_quarantine()->clear_lifts();
-    record.mutable_map_quarantine()->clear_signature();  // Made by the agent at which it is inserted.
+    // The agent at which it is inserted gives these.
+    record.mutable_map_quarantine()->clear_signature();
+    record.mutable_map_quarantine()->clear_term();
   }
   if (record.has_role_assignment()) record.mutable_role_assignment()->set_survivor(agent + 1);
   return record;

@@ -73,7 +73,7 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
 MergeActor::MergeActor(Options options)
     : options_(std::move(options)),
       collection_(CollectionOptions(options_.team)),
-      derived_(RoleChainOptions(options_.team)),
+      authority_(RoleChainOptions(options_.team)),
       reader_(ReaderOptions(options_),
               [this](Context&, const proto::StoredRecord& stored) { return TakeOrLeaveOut(stored); }) {}
 
@@ -145,6 +145,7 @@ void MergeActor::StartReading(Context& context) {
     collection_ = MapCollection(CollectionOptions(options_.team));
     unusable_map_count_ = 0;
     is_current_ = false;
+    authority_.BeginAnew();
     reader_.ReadAnew(context);
   } else {
     reader_.Read(context);
@@ -155,12 +156,21 @@ void MergeActor::StartReading(Context& context) {
 void MergeActor::OnRead(Context& context) {
   if (reader_.is_reading()) return;
   if (!reader_.result()) return FailAll(context, reader_.result().error());
-  if (derived_.TakeOutdated()) {
+  if (authority_.TakeOutdated()) {
     is_outdated_ = true;
     return StartReading(context);
   }
+  ReportUncounted(context);
   AnswerCovered(context);
   if (!waiting_.empty()) StartReading(context);
+}
+
+void MergeActor::ReportUncounted(Context& context) {
+  std::optional<proto::UncountedReport> report = authority_.TakeReport();
+  if (!report) return;
+  proto::Message message;
+  *message.mutable_uncounted_report() = *std::move(report);
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));  // Only for people.
 }
 
 void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {
@@ -222,7 +232,7 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
   proto::Record record;
   if (!record.ParseFromString(stored.content())) return Fail(ErrorCode::kCorrupt, "does not parse");
   const RecordKey key = FromProto(stored.key());
-  if (!derived_.Counts(key, record)) return {};
+  if (!authority_.Counts(key, record)) return {};
   switch (record.body_case()) {
     case proto::Record::kPoseGraphNode: {
       const proto::PoseGraphNode& node = record.pose_graph_node();

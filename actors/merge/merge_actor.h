@@ -29,7 +29,7 @@
 
 #include "actors/merge/map_collection.h"
 #include "actors/merge/merger.h"
-#include "model/derived_records.h"
+#include "model/record_authority.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/rate_limited_log.h"
@@ -72,6 +72,7 @@ class MergeActor final : public Actor {
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnRead(Context& context);
+  void ReportUncounted(Context& context);
   void LookSoon(Context& context);  // At the subscriptions.
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
@@ -97,7 +98,7 @@ class MergeActor final : public Actor {
 
   const Options options_;
   MapCollection collection_;
-  DerivedRecords derived_;
+  RecordAuthority authority_;
   RecordReader reader_;                     // Into collection_.
   std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
   Error start_error_;                       // Why.

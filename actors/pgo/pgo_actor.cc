@@ -30,7 +30,7 @@ RecordReader::Options ReaderOptions(const PgoActor::Options& options) {
 PgoActor::PgoActor(Options options)
     : options_(std::move(options)),
       agents_(FactsOf(options_.team)),
-      derived_(RoleChainOptions(options_.team)),
+      authority_(RoleChainOptions(options_.team)),
       reader_(ReaderOptions(options_),
               [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
 
@@ -125,6 +125,7 @@ void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
 void PgoActor::StartReading(Context& context) {
   if (std::exchange(is_outdated_, false)) {
     known_ = KnownGraph();
+    authority_.BeginAnew();
     reader_.ReadAnew(context);
   } else {
     reader_.Read(context);
@@ -177,18 +178,27 @@ Result<void> PgoActor::TakeRecord(const proto::StoredRecord& stored) {
   proto::Record record;
   // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
   const RecordKey key = FromProto(stored.key());
-  if (record.ParseFromString(stored.content()) && derived_.Counts(key, record)) (void)known_.Add(key, record);
+  if (record.ParseFromString(stored.content()) && authority_.Counts(key, record)) (void)known_.Add(key, record);
   return {};
 }
 
 void PgoActor::OnRead(Context& context) {
   if (phase_ != Phase::kReading || reader_.is_reading()) return;
   if (!reader_.result()) return FinishWith(context, reader_.result().error());
-  if (derived_.TakeOutdated()) {
+  if (authority_.TakeOutdated()) {
     is_outdated_ = true;
     return StartReading(context);
   }
+  ReportUncounted(context);
   SolveNow(context);
+}
+
+void PgoActor::ReportUncounted(Context& context) {
+  std::optional<proto::UncountedReport> report = authority_.TakeReport();
+  if (!report) return;
+  proto::Message message;
+  *message.mutable_uncounted_report() = *std::move(report);
+  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));  // Only for people.
 }
 
 SolverOptions PgoActor::OptionsOf(const proto::OptimizeRequest& request) const {

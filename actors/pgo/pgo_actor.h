@@ -30,7 +30,7 @@
 #include "actors/pgo/known_graph.h"
 #include "actors/pgo/pose_graph_solver.h"
 #include "actors/pgo/publication.h"
-#include "model/derived_records.h"
+#include "model/record_authority.h"
 #include "proto/team.pb.h"
 #include "runtime/actor.h"
 #include "runtime/record_reader.h"
@@ -72,6 +72,7 @@ class PgoActor final : public Actor {
   void OnOptimizeRequest(Context& context, const proto::Message& message);
   void OnGraphStatsRequest(Context& context);
   void OnRead(Context& context);
+  void ReportUncounted(Context& context);
   void OnInsertReply(Context& context, const proto::InsertReply& reply);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnTimeout(Context& context, std::uint64_t request_id);
@@ -97,7 +98,7 @@ class PgoActor final : public Actor {
   const AgentFactsMap agents_;
   std::optional<proto::RoleAssignment> roles_;
   KnownGraph known_;
-  DerivedRecords derived_;
+  RecordAuthority authority_;
   bool is_outdated_ = false;  // known_ may have records that are gone, or lack some that count by now.
   RecordReader reader_;       // Into known_.
 

@@ -5,6 +5,7 @@
 
 #include "actors/storage/role_history.h"
 #include "model/have_set.h"
+#include "model/record_authority.h"
 #include "model/term.h"
 #include "proto/status.pb.h"
 
@@ -17,6 +18,8 @@ proto::RefusalCause ToProto(PeerDoor::Cause cause) {
       return proto::REFUSAL_CAUSE_ORIGIN;
     case PeerDoor::Cause::kStreams:
       return proto::REFUSAL_CAUSE_STREAMS;
+    case PeerDoor::Cause::kStatement:
+      return proto::REFUSAL_CAUSE_STATEMENT;
   }
   return proto::REFUSAL_CAUSE_UNSPECIFIED;
 }
@@ -99,6 +102,21 @@ Result<void> PeerDoor::CheckAssignment(AgentId sender, const proto::RoleAssignme
   return Fail(ErrorCode::kRefused, "is not that of its issuer", "role_assignment.signature");
 }
 
+Result<void> PeerDoor::CheckOwnQuarantine(const proto::MapQuarantine& quarantine) const {
+  const bool has_role = !options_.roles.has_keys || chain_.newest().leader() == options_.self ||
+                        options_.roles.may_command(options_.self);
+  if (has_role || !NeedsRole(quarantine, options_.self)) return {};
+  return Fail(
+      ErrorCode::kRefused,
+      "is about another agent, and this agent neither leads nor is in command_from of the team file: give it at "
+      "the leader or at an agent of command_from",
+      quarantine.has_lifts() ? "map_quarantine.lifts" : "map_quarantine.agent_id");
+}
+
+void PeerDoor::NoteUncounted(const std::string& reader, const proto::UncountedReport& report) {
+  uncounted_[reader] = report;
+}
+
 void PeerDoor::CountRefused(AgentId sender, Cause cause, AgentId origin) { ++refused_[{sender, cause, origin}]; }
 
 void PeerDoor::NoteOwnBeyond(AgentId peer, std::vector<RecordKey> beyond) {
@@ -107,6 +125,18 @@ void PeerDoor::NoteOwnBeyond(AgentId peer, std::vector<RecordKey> beyond) {
 }
 
 void PeerDoor::Describe(const HaveSet& have, proto::AgentStatus& status) const {
+  std::map<AgentId, double> uncounted;
+  for (const auto& [reader, report] : uncounted_) {
+    for (const auto& [origin, count] : report.count_of_origin()) {
+      uncounted[origin] = std::max(uncounted[origin], count);  // Two readers may read the same records.
+    }
+  }
+  for (const auto& [origin, count] : uncounted) {
+    proto::RefusedFrom& shown = *status.add_refused();
+    shown.set_agent_id(origin);
+    shown.set_cause(proto::REFUSAL_CAUSE_UNCOUNTED);
+    shown.set_count(count);
+  }
   for (const auto& [peer, beyond] : own_beyond_) {
     const auto count = std::count_if(beyond.begin(), beyond.end(), [&have](const RecordKey& key) {
       if (key.seq != 0) return have.Get(key.stream).Had().Max() < key.seq;

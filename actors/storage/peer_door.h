@@ -24,6 +24,8 @@
 #include "model/have_set.h"
 #include "model/record_key.h"
 #include "model/role_chain.h"
+#include "proto/record.pb.h"
+#include "proto/storage.pb.h"
 #include "proto/term.pb.h"
 #include "proto/types.pb.h"
 
@@ -50,7 +52,7 @@ class PeerDoor {
     std::function<bool(const proto::RoleAssignment&)> is_signed;
     std::function<bool(const RecordKey&, const proto::Record&)> is_record_signed;
   };
-  enum class Cause { kOrigin, kStreams };
+  enum class Cause { kOrigin, kStreams, kStatement };
 
   explicit PeerDoor(Options options);
 
@@ -72,6 +74,17 @@ class PeerDoor {
   Result<void> CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger);
   // kRefused, and counted: not signed by its issuer.
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
+  // kRefused: a quarantine of another agent's maps, or one that lifts another agent's, would not count: this agent is
+  // not in command_from of the team file and does not lead.
+  Result<void> CheckOwnQuarantine(const proto::MapQuarantine& quarantine) const;
+  // The newest term that is known and counts.
+  const proto::Term& newest_term() const { return chain_.newest().term(); }
+  // A record of this origin came that its origin may not state.
+  void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
+  // How many held records a reader (an actor) leaves out by the origin's role, by origin. Replaces the reader's last
+  // word.
+  void NoteUncounted(const std::string& reader, const proto::UncountedReport& report);
+
   // Of this agent's own records the peer's newest word names these, which this disk never had: the last of a stream, or
   // of an epoch of which nothing else is known a key without type and seq. Of more than kOwnBeyondMax the rest is not
   // remembered.
@@ -89,6 +102,7 @@ class PeerDoor {
   std::set<std::string> held_as_records_;                                 // Signatures.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
   std::map<AgentId, std::vector<RecordKey>> own_beyond_;                  // By peer.
+  std::map<std::string, proto::UncountedReport> uncounted_;               // By reader.
 };
 
 }  // namespace moondb

@@ -21,17 +21,10 @@ Result<void> CheckAgent(AgentId agent, const std::set<AgentId>& team, const std:
 
 }  // namespace
 
-Result<void> CheckOwnership(const proto::Record& record, AgentId origin, const std::set<AgentId>& team) {
+Result<void> CheckTeamRecord(const proto::Record& record, const std::set<AgentId>& team) {
   if (const Result<void> checked = CheckRecord(record); !checked) return checked;
-  const DataTypeRow* row = FindDataType(TypeOf(record));
-  const bool is_of_origin = row != nullptr && row->is_of_origin;
   for (const NamedAgent& named : AgentsNamedIn(record)) {
-    if (!is_of_origin) {
-      if (const Result<void> known = CheckAgent(named.agent, team, named.field); !known) return known;
-    } else if (named.agent != origin) {
-      return Fail(ErrorCode::kInvalid,
-                  "belongs to agent " + std::to_string(named.agent) + "; only that agent inserts it", named.field);
-    }
+    if (const Result<void> known = CheckAgent(named.agent, team, named.field); !known) return known;
   }
   return {};
 }
@@ -55,7 +48,7 @@ Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::s
   if (TypeOf(record) != key.stream.type) {
     return Fail(ErrorCode::kInvalid, "content is of type " + DataTypeName(TypeOf(record)), "key.data_type");
   }
-  if (const Result<void> checked = CheckOwnership(record, key.stream.origin, team); !checked) {
+  if (const Result<void> checked = CheckTeamRecord(record, team); !checked) {
     return tl::unexpected(checked.error());
   }
   return record;

@@ -12,13 +12,13 @@
 
 namespace moondb {
 
-// CheckRecord, then: kInvalid with the field named for an agent that is not in `team`, and for a node or map whose
-// node is not `origin`'s own.
-Result<void> CheckOwnership(const proto::Record& record, AgentId origin, const std::set<AgentId>& team);
+// CheckRecord, then kInvalid with the field for an agent that is not in `team`. Whether its origin may state the record
+// is CheckSpeaker's (model/record_authority.h).
+Result<void> CheckTeamRecord(const proto::Record& record, const std::set<AgentId>& team);
 
 // The record inside `stored`, which came from a peer. kInvalid: origin unknown, no epoch, seq outside 1 to 2^63 - 1, a
-// type without a table (any custom id has one), content of another type, or as in CheckOwnership. kCorrupt: wrong hash,
-// content that does not parse or is longer than kRecordContentBytesMax.
+// type without a table (any custom id has one), content of another type, or as in CheckTeamRecord. kCorrupt: wrong
+// hash, content that does not parse or is longer than kRecordContentBytesMax.
 Result<proto::Record> OpenStored(const proto::StoredRecord& stored, const std::set<AgentId>& team);
 
 // The one serialisation of a record that its origin makes.

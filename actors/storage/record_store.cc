@@ -20,6 +20,7 @@
 #include "model/check.h"
 #include "model/event.h"
 #include "model/have_page.h"
+#include "model/record_authority.h"
 #include "model/record_check.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
@@ -310,7 +311,9 @@ Result<void> RecordStore::TryToWrite() {
 }
 
 Result<void> RecordStore::CheckOwnRecord(const proto::Record& record) const {
-  const Result<void> checked = CheckOwnership(record, options_.self, options_.team);
+  Result<void> checked = CheckTeamRecord(record, options_.team);
+  if (checked) checked = CheckSpeaker(record, options_.self);
+  if (checked && record.has_map_quarantine()) checked = door_.CheckOwnQuarantine(record.map_quarantine());
   return checked && record.has_custom() ? CheckDeclared(record.custom(), options_.custom_types) : checked;
 }
 
@@ -468,6 +471,9 @@ Result<void> RecordStore::CheckInsert(const proto::InsertRequest& request) const
     if (checked && !request.records(i).map_quarantine().signature().empty()) {
       checked = Fail(ErrorCode::kInvalid, "is made by this agent: leave it out", "map_quarantine.signature");
     }
+    if (checked && request.records(i).map_quarantine().has_term()) {
+      checked = Fail(ErrorCode::kInvalid, "is given by this agent: leave it out", "map_quarantine.term");
+    }
     if (checked) continue;
     const std::string place = "records[" + std::to_string(i) + "]";
     return Fail(checked.error().code, checked.error().text,
@@ -587,7 +593,8 @@ Result<void> RecordStore::InsertSigned(const RecordKey& key, const proto::Record
     return writing.InsertRow(key, record, content, HashRecord(key, content));
   }
   proto::Record signed_record = record;
-  signed_record.mutable_map_quarantine()->set_signature(options_.sign(key, record));
+  *signed_record.mutable_map_quarantine()->mutable_term() = door_.newest_term();
+  signed_record.mutable_map_quarantine()->set_signature(options_.sign(key, signed_record));
   const std::string signed_content = SerializeRecord(signed_record);
   return writing.InsertRow(key, signed_record, signed_content, HashRecord(key, signed_content));
 }
@@ -623,6 +630,13 @@ std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequ
       if (!brought) record = tl::unexpected(brought.error());
     }
     if (record) {
+      if (const Result<void> stated = CheckSpeaker(*record, key.stream.origin); !stated) {
+        door_.CountStatement(key.stream.origin);
+        result.never_valid.push_back(key);
+        record = Fail(ErrorCode::kRefused, stated.error().text, stated.error().field);
+      }
+    }
+    if (record) {
       opened.push_back(Opened{key, *std::move(record), &stored});
     } else {
       Reject(Error{record.error().code, ToString(key) + ": " + record.error().text, record.error().field}, result);
@@ -637,6 +651,7 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   const std::vector<Opened> opened = OpenBrought(request, result);
   std::set<StreamKey> touched;
   for (const Opened& record : opened) touched.insert(record.key.stream);
+  for (const RecordKey& key : result.never_valid) touched.insert(key.stream);
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
     const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
@@ -669,11 +684,13 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   }
   HaveSet had;
   for (const StreamKey& stream : touched) had[stream] = ForPeer(stream.type, ledger_.have().Get(stream));
+  for (const RecordKey& key : result.never_valid) had[key.stream].held.Add(key.seq);
   *result.reply.mutable_had() = ToProto(had);
   if (result.reply.had().ByteSizeLong() <= kHavePageBytesMax) return result;
   // Whether what the request drops is dropped here the sender need not know.
   HaveSet named;
   for (const Opened& record : opened) named[record.key.stream].held.Add(record.key.seq);
+  for (const RecordKey& key : result.never_valid) named[key.stream].held.Add(key.seq);
   *result.reply.mutable_had() = ToProto(had.Around(named));
   return result;
 }

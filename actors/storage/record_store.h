@@ -123,6 +123,9 @@ class RecordStore {
     proto::StoreReply reply;
     proto::RecordsStored stored;
     std::vector<Error> rejections;  // The first few, for the log.
+    // Records that their origin may not state. `reply.had` covers them, so that the session does not send them again;
+    // the store's own have-set does not.
+    std::vector<RecordKey> never_valid;
   };
   Stored Store(const proto::StoreRequest& request);
 
@@ -146,6 +149,9 @@ class RecordStore {
   // records to must know that it may.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
   // What peers sent and was refused, by peer.
+  void NoteUncounted(const std::string& reader, const proto::UncountedReport& report) {
+    door_.NoteUncounted(reader, report);
+  }
   void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
   // As PeerLog::Note.

@@ -2,7 +2,7 @@
 
 #include <initializer_list>
 
-#include "model/derived_records.h"
+#include "model/record_authority.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
@@ -19,16 +19,16 @@ proto::ReadRequest RequestOf(std::initializer_list<DataType> types) {
 }  // namespace
 
 Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team) {
-  DerivedRecords derived(RoleChainOptions(team));
-  const auto take = [&derived](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
-    (void)derived.Counts(FromProto(stored.key()), record);
+  RecordAuthority authority(RoleChainOptions(team));
+  const auto take = [&authority](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
+    (void)authority.Counts(FromProto(stored.key()), record);
     return {};
   };
   // Which poses count is known once all assignments are.
   if (auto read = client.ReadAll(RequestOf({proto::ROLE_ASSIGNMENT}), take); !read) return tl::unexpected(read.error());
   KnownGraph graph;
   const auto add = [&](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
-    if (!derived.Counts(FromProto(stored.key()), record)) return {};
+    if (!authority.Counts(FromProto(stored.key()), record)) return {};
     auto added = graph.Add(FromProto(stored.key()), record);
     if (!added) return Fail(ErrorCode::kCorrupt, added.error().text, added.error().field);
     return {};

@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// Without poses and verdicts of who never led, as the agents themselves leave them out (model/derived_records.h). The
+// Without records that do not count, as the agents themselves leave them out (model/record_authority.h). The
 // errors of Client::ReadAll, and kCorrupt for a record that does not hold what its type says.
 Result<KnownGraph> ReadGraphOf(Client& client, const proto::TeamConfig& team);
 

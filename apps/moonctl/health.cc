@@ -130,6 +130,12 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom&
              "now' brings them home, or " + sender + " is wrong";
     case proto::REFUSAL_CAUSE_STREAMS:
       return "refused " + count + " records" + of + " that " + sender + " brought, which has used up its streams";
+    case proto::REFUSAL_CAUSE_STATEMENT:
+      return "refused " + count + " records of " + sender + " about other agents, which only those may state";
+    case proto::REFUSAL_CAUSE_UNCOUNTED:
+      return "leaves out " + count + " records of " + sender +
+             " (poses, verdicts, quarantines of others' maps): it did not lead in their term and is not in "
+             "command_from";
     case proto::REFUSAL_CAUSE_ROLES:
       return "refused " + count + " role assignments from " + sender + ", which it may not decide";
     default:

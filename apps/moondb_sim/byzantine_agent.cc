@@ -37,6 +37,9 @@ const std::vector<Kind>& Kinds() {
       {{"event", "brings an event or a quarantine in another's name"}, &ByzantineAgent::ForgeEvent},
       {{"pose", "brings poses and verdicts of a high term, in its own or the leader's name"},
        &ByzantineAgent::ForgePose},
+      {{"slander",
+        "states odometry and ranges between others' nodes, and quarantines others' maps, as its own records"},
+       &ByzantineAgent::Slander},
       {{"claim", "acknowledges in others' sessions what it never got, and vouches for all there is"},
        &ByzantineAgent::Claim},
       {{"epoch", "claims epochs of the receiver's own"}, &ByzantineAgent::ClaimEpochs},
@@ -255,6 +258,44 @@ void ByzantineAgent::ForgePose(AgentId target) {
     verdict.set_run(pose.run());
     key.stream.type = proto::EDGE_VERDICT;
     if (key.stream.origin != world_.byzantine) watch_.OnImpossible(key);
+  }
+  BringRecord(target, key, record);
+}
+
+// No store may take the edges (ByzantineWatch), and no reader may use the quarantines.
+void ByzantineAgent::Slander(AgentId target) {
+  RecordKey key{{world_.byzantine, rng_() >> 1, proto::POSE_GRAPH_EDGE}, 1 + Draw(4)};
+  const AgentId victim = DrawHonest();
+  proto::Record record;
+  record.set_stamp_ns(world_.ClockOf(victim));
+  const std::uint64_t variant = Draw(4);
+  if (variant >= 2) {
+    key.stream.type = proto::MAP_QUARANTINE;
+    const std::optional<RecordKey> given = DrawKey(target, victim);
+    if (variant == 3 && given && given->stream.type == proto::MAP_QUARANTINE) {
+      *record.mutable_map_quarantine()->mutable_lifts() = ToProto(*given);
+    } else {
+      record.mutable_map_quarantine()->set_agent_id(victim);
+      record.mutable_map_quarantine()->set_to_ns(record.stamp_ns());
+    }
+    *record.mutable_map_quarantine()->mutable_term() = RolesOf(target).term();
+    return BringRecord(target, key, record);
+  }
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  edge.mutable_from()->set_agent_id(victim);
+  edge.mutable_from()->set_index(Draw(200));
+  edge.mutable_to()->set_agent_id(variant == 0 ? victim : DrawHonestBut(victim));
+  edge.mutable_to()->set_index(edge.from().index() + 1 + Draw(200));
+  if (variant == 0) {
+    edge.mutable_relative_pose()->mutable_from_from_to()->mutable_position_m()->set_x(5000);
+    edge.mutable_relative_pose()->mutable_from_from_to()->mutable_orientation()->set_w(1);
+    for (int row = 0; row < 6; ++row) {
+      for (int column = row; column < 6; ++column)
+        edge.mutable_relative_pose()->add_covariance(row == column ? 1e-8 : 0);
+    }
+  } else {
+    edge.mutable_range()->set_range_m(9000);
+    edge.mutable_range()->set_variance_m2(1e-8);
   }
   BringRecord(target, key, record);
 }

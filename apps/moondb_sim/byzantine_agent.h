@@ -49,6 +49,7 @@ class ByzantineAgent {
   void ForgeRecord(AgentId target);
   void ForgeEvent(AgentId target);
   void ForgePose(AgentId target);
+  void Slander(AgentId target);
   void Claim(AgentId target);
   void ClaimEpochs(AgentId target);
   void Drop(AgentId target);

@@ -1,5 +1,7 @@
 #include "apps/moondb_sim/byzantine_watch.h"
 
+#include "model/record_authority.h"
+#include "model/record_check.h"
 #include "proto/types.pb.h"
 
 namespace moondb::simulation {
@@ -32,7 +34,9 @@ void ByzantineWatch::OnStoreRequest(AgentId agent, const proto::Message& message
   Expected expected;
   if (request.sender() == liar_) {
     expected.may_store = 0;
-    for (const proto::StoredRecord& record : request.records()) expected.may_store += IsMadeUp(record) ? 0 : 1;
+    for (const proto::StoredRecord& record : request.records()) {
+      expected.may_store += IsMadeUp(record) || IsSlander(record) ? 0 : 1;
+    }
   } else {
     // Others may hold another content of what it gave them.
     expected.may_refuse = 0;
@@ -45,6 +49,13 @@ void ByzantineWatch::OnStoreRequest(AgentId agent, const proto::Message& message
     }
   }
   expected_[{agent, message.request_id()}] = expected;
+}
+
+// A record of the liar's own that it may not state, whatever its role.
+bool ByzantineWatch::IsSlander(const proto::StoredRecord& stored) {
+  proto::Record record;
+  return record.ParseFromString(stored.content()) && CheckRecord(record) &&
+         !CheckSpeaker(record, stored.key().origin_agent());
 }
 
 bool ByzantineWatch::OnStoreReply(AgentId agent, const proto::Message& message) {

@@ -56,6 +56,7 @@ class ByzantineWatch {
   };
 
   bool IsMadeUp(const proto::StoredRecord& record) const;
+  static bool IsSlander(const proto::StoredRecord& stored);
   bool IsLie(AgentId agent, AgentId origin) const { return liar_ != 0 && agent != liar_ && origin != liar_; }
 
   const AgentId liar_;

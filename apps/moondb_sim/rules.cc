@@ -11,7 +11,7 @@ namespace moondb::simulation {
 namespace {
 
 // An origin's own order of its records.
-std::pair<std::uint64_t, std::uint64_t> OrderOf(const RecordKey& key) { return {key.stream.epoch, key.seq}; }
+std::pair<std::uint64_t, std::uint64_t> PlaceInSeries(const RecordKey& key) { return {key.stream.epoch, key.seq}; }
 
 bool IsSameSeries(const StreamKey& a, const StreamKey& b) { return a.origin == b.origin && a.type == b.type; }
 
@@ -24,7 +24,7 @@ LastOfSeries LastStates(const HaveSet& have, const SeqsOf& seqs) {
     if (!IsState(key.type)) continue;
     const RecordKey candidate{key, seqs(stream).Max()};
     RecordKey& known = last[{key.origin, key.type}];
-    if (candidate.seq > 0 && OrderOf(candidate) > OrderOf(known)) known = candidate;
+    if (candidate.seq > 0 && PlaceInSeries(candidate) > PlaceInSeries(known)) known = candidate;
   }
   return last;
 }
@@ -98,7 +98,7 @@ void Rules::SeeRecord(const RecordKey& key, const std::string& stored, AgentId w
 void Rules::NamePose(const RecordKey& key, const proto::Record& record) {
   if (!record.has_optimized_pose()) return;
   const proto::OptimizedPose& pose = record.optimized_pose();
-  pose_names_[key] = {{pose.node().agent_id(), pose.node().index()}, {moondb::OrderOf(pose.term()), pose.run()}};
+  pose_names_[key] = {{pose.node().agent_id(), pose.node().index()}, {OrderOf(pose.term()), pose.run()}};
 }
 
 void Rules::NameVerdict(const RecordKey& key, const proto::Record& record) {
@@ -234,7 +234,7 @@ bool Rules::CanBring(AgentId agent, const StreamKey& stream) const {
 
 bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {
   if (newer == older) return true;
-  if (!IsSameSeries(newer.stream, older.stream) || OrderOf(older) > OrderOf(newer)) return false;
+  if (!IsSameSeries(newer.stream, older.stream) || PlaceInSeries(older) > PlaceInSeries(newer)) return false;
   if (IsState(newer.stream.type)) return true;
   if (newer.stream.type == proto::EDGE_VERDICT) {
     const auto verdict = verdict_names_.find(newer);
@@ -372,7 +372,7 @@ void Rules::CheckLeadersStates(AgentId leader, const HaveSet& have) const {
   LastOfSeries leaders = LastStates(have, HeldOf);
   for (const auto& [agent, held] : held_) {
     for (const auto& [series, key] : LastStates(held, HeldOf)) {
-      if (OrderOf(leaders[series]) >= OrderOf(key)) continue;
+      if (PlaceInSeries(leaders[series]) >= PlaceInSeries(key)) continue;
       report_("newest_state", "the leader, agent " + std::to_string(leader) + ", lacks the state " + ToString(key) +
                                   ", which agent " + std::to_string(agent) + " has");
     }

@@ -113,6 +113,72 @@ def quarantine_in_anothers_name(team, scale):
         raise Failure("rover1 leaves out maps by a word of the base station that it never gave")
 
 
+def left_out_maps(team):
+    """How many maps of rover1 and rover2 the leader leaves out of the merged map."""
+    stats = team.call("rover1", map_stats={}).map_stats
+    return sum(agent.quarantined_map_count for agent in stats.agents if agent.agent_id in (ROVER1, ROVER2))
+
+
+def named_in_health(team, words):
+    findings = team.moonctl("-a", "rover1", "health", check=False).stdout
+    if not any("rover3" in line and words in line for line in findings.splitlines()):
+        raise Failure(f"health does not say of rover3 that it {words}: {findings[-300:]}")
+
+
+def quarantines_of_others(team, scale):
+    """rover3 quarantines all maps of rover1 and rover2, in the present term, which it does not lead, and in a far one."""
+    before = left_out_maps(team)
+    roles = team.status("rover1").roles
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch = own_epoch(session)
+        session.bring([messages.stored(ROVER3, epoch, i + 1, record.Record(stamp_ns=messages.now_ns(), map_quarantine={
+            "agent_id": agent, "from_ns": 0, "to_ns": messages.SEQ_MAX, "reason": "dust", "term": term}))
+            for i, (agent, term) in enumerate((agent, term) for agent in (ROVER1, ROVER2)
+                                              for term in (roles.term, {"number": 1 << 40, "issuer": ROVER3}))])
+    after = left_out_maps(team)
+    if after > before:
+        raise Failure(f"the leader leaves out {after - before} more maps of rover1 and rover2 by rover3's word")
+    named_in_health(team, "did not lead in their term")
+
+
+def lifts_of_others(team, scale):
+    """rover3 lifts a quarantine that the leader's operator gave."""
+    key = team.insert("rover1", [record.Record(stamp_ns=messages.now_ns(), map_quarantine={
+        "agent_id": ROVER2, "from_ns": 0, "to_ns": messages.SEQ_MAX, "reason": "dust"})])[0]
+    before = left_out_maps(team)
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        session.bring([messages.stored(ROVER3, own_epoch(session), 1, record.Record(
+            stamp_ns=messages.now_ns(), map_quarantine={"lifts": key, "term": team.status("rover1").roles.term}))])
+    after = left_out_maps(team)
+    team.insert("rover1", [record.Record(stamp_ns=messages.now_ns(), map_quarantine={"lifts": key})])
+    if before == 0 or after < before:
+        raise Failure(f"of {before} maps that the operator left out, {before - after} are used again by rover3's word")
+
+
+def edges_of_others(team, scale):
+    """rover3 joins rover1's first node to each of its others, kilometres long, and measures ranges between two others."""
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch = own_epoch(session)
+        edges = [messages.edge(ROVER1, i) for i in range(1, 15)]
+        for i, edge in enumerate(edges):
+            edge.pose_graph_edge.to.index = i + 2
+            edge.pose_graph_edge.relative_pose.from_from_to.position_m.x = 5000
+        edges.append(record.Record(stamp_ns=messages.now_ns(), pose_graph_edge={
+            "from": {"agent_id": ROVER1, "index": 1}, "to": {"agent_id": ROVER2, "index": 1},
+            "range": {"range_m": 9000, "variance_m2": 1e-8}}))
+        answer = session.bring([messages.stored(ROVER3, epoch, i + 1, edge) for i, edge in enumerate(edges)])
+    settled = sum(interval.last - interval.first + 1 for stream in answer.streams
+                  if (stream.origin_agent, stream.epoch) == (ROVER3, epoch) for interval in stream.held)
+    if settled != len(edges):
+        raise Failure(f"{settled} of {len(edges)} edges that can never be valid are settled; sync --wait would not end")
+    if any(key[:3] == ("pose_graph_edge", ROVER3, epoch) for key in team.records("rover1")):
+        raise Failure("the leader stores edges between nodes of others")
+    named_in_health(team, "about other agents")
+
+
 def absurd_bodies():
     """Records that no robot gives: not numbers, sizes beyond all bounds, agents that there are not."""
     nan, huge = float("nan"), 1e300
@@ -178,6 +244,7 @@ def undeclared_types(team, scale):
 
 
 ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
-             streams_of_its_own, quarantine_in_anothers_name, absurd_records, undeclared_types]
+             streams_of_its_own, quarantine_in_anothers_name, quarantines_of_others, lifts_of_others, edges_of_others,
+             absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own]
 LEAVES_MUCH = [streams_of_its_own]  # Of its own, on every disk: have-sets of the next attackers would be larger.

@@ -162,7 +162,9 @@ class PgoActorTest : public testing::Test {
     proto::Message answer;
     proto::ReadReply& page = *answer.mutable_read_reply();
     const proto::Record record = ToRecord(GraphNode{{1, 0}, 0, Pose{}});
-    page.add_records()->set_content(record.SerializeAsString());
+    proto::StoredRecord& stored = *page.add_records();
+    *stored.mutable_key() = ToProto(RecordKey{{1, 7, proto::POSE_GRAPH_NODE}, 1});
+    stored.set_content(record.SerializeAsString());
     page.add_row_ids(1);
     page.set_is_complete(true);
     return answer;

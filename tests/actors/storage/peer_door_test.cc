@@ -240,9 +240,9 @@ TEST(PeerDoorTest, SaysSoUntilWhatAPeerNamedHasComeHome) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
-proto::Record QuarantineRecord() {
+proto::Record QuarantineRecord(AgentId agent = 2) {
   proto::Record record;
-  record.mutable_map_quarantine()->set_agent_id(2);
+  record.mutable_map_quarantine()->set_agent_id(agent);
   record.mutable_map_quarantine()->set_to_ns(9);
   return record;
 }
@@ -265,10 +265,10 @@ TEST(PeerDoorTest, SignsItsOwnQuarantinesAndOffersThoseOfOthers) {
   options.policies[proto::MAP_QUARANTINE] = proto::POLICY_ALL;
   auto store = OpenStore(options);
   proto::InsertRequest forged;
-  *forged.add_records() = QuarantineRecord();
+  *forged.add_records() = QuarantineRecord(3);
   forged.mutable_records(0)->mutable_map_quarantine()->set_signature("signed");
   EXPECT_EQ(store->Insert(forged).reply.error().field(), "records[0].map_quarantine.signature");
-  const RecordKey own = FromProto(InsertOne(*store, QuarantineRecord()));
+  const RecordKey own = FromProto(InsertOne(*store, QuarantineRecord(3)));
   const RecordKey others{{2, 7, proto::MAP_QUARANTINE}, 1};
   proto::Record record = QuarantineRecord();
   record.mutable_map_quarantine()->set_signature("signed " + ToString(others));
@@ -286,6 +286,78 @@ TEST(PeerDoorTest, SignsItsOwnQuarantinesAndOffersThoseOfOthers) {
     ASSERT_TRUE(content.ParseFromString(offered.content()));
     EXPECT_EQ(content.map_quarantine().signature(), "signed " + ToString(key));
   }
+}
+
+TEST(PeerDoorTest, GivesItsOwnQuarantinesTheNewestTerm) {
+  auto store = OpenStore(OptionsWithKeys());
+  const auto term_of_next = [&store] {
+    const RecordKey key = FromProto(InsertOne(*store, QuarantineRecord(2)));
+    proto::ReadRequest request;
+    request.add_data_types(proto::MAP_QUARANTINE);
+    request.set_records_max(10);
+    const Result<proto::ReadReply> read = store->Read(request);
+    proto::Record content;
+    for (const proto::StoredRecord& record : read->records()) {
+      if (FromProto(record.key()) != key) continue;
+      EXPECT_TRUE(content.ParseFromString(record.content()));
+    }
+    return content.map_quarantine().term();
+  };
+  EXPECT_EQ(term_of_next().number(), 0u);
+  const proto::RoleAssignment second = AssignmentOf(/*issuer=*/9, /*leader=*/1, /*survivor=*/3, "signed second");
+  EXPECT_EQ(StoreFrom(*store, 9, {Packed({{9, 7, proto::ROLE_ASSIGNMENT}, 1}, RecordOf(second))}).stored_count(), 1u);
+  EXPECT_EQ(OrderOf(term_of_next()), OrderOf(second.term()));
+  proto::InsertRequest dated;
+  *dated.add_records() = QuarantineRecord(2);
+  *dated.mutable_records(0)->mutable_map_quarantine()->mutable_term() = second.term();
+  EXPECT_EQ(store->Insert(dated).reply.error().field(), "records[0].map_quarantine.term");
+}
+
+TEST(PeerDoorTest, APlainRoverRefusesQuarantinesOfOthersMaps) {
+  auto store = OpenStore(OptionsWithKeys(3));
+  proto::InsertRequest request;
+  *request.add_records() = QuarantineRecord(2);
+  EXPECT_EQ(store->Insert(request).reply.error().code(), proto::ERROR_CODE_REFUSED);
+  EXPECT_EQ(store->Insert(request).reply.error().field(), "records[0].map_quarantine.agent_id");
+  request.mutable_records(0)->mutable_map_quarantine()->set_agent_id(3);
+  EXPECT_FALSE(IsError(store->Insert(request).reply.error()));
+  proto::MapQuarantine& lift = *request.mutable_records(0)->mutable_map_quarantine();
+  lift.Clear();
+  *lift.mutable_lifts() = ToProto(RecordKey{{1, 7, proto::MAP_QUARANTINE}, 1});
+  EXPECT_EQ(store->Insert(request).reply.error().field(), "records[0].map_quarantine.lifts");
+  lift.mutable_lifts()->set_origin_agent(3);
+  EXPECT_FALSE(IsError(store->Insert(request).reply.error()));
+}
+
+// It can never be valid: the sender need not send it again, and nobody is to believe that it is held.
+TEST(PeerDoorTest, SettlesARecordThatItsOriginMayNotStateAndDoesNotStoreIt) {
+  auto store = OpenStore(OptionsWithKeys());
+  const RecordKey key{{3, 7, proto::POSE_GRAPH_EDGE}, 5};
+  const proto::StoreReply reply = StoreFrom(*store, 3, {Packed(key, RangeRecord(NodeKey{1, 1}, NodeKey{2, 1}, 3))});
+  EXPECT_EQ(reply.stored_count(), 0u);
+  EXPECT_EQ(reply.rejected_count(), 1u);
+  const Result<HaveSet> had = FromProto(reply.had());
+  ASSERT_TRUE(had);
+  EXPECT_TRUE(had->Get(key.stream).held.Contains(key.seq)) << "settled for the session";
+  const Result<HaveSet> have = FromProto(store->GetHave().have());
+  ASSERT_TRUE(have);
+  EXPECT_TRUE(have->Get(key.stream).Had().is_empty()) << "and not held";
+  EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_STATEMENT}]), 1);
+  const RecordKey own{{3, 7, proto::POSE_GRAPH_EDGE}, 6};
+  EXPECT_EQ(StoreFrom(*store, 3, {Packed(own, RangeRecord(NodeKey{3, 1}, NodeKey{2, 1}, 3))}).stored_count(), 1u);
+}
+
+TEST(PeerDoorTest, NamesOriginsWhoseRecordsReadersLeaveOut) {
+  auto store = OpenStore(OptionsWithKeys());
+  proto::UncountedReport report;
+  (*report.mutable_count_of_origin())[3] = 4;
+  store->NoteUncounted("merge", report);
+  (*report.mutable_count_of_origin())[3] = 7;
+  store->NoteUncounted("pgo", report);
+  EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_UNCOUNTED}]), 7) << "both may read the same records";
+  store->NoteUncounted("pgo", {});
+  store->NoteUncounted("merge", {});
+  EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
 // A ledger of so many streams of each origin.
