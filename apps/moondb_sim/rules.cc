@@ -65,6 +65,7 @@ std::string WithoutSignature(const RecordKey& key, const std::string& content) {
   proto::Record record;
   if (key.stream.type != proto::MAP_QUARANTINE || !record.ParseFromString(content)) return content;
   record.mutable_map_quarantine()->clear_signature();
+  record.mutable_map_quarantine()->clear_term();
   return record.SerializeAsString();
 }
 
@@ -328,17 +329,34 @@ void Rules::CheckRest(TeamAtRest team) {
   const HaveSet& leaders = team.have.at(team.leader);
   for (const auto& [agent, have] : team.have) CheckHave(agent, have);
   for (const auto& [agent, have] : team.have) CheckRows(agent, have, team.records.at(agent));
-  CheckLost(team);
+  const TeamAtRest settled = WithoutLate(team);
+  CheckLost(settled);
   CheckLeadersStates(team.leader, leaders);
   for (const auto& [agent, records] : team.records) {
     const auto wrong = states_.WhyOld(agent, agent == team.leader ? 0 : agent, records);
     if (wrong) report_("newest_state", *wrong);
   }
-  CheckSurvivor(team);
+  CheckSurvivor(settled);
   for (const auto& [agent, have] : team.have) {
     CheckHome(agent, leaders, have);
-    CheckBroughtOut(agent, team);
+    CheckBroughtOut(agent, settled);
   }
+}
+
+TeamAtRest Rules::WithoutLate(TeamAtRest team) const {
+  for (auto& [agent, have] : team.have) {
+    HaveSet settled;
+    for (const auto& [stream, seqs] : have.streams()) {
+      const StreamHave left{seqs.held.Minus(late_.Get(stream).held), seqs.dropped};
+      if (!left.Had().is_empty()) settled[stream] = left;
+    }
+    have = std::move(settled);
+  }
+  for (auto& [agent, records] : team.records) {
+    std::erase_if(
+        records, [this](const auto& record) { return late_.Get(record.first.stream).held.Contains(record.first.seq); });
+  }
+  return team;
 }
 
 void Rules::CheckRows(AgentId agent, const HaveSet& have, const Records& records) const {
@@ -362,7 +380,8 @@ void Rules::CheckLost(const TeamAtRest& team) const {
       held.Add(have.Get(key).held);
     }
     const IntervalSet gone = pruned.Minus(held);
-    const IntervalSet lacking = stream.held.Minus(gone).Minus(team.have.at(team.leader).Get(key).Had());
+    const IntervalSet due = stream.held.Minus(late_.Get(key).held);
+    const IntervalSet lacking = due.Minus(gone).Minus(team.have.at(team.leader).Get(key).Had());
     if (lacking.is_empty()) continue;
     report_("nothing_lost", "the leader, " + NameOf(team.leader) + ", lacks " + Some(key, lacking));
   }

@@ -92,6 +92,8 @@ class Rules {
   }
   // The robot of `agent` was told that it is stored there, marked or not as of a suspect clock.
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
+  // An agent inserted this event so shortly before the end that the operator's last orders need not bring it to others.
+  void ExcuseLate(const RecordKey& key) { late_[key.stream].held.Add(key.seq); }
   // `agent` told another that it has these, or its disk holds them while it does not run.
   void SeeHave(AgentId agent, const HaveSet& have);
 
@@ -121,6 +123,7 @@ class Rules {
   };
 
   HaveSet WithoutLiars(const HaveSet& have) const;
+  TeamAtRest WithoutLate(TeamAtRest team) const;
   void NamePose(const RecordKey& key, const proto::Record& record);
   void NameVerdict(const RecordKey& key, const proto::Record& record);
   void CheckLeads(AgentId agent, const proto::OptimizedPose& pose) const;
@@ -150,6 +153,7 @@ class Rules {
   std::map<AgentId, proto::RoleAssignment> roles_of_;                         // Durable.
   std::map<AgentId, proto::RoleAssignment> unstored_roles_of_;
   StateWatch states_;
+  HaveSet late_;
   HaveSet inserted_;                 // Without what was lost with all disks that had it.
   std::map<AgentId, HaveSet> held_;  // What each certainly has.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;

@@ -95,6 +95,7 @@ class Mission {
     const MonotonicTime end = world_.start + length;
     const MonotonicTime quiet_from =
         end - Duration(static_cast<Duration::rep>(kQuietRatio * static_cast<double>(length.count())));
+    late_from_ = end - 2 * kSharePeriod;
     robots_.Start();
     world_.At(world_.start + seconds(30), [this] { Operate(); });
     world_.At(world_.start + kInspectPeriod, [this] { Inspect(); });
@@ -256,6 +257,7 @@ class Mission {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
       world_.rules.SeeInserted(agent, key, record);
+      if (record.has_agent_event() && world_.team.now() > late_from_) world_.rules.ExcuseLate(key);
     }
   }
 
@@ -429,7 +431,8 @@ class Mission {
   }
 
   std::uint64_t hash_ = 0;
-  bool is_stormy_ = false;  // Nothing is heard any more, so that it ends.
+  MonotonicTime late_from_{};  // Events that agents insert from here on need not reach others.
+  bool is_stormy_ = false;     // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
   std::map<AgentId, BudgetWatch> budgets_;
   std::map<AgentId, proto::Term> saving_term_;

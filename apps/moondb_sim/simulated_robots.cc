@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "apps/moondb_sim/client_message.h"
+#include "runtime/team/role_signature.h"
 
 namespace moondb::simulation {
 namespace {
@@ -252,6 +253,9 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
   }
   if (IsError(reply.error())) {
     if (agent == world_.byzantine) return;  // It may have lied to its own agent too.
+    // A plain rover may not quarantine other agents' maps; who leads is not the robots' concern here.
+    const bool is_refused = reply.error().code() == proto::ERROR_CODE_REFUSED && HasSigningKeys(world_.config);
+    if (is_refused && records.front().has_map_quarantine()) return;
     return world_.Violate("starts", "an insert failed: " + reply.error().text());
   }
   for (int i = 0; i < reply.keys_size(); ++i) {

@@ -134,6 +134,20 @@ TEST_F(RulesTest, AtRestEachHasWhatItIsToHave) {
   EXPECT_THAT(broken_, ElementsAre("nothing_lost"));
 }
 
+TEST_F(RulesTest, AnEventShortBeforeTheEndNeedNotReachTheSurvivor) {
+  proto::Record event;
+  event.mutable_agent_event()->set_kind(proto::EVENT_KIND_REJECTED);
+  const RecordKey early = Key(1, 7, proto::AGENT_EVENT, 1);
+  const RecordKey late = Key(1, 7, proto::AGENT_EVENT, 2);
+  Insert(1, early, event);
+  Insert(1, late, event);
+  rules_.ExcuseLate(late);
+  Rest(Have({early, late}), Have({early}), Have({early}));
+  EXPECT_THAT(broken_, IsEmpty());
+  Rest(Have({early, late}), Have({}), Have({early}));
+  EXPECT_THAT(broken_, ElementsAre("survivor_is_leader")) << "an earlier one has to";
+}
+
 TEST_F(RulesTest, HaveSetSpeaksOfRows) {
   const HaveSet node = Have({Key(1, 5, proto::POSE_GRAPH_NODE, 1)});
   TeamAtRest team{1, 2, 3, {{1, node}, {2, node}, {3, node}}, {{1, {}}, {2, {}}, {3, {}}}};
