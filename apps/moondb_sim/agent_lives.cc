@@ -1,5 +1,6 @@
 #include "apps/moondb_sim/agent_lives.h"
 
+#include <iterator>
 #include <memory>
 #include <optional>
 
@@ -182,9 +183,10 @@ void AgentLives::CheckFailures(AgentId agent) {
   failures_[agent] = world_.team.restarts(agent);
   if ((is_ended || is_failing) && !damaged_.contains(agent)) {
     const proto::TraceReply trace = world_.team.GetTrace(agent);
-    world_.Violate("starts", "an actor of agent " + std::to_string(agent) +
-                                 " failed by itself; the last that failed: " +
-                                 trace.dead_letters(trace.dead_letters_size() - 1).ShortDebugString());
+    const std::string last =
+        trace.dead_letters().empty() ? "none" : std::prev(trace.dead_letters().end())->ShortDebugString();
+    world_.Violate("starts",
+                   "an actor of agent " + std::to_string(agent) + " failed by itself; the last that failed: " + last);
   }
   if (is_ended) OnEnded(agent);  // As a service manager sees it.
 }

@@ -847,7 +847,7 @@ const std::vector<Mutant>& Mutants() {
        }},
       {"PosesByEpoch",
        "an optimized pose of a newer term gives way to an older one in a higher epoch",
-       {"pose_goes_up", "survivor_is_leader", "brought_out", "home_again"},
+       {"pose_goes_up", "nothing_lost", "survivor_is_leader", "brought_out", "home_again"},
        15,
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 20;
