@@ -20,8 +20,8 @@ namespace moondb {
 namespace {
 
 constexpr int kQueueMessages = 16;  // Of one client, each way.
-// Messages of one connection with a key that wait in libzmq, each way. Each may be as large as a message may be. A reply
-// beyond that is dropped: its client does not read.
+// Messages of one connection with a key that wait in libzmq, each way. Each may be as large as a message may be. A
+// reply beyond that is dropped: its client does not read.
 constexpr int kKeyedQueueMessages = 2;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
 constexpr int kClientBatchMessages = 64;
