@@ -20,9 +20,10 @@ namespace moondb {
 namespace {
 
 constexpr int kQueueMessages = 16;  // Of one client, each way.
-// Messages of one connection with a key that wait in libzmq, each way. Each may be as large as a message may be. A
-// reply beyond that is dropped: its client does not read.
-constexpr int kKeyedQueueMessages = 2;
+// Messages of one connection with a key that wait in libzmq. Each may be as large as a message may be. A reply beyond
+// that is dropped: its client does not read.
+constexpr int kKeyedRequestsWaiting = 2;
+constexpr int kKeyedRepliesWaiting = 1;
 constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
 constexpr int kClientBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
@@ -98,8 +99,8 @@ Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, 
   if (!router) return tl::unexpected(router.error());
   // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
   router->Set(ZMQ_ROUTER_MANDATORY, 1);
-  router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedQueueMessages);
-  router->Set(ZMQ_SNDHWM, is_ipc ? kQueueMessages : kKeyedQueueMessages);
+  router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedRequestsWaiting);
+  router->Set(ZMQ_SNDHWM, is_ipc ? kQueueMessages : kKeyedRepliesWaiting);
   const std::size_t request_bytes_max =
       is_ipc ? options.message_bytes_max : std::min(options.message_bytes_max, kKeyedRequestBytesMax);
   router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(request_bytes_max));
