@@ -1,5 +1,6 @@
-// What libzmq alone does for the pattern of remote_moondb.h: each side a ROUTER that only receives and a DEALER that
-// only sends, a context and one I/O thread, no actors, frames that are copied and nothing more.
+// What libzmq alone does for the pattern of remote_moondb.h: each side a listener (a ROUTER, or as moondb a DEALER with
+// CURVE) that only receives and a DEALER that only sends, a context and one I/O thread, no actors, frames that are
+// copied and nothing more.
 #pragma once
 
 #include <cstddef>

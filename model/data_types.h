@@ -27,13 +27,18 @@ enum class ShareRank { kRoles, kStates, kNodes, kEdges, kDerived, kOthers, kMaps
 
 // Which agents may state a record of a type, beyond what its signature and sharing demand (model/record_authority.h).
 enum class Speaker {
-  kAnyAgent,    // It speaks of its origin itself (robot states, events, custom types), or is judged elsewhere
-                // (role assignments: model/role_chain.h).
-  kNamedAgent,  // Its origin is one of the agents that it names: nodes and maps, odometry between nodes of one agent,
-                // ranges between two. Loop closures and priors will be too.
-  kLeader,      // Its origin led in the term that it gives: optimised poses, edge verdicts.
-  kNamedAgentOrLeader,  // Its origin is named, or is in command_from of the team file, or led in the term that it
-                        // gives: quarantines of maps.
+  // Any agent. The record describes its origin (robot states, events, custom types), or other rules apply (role
+  // assignments: model/role_chain.h).
+  kAnyAgent,
+  // An agent that the record names: nodes and maps, odometry between nodes of one agent, ranges between two. Loop
+  // closures and priors will belong here.
+  kNamedAgent,
+  // The agent that led in the term that the record gives: optimised poses, edge verdicts.
+  kLeader,
+  // An agent that the record names, one in command_from of the team file, or the one that led in the term that the
+  // record
+  // gives: quarantines of maps.
+  kNamedAgentOrLeader,
 };
 
 // An agent that a record names. It must be a member of the team.

@@ -11,27 +11,28 @@
 namespace moondb {
 namespace {
 
-// The term in which the record's origin claims to lead; null for a record that claims no role.
-const proto::Term* ClaimedTermOf(const RecordKey& key, const proto::Record& record) {
-  switch (record.body_case()) {
-    case proto::Record::kOptimizedPose:
-      return &record.optimized_pose().term();
-    case proto::Record::kEdgeVerdict:
-      return &record.edge_verdict().term();
-    case proto::Record::kMapQuarantine:
-      return NeedsRole(record.map_quarantine(), key.stream.origin) ? &record.map_quarantine().term() : nullptr;
-    default:
-      return nullptr;
-  }
+// The speaker of a type without a row is any agent.
+Speaker SpeakerOf(const proto::Record& record) {
+  const DataTypeRow* row = FindDataType(TypeOf(record));
+  return row == nullptr ? Speaker::kAnyAgent : row->speaker;
+}
+
+// The term in which the origin of a record of Speaker::kLeader or kNamedAgentOrLeader claims to lead.
+const proto::Term& ClaimedTermOf(const proto::Record& record) {
+  if (record.has_optimized_pose()) return record.optimized_pose().term();
+  return record.has_edge_verdict() ? record.edge_verdict().term() : record.map_quarantine().term();
 }
 
 }  // namespace
 
-Result<void> CheckSpeaker(const proto::Record& record, AgentId origin) {
-  const DataTypeRow* row = FindDataType(TypeOf(record));
-  if (row == nullptr || row->speaker != Speaker::kNamedAgent) return {};
+bool IsNamedIn(const proto::Record& record, AgentId agent) {
   const std::vector<NamedAgent> named = AgentsNamedIn(record);
-  if (std::ranges::find(named, origin, &NamedAgent::agent) != named.end()) return {};
+  return std::ranges::find(named, agent, &NamedAgent::agent) != named.end();
+}
+
+Result<void> CheckSpeaker(const proto::Record& record, AgentId origin) {
+  if (SpeakerOf(record) != Speaker::kNamedAgent || IsNamedIn(record, origin)) return {};
+  const std::vector<NamedAgent> named = AgentsNamedIn(record);
   const bool is_of_two = named.front().agent != named.back().agent;
   return Fail(ErrorCode::kInvalid,
               is_of_two ? "joins agents " + std::to_string(named.front().agent) + " and " +
@@ -40,26 +41,28 @@ Result<void> CheckSpeaker(const proto::Record& record, AgentId origin) {
               named.front().field);
 }
 
-bool NeedsRole(const proto::MapQuarantine& quarantine, AgentId origin) {
-  return (quarantine.has_lifts() ? quarantine.lifts().origin_agent() : quarantine.agent_id()) != origin;
-}
-
 RecordAuthority::RecordAuthority(RoleChain::Options options)
     : has_keys_(options.has_keys), may_command_(options.may_command), chain_(std::move(options)) {}
 
 bool RecordAuthority::Counts(const RecordKey& key, const proto::Record& record) {
   if (has_keys_ && record.has_role_assignment()) AddAssignment(record.role_assignment());
-  if (MayState(key, record)) return true;
+  if (MayState(key.stream.origin, record)) return true;
   ++uncounted_[key.stream.origin];
   return false;
 }
 
-bool RecordAuthority::MayState(const RecordKey& key, const proto::Record& record) {
-  if (!CheckSpeaker(record, key.stream.origin)) return false;
-  const proto::Term* term = has_keys_ ? ClaimedTermOf(key, record) : nullptr;
-  if (term == nullptr) return true;
-  if (record.has_map_quarantine() && may_command_(key.stream.origin)) return true;
-  return HasLedIn(key.stream.origin, *term);
+bool RecordAuthority::MayState(AgentId origin, const proto::Record& record) {
+  switch (SpeakerOf(record)) {
+    case Speaker::kAnyAgent:
+      return true;
+    case Speaker::kNamedAgent:
+      return IsNamedIn(record, origin);
+    case Speaker::kLeader:
+      return !has_keys_ || HasLedIn(origin, ClaimedTermOf(record));
+    case Speaker::kNamedAgentOrLeader:
+      return !has_keys_ || IsNamedIn(record, origin) || may_command_(origin) || HasLedIn(origin, ClaimedTermOf(record));
+  }
+  return false;
 }
 
 bool RecordAuthority::HasLedIn(AgentId origin, const proto::Term& term) {
@@ -85,14 +88,13 @@ void RecordAuthority::AddAssignment(const proto::RoleAssignment& roles) {
 
 bool RecordAuthority::TakeOutdated() { return std::exchange(is_outdated_, false); }
 
-std::optional<proto::UncountedReport> RecordAuthority::TakeReport() {
+std::optional<proto::Message> RecordAuthority::TakeReport() {
   if (uncounted_ == reported_) return std::nullopt;
   reported_ = uncounted_;
-  proto::UncountedReport report;
-  for (const auto& [origin, count] : uncounted_) {
-    (*report.mutable_count_of_origin())[origin] = static_cast<double>(count);
-  }
-  return report;
+  proto::Message message;
+  auto& counts = *message.mutable_uncounted_report()->mutable_count_of_origin();
+  for (const auto& [origin, count] : uncounted_) counts[origin] = static_cast<double>(count);
+  return message;
 }
 
 void RecordAuthority::BeginAnew() {

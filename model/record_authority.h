@@ -21,10 +21,13 @@
 #include "model/record_key.h"
 #include "model/role_chain.h"
 #include "model/term.h"
+#include "proto/message.pb.h"
 #include "proto/record.pb.h"
-#include "proto/storage.pb.h"
 
 namespace moondb {
+
+// Returns whether the record names this agent (DataTypeRow::agents).
+bool IsNamedIn(const proto::Record& record, AgentId agent);
 
 // kInvalid, with the field that names the other agent, if `origin` may not state this in any role. Requires:
 // CheckRecord(record) succeeds.
@@ -41,8 +44,9 @@ class RecordAuthority {
   // All records are read again.
   void BeginAnew();
 
-  // Returns how many records did not count since the last BeginAnew, by origin, if that changed since the last call.
-  std::optional<proto::UncountedReport> TakeReport();
+  // Returns an UncountedReport for storage, of the records that did not count since the last BeginAnew; none if nothing
+  // changed since the last call.
+  std::optional<proto::Message> TakeReport();
 
  private:
   // Left-out (origin, term) pairs are remembered up to this many. Beyond, any new assignment may concern one.
@@ -50,7 +54,7 @@ class RecordAuthority {
   using LeftOut = std::tuple<AgentId, decltype(OrderOf(proto::Term()))>;
 
   void AddAssignment(const proto::RoleAssignment& roles);
-  bool MayState(const RecordKey& key, const proto::Record& record);
+  bool MayState(AgentId origin, const proto::Record& record);
   bool HasLedIn(AgentId origin, const proto::Term& term);
 
   const bool has_keys_;
@@ -61,9 +65,5 @@ class RecordAuthority {
   std::map<AgentId, std::uint64_t> reported_;
   bool is_outdated_ = false;
 };
-
-// Whether the record speaks of agents other than `origin`, so that it counts only by a role of `origin`: a quarantine
-// of another agent's maps, or one that lifts another agent's quarantine.
-bool NeedsRole(const proto::MapQuarantine& quarantine, AgentId origin);
 
 }  // namespace moondb

@@ -160,17 +160,11 @@ void MergeActor::OnRead(Context& context) {
     is_outdated_ = true;
     return StartReading(context);
   }
-  ReportUncounted(context);
+  if (std::optional<proto::Message> report = authority_.TakeReport()) {
+    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));  // Only for people.
+  }
   AnswerCovered(context);
   if (!waiting_.empty()) StartReading(context);
-}
-
-void MergeActor::ReportUncounted(Context& context) {
-  std::optional<proto::UncountedReport> report = authority_.TakeReport();
-  if (!report) return;
-  proto::Message message;
-  *message.mutable_uncounted_report() = *std::move(report);
-  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));  // Only for people.
 }
 
 void MergeActor::OnTimer(Context& context, const proto::Timer& timer) {

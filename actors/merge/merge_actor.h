@@ -72,7 +72,6 @@ class MergeActor final : public Actor {
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnRead(Context& context);
-  void ReportUncounted(Context& context);
   void LookSoon(Context& context);  // At the subscriptions.
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);

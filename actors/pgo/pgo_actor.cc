@@ -189,16 +189,10 @@ void PgoActor::OnRead(Context& context) {
     is_outdated_ = true;
     return StartReading(context);
   }
-  ReportUncounted(context);
+  if (std::optional<proto::Message> report = authority_.TakeReport()) {
+    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));  // Only for people.
+  }
   SolveNow(context);
-}
-
-void PgoActor::ReportUncounted(Context& context) {
-  std::optional<proto::UncountedReport> report = authority_.TakeReport();
-  if (!report) return;
-  proto::Message message;
-  *message.mutable_uncounted_report() = *std::move(report);
-  (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));  // Only for people.
 }
 
 SolverOptions PgoActor::OptionsOf(const proto::OptimizeRequest& request) const {

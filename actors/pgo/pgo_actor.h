@@ -72,7 +72,6 @@ class PgoActor final : public Actor {
   void OnOptimizeRequest(Context& context, const proto::Message& message);
   void OnGraphStatsRequest(Context& context);
   void OnRead(Context& context);
-  void ReportUncounted(Context& context);
   void OnInsertReply(Context& context, const proto::InsertReply& reply);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnTimeout(Context& context, std::uint64_t request_id);

@@ -102,15 +102,15 @@ Result<void> PeerDoor::CheckAssignment(AgentId sender, const proto::RoleAssignme
   return Fail(ErrorCode::kRefused, "is not that of its issuer", "role_assignment.signature");
 }
 
-Result<void> PeerDoor::CheckOwnQuarantine(const proto::MapQuarantine& quarantine) const {
+Result<void> PeerDoor::CheckOwnQuarantine(const proto::Record& record) const {
   const bool has_role = !options_.roles.has_keys || chain_.newest().leader() == options_.self ||
                         options_.roles.may_command(options_.self);
-  if (has_role || !NeedsRole(quarantine, options_.self)) return {};
+  if (has_role || IsNamedIn(record, options_.self)) return {};
   return Fail(
       ErrorCode::kRefused,
       "is about another agent, and this agent neither leads nor is in command_from of the team file: give it at "
       "the leader or at an agent of command_from",
-      quarantine.has_lifts() ? "map_quarantine.lifts" : "map_quarantine.agent_id");
+      record.map_quarantine().has_lifts() ? "map_quarantine.lifts" : "map_quarantine.agent_id");
 }
 
 void PeerDoor::NoteUncounted(const std::string& reader, const proto::UncountedReport& report) {

@@ -76,7 +76,7 @@ class PeerDoor {
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
   // kRefused: a quarantine of another agent's maps, or one that lifts another agent's, would not count: this agent is
   // not in command_from of the team file and does not lead.
-  Result<void> CheckOwnQuarantine(const proto::MapQuarantine& quarantine) const;
+  Result<void> CheckOwnQuarantine(const proto::Record& record) const;
   // The newest term that is known and counts.
   const proto::Term& newest_term() const { return chain_.newest().term(); }
   // A record of this origin came that its origin may not state.

@@ -313,7 +313,7 @@ Result<void> RecordStore::TryToWrite() {
 Result<void> RecordStore::CheckOwnRecord(const proto::Record& record) const {
   Result<void> checked = CheckTeamRecord(record, options_.team);
   if (checked) checked = CheckSpeaker(record, options_.self);
-  if (checked && record.has_map_quarantine()) checked = door_.CheckOwnQuarantine(record.map_quarantine());
+  if (checked && record.has_map_quarantine()) checked = door_.CheckOwnQuarantine(record);
   return checked && record.has_custom() ? CheckDeclared(record.custom(), options_.custom_types) : checked;
 }
 

@@ -148,10 +148,11 @@ class RecordStore {
   // stored as a record of its own too, with what it follows and nobody's record holds: whoever it brings other agents'
   // records to must know that it may.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
-  // What peers sent and was refused, by peer.
+  // As PeerDoor::NoteUncounted.
   void NoteUncounted(const std::string& reader, const proto::UncountedReport& report) {
     door_.NoteUncounted(reader, report);
   }
+  // What peers sent and was refused, by peer.
   void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
   // As PeerLog::Note.

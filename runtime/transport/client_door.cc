@@ -63,8 +63,8 @@ std::optional<std::uint32_t> NumberOf(std::string_view routing_id) {
 }
 
 // Connects to `router` within this process, and returns the number that it assigns to that first connection.
-Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router, const std::string& name) {
-  const std::string endpoint = "inproc://first-of-" + name;
+Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router) {
+  const std::string endpoint = "inproc://first-client";
   if (const auto bound = router.Bind(endpoint); !bound) return tl::unexpected(bound.error());
   Result<ZmqSocket> dealer = ZmqSocket::Make(context, ZMQ_DEALER);
   if (!dealer) return tl::unexpected(dealer.error());
@@ -104,10 +104,11 @@ Result<std::unique_ptr<ClientDoor>> ClientDoor::Open(const ZmqContext& context, 
   const std::size_t request_bytes_max =
       is_ipc ? options.message_bytes_max : std::min(options.message_bytes_max, kKeyedRequestBytesMax);
   router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(request_bytes_max));
-  const Result<std::uint32_t> first_id = FirstNumberOf(context, *router, options.endpoint);
-  if (!first_id) return tl::unexpected(first_id.error());
-  if (const auto ready = is_ipc ? Result<void>() : options.before_listening(*router); !ready) {
-    return tl::unexpected(ready.error());
+  Result<std::uint32_t> first_id = 0;
+  if (!is_ipc) {
+    first_id = FirstNumberOf(context, *router);
+    if (!first_id) return tl::unexpected(first_id.error());
+    if (const auto ready = options.before_listening(*router); !ready) return tl::unexpected(ready.error());
   }
   const auto bound =
       is_ipc ? ListenOnIpc(*router, options.endpoint) : ListenWithKeys(*router, options.endpoint, options.secret_key);

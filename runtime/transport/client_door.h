@@ -96,7 +96,7 @@ class ClientDoor {
 
   const Options options_;
   ZmqSocket router_;
-  const std::uint32_t first_id_;  // The ROUTER's number for its first connection, this process's own.
+  const std::uint32_t first_id_;  // With keys: the ROUTER's number for its first connection, this process's own.
   WakeUp& wake_up_;
   ClientTable table_;
   RateLimitedLog log_;

@@ -36,7 +36,7 @@ class PeerConnection {
   Result<void> Connect(MonotonicTime now);
   // Closes the sockets, to be made anew after the delay.
   void Disconnect(MonotonicTime now);
-  // Closes the sockets, to be made anew in 30 s, whatever is heard until then.
+  // Closes the sockets. Connect is due in 30 s, even if the peer is heard before.
   void DisconnectForLong(MonotonicTime now);
   // The peer was heard: the delay begins small again, and sockets that wait for it are made now. `is_at_once`: those
   // with which libzmq waits to try again too.

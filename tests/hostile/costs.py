@@ -12,6 +12,7 @@ from client import KeyedClient
 from havesets import Receiver
 from member import CODEC_PAPER_SQL, CODEC_ZSTD, Member, frame_of
 from messages import have, record, types
+from records import named_in_health
 from team import TAKEN, Failure
 
 TAKES_ROVER3 = True
@@ -156,9 +157,7 @@ def endless_messages_over_links(team, scale):
         while time.monotonic() < end:
             with contextlib.suppress(TimeoutError):
                 threading.Thread(target=send_parts, args=(server.accept()[0],), daemon=True).start()
-    findings = team.moonctl("-a", "rover1", "health", check=False).stdout
-    if "sends data over this agent's own link" not in findings:
-        raise Failure("health does not name rover3, which floods the link to it")
+    named_in_health(team, "sends data over this agent's own link")
 
 
 ATTACKERS = [floods_the_log, endless_messages_over_links, connections_of_one_key, more_connections_than_places,

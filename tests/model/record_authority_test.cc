@@ -177,10 +177,10 @@ TEST(RecordAuthorityTest, ReportsHowManyRecordsOfEachOriginDoNotCountWhenThatCha
   EXPECT_FALSE(authority.TakeReport().has_value());
   EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(2)));
   EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1)));
-  EXPECT_EQ(authority.TakeReport().value().count_of_origin().at(3), 2);
+  EXPECT_EQ(authority.TakeReport().value().uncounted_report().count_of_origin().at(3), 2);
   EXPECT_FALSE(authority.TakeReport().has_value());
   authority.BeginAnew();
-  EXPECT_EQ(authority.TakeReport().value().count_of_origin_size(), 0);
+  EXPECT_EQ(authority.TakeReport().value().uncounted_report().count_of_origin_size(), 0);
 }
 
 }  // namespace
