@@ -63,7 +63,10 @@ bool DoorGuard::Admit(std::uint16_t port, const std::string& key, const std::str
 
 void DoorGuard::Look(MonotonicTime now) {
   looked_at_ = now;
-  for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List())) Cut(cut);
+  for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List())) {
+    Count(cut);  // First, so that the counters include each cut that its peer can have seen.
+    TcpConnections::ShutDown(cut.connection);
+  }
   LookAtLinks();
 }
 
@@ -79,8 +82,7 @@ void DoorGuard::LookAtLinks() {
   });
 }
 
-void DoorGuard::Cut(const ConnectionRules::Cut& cut) {
-  TcpConnections::ShutDown(cut.connection);
+void DoorGuard::Count(const ConnectionRules::Cut& cut) {
   const std::string who =
       "transport: cut a connection from " + cut.connection.peer + " to port " + std::to_string(cut.connection.port);
   switch (cut.cause) {

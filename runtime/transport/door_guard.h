@@ -73,7 +73,7 @@ class DoorGuard {
   void LookSoon(MonotonicTime now);
   void Look(MonotonicTime now);
   void LookAtLinks();
-  void Cut(const ConnectionRules::Cut& cut);
+  void Count(const ConnectionRules::Cut& cut);
 
   const std::unique_ptr<TcpConnections> connections_;
   ConnectionRules rules_;

@@ -13,6 +13,8 @@
 #include "actors/lease/lease_actor.h"
 #include "actors/role/role_actor.h"
 #include "actors/sharing/codec.h"
+#include "actors/sharing/sharing_receiver.h"
+#include "actors/sharing/sharing_session.h"
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_store.h"
 #include "actors/storage/storage_actor.h"

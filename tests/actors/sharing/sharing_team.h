@@ -1,112 +1,45 @@
-// A team of rovers and a base station for tests of the sharing actors.
+// A team of rovers and a base station for tests of the sharing actors. It does not include them: a change of their
+// headers must not compile every test again.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <string>
 
-#include "actors/sharing/replica_actor.h"
-#include "actors/sharing/sync_actor.h"
+#include "actors/sharing/codec.h"
 #include "runtime/simulation/simulated_team.h"
 #include "runtime/team/team_config.h"
 #include "tests/actors/sharing/memory_store.h"
+
+namespace moondb::proto {
+class ShareStatus;
+}  // namespace moondb::proto
 
 namespace moondb {
 
 // Rovers 1 to `rover_count` ("rover1"...), then a base station ("base"); 1 leads, 2 is the designated survivor.
 // Everything is shared; the base station is sent nodes and maps.
-inline proto::TeamConfig TestTeam(int rover_count) {
-  proto::TeamConfig team;
-  team.set_team("test");
-  for (int id = 1; id <= rover_count + 1; ++id) {
-    proto::AgentConfig& agent = *team.add_agents();
-    agent.set_id(static_cast<std::uint32_t>(id));
-    const bool is_base = id == rover_count + 1;
-    agent.set_name(is_base ? "base" : "rover" + std::to_string(id));
-    agent.set_kind(is_base ? proto::AGENT_KIND_BASE_STATION : proto::AGENT_KIND_ROVER);
-  }
-  team.mutable_roles()->set_leader("rover1");
-  team.mutable_roles()->set_survivor("rover2");
-  auto& share = *team.mutable_share();
-  share["power"] = proto::POLICY_LATEST;
-  share["pose_graph_node"] = proto::POLICY_ALL;
-  share["pose_graph_edge"] = proto::POLICY_ALL;
-  share["optimized_pose"] = proto::POLICY_LATEST;
-  share["edge_verdict"] = proto::POLICY_LATEST;
-  share["local_traversability_map"] = proto::POLICY_ALL;
-  share["map_quarantine"] = proto::POLICY_ALL;
-  share["agent_event"] = proto::POLICY_ALL;
-  (*team.mutable_ground())["pose_graph_node"] = proto::POLICY_ALL;
-  (*team.mutable_ground())["local_traversability_map"] = proto::POLICY_ALL;
-  (*team.mutable_ground())["map_quarantine"] = proto::POLICY_ALL;
-  return team;
-}
+proto::TeamConfig TestTeam(int rover_count);
 
-inline SharingActor::Options SharingOptions(AgentId self, const proto::TeamConfig& team) {
-  SharingActor::Options options;
-  options.self = self;
-  options.team = team;
-  options.config_hash = 1;
-  return options;
-}
+// The two sharing actors of an agent.
+void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::TeamConfig& config,
+                  const PaperSql& paper_sql = {});
 
-inline void SpawnSharing(simulation::SimulatedTeam& team, AgentId agent, const proto::TeamConfig& config,
-                         const PaperSql& paper_sql = {}) {
-  SharingActor::Options options = SharingOptions(agent, config);
-  options.session.paper_sql = paper_sql;
-  team.Spawn(agent, actor_name::kSync, [options] { return std::make_unique<SyncActor>(options); });
-  team.Spawn(agent, actor_name::kReplica, [options] { return std::make_unique<ReplicaActor>(options); });
-}
+// Adds an agent with the two sharing actors. Returns the store that holds its records.
+std::shared_ptr<MemoryStore> AddMemoryAgent(simulation::SimulatedTeam& team, AgentId agent,
+                                            const proto::TeamConfig& config);
 
-// An agent with its sharing actors, whose records are in the store that this gives back.
-inline std::shared_ptr<MemoryStore> AddMemoryAgent(simulation::SimulatedTeam& team, AgentId agent,
-                                                   const proto::TeamConfig& config) {
-  const auto store = std::make_shared<MemoryStore>();
-  team.AddAgent(agent);
-  team.Spawn(agent, actor_name::kStorage, [store] { return std::make_unique<MemoryStorageActor>(store); });
-  SpawnSharing(team, agent, config);
-  return store;
-}
+proto::Message ShareOrder(proto::SharingKind kind, AgentId destination = 0);
 
-inline proto::Message ShareOrder(proto::SharingKind kind, AgentId destination = 0) {
-  proto::Message message;
-  message.mutable_share_request()->set_kind(kind);
-  message.mutable_share_request()->set_destination(destination);
-  return message;
-}
-
-// What an operator's order to `agent` is answered with; the team runs until it is idle.
-inline proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const proto::Message& order) {
-  const bool is_sync = order.share_request().kind() == proto::SHARING_KIND_SYNC;
-  (void)team.Post({agent, "operator"}, {agent, is_sync ? actor_name::kSync : actor_name::kReplica}, order);
-  team.RunUntilIdle();
-  proto::ShareReply reply;
-  for (const proto::Message& message : team.Take({agent, "operator"})) {
-    if (message.has_share_reply()) reply = message.share_reply();
-  }
-  return reply;
-}
+// Sends an order to an agent as its operator does, runs the team until it is idle, and returns the answer.
+proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const proto::Message& order);
 
 // Include proto/share_status.pb.h to look into it.
 proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor);
 
-inline void TellRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
-                      const proto::RoleAssignment& roles) {
-  proto::Message message;
-  *message.mutable_roles_changed()->mutable_roles() = roles;
-  message.mutable_roles_changed()->set_own_role(RoleOf(config, roles, agent));
-  (void)team.Post({agent, actor_name::kRole}, {agent, actor_name::kSync}, message);
-  (void)team.Post({agent, actor_name::kRole}, {agent, actor_name::kReplica}, message);
-}
+void TellRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
+               const proto::RoleAssignment& roles);
 
-inline proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t number) {
-  proto::RoleAssignment roles;
-  roles.set_leader(leader);
-  roles.set_survivor(survivor);
-  roles.mutable_term()->set_number(number);
-  roles.mutable_term()->set_issuer(leader);
-  roles.mutable_term()->set_issuer_epoch(1);
-  return roles;
-}
+proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t number);
 
 }  // namespace moondb

@@ -821,7 +821,10 @@ const std::vector<Mutant>& Mutants() {
        "a lost disk takes an epoch again",
        {"one_content", "nothing_refused"},
        20,
-       Wrapped<WithoutEpochs>(kStorage)},
+       Wrapped<WithoutEpochs>(kStorage),
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/2},
       {"CachedAcknowledgments",
        "what was acknowledged once is never sent again",
        {"nothing_lost", "home_again", "brought_out"},
@@ -844,7 +847,10 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) {
          options.faults_per_hour["swap"] = 40;
          Wrapped<LastPoseHeard>(kStorage)(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/2},
       {"PosesByEpoch",
        "an optimized pose of a newer term gives way to an older one in a higher epoch",
        {"pose_goes_up", "nothing_lost", "survivor_is_leader", "brought_out", "home_again"},
@@ -852,7 +858,10 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 20;
          Wrapped<PosesByEpoch>(kStorage)(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/2},
       {"KeepsRestatedToItself",
        "what was learnt of later epochs is not stored again",
        {"newest_state", "survivor_is_leader", "nothing_lost"},
@@ -860,7 +869,10 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 6;
          Wrapped<KeepsRestatedToItself>(kStorage)(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/3},
       {"RestatesWhateverWasKnown",
        "states are stored again whatever the later epoch's disk had known",
        {"newest_state"},
@@ -868,7 +880,10 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) {
          options.faults_per_hour["old_disk"] = 12;
          Wrapped<RestatesWhateverWasKnown>(kStorage)(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/8},
       {"NewestByClock",
        "states are ordered by the wall clock",
        {"nothing_lost", "survivor_is_leader", "newest_state", "brought_out", "home_again"},
@@ -876,7 +891,10 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) {
          options.faults_per_hour["clock"] = 12;
          Wrapped<NewestByClock>(kStorage)(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/4},
       {"DropsBeforeTheSuperseder",
        "a state is dropped before the one that replaces it comes",
        {"newest_state"},
@@ -900,7 +918,10 @@ const std::vector<Mutant>& Mutants() {
            }
            return true;
          })(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/4},
       {"TermsWithoutIssuer",
        "terms of one number are one",
        {"one_assignment", "one_leader", "comes_to_rest"},
@@ -934,7 +955,10 @@ const std::vector<Mutant>& Mutants() {
        {"nothing_lost"},
        25,
        Says(kReplica, [](Context& context, const Address& to,
-                         proto::Message& message) { return !IsOrderToPeer(context, to, message); })},
+                         proto::Message& message) { return !IsOrderToPeer(context, to, message); }),
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/4},
       {"GathersFromAllButOne",
        "a new leader does not ask agent 3 for what it holds",
        {"nothing_lost"},
@@ -945,7 +969,10 @@ const std::vector<Mutant>& Mutants() {
          Says(kReplica, [](Context& context, const Address& to, proto::Message& message) {
            return to.agent != 3 || !IsOrderToPeer(context, to, message);
          })(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/3},
       {"ReplicatesAllButOne",
        "the survivor is not brought what agent 3 made",
        {"survivor_is_leader", "nothing_lost"},
@@ -956,7 +983,10 @@ const std::vector<Mutant>& Mutants() {
                proto::RecordFilter& filter = *message.mutable_missing_request()->mutable_filter();
                if (filter.ByteSizeLong() == 0) filter.add_not_origin_agents(3);
                return true;
-             })},
+             }),
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/3},
       {"NothingHome",
        "a leader does not bring an agent its own records",
        {"home_again", "newest_state"},
@@ -1014,7 +1044,10 @@ const std::vector<Mutant>& Mutants() {
        "no session keeps to the radio's budget",
        {"within_budget"},
        10,
-       [](SimOptions& options) { options.is_paced = false; }},
+       [](SimOptions& options) { options.is_paced = false; },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/5},
       {"TimersMultiply", "each timer comes twice", {"mailbox_bounded"}, 5, Wrapped<TimersMultiply>(kReplica)},
       {"DamagesBatches",
        "a batch is damaged where it is sent",
@@ -1046,7 +1079,10 @@ const std::vector<Mutant>& Mutants() {
        "sharing goes on in a pause",
        {"quiet_window"},
        5,
-       [](SimOptions& options) { HearLeases(options, IgnorePauses); }},
+       [](SimOptions& options) { HearLeases(options, IgnorePauses); },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/2},
       {"NoWindowOpens",
        "sharing does not hear that nobody drives or sleeps any more",
        {"comes_to_rest", "nothing_lost", "survivor_is_leader", "home_again", "brought_out", "newest_state"},
@@ -1067,18 +1103,27 @@ const std::vector<Mutant>& Mutants() {
        [](SimOptions& options) {
          options.faults_per_hour["sleep"] = 12;
          Hears(kFailover, [](Context&, proto::Message& message) { return !message.has_leases_changed(); })(options);
-       }},
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/3},
       {"FailoverTooSoon",
        "a survivor waits for a tenth of the time",
        {"failover_has_cause"},
        12,
-       Wrapped<WaitsTooShort>(kFailover)},
+       Wrapped<WaitsTooShort>(kFailover),
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/3},
       {"WithoutFailover",
        "no survivor takes the lead",
        {"failover_happens"},
        15,
        Says(kFailover,
-            [](Context&, const Address&, proto::Message& message) { return !message.has_role_set_request(); })},
+            [](Context&, const Address&, proto::Message& message) { return !message.has_role_set_request(); }),
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/3},
       {"FailsInHighTerms",
        "an actor fails at each message that tells a high term",
        {"starts"},
@@ -1174,7 +1219,9 @@ const std::vector<Mutant>& Mutants() {
            return true;
          })(options);
        },
-       SimulatedActors::kAll},
+       SimulatedActors::kAll,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/2},
       {"SendsSomeTiles",
        "of the tiles that changed one is not sent",
        {"map_of_records"},
@@ -1227,7 +1274,8 @@ const std::vector<Mutant>& Mutants() {
                return true;
              }),
        SimulatedActors::kSharing,
-       /*is_of_lies=*/true},
+       /*is_of_lies=*/true,
+       /*likely_seed=*/4},
       {"TakesDropsOfAnybody",
        "that a record was dropped is believed of whoever says so",
        {"only_own_lies", "pruned_is_had", "newest_state"},
@@ -1241,14 +1289,16 @@ const std::vector<Mutant>& Mutants() {
          })(options);
        },
        SimulatedActors::kSharing,
-       /*is_of_lies=*/true},
+       /*is_of_lies=*/true,
+       /*likely_seed=*/4},
       {"TakesRolesOfAnybody",
        "roles are taken whoever decided them",
        {"honest_roles"},
        4,
        TakeRolesOfAnybody,
        SimulatedActors::kSharing,
-       /*is_of_lies=*/true},
+       /*is_of_lies=*/true,
+       /*likely_seed=*/4},
       {"TakesQuarantinesOfAnybody",
        "a quarantine of maps is taken whoever signed it",
        {"only_own_lies"},
@@ -1260,14 +1310,16 @@ const std::vector<Mutant>& Mutants() {
          })(options);
        },
        SimulatedActors::kSharing,
-       /*is_of_lies=*/true},
+       /*is_of_lies=*/true,
+       /*likely_seed=*/4},
       {"TakesPosesOfAnybody",
        "agent 2 merges maps at poses of who never led",
        {"map_of_records"},
        4,
        TakePosesOfAnybody,
        SimulatedActors::kAll,
-       /*is_of_lies=*/true},
+       /*is_of_lies=*/true,
+       /*likely_seed=*/4},
       {"TakesCommandsOfAnybody",
        "a command is taken through whoever relays it",
        {"honest_roles", "only_own_lies", "starts"},

@@ -16,11 +16,12 @@ struct Mutant {
   std::string name;
   std::string what;
   std::vector<std::string> rules;  // Whichever is broken first is one of these.
-  std::uint64_t seeds = 0;         // From 1; one of them notices.
+  std::uint64_t seeds = 0;         // The rule is broken in one of the seeds 1 to this.
   // For one run: what it keeps beyond its actors' lives begins anew.
   std::function<void(SimOptions& options)> apply;
   SimulatedActors actors = SimulatedActors::kSharing;
-  bool is_of_lies = false;  // Only seeds with a Byzantine agent notice. Other mutants run without one.
+  bool is_of_lies = false;        // Only seeds with a Byzantine agent notice. Other mutants run without one.
+  std::uint64_t likely_seed = 1;  // Tried first, to save time.
 };
 
 const std::vector<Mutant>& Mutants();
