@@ -22,8 +22,8 @@ struct RoleArguments {
   std::string reason;
 };
 
-std::string TermText(const proto::TeamConfig& team, const proto::Term& term) {
-  return moondb::TermText(term) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
+std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term) {
+  return TermText(term) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
 }
 
 // What each agent holds: a split team shows.
@@ -41,7 +41,7 @@ ExitCode ShowRoles(CommandContext& context) {
     if (shown) {
       const proto::RoleAssignment& roles = shown->roles();
       const auto role = RoleName(RoleOf(team, roles, agent->id()));
-      table.Add({agent->name(), role, TermText(team, roles.term()), AgentName(team, roles.leader()),
+      table.Add({agent->name(), role, IssuedTermText(team, roles.term()), AgentName(team, roles.leader()),
                  AgentName(team, roles.survivor()), roles.reason()});
       json.Key("role").String(role).Key("roles").Raw(ToJson(roles));
       if (shown->has_unstored()) {
@@ -68,7 +68,7 @@ ExitCode ShowHistory(CommandContext& context) {
   }
   Table table({"TERM", "BY", "LEADER", "SURVIVOR", "WHEN", "REASON"});
   for (const proto::RoleAssignment& roles : shown->history()) {
-    table.Add({moondb::TermText(roles.term()), AgentName(team, roles.term().issuer()), AgentName(team, roles.leader()),
+    table.Add({TermText(roles.term()), AgentName(team, roles.term().issuer()), AgentName(team, roles.leader()),
                AgentName(team, roles.survivor()), FormatUtc(roles.stamp_ns()), roles.reason()});
   }
   return context.Done(ToJson(*shown), table.Text());
@@ -154,7 +154,7 @@ ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const Rol
 
   const proto::RoleAssignment& roles = done->shown.roles();
   std::string text = arguments.is_dry_run ? "would be: " : "";
-  text += "term " + TermText(team, roles.term()) + ": leader " + AgentName(team, roles.leader()) + ", survivor " +
+  text += "term " + IssuedTermText(team, roles.term()) + ": leader " + AgentName(team, roles.leader()) + ", survivor " +
           AgentName(team, roles.survivor());
   std::string missing;
   for (const std::string& name : done->not_confirmed) missing += (missing.empty() ? "" : " and ") + name;
