@@ -1,8 +1,13 @@
 #include "client/connection.h"
 
+#include <linux/tcp.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <string_view>
@@ -49,23 +54,40 @@ struct Client::Connection::Sockets {
   zmq::context_t context;
   zmq::socket_t dealer{context, zmq::socket_type::dealer};
   zmq::socket_t monitor{context, zmq::socket_type::pair};  // What becomes of the connection.
+  int file = -1;                                           // The connection's, once it stands.
 
   void Watch() {
     constexpr char kMonitor[] = "inproc://monitor";
-    constexpr int kEvents = ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
-                            ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED;
+    constexpr int kEvents = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_HANDSHAKE_FAILED_AUTH |
+                            ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
+                            ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_CLOSED;
     if (zmq_socket_monitor(dealer.handle(), kMonitor, kEvents) != 0) throw zmq::error_t();
     monitor.set(zmq::sockopt::linger, 0);
     monitor.connect(kMonitor);
   }
-  // The next of these; 0 if nothing has happened.
+  // The next of these but for ZMQ_EVENT_CONNECTED, which only says which file the connection has; 0 if nothing has
+  // happened.
   int NextEvent() {
     zmq::message_t event;
     zmq::message_t address;
-    if (!monitor.recv(event, zmq::recv_flags::dontwait) || !monitor.recv(address, zmq::recv_flags::none)) return 0;
-    std::uint16_t number = 0;
-    std::memcpy(&number, event.data(), sizeof(number));
-    return number;
+    while (monitor.recv(event, zmq::recv_flags::dontwait) && monitor.recv(address, zmq::recv_flags::none)) {
+      std::uint16_t number = 0;
+      std::int32_t value = 0;
+      std::memcpy(&number, event.data(), sizeof(number));
+      std::memcpy(&value, static_cast<const char*>(event.data()) + sizeof(number), sizeof(value));
+      if (number != ZMQ_EVENT_CONNECTED) return number;
+      file = value;
+    }
+    return 0;
+  }
+
+  // Over TCP, since the connection was made; 0 over other transports.
+  std::uint64_t ReceivedBytes() const {
+    tcp_info info{};
+    socklen_t size = sizeof(info);
+    const bool is_known = getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 &&
+                          size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof(info.tcpi_bytes_received);
+    return is_known ? info.tcpi_bytes_received : 0;
   }
 
   bool is_writable() { return (dealer.get(zmq::sockopt::events) & ZMQ_POLLOUT) != 0; }
@@ -106,6 +128,7 @@ Result<void> Client::Connection::Open(Duration timeout) {
     sockets->Watch();
     sockets->dealer.connect(endpoint_);
     if (auto there = WaitForPeer(*sockets, timeout); !there) return there;
+    (void)sockets->NextEvent();  // Takes note of the file.
     sockets_ = std::move(sockets);
     return {};
   } catch (const zmq::error_t& error) {
@@ -157,6 +180,7 @@ Result<void> Client::Connection::Send(const std::string& frame) {
 Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline) {
   try {
     zmq::message_t frame;
+    const std::uint64_t received_before = sockets_->ReceivedBytes();
     while (true) {
       if (sockets_->dealer.recv(frame, zmq::recv_flags::dontwait)) {
         // Only single frames are answers; what else comes is not ours.
@@ -166,6 +190,11 @@ Result<std::string> Client::Connection::Receive(SteadyClock::time_point deadline
       if (!sockets_->is_writable()) {
         Close();
         return Fail(ErrorCode::kUnavailable, "agent " + agent_name_ + " went away during the call");
+      }
+      // libzmq limits frames and keeps those of a message until the last has come, however many there are.
+      if (sockets_->ReceivedBytes() > received_before + 2 * message_bytes_max_) {
+        Close();
+        return Fail(ErrorCode::kCorrupt, "agent " + agent_name_ + " sends a message that does not end");
       }
       const auto left = Until(deadline);
       if (left.count() == 0) return Fail(ErrorCode::kTimedOut, "agent " + agent_name_ + " did not answer in time");

@@ -16,7 +16,24 @@ using google::protobuf::io::CodedInputStream;
 
 // Fewer bytes cannot hold enough parts to matter.
 constexpr std::size_t kUncountedBytesMax = 64 * 1024;
+constexpr std::size_t kUncountedPeerBytesMax = 1024;
 constexpr int kDepthMax = 100;  // Protobuf's own.
+
+// Of a packed list.
+std::size_t ElementBytesMin(const FieldDescriptor& field) {
+  switch (field.type()) {
+    case FieldDescriptor::TYPE_DOUBLE:
+    case FieldDescriptor::TYPE_FIXED64:
+    case FieldDescriptor::TYPE_SFIXED64:
+      return 8;
+    case FieldDescriptor::TYPE_FLOAT:
+    case FieldDescriptor::TYPE_FIXED32:
+    case FieldDescriptor::TYPE_SFIXED32:
+      return 4;
+    default:
+      return 1;
+  }
+}
 
 // Takes a part from `left` for each; false when none is left. Stops where the bytes do not decode: so does the parser.
 bool CountParts(const Descriptor& type, int depth, CodedInputStream& in, std::size_t& left) {
@@ -27,6 +44,17 @@ bool CountParts(const Descriptor& type, int depth, CodedInputStream& in, std::si
     const WireFormatLite::WireType wire_type = WireFormatLite::GetTagWireType(tag);
     if (wire_type == WireFormatLite::WIRETYPE_START_GROUP) return false;  // Nobody here writes them.
     if (is_part && left-- == 0) return false;
+    const bool is_packed =
+        field != nullptr && field->is_packable() && wire_type == WireFormatLite::WIRETYPE_LENGTH_DELIMITED;
+    if (is_packed) {
+      std::uint32_t length = 0;
+      if (!in.ReadVarint32(&length)) return true;
+      const std::size_t elements = length / ElementBytesMin(*field);
+      if (elements > left) return false;
+      left -= elements;
+      if (!in.Skip(static_cast<int>(length))) return true;
+      continue;
+    }
     if (!is_message || wire_type != WireFormatLite::WIRETYPE_LENGTH_DELIMITED) {
       if (!WireFormatLite::SkipField(&in, tag)) return true;
       continue;
@@ -41,18 +69,26 @@ bool CountParts(const Descriptor& type, int depth, CodedInputStream& in, std::si
   return true;
 }
 
-bool HasFewParts(std::string_view bytes, const Descriptor& type) {
+bool HasFewParts(std::string_view bytes, const Descriptor& type, std::size_t parts_max) {
   CodedInputStream in(reinterpret_cast<const std::uint8_t*>(bytes.data()), static_cast<int>(bytes.size()));
-  std::size_t left = kParsedPartsMax;
-  return CountParts(type, /*depth=*/0, in, left);
+  return CountParts(type, /*depth=*/0, in, parts_max);
+}
+
+bool Parse(std::string_view bytes, std::size_t uncounted_bytes_max, std::size_t parts_max,
+           google::protobuf::Message* message) {
+  if (bytes.size() > INT32_MAX) return false;
+  if (bytes.size() > uncounted_bytes_max && !HasFewParts(bytes, *message->GetDescriptor(), parts_max)) return false;
+  return message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
 }
 
 }  // namespace
 
 bool ParseBounded(std::string_view bytes, google::protobuf::Message* message) {
-  if (bytes.size() > INT32_MAX) return false;
-  if (bytes.size() > kUncountedBytesMax && !HasFewParts(bytes, *message->GetDescriptor())) return false;
-  return message->ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+  return Parse(bytes, kUncountedBytesMax, kParsedPartsMax, message);
+}
+
+bool ParseBoundedFromPeer(std::string_view bytes, google::protobuf::Message* message) {
+  return Parse(bytes, kUncountedPeerBytesMax, bytes.size() / kPeerBytesOfPartMin, message);
 }
 
 }  // namespace moondb

@@ -16,8 +16,8 @@ class G2oParser {
  public:
   G2oParser(std::string name, InformationCheck check) : name_(std::move(name)), check_(check) {}
 
-  Result<G2o> Parse(std::string_view text) {
-    const Result<void> parsed = ParseLines(text, name_, [this](LineFields& fields, std::size_t line) {
+  Result<G2o> Parse(TextLines lines) {
+    const Result<void> parsed = ParseLines(std::move(lines), name_, [this](LineFields& fields, std::size_t line) {
       line_ = line;
       ParseLine(fields);
     });
@@ -152,13 +152,13 @@ std::string InformationText(const Matrix6d& information, bool is_planar) {
 }  // namespace
 
 Result<G2o> ParseG2o(std::string_view text, const std::string& name, InformationCheck check) {
-  return G2oParser(name, check).Parse(text);
+  return G2oParser(name, check).Parse(TextLines(text));
 }
 
 Result<G2o> ReadG2o(const std::filesystem::path& file, InformationCheck check) {
-  const Result<std::string> text = ReadTextFile(file);
-  if (!text) return tl::unexpected(text.error());
-  return ParseG2o(*text, file.string(), check);
+  Result<TextLines> lines = TextLines::OfFile(file);
+  if (!lines) return tl::unexpected(lines.error());
+  return G2oParser(file.string(), check).Parse(*std::move(lines));
 }
 
 std::string FormatG2o(const G2o& g2o) {

@@ -57,7 +57,7 @@ enum class InformationCheck { kPositiveDefinite, kBlocks };
 Result<G2o> ParseG2o(std::string_view text, const std::string& name,
                      InformationCheck check = InformationCheck::kPositiveDefinite);
 
-// The same from a file; also the errors of ReadTextFile.
+// The same from a file, which is read block by block; also the errors of TextLines.
 Result<G2o> ReadG2o(const std::filesystem::path& file, InformationCheck check = InformationCheck::kPositiveDefinite);
 
 // Vertices, FIX, edges, each in their order.

@@ -78,21 +78,20 @@ Eigen::Quaterniond LineFields::Orientation() {
   return std::abs(length - 1) <= kQuaternionUnitSlack ? read : read.normalized();
 }
 
-Result<void> ParseLines(std::string_view text, const std::string& name,
+Result<void> ParseLines(TextLines lines, const std::string& name,
                         const std::function<void(LineFields& fields, std::size_t line)>& parse) {
-  for (std::size_t number = 1; !text.empty(); ++number) {
-    const std::string_view line = TakeLine(text);
+  while (const std::optional<std::string_view> line = lines.Next()) {
     const auto stop = [&](std::string why) {
-      return Fail(ErrorCode::kInvalid, std::move(why), FileLine(name, number));
+      return Fail(ErrorCode::kInvalid, std::move(why), FileLine(name, lines.number()));
     };
-    if (line.size() > kGraphLineBytesMax) return stop("the line is longer than 4096 bytes");
-    LineFields fields(line);
-    if (fields.left() == 0 || line.front() == '#') continue;
-    parse(fields, number);
+    if (line->size() > kGraphLineBytesMax) return stop("the line is longer than 4096 bytes");
+    LineFields fields(*line);
+    if (fields.left() == 0 || line->front() == '#') continue;
+    parse(fields, lines.number());
     if (fields.error().empty() && fields.left() > 0) fields.Stop("the line has too many fields");
     if (!fields.error().empty()) return stop(fields.error());
   }
-  return {};
+  return lines.result();
 }
 
 void SetPlanar(const Eigen::Matrix3d& planar, Matrix6d& spatial) {

@@ -13,6 +13,7 @@
 #include "model/error.h"
 #include "model/geometry.h"
 #include "model/pose_graph.h"
+#include "model/text_lines.h"
 
 namespace moondb {
 
@@ -67,7 +68,8 @@ inline constexpr std::size_t kGraphLineBytesMax = 4096;
 
 // Gives `parse` each line that is neither empty nor a comment (#), and its number from 1. kInvalid with file (`name`)
 // and line as the field: the first error that it notes, fields that it leaves, a line longer than kGraphLineBytesMax.
-Result<void> ParseLines(std::string_view text, const std::string& name,
+// Also the errors of TextLines.
+Result<void> ParseLines(TextLines lines, const std::string& name,
                         const std::function<void(LineFields& fields, std::size_t line)>& parse);
 
 // The planar x, y and yaw of a matrix over x y z roll pitch yaw; its other entries stay.

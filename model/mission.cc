@@ -10,6 +10,7 @@
 #include "model/png.h"
 #include "model/pyfg.h"
 #include "model/text.h"
+#include "model/text_lines.h"
 
 namespace moondb {
 
@@ -85,18 +86,17 @@ class CsvRow {
 // Calls `read_row` with each row of a table of that heading until one fails.
 template <typename ReadRow>
 Result<void> ReadCsv(const std::filesystem::path& file, std::string_view heading, ReadRow read_row) {
-  const Result<std::string> text = ReadTextFile(file);
-  if (!text) return tl::unexpected(text.error());
-  std::string_view rest = *text;
-  if (TakeLine(rest) != heading) {
+  Result<TextLines> lines = TextLines::OfFile(file);
+  if (!lines) return tl::unexpected(lines.error());
+  if (lines->Next() != heading) {
+    if (!lines->result()) return lines->result();
     return Fail(ErrorCode::kInvalid, "the heading is not " + std::string(heading), FileLine(file.string(), 1));
   }
   const std::size_t columns = Split(heading, ',').size();
-  for (std::size_t line = 2; !rest.empty(); ++line) {
-    const std::string_view row_text = TakeLine(rest);
-    if (row_text.empty()) continue;
-    std::vector<std::string_view> fields = Split(row_text, ',');
-    const std::string file_line = FileLine(file.string(), line);
+  while (const std::optional<std::string_view> row_text = lines->Next()) {
+    if (row_text->empty()) continue;
+    std::vector<std::string_view> fields = Split(*row_text, ',');
+    const std::string file_line = FileLine(file.string(), lines->number());
     if (fields.size() != columns) {
       return Fail(ErrorCode::kInvalid,
                   "has " + std::to_string(fields.size()) + " fields instead of " + std::to_string(columns), file_line);
@@ -105,7 +105,7 @@ Result<void> ReadCsv(const std::filesystem::path& file, std::string_view heading
     read_row(row);
     if (!row.is_good()) return row.failure();
   }
-  return {};
+  return lines->result();
 }
 
 MissionAgent ReadAgent(CsvRow& row) {

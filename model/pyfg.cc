@@ -42,8 +42,8 @@ class PyfgParser {
  public:
   explicit PyfgParser(std::string name) : name_(std::move(name)) {}
 
-  Result<Pyfg> Parse(std::string_view text) {
-    const Result<void> parsed = ParseLines(text, name_, [this](LineFields& fields, std::size_t line) {
+  Result<Pyfg> Parse(TextLines lines) {
+    const Result<void> parsed = ParseLines(std::move(lines), name_, [this](LineFields& fields, std::size_t line) {
       line_ = line;
       ParseLine(fields);
     });
@@ -246,12 +246,14 @@ std::optional<NodeKey> ParseKey(std::string_view text) {
 
 std::string FormatKey(const NodeKey& key) { return LetterOfAgent(key.agent) + std::to_string(key.index); }
 
-Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name) { return PyfgParser(name).Parse(text); }
+Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name) {
+  return PyfgParser(name).Parse(TextLines(text));
+}
 
 Result<Pyfg> ReadPyfg(const std::filesystem::path& file) {
-  const Result<std::string> text = ReadTextFile(file);
-  if (!text) return tl::unexpected(text.error());
-  return ParsePyfg(*text, file.string());
+  Result<TextLines> lines = TextLines::OfFile(file);
+  if (!lines) return tl::unexpected(lines.error());
+  return PyfgParser(file.string()).Parse(*std::move(lines));
 }
 
 std::string FormatPyfg(const Pyfg& pyfg) {

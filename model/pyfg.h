@@ -68,7 +68,7 @@ std::string FormatKey(const NodeKey& key);
 // mixed, a line longer than kGraphLineBytesMax. `name` stands for the file in errors.
 Result<Pyfg> ParsePyfg(std::string_view text, const std::string& name);
 
-// The same from a file; also the errors of ReadTextFile.
+// The same from a file, which is read block by block; also the errors of TextLines.
 Result<Pyfg> ReadPyfg(const std::filesystem::path& file);
 
 // Vertices, landmarks, odometry, sightings, ranges, each in their order. Agents must be 1 to 52 (Check).

@@ -88,12 +88,16 @@ void RecordAuthority::AddAssignment(const proto::RoleAssignment& roles) {
 
 bool RecordAuthority::TakeOutdated() { return std::exchange(is_outdated_, false); }
 
-std::optional<proto::Message> RecordAuthority::TakeReport() {
-  if (uncounted_ == reported_) return std::nullopt;
+std::optional<proto::Message> RecordAuthority::TakeReport(std::map<AgentId, std::uint64_t> without_room) {
+  if (uncounted_ == reported_ && without_room == reported_without_room_) return std::nullopt;
   reported_ = uncounted_;
+  reported_without_room_ = std::move(without_room);
   proto::Message message;
-  auto& counts = *message.mutable_uncounted_report()->mutable_count_of_origin();
-  for (const auto& [origin, count] : uncounted_) counts[origin] = static_cast<double>(count);
+  proto::LeftOutReport& report = *message.mutable_left_out_report();
+  for (const auto& [origin, count] : reported_) (*report.mutable_without_role())[origin] = static_cast<double>(count);
+  for (const auto& [origin, count] : reported_without_room_) {
+    (*report.mutable_without_room())[origin] = static_cast<double>(count);
+  }
   return message;
 }
 

@@ -44,9 +44,9 @@ class RecordAuthority {
   // All records are read again.
   void BeginAnew();
 
-  // Returns an UncountedReport for storage, of the records that did not count since the last BeginAnew; none if nothing
-  // changed since the last call.
-  std::optional<proto::Message> TakeReport();
+  // Returns a LeftOutReport for storage, of the records that did not count since the last BeginAnew and of those for
+  // which the reader had no room, by origin; none if nothing changed since the last call.
+  std::optional<proto::Message> TakeReport(std::map<AgentId, std::uint64_t> without_room);
 
  private:
   // Left-out (origin, term) pairs are remembered up to this many. Beyond, any new assignment may concern one.
@@ -62,7 +62,8 @@ class RecordAuthority {
   RoleChain chain_;
   std::set<LeftOut> left_out_;
   std::map<AgentId, std::uint64_t> uncounted_;
-  std::map<AgentId, std::uint64_t> reported_;
+  std::map<AgentId, std::uint64_t> reported_;  // Of uncounted_.
+  std::map<AgentId, std::uint64_t> reported_without_room_;
   bool is_outdated_ = false;
 };
 

@@ -57,11 +57,11 @@ RoleChain::Standing RoleChain::StandingOf(const proto::RoleAssignment& roles) co
 
 RoleChain::Standing RoleChain::Add(const proto::RoleAssignment& roles) {
   const Standing standing = StandingOf(roles);
-  if (standing == Standing::kLacksForerunner && waiting_.size() < kWaitingAssignmentsMax) {
+  if (standing == Standing::kLacksForerunner) {
     const auto [first, last] = waiting_.equal_range(roles.follows());
     const bool is_known = std::any_of(
         first, last, [&roles](const auto& waiting) { return waiting.second.signature() == roles.signature(); });
-    if (!is_known) waiting_.emplace(roles.follows(), roles);
+    if (!is_known && HasRoomToWait(roles.term().issuer())) waiting_.emplace(roles.follows(), roles);
   }
   if (standing != Standing::kCounts) return standing;
   std::vector<proto::RoleAssignment> added = {roles};
@@ -75,6 +75,22 @@ RoleChain::Standing RoleChain::Add(const proto::RoleAssignment& roles) {
     waiting_.erase(first, last);
   }
   return standing;
+}
+
+bool RoleChain::HasRoomToWait(AgentId issuer) {
+  if (waiting_.size() < kWaitingAssignmentsMax) return true;
+  std::map<AgentId, std::size_t> counts;
+  for (const auto& [follows, roles] : waiting_) ++counts[roles.term().issuer()];
+  const auto most =
+      std::max_element(counts.begin(), counts.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (counts[issuer] + 1 >= most->second) return false;
+  auto oldest = waiting_.end();
+  for (auto waiting = waiting_.begin(); waiting != waiting_.end(); ++waiting) {
+    if (waiting->second.term().issuer() != most->first) continue;
+    if (oldest == waiting_.end() || IsNewer(oldest->second.term(), waiting->second.term())) oldest = waiting;
+  }
+  waiting_.erase(oldest);
+  return true;
 }
 
 const proto::RoleAssignment* RoleChain::Find(const std::string& signature) const {

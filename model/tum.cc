@@ -5,9 +5,11 @@
 
 namespace moondb {
 
-Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& name) {
+namespace {
+
+Result<std::vector<TumPose>> Parse(TextLines lines, const std::string& name) {
   std::vector<TumPose> poses;
-  const Result<void> parsed = ParseLines(text, name, [&poses](LineFields& fields, std::size_t) {
+  const Result<void> parsed = ParseLines(std::move(lines), name, [&poses](LineFields& fields, std::size_t) {
     TumPose& pose = poses.emplace_back();
     pose.stamp_ns = fields.Stamp();
     pose.map_from_body = fields.PoseOf(/*is_planar=*/false);
@@ -16,10 +18,16 @@ Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& 
   return poses;
 }
 
+}  // namespace
+
+Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& name) {
+  return Parse(TextLines(text), name);
+}
+
 Result<std::vector<TumPose>> ReadTum(const std::filesystem::path& file) {
-  const Result<std::string> text = ReadTextFile(file);
-  if (!text) return tl::unexpected(text.error());
-  return ParseTum(*text, file.string());
+  Result<TextLines> lines = TextLines::OfFile(file);
+  if (!lines) return tl::unexpected(lines.error());
+  return Parse(*std::move(lines), file.string());
 }
 
 std::string FormatTum(const std::vector<TumPose>& poses, const FileNotes& notes) {

@@ -28,7 +28,7 @@ struct TumPose {
 // stands for the file in errors.
 Result<std::vector<TumPose>> ParseTum(std::string_view text, const std::string& name);
 
-// The same from a file; also the errors of ReadTextFile.
+// The same from a file, which is read block by block; also the errors of TextLines.
 Result<std::vector<TumPose>> ReadTum(const std::filesystem::path& file);
 
 // The notes stand above the poses as comments, which evo and rpg_trajectory_evaluation skip too.

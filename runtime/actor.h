@@ -146,8 +146,10 @@ enum class Overflow {
 // before all waiting data, and without counting towards the bounds below; its own bound is kControlMessagesMax.
 struct SpawnOptions {
   Placement placement = Placement::kPool;
-  std::size_t messages_max = 4096;           // Waiting in the data lane; at least 1.
-  std::size_t bytes_max = 64 * 1024 * 1024;  // Waiting messages' bytes, as serialised; one larger message fits alone.
+  std::size_t messages_max = 4096;  // Waiting in the data lane; at least 1.
+  // Waiting messages' bytes, as serialised; of messages from other agents and clients, which have a quarter of it, as
+  // they lie in memory. One larger message fits alone.
+  std::size_t bytes_max = 64 * 1024 * 1024;
   Overflow overflow = Overflow::kReject;
   // For kLatestByKey: a message's key; with an empty one it replaces nothing. Runs on the sender's thread.
   std::function<std::string(const proto::Message&)> key = nullptr;

@@ -11,6 +11,8 @@ namespace {
 
 // Messages that one actor handles before the others of its pool have their turn.
 constexpr int kTurnMessages = 64;
+// Messages from outside up to this size count with their serialised bytes.
+constexpr std::size_t kSmallBytes = 4096;
 
 double Seconds(Ticks ticks) { return std::chrono::duration<double>(TickClock::ToDuration(ticks)).count(); }
 
@@ -40,6 +42,18 @@ SendResult ActorCell::Push(OwnedMessage message, const Address* sender, std::uin
   item.sender = sender;
   item.sender_name = sender_name;
   return may_wait && may_senders_wait_ ? PushWaiting(std::move(item)) : Settle(mailbox_.Push(std::move(item)));
+}
+
+SendResult ActorCell::PushFromOutside(OwnedMessage message, const Address* sender) {
+  Mailbox::Item item;
+  item.bytes = message->ByteSizeLong();
+  // A message of many small parts takes many times its serialised bytes.
+  if (item.bytes > kSmallBytes) item.bytes = message->SpaceUsedLong();
+  item.message = std::move(message);
+  item.sender = sender;
+  item.sender_name = TraceRecord::kNobody;
+  item.is_from_outside = true;
+  return Settle(mailbox_.Push(std::move(item)));
 }
 
 SendResult ActorCell::Settle(Mailbox::Pushed pushed) {

@@ -69,6 +69,8 @@ class ActorCell final : public ActorHost, private Runnable {
   // Any thread. kUnreachable where the actor is beyond help or ended. `sender` and `sender_name`: see Mailbox::Item.
   // `may_wait`: for room in a full kBlock mailbox, as long as it takes.
   SendResult Push(OwnedMessage message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);
+  // From another agent or a client.
+  SendResult PushFromOutside(OwnedMessage message, const Address* sender);
   void Wake();
   void BeginStart();
   void WaitUntilStarted();  // Or beyond help, or ended.

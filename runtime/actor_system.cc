@@ -161,7 +161,7 @@ SendResult ActorSystem::Impl::Deliver(OwnedMessage message) {
   if (cell != nullptr) {
     record.actor = cell->trace_name();
     const Address* sender = TakeSender(*message);
-    result = cell->Push(std::move(message), sender, TraceRecord::kNobody);
+    result = cell->PushFromOutside(std::move(message), sender);
   }
   if (result != SendResult::kAccepted) {
     record.time = TickClock::Now();

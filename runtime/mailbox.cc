@@ -133,7 +133,7 @@ SendResult Mailbox::PushStored(Item& item) {
 SendResult Mailbox::PushData(Item& item) {
   if (item.is_past_bounds) {
     item.bytes = 0;
-  } else if (!HasRoom(item.bytes)) {
+  } else if (!HasRoom(item)) {
     return SendResult::kFull;
   }
   // Counted if there was memory for it.
@@ -141,8 +141,11 @@ SendResult Mailbox::PushData(Item& item) {
   return SendResult::kAccepted;
 }
 
-bool Mailbox::HasRoom(std::size_t bytes) {
-  const auto fits = [&] { return pushed_.messages - seen_.messages < limits_.messages && FitsInBytes(bytes); };
+bool Mailbox::HasRoom(const Item& item) {
+  const std::uint64_t bytes_max = item.is_from_outside ? limits_.bytes / 4 : limits_.bytes;
+  const auto fits = [&] {
+    return pushed_.messages - seen_.messages < limits_.messages && FitsInBytes(item.bytes, bytes_max);
+  };
   if (fits()) return true;
   SeeTaken();
   return fits();
@@ -150,13 +153,13 @@ bool Mailbox::HasRoom(std::size_t bytes) {
 
 bool Mailbox::HasRoomInBytes(std::size_t bytes) {
   SeeTaken();
-  return FitsInBytes(bytes);
+  return FitsInBytes(bytes, limits_.bytes);
 }
 
-bool Mailbox::FitsInBytes(std::size_t bytes) const {
+bool Mailbox::FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const {
   // What waits may lie above the limit while one larger message waits alone.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
-  return waiting == 0 || (waiting < limits_.bytes && bytes <= limits_.bytes - waiting);
+  return waiting == 0 || (waiting < bytes_max && bytes <= bytes_max - waiting);
 }
 
 void Mailbox::SeeTaken() { seen_ = taken_.totals(); }

@@ -27,10 +27,11 @@ class Mailbox {
   struct Item {
     OwnedMessage message = nullptr;
     const Address* sender = nullptr;     // Outlives the item; null: the envelope says who it is.
-    std::size_t bytes = 0;               // Towards the bound, as serialised.
+    std::size_t bytes = 0;               // Towards the bound.
     std::uint32_t incarnation = 0;       // Of the actor whose timer this is.
     std::uint16_t sender_name = 0xFFFF;  // In traces; 0xFFFF: not one of this agent's actors.
     bool is_timer = false;
+    bool is_from_outside = false;      // Of another agent or a client: these have a quarter of the bytes.
     bool is_past_bounds = false;       // A timer, or RecordsStored; set by the push.
     const std::string* key = nullptr;  // The mailbox's own, while the item waits under it.
   };
@@ -138,9 +139,9 @@ class Mailbox {
   SendResult PushKeyed(Item& item, const std::string& key);
   SendResult PushStored(Item& item);
   SendResult PushData(Item& item);
-  bool HasRoom(std::size_t bytes);
+  bool HasRoom(const Item& item);
   bool HasRoomInBytes(std::size_t bytes);
-  bool FitsInBytes(std::size_t bytes) const;
+  bool FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const;
   void SeeTaken();
   void Count(const Item& item);
   Item* TakeControl();

@@ -10,60 +10,85 @@
 
 namespace moondb {
 
-Result<bool> MapCollection::PutMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map) {
-  if (maps_.contains(key)) return false;
+MapCollection::MapCollection(Options options)
+    : options_(std::move(options)),
+      map_quota_(options_.maps_max),
+      map_bytes_quota_(options_.bytes_max),
+      quarantine_quota_(options_.quarantines_max),
+      node_quota_(options_.nodes_max) {}
+
+Result<void> MapCollection::AddMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map) {
   const std::int64_t stamp_ns = stamp.is_clock_suspect ? INT64_MIN : stamp.ns;
   Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, stamp_ns, map, options_.grid);
   if (!local) return tl::unexpected(local.error());
   const std::uint64_t bytes = (*local)->bytes();
-  if (maps_.size() >= options_.maps_max || bytes > options_.bytes_max - bytes_) {
-    return Fail(ErrorCode::kFull, "merging holds at most " + std::to_string(options_.maps_max) + " maps and " +
-                                      std::to_string(options_.bytes_max) + " bytes");
-  }
-  maps_.emplace(key, HeldMap{std::move(*local), stamp});
+  if (!maps_.emplace(key, HeldMap{std::move(*local), stamp}).second) return {};
   bytes_ += bytes;
-  return true;
-}
-
-Result<MapCollection::Node*> MapCollection::FindOrAddNode(const NodeKey& node) {
-  const auto found = nodes_.find(node);
-  if (found != nodes_.end()) return &found->second;
-  if (nodes_.size() >= options_.nodes_max) {
-    return Fail(ErrorCode::kFull, "merging holds at most " + std::to_string(options_.nodes_max) + " nodes");
-  }
-  return &nodes_[node];
-}
-
-Result<void> MapCollection::SetRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node) {
-  Result<Node*> entry = FindOrAddNode(node);
-  if (!entry) return tl::unexpected(entry.error());
-  auto& raw = (*entry)->raw;
-  if (!raw || key < raw->first) raw.emplace(key, map_from_node);
+  for (const auto& removed : map_quota_.Add(key, 1, {})) RemoveMap(removed.key);
+  for (const auto& removed : map_bytes_quota_.Add(key, bytes, {})) RemoveMap(removed.key);
   return {};
 }
 
-Result<void> MapCollection::SetOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
-                                             const proto::Term& term, std::uint64_t run) {
-  Result<Node*> entry = FindOrAddNode(node);
-  if (!entry) return tl::unexpected(entry.error());
-  auto& optimized = (*entry)->optimized;
+void MapCollection::RemoveMap(const RecordKey& key) {
+  const auto map = maps_.find(key);
+  if (map == maps_.end()) return;  // The other quota removed it before.
+  bytes_ -= map->second.local->bytes();
+  maps_.erase(map);
+}
+
+void MapCollection::AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node) {
+  auto& raw = nodes_[node].raw;
+  const auto place =
+      std::lower_bound(raw.begin(), raw.end(), key, [](const auto& a, const RecordKey& b) { return a.first < b; });
+  if (place != raw.end() && place->first == key) return;
+  raw.emplace(place, key, map_from_node);
+  for (const auto& removed : node_quota_.Add(key, 1, node)) RemoveRawPose(removed.key, removed.note);
+}
+
+void MapCollection::RemoveRawPose(const RecordKey& key, const NodeKey& node) {
+  const auto found = nodes_.find(node);
+  std::erase_if(found->second.raw, [&key](const auto& raw) { return raw.first == key; });
+  if (found->second.raw.empty() && !found->second.optimized) nodes_.erase(found);
+}
+
+void MapCollection::AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
+                                     const proto::Term& term, std::uint64_t run) {
+  const auto found = nodes_.find(node);
+  const bool is_first = found == nodes_.end() || !found->second.optimized;
+  if (is_first && optimized_count_ >= options_.nodes_max) {
+    ++left_out_pose_count_[key.stream.origin];
+    return;
+  }
+  optimized_count_ += is_first ? 1 : 0;
+  auto& optimized = nodes_[node].optimized;
   const Version version = std::tuple_cat(OrderOf(term), std::tuple(run, key));
   if (!optimized || version > optimized->first) optimized.emplace(version, map_from_node);
-  return {};
 }
 
-Result<void> MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine) {
-  if (quarantines_.contains(key)) return {};
-  if (quarantines_.size() + lifted_.size() >= options_.quarantines_max) {
-    return Fail(ErrorCode::kFull,
-                "merging holds at most " + std::to_string(options_.quarantines_max) + " quarantines of maps");
-  }
+void MapCollection::AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine) {
+  std::optional<RecordKey> lifts;
   if (quarantine.has_lifts()) {
-    lifted_.insert(FromProto(quarantine.lifts()));
-  } else {
-    quarantines_.emplace(key, quarantine);
+    lifts = FromProto(quarantine.lifts());
+    lifted_.insert(*lifts);
+  } else if (!quarantines_.emplace(key, quarantine).second) {
+    return;
   }
-  return {};
+  for (const auto& removed : quarantine_quota_.Add(key, 1, lifts)) {
+    if (removed.note) {
+      lifted_.erase(lifted_.find(*removed.note));
+    } else {
+      quarantines_.erase(removed.key);
+    }
+  }
+}
+
+std::map<AgentId, std::uint64_t> MapCollection::CountLeftOut() const {
+  std::map<AgentId, std::uint64_t> counts = left_out_pose_count_;
+  map_quota_.CountLeftOut(counts);
+  map_bytes_quota_.CountLeftOut(counts);
+  quarantine_quota_.CountLeftOut(counts);
+  node_quota_.CountLeftOut(counts);
+  return counts;
 }
 
 std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() const {
@@ -125,7 +150,7 @@ const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) con
   if (found == nodes_.end()) return nullptr;
   const auto& [raw, optimized] = found->second;
   if (!use_raw_poses && optimized) return &optimized->second;
-  return raw ? &raw->second : nullptr;
+  return raw.empty() ? nullptr : &raw.front().second;
 }
 
 MapCollection::Selected MapCollection::Select(const Selection& selection) const {

@@ -1,8 +1,10 @@
 // MapCollection: the maps, node poses and quarantines that an agent knows, kept between merges. What a Merger merges.
 //
-// Everything in it is a maximum over records (the newest pose of a node, each map once, a quarantine until it is
-// lifted), so that records in any order and any number of times lead to the same collection on every agent. Poses are
-// as wide as model/geometry.h admits. Used by one thread at a time.
+// The collection depends on the set of records alone, not on the order in which they come; each record comes once.
+// Where records of a kind exceed their limit, the agents with most of them keep their newest ones
+// (model/origin_quota.h), and CountLeftOut says how many were left out. One exception: optimized poses of more than
+// nodes_max nodes are left out in the order in which they come. Leaders alone state these. Poses are as wide as
+// model/geometry.h admits. Used by one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -17,6 +19,7 @@
 #include "actors/merge/placement.h"
 #include "model/error.h"
 #include "model/ids.h"
+#include "model/origin_quota.h"
 #include "model/record_key.h"
 #include "model/traversability_map.h"
 #include "proto/record.pb.h"
@@ -30,8 +33,8 @@ class MapCollection {
     std::set<AgentId> without_footprint;  // Base stations: they stand still and are no rovers.
     std::size_t maps_max = 65535;
     std::uint64_t bytes_max = 8ull << 30;  // Of all maps together.
-    std::size_t nodes_max = 4'000'000;
-    std::size_t quarantines_max = 65535;  // Those that lift others counted too.
+    std::size_t nodes_max = 4'000'000;     // Records of nodes, and nodes with an optimized pose.
+    std::size_t quarantines_max = 65535;   // Those that lift others counted too.
   };
 
   // Of one merge.
@@ -66,23 +69,20 @@ class MapCollection {
     std::size_t map_count = 0;  // Maps that it leaves out.
   };
 
-  explicit MapCollection(Options options) : options_(std::move(options)) {}
+  explicit MapCollection(Options options);
 
-  // False if a map of that key is there already. Its node may come later. Errors: kInvalid as in MakeLocalMap; kFull
-  // for more than maps_max or bytes_max.
-  Result<bool> PutMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map);
+  // Its node may come later. Errors: kInvalid as in MakeLocalMap.
+  Result<void> AddMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map);
 
-  // The pose as odometry has it. Of two records of one node the smaller key stands, as everywhere. kFull for more
-  // than nodes_max, here and below.
-  Result<void> SetRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
+  // The pose as odometry has it. Of two records of one node the smaller key stands, as everywhere.
+  void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
 
   // The newest (term, run) of a node wins.
-  Result<void> SetOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node,
-                                const proto::Term& term, std::uint64_t run);
+  void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
+                        std::uint64_t run);
 
-  // Leaves maps out until another record lifts it, or lifts one that may not have come yet. kFull for more than
-  // quarantines_max.
-  Result<void> AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine);
+  // Leaves maps out until another record lifts it, or lifts one that may not have come yet.
+  void AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine);
 
   // Everything that Merger::Assign needs of the selection: maps and footprints at the newest poses.
   Selected Select(const Selection& selection) const;
@@ -93,6 +93,9 @@ class MapCollection {
   // Those that no other lifts, by record key.
   std::vector<Quarantine> StandingQuarantines() const;
 
+  // The number of records for which there was no room, of each origin that has such.
+  std::map<AgentId, std::uint64_t> CountLeftOut() const;
+
   std::size_t map_count() const { return maps_.size(); }
   std::uint64_t map_bytes() const { return bytes_; }
 
@@ -101,11 +104,10 @@ class MapCollection {
   using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
 
   struct Node {
-    std::optional<std::pair<RecordKey, Pose>> raw;
+    std::vector<std::pair<RecordKey, Pose>> raw;  // By key; a second one is rare.
     std::optional<std::pair<Version, Pose>> optimized;
   };
 
-  Result<Node*> FindOrAddNode(const NodeKey& node);
   struct HeldMap {
     std::shared_ptr<const LocalMap> local;
     Stamp stamp;
@@ -116,12 +118,22 @@ class MapCollection {
   using Spans = std::map<AgentId, std::vector<std::pair<std::int64_t, std::int64_t>>>;
   Spans StandingSpans() const;
   static bool IsLeftOut(const Spans& spans, const HeldMap& map);
+  void RemoveMap(const RecordKey& key);
+  void RemoveRawPose(const RecordKey& key, const NodeKey& node);
+
+  struct NoNote {};
 
   Options options_;
   std::map<RecordKey, HeldMap> maps_;
+  OriginQuota<NoNote> map_quota_;
+  OriginQuota<NoNote> map_bytes_quota_;
   std::map<RecordKey, proto::MapQuarantine> quarantines_;
-  std::set<RecordKey> lifted_;
+  std::multiset<RecordKey> lifted_;
+  OriginQuota<std::optional<RecordKey>> quarantine_quota_;  // With what the record lifts.
   std::map<NodeKey, Node> nodes_;
+  OriginQuota<NodeKey> node_quota_;
+  std::size_t optimized_count_ = 0;                       // Nodes.
+  std::map<AgentId, std::uint64_t> left_out_pose_count_;  // Optimized ones.
   std::uint64_t bytes_ = 0;
 };
 

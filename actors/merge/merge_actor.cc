@@ -160,7 +160,7 @@ void MergeActor::OnRead(Context& context) {
     is_outdated_ = true;
     return StartReading(context);
   }
-  if (std::optional<proto::Message> report = authority_.TakeReport()) {
+  if (std::optional<proto::Message> report = authority_.TakeReport(collection_.CountLeftOut())) {
     (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));  // Only for people.
   }
   AnswerCovered(context);
@@ -210,10 +210,8 @@ void MergeActor::FailAll(Context& context, const Error& error) {
   }
 }
 
-// A record that a bound refused ends the reading; the next question meets it again, and is told so too.
 Result<void> MergeActor::TakeOrLeaveOut(const proto::StoredRecord& stored) {
   if (Result<void> taken = TakeRecord(stored); !taken) {
-    if (taken.error().code == ErrorCode::kFull) return taken;
     if (stored.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
     // Stored, so it passed the door; merging alone has no use for it (cells too fine for the grid).
     refused_log_.Warn("merge: leaves out record " + ToString(FromProto(stored.key())) + ": " + ToString(taken.error()));
@@ -232,23 +230,24 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
       const proto::PoseGraphNode& node = record.pose_graph_node();
       const Result<Pose> pose = FromProto(node.map_from_node());
       if (!pose) return tl::unexpected(pose.error());
-      return collection_.SetRawPose(key, FromProto(node.node()), *pose);
+      collection_.AddRawPose(key, FromProto(node.node()), *pose);
+      return {};
     }
     case proto::Record::kOptimizedPose: {
       const proto::OptimizedPose& optimized = record.optimized_pose();
       const Result<Pose> pose = FromProto(optimized.map_from_node());
       if (!pose) return tl::unexpected(pose.error());
-      return collection_.SetOptimizedPose(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run());
+      collection_.AddOptimizedPose(key, FromProto(optimized.node()), *pose, optimized.term(), optimized.run());
+      return {};
     }
     case proto::Record::kLocalTraversabilityMap: {
       Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
       if (!map) return tl::unexpected(map.error());
-      const Result<bool> put = collection_.PutMap(key, {record.stamp_ns(), record.is_clock_suspect()}, *map);
-      if (!put) return tl::unexpected(put.error());
-      return {};
+      return collection_.AddMap(key, {record.stamp_ns(), record.is_clock_suspect()}, *map);
     }
     case proto::Record::kMapQuarantine:
-      return collection_.AddQuarantine(key, record.map_quarantine());
+      collection_.AddQuarantine(key, record.map_quarantine());
+      return {};
     default:
       return {};
   }

@@ -1,8 +1,27 @@
 #include "actors/pgo/known_graph.h"
 
 #include <algorithm>
+#include <iterator>
+#include <optional>
+#include <tuple>
 
 namespace moondb {
+
+namespace {
+
+// Items of the first record of each natural key, with that record.
+template <typename Records, typename Take>
+void ForEachStanding(const Records& records, const Take& take) {
+  for (auto record = records.begin(); record != records.end(); ++record) {
+    const bool is_first = record == records.begin() || std::prev(record)->first.first != record->first.first;
+    if (is_first) take(record->first.second, record->second);
+  }
+}
+
+}  // namespace
+
+KnownGraph::KnownGraph(const Limits& limits)
+    : limits_(limits), node_quota_(limits.nodes_max), edge_quota_(limits.edges_max) {}
 
 Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) {
   if (record.has_optimized_pose()) return AddPose(key, record.optimized_pose());
@@ -12,25 +31,99 @@ Result<void> KnownGraph::Add(const RecordKey& key, const proto::Record& record) 
   }
   PoseGraph one;
   if (auto added = AddRecord(record, one); !added) return added;
-  const auto name_of = [](const auto& edge) { return EdgeName{edge.from, edge.to}; };
-  for (const GraphNode& node : one.nodes) AddItem(key, node.key, node, node_sources_, graph_.nodes);
-  for (const OdometryEdge& edge : one.odometry) {
-    AddItem(key, name_of(edge), edge, odometry_sources_, graph_.odometry);
+  for (const GraphNode& node : one.nodes) {
+    if (!nodes_.emplace(std::pair(node.key, key), node).second) continue;
+    for (const auto& removed : node_quota_.Add(key, 1, node.key)) nodes_.erase({removed.note, removed.key});
   }
-  for (const RangeEdge& edge : one.ranges) AddItem(key, name_of(edge), edge, range_sources_, graph_.ranges);
+  for (const OdometryEdge& edge : one.odometry) {
+    const EdgeName name{edge.from, edge.to};
+    if (odometry_.emplace(std::pair(name, key), edge).second) AddEdge(key, {name, /*is_range=*/false});
+  }
+  for (const RangeEdge& edge : one.ranges) {
+    const EdgeName name{edge.from, edge.to};
+    if (ranges_.emplace(std::pair(name, key), edge).second) AddEdge(key, {name, /*is_range=*/true});
+  }
   return {};
 }
 
-template <typename Name, typename Item>
-void KnownGraph::AddItem(const RecordKey& key, const Name& name, const Item& item, std::map<Name, Source>& sources,
-                         std::vector<Item>& items) {
-  const auto [source, is_new] = sources.try_emplace(name, Source{key, items.size()});
-  if (is_new) {
-    items.push_back(item);
-  } else if (key < source->second.key) {
-    source->second.key = key;
-    items[source->second.place] = item;
+void KnownGraph::AddEdge(const RecordKey& key, const EdgeNote& note) {
+  for (const auto& removed : edge_quota_.Add(key, 1, note)) {
+    if (removed.note.is_range) {
+      ranges_.erase({removed.note.name, removed.key});
+    } else {
+      odometry_.erase({removed.note.name, removed.key});
+    }
   }
+}
+
+SolveSize KnownGraph::SolveSizeMax(std::size_t node_count) {
+  return {100'000 + 16 * node_count, 20'000'000 + 1000 * node_count};
+}
+
+KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
+  struct Extra {
+    RecordKey key;
+    std::pair<int, int> joined;
+    const OdometryEdge* odometry = nullptr;
+    const RangeEdge* range = nullptr;
+  };
+  Selection selection;
+  std::map<NodeKey, int> place_of;
+  ForEachStanding(nodes_, [&](const RecordKey&, const GraphNode& node) {
+    place_of.emplace(node.key, static_cast<int>(selection.graph.nodes.size()));
+    selection.graph.nodes.push_back(node);
+  });
+  std::vector<std::pair<int, int>> chain;
+  std::map<AgentId, std::vector<Extra>> extras;
+  const auto places = [&place_of](const auto& edge) -> std::optional<std::pair<int, int>> {
+    const auto from = place_of.find(edge.from);
+    const auto to = place_of.find(edge.to);
+    if (from == place_of.end() || to == place_of.end()) return std::nullopt;
+    return std::pair(from->second, to->second);
+  };
+  ForEachStanding(odometry_, [&](const RecordKey& key, const OdometryEdge& edge) {
+    const auto joined = places(edge);
+    const bool is_step = !joined || (edge.from.agent == edge.to.agent && joined->first + 1 == joined->second);
+    if (!is_step) return extras[key.stream.origin].push_back({key, *joined, &edge, nullptr});
+    if (joined) chain.push_back(*joined);
+    selection.graph.odometry.push_back(edge);  // One whose node is missing is named among what the solver leaves out.
+  });
+  ForEachStanding(ranges_, [&](const RecordKey& key, const RangeEdge& edge) {
+    const auto joined = places(edge);
+    if (!joined) return selection.graph.ranges.push_back(edge);
+    extras[key.stream.origin].push_back({key, *joined, nullptr, &edge});
+  });
+  std::size_t level = 0;
+  for (auto& [origin, of_origin] : extras) {
+    level = std::max(level, of_origin.size());
+    std::sort(of_origin.begin(), of_origin.end(), [](const Extra& a, const Extra& b) {
+      const auto age = [](const RecordKey& key) { return std::tuple(key.stream.epoch, key.seq, key.stream.type); };
+      return age(a.key) > age(b.key);
+    });
+  }
+  const auto is_within_size = [&] {
+    std::vector<std::pair<int, int>> joined = chain;
+    for (const auto& [origin, of_origin] : extras) {
+      for (std::size_t i = 0; i < std::min(level, of_origin.size()); ++i) joined.push_back(of_origin[i].joined);
+    }
+    return IsWithin(EstimateSolveSize(place_of.size(), joined, size), size);
+  };
+  while (level > 0 && !is_within_size()) level /= 2;
+  for (const auto& [origin, of_origin] : extras) {
+    if (of_origin.size() > level) selection.left_out[origin] = of_origin.size() - level;
+    for (std::size_t i = 0; i < std::min(level, of_origin.size()); ++i) {
+      if (of_origin[i].odometry != nullptr) selection.graph.odometry.push_back(*of_origin[i].odometry);
+      if (of_origin[i].range != nullptr) selection.graph.ranges.push_back(*of_origin[i].range);
+    }
+  }
+  return selection;
+}
+
+std::map<AgentId, std::uint64_t> KnownGraph::CountLeftOut() const {
+  std::map<AgentId, std::uint64_t> counts = left_out_published_;
+  node_quota_.CountLeftOut(counts);
+  edge_quota_.CountLeftOut(counts);
+  return counts;
 }
 
 Result<void> KnownGraph::AddPose(const RecordKey& key, const proto::OptimizedPose& pose) {
@@ -38,7 +131,12 @@ Result<void> KnownGraph::AddPose(const RecordKey& key, const proto::OptimizedPos
   if (!map_from_node) return tl::unexpected(map_from_node.error());
   const Version version{Run{OrderOf(pose.term()), pose.run()}, key};
   newest_run_ = std::max(newest_run_, version.first);
-  const auto [entry, is_new] = poses_.try_emplace(FromProto(pose.node()), Versioned<Pose>{version, *map_from_node});
+  const NodeKey node = FromProto(pose.node());
+  if (poses_.size() >= limits_.nodes_max && !poses_.contains(node)) {
+    ++left_out_published_[key.stream.origin];
+    return {};
+  }
+  const auto [entry, is_new] = poses_.try_emplace(node, Versioned<Pose>{version, *map_from_node});
   if (!is_new && version > entry->second.version) entry->second = {version, *map_from_node};
   return {};
 }
@@ -48,6 +146,10 @@ void KnownGraph::AddVerdict(const RecordKey& key, const proto::EdgeVerdict& verd
   const Version version{Run{OrderOf(verdict.term()), verdict.run()}, key};
   newest_run_ = std::max(newest_run_, version.first);
   const RangeKey range{FromProto(verdict.from()), FromProto(verdict.to())};
+  if (verdicts_.size() >= limits_.edges_max && !verdicts_.contains(range)) {
+    ++left_out_published_[key.stream.origin];
+    return;
+  }
   const PublishedVerdict published{verdict.is_inlier(), verdict.residual_sigmas()};
   const auto [entry, is_new] = verdicts_.try_emplace(range, Versioned<PublishedVerdict>{version, published});
   if (!is_new && version > entry->second.version) entry->second = {version, published};
@@ -84,7 +186,7 @@ bool KnownGraph::IsPublishedInlier(const RangeKey& range) const {
 
 std::vector<NodeKey> KnownGraph::NewestNodes() const {
   std::map<AgentId, NodeKey> newest;
-  for (const auto& [node, source] : node_sources_) newest[node.agent] = node;
+  for (const auto& [name, node] : nodes_) newest[node.key.agent] = node.key;
   std::vector<NodeKey> nodes;
   for (const auto& [agent, node] : newest) nodes.push_back(node);
   return nodes;

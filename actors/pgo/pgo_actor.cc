@@ -5,6 +5,7 @@
 
 #include "actors/pgo/team_facts.h"
 #include "model/agent_name.h"
+#include "model/duration.h"
 #include "proto/types.pb.h"
 #include "runtime/team/role_signature.h"
 
@@ -189,10 +190,14 @@ void PgoActor::OnRead(Context& context) {
     is_outdated_ = true;
     return StartReading(context);
   }
-  if (std::optional<proto::Message> report = authority_.TakeReport()) {
+  SolveNow(context);
+}
+
+void PgoActor::ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out) {
+  for (const auto& [origin, count] : known_.CountLeftOut()) left_out[origin] += count;
+  if (std::optional<proto::Message> report = authority_.TakeReport(std::move(left_out))) {
     (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));  // Only for people.
   }
-  SolveNow(context);
 }
 
 SolverOptions PgoActor::OptionsOf(const proto::OptimizeRequest& request) const {
@@ -207,10 +212,21 @@ SolverOptions PgoActor::OptionsOf(const proto::OptimizeRequest& request) const {
 
 void PgoActor::SolveNow(Context& context) {
   SolverOptions solver = OptionsOf(request_);
-  solver.stop_requested = [&context] { return context.stop_requested(); };
   const MonotonicTime begin = context.now();
+  bool is_late = false;
+  solver.stop_requested = [&] {
+    is_late = context.now() - begin > options_.solve_time_max;
+    return is_late || context.stop_requested();
+  };
   const LastSolution last = request_.from_scratch() ? LastSolution{} : known_.FindLastSolution();
-  const Solution solution = SolvePoseGraph(known_.graph(), agents_, last, solver);
+  const KnownGraph::Selection selection = known_.SelectForSolve(KnownGraph::SolveSizeMax(known_.node_count()));
+  ReportLeftOut(context, selection.left_out);
+  Solution solution = SolvePoseGraph(selection.graph, agents_, last, solver);
+  if (is_late && !solution.is_accepted) {
+    solution.text = "took longer than " +
+                    FormatDuration(std::chrono::duration_cast<std::chrono::milliseconds>(options_.solve_time_max)) +
+                    ", so the poses stay as they were";
+  }
   reply_ = ToReply(solution);
   reply_.set_seconds(std::chrono::duration<double>(context.now() - begin).count());
   stats_.set_solve_count(stats_.solve_count() + 1);

@@ -17,12 +17,16 @@
 // meanwhile answers kRefused and writes no further chunk: what a change of roles finds being solved is not published at
 // all.
 //
+// A solve has limits (KnownGraph::Limits, SolveSizeMax, solve_time_max). Records that exceed them are left out, of
+// those agents first that have most, and AgentStatus.refused names these.
+//
 // Listens to RolesChanged (also asked of RoleActor at the start), OptimizeRequest, GraphStatsRequest, RecordsStored.
 // Spawn it under actor_name::kPgo with a thread of its own: a solve takes up to seconds. Solves end early when the
 // system stops.
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -44,11 +48,12 @@ class PgoActor final : public Actor {
     proto::TeamConfig team;  // Checked: start poses, antennas, the base station's place, names.
     SolverOptions solver;    // thread_count: 1 in simulation. stop_requested is set by the actor.
     PublicationOptions publication;
-    Duration solve_when_quiet{};                      // 0: on request only.
-    Duration solve_apart = std::chrono::seconds(60);  // Between two solves that nobody asked for, at least.
-    std::size_t askers_max = 16;                      // Requests that wait for an answer.
-    std::size_t read_records_max = 1000;              // Of one page.
-    std::size_t insert_records_max = 200;             // Of one chunk.
+    Duration solve_when_quiet{};                        // 0: on request only.
+    Duration solve_apart = std::chrono::seconds(60);    // Between two solves that nobody asked for, at least.
+    Duration solve_time_max = std::chrono::minutes(5);  // Then the solve ends, and changes nothing.
+    std::size_t askers_max = 16;                        // Requests that wait for an answer.
+    std::size_t read_records_max = 1000;                // Of one page.
+    std::size_t insert_records_max = 200;               // Of one chunk.
     Duration storage_timeout = std::chrono::seconds(30);
   };
 
@@ -86,6 +91,8 @@ class PgoActor final : public Actor {
   std::optional<Error> WhyNotLeader() const;
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   void SolveNow(Context& context);
+  // Which records the solve does not use for want of room or of their origin's role; `left_out`: edges of this solve.
+  void ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out);
   SolverOptions OptionsOf(const proto::OptimizeRequest& request) const;
   void WriteNextChunk(Context& context);
   void AskToInsert(Context& context, proto::Message message);

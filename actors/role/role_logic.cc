@@ -154,7 +154,7 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
 
 void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
   const AgentId issuer = theirs.term().issuer();
-  if (has_keys() && issuer != options_.self && !changes_.Takes(issuer, now_)) return;
+  if (!HasBudget(issuer)) return;
   actions.save = Adopt(theirs).save;
   saving_->holders.insert(from);
   if (issuer != 0) saving_->holders.insert(issuer);
@@ -220,11 +220,24 @@ Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::Ro
 RoleLogic::Actions RoleLogic::OnRecord(const proto::RoleAssignment& roles) {
   Actions actions;
   NoteStored(roles);
+  AdoptNewestKnown(actions);
+  return actions;
+}
+
+void RoleLogic::AdoptNewestKnown(Actions& actions) {
   const proto::RoleAssignment& newest = chain_.newest();
   const bool is_newer =
       IsNewer(newest.term(), current_.term()) && (!unstored_ || IsNewer(newest.term(), unstored_->term()));
-  if (is_loaded_ && !saving_ && is_newer && CheckAnnounced(newest)) actions.save = Adopt(newest).save;
-  return actions;
+  if (!is_loaded_ || saving_ || !is_newer || !CheckAnnounced(newest)) return;
+  if (HasBudget(newest.term().issuer())) {
+    actions.save = Adopt(newest).save;
+  } else {
+    actions.announce_timer = announce_delay_;  // When it is looked at again.
+  }
+}
+
+bool RoleLogic::HasBudget(AgentId issuer) {
+  return !has_keys() || issuer == options_.self || changes_.Takes(issuer, now_);
 }
 
 void RoleLogic::NoteStored(const proto::RoleAssignment& roles) {
@@ -270,6 +283,7 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   if (saved.answer_to != 0) Tell(saved.answer_to, /*is_reply=*/true, actions);
   announce_delay_ = options_.announce_after;
   TellUnconfirmed(actions);
+  AdoptNewestKnown(actions);  // A record of it may have come while this one was being stored.
   return actions;
 }
 
@@ -329,6 +343,7 @@ RoleLogic::Actions RoleLogic::OnAnnounceTimer() {
   Actions actions;
   announce_delay_ = std::min(2 * announce_delay_, options_.announce_after_max);
   TellUnconfirmed(actions);
+  AdoptNewestKnown(actions);
   return actions;
 }
 

@@ -159,6 +159,11 @@ class RoleLogic {
   proto::RoleAssignment Issue(proto::RoleAssignment roles, bool is_command) const;
   // What was announced and counts.
   void AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
+  // The newest of those that count, if it is newer than what stands and its issuer has made few enough changes; else
+  // the announce timer looks again.
+  void AdoptNewestKnown(Actions& actions);
+  // Takes one change of this issuer from its budget, if it has one left.
+  bool HasBudget(AgentId issuer);
   void NoteStored(const proto::RoleAssignment& roles);
   void AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
   // Whether the team can have these roles from now on.

@@ -113,8 +113,8 @@ Result<void> PeerDoor::CheckOwnQuarantine(const proto::Record& record) const {
       record.map_quarantine().has_lifts() ? "map_quarantine.lifts" : "map_quarantine.agent_id");
 }
 
-void PeerDoor::NoteUncounted(const std::string& reader, const proto::UncountedReport& report) {
-  uncounted_[reader] = report;
+void PeerDoor::NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
+  left_out_[reader] = report;
 }
 
 void PeerDoor::CountRefused(AgentId sender, Cause cause, AgentId origin) { ++refused_[{sender, cause, origin}]; }
@@ -125,16 +125,21 @@ void PeerDoor::NoteOwnBeyond(AgentId peer, std::vector<RecordKey> beyond) {
 }
 
 void PeerDoor::Describe(const HaveSet& have, proto::AgentStatus& status) const {
-  std::map<AgentId, double> uncounted;
-  for (const auto& [reader, report] : uncounted_) {
-    for (const auto& [origin, count] : report.count_of_origin()) {
-      uncounted[origin] = std::max(uncounted[origin], count);  // Two readers may read the same records.
-    }
+  std::map<std::pair<AgentId, proto::RefusalCause>, double> left_out;
+  for (const auto& [reader, report] : left_out_) {
+    const auto add = [&left_out](const auto& counts, proto::RefusalCause cause) {
+      for (const auto& [origin, count] : counts) {
+        double& shown = left_out[{origin, cause}];
+        shown = std::max(shown, count);  // Two readers may read the same records.
+      }
+    };
+    add(report.without_role(), proto::REFUSAL_CAUSE_UNCOUNTED);
+    add(report.without_room(), proto::REFUSAL_CAUSE_NO_ROOM);
   }
-  for (const auto& [origin, count] : uncounted) {
+  for (const auto& [what, count] : left_out) {
     proto::RefusedFrom& shown = *status.add_refused();
-    shown.set_agent_id(origin);
-    shown.set_cause(proto::REFUSAL_CAUSE_UNCOUNTED);
+    shown.set_agent_id(what.first);
+    shown.set_cause(what.second);
     shown.set_count(count);
   }
   for (const auto& [peer, beyond] : own_beyond_) {

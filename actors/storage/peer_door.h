@@ -83,7 +83,7 @@ class PeerDoor {
   void CountStatement(AgentId origin) { CountRefused(origin, Cause::kStatement, 0); }
   // How many held records a reader (an actor) leaves out by the origin's role, by origin. Replaces the reader's last
   // word.
-  void NoteUncounted(const std::string& reader, const proto::UncountedReport& report);
+  void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report);
 
   // Of this agent's own records the peer's newest word names these, which this disk never had: the last of a stream, or
   // of an epoch of which nothing else is known a key without type and seq. Of more than kOwnBeyondMax the rest is not
@@ -102,7 +102,7 @@ class PeerDoor {
   std::set<std::string> held_as_records_;                                 // Signatures.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
   std::map<AgentId, std::vector<RecordKey>> own_beyond_;                  // By peer.
-  std::map<std::string, proto::UncountedReport> uncounted_;               // By reader.
+  std::map<std::string, proto::LeftOutReport> left_out_;                  // By reader.
 };
 
 }  // namespace moondb

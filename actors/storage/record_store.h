@@ -148,10 +148,8 @@ class RecordStore {
   // stored as a record of its own too, with what it follows and nobody's record holds: whoever it brings other agents'
   // records to must know that it may.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
-  // As PeerDoor::NoteUncounted.
-  void NoteUncounted(const std::string& reader, const proto::UncountedReport& report) {
-    door_.NoteUncounted(reader, report);
-  }
+  // As PeerDoor::NoteLeftOut.
+  void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) { door_.NoteLeftOut(reader, report); }
   // What peers sent and was refused, by peer.
   void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();

@@ -155,8 +155,8 @@ void StorageActor::OnMessage(Context& context, const proto::Message& message) {
       return OnSaveRoles(context, message.save_roles_request());
     case proto::Message::kLoadRolesRequest:
       return OnLoadRoles(context);
-    case proto::Message::kUncountedReport:
-      return store_->NoteUncounted(context.sender().actor, message.uncounted_report());
+    case proto::Message::kLeftOutReport:
+      return store_->NoteLeftOut(context.sender().actor, message.left_out_report());
     case proto::Message::kPeerHave:
       return OnPeerHave(context, message.peer_have());
     case proto::Message::kControlRequest:

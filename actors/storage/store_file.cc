@@ -2,8 +2,10 @@
 
 #include <fcntl.h>
 #include <sqlite3.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <cstring>
 #include <memory>
 #include <utility>
 
@@ -157,6 +159,12 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   const Result<Connection> source = OpenToRead(file);
   if (!source) return tl::unexpected(source.error());
   const std::filesystem::path part = to.string() + ".part-" + std::to_string(getpid());
+  // A copy is as private as the store. SQLite would create it with the umask's mode.
+  const int created = open(part.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, S_IRUSR | S_IWUSR);
+  if (created < 0) {
+    return Fail(ErrorCode::kInternal, std::string("cannot be written: ") + std::strerror(errno), to.string());
+  }
+  close(created);
   Result<Connection> copy = Open(part, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
   if (!copy) return tl::unexpected(copy.error());
   sqlite3_backup* backup = sqlite3_backup_init(copy->get(), "main", source->get(), "main");

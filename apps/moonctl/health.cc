@@ -136,6 +136,9 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom&
       return "leaves out " + count + " records of " + sender +
              " (poses, verdicts, quarantines of others' maps): it did not lead in their term and is not in "
              "command_from";
+    case proto::REFUSAL_CAUSE_NO_ROOM:
+      return "leaves the oldest " + count + " records of " + sender +
+             " out of the map or the pose graph: it made more than its share of what these can hold";
     case proto::REFUSAL_CAUSE_ROLES:
       return "refused " + count + " role assignments from " + sender + ", which it may not decide";
     default:

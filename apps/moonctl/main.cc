@@ -1,5 +1,7 @@
 // moonctl: what an operator types. Verb after noun; exit codes in apps/moonctl/exit_code.h.
 
+#include <sys/prctl.h>
+
 #include <csignal>
 #include <cstdio>
 
@@ -41,5 +43,6 @@ ExitCode Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
+  (void)::prctl(PR_SET_DUMPABLE, 0);  // Its memory may hold secret keys, which no core file is to hold.
   return static_cast<int>(moondb::Run(argc, argv));
 }

@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
@@ -162,6 +163,8 @@ std::optional<int> ReadCommandLine(int argc, char** argv, const AgentProgram& pr
 int RunAgentProgram(int argc, char** argv, const AgentProgram& program) {
   std::signal(SIGPIPE, SIG_IGN);  // Whoever reads the log may leave; the agent stays.
   ::umask(S_IRWXG | S_IRWXO);     // What the robot learnt is its user's alone.
+  // Its memory holds the agent's secret keys: no core file of it is written, and only root may look into it.
+  (void)::prctl(PR_SET_DUMPABLE, 0);
   Arguments arguments;
   if (auto exit_code = ReadCommandLine(argc, argv, program, arguments)) return *exit_code;
   const auto team = ReadTeamFile(arguments.team);

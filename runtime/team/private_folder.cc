@@ -11,6 +11,8 @@ namespace {
 
 constexpr mode_t kOwnerOnly = S_IRWXU;
 
+bool IsTrusted(uid_t user) { return user == geteuid() || user == 0; }
+
 }  // namespace
 
 Result<void> CheckPrivateFolder(const std::filesystem::path& folder) {
@@ -23,11 +25,13 @@ Result<void> CheckPrivateFolder(const std::filesystem::path& folder) {
   if (!is_own_folder || (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
     return Fail(ErrorCode::kInvalid, folder.string() + ": must be a folder of this user's with mode 0700");
   }
+  // The owner of a link decides where it leads.
   const std::filesystem::path parent = folder.parent_path();
-  if (stat(parent.c_str(), &status) != 0) {
+  struct stat link {};
+  if (lstat(parent.c_str(), &link) != 0 || stat(parent.c_str(), &status) != 0) {
     return Fail(ErrorCode::kInvalid, parent.string() + ": " + std::strerror(errno));
   }
-  const bool is_trusted = status.st_uid == geteuid() || status.st_uid == 0;
+  const bool is_trusted = IsTrusted(link.st_uid) && IsTrusted(status.st_uid);
   const bool is_replaceable = (status.st_mode & (S_IWGRP | S_IWOTH)) != 0 && (status.st_mode & S_ISVTX) == 0;
   if (!is_trusted || is_replaceable) {
     return Fail(ErrorCode::kInvalid,

@@ -30,7 +30,10 @@ constexpr std::size_t kRepliesMax = 1024;
 constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
 constexpr int kClientKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
+constexpr std::chrono::milliseconds kHeldPeriod(20);  // How often a reply that is held is tried again.
+constexpr std::chrono::minutes kHeldMax(2);
 constexpr char kIpc[] = "ipc://";
+constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
 constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
 
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
@@ -200,7 +203,10 @@ void ClientDoor::OnFrame(const ZmqReceived& received, const Transport::Deliver& 
     if (has_claimed_id) return;
   }
   if (received.parts != 1) return log_.Warn("transport: a client sent a frame of several parts");
-  const std::string name = table_.NameOf(std::string(received.route.text()), std::string(received.frame.user_id()));
+  const std::string route(received.route.text());
+  const std::string key(received.frame.user_id());
+  const std::string name = table_.NameOf(route, key);
+  if (is_keyed()) unread_.OnRequest(route, key, received.file);
   // Over ipc only this user comes.
   ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
   if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));
@@ -219,13 +225,56 @@ void ClientDoor::Flush() {
     replies.swap(replies_);
     reply_bytes_ = 0;
   }
-  for (Reply& reply : replies) {
-    const std::string routing_id(reply.route.text());
-    ZmqSend sent = router_.Send(&reply.route, /*has_more=*/true);
-    if (sent == ZmqSend::kSent) sent = router_.Send(&reply.frame);
-    if (sent == ZmqSend::kNoRoute) table_.Forget(routing_id);
-    if (sent == ZmqSend::kWouldBlock) log_.Warn("transport: dropped a reply; its client does not read");
+  const auto now = std::chrono::steady_clock::now();
+  if (!held_.empty() && now >= tries_held_at_) {
+    tries_held_at_ = now + kHeldPeriod;
+    for (Reply& reply : std::exchange(held_, {})) {
+      if (now - reply.held_since > kHeldMax) {
+        log_.Warn(kDropsReply);
+      } else if (!Hand(reply)) {
+        held_.push_back(std::move(reply));
+      }
+    }
   }
+  for (Reply& reply : replies) {
+    if (!Hand(reply)) Hold(std::move(reply));
+  }
+}
+
+bool ClientDoor::Hand(Reply& reply) {
+  const std::string routing_id(reply.route.text());
+  const std::size_t bytes = reply.frame.size();
+  if (is_keyed() && !unread_.HasRoom(routing_id, bytes)) return false;
+  ZmqSend sent = router_.Send(&reply.route, /*has_more=*/true);
+  if (sent == ZmqSend::kSent) sent = router_.Send(&reply.frame);
+  if (sent == ZmqSend::kSent && is_keyed()) unread_.Count(routing_id, bytes);
+  if (sent == ZmqSend::kNoRoute) table_.Forget(routing_id);
+  if (sent == ZmqSend::kWouldBlock) log_.Warn(kDropsReply);
+  return true;
+}
+
+// As much of one key, and of all keys, as may wait in libzmq.
+void ClientDoor::Hold(Reply reply) {
+  const std::string key = unread_.KeyOf(std::string(reply.route.text()));
+  std::size_t of_key = 0;
+  std::size_t of_all = 0;
+  for (const Reply& held : held_) {
+    of_all += held.frame.size();
+    if (unread_.KeyOf(std::string(held.route.text())) == key) of_key += held.frame.size();
+  }
+  const std::size_t bytes = reply.frame.size();
+  const bool has_room = (of_key == 0 || of_key + bytes <= UnreadReplies::kOfKeyMax) &&
+                        (of_all == 0 || of_all + bytes <= UnreadReplies::kOfAllMax);
+  if (!has_room || held_.size() >= kRepliesMax) return log_.Warn(kDropsReply);
+  reply.held_since = std::chrono::steady_clock::now();
+  if (held_.empty()) tries_held_at_ = reply.held_since + kHeldPeriod;
+  held_.push_back(std::move(reply));
+}
+
+std::chrono::steady_clock::time_point ClientDoor::deadline() const {
+  auto deadline = std::chrono::steady_clock::time_point::max();
+  if (!is_listening_) deadline = looks_at_;
+  return held_.empty() ? deadline : std::min(deadline, tries_held_at_);
 }
 
 }  // namespace moondb

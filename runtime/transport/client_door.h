@@ -29,6 +29,7 @@
 #include "runtime/transport.h"
 #include "runtime/transport/client_table.h"
 #include "runtime/transport/inbound.h"
+#include "runtime/transport/unread_replies.h"
 #include "runtime/transport/wake_up.h"
 #include "runtime/transport/zmq_socket.h"
 
@@ -72,10 +73,8 @@ class ClientDoor {
   // Listens anew where somebody has removed the socket's file, as a login manager does at logout: until then nobody new
   // comes in. To be called now and then.
   void KeepPlace(std::chrono::steady_clock::time_point now);
-  // When KeepPlace has something to do for sure.
-  std::chrono::steady_clock::time_point deadline() const {
-    return is_listening_ ? std::chrono::steady_clock::time_point::max() : looks_at_;
-  }
+  // When KeepPlace or Work has something to do for sure.
+  std::chrono::steady_clock::time_point deadline() const;
 
   int file() const { return router_.file(); }
 
@@ -83,6 +82,7 @@ class ClientDoor {
   struct Reply {
     ZmqFrame route;
     ZmqFrame frame;
+    std::chrono::steady_clock::time_point held_since{};
   };
 
   ClientDoor(ZmqSocket router, std::uint32_t first_id, WakeUp& wake_up, Options options);
@@ -91,6 +91,9 @@ class ClientDoor {
   bool Receive(const Transport::Deliver& deliver);
   void OnFrame(const ZmqReceived& received, const Transport::Deliver& deliver);
   void Flush();
+  // True: libzmq has the reply, or it was dropped. False: its client has to read others first.
+  bool Hand(Reply& reply);
+  void Hold(Reply reply);
   bool is_keyed() const { return options_.identity_of != nullptr; }
   bool HasAssigned(std::string_view routing_id) const;
 
@@ -102,6 +105,11 @@ class ClientDoor {
   RateLimitedLog log_;
   bool is_listening_ = true;
   std::chrono::steady_clock::time_point looks_at_{};  // When KeepPlace looks again.
+
+  // With keys: replies whose clients have to read others first, oldest first. The transport's thread alone.
+  UnreadReplies unread_;
+  std::deque<Reply> held_;
+  std::chrono::steady_clock::time_point tries_held_at_{};
 
   mutable std::mutex mutex_;
   std::deque<Reply> replies_;

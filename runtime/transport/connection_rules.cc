@@ -1,9 +1,21 @@
 #include "runtime/transport/connection_rules.h"
 
+#include <arpa/inet.h>
+
 #include <algorithm>
 #include <tuple>
 
 namespace moondb {
+namespace {
+
+// The bits that one host does not choose for itself: of IPv4 24, of IPv6 64.
+std::string NetworkOf(const std::string& address) {
+  in6_addr bits{};
+  if (inet_pton(AF_INET6, address.c_str(), &bits) != 1) return address.substr(0, address.rfind('.'));
+  return std::string(reinterpret_cast<const char*>(&bits), 8);
+}
+
+}  // namespace
 
 void ConnectionRules::OnMessage(int file, std::string_view key, std::uint16_t peer_port, bool has_claimed_id) {
   Delivered& known = delivered_[file];
@@ -23,9 +35,10 @@ bool ConnectionRules::Admit(std::uint16_t port, const std::string& key, const st
   return true;
 }
 
-std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpConnection>& connections) {
+std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpConnection>& connections, Time now) {
   ++look_;
-  Update(connections);
+  std::erase_if(remembered_, [now](const auto& entry) { return now - entry.second > kRememberedTime; });
+  Update(connections, now);
   EndAdmissions();
   std::vector<Cut> cuts;
   JudgeClaims(cuts);
@@ -37,8 +50,14 @@ std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpCo
   return cuts;
 }
 
-void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
-  std::map<int, Known> now;
+void ConnectionRules::Remember(const std::string& peer, Time now) {
+  remembered_[peer] = now;
+  if (remembered_.size() <= kRememberedMax) return;
+  remembered_.erase(std::ranges::min_element(remembered_, {}, &std::pair<const std::string, Time>::second));
+}
+
+void ConnectionRules::Update(const std::vector<TcpConnection>& connections, Time now) {
+  std::map<int, Known> updated;
   for (const TcpConnection& connection : connections) {
     Known known;
     known.connection = connection;
@@ -63,14 +82,15 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections) {
         if (admission != admissions_.end()) admissions_.erase(admission);
       }
       known.has_delivered = true;
+      Remember(connection.peer, now);
       known.has_claimed_id = delivered->second.has_claimed_id;
       known.key = std::move(delivered->second.key);
       known.heard_at = look_;
       known.bytes_delivered = connection.bytes_received;
     }
-    now.emplace(connection.file, std::move(known));
+    updated.emplace(connection.file, std::move(known));
   }
-  known_ = std::move(now);
+  known_ = std::move(updated);
   delivered_.clear();
 }
 
@@ -121,10 +141,12 @@ void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vec
     const std::size_t places = address.empty() ? door.others_max : door.places.at(address);
     if (group.size() <= places) continue;
     std::map<std::string, std::size_t> count_of;
-    for (const Known* known : group) ++count_of[known->connection.peer];
-    std::sort(group.begin(), group.end(), [&count_of](const Known* a, const Known* b) {
-      const auto rank = [&count_of](const Known& known) {
-        return std::tuple(known.has_delivered, ~count_of.at(known.connection.peer), known.number);
+    for (const Known* known : group) ++count_of[NetworkOf(known->connection.peer)];
+    std::sort(group.begin(), group.end(), [&](const Known* a, const Known* b) {
+      const auto rank = [&](const Known& known) {
+        const std::string& peer = known.connection.peer;
+        return std::tuple(known.has_delivered || remembered_.contains(peer), ~count_of.at(NetworkOf(peer)),
+                          known.number);
       };
       return rank(*a) < rank(*b);
     });

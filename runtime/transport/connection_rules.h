@@ -3,9 +3,11 @@
 // theirs takes until it is whole.
 //
 // Places: each address of the team has places of its own, which nobody else can take; all other addresses share some.
-// Where there are too many, those that never brought a whole message go first; among them, and among the others, the
-// oldest one of the address that has most. Of one key there are at most `key_max` that ever brought a message: beyond
-// them the one goes that was silent for longest, so that no key takes the places of another one.
+// Where there are too many, those go first that never brought a whole message and come from an address from which none
+// came within the last hour; among them, and among the others, the oldest one of the network that has most. A network
+// is all addresses that have the first 24 bits in common, with IPv6 the first 64, as one host can have them all. Of one
+// key there are at most `key_max` that ever brought a message: beyond them the one goes that was silent for longest, so
+// that no key takes the places of another one.
 //
 // A key that has `key_max` connections is not admitted once more (Admit). Until a connection brings a message nobody
 // can say which key it has, so an admission counts until a connection from the same address brings its first message
@@ -19,6 +21,7 @@
 // A plain value that looks at nothing by itself: DoorGuard feeds it.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -40,7 +43,11 @@ struct TcpConnection {
 
 class ConnectionRules {
  public:
+  using Time = std::chrono::time_point<std::chrono::steady_clock, std::chrono::nanoseconds>;
+
   static constexpr std::uint64_t kFreeBytes = 320 * 1024;
+  static constexpr std::chrono::hours kRememberedTime{1};
+  static constexpr std::size_t kRememberedMax = 1024;  // Addresses; the one that was silent for longest is forgotten.
 
   struct Door {
     std::map<std::string, std::size_t> places;  // By address.
@@ -67,8 +74,8 @@ class ConnectionRules {
   // nothing, if the key has `key_max` connections by the last Judge and by the admissions since.
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer);
 
-  // All that there are now, in any order; each that is to be cut is named once.
-  std::vector<Cut> Judge(const std::vector<TcpConnection>& connections);
+  // All that there are at this time, in any order; each that is to be cut is named once.
+  std::vector<Cut> Judge(const std::vector<TcpConnection>& connections, Time now = {});
 
  private:
   struct Known {
@@ -84,7 +91,8 @@ class ConnectionRules {
     std::uint64_t bytes_open() const { return connection.bytes_received - bytes_delivered; }
   };
 
-  void Update(const std::vector<TcpConnection>& connections);
+  void Update(const std::vector<TcpConnection>& connections, Time now);
+  void Remember(const std::string& peer, Time now);
   void EndAdmissions();
   void JudgeClaims(std::vector<Cut>& cuts);
   void JudgeKeys(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
@@ -106,7 +114,8 @@ class ConnectionRules {
     std::string key;
     std::string peer;
   };
-  std::vector<Admission> admissions_;  // Oldest first.
+  std::vector<Admission> admissions_;       // Oldest first.
+  std::map<std::string, Time> remembered_;  // Addresses, and when a whole message last came from them.
   std::uint64_t last_number_ = 0;
   std::uint64_t look_ = 0;
 };

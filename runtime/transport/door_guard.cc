@@ -63,7 +63,7 @@ bool DoorGuard::Admit(std::uint16_t port, const std::string& key, const std::str
 
 void DoorGuard::Look(MonotonicTime now) {
   looked_at_ = now;
-  for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List())) {
+  for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List(), now)) {
     Count(cut);  // First, so that the counters include each cut that its peer can have seen.
     TcpConnections::ShutDown(cut.connection);
   }

@@ -48,8 +48,8 @@ void DropUnknownFields(proto::Message* message) {
   reflection->MutableUnknownFields(message)->Swap(&dropped);
 }
 
-Result<void> Parse(std::string_view bytes, proto::Message* message) {
-  if (!ParseBounded(bytes, message)) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+Result<void> Check(bool is_parsed, proto::Message* message) {
+  if (!is_parsed) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
   DropUnknownFields(message);
   if (!MayComeFromOutside(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
   return {};
@@ -88,7 +88,8 @@ Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::op
       return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
     }
     OwnedMessage message;
-    if (const auto parsed = Parse(*bytes, &*message); !parsed) return tl::unexpected(parsed.error());
+    const auto checked = Check(ParseBoundedFromPeer(*bytes, &*message), &*message);
+    if (!checked) return tl::unexpected(checked.error());
     if (authenticated && message->hop_sender() != *authenticated) {
       return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message->hop_sender()));
     }
@@ -109,7 +110,8 @@ Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string&
                                       const ClientIdentity& client, AgentId self) {
   OwnedMessage received;
   proto::Message& message = *received;
-  if (const auto parsed = Parse(frame, &message); !parsed) return tl::unexpected(parsed.error());
+  if (const auto checked = Check(ParseBounded(frame, &message), &message); !checked)
+    return tl::unexpected(checked.error());
   if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");
   message.set_agent_id(self);
   message.set_hop_sender(kClients);

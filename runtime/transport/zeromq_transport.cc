@@ -35,12 +35,13 @@
 namespace moondb {
 namespace {
 
-constexpr int kPeerQueueMessages = 256;  // Received from one peer and not yet delivered; its credit bounds their bytes.
+constexpr int kPeerQueueMessages = 16;  // Frames of one connection that were received and not yet delivered.
 constexpr int kKeepAlive_s = 60;
 constexpr std::size_t kConnectionsPerAgent = 4;  // One that is, one that takes its place; two more at a reconnect.
 constexpr std::size_t kStrangersMax = 32;        // Connections to the agents' address from elsewhere.
 constexpr std::size_t kKeyedClientsMax = 64;     // Connections to client_address.
-constexpr std::size_t kBatchMessages = 256;      // Of one socket before the others have their turn.
+constexpr std::size_t kBatchMessages = 256;      // Of one socket before the others have their turn,
+constexpr Duration kTurnTime = std::chrono::milliseconds(5);  // or for so long, as some frames take 14 ms to parse.
 // What CURVE adds to a frame. libzmq holds ZMQ_MAXMSGSIZE against the frame with it, and cuts the link.
 constexpr std::size_t kCurveBytes = 64;
 // Beyond the free bytes of each connection, of all agents together: the largest credit of a link that this agent is
@@ -410,7 +411,9 @@ class ZeroMqTransport::Impl {
   // libzmq takes frames of all peers in turn. True if more wait.
   bool ReceiveFromPeers() {
     ZmqReceived received;
-    for (std::size_t messages = 0; messages < kBatchMessages;) {
+    const MonotonicTime end = std::chrono::steady_clock::now() + kTurnTime;
+    std::size_t messages = 0;
+    while (messages < kBatchMessages && std::chrono::steady_clock::now() < end) {
       if (!peer_listener_->Receive(&received)) return false;
       messages += OnPeerFrame(received);
     }

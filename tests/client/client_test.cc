@@ -1,10 +1,18 @@
 #include "client/client.h"
 
+#include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <netinet/in.h>
 #include <pthread.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
+#include <array>
+#include <atomic>
 #include <csignal>
+#include <cstring>
+#include <thread>
 
 #include "client/record_feed.h"
 #include "model/team_id.h"
@@ -323,6 +331,73 @@ TEST(ClientTest, ReportsAnAnswerThatDoesNotDecode) {
   const auto status = client->Status();
   ASSERT_FALSE(status.has_value());
   EXPECT_EQ(status.error().code, ErrorCode::kCorrupt);
+}
+
+// Speaks ZMTP 3 itself, since libzmq sends a message only when all of its frames are there.
+class EndlessMessageServer {
+ public:
+  EndlessMessageServer() {
+    listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    socklen_t size = sizeof(address);
+    const bool listens = bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
+                         listen(listener_, 1) == 0 &&
+                         getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size) == 0;
+    EXPECT_TRUE(listens) << std::strerror(errno);
+    endpoint_ = "tcp://127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+    thread_ = std::thread([this] { Run(); });
+  }
+  ~EndlessMessageServer() {
+    thread_.join();
+    close(listener_);
+  }
+
+  const std::string& endpoint() const { return endpoint_; }
+  std::uint64_t sent_bytes() const { return sent_bytes_; }
+
+ private:
+  // Until the client leaves.
+  void Run() {
+    const int client = accept(listener_, nullptr, nullptr);
+    std::string greeting("\xff\0\0\0\0\0\0\0\0\x7f\x03\0NULL", 16);
+    greeting.resize(64, '\0');
+    const std::string ready("\x04\x1c\x05READY\x0bSocket-Type\0\0\0\x06ROUTER", 30);
+    const std::string frame = std::string("\x03\0\0\0\0\0\x01\0\0", 9) + std::string(65'536, 'x');  // More will come.
+    bool stands = Send(client, greeting) && Send(client, ready);
+    // The client sends its greeting and its READY, too, before it takes messages.
+    std::array<char, 256> block{};
+    for (std::size_t received = 0; stands && received <= greeting.size();) {
+      const ssize_t size = recv(client, block.data(), block.size(), 0);
+      stands = size > 0;
+      received += stands ? static_cast<std::size_t>(size) : 0;
+    }
+    while (stands && sent_bytes_ < 512 << 20) {
+      stands = Send(client, frame);
+      sent_bytes_ += frame.size();
+    }
+    close(client);
+  }
+  static bool Send(int client, const std::string& bytes) {
+    return send(client, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
+  }
+
+  int listener_ = -1;
+  std::string endpoint_;
+  std::atomic<std::uint64_t> sent_bytes_ = 0;
+  std::thread thread_;
+};
+
+TEST(ClientTest, LeavesAnAgentThatSendsAMessageWithoutAnEnd) {
+  EndlessMessageServer server;
+  Client::Options options;
+  options.message_bytes_max = 1024 * 1024;
+  const Result<std::unique_ptr<Client>> client = Client::Connect(server.endpoint(), "rover1", options);
+  ASSERT_TRUE(client) << ToString(client.error());
+  const auto status = (*client)->Status();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, ErrorCode::kCorrupt) << ToString(status.error());
 }
 
 TEST(ClientTest, ReadsAllPagesInOrder) {

@@ -133,4 +133,3 @@ def questions_for_others(team, scale):
 
 ATTACKERS = [feeds_kept_open, never_reads, above_its_right, bodies_of_agents, absurd_requests, names_with_escapes,
              questions_for_others]
-NOT_YET = {never_reads: "replies that a key does not read are bounded by their number, not by their bytes"}

@@ -1,4 +1,6 @@
 """Attackers by records: a member that gives others what is not its own, or what nobody should keep."""
+import random
+
 import messages
 from member import Member
 from messages import record, types
@@ -179,6 +181,27 @@ def edges_of_others(team, scale):
     named_in_health(team, "about other agents")
 
 
+def dense_graph(team, scale):
+    """rover3 says by 20,000 odometry edges that its 1,000 nodes are all joined, and the leader solves the pose graph."""
+    def bring(epoch, records):
+        for first in range(0, len(records), 250):
+            session.bring([messages.stored(ROVER3, epoch, first + 1 + i, one)
+                           for i, one in enumerate(records[first:first + 250])])
+
+    chance, edges = random.Random(1), []
+    for _ in range(int(20_000 * scale)):
+        edge, places = messages.edge(ROVER3, 0), chance.sample(range(1000), 2)
+        getattr(edge.pose_graph_edge, "from").index, edge.pose_graph_edge.to.index = (50_000 + place for place in places)
+        edges.append(edge)
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch = own_epoch(session)
+        bring(epoch, [messages.node(ROVER3, 50_000 + i, x=i) for i in range(1000)])
+        bring(epoch, edges)
+    team.moonctl("-a", "rover1", "graph", "optimize")
+    named_in_health(team, "out of the map or the pose graph")
+
+
 def absurd_bodies():
     """Records that no robot gives: not numbers, sizes beyond all bounds, agents that there are not."""
     nan, huge = float("nan"), 1e300
@@ -244,7 +267,7 @@ def undeclared_types(team, scale):
 
 
 ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
-             streams_of_its_own, quarantine_in_anothers_name, quarantines_of_others, lifts_of_others, edges_of_others,
+             streams_of_its_own, quarantine_in_anothers_name, quarantines_of_others, lifts_of_others, edges_of_others, dense_graph,
              absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own]
-LEAVES_MUCH = [streams_of_its_own]  # Of its own, on every disk: have-sets of the next attackers would be larger.
+LEAVES_MUCH = [streams_of_its_own, dense_graph]  # Of its own, on every disk: have-sets of the next attackers would be larger.

@@ -11,6 +11,7 @@ TAKES_ROVER3 = True
 ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
 TERM_JUMP = 1_000_000  # kTermJumpMax of actors/role/role_logic.h.
 TERM_GROWTH_MAX = 100
+CHANGES_MAX = 21  # kAtOnce of actors/role/change_budget.h, and one more within a minute.
 REIGN_SHIFT = 32  # kReignShift of model/term.h.
 TERM_MAX = (1 << 52) - 1
 MAP_WIDTH_MAX_M = 500
@@ -88,6 +89,38 @@ def roles_as_a_record(team, scale):
             session.bring([messages.stored(origin, 1 << 49, 1, body)])
         member.ask("rover1", status={})
     expect_roles(team, before)
+
+
+def lead(team, leader, survivor, at="rover1"):
+    """The operator gives the roles at that agent; waits until rover1 acts on it."""
+    team.moonctl("-a", at, "role", "set", f"rover{leader}", "leader", f"rover{survivor}", "survivor", check=False)
+    for _ in range(100):
+        roles = team.status("rover1").roles
+        if (roles.leader, roles.survivor) == (leader, survivor):
+            return roles
+        time.sleep(0.1)
+    raise Failure(f"rover1 does not act on the operator's word that rover{leader} leads")
+
+
+def changes_as_records(team, scale):
+    """rover3, which led once, brings the leader a hundred changes of roles as records, each after the one before."""
+    roles = lead(team, ROVER3, ROVER2)
+    lead(team, ROVER1, ROVER2)
+    assignments = []
+    for i in range(100):
+        roles = assignment(team, roles, ROVER3, ROVER2 if i % 2 else ROVER1)
+        assignments.append(roles)
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        for i, one in enumerate(assignments):
+            body = record.Record(stamp_ns=messages.now_ns(), role_assignment=one)
+            session.bring([messages.stored(ROVER3, 1 << 49, i + 1, body)])
+        member.ask("rover1", status={})
+        present = member.ask("rover1", status={}).status.roles
+    changes = sum(one.term.number <= present.term.number for one in assignments) if present.leader == ROVER3 else 0
+    lead(team, ROVER1, ROVER2, at="base")
+    if changes > CHANGES_MAX:
+        raise Failure(f"rover1 acted on {changes} changes that rover3 brought as records")
 
 
 def terms_to_the_end(team, scale):
@@ -175,6 +208,7 @@ def vouches_as_survivor(team, scale):
             team.prune_everything(agent)
 
 
-ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_as_a_record,
+ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_as_a_record, changes_as_records,
              terms_to_the_end, chains_never_asked, endless_chain, poses_of_a_high_term, vouches_as_survivor]
 PRUNING = [vouches_as_survivor]
+LEAVES_MUCH = [changes_as_records]  # A rover3 that once led, which is believed more than one that never did.

@@ -82,6 +82,26 @@ def empty_messages(team, scale):
         answers(team, member)
 
 
+def varint(number):
+    out = b""
+    while number > 127:
+        out, number = out + bytes([number & 127 | 128]), number >> 7
+    return out + bytes([number])
+
+
+def frames_of_many_parts(team, scale):
+    """rover3 sends frames of 250 kB of empty parts, to actors that handle them and to one that may be busy."""
+    fields = message.Message.DESCRIPTOR.fields_by_name
+    with Member(team, TAKEN) as member:
+        for i in range(int(2000 * scale)):
+            body = ("have", "role_chain_reply", "batch")[i % 3]
+            envelope = member.message("rover1", ("sync", "role", "merge")[i % 3]).SerializeToString()
+            parts = (b"\x0a\x00", b"\x0a\x00", b"\x82\x7d\x00")[i % 3] * 80_000
+            whole = envelope + varint(fields[body].number << 3 | 2) + varint(len(parts)) + parts
+            member.send_frame("rover1", b"\x0a" + varint(len(whole)) + whole)
+        answers(team, member)
+
+
 def absurd_frames(team, scale):
     """rover3 sends frames whose lengths are wrong, groups 100,000 deep, megabytes of unknown fields, lists without end."""
     def within_message(body):
@@ -161,5 +181,6 @@ def lying_reports(team, scale):
         answers(team, member)
 
 
-ATTACKERS = [floods_of_hellos, replayed_session, unfinished_pieces, empty_messages, absurd_frames, leases_for_others,
+ATTACKERS = [floods_of_hellos, replayed_session, unfinished_pieces, empty_messages, frames_of_many_parts, absurd_frames,
+             leases_for_others,
              lying_clocks, orders_to_share, lying_reports]

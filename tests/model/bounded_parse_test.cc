@@ -62,5 +62,33 @@ TEST(BoundedParseTest, RefusesGroupsAndWhatDoesNotDecode) {
   EXPECT_FALSE(ParseBounded(RecordField(std::string(100'000, 'x')).substr(0, 90'000), &batch));
 }
 
+TEST(BoundedParseTest, CountsElementsOfPackedLists) {
+  proto::ReadRequest request;
+  for (int i = 0; i < 1'000'000; ++i) request.add_data_types(1);
+  proto::ReadRequest parsed;
+  EXPECT_FALSE(ParseBounded(request.SerializeAsString(), &parsed));
+  proto::EpochReport report;
+  for (std::uint64_t i = 0; i < kParsedPartsMax - 1; ++i) report.add_epochs(UINT64_MAX - i);
+  proto::EpochReport parsed_report;
+  EXPECT_TRUE(ParseBounded(report.SerializeAsString(), &parsed_report)) << "of 8 bytes each";
+}
+
+TEST(BoundedParseTest, TakesFewerPartsFromAPeer) {
+  proto::Message have;
+  proto::StreamHave& stream = *have.mutable_have()->mutable_have()->add_streams();
+  stream.set_epoch(UINT64_MAX);
+  for (std::uint64_t i = 0; i < 10'000; ++i) {
+    proto::Interval& interval = *stream.add_held();
+    interval.set_first(1);
+    interval.set_last(1);
+  }
+  proto::Message parsed;
+  EXPECT_TRUE(ParseBoundedFromPeer(have.SerializeAsString(), &parsed)) << "the shortest intervals that there are";
+  proto::RecordBatch batch;
+  const std::string empty_record("\x0A\x00", 2);
+  EXPECT_FALSE(ParseBoundedFromPeer(Repeated(empty_record, 1'000), &batch));
+  EXPECT_TRUE(ParseBounded(Repeated(empty_record, 1'000), &batch));
+}
+
 }  // namespace
 }  // namespace moondb

@@ -174,13 +174,13 @@ TEST(RecordAuthorityTest, OthersMapsAreQuarantinedByWhoLedInTheTermOrMayCommand)
 
 TEST(RecordAuthorityTest, ReportsHowManyRecordsOfEachOriginDoNotCountWhenThatChanges) {
   RecordAuthority authority(Options());
-  EXPECT_FALSE(authority.TakeReport().has_value());
+  EXPECT_FALSE(authority.TakeReport({}).has_value());
   EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(2)));
   EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1)));
-  EXPECT_EQ(authority.TakeReport().value().uncounted_report().count_of_origin().at(3), 2);
-  EXPECT_FALSE(authority.TakeReport().has_value());
+  EXPECT_EQ(authority.TakeReport({}).value().left_out_report().without_role().at(3), 2);
+  EXPECT_FALSE(authority.TakeReport({}).has_value());
   authority.BeginAnew();
-  EXPECT_EQ(authority.TakeReport().value().uncounted_report().count_of_origin_size(), 0);
+  EXPECT_EQ(authority.TakeReport({}).value().left_out_report().without_role_size(), 0);
 }
 
 }  // namespace

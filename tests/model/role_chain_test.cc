@@ -159,5 +159,19 @@ TEST(RoleChainTest, CountsAllInATeamWithoutKeys) {
   EXPECT_EQ(chain.newest().leader(), 3u);
 }
 
+TEST(RoleChainTest, AnIssuerThatFillsTheRoomForWaitingAssignmentsTakesNoneOfTheOthers) {
+  RoleChain chain(Options());
+  const proto::RoleAssignment first = After(Options().initial, 1, 2, 3, "a");
+  const proto::RoleAssignment second = After(first, 2, 3, 2, "b");
+  for (std::size_t i = 0; i < kWaitingAssignmentsMax + 10; ++i) {
+    proto::RoleAssignment floods = After(Options().initial, 5, 5, 5, "f" + std::to_string(i));
+    floods.set_follows("unknown" + std::to_string(i));
+    EXPECT_EQ(chain.Add(floods), Standing::kLacksForerunner);
+  }
+  EXPECT_EQ(chain.Add(second), Standing::kLacksForerunner);
+  EXPECT_EQ(chain.Add(first), Standing::kCounts);
+  EXPECT_EQ(chain.newest().signature(), "b") << "it waited although another issuer had filled the room";
+}
+
 }  // namespace
 }  // namespace moondb

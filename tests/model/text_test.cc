@@ -4,6 +4,9 @@
 #include <unistd.h>
 
 #include <limits>
+#include <random>
+
+#include "model/text_lines.h"
 
 namespace moondb {
 namespace {
@@ -68,6 +71,40 @@ TEST(TextTest, ShowsAStrangersWordsAsOneLineOfUtf8) {
   EXPECT_EQ(OneLine("disk is full"), "disk is full");
   EXPECT_EQ(OneLine("m\u00b3\n\x1b[2J\xFF"), "m\u00b3??[2J?");
   EXPECT_EQ(OneLine(std::string(1000, 'x'), 3), "xxx...");
+}
+
+TEST(TextLinesTest, AFileGivesTheSameLinesAsItsText) {
+  const std::uint64_t seed = std::random_device()();
+  SCOPED_TRACE("seed " + std::to_string(seed));
+  std::mt19937_64 rng(seed);
+  const std::string file = testing::TempDir() + "moondb_text_lines";
+  for (int i = 0; i < 20; ++i) {
+    std::string text;
+    for (std::uint64_t line = 0; line < rng() % 200; ++line) {
+      text += std::string(rng() % (rng() % 8 == 0 ? 60'000 : 50), 'x') + (rng() % 2 == 0 ? "\n" : "\r\n");
+    }
+    if (rng() % 2 == 0) text += "no newline at the end";
+    ASSERT_TRUE(WriteTextFile(file, text));
+    TextLines expected(text);
+    TextLines lines = *TextLines::OfFile(file);
+    while (const auto line = expected.Next()) {
+      ASSERT_EQ(lines.Next(), line);
+      EXPECT_EQ(lines.number(), expected.number());
+    }
+    EXPECT_EQ(lines.Next(), std::nullopt);
+    EXPECT_TRUE(lines.result());
+  }
+}
+
+TEST(TextLinesTest, ALineWithoutAnEndIsAnError) {
+  const std::string file = testing::TempDir() + "moondb_endless_line";
+  ASSERT_TRUE(WriteTextFile(file, "first\n" + std::string(1'000'000, 'x')));
+  TextLines lines = *TextLines::OfFile(file);
+  EXPECT_EQ(lines.Next(), "first");
+  EXPECT_EQ(lines.Next(), std::nullopt);
+  ASSERT_FALSE(lines.result());
+  EXPECT_EQ(lines.result().error().code, ErrorCode::kInvalid);
+  EXPECT_EQ(lines.result().error().field, file + ":2");
 }
 
 }  // namespace

@@ -132,6 +132,20 @@ TEST(MailboxTest, OneMessageLargerThanTheBoundFitsAlone) {
   EXPECT_EQ(Push(mailbox, Data(4, 5000)), SendResult::kFull);
 }
 
+TEST(MailboxTest, MessagesFromOutsideHaveAQuarterOfTheBytes) {
+  Mailbox mailbox({.bytes_max = 400});
+  const auto push_from_outside = [&mailbox](std::uint64_t id, std::size_t bytes) {
+    Mailbox::Item item = Data(id, bytes);
+    item.is_from_outside = true;
+    return mailbox.Push(std::move(item)).result;
+  };
+  EXPECT_EQ(push_from_outside(1, 60), SendResult::kAccepted);
+  EXPECT_EQ(push_from_outside(2, 41), SendResult::kFull);
+  EXPECT_EQ(Push(mailbox, Data(3, 300)), SendResult::kAccepted);
+  EXPECT_EQ(push_from_outside(4, 1), SendResult::kFull);
+  EXPECT_EQ(Push(mailbox, Data(5, 40)), SendResult::kAccepted);
+}
+
 TEST(MailboxTest, TimersPassTheBoundsAndTakeNoRoom) {
   Mailbox mailbox({.messages_max = 1, .bytes_max = 1});
   for (int i = 0; i < 10; ++i) EXPECT_EQ(Push(mailbox, Timer(i)), SendResult::kAccepted);

@@ -133,5 +133,80 @@ TEST(KnownGraphTest, TakesTheGreaterKeyOfTwoPosesOfOneRun) {
   }
 }
 
+RecordKey EdgeKey(AgentId origin, std::uint64_t seq) { return RecordKey{{origin, 1, proto::POSE_GRAPH_EDGE}, seq}; }
+
+proto::Record StepRecord(AgentId agent, std::uint64_t from, std::uint64_t to) {
+  return ToRecord(OdometryEdge{{agent, from}, {agent, to}, 5, Pose::FromPlanar(1, 0, 0), Matrix6d::Identity()});
+}
+
+TEST(KnownGraphTest, KeepsTheNewestNodesAndEdgesOfTheAgentsThatMadeMost) {
+  KnownGraph known({.nodes_max = 6, .edges_max = 4});
+  for (std::uint64_t i = 1; i <= 3; ++i) {
+    ASSERT_TRUE(known.Add(KeyOf(1, i), ToRecord(GraphNode{{1, i}, 0, Pose{}})));
+    ASSERT_TRUE(known.Add(EdgeKey(1, i), StepRecord(1, i, i + 1)));
+  }
+  for (std::uint64_t i = 1; i <= 9; ++i) {
+    ASSERT_TRUE(known.Add(KeyOf(3, i), ToRecord(GraphNode{{3, i}, 0, Pose{}})));
+    ASSERT_TRUE(known.Add(EdgeKey(3, i), StepRecord(3, i, i + 1)));
+  }
+  const PoseGraph graph = known.graph();
+  ASSERT_EQ(graph.nodes.size(), 6u);
+  EXPECT_EQ(graph.nodes[2].key, (NodeKey{1, 3}));
+  EXPECT_EQ(graph.nodes[3].key, (NodeKey{3, 7}));
+  ASSERT_EQ(graph.odometry.size(), 4u);
+  EXPECT_EQ(graph.odometry[0].from, (NodeKey{1, 2}));
+  EXPECT_EQ(graph.odometry[2].from, (NodeKey{3, 8}));
+  EXPECT_EQ(known.CountLeftOut(), (std::map<AgentId, std::uint64_t>{{1, 1}, {3, 6 + 7}}));
+}
+
+// Rover 3 states that all of its nodes are joined; rover 1 has 20 nodes and 5 ranges to rover 2.
+TEST(KnownGraphTest, LeavesOutEdgesOfTheAgentThatMakesASolveTooLarge) {
+  KnownGraph known;
+  std::uint64_t seq = 0;
+  for (const AgentId agent : {1u, 2u, 3u}) {
+    for (std::uint64_t i = 1; i <= (agent == 3 ? 200u : 20u); ++i) {
+      ASSERT_TRUE(known.Add(KeyOf(agent, ++seq), ToRecord(GraphNode{{agent, i}, 0, Pose{}})));
+      if (i > 1) {
+        ASSERT_TRUE(known.Add(EdgeKey(agent, ++seq), StepRecord(agent, i - 1, i)));
+      }
+    }
+  }
+  for (std::uint64_t i = 1; i <= 5; ++i) {
+    ASSERT_TRUE(known.Add(EdgeKey(1, ++seq), ToRecord(RangeEdge{{1, 2 * i}, {2, 2 * i}, 5, 3, 0.01})));
+  }
+  for (std::uint64_t to = 1; to <= 200; ++to) {
+    for (std::uint64_t from = 1; from + 1 < to; ++from) {
+      ASSERT_TRUE(known.Add(EdgeKey(3, ++seq), StepRecord(3, from, to)));
+    }
+  }
+  const std::uint64_t extra_count = 199 * 198 / 2;
+  EXPECT_TRUE(known.SelectForSolve({UINT64_MAX, UINT64_MAX}).left_out.empty());
+  const SolveSize limit{2'000, UINT64_MAX};
+  const KnownGraph::Selection selection = known.SelectForSolve(limit);
+  EXPECT_EQ(selection.graph.nodes.size(), 240u);
+  EXPECT_EQ(selection.graph.ranges.size(), 5u) << "rover 1 made few edges, and keeps all";
+  ASSERT_EQ(selection.left_out.size(), 1u);
+  const std::uint64_t kept = extra_count - selection.left_out.at(3);
+  EXPECT_EQ(selection.graph.odometry.size(), 19 + 19 + 199 + kept);
+  EXPECT_GT(kept, 5u);
+  EXPECT_GT(selection.graph.odometry.back().to.index, 150u) << "the newest ones";
+}
+
+TEST(KnownGraphTest, ATeamsGraphFitsIntoTheSolveThatItMayHave) {
+  KnownGraph known;
+  std::uint64_t seq = 0;
+  for (const AgentId agent : {1u, 2u, 3u}) {
+    for (std::uint64_t i = 1; i <= 500; ++i) {
+      ASSERT_TRUE(known.Add(KeyOf(agent, ++seq), ToRecord(GraphNode{{agent, i}, 0, Pose{}})));
+      if (i > 1) {
+        ASSERT_TRUE(known.Add(EdgeKey(agent, ++seq), StepRecord(agent, i - 1, i)));
+      }
+      const AgentId other = agent % 3 + 1;
+      ASSERT_TRUE(known.Add(EdgeKey(agent, ++seq), ToRecord(RangeEdge{{agent, i}, {other, i}, 5, 3, 0.01})));
+    }
+  }
+  EXPECT_TRUE(known.SelectForSolve(KnownGraph::SolveSizeMax(known.node_count())).left_out.empty());
+}
+
 }  // namespace
 }  // namespace moondb

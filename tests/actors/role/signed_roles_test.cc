@@ -111,6 +111,25 @@ class SignedTeam {
     Settle();
   }
 
+  // The agent's storage was brought this record.
+  void Record(AgentId agent, const proto::RoleAssignment& roles) {
+    Perform(agent, logics_[agent]->OnRecord(roles));
+    Settle();
+  }
+
+  // Storage does not answer until FinishSaving.
+  void HoldSaving() { is_saving_held_ = true; }
+  void FinishSaving(AgentId agent) {
+    is_saving_held_ = false;
+    Perform(agent, logics_[agent]->OnSaved());
+    Settle();
+  }
+
+  void RunAnnounceTimer(AgentId agent) {
+    Perform(agent, logics_[agent]->OnAnnounceTimer());
+    Settle();
+  }
+
   void AdvanceTime(std::chrono::nanoseconds time) {
     now_ += time;
     for (auto& [agent, logic] : logics_) logic->SetNow(now_);
@@ -160,6 +179,7 @@ class SignedTeam {
     if (actions.save) {
       for (const proto::RoleAssignment& roles : logics_[agent]->SavingChain()) disks_[agent].push_back(roles);
       disks_[agent].push_back(*actions.save);
+      if (is_saving_held_) return;
       Perform(agent, logics_[agent]->OnSaved());
     }
   }
@@ -191,6 +211,7 @@ class SignedTeam {
   std::deque<Said> queue_;
   RoleLogic::Time now_{};
   std::uint64_t epoch_ = 100;
+  bool is_saving_held_ = false;
   std::string last_refusal_;
   int refusals_ = 0;
   std::size_t chain_pages_ = 0;
@@ -356,6 +377,39 @@ TEST(SignedRolesTest, AreActedOnTwentyTimesAtOnceAndThenOnceAMinuteOfOneIssuer) 
   team.AdvanceTime(std::chrono::minutes(2));
   team.Heal();
   EXPECT_EQ(team.Term(2), team.Term(1)) << "the newest of what waited";
+}
+
+TEST(SignedRolesTest, ThatComeAsRecordsAreActedOnNoMoreOften) {
+  SignedTeam team(4);
+  ASSERT_TRUE(team.Set(1, 3, 2));  // Rover 3 leads, and will lie.
+  proto::RoleAssignment lie = team.Of(4);
+  const std::uint64_t before = ChangeOf(lie.term());
+  team.Divide({4});
+  for (int i = 0; i < 100; ++i) {
+    lie = ForgedAfter(lie, 3, 3, i % 2 == 0 ? 1 : 2);
+    team.Record(4, lie);
+  }
+  const std::uint64_t acted_on = ChangeOf(team.Of(4).term()) - before;
+  EXPECT_GE(acted_on, 15u);
+  EXPECT_LE(acted_on, 20u);
+  team.RunAnnounceTimer(4);
+  EXPECT_EQ(ChangeOf(team.Of(4).term()) - before, acted_on) << "there is no room for another change yet";
+  team.AdvanceTime(std::chrono::minutes(2));
+  team.RunAnnounceTimer(4);
+  EXPECT_EQ(team.Of(4).signature(), lie.signature()) << "the newest of what waited";
+}
+
+TEST(SignedRolesTest, OfARecordThatComesWhileAnotherIsBeingStoredAreActedOnAfterIt) {
+  SignedTeam team(4);
+  const proto::RoleAssignment first = ForgedAfter(team.Of(4), 1, 3, 2);
+  const proto::RoleAssignment second = ForgedAfter(first, 3, 2, 3);
+  team.Divide({4});
+  team.HoldSaving();
+  team.Record(4, first);
+  team.Record(4, second);
+  EXPECT_NE(team.Of(4).signature(), first.signature());
+  team.FinishSaving(4);
+  EXPECT_EQ(team.Of(4).signature(), second.signature());
 }
 
 TEST(SignedRolesTest, ThatOneIssuedWhoLeftStillCountAndAWordOfTheBaseStationEndsThem) {

@@ -349,14 +349,17 @@ TEST(PeerDoorTest, SettlesARecordThatItsOriginMayNotStateAndDoesNotStoreIt) {
 
 TEST(PeerDoorTest, NamesOriginsWhoseRecordsReadersLeaveOut) {
   auto store = OpenStore(OptionsWithKeys());
-  proto::UncountedReport report;
-  (*report.mutable_count_of_origin())[3] = 4;
-  store->NoteUncounted("merge", report);
-  (*report.mutable_count_of_origin())[3] = 7;
-  store->NoteUncounted("pgo", report);
+  proto::LeftOutReport report;
+  (*report.mutable_without_role())[3] = 4;
+  store->NoteLeftOut("merge", report);
+  (*report.mutable_without_role())[3] = 7;
+  store->NoteLeftOut("pgo", report);
   EXPECT_EQ((RefusedBy(*store)[{3, proto::REFUSAL_CAUSE_UNCOUNTED}]), 7) << "both may read the same records";
-  store->NoteUncounted("pgo", {});
-  store->NoteUncounted("merge", {});
+  (*report.mutable_without_room())[2] = 5;
+  store->NoteLeftOut("pgo", report);
+  EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_NO_ROOM}]), 5);
+  store->NoteLeftOut("pgo", {});
+  store->NoteLeftOut("merge", {});
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 

@@ -76,6 +76,8 @@ TEST_F(StoreFileTest, CopiesTheWholeStoreAndWritesOverNothing) {
   const std::filesystem::path copy = folder_.path() / "copy.sqlite";
   const Result<void> done = BackUpStore(file_, copy);
   ASSERT_TRUE(done) << ToString(done.error());
+  EXPECT_EQ(std::filesystem::status(copy).permissions(),
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   EXPECT_EQ(QueryStore(copy, "SELECT b FROM t WHERE a = 1", 1)->rows[0][0].text, "one");
   EXPECT_EQ(QueryStore(copy, "SELECT name FROM meta", 9)->rows.size(), 1u) << "another incarnation";
   EXPECT_EQ(QueryStore(file_, "SELECT name FROM meta", 9)->rows.size(), 2u);

@@ -67,16 +67,46 @@ TEST_F(ConnectionRulesTest, StrangersDoNotTakeThePlacesOfAgents) {
 }
 
 TEST_F(ConnectionRulesTest, WhoEverBroughtAMessageStaysLongest) {
-  for (int i = 0; i < 5; ++i) Open(10 + i, "192.168.1." + std::to_string(i));
+  for (int i = 0; i < 5; ++i) Open(10 + i, "192.168." + std::to_string(i) + ".1");
   Deliver(10);
   EXPECT_THAT(TooMany(), IsEmpty());
-  Open(20, "192.168.1.66");
+  Open(20, "192.168.66.1");
   EXPECT_THAT(TooMany(), ElementsAre(11)) << "the oldest of the silent ones";
   for (const int file : {12, 13, 14, 20}) Deliver(file);
-  Open(21, "192.168.1.66");
+  Open(21, "192.168.66.1");
   Deliver(21);
   EXPECT_THAT(TooMany(), ElementsAre(20)) << "the oldest of the address that has most";
   EXPECT_TRUE(open_.contains(10));
+}
+
+TEST_F(ConnectionRulesTest, ANetworkWithManyAddressesTakesTheSilentPlacesOfNoOther) {
+  Open(10, "10.9.8.7");
+  Open(11, "2001:db8:1:2::1");
+  for (int i = 0; i < 40; ++i) Open(100 + i, "192.168.1." + std::to_string(i));
+  for (int i = 0; i < 40; ++i) Open(200 + i, "2001:db8:1:3::" + std::to_string(i));
+  EXPECT_EQ(TooMany().size(), 77u);
+  EXPECT_TRUE(open_.contains(10) && open_.contains(11));
+}
+
+TEST_F(ConnectionRulesTest, AnAddressThatBroughtAMessageWithinTheHourIsLetInAgain) {
+  const auto judge = [this](std::chrono::minutes at) {
+    std::vector<TcpConnection> now;
+    for (const auto& [file, connection] : open_) now.push_back(connection);
+    for (const auto& cut : rules_.Judge(now, ConnectionRules::Time(at))) open_.erase(cut.connection.file);
+  };
+  for (const bool is_late : {false, true}) {
+    SCOPED_TRACE(is_late);
+    const std::chrono::minutes begin(is_late ? 1000 : 0);
+    Open(10, "10.9.8.7");
+    Deliver(10);
+    judge(begin);
+    open_.erase(10);
+    Open(11, "10.9.8.7");
+    for (int i = 0; i < 90; ++i) Open(100 + i, "172.16." + std::to_string(i) + ".1");
+    judge(begin + std::chrono::minutes(is_late ? 61 : 59));
+    EXPECT_EQ(open_.contains(11), !is_late) << "it is the oldest of those that brought nothing yet";
+    open_.clear();
+  }
 }
 
 TEST_F(ConnectionRulesTest, OfAKeyWithTooManyTheOneThatWasSilentForLongestGoes) {

@@ -1,0 +1,72 @@
+#include "runtime/transport/unread_replies.h"
+
+#include <linux/tcp.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <cstddef>
+
+namespace moondb {
+
+std::optional<std::uint64_t> UnreadReplies::AckedBytesOf(int file) {
+  tcp_info info{};
+  socklen_t size = sizeof(info);
+  const bool is_known = getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 &&
+                        size >= offsetof(tcp_info, tcpi_bytes_acked) + sizeof(info.tcpi_bytes_acked);
+  if (!is_known) return std::nullopt;
+  return info.tcpi_bytes_acked;
+}
+
+void UnreadReplies::OnRequest(const std::string& route, const std::string& key, int file) {
+  Connection& connection = connections_[route];
+  connection.key = key;
+  connection.file = file;
+}
+
+std::optional<std::uint64_t> UnreadReplies::WaitingOf(const Connection& connection) const {
+  const std::optional<std::uint64_t> acked = acked_bytes_(connection.file);
+  // Fewer than before: the kernel has given the file to another connection.
+  if (!acked || *acked < connection.acked_before) return std::nullopt;
+  const std::uint64_t taken = *acked - connection.acked_before;
+  return taken < connection.given ? connection.given - taken : 0;
+}
+
+bool UnreadReplies::HasRoom(const std::string& route, std::uint64_t bytes) {
+  const auto asking = connections_.find(route);
+  if (asking == connections_.end()) return true;
+  const std::string key = asking->second.key;
+  std::uint64_t of_key = 0;
+  std::uint64_t of_all = 0;
+  for (auto entry = connections_.begin(); entry != connections_.end();) {
+    const std::optional<std::uint64_t> waiting = WaitingOf(entry->second);
+    if (!waiting) {
+      entry = connections_.erase(entry);
+      continue;
+    }
+    if (entry->second.key == key) of_key += *waiting;
+    of_all += *waiting;
+    ++entry;
+  }
+  const auto fits = [bytes](std::uint64_t waiting, std::uint64_t max) {
+    return waiting == 0 || waiting + bytes <= max;
+  };
+  return fits(of_key, kOfKeyMax) && fits(of_all, kOfAllMax);
+}
+
+void UnreadReplies::Count(const std::string& route, std::uint64_t bytes) {
+  const auto found = connections_.find(route);
+  if (found == connections_.end()) return;
+  Connection& connection = found->second;
+  if (WaitingOf(connection).value_or(0) == 0) {
+    connection.acked_before = acked_bytes_(connection.file).value_or(0);
+    connection.given = 0;
+  }
+  connection.given += bytes;
+}
+
+std::string UnreadReplies::KeyOf(const std::string& route) const {
+  const auto found = connections_.find(route);
+  return found == connections_.end() ? std::string() : found->second.key;
+}
+
+}  // namespace moondb
