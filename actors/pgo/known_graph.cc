@@ -57,7 +57,7 @@ void KnownGraph::AddEdge(const RecordKey& key, const EdgeNote& note) {
 }
 
 SolveSize KnownGraph::SolveSizeMax(std::size_t node_count) {
-  return {100'000 + 16 * node_count, 20'000'000 + 1000 * node_count};
+  return {30'000 + 16 * node_count, 5'000'000 + 1000 * node_count};
 }
 
 KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {

@@ -145,8 +145,8 @@ void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vec
     std::sort(group.begin(), group.end(), [&](const Known* a, const Known* b) {
       const auto rank = [&](const Known& known) {
         const std::string& peer = known.connection.peer;
-        return std::tuple(known.has_delivered || remembered_.contains(peer), ~count_of.at(NetworkOf(peer)),
-                          known.number);
+        const int merit = known.has_delivered ? 2 : remembered_.contains(peer) ? 1 : 0;
+        return std::tuple(merit, ~count_of.at(NetworkOf(peer)), known.number);
       };
       return rank(*a) < rank(*b);
     });

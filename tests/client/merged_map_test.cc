@@ -6,7 +6,7 @@
 namespace moondb {
 namespace {
 
-std::string Frame(const std::string& cells) {
+std::string ZstdFrame(const std::string& cells) {
   std::string frame(ZSTD_compressBound(cells.size()), '\0');
   frame.resize(ZSTD_compress(frame.data(), frame.size(), cells.data(), cells.size(), 1));
   return frame;
@@ -19,7 +19,7 @@ proto::MergeReply Reply(std::uint32_t width, std::uint32_t height, const std::st
   reply.set_origin_cell_y(3);
   reply.set_width_cells(width);
   reply.set_height_cells(height);
-  reply.set_zstd_cells(Frame(cells));
+  reply.set_zstd_cells(ZstdFrame(cells));
   return reply;
 }
 
@@ -63,7 +63,7 @@ TEST(MergedMapTest, RefusesWhatDoesNotFit) {
 }
 
 TEST(MergedMapTest, DecodesTilesAndTheirPlaces) {
-  const auto tiles = DecodeMapTiles(Tile(-2, 5, Frame({0, 1, 2, 1})));
+  const auto tiles = DecodeMapTiles(Tile(-2, 5, ZstdFrame({0, 1, 2, 1})));
   ASSERT_TRUE(tiles) << ToString(tiles.error());
   ASSERT_EQ(tiles->size(), 1u);
   EXPECT_EQ(tiles->front().map.origin_cell_x, -4);
@@ -75,10 +75,10 @@ TEST(MergedMapTest, DecodesTilesAndTheirPlaces) {
 }
 
 TEST(MergedMapTest, RefusesTilesThatDoNotFit) {
-  EXPECT_FALSE(DecodeMapTiles(Tile(0, 0, Frame({0, 1, 2}))));
-  EXPECT_FALSE(DecodeMapTiles(Tile(0, 0, Frame({0, 1, 2, 3}))));
-  EXPECT_FALSE(DecodeMapTiles(Tile(INT64_MIN, 0, Frame({0, 1, 2, 1}))));
-  EXPECT_FALSE(DecodeMapTiles(Tile(0, INT64_MAX, Frame({0, 1, 2, 1}))));
+  EXPECT_FALSE(DecodeMapTiles(Tile(0, 0, ZstdFrame({0, 1, 2}))));
+  EXPECT_FALSE(DecodeMapTiles(Tile(0, 0, ZstdFrame({0, 1, 2, 3}))));
+  EXPECT_FALSE(DecodeMapTiles(Tile(INT64_MIN, 0, ZstdFrame({0, 1, 2, 1}))));
+  EXPECT_FALSE(DecodeMapTiles(Tile(0, INT64_MAX, ZstdFrame({0, 1, 2, 1}))));
   proto::MapTilesReply huge = Tile(0, 0, "");
   huge.set_tile_cells(5000);
   EXPECT_FALSE(DecodeMapTiles(huge));

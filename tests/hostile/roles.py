@@ -105,7 +105,7 @@ def lead(team, leader, survivor, at="rover1"):
 def changes_as_records(team, scale):
     """rover3, which led once, brings the leader a hundred changes of roles as records, each after the one before."""
     roles = lead(team, ROVER3, ROVER2)
-    lead(team, ROVER1, ROVER2)
+    lead(team, ROVER1, ROVER2, at="rover2")
     assignments = []
     for i in range(100):
         roles = assignment(team, roles, ROVER3, ROVER2 if i % 2 else ROVER1)

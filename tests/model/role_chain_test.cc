@@ -12,7 +12,7 @@ using Standing = RoleChain::Standing;
 constexpr AgentId kBase = 4;
 
 // Rover 1 leads and rover 2 survives by the team file; the base station alone may command.
-RoleChain::Options Options() {
+RoleChain::Options ChainOptions() {
   RoleChain::Options options;
   options.initial.set_leader(1);
   options.initial.set_survivor(2);
@@ -42,8 +42,8 @@ TEST(TermTest, SaysReignAndChange) {
 }
 
 TEST(RoleChainTest, CountsWhatLeaderOrSurvivorOfTheOneBeforeDecides) {
-  RoleChain chain(Options());
-  const proto::RoleAssignment first = After(Options().initial, 1, 3, 2, "a");
+  RoleChain chain(ChainOptions());
+  const proto::RoleAssignment first = After(ChainOptions().initial, 1, 3, 2, "a");
   const proto::RoleAssignment second = After(first, 2, 2, 3, "b");
   EXPECT_EQ(chain.Add(first), Standing::kCounts);
   EXPECT_EQ(chain.Add(second), Standing::kCounts);
@@ -52,49 +52,49 @@ TEST(RoleChainTest, CountsWhatLeaderOrSurvivorOfTheOneBeforeDecides) {
   EXPECT_TRUE(chain.HasHadRole(3));
   EXPECT_TRUE(chain.HasLedIn(2, second.term()));
   EXPECT_FALSE(chain.HasLedIn(3, second.term()));
-  EXPECT_TRUE(chain.HasLedIn(1, Options().initial.term()));
+  EXPECT_TRUE(chain.HasLedIn(1, ChainOptions().initial.term()));
 }
 
 TEST(RoleChainTest, NeverCountsWhatSomebodyElseDecides) {
-  RoleChain chain(Options());
-  EXPECT_EQ(chain.Add(After(Options().initial, 3, 3, 2, "a")), Standing::kNever);
-  proto::RoleAssignment reign = RoleChain::Next(Options().initial, /*is_command=*/true);
+  RoleChain chain(ChainOptions());
+  EXPECT_EQ(chain.Add(After(ChainOptions().initial, 3, 3, 2, "a")), Standing::kNever);
+  proto::RoleAssignment reign = RoleChain::Next(ChainOptions().initial, /*is_command=*/true);
   reign.mutable_term()->set_issuer(1);
   reign.set_leader(1);
   reign.set_signature("b");
   EXPECT_EQ(chain.Add(reign), Standing::kNever) << "only who may command begins a reign";
   // Rover 1 was deposed in what it says that it follows.
-  const proto::RoleAssignment deposed = After(Options().initial, 2, 2, 3, "c");
+  const proto::RoleAssignment deposed = After(ChainOptions().initial, 2, 2, 3, "c");
   EXPECT_EQ(chain.Add(deposed), Standing::kCounts);
   EXPECT_EQ(chain.Add(After(deposed, 1, 1, 3, "d")), Standing::kNever);
   EXPECT_FALSE(chain.HasLedIn(1, deposed.term()));
 }
 
 TEST(RoleChainTest, NeverCountsATermThatIsNotTheNext) {
-  RoleChain chain(Options());
-  proto::RoleAssignment far = After(Options().initial, 1, 1, 3, "a");
+  RoleChain chain(ChainOptions());
+  proto::RoleAssignment far = After(ChainOptions().initial, 1, 1, 3, "a");
   far.mutable_term()->set_number(1000);
   EXPECT_EQ(chain.Add(far), Standing::kNever);
-  proto::RoleAssignment without = After(Options().initial, 1, 1, 3, "");
+  proto::RoleAssignment without = After(ChainOptions().initial, 1, 1, 3, "");
   EXPECT_EQ(chain.Add(without), Standing::kNever);
 }
 
 TEST(RoleChainTest, LetsWhoMayCommandBeginAReignUponWhatIsNotKnown) {
-  RoleChain chain(Options());
-  proto::RoleAssignment unknown = After(Options().initial, 1, 1, 3, "unknown");
+  RoleChain chain(ChainOptions());
+  proto::RoleAssignment unknown = After(ChainOptions().initial, 1, 1, 3, "unknown");
   const proto::RoleAssignment reign = After(unknown, kBase, 3, 2, "a");
   EXPECT_EQ(chain.Add(reign), Standing::kCounts);
   EXPECT_EQ(TermText(reign.term()), "1.0");
   EXPECT_EQ(chain.newest().leader(), 3u);
-  proto::RoleAssignment wrong = After(Options().initial, kBase, 3, 2, "b");
+  proto::RoleAssignment wrong = After(ChainOptions().initial, kBase, 3, 2, "b");
   wrong.mutable_term()->set_number(TermNumber(9, 0));
   EXPECT_EQ(chain.Add(wrong), Standing::kNever) << "it says falsely which reign it follows";
 }
 
 TEST(RoleChainTest, KeepsTwoBranchesAndTheNewerTermStands) {
-  RoleChain chain(Options());
-  proto::RoleAssignment left = After(Options().initial, 1, 1, 3, "a0");
-  const proto::RoleAssignment right = After(Options().initial, 2, 2, 3, "b0");
+  RoleChain chain(ChainOptions());
+  proto::RoleAssignment left = After(ChainOptions().initial, 1, 1, 3, "a0");
+  const proto::RoleAssignment right = After(ChainOptions().initial, 2, 2, 3, "b0");
   EXPECT_EQ(chain.Add(right), Standing::kCounts);
   EXPECT_EQ(chain.Add(left), Standing::kCounts);
   EXPECT_EQ(chain.newest().signature(), "b0") << "of one number the higher issuer's";
@@ -107,8 +107,8 @@ TEST(RoleChainTest, KeepsTwoBranchesAndTheNewerTermStands) {
 }
 
 TEST(RoleChainTest, WaitsForWhatIsFollowed) {
-  RoleChain chain(Options());
-  const proto::RoleAssignment first = After(Options().initial, 1, 3, 2, "a");
+  RoleChain chain(ChainOptions());
+  const proto::RoleAssignment first = After(ChainOptions().initial, 1, 3, 2, "a");
   const proto::RoleAssignment second = After(first, 3, 3, 1, "b");
   const proto::RoleAssignment third = After(second, 1, 1, 3, "c");
   EXPECT_EQ(chain.Add(third), Standing::kLacksForerunner);
@@ -120,8 +120,8 @@ TEST(RoleChainTest, WaitsForWhatIsFollowed) {
 }
 
 TEST(RoleChainTest, GivesAChainInPagesBackToWhereAReignBegins) {
-  RoleChain chain(Options());
-  proto::RoleAssignment last = After(Options().initial, kBase, 1, 2, "reign");
+  RoleChain chain(ChainOptions());
+  proto::RoleAssignment last = After(ChainOptions().initial, kBase, 1, 2, "reign");
   chain.Add(last);
   for (int i = 0; i < 99; ++i) {
     last = After(last, 1, 1, 2, "change" + std::to_string(i));
@@ -139,8 +139,8 @@ TEST(RoleChainTest, GivesAChainInPagesBackToWhereAReignBegins) {
 }
 
 TEST(RoleChainTest, TakesNoMoreOfOneIssuerThanItsShare) {
-  RoleChain chain(Options());
-  proto::RoleAssignment last = Options().initial;
+  RoleChain chain(ChainOptions());
+  proto::RoleAssignment last = ChainOptions().initial;
   for (std::size_t i = 0; i < kAssignmentsOfIssuerMax; ++i) {
     last = After(last, 1, 1, 2, std::to_string(i));
     ASSERT_EQ(chain.Add(last), Standing::kCounts) << i;
@@ -150,7 +150,7 @@ TEST(RoleChainTest, TakesNoMoreOfOneIssuerThanItsShare) {
 }
 
 TEST(RoleChainTest, CountsAllInATeamWithoutKeys) {
-  RoleChain::Options options = Options();
+  RoleChain::Options options = ChainOptions();
   options.has_keys = false;
   RoleChain chain(options);
   proto::RoleAssignment any = After(options.initial, 3, 3, 2, "");
@@ -160,11 +160,11 @@ TEST(RoleChainTest, CountsAllInATeamWithoutKeys) {
 }
 
 TEST(RoleChainTest, AnIssuerThatFillsTheRoomForWaitingAssignmentsTakesNoneOfTheOthers) {
-  RoleChain chain(Options());
-  const proto::RoleAssignment first = After(Options().initial, 1, 2, 3, "a");
+  RoleChain chain(ChainOptions());
+  const proto::RoleAssignment first = After(ChainOptions().initial, 1, 2, 3, "a");
   const proto::RoleAssignment second = After(first, 2, 3, 2, "b");
   for (std::size_t i = 0; i < kWaitingAssignmentsMax + 10; ++i) {
-    proto::RoleAssignment floods = After(Options().initial, 5, 5, 5, "f" + std::to_string(i));
+    proto::RoleAssignment floods = After(ChainOptions().initial, 5, 5, 5, "f" + std::to_string(i));
     floods.set_follows("unknown" + std::to_string(i));
     EXPECT_EQ(chain.Add(floods), Standing::kLacksForerunner);
   }

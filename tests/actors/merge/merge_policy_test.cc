@@ -11,24 +11,24 @@
 namespace moondb {
 namespace {
 
-using Rows = std::vector<std::string>;
+using PolicyRows = std::vector<std::string>;
 
 constexpr std::uint32_t kFine = 100'000;
 
 class MergePolicyTest : public testing::Test {
  protected:
-  void Put(AgentId agent, std::int64_t stamp_ns, const Rows& rows, std::uint32_t resolution_um = kFine) {
+  void Put(AgentId agent, std::int64_t stamp_ns, const PolicyRows& rows, std::uint32_t resolution_um = kFine) {
     const std::uint64_t seq = maps_.size() + 1;
     maps_.push_back({MapKey(agent, seq), stamp_ns, Pose{}, DrawMap(rows, resolution_um, agent)});
   }
 
-  Rows Merge() {
+  PolicyRows Merge() {
     MergeOptions options;
     options.grid = grid_;
     options.backend = MergeBackend::kCpu;
     const Result<MergedMap> merged = MergeMaps(maps_, footprints_, options);
     EXPECT_TRUE(merged.has_value()) << ToString(merged.error());
-    return merged ? Print(*merged) : Rows{};
+    return merged ? Print(*merged) : PolicyRows{};
   }
 
   MergeGrid grid_{.resolution_um = kFine, .footprint_length_m = 0.2, .footprint_width_m = 0.1};
@@ -40,7 +40,7 @@ TEST_F(MergePolicyTest, OfLayersOfOneResolutionTheEarlierDecides) {
   Put(1, 10, {"#"});
   TraversabilityMap second = DrawMap({".."}, kFine);
   maps_[0].map.layers.push_back(second.layers[0]);
-  EXPECT_EQ(Merge(), (Rows{"#."}));
+  EXPECT_EQ(Merge(), (PolicyRows{"#."}));
 }
 
 TEST_F(MergePolicyTest, NeitherOrderNorRepetitionMatters) {

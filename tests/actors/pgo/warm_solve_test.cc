@@ -16,11 +16,11 @@ using simulation::MakeScenario;
 using simulation::Scenario;
 using simulation::TrajectoryErrorM;
 
-constexpr std::int64_t kStep_ns = 10'000'000'000;
+constexpr std::int64_t kWarmStep_ns = 10'000'000'000;
 
 // As it was when each rover had `node_count` nodes.
 Scenario Earlier(Scenario scenario, int node_count) {
-  const auto is_late = [node_count](const auto& item) { return item.stamp_ns >= node_count * kStep_ns; };
+  const auto is_late = [node_count](const auto& item) { return item.stamp_ns >= node_count * kWarmStep_ns; };
   std::erase_if(scenario.graph.nodes, is_late);
   std::erase_if(scenario.graph.odometry, is_late);
   std::erase_if(scenario.graph.ranges, is_late);
@@ -77,7 +77,7 @@ class MirrorTest : public WarmSolveTest {
   Scenario scenario_;
 
  private:
-  static std::int64_t StampOf(std::uint64_t node) { return static_cast<std::int64_t>(node) * kStep_ns; }
+  static std::int64_t StampOf(std::uint64_t node) { return static_cast<std::int64_t>(node) * kWarmStep_ns; }
 
   void AddStep(AgentId agent, std::uint64_t to, const Pose& raw, const Pose& step) {
     scenario_.graph.nodes.push_back(GraphNode{{agent, to}, StampOf(to), raw});

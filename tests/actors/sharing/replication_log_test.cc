@@ -23,7 +23,7 @@ namespace {
 using simulation::Fault;
 using std::chrono::minutes;
 
-constexpr AgentId kSelf = 1;
+constexpr AgentId kLogSelf = 1;
 constexpr AgentId kPeer = 2;
 
 // A session's notes on their way to a log that may fail to write them, or be made anew; some are lost.
@@ -68,8 +68,8 @@ class NotesOverTime {
   static std::unique_ptr<RecordStore> Store() {
     RecordStore::Options options;
     options.path = ":memory:";
-    options.self = kSelf;
-    options.team = {kSelf, kPeer, 3};
+    options.self = kLogSelf;
+    options.team = {kLogSelf, kPeer, 3};
     return *RecordStore::Open(std::move(options));
   }
 
@@ -145,7 +145,7 @@ TEST(ReplicationLogTest, DifferencesComeToTheSameAsTheWholeWhateverIsLostBetween
 class ReplicatingTeam {
  public:
   explicit ReplicatingTeam(std::uint64_t epochs) : team_(/*seed=*/1) {
-    for (const AgentId agent : {kSelf, kPeer}) {
+    for (const AgentId agent : {kLogSelf, kPeer}) {
       team_.AddAgent(agent);
       StorageActor::Options storage;
       storage.path = PathOf(agent);
@@ -155,8 +155,8 @@ class ReplicatingTeam {
       SpawnSharing(team_, agent, config_);
       StoreOldEpochs(agent, epochs);
     }
-    team_.RecordSent({kSelf, actor_name::kReplica});
-    team_.RecordSent({kSelf, actor_name::kStorage});
+    team_.RecordSent({kLogSelf, actor_name::kReplica});
+    team_.RecordSent({kLogSelf, actor_name::kStorage});
   }
 
   // At random places, so that they take room on the radio.
@@ -164,7 +164,7 @@ class ReplicatingTeam {
     proto::Message message;
     for (int i = 0; i < count; ++i) {
       proto::PoseGraphNode& node = *message.mutable_insert_request()->add_records()->mutable_pose_graph_node();
-      node.mutable_node()->set_agent_id(kSelf);
+      node.mutable_node()->set_agent_id(kLogSelf);
       node.mutable_node()->set_index(next_index_++);
       proto::Pose& pose = *node.mutable_map_from_node();
       pose.mutable_position_m()->set_x(place_(rng_));
@@ -172,13 +172,13 @@ class ReplicatingTeam {
       pose.mutable_position_m()->set_z(place_(rng_));
       pose.mutable_orientation()->set_w(1);
     }
-    Post(kSelf, std::move(message));
+    Post(kLogSelf, std::move(message));
   }
 
   void Replicate() {
-    EXPECT_FALSE(IsError(Share(team_, kSelf, ShareOrder(proto::SHARING_KIND_REPLICATION, kPeer)).error()));
+    EXPECT_FALSE(IsError(Share(team_, kLogSelf, ShareOrder(proto::SHARING_KIND_REPLICATION, kPeer)).error()));
     team_.AdvanceTime(minutes(2));
-    const proto::ShareStatus status = ShareStatusOf(team_, kSelf, actor_name::kReplica);
+    const proto::ShareStatus status = ShareStatusOf(team_, kLogSelf, actor_name::kReplica);
     EXPECT_FALSE(status.sessions(0).is_open()) << status.ShortDebugString();
   }
 
@@ -192,15 +192,15 @@ class ReplicatingTeam {
 
   // What agent 1 shows of agent 2, which ends both.
   Had EndAndShow() {
-    for (const AgentId agent : {kSelf, kPeer}) team_.Crash(agent);
-    const Result<std::unique_ptr<Database>> database = Database::Open(PathOf(kSelf));
+    for (const AgentId agent : {kLogSelf, kPeer}) team_.Crash(agent);
+    const Result<std::unique_ptr<Database>> database = Database::Open(PathOf(kLogSelf));
     EXPECT_TRUE(database);
     return ShownIn(**database, kPeer);
   }
 
   simulation::SimulatedTeam& team() { return team_; }
-  std::vector<proto::Message> TakeSentByReplica() { return team_.TakeSent({kSelf, actor_name::kReplica}); }
-  std::vector<proto::Message> TakeSentByStorage() { return team_.TakeSent({kSelf, actor_name::kStorage}); }
+  std::vector<proto::Message> TakeSentByReplica() { return team_.TakeSent({kLogSelf, actor_name::kReplica}); }
+  std::vector<proto::Message> TakeSentByStorage() { return team_.TakeSent({kLogSelf, actor_name::kStorage}); }
 
  private:
   std::string PathOf(AgentId agent) const { return folder_.File("agent" + std::to_string(agent) + ".db"); }
@@ -254,13 +254,13 @@ TEST(ReplicationLogTest, ShowsWhatThePeerHasAfterAStorageThatFailedAsked) {
   for (int i = 0; i < 10; ++i) team.InsertNodes(300);
   int notes = 0;
   team.team().SetFault([&notes](const Address& actor, const proto::Message& message) {
-    if (actor != Address{kSelf, actor_name::kStorage} || !message.has_peer_have()) return Fault::kNone;
+    if (actor != Address{kLogSelf, actor_name::kStorage} || !message.has_peer_have()) return Fault::kNone;
     ++notes;
     return notes == 4 ? Fault::kBeforeHandler : notes == 9 ? Fault::kAfterHandler : Fault::kNone;
   });
   team.Replicate();
   EXPECT_GT(notes, 12);
-  EXPECT_EQ(team.team().restarts(kSelf), 2u);
+  EXPECT_EQ(team.team().restarts(kLogSelf), 2u);
   int requests = 0;
   for (const proto::Message& message : team.TakeSentByStorage()) requests += message.has_peer_have_request();
   EXPECT_GE(requests, 2);

@@ -9,15 +9,15 @@
 namespace moondb::simulation {
 namespace {
 
-constexpr StreamKey kPowers{1, 5, proto::POWER};
+constexpr StreamKey kBundlePowers{1, 5, proto::POWER};
 
 proto::StoredRecord State(std::uint64_t seq) {
   proto::Record record;
   record.mutable_power()->set_battery_ratio(0.5);
   proto::StoredRecord stored;
-  *stored.mutable_key() = ToProto(RecordKey{kPowers, seq});
+  *stored.mutable_key() = ToProto(RecordKey{kBundlePowers, seq});
   stored.set_content(record.SerializeAsString());
-  stored.set_hash(HashRecord({kPowers, seq}, stored.content()));
+  stored.set_hash(HashRecord({kBundlePowers, seq}, stored.content()));
   return stored;
 }
 
@@ -98,9 +98,9 @@ TEST_F(BundleWatchTest, ARecordIsInOneBundle) {
 TEST_F(BundleWatchTest, WhatIsInNoBundleIsLostUnlessTheDiskWas) {
   Make(1, 1);
   HaveSet wanted;
-  wanted[kPowers].held.Add(1);
+  wanted[kBundlePowers].held.Add(1);
   EXPECT_EQ(watch_.WhyLost(wanted), std::nullopt);
-  wanted[kPowers].held.Add(2);
+  wanted[kBundlePowers].held.Add(2);
   EXPECT_NE(watch_.WhyLost(wanted), std::nullopt);
   watch_.OnDiskLost();
   EXPECT_EQ(watch_.WhyLost(wanted), std::nullopt);

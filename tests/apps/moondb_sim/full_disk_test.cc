@@ -22,7 +22,7 @@ using testing::HasSubstr;
 
 constexpr AgentId kSelf = 2;
 constexpr char kFolder[] = "agent2/";
-constexpr char kPath[] = "agent2/moondb.sqlite";
+constexpr char kFullDiskPath[] = "agent2/moondb.sqlite";
 
 class FullDiskTest : public testing::Test {
  protected:
@@ -35,7 +35,7 @@ class FullDiskTest : public testing::Test {
     (*options_.team.mutable_share())["pose_graph_node"] = proto::POLICY_ALL;
     (*options_.team.mutable_share())["local_traversability_map"] = proto::POLICY_ALL;
     options_.self = kSelf;
-    options_.path = kPath;
+    options_.path = kFullDiskPath;
     options_.vfs = disk_.name();
     team_.AddAgent(kSelf);
     team_.Spawn(kSelf, "storage", [this] { return std::make_unique<StorageActor>(options_); });

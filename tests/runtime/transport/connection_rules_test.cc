@@ -109,6 +109,15 @@ TEST_F(ConnectionRulesTest, AnAddressThatBroughtAMessageWithinTheHourIsLetInAgai
   }
 }
 
+TEST_F(ConnectionRulesTest, WhoBroughtAMessageStaysThoughNewerOnesOfItsAddressBringNothing) {
+  for (int i = 0; i < 3; ++i) Open(10 + i, "10.9.8.7", kClientPort);
+  Deliver(10);
+  EXPECT_THAT(TooMany(), IsEmpty());
+  for (int i = 0; i < 20; ++i) Open(20 + i, "10.9.8.7", kClientPort);
+  EXPECT_EQ(TooMany().size(), 20u);
+  EXPECT_TRUE(open_.contains(10));
+}
+
 TEST_F(ConnectionRulesTest, OfAKeyWithTooManyTheOneThatWasSilentForLongestGoes) {
   Open(10, "10.0.0.9", kClientPort);
   Open(11, "10.0.0.9", kClientPort);

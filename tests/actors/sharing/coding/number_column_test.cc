@@ -12,14 +12,14 @@ namespace {
 
 using Numbers = std::vector<std::uint64_t>;
 
-std::string Encode(const Numbers& numbers) {
+std::string EncodeColumn(const Numbers& numbers) {
   std::string bytes;
   PutColumn(numbers, bytes);
   return bytes;
 }
 
-void ExpectRoundTrip(const Numbers& numbers) {
-  const std::string bytes = Encode(numbers);
+void ExpectColumnRoundTrip(const Numbers& numbers) {
+  const std::string bytes = EncodeColumn(numbers);
   ByteReader reader(bytes);
   EXPECT_EQ(TakeColumn(numbers.size(), reader), numbers);
   EXPECT_TRUE(reader.is_good());
@@ -30,7 +30,7 @@ TEST(NumberColumnTest, GivesEveryNumberBack) {
   const unsigned seed = 21;
   SCOPED_TRACE(seed);
   std::mt19937_64 rng(seed);
-  ExpectRoundTrip({});
+  ExpectColumnRoundTrip({});
   for (int round = 0; round < 2000; ++round) {
     Numbers numbers(1 + rng() % 60);
     const int bits = static_cast<int>(rng() % 64) + 1;
@@ -39,13 +39,13 @@ TEST(NumberColumnTest, GivesEveryNumberBack) {
       last = round % 2 == 0 ? rng() >> (64 - bits) : last + (rng() >> (64 - bits));
       number = last;
     }
-    ExpectRoundTrip(numbers);
+    ExpectColumnRoundTrip(numbers);
   }
 }
 
 TEST(NumberColumnTest, GivesTheExtremesBack) {
   const std::uint64_t most = std::numeric_limits<std::uint64_t>::max();
-  ExpectRoundTrip({0, most, 0, most, most / 2, most / 2 + 1, 0, 1});
+  ExpectColumnRoundTrip({0, most, 0, most, most / 2, most / 2 + 1, 0, 1});
 }
 
 TEST(NumberColumnTest, GivesDoublesBackToTheBit) {
@@ -55,7 +55,7 @@ TEST(NumberColumnTest, GivesDoublesBackToTheBit) {
   }
   for (const std::uint64_t nan : {0x7FF8000000000001u, 0xFFF8DEADBEEF0001u, 0x7FF0000000000001u})
     numbers.push_back(nan);
-  ExpectRoundTrip(numbers);
+  ExpectColumnRoundTrip(numbers);
 }
 
 TEST(NumberColumnTest, TakesNoPlanesForWhatGrowsEvenly) {
@@ -64,14 +64,14 @@ TEST(NumberColumnTest, TakesNoPlanesForWhatGrowsEvenly) {
     even.push_back(1'700'000'000'000'000'000u + i * 100'000'000);
     same.push_back(77);
   }
-  EXPECT_LT(Encode(same).size(), 8u);
-  const std::string bytes = Encode(even);
+  EXPECT_LT(EncodeColumn(same).size(), 8u);
+  const std::string bytes = EncodeColumn(even);
   EXPECT_GT(std::count(bytes.begin(), bytes.end(), '\0'), static_cast<std::ptrdiff_t>(bytes.size()) - 20);
 }
 
 TEST(NumberColumnTest, RefusesEveryTruncation) {
   const Numbers numbers = {5, 900, 17, 1u << 30, 6};
-  const std::string bytes = Encode(numbers);
+  const std::string bytes = EncodeColumn(numbers);
   for (std::size_t size = 0; size < bytes.size(); ++size) {
     ByteReader reader(std::string_view(bytes).substr(0, size));
     TakeColumn(numbers.size(), reader);
