@@ -6,8 +6,8 @@
 // Where there are too many, those go first that never brought a whole message and come from an address from which none
 // came within the last hour, then other ones that never brought a message; of equal ones the oldest of the network that
 // has most. A network is all addresses that have the first 24 bits in common, with IPv6 the first 64: one host can have
-// them all. Of one key there are at most `key_max` that ever brought a message: beyond them the one goes that was silent
-// for longest, so that no key takes the places of another one.
+// them all. Of one key there are at most `key_max` that ever brought a message: beyond them the one goes that was
+// silent for longest, so that no key takes the places of another one.
 //
 // A key that has `key_max` connections is not admitted once more (Admit). Until a connection brings a message nobody
 // can say which key it has, so an admission counts until a connection from the same address brings its first message

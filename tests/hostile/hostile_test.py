@@ -111,7 +111,7 @@ def refresh(team):
 
 def attack(team, attacker, scale, prunes, is_at_rest):
     """What became of the team; with "broken", what did not hold. `prunes`: the operator removes records meanwhile;
-    `is_at_rest`: the attacked agent is stopped for it."""
+    `is_at_rest`: the others do not share meanwhile, since the attacked agent is stopped, or another one leads."""
     from team import HONEST, Failure
     quiet_s = refresh(team)
     team.forget_peak("rover1")
@@ -172,7 +172,7 @@ def run(options):
             print(f"{module.__name__}.{attacker.__name__}: {attacker.__doc__.splitlines()[0]}", flush=True)
             team.take_over() if getattr(module, "TAKES_ROVER3", False) else team.give_back()
             prunes = attacker in getattr(module, "PRUNING", [])
-            is_at_rest = getattr(module, "AT_REST", False)
+            is_at_rest = getattr(module, "AT_REST", False) or attacker in getattr(module, "LEADS", [])
             result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_at_rest)
             if report(module, attacker, result):
                 failed.append(attacker.__name__)

@@ -211,4 +211,5 @@ def vouches_as_survivor(team, scale):
 ATTACKERS = [roles_of_its_own, roles_in_anothers_name, roles_of_the_file, roles_as_a_record, changes_as_records,
              terms_to_the_end, chains_never_asked, endless_chain, poses_of_a_high_term, vouches_as_survivor]
 PRUNING = [vouches_as_survivor]
+LEADS = [changes_as_records]  # rover3 is made the leader.
 LEAVES_MUCH = [changes_as_records]  # A rover3 that once led, which is believed more than one that never did.
