@@ -154,7 +154,7 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
 
 void RoleLogic::AdoptAnnounced(AgentId from, const proto::RoleAssignment& theirs, Actions& actions) {
   const AgentId issuer = theirs.term().issuer();
-  if (!HasBudget(issuer)) return;
+  if (!TakeChange(issuer)) return;
   actions.save = Adopt(theirs).save;
   saving_->holders.insert(from);
   if (issuer != 0) saving_->holders.insert(issuer);
@@ -229,14 +229,15 @@ void RoleLogic::AdoptNewestKnown(Actions& actions) {
   const bool is_newer =
       IsNewer(newest.term(), current_.term()) && (!unstored_ || IsNewer(newest.term(), unstored_->term()));
   if (!is_loaded_ || saving_ || !is_newer || !CheckAnnounced(newest)) return;
-  if (HasBudget(newest.term().issuer())) {
+  if (TakeChange(newest.term().issuer())) {
     actions.save = Adopt(newest).save;
-  } else {
-    actions.announce_timer = announce_delay_;  // When it is looked at again.
+  } else if (!std::exchange(awaits_budget_, true)) {
+    // Only once: records that come again and again must not postpone the announcements.
+    actions.announce_timer = announce_delay_;
   }
 }
 
-bool RoleLogic::HasBudget(AgentId issuer) {
+bool RoleLogic::TakeChange(AgentId issuer) {
   return !has_keys() || issuer == options_.self || changes_.Takes(issuer, now_);
 }
 
@@ -343,6 +344,7 @@ RoleLogic::Actions RoleLogic::OnAnnounceTimer() {
   Actions actions;
   announce_delay_ = std::min(2 * announce_delay_, options_.announce_after_max);
   TellUnconfirmed(actions);
+  awaits_budget_ = false;
   AdoptNewestKnown(actions);
   return actions;
 }

@@ -163,7 +163,7 @@ class RoleLogic {
   // the announce timer looks again.
   void AdoptNewestKnown(Actions& actions);
   // Takes one change of this issuer from its budget, if it has one left.
-  bool HasBudget(AgentId issuer);
+  bool TakeChange(AgentId issuer);
   void NoteStored(const proto::RoleAssignment& roles);
   void AskForChain(AgentId from, const proto::RoleAssignment& theirs, Actions& actions);
   // Whether the team can have these roles from now on.
@@ -199,7 +199,8 @@ class RoleLogic {
 
   Options options_;
   Time now_{};
-  ChangeBudget changes_;  // In a team with keys.
+  ChangeBudget changes_;        // In a team with keys.
+  bool awaits_budget_ = false;  // The announce timer was started to look at an assignment whose issuer has no budget.
   RoleChain chain_;
   std::set<std::string> stored_;  // Signatures of those that count and that storage has.
   std::optional<ChainAsked> chain_asked_;

@@ -166,7 +166,10 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   }
   close(created);
   Result<Connection> copy = Open(part, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
-  if (!copy) return tl::unexpected(copy.error());
+  if (!copy) {
+    std::filesystem::remove(part, error);
+    return tl::unexpected(copy.error());
+  }
   sqlite3_backup* backup = sqlite3_backup_init(copy->get(), "main", source->get(), "main");
   int code = backup == nullptr ? sqlite3_errcode(copy->get()) : sqlite3_backup_step(backup, -1);
   if (backup != nullptr) (void)sqlite3_backup_finish(backup);

@@ -142,6 +142,7 @@ class SignedTeam {
   const std::string& last_refusal() const { return last_refusal_; }
   int refusals() const { return refusals_; }
   std::size_t chain_pages() const { return chain_pages_; }
+  int announce_timers() const { return announce_timers_; }  // How often one was started.
 
  private:
   struct Said {
@@ -161,6 +162,7 @@ class SignedTeam {
   }
 
   void Perform(AgentId agent, RoleLogic::Actions actions) {
+    announce_timers_ += actions.announce_timer ? 1 : 0;
     for (const RoleLogic::Announcement& said : actions.announcements) {
       queue_.push_back(
           {agent, said.to, [=, this] { Take(said.to, logics_[said.to]->OnAnnounce(agent, said.announce)); }});
@@ -215,6 +217,7 @@ class SignedTeam {
   std::string last_refusal_;
   int refusals_ = 0;
   std::size_t chain_pages_ = 0;
+  int announce_timers_ = 0;
 };
 
 // By the liar's own key, as it may be issued after `follows` by one who has a role there.
@@ -392,6 +395,10 @@ TEST(SignedRolesTest, ThatComeAsRecordsAreActedOnNoMoreOften) {
   const std::uint64_t acted_on = ChangeOf(team.Of(4).term()) - before;
   EXPECT_GE(acted_on, 15u);
   EXPECT_LE(acted_on, 20u);
+  const int timers = team.announce_timers();
+  lie = ForgedAfter(lie, 3, 3, 1);
+  team.Record(4, lie);
+  EXPECT_EQ(team.announce_timers(), timers) << "a further record does not postpone the announcements";
   team.RunAnnounceTimer(4);
   EXPECT_EQ(ChangeOf(team.Of(4).term()) - before, acted_on) << "there is no room for another change yet";
   team.AdvanceTime(std::chrono::minutes(2));
