@@ -1,20 +1,17 @@
 #include "client/connection.h"
 
-#include <linux/tcp.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <optional>
 #include <string_view>
 #include <zmq.hpp>
 
 #include "model/curve_key.h"
 #include "model/local_socket.h"
+#include "model/tcp_info.h"
 
 namespace moondb {
 namespace {
@@ -83,11 +80,8 @@ struct Client::Connection::Sockets {
 
   // Over TCP, since the connection was made; 0 over other transports.
   std::uint64_t ReceivedBytes() const {
-    tcp_info info{};
-    socklen_t size = sizeof(info);
-    const bool is_known = getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 &&
-                          size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof(info.tcpi_bytes_received);
-    return is_known ? info.tcpi_bytes_received : 0;
+    const std::optional<TcpInfo> info = ReadTcpInfo(file);
+    return info ? info->bytes_received.value_or(0) : 0;
   }
 
   bool is_writable() { return (dealer.get(zmq::sockopt::events) & ZMQ_POLLOUT) != 0; }

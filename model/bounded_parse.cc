@@ -19,7 +19,7 @@ constexpr std::size_t kUncountedBytesMax = 64 * 1024;
 constexpr std::size_t kUncountedPeerBytesMax = 1024;
 constexpr int kDepthMax = 100;  // Protobuf's own.
 
-// Of a packed list.
+// The least bytes of one element of a packed list.
 std::size_t ElementBytesMin(const FieldDescriptor& field) {
   switch (field.type()) {
     case FieldDescriptor::TYPE_DOUBLE:

@@ -15,8 +15,8 @@ namespace moondb {
 // Messages within the message, elements of its lists and fields that are unknown here: some 25 MB in memory.
 inline constexpr std::size_t kParsedPartsMax = 262'144;
 
-// Of messages between agents: as many as fit into the bytes if each takes 6, which the shortest interval of a have-set
-// does. Empty parts take 2.
+// The number of parts of a message between agents: as many as fit into the bytes if each takes 6, which the shortest
+// interval of a have-set does. Empty parts take 2.
 inline constexpr std::size_t kPeerBytesOfPartMin = 6;
 
 // False where the bytes do not decode or hold too many parts; `message` then holds anything. Elements of packed lists

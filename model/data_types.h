@@ -36,8 +36,7 @@ enum class Speaker {
   // The agent that led in the term that the record gives: optimised poses, edge verdicts.
   kLeader,
   // An agent that the record names, one in command_from of the team file, or the one that led in the term that the
-  // record
-  // gives: quarantines of maps.
+  // record gives: quarantines of maps.
   kNamedAgentOrLeader,
 };
 

@@ -22,6 +22,10 @@
 
 namespace moondb {
 
+// The order in which an origin made its records: epoch, seq, type.
+using RecordAge = std::tuple<std::uint64_t, std::uint64_t, DataType>;
+inline RecordAge AgeOf(const RecordKey& key) { return {key.stream.epoch, key.seq, key.stream.type}; }
+
 template <typename Note>
 class OriginQuota {
  public:
@@ -41,7 +45,7 @@ class OriginQuota {
     Origin& origin = origins_[key.stream.origin];
     origin.weight += weight;
     weight_ += weight;
-    const Age age{key.stream.epoch, key.seq, key.stream.type};
+    const RecordAge age = AgeOf(key);
     std::vector<Removed> removed;
     if (origin.newest_left_out && age < *origin.newest_left_out) {
       ++origin.left_out_count;
@@ -65,18 +69,16 @@ class OriginQuota {
   }
 
  private:
-  using Age = std::tuple<std::uint64_t, std::uint64_t, DataType>;  // Epoch, seq, type.
-
   struct Kept {
     std::uint64_t weight = 0;
     Note note;
   };
 
   struct Origin {
-    std::uint64_t weight = 0;  // Of all records that were added.
+    std::uint64_t weight = 0;  // All records that were added.
     std::uint64_t left_out_count = 0;
-    std::optional<Age> newest_left_out;  // Nothing that is older has room.
-    std::map<Age, Kept> kept;
+    std::optional<RecordAge> newest_left_out;  // Nothing that is older has room.
+    std::map<RecordAge, Kept> kept;
     std::uint64_t kept_weight = 0;
   };
 
@@ -105,7 +107,7 @@ class OriginQuota {
   }
 
   std::uint64_t limit_;
-  std::uint64_t weight_ = 0;  // Of all records that were added.
+  std::uint64_t weight_ = 0;  // All records that were added.
   std::uint64_t level_ = 0;   // Once they do not fit.
   std::map<AgentId, Origin> origins_;
 };

@@ -61,7 +61,7 @@ RoleChain::Standing RoleChain::Add(const proto::RoleAssignment& roles) {
     const auto [first, last] = waiting_.equal_range(roles.follows());
     const bool is_known = std::any_of(
         first, last, [&roles](const auto& waiting) { return waiting.second.signature() == roles.signature(); });
-    if (!is_known && HasRoomToWait(roles.term().issuer())) waiting_.emplace(roles.follows(), roles);
+    if (!is_known && MakeRoomToWait(roles.term().issuer())) waiting_.emplace(roles.follows(), roles);
   }
   if (standing != Standing::kCounts) return standing;
   std::vector<proto::RoleAssignment> added = {roles};
@@ -77,7 +77,7 @@ RoleChain::Standing RoleChain::Add(const proto::RoleAssignment& roles) {
   return standing;
 }
 
-bool RoleChain::HasRoomToWait(AgentId issuer) {
+bool RoleChain::MakeRoomToWait(AgentId issuer) {
   if (waiting_.size() < kWaitingAssignmentsMax) return true;
   std::map<AgentId, std::size_t> counts;
   for (const auto& [follows, roles] : waiting_) ++counts[roles.term().issuer()];

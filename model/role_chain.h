@@ -11,8 +11,8 @@
 //
 // Signatures are checked by whoever adds (runtime/team/role_signature.h). In a team without keys assignments have none,
 // and each counts. What follows an assignment that is not known waits for it, up to kWaitingAssignmentsMax of all
-// issuers; beyond, the issuer with most of them loses its oldest. Of one issuer kAssignmentsOfIssuerMax count at most,
-// so that nobody who led once fills the memory. Not copied.
+// issuers; beyond, one of an issuer that has few takes the place of the oldest of the issuer that has most. Of one
+// issuer kAssignmentsOfIssuerMax count at most, so that nobody who led once fills the memory. Not copied.
 #pragma once
 
 #include <cstddef>
@@ -79,7 +79,7 @@ class RoleChain {
  private:
   const proto::RoleAssignment& Keep(const proto::RoleAssignment& roles);
   // Whether one more of this issuer may wait; may remove one of an issuer that has more.
-  bool HasRoomToWait(AgentId issuer);
+  bool MakeRoomToWait(AgentId issuer);
 
   Options options_;
   // By signature; in a team without keys by term.

@@ -18,11 +18,12 @@ MapCollection::MapCollection(Options options)
       node_quota_(options_.nodes_max) {}
 
 Result<void> MapCollection::AddMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map) {
+  if (maps_.contains(key)) return {};
   const std::int64_t stamp_ns = stamp.is_clock_suspect ? INT64_MIN : stamp.ns;
   Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, stamp_ns, map, options_.grid);
   if (!local) return tl::unexpected(local.error());
   const std::uint64_t bytes = (*local)->bytes();
-  if (!maps_.emplace(key, HeldMap{std::move(*local), stamp}).second) return {};
+  maps_.emplace(key, HeldMap{std::move(*local), stamp});
   bytes_ += bytes;
   for (const auto& removed : map_quota_.Add(key, 1, {})) RemoveMap(removed.key);
   for (const auto& removed : map_bytes_quota_.Add(key, bytes, {})) RemoveMap(removed.key);

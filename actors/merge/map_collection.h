@@ -34,7 +34,7 @@ class MapCollection {
     std::size_t maps_max = 65535;
     std::uint64_t bytes_max = 8ull << 30;  // Of all maps together.
     std::size_t nodes_max = 4'000'000;     // Records of nodes, and nodes with an optimized pose.
-    std::size_t quarantines_max = 65535;   // Those that lift others counted too.
+    std::size_t quarantines_max = 65535;   // Quarantines, and records that lift one.
   };
 
   // Of one merge.

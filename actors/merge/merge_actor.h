@@ -15,7 +15,7 @@
 // RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest); an error of it is a ControlReply.
 // Once StorageActor publishes that records were pruned, everything is read anew for the next question.
 //
-// Errors in replies: kFull (more than requests_max wait; a bound of MapCollection, Merger or of the reply's size),
+// Errors in replies: kFull (more than requests_max wait; a bound of Merger or of the reply's size),
 // kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), kInvalid
 // (the team file's map does not fit CheckGrid), and StorageActor's own.
 #pragma once

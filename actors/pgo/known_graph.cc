@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <iterator>
 #include <optional>
-#include <tuple>
 
 namespace moondb {
 
@@ -96,10 +95,8 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
   std::size_t level = 0;
   for (auto& [origin, of_origin] : extras) {
     level = std::max(level, of_origin.size());
-    std::sort(of_origin.begin(), of_origin.end(), [](const Extra& a, const Extra& b) {
-      const auto age = [](const RecordKey& key) { return std::tuple(key.stream.epoch, key.seq, key.stream.type); };
-      return age(a.key) > age(b.key);
-    });
+    std::sort(of_origin.begin(), of_origin.end(),
+              [](const Extra& a, const Extra& b) { return AgeOf(a.key) > AgeOf(b.key); });
   }
   const auto is_within_size = [&] {
     std::vector<std::pair<int, int>> joined = chain;

@@ -36,7 +36,7 @@ class KnownGraph {
     std::size_t edges_max = 600'000;  // And as many published verdicts.
   };
 
-  // What a solve may use.
+  // The part of the graph that a solve may use.
   struct Selection {
     PoseGraph graph;
     std::map<AgentId, std::uint64_t> left_out;  // Edges, by origin.
@@ -107,7 +107,7 @@ class KnownGraph {
   OriginQuota<NodeKey> node_quota_;
   Records<EdgeName, OdometryEdge> odometry_;
   Records<EdgeName, RangeEdge> ranges_;
-  OriginQuota<EdgeNote> edge_quota_;  // Of odometry and ranges together.
+  OriginQuota<EdgeNote> edge_quota_;  // Odometry and ranges share it.
   std::map<NodeKey, Versioned<Pose>> poses_;
   std::map<RangeKey, Versioned<PublishedVerdict>> verdicts_;
   std::map<AgentId, std::uint64_t> left_out_published_;

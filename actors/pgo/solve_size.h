@@ -13,7 +13,7 @@
 namespace moondb {
 
 struct SolveSize {
-  std::uint64_t blocks = 0;    // Of the factor.
+  std::uint64_t blocks = 0;    // Blocks of the factor.
   std::uint64_t products = 0;  // Multiplications of two blocks that one factorization takes, about.
 };
 

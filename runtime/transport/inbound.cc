@@ -48,8 +48,10 @@ void DropUnknownFields(proto::Message* message) {
   reflection->MutableUnknownFields(message)->Swap(&dropped);
 }
 
-Result<void> Check(bool is_parsed, proto::Message* message) {
-  if (!is_parsed) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
+using ParseFunction = bool (*)(std::string_view bytes, google::protobuf::Message* message);
+
+Result<void> Parse(std::string_view bytes, ParseFunction parse, proto::Message* message) {
+  if (!parse(bytes, message)) return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
   DropUnknownFields(message);
   if (!MayComeFromOutside(*message)) return Fail(ErrorCode::kRefused, "sent a message that must not leave its agent");
   return {};
@@ -88,8 +90,8 @@ Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::op
       return Fail(ErrorCode::kCorrupt, "sent a frame that does not decode");
     }
     OwnedMessage message;
-    const auto checked = Check(ParseBoundedFromPeer(*bytes, &*message), &*message);
-    if (!checked) return tl::unexpected(checked.error());
+    const auto parsed = Parse(*bytes, ParseBoundedFromPeer, &*message);
+    if (!parsed) return tl::unexpected(parsed.error());
     if (authenticated && message->hop_sender() != *authenticated) {
       return Fail(ErrorCode::kRefused, "claimed to be agent " + std::to_string(message->hop_sender()));
     }
@@ -110,8 +112,7 @@ Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string&
                                       const ClientIdentity& client, AgentId self) {
   OwnedMessage received;
   proto::Message& message = *received;
-  if (const auto checked = Check(ParseBounded(frame, &message), &message); !checked)
-    return tl::unexpected(checked.error());
+  if (const auto parsed = Parse(frame, ParseBounded, &message); !parsed) return tl::unexpected(parsed.error());
   if (message.has_link_report()) return Fail(ErrorCode::kRefused, "sent a message that only peers' transports send");
   message.set_agent_id(self);
   message.set_hop_sender(kClients);

@@ -1,7 +1,6 @@
 #include "runtime/transport/tcp_connections.h"
 
 #include <arpa/inet.h>
-#include <linux/tcp.h>
 #include <netinet/in.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
@@ -9,17 +8,16 @@
 
 #include <array>
 #include <cerrno>
-#include <cstddef>
 #include <cstring>
 #include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "model/tcp_info.h"
+
 namespace moondb {
 namespace {
-
-constexpr std::uint8_t kEstablished = 1;  // TCP_ESTABLISHED of netinet/tcp.h, which does not go with linux/tcp.h.
 
 struct Endpoint {
   std::string address;
@@ -72,12 +70,9 @@ std::optional<TcpConnection> TcpConnections::Read(int file) const {
   epoll_event event{};
   event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
   if (::epoll_ctl(epoll_, EPOLL_CTL_MOD, file, &event) != 0) (void)::epoll_ctl(epoll_, EPOLL_CTL_ADD, file, &event);
-  tcp_info info{};
-  socklen_t size = sizeof info;
-  if (::getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return std::nullopt;
-  if (info.tcpi_state != kEstablished) return std::nullopt;  // Its peer has left; libzmq is about to notice.
-  const bool has_bytes = size >= offsetof(tcp_info, tcpi_bytes_received) + sizeof info.tcpi_bytes_received;
-  return TcpConnection{file, own->port, peer->address, peer->port, has_bytes ? info.tcpi_bytes_received : 0};
+  const std::optional<TcpInfo> info = ReadTcpInfo(file);
+  if (!info || !info->is_established) return std::nullopt;  // Its peer has left; libzmq is about to notice.
+  return TcpConnection{file, own->port, peer->address, peer->port, info->bytes_received.value_or(0)};
 }
 
 std::vector<TcpConnection> TcpConnections::List() {

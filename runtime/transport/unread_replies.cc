@@ -1,23 +1,17 @@
 #include "runtime/transport/unread_replies.h"
 
-#include <linux/tcp.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-
-#include <cstddef>
+#include "model/tcp_info.h"
 
 namespace moondb {
 
 std::optional<std::uint64_t> UnreadReplies::AckedBytesOf(int file) {
-  tcp_info info{};
-  socklen_t size = sizeof(info);
-  const bool is_known = getsockopt(file, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 &&
-                        size >= offsetof(tcp_info, tcpi_bytes_acked) + sizeof(info.tcpi_bytes_acked);
-  if (!is_known) return std::nullopt;
-  return info.tcpi_bytes_acked;
+  const std::optional<TcpInfo> info = ReadTcpInfo(file);
+  return info ? info->bytes_acked : std::nullopt;
 }
 
 void UnreadReplies::OnRequest(const std::string& route, const std::string& key, int file) {
+  // A file is that of one connection: one that had it before is gone.
+  std::erase_if(connections_, [&](const auto& entry) { return entry.second.file == file && entry.first != route; });
   Connection& connection = connections_[route];
   connection.key = key;
   connection.file = file;

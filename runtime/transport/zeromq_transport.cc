@@ -40,8 +40,9 @@ constexpr int kKeepAlive_s = 60;
 constexpr std::size_t kConnectionsPerAgent = 4;  // One that is, one that takes its place; two more at a reconnect.
 constexpr std::size_t kStrangersMax = 32;        // Connections to the agents' address from elsewhere.
 constexpr std::size_t kKeyedClientsMax = 64;     // Connections to client_address.
-constexpr std::size_t kBatchMessages = 256;      // Of one socket before the others have their turn,
-constexpr Duration kTurnTime = std::chrono::milliseconds(5);  // or for so long, as some frames take 14 ms to parse.
+// A socket is read for so many messages or so long before the others have their turn: some frames take 14 ms to parse.
+constexpr std::size_t kBatchMessages = 256;
+constexpr Duration kTurnTime = std::chrono::milliseconds(5);
 // What CURVE adds to a frame. libzmq holds ZMQ_MAXMSGSIZE against the frame with it, and cuts the link.
 constexpr std::size_t kCurveBytes = 64;
 // Beyond the free bytes of each connection, of all agents together: the largest credit of a link that this agent is

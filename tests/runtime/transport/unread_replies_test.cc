@@ -67,6 +67,14 @@ TEST_F(UnreadRepliesTest, AConnectionThatClosedOrWhoseFileIsAnothersCountsNoMore
   EXPECT_TRUE(Give("third", 8 * kMiB));
 }
 
+TEST_F(UnreadRepliesTest, ForgetsAConnectionWhoseFileAnotherOneHas) {
+  acked_[1] = 0;
+  replies_.OnRequest("gone", "anna", 1);
+  replies_.OnRequest("next", "bert", 1);
+  EXPECT_EQ(replies_.KeyOf("gone"), "");
+  EXPECT_EQ(replies_.KeyOf("next"), "bert");
+}
+
 TEST_F(UnreadRepliesTest, ARoutingIdThatNeverAskedHasRoom) { EXPECT_TRUE(Give("unknown", 100 * kMiB)); }
 
 }  // namespace
