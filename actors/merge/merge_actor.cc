@@ -27,8 +27,10 @@ RecordReader::Options ReaderOptions(const MergeActor::Options& options) {
   return reader;
 }
 
-MapCollection::Options CollectionOptions(const proto::TeamConfig& team) {
+MapCollection::Options CollectionOptions(const MergeActor::Options& of_actor) {
+  const proto::TeamConfig& team = of_actor.team;
   MapCollection::Options options;
+  options.maps_max = of_actor.maps_max;
   options.grid.resolution_um = static_cast<std::uint32_t>(std::lround(team.map().resolution_m() * 1e6));
   if (team.map().footprint_m_size() == 2) {
     options.grid.footprint_length_m = team.map().footprint_m(0);
@@ -72,7 +74,7 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
 
 MergeActor::MergeActor(Options options)
     : options_(std::move(options)),
-      collection_(CollectionOptions(options_.team)),
+      collection_(CollectionOptions(options_)),
       authority_(RoleChainOptions(options_.team)),
       reader_(ReaderOptions(options_),
               [this](Context&, const proto::StoredRecord& stored) { return TakeOrLeaveOut(stored); }) {}
@@ -92,7 +94,7 @@ void MergeActor::OnStart(Context& context) {
 }
 
 Result<void> MergeActor::StartMerger() {
-  const MergeGrid grid = CollectionOptions(options_.team).grid;
+  const MergeGrid grid = CollectionOptions(options_).grid;
   if (Result<void> checked = CheckGrid(grid); !checked) return checked;
   Result<std::unique_ptr<GatherBackend>> backend = CreateGatherBackend(options_.backend, options_.merge_threads);
   if (!backend) return tl::unexpected(backend.error());
@@ -142,7 +144,7 @@ void MergeActor::OnQuestion(Context& context, const proto::Message& message) {
 void MergeActor::StartReading(Context& context) {
   covered_count_ = waiting_.size();
   if (std::exchange(is_outdated_, false)) {
-    collection_ = MapCollection(CollectionOptions(options_.team));
+    collection_ = MapCollection(CollectionOptions(options_));
     unusable_map_count_ = 0;
     is_current_ = false;
     authority_.BeginAnew();

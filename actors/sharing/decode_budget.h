@@ -17,8 +17,8 @@ class DecodeBudget {
 
   static constexpr double kAtOnceBytes = 16.0 * 1024 * 1024;
   static constexpr double kBytesPerCodedByte = 100;
-  // That a batch counts as which does not decode: what it cost is not known.
-  static constexpr std::size_t kDamagedBytes = 1024 * 1024;
+  // A batch that does not decode counts as this: what it cost is not known. Few bytes can cost as much as a full batch.
+  static constexpr std::size_t kDamagedBytes = 16 * 1024 * 1024;
 
   // Whether the sender's next coded bytes are decoded.
   bool Takes(std::size_t coded_bytes, Time now) {

@@ -139,14 +139,16 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     whole = **std::move(taken);
   }
   DecodeBudget& budget = decode_budgets_[sender];
-  if (!budget.Takes(whole ? whole->size() : batch.coded().size() + message.sql().size(), now)) {
+  const std::size_t coded_bytes = whole ? whole->size() : batch.coded().size() + message.sql().size();
+  if (!budget.Takes(coded_bytes, now)) {
     ++counts_.dropped_messages;
     return SharingActions();
   }
   const bool is_late = batch.batch_number() <= incoming.last_run_batch;
   Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
-  budget.Charge(records ? records->ByteSizeLong() : DecodeBudget::kDamagedBytes);
-  if (!records && records.error().code == ErrorCode::kNotFound) {
+  const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;  // It is not decoded then.
+  budget.Charge(records ? records->ByteSizeLong() : lacks_run ? coded_bytes : DecodeBudget::kDamagedBytes);
+  if (lacks_run) {
     if (is_late) return SharingActions();
     SharingActions answer = AnswerWithoutRecords(sender, message, incoming);
     answer.front().message.mutable_have()->set_needs_new_run(true);

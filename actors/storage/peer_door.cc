@@ -20,8 +20,24 @@ proto::RefusalCause ToProto(PeerDoor::Cause cause) {
       return proto::REFUSAL_CAUSE_STREAMS;
     case PeerDoor::Cause::kStatement:
       return proto::REFUSAL_CAUSE_STATEMENT;
+    case PeerDoor::Cause::kDiskRoom:
+      return proto::REFUSAL_CAUSE_DISK_ROOM;
   }
   return proto::REFUSAL_CAUSE_UNSPECIFIED;
+}
+
+// Each agent has an equal part of half of the room. The other half is for those that need more.
+template <typename UsedBy>
+bool HasRoom(AgentId origin, const std::set<AgentId>& team, std::uint64_t room, const UsedBy& used_by) {
+  const std::uint64_t half = room / 2;
+  const std::uint64_t part = half / std::max<std::size_t>(team.size(), 1);
+  if (used_by(origin) < part) return true;
+  std::uint64_t beyond_parts = 0;
+  for (const AgentId agent : team) {
+    const std::uint64_t used = used_by(agent);
+    beyond_parts += used > part ? used - part : 0;
+  }
+  return beyond_parts < half;
 }
 
 }  // namespace
@@ -78,22 +94,23 @@ Result<void> PeerDoor::CheckOrigin(AgentId sender, const StreamKey& stream) {
 }
 
 Result<void> PeerDoor::CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger) {
-  if (HasRoom(stream, ledger)) return {};
+  const auto used_by = [&ledger](AgentId agent) { return std::uint64_t{ledger.StreamsOf(agent)}; };
+  const bool is_known = !ledger.Get(stream).Had().is_empty();
+  if (is_known || HasRoom(stream.origin, options_.team, kHaveStreamsMax, used_by)) return {};
   CountRefused(sender, Cause::kStreams, stream.origin);
   return Fail(ErrorCode::kRefused, "agent " + std::to_string(stream.origin) + " has used up its streams", "key.epoch");
 }
 
-bool PeerDoor::HasRoom(const StreamKey& stream, const HaveLedger& ledger) const {
-  if (!ledger.Get(stream).Had().is_empty()) return true;
-  constexpr std::size_t kHalf = kHaveStreamsMax / 2;
-  const std::size_t part = kHalf / std::max<std::size_t>(options_.team.size(), 1);
-  if (ledger.StreamsOf(stream.origin) < part) return true;
-  std::size_t beyond_parts = 0;
-  for (const AgentId origin : options_.team) {
-    const std::size_t count = ledger.StreamsOf(origin);
-    beyond_parts += count > part ? count - part : 0;
-  }
-  return beyond_parts < kHalf;
+Result<void> PeerDoor::CheckDiskRoom(AgentId origin, const std::map<AgentId, std::uint64_t>& used_bytes,
+                                     std::uint64_t room_bytes) {
+  const auto used_by = [this, &used_bytes](AgentId agent) {
+    const auto used = used_bytes.find(agent);
+    return used == used_bytes.end() || agent == options_.self ? 0 : used->second;
+  };
+  if (origin == options_.self || HasRoom(origin, options_.team, room_bytes, used_by)) return {};
+  CountRefused(origin, Cause::kDiskRoom, 0);
+  return Fail(ErrorCode::kRefused,
+              "agent " + std::to_string(origin) + "'s records have used up their part of this agent's disk", "content");
 }
 
 Result<void> PeerDoor::CheckAssignment(AgentId sender, const proto::RoleAssignment& roles) {

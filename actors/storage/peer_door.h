@@ -8,6 +8,9 @@
 //
 // Streams: a have-set has kHaveStreamsMax of them at most. Of half of these each agent of the team has an equal part;
 // who needs more takes of the other half what nobody else has. What goes beyond is refused.
+//
+// Disk room: the same rule holds for the bytes of other agents' records. This agent's own records are not limited by
+// it.
 #pragma once
 
 #include <cstdint>
@@ -52,7 +55,7 @@ class PeerDoor {
     std::function<bool(const proto::RoleAssignment&)> is_signed;
     std::function<bool(const RecordKey&, const proto::Record&)> is_record_signed;
   };
-  enum class Cause { kOrigin, kStreams, kStatement };
+  enum class Cause { kOrigin, kStreams, kStatement, kDiskRoom };
 
   explicit PeerDoor(Options options);
 
@@ -72,6 +75,10 @@ class PeerDoor {
   Result<void> CheckOrigin(AgentId sender, const StreamKey& stream);
   // kRefused, and counted: of its origin `ledger` has no room for this stream, which is new there.
   Result<void> CheckRoom(AgentId sender, const StreamKey& stream, const HaveLedger& ledger);
+  // kRefused, and counted for `origin`: its records have used up their part of `room_bytes`, which is what the records
+  // of all agents may take. `used_bytes`: what they take now, by origin.
+  Result<void> CheckDiskRoom(AgentId origin, const std::map<AgentId, std::uint64_t>& used_bytes,
+                             std::uint64_t room_bytes);
   // kRefused, and counted: not signed by its issuer.
   Result<void> CheckAssignment(AgentId sender, const proto::RoleAssignment& roles);
   // kRefused: a quarantine of another agent's maps, or one that lifts another agent's, would not count: this agent is
@@ -95,7 +102,6 @@ class PeerDoor {
 
  private:
   void CountRefused(AgentId sender, Cause cause, AgentId origin);
-  bool HasRoom(const StreamKey& stream, const HaveLedger& ledger) const;
 
   const Options options_;
   RoleChain chain_;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <optional>
 #include <utility>
 
@@ -32,6 +33,7 @@ namespace {
 constexpr std::size_t kRejectionsKept = 8;
 constexpr std::uint64_t kRowIdMax = std::uint64_t{1} << 62;
 constexpr int kInsertRecordsMax = 65536;
+constexpr std::uint64_t kRowBytes = 100;             // About what a row takes beside its content.
 constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Of history, for a record that found no room.
 
 // A robot that repeats a record may find its agent's clock judged otherwise by then.
@@ -103,6 +105,7 @@ class RecordStore::Writing {
     ++next_row_id_;
     types_.insert(key.stream.type);
     if (key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ += content.size();
+    used_bytes_[key.stream.origin] += content.size() + kRowBytes;
     if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
     return {};
   }
@@ -110,6 +113,7 @@ class RecordStore::Writing {
   Result<void> DeleteRow(const RecordTable& table, const RecordTable::Row& row) {
     if (row.key.seq != 0) store_.ledger_.AddDropped(row.key.stream, {row.key.seq, row.key.seq});
     if (row.key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ -= row.content_bytes;
+    used_bytes_[row.key.stream.origin] -= row.content_bytes + kRowBytes;
     return table.Delete(*store_.database_, row.row_id);
   }
 
@@ -120,6 +124,8 @@ class RecordStore::Writing {
     }
     return DeleteRow(table, row);
   }
+
+  const std::map<AgentId, std::uint64_t>& used_bytes() const { return used_bytes_; }
 
   Result<void> Commit(proto::RecordsStored& stored) {
     if (const Result<void> done = store_.ledger_.Write(*store_.database_); !done) return done;
@@ -133,6 +139,7 @@ class RecordStore::Writing {
     for (const DataType type : types_) stored.add_data_types(type);
     store_.next_row_id_ = next_row_id_;
     store_.map_bytes_ = map_bytes_;
+    store_.used_bytes_ = std::move(used_bytes_);
     if (begun_) store_.own_epochs_.NoteBegun(*begun_);
     store_.epoch_ = epoch_;
     return {};
@@ -144,7 +151,8 @@ class RecordStore::Writing {
         transaction_(std::move(transaction)),
         epoch_(store.epoch_),
         next_row_id_(store.next_row_id_),
-        map_bytes_(store.map_bytes_) {}
+        map_bytes_(store.map_bytes_),
+        used_bytes_(store.used_bytes_) {}
 
   RecordStore& store_;
   Transaction transaction_;
@@ -152,6 +160,7 @@ class RecordStore::Writing {
   std::optional<OwnEpochs::Next> begun_;
   std::uint64_t next_row_id_;
   std::uint64_t map_bytes_;
+  std::map<AgentId, std::uint64_t> used_bytes_;
   std::set<DataType> types_;
 };
 
@@ -259,9 +268,14 @@ Result<void> RecordStore::Load() {
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
-  const Result<std::uint64_t> map_bytes = FindRecordTable(proto::LOCAL_TRAVERSABILITY_MAP)->SumContentBytes(*database_);
-  if (!map_bytes) return tl::unexpected(map_bytes.error());
-  map_bytes_ = *map_bytes;
+  for (const RecordTable& table : RecordTables()) {
+    const Result<std::map<AgentId, RecordTable::Size>> sizes = table.SizesByOrigin(*database_);
+    if (!sizes) return tl::unexpected(sizes.error());
+    for (const auto& [origin, size] : *sizes) {
+      used_bytes_[origin] += size.content_bytes + size.row_count * kRowBytes;
+      if (table.Holds(proto::LOCAL_TRAVERSABILITY_MAP)) map_bytes_ += size.content_bytes;
+    }
+  }
   return history_.Load(*database_);
 }
 
@@ -503,6 +517,18 @@ Result<std::uint64_t> RecordStore::UsedByRecords() {
   return *used - std::min(*used, static_cast<std::uint64_t>(*bundles) + history_.sum().bytes);
 }
 
+Result<std::uint64_t> RecordStore::RoomForRecords() {
+  const Result<std::uint64_t> used = database_->UsedPageBytes();
+  if (!used) return used;
+  const Result<std::uint64_t> free = database_->FreePageBytes();
+  if (!free) return free;
+  std::uint64_t room = options_.bytes_max == 0 ? UINT64_MAX : options_.bytes_max;
+  if (const std::optional<DiskSpace> space = database_->GetDiskSpace()) {
+    room = std::min(room, *used + *free + space->free_bytes);
+  }
+  return room;
+}
+
 RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
   Inserted result;
   Result<void> done = CheckInsert(request);
@@ -703,10 +729,12 @@ Result<void> RecordStore::CheckBrought(AgentId sender, const RecordKey& key, con
 Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped,
                                    Stored& result) {
   if (opened.empty() && dropped.streams().empty()) return {};
+  const Result<std::uint64_t> room_bytes = RoomForRecords();
+  if (!room_bytes) return tl::unexpected(room_bytes.error());
   Result<Writing> writing = Writing::Begin(*this);
   if (!writing) return tl::unexpected(writing.error());
   for (const Opened& record : opened) {
-    if (const Result<void> done = StoreOne(sender, record, *writing, result); !done) return done;
+    if (const Result<void> done = StoreOne(sender, record, *room_bytes, *writing, result); !done) return done;
   }
   for (const auto& [stream, have] : dropped.streams()) {
     if (const Result<void> room = door_.CheckRoom(sender, stream, ledger_); !room) {
@@ -722,7 +750,8 @@ Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& op
   return {};
 }
 
-Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, Writing& writing, Stored& result) {
+Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::uint64_t room_bytes, Writing& writing,
+                                   Stored& result) {
   if (const Result<void> room = door_.CheckRoom(sender, opened.key.stream, ledger_); !room) {
     Reject(room.error(), result);
     return {};
@@ -738,6 +767,7 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, Writing
     }
     return {};
   }
+  std::vector<RecordTable::Row> superseded;
   if (rules_.IsLatest(opened.key.stream.type)) {
     const Result<std::vector<RecordTable::Row>> others =
         table.FindByLatestKey(*database_, opened.key.stream.origin, opened.key.stream.type, LatestKey(opened.record));
@@ -746,10 +776,20 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, Writing
       ledger_.AddDropped(opened.key.stream, {opened.key.seq, opened.key.seq});
       return {};
     }
-    for (const RecordTable::Row& other : *others) {
-      if (other.key.seq == 0) continue;
-      if (const Result<void> done = writing.Supersede(table, other); !done) return done;
+    std::copy_if(others->begin(), others->end(), std::back_inserter(superseded),
+                 [](const RecordTable::Row& other) { return other.key.seq != 0; });
+  }
+  std::uint64_t superseded_bytes = 0;
+  for (const RecordTable::Row& row : superseded) superseded_bytes += row.content_bytes;
+  if (superseded.empty() || opened.stored->content().size() > superseded_bytes) {
+    const Result<void> room = door_.CheckDiskRoom(opened.key.stream.origin, writing.used_bytes(), room_bytes);
+    if (!room) {
+      Reject(room.error(), result);
+      return {};
     }
+  }
+  for (const RecordTable::Row& row : superseded) {
+    if (const Result<void> done = writing.Supersede(table, row); !done) return done;
   }
   result.reply.set_stored_count(result.reply.stored_count() + 1);
   return writing.InsertRow(opened.key, opened.record, opened.stored->content(), opened.stored->hash());

@@ -96,7 +96,7 @@ void RecordTable::MakeSql(const std::string& type, const std::vector<std::string
   sql_.read_newest_first = content + " ORDER BY row_id DESC";
   sql_.read_heads = "SELECT row_id, seq, stamp_ns, length(content) FROM " + name_ + in_interval + " ORDER BY seq";
   sql_.read_record = "SELECT content FROM " + name_ + " WHERE row_id = ?";
-  sql_.sum_content_bytes = "SELECT coalesce(sum(length(content)), 0) FROM " + name_;
+  sql_.read_sizes = "SELECT origin, length(content) FROM " + name_;
   sql_.count_not_shared =
       "SELECT " + type + " AS type, count(*) FROM " + name_ + " WHERE origin = ? AND epoch IS NULL GROUP BY type";
 }
@@ -241,10 +241,18 @@ Result<proto::Record> RecordTable::ReadRecord(Database& database, std::uint64_t 
   return record;
 }
 
-Result<std::uint64_t> RecordTable::SumContentBytes(Database& database) const {
-  const Result<std::int64_t> sum = database.Number(sql_.sum_content_bytes);
-  if (!sum) return tl::unexpected(sum.error());
-  return static_cast<std::uint64_t>(*sum);
+// Summed here: SQLite would group by the index on the origin, and visit the rows in its order.
+Result<std::map<AgentId, RecordTable::Size>> RecordTable::SizesByOrigin(Database& database) const {
+  std::map<AgentId, Size> sizes;
+  Query query = database.Prepare(sql_.read_sizes);
+  while (true) {
+    const Result<bool> row = query.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return sizes;
+    Size& size = sizes[static_cast<AgentId>(query.Integer(0))];
+    ++size.row_count;
+    size.content_bytes += static_cast<std::uint64_t>(query.Integer(1));
+  }
 }
 
 Query RecordTable::ReadAfter(Database& database, std::uint64_t row_id) const {

@@ -84,8 +84,12 @@ class RecordTable {
   Query ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last) const;
   // kNotFound where there is none.
   Result<proto::Record> ReadRecord(Database& database, std::uint64_t row_id) const;
-  // Of all rows, shared or not. Reads no contents, but goes through the table.
-  Result<std::uint64_t> SumContentBytes(Database& database) const;
+  // All rows, shared or not, by origin. Reads no contents, but goes through the table.
+  struct Size {
+    std::uint64_t row_count = 0;
+    std::uint64_t content_bytes = 0;
+  };
+  Result<std::map<AgentId, Size>> SizesByOrigin(Database& database) const;
   // All rows: after `row_id` with rising row_id, or from the newest down.
   Query ReadAfter(Database& database, std::uint64_t row_id) const;
   Query ReadNewestFirst(Database& database) const;
@@ -104,7 +108,7 @@ class RecordTable {
   struct Sql {
     std::string insert, remove, find, find_by_latest_key, find_newest, find_in_interval, find_by_natural_key;
     std::string read_interval, count_interval, read_interval_of_agent, count_interval_of_agent;
-    std::string read_after, read_newest_first, count_not_shared, read_heads, read_record, sum_content_bytes;
+    std::string read_after, read_newest_first, count_not_shared, read_heads, read_record, read_sizes;
     std::string copy_to_history;
   };
 

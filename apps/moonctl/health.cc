@@ -139,6 +139,9 @@ std::string RefusedText(const proto::TeamConfig& team, const proto::RefusedFrom&
     case proto::REFUSAL_CAUSE_NO_ROOM:
       return "leaves the oldest " + count + " records of " + sender +
              " out of the map or the pose graph: it made more than its share of what these can hold";
+    case proto::REFUSAL_CAUSE_DISK_ROOM:
+      return "refused " + count + " records of " + sender +
+             ": they take more than its share of this disk; 'moonctl db prune' makes room, and they come again";
     case proto::REFUSAL_CAUSE_ROLES:
       return "refused " + count + " role assignments from " + sender + ", which it may not decide";
     default:

@@ -23,6 +23,7 @@ constexpr std::uint64_t kReplayedMax = 8;
 constexpr std::uint64_t kCounterShift = 48;  // Of an epoch (actors/storage/own_epochs.h).
 constexpr int kFloodMessages = 48;
 constexpr int kHugeStreams = 2000;
+constexpr std::uint64_t kDenseNodes = 12;  // Each is joined to all others.
 constexpr char kBy[] = "anna@hill (key)";
 
 struct Kind {
@@ -51,6 +52,7 @@ const std::vector<Kind>& Kinds() {
       {{"share", "orders others to share"}, &ByzantineAgent::OrderToShare},
       {{"equivocate", "gives one record of its own two contents"}, &ByzantineAgent::Equivocate},
       {{"flood", "sends every actor many malformed and large messages at once"}, &ByzantineAgent::Flood},
+      {{"dense", "states odometry between all of many nodes of its own, all of it wrong"}, &ByzantineAgent::JoinAll},
   };
   return kinds;
 }
@@ -67,6 +69,16 @@ proto::StoredRecord Stored(const RecordKey& key, const proto::Record& record) {
   stored.set_content(record.SerializeAsString());
   stored.set_hash(HashRecord(key, stored.content()));
   return stored;
+}
+
+// 5 km, and sure of it.
+void SetWrongOdometry(proto::PoseGraphEdge& edge) {
+  proto::RelativePose& odometry = *edge.mutable_relative_pose();
+  odometry.mutable_from_from_to()->mutable_position_m()->set_x(5000);
+  odometry.mutable_from_from_to()->mutable_orientation()->set_w(1);
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) odometry.add_covariance(row == column ? 1e-8 : 0);
+  }
 }
 
 proto::StreamHave StreamOf(const StreamKey& key, std::uint64_t first, std::uint64_t last, bool is_dropped) {
@@ -194,13 +206,17 @@ void ByzantineAgent::Bring(AgentId target, proto::Batch batch) {
 
 void ByzantineAgent::BringRecord(AgentId target, const RecordKey& key, const proto::Record& record) {
   if (key.stream.origin != world_.byzantine) watch_.OnForged(record);
-  proto::RecordBatch records;
-  *records.add_records() = Stored(key, record);
-  const CodedBatch coded = EncodeBatch(records);
+  BringRecords(target, {{key, record}});
+}
+
+void ByzantineAgent::BringRecords(AgentId target, const std::vector<std::pair<RecordKey, proto::Record>>& records) {
+  proto::RecordBatch all;
+  for (const auto& [key, record] : records) *all.add_records() = Stored(key, record);
+  const CodedBatch coded = EncodeBatch(all);
   proto::Batch batch;
   batch.set_codec(coded.codec);
   batch.set_coded(coded.bytes);
-  batch.set_record_count(1);
+  batch.set_record_count(static_cast<std::uint32_t>(records.size()));
   Bring(target, std::move(batch));
 }
 
@@ -287,12 +303,7 @@ void ByzantineAgent::Slander(AgentId target) {
   edge.mutable_to()->set_agent_id(variant == 0 ? victim : DrawHonestBut(victim));
   edge.mutable_to()->set_index(edge.from().index() + 1 + Draw(200));
   if (variant == 0) {
-    edge.mutable_relative_pose()->mutable_from_from_to()->mutable_position_m()->set_x(5000);
-    edge.mutable_relative_pose()->mutable_from_from_to()->mutable_orientation()->set_w(1);
-    for (int row = 0; row < 6; ++row) {
-      for (int column = row; column < 6; ++column)
-        edge.mutable_relative_pose()->add_covariance(row == column ? 1e-8 : 0);
-    }
+    SetWrongOdometry(edge);
   } else {
     edge.mutable_range()->set_range_m(9000);
     edge.mutable_range()->set_variance_m2(1e-8);
@@ -490,6 +501,34 @@ void ByzantineAgent::Flood(AgentId target) {
     const char* actor = kActors[Draw(std::size(kActors))];
     Send({target, actor}, Draw(2) == 0 ? actor : "flood", DrawGarbage(rng_));
   }
+}
+
+// It may: all nodes are its own.
+void ByzantineAgent::JoinAll(AgentId target) {
+  const std::uint64_t epoch = rng_() >> 1;
+  const std::uint64_t first_index = kFarSeq + Draw(1000) * kDenseNodes;
+  std::vector<std::pair<RecordKey, proto::Record>> records;
+  std::uint64_t edge_count = 0;
+  for (std::uint64_t i = 0; i < kDenseNodes; ++i) {
+    proto::Record node;
+    node.set_stamp_ns(world_.ClockOf(target));
+    node.mutable_pose_graph_node()->mutable_node()->set_agent_id(world_.byzantine);
+    node.mutable_pose_graph_node()->mutable_node()->set_index(first_index + i);
+    node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m();
+    node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
+    for (std::uint64_t j = 0; j < i; ++j) {
+      proto::Record joins;
+      joins.set_stamp_ns(node.stamp_ns());
+      proto::PoseGraphEdge& edge = *joins.mutable_pose_graph_edge();
+      *edge.mutable_from() = node.pose_graph_node().node();
+      edge.mutable_from()->set_index(first_index + j);
+      *edge.mutable_to() = node.pose_graph_node().node();
+      SetWrongOdometry(edge);
+      records.push_back({{{world_.byzantine, epoch, proto::POSE_GRAPH_EDGE}, ++edge_count}, joins});
+    }
+    records.push_back({{{world_.byzantine, epoch, proto::POSE_GRAPH_NODE}, i + 1}, node});
+  }
+  BringRecords(target, records);
 }
 
 }  // namespace moondb::simulation

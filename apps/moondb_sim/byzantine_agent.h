@@ -59,6 +59,7 @@ class ByzantineAgent {
   void OrderToShare(AgentId target);
   void Equivocate(AgentId target);
   void Flood(AgentId target);
+  void JoinAll(AgentId target);
 
  private:
   struct Seen {
@@ -75,6 +76,7 @@ class ByzantineAgent {
   void Send(const Address& to, const std::string& as_actor, proto::Message message);
   void Bring(AgentId target, proto::Batch batch);
   void BringRecord(AgentId target, const RecordKey& key, const proto::Record& record);
+  void BringRecords(AgentId target, const std::vector<std::pair<RecordKey, proto::Record>>& records);
   void Remember(const Address& to, const proto::Message& message);
   proto::Record RecordLike(const RecordKey& key);
   proto::RoleAssignment Assignment(AgentId target);

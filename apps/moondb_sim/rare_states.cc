@@ -33,6 +33,7 @@ const std::vector<RareState>& RareStateKinds() {
         {"feed_in_time", "a client that waits for records is sent them"},
         {"insert_unanswered", "an agent ends while its storage works on an insert"},
         {"relay_lost", "the agent that a client asks through another is lost before it answers"},
+        {"maps_left_out", "maps of an agent find no room in the merged map"},
         {"failover", "a survivor takes the lead by itself"},
     };
     for (const AttackKind& kind : AttackKinds()) {
@@ -49,6 +50,9 @@ void RareStates::OnHandle(const Address& actor, const proto::Message& message) {
       return OnRoles(actor, message.roles_changed().roles().term().number());
     case proto::Message::kHave:
       ending_.erase({actor.agent, actor.actor, message.hop_sender()});
+      return;
+    case proto::Message::kLeftOutReport:
+      if (!message.left_out_report().without_room().empty()) Count("maps_left_out");
       return;
     case proto::Message::kOptimizeRequest:
       ++solving_[actor.agent];

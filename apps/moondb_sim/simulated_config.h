@@ -14,6 +14,9 @@ namespace moondb::simulation {
 inline constexpr DataType kSample = 1001;
 inline constexpr std::uint32_t kSampleBytesMax = 256;
 
+// So many maps are merged in one seed of three, so that some of them find no room.
+inline constexpr std::size_t kFewMaps = 8;
+
 proto::TeamConfig MakeTeamConfig(const SimOptions& options);
 
 // With which an agent of a team with keys signs.

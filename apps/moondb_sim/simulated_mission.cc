@@ -135,6 +135,7 @@ class Mission {
     options.pgo.solver.thread_count = 1;
     options.pgo.solve_apart = kSolveApart;
     options.merge.backend = MergeBackend::kCpu;
+    if (world_.options.seed % 3 == 0) options.merge.maps_max = kFewMaps;
     options.gateway.timeout = kClientTimeout;
     options.gateway.long_timeout = kLongClientTimeout;
     if (HasSigningKeys(world_.config)) {

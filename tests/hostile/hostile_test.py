@@ -33,14 +33,15 @@ RSS_MB_LEFT_MAX = 4  # Of earlier attackers.
 LOG_BYTES_MAX = 64 * 1024
 DISK_BYTES_MAX = 64 * 1024 * 1024
 SHARE_S_MAX = 20  # While an attack runs.
-PAUSE_BETWEEN_SHARES_S = 0.5
+STATUS_QUESTIONS, PAUSE_S = 5, 0.1  # Between two times of sharing, and after each question.
 
 
 class Bystander:
-    """Lets the honest agents share while an attack runs, again and again, and keeps the longest time that this took."""
+    """While an attack runs, asks the attacked agent for its status over ipc and lets the honest agents share, again and
+    again. Keeps the longest time of each."""
 
     def __init__(self, team):
-        self.team, self.longest_s, self.failure = team, 0, None
+        self.team, self.share_s, self.status_s, self.failure = team, 0, 0, None
         self.is_over = threading.Event()
         self.thread = threading.Thread(target=self._run)
 
@@ -56,10 +57,14 @@ class Bystander:
         from team import Failure
         while not self.is_over.is_set():
             try:
-                self.longest_s = max(self.longest_s, self.team.share(SHARE_S_MAX))
+                self.share_s = max(self.share_s, self.team.share(SHARE_S_MAX))
+                for _ in range(STATUS_QUESTIONS):
+                    begin = time.monotonic()
+                    self.team.status("rover1")
+                    self.status_s = max(self.status_s, time.monotonic() - begin)
+                    self.is_over.wait(PAUSE_S)
             except Failure as failure:
                 self.failure = f"while it ran: {failure}"
-            self.is_over.wait(PAUSE_BETWEEN_SHARES_S)
 
 
 def lost_records(team, before, of_team):
@@ -126,7 +131,7 @@ def attack(team, attacker, scale, prunes, is_at_rest):
         except Failure as failure:
             broken.append(str(failure))
     result = {"attack_s": round(time.monotonic() - begin, 1), "quiet_share_s": round(quiet_s, 3),
-              "share_s_meanwhile": round(bystander.longest_s, 3)}
+              "share_s_meanwhile": round(bystander.share_s, 3), "status_s_meanwhile": round(bystander.status_s, 3)}
     if not team.is_alive("rover1"):
         return {**result, "broken": [*broken, "the agent ended"], "log": team.log_end("rover1")}
     if bystander.failure:

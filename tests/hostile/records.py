@@ -11,6 +11,7 @@ TAKES_ROVER3 = True
 ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
 NODE = types.POSE_GRAPH_NODE
 EVENT = types.AGENT_EVENT
+MERGED_MAPS_MAX = 65_535  # As in actors/merge/map_collection.h.
 EPOCH = 1 << 48  # Above each epoch that a new team has.
 
 
@@ -209,6 +210,26 @@ def dense_graph(team, scale):
     named_in_health(team, "out of the map or the pose graph")
 
 
+def many_maps(team, scale):
+    """rover3 makes more maps, of four cells each, than a merged map has room for."""
+    def merged():
+        stats = team.call("rover1", map_stats={}).map_stats
+        return {agent.agent_id: agent.map_count for agent in stats.agents}
+
+    before = merged()
+    with Member(team, TAKEN) as member:
+        session = member.session("rover1")
+        epoch, count = own_epoch(session), int(MERGED_MAPS_MAX * scale) + 500
+        session.bring([messages.stored(ROVER3, epoch, 1, messages.node(ROVER3, 90_000))])
+        for first in range(1, count, 500):
+            session.bring([messages.stored(ROVER3, epoch, seq, messages.map_at(ROVER3, 90_000, cells=2))
+                           for seq in range(first, first + 500)])
+    after = merged()
+    if any(after[agent] < before[agent] for agent in (ROVER1, ROVER2)):
+        raise Failure(f"maps of others are left out: {before} before, {after} after")
+    named_in_health(team, "out of the map or the pose graph")
+
+
 def absurd_bodies():
     """Records that no robot gives: not numbers, sizes beyond all bounds, agents that there are not."""
     nan, huge = float("nan"), 1e300
@@ -275,6 +296,7 @@ def undeclared_types(team, scale):
 
 ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_used_up, climbing_epochs, streams_of_another,
              streams_of_its_own, quarantine_in_anothers_name, quarantines_of_others, lifts_of_others, edges_of_others, dense_graph,
-             absurd_records, undeclared_types]
-ONLY_AT_LENGTH = [streams_of_its_own]
-LEAVES_MUCH = [streams_of_its_own, dense_graph]  # Of its own, on every disk: have-sets of the next attackers would be larger.
+             many_maps, absurd_records, undeclared_types]
+ONLY_AT_LENGTH = [streams_of_its_own, many_maps]
+# Of its own, on every disk: have-sets of the next attackers would be larger.
+LEAVES_MUCH = [streams_of_its_own, dense_graph, many_maps]

@@ -112,6 +112,18 @@ TEST_F(BadPeerTest, ShowsDamagedBatches) {
   EXPECT_TRUE(store_->records().empty());
 }
 
+TEST_F(BadPeerTest, DecodesFewBatchesOfAPeerThatSendsDamagedOnes) {
+  Say(Hello(10));
+  proto::Message batch = Batch(10, "power");
+  batch.mutable_batch()->mutable_coded()->resize(3);
+  Say(batch, 10);
+  EXPECT_EQ(Status().damaged_messages(), 2) << "three bytes earn some room";
+  EXPECT_EQ(Status().dropped_messages(), 8);
+  team_.AdvanceTime(std::chrono::minutes(2));
+  Say(batch);
+  EXPECT_EQ(Status().damaged_messages(), 3) << "it is heard again";
+}
+
 TEST_F(BadPeerTest, ShowsRecordsThatAreNotGenuine) {
   Say(Hello(10));
   Say(Batch(10, "another content under the key's hash"));

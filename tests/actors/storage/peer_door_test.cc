@@ -387,6 +387,98 @@ TEST(PeerDoorTest, KeepsHalfOfTheStreamsInEqualPartsAndGivesTheRestToWhoComes) {
   EXPECT_FALSE(door.CheckRoom(3, {3, 1'000'000, proto::POWER}, other));
 }
 
+TEST(PeerDoorTest, KeepsHalfOfTheDiskInEqualPartsForOtherAgents) {
+  PeerDoor::Options options;
+  options.self = 1;
+  options.team = {1, 2, 3, 9};
+  PeerDoor door(options);
+  constexpr std::uint64_t kRoom = 8000;  // An equal part is 1,000, and 4,000 are shared.
+  EXPECT_TRUE(door.CheckDiskRoom(2, {{2, 4999}}, kRoom));
+  EXPECT_FALSE(door.CheckDiskRoom(2, {{2, 5000}}, kRoom));
+  EXPECT_TRUE(door.CheckDiskRoom(3, {{2, 5000}, {3, 999}}, kRoom)) << "another's part is kept for it";
+  EXPECT_FALSE(door.CheckDiskRoom(3, {{2, 5000}, {3, 1000}}, kRoom));
+  EXPECT_TRUE(door.CheckDiskRoom(1, {{1, 7000}, {2, 5000}}, kRoom)) << "its own records are not limited";
+  EXPECT_TRUE(door.CheckDiskRoom(2, {{1, 7000}, {2, 4999}}, kRoom)) << "and take no shared room";
+}
+
+// The store of agent 1 on a budget of 2 MB, filled by rover 3 until the store refuses its records.
+class DiskRoomTest : public testing::Test {
+ protected:
+  void SetUp() override { Open(); }
+
+  void Open() {
+    store_.reset();
+    RecordStore::Options options = OptionsWithKeys();
+    options.path = folder_.File("store.db");
+    options.bytes_max = 2'000'000;
+    store_ = OpenStore(options);
+  }
+
+  proto::StoreReply Fill() {
+    while (true) {
+      std::vector<proto::StoredRecord> nodes;
+      for (int i = 0; i < 500; ++i) nodes.push_back(Node(3, ++last_seq_));
+      const proto::StoreReply reply = StoreFrom(*store_, 3, nodes);
+      EXPECT_FALSE(IsError(reply.error())) << reply.error().text();
+      if (reply.rejected_count() > 0 || IsError(reply.error()) || last_seq_ > 50'000) return reply;
+    }
+  }
+
+  TemporaryFolder folder_;
+  std::unique_ptr<RecordStore> store_;
+  std::uint64_t last_seq_ = 0;
+};
+
+TEST_F(DiskRoomTest, RefusesAnOriginThatTakesMoreThanItsShareAndNamesIt) {
+  const proto::StoreReply refused = Fill();
+  EXPECT_GT(refused.rejected_count(), 0u);
+  EXPECT_EQ((RefusedBy(*store_)[{3, proto::REFUSAL_CAUSE_DISK_ROOM}]), refused.rejected_count());
+  const Result<HaveSet> had = FromProto(refused.had());
+  ASSERT_TRUE(had);
+  EXPECT_FALSE(had->Get({3, 7, proto::POSE_GRAPH_NODE}).Had().Contains(last_seq_)) << "it is not acknowledged";
+  for (std::uint64_t seq = 1; seq <= 1000; ++seq) {
+    ASSERT_EQ(StoreFrom(*store_, 2, {Node(2, seq)}).stored_count(), 1u) << "another agent has its part";
+  }
+  EXPECT_FALSE(IsError(store_
+                           ->Insert([] {
+                             proto::InsertRequest request;
+                             *request.add_records() = NodeRecord(1, 1);
+                             return request;
+                           }())
+                           .reply.error()));
+}
+
+TEST_F(DiskRoomTest, TakesRecordsAgainOnceSomeWerePruned) {
+  Fill();
+  proto::PruneRequest request;
+  const Result<HaveSet> have = FromProto(store_->GetHave().have());
+  ASSERT_TRUE(have);
+  *request.add_acknowledged() = ToProto(*have);
+  *request.add_acknowledged() = ToProto(*have);
+  request.set_content_bytes_max(30'000);
+  const Result<proto::PruneReply> pruned = store_->Prune(request, 0);
+  ASSERT_TRUE(pruned) << ToString(pruned.error());
+  ASSERT_FALSE(pruned->pruned().empty());
+  EXPECT_EQ(StoreFrom(*store_, 3, {Node(3, last_seq_)}).stored_count(), 1u);
+}
+
+TEST_F(DiskRoomTest, CountsAfterARestartWhatIsHeld) {
+  Fill();
+  Open();
+  EXPECT_EQ(StoreFrom(*store_, 3, {Node(3, last_seq_)}).rejected_count(), 1u);
+  EXPECT_EQ(StoreFrom(*store_, 2, {Node(2, 1)}).stored_count(), 1u);
+}
+
+TEST_F(DiskRoomTest, ReplacesAStateByOneThatIsNoLarger) {
+  const auto state = [](std::uint64_t seq, const std::string& payload) {
+    return Packed({{3, 7, 1001}, seq}, CustomRecordOf(1001, payload));
+  };
+  ASSERT_EQ(StoreFrom(*store_, 3, {state(1, "12345")}).stored_count(), 1u);
+  Fill();
+  EXPECT_EQ(StoreFrom(*store_, 3, {state(2, "54321")}).stored_count(), 1u);
+  EXPECT_EQ(StoreFrom(*store_, 3, {state(3, "123456")}).rejected_count(), 1u);
+}
+
 TEST(PeerDoorTest, BelievesEverybodyInATeamWithoutKeys) {
   auto store = OpenStore(StoreOptionsOf(1));
   EXPECT_EQ(StoreFrom(*store, 3, {Node(2, 1)}).stored_count(), 1u);

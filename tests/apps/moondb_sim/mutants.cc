@@ -13,6 +13,7 @@
 #include "apps/moondb_sim/simulated_config.h"
 #include "apps/moondb_sim/state_watch.h"
 #include "model/have_set.h"
+#include "model/record_authority.h"
 #include "model/record_check.h"
 #include "model/record_key.h"
 #include "model/term.h"
@@ -789,6 +790,52 @@ void TakePosesOfAnybody(SimOptions& options) {
   })(options);
 }
 
+// A record of a Byzantine agent about others' nodes is taken as if the agent of the first node had brought it.
+bool TakeStatements(Context&, proto::Message& message) {
+  if (!message.has_store_request()) return true;
+  for (proto::StoredRecord& stored : *message.mutable_store_request()->mutable_records()) {
+    proto::Record record;
+    if (!record.ParseFromString(stored.content()) || !CheckRecord(record) || !record.has_pose_graph_edge()) continue;
+    if (CheckSpeaker(record, static_cast<AgentId>(stored.key().origin_agent()))) continue;
+    stored.mutable_key()->set_origin_agent(record.pose_graph_edge().from().agent_id());
+    stored.set_hash(HashRecord(FromProto(stored.key()), stored.content()));
+    message.mutable_store_request()->clear_sender();
+  }
+  return true;
+}
+
+// At agent 2, as if the base station had given the quarantines of a Byzantine agent.
+void CountQuarantinesOfAnybody(SimOptions& options) {
+  options.byzantine = ByzantineSeeds::kAll;
+  options.attacks = {"slander"};
+  const auto base = static_cast<AgentId>(options.RoverCount() + 1);
+  Hears(actor_name::kMerge, [base, liar = options.Byzantine()](Context& context, proto::Message& message) {
+    if (context.self().agent != 2 || !message.has_read_reply()) return true;
+    for (proto::StoredRecord& stored : *message.mutable_read_reply()->mutable_records()) {
+      const bool is_slander = stored.key().data_type() == proto::MAP_QUARANTINE && stored.key().origin_agent() == liar;
+      if (is_slander) stored.mutable_key()->set_origin_agent(base);
+    }
+    return true;
+  })(options);
+}
+
+// At agent 2, of more than there is room for.
+void MergeTheMapsThatCameFirst(SimOptions& options) {
+  Hears(actor_name::kMerge, [came = std::set<RecordKey>()](Context& context, proto::Message& message) mutable {
+    if (context.self().agent != 2 || !message.has_read_reply()) return true;
+    for (proto::StoredRecord& stored : *message.mutable_read_reply()->mutable_records()) {
+      const RecordKey key = FromProto(stored.key());
+      if (key.stream.type != proto::LOCAL_TRAVERSABILITY_MAP || came.contains(key)) continue;
+      if (came.size() == kFewMaps) {
+        stored.clear_content();
+      } else {
+        came.insert(key);
+      }
+    }
+    return true;
+  })(options);
+}
+
 void RelayForTheBase(SimOptions& options) {
   options.byzantine = ByzantineSeeds::kAll;
   options.attacks = {"order"};
@@ -1320,6 +1367,33 @@ const std::vector<Mutant>& Mutants() {
        SimulatedActors::kAll,
        /*is_of_lies=*/true,
        /*likely_seed=*/4},
+      {"TakesStatementsOfAnybody",
+       "odometry and ranges between other agents' nodes are taken",
+       {"only_own_lies"},
+       4,
+       [](SimOptions& options) {
+         options.attacks = {"slander"};
+         Hears(kStorage, TakeStatements)(options);
+       },
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/true,
+       /*likely_seed=*/4},
+      {"CountsQuarantinesOfAnybody",
+       "agent 2 leaves out maps by the word of an agent that never led",
+       {"map_of_records"},
+       8,
+       CountQuarantinesOfAnybody,
+       SimulatedActors::kAll,
+       /*is_of_lies=*/true,
+       /*likely_seed=*/4},
+      {"MergesTheMapsThatCameFirst",
+       "agent 2 has room for few maps, and merges those that came first",
+       {"map_of_records"},
+       5,
+       MergeTheMapsThatCameFirst,
+       SimulatedActors::kAll,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/3},
       {"TakesCommandsOfAnybody",
        "a command is taken through whoever relays it",
        {"honest_roles", "only_own_lies", "starts"},

@@ -95,6 +95,18 @@ TEST(SimulatedMissionTest, SurvivorsTakeTheLeadInOneSeedOfThree) {
   EXPECT_GT(failovers, 0);
 }
 
+// Each of these seeds broke a rule once.
+TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
+  for (const std::uint64_t seed : {std::uint64_t{1779860680}}) {
+    SimOptions options;
+    options.seed = seed;
+    options.hours = 1;
+    const SimReport report = RunSimulatedMission(options);
+    PrintTo(report, std::cout);
+    EXPECT_TRUE(report.violations.empty()) << "seed " << seed;
+  }
+}
+
 class MutantTest : public testing::TestWithParam<Mutant> {};
 
 TEST_P(MutantTest, IsCaughtByItsRule) {
