@@ -185,7 +185,9 @@ Result<RoleLogic::Actions> RoleLogic::OnChainReply(AgentId from, const proto::Ro
   Actions actions;
   if (!chain_asked_ || chain_asked_->from != from) return actions;
   ChainAsked asked = *std::exchange(chain_asked_, std::nullopt);
-  if (saving_ || !IsNewer(asked.announced.term(), current_.term())) return actions;
+  const bool is_passed = !IsNewer(asked.announced.term(), current_.term()) ||
+                         (unstored_ && IsNewer(unstored_->term(), asked.announced.term()));
+  if (saving_ || is_passed) return actions;
   if (reply.chain().empty()) return Fail(ErrorCode::kRefused, "lacks what it announced follows", "chain");
   const proto::RoleAssignment* later = asked.chain.empty() ? &asked.announced : &asked.chain.back();
   std::string follows = later->follows();

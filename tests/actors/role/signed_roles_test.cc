@@ -37,6 +37,15 @@ class SignedTeam {
   // A new life, with what its disk holds: what it acted on, and what it has as records.
   void Start(AgentId agent, std::vector<proto::RoleAssignment> disk,
              const std::vector<proto::RoleAssignment>& records = {}) {
+    logics_[agent] = std::make_unique<RoleLogic>(OptionsOf(agent));
+    logics_[agent]->SetNow(now_);
+    disks_[agent] = disk;
+    Perform(agent, logics_[agent]->OnLoaded(std::move(disk), ++epoch_, 0, records));
+    Perform(agent, logics_[agent]->OnLeaderTimer(0));
+    Settle();
+  }
+
+  RoleLogic::Options OptionsOf(AgentId agent) const {
     RoleLogic::Options options;
     options.self = agent;
     options.agents = agents_;
@@ -52,12 +61,7 @@ class SignedTeam {
       return roles.signature() == SignAs(roles.term().issuer(), roles);
     };
     options.may_command = [](AgentId other) { return other == kBase; };
-    logics_[agent] = std::make_unique<RoleLogic>(options);
-    logics_[agent]->SetNow(now_);
-    disks_[agent] = disk;
-    Perform(agent, logics_[agent]->OnLoaded(std::move(disk), ++epoch_, 0, records));
-    Perform(agent, logics_[agent]->OnLeaderTimer(0));
-    Settle();
+    return options;
   }
 
   // It stops, and the others start again with a team file that marks it.
@@ -417,6 +421,37 @@ TEST(SignedRolesTest, OfARecordThatComesWhileAnotherIsBeingStoredAreActedOnAfter
   EXPECT_NE(team.Of(4).signature(), first.signature());
   team.FinishSaving(4);
   EXPECT_EQ(team.Of(4).signature(), second.signature());
+}
+
+// Agent 3 has an empty disk. While it waits for the chain of an assignment, it hears of a newer one, which its disk
+// does not take.
+TEST(SignedRolesTest, OfAChainThatComesLateDoNotReplaceNewerOnesThatCannotBeStored) {
+  SignedTeam team(3, /*has_base=*/true);
+  ASSERT_TRUE(team.Set(1, 3, 2));
+  ASSERT_TRUE(team.Set(2, 1, 2));
+  const std::vector<proto::RoleAssignment> chain = team.disk(1);
+  ASSERT_TRUE(team.Set(kBase, 2, 1));
+
+  RoleLogic logic(team.OptionsOf(3));
+  (void)logic.OnLoaded({}, /*epoch=*/999, 0, {});
+  proto::RoleAnnounce announce;
+  *announce.mutable_roles() = chain.back();
+  const auto asks = logic.OnAnnounce(1, announce);
+  ASSERT_TRUE(asks);
+  ASSERT_TRUE(asks->question);
+  *announce.mutable_roles() = team.Of(kBase);
+  const auto hears = logic.OnAnnounce(kBase, announce);
+  ASSERT_TRUE(hears && hears->save);
+  const RoleLogic::Actions acts = logic.OnSaveFailed();
+  ASSERT_TRUE(acts.apply);
+  EXPECT_EQ(acts.apply->signature(), team.Of(kBase).signature());
+
+  proto::RoleChainReply reply;
+  for (auto roles = chain.rbegin() + 1; roles != chain.rend(); ++roles) *reply.add_chain() = *roles;
+  const auto late = logic.OnChainReply(1, reply);
+  ASSERT_TRUE(late);
+  EXPECT_FALSE(late->save);
+  EXPECT_FALSE(late->apply);
 }
 
 TEST(SignedRolesTest, ThatOneIssuedWhoLeftStillCountAndAWordOfTheBaseStationEndsThem) {

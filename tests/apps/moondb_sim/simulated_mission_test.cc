@@ -97,13 +97,20 @@ TEST(SimulatedMissionTest, SurvivorsTakeTheLeadInOneSeedOfThree) {
 
 // Each of these seeds broke a rule once.
 TEST(SimulatedMissionTest, KeepsAllRulesInSeedsThatBrokeOne) {
-  for (const std::uint64_t seed : {std::uint64_t{1779860680}}) {
+  struct Seed {
+    std::uint64_t number;
+    SimulatedActors actors;
+    double hours;
+  };
+  for (const auto& [number, actors, hours] :
+       {Seed{1779860680, SimulatedActors::kAll, 1}, Seed{1582404, SimulatedActors::kSharing, 2}}) {
     SimOptions options;
-    options.seed = seed;
-    options.hours = 1;
+    options.seed = number;
+    options.actors = actors;
+    options.hours = hours;
     const SimReport report = RunSimulatedMission(options);
     PrintTo(report, std::cout);
-    EXPECT_TRUE(report.violations.empty()) << "seed " << seed;
+    EXPECT_TRUE(report.violations.empty()) << "seed " << number;
   }
 }
 
