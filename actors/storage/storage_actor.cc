@@ -237,17 +237,29 @@ void StorageActor::OnInsert(Context& context, const proto::InsertRequest& reques
   } else if (IsClockSuspect(context)) {
     proto::InsertRequest marked = request;
     for (proto::Record& record : *marked.mutable_records()) record.set_is_clock_suspect(true);
-    inserted = store_->Insert(marked);
-    NoteWrite(inserted.reply.error(), inserted.stored);
+    inserted = InsertWhereRoomSeems(marked);
   } else {
-    inserted = store_->Insert(request);
-    NoteWrite(inserted.reply.error(), inserted.stored);
+    inserted = InsertWhereRoomSeems(request);
   }
   if (IsError(inserted.reply.error())) FailIfDamaged(context, FromProto(inserted.reply.error()));
   proto::Message reply;
   *reply.mutable_insert_reply() = std::move(inserted.reply);
   Answer(context, std::move(reply));
   Publish(context, inserted.stored);
+}
+
+RecordStore::Inserted StorageActor::InsertWhereRoomSeems(const proto::InsertRequest& request) {
+  RecordStore::Inserted inserted = store_->Insert(request);
+  if (GivesUpReserveFor(inserted.reply.error())) inserted = store_->Insert(request);
+  NoteWrite(inserted.reply.error(), inserted.stored);
+  return inserted;
+}
+
+RecordStore::Stored StorageActor::StoreWhereRoomSeems(const proto::StoreRequest& request) {
+  RecordStore::Stored stored = store_->Store(request);
+  if (GivesUpReserveFor(stored.reply.error())) stored = store_->Store(request);
+  NoteWrite(stored.reply.error(), stored.stored);
+  return stored;
 }
 
 void StorageActor::OnStore(Context& context, const proto::StoreRequest& request) {
@@ -279,9 +291,7 @@ RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& r
   RecordStore::Stored stored;
   if (room && has_map) room = disk_.CheckRoom(store_->database(), DiskGuard::Kind::kMap);
   if (room) {
-    stored = store_->Store(request);
-    NoteWrite(stored.reply.error(), stored.stored);
-    return stored;
+    return StoreWhereRoomSeems(request);
   }
   if (has_map && disk_.CheckRoom(store_->database(), DiskGuard::Kind::kRecord)) {
     proto::StoreRequest others = request;
@@ -289,8 +299,7 @@ RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& r
     for (const proto::StoredRecord& record : request.records()) {
       if (!is_map(record)) *others.add_records() = record;
     }
-    stored = store_->Store(others);
-    NoteWrite(stored.reply.error(), stored.stored);
+    stored = StoreWhereRoomSeems(others);
     stored.reply.Clear();
   }
   *stored.reply.mutable_error() = ToProto(room.error());
@@ -336,11 +345,16 @@ void StorageActor::OnSaveRoles(Context& context, const proto::SaveRolesRequest& 
   if (saved) Publish(context, *saved);
 }
 
+// A log that is full, and cannot be moved into the file for want of a few pages, takes no write although the file has
+// room.
+bool StorageActor::GivesUpReserveFor(const proto::Error& error) {
+  return error.code() == proto::ERROR_CODE_FULL && options_.bytes_max == 0 && disk_.GiveUpReserve(store_->database());
+}
+
 template <typename Write>
 auto StorageActor::WriteInAnyCase(Write write) -> decltype(write()) {
   auto done = write();
-  const bool is_full = !done && done.error().code == ErrorCode::kFull && options_.bytes_max == 0;
-  if (is_full && disk_.GiveUpReserve(store_->database())) done = write();
+  if (!done && GivesUpReserveFor(ToProto(done.error()))) done = write();
   NoteWrite(done ? Result<void>() : tl::unexpected(done.error()));
   if (!done && done.error().code == ErrorCode::kFull) done.error().text += "; " + disk_.Advice();
   return done;

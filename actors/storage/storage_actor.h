@@ -88,6 +88,11 @@ class StorageActor final : public Actor {
   bool OpenStore(Context& context);
   void Tend(Context& context);
   void OpenAnew(Context& context);
+  // Where the disk has room, as far as DiskGuard knows; once more with the reserve given up, where it is full.
+  RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);
+  RecordStore::Stored StoreWhereRoomSeems(const proto::StoreRequest& request);
+  // After a write failed: whether it is worth another attempt.
+  bool GivesUpReserveFor(const proto::Error& error);
   // Does it; where the disk is full, once more with the reserve given up for it.
   template <typename Write>
   auto WriteInAnyCase(Write write) -> decltype(write());

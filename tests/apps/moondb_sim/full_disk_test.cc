@@ -181,6 +181,18 @@ TEST_F(FullDiskTest, StartsReadsAndPrunesOnAFullDisk) {
   EXPECT_GT(pruned.pruned(0).record_count(), 0);
 }
 
+TEST_F(FullDiskTest, TakesInsertsAfterAPrune) {
+  for (int i = 0; i < 40; ++i) ASSERT_FALSE(IsError(Insert(Map(kSelf)).error()));
+  disk_.SetRoom(kFolder, 0);
+  EXPECT_EQ(Insert(Node(kSelf, 1)).error().code(), proto::ERROR_CODE_FULL);
+  while (!Prune().is_complete()) {
+  }
+  for (std::uint64_t index = 1; index <= 500; ++index) {
+    const proto::InsertReply inserted = Insert(Node(kSelf, index));
+    ASSERT_FALSE(IsError(inserted.error())) << index << ": " << inserted.error().text();
+  }
+}
+
 TEST_F(FullDiskTest, GivesTheReserveUpForRolesAndMakesItAnewWhenThereIsRoom) {
   disk_.SetRoom(kFolder, 0);
   for (std::uint64_t term = 1; Status().reserve_bytes() > 0; ++term) {
