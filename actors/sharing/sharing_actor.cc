@@ -256,6 +256,7 @@ void SharingActor::OnControlRequest(Context& context, const proto::Message& mess
 void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
   if (event.is_connected()) {
     connected_.insert(event.peer());
+    receiver_->OnConnected(event.peer());
     if (Outgoing* outgoing = FindOutgoing(event.peer())) {
       Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
     }

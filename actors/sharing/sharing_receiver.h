@@ -83,8 +83,10 @@ class SharingReceiver {
   void SetMovingElsewhere(std::size_t sessions) { moving_elsewhere_ = sessions; }
 
   const Counts& counts() const { return counts_; }
-  // Whose last Hello named another team configuration; it was taken nevertheless.
+  // Whose last Hello since the link came up named another team configuration; it was taken nevertheless.
   const std::set<AgentId>& other_configs() const { return other_configs_; }
+  // The link came up: the peer may run with another team file than before, and may have nothing to send.
+  void OnConnected(AgentId peer) { other_configs_.erase(peer); }
 
  private:
   struct Incoming {

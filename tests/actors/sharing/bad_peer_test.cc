@@ -93,6 +93,17 @@ TEST_F(BadPeerTest, ShowsWhoRunsAnotherConfiguration) {
   EXPECT_EQ(Status().other_config_agents_size(), 0);
 }
 
+TEST_F(BadPeerTest, NoLongerShowsAnotherConfigurationOnceThePeerCameBack) {
+  proto::Message hello = Hello(10);
+  hello.mutable_hello()->set_config_hash(2);
+  Say(hello);
+  ASSERT_EQ(Status().other_config_agents_size(), 1);
+  team_.SetLink(kBad, kGood, /*is_up=*/false, /*tell=*/true);
+  team_.SetLink(kBad, kGood, /*is_up=*/true, /*tell=*/true);
+  team_.RunUntilIdle();
+  EXPECT_EQ(Status().other_config_agents_size(), 0) << "it may have nothing to send, and so says no Hello";
+}
+
 TEST_F(BadPeerTest, AnswersAFloodOfOneHelloOnce) {
   Say(Hello(10), 1000);
   EXPECT_EQ(CountHeard(proto::Message::kHave), 1);
