@@ -10,6 +10,7 @@
 
 #include "actors/storage/bundle_shelf.h"
 #include "actors/storage/disk_guard.h"
+#include "actors/storage/log_check.h"
 #include "actors/storage/prune.h"
 #include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
@@ -166,7 +167,13 @@ class RecordStore::Writing {
 
 Result<std::unique_ptr<RecordStore>> RecordStore::Open(Options options) {
   Check(options.team.count(options.self) == 1, "a store's agent is in its team");
+  const bool is_looked_at = !options.is_checked && options.vfs.empty();
+  const std::string log_damage = is_looked_at ? FindLogDamage(options.path) : "";
   Result<std::unique_ptr<RecordStore>> store = OpenFile(options);
+  if (store && !log_damage.empty()) {
+    spdlog::error("storage: {}: {}", options.path, log_damage);
+    (*store)->damage_.push_back(log_damage);
+  }
   // Of a file that was checked before others read on from its rows, and may miss them: only a new process begins anew.
   if (store || store.error().code != ErrorCode::kCorrupt || options.is_checked) return store;
   const Result<std::string> aside = Database::SetAside(options.path, options.vfs);
