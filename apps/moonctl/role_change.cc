@@ -1,8 +1,10 @@
 #include "apps/moonctl/role_change.h"
 
 #include <algorithm>
+#include <set>
 #include <thread>
 
+#include "model/command_from.h"
 #include "model/term.h"
 
 namespace moondb {
@@ -37,16 +39,21 @@ Result<RoleChange::Done> RoleChange::Make(proto::RoleSetRequest request, bool is
   return UntilConfirmed(*target->client, *std::move(shown));
 }
 
-// -a; else the agent that is to lead; else the leader; else anyone who answers.
+// -a; else the first that answers of: those that may change the roles, the others. Of each the agent that is to lead
+// comes first, then the leader and the survivor.
 Result<AgentClient> RoleChange::ChooseTarget(const proto::RoleSetRequest& request) {
   if (!context_.agent.empty()) return context_.Connect(context_.agent);
   const proto::TeamConfig& team = (*context_.Team())->config;
-  if (request.leader() != 0) {
-    if (auto connected = context_.Connect(AgentName(team, request.leader()))) return connected;
-  }
-  if (auto leader = context_.ConnectToLeaderOf(standing_)) return leader;
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (auto connected = context_.Connect(agent.name())) return connected;
+  std::vector<AgentId> agents{static_cast<AgentId>(request.leader()), static_cast<AgentId>(standing_.leader()),
+                              static_cast<AgentId>(standing_.survivor())};
+  for (const proto::AgentConfig& agent : team.agents()) agents.push_back(agent.id());
+  std::stable_partition(agents.begin(), agents.end(), [&](AgentId agent) {
+    return agent == standing_.leader() || agent == standing_.survivor() || MayCommand(team, agent);
+  });
+  std::set<AgentId> asked{0};
+  for (const AgentId agent : agents) {
+    if (!asked.insert(agent).second) continue;
+    if (auto connected = context_.Connect(AgentName(team, agent))) return connected;
   }
   return Fail(ErrorCode::kUnavailable, "no agent of team " + team.team() + " answers");
 }

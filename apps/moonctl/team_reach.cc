@@ -7,6 +7,7 @@
 #include "apps/common/team_clients.h"
 #include "model/term.h"
 #include "proto/status.pb.h"
+#include "runtime/team/team_keys.h"
 
 namespace moondb {
 namespace {
@@ -120,6 +121,11 @@ bool TeamReach::IsHeard(const proto::AgentConfig& agent) {
 
 std::string TeamReach::WhereText(const proto::AgentConfig& agent, const Absence& absence) {
   const std::vector<Neighbor>& neighbors = Neighbors();
+  const bool is_elsewhere = !absence.was_here && !HasSecretKey(team_.config, team_.folder, agent);
+  if (neighbors.empty() && is_elsewhere) {
+    return "agent " + agent.name() + " is not on this machine, and no agent of team " + team_.config.team() +
+           " runs here: give --key, or run moonctl on a robot";
+  }
   // One that ran here is known not to run, unless somebody hears it from elsewhere.
   if (neighbors.empty() || (absence.was_here && !IsHeard(agent))) return absence.why;
   const std::string where = absence.was_here ? absence.why : "agent " + agent.name() + " is not on this machine";

@@ -18,6 +18,7 @@
 #include "model/term.h"
 #include "model/text.h"
 #include "proto/status.pb.h"
+#include "runtime/team/team_keys.h"
 
 namespace moondb {
 namespace {
@@ -70,6 +71,7 @@ pid_t AnsweringProcess(CommandContext& context, const LocalAgent& agent) {
   return status ? static_cast<pid_t>(status->pid()) : 0;
 }
 
+// The agent of -a; without it all whose secret keys are on this machine, or that run here.
 Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArguments& arguments) {
   auto team = context.Team();
   if (!team) return tl::unexpected(team.error());
@@ -93,6 +95,12 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     }
     local.folder = *folder;
     local.pid = OwnerOf(local.folder);
+    const bool is_of_other_machine =
+        context.agent.empty() && local.pid == 0 && !HasSecretKey((*team)->config, (*team)->folder, agent);
+    if (is_of_other_machine) {
+      agents.pop_back();
+      continue;
+    }
     if (folder->filename() != agent.name()) local.remark = agent.name() + " keeps its data in " + folder->string();
     const auto status = AskStatus(context, local);
     if (status && status->name() != agent.name()) {
@@ -104,6 +112,10 @@ Result<std::vector<LocalAgent>> LocalAgents(CommandContext& context, const UpArg
     // Not the one that was asked for: neither started beside it nor stopped in its place.
     local.is_failed = true;
     local.state = "process " + std::to_string(answering) + " runs this agent from another data folder";
+  }
+  if (agents.empty()) {
+    return Fail(ErrorCode::kInvalid, "the secret key of no agent of team " + (*team)->config.team() +
+                                         " is on this machine (\"moonctl keys show\" lists the files)");
   }
   return agents;
 }
@@ -283,7 +295,7 @@ ExitCode Down(CommandContext& context, const UpArguments& arguments) {
 
 void AddUpCommands(Command& app, CommandContext& context) {
   auto arguments = std::make_shared<UpArguments>();
-  Command& up = AddCommand(app, "up", "Start the whole team (or -a) on this machine", {"moonctl up"});
+  Command& up = AddCommand(app, "up", "Start the agents whose secret keys are on this machine (or -a)", {"moonctl up"});
   up.AddOption("--data-dir", arguments->data_folder, "Folder of the agents' data folders (moondb-data)")
       .TypeName("FOLDER");
   up.AddOption("--merge-backend", arguments->merge_backend, "auto, cpu or gl").TypeName("{auto,cpu,gl}");
@@ -292,7 +304,8 @@ void AddUpCommands(Command& app, CommandContext& context) {
       .TypeName("{text,json}")
       .OneOf({"text", "json"});
   up.Callback([&context, arguments] { context.action = [&context, arguments] { return Up(context, *arguments); }; });
-  Command& down = AddCommand(app, "down", "Stop the whole team (or -a) on this machine", {"moonctl down"});
+  Command& down =
+      AddCommand(app, "down", "Stop the agents whose secret keys are on this machine (or -a)", {"moonctl down"});
   down.AddOption("--data-dir", arguments->data_folder, "As given to up").TypeName("FOLDER");
   down.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return Down(context, *arguments); }; });

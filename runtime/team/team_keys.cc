@@ -35,6 +35,11 @@ Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesyst
   return keys;
 }
 
+bool HasSecretKey(const proto::TeamConfig& team, const std::filesystem::path& folder, const proto::AgentConfig& agent) {
+  std::error_code error;
+  return team.insecure() || std::filesystem::exists(SecretPathOf(agent, folder, {}), error);
+}
+
 Result<std::optional<SigningKey>> ReadSigningKey(const proto::TeamConfig& team, const std::filesystem::path& folder,
                                                  AgentId self, const std::filesystem::path& secret_key_file) {
   if (!HasSigningKeys(team)) return std::optional<SigningKey>();

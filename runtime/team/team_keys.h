@@ -24,6 +24,9 @@ struct TeamKeys {
 Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesystem::path& folder, AgentId self,
                               const std::filesystem::path& secret_key_file);
 
+// Whether the file of the agent's secret key is where the team file has it, or the team has no keys.
+bool HasSecretKey(const proto::TeamConfig& team, const std::filesystem::path& folder, const proto::AgentConfig& agent);
+
 // The key that `self` signs with; in a team without signing keys there is none. From NAME.sign beside the secret CURVE
 // key, as above. kInvalid too where it does not fit the team file.
 Result<std::optional<SigningKey>> ReadSigningKey(const proto::TeamConfig& team, const std::filesystem::path& folder,

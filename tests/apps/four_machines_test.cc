@@ -189,7 +189,36 @@ TEST_F(FourMachinesTest, SaysWhoIsElsewhereAndWhoIsLost) {
   agents_.clear();
   const Outcome nobody = AtRover2(3, {"status"});
   EXPECT_THAT(nobody.out, HasSubstr("agent rover2 is not running ("));
-  EXPECT_THAT(nobody.out, HasSubstr("agent rover1 is not running (no socket "));
+  EXPECT_THAT(nobody.out,
+              HasSubstr("agent rover1 is not on this machine, and no agent of team moon runs here: give --key"));
+}
+
+TEST_F(FourMachinesTest, UpAndDownAreAboutTheAgentsWhoseSecretKeysAreHere) {
+  const Outcome up = At("rover3", {"up"});
+  EXPECT_EQ(up.exit_code, 0) << up.out << up.error;
+  EXPECT_THAT(up.out, AllOf(HasSubstr("was running"), Not(HasSubstr("rover1")), Not(HasSubstr("failed"))));
+  const Outcome down = At("rover3", {"down"});
+  EXPECT_EQ(down.exit_code, 0) << down.out << down.error;
+  EXPECT_THAT(down.out, AllOf(HasSubstr("rover3"), Not(HasSubstr("rover1")), Not(HasSubstr("not running"))));
+  (void)agents_.at("rover3")->Wait();
+  agents_.erase("rover3");
+  EXPECT_EQ(AtRover2(0, {"-a", "rover2", "status"}).exit_code, 0) << "others go on";
+
+  for (const char* ending : {".sec", ".sign"})
+    std::filesystem::remove(MachineOf("rover3") / ("rover3" + std::string(ending)));
+  const Outcome nothing = At("rover3", {"up"});
+  EXPECT_EQ(nothing.exit_code, 2);
+  EXPECT_THAT(nothing.error, HasSubstr("the secret key of no agent of team moon is on this machine"));
+}
+
+TEST_F(FourMachinesTest, TheBaseStationGivesRolesOnceLeaderAndSurvivorAreLost) {
+  EndOn("rover1");
+  agents_.at("rover2")->Signal(SIGKILL);
+  (void)agents_.at("rover2")->Wait();
+  agents_.erase("rover2");
+  const Outcome set = At("base", {"role", "set", "rover3", "leader", "rover1", "survivor"});
+  EXPECT_THAT(set.out, HasSubstr("leader rover3, survivor rover1")) << set.error;
+  EXPECT_EQ(set.exit_code, 3) << "rover1 has not confirmed";
 }
 
 TEST_F(FourMachinesTest, TheEnvironmentNamesTheAgentInBetween) {
