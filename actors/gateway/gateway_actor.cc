@@ -134,7 +134,10 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   if (auto room = CheckRoom(pending, is_feed); !room) {
     return Answer(context, client, message.request_id(), ErrorReply(room.error()));
   }
-  if (is_for_self) WriteDown(context, request);
+  if (is_for_self) {
+    pending.command = WriteDown(context, request);
+    pending.by = request.by();
+  }
   // The other agent waits as long as it is asked to, then answers.
   Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
@@ -201,13 +204,24 @@ Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const
   return {};
 }
 
-void GatewayActor::WriteDown(Context& context, const proto::ControlRequest& request) {
+std::string GatewayActor::WriteDown(Context& context, const proto::ControlRequest& request) {
   std::string text = CommandText(options_.team, request);
-  if (text.empty()) return;
+  if (text.empty()) return text;
   const AgentId from = context.sender().agent;
   if (IsPeer(from)) text += ", through " + AgentName(options_.team, from);
   const CommandLog::Added added = log_.Add(request.request_case(), text, request.by(), context.utc_now_ns());
   if (added.begins_period) context.AfterTimer(options_.log.period, kCommandPeriod, request.request_case());
+  Store(context, added.event);
+  return text;
+}
+
+// The command was written down before anything that it could have stored.
+void GatewayActor::WriteDownFailure(Context& context, const Pending& pending) {
+  const Error error = FromProto(pending.reply.error());
+  const std::string text =
+      (error.code == ErrorCode::kRefused ? "refused " : "failed: ") + pending.command + ": " + OneLine(error.text);
+  const CommandLog::Added added = refused_log_.Add(kRefusedKind, text, pending.by, context.utc_now_ns());
+  if (added.begins_period) context.AfterTimer(options_.refused_log.period, kRefusedPeriod);
   Store(context, added.event);
 }
 
@@ -398,6 +412,10 @@ void GatewayActor::Finish(Context& context, std::uint64_t id) {
   Pending& pending = node.mapped();
   context.Cancel(pending.timer);
   if (pending.relayed_to == 0 && pending.reply.has_status()) CompleteStatus(context, *pending.reply.mutable_status());
+  const bool is_acknowledged =
+      pending.relayed_to == 0 && pending.reply.has_acknowledge() && !IsError(pending.reply.error());
+  if (is_acknowledged) refused_commands_.clear();
+  if (!pending.command.empty() && IsError(pending.reply.error())) WriteDownFailure(context, pending);
   Answer(context, pending.client, pending.client_request_id, std::move(pending.reply));
 }
 

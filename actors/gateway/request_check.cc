@@ -200,8 +200,8 @@ Result<void> CheckMapWhy(const proto::MapWhyRequest& why) {
 }
 
 Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge) {
-  if (acknowledge.until_ns() > 0) return {};
-  return Fail(ErrorCode::kInvalid, "must be the stamp of a finding", "acknowledge.until_ns");
+  if (acknowledge.until_ns() >= 0) return {};
+  return Fail(ErrorCode::kInvalid, "must be the stamp of a finding, or 0", "acknowledge.until_ns");
 }
 
 Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRequest& request) {

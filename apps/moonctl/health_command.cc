@@ -60,6 +60,7 @@ ExitCode ShowHealth(CommandContext& context) {
 
 struct Acknowledged {
   std::vector<proto::HealthFinding> findings;  // As they were shown to it.
+  double refused_commands = 0;                 // Through other agents, since the agent started or since the last time.
 };
 
 // What the agent shows now: what comes in between is not acknowledged unseen.
@@ -72,7 +73,10 @@ Result<Acknowledged> AcknowledgeAt(Client& client) {
     acknowledged.findings.push_back(finding);
     until_ns = std::max<std::int64_t>(until_ns, finding.stamp_ns());
   }
-  if (acknowledged.findings.empty()) return acknowledged;
+  for (const proto::RefusedFrom& refused : status->refused()) {
+    if (refused.cause() == proto::REFUSAL_CAUSE_COMMAND) acknowledged.refused_commands += refused.count();
+  }
+  if (acknowledged.findings.empty() && acknowledged.refused_commands == 0) return acknowledged;
   const Result<std::uint32_t> count = client.Acknowledge(until_ns);
   if (!count) return tl::unexpected(count.error());
   return acknowledged;
@@ -90,8 +94,12 @@ ExitCode AcknowledgeHealth(CommandContext& context) {
     json.Key("acknowledged").BeginArray();
     if (!acknowledged) {
       table.Add({agent->name(), WhyNoAnswer(acknowledged.error())}, Tone::kBad);
-    } else if (acknowledged->findings.empty()) {
+    } else if (acknowledged->findings.empty() && acknowledged->refused_commands == 0) {
       table.Add({agent->name(), "-"});
+    } else if (acknowledged->refused_commands > 0) {
+      const std::string text = FormatCount(acknowledged->refused_commands) + " refused commands";
+      table.Add({agent->name(), text});
+      json.String(text);
     }
     const auto findings = acknowledged ? acknowledged->findings : std::vector<proto::HealthFinding>();
     for (const proto::HealthFinding& finding : findings) {
@@ -112,7 +120,8 @@ void AddHealthCommand(Command& app, CommandContext& context) {
       AddCommand(app, "health", "What is wrong, for people and scripts: ends with 0 only where all agents are well",
                  {"moonctl health --json", kShows});
   health.AllowSubcommand();
-  AddCommand(health, "acknowledge", "You have read what was found: lost peers, damage, ends without stopping (or -a)",
+  AddCommand(health, "acknowledge",
+             "You have read what was found: lost peers, damage, ends without stopping, refused commands (or -a)",
              {"moonctl health acknowledge -a rover2"})
       .Callback([&context] { context.action = [&context] { return AcknowledgeHealth(context); }; });
   health.Callback([&context, &health] {

@@ -147,6 +147,9 @@ TEST_F(FourMachinesTest, ThroughAnAgentThatTheTeamFileDoesNotNameQuestionsAloneG
   EXPECT_EQ(At("rover3", {"-a", "rover3", "record", "insert", "temperature", "{\"celsius\": 1}"}).exit_code, 0);
   EXPECT_THAT(At("rover2", {"log"}).out, HasSubstr("refused insert through rover3"));
   EXPECT_THAT(At("rover2", {"health"}).out, HasSubstr("commands through rover3"));
+  EXPECT_THAT(At("rover2", {"health", "acknowledge"}).out, HasSubstr("1 refused commands"));
+  EXPECT_THAT(At("rover2", {"health"}).out, Not(HasSubstr("commands through rover3")));
+  EXPECT_THAT(At("rover3", {"log", "-a", "rover3"}).out, HasSubstr("refused role swap"));
 }
 
 TEST_F(FourMachinesTest, JsonStaysOneDocumentAndNamesTheAgentInBetween) {

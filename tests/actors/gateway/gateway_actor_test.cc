@@ -761,6 +761,46 @@ TEST_F(CommandFromTest, CountsWhatItRefusesAndWritesDownAFewAMinute) {
   EXPECT_EQ(reply.status().refused(0).count(), 50);
 }
 
+TEST_F(CommandFromTest, CountsRefusedCommandsAnewAfterAnAcknowledgment) {
+  Relay(2, SetLeader());
+  (void)team_.Take({1, actor_name::kStorage});
+  proto::ControlRequest acknowledge;
+  acknowledge.mutable_acknowledge();
+  Request(acknowledge, 76);
+  (void)team_.Take({1, actor_name::kStorage});
+  proto::ControlReply done;
+  done.mutable_acknowledge();
+  AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), MessageOf(done));
+  (void)OnlyAnswer(76);
+
+  proto::ControlRequest status;
+  status.mutable_status();
+  Request(status, 77);
+  proto::ControlReply part;
+  part.mutable_status();
+  for (const char* actor : {actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent}) {
+    AnswerAs(actor, Asked(actor), MessageOf(part));
+  }
+  EXPECT_EQ(OnlyAnswer(77).status().refused_size(), 0);
+}
+
+TEST_F(GatewayActorTest, WritesDownThatACommandWasRefused) {
+  proto::ControlRequest request;
+  request.mutable_role_set()->set_is_swap(true);
+  request.set_by("anna@hill");
+  Request(request);
+  EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().text(), "role swap");
+  proto::Message refusal;
+  refusal.mutable_role_show_reply()->mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
+  refusal.mutable_role_show_reply()->mutable_error()->set_text("rover1 may not change roles");
+  AnswerAs(actor_name::kRole, Asked(actor_name::kRole), refusal);
+  EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_REFUSED);
+  const proto::AgentEvent written = Asked(actor_name::kStorage).insert_request().records(0).agent_event();
+  EXPECT_EQ(written.kind(), proto::EVENT_KIND_REJECTED);
+  EXPECT_EQ(written.text(), "refused role swap: rover1 may not change roles");
+  EXPECT_EQ(written.by(), "anna@hill");
+}
+
 TEST_F(CommandFromTest, BelievesNoOtherAgentThatAKeyWasChecked) {
   Relay(3, SetLeader());
   EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().by(), "anna");
