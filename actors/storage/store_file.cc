@@ -156,6 +156,10 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   if (std::filesystem::exists(to, error)) {
     return Fail(ErrorCode::kInvalid, "is there already; a backup never writes over anything", to.string());
   }
+  const std::filesystem::path folder = std::filesystem::absolute(to).parent_path();
+  if (!std::filesystem::is_directory(folder, error)) {
+    return Fail(ErrorCode::kInvalid, "there is no folder " + folder.string(), to.string());
+  }
   const Result<Connection> source = OpenToRead(file);
   if (!source) return tl::unexpected(source.error());
   const std::filesystem::path part = to.string() + ".part-" + std::to_string(getpid());

@@ -2,8 +2,10 @@
 
 #include "apps/common/json_writer.h"
 #include "apps/moonctl/command.h"
+#include "apps/moonctl/command_tree.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/manual_page.h"
+#include "apps/moonctl/mistyped.h"
 
 namespace moondb {
 namespace {
@@ -25,6 +27,23 @@ void AddManCommand(Command& app, CommandContext& context) {
       JsonWriter json;
       json.BeginObject().Key("roff").String(page).EndObject();
       return context.Done(json.text(), page);
+    };
+  });
+}
+
+void AddHelpCommand(Command& app, CommandContext& context) {
+  auto words = std::make_shared<std::vector<std::string>>();
+  Command& help = AddCommand(app, "help", "Show what a command does and takes", {"moonctl help role set"});
+  help.AddOption("command", *words, "The command, or a group of commands").TypeName("COMMAND").Expected(0, 3);
+  help.Callback([&app, &context, words] {
+    context.action = [&app, &context, words] {
+      const Command* command = FindCommand(app, *words);
+      if (command == nullptr) {
+        return context.Report({ErrorCode::kInvalid, DescribeMistyped(app, *words).value_or("no such command"), {}});
+      }
+      JsonWriter json;
+      json.BeginObject().Key("help").String(command->Help()).EndObject();
+      return context.Done(json.text(), command->Help());
     };
   });
 }
@@ -69,6 +88,7 @@ void AddCommandLine(Command& app, CommandContext& context) {
   AddConfigCommands(app, context);
   AddCompletionCommand(app, context);
   AddManCommand(app, context);
+  AddHelpCommand(app, context);
   AddVersionCommand(app, context);
   app.Footer("Example: moonctl -t team.yaml status");
   AddExamplesOfGroups(app);

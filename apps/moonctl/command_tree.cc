@@ -20,6 +20,15 @@ const Command* FindSubcommand(const Command& command, const std::string& name) {
   return nullptr;
 }
 
+const Command* FindCommand(const Command& root, const std::vector<std::string>& words) {
+  const Command* command = &root;
+  for (const std::string& word : words) {
+    command = FindSubcommand(*command, word);
+    if (command == nullptr) break;
+  }
+  return command;
+}
+
 std::string PathOf(const Command& command) {
   if (command.parent() == nullptr) return "";
   const std::string above = PathOf(*command.parent());

@@ -11,6 +11,10 @@ namespace moondb {
 
 const Command* FindSubcommand(const Command& command, const std::string& name);  // Null: none of that name.
 
+// The command that these words name one after the other: {"role", "set"}. The root for no words; null where one names
+// none.
+const Command* FindCommand(const Command& root, const std::vector<std::string>& words);
+
 // "role set"; empty for the root.
 std::string PathOf(const Command& command);
 

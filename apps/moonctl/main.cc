@@ -7,6 +7,7 @@
 
 #include "apps/common/arguments.h"
 #include "apps/moonctl/command_line.h"
+#include "apps/moonctl/command_tree.h"
 #include "apps/moonctl/completion_command.h"
 #include "apps/moonctl/mistyped.h"
 #include "apps/moonctl/watch.h"
@@ -29,6 +30,11 @@ ExitCode Run(int argc, char** argv) {
   }
   if (const std::optional<ParseStop> stop = app.Parse(argc, argv)) {
     if (stop->exit_code == 0) return ExitCode::kDone;  // --help
+    const Command* group = FindCommand(app, words);
+    if (group != nullptr && group->requires_subcommand()) {  // "moonctl role", or nothing at all.
+      std::fputs(group->Help().c_str(), stdout);
+      return ExitCode::kDone;
+    }
     const auto mistyped = DescribeMistyped(app, words);
     // The flag may stand behind what could not be parsed.
     context.is_json = std::find(words.begin(), words.end(), "--json") != words.end();

@@ -37,6 +37,13 @@ Result<void> NewFiles::Add(const std::filesystem::path& path, const std::string&
     errno = EEXIST;
     return SystemFailure(path);
   }
+  std::error_code no_folder;
+  const std::filesystem::path folder = path.parent_path();
+  if (!folder.empty() && std::filesystem::create_directories(folder, no_folder)) {
+    std::filesystem::permissions(folder, std::filesystem::perms::owner_all, no_folder);
+  }
+  if (no_folder)
+    return Fail(ErrorCode::kInternal, folder.string() + ": the folder cannot be made: " + no_folder.message());
   const std::filesystem::path aside = path.string() + ".new-" + std::to_string(getpid());
   const int file = open(aside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
   if (file < 0) return SystemFailure(aside);

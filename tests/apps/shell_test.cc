@@ -106,5 +106,18 @@ TEST_F(ShellTest, ShowsTheEffectiveConfigurationAsATeamFileAgain) {
   EXPECT_GT(json.fields().at("defaults").list_value().values_size(), 0);
 }
 
+TEST_F(ShellTest, HelpIsAnAnswerAndNoError) {
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {}, {"help"}, {"role"}, {"help", "role"}, {"help", "role", "set"}, {"role", "--help"}}) {
+    const Outcome outcome = Moonctl(words);
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.error;
+    EXPECT_THAT(outcome.out, HasSubstr("Usage: "));
+    EXPECT_EQ(outcome.error, "");
+  }
+  const Outcome mistyped = Moonctl({"help", "rol"});
+  EXPECT_EQ(mistyped.exit_code, 2);
+  EXPECT_THAT(mistyped.error, HasSubstr("unknown command \"rol\"; did you mean \"role\"?"));
+}
+
 }  // namespace
 }  // namespace moondb

@@ -93,5 +93,14 @@ TEST_F(CommandLineTest, PutsEveryCommandIntoTheManual) {
   EXPECT_THAT(page, HasSubstr("moonctl \\-a rover2 record insert temperature \\(aq{"));
 }
 
+TEST_F(CommandLineTest, FindsTheCommandThatWordsName) {
+  EXPECT_EQ(FindCommand(app_, {}), &app_);
+  ASSERT_NE(FindCommand(app_, {"role", "set"}), nullptr);
+  EXPECT_EQ(PathOf(*FindCommand(app_, {"role", "set"})), "role set");
+  EXPECT_TRUE(FindCommand(app_, {"role"})->requires_subcommand());
+  EXPECT_EQ(FindCommand(app_, {"role", "sett"}), nullptr);
+  EXPECT_EQ(FindCommand(app_, {"status", "set"}), nullptr);
+}
+
 }  // namespace
 }  // namespace moondb
