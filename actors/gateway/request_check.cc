@@ -33,6 +33,9 @@ Result<void> CheckMembers(const proto::TeamConfig& team, const List& agents, con
   return {};
 }
 
+constexpr double kAbsoluteZero_celsius = -273.15;
+constexpr double kQuaternionErrorMax = 0.01;
+
 Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Record& record, const std::string& at) {
   for (const NamedAgent& named : AgentsNamedIn(record)) {
     if (auto checked = CheckMember(team, named.agent, at + "." + named.field); !checked) return checked;
@@ -63,6 +66,39 @@ Result<void> CheckCoordinate(double metres, const std::string& field) {
   return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
 }
 
+// A program's mistake: a rotation that was never normalised, say. Missing numbers are CheckRecord's.
+Result<void> CheckPose(const proto::Pose& pose, const std::string& field) {
+  const proto::Quaternion& q = pose.orientation();
+  const double norm = std::hypot(std::hypot(q.x(), q.y()), std::hypot(q.z(), q.w()));
+  if (pose.has_orientation() && !(std::abs(norm - 1) <= kQuaternionErrorMax)) {
+    return Fail(ErrorCode::kInvalid, "must be of length 1, within 1 %", field + ".orientation");
+  }
+  for (const double metres : {pose.position_m().x(), pose.position_m().y(), pose.position_m().z()}) {
+    if (auto checked = CheckCoordinate(metres, field + ".position_m"); !checked) return checked;
+  }
+  return {};
+}
+
+// What no robot measures. Peers' records, and those that are stored already, are not checked so.
+Result<void> CheckPhysics(const proto::Record& record, const std::string& at) {
+  switch (record.body_case()) {
+    case proto::Record::kTemperature:
+      if (record.temperature().celsius() >= kAbsoluteZero_celsius) return {};  // Not for NaN.
+      return Fail(ErrorCode::kInvalid, "lies below absolute zero", at + ".temperature.celsius");
+    case proto::Record::kPoseGraphNode:
+      return CheckPose(record.pose_graph_node().map_from_node(), at + ".pose_graph_node.map_from_node");
+    case proto::Record::kPoseGraphEdge:
+      if (!record.pose_graph_edge().has_relative_pose()) return {};
+      return CheckPose(record.pose_graph_edge().relative_pose().from_from_to(),
+                       at + ".pose_graph_edge.relative_pose.from_from_to");
+    case proto::Record::kLocalTraversabilityMap:
+      return CheckPose(record.local_traversability_map().node_from_map(),
+                       at + ".local_traversability_map.node_from_map");
+    default:
+      return {};
+  }
+}
+
 }  // namespace
 
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert) {
@@ -80,7 +116,12 @@ Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertReque
       return Fail(ErrorCode::kInvalid, "only agents themselves insert these; `role set` changes roles",
                   at + ".role_assignment");
     }
+    if (insert.records(i).has_optimized_pose() || insert.records(i).has_edge_verdict()) {
+      return Fail(ErrorCode::kInvalid, "the leader derives these from nodes and edges: insert those",
+                  at + (insert.records(i).has_optimized_pose() ? ".optimized_pose" : ".edge_verdict"));
+    }
     if (auto checked = CheckAgentsOfRecord(team, insert.records(i), at); !checked) return checked;
+    if (auto checked = CheckPhysics(insert.records(i), at); !checked) return checked;
   }
   return {};
 }

@@ -33,7 +33,9 @@ Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRe
 
 // The rule of each request that has one. kInvalid, with the field named as in
 // "insert.records[3].pose_graph_node.node.agent_id", for
-//   an insert without records, with too many, with an event, or with one that names an agent that is not of the team;
+//   an insert without records, with too many, with one that only agents themselves insert (events, roles, optimised
+//   poses, verdicts), that names an agent that is not of the team, or whose numbers no robot measures: a temperature
+//   below absolute zero, a quaternion whose length is not 1 within 1 %, coordinates beyond 1e9 m;
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert);
 //   a read with a filter that is too long, a wait beyond kReadWaitMax_s, or one for older records or for history;
 Result<void> CheckRead(const proto::ReadRequest& read);

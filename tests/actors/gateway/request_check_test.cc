@@ -157,6 +157,43 @@ TEST(RequestCheckTest, LetsNoClientWriteTheTeamsStory) {
   EXPECT_EQ(FieldOf(request), "insert.records[0].agent_event");
 }
 
+TEST(RequestCheckTest, LetsNoClientInsertWhatTheLeaderDerives) {
+  proto::ControlRequest request;
+  request.mutable_insert()->add_records()->mutable_optimized_pose();
+  EXPECT_EQ(FieldOf(request), "insert.records[0].optimized_pose");
+  request.mutable_insert()->mutable_records(0)->mutable_edge_verdict();
+  EXPECT_EQ(FieldOf(request), "insert.records[0].edge_verdict");
+}
+
+TEST(RequestCheckTest, RefusesNumbersThatNoRobotMeasures) {
+  proto::ControlRequest request;
+  proto::Record& record = *request.mutable_insert()->add_records();
+  record.mutable_temperature()->set_celsius(-274);
+  EXPECT_EQ(FieldOf(request), "insert.records[0].temperature.celsius");
+  record.mutable_temperature()->set_celsius(-273);
+  EXPECT_EQ(FieldOf(request), "ok");
+
+  proto::PoseGraphNode& node = *record.mutable_pose_graph_node();
+  node.mutable_node()->set_agent_id(1);
+  node.mutable_map_from_node()->mutable_orientation()->set_w(2);
+  EXPECT_EQ(FieldOf(request), "insert.records[0].pose_graph_node.map_from_node.orientation");
+  node.mutable_map_from_node()->mutable_orientation()->set_w(0.999);
+  EXPECT_EQ(FieldOf(request), "ok") << "rounded";
+  node.mutable_map_from_node()->mutable_position_m()->set_x(1e12);
+  EXPECT_EQ(FieldOf(request), "insert.records[0].pose_graph_node.map_from_node.position_m");
+
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  edge.mutable_from()->set_agent_id(1);
+  edge.mutable_to()->set_agent_id(1);
+  edge.mutable_relative_pose()->mutable_from_from_to()->mutable_orientation()->set_z(-1.5);
+  EXPECT_EQ(FieldOf(request), "insert.records[0].pose_graph_edge.relative_pose.from_from_to.orientation");
+
+  proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
+  map.mutable_node()->set_agent_id(1);
+  map.mutable_node_from_map()->mutable_orientation()->set_w(0.5);
+  EXPECT_EQ(FieldOf(request), "insert.records[0].local_traversability_map.node_from_map.orientation");
+}
+
 TEST(RequestCheckTest, BoundsTheRecordsOfOneInsert) {
   proto::ControlRequest request;
   for (int i = 0; i <= kClientInsertRecordsMax; ++i) request.mutable_insert()->add_records()->mutable_temperature();
