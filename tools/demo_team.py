@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import socket
@@ -20,11 +21,10 @@ import time
 AGENT_COUNT = 4
 STEP_LIMIT_S = 240
 MARK = ".moondb-demo"
-# proto/types.proto, DataType.
-TYPE_NAMES = {1: "temperature", 2: "power", 3: "awake_status", 4: "mode", 5: "health", 10: "exploration",
-              11: "distributed_measurements", 20: "pose_graph_node", 21: "pose_graph_edge", 22: "optimized_pose",
-              23: "edge_verdict", 30: "local_traversability_map",
-              31: "map_quarantine", 40: "agent_event"}
+COLUMN = 21  # Width of a table's column: a role has up to 19 letters.
+TYPES_FILE = pathlib.Path(__file__).resolve().parent.parent / "proto/types.proto"
+TYPE_NAMES = {int(number): name.lower()
+              for name, number in re.findall(r"^  ([A-Z_]+) = (\d+);", TYPES_FILE.read_text(), re.MULTILINE)}
 
 
 class DemoError(Exception):
@@ -202,10 +202,10 @@ def summarise(mission, before_kill, at_end, score, seconds):
 def print_table(summary):
     types = sorted({kind for agent in summary["agents"] for kind in agent["records"]})
     names = [agent["name"] + ("" if agent["alive"] else " (dead)") for agent in summary["agents"]]
-    print(f"\n{'records held':28}" + "".join(f"{name:>16}" for name in names))
+    print(f"\n{'records held':28}" + "".join(f"{name:>{COLUMN}}" for name in names))
     for kind in types:
-        print(f"{kind:28}" + "".join(f"{agent['records'].get(kind, 0):16}" for agent in summary["agents"]))
-    print(f"{'role at the end':28}" + "".join(f"{agent['role'][:15]:>16}" for agent in summary["agents"]))
+        print(f"{kind:28}" + "".join(f"{agent['records'].get(kind, 0):{COLUMN}}" for agent in summary["agents"]))
+    print(f"{'role at the end':28}" + "".join(f"{agent['role']:>{COLUMN}}" for agent in summary["agents"]))
     print(f"\n{'':28}{'before':>16}{'after':>16}")
     for label, key, unit in (("trajectory error (ATE)", "ate", "m"), ("hazard IoU", "hazard_iou", ""),
                              ("Cohen's kappa", "kappa", "")):
