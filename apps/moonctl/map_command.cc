@@ -45,7 +45,7 @@ FileNotes NotesOn(const MapArguments& arguments, const proto::MergeReply& reply)
 
 std::string ExportText(const MapExport& exported, const std::vector<std::filesystem::path>& files,
                        const proto::MergeReply& reply) {
-  const Grid& grid = exported.map.grid;
+  const Grid grid = WrittenMap(exported).grid;
   std::string text = "wrote";
   for (const std::filesystem::path& file : files) text += " " + file.string();
   text += ": " + std::to_string(grid.width) + " x " + std::to_string(grid.height) + " cells of " +

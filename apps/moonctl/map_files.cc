@@ -10,7 +10,7 @@ namespace moondb {
 namespace {
 
 Result<std::vector<FileBytes>> PngFiles(const MapExport& exported) {
-  const MergedMap map = CroppedToKnown(exported.map, kCropMarginCells);
+  const MergedMap map = WrittenMap(exported);
   auto png = PngBytes(CellPicture(map), {{CellColors().begin(), CellColors().end()}, exported.notes});
   if (!png) return tl::unexpected(png.error());
   // The picture last: whoever sees it finds where it lies.
@@ -20,8 +20,8 @@ Result<std::vector<FileBytes>> PngFiles(const MapExport& exported) {
 
 Result<std::vector<FileBytes>> GeoTiffFiles(const MapExport& exported) {
   const proto::SiteConfig& site = exported.site;
-  auto tiff = GeoTiffBytes(CroppedToKnown(exported.map, kCropMarginCells),
-                           {site.lat_deg(), site.lon_deg(), site.north_yaw_rad()}, exported.notes);
+  auto tiff =
+      GeoTiffBytes(WrittenMap(exported), {site.lat_deg(), site.lon_deg(), site.north_yaw_rad()}, exported.notes);
   if (!tiff) return tl::unexpected(tiff.error());
   return std::vector<FileBytes>{{exported.folder / "map.tif", *std::move(tiff)}};
 }
@@ -37,6 +37,10 @@ Result<std::vector<FileBytes>> FilesOf(const MapExport& exported) {
 }
 
 }  // namespace
+
+MergedMap WrittenMap(const MapExport& exported) {
+  return exported.format == "nav2" ? exported.map : CroppedToKnown(exported.map, kCropMarginCells);
+}
 
 std::string WorldFile(const MergedMap& map) {
   const double resolution_um = map.resolution_um;

@@ -22,6 +22,9 @@ struct MapExport {
   FileNotes notes;
 };
 
+// The map as its files hold it.
+MergedMap WrittenMap(const MapExport& exported);
+
 // The files written, together (see WriteTogether). kInternal, with the path and what to do, if one cannot be written.
 Result<std::vector<std::filesystem::path>> WriteMapFiles(const MapExport& exported);
 

@@ -35,6 +35,9 @@ TEST_F(MapFilesTest, APngLiesWhereItsWorldFileSays) {
   const Image image = *ReadPng(File("map.png"));
   ASSERT_EQ(image.width, 43);  // A margin of 20 cells about three.
   ASSERT_EQ(image.height, 41);
+  EXPECT_EQ(WrittenMap(Export("png")).grid.width, image.width);
+  EXPECT_EQ(WrittenMap(Export("png")).grid.height, image.height);
+  EXPECT_EQ(WrittenMap(Export("nav2")).grid.width, 100);
   std::vector<double> world;
   const std::string text = *ReadTextFile(File("map.pgw"));
   for (const std::string_view line : Split(text, '\n')) {
