@@ -159,7 +159,10 @@ Result<proto::RoleAssignment> TeamReach::NewestRoles() {
     const bool is_itself = options_.via == nullptr;
     auto client = is_itself ? ConnectHere(agent).map([](AgentClient&& here) { return std::move(here.client); })
                             : ConnectTo(team_, agent, ClientOptionsFor(agent), options_.via);
-    if (!client) continue;
+    if (!client) {
+      if (client.error().code == ErrorCode::kRefused) refusal = client.error();
+      continue;
+    }
     const auto shown = (*client)->Roles();
     if (shown) add(shown->roles());
     if (!shown && !IsSilence(shown.error())) refusal = shown.error();

@@ -68,6 +68,7 @@ TEST_F(ClientKeysProcessTest, AKeyOpensWhatItsRightsAllowUntilItIsRevoked) {
   }));
   EXPECT_THAT(MoonctlExpecting(4, With(KeyOf("anna"), {"status", "-a", "rover1"})),
               HasSubstr("refused: agent rover1 does not let this key in"));
+  EXPECT_THAT(Moonctl(With(KeyOf("anna"), {"role", "swap"})).error, HasSubstr("does not let this key in"));
   EXPECT_THAT(MoonctlExpecting(0, {"log"}), HasSubstr("sync now (anna (key))"));
 
   MoonctlExpecting(0, {"clients", "revoke", "anna"});
