@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "apps/common/hash_text.h"
@@ -104,9 +105,26 @@ void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
   }
 }
 
-void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status, Findings& findings) {
+bool IsFarOff(const proto::PeerClockOffset& clock) { return std::abs(clock.offset_s()) > kClockOffsetMax_s; }
+
+// The agents whose clocks differ from those of most others.
+std::set<std::uint32_t> WrongClocksIn(const std::map<std::uint32_t, AgentReport>& reports) {
+  std::set<std::uint32_t> wrong;
+  for (const auto& [agent, report] : reports) {
+    if (!report.status) continue;
+    const auto& clocks = report.status->storage().peer_clocks();
+    const auto far_off = std::count_if(clocks.begin(), clocks.end(), IsFarOff);
+    if (2 * far_off > clocks.size()) wrong.insert(agent);
+  }
+  return wrong;
+}
+
+void JudgeClocks(const proto::TeamConfig& team, const proto::AgentStatus& status,
+                 const std::set<std::uint32_t>& wrong_clocks, Findings& findings) {
   for (const proto::PeerClockOffset& clock : status.storage().peer_clocks()) {
-    if (std::abs(clock.offset_s()) <= kClockOffsetMax_s) continue;
+    if (!IsFarOff(clock)) continue;
+    const bool is_of_the_other = wrong_clocks.contains(clock.agent_id()) && !wrong_clocks.contains(status.agent_id());
+    if (is_of_the_other) continue;
     findings.push_back("its clock is " + FormatSeconds(std::abs(clock.offset_s())) +
                        (clock.offset_s() > 0 ? " behind " : " ahead of ") + AgentName(team, clock.agent_id()) +
                        "'s, as that one said " + FormatSeconds(clock.age_s()) + " ago");
@@ -186,6 +204,7 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
                                                              const std::map<std::uint32_t, AgentReport>& reports,
                                                              std::uint64_t config_hash) {
   const proto::RoleAssignment newest = NewestOf(reports);
+  const std::set<std::uint32_t> wrong_clocks = WrongClocksIn(reports);
   std::map<std::uint32_t, Findings> all;
   for (const auto& [agent, report] : reports) {
     Findings findings;
@@ -194,7 +213,7 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
       JudgePeers(team, *report.status, findings);
       JudgeSelf(*report.status, findings);
       JudgeRefused(team, *report.status, findings);
-      JudgeClocks(team, *report.status, findings);
+      JudgeClocks(team, *report.status, wrong_clocks, findings);
     }
     if (report.shares) JudgeShares(team, *report.shares, findings);
     if (config_hash != 0 && report.config_hash != 0 && report.config_hash != config_hash) {

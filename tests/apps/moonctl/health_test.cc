@@ -111,6 +111,27 @@ TEST_F(HealthTest, FindsClocksThatDifferTooMuch) {
   EXPECT_THAT(Of(1), ElementsAre("its clock is 75 s ahead of rover2's, as that one said 30 s ago"));
 }
 
+TEST_F(HealthTest, OneWrongClockIsAFindingOnItsAgentAlone) {
+  const auto add = [this](std::uint32_t agent, std::uint32_t peer, double offset_s) {
+    Status(agent).set_agent_id(agent);
+    proto::PeerClockOffset& clock = *reports_[agent].status->mutable_storage()->add_peer_clocks();
+    clock.set_agent_id(peer);
+    clock.set_offset_s(offset_s);
+  };
+  reports_[3] = reports_[2];
+  add(1, 2, 0);
+  add(1, 3, 3600);
+  add(2, 1, 0);
+  add(2, 3, 3600);
+  add(3, 1, -3600);
+  add(3, 2, -3600);
+  EXPECT_THAT(Of(1), IsEmpty());
+  EXPECT_THAT(Of(2), IsEmpty());
+  EXPECT_EQ(Of(3).size(), 2u);
+  reports_.erase(3);
+  EXPECT_EQ(Of(1).size(), 1u) << "rover3 does not answer, and is not judged itself";
+}
+
 TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   proto::ShareSession& session = *reports_[2].shares->add_sessions();
   session.set_destination(1);
