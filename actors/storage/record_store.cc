@@ -202,12 +202,14 @@ Result<void> RecordStore::WriteDownLastLife(std::int64_t utc_now_ns) {
     set_aside_ = Database::LastSetAside(options_.path, options_.vfs);
     if (!set_aside_.empty()) damage_.push_back(SetAsideText(set_aside_));
   }
+  // The last event of a copy that was put back says nothing about how a process ended.
+  const bool is_put_back = !own_epochs_.has_incarnation();
   const Result<bool> has_ended = HasEndedWithoutStopping(*database_, options_.self);
   if (!has_ended) return tl::unexpected(has_ended.error());
   for (const std::string& text : damage_) {
     if (const Result<void> done = WriteDown(proto::EVENT_KIND_DAMAGE, text, utc_now_ns); !done) return done;
   }
-  if (!*has_ended) return {};
+  if (!*has_ended || is_put_back) return {};
   return WriteDown(proto::EVENT_KIND_LOST, kEndedWithoutStopping, utc_now_ns);
 }
 

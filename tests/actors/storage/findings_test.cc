@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "actors/storage/store_file.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
@@ -86,6 +87,19 @@ TEST_F(LastLifeTest, FindsNothingWhereTheProcessStopped) {
   auto store = Start();
   EXPECT_THAT(Findings(*store), IsEmpty());
   EXPECT_EQ(Story(*store).back(), "stopped, as it was asked to");
+}
+
+TEST_F(LastLifeTest, FindsNothingInABackupThatWasPutBack) {
+  const std::string backup = folder_.File("backup.db");
+  {
+    auto store = Start();
+    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    ASSERT_TRUE(BackUpStore(path_, backup));
+    ASSERT_TRUE(store->WriteDownStop(kNow_ns));
+  }
+  std::filesystem::rename(backup, path_);
+  auto store = Start();
+  EXPECT_THAT(Findings(*store), IsEmpty());
 }
 
 // Events of earlier lives that come home from peers are older, though they are stored later.
