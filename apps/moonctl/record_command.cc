@@ -1,4 +1,7 @@
 
+#include <cctype>
+#include <string>
+
 #include "apps/common/json_writer.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
@@ -55,6 +58,9 @@ Result<proto::Record> MakeRecord(const TeamFile& team, const RecordArguments& ar
   const bool has_file = !arguments.payload_file.empty();
   if (!IsCustom(*type)) {
     if (has_file) return Fail(ErrorCode::kInvalid, "only custom types have a payload", "--payload-file");
+    std::string text = *body;
+    std::erase_if(text, [](char letter) { return std::isspace(static_cast<unsigned char>(letter)) != 0; });
+    if (text == "{}") return Fail(ErrorCode::kInvalid, "{} says nothing: name the fields, zeros too");
     return RecordFromJson(arguments.type, *body);
   }
   Result<proto::Record> record = CustomRecordFromJson(arguments.type, *type, has_file && body->empty() ? "{}" : *body);

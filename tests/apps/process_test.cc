@@ -657,6 +657,7 @@ TEST_F(ProcessTest, SaysWhatIsWrongWithWhatWasTyped) {
   EXPECT_THAT(Moonctl({"statsu"}).error, HasSubstr("did you mean \"status\"?"));
   EXPECT_EQ(Moonctl({"statsu"}).exit_code, 2);
   EXPECT_THAT(Moonctl({"role", "set", "rovr2", "leader"}).error, HasSubstr("did you mean \"rover2\"?"));
+  EXPECT_THAT(Moonctl({"record", "insert", "temperature", "{ }", "-a", "rover1"}).error, HasSubstr("{} says nothing"));
   EXPECT_THAT(Moonctl({"record", "insert", "temperture", "{}", "-a", "rover1"}).error,
               HasSubstr("did you mean \"temperature\"?"));
   EXPECT_THAT(Moonctl({"record", "insert", "temperature", "{\"celsiu\": 1}", "-a", "rover1"}).error,
