@@ -10,6 +10,7 @@
 #include "model/control_request.h"
 #include "model/team_id.h"
 #include "model/team_member.h"
+#include "model/text.h"
 #include "proto/types.pb.h"
 #include "runtime/system_status.h"
 #include "runtime/team/team_config.h"
