@@ -107,6 +107,9 @@ class RecordStore::Writing {
     types_.insert(key.stream.type);
     if (key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ += content.size();
     used_bytes_[key.stream.origin] += content.size() + kRowBytes;
+    if (key.stream.type == proto::POSE_GRAPH_NODE && key.stream.origin == store_.options_.self) {
+      nodes_.insert(record.pose_graph_node().node().index());
+    }
     if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
     return {};
   }
@@ -115,6 +118,7 @@ class RecordStore::Writing {
     if (row.key.seq != 0) store_.ledger_.AddDropped(row.key.stream, {row.key.seq, row.key.seq});
     if (row.key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ -= row.content_bytes;
     used_bytes_[row.key.stream.origin] -= row.content_bytes + kRowBytes;
+    if (row.key.stream.type == proto::POSE_GRAPH_NODE) has_removed_nodes_ = true;
     return table.Delete(*store_.database_, row.row_id);
   }
 
@@ -127,6 +131,7 @@ class RecordStore::Writing {
   }
 
   const std::map<AgentId, std::uint64_t>& used_bytes() const { return used_bytes_; }
+  const std::set<std::uint64_t>& nodes() const { return nodes_; }  // Indices of this agent's that are inserted.
 
   Result<void> Commit(proto::RecordsStored& stored) {
     if (const Result<void> done = store_.ledger_.Write(*store_.database_); !done) return done;
@@ -141,6 +146,8 @@ class RecordStore::Writing {
     store_.next_row_id_ = next_row_id_;
     store_.map_bytes_ = map_bytes_;
     store_.used_bytes_ = std::move(used_bytes_);
+    if (has_removed_nodes_) store_.own_nodes_.reset();
+    if (store_.own_nodes_) store_.own_nodes_->insert(nodes_.begin(), nodes_.end());
     if (begun_) store_.own_epochs_.NoteBegun(*begun_);
     store_.epoch_ = epoch_;
     return {};
@@ -162,6 +169,8 @@ class RecordStore::Writing {
   std::uint64_t next_row_id_;
   std::uint64_t map_bytes_;
   std::map<AgentId, std::uint64_t> used_bytes_;
+  std::set<std::uint64_t> nodes_;
+  bool has_removed_nodes_ = false;
   std::set<DataType> types_;
 };
 
@@ -597,6 +606,10 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
       return Fail(ErrorCode::kInvalid, name + " already exists " + as, table.name());
     }
   }
+  if (record.pose_graph_edge().has_relative_pose()) {
+    const Result<void> consecutive = CheckConsecutive(record.pose_graph_edge(), writing);
+    if (!consecutive) return consecutive;
+  }
   RecordKey key{StreamKey{options_.self, 0, type}, 0};
   if (!is_local) {
     const Result<RecordKey> next = writing.NextKey(type);
@@ -620,6 +633,32 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
   }
   reply_key = ToProto(key);
   return InsertSigned(key, record, content, writing);
+}
+
+Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, const Writing& writing) {
+  const auto [first, last] = std::minmax({edge.from().index(), edge.to().index()});
+  if (last - first <= 1) return {};
+  if (!own_nodes_) {
+    std::set<std::uint64_t> nodes;
+    Query query = database_->Prepare("SELECT node_index FROM pose_graph_node WHERE origin = ?");
+    query << options_.self;
+    while (true) {
+      const Result<bool> row = query.Step();
+      if (!row) return tl::unexpected(row.error());
+      if (!*row) break;
+      nodes.insert(query.Unsigned(0));
+    }
+    own_nodes_ = std::move(nodes);
+  }
+  for (const std::set<std::uint64_t>* nodes : {&*own_nodes_, &writing.nodes()}) {
+    const auto next = nodes->upper_bound(first);
+    if (next == nodes->end() || *next >= last) continue;
+    return Fail(ErrorCode::kInvalid,
+                "node " + std::to_string(options_.self) + ":" + std::to_string(*next) +
+                    " lies between: odometry joins a node to the next one, and a loop closure is no odometry",
+                "pose_graph_edge.to");
+  }
+  return {};
 }
 
 Result<void> RecordStore::InsertSigned(const RecordKey& key, const proto::Record& record, const std::string& content,

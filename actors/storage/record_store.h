@@ -224,6 +224,8 @@ class RecordStore {
                             Writing& writing);
   Result<void> InsertOne(const proto::Record& record, const std::string& content, bool is_local, Writing& writing,
                          proto::RecordKey& key);
+  // kInvalid for odometry between two nodes of this agent between which another node of it is stored.
+  Result<void> CheckConsecutive(const proto::PoseGraphEdge& edge, const Writing& writing);
 
   struct Opened {
     RecordKey key;
@@ -267,6 +269,7 @@ class RecordStore {
   std::uint64_t pruned_count_ = 0;
   std::uint64_t map_bytes_ = 0;                  // Of the contents of maps.
   std::map<AgentId, std::uint64_t> used_bytes_;  // Of all rows but history, by origin: contents and kRowBytes each.
+  std::optional<std::set<std::uint64_t>> own_nodes_;  // Indices of this agent's nodes; none: not read yet.
   std::string set_aside_;
   std::optional<Error> start_trouble_;
   std::vector<std::string> damage_;

@@ -19,7 +19,7 @@ class Importer {
     AddLandmarks();
     if (auto added = AddNodes(); !added) return tl::unexpected(added.error());
     for (const OdometryEdge& edge : pyfg_.graph.odometry) {
-      if (edge.from.agent != edge.to.agent) {
+      if (edge.from.agent != edge.to.agent || IsLoopClosure(edge)) {
         ++import_.left_out_count;
         continue;
       }
@@ -49,6 +49,13 @@ class Importer {
     const auto found = agents_.find(key.agent);
     if (found == agents_.end()) return std::nullopt;
     return NodeKey{found->second, key.index};
+  }
+
+  // A node lies between: no agent takes it as odometry.
+  bool IsLoopClosure(const OdometryEdge& edge) const {
+    const auto [first, last] = std::minmax(*Translate(edge.from), *Translate(edge.to));
+    const auto next = known_.upper_bound(first);
+    return next != known_.end() && *next < last;
   }
 
   void Add(AgentId agent, proto::Record record, std::size_t& count) {

@@ -19,7 +19,8 @@ struct GraphImport {
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
   std::size_t range_count = 0;
-  // Sightings, landmarks that are no base station, with their ranges, and poses of one rover as another saw it.
+  // Sightings, landmarks that are no base station, with their ranges, poses of one rover as another saw it, and loop
+  // closures: poses between two nodes of one rover that do not follow one another.
   std::size_t left_out_count = 0;
 };
 

@@ -114,6 +114,43 @@ TEST(RecordStoreTest, NeverUsesARowNumberTwice) {
   EXPECT_GT(Number(*store, "SELECT max(row_id) FROM pose_graph_node"), last);
 }
 
+proto::Record OdometryRecord(AgentId agent, std::uint64_t from, std::uint64_t to) {
+  proto::Record record;
+  proto::PoseGraphEdge& edge = *record.mutable_pose_graph_edge();
+  edge.mutable_from()->set_agent_id(agent);
+  edge.mutable_from()->set_index(from);
+  edge.mutable_to()->set_agent_id(agent);
+  edge.mutable_to()->set_index(to);
+  edge.mutable_relative_pose()->mutable_from_from_to()->mutable_position_m()->set_x(1);
+  edge.mutable_relative_pose()->mutable_from_from_to()->mutable_orientation()->set_w(1);
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) {
+      edge.mutable_relative_pose()->add_covariance(row == column ? 0.01 : 0);
+    }
+  }
+  return record;
+}
+
+TEST(RecordStoreTest, RefusesOwnOdometryOverANodeThatLiesBetween) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  const auto insert = [&store](const std::vector<proto::Record>& records) {
+    proto::InsertRequest request;
+    for (const proto::Record& record : records) *request.add_records() = record;
+    return store->Insert(request).reply;
+  };
+  EXPECT_FALSE(
+      IsError(insert({NodeRecord(2, 1), NodeRecord(2, 4), NodeRecord(2, 9), OdometryRecord(2, 1, 4)}).error()));
+  EXPECT_FALSE(IsError(insert({OdometryRecord(2, 9, 4)}).error())) << "in either direction";
+  const proto::InsertReply loop = insert({OdometryRecord(2, 9, 1)});
+  EXPECT_EQ(loop.error().field(), "records[0].pose_graph_edge.to");
+  EXPECT_NE(loop.error().text().find("node 2:4 lies between"), std::string::npos) << loop.error().text();
+  EXPECT_TRUE(IsError(insert({NodeRecord(2, 12), OdometryRecord(2, 9, 15)}).error()))
+      << "a node of the same insert lies between, too";
+  EXPECT_FALSE(IsError(insert({OdometryRecord(2, 9, 12)}).error())) << "of which nothing was stored";
+  EXPECT_EQ(StoreOne(*store, Packed(Key(1, proto::POSE_GRAPH_EDGE, 1, 7), OdometryRecord(1, 1, 50))).stored_count(), 1u)
+      << "a peer's is kept";
+}
+
 TEST(RecordStoreTest, BeginsAboveAnEpochThatAPeerStillKnows) {
   auto store = OpenStore(StoreOptionsOf(2));
   const std::uint64_t first = InsertOne(*store, TemperatureRecord(1)).epoch();
