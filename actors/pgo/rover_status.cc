@@ -4,6 +4,8 @@
 #include <string>
 #include <utility>
 
+#include "model/odometry_scale.h"
+
 namespace moondb {
 
 namespace {
@@ -49,6 +51,9 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
     say(std::to_string(rover.rejected_range_count) + " of its " +
         std::to_string(rover.range_count + rover.rejected_range_count) +
         " ranges contradict the rest: is its start right, or another rover's, are the radios?");
+  }
+  if (!IsPlausibleOdometryScale(rover.odometry_scale)) {
+    say("its odometry scale is implausible: are all its edges odometry, in metres?");
   }
   if (part_count > 1) say("its odometry is interrupted in " + std::to_string(part_count - 1) + " places");
   if (const auto found = graph.left_out.find(rover.agent); found != graph.left_out.end()) {

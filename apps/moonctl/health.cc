@@ -9,6 +9,7 @@
 #include "apps/common/table.h"
 #include "apps/common/team_clients.h"
 #include "model/event.h"
+#include "model/odometry_scale.h"
 #include "model/team_member.h"
 #include "model/term.h"
 #include "model/text.h"
@@ -189,6 +190,15 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
+// Findings on the rovers, whoever leads.
+void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findings>& all) {
+  for (const proto::RoverSolution& rover : solve.rovers()) {
+    if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;
+    all[rover.agent_id()].push_back("its odometry scale is " + FormatFixed(rover.odometry_scale(), 3) +
+                                    " in the last solve: an edge of it is no odometry, or its units are wrong");
+  }
+}
+
 }  // namespace
 
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored) {
@@ -220,6 +230,9 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
       findings.push_back("runs with another team file: " + OtherConfigText(report.config_hash, config_hash));
     }
     if (!findings.empty()) all[agent] = std::move(findings);
+  }
+  for (const auto& [agent, report] : reports) {
+    if (report.last_solve) JudgeSolve(*report.last_solve, all);
   }
   return all;
 }

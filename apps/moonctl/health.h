@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/graph.pb.h"
 #include "proto/share_status.pb.h"
 #include "proto/status.pb.h"
 #include "proto/team.pb.h"
@@ -19,7 +20,8 @@ inline constexpr double kNoProgressMax_s = 60;   // Of an open session that wait
 struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;
-  std::uint64_t config_hash = 0;  // Of its team file; 0: it did not say.
+  std::optional<proto::OptimizeReply> last_solve;  // Of who leads; nodes and edges that it solved.
+  std::uint64_t config_hash = 0;                   // Of its team file; 0: it did not say.
 };
 
 // By agent id, a line for each thing that is wrong; none where all is well. `unreachable` agents have no status. What

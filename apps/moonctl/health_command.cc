@@ -23,6 +23,12 @@ ExitCode ShowHealth(CommandContext& context) {
   for (const auto& [agent, share] : *shares) {
     if (share) reports[agent->id()].shares = *share;
   }
+  for (const auto& [agent, status] : *statuses) {
+    if (!status || status->role() != proto::ROLE_LEADER) continue;
+    const auto leader = context.Connect(agent->name());
+    const auto graph = leader ? leader->client->GraphStats() : tl::unexpected(leader.error());
+    if (graph) reports[agent->id()].last_solve = graph->last_solve();
+  }
   for (auto& [agent, report] : reports) report.config_hash = context.ConfigHashOf(agent);
   const TeamFile& team = **context.Team();
   const auto findings = FindingsOn(team.config, reports, team.hash);

@@ -132,6 +132,17 @@ TEST_F(HealthTest, OneWrongClockIsAFindingOnItsAgentAlone) {
   EXPECT_EQ(Of(1).size(), 1u) << "rover3 does not answer, and is not judged itself";
 }
 
+TEST_F(HealthTest, FindsAnOdometryScaleThatNoWheelHas) {
+  proto::OptimizeReply& solve = reports_[1].last_solve.emplace();
+  solve.add_rovers()->set_agent_id(1);
+  solve.mutable_rovers(0)->set_odometry_scale(1.02);
+  solve.add_rovers()->set_agent_id(2);
+  solve.mutable_rovers(1)->set_odometry_scale(0.044);
+  EXPECT_THAT(Of(1), IsEmpty());
+  EXPECT_THAT(Of(2), ElementsAre("its odometry scale is 0.044 in the last solve: an edge of it is no odometry, or its "
+                                 "units are wrong"));
+}
+
 TEST_F(HealthTest, FindsSessionsThatAreStuckButNotThoseThatWait) {
   proto::ShareSession& session = *reports_[2].shares->add_sessions();
   session.set_destination(1);
