@@ -17,6 +17,8 @@ import zstandard
 
 import control_pb2
 
+REQUEST_BYTES_MAX = 32 * 1024 * 1024
+
 
 class AgentError(Exception):
     """What the agent says is wrong: `code` is an ErrorCode of error.proto, `field` names the part of the request."""
@@ -60,7 +62,10 @@ class MoondbClient:
         self._request_id += 1
         request.by, request.team_id = self._by, self._team_id
         message = control_pb2.ClientMessage(request_id=self._request_id, control_request=request)
-        self._dealer.send(message.SerializeToString())
+        frame = message.SerializeToString()
+        if len(frame) > REQUEST_BYTES_MAX:
+            raise ValueError(f"the request has {len(frame)} bytes, and {REQUEST_BYTES_MAX} are the most that an agent takes")
+        self._dealer.send(frame)
         while self._dealer.poll(1000 * (timeout_s or self._timeout_s)):
             answer = control_pb2.ClientMessage.FromString(self._dealer.recv())
             if answer.request_id != self._request_id:
