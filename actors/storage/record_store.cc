@@ -286,14 +286,9 @@ Result<void> RecordStore::Load() {
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
-  for (const RecordTable& table : RecordTables()) {
-    const Result<std::map<AgentId, RecordTable::Size>> sizes = table.SizesByOrigin(*database_);
-    if (!sizes) return tl::unexpected(sizes.error());
-    for (const auto& [origin, size] : *sizes) {
-      used_bytes_[origin] += size.content_bytes + size.row_count * kRowBytes;
-      if (table.Holds(proto::LOCAL_TRAVERSABILITY_MAP)) map_bytes_ += size.content_bytes;
-    }
-  }
+  const auto maps = FindRecordTable(proto::LOCAL_TRAVERSABILITY_MAP)->SizesByOrigin(*database_);
+  if (!maps) return tl::unexpected(maps.error());
+  for (const auto& [origin, size] : *maps) map_bytes_ += size.content_bytes;
   return history_.Load(*database_);
 }
 
@@ -535,16 +530,26 @@ Result<std::uint64_t> RecordStore::UsedByRecords() {
   return *used - std::min(*used, static_cast<std::uint64_t>(*bundles) + history_.sum().bytes);
 }
 
-Result<std::uint64_t> RecordStore::RoomForRecords() {
+Result<std::optional<std::uint64_t>> RecordStore::RoomToShare() {
   const Result<std::uint64_t> used = database_->UsedPageBytes();
-  if (!used) return used;
+  if (!used) return tl::unexpected(used.error());
   const Result<std::uint64_t> free = database_->FreePageBytes();
-  if (!free) return free;
+  if (!free) return tl::unexpected(free.error());
   std::uint64_t room = options_.bytes_max == 0 ? UINT64_MAX : options_.bytes_max;
   if (const std::optional<DiskSpace> space = database_->GetDiskSpace()) {
     room = std::min(room, *used + *free + space->free_bytes);
   }
-  return room;
+  if (*used < room / 2 / options_.team.size()) return std::optional<std::uint64_t>();
+  if (!are_bytes_counted_) {
+    used_bytes_.clear();
+    for (const RecordTable& table : RecordTables()) {
+      const auto sizes = table.SizesByOrigin(*database_);
+      if (!sizes) return tl::unexpected(sizes.error());
+      for (const auto& [origin, size] : *sizes) used_bytes_[origin] += size.content_bytes + size.row_count * kRowBytes;
+    }
+    are_bytes_counted_ = true;
+  }
+  return std::optional(room);
 }
 
 RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
@@ -777,7 +782,7 @@ Result<void> RecordStore::CheckBrought(AgentId sender, const RecordKey& key, con
 Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped,
                                    Stored& result) {
   if (opened.empty() && dropped.streams().empty()) return {};
-  const Result<std::uint64_t> room_bytes = RoomForRecords();
+  const Result<std::optional<std::uint64_t>> room_bytes = RoomToShare();
   if (!room_bytes) return tl::unexpected(room_bytes.error());
   Result<Writing> writing = Writing::Begin(*this);
   if (!writing) return tl::unexpected(writing.error());
@@ -798,8 +803,8 @@ Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& op
   return {};
 }
 
-Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::uint64_t room_bytes, Writing& writing,
-                                   Stored& result) {
+Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::optional<std::uint64_t> room_bytes,
+                                   Writing& writing, Stored& result) {
   if (const Result<void> room = door_.CheckRoom(sender, opened.key.stream, ledger_); !room) {
     Reject(room.error(), result);
     return {};
@@ -829,8 +834,8 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::ui
   }
   std::uint64_t superseded_bytes = 0;
   for (const RecordTable::Row& row : superseded) superseded_bytes += row.content_bytes;
-  if (superseded.empty() || opened.stored->content().size() > superseded_bytes) {
-    const Result<void> room = door_.CheckDiskRoom(opened.key.stream.origin, writing.used_bytes(), room_bytes);
+  if (room_bytes && (superseded.empty() || opened.stored->content().size() > superseded_bytes)) {
+    const Result<void> room = door_.CheckDiskRoom(opened.key.stream.origin, writing.used_bytes(), *room_bytes);
     if (!room) {
       Reject(room.error(), result);
       return {};

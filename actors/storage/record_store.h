@@ -202,8 +202,9 @@ class RecordStore {
   Result<void> Claim();  // For this agent; trouble of the disk is only noted where it is its file already.
   Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
-  Result<std::uint64_t> UsedByRecords();   // Bytes of pages.
-  Result<std::uint64_t> RoomForRecords();  // Bytes that the file may have, by its budget and its disk.
+  Result<std::uint64_t> UsedByRecords();  // Bytes of pages.
+  // Bytes that the file may have, by its budget and its disk; none while it has less than one agent's part of them.
+  Result<std::optional<std::uint64_t>> RoomToShare();
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   // Own epochs that others know. Restates what that endangers, also what could not be restated before.
@@ -236,7 +237,7 @@ class RecordStore {
   // As HaveRequest.is_for_peer has it.
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
   Result<void> StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
-  Result<void> StoreOne(AgentId sender, const Opened& opened, std::uint64_t room_bytes, Writing& writing,
+  Result<void> StoreOne(AgentId sender, const Opened& opened, std::optional<std::uint64_t> room_bytes, Writing& writing,
                         Stored& result);
   Result<void> ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing);
   Result<void> CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted);
@@ -267,8 +268,9 @@ class RecordStore {
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;
   std::uint64_t pruned_count_ = 0;
-  std::uint64_t map_bytes_ = 0;                  // Of the contents of maps.
-  std::map<AgentId, std::uint64_t> used_bytes_;  // Of all rows but history, by origin: contents and kRowBytes each.
+  std::uint64_t map_bytes_ = 0;  // Of the contents of maps.
+  bool are_bytes_counted_ = false;
+  std::map<AgentId, std::uint64_t> used_bytes_;  // Once counted: of all rows but history, contents and kRowBytes each.
   std::optional<std::set<std::uint64_t>> own_nodes_;  // Indices of this agent's nodes; none: not read yet.
   std::string set_aside_;
   std::optional<Error> start_trouble_;

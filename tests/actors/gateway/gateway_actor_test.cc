@@ -790,10 +790,10 @@ TEST_F(GatewayActorTest, WritesDownThatACommandWasRefused) {
   request.set_by("anna@hill");
   Request(request);
   EXPECT_EQ(Asked(actor_name::kStorage).insert_request().records(0).agent_event().text(), "role swap");
-  proto::Message refusal;
-  refusal.mutable_role_show_reply()->mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
-  refusal.mutable_role_show_reply()->mutable_error()->set_text("rover1 may not change roles");
-  AnswerAs(actor_name::kRole, Asked(actor_name::kRole), refusal);
+  proto::ControlReply refusal;
+  refusal.mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
+  refusal.mutable_error()->set_text("rover1 may not change roles");
+  AnswerAs(actor_name::kRole, Asked(actor_name::kRole), MessageOf(refusal));
   EXPECT_EQ(OnlyAnswer().error().code(), proto::ERROR_CODE_REFUSED);
   const proto::AgentEvent written = Asked(actor_name::kStorage).insert_request().records(0).agent_event();
   EXPECT_EQ(written.kind(), proto::EVENT_KIND_REJECTED);

@@ -455,6 +455,7 @@ TEST_F(DiskRoomTest, TakesRecordsAgainOnceSomeWerePruned) {
   ASSERT_TRUE(have);
   *request.add_acknowledged() = ToProto(*have);
   *request.add_acknowledged() = ToProto(*have);
+  request.add_data_types(proto::POSE_GRAPH_NODE);
   request.set_content_bytes_max(30'000);
   const Result<proto::PruneReply> pruned = store_->Prune(request, 0);
   ASSERT_TRUE(pruned) << ToString(pruned.error());
