@@ -655,7 +655,8 @@ Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, con
     }
     own_nodes_ = std::move(nodes);
   }
-  for (const std::set<std::uint64_t>* nodes : {&*own_nodes_, &writing.nodes()}) {
+  const std::set<std::uint64_t>* const stored_and_new[] = {&*own_nodes_, &writing.nodes()};
+  for (const std::set<std::uint64_t>* nodes : stored_and_new) {
     const auto next = nodes->upper_bound(first);
     if (next == nodes->end() || *next >= last) continue;
     return Fail(ErrorCode::kInvalid,
