@@ -219,6 +219,7 @@ std::string GatewayActor::WriteDown(Context& context, const proto::ControlReques
 // The command was written down before anything that it could have stored.
 void GatewayActor::WriteDownFailure(Context& context, const Pending& pending) {
   const Error error = FromProto(pending.reply.error());
+  if (error.code == ErrorCode::kTimedOut) return;  // It may have been done.
   const std::string text =
       (error.code == ErrorCode::kRefused ? "refused " : "failed: ") + pending.command + ": " + OneLine(error.text);
   const CommandLog::Added added = refused_log_.Add(kRefusedKind, text, pending.by, context.utc_now_ns());

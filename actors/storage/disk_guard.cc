@@ -88,6 +88,13 @@ Result<void> DiskGuard::CheckRoom(Database& database, Kind kind) const {
   return {};
 }
 
+bool DiskGuard::MakeRoomForLog(Database& database) {
+  const std::optional<Room> room = RoomOf(database);
+  const bool is_log_short = room && room->bytes >= RecordFloor(room->reserve_bytes) &&
+                            room->disk_bytes + room->log_bytes < LogFloor(room->reserve_bytes);
+  return is_log_short && reserve_.Bytes() > 0 && GiveUpReserve(database);
+}
+
 bool DiskGuard::GiveUpReserve(Database& database) {
   is_reserve_whole_ = false;
   const bool was_there = reserve_.GiveUp();

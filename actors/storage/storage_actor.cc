@@ -125,7 +125,7 @@ bool StorageActor::OpenStore(Context& context) {
   }
   store_ = *std::move(store);
   if (store_->database().access() == Database::Access::kReadOnly) {
-    NoteWrite(disk_.CheckRoom(store_->database(), DiskGuard::Kind::kRecord));
+    NoteWrite(CheckRoom(DiskGuard::Kind::kRecord));
   } else if (store_->start_trouble()) {
     NoteWrite(tl::unexpected(*store_->start_trouble()));
   }
@@ -232,7 +232,7 @@ void StorageActor::OnInsert(Context& context, const proto::InsertRequest& reques
                                    [](const proto::Record& record) { return record.has_local_traversability_map(); });
   RecordStore::Inserted inserted;
   const auto kind = has_map ? DiskGuard::Kind::kMap : DiskGuard::Kind::kRecord;
-  if (const Result<void> room = disk_.CheckRoom(store_->database(), kind); !room) {
+  if (const Result<void> room = CheckRoom(kind); !room) {
     *inserted.reply.mutable_error() = ToProto(room.error());
   } else if (IsClockSuspect(context)) {
     proto::InsertRequest marked = request;
@@ -246,6 +246,12 @@ void StorageActor::OnInsert(Context& context, const proto::InsertRequest& reques
   *reply.mutable_insert_reply() = std::move(inserted.reply);
   Answer(context, std::move(reply));
   Publish(context, inserted.stored);
+}
+
+Result<void> StorageActor::CheckRoom(DiskGuard::Kind kind) {
+  Result<void> room = disk_.CheckRoom(store_->database(), kind);
+  if (!room && disk_.MakeRoomForLog(store_->database())) room = disk_.CheckRoom(store_->database(), kind);
+  return room;
 }
 
 RecordStore::Inserted StorageActor::InsertWhereRoomSeems(const proto::InsertRequest& request) {
@@ -287,13 +293,13 @@ RecordStore::Stored StorageActor::StoreAsRoomAllows(const proto::StoreRequest& r
     return record.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP;
   };
   const bool has_map = std::any_of(request.records().begin(), request.records().end(), is_map);
-  Result<void> room = disk_.CheckRoom(store_->database(), DiskGuard::Kind::kRecord);
+  Result<void> room = CheckRoom(DiskGuard::Kind::kRecord);
   RecordStore::Stored stored;
-  if (room && has_map) room = disk_.CheckRoom(store_->database(), DiskGuard::Kind::kMap);
+  if (room && has_map) room = CheckRoom(DiskGuard::Kind::kMap);
   if (room) {
     return StoreWhereRoomSeems(request);
   }
-  if (has_map && disk_.CheckRoom(store_->database(), DiskGuard::Kind::kRecord)) {
+  if (has_map && CheckRoom(DiskGuard::Kind::kRecord)) {
     proto::StoreRequest others = request;
     others.clear_records();
     for (const proto::StoredRecord& record : request.records()) {

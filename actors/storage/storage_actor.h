@@ -88,6 +88,7 @@ class StorageActor final : public Actor {
   bool OpenStore(Context& context);
   void Tend(Context& context);
   void OpenAnew(Context& context);
+  Result<void> CheckRoom(DiskGuard::Kind kind);
   // Where the disk has room, as far as DiskGuard knows; once more with the reserve given up, where it is full.
   RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);
   RecordStore::Stored StoreWhereRoomSeems(const proto::StoreRequest& request);

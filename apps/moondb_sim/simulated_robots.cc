@@ -66,8 +66,10 @@ Address SimulatedRobots::DoorOf(AgentId agent) const {
 
 Address SimulatedRobots::RobotOf(AgentId agent) const {
   if (world_.options.has_all_actors()) return {kClients, "robot" + std::to_string(agent)};
-  return {agent, "robot"};
+  return ActorOf(agent);
 }
+
+Address SimulatedRobots::ActorOf(AgentId agent) { return {agent, "robot"}; }
 
 void SimulatedRobots::SetLease(AgentId agent, proto::LeaseKind kind, Duration length) {
   proto::Message message;
@@ -92,6 +94,7 @@ void SimulatedRobots::OnAgentStarted(AgentId agent) {
 void SimulatedRobots::OnAgentEnded(AgentId agent) {
   robots_[agent].asked.clear();
   (void)world_.team.Take(RobotOf(agent));
+  (void)world_.team.Take(ActorOf(agent));
   std::erase_if(run_, [agent](const auto& entry) { return entry.first.first == agent; });
 }
 
@@ -215,19 +218,26 @@ void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) 
   for (const proto::Record& record : records) *request.mutable_insert()->add_records() = record;
   proto::Message message;
   message.set_request_id(++request_id_);
-  if (world_.options.has_all_actors()) {
+  // No client may insert optimized poses.
+  const bool is_by_client = world_.options.has_all_actors() && !records.front().has_optimized_pose();
+  if (is_by_client) {
     message = ClientMessage(request_id_, request);
   } else {
     *message.mutable_insert_request() = std::move(*request.mutable_insert());
   }
-  const SendResult sent = world_.team.Post(RobotOf(agent), DoorOf(agent), std::move(message));
+  const SendResult sent = is_by_client ? world_.team.Post(RobotOf(agent), DoorOf(agent), std::move(message))
+                                       : world_.team.Post(ActorOf(agent), {agent, actor_name::kStorage}, message);
   for (const proto::Record& record : records) world_.rules.SeeGiven(agent, record);
   if (sent == SendResult::kAccepted) robots_[agent].asked[request_id_] = std::move(records);
 }
 
 void SimulatedRobots::TakeInsertReplies(AgentId agent) {
   Robot& robot = robots_[agent];
-  for (const proto::Message& message : world_.team.Take(RobotOf(agent))) {
+  std::vector<proto::Message> answers = world_.team.Take(RobotOf(agent));
+  if (world_.options.has_all_actors()) {
+    for (proto::Message& message : world_.team.Take(ActorOf(agent))) answers.push_back(std::move(message));
+  }
+  for (const proto::Message& message : answers) {
     const auto asked = robot.asked.find(message.request_id());
     const std::optional<proto::InsertReply> reply = InsertReplyIn(message);
     if (!reply || asked == robot.asked.end()) continue;

@@ -38,8 +38,9 @@ class SimulatedRobots {
   };
 
   bool IsSilent() const;
-  Address DoorOf(AgentId agent) const;   // Where its robot's requests go to,
+  Address DoorOf(AgentId agent) const;  // Where its robot's requests go to,
   Address RobotOf(AgentId agent) const;  // and the answers.
+  static Address ActorOf(AgentId agent);
   void Work(AgentId rover);
   void Learn(AgentId rover, Robot& robot);
   void Drive(AgentId agent, Robot& robot);

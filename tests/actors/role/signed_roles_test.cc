@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <deque>
 #include <functional>
 #include <map>
@@ -431,6 +432,9 @@ TEST(SignedRolesTest, OfAChainThatComesLateDoNotReplaceNewerOnesThatCannotBeStor
   ASSERT_TRUE(team.Set(2, 1, 2));
   const std::vector<proto::RoleAssignment> chain = team.disk(1);
   ASSERT_TRUE(team.Set(kBase, 2, 1));
+  const auto of_base = std::find_if(team.disk(kBase).begin(), team.disk(kBase).end(),
+                                    [](const auto& roles) { return roles.term().issuer() == kBase; });
+  ASSERT_NE(of_base, team.disk(kBase).end());
 
   RoleLogic logic(team.OptionsOf(3));
   (void)logic.OnLoaded({}, /*epoch=*/999, 0, {});
@@ -439,12 +443,12 @@ TEST(SignedRolesTest, OfAChainThatComesLateDoNotReplaceNewerOnesThatCannotBeStor
   const auto asks = logic.OnAnnounce(1, announce);
   ASSERT_TRUE(asks);
   ASSERT_TRUE(asks->question);
-  *announce.mutable_roles() = team.Of(kBase);
+  *announce.mutable_roles() = *of_base;
   const auto hears = logic.OnAnnounce(kBase, announce);
   ASSERT_TRUE(hears && hears->save);
   const RoleLogic::Actions acts = logic.OnSaveFailed();
   ASSERT_TRUE(acts.apply);
-  EXPECT_EQ(acts.apply->signature(), team.Of(kBase).signature());
+  EXPECT_EQ(acts.apply->signature(), of_base->signature());
 
   proto::RoleChainReply reply;
   for (auto roles = chain.rbegin() + 1; roles != chain.rend(); ++roles) *reply.add_chain() = *roles;

@@ -182,10 +182,11 @@ TEST_F(FullDiskTest, StartsReadsAndPrunesOnAFullDisk) {
 }
 
 TEST_F(FullDiskTest, TakesInsertsAfterAPrune) {
-  for (int i = 0; i < 40; ++i) ASSERT_FALSE(IsError(Insert(Map(kSelf)).error()));
+  for (int i = 0; i < 400; ++i) ASSERT_FALSE(IsError(Insert(Map(kSelf)).error()));
   disk_.SetRoom(kFolder, 0);
   EXPECT_EQ(Insert(Node(kSelf, 1)).error().code(), proto::ERROR_CODE_FULL);
-  while (!Prune().is_complete()) {
+  for (proto::PruneReply pruned = Prune(); !pruned.is_complete(); pruned = Prune()) {
+    ASSERT_FALSE(IsError(pruned.error())) << pruned.error().text();
   }
   for (std::uint64_t index = 1; index <= 500; ++index) {
     const proto::InsertReply inserted = Insert(Node(kSelf, index));
