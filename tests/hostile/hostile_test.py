@@ -4,7 +4,7 @@
 Usage: hostile_test.py PROGRAMS [--only NAME] [--module NAME] [--scale X] [--not-yet] [--seed N] [--json FILE]
 
 PROGRAMS is the folder of moonctl and moondb_agent. During each attacker the others go on sharing; after it the attacked
-agent lives, took at most 64 MB more at any time, logged and stored little, and answers; no honest agent lost a record that
+agent lives, took at most 64 MB more at any time (or RSS_MB_MAX_OF its module), logged and stored little, and answers; no honest agent lost a record that
 it had, and what rover2 inserts then comes to the leader. With a smaller scale attackers send less, and those that show
 nothing then are left out. Attackers against which there is no check yet (NOT_YET of their module) run with --not-yet alone,
 and fail nothing.
@@ -90,8 +90,8 @@ def costs(team, before):
     }
 
 
-def beyond_bounds(result):
-    if result["rss_mb_more"] > RSS_MB_MAX:
+def beyond_bounds(result, rss_mb_max):
+    if result["rss_mb_more"] > rss_mb_max:
         yield f"it took {result['rss_mb_more']} MB"
     if result["log_bytes"] > LOG_BYTES_MAX:
         yield f"it logged {result['log_bytes']} bytes"
@@ -114,7 +114,7 @@ def refresh(team):
     return team.settle()
 
 
-def attack(team, attacker, scale, prunes, is_at_rest):
+def attack(team, attacker, scale, prunes, is_at_rest, rss_mb_max):
     """What became of the team; with "broken", what did not hold. `prunes`: the operator removes records meanwhile;
     `is_at_rest`: the others do not share meanwhile, since the attacked agent is stopped, or another one leads."""
     from team import HONEST, Failure
@@ -137,7 +137,7 @@ def attack(team, attacker, scale, prunes, is_at_rest):
     if bystander.failure:
         broken.append(bystander.failure)
     result.update(costs(team, before))
-    broken += beyond_bounds(result)
+    broken += beyond_bounds(result, rss_mb_max)
     try:
         result.update(still_shares(team))
     except Failure as failure:
@@ -178,7 +178,8 @@ def run(options):
             team.take_over() if getattr(module, "TAKES_ROVER3", False) else team.give_back()
             prunes = attacker in getattr(module, "PRUNING", [])
             is_at_rest = getattr(module, "AT_REST", False) or attacker in getattr(module, "LEADS", [])
-            result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_at_rest)
+            rss_mb_max = getattr(module, "RSS_MB_MAX_OF", {}).get(attacker, RSS_MB_MAX)
+            result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_at_rest, rss_mb_max)
             if report(module, attacker, result):
                 failed.append(attacker.__name__)
             if result["broken"] or attacker in getattr(module, "LEAVES_MUCH", []):

@@ -298,5 +298,6 @@ ATTACKERS = [records_of_another, state_of_another, drops_of_another, own_epochs_
              streams_of_its_own, quarantine_in_anothers_name, quarantines_of_others, lifts_of_others, edges_of_others, dense_graph,
              many_maps, absurd_records, undeclared_types]
 ONLY_AT_LENGTH = [streams_of_its_own, many_maps]
+RSS_MB_MAX_OF = {many_maps: 160}  # The merged map holds what it is merged from: 1.5 kB for each of 65,535 maps.
 # Of its own, on every disk: have-sets of the next attackers would be larger.
 LEAVES_MUCH = [streams_of_its_own, dense_graph, many_maps]
