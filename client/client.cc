@@ -13,6 +13,7 @@
 #include "model/control_request.h"
 #include "model/team_id.h"
 #include "proto/control.pb.h"
+#include "proto/types.pb.h"
 
 namespace moondb {
 
@@ -153,6 +154,22 @@ Result<void> Client::ReadAll(proto::ReadRequest request, const Visit& visit) {
     if (page->is_complete() || page->row_ids().empty()) return {};
     request.set_after_row_id(*page->row_ids().rbegin());
   }
+}
+
+Result<std::uint64_t> Client::NextNodeIndex() {
+  const Result<proto::AgentStatus> status = Status();
+  if (!status) return tl::unexpected(status.error());
+  proto::ReadRequest request;
+  request.add_data_types(proto::POSE_GRAPH_NODE);
+  request.add_origin_agents(status->agent_id());
+  std::uint64_t next = 0;
+  const Result<void> read =
+      ReadAll(request, [&next](const proto::StoredRecord&, const proto::Record& record) -> Result<void> {
+        next = std::max(next, record.pose_graph_node().node().index() + 1);
+        return {};
+      });
+  if (!read) return tl::unexpected(read.error());
+  return next;
 }
 
 Result<HaveSet> Client::Have() {

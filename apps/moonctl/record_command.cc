@@ -90,6 +90,16 @@ ExitCode InsertRecord(CommandContext& context, const RecordArguments& arguments)
   return context.Done(json.text(), arguments.is_local ? "stored, local" : key);
 }
 
+ExitCode ShowNextNode(CommandContext& context) {
+  auto target = ConnectToChosen(context);
+  if (!target) return context.Report(target.error());
+  const Result<std::uint64_t> next = target->client->NextNodeIndex();
+  if (!next) return context.Report(next.error());
+  JsonWriter json;
+  json.BeginObject().Key("next_node_index").String(std::to_string(*next)).EndObject();
+  return context.Done(json.text(), std::to_string(*next));
+}
+
 ExitCode GetRecord(CommandContext& context, const RecordArguments& arguments) {
   const auto key = ParseRecordKey(arguments.key);
   if (!key) return context.Report(key.error());
@@ -193,6 +203,10 @@ void AddRecordCommands(Command& app, CommandContext& context) {
   insert.AddFlag("--local", arguments->is_local, "Keep it on this agent");
   insert.Callback(
       [&context, arguments] { context.action = [&context, arguments] { return InsertRecord(context, *arguments); }; });
+
+  AddCommand(group, "next-node", "The index of the next node of the agent's robot",
+             {"moonctl -a rover1 record next-node", kShows})
+      .Callback([&context] { context.action = [&context] { return ShowNextNode(context); }; });
 
   Command& get = AddCommand(group, "get", "Show one record as JSON",
                             {"moonctl -a rover1 record get 2.5f3c9a1e0b7d4c21.30.17", kShows});

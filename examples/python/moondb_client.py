@@ -16,6 +16,8 @@ import zmq
 import zstandard
 
 import control_pb2
+import record_pb2
+import types_pb2
 
 REQUEST_BYTES_MAX = 32 * 1024 * 1024
 
@@ -93,6 +95,19 @@ class MoondbClient:
                 yield stored.key, stored.content
             if not page.row_ids:
                 return
+            read["after_row_id"] = page.row_ids[-1]
+
+    def next_node_index(self):
+        """One above the highest index of a node of the agent's robot in its store; 0 if there is none. After a lost disk its
+        nodes come back with the next sync: ask after it."""
+        read = {"data_types": [types_pb2.POSE_GRAPH_NODE], "origin_agents": [self.status().agent_id]}
+        index = 0
+        while True:
+            page = self.call(control_pb2.ControlRequest(read=read), timeout_s=600).read
+            for stored in page.records:
+                index = max(index, 1 + record_pb2.Record.FromString(stored.content).pose_graph_node.node.index)
+            if page.is_complete or not page.row_ids:
+                return index
             read["after_row_id"] = page.row_ids[-1]
 
     def merged_map(self):

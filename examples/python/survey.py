@@ -47,12 +47,13 @@ def main():
     status = client.status()
     print(f"{status.name} of team {status.team}, moondb {status.version}")
 
+    index = client.next_node_index()  # Of an earlier run there are nodes already.
     side = 40
     hazard_ahead = [2 if column > 35 else 1 for row in range(side) for column in range(side)]
     keys = client.insert([
         record_pb2.Record(stamp_ns=time.time_ns(), temperature={"celsius": -40.5}),
-        node_at(agent_id, 0, x=5.0, y=2.0),
-        map_at(agent_id, 0, hazard_ahead, side, resolution_m=0.1),
+        node_at(agent_id, index, x=5.0 + index, y=2.0),
+        map_at(agent_id, index, hazard_ahead, side, resolution_m=0.1),
     ])
     print("stored", len(keys), "records, the first as", key_text(keys[0]))
 

@@ -74,7 +74,9 @@ TEST_F(ProcessTest, BringsAMapFromARoverToTheLeaderAndOnToTheSurvivor) {
   // The survivor replicates rover3's records too, so let rover3 have one.
   const std::string state =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "temperature", "{\"celsius\": -20}", "-a", "rover3"}));
+  EXPECT_EQ(MoonctlExpecting(0, {"record", "next-node", "-a", "rover2"}), "0\n");
   MoonctlExpecting(0, {"record", "insert", "pose_graph_node", kNodeJson, "-a", "rover2"});
+  EXPECT_NE(MoonctlExpecting(0, {"record", "next-node", "-a", "rover2"}), "0\n");
   const std::string map =
       KeyOf(MoonctlExpecting(0, {"record", "insert", "local_traversability_map", kMapJson, "-a", "rover2"}));
   MoonctlExpecting(1, {"record", "get", map, "-a", "rover1"});

@@ -47,6 +47,9 @@ def survey(python, programs, source, folder):
         run(["moonctl", "up"], environment, folder)
         survey_program = str(source / "examples/python/survey.py")
         out = run([python, survey_program, "team/team.yaml", "rover2", "2"], environment, folder)
+        again = run([python, survey_program, "team/team.yaml", "rover2", "2"], environment, folder)
+        if "stored 3 records" not in again:
+            raise RuntimeError(f"a second run printed:\n{again}")
         maps = run(["moonctl", "-a", "rover2", "record", "list", "local_traversability_map"], environment, folder)
         return out, maps
     finally:
