@@ -1,6 +1,7 @@
 #include "actors/storage/sqlite_database.h"
 
 #include <fcntl.h>
+#include <spdlog/spdlog.h>
 #include <sqlite3.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -30,6 +31,50 @@ constexpr std::uint64_t kLogPagesMin = 16;            // On a tiny disk.
 constexpr std::uint64_t kLogBytesKept = 16ull << 20;  // Of a log that was moved; what is longer is cut.
 
 std::string AsidePath(const std::string& path, int number) { return path + ".damaged-" + std::to_string(number); }
+
+// With its log, which goes first: if this process ends in between, it must not be taken for a log of the next file.
+Result<void> MoveFile(const std::string& from, const std::string& to) {
+  for (const char* ending : {"-wal", ""}) {
+    std::error_code error;
+    if (!std::filesystem::exists(from + ending, error)) continue;
+    std::filesystem::rename(from + ending, to + ending, error);
+    if (error) return Fail(ErrorCode::kInternal, "cannot rename " + from + ending + ": " + error.message());
+  }
+  return {};
+}
+
+// Where the next damaged file goes. Of Database::kDamagedMax files the smallest is removed, which has least to lose,
+// and those after it move up.
+Result<std::string> FreeAsidePath(const std::string& path) {
+  int smallest = 1;
+  std::uintmax_t smallest_bytes = UINTMAX_MAX;
+  for (int number = 1; number <= Database::kDamagedMax; ++number) {
+    const std::string file = AsidePath(path, number);
+    std::error_code error;
+    const bool is_taken = std::filesystem::exists(file, error);
+    if (error) return Fail(ErrorCode::kInternal, "cannot look at " + file + ": " + error.message());
+    if (!is_taken) return file;
+    std::uintmax_t bytes = std::filesystem::file_size(file, error);
+    const std::uintmax_t log_bytes = std::filesystem::file_size(file + "-wal", error);
+    if (!error) bytes += log_bytes;
+    if (bytes < smallest_bytes) {
+      smallest_bytes = bytes;
+      smallest = number;
+    }
+  }
+  spdlog::error("storage: {} damaged stores lie beside {}: look at the disk; the smallest of them is removed",
+                Database::kDamagedMax, path);
+  for (const char* ending : {"-wal", ""}) {
+    std::error_code error;
+    std::filesystem::remove(AsidePath(path, smallest) + ending, error);
+    if (error) return Fail(ErrorCode::kInternal, "cannot remove " + AsidePath(path, smallest) + ": " + error.message());
+  }
+  for (int number = smallest; number < Database::kDamagedMax; ++number) {
+    const Result<void> moved = MoveFile(AsidePath(path, number + 1), AsidePath(path, number));
+    if (!moved) return tl::unexpected(moved.error());
+  }
+  return AsidePath(path, Database::kDamagedMax);
+}
 
 ErrorCode CodeOf(int sqlite_code) {
   switch (sqlite_code & 0xFF) {
@@ -230,28 +275,12 @@ Result<std::string> Database::SetAside(const std::string& path, const std::strin
     for (const char* ending : {"", "-wal"}) (void)files->xDelete(files, (path + ending).c_str(), /*syncDir=*/1);
     return path;
   }
-  std::string aside;
-  for (int number = 1; aside.empty(); ++number) {
-    if (number > kDamagedMax) {
-      return Fail(ErrorCode::kFull, "database " + path + " is damaged, and " + std::to_string(kDamagedMax) +
-                                        " damaged ones lie beside it already: look at the disk");
-    }
-    const std::string candidate = AsidePath(path, number);
-    std::error_code error;
-    const bool is_taken = std::filesystem::exists(candidate, error);
-    if (error) return Fail(ErrorCode::kInternal, "cannot look at " + candidate + ": " + error.message());
-    if (!is_taken) aside = candidate;
-  }
-  // The log first: if this process ends in between, it must not be taken for a log of the next file.
-  for (const char* ending : {"-wal", ""}) {
-    std::error_code error;
-    if (!std::filesystem::exists(path + ending, error)) continue;
-    std::filesystem::rename(path + ending, aside + ending, error);
-    if (error) return Fail(ErrorCode::kInternal, "cannot rename " + path + ending + ": " + error.message());
-  }
+  const Result<std::string> aside = FreeAsidePath(path);
+  if (!aside) return aside;
+  if (const Result<void> moved = MoveFile(path, *aside); !moved) return tl::unexpected(moved.error());
   std::error_code ignored;
   std::filesystem::remove(path + "-shm", ignored);  // Of the file that is gone.
-  return aside;
+  return *aside;
 }
 
 std::string Database::LastSetAside(const std::string& path, const std::string& vfs) {

@@ -104,7 +104,8 @@ class Database {
                                                 const std::string& vfs = {}, Access access = Access::kShared,
                                                 FileCheck check = nullptr);
   // Renames a damaged file that is not open, with its write-ahead log, to PATH.damaged-1 or the next number that is
-  // free; the new path. kFull when there are kDamagedMax already: the disk needs a person. In a `vfs`: deletes it.
+  // free; the new path. Of kDamagedMax such files the smallest is removed for it, and those after it move up, so that
+  // an agent on a bad disk still starts. In a `vfs`: deletes the file.
   static Result<std::string> SetAside(const std::string& path, const std::string& vfs = {});
   static constexpr int kDamagedMax = 10;
   // The last file that was set aside from `path` and is still there; empty: none is. Empty in a `vfs`.

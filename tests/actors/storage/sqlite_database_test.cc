@@ -69,11 +69,11 @@ TEST(SqliteDatabaseTest, EndsAStatementThatNeverWould) {
   EXPECT_EQ(database->Number("SELECT 7").value(), 7) << "each step has its own";
 }
 
-TEST(SqliteDatabaseTest, SetsDamagedFilesAsideUpToALimit) {
+TEST(SqliteDatabaseTest, SetsDamagedFilesAsideAndBeyondALimitRemovesTheSmallest) {
   TemporaryFolder folder;
   const std::string path = folder.File("a.db");
   for (int number = 1; number <= Database::kDamagedMax; ++number) {
-    std::ofstream(path) << "file " << number;
+    std::ofstream(path) << (number == 3 ? "small" : "a larger file ") << number;
     std::ofstream(path + "-wal") << "log";
     const Result<std::string> aside = Database::SetAside(path);
     ASSERT_TRUE(aside) << ToString(aside.error());
@@ -81,9 +81,19 @@ TEST(SqliteDatabaseTest, SetsDamagedFilesAsideUpToALimit) {
     EXPECT_FALSE(std::filesystem::exists(path));
     EXPECT_TRUE(std::filesystem::exists(*aside + "-wal"));
   }
-  std::ofstream(path) << "one too many";
-  EXPECT_EQ(Database::SetAside(path).error().code, ErrorCode::kFull);
-  EXPECT_TRUE(std::filesystem::exists(path));
+  std::ofstream(path) << "one more";
+  const Result<std::string> last = Database::SetAside(path);
+  ASSERT_TRUE(last) << ToString(last.error());
+  EXPECT_EQ(*last, path + ".damaged-10");
+  const auto content = [&path](int number) {
+    std::ifstream file(path + ".damaged-" + std::to_string(number));
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  EXPECT_EQ(content(1), "a larger file 1");
+  EXPECT_EQ(content(3), "a larger file 4");
+  EXPECT_EQ(content(9), "a larger file 10");
+  EXPECT_EQ(content(10), "one more");
+  EXPECT_FALSE(std::filesystem::exists(path));
 }
 
 TEST(SqliteDatabaseTest, SaysWhereAFolderIsMissing) {
