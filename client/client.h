@@ -117,8 +117,8 @@ class Client {
   // All pages from request.after_row_id on, in the order of storing; each page bounded by the request's limits.
   Result<void> ReadAll(proto::ReadRequest request, const Visit& visit);
 
-  // One above the highest index of a node of the agent's own robot in its store; 0 if there is none. Reads all these nodes.
-  // After a lost disk they come back with the next sync: ask after it.
+  // One above the highest index of a node of the agent's own robot in its store; 0 if there is none. Reads all these
+  // nodes. After a lost disk they come back with the next sync: ask after it.
   Result<std::uint64_t> NextNodeIndex();
 
   // What the agent holds and dropped of each stream.

@@ -158,7 +158,7 @@ Result<void> BackUpStore(const std::filesystem::path& file, const std::filesyste
   }
   const std::filesystem::path folder = std::filesystem::absolute(to).parent_path();
   if (!std::filesystem::is_directory(folder, error)) {
-    return Fail(ErrorCode::kInvalid, "there is no folder " + folder.string(), to.string());
+    return Fail(ErrorCode::kNotFound, "there is no folder " + folder.string(), to.string());
   }
   const Result<Connection> source = OpenToRead(file);
   if (!source) return tl::unexpected(source.error());

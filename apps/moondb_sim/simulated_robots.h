@@ -38,7 +38,7 @@ class SimulatedRobots {
   };
 
   bool IsSilent() const;
-  Address DoorOf(AgentId agent) const;  // Where its robot's requests go to,
+  Address DoorOf(AgentId agent) const;   // Where its robot's requests go to,
   Address RobotOf(AgentId agent) const;  // and the answers.
   static Address ActorOf(AgentId agent);
   void Work(AgentId rover);

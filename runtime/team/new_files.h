@@ -18,8 +18,8 @@ class NewFiles {
   NewFiles& operator=(const NewFiles&) = delete;
   ~NewFiles();  // Removes what Publish did not bring to its place.
 
-  // Written aside, in the same folder, and to the disk. Makes the folder, for its owner alone, if there is none. kRefused
-  // if `path` exists, kInternal if the system fails.
+  // Written aside, in the same folder, and to the disk. Makes the folder, for its owner alone, if there is none.
+  // kRefused if `path` exists, kInternal if the system fails.
   Result<void> Add(const std::filesystem::path& path, const std::string& content, mode_t mode);
 
   // Brings each to its place, in the order of Add; on the first failure takes back those of this call.

@@ -67,6 +67,7 @@ const std::vector<Case>& Cases() {
       {{"record", "list", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "temperature"},
       {{"record", "list", "--history", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "KEY"},
       {{"record", "get", "KEY", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "pose_graph_node"},
+      {{"record", "next-node", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, ""},
       {{"db", "info"}, kDone, kUnreachable, kUnreachable, "DATABASE"},
       {{"db", "holdings"}, kDone, kUnreachable, kUnreachable, "rover3"},
       {{"db", "verify", "-a", "rover3"}, kDone, kUnreachable, kUnreachable, "rover3"},
@@ -96,6 +97,7 @@ const std::vector<Case>& Cases() {
       {{"keys", "add-signing"}, kDone, kDone, kDone, "nothing to add"},
       {{"completion", "bash"}, kDone, kDone, kDone, "moonctl"},
       {{"man"}, kDone, kDone, kDone, ".TH"},
+      {{"help"}, kDone, kDone, kDone, "Usage"},
       {{"version"}, kDone, kDone, kDone, "moonctl"},
       {{"downlink", "ack", "%"}, kDone, kDone, kDone, "bundle 1"},
   };
