@@ -87,6 +87,7 @@ class ByzantineAgent {
   std::mt19937_64 rng_;
   std::size_t kind_ = 0;                                               // Of the attack that is being made.
   bool is_attacking_ = false;                                          // What is sent now is an attack.
+  int dense_count_ = 0;                                                // Dense graphs that it has brought.
   std::deque<Seen> seen_;                                              // Messages that its actors handled or sent.
   std::map<std::pair<AgentId, std::string>, std::uint64_t> sessions_;  // That others opened with it, by their actor.
   std::map<std::uint64_t, std::size_t> under_way_;                     // Kinds of attacks, by hash of the message.
