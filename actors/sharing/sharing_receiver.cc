@@ -12,6 +12,7 @@ namespace {
 
 // Ids of one sender's sessions count up: one a little below the present id is an old Hello that came late.
 constexpr std::uint64_t kStaleSessions = 1024;
+constexpr std::chrono::seconds kStorageAnswersWithin(10);  // Then the answer is taken for lost.
 
 constexpr int kEveryonesTypesMax = 256;
 
@@ -87,7 +88,13 @@ SharingActions SharingReceiver::OnHello(AgentId sender, const proto::Hello& hell
     return RefuseHello(sender, hello, Error{ErrorCode::kFull, "too many sessions are open here", ""});
   }
   Incoming& incoming = incoming_[sender];
+  // However many Hellos a sender says, storage has one question of it at a time.
+  if (incoming.have_request_id != 0 && now - incoming.have_asked_at < kStorageAnswersWithin) {
+    incoming.next_hello = hello;
+    return {};
+  }
   if (incoming.session_id != hello.session_id()) incoming = Incoming();
+  incoming.have_asked_at = now;
   incoming.session_id = hello.session_id();
   incoming.last_heard = now_ = now;
   incoming.is_at_end = false;
@@ -185,6 +192,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
   for (auto& [sender, incoming] : incoming_) {
     if (request_id == 0 || incoming.have_request_id != request_id) continue;
     incoming.have_request_id = 0;
+    if (const auto next = std::exchange(incoming.next_hello, std::nullopt)) return OnHello(sender, *next, now_);
     SharingAction action{sender, {}};
     action.message.set_ms_type(proto::ACKNOWLEDGMENT);
     proto::Have& have = *action.message.mutable_have();

@@ -92,6 +92,8 @@ class SharingReceiver {
   struct Incoming {
     std::uint64_t session_id = 0;
     std::uint64_t have_request_id = 0;                       // 0: none waits.
+    Time have_asked_at{};                                    // When that one was sent to storage.
+    std::optional<proto::Hello> next_hello;                  // Answered after that one.
     RecordKey have_from;                                     // Where the page begins that was asked for last.
     std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
     Time last_heard{};

@@ -140,13 +140,17 @@ void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vec
   for (auto& [address, group] : groups) {
     const std::size_t places = address.empty() ? door.others_max : door.places.at(address);
     if (group.size() <= places) continue;
-    std::map<std::string, std::size_t> count_of;
-    for (const Known* known : group) ++count_of[NetworkOf(known->connection.peer)];
+    std::map<std::string, std::size_t> of_network;
+    std::map<std::string, std::size_t> of_address;
+    for (const Known* known : group) {
+      ++of_network[NetworkOf(known->connection.peer)];
+      ++of_address[known->connection.peer];
+    }
     std::sort(group.begin(), group.end(), [&](const Known* a, const Known* b) {
       const auto rank = [&](const Known& known) {
         const std::string& peer = known.connection.peer;
         const int merit = known.has_delivered ? 2 : remembered_.contains(peer) ? 1 : 0;
-        return std::tuple(merit, ~count_of.at(NetworkOf(peer)), known.number);
+        return std::tuple(merit, ~of_network.at(NetworkOf(peer)), ~of_address.at(peer), known.number);
       };
       return rank(*a) < rank(*b);
     });

@@ -242,7 +242,7 @@ TEST_F(SharingReceiverTest, TakesAnotherConfigurationAndRemembersWhose) {
   hello.set_team("renamed");
   EXPECT_TRUE(receiver_.OnHello(2, hello, now_).at(0).message.has_have_request());
   EXPECT_EQ(receiver_.other_configs(), std::set<AgentId>{2});
-  OpenSession(2, 11);
+  (void)receiver_.OnHello(2, Hello(11), now_);
   EXPECT_TRUE(receiver_.other_configs().empty());
 }
 
@@ -369,7 +369,7 @@ TEST_F(SharingReceiverTest, BoundsWhatWaitsForStorageUntilTheSenderStartsOver) {
 }
 
 TEST_F(SharingReceiverTest, IgnoresAHelloThatCameLate) {
-  OpenSession(2, 10);
+  Open(2, 10);
   OpenSession(2, 11);
   EXPECT_TRUE(receiver_.OnHello(2, Hello(10), now_).empty());
   EXPECT_EQ(receiver_.OnBatch(2, Batch(11, 1), now_)->size(), 1u);
@@ -380,9 +380,25 @@ TEST_F(SharingReceiverTest, IgnoresAHelloThatCameLate) {
 
 TEST_F(SharingReceiverTest, AnswersOnlyTheNewestHello) {
   const std::uint64_t first = OpenSession(2, 10);
-  const std::uint64_t second = OpenSession(2, 11);
-  EXPECT_TRUE(receiver_.OnHaveReply(first, proto::HaveReply()).empty());
-  EXPECT_EQ(receiver_.OnHaveReply(second, proto::HaveReply()).at(0).message.have().session_id(), 11u);
+  for (std::uint64_t session_id = 11; session_id <= 1000; ++session_id) {
+    EXPECT_TRUE(receiver_.OnHello(2, Hello(session_id), now_).empty()) << "storage has one question of it";
+  }
+  const SharingActions next = receiver_.OnHaveReply(first, proto::HaveReply());
+  ASSERT_EQ(next.size(), 1u);
+  ASSERT_TRUE(next[0].message.has_have_request());
+  const SharingActions answer = receiver_.OnHaveReply(next[0].message.request_id(), proto::HaveReply());
+  ASSERT_EQ(answer.size(), 1u);
+  EXPECT_EQ(answer[0].message.have().session_id(), 1000u);
+}
+
+TEST_F(SharingReceiverTest, AsksStorageAgainWhereItsAnswerIsLost) {
+  OpenSession(2, 10);
+  EXPECT_TRUE(receiver_.OnHello(2, Hello(11), now_).empty());
+  now_ += seconds(11);
+  const SharingActions asked = receiver_.OnHello(2, Hello(12), now_);
+  ASSERT_EQ(asked.size(), 1u);
+  EXPECT_EQ(receiver_.OnHaveReply(asked[0].message.request_id(), proto::HaveReply()).at(0).message.have().session_id(),
+            12u);
 }
 
 TEST_F(SharingReceiverTest, AsksStorageOnceForAHelloThatIsRepeated) {

@@ -88,6 +88,13 @@ TEST_F(ConnectionRulesTest, ANetworkWithManyAddressesTakesTheSilentPlacesOfNoOth
   EXPECT_TRUE(open_.contains(10) && open_.contains(11));
 }
 
+TEST_F(ConnectionRulesTest, AnAddressWithManyConnectionsTakesTheSilentPlacesOfNoOtherInItsNetwork) {
+  Open(10, "192.168.1.7");
+  for (int i = 0; i < 40; ++i) Open(100 + i, "192.168.1.66");
+  EXPECT_EQ(TooMany().size(), 36u);
+  EXPECT_TRUE(open_.contains(10));
+}
+
 TEST_F(ConnectionRulesTest, AnAddressThatBroughtAMessageWithinTheHourIsLetInAgain) {
   const auto judge = [this](std::chrono::minutes at) {
     std::vector<TcpConnection> now;
