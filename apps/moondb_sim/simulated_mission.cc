@@ -105,14 +105,14 @@ class Mission {
     world_.At(quiet_from, [this] { BecomeQuiet(); });
     while (!world_.schedule.empty() && !world_.HasEnough() && !is_stormy_) {
       const auto next = world_.schedule.begin();
-      if (next->first > end) break;
+      if (next->first > EndFrom(end)) break;
       const auto action = std::move(next->second);
       world_.AdvanceTo(next->first);
       world_.schedule.erase(next);
       action();
     }
     if (world_.report.violations.empty()) {
-      world_.AdvanceTo(end);
+      world_.AdvanceTo(EndFrom(end));
       rest_.Check();
     }
     world_.report.radio_bytes = world_.team.radio_bytes();
@@ -123,6 +123,11 @@ class Mission {
   }
 
  private:
+  // A leader that solved shortly before the end first brings its survivor what came of it.
+  MonotonicTime EndFrom(MonotonicTime end) const {
+    return std::min(std::max(end, derived_at_ + 2 * kSharePeriod), end + 10 * kSharePeriod);
+  }
+
   // --- The team ---
 
   void SpawnActors(AgentId agent) {
@@ -259,6 +264,7 @@ class Mission {
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
       world_.rules.SeeInserted(agent, key, record);
       if (record.has_agent_event() && world_.team.now() > late_from_) world_.rules.ExcuseLate(key);
+      if (record.has_optimized_pose() || record.has_edge_verdict()) derived_at_ = world_.team.now();
     }
   }
 
@@ -432,8 +438,9 @@ class Mission {
   }
 
   std::uint64_t hash_ = 0;
-  MonotonicTime late_from_{};  // Events that agents insert from here on need not reach others.
-  bool is_stormy_ = false;     // Nothing is heard any more, so that it ends.
+  MonotonicTime derived_at_{};  // When poses or verdicts were stored last.
+  MonotonicTime late_from_{};   // Events that agents insert from here on need not reach others.
+  bool is_stormy_ = false;      // Nothing is heard any more, so that it ends.
   std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
   std::map<AgentId, BudgetWatch> budgets_;
   std::map<AgentId, proto::Term> saving_term_;
