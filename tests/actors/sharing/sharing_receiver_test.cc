@@ -332,7 +332,7 @@ TEST_F(SharingReceiverTest, StoresWhatCameInPiecesAndSaysHowMuchOfItIsHere) {
     piece.mutable_batch()->set_batch_number(static_cast<std::uint32_t>(pieces.size()));
   }
   ASSERT_GT(pieces.size(), 1u);
-  OpenSession(2, 10);
+  Open(2, 10);
   const std::uint64_t question = OpenSession(2, 11);
   for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
     const SharingActions acknowledged = *receiver_.OnBatch(2, pieces[i], now_);
@@ -358,7 +358,7 @@ TEST_F(SharingReceiverTest, StoresWhatCameInPiecesAndSaysHowMuchOfItIsHere) {
 }
 
 TEST_F(SharingReceiverTest, BoundsWhatWaitsForStorageUntilTheSenderStartsOver) {
-  OpenSession(2, 10);
+  Open(2, 10);
   for (std::uint32_t number = 1; number <= 16; ++number) {
     EXPECT_EQ(receiver_.OnBatch(2, Batch(10, number), now_)->size(), 1u);
   }
