@@ -653,6 +653,7 @@ Result<void> RecordStore::CheckConsecutive(const proto::PoseGraphEdge& edge, con
       if (!*row) break;
       nodes.insert(query.Unsigned(0));
     }
+    for (const std::uint64_t index : writing.nodes()) nodes.erase(index);  // Not committed yet.
     own_nodes_ = std::move(nodes);
   }
   const std::set<std::uint64_t>* const stored_and_new[] = {&*own_nodes_, &writing.nodes()};

@@ -131,6 +131,15 @@ proto::Record OdometryRecord(AgentId agent, std::uint64_t from, std::uint64_t to
   return record;
 }
 
+TEST(RecordStoreTest, AFailedInsertLeavesNoNodeBetween) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  proto::InsertRequest request;
+  *request.add_records() = NodeRecord(2, 5);
+  *request.add_records() = OdometryRecord(2, 1, 9);
+  EXPECT_TRUE(IsError(store->Insert(request).reply.error()));
+  InsertOne(*store, OdometryRecord(2, 1, 9));
+}
+
 TEST(RecordStoreTest, RefusesOwnOdometryOverANodeThatLiesBetween) {
   auto store = OpenStore(StoreOptionsOf(2));
   const auto insert = [&store](const std::vector<proto::Record>& records) {
