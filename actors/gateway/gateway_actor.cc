@@ -161,9 +161,7 @@ void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message
   ++refused_commands_[from];
   const std::string text = "refused " + RequestName(request.request_case()) + " through " +
                            AgentName(options_.team, from) + ", which command_from does not name";
-  const CommandLog::Added added = refused_log_.Add(kRefusedKind, text, request.by(), context.utc_now_ns());
-  if (added.begins_period) context.AfterTimer(options_.refused_log.period, kRefusedPeriod);
-  Store(context, added.event);
+  WriteDownRefused(context, text, request.by());
   Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
 
@@ -216,13 +214,17 @@ std::string GatewayActor::WriteDown(Context& context, const proto::ControlReques
   return text;
 }
 
-// The command was written down before anything that it could have stored.
+// The command itself has its line already, before all that other actors stored because of it.
 void GatewayActor::WriteDownFailure(Context& context, const Pending& pending) {
   const Error error = FromProto(pending.reply.error());
-  if (error.code == ErrorCode::kTimedOut) return;  // It may have been done.
-  const std::string text =
-      (error.code == ErrorCode::kRefused ? "refused " : "failed: ") + pending.command + ": " + OneLine(error.text);
-  const CommandLog::Added added = refused_log_.Add(kRefusedKind, text, pending.by, context.utc_now_ns());
+  if (error.code == ErrorCode::kTimedOut) return;  // The command may have been carried out.
+  const bool is_refused = error.code == ErrorCode::kRefused;
+  WriteDownRefused(context, (is_refused ? "refused " : "failed: ") + pending.command + ": " + OneLine(error.text),
+                   pending.by);
+}
+
+void GatewayActor::WriteDownRefused(Context& context, const std::string& text, const std::string& by) {
+  const CommandLog::Added added = refused_log_.Add(kRefusedKind, text, by, context.utc_now_ns());
   if (added.begins_period) context.AfterTimer(options_.refused_log.period, kRefusedPeriod);
   Store(context, added.event);
 }

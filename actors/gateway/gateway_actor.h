@@ -92,8 +92,8 @@ class GatewayActor final : public Actor {
     proto::ControlReply reply;          // As far as it is known.
     TimerId timer = 0;
     std::optional<Feed> feed;  // Waits, or is being asked anew.
-    std::string command;       // For this agent, as it was written down; empty: it was not.
-    std::string by;            // Who gave it.
+    std::string command;       // The text in the event log of a command for this agent; empty: there is none.
+    std::string by;            // The command's giver, as in the event log.
   };
 
   void OnControlRequest(Context& context, const proto::Message& message);
@@ -115,9 +115,10 @@ class GatewayActor final : public Actor {
   void RefuseRelayed(Context& context, const proto::Message& message, const proto::ControlRequest& request,
                      const Error& error);
   bool IsPeer(AgentId agent) const { return agent != kClients && agent != options_.self; }
-  // The command's text for the event log; empty: it is no command, and not written down.
+  // The text in the event log; empty: the request is no command, and not written down.
   std::string WriteDown(Context& context, const proto::ControlRequest& request);
   void WriteDownFailure(Context& context, const Pending& pending);
+  void WriteDownRefused(Context& context, const std::string& text, const std::string& by);
   void Store(Context& context, const std::optional<proto::Record>& event) const;
   // Sends the request on to those who have parts of the answer; fails without a trace in pending_.
   Result<void> Forward(Context& context, proto::ControlRequest request, std::uint64_t id, Pending& pending);

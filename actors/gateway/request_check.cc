@@ -13,6 +13,9 @@
 namespace moondb {
 namespace {
 
+constexpr double kAbsoluteZero_celsius = -273.15;
+constexpr double kQuaternionErrorMax = 0.01;
+
 bool IsMember(const proto::TeamConfig& team, std::uint64_t id) {
   return std::any_of(team.agents().begin(), team.agents().end(),
                      [id](const proto::AgentConfig& agent) { return agent.id() == id; });
@@ -32,9 +35,6 @@ Result<void> CheckMembers(const proto::TeamConfig& team, const List& agents, con
   }
   return {};
 }
-
-constexpr double kAbsoluteZero_celsius = -273.15;
-constexpr double kQuaternionErrorMax = 0.01;
 
 Result<void> CheckAgentsOfRecord(const proto::TeamConfig& team, const proto::Record& record, const std::string& at) {
   for (const NamedAgent& named : AgentsNamedIn(record)) {
@@ -66,7 +66,7 @@ Result<void> CheckCoordinate(double metres, const std::string& field) {
   return Fail(ErrorCode::kInvalid, "must lie between -1e9 and 1e9 m", field);
 }
 
-// A program's mistake: a rotation that was never normalised, say. Missing numbers are CheckRecord's.
+// Finds mistakes of programs, such as a rotation that was never normalised. CheckRecord finds missing numbers.
 Result<void> CheckPose(const proto::Pose& pose, const std::string& field) {
   const proto::Quaternion& q = pose.orientation();
   const double norm = std::hypot(std::hypot(q.x(), q.y()), std::hypot(q.z(), q.w()));
@@ -79,7 +79,7 @@ Result<void> CheckPose(const proto::Pose& pose, const std::string& field) {
   return {};
 }
 
-// What no robot measures. Peers' records, and those that are stored already, are not checked so.
+// Refuses numbers that no robot measures. Records of peers, and stored ones, are not checked against these limits.
 Result<void> CheckPhysics(const proto::Record& record, const std::string& at) {
   switch (record.body_case()) {
     case proto::Record::kTemperature:

@@ -47,7 +47,7 @@ class MergeActor final : public Actor {
     // Called with who merges, "cpu" or "gl", at the start and when a driver is lost or comes back; on the actor's
     // thread.
     std::function<void(const std::string& backend)> on_backend = {};
-    std::size_t maps_max = MapCollection::Options().maps_max;  // That are merged.
+    std::size_t maps_max = MapCollection::Options().maps_max;  // Maps in one merge.
     std::size_t requests_max = 64;                             // Waiting, subscriptions too.
     Duration look_period = std::chrono::seconds(1);
     Duration storage_timeout = std::chrono::seconds(30);

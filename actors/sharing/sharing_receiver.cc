@@ -153,7 +153,7 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   }
   const bool is_late = batch.batch_number() <= incoming.last_run_batch;
   Result<proto::RecordBatch> records = Decode(sender, message, whole, is_late);
-  const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;  // It is not decoded then.
+  const bool lacks_run = !records && records.error().code == ErrorCode::kNotFound;  // The batch was not decoded.
   budget.Charge(records ? records->ByteSizeLong() : lacks_run ? coded_bytes : DecodeBudget::kDamagedBytes);
   if (lacks_run) {
     if (is_late) return SharingActions();

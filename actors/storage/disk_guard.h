@@ -43,8 +43,8 @@ class DiskGuard {
   // Whether a record of that kind may be stored now; kFull, or kInternal where the file system takes no write.
   Result<void> CheckRoom(Database& database, Kind kind) const;
 
-  // Where the file has room for records, but the disk has none for the log by which they get there: gives up the
-  // reserve. True: it did.
+  // Gives up the reserve if the file has room for records, but the disk has none for the log through which they are
+  // written. True: the reserve was given up.
   bool MakeRoomForLog(Database& database);
 
   // After a write failed with kFull: whether something was given up for it, so that it is worth another attempt.

@@ -28,7 +28,7 @@ std::uint32_t LittleEndian(Bytes bytes, std::size_t at) {
          bytes[at];
 }
 
-// Of all that was added so far.
+// The checksum of all bytes added so far.
 class Checksum {
  public:
   explicit Checksum(bool is_big_endian) : read_(is_big_endian ? BigEndian : LittleEndian) {}

@@ -1,11 +1,11 @@
-// Whether the write-ahead log of a store is damaged, before SQLite opens it.
+// FindLogDamage tells whether the write-ahead log of a store is damaged, before SQLite opens it.
 //
-// SQLite reads a log up to the first frame whose checksum is wrong and silently discards the rest: it takes it for a
-// write that a power cut interrupted. But a transaction of records is on the disk before the next one begins. So if a
-// wrong frame's transaction is followed by another one, bits of the log were changed, and records that were
-// acknowledged are lost. Wrong bits in the last transaction cannot be told from an interrupted write. After a power cut
-// the report may be about notes that are not synced one by one (what peers have, bytes written), of which nothing is
-// lost for good.
+// SQLite reads a log up to the first frame with a wrong checksum and silently discards the rest, as it must after a
+// power cut in the middle of a write. But a transaction of records is on the disk before the next one begins. So if
+// another transaction follows that of the wrong frame, bits of the log were changed, and records that were stored for
+// good are gone. Wrong bits in the last transaction look like an interrupted write, and are not reported. After a power
+// cut the report may concern notes that are not synced one by one (what peers have, bytes written); no record is lost
+// then.
 //
 // The format is that of https://sqlite.org/fileformat2.html#walformat.
 #pragma once

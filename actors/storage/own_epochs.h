@@ -56,8 +56,8 @@ class OwnEpochs {
   // What the file's history began. What is foreign is Learn's to say.
   Result<void> Load(Database& database);
 
-  // Whether this incarnation has begun an epoch. False for a copy that was put back, and for a new file whose own
-  // records came home.
+  // True if this incarnation has begun an epoch; false for a restored copy, and for a new file to which peers brought
+  // this agent's records.
   bool has_incarnation() const { return tag_ != 0; }
   std::uint64_t highest() const;  // Of all that are known; 0: none is.
   // The process starts here, with all that its file knows: what is claimed from now on is held against it.

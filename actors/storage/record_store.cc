@@ -106,10 +106,8 @@ class RecordStore::Writing {
     ++next_row_id_;
     types_.insert(key.stream.type);
     if (key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ += content.size();
-    used_bytes_[key.stream.origin] += content.size() + kRowBytes;
-    if (key.stream.type == proto::POSE_GRAPH_NODE && key.stream.origin == store_.options_.self) {
-      nodes_.insert(record.pose_graph_node().node().index());
-    }
+    if (used_bytes_) (*used_bytes_)[key.stream.origin] += content.size() + kRowBytes;
+    if (IsOwnNode(key.stream)) nodes_.insert(record.pose_graph_node().node().index());
     if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
     return {};
   }
@@ -117,8 +115,8 @@ class RecordStore::Writing {
   Result<void> DeleteRow(const RecordTable& table, const RecordTable::Row& row) {
     if (row.key.seq != 0) store_.ledger_.AddDropped(row.key.stream, {row.key.seq, row.key.seq});
     if (row.key.stream.type == proto::LOCAL_TRAVERSABILITY_MAP) map_bytes_ -= row.content_bytes;
-    used_bytes_[row.key.stream.origin] -= row.content_bytes + kRowBytes;
-    if (row.key.stream.type == proto::POSE_GRAPH_NODE) has_removed_nodes_ = true;
+    if (used_bytes_) (*used_bytes_)[row.key.stream.origin] -= row.content_bytes + kRowBytes;
+    if (IsOwnNode(row.key.stream)) has_removed_nodes_ = true;
     return table.Delete(*store_.database_, row.row_id);
   }
 
@@ -130,7 +128,7 @@ class RecordStore::Writing {
     return DeleteRow(table, row);
   }
 
-  const std::map<AgentId, std::uint64_t>& used_bytes() const { return used_bytes_; }
+  const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }  // RoomToShare counted them.
   const std::set<std::uint64_t>& nodes() const { return nodes_; }  // Indices of this agent's that are inserted.
 
   Result<void> Commit(proto::RecordsStored& stored) {
@@ -162,13 +160,17 @@ class RecordStore::Writing {
         map_bytes_(store.map_bytes_),
         used_bytes_(store.used_bytes_) {}
 
+  bool IsOwnNode(const StreamKey& stream) const {
+    return stream.type == proto::POSE_GRAPH_NODE && stream.origin == store_.options_.self;
+  }
+
   RecordStore& store_;
   Transaction transaction_;
   std::uint64_t epoch_;
   std::optional<OwnEpochs::Next> begun_;
   std::uint64_t next_row_id_;
   std::uint64_t map_bytes_;
-  std::map<AgentId, std::uint64_t> used_bytes_;
+  std::optional<std::map<AgentId, std::uint64_t>> used_bytes_;
   std::set<std::uint64_t> nodes_;
   bool has_removed_nodes_ = false;
   std::set<DataType> types_;
@@ -540,14 +542,14 @@ Result<std::optional<std::uint64_t>> RecordStore::RoomToShare() {
     room = std::min(room, *used + *free + space->free_bytes);
   }
   if (*used < room / 2 / options_.team.size()) return std::optional<std::uint64_t>();
-  if (!are_bytes_counted_) {
-    used_bytes_.clear();
+  if (!used_bytes_) {
+    std::map<AgentId, std::uint64_t> counted;
     for (const RecordTable& table : RecordTables()) {
       const auto sizes = table.SizesByOrigin(*database_);
       if (!sizes) return tl::unexpected(sizes.error());
-      for (const auto& [origin, size] : *sizes) used_bytes_[origin] += size.content_bytes + size.row_count * kRowBytes;
+      for (const auto& [origin, size] : *sizes) counted[origin] += size.content_bytes + size.row_count * kRowBytes;
     }
-    are_bytes_counted_ = true;
+    used_bytes_ = std::move(counted);
   }
   return std::optional(room);
 }

@@ -203,7 +203,7 @@ class RecordStore {
   Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<std::uint64_t> UsedByRecords();  // Bytes of pages.
-  // Bytes that the file may have, by its budget and its disk; none while it has less than one agent's part of them.
+  // Bytes that the file may have, by Options::bytes_max and its disk; none while it has less than one agent's part.
   Result<std::optional<std::uint64_t>> RoomToShare();
   Result<void> CheckRoomForMaps(const proto::InsertRequest& request);
   Result<void> CheckOwnRecord(const proto::Record& record) const;
@@ -269,8 +269,8 @@ class RecordStore {
   std::uint64_t rejected_count_ = 0;
   std::uint64_t pruned_count_ = 0;
   std::uint64_t map_bytes_ = 0;  // Of the contents of maps.
-  bool are_bytes_counted_ = false;
-  std::map<AgentId, std::uint64_t> used_bytes_;  // Once counted: of all rows but history, contents and kRowBytes each.
+  // Contents of all rows but history, with kRowBytes for each row; none: not counted yet.
+  std::optional<std::map<AgentId, std::uint64_t>> used_bytes_;
   std::optional<std::set<std::uint64_t>> own_nodes_;  // Indices of this agent's nodes; none: not read yet.
   std::string set_aside_;
   std::optional<Error> start_trouble_;

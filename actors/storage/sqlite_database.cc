@@ -43,8 +43,8 @@ Result<void> MoveFile(const std::string& from, const std::string& to) {
   return {};
 }
 
-// Where the next damaged file goes. Of Database::kDamagedMax files the smallest is removed, which has least to lose,
-// and those after it move up.
+// The path for the next damaged file. If there are Database::kDamagedMax files already, the smallest is removed, and
+// those after it move up.
 Result<std::string> FreeAsidePath(const std::string& path) {
   int smallest = 1;
   std::uintmax_t smallest_bytes = UINTMAX_MAX;

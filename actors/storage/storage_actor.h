@@ -89,7 +89,7 @@ class StorageActor final : public Actor {
   void Tend(Context& context);
   void OpenAnew(Context& context);
   Result<void> CheckRoom(DiskGuard::Kind kind);
-  // Where the disk has room, as far as DiskGuard knows; once more with the reserve given up, where it is full.
+  // Both write after DiskGuard found room. If the disk is full all the same, they give up the reserve and try again.
   RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);
   RecordStore::Stored StoreWhereRoomSeems(const proto::StoreRequest& request);
   // After a write failed: whether it is worth another attempt.

@@ -190,7 +190,7 @@ void JudgeShares(const proto::TeamConfig& team, const proto::ShareStatus& shares
   }
 }
 
-// Findings on the rovers, whoever leads.
+// The findings are about the rovers, not about the leader that solved.
 void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findings>& all) {
   for (const proto::RoverSolution& rover : solve.rovers()) {
     if (IsPlausibleOdometryScale(rover.odometry_scale())) continue;

@@ -20,7 +20,7 @@ inline constexpr double kNoProgressMax_s = 60;   // Of an open session that wait
 struct AgentReport {
   std::optional<proto::AgentStatus> status;
   std::optional<proto::ShareStatus> shares;
-  std::optional<proto::OptimizeReply> last_solve;  // Of who leads; nodes and edges that it solved.
+  std::optional<proto::OptimizeReply> last_solve;  // The leader's.
   std::uint64_t config_hash = 0;                   // Of its team file; 0: it did not say.
 };
 

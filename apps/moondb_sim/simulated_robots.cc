@@ -234,9 +234,7 @@ void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) 
 void SimulatedRobots::TakeInsertReplies(AgentId agent) {
   Robot& robot = robots_[agent];
   std::vector<proto::Message> answers = world_.team.Take(RobotOf(agent));
-  if (world_.options.has_all_actors()) {
-    for (proto::Message& message : world_.team.Take(ActorOf(agent))) answers.push_back(std::move(message));
-  }
+  for (proto::Message& message : world_.team.Take(ActorOf(agent))) answers.push_back(std::move(message));
   for (const proto::Message& message : answers) {
     const auto asked = robot.asked.find(message.request_id());
     const std::optional<proto::InsertReply> reply = InsertReplyIn(message);

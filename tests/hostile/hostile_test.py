@@ -4,10 +4,10 @@
 Usage: hostile_test.py PROGRAMS [--only NAME] [--module NAME] [--scale X] [--not-yet] [--seed N] [--json FILE]
 
 PROGRAMS is the folder of moonctl and moondb_agent. During each attacker the others go on sharing; after it the attacked
-agent lives, took at most 64 MB more at any time (or RSS_MB_MAX_OF its module), logged and stored little, and answers; no honest agent lost a record that
-it had, and what rover2 inserts then comes to the leader. With a smaller scale attackers send less, and those that show
-nothing then are left out. Attackers against which there is no check yet (NOT_YET of their module) run with --not-yet alone,
-and fail nothing.
+agent lives, took at most 64 MB more at any time (or RSS_MB_MAX_OF its module), logged and stored little, and answers; no
+honest agent lost a record that it had, and what rover2 inserts then comes to the leader. With a smaller scale attackers send
+less, and those that show nothing then are left out. Attackers against which there is no check yet (NOT_YET of their module)
+run with --not-yet alone, and fail nothing.
 Exit codes: 0 all held, 1 not, 77 skipped (protoc or a package of Python is missing, or ports are taken; it says which).
 """
 import argparse

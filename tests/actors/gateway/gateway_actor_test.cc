@@ -724,6 +724,19 @@ class CommandFromTest : public GatewayActorTest {
     request.set_by("anna (key)");
     return request;
   }
+
+  // The other actors' parts of it are empty.
+  proto::ControlReply AskForStatus() {
+    proto::ControlRequest status;
+    status.mutable_status();
+    Request(status, 77);
+    proto::ControlReply part;
+    part.mutable_status();
+    for (const char* actor : {actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent}) {
+      AnswerAs(actor, Asked(actor), MessageOf(part));
+    }
+    return OnlyAnswer(77);
+  }
 };
 
 TEST_F(CommandFromTest, IsAskedBeforeAnythingComesOfARelayedCommand) {
@@ -746,15 +759,7 @@ TEST_F(CommandFromTest, CountsWhatItRefusesAndWritesDownAFewAMinute) {
   const proto::Record rest = Asked(actor_name::kStorage).insert_request().records(0);
   EXPECT_THAT(rest.agent_event().text(), testing::HasSubstr("the last of 48 more"));
 
-  proto::ControlRequest status;
-  status.mutable_status();
-  Request(status, 77);
-  proto::ControlReply part;
-  part.mutable_status();
-  for (const char* actor : {actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent}) {
-    AnswerAs(actor, Asked(actor), MessageOf(part));
-  }
-  const proto::ControlReply reply = OnlyAnswer(77);
+  const proto::ControlReply reply = AskForStatus();
   ASSERT_EQ(reply.status().refused_size(), 1);
   EXPECT_EQ(reply.status().refused(0).agent_id(), 2u);
   EXPECT_EQ(reply.status().refused(0).cause(), proto::REFUSAL_CAUSE_COMMAND);
@@ -773,15 +778,7 @@ TEST_F(CommandFromTest, CountsRefusedCommandsAnewAfterAnAcknowledgment) {
   AnswerAs(actor_name::kEvent, Asked(actor_name::kEvent), MessageOf(done));
   (void)OnlyAnswer(76);
 
-  proto::ControlRequest status;
-  status.mutable_status();
-  Request(status, 77);
-  proto::ControlReply part;
-  part.mutable_status();
-  for (const char* actor : {actor_name::kStorage, actor_name::kRole, actor_name::kLease, actor_name::kEvent}) {
-    AnswerAs(actor, Asked(actor), MessageOf(part));
-  }
-  EXPECT_EQ(OnlyAnswer(77).status().refused_size(), 0);
+  EXPECT_EQ(AskForStatus().status().refused_size(), 0);
 }
 
 TEST_F(GatewayActorTest, WritesDownThatACommandWasRefused) {
