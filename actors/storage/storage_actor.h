@@ -41,13 +41,14 @@ class StorageActor final : public Actor {
     AgentId self = 0;             // This agent, which is in `team`.
     proto::TeamConfig team;       // Checked; its agents, policies `share`, custom types and `retention` are read.
     std::uint64_t bytes_max = 0;  // Of the file; 0: as the disk allows.
-    Duration written_period = std::chrono::minutes(1);       // Between two times of writing down what was written.
-    Duration scrub_period = std::chrono::hours(24);          // From the end of a reading to the next one; zero: never.
-    Duration scrub_pause = std::chrono::minutes(1);          // Between two parts of one, each kVerifyBytesMax at most.
-    Duration tend_period = std::chrono::seconds(10);         // Between two looks at the file, its disk and the reserve.
-    Duration reserve_pause = std::chrono::milliseconds(50);  // Between two parts of the reserve while it is made.
-    Duration history_period = std::chrono::minutes(1);       // Between two looks at what is kept for a time only,
-    Duration history_pause = std::chrono::seconds(1);  // and between two parts of one, kHistoryTrimRowsMax at most.
+    Duration written_period = std::chrono::minutes(1);  // Between two times of writing down what was written.
+    Duration scrub_period = std::chrono::hours(24);     // From the end of a reading to the next one; zero: never.
+    Duration scrub_pause = std::chrono::minutes(1);     // Between two parts of one, each kVerifyBytesMax at most.
+    Duration tend_period = std::chrono::seconds(10);    // Between two looks at the file, its disk and the reserve.
+    Duration reserve_pause = std::chrono::milliseconds(500);  // Between two parts of the reserve while it is made,
+                                                              // which leaves the disk to inserts meanwhile.
+    Duration history_period = std::chrono::minutes(1);  // Between two looks at what is kept for a time only,
+    Duration history_pause = std::chrono::seconds(1);   // and between two parts of one, kHistoryTrimRowsMax at most.
     std::string set_aside;  // The damaged file that this process's start set aside; shown in status.
     // When the process began to end in order, UTC; none: it does not end, or not in order. Asked as the actor ends,
     // which then writes it down as the store's last event.

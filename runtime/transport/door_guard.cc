@@ -74,7 +74,7 @@ void DoorGuard::Look(MonotonicTime now) {
 void DoorGuard::LookAtLinks() {
   std::erase_if(links_, [&](const auto& entry) {
     const auto& [peer, opened] = entry;
-    const std::optional<TcpConnection> now = connections_->Read(opened.file);
+    const std::optional<TcpConnection> now = connections_->Look(opened.file);
     if (!now || now->port != opened.port || now->peer != opened.peer || now->peer_port != opened.peer_port) return true;
     if (now->bytes_received <= kLinkBytesMax) return false;
     flooded_links_.push_back(peer);

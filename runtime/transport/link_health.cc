@@ -5,6 +5,7 @@
 namespace moondb {
 
 void LinkHealth::OnOpened(MonotonicTime now) {
+  is_heard_ = false;
   heard_ = now;
   expecting_since_.reset();
   blocked_since_.reset();
@@ -13,6 +14,7 @@ void LinkHealth::OnOpened(MonotonicTime now) {
 }
 
 void LinkHealth::OnHeard(MonotonicTime now) {
+  is_heard_ = true;
   heard_ = now;
   asked_.reset();
 }
@@ -41,8 +43,9 @@ LinkHealth::Next LinkHealth::NextOfWait(MonotonicTime since, const std::optional
                                         Duration patience) const {
   if (!asked || *asked < since) return {since + options_.ask_after, Step::kAsk};
   // Not before the peer had its time to answer, however late this agent came to ask.
-  const MonotonicTime answered_by = *asked + options_.lost_after - options_.ask_after;
-  return {std::max(since + options_.lost_after, answered_by) + patience, end};
+  const Duration lost_after = is_heard_ ? options_.lost_after : options_.first_answer_after;
+  const MonotonicTime answered_by = *asked + lost_after - options_.ask_after;
+  return {std::max(since + lost_after, answered_by) + patience, end};
 }
 
 LinkHealth::Next LinkHealth::FindNext(Duration patience) const {

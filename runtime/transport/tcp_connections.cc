@@ -45,11 +45,11 @@ std::optional<Endpoint> EndpointOf(const sockaddr_storage& storage) {
 }
 
 template <typename Call>
-std::optional<Endpoint> Ask(Call call, int file) {
+std::optional<sockaddr_storage> Ask(Call call, int file) {
   sockaddr_storage storage{};
   socklen_t size = sizeof storage;
   if (call(file, reinterpret_cast<sockaddr*>(&storage), &size) != 0) return std::nullopt;
-  return EndpointOf(storage);
+  return storage;
 }
 
 }  // namespace
@@ -62,23 +62,44 @@ Result<std::unique_ptr<TcpConnections>> TcpConnections::Make(std::set<std::uint1
 
 TcpConnections::~TcpConnections() { ::close(epoll_); }
 
-std::optional<TcpConnection> TcpConnections::Read(int file) const {
-  const std::optional<Endpoint> own = Ask(::getsockname, file);
-  const std::optional<Endpoint> peer = Ask(::getpeername, file);
+void TcpConnections::OnAccepted(int file) {
+  accepted_.insert(file);
+  known_.erase(file);
+}
+
+std::optional<TcpConnection> TcpConnections::Read(int file) {
+  known_.erase(file);
+  const std::optional<sockaddr_storage> own_address = Ask(::getsockname, file);
+  const std::optional<sockaddr_storage> peer_address = Ask(::getpeername, file);
+  if (!own_address || !peer_address) return std::nullopt;
+  const std::optional<Endpoint> own = EndpointOf(*own_address);
+  const std::optional<Endpoint> peer = EndpointOf(*peer_address);
   if (!own || !peer) return std::nullopt;
   // One event, from now on, when something arrives. A descriptor that libzmq closes leaves epoll by itself.
   epoll_event event{};
   event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
+  event.data.fd = file;
   if (::epoll_ctl(epoll_, EPOLL_CTL_MOD, file, &event) != 0) (void)::epoll_ctl(epoll_, EPOLL_CTL_ADD, file, &event);
   const std::optional<TcpInfo> info = ReadTcpInfo(file);
   if (!info || !info->is_established) return std::nullopt;  // Its peer has left; libzmq is about to notice.
-  return TcpConnection{file, own->port, peer->address, peer->port, info->bytes_received.value_or(0)};
+  const TcpConnection connection{file, own->port, peer->address, peer->port, info->bytes_received.value_or(0)};
+  known_[file] = {*peer_address, connection};
+  return connection;
+}
+
+std::optional<TcpConnection> TcpConnections::Look(int file) {
+  const auto known = known_.find(file);
+  if (known == known_.end()) return Read(file);
+  const std::optional<sockaddr_storage> peer = Ask(::getpeername, file);
+  if (peer && std::memcmp(&*peer, &known->second.peer, sizeof *peer) == 0) return known->second.connection;
+  return Read(file);
 }
 
 std::vector<TcpConnection> TcpConnections::List() {
+  Drain();
   std::vector<TcpConnection> connections;
   for (auto file = accepted_.begin(); file != accepted_.end();) {
-    std::optional<TcpConnection> connection = Read(*file);
+    std::optional<TcpConnection> connection = Look(*file);
     const bool is_here = connection && ports_.contains(connection->port);
     if (is_here) connections.push_back(std::move(*connection));
     file = is_here ? std::next(file) : accepted_.erase(file);
@@ -87,13 +108,16 @@ std::vector<TcpConnection> TcpConnections::List() {
 }
 
 std::uint16_t TcpConnections::PeerPortOf(int file) {
-  const std::optional<Endpoint> peer = Ask(::getpeername, file);
+  const std::optional<sockaddr_storage> address = Ask(::getpeername, file);
+  const std::optional<Endpoint> peer = address ? EndpointOf(*address) : std::nullopt;
   return peer ? peer->port : 0;
 }
 
 void TcpConnections::Drain() {
   std::array<epoll_event, 64> events{};
-  while (::epoll_wait(epoll_, events.data(), static_cast<int>(events.size()), /*timeout=*/0) > 0) {
+  int count = 0;
+  while ((count = ::epoll_wait(epoll_, events.data(), static_cast<int>(events.size()), /*timeout=*/0)) > 0) {
+    for (int i = 0; i < count; ++i) known_.erase(events[static_cast<std::size_t>(i)].data.fd);
   }
 }
 

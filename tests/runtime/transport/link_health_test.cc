@@ -11,7 +11,10 @@ using Step = LinkHealth::Step;
 
 class LinkHealthTest : public ::testing::Test {
  protected:
-  LinkHealthTest() { health_.OnOpened(now_); }
+  LinkHealthTest() {
+    health_.OnOpened(now_);
+    health_.OnHeard(now_);
+  }
 
   // The next step that is not kNone, and lets the time pass until then.
   Step Next(Duration patience = Duration::zero()) {
@@ -51,6 +54,24 @@ TEST_F(LinkHealthTest, AsksAndThenGivesUpWhileBytesAreUnreported) {
   EXPECT_EQ(SinceStart(), seconds(11));
   EXPECT_EQ(Next(), Step::kLost);
   EXPECT_EQ(SinceStart(), seconds(13));
+}
+
+TEST_F(LinkHealthTest, WaitsLongerForTheFirstAnswerThanForTheNextOnes) {
+  health_.OnOpened(now_);
+  Expect(/*has_unreported=*/true);
+  EXPECT_EQ(Next(), Step::kAsk);
+  EXPECT_EQ(SinceStart(), seconds(1));
+  now_ += seconds(13);
+  health_.OnHeard(now_);
+  EXPECT_EQ(Next(), Step::kAsk);
+  EXPECT_EQ(Next(), Step::kLost);
+  EXPECT_EQ(SinceStart(), seconds(17));
+
+  health_.OnOpened(now_);
+  Expect(/*has_unreported=*/true);
+  EXPECT_EQ(Next(), Step::kAsk);
+  EXPECT_EQ(Next(), Step::kLost);
+  EXPECT_EQ(SinceStart(), seconds(17 + 15));
 }
 
 TEST_F(LinkHealthTest, SendingOnAndOnDoesNotPutItOff) {

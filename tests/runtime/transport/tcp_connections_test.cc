@@ -116,6 +116,23 @@ TEST_F(TcpConnectionsTest, ForgetsADescriptorThatWasClosedOrReusedForSomethingEl
   EXPECT_EQ(connections->Read(file), std::nullopt);
 }
 
+TEST_F(TcpConnectionsTest, ReadsTheConnectionThatReusesADescriptor) {
+  const std::unique_ptr<TcpConnections> connections = Make();
+  const Socket first = Connect();
+  auto ours = std::make_optional(Accept());
+  const int file = ours->file();
+  ASSERT_EQ(::send(first.file(), "12345", 5, 0), 5);
+  ASSERT_EQ(connections->Read(file)->port, port_);
+  const Socket second = Connect();
+  ours.reset();
+  const Socket reused = Accept();
+  ASSERT_EQ(reused.file(), file) << "the kernel gives the lowest free descriptor";
+  const std::optional<TcpConnection> looked_at = connections->Look(file);
+  ASSERT_TRUE(looked_at);
+  EXPECT_EQ(looked_at->bytes_received, 0u);
+  EXPECT_EQ(looked_at->peer_port, connections->Read(file)->peer_port);
+}
+
 TEST_F(TcpConnectionsTest, ReadsAConnectionThatThisSideOpened) {
   const std::unique_ptr<TcpConnections> connections = Make();
   const Socket ours = Connect();
