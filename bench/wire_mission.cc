@@ -31,6 +31,7 @@ class Recorder {
     const RecordKey key{{origin, kEpoch + origin, type}, stream.size() + 1};
     proto::StoredRecord& stored = stream.emplace_back();
     *stored.mutable_key() = ToProto(key);
+    record.set_is_state(IsState(type));
     stored.set_content(record.SerializeAsString());
     stored.set_hash(HashRecord(key, stored.content()));
   }

@@ -37,16 +37,14 @@ constexpr int kInsertRecordsMax = 65536;
 constexpr std::uint64_t kRowBytes = 100;             // About what a row takes beside its content.
 constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Of history, for a record that found no room.
 
-// A robot that repeats a record may find its agent's clock judged otherwise by then.
-std::string OtherwiseMarked(proto::Record record) {
-  record.set_is_clock_suspect(!record.is_clock_suspect());
-  return SerializeRecord(record);
-}
-
-// Whether one of these rows is shared and above that.
-bool IsBelow(const RecordOrder& order, const std::vector<RecordTable::Row>& rows) {
-  return std::any_of(rows.begin(), rows.end(),
-                     [&order](const RecordTable::Row& row) { return row.key.seq != 0 && row.order() > order; });
+// Whether a robot states what it stated before. Its agent may have marked it otherwise then: by its clock, by its
+// policy.
+bool IsSameStatement(const std::string& stored_content, const proto::Record& record) {
+  proto::Record stored;
+  if (!stored.ParseFromString(stored_content)) return false;
+  stored.set_is_clock_suspect(record.is_clock_suspect());
+  stored.set_is_state(record.is_state());
+  return SerializeRecord(stored) == SerializeRecord(record);
 }
 
 // For the index beside the log. SQLite calls a disk that has none an I/O error.
@@ -447,6 +445,11 @@ Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing)
   if (!*row || HashRecord(old_key, content) != (*row)->hash || !record.ParseFromString(content)) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: " + ToString(old_key));
   }
+  // It may be of a time in which the policy was `all`.
+  if (!record.is_state()) {
+    record.set_is_state(true);
+    content = SerializeRecord(record);
+  }
   const Result<RecordKey> key = writing.NextKey(old_key.stream.type);
   if (!key) return tl::unexpected(key.error());
   if (const Result<void> done = writing.DeleteRow(table, **row); !done) return done;
@@ -555,6 +558,14 @@ Result<std::optional<std::uint64_t>> RecordStore::RoomToShare() {
 }
 
 RecordStore::Inserted RecordStore::Insert(const proto::InsertRequest& request) {
+  const auto is_marked = [this](const proto::Record& record) {
+    return record.is_state() == rules_.IsLatest(TypeOf(record));
+  };
+  if (!std::all_of(request.records().begin(), request.records().end(), is_marked)) {
+    proto::InsertRequest marked = request;
+    for (proto::Record& record : *marked.mutable_records()) record.set_is_state(rules_.IsLatest(TypeOf(record)));
+    return Insert(marked);
+  }
   Inserted result;
   Result<void> done = CheckInsert(request);
   if (done) done = CheckRoomForMaps(request);
@@ -603,7 +614,7 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
     const Result<std::optional<RecordTable::Named>> named =
         table.FindByNaturalKey(*database_, options_.self, type, name);
     if (!named) return tl::unexpected(named.error());
-    const bool is_same = *named && ((*named)->content == content || (*named)->content == OtherwiseMarked(record));
+    const bool is_same = *named && ((*named)->content == content || IsSameStatement((*named)->content, record));
     if (is_same && ((*named)->key.seq == 0) == is_local) {
       reply_key = ToProto((*named)->key);
       return {};
@@ -623,19 +634,22 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
     if (!next) return tl::unexpected(next.error());
     key = *next;
   }
-  if (rules_.IsLatest(type)) {
-    const Result<std::vector<RecordTable::Row>> olds =
+  if (record.is_state()) {
+    const RecordOrder order = OrderOf(key, record);
+    const Result<std::vector<RecordTable::Row>> others =
         table.FindByLatestKey(*database_, options_.self, type, LatestKey(record));
-    if (!olds) return tl::unexpected(olds.error());
-    if (!is_local && IsBelow(OrderOf(key, record), *olds)) {
+    if (!others) return tl::unexpected(others.error());
+    const Result<bool> is_superseded = is_local ? false : IsSuperseded(table, order, *others);
+    if (!is_superseded) return tl::unexpected(is_superseded.error());
+    if (*is_superseded) {
       ledger_.AddDropped(key.stream, {key.seq, key.seq});
       reply_key = ToProto(key);
       return {};
     }
-    for (const RecordTable::Row& old : *olds) {
+    for (const RecordTable::Row& other : *others) {
       // What stays on this agent cannot supersede what peers are owed.
-      if (is_local && old.key.seq != 0) continue;
-      if (const Result<void> done = writing.Supersede(table, old); !done) return done;
+      if (other.key.seq != 0 && (is_local || other.order() > order)) continue;
+      if (const Result<void> done = writing.Supersede(table, other); !done) return done;
     }
   }
   reply_key = ToProto(key);
@@ -825,16 +839,25 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::op
     return {};
   }
   std::vector<RecordTable::Row> superseded;
-  if (rules_.IsLatest(opened.key.stream.type)) {
+  // Most records that an origin keeps under `all` are the newest that it has sent; they need no look at the others.
+  const RecordKey newest = ledger_.NewestHeld(opened.key.stream.origin, opened.key.stream.type);
+  const bool may_be_old = IsVersioned(opened.key.stream.type) || std::pair(newest.stream.epoch, newest.seq) >
+                                                                     std::pair(opened.key.stream.epoch, opened.key.seq);
+  if (rules_.IsLatest(opened.key.stream.type) && (opened.record.is_state() || may_be_old)) {
+    const RecordOrder order = OrderOf(opened.key, opened.record);
     const Result<std::vector<RecordTable::Row>> others =
         table.FindByLatestKey(*database_, opened.key.stream.origin, opened.key.stream.type, LatestKey(opened.record));
     if (!others) return tl::unexpected(others.error());
-    if (IsBelow(OrderOf(opened.key, opened.record), *others)) {
+    const Result<bool> is_superseded = IsSuperseded(table, order, *others);
+    if (!is_superseded) return tl::unexpected(is_superseded.error());
+    if (*is_superseded) {
       ledger_.AddDropped(opened.key.stream, {opened.key.seq, opened.key.seq});
       return {};
     }
-    std::copy_if(others->begin(), others->end(), std::back_inserter(superseded),
-                 [](const RecordTable::Row& other) { return other.key.seq != 0; });
+    const auto is_replaced = [&](const RecordTable::Row& other) {
+      return opened.record.is_state() && other.key.seq != 0 && other.order() < order;
+    };
+    std::copy_if(others->begin(), others->end(), std::back_inserter(superseded), is_replaced);
   }
   std::uint64_t superseded_bytes = 0;
   for (const RecordTable::Row& row : superseded) superseded_bytes += row.content_bytes;
@@ -875,11 +898,24 @@ Result<void> RecordStore::CheckDropped(AgentId sender, const proto::StreamHave& 
   return {};
 }
 
-Result<bool> RecordStore::IsSuperseded(const RecordTable& table, const RecordTable::Row& row) {
-  const Result<std::vector<RecordTable::Row>> others =
-      table.FindByLatestKey(*database_, row.key.stream.origin, row.key.stream.type, row.latest_key);
-  if (!others) return tl::unexpected(others.error());
-  return IsBelow(row.order(), *others);
+Result<std::optional<RecordOrder>> RecordStore::FindNewestState(const RecordTable& table,
+                                                                std::vector<RecordTable::Row> rows) {
+  std::sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) { return a.order() > b.order(); });
+  for (const RecordTable::Row& row : rows) {
+    if (row.key.seq == 0) continue;
+    const Result<proto::Record> record = table.ReadRecord(*database_, row.row_id);
+    if (!record) return tl::unexpected(record.error());
+    if (record->is_state()) return row.order();
+  }
+  return std::nullopt;
+}
+
+Result<bool> RecordStore::IsSuperseded(const RecordTable& table, const RecordOrder& order,
+                                       std::vector<RecordTable::Row> others) {
+  std::erase_if(others, [&order](const RecordTable::Row& other) { return other.order() <= order; });
+  const Result<std::optional<RecordOrder>> newer = FindNewestState(table, std::move(others));
+  if (!newer) return tl::unexpected(newer.error());
+  return newer->has_value();
 }
 
 Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing) {
@@ -899,14 +935,22 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   }
   for (const IntervalSet::Interval& interval : superseded.intervals()) ledger_.AddDropped(stream, interval);
   const IntervalSet held_and_dropped = dropped.Minus(never_held);
+  std::map<std::string, std::optional<RecordOrder>> newest_states;  // By latest key.
   for (const IntervalSet::Interval& interval : held_and_dropped.intervals()) {
     const Result<std::vector<RecordTable::Row>> rows =
         table.FindInInterval(*database_, stream, interval.first, interval.last);
     if (!rows) return tl::unexpected(rows.error());
     for (const RecordTable::Row& row : *rows) {
-      const Result<bool> is_superseded = IsSuperseded(table, row);
-      if (!is_superseded) return tl::unexpected(is_superseded.error());
-      if (!*is_superseded) continue;
+      auto newest_state = newest_states.find(row.latest_key);
+      if (newest_state == newest_states.end()) {
+        const Result<std::vector<RecordTable::Row>> others =
+            table.FindByLatestKey(*database_, stream.origin, stream.type, row.latest_key);
+        if (!others) return tl::unexpected(others.error());
+        const Result<std::optional<RecordOrder>> found = FindNewestState(table, *others);
+        if (!found) return tl::unexpected(found.error());
+        newest_state = newest_states.emplace(row.latest_key, *found).first;
+      }
+      if (!newest_state->second || *newest_state->second <= row.order()) continue;
       if (const Result<void> done = writing.Supersede(table, row); !done) return done;
     }
   }

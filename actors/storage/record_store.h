@@ -7,14 +7,14 @@
 //   (actors/storage/own_epochs.h), so that a lost or restored disk never uses a name twice. Where a peer turns out to
 //   know a later own epoch (this disk was lost), the present one is closed, and what is written next begins one above
 //   it; an epoch that is thousands of lives ahead is refused.
-// - The newest states of epochs that such a later one cannot have known are *restated*: stored once more, unchanged,
-//   under an epoch above all known ones, in one transaction and before any row of the later epoch. So an older state
-//   that comes home never replaces a newer one. Where that fails nothing is stored, and it is done again.
+// - The newest states of epochs that such a later one cannot have known are *restated*: stored once more, as
+//   states, under an epoch above all known ones, in one transaction and before any row of the later epoch. So an older
+//   state that comes home never replaces a newer one. Where that fails nothing is stored, and it is done again.
 // - seqs have no gap within (epoch, type): they are allocated in the transaction that stores their rows.
-// - Under the policy `latest` only the newest record of (origin, type, latest key) is kept, newest by (epoch, seq), and
-//   of optimized poses and verdicts by their term and run before that (RecordOrder); the older one's row goes and its
-//   seq becomes dropped in the transaction that stores the newer one. A record that comes after its superseder, or is
-//   inserted below it, is dropped at once.
+// - Under the policy `latest` a state (Record.is_state) supersedes all older records of its (origin, type, latest key):
+//   older by (epoch, seq), and of optimized poses and verdicts by their term and run before that (RecordOrder). Their
+//   rows go, and their seqs become dropped, in the transaction that stores the newer one. A record that comes after its
+//   superseder, or is inserted below it, is dropped at once.
 // - Of this agent's own records what is superseded moves into its history, as far as that keeps it
 //   (actors/storage/history.h); when the file or the disk is full, history goes first.
 // - A custom type must be declared for own inserts alone: peers' records of any custom type are carried
@@ -243,7 +243,11 @@ class RecordStore {
   Result<void> CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted);
   void NoteAssignmentsIn(const proto::StoreRequest& request);
   Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
-  Result<bool> IsSuperseded(const RecordTable& table, const RecordTable::Row& row);
+  // The greatest order among those of `rows` that are shared states (Record.is_state); a record that its origin keeps
+  // under the policy `all` supersedes nothing.
+  Result<std::optional<RecordOrder>> FindNewestState(const RecordTable& table, std::vector<RecordTable::Row> rows);
+  // Whether one of `others`, rows with the same latest key, supersedes what has this order.
+  Result<bool> IsSuperseded(const RecordTable& table, const RecordOrder& order, std::vector<RecordTable::Row> others);
   void Reject(Error error, Stored& result);
   // True where `failure` is a full file or disk, and history made room: the transaction may be tried once more.
   bool MakesRoom(const Error& failure, std::uint64_t content_bytes);

@@ -47,8 +47,8 @@ class StorageActor final : public Actor {
     Duration tend_period = std::chrono::seconds(10);    // Between two looks at the file, its disk and the reserve.
     Duration reserve_pause = std::chrono::milliseconds(500);  // Between two parts of the reserve while it is made,
                                                               // which leaves the disk to inserts meanwhile.
-    Duration history_period = std::chrono::minutes(1);  // Between two looks at what is kept for a time only,
-    Duration history_pause = std::chrono::seconds(1);   // and between two parts of one, kHistoryTrimRowsMax at most.
+    Duration history_period = std::chrono::minutes(1);        // Between two looks at what is kept for a time only,
+    Duration history_pause = std::chrono::seconds(1);  // and between two parts of one, kHistoryTrimRowsMax at most.
     std::string set_aside;  // The damaged file that this process's start set aside; shown in status.
     // When the process began to end in order, UTC; none: it does not end, or not in order. Asked as the actor ends,
     // which then writes it down as the store's last event.

@@ -64,7 +64,8 @@ const std::vector<DataType>& ForgedTypes() {
   return types;
 }
 
-proto::StoredRecord Stored(const RecordKey& key, const proto::Record& record) {
+proto::StoredRecord Stored(const RecordKey& key, proto::Record record) {
+  record.set_is_state(IsState(key.stream.type) || key.stream.type == proto::OPTIMIZED_POSE);
   proto::StoredRecord stored;
   *stored.mutable_key() = ToProto(key);
   stored.set_content(record.SerializeAsString());

@@ -14,12 +14,7 @@ bool IsDerived(DataType type) { return type == proto::OPTIMIZED_POSE || type == 
 
 }  // namespace
 
-void ByzantineWatch::OnForged(const proto::Record& record) {
-  forged_.insert(ContentHash(record.SerializeAsString()));
-  proto::Record marked = record;  // As an agent stores what it is to insert while its clock is suspect.
-  marked.set_is_clock_suspect(true);
-  forged_.insert(ContentHash(marked.SerializeAsString()));
-}
+void ByzantineWatch::OnForged(const proto::Record& record) { forged_.merge(StatementHashes(record)); }
 
 void ByzantineWatch::OnImpossible(const RecordKey& key) { impossible_.insert(key); }
 

@@ -113,8 +113,7 @@ void Rules::CheckAsInserted(const RecordKey& key) const {
   const auto content = content_of_.find(key);
   const auto inserted = inserted_as_.find(key);
   if (content == content_of_.end() || inserted == inserted_as_.end()) return;
-  const auto [plain, marked] = inserted->second;
-  if (content->second == plain || content->second == marked) return;
+  if (inserted->second.contains(content->second)) return;
   report_("one_content", ToString(key) + " is not what its robot inserted");
 }
 
@@ -148,11 +147,9 @@ void Rules::SeeInserted(AgentId agent, const RecordKey& key, const proto::Record
   if (agent == liar_) return;
   inserted_[key.stream].held.Add(key.seq);
   held_[agent][key.stream].held.Add(key.seq);
-  proto::Record marked = record;
-  marked.set_is_clock_suspect(true);
-  inserted_as_[key] = {ContentHash(record.SerializeAsString()), ContentHash(marked.SerializeAsString())};
+  inserted_as_[key] = StatementHashes(record);
   CheckAsInserted(key);
-  states_.OnContent(key, inserted_as_[key].first);
+  states_.OnContent(key, *inserted_as_[key].begin());
   states_.OnHeld(agent, key);
   NamePose(key, record);
   NameVerdict(key, record);

@@ -10,14 +10,24 @@ namespace moondb::simulation {
 
 std::uint64_t ContentHash(const std::string& content) { return XXH64(content.data(), content.size(), 0); }
 
+std::set<std::uint64_t> StatementHashes(const proto::Record& given) {
+  std::set<std::uint64_t> hashes;
+  proto::Record record = given;
+  for (const bool is_clock_suspect : {false, true}) {
+    for (const bool is_state : {false, true}) {
+      record.set_is_clock_suspect(is_clock_suspect);
+      record.set_is_state(is_state);
+      hashes.insert(ContentHash(record.SerializeAsString()));
+    }
+  }
+  return hashes;
+}
+
 void StateWatch::OnGiven(AgentId origin, const proto::Record& record) {
   const DataType type = TypeOf(record);
   if (!IsState(type)) return;
   const Given given{{origin, type, LatestKey(record)}, ++given_};
-  proto::Record marked = record;
-  marked.set_is_clock_suspect(true);
-  given_by_content_[ContentHash(record.SerializeAsString())] = given;
-  given_by_content_[ContentHash(marked.SerializeAsString())] = given;
+  for (const std::uint64_t hash : StatementHashes(record)) given_by_content_[hash] = given;
 }
 
 void StateWatch::OnContent(const RecordKey& key, std::uint64_t content_hash) {

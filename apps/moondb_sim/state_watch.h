@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <tuple>
 
@@ -53,5 +54,8 @@ class StateWatch {
 };
 
 std::uint64_t ContentHash(const std::string& content);
+// Returns the hashes of the contents that storage may make of what a robot gives: with and without the mark of a
+// suspect clock, and the one of the policy `latest`.
+std::set<std::uint64_t> StatementHashes(const proto::Record& given);
 
 }  // namespace moondb::simulation

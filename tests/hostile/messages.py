@@ -93,7 +93,7 @@ def event(text, kind=record.EVENT_KIND_COMMAND, by=""):
 
 
 def temperature(celsius):
-    return record.Record(stamp_ns=now_ns(), temperature={"celsius": celsius})
+    return record.Record(stamp_ns=now_ns(), is_state=True, temperature={"celsius": celsius})
 
 
 def have_stream(origin, epoch, data_type, last, first=1):

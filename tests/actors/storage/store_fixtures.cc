@@ -10,6 +10,13 @@ namespace moondb {
 
 namespace {
 
+constexpr DataType kBeacon = 1001;
+
+bool IsOfLatest(DataType type) {
+  return type < proto::POSE_GRAPH_NODE || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT ||
+         type == kBeacon;
+}
+
 void SetPose(double x, proto::Pose& pose) {
   pose.mutable_position_m()->set_x(x);
   pose.mutable_position_m()->set_y(0);
@@ -36,13 +43,11 @@ RecordStore::Options StoreOptionsOf(AgentId self, const std::string& path, std::
   options.team = {1, 2, 3, 9};
   options.seed = seed * 1000 + self;
   for (const DataType type : BuiltInDataTypes()) {
-    const bool is_state = type < proto::POSE_GRAPH_NODE;
-    const bool is_derived = type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT;
-    options.policies[type] = is_state || is_derived ? proto::POLICY_LATEST : proto::POLICY_ALL;
+    options.policies[type] = IsOfLatest(type) ? proto::POLICY_LATEST : proto::POLICY_ALL;
   }
   options.policies[proto::MODE] = proto::POLICY_NONE;
   *options.custom_types.Add() = CustomTypeOf(1000, "soil", proto::POLICY_ALL);
-  *options.custom_types.Add() = CustomTypeOf(1001, "beacon", proto::POLICY_LATEST);
+  *options.custom_types.Add() = CustomTypeOf(kBeacon, "beacon", proto::POLICY_LATEST);
   return options;
 }
 
@@ -128,9 +133,10 @@ proto::InsertReply InsertAll(RecordStore& store, const std::vector<proto::Record
   return store.Insert(request).reply;
 }
 
-proto::StoredRecord Packed(const RecordKey& key, const proto::Record& record) {
+proto::StoredRecord Packed(const RecordKey& key, proto::Record record) {
   proto::StoredRecord stored;
   *stored.mutable_key() = ToProto(key);
+  record.set_is_state(IsOfLatest(key.stream.type));
   stored.set_content(SerializeRecord(record));
   stored.set_hash(HashRecord(key, stored.content()));
   return stored;

@@ -30,8 +30,8 @@ proto::Record CustomRecordOf(DataType type, const std::string& payload, const st
 proto::RecordKey InsertOne(RecordStore& store, const proto::Record& record, bool is_local = false);
 proto::InsertReply InsertAll(RecordStore& store, const std::vector<proto::Record>& records);
 
-// A record as a peer would send it.
-proto::StoredRecord Packed(const RecordKey& key, const proto::Record& record);
+// A record as a peer would send it whose origin has the policies of StoreOptionsOf.
+proto::StoredRecord Packed(const RecordKey& key, proto::Record record);
 proto::StoreReply StoreOne(RecordStore& store, const proto::StoredRecord& record);
 
 // All that `store` holds, oldest first.

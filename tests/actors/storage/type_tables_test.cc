@@ -74,7 +74,8 @@ TEST(TypeTablesTest, KeepARecordOfEachTypeOnItsWayToAnotherStore) {
     options.policies[row.type] = other_options.policies[row.type] = row.share;
     const auto store = OpenStore(options);
     const auto other = OpenStore(other_options);
-    const proto::Record record = SampleRecord(row.type, 1);
+    proto::Record record = SampleRecord(row.type, 1);
+    record.set_is_state(row.share == proto::POLICY_LATEST);
     EXPECT_GT(InsertOne(*store, record, false).seq(), 0u);
     EXPECT_TRUE(Bring(*store, *other, 10));
     for (RecordStore* held : {store.get(), other.get()}) {

@@ -1,0 +1,162 @@
+// Agents whose team files differ, because an operator changes a policy agent by agent.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "actors/storage/record_store.h"
+#include "proto/types.pb.h"
+#include "tests/actors/storage/store_fixtures.h"
+
+namespace moondb {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr AgentId kRover = 3;
+constexpr AgentId kLeader = 1;
+constexpr AgentId kSurvivor = 2;
+
+class PolicyChangeTest : public testing::Test {
+ protected:
+  PolicyChangeTest() : folder_(testing::TempDir() + "/policy_change") {
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  ~PolicyChangeTest() override { std::filesystem::remove_all(folder_); }
+
+  // As an agent does when it starts with that policy for temperatures.
+  std::unique_ptr<RecordStore> Start(AgentId agent, proto::Policy policy) {
+    RecordStore::Options options =
+        StoreOptionsOf(agent, folder_ + "/" + std::to_string(agent) + ".sqlite", /*seed=*/++starts_);
+    options.policies[proto::TEMPERATURE] = policy;
+    return OpenStore(options);
+  }
+
+  static void Insert(RecordStore& store, const std::vector<double>& celsius) {
+    for (const double value : celsius) InsertOne(store, TemperatureRecord(value));
+  }
+
+  // All records that `to` lacks, and what `from` dropped, which an agent under `all` refuses.
+  static void BringAll(RecordStore& from, RecordStore& to) {
+    proto::MissingRequest request;
+    *request.mutable_destination_have() = to.GetHave().have();
+    const Result<proto::MissingReply> missing = from.GetMissing(request);
+    ASSERT_TRUE(missing);
+    ASSERT_EQ(missing->remaining(), 0u) << "one page is enough here";
+    proto::StoreRequest brought;
+    *brought.mutable_records() = missing->records();
+    *brought.mutable_dropped() = missing->dropped();
+    EXPECT_FALSE(IsError(to.Store(brought).reply.error()));
+  }
+
+  static std::vector<double> TemperaturesOf(RecordStore& store) {
+    std::vector<double> temperatures;
+    for (const proto::StoredRecord& stored : Contents(store)) {
+      proto::Record record;
+      EXPECT_TRUE(record.ParseFromString(stored.content()));
+      if (record.has_temperature()) temperatures.push_back(record.temperature().celsius());
+    }
+    return temperatures;
+  }
+
+  const std::string folder_;
+  std::uint64_t starts_ = 0;
+};
+
+TEST_F(PolicyChangeTest, NothingOfARoverThatKeepsAllIsLostAtAgentsThatDoNotYet) {
+  auto rover = Start(kRover, proto::POLICY_LATEST);
+  Insert(*rover, {-20, -21});
+  rover = Start(kRover, proto::POLICY_ALL);
+  Insert(*rover, {-22, -23, -24});
+  auto leader = Start(kLeader, proto::POLICY_LATEST);
+  auto survivor = Start(kSurvivor, proto::POLICY_LATEST);
+  BringAll(*rover, *leader);
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-21, -22, -23, -24));
+  BringAll(*leader, *survivor);
+  EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-21, -22, -23, -24)) << "over a leader that does not know";
+  leader = Start(kLeader, proto::POLICY_ALL);
+  survivor = Start(kSurvivor, proto::POLICY_ALL);
+  Insert(*rover, {-25});
+  BringAll(*rover, *leader);
+  BringAll(*leader, *survivor);
+  EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-21, -22, -23, -24, -25));
+}
+
+TEST_F(PolicyChangeTest, TheLastStateBeforeTheChangeStaysHoweverLateItComes) {
+  auto rover = Start(kRover, proto::POLICY_LATEST);
+  Insert(*rover, {-20});
+  const std::vector<proto::StoredRecord> state = Contents(*rover);
+  rover = Start(kRover, proto::POLICY_ALL);
+  Insert(*rover, {-21});
+  const std::vector<proto::StoredRecord> all = Contents(*rover);
+  ASSERT_EQ(all.size(), 2u) << "its own policy supersedes nothing";
+  auto leader = Start(kLeader, proto::POLICY_LATEST);
+  EXPECT_EQ(StoreOne(*leader, all[1]).stored_count(), 1u);
+  EXPECT_EQ(StoreOne(*leader, state[0]).stored_count(), 1u);
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-21, -20));
+}
+
+TEST_F(PolicyChangeTest, AnAgentThatKeepsAllKeepsStatesThatTheirOriginDropped) {
+  auto rover = Start(kRover, proto::POLICY_LATEST);
+  auto leader = Start(kLeader, proto::POLICY_ALL);
+  for (const double celsius : {-20.0, -21.0}) {
+    Insert(*rover, {celsius});
+    BringAll(*rover, *leader);
+  }
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
+  EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-21));
+}
+
+TEST_F(PolicyChangeTest, ANewStateSupersedesWhatWasKeptBeforeWhereBothEndsKeepTheLatest) {
+  auto rover = Start(kRover, proto::POLICY_ALL);
+  Insert(*rover, {-20, -21});
+  auto leader = Start(kLeader, proto::POLICY_LATEST);
+  auto survivor = Start(kSurvivor, proto::POLICY_ALL);
+  BringAll(*rover, *leader);
+  BringAll(*rover, *survivor);
+  rover = Start(kRover, proto::POLICY_LATEST);
+  Insert(*rover, {-22});
+  BringAll(*rover, *leader);
+  BringAll(*rover, *survivor);
+  EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-22));
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-22));
+  EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-20, -21, -22));
+}
+
+TEST_F(PolicyChangeTest, WhatANewStateSupersedesIsSupersededHoweverLateItComes) {
+  auto rover = Start(kRover, proto::POLICY_ALL);
+  Insert(*rover, {-20, -21});
+  const std::vector<proto::StoredRecord> all = Contents(*rover);
+  rover = Start(kRover, proto::POLICY_LATEST);
+  Insert(*rover, {-22});
+  auto leader = Start(kLeader, proto::POLICY_LATEST);
+  BringAll(*rover, *leader);
+  for (const proto::StoredRecord& record : all) EXPECT_EQ(StoreOne(*leader, record).stored_count(), 0u);
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-22));
+}
+
+TEST_F(PolicyChangeTest, AClientDoesNotDecideWhetherARecordIsAState) {
+  auto rover = Start(kRover, proto::POLICY_ALL);
+  Insert(*rover, {-20});
+  proto::Record state = TemperatureRecord(-21);
+  state.set_is_state(true);
+  InsertOne(*rover, state);
+  auto leader = Start(kLeader, proto::POLICY_LATEST);
+  BringAll(*rover, *leader);
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
+}
+
+TEST_F(PolicyChangeTest, ARobotMayRepeatARecordUnderAnotherPolicy) {
+  auto options = StoreOptionsOf(kRover, folder_ + "/repeat.sqlite");
+  const proto::RecordKey first = InsertOne(*OpenStore(options), NodeRecord(kRover, 7));
+  options.policies[proto::POSE_GRAPH_NODE] = proto::POLICY_LATEST;
+  ++options.seed;
+  EXPECT_EQ(InsertOne(*OpenStore(options), NodeRecord(kRover, 7)).DebugString(), first.DebugString());
+}
+
+}  // namespace
+}  // namespace moondb
