@@ -74,6 +74,12 @@ void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status,
                          FormatCount(peer.cut_for_bytes()) + " times: " + AgentName(team, peer.agent_id()) +
                          " sends data over this agent's own link");
     }
+    if (peer.has_two_processes()) {
+      const std::string name = AgentName(team, peer.agent_id());
+      findings.push_back("two processes use " + name +
+                         "'s key, perhaps on a copied disk: stop one; only what the one at " + name +
+                         "'s address stores is sure to be shared");
+    }
     if (peer.is_connected() || IsAsleep(status, peer.agent_id())) continue;
     const double silent_s = peer.seconds_since_heard();
     findings.push_back("does not reach " + AgentName(team, peer.agent_id()) +

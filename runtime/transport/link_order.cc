@@ -10,10 +10,18 @@ bool LinkOrder::IsNewest(AgentId agent, std::uint32_t link_number) {
   // Numbers shortly below the newest one are of the same process, opened before. A restarted agent's lie elsewhere.
   const bool was_before = links.newest != 0 && links.newest - link_number <= kEarlierMax;
   if (was_before || std::ranges::find(links.earlier, link_number) != links.earlier.end()) return false;
+  // Numbers shortly above another one are of the same process, opened after.
+  const auto is_after = [link_number](std::uint32_t other) { return link_number - other <= kEarlierMax; };
+  if (links.newest != 0 && !is_after(links.newest) && std::ranges::any_of(links.earlier, is_after)) ++links.returns;
   if (links.newest != 0) links.earlier.push_back(links.newest);
   if (links.earlier.size() > kEarlierMax) links.earlier.pop_front();
   links.newest = link_number;
   return true;
+}
+
+int LinkOrder::returns(AgentId agent) const {
+  const auto links = links_.find(agent);
+  return links == links_.end() ? 0 : links->second.returns;
 }
 
 }  // namespace moondb

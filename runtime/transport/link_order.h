@@ -4,6 +4,9 @@
 // and frames may still arrive over it. Each agent numbers its own connections upwards, from a random start in each
 // process, so a false number harms only the agent that sends it. File descriptors and routing ids play no part: the
 // kernel reuses the former, and a peer can claim the latter.
+//
+// Two processes with the key of one agent, for example on a copied disk, each replace the other's connection, again and
+// again. A process that was replaced and opens a further connection is therefore a sign of two (returns).
 #pragma once
 
 #include <cstddef>
@@ -19,6 +22,9 @@ class LinkOrder {
  public:
   // Records that a frame with this link number came from `agent`. Returns whether it is the agent's newest connection.
   bool IsNewest(AgentId agent, std::uint32_t link_number);
+  // Returns how often an earlier process of the agent opened a connection after a later process had. A restart makes
+  // none, or one where a frame of the process before was long under way.
+  int returns(AgentId agent) const;
 
  private:
   static constexpr std::size_t kEarlierMax = 16;  // More than an agent may have open.
@@ -26,6 +32,7 @@ class LinkOrder {
   struct Links {
     std::uint32_t newest = 0;  // 0: none yet.
     std::deque<std::uint32_t> earlier;
+    int returns = 0;
   };
   std::map<AgentId, Links> links_;
 };

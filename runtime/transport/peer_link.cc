@@ -23,6 +23,8 @@ constexpr Duration kBurstPause = std::chrono::microseconds(20);
 constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
 // A radio that brings less is as good as none. For how long one large frame may keep everything else silent.
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
+// Two processes with one key replace each other's connection each few seconds.
+constexpr std::chrono::minutes kTwoProcessesShown(10);
 
 static_assert(kPeerMessageBytesMax == kPeerFrameBytesMax - kPeerFrameBytesMore);
 
@@ -130,10 +132,13 @@ bool PeerLink::Burst::IsInBurst(MonotonicTime now) {
 proto::PeerStatus PeerLink::Status() const {
   proto::PeerStatus status;
   const std::int64_t heard_ns = received_.heard_ns;
+  const std::int64_t two_processes_ns = received_.two_processes_ns;
   const std::int64_t now_ns = SteadyNow().time_since_epoch().count();
   status.set_agent_id(options_.connection.peer);
   status.set_name(options_.name);
   status.set_seconds_since_heard(heard_ns < 0 ? -1.0 : static_cast<double>(now_ns - heard_ns) * 1e-9);
+  status.set_has_two_processes(two_processes_ns >= 0 &&
+                               std::chrono::nanoseconds(now_ns - two_processes_ns) < kTwoProcessesShown);
   status.set_received_messages(static_cast<double>(received_.messages));
   status.set_received_bytes(static_cast<double>(received_.bytes));
   status.set_rejected_messages(static_cast<double>(received_.rejected_messages));
@@ -161,6 +166,11 @@ void PeerLink::OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on
   Increase(received_.messages, count);
   Increase(received_.bytes, frame_bytes);
   if (is_on_link) received_count_.OnReceived(frame_bytes);
+}
+
+void PeerLink::OnTwoProcesses() {
+  received_.two_processes_ns = SteadyNow().time_since_epoch().count();
+  log_.Warn("transport: two processes use the key of " + options_.name + ": they replace each other's connection");
 }
 
 void PeerLink::OnRejected(std::size_t frame_bytes, bool is_on_link) {

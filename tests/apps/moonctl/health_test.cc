@@ -9,6 +9,7 @@ namespace moondb {
 namespace {
 
 using testing::ElementsAre;
+using testing::HasSubstr;
 using testing::IsEmpty;
 
 class HealthTest : public testing::Test {
@@ -65,6 +66,11 @@ TEST_F(HealthTest, FindsADiskThatTakesNothingAndSaysItOnce) {
   EXPECT_THAT(Of(1), ElementsAre("the disk is nearly full: no more maps are taken"));
   storage.set_write_trouble("the disk is full: make room: moonctl -a rover1 db prune");
   EXPECT_THAT(Of(1), ElementsAre("stores nothing: the disk is full: make room: moonctl -a rover1 db prune"));
+}
+
+TEST_F(HealthTest, FindsTwoProcessesWithOneKey) {
+  Status(1).mutable_peers(0)->set_has_two_processes(true);
+  EXPECT_THAT(Of(1), ElementsAre(HasSubstr("two processes use rover2's key")));
 }
 
 TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {

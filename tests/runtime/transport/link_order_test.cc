@@ -29,6 +29,18 @@ TEST(LinkOrderTest, ARestartedAgentNumbersFromAnywhere) {
   EXPECT_TRUE(order.IsNewest(2, 6));
 }
 
+TEST(LinkOrderTest, CountsHowOftenAnEarlierProcessReturns) {
+  LinkOrder order;
+  EXPECT_EQ(order.returns(2), 0);
+  for (const std::uint32_t number : {1000u, 1001u, 1002u, 5u, 1002u, 6u, 7u}) (void)order.IsNewest(2, number);
+  EXPECT_EQ(order.returns(2), 0) << "one restart, and a late frame of the process before";
+  for (const std::uint32_t number : {1003u, 8u, 7u, 1004u}) (void)order.IsNewest(2, number);
+  EXPECT_EQ(order.returns(2), 3) << "two processes take turns";
+  for (const std::uint32_t number : {70'000u, 900u}) (void)order.IsNewest(2, number);
+  EXPECT_EQ(order.returns(2), 3) << "two further restarts";
+  EXPECT_EQ(order.returns(3), 0);
+}
+
 TEST(LinkOrderTest, NumbersWrapAround) {
   LinkOrder order;
   EXPECT_TRUE(order.IsNewest(2, UINT32_MAX));
