@@ -150,9 +150,10 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   const std::uint64_t id = next_id_++;
   const Result<void> forwarded =
       is_for_self ? Forward(context, std::move(request), id, pending) : Relay(context, std::move(request), id, pending);
-  if (!forwarded) return Answer(context, client, message.request_id(), ErrorReply(forwarded.error()));
+  if (!forwarded) pending.reply = ErrorReply(forwarded.error());
   pending.timer = context.AfterTimer(timeout, kTimeOut, id);
   pending_.emplace(id, std::move(pending));
+  if (!forwarded) Finish(context, id);
 }
 
 void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message, const proto::ControlRequest& request,

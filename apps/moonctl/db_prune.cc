@@ -40,9 +40,7 @@ Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomT
   return Fail(ErrorCode::kInvalid, "of what? Give --older-than, --type, --beaten-maps, --history or --max-mb");
 }
 
-std::string PrunedText(const std::string& agent, const proto::PruneReply& reply, bool is_dry_run,
-                       const CustomTypes& custom_types) {
-  if (!reply.text().empty()) return agent + " removes nothing: " + reply.text();
+std::string PrunedText(const proto::PruneReply& reply, bool is_dry_run, const CustomTypes& custom_types) {
   Table table({"TYPE", is_dry_run ? "WOULD GO" : "GONE", "CONTENTS"});
   double count = 0;
   double bytes = 0;
@@ -75,8 +73,12 @@ ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments) {
   if (!chosen) return context.Report(chosen.error());
   const auto reply = chosen->client->Prune(*order);
   if (!reply) return context.Report(reply.error());
-  return context.Print(reply->text().empty() ? ExitCode::kDone : ExitCode::kRefused, ToJson(*reply),
-                       PrunedText(chosen->agent->name(), *reply, order->is_dry_run(), custom_types));
+  const bool is_refused = !reply->text().empty();
+  if (is_refused && !context.is_json) {
+    return context.Report({ErrorCode::kRefused, chosen->agent->name() + " removes nothing: " + reply->text()});
+  }
+  return context.Print(is_refused ? ExitCode::kRefused : ExitCode::kDone, ToJson(*reply),
+                       PrunedText(*reply, order->is_dry_run(), custom_types));
 }
 
 }  // namespace moondb
