@@ -167,6 +167,19 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
   });
 }
 
+// A relative pose over a node in between is no step of a robot: a wrong one, for example a loop closure stored as
+// odometry, can shrink the whole trajectory. Agents refuse to insert one; a store or a peer may have one nevertheless.
+void LeaveOutWhatSkipsNodes(CheckedGraph& checked) {
+  std::erase_if(checked.odometry, [&checked](const CheckedOdometry& odometry) {
+    const auto [first, last] = std::minmax(odometry.from, odometry.to);
+    if (last - first == 1) return false;
+    const OdometryEdge& edge = *odometry.edge;
+    LeaveOut(checked, edge.from.agent, EdgeName("odometry", edge.from, edge.to),
+             "skips " + ToString(checked.nodes[first + 1].key));
+    return true;
+  });
+}
+
 // The smallest node that odometry joins each node with, directly or over others.
 std::vector<std::size_t> FindHeads(const CheckedGraph& graph) {
   ConnectedParts parts(graph.nodes.size());
@@ -193,6 +206,7 @@ CheckedGraph CheckGraph(const PoseGraph& graph, const AgentFactsMap& agents) {
   CheckedGraph checked;
   CheckNodes(graph, agents, checked);
   CheckEdges(graph.odometry, "odometry", checked, checked.odometry);
+  LeaveOutWhatSkipsNodes(checked);
   CheckEdges(graph.ranges, "range", checked, checked.ranges);
   return checked;
 }

@@ -76,6 +76,14 @@ TEST_F(GraphCheckTest, KeepsTheSameOneOfDoubledRecordsWhateverCameFirst) {
   }
 }
 
+TEST_F(GraphCheckTest, LeavesOutOdometryThatSkipsNodes) {
+  graph_.odometry = {Step(0, 1), Step(0, 2), Step(2, 0), Step(2, 1)};
+  const CheckedGraph checked = Checked();
+  EXPECT_EQ(checked.odometry.size(), 2u);
+  EXPECT_EQ(checked.left_out.at(1).count, 2u);
+  EXPECT_EQ(checked.left_out.at(1).first, "odometry from agent 1, node 0 to agent 1, node 2: skips agent 1, node 1");
+}
+
 TEST_F(GraphCheckTest, SaysNothingOfABaseStationThatTheGraphHasToo) {
   graph_.nodes.push_back(GraphNode{{4, 0}, 0, Pose{}});
   const CheckedGraph checked = Checked();
