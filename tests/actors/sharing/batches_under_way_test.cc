@@ -120,11 +120,14 @@ TEST_F(BatchesUnderWayTest, DoesNotRepeatWhatTheDestinationDoesNotTake) {
   destination_.Reject(proto::POWER);
   source_.Insert(kSelf, proto::POWER, "p");
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
-  Order();
+  Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/0, {kSelf, 7}));
   AnswerHello();
   EXPECT_EQ(RunToEnd().size(), 1u);
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().acknowledged_records(), 1);
+  ASSERT_EQ(Status().orders_size(), 1);
+  EXPECT_EQ(Status().orders(0).completed(), 0u) << "whoever waits for it is not told that all is acknowledged";
+  EXPECT_EQ(Status().orders(0).closed(), 7u);
   EXPECT_EQ(Status().last_error(), "the destination did not take 1 records");
 }
 
