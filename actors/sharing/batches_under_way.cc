@@ -61,7 +61,7 @@ std::vector<RecordKey> BatchesUnderWay::Keys() const {
 
 std::uint64_t BatchesUnderWay::RefusedCount() const {
   std::uint64_t count = 0;
-  for (const auto& [key, stream] : refused_.streams()) count += stream.held.Count();
+  for (const auto& [key, stream] : refused_.streams()) count += stream.held.Minus(have_.Get(key).Had()).Count();
   return count;
 }
 

@@ -22,8 +22,9 @@ class LinkOrder {
  public:
   // Records that a frame with this link number came from `agent`. Returns whether it is the agent's newest connection.
   bool IsNewest(AgentId agent, std::uint32_t link_number);
-  // Returns how often an earlier process of the agent opened a connection after a later process had. A restart makes
-  // none, or one where a frame of the process before was long under way.
+  // Returns how often a process of the agent opened a connection after another one had, which had opened one after an
+  // earlier connection of the first. A restart makes none; two where the first frame over a connection of the process
+  // before was under way meanwhile.
   int returns(AgentId agent) const;
 
  private:

@@ -25,6 +25,7 @@ constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
 // Two processes with one key replace each other's connection each few seconds.
 constexpr std::chrono::minutes kTwoProcessesShown(10);
+constexpr int kReturnsOfRestartsMax = 4;  // Of two restarts within that time.
 
 static_assert(kPeerMessageBytesMax == kPeerFrameBytesMax - kPeerFrameBytesMore);
 
@@ -168,8 +169,12 @@ void PeerLink::OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on
   if (is_on_link) received_count_.OnReceived(frame_bytes);
 }
 
-void PeerLink::OnTwoProcesses() {
-  received_.two_processes_ns = SteadyNow().time_since_epoch().count();
+void PeerLink::OnReturn() {
+  const MonotonicTime now = SteadyNow();
+  if (now - received_.returned_at > kTwoProcessesShown) received_.returns = 0;
+  received_.returned_at = now;
+  if (++received_.returns <= kReturnsOfRestartsMax) return;
+  received_.two_processes_ns = now.time_since_epoch().count();
   log_.Warn("transport: two processes use the key of " + options_.name + ": they replace each other's connection");
 }
 

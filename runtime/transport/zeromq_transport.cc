@@ -458,12 +458,9 @@ class ZeroMqTransport::Impl {
   // Without keys libzmq gives a connection that was replaced another routing id than the agent's.
   bool IsOnLink(AgentId sender, std::uint32_t link, const ZmqReceived& received) {
     if (!keys_ && AgentOfUserId(received.route.text()) != sender) return false;
-    // A single return may be a frame that was under way while its agent started again.
-    constexpr int kReturnsOfOneProcessMax = 2;
     const int returns_before = link_order_.returns(sender);
     const bool is_newest = link_order_.IsNewest(sender, link);
-    const int returns = link_order_.returns(sender);
-    if (returns > std::max(returns_before, kReturnsOfOneProcessMax)) peers_.at(sender)->OnTwoProcesses();
+    if (link_order_.returns(sender) > returns_before) peers_.at(sender)->OnReturn();
     return is_newest;
   }
 
