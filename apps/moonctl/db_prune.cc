@@ -75,7 +75,7 @@ ExitCode PruneStore(CommandContext& context, const PruneArguments& arguments) {
   if (!reply) return context.Report(reply.error());
   const bool is_refused = !reply->text().empty();
   if (is_refused && !context.is_json) {
-    return context.Report({ErrorCode::kRefused, chosen->agent->name() + " removes nothing: " + reply->text()});
+    return context.Report({ErrorCode::kRefused, chosen->agent->name() + " removes nothing: " + reply->text(), {}});
   }
   return context.Print(is_refused ? ExitCode::kRefused : ExitCode::kDone, ToJson(*reply),
                        PrunedText(*reply, order->is_dry_run(), custom_types));

@@ -2,7 +2,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -10,6 +9,7 @@
 #include "actors/storage/record_store.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
+#include "tests/temporary_folder.h"
 
 namespace moondb {
 namespace {
@@ -22,18 +22,17 @@ constexpr AgentId kSurvivor = 2;
 
 class PolicyChangeTest : public testing::Test {
  protected:
-  PolicyChangeTest() : folder_(testing::TempDir() + "/policy_change") {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  ~PolicyChangeTest() override { std::filesystem::remove_all(folder_); }
-
   // As an agent does when it starts with that policy for temperatures.
   std::unique_ptr<RecordStore> Start(AgentId agent, proto::Policy policy) {
     RecordStore::Options options =
-        StoreOptionsOf(agent, folder_ + "/" + std::to_string(agent) + ".sqlite", /*seed=*/++starts_);
+        StoreOptionsOf(agent, folder_.File(std::to_string(agent) + ".sqlite"), /*seed=*/++starts_);
     options.policies[proto::TEMPERATURE] = policy;
     return OpenStore(options);
+  }
+
+  void Restart(std::unique_ptr<RecordStore>& store, AgentId agent, proto::Policy policy) {
+    store.reset();
+    store = Start(agent, policy);
   }
 
   static void Insert(RecordStore& store, const std::vector<double>& celsius) {
@@ -63,14 +62,14 @@ class PolicyChangeTest : public testing::Test {
     return temperatures;
   }
 
-  const std::string folder_;
+  const TemporaryFolder folder_;
   std::uint64_t starts_ = 0;
 };
 
 TEST_F(PolicyChangeTest, NothingOfARoverThatKeepsAllIsLostAtAgentsThatDoNotYet) {
   auto rover = Start(kRover, proto::POLICY_LATEST);
   Insert(*rover, {-20, -21});
-  rover = Start(kRover, proto::POLICY_ALL);
+  Restart(rover, kRover, proto::POLICY_ALL);
   Insert(*rover, {-22, -23, -24});
   auto leader = Start(kLeader, proto::POLICY_LATEST);
   auto survivor = Start(kSurvivor, proto::POLICY_LATEST);
@@ -78,8 +77,8 @@ TEST_F(PolicyChangeTest, NothingOfARoverThatKeepsAllIsLostAtAgentsThatDoNotYet) 
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-21, -22, -23, -24));
   BringAll(*leader, *survivor);
   EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-21, -22, -23, -24)) << "over a leader that does not know";
-  leader = Start(kLeader, proto::POLICY_ALL);
-  survivor = Start(kSurvivor, proto::POLICY_ALL);
+  Restart(leader, kLeader, proto::POLICY_ALL);
+  Restart(survivor, kSurvivor, proto::POLICY_ALL);
   Insert(*rover, {-25});
   BringAll(*rover, *leader);
   BringAll(*leader, *survivor);
@@ -90,7 +89,7 @@ TEST_F(PolicyChangeTest, TheLastStateBeforeTheChangeStaysHoweverLateItComes) {
   auto rover = Start(kRover, proto::POLICY_LATEST);
   Insert(*rover, {-20});
   const std::vector<proto::StoredRecord> state = Contents(*rover);
-  rover = Start(kRover, proto::POLICY_ALL);
+  Restart(rover, kRover, proto::POLICY_ALL);
   Insert(*rover, {-21});
   const std::vector<proto::StoredRecord> all = Contents(*rover);
   ASSERT_EQ(all.size(), 2u) << "its own policy supersedes nothing";
@@ -118,7 +117,7 @@ TEST_F(PolicyChangeTest, ANewStateSupersedesWhatWasKeptBeforeWhereBothEndsKeepTh
   auto survivor = Start(kSurvivor, proto::POLICY_ALL);
   BringAll(*rover, *leader);
   BringAll(*rover, *survivor);
-  rover = Start(kRover, proto::POLICY_LATEST);
+  Restart(rover, kRover, proto::POLICY_LATEST);
   Insert(*rover, {-22});
   BringAll(*rover, *leader);
   BringAll(*rover, *survivor);
@@ -131,7 +130,7 @@ TEST_F(PolicyChangeTest, WhatANewStateSupersedesIsSupersededHoweverLateItComes) 
   auto rover = Start(kRover, proto::POLICY_ALL);
   Insert(*rover, {-20, -21});
   const std::vector<proto::StoredRecord> all = Contents(*rover);
-  rover = Start(kRover, proto::POLICY_LATEST);
+  Restart(rover, kRover, proto::POLICY_LATEST);
   Insert(*rover, {-22});
   auto leader = Start(kLeader, proto::POLICY_LATEST);
   BringAll(*rover, *leader);
@@ -151,7 +150,7 @@ TEST_F(PolicyChangeTest, AClientDoesNotDecideWhetherARecordIsAState) {
 }
 
 TEST_F(PolicyChangeTest, ARobotMayRepeatARecordUnderAnotherPolicy) {
-  auto options = StoreOptionsOf(kRover, folder_ + "/repeat.sqlite");
+  auto options = StoreOptionsOf(kRover, folder_.File("repeat.sqlite"));
   const proto::RecordKey first = InsertOne(*OpenStore(options), NodeRecord(kRover, 7));
   options.policies[proto::POSE_GRAPH_NODE] = proto::POLICY_LATEST;
   ++options.seed;
