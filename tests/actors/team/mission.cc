@@ -350,7 +350,9 @@ class Mission {
     for (std::size_t i = 0; i < records.size(); ++i) {
       const RecordKey key = FromProto(reply.keys(static_cast<int>(i)));
       if (key.stream.origin != agent) Complain("a record of " + ToString(key) + " inserted at another agent");
-      if (!acknowledged_.emplace(key, records[i].SerializeAsString()).second) Complain("two have " + ToString(key));
+      proto::Record stored = records[i];
+      stored.set_is_state(SharePolicyOf(config_, key.stream.type) == proto::POLICY_LATEST);
+      if (!acknowledged_.emplace(key, stored.SerializeAsString()).second) Complain("two have " + ToString(key));
     }
   }
 

@@ -429,9 +429,10 @@ class KeepsRestatedToItself final : public OtherActor {
       }
 
      private:
-      // Whether the agent marked it or not.
+      // However the agent marked it.
       static std::string Name(proto::Record record) {
         record.clear_is_clock_suspect();
+        record.clear_is_state();
         return record.SerializeAsString();
       }
       void Hide(google::protobuf::RepeatedPtrField<proto::StoredRecord>& records) const {
