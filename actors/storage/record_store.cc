@@ -126,6 +126,21 @@ class RecordStore::Writing {
     return DeleteRow(table, row);
   }
 
+  // Whether something newer of its origin and type is held, or was asked about in this transaction. Most records that
+  // an origin keeps under `all` are the newest that it has sent, and need no look at the other rows of their key.
+  bool IsOlderThanHeld(const RecordKey& key) {
+    const std::pair<AgentId, DataType> series(key.stream.origin, key.stream.type);
+    auto newest = newest_.find(series);
+    if (newest == newest_.end()) {
+      const RecordKey held = store_.ledger_.NewestHeld(key.stream.origin, key.stream.type);
+      newest = newest_.emplace(series, std::pair(held.stream.epoch, held.seq)).first;
+    }
+    const std::pair place(key.stream.epoch, key.seq);
+    if (place < newest->second) return true;
+    newest->second = place;
+    return false;
+  }
+
   const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }  // RoomToShare counted them.
   const std::set<std::uint64_t>& nodes() const { return nodes_; }  // Indices of this agent's that are inserted.
 
@@ -169,6 +184,7 @@ class RecordStore::Writing {
   std::uint64_t next_row_id_;
   std::uint64_t map_bytes_;
   std::optional<std::map<AgentId, std::uint64_t>> used_bytes_;
+  std::map<std::pair<AgentId, DataType>, std::pair<std::uint64_t, std::uint64_t>> newest_;  // Epoch and seq.
   std::set<std::uint64_t> nodes_;
   bool has_removed_nodes_ = false;
   std::set<DataType> types_;
@@ -839,11 +855,10 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::op
     return {};
   }
   std::vector<RecordTable::Row> superseded;
-  // Most records that an origin keeps under `all` are the newest that it has sent; they need no look at the others.
-  const RecordKey newest = ledger_.NewestHeld(opened.key.stream.origin, opened.key.stream.type);
-  const bool may_be_old = IsVersioned(opened.key.stream.type) || std::pair(newest.stream.epoch, newest.seq) >
-                                                                     std::pair(opened.key.stream.epoch, opened.key.seq);
-  if (rules_.IsLatest(opened.key.stream.type) && (opened.record.is_state() || may_be_old)) {
+  const DataType type = opened.key.stream.type;
+  const bool is_latest = rules_.IsLatest(type);
+  const bool is_older = is_latest && writing.IsOlderThanHeld(opened.key);
+  if (is_latest && (is_older || opened.record.is_state() || IsVersioned(type))) {
     const RecordOrder order = OrderOf(opened.key, opened.record);
     const Result<std::vector<RecordTable::Row>> others =
         table.FindByLatestKey(*database_, opened.key.stream.origin, opened.key.stream.type, LatestKey(opened.record));

@@ -136,6 +136,14 @@ TEST_F(PolicyChangeTest, WhatANewStateSupersedesIsSupersededHoweverLateItComes) 
   BringAll(*rover, *leader);
   for (const proto::StoredRecord& record : all) EXPECT_EQ(StoreOne(*leader, record).stored_count(), 0u);
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-22));
+
+  auto survivor = Start(kSurvivor, proto::POLICY_LATEST);
+  proto::StoreRequest together;
+  *together.add_records() = all[0];
+  *together.add_records() = Contents(*rover)[0];
+  *together.add_records() = all[1];
+  EXPECT_FALSE(IsError(survivor->Store(together).reply.error()));
+  EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-22)) << "in one transaction";
 }
 
 TEST_F(PolicyChangeTest, AClientDoesNotDecideWhetherARecordIsAState) {
