@@ -305,9 +305,9 @@ void SharingSession::Complete(SharingActions& actions) {
   if (order_.is_for_states() && !order_.is_unasked()) return order_.HoldBackTheRest();
   phase_ = Phase::kClosed;
   if (!order_.is_unasked()) {
-    const std::uint64_t refused = under_way_.RefusedCount();
     counts_.NoteEnd(Ending::kCompleted);
-    // Whoever waits for an order learns that not all of it is acknowledged.
+    const std::uint64_t refused = under_way_.RefusedCount();
+    // A client that waits for the order must not read that all of it is acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);
     last_error_ = refused == 0 ? "" : "the destination did not take " + std::to_string(refused) + " records";
   }

@@ -100,12 +100,15 @@ const StreamHave& HaveLedger::Get(const StreamKey& stream) const {
 
 RecordKey HaveLedger::NewestHeld(AgentId origin, DataType type) const {
   RecordKey newest{{origin, 0, type}, 0};
-  const auto look = [&](const StreamKey& stream, const StreamHave& have) {
-    if (stream.origin != origin || stream.type != type || have.held.is_empty()) return;
-    if (newest.seq == 0 || stream.epoch >= newest.stream.epoch) newest = {stream, have.held.Max()};
+  const auto look = [&](const std::map<StreamKey, StreamHave>& streams, const auto& is_outdated) {
+    for (auto it = streams.lower_bound({origin, 0, 0}); it != streams.end() && it->first.origin == origin; ++it) {
+      const auto& [stream, have] = *it;
+      if (stream.type != type || have.held.is_empty() || is_outdated(stream)) continue;
+      if (newest.seq == 0 || stream.epoch >= newest.stream.epoch) newest = {stream, have.held.Max()};
+    }
   };
-  for (const auto& [stream, have] : have_.streams()) look(stream, Get(stream));
-  for (const auto& [stream, have] : draft_) look(stream, have);
+  look(have_.streams(), [this](const StreamKey& stream) { return draft_.contains(stream); });
+  look(draft_, [](const StreamKey&) { return false; });
   return newest;
 }
 

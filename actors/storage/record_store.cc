@@ -37,14 +37,15 @@ constexpr int kInsertRecordsMax = 65536;
 constexpr std::uint64_t kRowBytes = 100;             // About what a row takes beside its content.
 constexpr std::uint64_t kRoomBytesMin = 256 * 1024;  // Of history, for a record that found no room.
 
-// Whether a robot states what it stated before. Its agent may have marked it otherwise then: by its clock, by its
-// policy.
-bool IsSameStatement(const std::string& stored_content, const proto::Record& record) {
+// Returns whether a robot repeats the record that has this stored content. The marks may differ, since the agent sets
+// them by its clock and its policy. `content` is the serialised `record`.
+bool IsRepeated(const std::string& stored_content, const proto::Record& record, const std::string& content) {
+  if (stored_content == content) return true;
   proto::Record stored;
   if (!stored.ParseFromString(stored_content)) return false;
   stored.set_is_clock_suspect(record.is_clock_suspect());
   stored.set_is_state(record.is_state());
-  return SerializeRecord(stored) == SerializeRecord(record);
+  return SerializeRecord(stored) == content;
 }
 
 // For the index beside the log. SQLite calls a disk that has none an I/O error.
@@ -107,6 +108,8 @@ class RecordStore::Writing {
     if (used_bytes_) (*used_bytes_)[key.stream.origin] += content.size() + kRowBytes;
     if (IsOwnNode(key.stream)) nodes_.insert(record.pose_graph_node().node().index());
     if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
+    const auto newest = newest_.find({key.stream.origin, key.stream.type});
+    if (newest != newest_.end()) newest->second = std::max(newest->second, key);
     return {};
   }
 
@@ -126,19 +129,12 @@ class RecordStore::Writing {
     return DeleteRow(table, row);
   }
 
-  // Whether something newer of its origin and type is held, or was asked about in this transaction. Most records that
-  // an origin keeps under `all` are the newest that it has sent, and need no look at the other rows of their key.
-  bool IsOlderThanHeld(const RecordKey& key) {
-    const std::pair<AgentId, DataType> series(key.stream.origin, key.stream.type);
-    auto newest = newest_.find(series);
-    if (newest == newest_.end()) {
-      const RecordKey held = store_.ledger_.NewestHeld(key.stream.origin, key.stream.type);
-      newest = newest_.emplace(series, std::pair(held.stream.epoch, held.seq)).first;
-    }
-    const std::pair place(key.stream.epoch, key.seq);
-    if (place < newest->second) return true;
-    newest->second = place;
-    return false;
+  // Returns whether the store holds a newer record of the same origin and type. The ledger is asked once for each
+  // origin and type: an origin may have tens of thousands of streams.
+  bool HoldsNewer(const RecordKey& key) {
+    const auto [newest, is_new] = newest_.try_emplace({key.stream.origin, key.stream.type});
+    if (is_new) newest->second = store_.ledger_.NewestHeld(key.stream.origin, key.stream.type);
+    return key < newest->second;
   }
 
   const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }  // RoomToShare counted them.
@@ -184,7 +180,7 @@ class RecordStore::Writing {
   std::uint64_t next_row_id_;
   std::uint64_t map_bytes_;
   std::optional<std::map<AgentId, std::uint64_t>> used_bytes_;
-  std::map<std::pair<AgentId, DataType>, std::pair<std::uint64_t, std::uint64_t>> newest_;  // Epoch and seq.
+  std::map<std::pair<AgentId, DataType>, RecordKey> newest_;  // Held, of the series that HoldsNewer was asked about.
   std::set<std::uint64_t> nodes_;
   bool has_removed_nodes_ = false;
   std::set<DataType> types_;
@@ -461,7 +457,7 @@ Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing)
   if (!*row || HashRecord(old_key, content) != (*row)->hash || !record.ParseFromString(content)) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: " + ToString(old_key));
   }
-  // It may be of a time in which the policy was `all`.
+  // This record may have been inserted while the policy was `all`.
   if (!record.is_state()) {
     record.set_is_state(true);
     content = SerializeRecord(record);
@@ -630,7 +626,7 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
     const Result<std::optional<RecordTable::Named>> named =
         table.FindByNaturalKey(*database_, options_.self, type, name);
     if (!named) return tl::unexpected(named.error());
-    const bool is_same = *named && ((*named)->content == content || IsSameStatement((*named)->content, record));
+    const bool is_same = *named && IsRepeated((*named)->content, record, content);
     if (is_same && ((*named)->key.seq == 0) == is_local) {
       reply_key = ToProto((*named)->key);
       return {};
@@ -655,9 +651,10 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
     const Result<std::vector<RecordTable::Row>> others =
         table.FindByLatestKey(*database_, options_.self, type, LatestKey(record));
     if (!others) return tl::unexpected(others.error());
-    const Result<bool> is_superseded = is_local ? false : IsSuperseded(table, order, *others);
-    if (!is_superseded) return tl::unexpected(is_superseded.error());
-    if (*is_superseded) {
+    const auto newer =
+        is_local ? Result<std::optional<RecordOrder>>() : FindNewestState(table, *others, /*above=*/order);
+    if (!newer) return tl::unexpected(newer.error());
+    if (*newer) {
       ledger_.AddDropped(key.stream, {key.seq, key.seq});
       reply_key = ToProto(key);
       return {};
@@ -856,23 +853,21 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::op
   }
   std::vector<RecordTable::Row> superseded;
   const DataType type = opened.key.stream.type;
-  const bool is_latest = rules_.IsLatest(type);
-  const bool is_older = is_latest && writing.IsOlderThanHeld(opened.key);
-  if (is_latest && (is_older || opened.record.is_state() || IsVersioned(type))) {
+  const bool is_state = opened.record.is_state();
+  // Most records that are no states are the newest of their origin. They need no look at the rows with their key.
+  if (rules_.IsLatest(type) && (is_state || IsVersioned(type) || writing.HoldsNewer(opened.key))) {
     const RecordOrder order = OrderOf(opened.key, opened.record);
     const Result<std::vector<RecordTable::Row>> others =
-        table.FindByLatestKey(*database_, opened.key.stream.origin, opened.key.stream.type, LatestKey(opened.record));
+        table.FindByLatestKey(*database_, opened.key.stream.origin, type, LatestKey(opened.record));
     if (!others) return tl::unexpected(others.error());
-    const Result<bool> is_superseded = IsSuperseded(table, order, *others);
-    if (!is_superseded) return tl::unexpected(is_superseded.error());
-    if (*is_superseded) {
+    const auto newer = FindNewestState(table, *others, /*above=*/order);
+    if (!newer) return tl::unexpected(newer.error());
+    if (*newer) {
       ledger_.AddDropped(opened.key.stream, {opened.key.seq, opened.key.seq});
       return {};
     }
-    const auto is_replaced = [&](const RecordTable::Row& other) {
-      return opened.record.is_state() && other.key.seq != 0 && other.order() < order;
-    };
-    std::copy_if(others->begin(), others->end(), std::back_inserter(superseded), is_replaced);
+    std::copy_if(others->begin(), others->end(), std::back_inserter(superseded),
+                 [&](const auto& other) { return is_state && other.key.seq != 0 && other.order() < order; });
   }
   std::uint64_t superseded_bytes = 0;
   for (const RecordTable::Row& row : superseded) superseded_bytes += row.content_bytes;
@@ -914,23 +909,16 @@ Result<void> RecordStore::CheckDropped(AgentId sender, const proto::StreamHave& 
 }
 
 Result<std::optional<RecordOrder>> RecordStore::FindNewestState(const RecordTable& table,
-                                                                std::vector<RecordTable::Row> rows) {
+                                                                std::vector<RecordTable::Row> rows,
+                                                                const RecordOrder& above) {
+  std::erase_if(rows, [&above](const auto& row) { return row.key.seq == 0 || row.order() <= above; });
   std::sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) { return a.order() > b.order(); });
   for (const RecordTable::Row& row : rows) {
-    if (row.key.seq == 0) continue;
     const Result<proto::Record> record = table.ReadRecord(*database_, row.row_id);
     if (!record) return tl::unexpected(record.error());
     if (record->is_state()) return row.order();
   }
   return std::nullopt;
-}
-
-Result<bool> RecordStore::IsSuperseded(const RecordTable& table, const RecordOrder& order,
-                                       std::vector<RecordTable::Row> others) {
-  std::erase_if(others, [&order](const RecordTable::Row& other) { return other.order() <= order; });
-  const Result<std::optional<RecordOrder>> newer = FindNewestState(table, std::move(others));
-  if (!newer) return tl::unexpected(newer.error());
-  return newer->has_value();
 }
 
 Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing) {
@@ -961,7 +949,7 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
         const Result<std::vector<RecordTable::Row>> others =
             table.FindByLatestKey(*database_, stream.origin, stream.type, row.latest_key);
         if (!others) return tl::unexpected(others.error());
-        const Result<std::optional<RecordOrder>> found = FindNewestState(table, *others);
+        const Result<std::optional<RecordOrder>> found = FindNewestState(table, *others, /*above=*/{});
         if (!found) return tl::unexpected(found.error());
         newest_state = newest_states.emplace(row.latest_key, *found).first;
       }

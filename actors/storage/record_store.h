@@ -243,11 +243,10 @@ class RecordStore {
   Result<void> CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted);
   void NoteAssignmentsIn(const proto::StoreRequest& request);
   Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
-  // The greatest order among those of `rows` that are shared states (Record.is_state); a record that its origin keeps
-  // under the policy `all` supersedes nothing.
-  Result<std::optional<RecordOrder>> FindNewestState(const RecordTable& table, std::vector<RecordTable::Row> rows);
-  // Whether one of `others`, rows with the same latest key, supersedes what has this order.
-  Result<bool> IsSuperseded(const RecordTable& table, const RecordOrder& order, std::vector<RecordTable::Row> others);
+  // Returns the greatest order above `above` of the shared states (Record.is_state) among `rows`, which have one latest
+  // key; nothing if there is none. A record that its origin keeps under the policy `all` supersedes nothing.
+  Result<std::optional<RecordOrder>> FindNewestState(const RecordTable& table, std::vector<RecordTable::Row> rows,
+                                                     const RecordOrder& above);
   void Reject(Error error, Stored& result);
   // True where `failure` is a full file or disk, and history made room: the transaction may be tried once more.
   bool MakesRoom(const Error& failure, std::uint64_t content_bytes);

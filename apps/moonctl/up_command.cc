@@ -23,9 +23,10 @@
 namespace moondb {
 namespace {
 
-// For all agents that a command starts together; many on one small computer hinder each other.
+// A command waits so long for the agents that it starts, and longer for each agent: many on one small computer slow
+// each other down.
 constexpr std::chrono::seconds kStartTimeout(20);
-constexpr std::chrono::seconds kStartTimeoutMore(1);  // For each of them.
+constexpr std::chrono::seconds kStartTimeoutPerAgent(1);
 constexpr std::chrono::seconds kStopTimeout(10);
 constexpr std::chrono::seconds kAgreementTimeout(8);
 constexpr std::chrono::milliseconds kStartPollPeriod(20);
@@ -254,7 +255,7 @@ ExitCode Up(CommandContext& context, const UpArguments& arguments) {
     if (agent.pid != 0) continue;
     if (auto started = start(agent); !started) return context.Report(started.error());
   }
-  const auto deadline = SteadyClock::now() + kStartTimeout + agents->size() * kStartTimeoutMore;
+  const auto deadline = SteadyClock::now() + kStartTimeout + agents->size() * kStartTimeoutPerAgent;
   for (LocalAgent& agent : *agents) {
     bool has_ended = false;
     Result<void> started;

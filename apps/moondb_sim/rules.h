@@ -90,7 +90,7 @@ class Rules {
   void SeeGiven(AgentId agent, const proto::Record& record) {
     if (agent != liar_) states_.OnGiven(agent, record);
   }
-  // The robot of `agent` was told that it is stored there, with whatever marks storage sets.
+  // The agent confirmed to its robot that it stored the record, with the marks that storage sets.
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
   // An agent inserted this event so shortly before the end that the operator's last orders need not bring it to others.
   void ExcuseLate(const RecordKey& key) { late_[key.stream].held.Add(key.seq); }
@@ -146,8 +146,8 @@ class Rules {
   const AgentId liar_;
   const AgentId base_;
   const bool has_keys_;
-  std::map<RecordKey, std::uint64_t> content_of_;             // Hashes.
-  std::map<RecordKey, std::set<std::uint64_t>> inserted_as_;  // Likewise: the contents that storage may make of it.
+  std::map<RecordKey, std::uint64_t> content_of_;                     // Hashes.
+  std::map<RecordKey, std::set<std::uint64_t>> inserted_as_;          // Hashes of the possible contents.
   std::map<std::string, std::pair<AgentId, AgentId>> assignment_of_;  // Leader and survivor, by term.
   std::set<AgentId> had_role_;                                        // In any of these.
   std::map<AgentId, proto::RoleAssignment> roles_of_;                 // Durable.

@@ -5,8 +5,8 @@
 // unreported, and after it was asked. An idle link is asked once in a long while. A peer that talks but lets us wait
 // for credit is `kStalled`: it is broken.
 //
-// A peer answers over its own link to this agent. When a link has just opened, that one may not be open yet: on a busy
-// computer with many agents the handshakes take seconds. So the first answer may take first_answer_after.
+// A peer answers over its own link to this agent. When this agent's link opens, the peer's link may still be in its
+// handshake, which takes seconds on a busy computer with many agents. So the first answer may take first_answer_after.
 //
 // Pure: time comes in with each call. Its owner guards it.
 #pragma once
@@ -24,7 +24,7 @@ class LinkHealth {
     Duration ask_after = std::chrono::seconds(1);          // Of silence while something is expected.
     Duration lost_after = std::chrono::seconds(3);         // Likewise; longer than ask_after and one round trip.
     Duration keep_alive_after = std::chrono::seconds(30);  // Of silence while nothing is expected.
-    // Of silence since the link opened; at least lost_after.
+    // The longest silence after the link opened; at least lost_after.
     Duration first_answer_after = std::chrono::seconds(15);
   };
 

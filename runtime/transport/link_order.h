@@ -5,8 +5,8 @@
 // process, so a false number harms only the agent that sends it. File descriptors and routing ids play no part: the
 // kernel reuses the former, and a peer can claim the latter.
 //
-// Two processes with the key of one agent, for example on a copied disk, each replace the other's connection, again and
-// again. A process that was replaced and opens a further connection is therefore a sign of two (returns).
+// Two processes with the key of one agent, for example on a copied disk, replace each other's connection again and
+// again. A replaced process that opens another connection returns; repeated returns are a sign of two processes.
 #pragma once
 
 #include <cstddef>
@@ -22,9 +22,8 @@ class LinkOrder {
  public:
   // Records that a frame with this link number came from `agent`. Returns whether it is the agent's newest connection.
   bool IsNewest(AgentId agent, std::uint32_t link_number);
-  // Returns how often a process of the agent opened a connection after another one had, which had opened one after an
-  // earlier connection of the first. A restart makes none; two where the first frame over a connection of the process
-  // before was under way meanwhile.
+  // Returns how often a process of the agent has returned. A restart causes no return, or two if the first frame over a
+  // connection of the previous process arrives after a frame of the new process.
   int returns(AgentId agent) const;
 
  private:

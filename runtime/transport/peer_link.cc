@@ -25,7 +25,7 @@ constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
 // Two processes with one key replace each other's connection each few seconds.
 constexpr std::chrono::minutes kTwoProcessesShown(10);
-constexpr int kReturnsOfRestartsMax = 4;  // Of two restarts within that time.
+constexpr int kReturnsOfRestartsMax = 4;  // Two restarts within that time cause no more.
 
 static_assert(kPeerMessageBytesMax == kPeerFrameBytesMax - kPeerFrameBytesMore);
 

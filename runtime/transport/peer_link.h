@@ -61,7 +61,7 @@ class PeerLink {
   // speak of, not over one that it replaced.
   void OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link);
   void OnReport(const proto::LinkReport& report, std::uint32_t link_number, bool is_on_link);
-  // One of perhaps two processes with the peer's key replaced the other's connection (LinkOrder::returns).
+  // A process with the peer's key returned (LinkOrder::returns).
   void OnReturn();
   // A frame that was not taken. Its bytes have arrived all the same.
   void OnRejected(std::size_t frame_bytes, bool is_on_link);
@@ -117,8 +117,8 @@ class PeerLink {
 
   // What came in; written by the transport's thread alone.
   struct Received {
-    std::atomic<std::int64_t> heard_ns{-1};          // Of the steady clock; negative: never.
-    std::atomic<std::int64_t> two_processes_ns{-1};  // Likewise.
+    std::atomic<std::int64_t> heard_ns{-1};          // Steady clock; negative: never.
+    std::atomic<std::int64_t> two_processes_ns{-1};  // Steady clock; negative: never.
     MonotonicTime returned_at;
     int returns = 0;  // Each within kTwoProcessesShown of the one before.
     std::atomic<std::uint64_t> messages{0};

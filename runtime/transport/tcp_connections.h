@@ -40,7 +40,7 @@ class TcpConnections {
   std::vector<TcpConnection> List();
   // Returns the connection with this descriptor, and watches it; none if it is not an established TCP connection.
   std::optional<TcpConnection> Read(int file);
-  // Likewise, of a descriptor that was read before; reads again only what may have changed.
+  // Returns the same, and reads a connection that is known already again only if something arrived over it.
   std::optional<TcpConnection> Look(int file);
 
   // Returns the peer's port; 0 if it is no connection.

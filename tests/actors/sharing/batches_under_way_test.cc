@@ -126,7 +126,7 @@ TEST_F(BatchesUnderWayTest, DoesNotRepeatWhatTheDestinationDoesNotTake) {
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().acknowledged_records(), 1);
   ASSERT_EQ(Status().orders_size(), 1);
-  EXPECT_EQ(Status().orders(0).completed(), 0u) << "whoever waits for it is not told that all is acknowledged";
+  EXPECT_EQ(Status().orders(0).completed(), 0u) << "a client that waits must not read that all is acknowledged";
   EXPECT_EQ(Status().orders(0).closed(), 7u);
   EXPECT_EQ(Status().last_error(), "the destination did not take 1 records");
 }

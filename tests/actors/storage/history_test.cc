@@ -397,12 +397,12 @@ TEST(HistoryTest, TakesNoPartOfTheStoresBudget) {
   const TemporaryFolder folder;
   auto with = OpenStore(WithHistory(folder.path() / "a.db"));
   std::vector<proto::Record> records;
-  for (int i = 0; i < 5000; ++i) records.push_back(TemperatureRecord(i));
+  for (int i = 0; i < 4800; ++i) records.push_back(TemperatureRecord(i));
   const double before = with->GetStatus()->database_bytes() - with->GetStatus()->wal_bytes();
   ASSERT_FALSE(IsError(InsertAll(*with, records).error()));
   const proto::StorageStatus status = *with->GetStatus();
   EXPECT_GT(status.history_bytes(), 300'000);
-  EXPECT_LT(std::abs(status.database_bytes() - status.wal_bytes() - before), 60'000);
+  EXPECT_LT(std::abs(status.database_bytes() - status.wal_bytes() - before), 50'000);
 }
 
 }  // namespace

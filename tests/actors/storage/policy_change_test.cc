@@ -22,7 +22,7 @@ constexpr AgentId kSurvivor = 2;
 
 class PolicyChangeTest : public testing::Test {
  protected:
-  // As an agent does when it starts with that policy for temperatures.
+  // Opens the agent's store as a start with this policy for temperatures does.
   std::unique_ptr<RecordStore> Start(AgentId agent, proto::Policy policy) {
     RecordStore::Options options =
         StoreOptionsOf(agent, folder_.File(std::to_string(agent) + ".sqlite"), /*seed=*/++starts_);
@@ -39,7 +39,7 @@ class PolicyChangeTest : public testing::Test {
     for (const double value : celsius) InsertOne(store, TemperatureRecord(value));
   }
 
-  // All records that `to` lacks, and what `from` dropped, which an agent under `all` refuses.
+  // Brings all records that `to` lacks, and the drops of `from`, which an agent under `all` refuses.
   static void BringAll(RecordStore& from, RecordStore& to) {
     proto::MissingRequest request;
     *request.mutable_destination_have() = to.GetHave().have();
@@ -110,7 +110,7 @@ TEST_F(PolicyChangeTest, AnAgentThatKeepsAllKeepsStatesThatTheirOriginDropped) {
   EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-21));
 }
 
-TEST_F(PolicyChangeTest, ANewStateSupersedesWhatWasKeptBeforeWhereBothEndsKeepTheLatest) {
+TEST_F(PolicyChangeTest, ANewStateSupersedesOlderRecordsOnlyWhereBothEndsKeepTheLatest) {
   auto rover = Start(kRover, proto::POLICY_ALL);
   Insert(*rover, {-20, -21});
   auto leader = Start(kLeader, proto::POLICY_LATEST);
@@ -126,7 +126,7 @@ TEST_F(PolicyChangeTest, ANewStateSupersedesWhatWasKeptBeforeWhereBothEndsKeepTh
   EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-20, -21, -22));
 }
 
-TEST_F(PolicyChangeTest, WhatANewStateSupersedesIsSupersededHoweverLateItComes) {
+TEST_F(PolicyChangeTest, ANewStateSupersedesOlderRecordsThatComeLate) {
   auto rover = Start(kRover, proto::POLICY_ALL);
   Insert(*rover, {-20, -21});
   const std::vector<proto::StoredRecord> all = Contents(*rover);

@@ -110,32 +110,20 @@ TEST_F(ZeroMqTransportTest, ReachesAPeerAgainAfterItsRestart) {
   }
 }
 
-// As a robot's disk that was copied: the same keys at another address.
+// A robot's disk was copied: two processes with one key number their connections from different starts.
 TEST_F(ZeroMqTransportTest, NoticesTwoProcessesWithOneKey) {
-  ZeroMqTransport::Options options;
-  options.health = {.ask_after = std::chrono::milliseconds(50),
-                    .lost_after = std::chrono::milliseconds(200),
-                    .keep_alive_after = std::chrono::milliseconds(100),
-                    .first_answer_after = std::chrono::milliseconds(200)};
-  Start(1, options);
-  Start(2, options);
-  ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
-  EXPECT_FALSE(Peer(1, 2).has_two_processes());
-  proto::TeamConfig copy_config = team_.config;
-  copy_config.mutable_agents(1)->set_address("ipc://" + (folder_ / "copy").string());
-  ZeroMqTransport::Options copy_options = options;
-  copy_options.self = 2;
-  Ear copy_ear;
-  const auto copy =
-      ZeroMqTransport::Create(copy_config, team_.folder, copy_options, copy_ear.deliver(), copy_ear.peer_changed());
-  ASSERT_TRUE(copy) << ToString(copy.error());
-  const auto end = std::chrono::steady_clock::now() + kPatience;
-  while (!Peer(1, 2).has_two_processes() && std::chrono::steady_clock::now() < end) {
-    // Something to answer, so that the ones whose answers do not arrive open further connections.
-    (void)transports_[2]->Send({1, "sync"}, Message(2, 1));
-    (void)(*copy)->Send({1, "sync"}, Message(2, 1));
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
+  Start(1);
+  const RawDealer::Keys keys = KeysOf(2, 1);
+  const auto connect = [&](std::uint32_t link_number) {
+    RawDealer process(AddressOf(1), &keys);
+    process.Send(OnLink(link_number, ToPeerFrame(Message(2, 1))));
+    ASSERT_NE(ears_[1].Take(), nullptr);
+  };
+  for (const std::uint32_t link_number : {1000u, 1001u, 5u, 6u}) connect(link_number);
+  EXPECT_FALSE(Peer(1, 2).has_two_processes()) << "agent 2 was started again";
+  for (const std::uint32_t link_number : {1002u, 7u, 1003u, 8u}) connect(link_number);
+  EXPECT_FALSE(Peer(1, 2).has_two_processes()) << "two restarts could cause as many returns";
+  connect(1004);
   EXPECT_TRUE(Peer(1, 2).has_two_processes());
 }
 
