@@ -54,6 +54,8 @@ Result<std::optional<std::string>> PieceCollector::Take(AgentId sender, const pr
     parts_.push_back(std::move(begun));
     part = &parts_.back();
   } else if (!is_known || piece.first_byte() > part->bytes.size()) {
+    // The sender goes on from this part because its hash is right; reported again, the part would bring the same piece.
+    if (!is_known && part != nullptr && part->hash == piece.hash()) Forget(sender);
     return Fail(ErrorCode::kNotFound, "what comes before this piece is not here", "piece");
   }
   if (end <= part->bytes.size()) return std::optional<std::string>();

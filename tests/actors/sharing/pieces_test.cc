@@ -65,6 +65,20 @@ TEST(PiecesTest, NeedWhatComesBefore) {
   EXPECT_EQ(collector.PartFrom(3).bytes, 0u);
 }
 
+TEST(PiecesTest, BeginAnewAfterAPartThatStatesAWrongSize) {
+  const std::string whole = Noise(3000);
+  PieceCollector collector(100'000);
+  proto::Batch wrong = Cut(whole, 1000)[0];
+  wrong.mutable_piece()->set_whole_bytes(4000);
+  ASSERT_TRUE(collector.Take(kSender, wrong));
+  const auto rest = Cut(whole, 1000, collector.PartFrom(kSender));
+  ASSERT_EQ(rest[0].piece().first_byte(), 1000u);
+  EXPECT_EQ(collector.Take(kSender, rest[0]).error().code, ErrorCode::kNotFound);
+  const auto anew = Cut(whole, 3000, collector.PartFrom(kSender));
+  ASSERT_EQ(anew.size(), 1u) << "the part is not reported again";
+  EXPECT_EQ(**collector.Take(kSender, anew[0]), whole);
+}
+
 TEST(PiecesTest, TakeNothingThatCannotBe) {
   PieceCollector collector(5'000);
   const proto::Batch good = Cut(Noise(3000), 1000)[0];
