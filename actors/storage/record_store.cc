@@ -764,6 +764,8 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   for (const RecordKey& key : result.never_valid) touched.insert(key.stream);
   HaveSet dropped;
   for (const proto::StreamHave& stream : request.dropped()) {
+    // The sender's team file may still say `latest`.
+    if (!rules_.MayBeDropped(static_cast<DataType>(stream.data_type()))) continue;
     const Result<void> checked = CheckDropped(request.sender(), stream, dropped);
     if (!checked) Reject(checked.error(), result);
   }
@@ -896,9 +898,6 @@ Result<void> RecordStore::CheckDropped(AgentId sender, const proto::StreamHave& 
   if (!options_.team.count(stream.origin))
     return Fail(ErrorCode::kInvalid, "is not in the team", "dropped.origin_agent");
   if (const Result<void> checked = door_.CheckOrigin(sender, stream); !checked) return checked;
-  if (!rules_.MayBeDropped(stream.type)) {
-    return Fail(ErrorCode::kInvalid, DataTypeName(stream.type) + " records are never dropped", "dropped.data_type");
-  }
   if (stream.epoch == 0) return Fail(ErrorCode::kInvalid, "is missing", "dropped.epoch");
   if (!IsPossible(stream)) return Fail(ErrorCode::kInvalid, "is from the far future", "dropped.epoch");
   const bool is_present_own = stream.origin == options_.self && stream.epoch == epoch_;

@@ -39,7 +39,7 @@ bool AgentLives::CheckStore(AgentId agent) {
   storage.path = SimulatedWorld::PathOf(agent);
   storage.vfs = world_.disk.name();
   storage.self = agent;
-  storage.team = world_.config;
+  storage.team = world_.ConfigOf(agent);
   was_cut_ = false;
   const Result<std::unique_ptr<RecordStore>> store = RecordStore::Open(StorageActor::StoreOptions(storage));
   // What has to be mended, or made anew, waits for a disk that can be written.

@@ -11,7 +11,9 @@ namespace moondb::simulation {
 namespace {
 
 constexpr std::uint64_t kPrunedEvery = 3;
-constexpr std::uint64_t kByzantineEvery = 4;  // Of the seeds with signing keys, which are even, every other one.
+constexpr std::uint64_t kPolicyChangedEvery = 5;
+constexpr std::uint64_t kPolicyChangedAt = 2;  // Of these.
+constexpr std::uint64_t kByzantineEvery = 4;   // Of the seeds with signing keys, which are even, every other one.
 
 }  // namespace
 
@@ -41,6 +43,8 @@ const std::vector<FaultKind>& FaultKinds() {
       {"prune", 4,
        "the operator prunes an agent, every other time its part of the pose graph's nodes too; in one seed "
        "of three"},
+      {"policy", 3,
+       "an agent starts again with a team file that keeps all notes instead of the latest ones; in one seed of five"},
       {"full", 1.5, "an agent's disk is full for 1 to 10 minutes, every third time from a start on"},
       {"failing", 1.5, "likewise, it fails: each write is an I/O error, perhaps in the middle"},
   };
@@ -62,9 +66,18 @@ AgentId SimOptions::Byzantine() const {
 double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   const auto set = faults_per_hour.find(kind.name);
   if (set != faults_per_hour.end()) return set->second;
-  // What was pruned hides from the rules what was lost: most seeds run without.
-  if (kind.name == "prune" && seed % kPrunedEvery != 0) return 0;
-  return is_faultless ? 0 : kind.per_hour;
+  if (is_faultless) return 0;
+  const bool changes_policy = seed % kPolicyChangedEvery == kPolicyChangedAt;
+  if (kind.name == "policy") return changes_policy ? kind.per_hour : 0;
+  // What was pruned hides from the rules what was lost: most seeds run without. Notes that are pruned are no loss.
+  if (kind.name == "prune" && (seed % kPrunedEvery != 0 || changes_policy)) return 0;
+  return kind.per_hour;
+}
+
+bool SimOptions::ChangesPolicy() const {
+  const auto& kinds = FaultKinds();
+  const auto policy = std::find_if(kinds.begin(), kinds.end(), [](const auto& kind) { return kind.name == "policy"; });
+  return policy != kinds.end() && FaultsPerHour(*policy) > 0;
 }
 
 Result<void> SetAttacks(const std::string& text, SimOptions& options) {

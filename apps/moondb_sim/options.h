@@ -62,6 +62,8 @@ struct SimOptions {
   int RoverCount() const { return Byzantine() == 0 ? rovers : rovers + 1; }
 
   double FaultsPerHour(const FaultKind& kind) const;
+  // Whether robots insert notes, of which agents keep the latest until their team file changes.
+  bool ChangesPolicy() const;
 
   bool has_all_actors() const { return actors == SimulatedActors::kAll; }
 };

@@ -7,9 +7,7 @@ namespace moondb::simulation {
 HaveSet PrunedOf(const HaveSet& have) {
   HaveSet pruned;
   for (const auto& [key, stream] : have.streams()) {
-    const bool is_superseded =
-        IsState(key.type) || key.type == proto::OPTIMIZED_POSE || key.type == proto::EDGE_VERDICT;
-    if (!is_superseded && !stream.dropped.is_empty()) pruned[key].dropped = stream.dropped;
+    if (!MayBeSuperseded(key.type) && !stream.dropped.is_empty()) pruned[key].dropped = stream.dropped;
   }
   return pruned;
 }

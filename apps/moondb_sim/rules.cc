@@ -48,11 +48,21 @@ std::string ToString(const Rules::PoseVersion& version) {
          std::to_string(std::get<1>(term));
 }
 
+// Agents with different policies for notes hold different ones: CheckNotes looks at these.
+HaveSet WithoutNotes(const HaveSet& have) {
+  HaveSet left;
+  for (const auto& [stream, seqs] : have.streams()) {
+    if (stream.type != kNote) left[stream] = seqs;
+  }
+  return left;
+}
+
 Records WithoutPruned(const Records& records, const HaveSet& have) {
   const HaveSet pruned = PrunedOf(have);
   Records left;
   for (const auto& [key, content] : records) {
-    if (!pruned.Get(key.stream).dropped.Contains(key.seq)) left.emplace_hint(left.end(), key, content);
+    if (key.stream.type != kNote && !pruned.Get(key.stream).dropped.Contains(key.seq))
+      left.emplace_hint(left.end(), key, content);
   }
   return left;
 }
@@ -233,7 +243,7 @@ bool Rules::CanBring(AgentId agent, const StreamKey& stream) const {
 bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {
   if (newer == older) return true;
   if (!IsSameSeries(newer.stream, older.stream) || PlaceInSeries(older) > PlaceInSeries(newer)) return false;
-  if (IsState(newer.stream.type)) return true;
+  if (IsState(newer.stream.type) || newer.stream.type == kNote) return true;
   if (newer.stream.type == proto::EDGE_VERDICT) {
     const auto verdict = verdict_names_.find(newer);
     const auto other = verdict_names_.find(older);
@@ -333,6 +343,7 @@ void Rules::CheckRest(TeamAtRest team) {
     const auto wrong = states_.WhyOld(agent, agent == team.leader ? 0 : agent, records);
     if (wrong) report_("newest_state", *wrong);
   }
+  CheckNotes(settled);
   CheckSurvivor(settled);
   for (const auto& [agent, have] : team.have) {
     CheckHome(agent, leaders, have);
@@ -370,6 +381,8 @@ void Rules::CheckRows(AgentId agent, const HaveSet& have, const Records& records
 
 void Rules::CheckLost(const TeamAtRest& team) const {
   for (const auto& [key, stream] : inserted_.streams()) {
+    // A leader that keeps all notes does not hear of those that other agents superseded before.
+    if (key.type == kNote) continue;
     IntervalSet pruned;
     IntervalSet held;
     for (const auto& [agent, have] : team.have) {
@@ -395,9 +408,19 @@ void Rules::CheckLeadersStates(AgentId leader, const HaveSet& have) const {
   }
 }
 
+void Rules::CheckNotes(const TeamAtRest& team) const {
+  for (const auto& [stream, kept] : kept_notes_.streams()) {
+    for (const AgentId agent : {team.leader, team.survivor}) {
+      const IntervalSet lacking = inserted_.Get(stream).held.Minus(team.have.at(agent).Get(stream).held);
+      const IntervalSet due = kept.held.Minus(kept.held.Minus(lacking));
+      if (!due.is_empty()) report_("notes_kept", NameOf(agent) + " does not hold " + Some(stream, due));
+    }
+  }
+}
+
 void Rules::CheckSurvivor(const TeamAtRest& team) const {
-  const HaveSet& leader_has = team.have.at(team.leader);
-  const HaveSet& survivor_has = team.have.at(team.survivor);
+  const HaveSet leader_has = WithoutNotes(team.have.at(team.leader));
+  const HaveSet survivor_has = WithoutNotes(team.have.at(team.survivor));
   const Records leaders = WithoutPruned(team.records.at(team.leader), survivor_has);
   const Records survivors = WithoutPruned(team.records.at(team.survivor), leader_has);
   const bool is_any_pruned = !PrunedOf(leader_has).streams().empty() || !PrunedOf(survivor_has).streams().empty();

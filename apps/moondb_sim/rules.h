@@ -14,6 +14,8 @@
 //   lost, or
 //                      it was pruned wherever it was
 //   survivor_is_leader at rest the survivor holds what the leader holds, but for what either of them pruned
+//   notes_kept         at rest leader and survivor hold all notes that were inserted while their agent kept all
+//                      of them, unless all disks with one were lost
 //   pruned_is_had      an agent prunes only what leader and survivor have just told it they had (PruneWatch)
 //   home_again         at rest an agent holds what the team holds of it
 //   brought_out        at rest rovers have their nodes' poses of the leader, the base station what `ground` asks for
@@ -92,6 +94,8 @@ class Rules {
   }
   // The agent confirmed to its robot that it stored the record, with the marks that storage sets.
   void SeeInserted(AgentId agent, const RecordKey& key, const proto::Record& record);
+  // The agent confirmed that it stored this note, and keeps all of them.
+  void SeeKept(const RecordKey& key) { kept_notes_[key.stream].held.Add(key.seq); }
   // An agent inserted this event so shortly before the end that the operator's last orders need not bring it to others.
   void ExcuseLate(const RecordKey& key) { late_[key.stream].held.Add(key.seq); }
   // `agent` told another that it has these, or its disk holds them while it does not run.
@@ -138,6 +142,7 @@ class Rules {
   void CheckLeadersStates(AgentId leader, const HaveSet& have) const;
   void CheckRows(AgentId agent, const HaveSet& have, const Records& records) const;
   void CheckLost(const TeamAtRest& team) const;
+  void CheckNotes(const TeamAtRest& team) const;
   void CheckSurvivor(const TeamAtRest& team) const;
   void CheckHome(AgentId agent, const HaveSet& leaders, const HaveSet& own) const;
   void CheckBroughtOut(AgentId agent, const TeamAtRest& team) const;
@@ -154,6 +159,7 @@ class Rules {
   std::map<AgentId, proto::RoleAssignment> unstored_roles_of_;
   StateWatch states_;
   HaveSet late_;
+  HaveSet kept_notes_;
   HaveSet inserted_;                 // Without what was lost with all disks that had it.
   std::map<AgentId, HaveSet> held_;  // What each certainly has.
   std::map<std::pair<Node, PoseVersion>, std::string> pose_of_;

@@ -86,6 +86,11 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
   share["local_traversability_map"] = proto::POLICY_ALL;
   share["map_quarantine"] = proto::POLICY_ALL;
   AddCustomType(team, kBeacon, "beacon", proto::POLICY_LATEST, /*priority=*/5, /*bytes_max=*/64);
+  if (options.ChangesPolicy()) {
+    AddCustomType(team, kNote, "note", proto::POLICY_LATEST, /*priority=*/5, /*bytes_max=*/64);
+    // The ground's part is not the subject.
+    team.mutable_custom_types()->rbegin()->set_ground(proto::POLICY_NONE);
+  }
   // Enough for some minutes of states, so that the oldest go all the time.
   team.mutable_retention()->set_history_mb_max(kHistory_mb);
   (*team.mutable_keep())["power"] = options.seed % kKeepsAllEvery == 0 ? "all" : "30m";
@@ -100,6 +105,13 @@ proto::TeamConfig MakeTeamConfig(const SimOptions& options) {
     team.mutable_ground()->insert({"role_assignment", proto::POLICY_ALL});
     for (proto::AgentConfig& agent : *team.mutable_agents())
       agent.set_signing_key(SigningKeyOf(agent.id()).public_key());
+  }
+  return team;
+}
+
+proto::TeamConfig KeepAllNotes(proto::TeamConfig team) {
+  for (proto::CustomType& type : *team.mutable_custom_types()) {
+    if (type.id() == kNote) type.set_share(proto::POLICY_ALL);
   }
   return team;
 }

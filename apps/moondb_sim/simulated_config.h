@@ -19,6 +19,9 @@ inline constexpr std::size_t kFewMaps = 8;
 
 proto::TeamConfig MakeTeamConfig(const SimOptions& options);
 
+// Returns the team with the policy `all` for kNote.
+proto::TeamConfig KeepAllNotes(proto::TeamConfig team);
+
 // With which an agent of a team with keys signs.
 SigningKey SigningKeyOf(AgentId agent);
 

@@ -74,6 +74,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "sleep") return Sleep();
   if (fault == "pause") return Pause();
   if (fault == "prune") return Prune();
+  if (fault == "policy") return ChangePolicy();
   if (fault == "full" || fault == "failing") return TroubleDisk(fault == "full");
   if (fault == "clock") {
     const AgentId agent = world_.DrawAgent();
@@ -200,6 +201,11 @@ void SimulatedFaults::Prune() {
     order.add_data_types(proto::POSE_GRAPH_NODE);
   }
   (void)world_.team.Post({agent, "operator"}, {agent, actor_name::kRetention}, std::move(message));
+}
+
+void SimulatedFaults::ChangePolicy() {
+  const AgentId agent = world_.DrawAgent();
+  if (world_.keeps_all_notes.insert(agent).second) lives_.Kill(agent);
 }
 
 void SimulatedFaults::TroubleDisk(bool is_full) {

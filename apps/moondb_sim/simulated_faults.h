@@ -42,6 +42,7 @@ class SimulatedFaults {
   void Sleep();
   void Pause();
   void Prune();
+  void ChangePolicy();
   void TroubleDisk(bool is_full);  // Else it fails.
   AgentId DrawRover();
   void SetRoles(AgentId agent, proto::RoleSetRequest request);

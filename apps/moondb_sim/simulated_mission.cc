@@ -130,7 +130,7 @@ class Mission {
 
   // --- The team ---
 
-  void SpawnActors(AgentId agent) {
+  std::vector<StandardActor> ActorsOf(AgentId agent, const proto::TeamConfig& config) {
     StandardActorOptions options;
     options.storage.path = SimulatedWorld::PathOf(agent);
     options.storage.vfs = world_.disk.name();
@@ -151,12 +151,20 @@ class Mission {
         return key.Sign(SignedBytes(world_.config, name, record));
       };
     }
-    for (const StandardActor& actor : StandardActors(world_.config, agent, kConfigHash, std::move(options))) {
-      if (!world_.options.has_all_actors() && kNoPartOfSharing.contains(actor.name)) continue;
-      world_.team.Spawn(agent, actor.name, [this, agent, actor]() -> std::unique_ptr<Actor> {
-        std::unique_ptr<Actor> made = actor.factory();
-        return world_.options.wrap ? world_.options.wrap(agent, actor.name, std::move(made)) : std::move(made);
-      });
+    return StandardActors(config, agent, kConfigHash, std::move(options));
+  }
+
+  void SpawnActors(AgentId agent) {
+    const std::vector<StandardActor> actors = ActorsOf(agent, world_.config);
+    const std::vector<StandardActor> with_all_notes = ActorsOf(agent, world_.config_with_all_notes);
+    for (std::size_t i = 0; i < actors.size(); ++i) {
+      const std::string& name = actors[i].name;
+      if (!world_.options.has_all_actors() && kNoPartOfSharing.contains(name)) continue;
+      const auto make = [this, agent, before = actors[i], after = with_all_notes[i]]() -> std::unique_ptr<Actor> {
+        std::unique_ptr<Actor> made = (world_.keeps_all_notes.contains(agent) ? after : before).factory();
+        return world_.options.wrap ? world_.options.wrap(agent, before.name, std::move(made)) : std::move(made);
+      };
+      world_.team.Spawn(agent, name, make);
     }
   }
 

@@ -19,7 +19,9 @@ constexpr std::uint64_t kLargeMapEvery = 30;    // About 15 kB coded, where the 
 constexpr std::size_t kOpenMax = 32;
 constexpr std::uint64_t kSilentEvery = 4;  // Seeds, from the third on.
 constexpr Duration kSilence = std::chrono::hours(1);
-constexpr std::uint64_t kBeacons = 5;  // Keys.
+constexpr std::uint64_t kBeacons = 5;       // Keys.
+constexpr std::uint64_t kNotes = 2;         // Keys.
+constexpr std::uint64_t kTurnsPerNote = 3;  // Of each rover.
 constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
 constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
@@ -105,6 +107,7 @@ void SimulatedRobots::Work(AgentId rover) {
   Robot& robot = robots_[rover];
   const bool is_base = rover == world_.base;
   if (!is_base && world_.team.now() >= robot.silent_until) TellState(rover);
+  if (!is_base && world_.options.ChangesPolicy() && robot.turns % kTurnsPerNote == 0) TellNote(rover);
   if (world_.options.has_all_actors()) {
     Drive(rover, robot);
   } else {
@@ -153,6 +156,15 @@ void SimulatedRobots::TellState(AgentId rover) {
   beacon.mutable_custom()->set_payload(std::to_string(world_.rng()));
   Insert(rover, {std::move(beacon)});
   if (world_.team.is_running(rover)) robots_[rover].silent_until = world_.team.now() + kSilence;
+}
+
+void SimulatedRobots::TellNote(AgentId rover) {
+  proto::Record note;
+  note.set_stamp_ns(world_.ClockOf(rover));
+  note.mutable_custom()->set_data_type(kNote);
+  note.mutable_custom()->set_latest_key(std::to_string(world_.rng() % kNotes));
+  note.mutable_custom()->set_payload(std::to_string(world_.rng()));
+  Insert(rover, {std::move(note)});
 }
 
 void SimulatedRobots::SetPose(proto::Pose& pose) {
@@ -272,6 +284,7 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
       world_.Violate("one_content", "agent " + std::to_string(agent) + " names " + ToString(key));
     const proto::Record& record = records[static_cast<std::size_t>(i)];
     world_.rules.SeeInserted(agent, key, record);
+    if (key.stream.type == kNote && world_.keeps_all_notes.contains(agent)) world_.rules.SeeKept(key);
     ++world_.report.records;
     if (world_.options.has_all_actors() && record.map_quarantine().agent_id() != 0) quarantines_.push_back(key);
   }

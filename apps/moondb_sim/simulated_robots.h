@@ -45,6 +45,7 @@ class SimulatedRobots {
   void Learn(AgentId rover, Robot& robot);
   void Drive(AgentId agent, Robot& robot);
   void InsertOpen(AgentId agent, Robot& robot);
+  void TellNote(AgentId rover);
   void TellState(AgentId rover);
   void Optimize();
   void OptimizeAt(AgentId leader);

@@ -19,6 +19,7 @@ constexpr std::size_t kLastEvents = 60;
 SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
     : options(sim_options),
       config(MakeTeamConfig(sim_options)),
+      config_with_all_notes(KeepAllNotes(config)),
       base(static_cast<AgentId>(sim_options.RoverCount() + 1)),
       byzantine(sim_options.Byzantine()),
       rng(sim_options.seed),

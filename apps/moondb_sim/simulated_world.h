@@ -50,6 +50,10 @@ class SimulatedWorld {
   bool HasEnough() const;  // Violations, to end the run.
   void NoteEvent(const Address& actor, const proto::Message& message);
 
+  // Its team file as it is now.
+  const proto::TeamConfig& ConfigOf(AgentId agent) const {
+    return keeps_all_notes.contains(agent) ? config_with_all_notes : config;
+  }
   // Its disk was full or failed a minute ago or later: it may refuse what it is to store.
   bool HadDiskTrouble(AgentId agent) const;
   std::set<AgentId> Leaders() const;  // Those running that lead as far as they know.
@@ -59,9 +63,10 @@ class SimulatedWorld {
   Records ReadAll(AgentId agent);  // Whatever it shares.
 
   const SimOptions options;
-  const proto::TeamConfig config;
-  const AgentId base;       // The base station, and the last agent.
-  const AgentId byzantine;  // The rover that lies; 0: none does.
+  const proto::TeamConfig config;                 // At the start.
+  const proto::TeamConfig config_with_all_notes;  // With another policy for notes.
+  const AgentId base;                             // The base station, and the last agent.
+  const AgentId byzantine;                        // The rover that lies; 0: none does.
   SimReport report;
   std::mt19937_64 rng;
   std::multimap<MonotonicTime, Action> schedule;
@@ -69,8 +74,9 @@ class SimulatedWorld {
   std::map<AgentId, proto::Term> durable_term;     // On each agent's disk, as its RoleActor knows.
   std::map<AgentId, Duration> clock_offset;
   std::map<AgentId, MonotonicTime> disk_trouble_until;
-  bool is_quiet = false;   // No more faults, nor inserts.
-  bool is_asking = false;  // Of the checks' own questions: no actor fails at them.
+  std::set<AgentId> keeps_all_notes;  // Agents whose team file has changed.
+  bool is_quiet = false;              // No more faults, nor inserts.
+  bool is_asking = false;             // Of the checks' own questions: no actor fails at them.
   SimulatedDisk disk;
   Rules rules;
   RareStates rare_states;

@@ -22,8 +22,16 @@ using Records = std::map<RecordKey, std::string>;  // Contents.
 // A custom type of the simulated team, shared as `latest`, with keys.
 inline constexpr DataType kBeacon = 1000;
 
+// A custom type whose policy changes from `latest` to `all`, agent by agent (fault `policy`).
+inline constexpr DataType kNote = 1002;
+
 // Types of which only the newest of an agent (and of a key) is kept, by epoch and seq.
 inline bool IsState(DataType type) { return type == proto::POWER || type == kBeacon; }
+
+// Types of which an agent may drop records that no prune removed.
+inline bool MayBeSuperseded(DataType type) {
+  return IsState(type) || type == kNote || type == proto::OPTIMIZED_POSE || type == proto::EDGE_VERDICT;
+}
 
 class StateWatch {
  public:

@@ -39,7 +39,7 @@ class PolicyChangeTest : public testing::Test {
     for (const double value : celsius) InsertOne(store, TemperatureRecord(value));
   }
 
-  // Brings all records that `to` lacks, and the drops of `from`, which an agent under `all` refuses.
+  // Brings all records that `to` lacks, and the drops of `from`, which an agent under `all` leaves out of account.
   static void BringAll(RecordStore& from, RecordStore& to) {
     proto::MissingRequest request;
     *request.mutable_destination_have() = to.GetHave().have();
@@ -49,7 +49,9 @@ class PolicyChangeTest : public testing::Test {
     proto::StoreRequest brought;
     *brought.mutable_records() = missing->records();
     *brought.mutable_dropped() = missing->dropped();
-    EXPECT_FALSE(IsError(to.Store(brought).reply.error()));
+    const proto::StoreReply reply = to.Store(brought).reply;
+    EXPECT_FALSE(IsError(reply.error()));
+    EXPECT_EQ(reply.rejected_count(), 0u) << "different team files are no fault of the sender";
   }
 
   static std::vector<double> TemperaturesOf(RecordStore& store) {

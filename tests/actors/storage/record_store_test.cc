@@ -359,7 +359,7 @@ TEST(RecordStoreTest, NeverDropsWhatThePolicyKeeps) {
   auto store = OpenStore(StoreOptionsOf(1));
   const RecordKey key = Key(2, proto::POSE_GRAPH_NODE, 1);
   StoreOne(*store, Packed(key, NodeRecord(2, 1)));
-  EXPECT_EQ(StoreDropped(*store, Dropped(key.stream, 1, 10)).rejected_count(), 1u);
+  EXPECT_EQ(StoreDropped(*store, Dropped(key.stream, 1, 10)).rejected_count(), 0u) << "the peer keeps the latest";
   EXPECT_EQ(Contents(*store).size(), 1u);
   proto::StreamHave reversed = Dropped({2, kEpoch, proto::TEMPERATURE}, 5, 2);
   EXPECT_EQ(StoreDropped(*store, reversed).rejected_count(), 1u);

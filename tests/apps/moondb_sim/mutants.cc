@@ -274,6 +274,32 @@ class NewestByClock final : public OtherActor {
   std::map<AgentId, std::int64_t> newest_ns_;
 };
 
+// Of the notes of a batch that have one origin and key it takes the last one, whether they are states or not.
+bool TakeTheLastNotes(Context&, proto::Message& message) {
+  if (!message.has_store_request()) return true;
+  proto::StoreRequest& request = *message.mutable_store_request();
+  std::map<std::pair<AgentId, std::string>, RecordKey> last;
+  HaveSet dropped;
+  for (const proto::StoredRecord& stored : request.records()) {
+    proto::Record record;
+    const RecordKey key = FromProto(stored.key());
+    if (key.stream.type != kNote || !record.ParseFromString(stored.content())) continue;
+    const auto [known, is_first] = last.emplace(std::pair(key.stream.origin, LatestKey(record)), key);
+    if (is_first) continue;
+    const auto [older, newer] = std::minmax(known->second, key);
+    dropped[older.stream].dropped.Add(older.seq);
+    known->second = newer;
+  }
+  const auto is_dropped = [&dropped](const proto::StoredRecord& stored) {
+    const RecordKey key = FromProto(stored.key());
+    return dropped.Get(key.stream).dropped.Contains(key.seq);
+  };
+  auto& records = *request.mutable_records();
+  records.erase(std::remove_if(records.begin(), records.end(), is_dropped), records.end());
+  request.mutable_dropped()->MergeFrom(ToProto(dropped).streams());
+  return true;
+}
+
 // Takes an optimized pose only where it holds the node, and says that it had it in any case.
 class UpdateNeedsItsRow final : public OtherActor {
  public:
@@ -943,6 +969,14 @@ const std::vector<Mutant>& Mutants() {
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
        /*likely_seed=*/4},
+      {"TakesTheLastNotes",
+       "a record supersedes older ones though its agent keeps all of its type",
+       {"notes_kept"},
+       7,
+       Hears(kStorage, TakeTheLastNotes),
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/2},
       {"DropsBeforeTheSuperseder",
        "a state is dropped before the one that replaces it comes",
        {"newest_state"},

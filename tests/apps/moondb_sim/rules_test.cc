@@ -174,6 +174,24 @@ TEST_F(RulesTest, StateIsDroppedForANewerOneOnly) {
   EXPECT_THAT(broken_, ElementsAre("newest_state"));
 }
 
+TEST_F(RulesTest, KeptNotesAreHeldByLeaderAndSurvivorUnlessTheirDisksAreLost) {
+  for (std::uint64_t seq = 1; seq <= 2; ++seq) Insert(3, Key(3, 5, kNote, seq), proto::Record());
+  rules_.SeeKept(Key(3, 5, kNote, 2));
+  const HaveSet both = Have({Key(3, 5, kNote, 1), Key(3, 5, kNote, 2)});
+  const HaveSet first = Have({Key(3, 5, kNote, 1)}, {Key(3, 5, kNote, 2)});
+  const HaveSet second = Have({Key(3, 5, kNote, 2)}, {Key(3, 5, kNote, 1)});
+  Rest(both, second, both);
+  EXPECT_THAT(broken_, IsEmpty()) << "the first one was superseded under the old policy";
+  Rest(both, first, both);
+  EXPECT_THAT(broken_, ElementsAre("notes_kept"));
+  rules_.ForgetDisk(1);
+  rules_.ForgetDisk(2);
+  rules_.ForgetDisk(3);
+  broken_.clear();
+  Rest({}, {}, {});
+  EXPECT_THAT(broken_, IsEmpty());
+}
+
 TEST_F(RulesTest, DamagedRecordIsForgottenAndNothingElse) {
   const DataType node = proto::POSE_GRAPH_NODE;
   for (std::uint64_t seq = 1; seq <= 3; ++seq) Insert(1, Key(1, 5, node, seq), proto::Record());
