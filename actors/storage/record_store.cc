@@ -62,6 +62,12 @@ std::string SetAsideText(const std::string& aside) {
          "; an empty one was begun, and what no other agent had is in that file alone";
 }
 
+// Whether one of these states, which have one origin, type and latest key, is shared and of a greater order.
+bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>& states) {
+  return std::any_of(states.begin(), states.end(),
+                     [&order](const auto& state) { return state.key.seq != 0 && state.order() > order; });
+}
+
 }  // namespace
 
 // Row numbers and have-set changes of one transaction become the store's only when it is committed.
@@ -108,8 +114,6 @@ class RecordStore::Writing {
     if (used_bytes_) (*used_bytes_)[key.stream.origin] += content.size() + kRowBytes;
     if (IsOwnNode(key.stream)) nodes_.insert(record.pose_graph_node().node().index());
     if (key.seq != 0) store_.ledger_.AddHeld(key.stream, key.seq);
-    const auto newest = newest_.find({key.stream.origin, key.stream.type});
-    if (newest != newest_.end()) newest->second = std::max(newest->second, key);
     return {};
   }
 
@@ -127,14 +131,6 @@ class RecordStore::Writing {
       if (const Result<void> done = store_.history_.Take(*store_.database_, table, row); !done) return done;
     }
     return DeleteRow(table, row);
-  }
-
-  // Returns whether the store holds a newer record of the same origin and type. The ledger is asked once for each
-  // origin and type: an origin may have tens of thousands of streams.
-  bool HoldsNewer(const RecordKey& key) {
-    const auto [newest, is_new] = newest_.try_emplace({key.stream.origin, key.stream.type});
-    if (is_new) newest->second = store_.ledger_.NewestHeld(key.stream.origin, key.stream.type);
-    return key < newest->second;
   }
 
   const std::map<AgentId, std::uint64_t>& used_bytes() const { return *used_bytes_; }  // RoomToShare counted them.
@@ -180,7 +176,6 @@ class RecordStore::Writing {
   std::uint64_t next_row_id_;
   std::uint64_t map_bytes_;
   std::optional<std::map<AgentId, std::uint64_t>> used_bytes_;
-  std::map<std::pair<AgentId, DataType>, RecordKey> newest_;  // Held, of the series that HoldsNewer was asked about.
   std::set<std::uint64_t> nodes_;
   bool has_removed_nodes_ = false;
   std::set<DataType> types_;
@@ -457,11 +452,7 @@ Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing)
   if (!*row || HashRecord(old_key, content) != (*row)->hash || !record.ParseFromString(content)) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: " + ToString(old_key));
   }
-  // This record may have been inserted while the policy was `all`.
-  if (!record.is_state()) {
-    record.set_is_state(true);
-    content = SerializeRecord(record);
-  }
+  if (!record.is_state()) return {};  // It was inserted while the policy was `all`: nothing supersedes it.
   const Result<RecordKey> key = writing.NextKey(old_key.stream.type);
   if (!key) return tl::unexpected(key.error());
   if (const Result<void> done = writing.DeleteRow(table, **row); !done) return done;
@@ -649,12 +640,9 @@ Result<void> RecordStore::InsertOne(const proto::Record& record, const std::stri
   if (record.is_state()) {
     const RecordOrder order = OrderOf(key, record);
     const Result<std::vector<RecordTable::Row>> others =
-        table.FindByLatestKey(*database_, options_.self, type, LatestKey(record));
+        table.FindStates(*database_, options_.self, type, LatestKey(record));
     if (!others) return tl::unexpected(others.error());
-    const auto newer =
-        is_local ? Result<std::optional<RecordOrder>>() : FindNewestState(table, *others, /*above=*/order);
-    if (!newer) return tl::unexpected(newer.error());
-    if (*newer) {
+    if (!is_local && IsSuperseded(order, *others)) {
       ledger_.AddDropped(key.stream, {key.seq, key.seq});
       reply_key = ToProto(key);
       return {};
@@ -855,21 +843,17 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::op
   }
   std::vector<RecordTable::Row> superseded;
   const DataType type = opened.key.stream.type;
-  const bool is_state = opened.record.is_state();
-  // Most records that are no states are the newest of their origin. They need no look at the rows with their key.
-  if (rules_.IsLatest(type) && (is_state || IsVersioned(type) || writing.HoldsNewer(opened.key))) {
+  if (rules_.IsLatest(type) && opened.record.is_state()) {
     const RecordOrder order = OrderOf(opened.key, opened.record);
     const Result<std::vector<RecordTable::Row>> others =
-        table.FindByLatestKey(*database_, opened.key.stream.origin, type, LatestKey(opened.record));
+        table.FindStates(*database_, opened.key.stream.origin, type, LatestKey(opened.record));
     if (!others) return tl::unexpected(others.error());
-    const auto newer = FindNewestState(table, *others, /*above=*/order);
-    if (!newer) return tl::unexpected(newer.error());
-    if (*newer) {
+    if (IsSuperseded(order, *others)) {
       ledger_.AddDropped(opened.key.stream, {opened.key.seq, opened.key.seq});
       return {};
     }
     std::copy_if(others->begin(), others->end(), std::back_inserter(superseded),
-                 [&](const auto& other) { return is_state && other.key.seq != 0 && other.order() < order; });
+                 [&order](const auto& other) { return other.key.seq != 0 && other.order() < order; });
   }
   std::uint64_t superseded_bytes = 0;
   for (const RecordTable::Row& row : superseded) superseded_bytes += row.content_bytes;
@@ -907,19 +891,6 @@ Result<void> RecordStore::CheckDropped(AgentId sender, const proto::StreamHave& 
   return {};
 }
 
-Result<std::optional<RecordOrder>> RecordStore::FindNewestState(const RecordTable& table,
-                                                                std::vector<RecordTable::Row> rows,
-                                                                const RecordOrder& above) {
-  std::erase_if(rows, [&above](const auto& row) { return row.key.seq == 0 || row.order() <= above; });
-  std::sort(rows.begin(), rows.end(), [](const auto& a, const auto& b) { return a.order() > b.order(); });
-  for (const RecordTable::Row& row : rows) {
-    const Result<proto::Record> record = table.ReadRecord(*database_, row.row_id);
-    if (!record) return tl::unexpected(record.error());
-    if (record->is_state()) return row.order();
-  }
-  return std::nullopt;
-}
-
 Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSet& dropped, Writing& writing) {
   const RecordTable& table = *FindRecordTable(stream.type);
   const IntervalSet held = ledger_.Get(stream).held;
@@ -937,22 +908,22 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   }
   for (const IntervalSet::Interval& interval : superseded.intervals()) ledger_.AddDropped(stream, interval);
   const IntervalSet held_and_dropped = dropped.Minus(never_held);
-  std::map<std::string, std::optional<RecordOrder>> newest_states;  // By latest key.
+  std::map<std::string, std::vector<RecordTable::Row>> states;  // By latest key.
   for (const IntervalSet::Interval& interval : held_and_dropped.intervals()) {
     const Result<std::vector<RecordTable::Row>> rows =
         table.FindInInterval(*database_, stream, interval.first, interval.last);
     if (!rows) return tl::unexpected(rows.error());
     for (const RecordTable::Row& row : *rows) {
-      auto newest_state = newest_states.find(row.latest_key);
-      if (newest_state == newest_states.end()) {
-        const Result<std::vector<RecordTable::Row>> others =
-            table.FindByLatestKey(*database_, stream.origin, stream.type, row.latest_key);
-        if (!others) return tl::unexpected(others.error());
-        const Result<std::optional<RecordOrder>> found = FindNewestState(table, *others, /*above=*/{});
+      auto known = states.find(row.latest_key);
+      if (known == states.end()) {
+        Result<std::vector<RecordTable::Row>> found =
+            table.FindStates(*database_, stream.origin, stream.type, row.latest_key);
         if (!found) return tl::unexpected(found.error());
-        newest_state = newest_states.emplace(row.latest_key, *found).first;
+        known = states.emplace(row.latest_key, *std::move(found)).first;
       }
-      if (!newest_state->second || *newest_state->second <= row.order()) continue;
+      const auto is_it = [&row](const RecordTable::Row& state) { return state.row_id == row.row_id; };
+      const bool is_state = std::any_of(known->second.begin(), known->second.end(), is_it);
+      if (!is_state || !IsSuperseded(row.order(), known->second)) continue;
       if (const Result<void> done = writing.Supersede(table, row); !done) return done;
     }
   }

@@ -11,10 +11,11 @@
 //   states, under an epoch above all known ones, in one transaction and before any row of the later epoch. So an older
 //   state that comes home never replaces a newer one. Where that fails nothing is stored, and it is done again.
 // - seqs have no gap within (epoch, type): they are allocated in the transaction that stores their rows.
-// - Under the policy `latest` a state (Record.is_state) supersedes all older records of its (origin, type, latest key):
+// - Under the policy `latest` a state (Record.is_state) supersedes the older states of its (origin, type, latest key):
 //   older by (epoch, seq), and of optimized poses and verdicts by their term and run before that (RecordOrder). Their
-//   rows go, and their seqs become dropped, in the transaction that stores the newer one. A record that comes after its
-//   superseder, or is inserted below it, is dropped at once.
+//   rows go, and their seqs become dropped, in the transaction that stores the newer one. A state that comes after its
+//   superseder, or is inserted below it, is dropped at once. A record that its origin stored under `all` supersedes
+//   nothing and is never superseded. Each new state costs a look at all records of its key.
 // - Of this agent's own records what is superseded moves into its history, as far as that keeps it
 //   (actors/storage/history.h); when the file or the disk is full, history goes first.
 // - A custom type must be declared for own inserts alone: peers' records of any custom type are carried
@@ -243,10 +244,6 @@ class RecordStore {
   Result<void> CheckDropped(AgentId sender, const proto::StreamHave& dropped, HaveSet& accepted);
   void NoteAssignmentsIn(const proto::StoreRequest& request);
   Result<void> CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record);
-  // Returns the greatest order above `above` of the shared states (Record.is_state) among `rows`, which have one latest
-  // key; nothing if there is none. A record that its origin keeps under the policy `all` supersedes nothing.
-  Result<std::optional<RecordOrder>> FindNewestState(const RecordTable& table, std::vector<RecordTable::Row> rows,
-                                                     const RecordOrder& above);
   void Reject(Error error, Stored& result);
   // True where `failure` is a full file or disk, and history made room: the transaction may be tried once more.
   bool MakesRoom(const Error& failure, std::uint64_t content_bytes);

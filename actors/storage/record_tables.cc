@@ -160,12 +160,20 @@ Result<std::optional<RecordTable::Row>> RecordTable::Find(Database& database, co
   return rows->empty() ? std::nullopt : std::optional<Row>(rows->front());
 }
 
-Result<std::vector<RecordTable::Row>> RecordTable::FindByLatestKey(Database& database, AgentId origin, DataType type,
-                                                                   std::string_view latest_key) const {
+Result<std::vector<RecordTable::Row>> RecordTable::FindStates(Database& database, AgentId origin, DataType type,
+                                                              std::string_view latest_key) const {
   Query query = database.Prepare(sql_.find_by_latest_key);
   query << origin << type;
   BindLatestKey(latest_key, query);
-  return ReadRows(std::move(query));
+  Result<std::vector<Row>> rows = ReadRows(std::move(query));
+  if (!rows) return rows;
+  std::vector<Row> states;
+  for (Row& row : *rows) {
+    const Result<proto::Record> record = ReadRecord(database, row.row_id);
+    if (!record) return tl::unexpected(record.error());
+    if (record->is_state()) states.push_back(std::move(row));
+  }
+  return states;
 }
 
 Result<std::map<std::uint64_t, IntervalSet>> RecordTable::FindNewest(Database& database, AgentId origin,

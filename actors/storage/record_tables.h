@@ -59,9 +59,9 @@ class RecordTable {
     RecordOrder order() const { return {version, key.stream.epoch, key.seq}; }
   };
   Result<std::optional<Row>> Find(Database& database, const RecordKey& key) const;
-  // Shared or not, of one origin and type.
-  Result<std::vector<Row>> FindByLatestKey(Database& database, AgentId origin, DataType type,
-                                           std::string_view latest_key) const;
+  // Returns the states (Record.is_state) of one origin, type and latest key, shared or not.
+  Result<std::vector<Row>> FindStates(Database& database, AgentId origin, DataType type,
+                                      std::string_view latest_key) const;
   // The shared records of one origin and type that are each the greatest of their latest key (RecordOrder), by epoch.
   Result<std::map<std::uint64_t, IntervalSet>> FindNewest(Database& database, AgentId origin, DataType type) const;
   Result<std::vector<Row>> FindInInterval(Database& database, const StreamKey& stream, std::uint64_t first,

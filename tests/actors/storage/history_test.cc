@@ -116,7 +116,7 @@ TEST(HistoryTest, NothingInItSupersedesOrIsSuperseded) {
   auto store = OpenStore(WithHistory());
   for (int i = 0; i < 5; ++i) InsertOne(*store, TemperatureRecord(i));
   const RecordTable& table = *FindRecordTable(proto::TEMPERATURE);
-  EXPECT_THAT(*table.FindByLatestKey(store->database(), 1, proto::TEMPERATURE, ""), SizeIs(1));
+  EXPECT_THAT(*table.FindStates(store->database(), 1, proto::TEMPERATURE, ""), SizeIs(1));
 }
 
 TEST(HistoryTest, KeepsLocalStatesOfTheRobotToo) {

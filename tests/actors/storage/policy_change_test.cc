@@ -6,7 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "actors/storage/record_door.h"
 #include "actors/storage/record_store.h"
+#include "model/have_set.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"
 #include "tests/temporary_folder.h"
@@ -112,40 +114,39 @@ TEST_F(PolicyChangeTest, AnAgentThatKeepsAllKeepsStatesThatTheirOriginDropped) {
   EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-21));
 }
 
-TEST_F(PolicyChangeTest, ANewStateSupersedesOlderRecordsOnlyWhereBothEndsKeepTheLatest) {
-  auto rover = Start(kRover, proto::POLICY_ALL);
-  Insert(*rover, {-20, -21});
-  auto leader = Start(kLeader, proto::POLICY_LATEST);
-  auto survivor = Start(kSurvivor, proto::POLICY_ALL);
-  BringAll(*rover, *leader);
-  BringAll(*rover, *survivor);
-  Restart(rover, kRover, proto::POLICY_LATEST);
-  Insert(*rover, {-22});
-  BringAll(*rover, *leader);
-  BringAll(*rover, *survivor);
-  EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-22));
-  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-22));
-  EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-20, -21, -22));
-}
-
-TEST_F(PolicyChangeTest, ANewStateSupersedesOlderRecordsThatComeLate) {
+TEST_F(PolicyChangeTest, AStateSupersedesNoRecordThatItsOriginStoredUnderAll) {
   auto rover = Start(kRover, proto::POLICY_ALL);
   Insert(*rover, {-20, -21});
   const std::vector<proto::StoredRecord> all = Contents(*rover);
   Restart(rover, kRover, proto::POLICY_LATEST);
-  Insert(*rover, {-22});
+  Insert(*rover, {-22, -23});
+  EXPECT_THAT(TemperaturesOf(*rover), ElementsAre(-20, -21, -23));
   auto leader = Start(kLeader, proto::POLICY_LATEST);
   BringAll(*rover, *leader);
-  for (const proto::StoredRecord& record : all) EXPECT_EQ(StoreOne(*leader, record).stored_count(), 0u);
-  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-22));
-
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21, -23));
   auto survivor = Start(kSurvivor, proto::POLICY_LATEST);
-  proto::StoreRequest together;
-  *together.add_records() = all[0];
-  *together.add_records() = Contents(*rover)[0];
-  *together.add_records() = all[1];
-  EXPECT_FALSE(IsError(survivor->Store(together).reply.error()));
-  EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-22)) << "in one transaction";
+  StoreOne(*survivor, Contents(*rover)[2]);
+  for (const proto::StoredRecord& record : all) EXPECT_EQ(StoreOne(*survivor, record).stored_count(), 1u);
+  EXPECT_THAT(TemperaturesOf(*survivor), ElementsAre(-23, -20, -21)) << "those that come late stay too";
+}
+
+// An agent whose disk was lost stores what comes next in an epoch that may be lower than an earlier one.
+TEST_F(PolicyChangeTest, ARecordOfALowerEpochThanAStateStaysWhateverAPeerDropped) {
+  constexpr std::uint64_t kStatesEpoch = 5;
+  const StreamKey before{kRover, kStatesEpoch, proto::TEMPERATURE};
+  const StreamKey after{kRover, kStatesEpoch - 1, proto::TEMPERATURE};
+  auto leader = Start(kLeader, proto::POLICY_LATEST);
+  StoreOne(*leader, Packed(RecordKey{before, 1}, TemperatureRecord(-20)));
+  proto::StoredRecord kept = Packed(RecordKey{after, 1}, TemperatureRecord(-21));
+  kept.set_content(SerializeRecord(TemperatureRecord(-21)));
+  kept.set_hash(HashRecord(RecordKey{after, 1}, kept.content()));
+  EXPECT_EQ(StoreOne(*leader, kept).stored_count(), 1u);
+  HaveSet dropped;
+  dropped[after].dropped.Add(1);
+  proto::StoreRequest told;
+  *told.mutable_dropped() = ToProto(dropped).streams();
+  EXPECT_FALSE(IsError(leader->Store(told).reply.error()));
+  EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
 }
 
 TEST_F(PolicyChangeTest, AClientDoesNotDecideWhetherARecordIsAState) {
