@@ -14,6 +14,7 @@
 //   lost, or
 //                      it was pruned wherever it was
 //   survivor_is_leader at rest the survivor holds what the leader holds, but for what either of them pruned
+//   stores_after_prune an agent that pruned much on a full disk stores records that are no maps again
 //   notes_kept         at rest leader and survivor hold all notes that were inserted while their agent kept all
 //                      of them, unless all disks with one were lost
 //   pruned_is_had      an agent prunes only what leader and survivor have just told it they had (PruneWatch)

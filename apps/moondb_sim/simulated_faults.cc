@@ -14,6 +14,10 @@ using std::chrono::seconds;
 
 constexpr std::uint64_t kEndedEarlyEvery = 3;  // Of the leases, by the rover's own word.
 constexpr std::uint64_t kStartsInTroubleEvery = 3;
+constexpr Duration kBroughtWithin =
+    minutes(5);                                 // From maps to where leader and survivor had them, if the links are up.
+constexpr Duration kPrunedAfter = seconds(30);  // From a full disk.
+constexpr Duration kFullForPrune = minutes(4);
 constexpr Duration kGoesToSleep = seconds(3);  // From a robot's word to when its computer has no power.
 
 }  // namespace
@@ -74,6 +78,7 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "sleep") return Sleep();
   if (fault == "pause") return Pause();
   if (fault == "prune") return Prune();
+  if (fault == "full_prune") return FillAndPrune();
   if (fault == "policy") return ChangePolicy();
   if (fault == "full" || fault == "failing") return TroubleDisk(fault == "full");
   if (fault == "clock") {
@@ -203,6 +208,30 @@ void SimulatedFaults::Prune() {
   (void)world_.team.Post({agent, "operator"}, {agent, actor_name::kRetention}, std::move(message));
 }
 
+void SimulatedFaults::FillAndPrune() {
+  const AgentId rover = DrawRover();
+  robots_.LearnPlainMaps(rover);
+  world_.In(kBroughtWithin, [this, rover] {
+    if (world_.is_quiet) return;
+    FillDisk(rover, kFullForPrune);
+    world_.In(kPrunedAfter, [this, rover] {
+      if (world_.is_quiet) return;
+      world_.freed_on_full_disk[rover] = {};
+      proto::Message message;
+      message.mutable_prune_order()->add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
+      (void)world_.team.Post({rover, "operator"}, {rover, actor_name::kRetention}, std::move(message));
+    });
+    world_.In(kFullForPrune, [this, rover] { world_.freed_on_full_disk.erase(rover); });
+  });
+}
+
+void SimulatedFaults::FillDisk(AgentId agent, Duration length) {
+  const std::string prefix = SimulatedWorld::Prefix(agent);
+  world_.disk_trouble_until[agent] = std::max(world_.disk_trouble_until[agent], world_.team.now() + length);
+  world_.disk.SetRoom(prefix, 0);
+  world_.In(length, [this, prefix] { world_.disk.SetRoom(prefix, std::nullopt); });
+}
+
 void SimulatedFaults::ChangePolicy() {
   const AgentId agent = world_.DrawAgent();
   if (world_.keeps_all_notes.insert(agent).second) lives_.Kill(agent);
@@ -212,15 +241,11 @@ void SimulatedFaults::TroubleDisk(bool is_full) {
   const AgentId agent = world_.DrawAgent();
   const std::string prefix = SimulatedWorld::Prefix(agent);
   const Duration length = minutes(1) + world_.DrawDuration(minutes(9));
-  world_.disk_trouble_until[agent] = std::max(world_.disk_trouble_until[agent], world_.team.now() + length);
   if (world_.rng() % kStartsInTroubleEvery == 0) lives_.Kill(agent);
-  if (is_full) {
-    world_.disk.SetRoom(prefix, 0);
-    world_.In(length, [this, prefix] { world_.disk.SetRoom(prefix, std::nullopt); });
-  } else {
-    world_.disk.SetFailing(prefix, true);
-    world_.In(length, [this, prefix] { world_.disk.SetFailing(prefix, false); });
-  }
+  if (is_full) return FillDisk(agent, length);
+  world_.disk_trouble_until[agent] = std::max(world_.disk_trouble_until[agent], world_.team.now() + length);
+  world_.disk.SetFailing(prefix, true);
+  world_.In(length, [this, prefix] { world_.disk.SetFailing(prefix, false); });
 }
 
 AgentId SimulatedFaults::DrawRover() { return 1 + static_cast<AgentId>(world_.rng() % (world_.base - 1)); }

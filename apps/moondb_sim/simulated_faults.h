@@ -42,6 +42,8 @@ class SimulatedFaults {
   void Sleep();
   void Pause();
   void Prune();
+  void FillAndPrune();
+  void FillDisk(AgentId agent, Duration length);
   void ChangePolicy();
   void TroubleDisk(bool is_full);  // Else it fails.
   AgentId DrawRover();

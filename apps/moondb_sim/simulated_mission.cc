@@ -48,6 +48,8 @@ constexpr double kQuietRatio = 1.0 / 6;  // Of the hours, at the end.
 constexpr Duration kSolveApart = minutes(5);  // A solve takes longer than all else in a minute of a run.
 
 constexpr std::uint64_t kConfigHash = 1;
+// Of pruned maps: more than twice what an agent with a full disk leaves to roles.
+constexpr double kFreedBytesMin = 768 * 1024;
 // In one seed of two have-sets come in pages of this size: an hour's is no larger than a page elsewhere.
 constexpr std::size_t kSmallPageBytes = 1000;
 // Where sharing is simulated alone.
@@ -68,7 +70,10 @@ class Mission {
         rest_(world_, lives_, clients_, byzantine_watch_, prunes_),
         messages_max_(static_cast<std::uint64_t>(kMessagesMaxPerHour * options.hours * world_.base)) {
     lives_.on_end = [this](AgentId agent) { OnAgentEnded(agent); };
-    lives_.on_disk_lost = [this](AgentId agent) { clients_.OnDiskLost(agent); };
+    lives_.on_disk_lost = [this](AgentId agent) {
+      clients_.OnDiskLost(agent);
+      world_.freed_on_full_disk.erase(agent);
+    };
     world_.team.SetBaseStation(world_.base);
     world_.team.SetFault(
         [this](const Address& actor, const proto::Message& message) { return OnHandle(actor, message); });
@@ -217,6 +222,8 @@ class Mission {
         }
         if (byzantine_watch_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
+        // Where there is little room, an origin that takes more than its part is refused.
+        if (world_.HadDiskTrouble(actor.agent)) break;
         if (HasSigningKeys(world_.config) && world_.rules.HasHadRole(sender)) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
@@ -241,6 +248,7 @@ class Mission {
         for (const proto::PrunedType& pruned : message.prune_reply().pruned()) {
           if (actor.actor == actor_name::kRetention) world_.report.pruned += pruned.record_count();
         }
+        NoteFreed(actor, message.prune_reply());
         break;
       case proto::Message::kHave:
         if (IsByzantine(static_cast<AgentId>(message.hop_sender()))) break;
@@ -264,6 +272,15 @@ class Mission {
       default:
         break;
     }
+  }
+
+  void NoteFreed(const Address& actor, const proto::PruneReply& reply) {
+    const auto known = world_.freed_on_full_disk.find(actor.agent);
+    if (actor.actor != actor_name::kRetention || known == world_.freed_on_full_disk.end()) return;
+    SimulatedWorld::FreedOnFullDisk& freed = known->second;
+    for (const proto::PrunedType& pruned : reply.pruned()) freed.content_bytes += pruned.content_bytes();
+    if (freed.since || freed.content_bytes < kFreedBytesMin) return;
+    freed.since = world_.team.now();
   }
 
   // An actor of the agent gets the answer that its insert is stored. In sharing alone only robots insert.

@@ -19,7 +19,9 @@ constexpr std::uint64_t kLargeMapEvery = 30;    // About 15 kB coded, where the 
 constexpr std::size_t kOpenMax = 32;
 constexpr std::uint64_t kSilentEvery = 4;  // Seeds, from the third on.
 constexpr Duration kSilence = std::chrono::hours(1);
-constexpr std::uint64_t kBeacons = 5;       // Keys.
+constexpr std::uint64_t kBeacons = 5;  // Keys.
+constexpr int kPlainMaps = 16;
+constexpr std::uint32_t kPlainSide_cells = 512;
 constexpr std::uint64_t kNotes = 2;         // Keys.
 constexpr std::uint64_t kTurnsPerNote = 3;  // Of each rover.
 constexpr Duration kOptimizedAfterStart = seconds(2);
@@ -217,6 +219,20 @@ proto::Record SimulatedRobots::MapAt(AgentId rover, std::uint64_t index) {
   return record;
 }
 
+void SimulatedRobots::LearnPlainMaps(AgentId rover) {
+  proto::Record record = MapAt(rover, robots_[rover].turns);
+  proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
+  map.mutable_layers()->DeleteSubrange(1, 1);
+  proto::MapLayer& layer = *map.mutable_layers(0);
+  layer.set_width_cells(kPlainSide_cells);
+  layer.set_height_cells(kPlainSide_cells);
+  layer.set_cells(std::string(kPlainSide_cells * kPlainSide_cells / 4, 'U'));
+  for (int i = 0; i < kPlainMaps; ++i) {
+    record.set_stamp_ns(record.stamp_ns() + 1);
+    Insert(rover, {record});
+  }
+}
+
 // Four cells, each unknown, free or hazard.
 char SimulatedRobots::DrawCells() {
   std::uint64_t random = world_.rng();
@@ -265,6 +281,10 @@ void SimulatedRobots::TakeInsertReplies(AgentId agent) {
 
 void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Record>& records,
                                    const proto::InsertReply& reply) {
+  const bool is_map = records.front().has_local_traversability_map();
+  if (reply.error().code() == proto::ERROR_CODE_FULL && !is_map && world_.MustStore(agent)) {
+    world_.Violate("stores_after_prune", "agent " + std::to_string(agent) + ": " + reply.error().text());
+  }
   if (IsError(reply.error()) && world_.HadDiskTrouble(agent)) {
     for (const proto::Record& record : records) {
       if (HasName(record)) robots_[agent].open.push_back({record});

@@ -26,6 +26,8 @@ class SimulatedRobots {
   void TakeInsertReplies(AgentId agent);  // Tells the rules what is stored.
   // The robot's own software, or an operator, tells its agent; 0: no more. Nothing where that does not run.
   void SetLease(AgentId agent, proto::LeaseKind kind, Duration length);
+  // Inserts maps that take much room on the disk and little on the radio.
+  void LearnPlainMaps(AgentId rover);
   void OnAgentStarted(AgentId agent);  // Before it hears of any other.
   void OnAgentEnded(AgentId agent);    // Nothing that it was asked is answered any more.
 

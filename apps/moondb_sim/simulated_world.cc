@@ -13,6 +13,9 @@ namespace {
 
 constexpr std::size_t kViolationsMax = 10;
 constexpr std::size_t kLastEvents = 60;
+// A robot may read so late that an insert was refused before the prune. Peers' records fill what was freed in the end.
+constexpr Duration kRefusedBefore = std::chrono::seconds(15);
+constexpr Duration kStoresFor = std::chrono::seconds(75);
 
 }  // namespace
 
@@ -73,6 +76,13 @@ void SimulatedWorld::Violate(const std::string& rule, std::string text) {
   }
   if (HasEnough()) return;
   report.violations.push_back({rule, NowS(), report.messages, std::move(text)});
+}
+
+bool SimulatedWorld::MustStore(AgentId agent) const {
+  const auto freed = freed_on_full_disk.find(agent);
+  if (freed == freed_on_full_disk.end() || !freed->second.since) return false;
+  const Duration passed = team.now() - *freed->second.since;
+  return passed > kRefusedBefore && passed < kStoresFor;
 }
 
 bool SimulatedWorld::HadDiskTrouble(AgentId agent) const {

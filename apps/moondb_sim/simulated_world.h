@@ -54,6 +54,8 @@ class SimulatedWorld {
   const proto::TeamConfig& ConfigOf(AgentId agent) const {
     return keeps_all_notes.contains(agent) ? config_with_all_notes : config;
   }
+  // It pruned much on a full disk half a minute ago: it has room for records that are no maps.
+  bool MustStore(AgentId agent) const;
   // Its disk was full or failed a minute ago or later: it may refuse what it is to store.
   bool HadDiskTrouble(AgentId agent) const;
   std::set<AgentId> Leaders() const;  // Those running that lead as far as they know.
@@ -74,9 +76,14 @@ class SimulatedWorld {
   std::map<AgentId, proto::Term> durable_term;     // On each agent's disk, as its RoleActor knows.
   std::map<AgentId, Duration> clock_offset;
   std::map<AgentId, MonotonicTime> disk_trouble_until;
-  std::set<AgentId> keeps_all_notes;  // Agents whose team file has changed.
-  bool is_quiet = false;              // No more faults, nor inserts.
-  bool is_asking = false;             // Of the checks' own questions: no actor fails at them.
+  struct FreedOnFullDisk {
+    double content_bytes = 0;
+    std::optional<MonotonicTime> since;  // When there were enough of them.
+  };
+  std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // By a prune that goes on or is done.
+  std::set<AgentId> keeps_all_notes;                      // Agents whose team file has changed.
+  bool is_quiet = false;                                  // No more faults, nor inserts.
+  bool is_asking = false;                                 // Of the checks' own questions: no actor fails at them.
   SimulatedDisk disk;
   Rules rules;
   RareStates rare_states;

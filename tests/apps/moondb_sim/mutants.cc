@@ -664,6 +664,32 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
   return Hooked(actor_name, {nullptr, std::move(says)});
 }
 
+// An agent that could not store a record for want of room takes none for a while.
+void StoreNothingAfterAFullDisk(SimOptions& options) {
+  for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
+  options.faults_per_hour["full_prune"] = 3;
+  // Less than the rules leave an agent when its disk has room again.
+  static constexpr std::chrono::seconds kRefuses(55);
+  const auto full = std::make_shared<std::map<AgentId, MonotonicTime>>();
+  Hooks hooks;
+  hooks.hears = [full](Context& context, proto::Message& message) {
+    const auto since = full->find(context.self().agent);
+    const bool is_full = since != full->end() && context.now() - since->second < kRefuses;
+    if (!message.has_insert_request() || !is_full) return true;
+    proto::Message reply;
+    reply.mutable_insert_reply()->mutable_error()->set_code(proto::ERROR_CODE_FULL);
+    (void)context.Reply(std::move(reply));
+    return false;
+  };
+  hooks.says = [full](Context& context, const Address&, proto::Message& message) {
+    if (message.insert_reply().error().code() == proto::ERROR_CODE_FULL) {
+      (*full)[context.self().agent] = context.now();
+    }
+    return true;
+  };
+  Hooked(actor_name::kStorage, std::move(hooks))(options);
+}
+
 void CacheAcknowledgments(SimOptions& options) {
   auto cache = std::make_shared<CachedAcknowledgments::Cache>();
   options.wrap = [cache](AgentId, const std::string& name, std::unique_ptr<Actor> actor) -> std::unique_ptr<Actor> {
@@ -969,6 +995,14 @@ const std::vector<Mutant>& Mutants() {
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
        /*likely_seed=*/4},
+      {"StoresNothingAfterAFullDisk",
+       "an agent whose disk was full stores nothing, whatever is pruned",
+       {"stores_after_prune"},
+       18,
+       StoreNothingAfterAFullDisk,
+       SimulatedActors::kSharing,
+       /*is_of_lies=*/false,
+       /*likely_seed=*/6},
       {"TakesTheLastNotes",
        "a record supersedes older ones though its agent keeps all of its type",
        {"notes_kept"},
