@@ -11,9 +11,8 @@ namespace moondb::simulation {
 namespace {
 
 constexpr std::uint64_t kPrunedEvery = 3;
-constexpr std::uint64_t kPolicyChangedEvery = 5;
-constexpr std::uint64_t kPolicyChangedAt = 2;  // Of these.
-constexpr std::uint64_t kByzantineEvery = 4;   // Of the seeds with signing keys, which are even, every other one.
+constexpr std::uint64_t kPolicyChangedEvery = 7;
+constexpr std::uint64_t kByzantineEvery = 4;  // Of the seeds with signing keys, which are even, every other one.
 
 }  // namespace
 
@@ -47,7 +46,7 @@ const std::vector<FaultKind>& FaultKinds() {
        "a rover learns many maps, its disk is full five minutes later, and the operator prunes it; with sharing "
        "alone, in even seeds with `prune`"},
       {"policy", 3,
-       "an agent starts again with a team file that keeps all notes instead of the latest ones; in one seed of five"},
+       "an agent starts again with a team file that keeps all notes instead of the latest ones; in one seed of seven"},
       {"full", 1.5, "an agent's disk is full for 1 to 10 minutes, every third time from a start on"},
       {"failing", 1.5, "likewise, it fails: each write is an I/O error, perhaps in the middle"},
   };
@@ -70,7 +69,7 @@ double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   const auto set = faults_per_hour.find(kind.name);
   if (set != faults_per_hour.end()) return set->second;
   if (is_faultless) return 0;
-  const bool changes_policy = seed % kPolicyChangedEvery == kPolicyChangedAt;
+  const bool changes_policy = seed % kPolicyChangedEvery == 0;
   if (kind.name == "policy") return changes_policy ? kind.per_hour : 0;
   // What was pruned hides from the rules what was lost: most seeds run without. Notes that are pruned are no loss.
   // Its maps take a solver's and a merger's time, and that of a compact codec, which some odd seeds have.
