@@ -62,7 +62,7 @@ std::string SetAsideText(const std::string& aside) {
          "; an empty one was begun, and what no other agent had is in that file alone";
 }
 
-// Whether one of these states, which have one origin, type and latest key, is shared and of a greater order.
+// Returns whether a shared state of a greater order is among `states`, which have one origin, type and latest key.
 bool IsSuperseded(const RecordOrder& order, const std::vector<RecordTable::Row>& states) {
   return std::any_of(states.begin(), states.end(),
                      [&order](const auto& state) { return state.key.seq != 0 && state.order() > order; });
@@ -452,7 +452,7 @@ Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing)
   if (!*row || HashRecord(old_key, content) != (*row)->hash || !record.ParseFromString(content)) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: " + ToString(old_key));
   }
-  if (!record.is_state()) return {};  // It was inserted while the policy was `all`: nothing supersedes it.
+  if (!record.is_state()) return {};  // Nothing supersedes a record that was inserted under the policy `all`.
   const Result<RecordKey> key = writing.NextKey(old_key.stream.type);
   if (!key) return tl::unexpected(key.error());
   if (const Result<void> done = writing.DeleteRow(table, **row); !done) return done;
@@ -908,22 +908,22 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   }
   for (const IntervalSet::Interval& interval : superseded.intervals()) ledger_.AddDropped(stream, interval);
   const IntervalSet held_and_dropped = dropped.Minus(never_held);
-  std::map<std::string, std::vector<RecordTable::Row>> states;  // By latest key.
+  std::map<std::string, std::set<std::uint64_t>> superseded_rows;  // Row ids of superseded states, by latest key.
   for (const IntervalSet::Interval& interval : held_and_dropped.intervals()) {
     const Result<std::vector<RecordTable::Row>> rows =
         table.FindInInterval(*database_, stream, interval.first, interval.last);
     if (!rows) return tl::unexpected(rows.error());
     for (const RecordTable::Row& row : *rows) {
-      auto known = states.find(row.latest_key);
-      if (known == states.end()) {
-        Result<std::vector<RecordTable::Row>> found =
+      const auto [known, is_new] = superseded_rows.try_emplace(row.latest_key);
+      if (is_new) {
+        Result<std::vector<RecordTable::Row>> states =
             table.FindStates(*database_, stream.origin, stream.type, row.latest_key);
-        if (!found) return tl::unexpected(found.error());
-        known = states.emplace(row.latest_key, *std::move(found)).first;
+        if (!states) return tl::unexpected(states.error());
+        std::erase_if(*states, [](const auto& state) { return state.key.seq == 0; });
+        std::sort(states->begin(), states->end(), [](const auto& a, const auto& b) { return a.order() > b.order(); });
+        for (std::size_t i = 1; i < states->size(); ++i) known->second.insert((*states)[i].row_id);
       }
-      const auto is_it = [&row](const RecordTable::Row& state) { return state.row_id == row.row_id; };
-      const bool is_state = std::any_of(known->second.begin(), known->second.end(), is_it);
-      if (!is_state || !IsSuperseded(row.order(), known->second)) continue;
+      if (!known->second.contains(row.row_id)) continue;
       if (const Result<void> done = writing.Supersede(table, row); !done) return done;
     }
   }

@@ -71,7 +71,7 @@ double SimOptions::FaultsPerHour(const FaultKind& kind) const {
   if (is_faultless) return 0;
   const bool changes_policy = seed % kPolicyChangedEvery == 0;
   if (kind.name == "policy") return changes_policy ? kind.per_hour : 0;
-  // What was pruned hides from the rules what was lost: most seeds run without. Notes that are pruned are no loss.
+  // Pruned records hide lost ones from the rules, so most seeds run without prunes. A pruned note would look lost.
   // Its maps take a solver's and a merger's time, and that of a compact codec, which some odd seeds have.
   if (kind.name == "full_prune" && (has_all_actors() || seed % 2 != 0)) return 0;
   const bool is_prune = kind.name == "prune" || kind.name == "full_prune";

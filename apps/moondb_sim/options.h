@@ -62,7 +62,7 @@ struct SimOptions {
   int RoverCount() const { return Byzantine() == 0 ? rovers : rovers + 1; }
 
   double FaultsPerHour(const FaultKind& kind) const;
-  // Whether robots insert notes, of which agents keep the latest until their team file changes.
+  // Returns whether robots insert notes. An agent keeps the latest notes until its team file changes.
   bool ChangesPolicy() const;
 
   bool has_all_actors() const { return actors == SimulatedActors::kAll; }

@@ -48,16 +48,21 @@ std::string ToString(const Rules::PoseVersion& version) {
          std::to_string(std::get<1>(term));
 }
 
-// Agents with different policies for notes hold different ones: CheckNotes looks at these.
-HaveSet WithoutNotes(const HaveSet& have) {
+template <typename IsWanted>
+HaveSet Filtered(const HaveSet& have, const IsWanted& is_wanted) {
   HaveSet left;
   for (const auto& [stream, seqs] : have.streams()) {
-    if (stream.type != kNote) left[stream] = seqs;
+    if (is_wanted(stream)) left[stream] = seqs;
   }
   return left;
 }
 
-Records WithoutPruned(const Records& records, const HaveSet& have) {
+// Agents with different policies for notes hold different ones: CheckNotes looks at these.
+HaveSet WithoutNotes(const HaveSet& have) {
+  return Filtered(have, [](const StreamKey& stream) { return stream.type != kNote; });
+}
+
+Records WithoutPrunedOrNotes(const Records& records, const HaveSet& have) {
   const HaveSet pruned = PrunedOf(have);
   Records left;
   for (const auto& [key, content] : records) {
@@ -82,11 +87,7 @@ std::string WithoutSignature(const RecordKey& key, const std::string& content) {
 }  // namespace
 
 HaveSet Rules::WithoutLiars(const HaveSet& have) const {
-  HaveSet left;
-  for (const auto& [stream, seqs] : have.streams()) {
-    if (stream.origin != liar_) left[stream] = seqs;
-  }
-  return left;
+  return Filtered(have, [this](const StreamKey& stream) { return stream.origin != liar_; });
 }
 
 void Rules::SeeRecord(const RecordKey& key, const std::string& stored, AgentId where) {
@@ -421,8 +422,8 @@ void Rules::CheckNotes(const TeamAtRest& team) const {
 void Rules::CheckSurvivor(const TeamAtRest& team) const {
   const HaveSet leader_has = WithoutNotes(team.have.at(team.leader));
   const HaveSet survivor_has = WithoutNotes(team.have.at(team.survivor));
-  const Records leaders = WithoutPruned(team.records.at(team.leader), survivor_has);
-  const Records survivors = WithoutPruned(team.records.at(team.survivor), leader_has);
+  const Records leaders = WithoutPrunedOrNotes(team.records.at(team.leader), survivor_has);
+  const Records survivors = WithoutPrunedOrNotes(team.records.at(team.survivor), leader_has);
   const bool is_any_pruned = !PrunedOf(leader_has).streams().empty() || !PrunedOf(survivor_has).streams().empty();
   if (leaders == survivors && (is_any_pruned || leader_has == survivor_has)) return;
   const auto [here, there] = std::mismatch(leaders.begin(), leaders.end(), survivors.begin(), survivors.end());

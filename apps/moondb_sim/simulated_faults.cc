@@ -14,9 +14,9 @@ using std::chrono::seconds;
 
 constexpr std::uint64_t kEndedEarlyEvery = 3;  // Of the leases, by the rover's own word.
 constexpr std::uint64_t kStartsInTroubleEvery = 3;
-constexpr Duration kBroughtWithin =
-    minutes(5);                                 // From maps to where leader and survivor had them, if the links are up.
-constexpr Duration kPrunedAfter = seconds(30);  // From a full disk.
+// Leader and survivor have a rover's maps within this time if the links are up.
+constexpr Duration kBroughtWithin = minutes(5);
+constexpr Duration kPrunedAfter = seconds(30);  // The operator prunes so long after the disk is full.
 constexpr Duration kFullForPrune = minutes(4);
 constexpr Duration kGoesToSleep = seconds(3);  // From a robot's word to when its computer has no power.
 

@@ -48,7 +48,7 @@ constexpr double kQuietRatio = 1.0 / 6;  // Of the hours, at the end.
 constexpr Duration kSolveApart = minutes(5);  // A solve takes longer than all else in a minute of a run.
 
 constexpr std::uint64_t kConfigHash = 1;
-// Of pruned maps: more than twice what an agent with a full disk leaves to roles.
+// The prune frees more than twice the bytes that an agent with a full disk leaves to roles.
 constexpr double kFreedBytesMin = 768 * 1024;
 // In one seed of two have-sets come in pages of this size: an hour's is no larger than a page elsewhere.
 constexpr std::size_t kSmallPageBytes = 1000;
@@ -222,7 +222,7 @@ class Mission {
         }
         if (byzantine_watch_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
-        // Where there is little room, an origin that takes more than its part is refused.
+        // An agent with little room refuses records of an origin that takes more than its part.
         if (world_.HadDiskTrouble(actor.agent)) break;
         if (HasSigningKeys(world_.config) && world_.rules.HasHadRole(sender)) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +

@@ -23,7 +23,7 @@ constexpr std::uint64_t kBeacons = 5;  // Keys.
 constexpr int kPlainMaps = 16;
 constexpr std::uint32_t kPlainSide_cells = 512;
 constexpr std::uint64_t kNotes = 2;         // Keys.
-constexpr std::uint64_t kTurnsPerNote = 3;  // Of each rover.
+constexpr std::uint64_t kTurnsPerNote = 3;  // A rover gives one note in so many turns.
 constexpr Duration kOptimizedAfterStart = seconds(2);
 constexpr Duration kOptimizePeriod = minutes(5);
 constexpr std::uint64_t kOptimizedNodes = 60;  // The last ones of each rover: each node is optimized twice.
@@ -109,7 +109,7 @@ void SimulatedRobots::Work(AgentId rover) {
   Robot& robot = robots_[rover];
   const bool is_base = rover == world_.base;
   if (!is_base && world_.team.now() >= robot.silent_until) TellState(rover);
-  if (!is_base && world_.options.ChangesPolicy() && robot.turns % kTurnsPerNote == 0) TellNote(rover);
+  if (!is_base && world_.options.ChangesPolicy() && robot.turns % kTurnsPerNote == 0) TellCustom(rover, kNote, kNotes);
   if (world_.options.has_all_actors()) {
     Drive(rover, robot);
   } else {
@@ -151,22 +151,17 @@ void SimulatedRobots::TellState(AgentId rover) {
   state.mutable_power()->set_battery_ratio(0.5 + 0.5 * world_.Draw());
   Insert(rover, {std::move(state)});
   if (!IsSilent()) return;
-  proto::Record beacon;
-  beacon.set_stamp_ns(world_.ClockOf(rover));
-  beacon.mutable_custom()->set_data_type(kBeacon);
-  beacon.mutable_custom()->set_latest_key(std::to_string(world_.rng() % kBeacons));
-  beacon.mutable_custom()->set_payload(std::to_string(world_.rng()));
-  Insert(rover, {std::move(beacon)});
+  TellCustom(rover, kBeacon, kBeacons);
   if (world_.team.is_running(rover)) robots_[rover].silent_until = world_.team.now() + kSilence;
 }
 
-void SimulatedRobots::TellNote(AgentId rover) {
-  proto::Record note;
-  note.set_stamp_ns(world_.ClockOf(rover));
-  note.mutable_custom()->set_data_type(kNote);
-  note.mutable_custom()->set_latest_key(std::to_string(world_.rng() % kNotes));
-  note.mutable_custom()->set_payload(std::to_string(world_.rng()));
-  Insert(rover, {std::move(note)});
+void SimulatedRobots::TellCustom(AgentId rover, DataType type, std::uint64_t key_count) {
+  proto::Record record;
+  record.set_stamp_ns(world_.ClockOf(rover));
+  record.mutable_custom()->set_data_type(type);
+  record.mutable_custom()->set_latest_key(std::to_string(world_.rng() % key_count));
+  record.mutable_custom()->set_payload(std::to_string(world_.rng()));
+  Insert(rover, {std::move(record)});
 }
 
 void SimulatedRobots::SetPose(proto::Pose& pose) {

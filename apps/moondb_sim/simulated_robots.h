@@ -47,7 +47,8 @@ class SimulatedRobots {
   void Learn(AgentId rover, Robot& robot);
   void Drive(AgentId agent, Robot& robot);
   void InsertOpen(AgentId agent, Robot& robot);
-  void TellNote(AgentId rover);
+  // Inserts a record of a custom type with a random payload and one of `key_count` latest keys.
+  void TellCustom(AgentId rover, DataType type, std::uint64_t key_count);
   void TellState(AgentId rover);
   void Optimize();
   void OptimizeAt(AgentId leader);

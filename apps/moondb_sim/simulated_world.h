@@ -50,11 +50,11 @@ class SimulatedWorld {
   bool HasEnough() const;  // Violations, to end the run.
   void NoteEvent(const Address& actor, const proto::Message& message);
 
-  // Its team file as it is now.
+  // Returns the agent's present team file.
   const proto::TeamConfig& ConfigOf(AgentId agent) const {
     return keeps_all_notes.contains(agent) ? config_with_all_notes : config;
   }
-  // It pruned much on a full disk half a minute ago: it has room for records that are no maps.
+  // Returns whether the agent must take records that are no maps: it has just pruned much on a full disk.
   bool MustStore(AgentId agent) const;
   // Its disk was full or failed a minute ago or later: it may refuse what it is to store.
   bool HadDiskTrouble(AgentId agent) const;
@@ -83,7 +83,7 @@ class SimulatedWorld {
   std::map<AgentId, FreedOnFullDisk> freed_on_full_disk;  // By a prune that goes on or is done.
   std::set<AgentId> keeps_all_notes;                      // Agents whose team file has changed.
   bool is_quiet = false;                                  // No more faults, nor inserts.
-  bool is_asking = false;                                 // Of the checks' own questions: no actor fails at them.
+  bool is_asking = false;                                 // The checks ask, and no actor fails at their questions.
   SimulatedDisk disk;
   Rules rules;
   RareStates rare_states;

@@ -74,9 +74,9 @@ TEST(PiecesTest, BeginAnewAfterAPartThatStatesAWrongSize) {
   const auto rest = Cut(whole, 1000, collector.PartFrom(kSender));
   ASSERT_EQ(rest[0].piece().first_byte(), 1000u);
   EXPECT_EQ(collector.Take(kSender, rest[0]).error().code, ErrorCode::kNotFound);
-  const auto anew = Cut(whole, 3000, collector.PartFrom(kSender));
-  ASSERT_EQ(anew.size(), 1u) << "the part is not reported again";
-  EXPECT_EQ(**collector.Take(kSender, anew[0]), whole);
+  const auto second = Cut(whole, 3000, collector.PartFrom(kSender));
+  ASSERT_EQ(second.size(), 1u) << "the part is not reported again";
+  EXPECT_EQ(**collector.Take(kSender, second[0]), whole);
 }
 
 TEST(PiecesTest, TakeNothingThatCannotBe) {

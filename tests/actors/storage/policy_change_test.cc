@@ -143,9 +143,9 @@ TEST_F(PolicyChangeTest, ARecordOfALowerEpochThanAStateStaysWhateverAPeerDropped
   EXPECT_EQ(StoreOne(*leader, kept).stored_count(), 1u);
   HaveSet dropped;
   dropped[after].dropped.Add(1);
-  proto::StoreRequest told;
-  *told.mutable_dropped() = ToProto(dropped).streams();
-  EXPECT_FALSE(IsError(leader->Store(told).reply.error()));
+  proto::StoreRequest request;
+  *request.mutable_dropped() = ToProto(dropped).streams();
+  EXPECT_FALSE(IsError(leader->Store(request).reply.error()));
   EXPECT_THAT(TemperaturesOf(*leader), ElementsAre(-20, -21));
 }
 

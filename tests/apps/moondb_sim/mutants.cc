@@ -274,7 +274,7 @@ class NewestByClock final : public OtherActor {
   std::map<AgentId, std::int64_t> newest_ns_;
 };
 
-// Of the notes of a batch that have one origin and key it takes the last one, whether they are states or not.
+// A destination takes the last note of each origin and key in a batch, whether the notes are states or not.
 bool TakeTheLastNotes(Context&, proto::Message& message) {
   if (!message.has_store_request()) return true;
   proto::StoreRequest& request = *message.mutable_store_request();
