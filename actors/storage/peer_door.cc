@@ -136,9 +136,14 @@ void PeerDoor::NoteLeftOut(const std::string& reader, const proto::LeftOutReport
 
 void PeerDoor::CountRefused(AgentId sender, Cause cause, AgentId origin) { ++refused_[{sender, cause, origin}]; }
 
-void PeerDoor::NoteOwnBeyond(AgentId peer, std::vector<RecordKey> beyond) {
-  if (beyond.size() > kOwnBeyondMax) beyond.resize(kOwnBeyondMax);
-  own_beyond_[peer] = std::move(beyond);
+void PeerDoor::NoteOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all) {
+  std::map<StreamKey, std::uint64_t>& noted = own_beyond_[peer];
+  if (is_all) noted.clear();
+  for (const RecordKey& key : beyond) {
+    if (noted.size() >= kOwnBeyondMax && !noted.contains(key.stream)) continue;
+    std::uint64_t& last = noted[key.stream];
+    last = std::max(last, key.seq);
+  }
 }
 
 void PeerDoor::Describe(const HaveSet& have, proto::AgentStatus& status) const {
@@ -160,11 +165,12 @@ void PeerDoor::Describe(const HaveSet& have, proto::AgentStatus& status) const {
     shown.set_count(count);
   }
   for (const auto& [peer, beyond] : own_beyond_) {
-    const auto count = std::count_if(beyond.begin(), beyond.end(), [&have](const RecordKey& key) {
-      if (key.seq != 0) return have.Get(key.stream).Had().Max() < key.seq;
-      const auto of_epoch = have.streams().lower_bound(key.stream);
-      return of_epoch == have.streams().end() || of_epoch->first.origin != key.stream.origin ||
-             of_epoch->first.epoch != key.stream.epoch;
+    const auto count = std::count_if(beyond.begin(), beyond.end(), [&have](const auto& named) {
+      const auto& [stream, last] = named;
+      if (last != 0) return have.Get(stream).Had().Max() < last;
+      const auto of_epoch = have.streams().lower_bound(stream);
+      return of_epoch == have.streams().end() || of_epoch->first.origin != stream.origin ||
+             of_epoch->first.epoch != stream.epoch;
     });
     if (count == 0) continue;
     proto::RefusedFrom& shown = *status.add_refused();

@@ -92,10 +92,10 @@ class PeerDoor {
   // word.
   void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report);
 
-  // Of this agent's own records the peer's newest word names these, which this disk never had: the last of a stream, or
-  // of an epoch of which nothing else is known a key without type and seq. Of more than kOwnBeyondMax the rest is not
-  // remembered.
-  void NoteOwnBeyond(AgentId peer, std::vector<RecordKey> beyond);
+  // Of this agent's own records the peer names these, which this disk never had: the last of a stream, or of an epoch
+  // of which nothing else is known a key without type and seq. `is_all`: the peer has no others, and what it named
+  // before is forgotten; else that stands. Of more than kOwnBeyondMax the rest is not remembered.
+  void NoteOwnBeyond(AgentId peer, const std::vector<RecordKey>& beyond, bool is_all);
 
   // What was refused, by who sent it, and what this disk, which has `have`, still lacks of what peers name.
   void Describe(const HaveSet& have, proto::AgentStatus& status) const;
@@ -107,7 +107,7 @@ class PeerDoor {
   RoleChain chain_;
   std::set<std::string> held_as_records_;                                 // Signatures.
   std::map<std::tuple<AgentId, Cause, AgentId>, std::uint64_t> refused_;  // By sender, cause and origin.
-  std::map<AgentId, std::vector<RecordKey>> own_beyond_;                  // By peer.
+  std::map<AgentId, std::map<StreamKey, std::uint64_t>> own_beyond_;      // Last seqs by peer and stream; 0: an epoch.
   std::map<std::string, proto::LeftOutReport> left_out_;                  // By reader.
 };
 

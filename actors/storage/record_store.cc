@@ -368,7 +368,7 @@ std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set
   return believed;
 }
 
-Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed) {
+Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed, bool is_all) {
   std::set<std::uint64_t> epochs;
   std::vector<RecordKey> beyond;
   for (const proto::StreamHave& stream : claimed.streams()) {
@@ -380,7 +380,7 @@ Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& cla
     for (const proto::Interval& interval : stream.dropped()) last = std::max(last, interval.last());
     if (last > ledger_.have().Get(key).Had().Max()) beyond.push_back({key, last});
   }
-  if (!epochs.empty()) door_.NoteOwnBeyond(peer, std::move(beyond));
+  door_.NoteOwnBeyond(peer, beyond, is_all);
   return LearnOwnEpochs(BelievedEpochs(peer, epochs));
 }
 
@@ -475,7 +475,7 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
     if (!own_epochs_.IsKnown(epoch)) unknown.push_back({{options_.self, epoch, 0}, 0});
   }
   // An epoch that was learnt is known, though nothing of it may have come home.
-  if (!unknown.empty()) door_.NoteOwnBeyond(peer, std::move(unknown));
+  door_.NoteOwnBeyond(peer, unknown, /*is_all=*/false);
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
 
@@ -957,7 +957,7 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
   // A disk that takes nothing now keeps nobody from getting what is there: what is endangered is stored once more
   // before the first record of a later epoch comes home.
-  const Result<void> learnt = LearnOwnEpochs(request.destination(), request.destination_have());
+  const Result<void> learnt = LearnOwnEpochs(request.destination(), request.destination_have(), /*is_all=*/false);
   if (!learnt && learnt.error().code == ErrorCode::kCorrupt) return tl::unexpected(learnt.error());
   return FindMissing(*database_, ledger_.have(), rules_, door_.IsBelieved(options_.self), request);
 }
@@ -1039,8 +1039,12 @@ Result<proto::LoadRolesReply> RecordStore::LoadRoles() {
 }
 
 Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
-  if (const Result<void> done = LearnOwnEpochs(note.peer(), note.acknowledged()); !done)
-    return tl::unexpected(done.error());
+  const auto& origins = note.origin_agents();
+  const bool speaks_of_self =
+      origins.empty() || std::find(origins.begin(), origins.end(), options_.self) != origins.end();
+  const bool is_all = note.has_acknowledged() && !note.is_difference() && speaks_of_self;
+  const Result<void> learnt = LearnOwnEpochs(note.peer(), note.acknowledged(), is_all);
+  if (!learnt) return tl::unexpected(learnt.error());
   return peer_log_.Note(*database_, note);
 }
 

@@ -210,8 +210,9 @@ class RecordStore {
   Result<void> CheckOwnRecord(const proto::Record& record) const;
   // Own epochs that others know. Restates what that endangers, also what could not be restated before.
   Result<void> LearnOwnEpochs(const std::set<std::uint64_t>& epochs);
-  // What a peer says of them; what it is not believed, or cannot be, is passed over.
-  Result<void> LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed);
+  // What a peer says of them; what it is not believed, or cannot be, is passed over. `is_all`: the peer has no others
+  // of this agent's own records.
+  Result<void> LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed, bool is_all);
   std::set<std::uint64_t> BelievedEpochs(AgentId peer, const std::set<std::uint64_t>& claimed);
   Result<void> Restate();
   Result<std::vector<RecordKey>> FindEndangered();

@@ -240,6 +240,68 @@ TEST(PeerDoorTest, SaysSoUntilWhatAPeerNamedHasComeHome) {
   EXPECT_TRUE(RefusedBy(*store).empty());
 }
 
+// What agent 2 has of agent 1's nodes: those from 1 to `last` in that epoch.
+proto::PeerHave NoteOfNodes(std::uint64_t epoch, std::uint64_t last) {
+  proto::PeerHave note;
+  note.set_peer(2);
+  proto::StreamHave& stream = *note.mutable_acknowledged()->add_streams();
+  stream.set_origin_agent(1);
+  stream.set_epoch(epoch);
+  stream.set_data_type(proto::POSE_GRAPH_NODE);
+  proto::Interval& held = *stream.add_held();
+  held.set_first(1);
+  held.set_last(last);
+  return note;
+}
+
+TEST(PeerDoorTest, SaysSoThoughThePeerAcknowledgesNewRecordsOrReportsAnotherEpoch) {
+  auto store = OpenStore(OptionsWithKeys());
+  const auto is_said = [&store] { return RefusedBy(*store).contains({2, proto::REFUSAL_CAUSE_OWN_EPOCH}); };
+  proto::EpochReport report;
+  report.add_epochs(7);
+  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  InsertOne(*store, NodeRecord(1, 1));
+  proto::PeerHave news = NoteOfNodes(store->GetHave().epoch(), 1);
+  news.set_is_difference(true);
+  ASSERT_TRUE(store->NotePeerHave(news));
+  EXPECT_TRUE(is_said()) << "after a report, and an acknowledgment of what is new";
+
+  ASSERT_TRUE(store->NotePeerHave(NoteOfNodes(7, 2)));
+  ASSERT_TRUE(store->NotePeerHave(news));
+  EXPECT_TRUE(is_said()) << "after an answer, and an acknowledgment of what is new";
+  EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 1, 7)}).stored_count(), 1u);
+  EXPECT_TRUE(is_said()) << "the second one is still not here";
+
+  proto::PeerHave of_another = NoteOfNodes(store->GetHave().epoch(), 1);
+  of_another.add_origin_agents(3);
+  ASSERT_TRUE(store->NotePeerHave(of_another));
+  EXPECT_TRUE(is_said()) << "the peer was asked about another agent's records";
+
+  report.set_epochs(0, 9);
+  ASSERT_TRUE(store->NoteEpochReport(2, report));
+  EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 1, 9)}).stored_count(), 1u);
+  EXPECT_TRUE(is_said()) << "after a report of another epoch, which came home";
+  EXPECT_EQ(StoreFrom(*store, 2, {Node(1, 2, 7)}).stored_count(), 1u);
+  EXPECT_FALSE(is_said());
+}
+
+TEST(PeerDoorTest, SaysNothingMoreOfWhatAPeerHasNoMore) {
+  auto store = OpenStore(OptionsWithKeys());
+  ASSERT_TRUE(store->NotePeerHave(NoteOfNodes(7, 2)));
+  EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1);
+  proto::PeerHave closed;
+  closed.set_peer(2);
+  closed.set_is_session_closed(true);
+  ASSERT_TRUE(store->NotePeerHave(closed));
+  EXPECT_EQ((RefusedBy(*store)[{2, proto::REFUSAL_CAUSE_OWN_EPOCH}]), 1) << "that says nothing of what it has";
+  proto::PeerHave nothing;
+  nothing.set_peer(2);
+  nothing.add_origin_agents(1);
+  nothing.mutable_acknowledged();
+  ASSERT_TRUE(store->NotePeerHave(nothing));
+  EXPECT_TRUE(RefusedBy(*store).empty()) << "the peer's own disk was lost";
+}
+
 proto::Record QuarantineRecord(AgentId agent = 2) {
   proto::Record record;
   record.mutable_map_quarantine()->set_agent_id(agent);
