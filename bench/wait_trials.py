@@ -9,17 +9,22 @@ Usage: wait_trials.py PROGRAMS SCENARIO [--trials N] [--teams N] [--seed N] [--j
                flap_at_once  as flap_slow, by `role swap --no-wait`: the commands begin before the new leader leads
                mid        `role swap` in mid-replication, while a rover is down whose records two others hold
                wipe       the leader's disk is lost; it starts with an empty one
+               chase      four clients of one rover insert maps without a pause, each fsync of an agent takes 50 ms longer
+                          (bench/slow_fsync.cc, built beside the programs); `sync now --wait` alone
+               restart    a rover is killed in the middle of `sync now --wait`, and starts again after 0.3 s
     --trials   in all (40); --teams of them side by side (1)
     --json     the trials one by one, and the counts
 
 Each trial inserts records, notes what the running agents' database files hold, changes what the scenario says, runs the
 two commands, and at once looks into the database files of leader and survivor with sqlite3: nothing that existed before
 `sync now` may be missing there, with its content. A command claims that all is there when it exits with 0, or with 3 and
-"is_acknowledged": then of all agents that run. A trial is early when both claim so and anything is missing.
+"is_acknowledged": then of all agents that run. A trial is early when both claim so and anything is missing. It is late
+when a command ran to its limit although everything that existed at the request was there; `restart` counts each run to
+the limit as late.
 
 The slow moonctl of flap_slow is no part of moondb: a proxy of this program stands on each agent's socket for clients.
 
-Exit codes: 0 no trial was early, 1 some were, 2 usage, 3 a trial could not be run, 77 skipped (no namespaces here).
+Exit codes: 0 no trial was early or late, 1 some were, 2 usage, 3 a trial could not be run, 77 skipped (no namespaces here).
 """
 import argparse
 import asyncio
@@ -35,20 +40,24 @@ import sys
 import threading
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "tests" / "apps"))
+SOURCE = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(SOURCE / "tests" / "apps"))
 import network_lab  # noqa: E402
 from network_lab import NAMES, Failure  # noqa: E402
 
 SKIPPED = 77
-SCENARIOS = ("flap", "flap_slow", "flap_at_once", "mid", "wipe")
+SCENARIOS = ("flap", "flap_slow", "flap_at_once", "mid", "wipe", "chase", "restart")
 ROVER = 2  # The one that is neither leader nor survivor.
 SLOWER_S = 0.020
-SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30}  # Of the mission, inserted in each trial.
-TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5}  # Then empty disks: each trial begins with little.
+SLICE_S = {"flap": 30, "flap_slow": 30, "flap_at_once": 30, "mid": 60, "wipe": 30, "chase": 10, "restart": 60}  # Of the mission, inserted in each trial.
+TRIALS_A_LIFE = {"flap": 20, "flap_slow": 20, "flap_at_once": 20, "mid": 12, "wipe": 5, "chase": 10, "restart": 12}  # Then empty disks: each trial begins with little.
 # Of what is shared as `latest`, an agent's own rows are what must be there; of all else whatever it holds.
 STATES = {"temperature", "power", "awake_status", "mode", "health", "exploration", "distributed_measurements",
           "optimized_pose", "edge_verdict"}
 COMMAND_LIMIT = "60s"
+FSYNC_MS = 50
+CLIENTS = 4
+TIMED_OUT = 5  # Exit code of moonctl.
 
 
 def rows(database):
@@ -141,6 +150,24 @@ class SlowDoor:
         writer.close()
 
 
+def insert_without_pause(team_file, protos):
+    """Maps of noise, by several clients of the rover, until this process is ended."""
+    sys.path[:0] = [str(protos), str(SOURCE / "examples/python")]
+    from moondb_client import MoondbClient, endpoint_of, team_of  # pylint: disable=import-outside-toplevel
+    from survey import map_at, node_at  # pylint: disable=import-outside-toplevel
+    endpoint, team_id = endpoint_of(team_file, NAMES[ROVER]), team_of(team_file)[1]
+    index = MoondbClient(endpoint, team_id).next_node_index()
+    MoondbClient(endpoint, team_id).insert([node_at(ROVER + 1, index, 1.0, 1.0)])
+
+    def insert(number):
+        client, rng = MoondbClient(endpoint, team_id, timeout_s=30), random.Random(number)
+        while True:
+            client.insert([map_at(ROVER + 1, index, [rng.randrange(3) for _ in range(1600)], 40, 0.1)])
+
+    for number in range(CLIENTS):
+        threading.Thread(target=insert, args=(number,)).start()
+
+
 class Trials:
     def __init__(self, team, network, scenario, rng, mission):
         self.team, self.network, self.scenario, self.rng, self.mission = team, network, scenario, rng, mission
@@ -219,7 +246,8 @@ class Trials:
         count = sum(each["count"] for each in missing.values())
         is_claimed = sync["claims"] and replicate["claims"]
         return {"existing": len(before), "sync": sync, "replicate": replicate, "is_claimed": is_claimed,
-                "missing": missing, "is_early": is_claimed and count > 0}
+                "missing": missing, "is_early": is_claimed and count > 0,
+                "is_late": count == 0 and TIMED_OUT in (sync["exit"], replicate["exit"])}
 
     def heal(self, before):
         """Until all is there, whatever was said; how long that took."""
@@ -235,7 +263,50 @@ class Trials:
         self.team.until(is_whole, "leader and survivor do not come to hold all")
         return round(time.monotonic() - started, 2)
 
+    def run_chase(self):
+        self.feed()
+        with subprocess.Popen([sys.executable, __file__, "-", "chase", "--insert-into", str(self.team.file), "--protos",
+                               str(self.protos)]) as robot:
+            try:
+                time.sleep(2)
+                before = existing(self.team, [ROVER])
+                sync = self.command("sync", "now", "--wait")
+                missing = lacking(self.team, before, [self.leader])
+            finally:
+                robot.kill()
+        return self.judge(sync, before, missing)
+
+    def run_restart(self):
+        self.feed()
+        before = existing(self.team, self.running())
+
+        def restart():
+            self.team.kill(ROVER)
+            time.sleep(0.3)
+            self.team.start(ROVER)
+        restarted = threading.Timer(self.rng.uniform(0.05, 1.5), restart)
+        restarted.start()
+        sync = self.command("sync", "now", "--wait")
+        missing = lacking(self.team, before, [self.leader])
+        restarted.join()
+        result = self.judge(sync, before, missing)
+        result["is_late"] = sync["exit"] == TIMED_OUT
+        self.team.until_joined()
+        self.until_agreed()
+        return result
+
+    @staticmethod
+    def judge(sync, before, missing):
+        """Of `sync now --wait` alone."""
+        count = sum(each["count"] for each in missing.values())
+        return {"existing": len(before), "sync": sync, "is_claimed": sync["claims"], "missing": missing,
+                "is_early": sync["claims"] and count > 0, "is_late": sync["exit"] == TIMED_OUT and count == 0}
+
     def run(self):
+        if self.scenario == "chase":
+            return self.run_chase()
+        if self.scenario == "restart":
+            return self.run_restart()
         if self.scenario == "wipe":
             return self.run_wipe()
         if self.scenario == "mid":
@@ -290,7 +361,11 @@ def work(options):
     try:
         with network_lab.lab(options.programs) as (team, network):
             scenario = options.scenario
+            if scenario == "chase":
+                library = options.programs.parent / "bench/libslow_fsync.so"
+                team.environment = dict(os.environ, LD_PRELOAD=str(library.resolve()), MOONDB_FSYNC_MS=str(FSYNC_MS))
             trials = Trials(team, network, scenario, random.Random(options.seed), options.mission)
+            trials.protos = options.protos
             for number in range(options.trials):
                 started = time.monotonic()
                 if number % TRIALS_A_LIFE[scenario] == 0:
@@ -308,7 +383,9 @@ def work(options):
 
 
 def count(results):
-    counted = {"trials": len(results), "both_exit_0": 0, "both_claim": 0, "early": 0}
+    counted = {"trials": len(results), "both_exit_0": 0, "both_claim": 0, "early": 0, "late": 0}
+    for result in results:
+        result.setdefault("replicate", {"exit": 0})  # Of the scenarios without one.
     for kind in ("sync", "replicate"):
         exits = {}
         for result in results:
@@ -318,6 +395,7 @@ def count(results):
         counted["both_exit_0"] += result["sync"]["exit"] == 0 and result["replicate"]["exit"] == 0
         counted["both_claim"] += result["is_claimed"]
         counted["early"] += result["is_early"]
+        counted["late"] += result["is_late"]
     counted["replicate_exit_0_lacking"] = sum(
         result["replicate"]["exit"] == 0 and any(each["count"] for each in result["missing"].values())
         for result in results)
@@ -329,10 +407,15 @@ def oversee(options):
         minutes = TRIALS_A_LIFE[options.scenario] * SLICE_S[options.scenario] // 60 + 1
         subprocess.run([options.programs / "moondb_mission", "generate", "--seed", "7", "--minutes", str(minutes),
                         "--period-s", "2", "--out", folder / "mission"], check=True, stdout=subprocess.DEVNULL)
-        return oversee_teams(options, folder / "mission")
+        protos = folder / "protos"
+        protos.mkdir()
+        if options.scenario == "chase":
+            subprocess.run(["protoc", f"--python_out={protos}", "-I", SOURCE / "proto",
+                            *sorted((SOURCE / "proto").glob("*.proto"))], check=True)
+        return oversee_teams(options, folder / "mission", protos)
 
 
-def oversee_teams(options, mission):
+def oversee_teams(options, mission, protos):
     """Teams side by side, each a process of its own: namespaces and sockets go by the process's number."""
     started, results, codes = time.monotonic(), [], []
     lock = threading.Lock()
@@ -341,15 +424,18 @@ def oversee_teams(options, mission):
         share = options.trials // options.teams + (index < options.trials % options.teams)
         seed = options.seed + 1000 * index
         with subprocess.Popen([sys.executable, __file__, str(options.programs), options.scenario, "--worker", "--trials",
-                               str(share), "--seed", str(seed), "--mission", str(mission)], stdout=subprocess.PIPE, text=True) as worker:
+                               str(share), "--seed", str(seed), "--mission", str(mission), "--protos", str(protos)],
+                              stdout=subprocess.PIPE, text=True) as worker:
             for line in worker.stdout:
                 with lock:
                     results.append(json.loads(line))
-                    last, done, early = results[-1], len(results), sum(each["is_early"] for each in results)
+                    last, done = results[-1], len(results)
+                    early, late = (sum(each[what] for each in results) for what in ("is_early", "is_late"))
                     rate = 60 * done / (time.monotonic() - started)
                     print(f"{options.scenario} {done}/{options.trials}: sync {last['sync']['exit']}, replicate "
-                          f"{last['replicate']['exit']}{', EARLY' if last['is_early'] else ''}; {early} early, "
-                          f"{rate:.1f} trials a minute", flush=True)
+                          f"{last.get('replicate', {}).get('exit', '-')}{', EARLY' if last['is_early'] else ''}"
+                          f"{', LATE' if last['is_late'] else ''}; {early} early, {late} late, {rate:.1f} trials a minute",
+                          flush=True)
             codes.append(worker.wait())
 
     teams = [threading.Thread(target=attend, args=(index,)) for index in range(options.teams)]
@@ -363,7 +449,7 @@ def oversee_teams(options, mission):
     print(json.dumps(counted))
     if options.json:
         options.json.write_text(json.dumps({**counted, "results": results}, indent=1) + "\n", encoding="utf-8")
-    if counted["early"]:
+    if counted["early"] or counted["late"]:
         return 1
     return max(codes)
 
@@ -377,10 +463,14 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=pathlib.Path)
     parser.add_argument("--mission", type=pathlib.Path, help=argparse.SUPPRESS)
+    parser.add_argument("--protos", type=pathlib.Path, help=argparse.SUPPRESS)
+    parser.add_argument("--insert-into", type=pathlib.Path, help=argparse.SUPPRESS)
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.trials < 1 or not 1 <= options.teams <= options.trials:
         parser.error("expected at least one trial for each team")
+    if options.insert_into:
+        return insert_without_pause(options.insert_into, options.protos)
     return work(options) if options.worker else oversee(options)
 
 

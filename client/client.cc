@@ -19,6 +19,8 @@ namespace moondb {
 
 namespace {
 
+constexpr std::chrono::milliseconds kTimeoutBeyondWait(30'000);
+
 // "anna@hill".
 std::string UserAtMachine() {
   char machine[256] = "";
@@ -47,7 +49,9 @@ Result<std::unique_ptr<Client>> Client::Connect(std::string endpoint, std::strin
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request) {
-  return Call(request, TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout);
+  const Duration waits = WaitOf(request);
+  if (waits > Duration(0)) return Call(request, waits + std::max(options_.timeout, kTimeoutBeyondWait));
+  return Call(request, TakesLong(request) ? options_.long_timeout : options_.timeout);
 }
 
 Result<proto::ControlReply> Client::Call(const proto::ControlRequest& request, Duration timeout) {
@@ -227,6 +231,12 @@ Result<proto::ShareReply> Client::Share(const proto::ShareRequest& share) {
   proto::ControlRequest request;
   *request.mutable_share() = share;
   return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_share()); });
+}
+
+Result<proto::ShareProgress> Client::ShareProgress(const proto::ShareProgressRequest& progress) {
+  proto::ControlRequest request;
+  *request.mutable_share_progress() = progress;
+  return Call(request).map([](proto::ControlReply&& reply) { return std::move(*reply.mutable_share_progress()); });
 }
 
 Result<proto::ShareStatus> Client::ShareStatus() {

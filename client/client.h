@@ -55,7 +55,8 @@ class Client {
 
   struct Options {
     Duration connect_timeout = std::chrono::seconds(1);
-    Duration timeout = std::chrono::seconds(10);        // Of a call, once connected; beyond a read's wait_s.
+    // Of a call, once connected. Of one that lets the agent wait, 30 s beyond that at least.
+    Duration timeout = std::chrono::seconds(10);
     Duration long_timeout = std::chrono::seconds(600);  // Of what TakesLong (model/control_request.h).
     // A request and an answer have so many at most; a request over the network has kKeyedRequestBytesMax at most.
     std::size_t message_bytes_max = 32 * 1024 * 1024;
@@ -78,6 +79,16 @@ class Client {
   struct Merged {
     MergedMap map;
     proto::MergeReply reply;
+  };
+
+  struct ShareOptions {
+    Duration limit = std::chrono::minutes(10);                          // At most 24 h.
+    std::function<void(const proto::ShareProgress&)> on_progress = {};  // Sees each change, every 0.5 s at most.
+    // Not 0, and with on_progress: the limit moves to so long after the end of each lease that a pair waits for.
+    Duration lease_margin = {};
+    AgentId destination = 0;  // As of ShareRequest, like the rest.
+    std::vector<AgentId> from = {};
+    std::uint64_t bytes_max = 0;
   };
 
   // Sees one stored record; an error ends the reading and is returned by ReadAll.
@@ -133,10 +144,20 @@ class Client {
 
   Result<proto::RoleShowReply> Roles(bool with_history = false);
   Result<proto::RoleShowReply> SetRoles(const proto::RoleSetRequest& request);
+  // As ChangeRolesUntilDone (client/orders.h) of the roles that this agent acts on.
+  Result<proto::RoleShowReply> SwapRoles(Duration limit);
+  Result<proto::RoleShowReply> SetRoles(proto::RoleSetRequest request, Duration limit);
   // This agent's robot drives or sleeps, or its sharing is paused, for so long from now on (at most 24 h); 0: no
   // longer. Say it again before it lapses. Who of the team drives, sleeps or is paused then.
   Result<proto::LeaseReply> SetLease(proto::LeaseKind kind, Duration duration);
+  // Shares now, and waits until all is acknowledged or nothing more can be done, as ShareUntilDone (client/orders.h):
+  // at the leader from each agent and to each, else this agent's own records to the leader; Replicate at the leader all
+  // that it holds to the designated survivor. kRefused where this agent led and leads no longer.
+  Result<proto::ShareProgress> Sync(const ShareOptions& options);
+  Result<proto::ShareProgress> Replicate(const ShareOptions& options);
+  // The order alone, and news of it.
   Result<proto::ShareReply> Share(const proto::ShareRequest& request);
+  Result<proto::ShareProgress> ShareProgress(const proto::ShareProgressRequest& request);
   // Include proto/share_status.pb.h to look into it.
   Result<proto::ShareStatus> ShareStatus();
   Result<proto::OptimizeReply> Optimize(const proto::OptimizeRequest& request = {});
@@ -164,6 +185,7 @@ class Client {
 
  private:
   class Connection;
+  Result<proto::ShareProgress> ShareFromHere(proto::SharingKind kind, const ShareOptions& options);
   Result<void> CheckTeam(const proto::ControlReply& reply) const;
   Client(std::unique_ptr<Connection> connection, std::string agent_name, Options options);
 

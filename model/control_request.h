@@ -9,7 +9,8 @@
 
 namespace moondb {
 
-inline constexpr double kReadWaitMax_s = 60;
+inline constexpr double kReadWaitMax_s = 60;             // Also of ShareProgressRequest.
+inline constexpr double kOrderWaitMax_s = 24 * 60 * 60;  // Until an order to share, or a change of roles, is done.
 
 // A request at a client_address has so many at most; over ipc it may be larger. What is on its way there takes memory
 // before anybody knows what it is.
@@ -25,7 +26,7 @@ std::string RequestName(proto::ControlRequest::RequestCase request);
 // a bundle made.
 bool TakesLong(const proto::ControlRequest& request);
 
-// How long the agent may wait for records before it answers a read; 0 for all else.
+// How long the agent may wait before it answers a request with a field wait_s; 0 for all else.
 std::chrono::milliseconds WaitOf(const proto::ControlRequest& request);
 
 }  // namespace moondb

@@ -54,10 +54,23 @@ std::vector<Question> AskForHave(Request& request, bool) {
   return AskOne(ActorOf(request), std::move(message));
 }
 
+// SyncActor's name, or ReplicaActor's.
+const std::string& ActorOfKind(const Request& request, proto::SharingKind kind) {
+  return ActorOf(request, kind == proto::SHARING_KIND_SYNC ? 0 : 1);
+}
+
 std::vector<Question> AskToShare(Request& request, bool) {
-  const std::string& actor = ActorOf(request, request.share().kind() == proto::SHARING_KIND_SYNC ? 0 : 1);
+  const std::string& actor = ActorOfKind(request, request.share().kind());
   proto::Message message;
   message.mutable_share_request()->Swap(request.mutable_share());
+  return AskOne(actor, std::move(message));
+}
+
+std::vector<Question> AskForProgress(Request& request, bool is_relayed) {
+  const std::string& actor = ActorOfKind(request, request.share_progress().kind());
+  proto::Message message;
+  message.mutable_share_progress_request()->Swap(request.mutable_share_progress());
+  message.mutable_share_progress_request()->set_is_relayed(is_relayed);
   return AskOne(actor, std::move(message));
 }
 
@@ -107,6 +120,9 @@ constexpr Command kCommands[] = {
      .text = [](const Team& team, const Request& request) { return ShareText(team, request.share()); },
      .ask = AskToShare},
     {.request = Request::kShareStatus, .merge = MergeShareStatus},
+    {.request = Request::kShareProgress,
+     .check = [](const Team&, AgentId, const Request& request) { return CheckShareProgress(request.share_progress()); },
+     .ask = AskForProgress},
     {.request = Request::kOptimize,
      .check = [](const Team& team, AgentId, const Request& request) { return CheckOptimize(team, request.optimize()); },
      .text = [](const Team&, const Request& request) { return OptimizeText(request.optimize()); }},

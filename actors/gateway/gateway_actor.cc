@@ -57,6 +57,9 @@ void GatewayActor::OnStart(Context& context) {
   context.WatchPeers();
   context.Watch(Topic::kStored);
   context.Watch(Topic::kRoles);
+  for (const char* actor : {actor_name::kSync, actor_name::kReplica, actor_name::kRole}) {
+    context.Monitor({options_.self, actor});
+  }
 }
 
 void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
@@ -70,6 +73,9 @@ void GatewayActor::OnMessage(Context& context, const proto::Message& message) {
       if (context.sender().agent == options_.self && !message.peer_event().is_connected()) {
         OnPeerLost(context, static_cast<AgentId>(message.peer_event().peer()));
       }
+      return;
+    case proto::Message::kDown:
+      if (context.sender().agent == options_.self) OnActorLost(context, message.down().actor());
       return;
     case proto::Message::kRecordsStored:
       if (context.sender() == Address{options_.self, actor_name::kStorage}) {
@@ -132,7 +138,8 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
   pending.request = request.request_case();
   pending.client_request_id = message.request_id();
   if (!is_for_self) pending.relayed_to = static_cast<AgentId>(request.for_agent());
-  if (auto room = CheckRoom(pending, is_feed); !room) {
+  pending.is_wait = is_for_self && WaitOf(request) > std::chrono::milliseconds(0);
+  if (auto room = CheckRoom(pending); !room) {
     return Answer(context, client, message.request_id(), ErrorReply(room.error()));
   }
   if (is_for_self) {
@@ -173,16 +180,16 @@ bool GatewayActor::IsSameClient(const Pending& a, const Pending& b) const {
   return IsPeer(a.client.agent) ? a.client.agent == b.client.agent : a.client == b.client;
 }
 
-Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const {
-  std::size_t feeds = 0;
+Result<void> GatewayActor::CheckRoom(const Pending& pending) const {
+  std::size_t waits = 0;
   std::size_t own = 0;
-  std::size_t own_feeds = 0;
+  std::size_t own_waits = 0;
   std::size_t own_relays = 0;
   for (const auto& [id, other] : pending_) {
     const bool is_own = IsSameClient(other, pending);
-    feeds += other.feed ? 1 : 0;
+    waits += other.is_wait ? 1 : 0;
     own += is_own ? 1 : 0;
-    own_feeds += is_own && other.feed ? 1 : 0;
+    own_waits += is_own && other.is_wait ? 1 : 0;
     own_relays += is_own && pending.relayed_to != 0 && other.relayed_to == pending.relayed_to ? 1 : 0;
   }
   if (pending_.size() >= options_.pending_max) {
@@ -195,11 +202,11 @@ Result<void> GatewayActor::CheckRoom(const Pending& pending, bool is_feed) const
     return Fail(ErrorCode::kFull, "too many requests of this client wait for an answer of " +
                                       AgentName(options_.team, pending.relayed_to) + "; try again later");
   }
-  if (is_feed && feeds >= options_.feeds_max) {
-    return Fail(ErrorCode::kFull, "too many reads wait for something to be stored; try again later");
+  if (pending.is_wait && waits >= options_.waits_max) {
+    return Fail(ErrorCode::kFull, "too many requests wait for something to happen; try again later");
   }
-  if (is_feed && own_feeds >= options_.feeds_of_client_max) {
-    return Fail(ErrorCode::kFull, "too many reads of this client wait for something to be stored; try again later");
+  if (pending.is_wait && own_waits >= options_.waits_of_client_max) {
+    return Fail(ErrorCode::kFull, "too many requests of this client wait for something to happen; try again later");
   }
   return {};
 }
@@ -379,6 +386,18 @@ void GatewayActor::OnPeerLost(Context& context, AgentId peer) {
   for (const std::uint64_t id : lost) {
     const std::string text =
         AgentName(options_.team, peer) + " was lost before it answered; whether it did what it was asked is not known";
+    *pending_.at(id).reply.mutable_error() = ToProto(Error{ErrorCode::kUnavailable, text, {}});
+    Finish(context, id);
+  }
+}
+
+void GatewayActor::OnActorLost(Context& context, const std::string& actor) {
+  std::vector<std::uint64_t> lost;
+  for (const auto& [id, pending] : pending_) {
+    if (pending.is_wait && !pending.feed && pending.waiting_for.contains(actor)) lost.push_back(id);
+  }
+  for (const std::uint64_t id : lost) {
+    const std::string text = actor + " began anew before it answered; ask again";
     *pending_.at(id).reply.mutable_error() = ToProto(Error{ErrorCode::kUnavailable, text, {}});
     Finish(context, id);
   }

@@ -23,6 +23,9 @@
 // key; another one that it is relayed to knows no more than that agent's word, and writes "anna". What another agent
 // ordered and may not is written down as refused, so many in a minute.
 //
+// A request to share, or to change roles, with wait_s waits at the actor that carries it out; where that actor is made
+// anew the answer is kUnavailable, since nobody waits there any more.
+//
 // A read with wait_s is a feed: where nothing is there yet it is kept here (actors/gateway/feed.h) until the time is
 // up; then its answer is an empty page. Nothing is queued for a client: one that is slow asks later.
 //
@@ -64,8 +67,8 @@ class GatewayActor final : public Actor {
     std::size_t pending_of_client_max = 64;  // So many of one key, connection or other agent.
     // Of these, so many to one other agent: its answers cross the radio, and others' have to find room there.
     std::size_t relays_of_client_max = 8;
-    std::size_t feeds_max = 32;           // Of pending_max, reads that wait for something to be stored.
-    std::size_t feeds_of_client_max = 8;  // The part of feeds_max that one key, connection or agent may use.
+    std::size_t waits_max = 32;           // Of pending_max, requests with wait_s.
+    std::size_t waits_of_client_max = 8;  // The part of waits_max that one key, connection or agent may use.
     // Of a request or answer over the radio: two seconds of it. A message between agents holds it and its envelope.
     std::size_t relay_bytes_max = kPeerMessageBytesMax - 1024;
     CommandLog::Options log = {};
@@ -91,6 +94,7 @@ class GatewayActor final : public Actor {
     std::set<std::string> waiting_for;  // Names of actors.
     proto::ControlReply reply;          // As far as it is known.
     TimerId timer = 0;
+    bool is_wait = false;      // Of a request with wait_s.
     std::optional<Feed> feed;  // Waits, or is being asked anew.
     std::string command;       // The text in the event log of a command for this agent; empty: there is none.
     std::string by;            // The command's giver, as in the event log.
@@ -100,11 +104,13 @@ class GatewayActor final : public Actor {
   void OnCheckedRequest(Context& context, const proto::Message& message, proto::ControlRequest request);
   bool IsSameClient(const Pending& a, const Pending& b) const;
   // kFull where the client, or all together, may not wait for one answer more.
-  Result<void> CheckRoom(const Pending& pending, bool is_feed) const;
+  Result<void> CheckRoom(const Pending& pending) const;
   void OnStop(Context& context, const proto::Message& message);
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnPeerLost(Context& context, AgentId peer);
+  // What waits for an end at that actor of this agent will not hear of it.
+  void OnActorLost(Context& context, const std::string& actor);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   // The answer of storage was empty: true if the feed goes on waiting, or asks again.
   bool KeepsWaiting(Context& context, std::uint64_t id, Pending& pending);

@@ -52,6 +52,16 @@ Result<void> CheckTerm(const proto::TeamConfig& team, const proto::Term& term, c
   return CheckMember(team, term.issuer(), field + ".issuer");
 }
 
+Result<void> CheckKind(proto::SharingKind kind, const std::string& field) {
+  if (kind == proto::SHARING_KIND_SYNC || kind == proto::SHARING_KIND_REPLICATION) return {};
+  return Fail(ErrorCode::kInvalid, "must be sync or replication", field);
+}
+
+Result<void> CheckOrderWait(double wait_s, const std::string& field) {
+  if (wait_s >= 0 && wait_s <= kOrderWaitMax_s) return {};
+  return Fail(ErrorCode::kInvalid, "must lie between 0 and 86400 s", field);
+}
+
 Result<void> CheckExpectedRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
   if (auto checked = CheckTerm(team, roles.term(), "role_set.expected.term"); !checked) return checked;
   if (roles.leader() != 0) {
@@ -153,6 +163,7 @@ Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetReq
     return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes",
                 "role_set.reason");
   }
+  if (auto checked = CheckOrderWait(set.wait_s(), "role_set.wait_s"); !checked) return checked;
   if (set.has_expected()) {
     if (auto checked = CheckExpectedRoles(team, set.expected()); !checked) return checked;
   }
@@ -164,9 +175,7 @@ Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetReq
 }
 
 Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share) {
-  if (share.kind() != proto::SHARING_KIND_SYNC && share.kind() != proto::SHARING_KIND_REPLICATION) {
-    return Fail(ErrorCode::kInvalid, "must be sync or replication", "share.kind");
-  }
+  if (auto checked = CheckKind(share.kind(), "share.kind"); !checked) return checked;
   if (share.destination() != 0) {
     if (auto checked = CheckMember(team, share.destination(), "share.destination"); !checked) return checked;
     if (share.destination() == self) {
@@ -175,7 +184,16 @@ Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto
   }
   if (auto checked = CheckTerm(team, share.expected_term(), "share.expected_term"); !checked) return checked;
   if (share.order() != 0) return Fail(ErrorCode::kInvalid, "is given by agents alone", "share.order");
+  if (auto checked = CheckOrderWait(share.wait_s(), "share.wait_s"); !checked) return checked;
   return CheckMembers(team, share.from_agents(), "share.from_agents");
+}
+
+Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress) {
+  if (auto checked = CheckKind(progress.kind(), "share_progress.kind"); !checked) return checked;
+  if (!(progress.wait_s() >= 0 && progress.wait_s() <= kReadWaitMax_s)) {
+    return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "share_progress.wait_s");
+  }
+  return {};
 }
 
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize) {

@@ -39,10 +39,14 @@ Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRe
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert);
 //   a read with a filter that is too long, a wait beyond kReadWaitMax_s, or one for older records or for history;
 Result<void> CheckRead(const proto::ReadRequest& read);
-//   a role change that changes nothing, names agents or terms that are not the team's, or a reason that is too long;
+//   a role change that changes nothing, names agents or terms that are not the team's, a reason that is too long, or a
+//   wait beyond kOrderWaitMax_s;
 Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set);
-//   a share without a kind, to `self`, to or from agents that are not of the team, or with another agent's order;
+//   a share without a kind, to `self`, to or from agents that are not of the team, with another agent's order, or a
+//   wait beyond kOrderWaitMax_s;
 Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share);
+//   a question about an order without a kind, or a wait beyond kReadWaitMax_s;
+Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress);
 //   a window that is to begin from scratch, too many covariances, or those of agents that are not of the team;
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize);
 //   a merge of agents that are not of the team;

@@ -18,7 +18,7 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kStore = 4 };
+enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kStore = 4, kWaitIsOver = 5 };
 
 RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   RoleLogic::Options logic;
@@ -58,6 +58,11 @@ void RoleActor::OnStart(Context& context) {
 
 void RoleActor::OnMessage(Context& context, const proto::Message& message) {
   logic_.SetNow(context.now());
+  OnAnyMessage(context, message);
+  AnswerWhoWaits(context);
+}
+
+void RoleActor::OnAnyMessage(Context& context, const proto::Message& message) {
   if (assignments_.OnMessage(context, message)) return;
   const AgentId from = context.sender().agent;
   if (from == options_.self) {
@@ -109,6 +114,8 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
       return Perform(context, logic_.OnAnnounceTimer());
     case kLeader:
       return Perform(context, logic_.OnLeaderTimer(context.utc_now_ns()));
+    case kWaitIsOver:
+      return;  // Who waits is answered after each message.
     default:
       return;
   }
@@ -151,6 +158,10 @@ void RoleActor::OnSaveRolesReply(Context& context, const proto::Message& message
 
 void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message) {
   const proto::RoleSetRequest& request = message.role_set_request();
+  if (request.wait_s() > 0 && waiting_.size() >= kWaitingMax) {
+    (void)context.Reply(ErrorMessage(Error{ErrorCode::kFull, "too many requests wait for a change of roles", {}}));
+    return;
+  }
   Result<proto::RoleAssignment> roles = logic_.Propose(request, context.utc_now_ns());
   if (!roles) {
     (void)context.Reply(ErrorMessage(roles.error()));
@@ -163,7 +174,8 @@ void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message
     (void)context.Reply(std::move(reply));
     return;
   }
-  asker_ = Asker{context.sender(), message.request_id()};
+  asker_ = Asker{context.sender(), message.request_id(),
+                 std::chrono::duration_cast<Duration>(std::chrono::duration<double>(request.wait_s()))};
   Perform(context, logic_.Adopt(*std::move(roles)));
 }
 
@@ -311,16 +323,52 @@ void RoleActor::AskStorage(Context& context) {
 
 void RoleActor::AnswerAsker(Context& context, std::optional<Error> error) {
   if (!asker_) return;
-  proto::Message reply;
-  if (error) {
-    reply = ErrorMessage(*error);
+  const Asker asker = *std::exchange(asker_, std::nullopt);
+  if (error) return Answer(context, asker, tl::unexpected(*std::move(error)));
+  proto::RoleShowReply shown = logic_.Show(/*with_history=*/false);
+  if (asker.wait <= Duration::zero()) return Answer(context, asker, std::move(shown));
+  waiting_.push_back({asker, shown.roles(), context.now() + asker.wait});
+  context.AfterTimer(asker.wait, kWaitIsOver);
+}
+
+void RoleActor::Answer(Context& context, const Asker& asker, const Result<proto::RoleShowReply>& reply) {
+  proto::Message message;
+  if (reply) {
+    message.set_ms_type(proto::CONTROL);
+    *message.mutable_role_show_reply() = *reply;
   } else {
-    reply.set_ms_type(proto::CONTROL);
-    *reply.mutable_role_show_reply() = logic_.Show(/*with_history=*/false);
+    message = ErrorMessage(reply.error());
   }
-  reply.set_request_id(asker_->request_id);
-  (void)context.Send(asker_->address, std::move(reply));
-  asker_.reset();
+  message.set_request_id(asker.request_id);
+  (void)context.Send(asker.address, std::move(message));
+}
+
+void RoleActor::AnswerWhoWaits(Context& context) {
+  std::erase_if(waiting_, [&](const Waiting& waiting) {
+    const std::optional<Result<proto::RoleShowReply>> answer = AnswerTo(waiting, context.now());
+    if (answer) Answer(context, waiting.asker, *answer);
+    return answer.has_value();
+  });
+}
+
+std::optional<Result<proto::RoleShowReply>> RoleActor::AnswerTo(const Waiting& waiting, MonotonicTime now) const {
+  proto::RoleShowReply shown = logic_.Show(/*with_history=*/false);
+  const AgentId leader = waiting.roles.leader();
+  const AgentId survivor = waiting.roles.survivor();
+  if (shown.roles().leader() != leader || shown.roles().survivor() != survivor) {
+    return Fail(ErrorCode::kRefused, "another change came after this one: leader " +
+                                         AgentName(options_.team, shown.roles().leader()) + ", survivor " +
+                                         AgentName(options_.team, shown.roles().survivor()));
+  }
+  const auto& confirmed = shown.confirmed_by();
+  const auto is_confirmed = [&](AgentId agent) {
+    return std::find(confirmed.begin(), confirmed.end(), agent) != confirmed.end();
+  };
+  // A leader acts in terms of its own alone: one that another agent issued it has not begun to act on.
+  if (shown.roles().term().issuer() != leader || !is_confirmed(leader)) shown.add_not_confirmed_by(leader);
+  if (survivor != 0 && !is_confirmed(survivor)) shown.add_not_confirmed_by(survivor);
+  if (!shown.not_confirmed_by().empty() && now < waiting.until) return std::nullopt;
+  return shown;
 }
 
 }  // namespace moondb

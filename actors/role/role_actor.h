@@ -3,8 +3,9 @@
 // Stores an assignment through StorageActor before it acts (one that cannot be stored makes it give up its role at
 // once, as RoleLogic says): Context::SetRoles, RolesChanged published (Topic::kRoles), RoleAnnounce to the other
 // agents' RoleActors. Answers RoleShowRequest and RoleSetRequest with RoleShowReply, or with a ControlReply that holds
-// nothing but an error; the ControlRequest `status` with its part of AgentStatus. All are taken from this agent's own
-// actors only, as clients come through the gateway. After a restart everything comes back from storage.
+// nothing but an error; a RoleSetRequest with wait_s when the new leader and survivor act on it, kRefused where another
+// assignment takes its place before. The ControlRequest `status` with its part of AgentStatus. All are taken from this
+// agent's own actors only, as clients come through the gateway. After a restart everything comes back from storage.
 //
 // In a team with keys it answers the other agents' RoleChainRequests, and reads the assignments that are stored as
 // records (role_assignment), so that it knows what counts though it was away.
@@ -51,8 +52,18 @@ class RoleActor final : public Actor {
   struct Asker {
     Address address;
     std::uint64_t request_id = 0;
+    Duration wait{};
   };
 
+  // Who waits until the assignment is acted on.
+  struct Waiting {
+    Asker asker;
+    proto::RoleAssignment roles;
+    MonotonicTime until{};
+  };
+  static constexpr std::size_t kWaitingMax = 16;
+
+  void OnAnyMessage(Context& context, const proto::Message& message);
   void OnLocal(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);
@@ -72,6 +83,10 @@ class RoleActor final : public Actor {
   void Apply(Context& context, const proto::RoleAssignment& roles);
   void AskStorage(Context& context);  // To load at first, then to save what is to be stored.
   void AnswerAsker(Context& context, std::optional<Error> error);
+  void Answer(Context& context, const Asker& asker, const Result<proto::RoleShowReply>& reply);
+  void AnswerWhoWaits(Context& context);
+  // Nothing while there is a reason to wait.
+  std::optional<Result<proto::RoleShowReply>> AnswerTo(const Waiting& waiting, MonotonicTime now) const;
 
   Options options_;
   RoleLogic logic_;
@@ -84,6 +99,7 @@ class RoleActor final : public Actor {
   RateLimitedLog refused_log_;
   RateLimitedLog unstored_log_;
   std::optional<Asker> asker_;
+  std::vector<Waiting> waiting_;
   std::set<AgentId> connected_;
   std::optional<std::string> step_down_reason_;  // Until the role is given up.
 };

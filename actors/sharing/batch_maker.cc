@@ -98,6 +98,14 @@ void BatchMaker::Code(const proto::MissingReply& reply, std::size_t bytes_max, b
   MakeNextPiece(bytes_max);
 }
 
+void BatchMaker::MakeEmpty(std::size_t bytes_max) {
+  if (ready_ || large_) encoder_.BeginRun();
+  large_.reset();
+  proto::MissingReply nothing;
+  nothing.set_remaining(std::max<std::uint64_t>(RemainingCount(), 1));
+  Code(nothing, bytes_max, /*is_part_of_order=*/false);
+}
+
 void BatchMaker::LearnRatio(std::size_t coded_bytes, std::size_t content_bytes) {
   if (content_bytes == 0) return;
   const double ratio = static_cast<double>(coded_bytes) / static_cast<double>(content_bytes);

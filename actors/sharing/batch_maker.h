@@ -46,6 +46,8 @@ class BatchMaker {
   // Makes the next batch out of storage's answer, at most `bytes_max` coded bytes where it holds more than one record.
   // `is_part_of_order`: the order's end is not in sight, whatever the answer says. True where this was all.
   bool Make(const proto::MissingReply& reply, std::size_t bytes_max, bool is_part_of_order);
+  // Makes a batch without records that is not the end, in place of what is ready or on its way in pieces.
+  void MakeEmpty(std::size_t bytes_max);
   // Where one record is on its way in pieces: the next of at most `bytes_max` coded bytes is ready.
   void MakeNextPiece(std::size_t bytes_max);
   const std::optional<MadeBatch>& ready() const { return ready_; }

@@ -34,12 +34,16 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
     return Fail(ErrorCode::kRefused, NameOf(roles().survivor()) + " survives, but has left the team");
   }
   Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());
+  // What a limit ended is not begun again.
+  last_order_ = request.bytes_max() == 0 ? order_in_hand() : 0;
   return 1;
 }
 
 void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& previous) {
   if (OrderOf(roles().term()) == OrderOf(previous.term())) return;
+  last_order_ = 0;
   BeginGathering(context);
+  TellSyncActor(context);
   if (roles().leader() == previous.leader() && roles().survivor() == previous.survivor()) return;
   const std::optional<std::uint64_t> bytes_left = CloseByRole(context);
   if (bytes_left && is_leading() && roles().survivor() != 0) {
@@ -101,11 +105,25 @@ void ReplicaActor::PassOver(Context& context) {
 }
 
 void ReplicaActor::CrossOff(Context& context, AgentId agent) {
-  std::erase(to_ask_, agent);
+  if (std::erase(to_ask_, agent) == 0) return;
+  TellSyncActor(context);
+  if (last_order_ != 0) OpenAgain(context, last_order_, roles().survivor(), proto::RecordFilter());
   if (agent == asked_) AskNext(context);
 }
 
+void ReplicaActor::OnGathering(Context& context, const proto::Gathering&) { TellSyncActor(context); }
+
+void ReplicaActor::TellSyncActor(Context& context) {
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  proto::Gathering& gathering = *message.mutable_gathering();
+  *gathering.mutable_term() = roles().term();
+  gathering.mutable_from()->Assign(to_ask_.begin(), to_ask_.end());
+  is_sync_told_ = context.Send({self(), actor_name::kSync}, std::move(message)) != SendResult::kFull;
+}
+
 void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
+  if (!is_sync_told_) TellSyncActor(context);
   patience_ = kPatienceMin;
   if (sender == asked_) last_progress_ = context.now();
   if (is_all) CrossOff(context, sender);
@@ -114,6 +132,7 @@ void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
 void ReplicaActor::OnOrderRefused(Context& context, AgentId peer) { CrossOff(context, peer); }
 
 void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
+  if (!is_sync_told_) TellSyncActor(context);
   if (step != step_ || asked_ == 0) return;
   const Duration quiet = context.now() - last_progress_;
   if (quiet < patience_) {

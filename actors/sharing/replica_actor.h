@@ -9,7 +9,8 @@
 // collected, what was lost with the leader's disk. It asks one after another, the survivor first, so that nobody sends
 // what another has just sent: those that are connected in an open window, and the others when they are. Who brings
 // nothing for a while lets the next one go first, and is asked again later and later. Where nothing is missing this
-// costs a have-set each.
+// costs a have-set each. SyncActor hears whom it has yet to ask. An order of a client is done when what was gathered
+// meanwhile is with the survivor, too.
 #pragma once
 
 #include <deque>
@@ -28,21 +29,28 @@ class ReplicaActor final : public SharingActor {
   void OnPeerEvent(Context& context, AgentId peer) override;
   void OnWindowsChanged(Context& context) override;
   void OnReceived(Context& context, AgentId sender, bool is_all) override;
+  void OnGathering(Context& context, const proto::Gathering& question) override;
   void OnOrderRefused(Context& context, AgentId peer) override;
   void OnStepTimer(Context& context, std::uint64_t step) override;
   void AddStatus(const Context& context, proto::ShareStatus& status) const override;
 
+  std::optional<std::vector<AgentId>> YetToGather() const override {
+    return std::vector<AgentId>(to_ask_.begin(), to_ask_.end());
+  }
+  void TellSyncActor(Context& context);
   bool CanBeAsked(const Context& context, AgentId agent) const;
   void BeginGathering(Context& context);
   void AskNext(Context& context);
   void PassOver(Context& context);
   void CrossOff(Context& context, AgentId agent);
 
-  std::deque<AgentId> to_ask_;  // In turn.
-  AgentId asked_ = 0;           // Of to_ask_, the one whose turn it is. 0: none of them is connected in an open window.
+  std::deque<AgentId> to_ask_;    // In turn.
+  std::uint64_t last_order_ = 0;  // Of a client, to replicate to the survivor in this term.
+  AgentId asked_ = 0;  // Of to_ask_, the one whose turn it is. 0: none of them is connected in an open window.
   MonotonicTime last_progress_{};
-  Duration patience_{};     // How long the asked agent may make no progress before the next one's turn.
-  std::uint64_t step_ = 0;  // A timer of an earlier one is late.
+  Duration patience_{};       // How long the asked agent may make no progress before the next one's turn.
+  std::uint64_t step_ = 0;    // A timer of an earlier one is late.
+  bool is_sync_told_ = true;  // SyncActor's mailbox had room for whom is yet to be asked.
 };
 
 }  // namespace moondb

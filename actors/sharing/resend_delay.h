@@ -21,16 +21,18 @@ class ResendDelay {
   // Nothing is held against the destination any more.
   void Reset() {
     delay_ = first_;
-    is_refused_ = false;
+    refusals_ = 0;
     has_started_over_at_once_ = false;
   }
 
   // The destination could not store a batch.
-  void NoteRefusal() { is_refused_ = true; }
+  void NoteRefusal() { ++refusals_; }
+  // It refused what was sent, and refused it again after a pause.
+  bool is_refused_again() const { return refusals_ > 1; }
   // A batch was acknowledged. Pieces are acknowledged by a destination, too, that cannot store what they make up: after
   // a refusal only records are progress.
   void NoteProgress(bool has_records) {
-    if (has_records || !is_refused_) Reset();
+    if (has_records || refusals_ == 0) Reset();
   }
   // A destination that has forgotten the session is answered at once, but only once until there is progress: the delay
   // is for trouble that lasts. True where it is that once.
@@ -40,7 +42,7 @@ class ResendDelay {
   Duration first_;
   Duration longest_;
   Duration delay_;
-  bool is_refused_ = false;
+  int refusals_ = 0;
   bool has_started_over_at_once_ = false;
 };
 

@@ -23,7 +23,10 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget = 4 };
+enum TimerKind : std::uint32_t { kSession = 1, kOrders = 2, kStep = 3, kBudget = 4, kWatch = 5 };
+
+// A peer that was lost a moment ago is likely to be back in a moment.
+constexpr Duration kReconnectMax = std::chrono::seconds(5);
 
 // What sharing sends one another fits into a message, whatever a peer brings: a page, and what is around its streams;
 // the acknowledgment of a batch with as many records as there may be, each of a stream of its own.
@@ -33,6 +36,10 @@ static_assert(kBatchRecordsMax * (kHaveStreamBytesMax + kHaveIntervalBytesMax) +
               kPeerMessageBytesMax);
 
 constexpr Duration kBudgetPeriod = std::chrono::seconds(5);
+
+Duration Seconds(double seconds) {
+  return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
+}
 
 // Bytes a second; 0: the team file sets none, as in tests.
 double BudgetOf(const proto::TeamConfig& team) { return team.radio().budget_kbps() * 1000 / 8; }
@@ -70,6 +77,7 @@ void SharingActor::OnStart(Context& context) {
   context.Watch(Topic::kRoles);
   context.Watch(Topic::kLeases);
   roles_ = InitialRoles(options_.team);
+  for (const proto::AgentConfig& agent : options_.team.agents()) lost_at_[agent.id()] = context.now();
   const std::uint64_t random = context.rng()();
   last_order_ = BeginOrderNumbers(random);
   SharingReceiver::Options receiver;
@@ -95,6 +103,7 @@ void SharingActor::OnMessage(Context& context, const proto::Message& message) {
     OnPeer(context, message);
   }
   DivideBudget(context);
+  AnswerWhoWaits(context);
 }
 
 void SharingActor::OnLocal(Context& context, const proto::Message& message) {
@@ -122,8 +131,12 @@ void SharingActor::OnLocal(Context& context, const proto::Message& message) {
       return OnPeerHaveRequest(context, message);
     case proto::Message::kSharingLoad:
       return radio_share_.SetMovingElsewhere(message.sharing_load().moving_sessions());
+    case proto::Message::kGathering:
+      return OnGathering(context, message.gathering());
     case proto::Message::kShareRequest:
       return OnShareRequest(context, message);
+    case proto::Message::kShareProgressRequest:
+      return OnProgressRequest(context, message);
     case proto::Message::kControlRequest:
       return OnControlRequest(context, message);
     default:
@@ -195,7 +208,9 @@ void SharingActor::OnStoreReply(Context& context, const proto::Message& message)
   SharingActions acknowledgments = receiver_->OnStoreReply(message.request_id(), reply);
   std::vector<AgentId> ended;
   for (const SharingAction& action : acknowledgments) {
-    if (action.message.has_have() && action.message.remaining() == 0) ended.push_back(action.to);
+    if (!action.message.has_have()) continue;
+    orders_.TakeEnd(action.to, receiver_->heard(action.to).order_end.order());
+    if (action.message.remaining() == 0) ended.push_back(action.to);
   }
   Perform(context, std::move(acknowledgments));
   for (const AgentId sender : ended) OnReceived(context, sender, /*is_all=*/true);
@@ -214,9 +229,24 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   if (checked) checked = CheckShareRequest(request);
   if (checked) checked = CheckExpectedTerm(context, request);
   in_hand_ = {context.sender().agent, is_from_here(context) ? ++last_order_ : request.order()};
-  const Result<int> started =
-      checked ? Share(context, request, is_leaders) : Result<int>(tl::unexpected(checked.error()));
+  pairs_in_hand_.clear();
+  Result<int> started = 1;
+  if (!checked) {
+    started = tl::unexpected(checked.error());
+  } else if (!IsBeingCarriedOut(in_hand_)) {
+    started = Share(context, request, is_leaders);
+  }
+  if (started && is_from_here(context)) WatchOrder(context, request);
   const ShareOrderId carried_out = std::exchange(in_hand_, {});
+  if (started && is_from_here(context) && request.wait_s() > 0) {
+    OrderWatch::Request waiting{context.sender().agent, context.sender().actor, message.request_id(),
+                                carried_out.number};
+    waiting.until = context.now() + Seconds(request.wait_s());
+    waiting.is_for_end = true;
+    const Result<void> waits = watch_.Wait(std::move(waiting));
+    if (waits) return;
+    started = tl::unexpected(waits.error());
+  }
   proto::Message reply;
   reply.set_ms_type(proto::CONTROL);
   proto::ShareReply& body = *reply.mutable_share_reply();
@@ -228,6 +258,176 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
     *body.mutable_error() = ToProto(started.error());
   }
   (void)context.Reply(std::move(reply));
+}
+
+// The leader gives an order again when it reaches this agent again, as it cannot know whether this process is another.
+bool SharingActor::IsBeingCarriedOut(ShareOrderId id) const {
+  const Outgoing* outgoing = id.agent == options_.self || id.number == 0 ? nullptr : FindOutgoing(id.agent);
+  return outgoing != nullptr && outgoing->session.StateOf(id) == StandingOrder::Reached::kOpen;
+}
+
+// --- Who waits for an order ---
+
+void SharingActor::OnProgressRequest(Context& context, const proto::Message& message) {
+  const proto::ShareProgressRequest& request = message.share_progress_request();
+  OrderWatch::Request waiting{context.sender().agent, context.sender().actor, message.request_id(), request.order()};
+  waiting.until = context.now() + Seconds(request.wait_s());
+  waiting.after_version = request.after_version();
+  waiting.news_period = request.is_relayed() ? OrderWatch::kRelayedNewsPeriod : OrderWatch::kNewsPeriod;
+  if (const Result<void> waits = watch_.Wait(std::move(waiting)); !waits) {
+    proto::Message reply;
+    reply.set_ms_type(proto::CONTROL);
+    *reply.mutable_share_progress()->mutable_error() = ToProto(waits.error());
+    (void)context.Reply(std::move(reply));
+  }
+}
+
+void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest& request) {
+  OrderWatch::Order order;
+  order.number = in_hand_.number;
+  order.term = roles_.term();
+  order.is_by_role = request.destination() == 0 || request.destination() == options_.self;
+  order.pairs = std::move(pairs_in_hand_);
+  // What a limit ends is not all in any case.
+  order.is_gathering_meant = order.is_by_role && is_leading() && request.bytes_max() == 0;
+  order.gathering_of = {request.from_agents().begin(), request.from_agents().end()};
+  for (OrderWatch::Pair& pair : order.pairs) {
+    const SharingReceiver::Heard& heard = receiver_->heard(pair.peer);
+    pair.batches_before = heard.batches;
+    pair.coded_bytes_before = heard.coded_bytes;
+    if (!pair.is_incoming)
+      pair.coded_bytes_before = FindOutgoing(pair.peer)->session.Status(context.now()).coded_bytes();
+  }
+  watch_.Add(std::move(order));
+}
+
+void SharingActor::AnswerWhoWaits(Context& context) {
+  const auto rows_of = [this, &context](OrderWatch::Order& order) { return RowsOf(context, order); };
+  for (OrderWatch::Answer& answer : watch_.Look(context.now(), rows_of)) {
+    proto::Message message;
+    message.set_ms_type(proto::CONTROL);
+    message.set_request_id(answer.request.request_id);
+    if (answer.request.is_for_end) {
+      proto::ShareReply& reply = *message.mutable_share_reply();
+      if (answer.progress.has_error()) *reply.mutable_error() = answer.progress.error();
+      *reply.mutable_roles() = roles_;
+      reply.set_order(answer.progress.order());
+      reply.set_session_count(static_cast<std::uint32_t>(answer.progress.pairs_size()));
+      *reply.mutable_progress() = std::move(answer.progress);
+    } else {
+      *message.mutable_share_progress() = std::move(answer.progress);
+    }
+    (void)context.Send({answer.request.agent, answer.request.actor}, std::move(message));
+  }
+  Arm(context, watch_timer_, watch_.deadline(), kWatch, 0);
+}
+
+OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order& order) const {
+  OrderWatch::Rows rows;
+  for (const OrderWatch::Pair& pair : order.pairs) {
+    rows.pairs.push_back(pair.is_incoming ? IncomingRow(context, order.number, pair)
+                                          : OutgoingRow(context, order.number, pair));
+  }
+  if (!order.is_gathering_meant) return rows;
+  const std::optional<std::vector<AgentId>> left = YetToGather();
+  rows.is_open_ended = !left;
+  if (!left) return rows;
+  for (const AgentId agent : *left) {
+    if (order.gathering_of.empty() || order.gathering_of.contains(agent)) order.gathers_from.insert(agent);
+  }
+  for (const AgentId agent : order.gathers_from) {
+    proto::PairProgress& row = rows.pairs.emplace_back();
+    row.set_sender(agent);
+    row.set_destination(options_.self);
+    row.set_kind(proto::SHARING_KIND_REPLICATION);
+    row.set_is_complete(std::find(left->begin(), left->end(), agent) == left->end());
+    if (row.is_complete()) continue;
+    AddObstacle(context, agent, row);
+    // An agent that drives or sleeps is asked when it does no longer; nothing waits for that.
+    row.set_is_stopped(!row.why().empty());
+  }
+  return rows;
+}
+
+proto::PairProgress SharingActor::OutgoingRow(const Context& context, std::uint64_t order,
+                                              const OrderWatch::Pair& pair) const {
+  proto::PairProgress row;
+  row.set_sender(options_.self);
+  row.set_destination(pair.peer);
+  row.set_kind(kind_);
+  const Outgoing* outgoing = FindOutgoing(pair.peer);
+  const proto::ShareSession status = outgoing->session.Status(context.now());
+  row.set_coded_bytes(status.coded_bytes() - pair.coded_bytes_before);
+  row.set_missing(status.remaining());
+  row.set_is_missing_known(status.is_remaining_known());
+  switch (outgoing->session.StateOf({options_.self, order})) {
+    case StandingOrder::Reached::kCompleted:
+      row.set_is_complete(true);
+      return row;
+    case StandingOrder::Reached::kOpen:
+      if (outgoing->session.is_refused_again()) {
+        row.set_is_stopped(true);
+        row.set_why(status.last_error());
+      }
+      AddObstacle(context, pair.peer, row);
+      return row;
+    case StandingOrder::Reached::kLimited:
+      row.set_is_limited(true);
+      [[fallthrough]];
+    default:
+      row.set_is_stopped(true);
+      row.set_why(status.last_error());
+      return row;
+  }
+}
+
+proto::PairProgress SharingActor::IncomingRow(const Context& context, std::uint64_t order,
+                                              const OrderWatch::Pair& pair) const {
+  proto::PairProgress row;
+  row.set_sender(pair.peer);
+  row.set_destination(options_.self);
+  row.set_kind(kind_);
+  const SharingReceiver::Heard& heard = receiver_->heard(pair.peer);
+  row.set_coded_bytes(heard.coded_bytes - pair.coded_bytes_before);
+  row.set_is_missing_known(heard.batches > pair.batches_before);
+  row.set_missing(static_cast<double>(heard.remaining));
+  const proto::OrderEnd& end = heard.order_end;
+  const auto refusal = order_refusals_.find(pair.peer);
+  if (HasReached(end.order(), order)) {
+    row.set_is_limited(end.is_limited());
+    row.set_is_complete(!end.is_limited() && end.not_taken() == 0);
+    row.set_is_stopped(!row.is_complete());
+    if (end.is_limited()) row.set_why("ended with the order's bytes; more is left to share");
+    if (end.not_taken() > 0)
+      row.set_why("the destination did not take " + std::to_string(end.not_taken()) + " records");
+    return row;
+  }
+  if (refusal != order_refusals_.end()) {
+    row.set_is_stopped(true);
+    row.set_why(refusal->second);
+  } else if (heard.refusals > 1) {
+    row.set_is_stopped(true);
+    row.set_why("the destination refused: " + heard.refusal);
+  }
+  AddObstacle(context, pair.peer, row);
+  return row;
+}
+
+void SharingActor::AddObstacle(const Context& context, AgentId peer, proto::PairProgress& row) const {
+  if (IsOutOfReach(context, peer)) {
+    row.set_is_stopped(true);
+    row.set_is_out_of_reach(true);
+    row.set_why("is out of reach");
+  } else if (!IsWindowOpen(context, peer)) {
+    row.set_is_stopped(false);
+    row.set_why(WhyWindowIsShut(context, peer));
+    row.set_waits_for_s(SecondsUntilWindowOpens(context, peer));
+  }
+}
+
+bool SharingActor::IsOutOfReach(const Context& context, AgentId peer) const {
+  const auto lost_at = lost_at_.find(peer);
+  return lost_at != lost_at_.end() && context.now() - lost_at->second >= kReconnectMax;
 }
 
 void SharingActor::OnControlRequest(Context& context, const proto::Message& message) {
@@ -256,6 +456,7 @@ void SharingActor::OnControlRequest(Context& context, const proto::Message& mess
 void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
   if (event.is_connected()) {
     connected_.insert(event.peer());
+    lost_at_.erase(event.peer());
     receiver_->OnConnected(event.peer());
     if (Outgoing* outgoing = FindOutgoing(event.peer())) {
       Perform(context, *outgoing, outgoing->session.OnConnected(context.now()));
@@ -263,6 +464,7 @@ void SharingActor::OnLink(Context& context, const proto::PeerEvent& event) {
     PerformOrders(context, orders_.OnConnected(event.peer(), context.now()));
   } else {
     connected_.erase(event.peer());
+    lost_at_.try_emplace(event.peer(), context.now());
   }
   OnPeerEvent(context, event.peer());
 }
@@ -284,6 +486,10 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
     is_budget_timer_armed_ = false;
     return;
   }
+  if (timer.kind() == kWatch) {
+    watch_timer_.armed.reset();
+    return;  // Who waits is answered after each message.
+  }
   if (timer.kind() == kStep) return OnStepTimer(context, timer.value());
   Outgoing* outgoing = FindOutgoing(static_cast<AgentId>(timer.value()));
   if (outgoing == nullptr) return;
@@ -293,6 +499,12 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
 
 void SharingActor::SetRoles(Context& context, const proto::RoleAssignment& roles) {
   const proto::RoleAssignment previous = std::exchange(roles_, roles);
+  watch_.EndTerm(roles_.term(),
+                 {ErrorCode::kRefused,
+                  (previous.leader() == roles_.leader() ? "the roles have changed"
+                                                        : "leadership moved to " + NameOf(roles_.leader())) +
+                      std::string(" in term ") + TermText(roles_.term()),
+                  "expected_term"});
   OnNewRoles(context, previous);
 }
 
@@ -355,7 +567,15 @@ void SharingActor::Open(Context& context, AgentId destination, proto::RecordFilt
                         std::uint64_t bytes_max) {
   Outgoing& outgoing = FindOrMakeOutgoing(context, destination);
   outgoing.is_by_role = is_by_role;
+  if (order_in_hand() != 0) pairs_in_hand_.push_back({destination, /*is_incoming=*/false});
   Perform(context, outgoing, outgoing.session.Order(std::move(filter), context.now(), bytes_max, in_hand_));
+}
+
+void SharingActor::OpenAgain(Context& context, std::uint64_t order, AgentId destination, proto::RecordFilter filter) {
+  in_hand_ = {options_.self, order};
+  Open(context, destination, std::move(filter), /*is_by_role=*/true);
+  in_hand_ = {};
+  pairs_in_hand_.clear();
 }
 
 void SharingActor::BringStatesUnasked(Context& context, AgentId destination) {
@@ -384,8 +604,9 @@ std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {
 }
 
 void SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max) {
-  const bool is_for_client = in_hand_.agent == options_.self && in_hand_.number != 0;
-  const std::uint64_t number = is_for_client ? in_hand_.number : ++last_order_;
+  order_refusals_.erase(peer);
+  if (order_in_hand() != 0) pairs_in_hand_.push_back({peer, /*is_incoming=*/true});
+  const std::uint64_t number = order_in_hand() != 0 ? order_in_hand() : ++last_order_;
   PerformOrders(context, orders_.Give(peer, number, bytes_max, context.now()));
 }
 
@@ -394,9 +615,10 @@ void SharingActor::OnShareReply(Context& context, const proto::Message& message)
   const proto::ShareReply& reply = message.share_reply();
   // A peer that has not heard of these roles yet is asked again.
   if (reply.error().code() == proto::ERROR_CODE_UNAVAILABLE) return;
-  if (!orders_.TakeAnswer(peer, message.request_id())) return;
+  if (!orders_.TakeAnswer(peer, message.request_id(), !IsError(reply.error()))) return;
   ArmOrdersTimer(context);
   if (!IsError(reply.error())) return;
+  order_refusals_[peer] = OneLine(reply.error().text());
   refused_log_.Warn(ToString(context.self()) + ": " + NameOf(peer) +
                     " does not share: " + OneLine(ToString(FromProto(reply.error()))));
   OnOrderRefused(context, peer);
@@ -449,6 +671,11 @@ double SharingActor::SecondsUntilWindowOpens(const Context& context, AgentId pee
 }
 
 SharingActor::Outgoing* SharingActor::FindOutgoing(AgentId destination) {
+  const auto it = outgoing_.find(destination);
+  return it == outgoing_.end() ? nullptr : &it->second;
+}
+
+const SharingActor::Outgoing* SharingActor::FindOutgoing(AgentId destination) const {
   const auto it = outgoing_.find(destination);
   return it == outgoing_.end() ? nullptr : &it->second;
 }

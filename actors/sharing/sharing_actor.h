@@ -3,7 +3,8 @@
 // The conversation with peers goes to the actor of the same name there. Sessions, receiver, orders to peers and the
 // share of the radio are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare); this actor only
 // carries their messages, timers and roles. One outgoing session per destination, several at a time; after a restart of
-// this actor orders are forgotten (whoever wants the records asks again) but nothing that was acknowledged is. Where an
+// this actor orders are forgotten (whoever wants the records asks again) but nothing that was acknowledged is. A client
+// may wait until its order is done (order_watch.h). Where an
 // end of a session drives or sleeps (LeasesChanged) the session waits until neither does; past one that drives states
 // may go. What the agent sends and receives keeps to the team file's radio.budget_kbps: its sessions in both directions
 // and of both kinds have equal parts of it.
@@ -18,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include "actors/sharing/order_watch.h"
 #include "actors/sharing/peer_orders.h"
 #include "actors/sharing/radio_share.h"
 #include "actors/sharing/sharing_receiver.h"
@@ -66,8 +68,11 @@ class SharingActor : public Actor {
   virtual void OnOrderRefused(Context&, AgentId) {}
   // Once, at the actor's start.
   virtual void OnStarted(Context&) {}
+  // From whom the leader has yet to gather in this term; none: it is not known yet.
+  virtual std::optional<std::vector<AgentId>> YetToGather() const = 0;
   // Adds what only this kind of sharing knows.
   virtual void AddStatus(const Context&, proto::ShareStatus&) const {}
+  virtual void OnGathering(Context&, const proto::Gathering&) {}
   // A timer that StartStepTimer started.
   virtual void OnStepTimer(Context&, std::uint64_t /*step*/) {}
 
@@ -80,6 +85,10 @@ class SharingActor : public Actor {
   // Those to the leader of now stay. Where another one that was ordered was open: how many bytes it had left (0: no
   // limit).
   std::optional<std::uint64_t> CloseByRole(Context& context);
+  // As Open, for the order that a client gave before: it is not done before this session is.
+  void OpenAgain(Context& context, std::uint64_t order, AgentId destination, proto::RecordFilter filter);
+  // The order of a client that Share carries out now.
+  std::uint64_t order_in_hand() const { return in_hand_.agent == options_.self ? in_hand_.number : 0; }
   // "Share with me", to that agent, again and again until it answers.
   void OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
   void CancelOrder(Context& context, AgentId peer);
@@ -121,6 +130,16 @@ class SharingActor : public Actor {
   void OnPeerHaveRequest(Context& context, const proto::Message& message);
   void OnShareRequest(Context& context, const proto::Message& message);
   void OnShareReply(Context& context, const proto::Message& message);
+  void OnProgressRequest(Context& context, const proto::Message& message);
+  // Watches the order in hand.
+  void WatchOrder(const Context& context, const proto::ShareRequest& request);
+  void AnswerWhoWaits(Context& context);
+  OrderWatch::Rows RowsOf(const Context& context, OrderWatch::Order& order) const;
+  proto::PairProgress OutgoingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair) const;
+  proto::PairProgress IncomingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair) const;
+  // Why nothing passes between this agent and that one now: stopped where it is out of reach, else it waits.
+  void AddObstacle(const Context& context, AgentId peer, proto::PairProgress& row) const;
+  bool IsOutOfReach(const Context& context, AgentId peer) const;
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnLink(Context& context, const proto::PeerEvent& event);
   void OnLeasesChanged(Context& context, const proto::LeasesChanged& changed);
@@ -128,6 +147,7 @@ class SharingActor : public Actor {
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
   // Of a sharing order: whether the agent that gives it, in this term, may.
   Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
+  bool IsBeingCarriedOut(ShareOrderId id) const;
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
   // kRefused where a client of this agent relies on the roles of another term.
   Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;
@@ -136,6 +156,7 @@ class SharingActor : public Actor {
   // As far as both ends' leases say.
   double SecondsUntilWindowOpens(const Context& context, AgentId peer) const;
   Outgoing* FindOutgoing(AgentId destination);
+  const Outgoing* FindOutgoing(AgentId destination) const;
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
   void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.
@@ -152,12 +173,17 @@ class SharingActor : public Actor {
   const proto::SharingKind kind_;
   proto::RoleAssignment roles_;
   std::set<AgentId> connected_;
+  std::map<AgentId, MonotonicTime> lost_at_;  // Who is not connected; since this actor's start who never was.
   Leases leases_;
   std::map<AgentId, Outgoing> outgoing_;  // By destination.
   PeerOrders orders_;
   DeadlineTimer orders_timer_;
   std::uint64_t last_order_ = 0;  // The last one that this life of the actor gave or took of a client.
   ShareOrderId in_hand_;          // The request that Share carries out now.
+  std::vector<OrderWatch::Pair> pairs_in_hand_;
+  std::map<AgentId, std::string> order_refusals_;  // Why the peer does not share; until it is ordered again.
+  OrderWatch watch_;
+  DeadlineTimer watch_timer_;
   std::optional<SharingReceiver> receiver_;
   RadioShare radio_share_;
   bool is_budget_timer_armed_ = false;

@@ -127,6 +127,10 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
   Incoming& incoming = it->second;
   incoming.last_heard = now_ = now;
   incoming.is_at_end = message.remaining() == 0;
+  Heard& heard = heard_[sender];
+  heard.coded_bytes += static_cast<double>(batch.coded().size() + message.sql().size());
+  heard.remaining = message.remaining();
+  ++heard.batches;
   if (incoming.waiting_stores.size() >= options_.waiting_stores_per_sender_max) {
     ++counts_.dropped_messages;
     return SharingActions();
@@ -168,7 +172,12 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     return tl::unexpected(records ? dropped.error() : records.error());
   }
   if (++next_request_id_ == 0) ++next_request_id_;
-  incoming.waiting_stores.emplace(next_request_id_, AcknowledgmentOf(message, *records));
+  WaitingStore& waiting = incoming.waiting_stores[next_request_id_];
+  waiting.acknowledgment = AcknowledgmentOf(message, *records);
+  if (batch.has_order_end()) {
+    waiting.order_end = batch.order_end();
+    for (const proto::StoredRecord& record : records->records()) waiting.keys.push_back(FromProto(record.key()));
+  }
   SharingAction action;
   action.message.set_ms_type(proto::CONTROL);
   action.message.set_request_id(next_request_id_);
@@ -223,11 +232,13 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
   for (auto& [sender, incoming] : incoming_) {
     const auto waiting = incoming.waiting_stores.find(request_id);
     if (waiting == incoming.waiting_stores.end()) continue;
-    SharingAction action{sender, std::move(waiting->second)};
+    WaitingStore stored = std::move(waiting->second);
     incoming.waiting_stores.erase(waiting);
     if (IsError(reply.error())) {
-      return Refuse(sender, incoming.session_id, Error{ErrorCode::kUnavailable, reply.error().text(), ""});
+      return RefuseBatch(sender, incoming.session_id, Error{ErrorCode::kUnavailable, reply.error().text(), ""});
     }
+    NoteStored(sender, stored, reply);
+    SharingAction action{sender, std::move(stored.acknowledgment)};
     counts_.received_records += reply.stored_count();
     counts_.rejected_records += reply.rejected_count() - reply.untrusted_count();
     *action.message.mutable_have()->mutable_have() = reply.had();
@@ -235,6 +246,30 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
     return {std::move(action)};
   }
   return {};
+}
+
+SharingActions SharingReceiver::RefuseBatch(AgentId sender, std::uint64_t session_id, Error error) {
+  Heard& heard = heard_[sender];
+  ++heard.refusals;
+  heard.refusal = error.text;
+  return Refuse(sender, session_id, std::move(error));
+}
+
+void SharingReceiver::NoteStored(AgentId sender, const WaitingStore& stored, const proto::StoreReply& reply) {
+  Heard& heard = heard_[sender];
+  heard.refusals = 0;
+  if (stored.order_end.order() == 0) return;
+  heard.order_end = stored.order_end;
+  const Result<HaveSet> had = FromProto(reply.had());
+  const auto is_taken = [&had](const RecordKey& key) { return had && had->Get(key.stream).Had().Contains(key.seq); };
+  const auto taken = std::count_if(stored.keys.begin(), stored.keys.end(), is_taken);
+  heard.order_end.set_not_taken(stored.order_end.not_taken() + stored.keys.size() - static_cast<std::size_t>(taken));
+}
+
+const SharingReceiver::Heard& SharingReceiver::heard(AgentId sender) const {
+  static const Heard kNothing;
+  const auto heard = heard_.find(sender);
+  return heard == heard_.end() ? kNothing : heard->second;
 }
 
 Result<void> SharingReceiver::CheckHello(const proto::Hello& hello) const {

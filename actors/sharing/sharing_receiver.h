@@ -21,6 +21,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "actors/sharing/codec.h"
 #include "actors/sharing/decode_budget.h"
@@ -77,6 +78,17 @@ class SharingReceiver {
   SharingActions OnHaveReply(std::uint64_t request_id, const proto::HaveReply& reply);
   SharingActions OnStoreReply(std::uint64_t request_id, const proto::StoreReply& reply);
 
+  // What this actor has heard of one sender since it started.
+  struct Heard {
+    double coded_bytes = 0;       // Of batches.
+    std::uint64_t remaining = 0;  // Records behind the last batch.
+    std::uint64_t batches = 0;
+    proto::OrderEnd order_end;  // The last one that is stored here; its not_taken counts all of the session.
+    int refusals = 0;           // Since a batch of the sender was stored last.
+    std::string refusal;        // The last one.
+  };
+  const Heard& heard(AgentId sender) const;
+
   // Senders that have sent no end yet and are not silent: each has its part of credit and budget.
   std::size_t MovingSessions(Time now) const;
   // Sessions of this agent's that are moving beside these, and have their part of the budget.
@@ -89,13 +101,20 @@ class SharingReceiver {
   void OnConnected(AgentId peer) { other_configs_.erase(peer); }
 
  private:
+  // What is answered when storage has stored a batch.
+  struct WaitingStore {
+    proto::Message acknowledgment;  // But for its have-set.
+    proto::OrderEnd order_end;
+    std::vector<RecordKey> keys;  // Of the batch that has an order's end.
+  };
+
   struct Incoming {
     std::uint64_t session_id = 0;
-    std::uint64_t have_request_id = 0;                       // 0: none waits.
-    Time have_asked_at{};                                    // When that one was sent to storage.
-    std::optional<proto::Hello> next_hello;                  // Answered after that one.
-    RecordKey have_from;                                     // Where the page begins that was asked for last.
-    std::map<std::uint64_t, proto::Message> waiting_stores;  // By request id: the acknowledgment but for its have-set.
+    std::uint64_t have_request_id = 0;                     // 0: none waits.
+    Time have_asked_at{};                                  // When that one was sent to storage.
+    std::optional<proto::Hello> next_hello;                // Answered after that one.
+    RecordKey have_from;                                   // Where the page begins that was asked for last.
+    std::map<std::uint64_t, WaitingStore> waiting_stores;  // By request id.
     Time last_heard{};
     bool is_other_schema = false;
     bool is_at_end = false;  // It said that nothing remains.
@@ -109,6 +128,8 @@ class SharingReceiver {
   // What stands on the last page alone.
   void CompleteAnswer(AgentId sender, const Incoming& incoming, proto::Have& have);
   SharingActions RefuseHello(AgentId sender, const proto::Hello& hello, Error error);
+  void NoteStored(AgentId sender, const WaitingStore& stored, const proto::StoreReply& reply);
+  SharingActions RefuseBatch(AgentId sender, std::uint64_t session_id, Error error);
   bool MakeRoom(Time now);
   // `whole`: of pieces, all their bytes.
   Result<proto::RecordBatch> Decode(AgentId sender, const proto::Message& message,
@@ -120,6 +141,7 @@ class SharingReceiver {
   Options options_;
   std::uint64_t next_request_id_;
   std::map<AgentId, Incoming> incoming_;
+  std::map<AgentId, Heard> heard_;
   std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender, whatever its sessions.
   PieceCollector pieces_{2 * kWholeBytesMax};
   RunDecoders runs_;

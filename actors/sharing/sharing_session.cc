@@ -28,7 +28,7 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
       destination_(destination),
       session_id_(first_id),
       request_id_(first_id),
-      order_(options_.state_types),
+      order_(options_.state_types, first_id),
       maker_(destination, options_.codec, options_.paper_sql, static_cast<std::uint32_t>(first_id)),
       notes_(kind, destination, first_id),
       pacer_(options_.unacked_bytes_max),
@@ -37,6 +37,7 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max, ShareOrderId id) {
   SharingActions actions;
   if (!is_ordered()) last_error_.clear();
+  is_limit_told_ = false;
   order_.Give(std::move(filter), bytes_max, id, /*is_added=*/is_ordered());
   LookAgain(now, actions);
   return actions;
@@ -284,6 +285,7 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   if (session_id_ == 0) ++session_id_;
   pages_.Clear();
   ForgetUnderWay();
+  is_limit_told_ = false;
   order_.StartOver();
   notes_.StartOver();
   AskForPage(now, actions);
@@ -320,12 +322,22 @@ void SharingSession::Fill(Time now, SharingActions& actions) {
   const bool is_idle = !maker_.ready() && under_way_.is_empty();
   const bool is_all_made = phase_ == Phase::kEnding && !maker_.ready();
   if (order_.is_used_up() && !is_all_made) {
-    if (!under_way_.is_empty()) return;
-    NoteError("ended with its order's bytes; more is left to share");
-    return End(Ending::kLimited, actions);
+    if (under_way_.is_empty()) EndLimited(now, actions);
+    return;
   }
   if (phase_ == Phase::kSending && !maker_.ready()) AskForMissing(actions);
   if (phase_ == Phase::kEnding && is_idle) Complete(actions);
+}
+
+void SharingSession::EndLimited(Time now, SharingActions& actions) {
+  if (order_.NumberFor(destination_) != 0 && !is_limit_told_) {
+    if (order_.is_waiting()) return;
+    is_limit_told_ = true;
+    maker_.MakeEmpty(BatchBytesMax());
+    return SendReady(now, actions);
+  }
+  NoteError("ended with its order's bytes; more is left to share");
+  End(Ending::kLimited, actions);
 }
 
 void SharingSession::SendWhatMayLeave(Time now, SharingActions& actions) {
@@ -345,6 +357,13 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   const std::uint32_t number = maker_.next_number();
   MadeBatch batch = maker_.Take();
   const std::size_t bytes = batch.contents.bytes;
+  const std::uint64_t ended_order = order_.NumberFor(destination_);
+  if (ended_order != 0 && (batch.message.remaining() == 0 || is_limit_told_)) {
+    proto::OrderEnd& end = *batch.message.mutable_batch()->mutable_order_end();
+    end.set_order(ended_order);
+    end.set_is_limited(is_limit_told_);
+    end.set_not_taken(under_way_.RefusedCount());
+  }
   pacer_.Spend(bytes + kBatchOverheadBytes, now);
   order_.SpendBytes(bytes);
   counts_.NoteSent(batch.contents.keys.size(), bytes, batch.message.batch().codec());
@@ -377,6 +396,8 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   *request.mutable_destination_have() = ToProto(under_way_.ExpectedHave(maker_.Contents()));
   *request.mutable_filter() = order_.Meant();
   request.set_destination(destination_);
+  request.set_kind(kind_);
+  request.set_mark(order_.mark());
   const double content_bytes = maker_.ContentBytesFor(BatchBytesMax());
   request.set_content_bytes_max(
       static_cast<std::uint32_t>(std::clamp(content_bytes, kContentBytesMin, kContentBytesMax)));

@@ -22,7 +22,8 @@
 // states pass, each order brings the destination the states that it lacks, and the rest of it waits.
 //
 // What it sends keeps to a rate: the smaller of what this agent's own part of the radio's budget leaves it (SetRate)
-// and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up.
+// and what the destination grants. An order may be limited to so many coded bytes; it ends when they are used up. A
+// destination that gave the order itself is told its end (OrderEnd).
 // Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
 //
 // What is ordered, the batches that are made, those that are under way and what storage is notified of are parts of
@@ -83,9 +84,10 @@ class SharingSession {
   // `first_id` is random: the ids of this session count from it, so that they differ from those of an earlier process.
   SharingSession(Options options, proto::SharingKind kind, AgentId destination, std::uint64_t first_id);
 
-  // Start, or, when open, look again for records once all is sent: what was stored before this is included.
-  // `bytes_max` not 0: it ends when so many coded bytes are sent, give or take a batch, and the destination is not
-  // told; an open order without that limit stays without. Status says by `id` how the order ended: only a session that
+  // Start, or, when open, look again for records once all is sent: what was stored before this is included, and what is
+  // stored later is not, but for types under the policy `latest` (MissingRequest.mark).
+  // `bytes_max` not 0: it ends when so many coded bytes are sent, give or take a batch; an open order without that
+  // limit stays without. Status says by `id` how the order ended: only a session that
   // completes after this has completed it.
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
   // States that nobody ordered, when no session is open: one that does not count, that tells no end and that any order
@@ -118,7 +120,9 @@ class SharingSession {
   bool is_open() const { return phase_ != Phase::kClosed; }
   bool is_ordered() const { return is_open() && !order_.is_unasked(); }
   std::uint64_t bytes_left() const { return order_.bytes_left().value_or(0); }  // Of a limited order; 0: not limited.
-  bool is_moving() const { return is_answered() && !order_.is_waiting(); }      // It has its part of the radio.
+  StandingOrder::Reached StateOf(ShareOrderId id) const { return order_.StateOf(id); }
+  bool is_refused_again() const { return is_open() && resend_delay_.is_refused_again(); }  // Without progress between.
+  bool is_moving() const { return is_answered() && !order_.is_waiting(); }  // It has its part of the radio.
   // What the destination understands differently, as it said last.
   const std::set<DataType>& other_schema_types() const { return order_.other_schema_types(); }
   AgentId destination() const { return destination_; }
@@ -156,6 +160,8 @@ class SharingSession {
   void Fill(Time now, SharingActions& actions);
   void SendWhatMayLeave(Time now, SharingActions& actions);
   void SendReady(Time now, SharingActions& actions);
+  // The order's bytes are used up: tells the destination if it gave the order, then ends.
+  void EndLimited(Time now, SharingActions& actions);
   bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
   void AskForMissing(SharingActions& actions);
@@ -177,6 +183,7 @@ class SharingSession {
   BatchMaker maker_;
   BatchesUnderWay under_way_;
   PeerNotes notes_;
+  bool is_limit_told_ = false;  // To the destination, since the last order and the last Hello that begins a session.
   double own_rate_ = 0;
   double granted_rate_ = 0;
   Pacer pacer_;

@@ -10,6 +10,7 @@ namespace moondb {
 
 void StandingOrder::Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added) {
   Note(id);
+  if (++mark_ == 0) ++mark_;
   const bool is_limited = bytes_max != 0 && (!is_added || bytes_left_);
   bytes_left_ = is_limited ? std::optional(bytes_max) : std::nullopt;
   filter_ = std::move(filter);
@@ -31,13 +32,35 @@ void StandingOrder::Note(ShareOrderId id) {
   if (!HasReached(known.order.ordered(), id.number)) known.order.set_ordered(id.number);
 }
 
+StandingOrder::Reached StandingOrder::StateOf(ShareOrderId id) const {
+  const auto known = orders_.find(id.agent);
+  if (known == orders_.end() || !HasReached(known->second.order.ordered(), id.number)) return Reached::kUnknown;
+  return known->second.is_open ? Reached::kOpen : known->second.ended;
+}
+
+std::uint64_t StandingOrder::NumberFor(AgentId destination) const {
+  const auto known = orders_.find(destination);
+  return known == orders_.end() || !known->second.is_open ? 0 : known->second.order.ordered();
+}
+
 void StandingOrder::End(Ending ending) {
   for (auto& [agent, known] : orders_) {
     if (!std::exchange(known.is_open, false)) continue;
     const std::uint64_t number = known.order.ordered();
-    if (ending == Ending::kCompleted) known.order.set_completed(number);
-    if (ending == Ending::kClosed) known.order.set_closed(number);
-    if (ending == Ending::kLimited) known.order.set_limited(number);
+    switch (ending) {
+      case Ending::kCompleted:
+        known.order.set_completed(number);
+        known.ended = Reached::kCompleted;
+        break;
+      case Ending::kClosed:
+        known.order.set_closed(number);
+        known.ended = Reached::kClosed;
+        break;
+      case Ending::kLimited:
+        known.order.set_limited(number);
+        known.ended = Reached::kLimited;
+        break;
+    }
   }
 }
 

@@ -35,11 +35,16 @@ class StandingOrder {
   enum class Window { kOpen, kStatesOnly, kShut };
 
   // `state_types` may pass a window of kStatesOnly.
-  explicit StandingOrder(std::vector<DataType> state_types) : state_types_(std::move(state_types)) {}
+  // `first_mark` is random: no mark of an earlier process is met again.
+  StandingOrder(std::vector<DataType> state_types, std::uint64_t first_mark)
+      : state_types_(std::move(state_types)), mark_(first_mark) {}
 
   // `is_added`: an order is open, which this one takes the place of; one without a limit stays without. `bytes_max` 0:
   // not limited.
   void Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added);
+  // How far this order is, or a later one of the same agent that took its place. kUnknown: it never came here.
+  enum class Reached { kUnknown, kOpen, kCompleted, kClosed, kLimited };
+  Reached StateOf(ShareOrderId id) const;
   void GiveUnasked(const proto::RecordFilter& states);
   // Each agent's open order has come so far.
   void End(Ending ending);
@@ -66,8 +71,13 @@ class StandingOrder {
   bool is_unasked() const { return scope_ == Scope::kUnaskedStates; }
   // The session brings states alone, which are not the end of an order.
   bool is_for_states() const { return scope_ != Scope::kAll; }
-  // What storage is asked for.
+  // What storage is asked for, and the number under which it notes what is there now (MissingRequest.mark): another one
+  // for each order. 0: states that nobody ordered.
   proto::RecordFilter Meant() const;
+  std::uint64_t mark() const { return is_unasked() ? 0 : mark_; }
+
+  // The number of the newest order of `destination`, to be told to it with the end. 0: it has no open order.
+  std::uint64_t NumberFor(AgentId destination) const;
 
   void SpendBytes(std::size_t coded_bytes);
   const std::optional<std::uint64_t>& bytes_left() const { return bytes_left_; }  // None: it is not limited.
@@ -86,6 +96,7 @@ class StandingOrder {
   struct KnownOrder {
     proto::SessionOrder order;
     bool is_open = false;  // The session has not ended since.
+    Reached ended = Reached::kUnknown;
   };
 
   void Note(ShareOrderId id);
@@ -94,6 +105,7 @@ class StandingOrder {
   proto::RecordFilter StatesMeant() const;
 
   std::vector<DataType> state_types_;
+  std::uint64_t mark_;
   proto::RecordFilter filter_;
   std::optional<std::uint64_t> bytes_left_;
   std::map<AgentId, KnownOrder> orders_;

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "model/team_member.h"
+#include "model/term.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -53,6 +54,7 @@ void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previo
   if (roles().leader() == previous.leader()) return;
   CancelOrders(context);
   is_bringing_to_base_ = false;
+  collecting_order_ = 0;
   const bool was_leading = previous.leader() == self();
   const std::optional<std::uint64_t> bytes_left = CloseByRole(context);
   if (bytes_left && !was_leading && !is_leading() && roles().leader() != 0) {
@@ -62,7 +64,25 @@ void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previo
 
 void SyncActor::OnReceived(Context& context, AgentId sender, bool is_all) {
   const AgentId base = BaseStationOf(team());
-  if (is_all && is_bringing_to_base_ && sender != base) OpenAsLeader(context, base, /*is_by_role=*/true);
+  if (!is_all || !is_bringing_to_base_ || sender == base) return;
+  OpenAgain(context, collecting_order_, base, LeadersRecordsFor(base));
+}
+
+void SyncActor::OnGathering(Context& context, const proto::Gathering& gathering) {
+  const bool is_of_same_term = gathering_ && OrderOf(gathering_->term()) == OrderOf(gathering.term());
+  const bool is_any_done = is_of_same_term && gathering_->from_size() > gathering.from_size();
+  gathering_ = gathering;
+  if (!is_any_done || collecting_order_ == 0 || !is_leading()) return;
+  for (const proto::AgentConfig& agent : team().agents()) {
+    if (agent.id() == self() || agent.left()) continue;
+    OpenAgain(context, collecting_order_, agent.id(), LeadersRecordsFor(agent.id()));
+  }
+}
+
+// ReplicaActor hears of a new term a moment before or after this actor.
+std::optional<std::vector<AgentId>> SyncActor::YetToGather() const {
+  if (!gathering_ || OrderOf(gathering_->term()) != OrderOf(roles().term())) return std::nullopt;
+  return std::vector<AgentId>(gathering_->from().begin(), gathering_->from().end());
 }
 
 int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
@@ -71,7 +91,9 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
     return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
   };
   // What a limit ended is not begun again.
-  is_bringing_to_base_ = BaseStationOf(team()) != 0 && is_meant(self()) && request.bytes_max() == 0;
+  const bool is_bringing_on = is_meant(self()) && request.bytes_max() == 0;
+  is_bringing_to_base_ = BaseStationOf(team()) != 0 && is_bringing_on;
+  collecting_order_ = is_bringing_on ? order_in_hand() : 0;
   int count = 0;
   for (const proto::AgentConfig& agent : team().agents()) {
     if (agent.id() == self() || agent.left()) continue;
@@ -91,7 +113,13 @@ void SyncActor::OpenAsLeader(Context& context, AgentId destination, bool is_by_r
   Open(context, destination, LeadersRecordsFor(destination), is_by_role, bytes_max);
 }
 
-void SyncActor::OnStarted(Context& context) { StartStatesTimer(context); }
+void SyncActor::OnStarted(Context& context) {
+  StartStatesTimer(context);
+  proto::Message question;
+  question.set_ms_type(proto::CONTROL);
+  question.mutable_gathering();
+  (void)context.Send({self(), actor_name::kReplica}, std::move(question));  // Where it starts later it speaks first.
+}
 
 void SyncActor::StartStatesTimer(Context& context) {
   const double period_s = team().radio().states_period_s();

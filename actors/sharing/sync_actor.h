@@ -5,7 +5,8 @@
 //   on the leader, without another destination   "collect": the same order goes to every other agent (or to
 //       from_agents), again and again until each answers; and the leader brings each rover its newest optimized
 //       poses and edge verdicts, and the base station what the policy `ground` asks for, again as each agent's
-//       records have come in. Both get home what they shared themselves and have lost.
+//       records have come in. Both get home what they shared themselves and have lost. What a leader in a new term
+//       gathers meanwhile (replica_actor.h) belongs to the order: it is brought on before the order is done.
 // From another agent it always means: your own records to `destination`, or to who asks.
 //
 // With the team file's radio.states_period_s each agent that is connected to the leader sends it its latest states
@@ -28,6 +29,8 @@ class SyncActor final : public SharingActor {
   Result<int> Share(Context& context, const proto::ShareRequest& request, bool is_leaders) override;
   void OnNewRoles(Context& context, const proto::RoleAssignment& previous) override;
   void OnReceived(Context& context, AgentId sender, bool is_all) override;
+  void OnGathering(Context& context, const proto::Gathering& gathering) override;
+  std::optional<std::vector<AgentId>> YetToGather() const override;
   void OnStarted(Context& context) override;
   void OnStepTimer(Context& context, std::uint64_t step) override;
 
@@ -38,7 +41,9 @@ class SyncActor final : public SharingActor {
   proto::RecordFilter OwnRecords() const;
   proto::RecordFilter LeadersRecordsFor(AgentId destination) const;
 
-  bool is_bringing_to_base_ = false;  // Since the last order to collect.
+  bool is_bringing_to_base_ = false;           // Since the last order to collect.
+  std::uint64_t collecting_order_ = 0;         // The last order to collect that brings records from here, too.
+  std::optional<proto::Gathering> gathering_;  // As ReplicaActor said last.
 };
 
 }  // namespace moondb

@@ -22,11 +22,12 @@ bool Contains(const google::protobuf::RepeatedField<std::uint32_t>& values, std:
 class MissingFinder {
  public:
   MissingFinder(Database& database, const HaveSet& have, const SharingRules& rules, bool brings_others,
-                const proto::RecordFilter& filter, const HaveSet& destination)
+                const HaveSet* marked, const proto::RecordFilter& filter, const HaveSet& destination)
       : database_(database),
         have_(have),
         rules_(rules),
         brings_others_(brings_others),
+        marked_(marked),
         filter_(filter),
         destination_(destination) {}
 
@@ -81,7 +82,10 @@ class MissingFinder {
 
   // What is meant for the destination and is not there.
   Result<IntervalSet> Lacking(const StreamKey& stream) {
-    const IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
+    IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
+    if (marked_ != nullptr && !rules_.MayBeDropped(stream.type)) {
+      lacking = lacking.Minus(lacking.Minus(marked_->Get(stream).held));
+    }
     if (lacking.is_empty() || !IsNewestOnly(stream)) return lacking;
     const std::pair<AgentId, DataType> series(stream.origin, stream.type);
     auto found = newest_.find(series);
@@ -154,6 +158,7 @@ class MissingFinder {
   const HaveSet& have_;
   const SharingRules& rules_;
   const bool brings_others_;
+  const HaveSet* const marked_;
   const proto::RecordFilter& filter_;
   const HaveSet& destination_;
   std::map<std::pair<AgentId, DataType>, std::map<std::uint64_t, IntervalSet>> newest_;  // By origin and type, epoch.
@@ -168,12 +173,13 @@ std::uint32_t Limit(std::uint32_t asked, std::uint32_t standard, std::uint32_t m
 }  // namespace
 
 Result<proto::MissingReply> FindMissing(Database& database, const HaveSet& have, const SharingRules& rules,
-                                        bool brings_others, const proto::MissingRequest& request) {
+                                        bool brings_others, const HaveSet* marked,
+                                        const proto::MissingRequest& request) {
   const Result<HaveSet> destination = FromProto(request.destination_have());
   if (!destination) return tl::unexpected(destination.error());
   const std::uint32_t bytes_max = Limit(request.content_bytes_max(), kMissingBytesDefault, kMissingBytesMax);
   const std::uint32_t records_max = Limit(request.records_max(), kMissingRecordsDefault, kMissingRecordsMax);
-  MissingFinder finder(database, have, rules, brings_others, request.filter(), *destination);
+  MissingFinder finder(database, have, rules, brings_others, marked, request.filter(), *destination);
   proto::MissingReply reply;
   if (const Result<void> added = finder.AddRecords(bytes_max, records_max, reply); !added) {
     return tl::unexpected(added.error());

@@ -959,7 +959,14 @@ Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest&
   // before the first record of a later epoch comes home.
   const Result<void> learnt = LearnOwnEpochs(request.destination(), request.destination_have(), /*is_all=*/false);
   if (!learnt && learnt.error().code == ErrorCode::kCorrupt) return tl::unexpected(learnt.error());
-  return FindMissing(*database_, ledger_.have(), rules_, door_.IsBelieved(options_.self), request);
+  return FindMissing(*database_, ledger_.have(), rules_, door_.IsBelieved(options_.self), MarkedBy(request), request);
+}
+
+const HaveSet* RecordStore::MarkedBy(const proto::MissingRequest& request) {
+  if (request.mark() == 0) return nullptr;
+  Mark& mark = marks_[{request.destination(), request.kind()}];
+  if (mark.number != request.mark()) mark = {request.mark(), ledger_.have()};
+  return &mark.have;
 }
 
 Result<proto::ReadReply> RecordStore::Read(const proto::ReadRequest& request) {

@@ -190,6 +190,12 @@ class RecordStore {
  private:
   class Writing;  // One transaction with its drafts.
 
+  // What was held when an order to a destination was taken up (MissingRequest.mark).
+  struct Mark {
+    std::uint64_t number = 0;
+    HaveSet have;
+  };
+
   RecordStore(Options options, std::unique_ptr<Database> database)
       : options_(std::move(options)),
         rules_{options_.self, options_.policies, options_.custom_types, options_.for_ground},
@@ -236,6 +242,8 @@ class RecordStore {
     const proto::StoredRecord* stored;
   };
   std::vector<Opened> OpenBrought(const proto::StoreRequest& request, Stored& result);
+  // Null where the request has no mark. Sets it where the number is new.
+  const HaveSet* MarkedBy(const proto::MissingRequest& request);
   // As HaveRequest.is_for_peer has it.
   StreamHave ForPeer(DataType type, const StreamHave& have) const;
   Result<void> StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped, Stored& result);
@@ -257,6 +265,7 @@ class RecordStore {
   const SharingRules rules_;
   std::unique_ptr<Database> database_;
   HaveLedger ledger_;
+  std::map<std::pair<AgentId, proto::SharingKind>, Mark> marks_;  // By destination and kind.
   History history_;
   PeerLog peer_log_;
   PeerDoor door_;

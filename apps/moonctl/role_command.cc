@@ -1,3 +1,5 @@
+#include <algorithm>
+#include <chrono>
 #include <functional>
 #include <set>
 
@@ -7,12 +9,15 @@
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/health.h"
-#include "apps/moonctl/role_change.h"
+#include "client/orders.h"
+#include "model/command_from.h"
 #include "model/did_you_mean.h"
 #include "model/term.h"
 
 namespace moondb {
 namespace {
+
+constexpr std::chrono::seconds kLimit(10);
 
 // What `role set` and `role swap` were given.
 struct RoleArguments {
@@ -123,12 +128,38 @@ Result<proto::RoleAssignment> StandingRoles(CommandContext& context) {
   return held->roles();
 }
 
-std::string JsonOf(const RoleChange::Done& done) {
+// -a; else the first that answers of: those that may change the roles, the others. Of each the agent that is to lead
+// comes first, then the leader and the survivor.
+Result<AgentClient> ConnectToChange(CommandContext& context, const proto::RoleAssignment& standing,
+                                    AgentId new_leader) {
+  if (!context.agent.empty()) return context.Connect(context.agent);
+  const proto::TeamConfig& team = (*context.Team())->config;
+  const auto leader = static_cast<AgentId>(standing.leader());
+  const auto survivor = static_cast<AgentId>(standing.survivor());
+  std::vector<AgentId> agents{new_leader, leader, survivor};
+  for (const proto::AgentConfig& agent : team.agents()) agents.push_back(agent.id());
+  std::stable_partition(agents.begin(), agents.end(),
+                        [&](AgentId agent) { return agent == leader || agent == survivor || MayCommand(team, agent); });
+  std::set<AgentId> asked{0};
+  for (const AgentId agent : agents) {
+    if (!asked.insert(agent).second) continue;
+    if (auto connected = context.Connect(AgentName(team, agent))) return connected;
+  }
+  return Fail(ErrorCode::kUnavailable, "no agent of team " + team.team() + " answers");
+}
+
+std::vector<std::string> NotConfirmed(const proto::TeamConfig& team, const proto::RoleShowReply& shown) {
+  std::vector<std::string> names;
+  for (const AgentId agent : shown.not_confirmed_by()) names.push_back(AgentName(team, agent));
+  return names;
+}
+
+std::string JsonOf(const proto::TeamConfig& team, const proto::RoleShowReply& shown) {
   JsonWriter json;
-  json.BeginObject().Key("roles").Raw(ToJson(done.shown.roles())).Key("confirmed_by").BeginArray();
-  for (const AgentId agent : done.shown.confirmed_by()) json.Number(agent);
+  json.BeginObject().Key("roles").Raw(ToJson(shown.roles())).Key("confirmed_by").BeginArray();
+  for (const AgentId agent : shown.confirmed_by()) json.Number(agent);
   json.EndArray().Key("not_confirmed").BeginArray();
-  for (const std::string& name : done.not_confirmed) json.String(name);
+  for (const std::string& name : NotConfirmed(team, shown)) json.String(name);
   json.EndArray().EndObject();
   return json.text();
 }
@@ -149,17 +180,21 @@ ExitCode ChangeRoles(CommandContext& context, const ParseWords& parse, const Rol
   if (!request) return context.Report(request.error());
   request->set_is_dry_run(arguments.is_dry_run);
   request->set_reason(arguments.reason);
-  const auto done = RoleChange(context, *standing).Make(*std::move(request), !arguments.is_at_once);
-  if (!done) return context.Report(done.error());
+  const auto connected = ConnectToChange(context, *standing, static_cast<AgentId>(request->leader()));
+  if (!connected) return context.Report(connected.error());
+  const auto shown = ChangeRolesUntilDone(*connected->client, *std::move(request), *standing,
+                                          context.has_timeout() ? context.WaitTimeout() : kLimit,
+                                          /*is_waiting=*/!arguments.is_at_once);
+  if (!shown) return context.Report(shown.error());
 
-  const proto::RoleAssignment& roles = done->shown.roles();
+  const proto::RoleAssignment& roles = shown->roles();
   std::string text = arguments.is_dry_run ? "would be: " : "";
   text += "term " + IssuedTermText(team, roles.term()) + ": leader " + AgentName(team, roles.leader()) + ", survivor " +
           AgentName(team, roles.survivor());
   std::string missing;
-  for (const std::string& name : done->not_confirmed) missing += (missing.empty() ? "" : " and ") + name;
+  for (const std::string& name : NotConfirmed(team, *shown)) missing += (missing.empty() ? "" : " and ") + name;
   if (!missing.empty()) text += "; not confirmed yet by " + missing + ", which will hear of it when reached";
-  return context.Print(missing.empty() ? ExitCode::kDone : ExitCode::kUnreachable, JsonOf(*done), text);
+  return context.Print(missing.empty() ? ExitCode::kDone : ExitCode::kUnreachable, JsonOf(team, *shown), text);
 }
 
 }  // namespace

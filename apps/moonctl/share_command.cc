@@ -1,21 +1,23 @@
 #include <algorithm>
 #include <cmath>
-#include <functional>
+#include <optional>
 #include <set>
-#include <thread>
 
 #include "apps/common/json_writer.h"
+#include "apps/common/progress.h"
 #include "apps/common/proto_json.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
 #include "apps/moonctl/pause_command.h"
 #include "apps/moonctl/share_status.h"
-#include "apps/moonctl/share_wait.h"
+#include "client/orders.h"
 #include "model/term.h"
 
 namespace moondb {
 namespace {
+
+constexpr std::chrono::minutes kLeaseMargin(2);  // For what waited for the end of a lease.
 
 struct ShareArguments {
   std::vector<std::string> from;
@@ -25,29 +27,6 @@ struct ShareArguments {
 
 const char* KindName(proto::SharingKind kind) {
   return kind == proto::SHARING_KIND_REPLICATION ? "replication" : "sync";
-}
-
-// Whether the request means that agent's records.
-std::function<bool(AgentId)> IsAsked(const proto::ShareRequest& request) {
-  return [from = std::set<AgentId>(request.from_agents().begin(), request.from_agents().end())](AgentId agent) {
-    return from.empty() || from.contains(agent);
-  };
-}
-
-// Which sessions a request at `target` starts (proto/sharing.proto): at the leader, from those asked and then from
-// itself to all; elsewhere from the agent to the leader.
-std::vector<SharePair> PairsOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId target,
-                               const proto::ShareRequest& request) {
-  if (request.kind() == proto::SHARING_KIND_REPLICATION) return {{target, roles.survivor(), request.kind()}};
-  if (target != roles.leader()) return {{target, roles.leader(), request.kind()}};
-  std::vector<SharePair> pairs;
-  const auto is_meant = IsAsked(request);
-  for (const proto::AgentConfig& agent : team.agents()) {
-    if (agent.id() == target || agent.left()) continue;
-    if (is_meant(agent.id())) pairs.push_back({agent.id(), target, request.kind()});
-    if (is_meant(target)) pairs.push_back({target, agent.id(), request.kind()});
-  }
-  return pairs;
 }
 
 Result<proto::ShareRequest> MakeRequest(CommandContext& context, proto::SharingKind kind,
@@ -71,180 +50,224 @@ std::string Joined(const std::vector<std::string>& words) {
   return text;
 }
 
-// What came of an order.
-struct Shared {
-  std::string agent;  // The agent that took the order.
-  std::uint32_t session_count = 0;
-  bool is_waited = false;
-  bool is_limited = false;
-  std::vector<std::string> unreachable;
-  std::vector<ShareWait::NotGathered> not_gathered;
-};
-
-// One order of an operator's, given to the agent of -a or to the leader. It names the term whose roles moonctl has
-// read; where that agent acts on another one, or the roles change while moonctl waits, moonctl begins anew.
-class ShareOrder {
- public:
-  ShareOrder(CommandContext& context, proto::ShareRequest request, bool is_waiting)
-      : context_(context), request_(std::move(request)), is_waiting_(is_waiting), limit_(context) {}
-
-  // kRefused where the roles do not come to rest.
-  Result<Shared> Give();
-
- private:
-  struct Target {
-    AgentClient client;
-    proto::RoleAssignment roles;
-  };
-
-  // Nothing: the roles have changed, see changed_.
-  Result<std::optional<Shared>> Try();
-  Result<std::optional<Target>> ChooseTarget();
-  Result<std::uint64_t> Order(Target& target, Shared& shared);
-  std::string TermText(const proto::RoleAssignment& roles) const;
-
-  CommandContext& context_;
-  proto::ShareRequest request_;
-  bool is_waiting_;
-  WaitLimit limit_;
-  std::string changed_;
-};
-
-constexpr char kExpectedTerm[] = "expected_term";  // Field of the refusal.
-// Before each beginning. A new leader stores its term and asks around for up to 2 s before it acts.
-constexpr std::chrono::milliseconds kPauses[] = {std::chrono::milliseconds(100), std::chrono::milliseconds(300),
-                                                 std::chrono::milliseconds(1000), std::chrono::milliseconds(2000),
-                                                 std::chrono::milliseconds(3000)};
-
-Result<Shared> ShareOrder::Give() {
-  auto shared = Try();
-  for (const std::chrono::milliseconds pause : kPauses) {
-    if (!shared || *shared || limit_.is_over()) break;
-    std::this_thread::sleep_for(pause);
-    shared = Try();
-  }
-  if (!shared) return tl::unexpected(shared.error());
-  if (*shared) return **std::move(shared);
-  return Fail(ErrorCode::kRefused, "the roles do not come to rest: " + changed_ + "; see moonctl role show");
+std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term) {
+  return "term " + TermText(term) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
 }
 
-Result<std::optional<Shared>> ShareOrder::Try() {
-  auto target = ChooseTarget();
-  if (!target) return tl::unexpected(target.error());
-  if (!*target) return std::nullopt;
-  Client& client = *(*target)->client.client;
-  const proto::RoleAssignment& roles = (*target)->roles;
-  Shared shared;
-  shared.agent = (*target)->client.agent->name();
-  const auto is_changed = [this](const Error& error) {
-    if (error.field != kExpectedTerm) return false;
-    changed_ = error.text;
-    return true;
-  };
-  *request_.mutable_expected_term() = roles.term();
-  if (!is_waiting_) {
-    const auto ordered = Order(**target, shared);
-    if (!ordered && is_changed(ordered.error())) return std::nullopt;
-    if (!ordered) return tl::unexpected(ordered.error());
-    return shared;
-  }
-  ShareWait::Options options;
-  options.target = (*target)->client.agent->id();
-  options.roles = roles;
-  options.pairs = PairsOf((*context_.Team())->config, roles, options.target, request_);
-  // What a limit ends is not all in any case.
-  if (options.target == roles.leader() && request_.bytes_max() == 0) options.is_gathering_meant = IsAsked(request_);
-  ShareWait wait(context_, std::move(options));
-  const auto is_done = wait.Wait([&] { return Order(**target, shared); }, limit_);
-  if (!is_done && is_changed(is_done.error())) return std::nullopt;
-  if (!is_done) return tl::unexpected(is_done.error());
-  const auto now = client.Roles();
-  const bool is_term_kept = *is_done && now && OrderOf(now->roles().term()) == OrderOf(roles.term());
-  if (!is_term_kept) {
-    if (*is_done && !now) return tl::unexpected(now.error());
-    const proto::RoleAssignment& newer = wait.newer_roles() ? *wait.newer_roles() : now->roles();
-    changed_ = "the order was given in " + TermText(roles) + ", now " + TermText(newer) + " stands";
-    return std::nullopt;
-  }
-  shared.is_waited = true;
-  shared.is_limited = wait.is_any_limited();
-  shared.unreachable = wait.unreachable();
-  for (const ShareWait::NotGathered& from : wait.not_gathered()) shared.not_gathered.push_back(from);
-  return shared;
-}
-
-Result<std::optional<ShareOrder::Target>> ShareOrder::ChooseTarget() {
+// The agent of -a, or the leader as the newest term of all who answer has it.
+Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& request) {
   std::optional<proto::RoleAssignment> newest;
-  if (context_.agent.empty()) {
-    auto roles = context_.Roles();
+  if (context.agent.empty()) {
+    auto roles = context.Roles();
     if (!roles) return tl::unexpected(roles.error());
     newest = *roles;
   }
-  auto client = newest ? context_.ConnectToLeaderOf(*newest) : context_.Connect(context_.agent);
-  if (!client) return tl::unexpected(client.error());
-  auto held = client->client->Roles();
+  auto connected = newest ? context.ConnectToLeaderOf(*newest) : context.Connect(context.agent);
+  if (!connected) return connected;
+  auto held = connected->client->Roles();
   if (!held) return tl::unexpected(held.error());
   if (newest && OrderOf(held->roles().term()) != OrderOf(newest->term())) {
-    changed_ = client->agent->name() + " holds " + TermText(held->roles()) + ", another agent " + TermText(*newest);
-    return std::nullopt;
+    const proto::TeamConfig& team = (*context.Team())->config;
+    return Fail(ErrorCode::kRefused,
+                connected->agent->name() + " holds " + IssuedTermText(team, held->roles().term()) + ", another agent " +
+                    IssuedTermText(team, newest->term()),
+                "expected_term");
   }
-  return Target{*std::move(client), held->roles()};
+  *request.mutable_expected_term() = held->roles().term();
+  return connected;
 }
 
-Result<std::uint64_t> ShareOrder::Order(Target& target, Shared& shared) {
-  auto reply = target.client.client->Share(request_);
-  if (!reply) return tl::unexpected(reply.error());
-  shared.session_count = reply->session_count();
-  return reply->order();
+// --- What came of an order ---
+
+// In a sync, what the leader gathers of an agent is a replication; in a replication, it goes to the leader.
+bool IsGathering(const proto::PairProgress& pair, proto::SharingKind kind, AgentId asked) {
+  return pair.kind() == proto::SHARING_KIND_REPLICATION &&
+         (kind == proto::SHARING_KIND_SYNC || pair.destination() == asked);
 }
 
-std::string ShareOrder::TermText(const proto::RoleAssignment& roles) const {
-  const proto::Term& term = roles.term();
-  return "term " + moondb::TermText(term) +
-         (term.issuer() == 0 ? "" : " by " + AgentName((*context_.Team())->config, term.issuer()));
+// Of a pair: the agent that is not the one that took the order.
+AgentId OtherEnd(const proto::PairProgress& pair, AgentId asked) {
+  return static_cast<AgentId>(pair.sender() == asked ? pair.destination() : pair.sender());
 }
 
-std::string JsonOf(const Shared& shared, proto::SharingKind kind) {
-  JsonWriter json;
-  json.BeginObject().Key("agent").String(shared.agent).Key("kind").String(KindName(kind));
-  json.Key("session_count").Number(shared.session_count);
-  json.Key("is_acknowledged").Bool(shared.is_waited && !shared.is_limited);
-  json.Key("unreachable").BeginArray();
-  for (const std::string& name : shared.unreachable) json.String(name);
-  json.EndArray().Key("not_gathered").BeginArray();
-  for (const ShareWait::NotGathered& from : shared.not_gathered) {
-    json.BeginObject().Key("agent").String(from.agent).Key("why").String(from.why).EndObject();
+// "rover1 to rover2 (408 records left, rover2 drives for 38 s more)".
+std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgress& progress) {
+  std::vector<std::string> pairs;
+  for (const proto::PairProgress& pair : progress.pairs()) {
+    if (pair.is_complete()) continue;
+    std::vector<std::string> details;
+    if (pair.is_missing_known() && pair.missing() > 0) details.push_back(FormatCount(pair.missing()) + " records left");
+    if (!pair.why().empty()) details.push_back(pair.why());
+    pairs.push_back(AgentName(team, pair.sender()) + " to " + AgentName(team, pair.destination()) +
+                    (details.empty() ? "" : " (" + Joined(details) + ")"));
   }
-  json.EndArray().EndObject();
-  return json.text();
+  return Joined(pairs);
 }
 
-std::string TextOf(const Shared& shared, proto::SharingKind kind) {
-  std::string text = std::string(KindName(kind)) + " at " + shared.agent;
-  if (!shared.is_waited) {
-    return text + ": started, see moonctl " + (kind == proto::SHARING_KIND_SYNC ? "sync" : "replicate") + " status";
+// "408 records left, 12.3 kB sent, about 4 s to go, 0 of 6 sessions complete, rover2 drives for 38 s more".
+class ShareProgressLine {
+ public:
+  ShareProgressLine(const proto::TeamConfig& team, proto::SharingKind kind, AgentId asked)
+      : team_(team), kind_(kind), asked_(asked) {}
+
+  void Show(const proto::ShareProgress& progress) {
+    double left = 0;
+    double missing = 0;
+    double coded_bytes = 0;
+    int complete = 0;
+    int sessions = 0;
+    std::string waits_for;
+    for (const proto::PairProgress& pair : progress.pairs()) {
+      const bool is_gathering = IsGathering(pair, kind_, asked_);
+      sessions += is_gathering ? 0 : 1;
+      complete += pair.is_complete() && !is_gathering ? 1 : 0;
+      coded_bytes += pair.coded_bytes();
+      if (pair.is_complete() || pair.is_stopped()) continue;
+      missing += pair.missing();
+      left += pair.missing() + 1;
+      if (waits_for.empty()) waits_for = is_gathering ? "gathers from " + AgentName(team_, pair.sender()) : pair.why();
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (left > most_left_) {
+      most_left_ = left;
+      since_ = now;
+    }
+    const double gone = most_left_ - left;
+    const double passed_s = std::chrono::duration<double>(now - since_).count();
+    const double eta_s = gone > 0 ? passed_s * left / gone : 0;
+    line_.Show(gone, most_left_,
+               FormatCount(missing) + " records left, " + FormatBytes(coded_bytes) + " sent" +
+                   (eta_s >= 1 ? ", about " + FormatSeconds(eta_s) + " to go" : "") + ", " + std::to_string(complete) +
+                   " of " + std::to_string(sessions) + " sessions complete" +
+                   (waits_for.empty() ? "" : ", " + waits_for));
   }
-  text += shared.is_limited ? ": what the limit allows is acknowledged, more is left" : ": everything is acknowledged";
-  if (!shared.unreachable.empty()) text += "; unreachable: " + Joined(shared.unreachable);
-  std::vector<std::string> not_gathered;
-  for (const ShareWait::NotGathered& from : shared.not_gathered) {
-    const auto& named = shared.unreachable;
-    if (std::find(named.begin(), named.end(), from.agent) == named.end()) {
-      not_gathered.push_back(from.agent + " (" + from.why + ")");
+
+ private:
+  const proto::TeamConfig& team_;
+  const proto::SharingKind kind_;
+  const AgentId asked_;
+  Progress line_{"sharing"};
+  double most_left_ = 0;
+  std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
+};
+
+// What `now --wait` prints of an order that is over.
+class SharedReport {
+ public:
+  SharedReport(const proto::TeamConfig& team, proto::SharingKind kind, const proto::AgentConfig& asked,
+               const proto::ShareProgress& progress)
+      : team_(team), kind_(kind), asked_(asked), progress_(progress) {
+    for (const proto::PairProgress& pair : progress.pairs()) {
+      const std::string name = AgentName(team, OtherEnd(pair, asked.id()));
+      const bool is_gathering = IsGathering(pair, kind, asked.id());
+      session_count_ += is_gathering ? 0 : 1;
+      complete_count_ += pair.is_complete() && !is_gathering ? 1 : 0;
+      if (pair.is_complete()) continue;
+      if (is_gathering) {
+        not_gathered_.emplace_back(name, pair.why());
+      } else if (pair.is_out_of_reach()) {
+        unreachable_.insert(name);
+      } else {
+        is_limited_ = is_limited_ || pair.is_limited();
+        is_failed_ = is_failed_ || !pair.is_limited();
+      }
     }
   }
-  if (!not_gathered.empty()) text += "; not there yet is what is held only by " + Joined(not_gathered);
-  return text;
+
+  // Some destination refused, or did not take some of the records.
+  bool is_failed() const { return is_failed_; }
+  ExitCode exit_code() const {
+    return unreachable_.empty() && not_gathered_.empty() ? ExitCode::kDone : ExitCode::kUnreachable;
+  }
+
+  std::string Json() const {
+    JsonWriter json;
+    json.BeginObject().Key("agent").String(asked_.name()).Key("kind").String(KindName(kind_));
+    json.Key("session_count").Number(session_count_);
+    json.Key("is_acknowledged").Bool(!is_failed_ && !is_limited_ && unreachable_.empty());
+    json.Key("unreachable").BeginArray();
+    for (const std::string& name : unreachable_) json.String(name);
+    json.EndArray().Key("not_gathered").BeginArray();
+    for (const auto& [name, why] : not_gathered_) {
+      json.BeginObject().Key("agent").String(name).Key("why").String(why).EndObject();
+    }
+    json.EndArray().Key("progress").Raw(ToJson(progress_)).EndObject();
+    return json.text();
+  }
+
+  std::string Text() const {
+    std::string text = std::string(KindName(kind_)) + " at " + asked_.name() + ": ";
+    const std::string unreachable = Joined({unreachable_.begin(), unreachable_.end()}) + " (out of reach)";
+    if (complete_count_ == 0 && !unreachable_.empty()) return text + "nothing is shared with " + unreachable;
+    text += is_limited_ ? "what the limit allows is acknowledged, more is left" : "everything is acknowledged";
+    if (!unreachable_.empty()) text += ", but nothing is shared with " + unreachable;
+    std::vector<std::string> others;
+    for (const auto& [name, why] : not_gathered_) {
+      if (!unreachable_.contains(name)) others.push_back(name + " (" + why + ")");
+    }
+    if (!others.empty()) text += "; not there yet is what is held only by " + Joined(others);
+    return text;
+  }
+
+ private:
+  const proto::TeamConfig& team_;
+  const proto::SharingKind kind_;
+  const proto::AgentConfig& asked_;
+  const proto::ShareProgress& progress_;
+  int session_count_ = 0;
+  int complete_count_ = 0;
+  bool is_limited_ = false;
+  bool is_failed_ = false;
+  std::set<std::string> unreachable_;
+  std::vector<std::pair<std::string, std::string>> not_gathered_;
+};
+
+ExitCode ReportStarted(CommandContext& context, proto::SharingKind kind, const proto::AgentConfig& asked,
+                       const proto::ShareReply& reply) {
+  JsonWriter json;
+  json.BeginObject().Key("agent").String(asked.name()).Key("kind").String(KindName(kind));
+  json.Key("session_count").Number(reply.session_count()).Key("is_acknowledged").Bool(false);
+  json.Key("unreachable").BeginArray().EndArray().Key("not_gathered").BeginArray().EndArray().EndObject();
+  return context.Done(json.text(), std::string(KindName(kind)) + " at " + asked.name() + ": started, see moonctl " +
+                                       (kind == proto::SHARING_KIND_SYNC ? "sync" : "replicate") + " status");
 }
 
 ExitCode ShareNow(CommandContext& context, proto::SharingKind kind, const ShareArguments& arguments) {
-  auto request = MakeRequest(context, kind, arguments);
+  const auto request = MakeRequest(context, kind, arguments);
   if (!request) return context.Report(request.error());
-  const auto shared = ShareOrder(context, *std::move(request), arguments.is_waiting).Give();
-  if (!shared) return context.Report(shared.error());
-  const bool is_partial = !shared->unreachable.empty() || !shared->not_gathered.empty();
-  return context.Print(is_partial ? ExitCode::kUnreachable : ExitCode::kDone, JsonOf(*shared, kind),
-                       TextOf(*shared, kind));
+  std::optional<AgentClient> asked;
+  const ConnectToShare connect = [&](proto::ShareRequest& given) -> Result<Client*> {
+    auto connected = ConnectToAct(context, given);
+    if (!connected) return tl::unexpected(connected.error());
+    asked = *std::move(connected);
+    return asked->client.get();
+  };
+  if (!arguments.is_waiting) {
+    const auto started = ShareAtOnce(connect, *request);
+    return started ? ReportStarted(context, kind, *asked->agent, *started) : context.Report(started.error());
+  }
+  const proto::TeamConfig& team = (*context.Team())->config;
+  std::optional<ShareProgressLine> line;
+  Client::ShareOptions options;
+  options.limit = context.WaitTimeout();
+  options.lease_margin = context.has_timeout() ? std::chrono::minutes(0) : kLeaseMargin;
+  options.on_progress = [&](const proto::ShareProgress& progress) {
+    if (!line) line.emplace(team, kind, asked->agent->id());
+    line->Show(progress);
+  };
+  const auto progress = ShareUntilDone(connect, *request, options);
+  line.reset();
+  if (!progress) return context.Report(progress.error());
+  const SharedReport report(team, kind, *asked->agent, *progress);
+  if (!progress->is_over()) {
+    return context.Report({ErrorCode::kTimedOut, "not acknowledged in time: " + MissingText(team, *progress), {}});
+  }
+  if (report.is_failed()) {
+    return context.Report({ErrorCode::kUnavailable,
+                           "ended before all was acknowledged: " + MissingText(team, *progress) + "; order it again",
+                           {}});
+  }
+  return context.Print(report.exit_code(), report.Json(), report.Text());
 }
 
 void WriteSession(const proto::TeamConfig& team, const proto::ShareSession& session, JsonWriter& json) {

@@ -33,6 +33,8 @@ const std::vector<RareState>& RareStateKinds() {
         {"feed_in_time", "a client that waits for records is sent them"},
         {"insert_unanswered", "an agent ends while its storage works on an insert"},
         {"relay_lost", "the agent that a client asks through another is lost before it answers"},
+        {"sync_done", "an order to sync is answered as complete"},
+        {"replication_done", "an order to replicate is answered as complete"},
         {"maps_left_out", "maps of an agent find no room in the merged map"},
         {"failover", "a survivor takes the lead by itself"},
     };

@@ -255,6 +255,19 @@ bool Rules::Replaces(const RecordKey& newer, const RecordKey& older) const {
   return a != pose_names_.end() && b != pose_names_.end() && a->second.node == b->second.node;
 }
 
+bool Rules::IsReplacedIn(const HaveSet& have, const RecordKey& key) const {
+  if (!MayBeSuperseded(key.stream.type)) return false;
+  for (const auto& [stream, seqs] : have.streams()) {
+    if (!IsSameSeries(stream, key.stream)) continue;
+    for (const IntervalSet::Interval& interval : seqs.held.intervals()) {
+      for (std::uint64_t seq = interval.last; seq >= interval.first; --seq) {
+        if (Replaces({stream, seq}, key)) return true;
+      }
+    }
+  }
+  return false;
+}
+
 // --- Checks ---
 
 void Rules::CheckHave(AgentId agent, const HaveSet& whole) {

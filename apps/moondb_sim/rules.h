@@ -14,6 +14,8 @@
 //   lost, or
 //                      it was pruned wherever it was
 //   survivor_is_leader at rest the survivor holds what the leader holds, but for what either of them pruned
+//   done_is_true       when an agent answers that an order to share is complete, each destination holds what the sender
+//                      held when the order was given, or newer records of the same keys (DoneWatch)
 //   stores_after_prune an agent that pruned much on a full disk stores records that are no maps again
 //   notes_kept         at rest leader and survivor hold all notes that were inserted while their agent kept all
 //                      of them, unless all disks with one were lost
@@ -113,6 +115,9 @@ class Rules {
   // Whether some agent acted on roles that name `agent`: who does not hold these yet refuses what it brings of others,
   // and takes it once it does.
   bool HasHadRole(AgentId agent) const { return had_role_.contains(agent); }
+
+  // Whether a record of `have` takes the place of that one.
+  bool IsReplacedIn(const HaveSet& have, const RecordKey& key) const;
 
   // What `agent` has now, whole.
   void CheckHave(AgentId agent, const HaveSet& have);

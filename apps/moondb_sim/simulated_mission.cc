@@ -16,6 +16,7 @@
 #include "apps/moondb_sim/byzantine_agent.h"
 #include "apps/moondb_sim/byzantine_watch.h"
 #include "apps/moondb_sim/client_message.h"
+#include "apps/moondb_sim/done_watch.h"
 #include "apps/moondb_sim/failover_watch.h"
 #include "apps/moondb_sim/lease_watch.h"
 #include "apps/moondb_sim/own_inserts.h"
@@ -64,6 +65,7 @@ class Mission {
         lives_(world_, robots_),
         faults_(world_, robots_, lives_),
         clients_(world_),
+        done_(world_),
         byzantine_watch_(world_.byzantine,
                          [this](const std::string& rule, std::string text) { world_.Violate(rule, std::move(text)); }),
         byzantine_(world_, byzantine_watch_),
@@ -72,6 +74,7 @@ class Mission {
     lives_.on_end = [this](AgentId agent) { OnAgentEnded(agent); };
     lives_.on_disk_lost = [this](AgentId agent) {
       clients_.OnDiskLost(agent);
+      done_.OnDiskLost(agent);
       world_.freed_on_full_disk.erase(agent);
     };
     world_.team.SetBaseStation(world_.base);
@@ -112,12 +115,12 @@ class Mission {
       const auto next = world_.schedule.begin();
       if (next->first > EndFrom(end)) break;
       const auto action = std::move(next->second);
-      world_.AdvanceTo(next->first);
+      AdvanceTo(next->first);
       world_.schedule.erase(next);
       action();
     }
     if (world_.report.violations.empty()) {
-      world_.AdvanceTo(EndFrom(end));
+      AdvanceTo(EndFrom(end));
       rest_.Check();
     }
     world_.report.radio_bytes = world_.team.radio_bytes();
@@ -128,6 +131,15 @@ class Mission {
   }
 
  private:
+  // Answers to the operator are checked at the instant at which they come.
+  void AdvanceTo(MonotonicTime time) {
+    while (time > world_.team.now() &&
+           world_.team.RunUntil([this] { return done_.HasAnswers(); }, time - world_.team.now())) {
+      done_.CheckAnswers();
+    }
+    world_.AdvanceTo(time);
+  }
+
   // A leader that solved shortly before the end first brings its survivor what came of it.
   MonotonicTime EndFrom(MonotonicTime end) const {
     return std::min(std::max(end, derived_at_ + 2 * kSharePeriod), end + 10 * kSharePeriod);
@@ -255,6 +267,9 @@ class Mission {
         watches_[{actor.agent, actor.actor, message.hop_sender()}].OnHave(message.have());
         break;
       case proto::Message::kRolesChanged:
+        if (world_.roles[actor.agent].SerializeAsString() != message.roles_changed().roles().SerializeAsString()) {
+          done_.OnRoles(actor.agent);
+        }
         world_.roles[actor.agent] = message.roles_changed().roles();
         SeeRoles(actor.agent, message.roles_changed().roles());
         break;
@@ -378,18 +393,9 @@ class Mission {
   void Operate() {
     world_.In(kSharePeriod, [this] { Operate(); });
     for (const AgentId leader : world_.Leaders()) {
-      Order(leader, proto::SHARING_KIND_SYNC);
-      world_.In(kSharePeriod / 2, [this, leader] { Order(leader, proto::SHARING_KIND_REPLICATION); });
+      done_.Order(leader, proto::SHARING_KIND_SYNC);
+      world_.In(kSharePeriod / 2, [this, leader] { done_.Order(leader, proto::SHARING_KIND_REPLICATION); });
     }
-  }
-
-  void Order(AgentId leader, proto::SharingKind kind) {
-    proto::Message message;
-    message.mutable_share_request()->set_kind(kind);
-    const bool is_sync = kind == proto::SHARING_KIND_SYNC;
-    (void)world_.team.Post({leader, "operator"}, {leader, is_sync ? actor_name::kSync : actor_name::kReplica},
-                           std::move(message));
-    (void)world_.team.Take({leader, "operator"});
   }
 
   void Inspect() {
@@ -451,7 +457,7 @@ class Mission {
     lives_.Restart(survivor);
     const MonotonicTime start = world_.team.now();
     const std::uint64_t bytes = world_.team.radio_bytes();
-    Order(leader, proto::SHARING_KIND_REPLICATION);
+    done_.Order(leader, proto::SHARING_KIND_REPLICATION);
     while (world_.HaveOf(survivor) != world_.HaveOf(leader) && world_.team.now() - start < std::chrono::hours(24)) {
       world_.team.AdvanceTime(milliseconds(100));
     }
@@ -477,6 +483,7 @@ class Mission {
   AgentLives lives_;
   SimulatedFaults faults_;
   SimulatedClients clients_;
+  DoneWatch done_;
   OwnInserts own_inserts_;
   ByzantineWatch byzantine_watch_;
   std::map<std::pair<AgentId, std::uint64_t>, AgentId> store_senders_;  // By agent and request of its storage.

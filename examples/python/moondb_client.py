@@ -11,15 +11,20 @@ import os
 import pathlib
 import re
 import socket
+import time
 
 import zmq
 import zstandard
 
 import control_pb2
+import error_pb2
 import record_pb2
+import sharing_pb2
 import types_pb2
 
 REQUEST_BYTES_MAX = 32 * 1024 * 1024
+BEYOND_WAIT_S = 30.0  # How much longer than wait_s the answer may take.
+PAUSES_S = (0.1, 0.3, 1.0, 2.0, 3.0)  # Before a request to share is given again.
 
 
 class AgentError(Exception):
@@ -96,6 +101,63 @@ class MoondbClient:
             if not page.row_ids:
                 return
             read["after_row_id"] = page.row_ids[-1]
+
+    def sync(self, limit_s=600.0, on_progress=None, **order):
+        """Shares now, at the leader from and to each agent, else this agent's own records to the leader; gives a
+        ShareProgress (proto/sharing.proto) when all is acknowledged (is_complete), when nothing more can be done now
+        (is_over), or after limit_s. `on_progress` sees each ShareProgress until then. `order`: fields of ShareRequest."""
+        return self._share(sharing_pb2.SHARING_KIND_SYNC, limit_s, on_progress, order)
+
+    def replicate(self, limit_s=600.0, on_progress=None, **order):
+        """As sync: at the leader, all that it holds to the designated survivor."""
+        return self._share(sharing_pb2.SHARING_KIND_REPLICATION, limit_s, on_progress, order)
+
+    def swap_roles(self, limit_s=10.0):
+        """Exchanges leader and survivor; gives a RoleShowReply whose not_confirmed_by names who does not act on it yet.
+        Where no answer comes (TimeoutError), ask for the roles: they may have changed."""
+        return self.set_roles(limit_s, is_swap=True)
+
+    def set_roles(self, limit_s=10.0, **change):
+        """Changes the roles that stand; `change`: fields of RoleSetRequest."""
+        standing = self.call(control_pb2.ControlRequest(role_show={})).roles.roles
+        expected = {"term": standing.term, "leader": standing.leader, "survivor": standing.survivor}
+        request = {"expected": expected, "wait_s": limit_s, **change}
+        return self.call(control_pb2.ControlRequest(role_set=request), limit_s + BEYOND_WAIT_S).roles
+
+    def _share(self, kind, limit_s, on_progress, order):
+        end, was_leading = time.monotonic() + limit_s, False
+        for pause_s in (*PAUSES_S, None):
+            try:
+                status = self.status()
+                is_leading = status.roles.leader == status.agent_id
+                if was_leading and not is_leading:
+                    raise RuntimeError(f"{self._endpoint} leads no longer: ask the leader of now")
+                was_leading = is_leading
+                request = {"kind": kind, **order}
+                if not order.get("destination"):
+                    request["expected_term"] = status.roles.term
+                return self._share_once(request, end, on_progress)
+            except (AgentError, TimeoutError) as error:
+                is_worth_another = (isinstance(error, TimeoutError) or error.field == "expected_term" or
+                                    error.code in (error_pb2.ERROR_CODE_UNAVAILABLE, error_pb2.ERROR_CODE_NOT_FOUND))
+                if not is_worth_another or pause_s is None or time.monotonic() >= end:
+                    raise
+                time.sleep(pause_s)
+
+    def _share_once(self, request, end, on_progress):
+        left_s = max(end - time.monotonic(), 0.001)
+        if on_progress is None:
+            request["wait_s"] = left_s
+            return self.call(control_pb2.ControlRequest(share=request), left_s + BEYOND_WAIT_S).share.progress
+        order = self.call(control_pb2.ControlRequest(share=request)).share.order
+        news = {"kind": request["kind"], "order": order}
+        while True:
+            news["wait_s"] = min(max(end - time.monotonic(), 0.0), 60.0)
+            reply = self.call(control_pb2.ControlRequest(share_progress=news), news["wait_s"] + BEYOND_WAIT_S)
+            on_progress(reply.share_progress)
+            if reply.share_progress.is_over or time.monotonic() >= end:
+                return reply.share_progress
+            news["after_version"] = reply.share_progress.version
 
     def next_node_index(self):
         """One above the highest index of a node of the agent's robot in its store; 0 if there is none. After a lost disk its

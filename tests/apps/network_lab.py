@@ -104,6 +104,7 @@ def remove_left_behind():
 
 class Team:
     def __init__(self, programs, folder, network, agent_program="moondb_agent"):
+        self.environment = None  # Of the agents; None: this program's.
         self.programs, self.folder, self.network = pathlib.Path(programs), folder, network
         self.agent_program = self.programs / agent_program
         self.file = folder / "team.yaml"
@@ -121,7 +122,7 @@ class Team:
             self.agents[agent] = subprocess.Popen(
                 ["ip", "netns", "exec", self.network.spaces[agent], str(self.agent_program), "-t", str(self.file), "-a",
                  NAMES[agent], "--data-dir", str(self.folder / NAMES[agent]), "--merge-backend", "cpu",
-                 *(str(argument) for argument in arguments)], stdout=log, stderr=log)
+                 *(str(argument) for argument in arguments)], stdout=log, stderr=log, env=self.environment)
         self.until(lambda: self.moonctl("-a", NAMES[agent], "status", check=False).returncode == 0,
                    f"{NAMES[agent]} does not start")
 

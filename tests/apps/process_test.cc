@@ -322,7 +322,7 @@ TEST_F(ProcessTest, WaitsForWhatALeaderGathersThatLostItsDisk) {
   ASSERT_TRUE(Until([&] { return Moonctl({"status", "-a", "rover1"}).exit_code == 0; }));
   const Outcome synced = Moonctl({"sync", "now", "--wait"});
   EXPECT_EQ(synced.exit_code, 3) << synced.error;
-  EXPECT_THAT(synced.out, HasSubstr("everything is acknowledged; unreachable: rover3"));
+  EXPECT_THAT(synced.out, HasSubstr("everything is acknowledged, but nothing is shared with rover3 (out of reach)"));
   EXPECT_THAT(KeysHeldBy("rover1"), IsSupersetOf(inserted));
   const auto replicated = MoonctlJson(3, {"replicate", "now", "--wait"}).fields();
   EXPECT_TRUE(replicated.at("is_acknowledged").bool_value());

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs the client in Python against a real team: a program that is not moondb's own speaks its protocol.
+"""Runs the clients in Python and C++ that are examples against a real team, and looks whether docs/SHARING.md shows them.
 
 Usage: python_example_test.py PROGRAMS SOURCE    the folder of moonctl, and the source tree.
 Exit codes: 0 passed, 1 failed, 77 skipped (protoc or Python's packages are missing, or a port is taken; it says which).
@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 
 from snippets_test import SKIPPED, in_own_network, taken_port
 
@@ -19,6 +20,15 @@ SAID = re.compile(r"""rover2 of team moon, moondb [\d.]+
 stored 3 records, the first as (2\.[\da-f]{16}\.1\.1)
 read \1 -40\.5
 merged map of 1: 80 x 80 cells of 0\.05 m, lower left corner at \(3\.00, 0\.00\), 5760 free, 640 hazard
+""")
+
+
+# One robot drives, one is off.
+MISSING = re.compile(r"""not complete
+2 to 1: rover2 drives for \d+ s more
+1 to 2: rover2 drives for \d+ s more
+3 to 1: is out of reach
+1 to 3: is out of reach
 """)
 
 
@@ -51,9 +61,27 @@ def survey(python, programs, source, folder):
         if "stored 3 records" not in again:
             raise RuntimeError(f"a second run printed:\n{again}")
         maps = run(["moonctl", "-a", "rover2", "record", "list", "local_traversability_map"], environment, folder)
-        return out, maps
+        return out, maps, sync_while_not_all_can(python, source, folder, environment)
     finally:
         subprocess.run(["moonctl", "down"], env=environment, capture_output=True, timeout=60)
+
+
+def sync_while_not_all_can(python, source, folder, environment):
+    """What the two programs print that sync, wait and say what is missing."""
+    run(["moonctl", "-a", "rover2", "drive", "on", "--for", "300"], environment, folder)
+    run(["moonctl", "-a", "rover3", "down"], environment, folder)
+    endpoint = next(pathlib.Path(folder, "run").glob("moon-*/rover1.sock"))
+    programs = [[python, str(source / "examples/python/sync.py"), "team/team.yaml", "rover1"],
+                ["sync_example", f"ipc://{endpoint}", "rover1"]]
+    deadline = time.monotonic() + 60
+    while "out of reach" not in run(programs[0], environment, folder) and time.monotonic() < deadline:
+        pass  # The leader has yet to notice.
+    return [run(program, environment, folder) for program in programs]
+
+
+def shows_examples(source):
+    shown = (source / "docs/SHARING.md").read_text()
+    return all((source / file).read_text() in shown for file in ("examples/python/sync.py", "examples/sync/sync.cc"))
 
 
 def main():
@@ -69,9 +97,16 @@ def main():
         print(f"skipped: port {taken_port()} is taken")
         return SKIPPED
     with tempfile.TemporaryDirectory(prefix="moondb-py-") as folder:
-        out, maps = survey(python, pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve(), folder)
+        out, maps, missing = survey(python, pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2]).resolve(), folder)
     if not SAID.fullmatch(out) or "rover2" not in maps:
         print(f"failed: it printed\n{out}{maps}")
+        return 1
+    for text in missing:
+        if not MISSING.fullmatch(text):
+            print(f"failed: a program that syncs printed\n{text}")
+            return 1
+    if not shows_examples(pathlib.Path(sys.argv[2])):
+        print("failed: docs/SHARING.md does not show examples/python/sync.py and examples/sync/sync.cc as they are")
         return 1
     return 0
 

@@ -14,6 +14,7 @@
 #include <cstring>
 #include <thread>
 
+#include "client/orders.h"
 #include "client/record_feed.h"
 #include "model/team_id.h"
 #include "proto/control.pb.h"
@@ -114,6 +115,154 @@ TEST(ClientTest, RefusesTheAnswerOfAnotherTeamAndNamesItsOwn) {
     EXPECT_EQ(status.error().code, ErrorCode::kRefused);
   }
   EXPECT_TRUE(ConnectTo(agent)->Status().has_value()) << "a client that names no team";
+}
+
+// --- Requests that end when they are done ---
+
+proto::ControlReply ErrorReply(proto::ErrorCode code, const std::string& text, const std::string& field = "") {
+  proto::ControlReply reply;
+  reply.mutable_error()->set_code(code);
+  reply.mutable_error()->set_text(text);
+  reply.mutable_error()->set_field(field);
+  return reply;
+}
+
+// An agent that leads, whose order takes `steps` answers with news.
+class SharingAgent {
+ public:
+  explicit SharingAgent(int steps) : steps_(steps) {}
+
+  std::vector<std::string> Answer(const proto::ClientMessage& message) {
+    const proto::ControlRequest& request = message.control_request();
+    proto::ControlReply reply;
+    if (request.has_status()) {
+      reply.mutable_status()->set_agent_id(1);
+      reply.mutable_status()->mutable_roles()->set_leader(leader);
+    } else if (request.has_share()) {
+      ++orders;
+      last_wait_s = request.share().wait_s();
+      if (errors > 0) {
+        --errors;
+        return {Frame(message, ErrorReply(proto::ERROR_CODE_REFUSED, "leadership moved", "expected_term"))};
+      }
+      reply.mutable_share()->set_order(5);
+      if (last_wait_s > 0) reply.mutable_share()->mutable_progress()->set_is_complete(true);
+    } else if (request.has_share_progress()) {
+      proto::ShareProgress& progress = *reply.mutable_share_progress();
+      progress.set_order(request.share_progress().order());
+      progress.set_version(request.share_progress().after_version() + 1);
+      progress.set_is_over(progress.version() >= static_cast<std::uint64_t>(steps_));
+      progress.set_is_complete(progress.is_over());
+    }
+    return {Frame(message, reply)};
+  }
+
+  AgentId leader = 1;
+  int orders = 0;
+  int errors = 0;
+  double last_wait_s = 0;
+
+ private:
+  const int steps_;
+};
+
+TEST(OrdersTest, WaitsInOneCallWhereNobodyLooksOn) {
+  SharingAgent sharing(3);
+  FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
+  auto client = ConnectTo(agent);
+  const auto progress = client->Sync({.limit = std::chrono::seconds(40)});
+  ASSERT_TRUE(progress) << ToString(progress.error());
+  EXPECT_TRUE(progress->is_complete());
+  EXPECT_EQ(sharing.orders, 1);
+  EXPECT_NEAR(sharing.last_wait_s, 40, 5);
+}
+
+TEST(OrdersTest, ShowsEachNews) {
+  SharingAgent sharing(3);
+  FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
+  auto client = ConnectTo(agent);
+  std::vector<std::uint64_t> versions;
+  const auto progress =
+      client->Replicate({.on_progress = [&](const proto::ShareProgress& news) { versions.push_back(news.version()); }});
+  ASSERT_TRUE(progress) << ToString(progress.error());
+  EXPECT_TRUE(progress->is_complete());
+  EXPECT_THAT(versions, testing::ElementsAre(1, 2, 3));
+}
+
+TEST(OrdersTest, IsGivenAgainWhereTheRolesChanged) {
+  SharingAgent sharing(1);
+  sharing.errors = 2;
+  FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
+  auto client = ConnectTo(agent);
+  const auto progress = client->Sync({});
+  ASSERT_TRUE(progress) << ToString(progress.error());
+  EXPECT_EQ(sharing.orders, 3);
+}
+
+TEST(OrdersTest, IsNotGivenAgainForEver) {
+  SharingAgent sharing(1);
+  sharing.errors = 100;
+  FakeAgent agent([&](const proto::ClientMessage& message) { return sharing.Answer(message); });
+  auto client = ConnectTo(agent);
+  const auto progress = client->Sync({});
+  ASSERT_FALSE(progress);
+  EXPECT_EQ(progress.error().field, "expected_term");
+  EXPECT_EQ(sharing.orders, 6);
+}
+
+// It would collect from nobody, and share its own records alone.
+TEST(OrdersTest, ADeposedLeaderIsNotAskedAgain) {
+  SharingAgent sharing(1);
+  FakeAgent agent([&](const proto::ClientMessage& message) {
+    const auto answer = sharing.Answer(message);
+    if (message.control_request().has_share()) sharing.leader = 2;
+    return answer;
+  });
+  sharing.errors = 1;
+  auto client = ConnectTo(agent);
+  const auto progress = client->Sync({});
+  ASSERT_FALSE(progress);
+  EXPECT_THAT(progress.error().text, HasSubstr("leads no longer"));
+  EXPECT_EQ(sharing.orders, 1);
+}
+
+TEST(OrdersTest, AChangeOfRolesWhoseAnswerIsLostIsDoneOnce) {
+  proto::RoleAssignment roles;
+  roles.set_leader(1);
+  roles.set_survivor(2);
+  roles.mutable_term()->set_number(1);
+  int sets = 0;
+  FakeAgent agent([&](const proto::ClientMessage& message) -> std::vector<std::string> {
+    const proto::ControlRequest& request = message.control_request();
+    proto::ControlReply reply;
+    if (request.has_role_set()) {
+      if (++sets == 1) {  // Done, and not answered.
+        roles.set_leader(2);
+        roles.set_survivor(1);
+        roles.mutable_term()->set_number(2);
+        roles.mutable_term()->set_issuer(2);
+        return {};
+      }
+      return {Frame(message, ErrorReply(proto::ERROR_CODE_REFUSED, "another stands", "expected"))};
+    }
+    *reply.mutable_roles()->mutable_roles() = roles;
+    reply.mutable_roles()->add_confirmed_by(1);
+    reply.mutable_roles()->add_confirmed_by(2);
+    return {Frame(message, reply)};
+  });
+  Client::Options options;
+  options.timeout = milliseconds(100);
+  auto client = ConnectTo(agent, options);
+  // A request with a limit waits 30 s beyond it for the answer: this one has none.
+  proto::RoleSetRequest swap;
+  swap.set_is_swap(true);
+  const auto standing = client->Roles();
+  ASSERT_TRUE(standing);
+  const auto shown =
+      ChangeRolesUntilDone(*client, swap, standing->roles(), std::chrono::seconds(5), /*is_waiting=*/false);
+  ASSERT_TRUE(shown) << ToString(shown.error());
+  EXPECT_EQ(shown->roles().leader(), 2u);
+  EXPECT_EQ(roles.leader(), 2u) << "it was not undone";
 }
 
 // Rows 1 to 5, of which two are a page; a wait for more ends with nothing.

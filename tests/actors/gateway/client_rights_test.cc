@@ -11,7 +11,7 @@ namespace {
 // By hand, so that a new request is placed on purpose: one that stands in none of these needs the right `command`.
 const std::set<std::string> kView = {"status",  "read",      "role_show", "share_status", "graph_stats",
                                      "trace",   "have",      "verify",    "fingerprint",  "merge",
-                                     "map_why", "map_stats", "map_tiles", "read_bundle"};
+                                     "map_why", "map_stats", "map_tiles", "read_bundle",  "share_progress"};
 const std::set<std::string> kShare = {"insert", "share", "lease", "optimize", "custom"};
 const std::set<std::string> kCommand = {"role_set", "stop", "prune", "downlink", "acknowledge"};
 

@@ -45,7 +45,7 @@ class GatewayActorTest : public testing::Test {
     options.pid = 77;
     options.merge_backend = [] { return "cpu"; };
     options.pending_max = 4;
-    options.feeds_max = 2;
+    options.waits_max = 2;
     options.own_actors = {"soil"};
     options.relay_bytes_max = relay_bytes_max;
     team_.Spawn(agent, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
@@ -437,6 +437,58 @@ TEST_F(GatewayActorTest, OfManyCommandsOfAKindWritesDownSomeAndHowManyMore) {
   EXPECT_TRUE(texts().empty());
 }
 
+proto::ControlRequest SyncAndWait(double wait_s) {
+  proto::ControlRequest request;
+  request.mutable_share()->set_kind(proto::SHARING_KIND_SYNC);
+  request.mutable_share()->set_wait_s(wait_s);
+  return request;
+}
+
+TEST_F(GatewayActorTest, WaitsForTheEndOfAnOrderAsLongAsItIsAskedTo) {
+  Request(SyncAndWait(3600));
+  const proto::Message asked = Asked(actor_name::kSync);
+  EXPECT_EQ(asked.share_request().wait_s(), 3600);
+  team_.AdvanceTime(seconds(3599));
+  EXPECT_TRUE(Answers().empty());
+  proto::Message done;
+  done.mutable_share_reply()->mutable_progress()->set_is_complete(true);
+  AnswerAs(actor_name::kSync, asked, done);
+  EXPECT_TRUE(OnlyAnswer().share().progress().is_complete());
+}
+
+TEST_F(GatewayActorTest, SaysThatNobodyWaitsAnyMoreWhereTheActorBeganAnew) {
+  class SilentActor final : public Actor {
+    void OnMessage(Context&, const proto::Message&) override {}
+  };
+  team_.Spawn(1, actor_name::kSync, [] { return std::make_unique<SilentActor>(); });
+  team_.RunUntilIdle();
+  Request(SyncAndWait(3600));
+  EXPECT_TRUE(Answers().empty());
+  team_.CrashActor({1, actor_name::kSync});
+  team_.RunUntilIdle();
+  const proto::ControlReply reply = OnlyAnswer();
+  EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_UNAVAILABLE);
+  EXPECT_EQ(reply.error().text(), "sync began anew before it answered; ask again");
+}
+
+TEST_F(GatewayActorTest, AsksTheActorOfTheOrdersKindForNews) {
+  for (const auto& [kind, actor] : {std::pair(proto::SHARING_KIND_SYNC, actor_name::kSync),
+                                    std::pair(proto::SHARING_KIND_REPLICATION, actor_name::kReplica)}) {
+    proto::ControlRequest request;
+    request.mutable_share_progress()->set_kind(kind);
+    request.mutable_share_progress()->set_order(5);
+    request.mutable_share_progress()->set_is_relayed(true);
+    Request(request);
+    const proto::Message asked = Asked(actor);
+    EXPECT_EQ(asked.share_progress_request().order(), 5u);
+    EXPECT_FALSE(asked.share_progress_request().is_relayed()) << "a client of this agent's own does not say so";
+    proto::Message news;
+    news.mutable_share_progress()->set_version(3);
+    AnswerAs(actor, asked, news);
+    EXPECT_EQ(OnlyAnswer().share_progress().version(), 3u);
+  }
+}
+
 // Reads that wait for something to be stored.
 class FeedTest : public GatewayActorTest {
  protected:
@@ -557,7 +609,7 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   options.self = 2;
   options.team = team_config_;
   options.pending_of_client_max = 2;
-  options.feeds_of_client_max = 1;
+  options.waits_of_client_max = 1;
   options.relays_of_client_max = 1;
   const Address gateway{2, actor_name::kGateway};
   team_.Spawn(2, actor_name::kGateway, [options] { return std::make_unique<GatewayActor>(options); });
@@ -571,7 +623,7 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
     return answers.empty() ? "" : ReplyIn(answers.front()).error().text();
   };
   EXPECT_EQ(ask("k1", "anna", Feed(30)), "");
-  EXPECT_THAT(ask("k2", "anna", Feed(30)), testing::HasSubstr("too many reads of this client"));
+  EXPECT_THAT(ask("k2", "anna", Feed(30)), testing::HasSubstr("too many requests of this client wait for something"));
   EXPECT_EQ(ask("k2", "anna", Optimize()), "");
   EXPECT_THAT(ask("k3", "anna", Optimize()), testing::HasSubstr("too many requests of this client"));
   EXPECT_EQ(ask("k4", "bob", Feed(30)), "");

@@ -192,6 +192,82 @@ TEST_F(RoleActorTest, ARepeatedSwapIsNotUndone) {
   EXPECT_EQ(Show(3).roles().leader(), 2u);
 }
 
+// A swap whose answer comes when it is acted on.
+class RoleWaitTest : public RoleActorTest {
+ protected:
+  void SwapAndWait(AgentId at, double wait_s) {
+    proto::RoleSetRequest request;
+    request.set_is_swap(true);
+    request.set_wait_s(wait_s);
+    Set(at, request);
+  }
+};
+
+TEST_F(RoleWaitTest, AnswersWhenLeaderAndSurvivorAct) {
+  StartAndSettle();
+  team_.radio().latency = milliseconds(100);
+  SwapAndWait(1, 30);
+  EXPECT_FALSE(Answer(1).has_role_show_reply()) << "agent 2 has not heard of it";
+  ASSERT_TRUE(team_.RunUntil([&] { return Told(2).size() > 0; }, seconds(10)));
+  const auto answer = team_.Expect({1, actor_name::kGateway}, proto::Message::kRoleShowReply, seconds(10));
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->request_id(), 42u);
+  const proto::RoleShowReply& shown = answer->role_show_reply();
+  EXPECT_EQ(shown.roles().leader(), 2u);
+  EXPECT_EQ(shown.roles().term().issuer(), 2u) << "the leader acts in a term of its own";
+  EXPECT_TRUE(shown.not_confirmed_by().empty());
+}
+
+TEST_F(RoleWaitTest, NamesWhoHasNotConfirmedWithinTheLimit) {
+  StartAndSettle();
+  team_.SetLink(1, 2, false);
+  team_.SetLink(3, 2, false);
+  team_.SetLink(4, 2, false);
+  SwapAndWait(1, 30);
+  team_.AdvanceTime(seconds(29));
+  EXPECT_FALSE(Answer(1).has_role_show_reply());
+  team_.AdvanceTime(seconds(2));
+  const proto::RoleShowReply shown = Answer(1).role_show_reply();
+  EXPECT_EQ(shown.roles().leader(), 2u);
+  EXPECT_THAT(shown.not_confirmed_by(), testing::ElementsAre(2));
+}
+
+TEST_F(RoleWaitTest, IsRefusedWhereAnotherChangeComesFirst) {
+  StartAndSettle();
+  team_.SetLink(1, 2, false);
+  team_.SetLink(3, 2, false);
+  team_.SetLink(4, 2, false);
+  SwapAndWait(1, 30);
+  proto::RoleSetRequest other;
+  other.set_leader(3);
+  other.set_survivor(1);
+  Set(1, other);
+  std::vector<Error> errors;
+  for (const proto::Message& message : team_.Take({1, actor_name::kGateway})) {
+    const Result<void> answered = CheckControlReply(message);
+    if (message.has_control_reply() && !answered) errors.push_back(answered.error());
+  }
+  ASSERT_EQ(errors.size(), 1u);
+  EXPECT_EQ(errors[0].code, ErrorCode::kRefused);
+  EXPECT_EQ(errors[0].text, "another change came after this one: leader agent3, survivor agent1");
+}
+
+TEST_F(RoleWaitTest, TooManyThatWaitAreRefused) {
+  StartAndSettle();
+  for (const AgentId other : {1, 3, 4}) team_.SetLink(other, 2, false);
+  for (int i = 0; i < 16; ++i) {
+    proto::RoleSetRequest request;
+    request.set_leader(2);
+    request.set_survivor(3);
+    request.set_reason("again " + std::to_string(i));
+    request.set_wait_s(600);
+    Set(1, request);
+  }
+  (void)team_.Take({1, actor_name::kGateway});
+  SwapAndWait(1, 600);
+  EXPECT_EQ(Refusal(1).code, ErrorCode::kFull);
+}
+
 TEST_F(RoleActorTest, AnswersWithTheErrorOfARefusedChange) {
   StartAndSettle();
   proto::RoleSetRequest request;

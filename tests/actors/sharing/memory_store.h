@@ -49,7 +49,9 @@ class MemoryStore {
     return reply;
   }
 
-  proto::MissingReply Missing(const proto::MissingRequest& request) const {
+  proto::MissingReply Missing(const proto::MissingRequest& request) {
+    Mark& mark = marks_[{request.destination(), request.kind()}];
+    if (mark.number != request.mark()) mark = {request.mark(), have_};
     const HaveSet theirs = *FromProto(request.destination_have());
     proto::MissingReply reply;
     std::size_t bytes = 0;
@@ -59,6 +61,7 @@ class MemoryStore {
       if (!IsWanted(request.filter(), key.stream) || had.held.Contains(key.seq) || had.dropped.Contains(key.seq)) {
         continue;
       }
+      if (request.mark() != 0 && !mark.have.Get(key.stream).held.Contains(key.seq)) continue;
       is_full = is_full || (reply.records_size() > 0 && (bytes + content.size() > request.content_bytes_max() ||
                                                          reply.records_size() >= int(request.records_max())));
       if (is_full) {
@@ -110,6 +113,12 @@ class MemoryStore {
   const HaveSet& have() const { return have_; }
 
  private:
+  // What was held when an order to a destination was taken up (MissingRequest.mark).
+  struct Mark {
+    std::uint64_t number = 0;
+    HaveSet have;
+  };
+
   static bool IsWanted(const proto::RecordFilter& filter, const StreamKey& stream) {
     const auto holds = [](const auto& list, std::uint32_t value) {
       return list.empty() || std::find(list.begin(), list.end(), value) != list.end();
@@ -128,6 +137,7 @@ class MemoryStore {
 
   std::map<RecordKey, std::string> records_;
   HaveSet have_;
+  std::map<std::pair<AgentId, proto::SharingKind>, Mark> marks_;
   DataType rejected_type_ = 0;
 };
 

@@ -7,6 +7,8 @@ namespace {
 
 using std::chrono::seconds;
 
+constexpr std::uint64_t kOrder = 41;
+
 class PeerOrdersTest : public testing::Test {
  protected:
   static PeerOrders::Options Options() { return {1, proto::SHARING_KIND_SYNC, seconds(5), seconds(20)}; }
@@ -33,11 +35,31 @@ TEST_F(PeerOrdersTest, AsksUntilThePeerAnswersWithAGrowingDelay) {
   EXPECT_EQ(first[0].message.share_request().destination(), 1u);
   EXPECT_EQ(first[0].message.share_request().kind(), proto::SHARING_KIND_SYNC);
   for (const int delay : {5, 10, 20, 20}) EXPECT_EQ(NextAfter(delay).size(), 1u);
-  EXPECT_FALSE(orders_.TakeAnswer(2, 40)) << "to an earlier order";
-  EXPECT_FALSE(orders_.TakeAnswer(3, 41)) << "of another peer";
-  EXPECT_TRUE(orders_.TakeAnswer(2, 41));
-  EXPECT_FALSE(orders_.TakeAnswer(2, 41));
+  EXPECT_FALSE(orders_.TakeAnswer(2, 40, /*is_taken=*/true)) << "to an earlier order";
+  EXPECT_FALSE(orders_.TakeAnswer(3, 41, /*is_taken=*/true)) << "of another peer";
+  EXPECT_TRUE(orders_.TakeAnswer(2, 41, /*is_taken=*/true));
+  EXPECT_FALSE(orders_.TakeAnswer(2, 41, /*is_taken=*/true));
   EXPECT_FALSE(orders_.deadline());
+}
+
+// Its process may be another one, which knows nothing of the order.
+TEST_F(PeerOrdersTest, AsksAgainAPeerThatIsReachedAgainBeforeItToldTheEnd) {
+  orders_.Give(2, kOrder, 0, now_);
+  ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/true));
+  EXPECT_EQ(orders_.OnConnected(2, now_).size(), 1u);
+  EXPECT_EQ(NextAfter(5).size(), 1u) << "until it answers";
+  ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/true));
+  orders_.TakeEnd(2, kOrder - 1);
+  EXPECT_EQ(orders_.OnConnected(2, now_).size(), 1u) << "an earlier order ended";
+  ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/true));
+  orders_.TakeEnd(2, kOrder);
+  EXPECT_TRUE(orders_.OnConnected(2, now_).empty());
+}
+
+TEST_F(PeerOrdersTest, ForgetsWhatThePeerRefused) {
+  orders_.Give(2, kOrder, 0, now_);
+  ASSERT_TRUE(orders_.TakeAnswer(2, kOrder, /*is_taken=*/false));
+  EXPECT_TRUE(orders_.OnConnected(2, now_).empty());
 }
 
 TEST_F(PeerOrdersTest, AsksAtOnceWhereThePeerIsReachedAgain) {
@@ -69,8 +91,8 @@ TEST_F(PeerOrdersTest, ALimitDoesNotNarrowAnOrderThatHasNone) {
   EXPECT_EQ(orders_.Give(2, 42, 700, now_)[0].message.share_request().bytes_max(), 700u);
   EXPECT_EQ(orders_.Give(2, 43, 0, now_)[0].message.share_request().bytes_max(), 0u);
   EXPECT_EQ(orders_.Give(2, 44, 500, now_)[0].message.share_request().bytes_max(), 0u);
-  EXPECT_FALSE(orders_.TakeAnswer(2, 43));
-  EXPECT_TRUE(orders_.TakeAnswer(2, 44));
+  EXPECT_FALSE(orders_.TakeAnswer(2, 43, /*is_taken=*/true));
+  EXPECT_TRUE(orders_.TakeAnswer(2, 44, /*is_taken=*/true));
 }
 
 }  // namespace

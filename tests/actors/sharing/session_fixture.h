@@ -185,10 +185,11 @@ class SessionFixture : public testing::Test {
   void UseCodec(proto::Codec codec) {
     SharingSession::Options options = Options();
     options.codec = codec;
-    session_ = SharingSession(options, proto::SHARING_KIND_SYNC, kDestination, 1000);
+    session_ = SharingSession(options, proto::SHARING_KIND_SYNC, kDestination, first_id_ += 1000);
   }
 
-  SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, 1000};
+  std::uint64_t first_id_ = 1000;  // Each session has another one.
+  SharingSession session_{Options(), proto::SHARING_KIND_SYNC, kDestination, first_id_};
   SharingSession::Time now_{};
   std::uint32_t credit_ = 8 * 1024;  // That the destination grants.
   std::uint32_t granted_rate_ = 0;   // Likewise.

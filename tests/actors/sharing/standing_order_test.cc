@@ -338,7 +338,7 @@ TEST_F(StandingOrderTest, UnaskedStatesWaitForAShutWindowWithoutCountingResends)
 }
 
 TEST_F(StandingOrderTest, MeansTheStatesOfItsFilterWhereOnlyTheyPass) {
-  StandingOrder order({proto::POWER, proto::MODE});
+  StandingOrder order({proto::POWER, proto::MODE}, /*first_mark=*/1);
   proto::RecordFilter filter;
   filter.add_origin_agents(kSelf);
   filter.add_data_types(proto::POWER);
@@ -367,7 +367,7 @@ TEST_F(StandingOrderTest, MeansTheStatesOfItsFilterWhereOnlyTheyPass) {
 }
 
 TEST_F(StandingOrderTest, NeedsANewStartForStreamsThatTheDestinationWasNotAskedAbout) {
-  StandingOrder order({});
+  StandingOrder order({}, /*first_mark=*/1);
   proto::Hello hello;
   proto::RecordFilter own;
   own.add_origin_agents(kSelf);
@@ -388,7 +388,7 @@ TEST_F(StandingOrderTest, NeedsANewStartForStreamsThatTheDestinationWasNotAskedA
 }
 
 TEST_F(StandingOrderTest, KeepsALimitOnlyWhereTheOpenOrderHadOne) {
-  StandingOrder order({});
+  StandingOrder order({}, /*first_mark=*/1);
   order.Give({}, 1000, {}, /*is_added=*/false);
   order.SpendBytes(400);
   EXPECT_EQ(order.bytes_left(), 600u);

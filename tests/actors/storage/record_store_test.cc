@@ -636,6 +636,46 @@ TEST(RecordStoreTest, SpeaksOfTheStreamsThatAreAskedFor) {
   EXPECT_EQ(store->GetHave(request).have().streams_size(), 2);
 }
 
+// So a session to a destination ends although the robot goes on inserting.
+TEST(RecordStoreTest, WhatCameAfterAMarkIsNotMissing) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, NodeRecord(2, 1));
+  InsertOne(*store, TemperatureRecord(1));
+  proto::MissingRequest request;
+  request.set_destination(1);
+  request.set_kind(proto::SHARING_KIND_SYNC);
+  request.set_mark(5);
+  EXPECT_EQ(store->GetMissing(request)->records_size(), 2);
+  InsertOne(*store, NodeRecord(2, 2));
+  EXPECT_EQ(store->GetMissing(request)->records_size(), 2);
+  proto::MissingRequest other = request;
+  other.set_destination(3);
+  EXPECT_EQ(store->GetMissing(other)->records_size(), 3) << "another destination has a mark of its own";
+  other = request;
+  other.set_kind(proto::SHARING_KIND_REPLICATION);
+  EXPECT_EQ(store->GetMissing(other)->records_size(), 3) << "another kind, too";
+  request.set_mark(6);
+  EXPECT_EQ(store->GetMissing(request)->records_size(), 3);
+  request.set_mark(0);
+  InsertOne(*store, NodeRecord(2, 3));
+  EXPECT_EQ(store->GetMissing(request)->records_size(), 4) << "no mark";
+}
+
+// The state that was marked is gone: without the newer one the destination would have none of that key.
+TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
+  auto store = OpenStore(StoreOptionsOf(2));
+  InsertOne(*store, TemperatureRecord(1));
+  proto::MissingRequest request;
+  request.set_destination(1);
+  request.set_mark(5);
+  ASSERT_EQ(store->GetMissing(request)->records_size(), 1);
+  InsertOne(*store, TemperatureRecord(2));
+  const proto::MissingReply reply = *store->GetMissing(request);
+  ASSERT_EQ(reply.records_size(), 1);
+  EXPECT_EQ(reply.records(0).key().seq(), 2u);
+  EXPECT_EQ(reply.dropped_size(), 1);
+}
+
 TEST(RecordStoreTest, SpeaksInPagesOfWhatItHas) {
   auto store = OpenStore(StoreOptionsOf(2));
   for (std::uint64_t epoch = 1; epoch <= 20; ++epoch) {

@@ -664,6 +664,73 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
   return Hooked(actor_name, {nullptr, std::move(says)});
 }
 
+// Each batch names the order that its destination gave last as ended.
+void TellTheEndTooSoon(SimOptions& options) {
+  using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // By agent and who ordered.
+  const auto orders = std::make_shared<Ends>();
+  Hooks hooks;
+  hooks.hears = [orders](Context& context, proto::Message& message) {
+    const std::uint64_t order = message.share_request().order();
+    if (order != 0) (*orders)[{context.self().agent, context.sender().agent}] = order;
+    return true;
+  };
+  hooks.says = [orders](Context& context, const Address& to, proto::Message& message) {
+    const auto order = orders->find({context.self().agent, to.agent});
+    if (message.has_batch() && order != orders->end()) {
+      message.mutable_batch()->mutable_order_end()->set_order(order->second);
+    }
+    return true;
+  };
+  Hooked(actor_name::kSync, std::move(hooks))(options);
+}
+
+// What is not complete stands in no answer.
+bool LeavePairsOut(Context&, const Address&, proto::Message& message) {
+  if (!message.has_share_reply() || !message.share_reply().has_progress()) return true;
+  proto::ShareProgress& progress = *message.mutable_share_reply()->mutable_progress();
+  auto& pairs = *progress.mutable_pairs();
+  pairs.erase(std::remove_if(pairs.begin(), pairs.end(), [](const auto& pair) { return !pair.is_complete(); }),
+              pairs.end());
+  progress.set_is_complete(true);
+  return true;
+}
+
+// States that came after an order was taken up are not sent with it.
+void KeepNewStatesBack(SimOptions& options) {
+  struct Storage {
+    std::map<std::pair<AgentId, int>, std::uint64_t> marks;  // By destination and kind.
+    std::map<std::pair<AgentId, int>, std::set<RecordKey>> came_after;
+    std::pair<AgentId, int> asked;
+  };
+  const auto storages = std::make_shared<std::map<AgentId, Storage>>();
+  Hooks hooks;
+  hooks.hears = [storages](Context& context, proto::Message& message) {
+    if (!message.has_missing_request() || message.missing_request().mark() == 0) return true;
+    Storage& storage = (*storages)[context.self().agent];
+    storage.asked = {message.missing_request().destination(), message.missing_request().kind()};
+    if (std::exchange(storage.marks[storage.asked], message.missing_request().mark()) !=
+        message.missing_request().mark()) {
+      storage.came_after[storage.asked].clear();
+    }
+    return true;
+  };
+  hooks.says = [storages](Context& context, const Address&, proto::Message& message) {
+    Storage& storage = (*storages)[context.self().agent];
+    for (const proto::RecordKey& key : message.insert_reply().keys()) {
+      if (!IsState(key.data_type())) continue;
+      for (auto& [destination, keys] : storage.came_after) keys.insert(FromProto(key));
+    }
+    if (!message.has_missing_reply()) return true;
+    auto& records = *message.mutable_missing_reply()->mutable_records();
+    const std::set<RecordKey>& after = storage.came_after[storage.asked];
+    records.erase(std::remove_if(records.begin(), records.end(),
+                                 [&](const auto& record) { return after.contains(FromProto(record.key())); }),
+                  records.end());
+    return true;
+  };
+  Hooked(actor_name::kStorage, std::move(hooks))(options);
+}
+
 // An agent that could not store a record for want of room takes none for a while.
 void StoreNothingAfterAFullDisk(SimOptions& options) {
   for (const char* fault : {"full", "failing"}) options.faults_per_hour[fault] = 0;
@@ -1011,6 +1078,34 @@ const std::vector<Mutant>& Mutants() {
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
        /*likely_seed=*/7},
+      {"TellsTheEndTooSoon",
+       "a leader is told that its order has ended before all is acknowledged",
+       {"done_is_true"},
+       10,
+       TellTheEndTooSoon},
+      {"AnswersAfterItLeads",
+       "an agent that leads no longer answers for its old term",
+       {"done_is_true"},
+       20,
+       Hears(kSync,
+             [](Context& context, proto::Message& message) {
+               return !message.has_roles_changed() || message.roles_changed().roles().leader() == context.self().agent;
+             })},
+      {"LeavesPairsOut", "what is not complete stands in no answer", {"done_is_true"}, 10, Says(kSync, LeavePairsOut)},
+      {"AnswersBeforeItHasGathered",
+       "an order is complete though the leader has yet to gather",
+       {"done_is_true"},
+       40,
+       Hears(kSync,
+             [](Context&, proto::Message& message) {
+               if (message.has_gathering()) message.mutable_gathering()->clear_from();
+               return true;
+             })},
+      {"KeepsNewStatesBack",
+       "a state that came after an order was taken up is not sent with it, nor is the one that it replaced",
+       {"done_is_true", "newest_state"},
+       10,
+       KeepNewStatesBack},
       {"DropsBeforeTheSuperseder",
        "a state is dropped before the one that replaces it comes",
        {"newest_state"},

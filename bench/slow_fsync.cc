@@ -1,0 +1,23 @@
+// A library that goes before the system's (LD_PRELOAD): each fsync and fdatasync takes MOONDB_FSYNC_MS milliseconds
+// longer, as on the card of a small computer. For trials of real processes.
+#ifndef _GNU_SOURCE
+#define _GNU_SOURCE
+#endif
+#include <dlfcn.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+namespace {
+
+int Slowly(const char* name, int file) {
+  const char* milliseconds = getenv("MOONDB_FSYNC_MS");
+  if (milliseconds != nullptr) usleep(static_cast<useconds_t>(atoi(milliseconds)) * 1000);
+  return reinterpret_cast<int (*)(int)>(dlsym(RTLD_NEXT, name))(file);
+}
+
+}  // namespace
+
+extern "C" {
+int fsync(int file) { return Slowly("fsync", file); }
+int fdatasync(int file) { return Slowly("fdatasync", file); }
+}
