@@ -10,7 +10,7 @@ Usage: wait_trials.py PROGRAMS SCENARIO [--trials N] [--teams N] [--seed N] [--j
                mid        `role swap` in mid-replication, while a rover is down whose records two others hold
                wipe       the leader's disk is lost; it starts with an empty one
                chase      four clients of one rover insert maps without a pause, each fsync of an agent takes 50 ms longer
-                          (bench/slow_fsync.cc, built beside the programs); `sync now --wait` alone
+                          (bench/slow_fsync.cc); `sync now --wait` alone
                restart    a rover is killed in the middle of `sync now --wait`, and starts again after 0.3 s
     --trials   in all (40); --teams of them side by side (1)
     --json     the trials one by one, and the counts
@@ -44,6 +44,7 @@ SOURCE = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(SOURCE / "tests" / "apps"))
 import network_lab  # noqa: E402
 from network_lab import NAMES, Failure  # noqa: E402
+from python_example_test import MODULES, python_with  # noqa: E402
 
 SKIPPED = 77
 SCENARIOS = ("flap", "flap_slow", "flap_at_once", "mid", "wipe", "chase", "restart")
@@ -150,13 +151,13 @@ class SlowDoor:
         writer.close()
 
 
-def insert_without_pause(team_file, protos):
+def insert_without_pause(team_file, built):
     """Maps of noise, by several clients of the rover, until this process is ended."""
-    sys.path[:0] = [str(protos), str(SOURCE / "examples/python")]
+    sys.path[:0] = [str(built), str(SOURCE / "examples/python")]
     from moondb_client import MoondbClient, endpoint_of, team_of  # pylint: disable=import-outside-toplevel
     from survey import map_at, node_at  # pylint: disable=import-outside-toplevel
     endpoint, team_id = endpoint_of(team_file, NAMES[ROVER]), team_of(team_file)[1]
-    index = MoondbClient(endpoint, team_id).next_node_index()
+    index = 1_000_000 + MoondbClient(endpoint, team_id).next_node_index()  # The mission has lower ones.
     MoondbClient(endpoint, team_id).insert([node_at(ROVER + 1, index, 1.0, 1.0)])
 
     def insert(number):
@@ -265,10 +266,13 @@ class Trials:
 
     def run_chase(self):
         self.feed()
-        with subprocess.Popen([sys.executable, __file__, "-", "chase", "--insert-into", str(self.team.file), "--protos",
-                               str(self.protos)]) as robot:
+        python = python_with(MODULES)
+        with subprocess.Popen([python, __file__, "-", "chase", "--insert-into", str(self.team.file), "--built",
+                               str(self.built)]) as robot:
             try:
                 time.sleep(2)
+                if robot.poll() is not None:
+                    raise Failure("the robot does not insert")
                 before = existing(self.team, [ROVER])
                 sync = self.command("sync", "now", "--wait")
                 missing = lacking(self.team, before, [self.leader])
@@ -362,10 +366,9 @@ def work(options):
         with network_lab.lab(options.programs) as (team, network):
             scenario = options.scenario
             if scenario == "chase":
-                library = options.programs.parent / "bench/libslow_fsync.so"
-                team.environment = dict(os.environ, LD_PRELOAD=str(library.resolve()), MOONDB_FSYNC_MS=str(FSYNC_MS))
+                team.environment = dict(os.environ, LD_PRELOAD=str(options.built / "slow_fsync.so"), MOONDB_FSYNC_MS=str(FSYNC_MS))
             trials = Trials(team, network, scenario, random.Random(options.seed), options.mission)
-            trials.protos = options.protos
+            trials.built = options.built
             for number in range(options.trials):
                 started = time.monotonic()
                 if number % TRIALS_A_LIFE[scenario] == 0:
@@ -407,15 +410,17 @@ def oversee(options):
         minutes = TRIALS_A_LIFE[options.scenario] * SLICE_S[options.scenario] // 60 + 1
         subprocess.run([options.programs / "moondb_mission", "generate", "--seed", "7", "--minutes", str(minutes),
                         "--period-s", "2", "--out", folder / "mission"], check=True, stdout=subprocess.DEVNULL)
-        protos = folder / "protos"
-        protos.mkdir()
+        built = folder / "built"
+        built.mkdir()
         if options.scenario == "chase":
-            subprocess.run(["protoc", f"--python_out={protos}", "-I", SOURCE / "proto",
+            subprocess.run(["protoc", f"--python_out={built}", "-I", SOURCE / "proto",
                             *sorted((SOURCE / "proto").glob("*.proto"))], check=True)
-        return oversee_teams(options, folder / "mission", protos)
+            subprocess.run(["c++", "-shared", "-fPIC", "-o", built / "slow_fsync.so", SOURCE / "bench/slow_fsync.cc", "-ldl"],
+                           check=True)
+        return oversee_teams(options, folder / "mission", built)
 
 
-def oversee_teams(options, mission, protos):
+def oversee_teams(options, mission, built):
     """Teams side by side, each a process of its own: namespaces and sockets go by the process's number."""
     started, results, codes = time.monotonic(), [], []
     lock = threading.Lock()
@@ -424,7 +429,7 @@ def oversee_teams(options, mission, protos):
         share = options.trials // options.teams + (index < options.trials % options.teams)
         seed = options.seed + 1000 * index
         with subprocess.Popen([sys.executable, __file__, str(options.programs), options.scenario, "--worker", "--trials",
-                               str(share), "--seed", str(seed), "--mission", str(mission), "--protos", str(protos)],
+                               str(share), "--seed", str(seed), "--mission", str(mission), "--built", str(built)],
                               stdout=subprocess.PIPE, text=True) as worker:
             for line in worker.stdout:
                 with lock:
@@ -463,14 +468,14 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--json", type=pathlib.Path)
     parser.add_argument("--mission", type=pathlib.Path, help=argparse.SUPPRESS)
-    parser.add_argument("--protos", type=pathlib.Path, help=argparse.SUPPRESS)
+    parser.add_argument("--built", type=pathlib.Path, help=argparse.SUPPRESS)
     parser.add_argument("--insert-into", type=pathlib.Path, help=argparse.SUPPRESS)
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.trials < 1 or not 1 <= options.teams <= options.trials:
         parser.error("expected at least one trial for each team")
     if options.insert_into:
-        return insert_without_pause(options.insert_into, options.protos)
+        return insert_without_pause(options.insert_into, options.built)
     return work(options) if options.worker else oversee(options)
 
 

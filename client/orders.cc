@@ -33,7 +33,7 @@ bool IsWorthAnother(const Error& error) {
 
 // Calls `once` with the agent that acts now, again and again while another attempt may do better.
 template <typename Once>
-auto Repeat(const ConnectToShare& connect, proto::ShareRequest& request, Clock::time_point end, Once once)
+auto Repeat(const ConnectToShare& connect, proto::ShareRequest& request, const Clock::time_point& end, Once once)
     -> decltype(once(std::declval<Client&>())) {
   const auto* pause = std::begin(kPauses);
   while (true) {
@@ -58,7 +58,7 @@ Result<proto::ShareProgress> FollowOrder(Client& client, const proto::ShareReque
     if (!progress) return progress;
     options.on_progress(*progress);
     for (const proto::PairProgress& pair : progress->pairs()) {
-      if (options.lease_margin <= Client::Duration(0) || pair.waits_for_s() <= 0) continue;
+      if (options.lease_margin <= Client::Duration(0) || pair.waits_for_s() <= 0 || pair.is_stopped()) continue;
       const auto left = std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(pair.waits_for_s()));
       end = std::max(end, Clock::now() + left + options.lease_margin);
     }
@@ -97,7 +97,8 @@ Result<proto::ShareProgress> ShareUntilDone(const ConnectToShare& connect, proto
 }
 
 Result<proto::ShareReply> ShareAtOnce(const ConnectToShare& connect, proto::ShareRequest request) {
-  return Repeat(connect, request, Clock::time_point::max(), [&](Client& client) { return client.Share(request); });
+  const Clock::time_point never = Clock::time_point::max();
+  return Repeat(connect, request, never, [&](Client& client) { return client.Share(request); });
 }
 
 Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSetRequest request,

@@ -20,6 +20,8 @@ namespace {
 
 enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kStore = 4, kWaitIsOver = 5 };
 
+constexpr double kWaitMax_s = 24 * 60 * 60;
+
 RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   RoleLogic::Options logic;
   logic.self = options.self;
@@ -174,8 +176,9 @@ void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message
     (void)context.Reply(std::move(reply));
     return;
   }
+  const double wait_s = request.wait_s() > 0 ? std::min(request.wait_s(), kWaitMax_s) : 0;
   asker_ = Asker{context.sender(), message.request_id(),
-                 std::chrono::duration_cast<Duration>(std::chrono::duration<double>(request.wait_s()))};
+                 std::chrono::duration_cast<Duration>(std::chrono::duration<double>(wait_s))};
   Perform(context, logic_.Adopt(*std::move(roles)));
 }
 

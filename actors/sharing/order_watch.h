@@ -41,6 +41,7 @@ class OrderWatch {
     bool is_incoming = false;  // From the peer to this agent.
     double coded_bytes_before = 0;
     std::uint64_t batches_before = 0;  // Of an incoming one.
+    int refusals_before = 0;           // Of an incoming one.
   };
 
   struct Order {
@@ -48,9 +49,9 @@ class OrderWatch {
     proto::Term term;         // In which it was given.
     bool is_by_role = false;  // Ends with the term.
     std::vector<Pair> pairs;
-    bool is_gathering_meant = false;  // What the leader has yet to gather belongs to it,
-    std::set<AgentId> gathering_of;   // of these agents; empty: of all.
-    std::set<AgentId> gathers_from;   // As far as it was known while the order stood.
+    bool is_gathering_meant = false;  // The order also waits for what the leader still has to gather.
+    std::set<AgentId> gathering_of;   // Only from these agents; empty: from all.
+    std::set<AgentId> gathers_from;   // Who was on the list to gather from at any look since the order was given.
   };
 
   // How far an order is. `is_open_ended`: more pairs may come.

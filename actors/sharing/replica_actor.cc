@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/order_number.h"
 #include "model/team_member.h"
 #include "model/term.h"
 #include "proto/share_status.pb.h"
@@ -35,13 +36,13 @@ Result<int> ReplicaActor::Share(Context& context, const proto::ShareRequest& req
   }
   Open(context, roles().survivor(), proto::RecordFilter(), /*is_by_role=*/true, request.bytes_max());
   // What a limit ended is not begun again.
-  last_order_ = request.bytes_max() == 0 ? order_in_hand() : 0;
+  order_to_bring_on_ = request.bytes_max() == 0 ? order_in_hand() : 0;
   return 1;
 }
 
 void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& previous) {
   if (OrderOf(roles().term()) == OrderOf(previous.term())) return;
-  last_order_ = 0;
+  order_to_bring_on_ = 0;
   BeginGathering(context);
   TellSyncActor(context);
   if (roles().leader() == previous.leader() && roles().survivor() == previous.survivor()) return;
@@ -72,6 +73,8 @@ bool ReplicaActor::CanBeAsked(const Context& context, AgentId agent) const {
 void ReplicaActor::BeginGathering(Context& context) {
   CancelOrders(context);
   to_ask_.clear();
+  refused_.clear();
+  orders_to_gather_.clear();
   patience_ = kPatienceMin;
   if (is_leading()) {
     for (const proto::AgentConfig& agent : team().agents()) {
@@ -92,7 +95,7 @@ void ReplicaActor::AskNext(Context& context) {
                                  [this, &context](AgentId agent) { return CanBeAsked(context, agent); });
   asked_ = next == to_ask_.end() ? 0 : *next;
   if (asked_ == 0) return;
-  OrderFrom(context, asked_);
+  orders_to_gather_[asked_] = OrderFrom(context, asked_);
   last_progress_ = context.now();
   StartStepTimer(context, patience_, step_);
 }
@@ -107,7 +110,7 @@ void ReplicaActor::PassOver(Context& context) {
 void ReplicaActor::CrossOff(Context& context, AgentId agent) {
   if (std::erase(to_ask_, agent) == 0) return;
   TellSyncActor(context);
-  if (last_order_ != 0) OpenAgain(context, last_order_, roles().survivor(), proto::RecordFilter());
+  if (order_to_bring_on_ != 0) OpenAgain(context, order_to_bring_on_, roles().survivor(), proto::RecordFilter());
   if (agent == asked_) AskNext(context);
 }
 
@@ -118,7 +121,8 @@ void ReplicaActor::TellSyncActor(Context& context) {
   message.set_ms_type(proto::CONTROL);
   proto::Gathering& gathering = *message.mutable_gathering();
   *gathering.mutable_term() = roles().term();
-  gathering.mutable_from()->Assign(to_ask_.begin(), to_ask_.end());
+  const std::vector<AgentId> from = *YetToGather();
+  gathering.mutable_from()->Assign(from.begin(), from.end());
   is_sync_told_ = context.Send({self(), actor_name::kSync}, std::move(message)) != SendResult::kFull;
 }
 
@@ -126,10 +130,26 @@ void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
   if (!is_sync_told_) TellSyncActor(context);
   patience_ = kPatienceMin;
   if (sender == asked_) last_progress_ = context.now();
-  if (is_all) CrossOff(context, sender);
+  // What an order of before brings is not all that the sender holds.
+  const auto order = orders_to_gather_.find(sender);
+  const std::optional<proto::OrderEnd> end = OrderEndBy(sender);
+  const bool is_gathered = order != orders_to_gather_.end() && end && HasReached(end->order(), order->second);
+  if (!is_all || !is_gathered) return;
+  if (end->not_taken() > 0) refused_.insert(sender);
+  CrossOff(context, sender);
 }
 
-void ReplicaActor::OnOrderRefused(Context& context, AgentId peer) { CrossOff(context, peer); }
+void ReplicaActor::OnOrderRefused(Context& context, AgentId peer) {
+  if (!orders_to_gather_.contains(peer)) return;
+  refused_.insert(peer);
+  CrossOff(context, peer);
+}
+
+std::optional<std::vector<AgentId>> ReplicaActor::YetToGather() const {
+  std::vector<AgentId> agents(to_ask_.begin(), to_ask_.end());
+  agents.insert(agents.end(), refused_.begin(), refused_.end());
+  return agents;
+}
 
 void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
   if (!is_sync_told_) TellSyncActor(context);
@@ -144,11 +164,13 @@ void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
 }
 
 void ReplicaActor::OnPeerEvent(Context& context, AgentId peer) {
+  if (!is_sync_told_) TellSyncActor(context);
   if (asked_ == 0) return AskNext(context);
   if (peer == asked_ && !is_connected(peer)) PassOver(context);
 }
 
 void ReplicaActor::OnWindowsChanged(Context& context) {
+  if (!is_sync_told_) TellSyncActor(context);
   if (asked_ == 0) return AskNext(context);
   if (!IsWindowOpen(context, asked_)) PassOver(context);
 }

@@ -14,6 +14,8 @@
 #pragma once
 
 #include <deque>
+#include <map>
+#include <set>
 
 #include "actors/sharing/sharing_actor.h"
 
@@ -34,9 +36,7 @@ class ReplicaActor final : public SharingActor {
   void OnStepTimer(Context& context, std::uint64_t step) override;
   void AddStatus(const Context& context, proto::ShareStatus& status) const override;
 
-  std::optional<std::vector<AgentId>> YetToGather() const override {
-    return std::vector<AgentId>(to_ask_.begin(), to_ask_.end());
-  }
+  std::optional<std::vector<AgentId>> YetToGather() const override;
   void TellSyncActor(Context& context);
   bool CanBeAsked(const Context& context, AgentId agent) const;
   void BeginGathering(Context& context);
@@ -44,8 +44,10 @@ class ReplicaActor final : public SharingActor {
   void PassOver(Context& context);
   void CrossOff(Context& context, AgentId agent);
 
-  std::deque<AgentId> to_ask_;    // In turn.
-  std::uint64_t last_order_ = 0;  // Of a client, to replicate to the survivor in this term.
+  std::deque<AgentId> to_ask_;                         // In turn.
+  std::set<AgentId> refused_;                          // They do not share in this term: nobody asks them again.
+  std::map<AgentId, std::uint64_t> orders_to_gather_;  // By whom they go to, in this term.
+  std::uint64_t order_to_bring_on_ = 0;                // Of a client, to replicate to the survivor in this term.
   AgentId asked_ = 0;  // Of to_ask_, the one whose turn it is. 0: none of them is connected in an open window.
   MonotonicTime last_progress_{};
   Duration patience_{};       // How long the asked agent may make no progress before the next one's turn.

@@ -27,6 +27,7 @@ class ResendDelay {
 
   // The destination could not store a batch.
   void NoteRefusal() { ++refusals_; }
+  void ForgetRefusals() { refusals_ = 0; }
   // It refused what was sent, and refused it again after a pause.
   bool is_refused_again() const { return refusals_ > 1; }
   // A batch was acknowledged. Pieces are acknowledged by a destination, too, that cannot store what they make up: after

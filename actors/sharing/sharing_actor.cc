@@ -37,7 +37,11 @@ static_assert(kBatchRecordsMax * (kHaveStreamBytesMax + kHaveIntervalBytesMax) +
 
 constexpr Duration kBudgetPeriod = std::chrono::seconds(5);
 
+// At most a day; NaN is nothing.
 Duration Seconds(double seconds) {
+  constexpr double kDay_s = 24 * 60 * 60;
+  if (!(seconds > 0)) return Duration::zero();
+  seconds = std::min(seconds, kDay_s);
   return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
 }
 
@@ -209,7 +213,7 @@ void SharingActor::OnStoreReply(Context& context, const proto::Message& message)
   std::vector<AgentId> ended;
   for (const SharingAction& action : acknowledgments) {
     if (!action.message.has_have()) continue;
-    orders_.TakeEnd(action.to, receiver_->heard(action.to).order_end.order());
+    if (const auto end = OrderEndBy(action.to)) orders_.TakeEnd(action.to, end->order());
     if (action.message.remaining() == 0) ended.push_back(action.to);
   }
   Perform(context, std::move(acknowledgments));
@@ -294,6 +298,7 @@ void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest&
   for (OrderWatch::Pair& pair : order.pairs) {
     const SharingReceiver::Heard& heard = receiver_->heard(pair.peer);
     pair.batches_before = heard.batches;
+    pair.refusals_before = heard.refusals;
     pair.coded_bytes_before = heard.coded_bytes;
     if (!pair.is_incoming)
       pair.coded_bytes_before = FindOutgoing(pair.peer)->session.Status(context.now()).coded_bytes();
@@ -343,6 +348,8 @@ OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order&
     row.set_is_complete(std::find(left->begin(), left->end(), agent) == left->end());
     if (row.is_complete()) continue;
     AddObstacle(context, agent, row);
+    const auto refusal = order_refusals_.find(agent);
+    if (kind_ == proto::SHARING_KIND_REPLICATION && refusal != order_refusals_.end()) row.set_why(refusal->second);
     // An agent that drives or sleeps is asked when it does no longer; nothing waits for that.
     row.set_is_stopped(!row.why().empty());
   }
@@ -376,7 +383,7 @@ proto::PairProgress SharingActor::OutgoingRow(const Context& context, std::uint6
       [[fallthrough]];
     default:
       row.set_is_stopped(true);
-      row.set_why(status.last_error());
+      row.set_why(status.last_error().empty() ? "another order took its place" : status.last_error());
       return row;
   }
 }
@@ -391,21 +398,26 @@ proto::PairProgress SharingActor::IncomingRow(const Context& context, std::uint6
   row.set_coded_bytes(heard.coded_bytes - pair.coded_bytes_before);
   row.set_is_missing_known(heard.batches > pair.batches_before);
   row.set_missing(static_cast<double>(heard.remaining));
-  const proto::OrderEnd& end = heard.order_end;
-  const auto refusal = order_refusals_.find(pair.peer);
-  if (HasReached(end.order(), order)) {
-    row.set_is_limited(end.is_limited());
-    row.set_is_complete(!end.is_limited() && end.not_taken() == 0);
-    row.set_is_stopped(!row.is_complete());
-    if (end.is_limited()) row.set_why("ended with the order's bytes; more is left to share");
-    if (end.not_taken() > 0)
-      row.set_why("the destination did not take " + std::to_string(end.not_taken()) + " records");
+  const std::optional<proto::OrderEnd> end = OrderEndBy(pair.peer);
+  if (HasReached(last_order_, heard.completed_order) && HasReached(heard.completed_order, order)) {
+    row.set_is_complete(true);
     return row;
   }
-  if (refusal != order_refusals_.end()) {
+  if (end && HasReached(end->order(), order)) {
+    row.set_is_limited(end->is_limited());
+    row.set_is_stopped(true);
+    if (end->is_limited()) row.set_why("ended with the order's bytes; more is left to share");
+    if (end->not_taken() > 0) {
+      row.set_why("the destination did not take " + std::to_string(end->not_taken()) + " records");
+    }
+    return row;
+  }
+  if (const auto refusal = order_refusals_.find(pair.peer); refusal != order_refusals_.end()) {
     row.set_is_stopped(true);
     row.set_why(refusal->second);
-  } else if (heard.refusals > 1) {
+    return row;
+  }
+  if (heard.refusals - pair.refusals_before > 1) {
     row.set_is_stopped(true);
     row.set_why("the destination refused: " + heard.refusal);
   }
@@ -603,11 +615,18 @@ std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {
   return bytes_left;
 }
 
-void SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max) {
+std::uint64_t SharingActor::OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max) {
   order_refusals_.erase(peer);
   if (order_in_hand() != 0) pairs_in_hand_.push_back({peer, /*is_incoming=*/true});
   const std::uint64_t number = order_in_hand() != 0 ? order_in_hand() : ++last_order_;
   PerformOrders(context, orders_.Give(peer, number, bytes_max, context.now()));
+  return number;
+}
+
+// One that was never given is no end, whatever the peer says.
+std::optional<proto::OrderEnd> SharingActor::OrderEndBy(AgentId peer) const {
+  const proto::OrderEnd& end = receiver_->heard(peer).order_end;
+  return HasReached(last_order_, end.order()) ? std::optional(end) : std::nullopt;
 }
 
 void SharingActor::OnShareReply(Context& context, const proto::Message& message) {

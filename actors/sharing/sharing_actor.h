@@ -4,10 +4,9 @@
 // share of the radio are plain classes (SharingSession, SharingReceiver, PeerOrders, RadioShare); this actor only
 // carries their messages, timers and roles. One outgoing session per destination, several at a time; after a restart of
 // this actor orders are forgotten (whoever wants the records asks again) but nothing that was acknowledged is. A client
-// may wait until its order is done (order_watch.h). Where an
-// end of a session drives or sleeps (LeasesChanged) the session waits until neither does; past one that drives states
-// may go. What the agent sends and receives keeps to the team file's radio.budget_kbps: its sessions in both directions
-// and of both kinds have equal parts of it.
+// may wait until its order is done (order_watch.h). Where an end of a session drives or sleeps (LeasesChanged) the
+// session waits until neither does; past one that drives states may go. What the agent sends and receives keeps to the
+// team file's radio.budget_kbps: its sessions in both directions and of both kinds have equal parts of it.
 //
 // Bodies that belong to this agent (timers, roles, storage's answers) are taken from this agent only, sharing's own
 // from agents of the team only; everything else is ignored.
@@ -89,8 +88,10 @@ class SharingActor : public Actor {
   void OpenAgain(Context& context, std::uint64_t order, AgentId destination, proto::RecordFilter filter);
   // The order of a client that Share carries out now.
   std::uint64_t order_in_hand() const { return in_hand_.agent == options_.self ? in_hand_.number : 0; }
-  // "Share with me", to that agent, again and again until it answers.
-  void OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
+  // "Share with me", to that agent, again and again until it answers. Returns the order's number.
+  std::uint64_t OrderFrom(Context& context, AgentId peer, std::uint64_t bytes_max = 0);
+  // How the last order of this actor to that agent ended, as far as what it brought is stored.
+  std::optional<proto::OrderEnd> OrderEndBy(AgentId peer) const;
   void CancelOrder(Context& context, AgentId peer);
   void CancelOrders(Context& context);
   void StartStepTimer(Context& context, Duration delay, std::uint64_t step);

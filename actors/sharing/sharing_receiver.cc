@@ -263,7 +263,11 @@ void SharingReceiver::NoteStored(AgentId sender, const WaitingStore& stored, con
   const Result<HaveSet> had = FromProto(reply.had());
   const auto is_taken = [&had](const RecordKey& key) { return had && had->Get(key.stream).Had().Contains(key.seq); };
   const auto taken = std::count_if(stored.keys.begin(), stored.keys.end(), is_taken);
-  heard.order_end.set_not_taken(stored.order_end.not_taken() + stored.keys.size() - static_cast<std::size_t>(taken));
+  const std::uint64_t not_taken = stored.keys.size() - static_cast<std::uint64_t>(taken);
+  heard.order_end.set_not_taken(std::max(stored.order_end.not_taken(), stored.order_end.not_taken() + not_taken));
+  if (heard.order_end.not_taken() == 0 && !heard.order_end.is_limited()) {
+    heard.completed_order = heard.order_end.order();
+  }
 }
 
 const SharingReceiver::Heard& SharingReceiver::heard(AgentId sender) const {

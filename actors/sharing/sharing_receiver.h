@@ -83,9 +83,10 @@ class SharingReceiver {
     double coded_bytes = 0;       // Of batches.
     std::uint64_t remaining = 0;  // Records behind the last batch.
     std::uint64_t batches = 0;
-    proto::OrderEnd order_end;  // The last one that is stored here; its not_taken counts all of the session.
-    int refusals = 0;           // Since a batch of the sender was stored last.
-    std::string refusal;        // The last one.
+    proto::OrderEnd order_end;          // The last one that is stored here; its not_taken counts all of the session.
+    std::uint64_t completed_order = 0;  // The last one of which nothing is left, and everything was taken.
+    int refusals = 0;                   // Since a batch of the sender was stored last.
+    std::string refusal;                // The last one.
   };
   const Heard& heard(AgentId sender) const;
 

@@ -38,6 +38,7 @@ SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::
   SharingActions actions;
   if (!is_ordered()) last_error_.clear();
   is_limit_told_ = false;
+  resend_delay_.ForgetRefusals();
   order_.Give(std::move(filter), bytes_max, id, /*is_added=*/is_ordered());
   LookAgain(now, actions);
   return actions;

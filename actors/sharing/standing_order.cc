@@ -9,6 +9,8 @@
 namespace moondb {
 
 void StandingOrder::Give(proto::RecordFilter filter, std::uint64_t bytes_max, ShareOrderId id, bool is_added) {
+  // What earlier orders mean may be left out from now on.
+  if (is_added && filter.SerializeAsString() != filter_.SerializeAsString()) End(Ending::kClosed);
   Note(id);
   if (++mark_ == 0) ++mark_;
   const bool is_limited = bytes_max != 0 && (!is_added || bytes_left_);
@@ -35,7 +37,10 @@ void StandingOrder::Note(ShareOrderId id) {
 StandingOrder::Reached StandingOrder::StateOf(ShareOrderId id) const {
   const auto known = orders_.find(id.agent);
   if (known == orders_.end() || !HasReached(known->second.order.ordered(), id.number)) return Reached::kUnknown;
-  return known->second.is_open ? Reached::kOpen : known->second.ended;
+  const KnownOrder& newest = known->second;
+  if (newest.order.ordered() != id.number && HasReached(newest.order.completed(), id.number))
+    return Reached::kCompleted;
+  return newest.is_open ? Reached::kOpen : newest.ended;
 }
 
 std::uint64_t StandingOrder::NumberFor(AgentId destination) const {

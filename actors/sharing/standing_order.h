@@ -63,7 +63,7 @@ class StandingOrder {
   void StartOver();
   // Whose streams the destination is asked about.
   void Ask(proto::Hello& hello);
-  // The types that the last Hello asked for; empty: all.
+  // The agents whose streams the last Hello asked about; empty: all.
   const std::set<AgentId>& asked_origins() const { return asked_origins_; }
   // The session has to start over to bring all that is ordered: the destination was not asked about some of it, or more
   // may pass now.

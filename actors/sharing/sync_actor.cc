@@ -51,6 +51,7 @@ Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& reques
 }
 
 void SyncActor::OnNewRoles(Context& context, const proto::RoleAssignment& previous) {
+  if (OrderOf(roles().term()) != OrderOf(previous.term())) collecting_order_ = 0;
   if (roles().leader() == previous.leader()) return;
   CancelOrders(context);
   is_bringing_to_base_ = false;
@@ -70,7 +71,7 @@ void SyncActor::OnReceived(Context& context, AgentId sender, bool is_all) {
 
 void SyncActor::OnGathering(Context& context, const proto::Gathering& gathering) {
   const bool is_of_same_term = gathering_ && OrderOf(gathering_->term()) == OrderOf(gathering.term());
-  const bool is_any_done = is_of_same_term && gathering_->from_size() > gathering.from_size();
+  const bool is_any_done = !is_of_same_term || gathering_->from_size() > gathering.from_size();
   gathering_ = gathering;
   if (!is_any_done || collecting_order_ == 0 || !is_leading()) return;
   for (const proto::AgentConfig& agent : team().agents()) {
@@ -91,9 +92,11 @@ int SyncActor::Collect(Context& context, const proto::ShareRequest& request) {
     return from.empty() || std::find(from.begin(), from.end(), agent) != from.end();
   };
   // What a limit ended is not begun again.
-  const bool is_bringing_on = is_meant(self()) && request.bytes_max() == 0;
-  is_bringing_to_base_ = BaseStationOf(team()) != 0 && is_bringing_on;
-  collecting_order_ = is_bringing_on ? order_in_hand() : 0;
+  const bool is_limited = request.bytes_max() != 0;
+  if (is_meant(self()) || is_limited) {
+    is_bringing_to_base_ = BaseStationOf(team()) != 0 && !is_limited;
+    collecting_order_ = is_limited ? 0 : order_in_hand();
+  }
   int count = 0;
   for (const proto::AgentConfig& agent : team().agents()) {
     if (agent.id() == self() || agent.left()) continue;

@@ -83,7 +83,7 @@ class MissingFinder {
   // What is meant for the destination and is not there.
   Result<IntervalSet> Lacking(const StreamKey& stream) {
     IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
-    if (marked_ != nullptr && !rules_.MayBeDropped(stream.type)) {
+    if (marked_ != nullptr && !rules_.MayBeDropped(stream.type) && !IsNewestOnly(stream)) {
       lacking = lacking.Minus(lacking.Minus(marked_->Get(stream).held));
     }
     if (lacking.is_empty() || !IsNewestOnly(stream)) return lacking;

@@ -6,7 +6,8 @@
 // nor do types under `newest_only_types`, whose older records are still held here.
 //
 // With a mark, records that came after it do not count, so that a session to a destination ends while the robot goes on
-// inserting. Types under the policy `latest` are excepted: a newer state may have replaced the one that was marked.
+// inserting. Types under the policy `latest` or under `newest_only_types` are excepted: a newer record may have
+// replaced the one that was marked.
 #pragma once
 
 #include "actors/storage/sharing_rules.h"

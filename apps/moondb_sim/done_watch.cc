@@ -4,6 +4,8 @@
 #include <utility>
 
 #include "model/term.h"
+#include "runtime/team/role_signature.h"
+#include "runtime/team/team_config.h"
 
 namespace moondb::simulation {
 namespace {
@@ -28,6 +30,7 @@ void DoneWatch::Order(AgentId leader, proto::SharingKind kind) {
     if (!world_.team.is_running(agent)) continue;
     if (std::optional<HaveSet> have = world_.HaveOf(agent)) waiting.before[agent] = *std::move(have);
   }
+  last_ = waiting.before;
   proto::Message message;
   message.set_request_id(++last_request_id_);
   message.mutable_share_request()->set_kind(kind);
@@ -63,27 +66,35 @@ void DoneWatch::CheckAnswers() {
   while (waiting_.size() > 64) waiting_.erase(waiting_.begin());
 }
 
+void DoneWatch::OnRoles(AgentId agent) {
+  roles_changed_at_[agent] = world_.team.now();
+  before_term_of_[agent] = last_;
+}
+
+// A destination that held a record and lost it with its disk has held it: of the orders that wait nothing more is
+// known.
 void DoneWatch::OnDiskLost(AgentId agent) {
-  disk_changed_at_[agent] = world_.team.now();
-  for (auto& [id, waiting] : waiting_) waiting.before.erase(agent);
+  last_.erase(agent);
+  for (auto& [leader, stores] : before_term_of_) stores.erase(agent);
+  std::erase_if(waiting_, [agent](const auto& waiting) { return waiting.second.leader == agent; });
+  for (auto& [id, waiting] : waiting_) waiting.before.clear();
 }
 
 std::optional<std::string> DoneWatch::WhyNotDone(const Waiting& waiting, const proto::ShareProgress& progress) {
   const AgentId leader = waiting.leader;
   const proto::RoleAssignment& roles = world_.roles[leader];
   // Its actors hear of new roles one after the other.
-  const bool is_just_changed = roles_changed_at_[leader] == world_.team.now();
+  const bool is_just_changed = roles_changed_at_[leader] == world_.team.now() || !world_.team.is_running(leader);
   if (!is_just_changed && OrderOf(roles.term()) != OrderOf(progress.term())) {
     return "it acts on term " + TermText(roles.term()) + ", and answers for term " + TermText(progress.term());
   }
   const bool is_sync = waiting.kind == proto::SHARING_KIND_SYNC;
   for (AgentId other = 1; other <= world_.base; ++other) {
     if (other == leader || other == world_.byzantine) continue;
-    // All that it holds of others is gathered, once in a term: what an older disk brings back then is not.
-    const bool is_gathered = disk_changed_at_[other] <= roles_changed_at_[leader];
-    const auto is_of_others = [other](const RecordKey& key) { return key.stream.origin != other; };
-    const auto not_gathered = is_gathered ? WhyLacking(waiting, other, leader, is_of_others) : std::nullopt;
-    if (not_gathered) return not_gathered;
+    // In a team with keys, a rover that never led or survived passes nothing of others on.
+    const bool is_believed = !HasSigningKeys(world_.config) || world_.rules.HasHadRole(other);
+    const auto is_of_others = [&](const RecordKey& key) { return key.stream.origin != other && is_believed; };
+    if (const auto lacking = WhyLacking(before_term_of_[leader], other, leader, is_of_others)) return lacking;
     if (is_sync) {
       const auto is_its_own = [other](const RecordKey& key) { return key.stream.origin == other; };
       const auto is_for_it = [&](const RecordKey& key) {
@@ -93,11 +104,11 @@ std::optional<std::string> DoneWatch::WhyNotDone(const Waiting& waiting, const p
       };
       if (!HasPair(progress, other, leader)) return Name(other, leader) + " is left out";
       if (!HasPair(progress, leader, other)) return Name(leader, other) + " is left out";
-      if (const auto lacking = WhyLacking(waiting, other, leader, is_its_own)) return lacking;
-      if (const auto lacking = WhyLacking(waiting, leader, other, is_for_it)) return lacking;
+      if (const auto lacking = WhyLacking(waiting.before, other, leader, is_its_own)) return lacking;
+      if (const auto lacking = WhyLacking(waiting.before, leader, other, is_for_it)) return lacking;
     } else if (other == roles.survivor()) {
       if (!HasPair(progress, leader, other)) return Name(leader, other) + " is left out";
-      if (const auto lacking = WhyLacking(waiting, leader, other, [](const RecordKey&) { return true; }))
+      if (const auto lacking = WhyLacking(waiting.before, leader, other, [](const RecordKey&) { return true; }))
         return lacking;
     }
   }
@@ -105,10 +116,10 @@ std::optional<std::string> DoneWatch::WhyNotDone(const Waiting& waiting, const p
 }
 
 template <typename IsMeant>
-std::optional<std::string> DoneWatch::WhyLacking(const Waiting& waiting, AgentId sender, AgentId destination,
+std::optional<std::string> DoneWatch::WhyLacking(const Stores& stores, AgentId sender, AgentId destination,
                                                  IsMeant is_meant) {
-  const auto before = waiting.before.find(sender);
-  if (before == waiting.before.end() || !waiting.before.contains(destination)) return std::nullopt;
+  const auto before = stores.find(sender);
+  if (before == stores.end()) return std::nullopt;
   const std::optional<HaveSet> at_sender = world_.HaveOf(sender);
   const std::optional<HaveSet> there = world_.HaveOf(destination);
   if (!at_sender || !there) return std::nullopt;

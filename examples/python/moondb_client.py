@@ -105,7 +105,8 @@ class MoondbClient:
     def sync(self, limit_s=600.0, on_progress=None, **order):
         """Shares now, at the leader from and to each agent, else this agent's own records to the leader; gives a
         ShareProgress (proto/sharing.proto) when all is acknowledged (is_complete), when nothing more can be done now
-        (is_over), or after limit_s. `on_progress` sees each ShareProgress until then. `order`: fields of ShareRequest."""
+        (is_over), or after limit_s. `on_progress` sees each ShareProgress until then. `order`: fields of ShareRequest. A process
+        of the agent that ends meanwhile is noticed after a minute and a half; then the order is given again."""
         return self._share(sharing_pb2.SHARING_KIND_SYNC, limit_s, on_progress, order)
 
     def replicate(self, limit_s=600.0, on_progress=None, **order):
@@ -145,16 +146,13 @@ class MoondbClient:
                 time.sleep(pause_s)
 
     def _share_once(self, request, end, on_progress):
-        left_s = max(end - time.monotonic(), 0.001)
-        if on_progress is None:
-            request["wait_s"] = left_s
-            return self.call(control_pb2.ControlRequest(share=request), left_s + BEYOND_WAIT_S).share.progress
         order = self.call(control_pb2.ControlRequest(share=request)).share.order
         news = {"kind": request["kind"], "order": order}
         while True:
             news["wait_s"] = min(max(end - time.monotonic(), 0.0), 60.0)
             reply = self.call(control_pb2.ControlRequest(share_progress=news), news["wait_s"] + BEYOND_WAIT_S)
-            on_progress(reply.share_progress)
+            if on_progress is not None:
+                on_progress(reply.share_progress)
             if reply.share_progress.is_over or time.monotonic() >= end:
                 return reply.share_progress
             news["after_version"] = reply.share_progress.version

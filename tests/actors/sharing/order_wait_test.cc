@@ -244,6 +244,50 @@ TEST_F(OrderWaitTest, AReplicationIsCompleteWhenWhatIsGatheredIsWithTheSurvivor)
   EXPECT_EQ(stores_[kSurvivor]->records().size(), 50u);
 }
 
+TEST_F(OrderWaitTest, AnAgentThatRefusesToShareHasNotBeenGathered) {
+  std::uint64_t order = 0;
+  team_.SetFilter([&order](AgentId, AgentId to, const proto::Message& message) {
+    if (to != kRover || !message.has_share_request()) return true;
+    order = message.request_id();
+    return false;
+  });
+  TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
+  ASSERT_TRUE(team_.RunUntil([&] { return order != 0; }, seconds(60)));
+  proto::Message refusal;
+  refusal.set_request_id(order);
+  refusal.mutable_share_reply()->mutable_error()->set_code(proto::ERROR_CODE_REFUSED);
+  refusal.mutable_share_reply()->mutable_error()->set_text("does not share");
+  (void)team_.Post({kRover, actor_name::kReplica}, {kLeader, actor_name::kReplica}, refusal);
+  team_.AdvanceTime(seconds(5));
+  Ask(kLeader, 20, proto::SHARING_KIND_REPLICATION);
+  const proto::ShareReply reply = Await(kLeader, seconds(22));
+  EXPECT_FALSE(reply.progress().is_complete());
+  EXPECT_EQ(PairOf(reply, kRover, kLeader).why(), "does not share");
+}
+
+// The order of an earlier term brought what was there when it was taken up.
+TEST_F(OrderWaitTest, AnOrderOfBeforeGathersNothing) {
+  InsertAt(kRover, 300);
+  team_.radio().bytes_per_second = 3'000;
+  proto::Message earlier = ShareOrder(proto::SHARING_KIND_REPLICATION, kLeader);
+  (void)team_.Post({kRover, "operator"}, {kRover, actor_name::kReplica}, earlier);
+  team_.AdvanceTime(seconds(1));
+  InsertAt(kRover, 50);
+  // The leader's own orders do not arrive while that one is carried out.
+  bool is_deaf = true;
+  team_.SetFilter([&is_deaf](AgentId, AgentId to, const proto::Message& message) {
+    return !is_deaf || to != kRover || !message.has_share_request();
+  });
+  TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
+  Ask(kLeader, 600, proto::SHARING_KIND_REPLICATION);
+  EXPECT_TRUE(team_.RunUntil([&] { return stores_[kLeader]->records().size() == 300; }, seconds(60)));
+  team_.AdvanceTime(seconds(5));
+  EXPECT_FALSE(AnswerAt(kLeader));
+  is_deaf = false;
+  EXPECT_TRUE(Await(kLeader, seconds(300)).progress().is_complete());
+  EXPECT_EQ(stores_[kLeader]->records().size(), 350u);
+}
+
 TEST_F(OrderWaitTest, SaysWhoCannotBeAskedForWhatItHolds) {
   Drive(kRover, 300);
   TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));

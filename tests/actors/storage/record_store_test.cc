@@ -676,6 +676,23 @@ TEST(RecordStoreTest, ANewerStateThanTheMarkedOneIsMissing) {
   EXPECT_EQ(reply.dropped_size(), 1);
 }
 
+// Where all is kept and a destination is sent the newest alone, the one that was marked may be the newest no longer.
+TEST(RecordStoreTest, TheNewestRecordIsMissingWhateverWasMarked) {
+  RecordStore::Options options = StoreOptionsOf(2);
+  options.policies[proto::TEMPERATURE] = proto::POLICY_ALL;
+  auto store = OpenStore(options);
+  InsertOne(*store, TemperatureRecord(1));
+  proto::MissingRequest request;
+  request.set_destination(4);
+  request.set_mark(5);
+  request.mutable_filter()->add_newest_only_types(proto::TEMPERATURE);
+  ASSERT_EQ(store->GetMissing(request)->records_size(), 1);
+  InsertOne(*store, TemperatureRecord(2));
+  const proto::MissingReply reply = *store->GetMissing(request);
+  ASSERT_EQ(reply.records_size(), 1);
+  EXPECT_EQ(reply.records(0).key().seq(), 2u);
+}
+
 TEST(RecordStoreTest, SpeaksInPagesOfWhatItHas) {
   auto store = OpenStore(StoreOptionsOf(2));
   for (std::uint64_t epoch = 1; epoch <= 20; ++epoch) {
