@@ -90,16 +90,16 @@ AgentId OtherEnd(const proto::PairProgress& pair, AgentId asked) {
   return static_cast<AgentId>(pair.sender() == asked ? pair.destination() : pair.sender());
 }
 
-// "rover1 to rover2 (408 records left, rover2 drives for 38 s more)".
+// "rover1 to rover2 (rover2 drives for 38 s more), rover3 to rover1 (408 records left)".
 std::string MissingText(const proto::TeamConfig& team, const proto::ShareProgress& progress) {
   std::vector<std::string> pairs;
   for (const proto::PairProgress& pair : progress.pairs()) {
     if (pair.is_complete()) continue;
-    std::vector<std::string> details;
-    if (pair.is_missing_known() && pair.missing() > 0) details.push_back(FormatCount(pair.missing()) + " records left");
-    if (!pair.why().empty()) details.push_back(pair.why());
+    const bool is_known = pair.is_missing_known() && pair.missing() > 0;
+    const std::string left = is_known ? FormatCount(pair.missing()) + " records left" : "";
+    const std::string& detail = pair.why().empty() ? left : pair.why();
     pairs.push_back(AgentName(team, pair.sender()) + " to " + AgentName(team, pair.destination()) +
-                    (details.empty() ? "" : " (" + Joined(details) + ")"));
+                    (detail.empty() ? "" : " (" + detail + ")"));
   }
   return Joined(pairs);
 }

@@ -994,12 +994,12 @@ const std::vector<Mutant>& Mutants() {
        /*likely_seed=*/2},
       {"CachedAcknowledgments",
        "what was acknowledged once is never sent again",
-       {"nothing_lost", "home_again", "brought_out"},
+       {"done_is_true", "nothing_lost", "home_again", "brought_out"},
        5,
        CacheAcknowledgments},
       {"AcknowledgesBeforeTheCommit",
        "the have-set is told before the transaction",
-       {"acknowledged_held"},
+       {"done_is_true", "acknowledged_held"},
        5,
        Wrapped<AcknowledgesBeforeTheCommit>(kStorage)},
       {"UpdateNeedsItsRow",
@@ -1017,10 +1017,10 @@ const std::vector<Mutant>& Mutants() {
        },
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
-       /*likely_seed=*/2},
+       /*likely_seed=*/3},
       {"PosesByEpoch",
        "an optimized pose of a newer term gives way to an older one in a higher epoch",
-       {"pose_goes_up", "nothing_lost", "survivor_is_leader", "brought_out", "home_again"},
+       {"history_is_own", "pose_goes_up", "nothing_lost", "survivor_is_leader", "brought_out", "home_again"},
        15,
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 20;
@@ -1031,7 +1031,7 @@ const std::vector<Mutant>& Mutants() {
        /*likely_seed=*/2},
       {"KeepsRestatedToItself",
        "what was learnt of later epochs is not stored again",
-       {"newest_state", "survivor_is_leader", "nothing_lost"},
+       {"done_is_true", "newest_state", "survivor_is_leader", "nothing_lost"},
        30,
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 6;
@@ -1087,7 +1087,7 @@ const std::vector<Mutant>& Mutants() {
        "an agent that leads no longer answers for its old term",
        {"done_is_true"},
        20,
-       Hears(kSync,
+       Hears(kReplica,
              [](Context& context, proto::Message& message) {
                return !message.has_roles_changed() || message.roles_changed().roles().leader() == context.self().agent;
              })},
@@ -1186,7 +1186,7 @@ const std::vector<Mutant>& Mutants() {
        /*likely_seed=*/3},
       {"ReplicatesAllButOne",
        "the survivor is not brought what agent 3 made",
-       {"survivor_is_leader", "nothing_lost"},
+       {"done_is_true", "survivor_is_leader", "nothing_lost"},
        10,
        Hears(kStorage,
              [](Context&, proto::Message& message) {
@@ -1200,7 +1200,7 @@ const std::vector<Mutant>& Mutants() {
        /*likely_seed=*/3},
       {"NothingHome",
        "a leader does not bring an agent its own records",
-       {"home_again", "newest_state"},
+       {"done_is_true", "home_again", "newest_state"},
        25,
        Hears(kStorage,
              [](Context&, proto::Message& message) {
@@ -1211,7 +1211,7 @@ const std::vector<Mutant>& Mutants() {
              })},
       {"NoMapsForGround",
        "the base station is brought no maps",
-       {"brought_out"},
+       {"done_is_true", "brought_out"},
        5,
        Hears(kStorage,
              [](Context& context, proto::Message& message) {
