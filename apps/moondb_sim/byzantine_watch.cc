@@ -79,6 +79,11 @@ void ByzantineWatch::OnRoles(AgentId agent, const proto::RoleAssignment& roles) 
     report_("honest_roles", ByzantineName(agent) + " acts on roles by the word of " + ByzantineName(liar_) + ": " +
                                 roles.ShortDebugString());
   }
+  OnRolesStored(agent, roles);
+}
+
+void ByzantineWatch::OnRolesStored(AgentId agent, const proto::RoleAssignment& roles) {
+  if (liar_ == 0 || agent == liar_) return;
   if (roles.leader() == liar_ || roles.survivor() == liar_) is_trusted_ = true;
 }
 

@@ -41,6 +41,8 @@ class ByzantineWatch {
   // `agent` holds it, or an honest agent sent it there.
   void OnRecord(AgentId agent, const RecordKey& key, const std::string& content) const;
   void OnRoles(AgentId agent, const proto::RoleAssignment& roles);
+  // It stores these, and may end before it acts on them: from then on its disk says who has had a role.
+  void OnRolesStored(AgentId agent, const proto::RoleAssignment& roles);
 
   void CheckHave(AgentId agent, const HaveSet& have) const;
   void CheckRest(const TeamAtRest& team) const;

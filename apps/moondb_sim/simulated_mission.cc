@@ -280,6 +280,7 @@ class Mission {
       }
       case proto::Message::kSaveRolesRequest:
         saving_term_[actor.agent] = message.save_roles_request().roles().term();
+        byzantine_watch_.OnRolesStored(actor.agent, message.save_roles_request().roles());
         break;
       case proto::Message::kSaveRolesReply:
         if (!IsError(message.save_roles_reply().error())) world_.durable_term[actor.agent] = saving_term_[actor.agent];
