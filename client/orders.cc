@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "model/control_request.h"
+#include "model/role_confirmation.h"
 #include "model/term.h"
 #include "proto/status.pb.h"
 
@@ -74,20 +75,6 @@ Result<proto::ShareProgress> ShareOnce(Client& client, proto::ShareRequest reque
   return client.Share(request).map([](proto::ShareReply&& reply) { return std::move(*reply.mutable_progress()); });
 }
 
-// Who of the new leader and survivor is not known to act on it.
-proto::RoleShowReply WithNotConfirmed(proto::RoleShowReply shown) {
-  const proto::RoleAssignment& roles = shown.roles();
-  const auto is_confirmed = [&shown](AgentId agent) {
-    const auto& confirmed = shown.confirmed_by();
-    return std::find(confirmed.begin(), confirmed.end(), agent) != confirmed.end();
-  };
-  if (roles.term().issuer() != roles.leader() || !is_confirmed(roles.leader())) {
-    shown.add_not_confirmed_by(roles.leader());
-  }
-  if (roles.survivor() != 0 && !is_confirmed(roles.survivor())) shown.add_not_confirmed_by(roles.survivor());
-  return shown;
-}
-
 }  // namespace
 
 Result<proto::ShareProgress> ShareUntilDone(const ConnectToShare& connect, proto::ShareRequest request,
@@ -125,8 +112,8 @@ Result<proto::RoleShowReply> ChangeRolesUntilDone(Client& client, proto::RoleSet
                          held->roles().survivor() == survivor && IsNewer(held->roles().term(), standing.term());
     if (is_done) {  // By the request whose answer did not come.
       if (!is_waiting) return held;
-      proto::RoleShowReply done = WithNotConfirmed(*std::move(held));
-      if (done.not_confirmed_by().empty() || Clock::now() >= end) return done;
+      AddNotConfirmed(*held);
+      if (held->not_confirmed_by().empty() || Clock::now() >= end) return held;
     } else if (error.field == kExpected) {
       // An agent that has yet to hear of the present roles hears of them in a moment.
       const bool is_behind = held && IsNewer(standing.term(), held->roles().term());

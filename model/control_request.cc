@@ -20,20 +20,21 @@ bool TakesLong(const proto::ControlRequest& request) {
          request.verify().part() == proto::VERIFY_PART_FILE;
 }
 
+std::chrono::milliseconds BoundedWait(double wait_s, double max_s) {
+  if (!(wait_s > 0)) return std::chrono::milliseconds(0);  // NaN too.
+  return std::chrono::milliseconds(static_cast<std::int64_t>(1000 * std::min(wait_s, max_s)));
+}
+
 std::chrono::milliseconds WaitOf(const proto::ControlRequest& request) {
-  const auto wait = [](double wait_s, double max_s) {
-    if (!(wait_s > 0)) return std::chrono::milliseconds(0);  // NaN too.
-    return std::chrono::milliseconds(static_cast<std::int64_t>(1000 * std::min(wait_s, max_s)));
-  };
   switch (request.request_case()) {
     case proto::ControlRequest::kRead:
-      return wait(request.read().wait_s(), kReadWaitMax_s);
+      return BoundedWait(request.read().wait_s(), kReadWaitMax_s);
     case proto::ControlRequest::kShareProgress:
-      return wait(request.share_progress().wait_s(), kReadWaitMax_s);
+      return BoundedWait(request.share_progress().wait_s(), kReadWaitMax_s);
     case proto::ControlRequest::kShare:
-      return wait(request.share().wait_s(), kOrderWaitMax_s);
+      return BoundedWait(request.share().wait_s(), kOrderWaitMax_s);
     case proto::ControlRequest::kRoleSet:
-      return wait(request.role_set().wait_s(), kOrderWaitMax_s);
+      return BoundedWait(request.role_set().wait_s(), kOrderWaitMax_s);
     default:
       return std::chrono::milliseconds(0);
   }

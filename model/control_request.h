@@ -26,6 +26,9 @@ std::string RequestName(proto::ControlRequest::RequestCase request);
 // a bundle made.
 bool TakesLong(const proto::ControlRequest& request);
 
+// A field wait_s as a duration: at most `max_s`, and 0 for what is negative or no number.
+std::chrono::milliseconds BoundedWait(double wait_s, double max_s);
+
 // How long the agent may wait before it answers a request with a field wait_s; 0 for all else.
 std::chrono::milliseconds WaitOf(const proto::ControlRequest& request);
 

@@ -379,25 +379,25 @@ void GatewayActor::OnTimer(Context& context, const proto::Timer& timer) {
 }
 
 void GatewayActor::OnPeerLost(Context& context, AgentId peer) {
-  std::vector<std::uint64_t> lost;
-  for (const auto& [id, pending] : pending_) {
-    if (pending.relayed_to == peer) lost.push_back(id);
-  }
-  for (const std::uint64_t id : lost) {
-    const std::string text =
-        AgentName(options_.team, peer) + " was lost before it answered; whether it did what it was asked is not known";
-    *pending_.at(id).reply.mutable_error() = ToProto(Error{ErrorCode::kUnavailable, text, {}});
-    Finish(context, id);
-  }
+  FailAll(
+      context, [peer](const Pending& pending) { return pending.relayed_to == peer; },
+      AgentName(options_.team, peer) + " was lost before it answered; whether it did what it was asked is not known");
 }
 
 void GatewayActor::OnActorLost(Context& context, const std::string& actor) {
+  const auto waits_there = [&actor](const Pending& pending) {
+    return pending.is_wait && !pending.feed && pending.waiting_for.contains(actor);
+  };
+  FailAll(context, waits_there, actor + " restarted before it answered; ask again");
+}
+
+void GatewayActor::FailAll(Context& context, const std::function<bool(const Pending&)>& is_meant,
+                           const std::string& text) {
   std::vector<std::uint64_t> lost;
   for (const auto& [id, pending] : pending_) {
-    if (pending.is_wait && !pending.feed && pending.waiting_for.contains(actor)) lost.push_back(id);
+    if (is_meant(pending)) lost.push_back(id);
   }
   for (const std::uint64_t id : lost) {
-    const std::string text = actor + " began anew before it answered; ask again";
     *pending_.at(id).reply.mutable_error() = ToProto(Error{ErrorCode::kUnavailable, text, {}});
     Finish(context, id);
   }

@@ -23,8 +23,8 @@
 // key; another one that it is relayed to knows no more than that agent's word, and writes "anna". What another agent
 // ordered and may not is written down as refused, so many in a minute.
 //
-// A request to share, or to change roles, with wait_s waits at the actor that carries it out; where that actor is made
-// anew the answer is kUnavailable, since nobody waits there any more.
+// A request to share, or to change roles, with wait_s waits at the actor that carries it out. If that actor fails, the
+// answer is kUnavailable, since the actor forgets the requests that wait.
 //
 // A read with wait_s is a feed: where nothing is there yet it is kept here (actors/gateway/feed.h) until the time is
 // up; then its answer is an empty page. Nothing is queued for a client: one that is slow asks later.
@@ -67,7 +67,7 @@ class GatewayActor final : public Actor {
     std::size_t pending_of_client_max = 64;  // So many of one key, connection or other agent.
     // Of these, so many to one other agent: its answers cross the radio, and others' have to find room there.
     std::size_t relays_of_client_max = 8;
-    std::size_t waits_max = 32;           // Of pending_max, requests with wait_s.
+    std::size_t waits_max = 32;           // The part of pending_max that requests with wait_s may use.
     std::size_t waits_of_client_max = 8;  // The part of waits_max that one key, connection or agent may use.
     // Of a request or answer over the radio: two seconds of it. A message between agents holds it and its envelope.
     std::size_t relay_bytes_max = kPeerMessageBytesMax - 1024;
@@ -94,7 +94,7 @@ class GatewayActor final : public Actor {
     std::set<std::string> waiting_for;  // Names of actors.
     proto::ControlReply reply;          // As far as it is known.
     TimerId timer = 0;
-    bool is_wait = false;      // Of a request with wait_s.
+    bool is_wait = false;      // The request has wait_s.
     std::optional<Feed> feed;  // Waits, or is being asked anew.
     std::string command;       // The text in the event log of a command for this agent; empty: there is none.
     std::string by;            // The command's giver, as in the event log.
@@ -109,8 +109,10 @@ class GatewayActor final : public Actor {
   void OnAnswer(Context& context, const proto::Message& message);
   void OnTimer(Context& context, const proto::Timer& timer);
   void OnPeerLost(Context& context, AgentId peer);
-  // What waits for an end at that actor of this agent will not hear of it.
+  // That actor of this agent failed, and forgot the requests that wait there.
   void OnActorLost(Context& context, const std::string& actor);
+  // Answers each of these with kUnavailable.
+  void FailAll(Context& context, const std::function<bool(const Pending&)>& is_meant, const std::string& text);
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   // The answer of storage was empty: true if the feed goes on waiting, or asks again.
   bool KeepsWaiting(Context& context, std::uint64_t id, Pending& pending);

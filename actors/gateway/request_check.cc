@@ -57,9 +57,9 @@ Result<void> CheckKind(proto::SharingKind kind, const std::string& field) {
   return Fail(ErrorCode::kInvalid, "must be sync or replication", field);
 }
 
-Result<void> CheckOrderWait(double wait_s, const std::string& field) {
-  if (wait_s >= 0 && wait_s <= kOrderWaitMax_s) return {};
-  return Fail(ErrorCode::kInvalid, "must lie between 0 and 86400 s", field);
+Result<void> CheckWait(double wait_s, double max_s, const std::string& field) {
+  if (wait_s >= 0 && wait_s <= max_s) return {};
+  return Fail(ErrorCode::kInvalid, "must lie between 0 and " + std::to_string(static_cast<int>(max_s)) + " s", field);
 }
 
 Result<void> CheckExpectedRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
@@ -143,9 +143,7 @@ Result<void> CheckRead(const proto::ReadRequest& read) {
   if (read.origin_agents_size() > kFilterEntriesMax) {
     return Fail(ErrorCode::kInvalid, "too many agents", "read.origin_agents");
   }
-  if (!(read.wait_s() >= 0 && read.wait_s() <= kReadWaitMax_s)) {
-    return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "read.wait_s");
-  }
+  if (auto checked = CheckWait(read.wait_s(), kReadWaitMax_s, "read.wait_s"); !checked) return checked;
   if (read.wait_s() > 0 && read.is_newest_first()) {
     return Fail(ErrorCode::kInvalid, "is for what comes behind after_row_id, not for the newest first", "read.wait_s");
   }
@@ -163,7 +161,7 @@ Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetReq
     return Fail(ErrorCode::kInvalid, "is longer than " + std::to_string(kRoleReasonBytesMax) + " bytes",
                 "role_set.reason");
   }
-  if (auto checked = CheckOrderWait(set.wait_s(), "role_set.wait_s"); !checked) return checked;
+  if (auto checked = CheckWait(set.wait_s(), kOrderWaitMax_s, "role_set.wait_s"); !checked) return checked;
   if (set.has_expected()) {
     if (auto checked = CheckExpectedRoles(team, set.expected()); !checked) return checked;
   }
@@ -184,16 +182,13 @@ Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto
   }
   if (auto checked = CheckTerm(team, share.expected_term(), "share.expected_term"); !checked) return checked;
   if (share.order() != 0) return Fail(ErrorCode::kInvalid, "is given by agents alone", "share.order");
-  if (auto checked = CheckOrderWait(share.wait_s(), "share.wait_s"); !checked) return checked;
+  if (auto checked = CheckWait(share.wait_s(), kOrderWaitMax_s, "share.wait_s"); !checked) return checked;
   return CheckMembers(team, share.from_agents(), "share.from_agents");
 }
 
 Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress) {
   if (auto checked = CheckKind(progress.kind(), "share_progress.kind"); !checked) return checked;
-  if (!(progress.wait_s() >= 0 && progress.wait_s() <= kReadWaitMax_s)) {
-    return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "share_progress.wait_s");
-  }
-  return {};
+  return CheckWait(progress.wait_s(), kReadWaitMax_s, "share_progress.wait_s");
 }
 
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize) {
@@ -232,9 +227,7 @@ Result<void> CheckPrune(const proto::PruneOrder& prune) {
 }
 
 Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles) {
-  if (!(tiles.wait_s() >= 0 && tiles.wait_s() <= kMapWaitMax_s)) {
-    return Fail(ErrorCode::kInvalid, "must lie between 0 and 60 s", "map_tiles.wait_s");
-  }
+  if (auto checked = CheckWait(tiles.wait_s(), kMapWaitMax_s, "map_tiles.wait_s"); !checked) return checked;
   if (std::abs(static_cast<double>(tiles.after().x())) > kMapTileMax ||
       std::abs(static_cast<double>(tiles.after().y())) > kMapTileMax) {
     return Fail(ErrorCode::kInvalid, "is no tile of the map", "map_tiles.after");

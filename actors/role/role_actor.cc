@@ -9,6 +9,8 @@
 #include "model/agent_name.h"
 #include "model/command_from.h"
 #include "model/control_message.h"
+#include "model/control_request.h"
+#include "model/role_confirmation.h"
 #include "model/term.h"
 #include "proto/control.pb.h"
 #include "proto/types.pb.h"
@@ -20,7 +22,13 @@ namespace {
 
 enum TimerKind : std::uint32_t { kStorage = 1, kAnnounce = 2, kLeader = 3, kStore = 4, kWaitIsOver = 5 };
 
-constexpr double kWaitMax_s = 24 * 60 * 60;
+proto::Message MessageOf(const Result<proto::RoleShowReply>& shown) {
+  if (!shown) return ErrorMessage(shown.error());
+  proto::Message message;
+  message.set_ms_type(proto::CONTROL);
+  *message.mutable_role_show_reply() = *shown;
+  return message;
+}
 
 RoleLogic::Options LogicOptions(const RoleActor::Options& options) {
   RoleLogic::Options logic;
@@ -117,7 +125,7 @@ void RoleActor::OnTimer(Context& context, const proto::Timer& timer) {
     case kLeader:
       return Perform(context, logic_.OnLeaderTimer(context.utc_now_ns()));
     case kWaitIsOver:
-      return;  // Who waits is answered after each message.
+      return;  // AnswerWhoWaits looks at the requests after each message.
     default:
       return;
   }
@@ -170,28 +178,17 @@ void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message
     return;
   }
   if (request.is_dry_run()) {
-    proto::Message reply;
-    reply.set_ms_type(proto::CONTROL);
-    *reply.mutable_role_show_reply()->mutable_roles() = *std::move(roles);
-    (void)context.Reply(std::move(reply));
+    proto::RoleShowReply shown;
+    *shown.mutable_roles() = *std::move(roles);
+    (void)context.Reply(MessageOf(shown));
     return;
   }
-  const double wait_s = request.wait_s() > 0 ? std::min(request.wait_s(), kWaitMax_s) : 0;
-  asker_ = Asker{context.sender(), message.request_id(),
-                 std::chrono::duration_cast<Duration>(std::chrono::duration<double>(wait_s))};
+  asker_ = Asker{context.sender(), message.request_id(), BoundedWait(request.wait_s(), kOrderWaitMax_s)};
   Perform(context, logic_.Adopt(*std::move(roles)));
 }
 
 void RoleActor::OnRoleShowRequest(Context& context, const proto::RoleShowRequest& request) {
-  Result<proto::RoleShowReply> shown = Show(request.with_history());
-  if (!shown) {
-    (void)context.Reply(ErrorMessage(shown.error()));
-    return;
-  }
-  proto::Message reply;
-  reply.set_ms_type(proto::CONTROL);
-  *reply.mutable_role_show_reply() = *std::move(shown);
-  (void)context.Reply(std::move(reply));
+  (void)context.Reply(MessageOf(Show(request.with_history())));
 }
 
 void RoleActor::OnControlRequest(Context& context, const proto::Message& message) {
@@ -335,13 +332,7 @@ void RoleActor::AnswerAsker(Context& context, std::optional<Error> error) {
 }
 
 void RoleActor::Answer(Context& context, const Asker& asker, const Result<proto::RoleShowReply>& reply) {
-  proto::Message message;
-  if (reply) {
-    message.set_ms_type(proto::CONTROL);
-    *message.mutable_role_show_reply() = *reply;
-  } else {
-    message = ErrorMessage(reply.error());
-  }
+  proto::Message message = MessageOf(reply);
   message.set_request_id(asker.request_id);
   (void)context.Send(asker.address, std::move(message));
 }
@@ -363,13 +354,7 @@ std::optional<Result<proto::RoleShowReply>> RoleActor::AnswerTo(const Waiting& w
                                          AgentName(options_.team, shown.roles().leader()) + ", survivor " +
                                          AgentName(options_.team, shown.roles().survivor()));
   }
-  const auto& confirmed = shown.confirmed_by();
-  const auto is_confirmed = [&](AgentId agent) {
-    return std::find(confirmed.begin(), confirmed.end(), agent) != confirmed.end();
-  };
-  // A leader acts in terms of its own alone: one that another agent issued it has not begun to act on.
-  if (shown.roles().term().issuer() != leader || !is_confirmed(leader)) shown.add_not_confirmed_by(leader);
-  if (survivor != 0 && !is_confirmed(survivor)) shown.add_not_confirmed_by(survivor);
+  AddNotConfirmed(shown);
   if (!shown.not_confirmed_by().empty() && now < waiting.until) return std::nullopt;
   return shown;
 }

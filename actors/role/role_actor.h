@@ -55,7 +55,7 @@ class RoleActor final : public Actor {
     Duration wait{};
   };
 
-  // Who waits until the assignment is acted on.
+  // A request that waits until the assignment is acted on.
   struct Waiting {
     Asker asker;
     proto::RoleAssignment roles;

@@ -30,7 +30,7 @@ class OrderWatch {
 
   static constexpr Duration kLookPeriod = std::chrono::milliseconds(50);
   static constexpr Duration kNewsPeriod = std::chrono::milliseconds(500);  // Between two answers with news.
-  static constexpr Duration kRelayedNewsPeriod = std::chrono::seconds(5);  // Where they cross the radio.
+  static constexpr Duration kRelayedNewsPeriod = std::chrono::seconds(5);  // Between two that cross the radio.
   static constexpr Duration kCountdownPeriod = std::chrono::seconds(5);    // Reasons that only time changes.
   static constexpr std::size_t kOrdersMax = 32;
   static constexpr std::size_t kRequestsMax = 64;
@@ -40,8 +40,8 @@ class OrderWatch {
     AgentId peer = 0;
     bool is_incoming = false;  // From the peer to this agent.
     double coded_bytes_before = 0;
-    std::uint64_t batches_before = 0;  // Of an incoming one.
-    int refusals_before = 0;           // Of an incoming one.
+    std::uint64_t batches_before = 0;  // What had come in of an incoming pair.
+    int refusals_before = 0;           // How often this agent had refused an incoming pair's batches.
   };
 
   struct Order {
@@ -51,7 +51,7 @@ class OrderWatch {
     std::vector<Pair> pairs;
     bool is_gathering_meant = false;  // The order also waits for what the leader still has to gather.
     std::set<AgentId> gathering_of;   // Only from these agents; empty: from all.
-    std::set<AgentId> gathers_from;   // Who was on the list to gather from at any look since the order was given.
+    std::set<AgentId> gathers_from;   // Agents on the list to gather from at any look since the order was given.
   };
 
   // How far an order is. `is_open_ended`: more pairs may come.
@@ -62,7 +62,7 @@ class OrderWatch {
   using RowsOf = std::function<Rows(Order&)>;
 
   struct Request {
-    AgentId agent = 0;  // Who asks.
+    AgentId agent = 0;  // The address that asks, with `actor`.
     std::string actor;
     std::uint64_t request_id = 0;
     std::uint64_t order = 0;
@@ -83,7 +83,7 @@ class OrderWatch {
   // Orders by role of another term than this end, with this error.
   void EndTerm(const proto::Term& term, const Error& error);
   bool is_waiting() const { return !requests_.empty(); }
-  // Who is answered now. Nobody where the last look was a moment ago: then deadline() says when to look.
+  // Gives the answers that are due. None where the last look was a moment ago: then deadline() says when to look.
   std::vector<Answer> Look(Time now, const RowsOf& rows_of);
   // When the next look is due; none while no request waits.
   std::optional<Time> deadline() const;

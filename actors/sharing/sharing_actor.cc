@@ -8,6 +8,7 @@
 #include "model/agent_name.h"
 #include "model/command_from.h"
 #include "model/control_message.h"
+#include "model/control_request.h"
 #include "model/data_types.h"
 #include "model/order_number.h"
 #include "model/team_id.h"
@@ -37,12 +38,12 @@ static_assert(kBatchRecordsMax * (kHaveStreamBytesMax + kHaveIntervalBytesMax) +
 
 constexpr Duration kBudgetPeriod = std::chrono::seconds(5);
 
-// At most a day; NaN is nothing.
-Duration Seconds(double seconds) {
-  constexpr double kDay_s = 24 * 60 * 60;
-  if (!(seconds > 0)) return Duration::zero();
-  seconds = std::min(seconds, kDay_s);
-  return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(seconds));
+proto::PairProgress MakeRow(AgentId sender, AgentId destination, proto::SharingKind kind) {
+  proto::PairProgress row;
+  row.set_sender(sender);
+  row.set_destination(destination);
+  row.set_kind(kind);
+  return row;
 }
 
 // Bytes a second; 0: the team file sets none, as in tests.
@@ -245,7 +246,7 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
   if (started && is_from_here(context) && request.wait_s() > 0) {
     OrderWatch::Request waiting{context.sender().agent, context.sender().actor, message.request_id(),
                                 carried_out.number};
-    waiting.until = context.now() + Seconds(request.wait_s());
+    waiting.until = context.now() + BoundedWait(request.wait_s(), kOrderWaitMax_s);
     waiting.is_for_end = true;
     const Result<void> waits = watch_.Wait(std::move(waiting));
     if (waits) return;
@@ -265,7 +266,7 @@ void SharingActor::OnShareRequest(Context& context, const proto::Message& messag
 }
 
 // The leader gives an order again when it reaches this agent again, as it cannot know whether this process is another.
-bool SharingActor::IsBeingCarriedOut(ShareOrderId id) const {
+bool SharingActor::IsBeingCarriedOut(ShareOrderId id) {
   const Outgoing* outgoing = id.agent == options_.self || id.number == 0 ? nullptr : FindOutgoing(id.agent);
   return outgoing != nullptr && outgoing->session.StateOf(id) == StandingOrder::Reached::kOpen;
 }
@@ -275,7 +276,7 @@ bool SharingActor::IsBeingCarriedOut(ShareOrderId id) const {
 void SharingActor::OnProgressRequest(Context& context, const proto::Message& message) {
   const proto::ShareProgressRequest& request = message.share_progress_request();
   OrderWatch::Request waiting{context.sender().agent, context.sender().actor, message.request_id(), request.order()};
-  waiting.until = context.now() + Seconds(request.wait_s());
+  waiting.until = context.now() + BoundedWait(request.wait_s(), kReadWaitMax_s);
   waiting.after_version = request.after_version();
   waiting.news_period = request.is_relayed() ? OrderWatch::kRelayedNewsPeriod : OrderWatch::kNewsPeriod;
   if (const Result<void> waits = watch_.Wait(std::move(waiting)); !waits) {
@@ -299,9 +300,8 @@ void SharingActor::WatchOrder(const Context& context, const proto::ShareRequest&
     const SharingReceiver::Heard& heard = receiver_->heard(pair.peer);
     pair.batches_before = heard.batches;
     pair.refusals_before = heard.refusals;
-    pair.coded_bytes_before = heard.coded_bytes;
-    if (!pair.is_incoming)
-      pair.coded_bytes_before = FindOutgoing(pair.peer)->session.Status(context.now()).coded_bytes();
+    pair.coded_bytes_before =
+        pair.is_incoming ? heard.coded_bytes : FindOutgoing(pair.peer)->session.Status(context.now()).coded_bytes();
   }
   watch_.Add(std::move(order));
 }
@@ -327,7 +327,7 @@ void SharingActor::AnswerWhoWaits(Context& context) {
   Arm(context, watch_timer_, watch_.deadline(), kWatch, 0);
 }
 
-OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order& order) const {
+OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order& order) {
   OrderWatch::Rows rows;
   for (const OrderWatch::Pair& pair : order.pairs) {
     rows.pairs.push_back(pair.is_incoming ? IncomingRow(context, order.number, pair)
@@ -341,10 +341,7 @@ OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order&
     if (order.gathering_of.empty() || order.gathering_of.contains(agent)) order.gathers_from.insert(agent);
   }
   for (const AgentId agent : order.gathers_from) {
-    proto::PairProgress& row = rows.pairs.emplace_back();
-    row.set_sender(agent);
-    row.set_destination(options_.self);
-    row.set_kind(proto::SHARING_KIND_REPLICATION);
+    proto::PairProgress& row = rows.pairs.emplace_back(MakeRow(agent, options_.self, proto::SHARING_KIND_REPLICATION));
     row.set_is_complete(std::find(left->begin(), left->end(), agent) == left->end());
     if (row.is_complete()) continue;
     AddObstacle(context, agent, row);
@@ -357,11 +354,8 @@ OrderWatch::Rows SharingActor::RowsOf(const Context& context, OrderWatch::Order&
 }
 
 proto::PairProgress SharingActor::OutgoingRow(const Context& context, std::uint64_t order,
-                                              const OrderWatch::Pair& pair) const {
-  proto::PairProgress row;
-  row.set_sender(options_.self);
-  row.set_destination(pair.peer);
-  row.set_kind(kind_);
+                                              const OrderWatch::Pair& pair) {
+  proto::PairProgress row = MakeRow(options_.self, pair.peer, kind_);
   const Outgoing* outgoing = FindOutgoing(pair.peer);
   const proto::ShareSession status = outgoing->session.Status(context.now());
   row.set_coded_bytes(status.coded_bytes() - pair.coded_bytes_before);
@@ -390,10 +384,7 @@ proto::PairProgress SharingActor::OutgoingRow(const Context& context, std::uint6
 
 proto::PairProgress SharingActor::IncomingRow(const Context& context, std::uint64_t order,
                                               const OrderWatch::Pair& pair) const {
-  proto::PairProgress row;
-  row.set_sender(pair.peer);
-  row.set_destination(options_.self);
-  row.set_kind(kind_);
+  proto::PairProgress row = MakeRow(pair.peer, options_.self, kind_);
   const SharingReceiver::Heard& heard = receiver_->heard(pair.peer);
   row.set_coded_bytes(heard.coded_bytes - pair.coded_bytes_before);
   row.set_is_missing_known(heard.batches > pair.batches_before);
@@ -500,7 +491,7 @@ void SharingActor::OnTimer(Context& context, const proto::Timer& timer) {
   }
   if (timer.kind() == kWatch) {
     watch_timer_.armed.reset();
-    return;  // Who waits is answered after each message.
+    return;  // AnswerWhoWaits looks at the orders after each message.
   }
   if (timer.kind() == kStep) return OnStepTimer(context, timer.value());
   Outgoing* outgoing = FindOutgoing(static_cast<AgentId>(timer.value()));
@@ -690,11 +681,6 @@ double SharingActor::SecondsUntilWindowOpens(const Context& context, AgentId pee
 }
 
 SharingActor::Outgoing* SharingActor::FindOutgoing(AgentId destination) {
-  const auto it = outgoing_.find(destination);
-  return it == outgoing_.end() ? nullptr : &it->second;
-}
-
-const SharingActor::Outgoing* SharingActor::FindOutgoing(AgentId destination) const {
   const auto it = outgoing_.find(destination);
   return it == outgoing_.end() ? nullptr : &it->second;
 }

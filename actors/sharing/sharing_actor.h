@@ -135,8 +135,8 @@ class SharingActor : public Actor {
   // Watches the order in hand.
   void WatchOrder(const Context& context, const proto::ShareRequest& request);
   void AnswerWhoWaits(Context& context);
-  OrderWatch::Rows RowsOf(const Context& context, OrderWatch::Order& order) const;
-  proto::PairProgress OutgoingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair) const;
+  OrderWatch::Rows RowsOf(const Context& context, OrderWatch::Order& order);
+  proto::PairProgress OutgoingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair);
   proto::PairProgress IncomingRow(const Context& context, std::uint64_t order, const OrderWatch::Pair& pair) const;
   // Why nothing passes between this agent and that one now: stopped where it is out of reach, else it waits.
   void AddObstacle(const Context& context, AgentId peer, proto::PairProgress& row) const;
@@ -148,7 +148,7 @@ class SharingActor : public Actor {
   void SetRoles(Context& context, const proto::RoleAssignment& roles);
   // Of a sharing order: whether the agent that gives it, in this term, may.
   Result<void> CheckOrderer(const Context& context, const proto::Term& term) const;
-  bool IsBeingCarriedOut(ShareOrderId id) const;
+  bool IsBeingCarriedOut(ShareOrderId id);
   Result<void> CheckShareRequest(const proto::ShareRequest& request) const;
   // kRefused where a client of this agent relies on the roles of another term.
   Result<void> CheckExpectedTerm(const Context& context, const proto::ShareRequest& request) const;
@@ -157,7 +157,6 @@ class SharingActor : public Actor {
   // As far as both ends' leases say.
   double SecondsUntilWindowOpens(const Context& context, AgentId peer) const;
   Outgoing* FindOutgoing(AgentId destination);
-  const Outgoing* FindOutgoing(AgentId destination) const;
   Outgoing& FindOrMakeOutgoing(Context& context, AgentId destination);
   void Perform(Context& context, Outgoing& outgoing, SharingActions actions);
   void Perform(Context& context, SharingActions actions);  // The receiver's: whoever misses one sends again.

@@ -207,6 +207,10 @@ void JudgeSolve(const proto::OptimizeReply& solve, std::map<std::uint32_t, Findi
 
 }  // namespace
 
+std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term) {
+  return TermText(term) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
+}
+
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored) {
   return "cannot store term " + TermText(unstored.term()) + " (leader " + AgentName(team, unstored.leader()) +
          ", survivor " + AgentName(team, unstored.survivor()) + "): until it can it neither leads nor survives";

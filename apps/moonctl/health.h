@@ -34,6 +34,9 @@ std::map<std::uint32_t, std::vector<std::string>> FindingsOn(const proto::TeamCo
 // "hash 9f3a..., here 4c01...": of an agent whose team file is another one than the one that was read here.
 std::string OtherConfigText(std::uint64_t theirs, std::uint64_t here);
 
+// "4 by rover2".
+std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term);
+
 // Warns that an agent knows of a newer assignment and its disk does not take it.
 std::string UnstoredText(const proto::TeamConfig& team, const proto::RoleAssignment& unstored);
 

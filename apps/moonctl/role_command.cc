@@ -27,10 +27,6 @@ struct RoleArguments {
   std::string reason;
 };
 
-std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term) {
-  return TermText(term) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
-}
-
 // What each agent holds: a split team shows.
 ExitCode ShowRoles(CommandContext& context) {
   const auto answers = context.AskEach([](Client& client) { return client.Roles(); });

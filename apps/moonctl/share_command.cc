@@ -9,6 +9,7 @@
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
 #include "apps/moonctl/commands.h"
+#include "apps/moonctl/health.h"
 #include "apps/moonctl/pause_command.h"
 #include "apps/moonctl/share_status.h"
 #include "client/orders.h"
@@ -50,10 +51,6 @@ std::string Joined(const std::vector<std::string>& words) {
   return text;
 }
 
-std::string IssuedTermText(const proto::TeamConfig& team, const proto::Term& term) {
-  return "term " + TermText(term) + (term.issuer() == 0 ? "" : " by " + AgentName(team, term.issuer()));
-}
-
 // The agent of -a, or the leader as the newest term of all who answer has it.
 Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& request) {
   std::optional<proto::RoleAssignment> newest;
@@ -69,8 +66,8 @@ Result<AgentClient> ConnectToAct(CommandContext& context, proto::ShareRequest& r
   if (newest && OrderOf(held->roles().term()) != OrderOf(newest->term())) {
     const proto::TeamConfig& team = (*context.Team())->config;
     return Fail(ErrorCode::kRefused,
-                connected->agent->name() + " holds " + IssuedTermText(team, held->roles().term()) + ", another agent " +
-                    IssuedTermText(team, newest->term()),
+                connected->agent->name() + " holds term " + IssuedTermText(team, held->roles().term()) +
+                    ", another agent term " + IssuedTermText(team, newest->term()),
                 "expected_term");
   }
   *request.mutable_expected_term() = held->roles().term();

@@ -25,11 +25,7 @@ bool HasPair(const proto::ShareProgress& progress, AgentId sender, AgentId desti
 }  // namespace
 
 void DoneWatch::Order(AgentId leader, proto::SharingKind kind) {
-  Waiting waiting{leader, kind, {}};
-  for (AgentId agent = 1; agent <= world_.base; ++agent) {
-    if (!world_.team.is_running(agent)) continue;
-    if (std::optional<HaveSet> have = world_.HaveOf(agent)) waiting.before[agent] = *std::move(have);
-  }
+  Waiting waiting{leader, kind, ReadStores()};
   last_ = waiting.before;
   proto::Message message;
   message.set_request_id(++last_request_id_);
@@ -39,6 +35,15 @@ void DoneWatch::Order(AgentId leader, proto::SharingKind kind) {
   (void)world_.team.Post({leader, "operator"}, {leader, is_sync ? actor_name::kSync : actor_name::kReplica},
                          std::move(message));
   waiting_[last_request_id_] = std::move(waiting);
+}
+
+DoneWatch::Stores DoneWatch::ReadStores() {
+  Stores stores;
+  for (AgentId agent = 1; agent <= world_.base; ++agent) {
+    if (!world_.team.is_running(agent)) continue;
+    if (std::optional<HaveSet> have = world_.HaveOf(agent)) stores[agent] = *std::move(have);
+  }
+  return stores;
 }
 
 bool DoneWatch::HasAnswers() {
@@ -89,12 +94,13 @@ std::optional<std::string> DoneWatch::WhyNotDone(const Waiting& waiting, const p
     return "it acts on term " + TermText(roles.term()) + ", and answers for term " + TermText(progress.term());
   }
   const bool is_sync = waiting.kind == proto::SHARING_KIND_SYNC;
+  const Stores now = ReadStores();
   for (AgentId other = 1; other <= world_.base; ++other) {
     if (other == leader || other == world_.byzantine) continue;
     // In a team with keys, a rover that never led or survived passes nothing of others on.
     const bool is_believed = !HasSigningKeys(world_.config) || world_.rules.HasHadRole(other);
     const auto is_of_others = [&](const RecordKey& key) { return key.stream.origin != other && is_believed; };
-    if (const auto lacking = WhyLacking(before_term_of_[leader], other, leader, is_of_others)) return lacking;
+    if (const auto lacking = WhyLacking(before_term_of_[leader], now, other, leader, is_of_others)) return lacking;
     if (is_sync) {
       const auto is_its_own = [other](const RecordKey& key) { return key.stream.origin == other; };
       const auto is_for_it = [&](const RecordKey& key) {
@@ -104,11 +110,11 @@ std::optional<std::string> DoneWatch::WhyNotDone(const Waiting& waiting, const p
       };
       if (!HasPair(progress, other, leader)) return Name(other, leader) + " is left out";
       if (!HasPair(progress, leader, other)) return Name(leader, other) + " is left out";
-      if (const auto lacking = WhyLacking(waiting.before, other, leader, is_its_own)) return lacking;
-      if (const auto lacking = WhyLacking(waiting.before, leader, other, is_for_it)) return lacking;
+      if (const auto lacking = WhyLacking(waiting.before, now, other, leader, is_its_own)) return lacking;
+      if (const auto lacking = WhyLacking(waiting.before, now, leader, other, is_for_it)) return lacking;
     } else if (other == roles.survivor()) {
       if (!HasPair(progress, leader, other)) return Name(leader, other) + " is left out";
-      if (const auto lacking = WhyLacking(waiting.before, leader, other, [](const RecordKey&) { return true; }))
+      if (const auto lacking = WhyLacking(waiting.before, now, leader, other, [](const RecordKey&) { return true; }))
         return lacking;
     }
   }
@@ -116,24 +122,24 @@ std::optional<std::string> DoneWatch::WhyNotDone(const Waiting& waiting, const p
 }
 
 template <typename IsMeant>
-std::optional<std::string> DoneWatch::WhyLacking(const Stores& stores, AgentId sender, AgentId destination,
-                                                 IsMeant is_meant) {
+std::optional<std::string> DoneWatch::WhyLacking(const Stores& stores, const Stores& now, AgentId sender,
+                                                 AgentId destination, IsMeant is_meant) const {
   const auto before = stores.find(sender);
   if (before == stores.end()) return std::nullopt;
-  const std::optional<HaveSet> at_sender = world_.HaveOf(sender);
-  const std::optional<HaveSet> there = world_.HaveOf(destination);
-  if (!at_sender || !there) return std::nullopt;
+  const auto at_sender = now.find(sender);
+  const auto there = now.find(destination);
+  if (at_sender == now.end() || there == now.end()) return std::nullopt;
   for (const auto& [stream, have] : before->second.streams()) {
     // Whether a note is kept depends on when its policy changed where.
     if (stream.type == kNote || stream.origin == world_.byzantine || !is_meant(RecordKey{stream, 1})) continue;
     // Of a state that was dropped there a newer one has to be there, too.
-    const StreamHave& had = there->Get(stream);
+    const StreamHave& had = there->second.Get(stream);
     const IntervalSet lacking = have.held.Minus(IsState(stream.type) ? had.held : had.Had());
     for (const IntervalSet::Interval& interval : lacking.intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
         const RecordKey key{stream, seq};
-        const bool is_pruned = !MayBeSuperseded(stream.type) && at_sender->Get(stream).dropped.Contains(seq);
-        if (is_pruned || world_.rules.IsReplacedIn(*there, key)) continue;
+        const bool is_pruned = !MayBeSuperseded(stream.type) && at_sender->second.Get(stream).dropped.Contains(seq);
+        if (is_pruned || world_.rules.IsReplacedIn(there->second, key)) continue;
         return Name(sender, destination) + ": " + ToString(key) + " is not there";
       }
     }

@@ -46,7 +46,9 @@ class DoneWatch {
   std::optional<std::string> WhyNotDone(const Waiting& waiting, const proto::ShareProgress& progress);
   // "agent 3 to agent 1: 3.0001...12 is not there"; nothing where all that is `meant` is.
   template <typename IsMeant>
-  std::optional<std::string> WhyLacking(const Stores& before, AgentId sender, AgentId destination, IsMeant is_meant);
+  std::optional<std::string> WhyLacking(const Stores& before, const Stores& now, AgentId sender, AgentId destination,
+                                        IsMeant is_meant) const;
+  Stores ReadStores();
 
   SimulatedWorld& world_;
   std::uint64_t last_request_id_ = 0;

@@ -468,7 +468,7 @@ TEST_F(GatewayActorTest, SaysThatNobodyWaitsAnyMoreWhereTheActorBeganAnew) {
   team_.RunUntilIdle();
   const proto::ControlReply reply = OnlyAnswer();
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_UNAVAILABLE);
-  EXPECT_EQ(reply.error().text(), "sync began anew before it answered; ask again");
+  EXPECT_EQ(reply.error().text(), "sync restarted before it answered; ask again");
 }
 
 TEST_F(GatewayActorTest, AsksTheActorOfTheOrdersKindForNews) {
