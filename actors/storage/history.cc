@@ -47,18 +47,27 @@ struct Candidate {
 
 }  // namespace
 
-Result<void> History::Load(Database& database) {
+Result<void> History::Load(Database& database, const HaveSet& have) {
   types_.clear();
   draft_.reset();
-  Query query = database.Prepare(std::string("SELECT data_type, count(*), sum(") + kRowBytes +
-                                 "), min(row_id) FROM history GROUP BY data_type");
+  not_dropped_.clear();
+  Query sums = database.Prepare(std::string("SELECT data_type, count(*), sum(") + kRowBytes +
+                                "), min(row_id) FROM history GROUP BY data_type");
   while (true) {
-    const Result<bool> row = query.Step();
+    const Result<bool> row = sums.Step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) break;
+    OfType& type = types_[static_cast<DataType>(sums.Integer(0))];
+    type.sum = {sums.Unsigned(1), sums.Unsigned(2)};
+    type.oldest_row_id = sums.Unsigned(3);
+  }
+  Query keys = database.Prepare("SELECT data_type, epoch, seq, row_id FROM history WHERE seq > 0");
+  while (true) {
+    const Result<bool> row = keys.Step();
     if (!row) return tl::unexpected(row.error());
     if (!*row) return {};
-    OfType& type = types_[static_cast<DataType>(query.Integer(0))];
-    type.sum = {query.Unsigned(1), query.Unsigned(2)};
-    type.oldest_row_id = query.Unsigned(3);
+    const RecordKey key{{self_, keys.Unsigned(1), static_cast<DataType>(keys.Integer(0))}, keys.Unsigned(2)};
+    if (!have.Get(key.stream).dropped.Contains(key.seq)) not_dropped_[key] = keys.Unsigned(3);
   }
 }
 
@@ -152,6 +161,23 @@ Result<void> History::Delete(Database& database, DataType type, std::uint64_t ro
   return {};
 }
 
+Result<void> History::Remove(Database& database, const RecordKey& key) {
+  const auto found = not_dropped_.find(key);
+  if (found == not_dropped_.end()) return {};
+  const Result<std::optional<std::uint64_t>> bytes = FindBytes(database, key.stream.type, found->second);
+  if (!bytes) return tl::unexpected(bytes.error());
+  return *bytes ? Delete(database, key.stream.type, found->second, **bytes) : Result<void>();
+}
+
+Result<std::optional<std::uint64_t>> History::FindBytes(Database& database, DataType type, std::uint64_t row_id) {
+  Query query =
+      database.Prepare(std::string("SELECT ") + kRowBytes + " FROM history WHERE data_type = ? AND row_id = ?");
+  query << type << row_id;
+  const Result<bool> row = query.Step();
+  if (!row) return tl::unexpected(row.error());
+  return *row ? std::optional(query.Unsigned(0)) : std::nullopt;
+}
+
 Result<std::uint64_t> History::DropOldest(Database& database) {
   const Types& types = Now();
   const auto oldest = std::min_element(types.begin(), types.end(), [](const auto& a, const auto& b) {
@@ -159,18 +185,11 @@ Result<std::uint64_t> History::DropOldest(Database& database) {
   });
   const DataType type = oldest->first;
   const std::uint64_t row_id = oldest->second.oldest_row_id;
-  std::uint64_t bytes = 0;
-  {
-    Query query =
-        database.Prepare(std::string("SELECT ") + kRowBytes + " FROM history WHERE data_type = ? AND row_id = ?");
-    query << type << row_id;
-    const Result<bool> row = query.Step();
-    if (!row) return tl::unexpected(row.error());
-    if (!*row) return Fail(ErrorCode::kCorrupt, "database " + database.path() + " is damaged: its history lacks a row");
-    bytes = query.Unsigned(0);
-  }
-  if (const Result<void> done = Delete(database, type, row_id, bytes); !done) return tl::unexpected(done.error());
-  return bytes;
+  const Result<std::optional<std::uint64_t>> bytes = FindBytes(database, type, row_id);
+  if (!bytes) return tl::unexpected(bytes.error());
+  if (!*bytes) return Fail(ErrorCode::kCorrupt, "database " + database.path() + " is damaged: its history lacks a row");
+  if (const Result<void> done = Delete(database, type, row_id, **bytes); !done) return tl::unexpected(done.error());
+  return **bytes;
 }
 
 Result<std::uint64_t> History::Drop(Database& database, std::uint64_t bytes) {

@@ -23,6 +23,7 @@
 
 #include "actors/storage/record_tables.h"
 #include "actors/storage/sqlite_database.h"
+#include "model/have_set.h"
 #include "model/keep_rule.h"
 #include "proto/retention.pb.h"
 #include "proto/storage.pb.h"
@@ -46,8 +47,9 @@ class History {
   // `self` is the origin of all rows.
   History(AgentId self, Rules rules) : self_(self), rules_(std::move(rules)) {}
 
-  // The sums, from the table, which it goes through without reading long contents.
-  Result<void> Load(Database& database);
+  // Reads the sums from the table, without reading long contents, and which rows `have` does not count as dropped: a
+  // repaired have-set no longer knows what the damaged rows had superseded, so peers may send these records again.
+  Result<void> Load(Database& database, const HaveSet& have);
   Sum sum() const { return SumOf(types_); }  // As committed.
 
   // Rows whose content is not what their hash says; reads all of it.
@@ -61,6 +63,8 @@ class History {
 
   // Inside the caller's transaction: copies a row of `table`, which is of `self`, that is about to be deleted there.
   Result<void> Take(Database& database, const RecordTable& table, const RecordTable::Row& row);
+  // Inside the caller's transaction: removes the row of `key`, if there is one, since the record is stored again.
+  Result<void> Remove(Database& database, const RecordKey& key);
   // In the caller's transaction: removes the oldest rows until at least so many bytes are freed, or all are gone; how
   // many were freed.
   Result<std::uint64_t> Drop(Database& database, std::uint64_t bytes);
@@ -89,6 +93,8 @@ class History {
   using Types = std::map<DataType, OfType>;
 
   static Sum SumOf(const Types& types);
+  // The bytes that a row counts for; none: there is no such row.
+  static Result<std::optional<std::uint64_t>> FindBytes(Database& database, DataType type, std::uint64_t row_id);
   const Types& Now() const { return draft_ ? *draft_ : types_; }
   Types& Draft();
   KeepRule RuleOf(DataType type) const;
@@ -102,6 +108,7 @@ class History {
   const Rules rules_;
   Types types_;
   std::optional<Types> draft_;
+  std::map<RecordKey, std::uint64_t> not_dropped_;  // Row ids of records that were not counted as dropped at Load.
 };
 
 }  // namespace moondb

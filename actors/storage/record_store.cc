@@ -296,7 +296,7 @@ Result<void> RecordStore::Load() {
   const auto maps = FindRecordTable(proto::LOCAL_TRAVERSABILITY_MAP)->SizesByOrigin(*database_);
   if (!maps) return tl::unexpected(maps.error());
   for (const auto& [origin, size] : *maps) map_bytes_ += size.content_bytes;
-  return history_.Load(*database_);
+  return history_.Load(*database_, ledger_.have());
 }
 
 Result<void> RecordStore::Mend() {
@@ -866,6 +866,9 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::op
   }
   for (const RecordTable::Row& row : superseded) {
     if (const Result<void> done = writing.Supersede(table, row); !done) return done;
+  }
+  if (opened.key.stream.origin == options_.self) {
+    if (const Result<void> done = history_.Remove(*database_, opened.key); !done) return done;
   }
   result.reply.set_stored_count(result.reply.stored_count() + 1);
   return writing.InsertRow(opened.key, opened.record, opened.stored->content(), opened.stored->hash());

@@ -231,6 +231,30 @@ TEST(HistoryTest, ADamagedRowIsRemovedAtTheNextStartAndCostsNothingElse) {
   EXPECT_THAT(Superseded(*store), ElementsAre(0, 2, 3));
 }
 
+TEST(HistoryTest, NoLongerKeepsAStateThatAPeerSendsBackAfterDamage) {
+  const TemporaryFolder folder;
+  const RecordStore::Options options = WithHistory(folder.path() / "a.db");
+  auto peer = OpenStore(StoreOptionsOf(2));
+  auto store = OpenStore(options);
+  for (const double celsius : {0.0, 1.0, 2.0}) {
+    InsertOne(*store, TemperatureRecord(celsius));
+    if (celsius == 1.0) StoreOne(*peer, Contents(*store)[0]);
+  }
+  ASSERT_TRUE(store->database().Execute("UPDATE temperature SET content = CAST(content || x'00' AS BLOB)"));
+  store.reset();
+  store = OpenStore(options);
+  ASSERT_THAT(Superseded(*store), ElementsAre(0, 1));
+
+  StoreOne(*store, Contents(*peer)[0]);
+  EXPECT_THAT(Contents(*store), SizeIs(1));
+  EXPECT_THAT(Superseded(*store), ElementsAre(0));
+  EXPECT_EQ(HistoryCount(*store), 1u);
+  InsertOne(*store, TemperatureRecord(3));
+  EXPECT_THAT(Superseded(*store), ElementsAre(0, 1));
+  store.reset();
+  EXPECT_THAT(Superseded(*OpenStore(options)), ElementsAre(0, 1));
+}
+
 TEST(HistoryTest, WhatIsKeptForATimeGoesByItsStamp) {
   RecordStore::Options options = WithHistory();
   options.history.keep[proto::TEMPERATURE] = KeepRule{hours(12)};
