@@ -87,8 +87,8 @@ void Building::AddWall(const Room& room, bool is_upright, double at_m, double th
   const double first = is_upright ? room.bottom : room.left;
   const double last = is_upright ? room.top : room.right;
   Fill(part(first, last), true);
-  const int doors = 1 + random.Poisson((last - first) / 5);
-  for (int i = 0; i < doors; ++i) {
+  const int listeners = 1 + random.Poisson((last - first) / 5);
+  for (int i = 0; i < listeners; ++i) {
     const double width = random.Uniform(0.8, 1.6);
     const double from = random.Uniform(first, std::max(first, last - width));
     Fill(part(from, from + width), false);

@@ -66,7 +66,7 @@ class Run {
   Result<void> Insert(int number) {
     proto::InsertRequest request;
     proto::Record& record = *request.add_records();
-    record.set_stamp_ns(1'700'000'000'000'000'000 + number * 1'000'000'000LL);
+    record.set_timestamp_ns(1'700'000'000'000'000'000 + number * 1'000'000'000LL);
     record.mutable_temperature()->set_celsius(-40 + 0.001 * number);
     const auto begin = std::chrono::steady_clock::now();
     const RecordStore::Inserted inserted = store_->Insert(request);

@@ -1,6 +1,6 @@
-// learn_map_tables: makes actors/sharing/coding/learnt_tables_data.cc, with which every run of coded maps begins.
+// learn_map_tables: makes actors/sharing/coding/trained_tables_data.cc, with which every run of coded maps begins.
 //
-//   learn_map_tables > actors/sharing/coding/learnt_tables_data.cc
+//   learn_map_tables > actors/sharing/coding/trained_tables_data.cc
 //
 // It learns from generated maps alone: lasers in buildings, cameras on the Moon, and maps that roll over one grid. What
 // it makes is part of the wire format (actors/sharing/coding/map_codec.h): new tables are a new wire version
@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "actors/sharing/coding/learnt_tables.h"
 #include "actors/sharing/coding/map_codec.h"
+#include "actors/sharing/coding/trained_tables.h"
 #include "apps/moondb_mission/mission_maker.h"
 #include "apps/moondb_mission/random.h"
 #include "bench/laser_maps.h"
@@ -89,8 +89,8 @@ void Learn(const Drive& drive, MapRunEncoder::Previous previous, BitModel& model
 void Print(std::string_view text) {
   constexpr std::size_t kLineCharacters = 114;
   std::printf("// Made by bench/learn_map_tables.cc; see there. Not to be changed by hand.\n");
-  std::printf("#include \"actors/sharing/coding/learnt_tables.h\"\n\nnamespace moondb {\n\n");
-  std::printf("// clang-format off\nconst std::string_view kLearntTables =\n");
+  std::printf("#include \"actors/sharing/coding/trained_tables.h\"\n\nnamespace moondb {\n\n");
+  std::printf("// clang-format off\nconst std::string_view kTrainedTables =\n");
   while (!text.empty()) {
     const std::string line(text.substr(0, kLineCharacters));
     text.remove_prefix(line.size());

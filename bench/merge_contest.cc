@@ -54,12 +54,13 @@ class MergeContest {
     MergeWorld world = MakeMergeWorld(options.maps, options.side_cells, /*seed=*/1);
     grid_ = world.grid;
     std::uint64_t cells = 0;
-    run_.local_map_ms = Timed([&] {
-                          for (const MapAtPose& map : world.maps) {
-                            here_.push_back({*MakeLocalMap(map.key, map.stamp_ns, map.map, grid_), map.map_from_node});
-                          }
-                        }) /
-                        static_cast<double>(options.maps);
+    run_.local_map_ms =
+        Timed([&] {
+          for (const MapAtPose& map : world.maps) {
+            here_.push_back({*MakeLocalMap(map.key, map.timestamp_ns, map.map, grid_), map.map_from_node});
+          }
+        }) /
+        static_cast<double>(options.maps);
     std::uint64_t bytes = 0;
     for (const PlacedMap& map : here_) {
       bytes += map.map->bytes();
@@ -119,7 +120,7 @@ class MergeContest {
   void Merge(Merger& merger) { Keep(merger.Merge({})); }
 
   // Everything is placed anew and merged in full.
-  void MergeAnew(Merger& merger, const std::vector<PlacedMap>& maps, const std::vector<Footprint>& footprints) {
+  void MergeFromScratch(Merger& merger, const std::vector<PlacedMap>& maps, const std::vector<Footprint>& footprints) {
     for (const PlacedMap& map : maps) Keep(merger.Put(map));
     for (const Footprint& footprint : footprints) Keep(merger.PutFootprint(footprint));
     Merge(merger);
@@ -130,7 +131,7 @@ class MergeContest {
   void Add(const std::string& name, std::shared_ptr<GatherBackend> backend) {
     entrants_.push_back({name, std::make_unique<Merger>(grid_, std::move(backend))});
     Entrant& entrant = entrants_.back();
-    Note(name + "_first", [&] { MergeAnew(*entrant.merger, there_, footprints_there_); });
+    Note(name + "_first", [&] { MergeFromScratch(*entrant.merger, there_, footprints_there_); });
   }
 
   void AddCpus() {
@@ -154,7 +155,7 @@ class MergeContest {
     if (!timed_gl) return;
     timed_gl_ = std::move(*timed_gl);
     timed_merger_ = std::make_unique<Merger>(grid_, timed_gl_);
-    MergeAnew(*timed_merger_, there_, footprints_there_);
+    MergeFromScratch(*timed_merger_, there_, footprints_there_);
     run_.gl_maps_upload_ms = timed_gl_->times().upload_ms;
     if (Result<std::unique_ptr<GlPainter>> painter = GlPainter::Create(); painter) {
       painter_ = std::move(*painter);
@@ -169,7 +170,7 @@ class MergeContest {
       const auto& maps = entrant.is_here ? here_ : there_;
       const auto& footprints = entrant.is_here ? footprints_here_ : footprints_there_;
       Merger& merger = *entrant.merger;
-      Note(entrant.name, [&] { MergeAnew(merger, maps, footprints); });
+      Note(entrant.name, [&] { MergeFromScratch(merger, maps, footprints); });
       if (entrant.name == "cpu" || entrant.name == "scalar") continue;
       const PlacedMap& one = maps[maps.size() / 2];
       Note(entrant.name + "_withdraw", [&] {
@@ -191,7 +192,8 @@ class MergeContest {
     }
     if (timed_merger_ == nullptr) return;
     is_timed_here_ = !is_timed_here_;
-    MergeAnew(*timed_merger_, is_timed_here_ ? here_ : there_, is_timed_here_ ? footprints_here_ : footprints_there_);
+    MergeFromScratch(*timed_merger_, is_timed_here_ ? here_ : there_,
+                     is_timed_here_ ? footprints_here_ : footprints_there_);
     samples_["gl_upload"].push_back(timed_gl_->times().upload_ms);
     samples_["gl_draw"].push_back(timed_gl_->times().draw_ms);
     samples_["gl_read"].push_back(timed_gl_->times().read_ms);
@@ -199,8 +201,8 @@ class MergeContest {
 
   Result<void> CheckAgreement() {
     for (Entrant& entrant : entrants_) {
-      MergeAnew(*entrant.merger, there_, footprints_there_);
-      MergeAnew(*entrant.merger, here_, footprints_here_);
+      MergeFromScratch(*entrant.merger, there_, footprints_there_);
+      MergeFromScratch(*entrant.merger, here_, footprints_here_);
       const Result<MergeResult> merged = entrant.merger->Read(entrant.merger->extent());
       if (!merged) return tl::unexpected(merged.error());
       if (merged->slots.size() != naive_->cells().size()) return Fail(ErrorCode::kInternal, entrant.name + ": extent");

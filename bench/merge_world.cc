@@ -77,7 +77,7 @@ MergeWorld MakeMergeWorld(std::size_t map_count, std::int64_t side_cells, std::u
     const AgentId agent = 1 + static_cast<AgentId>(i % 3);
     MapAtPose map;
     map.key = NumberedMapKey(agent, i + 1);
-    map.stamp_ns = static_cast<std::int64_t>(i / 3);
+    map.timestamp_ns = static_cast<std::int64_t>(i / 3);
     map.map_from_node =
         Pose::FromPlanar(uniform(reach_m, side_m - reach_m), uniform(reach_m, side_m - reach_m), uniform(-M_PI, M_PI));
     map.map.node = {agent, i};

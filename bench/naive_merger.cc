@@ -14,8 +14,8 @@ namespace {
 inline void Decide(const NaiveMerger::CellState& seen, NaiveMerger::CellState& state) {
   if (seen.resolution_um > state.resolution_um) return;
   if (seen.resolution_um == state.resolution_um) {
-    if (seen.stamp_ns < state.stamp_ns) return;
-    if (seen.stamp_ns == state.stamp_ns && state.map == seen.map) return;
+    if (seen.timestamp_ns < state.timestamp_ns) return;
+    if (seen.timestamp_ns == state.timestamp_ns && state.map == seen.map) return;
   }
   state = seen;
 }
@@ -79,10 +79,10 @@ inline void NaiveMerger::ForEachCell(const PlacedRectangle& p, Visit visit) {
 void NaiveMerger::DrawBlock(const PlacedBlock& placed, const std::vector<Cell>& cells, std::uint32_t map) {
   const LayerBlock& block = placed.cells->block();
   const std::uint32_t resolution_um = placed.resolution_um;
-  const std::int64_t stamp_ns = placed.stamp_ns;
+  const std::int64_t timestamp_ns = placed.timestamp_ns;
   ForEachCell(placed.rectangle, [&](CellState& state, std::int64_t column, std::int64_t row) {
     const Cell value = cells[static_cast<std::size_t>(row * block.width + column)];
-    if (value != Cell::kUnknown) Decide({stamp_ns, resolution_um, map, block.level, value}, state);
+    if (value != Cell::kUnknown) Decide({timestamp_ns, resolution_um, map, block.level, value}, state);
   });
 }
 
@@ -106,7 +106,7 @@ void NaiveMerger::DrawBlockInDoubles(const PlacedBlock& placed, const std::vecto
       if (column < 0 || in_row < 0 || column >= block.width || in_row >= block.height) continue;
       const Cell value = cells[static_cast<std::size_t>(in_row) * block.width + column];
       if (value == Cell::kUnknown) continue;
-      Decide({placed.stamp_ns, placed.resolution_um, map, block.level, value}, row[x]);
+      Decide({placed.timestamp_ns, placed.resolution_um, map, block.level, value}, row[x]);
     }
   }
 }

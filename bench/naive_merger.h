@@ -17,7 +17,7 @@ class NaiveMerger {
  public:
   // What is known of a cell of the merged map.
   struct CellState {
-    std::int64_t stamp_ns = 0;
+    std::int64_t timestamp_ns = 0;
     std::uint32_t resolution_um = UINT32_MAX;  // Unknown.
     std::uint32_t map = UINT32_MAX;            // Index; UINT32_MAX with level 255: a footprint.
     std::uint8_t level = 0;

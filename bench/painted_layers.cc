@@ -31,12 +31,12 @@ std::vector<PaintedLayer> LayersToPaint(std::span<const PlacedMap> maps, std::sp
     const std::unique_ptr<PlacedThing> thing = Placed(PlaceMap(map, grid));
     for (const PlacedBlock& block : thing->blocks) {
       const PackedBlock& cells = *block.cells;
-      layers.push_back({block.resolution_um, block.stamp_ns, block.rectangle, cells.block().width, cells.block().height,
-                        UnpackCells(cells)});
+      layers.push_back({block.resolution_um, block.timestamp_ns, block.rectangle, cells.block().width,
+                        cells.block().height, UnpackCells(cells)});
     }
   }
   std::stable_sort(layers.begin(), layers.end(), [](const PaintedLayer& a, const PaintedLayer& b) {
-    return a.resolution_um != b.resolution_um ? a.resolution_um > b.resolution_um : a.stamp_ns < b.stamp_ns;
+    return a.resolution_um != b.resolution_um ? a.resolution_um > b.resolution_um : a.timestamp_ns < b.timestamp_ns;
   });
   for (const Footprint& footprint : footprints) {
     const std::unique_ptr<PlacedThing> thing = Placed(PlaceFootprint(footprint, grid));

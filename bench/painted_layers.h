@@ -14,7 +14,7 @@ std::vector<Cell> UnpackCells(const PackedBlock& packed);
 
 struct PaintedLayer {
   std::uint32_t resolution_um = 0;  // 0: a footprint.
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   PlacedRectangle placed;
   std::int32_t width = 0;
   std::int32_t height = 0;

@@ -4,7 +4,7 @@
 #include <chrono>
 
 #include "actors/merge/merge_maps.h"
-#include "actors/pgo/plain_solver.h"
+#include "actors/pgo/standalone_solver.h"
 #include "actors/pgo/team_facts.h"
 #include "bench/pgo_methods.h"
 #include "model/metrics.h"
@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 bool IsMission(const fs::path& folder) { return fs::exists(folder / "agents.csv"); }
 
-std::map<NodeKey, Pose> PosesOf(const PlainGraph& graph, const std::vector<Pose>& poses) {
+std::map<NodeKey, Pose> PosesOf(const StandaloneGraph& graph, const std::vector<Pose>& poses) {
   std::map<NodeKey, Pose> result;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!graph.nodes[i].is_point) result[graph.nodes[i].key] = poses[i];
@@ -25,7 +25,7 @@ std::map<NodeKey, Pose> PosesOf(const PlainGraph& graph, const std::vector<Pose>
   return result;
 }
 
-std::vector<AgentId> AgentsOf(const PlainGraph& graph) {
+std::vector<AgentId> AgentsOf(const StandaloneGraph& graph) {
   std::vector<AgentId> agents;
   for (const PlainNode& node : graph.nodes) {
     if (!node.is_point && (agents.empty() || agents.back() != node.key.agent)) agents.push_back(node.key.agent);
@@ -41,7 +41,7 @@ std::map<NodeKey, Pose> Moved(const Pose& by, const std::map<NodeKey, Pose>& pos
 
 class PlainRunner {
  public:
-  PlainRunner(PlainGraph graph, bool has_truth, const GraphBenchOptions& options)
+  PlainRunner(StandaloneGraph graph, bool has_truth, const GraphBenchOptions& options)
       : graph_(std::move(graph)), agents_(AgentsOf(graph_)), has_truth_(has_truth), bench_(options) {
     options_.thread_count = options.solver.thread_count;
     for (const PlainNode& node : graph_.nodes) {
@@ -56,9 +56,9 @@ class PlainRunner {
     run.edge_count = graph_.steps.size() + graph_.sightings.size();
     run.range_count = graph_.ranges.size();
     PlainSolution solution;
-    run.ours.seconds = SecondsOf([&] { solution = SolvePlainGraph(graph_, options_); });
+    run.ours.seconds = SecondsOf([&] { solution = SolveStandaloneGraph(graph_, options_); });
     Fill(solution, run.ours);
-    run.initialisation = ToString(solution.beginning);
+    run.initialisation = ToString(solution.initial_values);
     run.text = solution.text;
     run.tracks = TracksOf(Placed(solution), agents_);
     if (has_truth_) run.true_tracks = TracksOf(truth_, agents_);
@@ -83,7 +83,7 @@ class PlainRunner {
     if (has_truth_) result.ate_m = CompareTrajectories(Placed(solution), truth_, agents_).rmse_m;
   }
 
-  PlainGraph graph_;
+  StandaloneGraph graph_;
   std::vector<AgentId> agents_;
   bool has_truth_;
   const GraphBenchOptions& bench_;
@@ -98,7 +98,7 @@ Result<MergedMap> MergeAt(const Mission& mission, const std::map<NodeKey, Pose>&
     if (!cells) return tl::unexpected(cells.error());
     const auto pose = poses.find(map.node);
     if (pose == poses.end()) return Fail(ErrorCode::kNotFound, "no pose of " + ToString(map.node));
-    maps.push_back({NumberedMapKey(map.agent, maps.size() + 1), map.stamp_ns, pose->second, *std::move(cells)});
+    maps.push_back({NumberedMapKey(map.agent, maps.size() + 1), map.timestamp_ns, pose->second, *std::move(cells)});
   }
   std::vector<Pose> footprints;
   for (const auto& [key, pose] : poses) {
@@ -137,7 +137,7 @@ Result<GraphRun> RunMission(const fs::path& folder, const GraphBenchOptions& opt
   run.ours.cost = solution.final_cost;
   run.ours.ate_m = CompareTrajectories(solution.poses, mission->truth, rovers).rmse_m;
   run.ours.hazard_iou = HazardIou(*mission, solution.poses);
-  run.initialisation = ToString(solution.beginning);
+  run.initialisation = ToString(solution.initial_values);
   run.text = solution.text;
   run.odometry_tracks = TracksOf(moondb::PosesOf(mission->graph), rovers);
   run.tracks = TracksOf(solution.poses, rovers);
@@ -171,11 +171,11 @@ Result<GraphRun> RunGraph(const fs::path& path, const GraphBenchOptions& options
   if (path.extension() == ".g2o") {
     const Result<G2o> g2o = ReadG2o(path, InformationCheck::kBlocks);
     if (!g2o) return tl::unexpected(g2o.error());
-    return PlainRunner(ToPlainGraph(*g2o), /*has_truth=*/false, options).Run(name);
+    return PlainRunner(ToStandaloneGraph(*g2o), /*has_truth=*/false, options).Run(name);
   }
   const Result<Pyfg> pyfg = ReadPyfg(path);
   if (!pyfg) return tl::unexpected(pyfg.error());
-  return PlainRunner(ToPlainGraph(*pyfg), /*has_truth=*/true, options).Run(name);
+  return PlainRunner(ToStandaloneGraph(*pyfg), /*has_truth=*/true, options).Run(name);
 }
 
 }  // namespace moondb

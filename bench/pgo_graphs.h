@@ -15,7 +15,7 @@ namespace moondb {
 // How one way to solve a graph ended.
 struct GraphResult {
   bool has_converged = false;
-  double cost = 0;  // F of actors/pgo/plain_graph.h; of a team the solver's own F over accepted ranges.
+  double cost = 0;  // F of actors/pgo/standalone_graph.h; of a team the solver's own F over accepted ranges.
   std::optional<double>
       ate_m;  // Where the file has the truth: PyFG's vertices. Aligned rigidly for graphs without map.
   double seconds = 0;

@@ -36,7 +36,7 @@ Mission Redraw(const Mission& mission, std::uint64_t seed) {
     if (agent.is_base_station) continue;
     const std::vector<GraphNode> nodes = TrueNodes(mission, agent.id);
     node_count = std::min(node_count, nodes.size());
-    if (nodes.size() > 1) period_ns = nodes[1].stamp_ns - nodes[0].stamp_ns;
+    if (nodes.size() > 1) period_ns = nodes[1].timestamp_ns - nodes[0].timestamp_ns;
     agent.start = nodes.front().map_from_node;
     agent.start.position_m.x() += agent.start_sigma_m * starts.Normal();
     agent.start.position_m.y() += agent.start_sigma_m * starts.Normal();
@@ -83,9 +83,9 @@ RedrawRun RunRedraws(const std::string& name, const Mission& mission, int draws,
       ates[method].push_back(CompareTrajectories(result.poses, mission.truth, RoverIds(mission)).rmse_m);
       seconds[method].push_back(result.seconds);
     }
-    const MethodResult told = SolveWithoutBursts(drawn, options);
-    ates_without_bursts.push_back(CompareTrajectories(told.poses, mission.truth, RoverIds(mission)).rmse_m);
-    seconds_without_bursts.push_back(told.seconds);
+    const MethodResult reported = SolveWithoutBursts(drawn, options);
+    ates_without_bursts.push_back(CompareTrajectories(reported.poses, mission.truth, RoverIds(mission)).rmse_m);
+    seconds_without_bursts.push_back(reported.seconds);
   }
   run.without_bursts = ToFigures(ates_without_bursts, seconds_without_bursts);
   for (const Method method : kMethods) run.methods[method] = ToFigures(ates[method], seconds[method]);

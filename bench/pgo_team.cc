@@ -46,7 +46,7 @@ ScenarioOptions OptionsOf(const TeamCase& team, std::uint64_t seed) {
 PoseGraph Earlier(const PoseGraph& graph, int node_count) {
   PoseGraph earlier = graph;
   const std::int64_t end_ns = (node_count - kNewNodes) * kStep_ns;
-  const auto is_late = [end_ns](const auto& item) { return item.stamp_ns >= end_ns; };
+  const auto is_late = [end_ns](const auto& item) { return item.timestamp_ns >= end_ns; };
   std::erase_if(earlier.nodes, is_late);
   std::erase_if(earlier.odometry, is_late);
   std::erase_if(earlier.ranges, is_late);

@@ -87,7 +87,7 @@ def watch(programs, has_keys, options):
         seconds, after = time.monotonic() - begin, team.sent_bytes()
         swapping = (team.processor_s() - before) / seconds
         of_a_swap = [(after[link] - sent[link] - idle_rate[link] * seconds) / options.swaps for link in sent]
-        return {"at_rest": rest, "swapping": swapping, "bytes_a_swap_max": max(of_a_swap),
+        return {"idle": rest, "swapping": swapping, "bytes_a_swap_max": max(of_a_swap),
                 "bytes_a_swap_median": statistics.median(of_a_swap)}
 
 
@@ -106,7 +106,7 @@ def main():
               for name in ("with_keys", "without")}
     result["pairs"] = pairs
     for name, figures in list(result.items())[:2]:
-        print(f"{name:9}  at rest {100 * figures['at_rest']:.2f} % of a processor, a swap a second "
+        print(f"{name:9}  at rest {100 * figures['idle']:.2f} % of a processor, a swap a second "
               f"{100 * figures['swapping']:.2f} %; a swap takes {figures['bytes_a_swap_median']:.0f} bytes on a link, "
               f"{figures['bytes_a_swap_max']:.0f} at most")
     if options.json:

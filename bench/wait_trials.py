@@ -113,7 +113,7 @@ def lacking(team, before, agents):
     return missing
 
 
-class SlowDoor:
+class SlowProxy:
     """Stands on the socket of an agent for clients, and lets each frame wait on its way to the agent."""
 
     def __init__(self, folder):
@@ -174,13 +174,13 @@ class Trials:
         self.team, self.network, self.scenario, self.rng, self.mission = team, network, scenario, rng, mission
         self.leader, self.survivor = 0, 1
         self.fed_s = 0
-        self.door = None
+        self.proxy = None
 
-    def begin_life(self):
+    def note_start(self):
         """All agents, with empty disks."""
         self.team.stop()
-        if self.door:
-            self.door.close()
+        if self.proxy:
+            self.proxy.close()
         for name in NAMES:
             shutil.rmtree(self.team.folder / name, ignore_errors=True)
         self.leader, self.survivor = 0, 1
@@ -190,7 +190,7 @@ class Trials:
         self.team.until_joined()
         self.until_agreed()
         if self.scenario in ("flap_slow", "flap_at_once"):
-            self.door = SlowDoor(pathlib.Path(os.environ["MOONDB_RUN_DIR"]))
+            self.proxy = SlowProxy(pathlib.Path(os.environ["MOONDB_RUN_DIR"]))
 
     def running(self):
         return sorted(self.team.agents)
@@ -372,7 +372,7 @@ def work(options):
             for number in range(options.trials):
                 started = time.monotonic()
                 if number % TRIALS_A_LIFE[scenario] == 0:
-                    trials.begin_life()
+                    trials.note_start()
                 result = trials.run()
                 result.update(number=number, seed=options.seed, trial_s=round(time.monotonic() - started, 2))
                 print(json.dumps(result), flush=True)

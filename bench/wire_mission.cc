@@ -25,7 +25,7 @@ constexpr int kOtherStatesEvery = 3;
 class Recorder {
  public:
   void Add(AgentId origin, proto::Record record) {
-    record.set_stamp_ns(record.stamp_ns() + kStart_ns);
+    record.set_timestamp_ns(record.timestamp_ns() + kStart_ns);
     const std::uint32_t type = TypeOf(record);
     std::vector<proto::StoredRecord>& stream = streams_[{type, origin}];
     const RecordKey key{{origin, kEpoch + origin, type}, stream.size() + 1};
@@ -50,24 +50,24 @@ void AddStates(AgentId origin, int seconds, Recorder& recorder) {
   Random random(origin);
   double celsius = 10;
   for (int second = 0; second < seconds; ++second) {
-    const std::int64_t stamp_ns = second * kSecond_ns + random.Index(2'000'000);
+    const std::int64_t timestamp_ns = second * kSecond_ns + random.Index(2'000'000);
     celsius += 0.05 * random.Normal();
     proto::Record temperature;
-    temperature.set_stamp_ns(stamp_ns);
+    temperature.set_timestamp_ns(timestamp_ns);
     temperature.mutable_temperature()->set_celsius(std::round(celsius * 16) / 16);  // As a sensor has it.
     recorder.Add(origin, temperature);
     if (second % kOtherStatesEvery != 0) continue;
     proto::Record power;
-    power.set_stamp_ns(stamp_ns);
+    power.set_timestamp_ns(timestamp_ns);
     power.mutable_power()->set_battery_ratio(std::round((0.9 - second * 1e-4) * 4096) / 4096);
     power.mutable_power()->set_draw_w(12 + random.Index(64) / 16.0);
     recorder.Add(origin, power);
   }
 }
 
-void AddMap(AgentId origin, std::int64_t stamp_ns, const TraversabilityMap& map, Recorder& recorder) {
+void AddMap(AgentId origin, std::int64_t timestamp_ns, const TraversabilityMap& map, Recorder& recorder) {
   proto::Record record;
-  record.set_stamp_ns(stamp_ns);
+  record.set_timestamp_ns(timestamp_ns);
   *record.mutable_local_traversability_map() = ToProto(map);
   recorder.Add(origin, std::move(record));
 }
@@ -111,9 +111,9 @@ WireMission ToWire(std::string name, const Mission& mission, const std::vector<T
   AddGraph(mission.graph, recorder);
   std::int64_t last_ns = 0;
   for (std::size_t i = 0; i < maps.size(); ++i) {
-    AddMap(mission.maps[i].agent, mission.maps[i].stamp_ns, maps[i], recorder);
+    AddMap(mission.maps[i].agent, mission.maps[i].timestamp_ns, maps[i], recorder);
     by_rover[mission.maps[i].agent].push_back(maps[i]);
-    last_ns = std::max(last_ns, mission.maps[i].stamp_ns);
+    last_ns = std::max(last_ns, mission.maps[i].timestamp_ns);
   }
   for (const AgentId rover : RoverIds(mission)) AddStates(rover, static_cast<int>(last_ns / kSecond_ns), recorder);
   return Finish(std::move(name), recorder, std::move(by_rover));

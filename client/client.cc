@@ -118,7 +118,7 @@ Result<RecordKey> Client::InsertCustom(Custom custom, bool is_local) {
   if (!type) return tl::unexpected(type.error());
   if (!IsCustom(*type)) return Fail(ErrorCode::kInvalid, custom.type + " is no custom type", "type");
   proto::Record record;
-  record.set_stamp_ns(custom.stamp_ns);
+  record.set_timestamp_ns(custom.timestamp_ns);
   proto::CustomRecord& body = *record.mutable_custom();
   body.set_data_type(*type);
   body.set_latest_key(std::move(custom.latest_key));
@@ -289,8 +289,8 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
     const proto::MapTilesReply& part = reply->map_tiles();
     auto tiles = DecodeMapTiles(part);
     if (!tiles) return tl::unexpected(tiles.error());
-    if (first && part.life() != first->life()) {
-      request.clear_life();
+    if (first && part.merger_id() != first->merger_id()) {
+      request.clear_merger_id();
       return Fail(ErrorCode::kUnavailable, "the agent began to merge anew; ask again");
     }
     all.tiles.insert(all.tiles.end(), std::make_move_iterator(tiles->begin()), std::make_move_iterator(tiles->end()));
@@ -300,8 +300,8 @@ Result<MergedTiles> Client::NextMapTiles(proto::MapTilesRequest& request) {
     *asked.mutable_after() = *part.tiles().rbegin();
     asked.mutable_after()->clear_zstd_cells();
   }
-  all.is_everything = request.life() != first->life();
-  request.set_life(first->life());
+  all.is_everything = request.merger_id() != first->merger_id();
+  request.set_merger_id(first->merger_id());
   request.set_since_version(first->version());
   return all;
 }

@@ -112,11 +112,11 @@ class Client {
 
   // A record of a type that the team file declares: bytes that only the team's own programs understand.
   struct Custom {
-    std::string type;           // Its name, as in Options::custom_types.
-    std::int64_t stamp_ns = 0;  // UTC.
-    std::string payload;        // At most the type's bytes_max.
-    std::string latest_key;     // Under the policy `latest` the newest of each key is kept; at most 256 bytes.
-    std::string metadata;       // UTF-8, at most 1024 bytes.
+    std::string type;               // Its name, as in Options::custom_types.
+    std::int64_t timestamp_ns = 0;  // UTC.
+    std::string payload;            // At most the type's bytes_max.
+    std::string latest_key;         // Under the policy `latest` the newest of each key is kept; at most 256 bytes.
+    std::string metadata;           // UTF-8, at most 1024 bytes.
   };
   // As Insert. kInvalid for a name that the options do not have.
   Result<RecordKey> InsertCustom(Custom custom, bool is_local = false);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::string_view kWasLost = " was lost";
 constexpr std::string_view kIsBack = ", and is back";
-constexpr std::string_view kUpToStamp = "up to stamp ";
+constexpr std::string_view kUpToTimestamp = "up to stamp ";
 
 // The matter of a finding: a peer's losses and returns are one, else what is said in the same words.
 std::string SubjectOf(const OwnEvent& event) {
@@ -26,7 +26,7 @@ bool IsFinding(proto::EventKind kind) { return kind == proto::EVENT_KIND_DAMAGE 
 struct OpenFinding {
   std::string subject;
   std::string text;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   int times = 0;
 };
 
@@ -39,7 +39,7 @@ void AddTo(std::vector<OpenFinding>& open, const OwnEvent& event) {
     known = open.insert(open.end(), OpenFinding{subject, {}, 0, 0});
   }
   known->text = event.text;
-  known->stamp_ns = event.stamp_ns;
+  known->timestamp_ns = event.timestamp_ns;
   if (!is_return) ++known->times;
 }
 
@@ -54,9 +54,9 @@ std::string Cut(std::string_view text, std::size_t bytes_max) { return OneLine(t
 
 }  // namespace
 
-proto::Record MakeEvent(proto::EventKind kind, std::string_view text, std::string_view by, std::int64_t stamp_ns) {
+proto::Record MakeEvent(proto::EventKind kind, std::string_view text, std::string_view by, std::int64_t timestamp_ns) {
   proto::Record record;
-  record.set_stamp_ns(stamp_ns);
+  record.set_timestamp_ns(timestamp_ns);
   proto::AgentEvent& event = *record.mutable_agent_event();
   event.set_kind(kind);
   event.set_text(Cut(text, kEventTextBytesMax));
@@ -78,13 +78,13 @@ bool SaysLost(const std::string& text, const std::string& peer) {
 
 std::string AcknowledgedText(std::int64_t until_ns, std::size_t count) {
   return std::to_string(count) + (count == 1 ? " finding was" : " findings were") + " acknowledged, " +
-         std::string(kUpToStamp) + std::to_string(until_ns);
+         std::string(kUpToTimestamp) + std::to_string(until_ns);
 }
 
 std::optional<std::int64_t> AcknowledgedUntil(const std::string& text) {
-  const std::size_t at = text.find(kUpToStamp);
+  const std::size_t at = text.find(kUpToTimestamp);
   if (at == std::string::npos) return std::nullopt;
-  const auto until_ns = ParseUnsigned(std::string_view(text).substr(at + kUpToStamp.size()));
+  const auto until_ns = ParseUnsigned(std::string_view(text).substr(at + kUpToTimestamp.size()));
   if (!until_ns || *until_ns > static_cast<std::uint64_t>(INT64_MAX)) return std::nullopt;
   return static_cast<std::int64_t>(*until_ns);
 }
@@ -94,16 +94,16 @@ std::vector<proto::HealthFinding> FindingsOf(const std::vector<OwnEvent>& events
   for (const OwnEvent& event : events) {
     if (IsFinding(event.kind)) AddTo(open, event);
     const auto until_ns = event.kind == proto::EVENT_KIND_ACKNOWLEDGED ? AcknowledgedUntil(event.text) : std::nullopt;
-    if (until_ns) std::erase_if(open, [&](const OpenFinding& one) { return one.stamp_ns <= *until_ns; });
+    if (until_ns) std::erase_if(open, [&](const OpenFinding& one) { return one.timestamp_ns <= *until_ns; });
   }
   std::stable_sort(open.begin(), open.end(),
-                   [](const OpenFinding& a, const OpenFinding& b) { return a.stamp_ns < b.stamp_ns; });
+                   [](const OpenFinding& a, const OpenFinding& b) { return a.timestamp_ns < b.timestamp_ns; });
   std::vector<proto::HealthFinding> findings;
   for (std::size_t i = open.size() - std::min(open.size(), kFindingsMax); i < open.size(); ++i) {
     proto::HealthFinding& finding = findings.emplace_back();
     finding.set_text(open[i].text);
     if (open[i].times > 1) finding.set_text(finding.text() + " (" + std::to_string(open[i].times) + " times)");
-    finding.set_stamp_ns(open[i].stamp_ns);
+    finding.set_timestamp_ns(open[i].timestamp_ns);
   }
   return findings;
 }

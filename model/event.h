@@ -20,7 +20,7 @@ inline constexpr std::size_t kEventTextBytesMax = 512;
 inline constexpr std::size_t kEventByBytesMax = 64;
 
 // Texts become one line of UTF-8 and are cut to the limits.
-proto::Record MakeEvent(proto::EventKind kind, std::string_view text, std::string_view by, std::int64_t stamp_ns);
+proto::Record MakeEvent(proto::EventKind kind, std::string_view text, std::string_view by, std::int64_t timestamp_ns);
 
 // "started": as people and scripts read it.
 std::string EventKindName(proto::EventKind kind);
@@ -42,7 +42,7 @@ std::optional<std::int64_t> AcknowledgedUntil(const std::string& text);
 
 // One of an agent's own.
 struct OwnEvent {
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   proto::EventKind kind = proto::EVENT_KIND_UNSPECIFIED;
   std::string text;
 };

@@ -92,10 +92,10 @@ IntervalSet IntervalSet::Around(const IntervalSet& other) const {
   return result;
 }
 
-IntervalSet StreamHave::Had() const {
-  IntervalSet had = held;
-  had.Add(dropped);
-  return had;
+IntervalSet StreamHave::Covered() const {
+  IntervalSet covered = held;
+  covered.Add(dropped);
+  return covered;
 }
 
 void StreamHave::Merge(const StreamHave& other) {
@@ -135,7 +135,7 @@ HaveSet HaveSet::Around(const HaveSet& other) const {
   HaveSet result;
   for (const auto& [key, named] : other.streams_) {
     const StreamHave& ours = Get(key);
-    result[key] = {ours.held.Around(named.Had()), ours.dropped.Around(named.Had())};
+    result[key] = {ours.held.Around(named.Covered()), ours.dropped.Around(named.Covered())};
   }
   return result;
 }

@@ -54,7 +54,7 @@ struct StreamHave {
   IntervalSet held;
   IntervalSet dropped;
 
-  IntervalSet Had() const;
+  IntervalSet Covered() const;
   // Union. A seq dropped on either side ends up dropped.
   void Merge(const StreamHave& other);
   std::size_t IntervalCount() const { return held.intervals().size() + dropped.intervals().size(); }

@@ -64,7 +64,7 @@ proto::LeasesChanged Leases::Left(Time now) const {
   return left;
 }
 
-std::optional<Leases::Time> Leases::NextLapse(Time now) const {
+std::optional<Leases::Time> Leases::NextExpiry(Time now) const {
   std::optional<Time> next;
   for (const auto& [agent, until] : until_) {
     for (const Time end : {until.driving, until.sleeping, until.paused}) {

@@ -36,7 +36,7 @@ class Leases {
 
   proto::AgentLease LeftOf(AgentId agent, Time now) const;  // 0 for what it does not do.
   proto::LeasesChanged Left(Time now) const;                // By agent, without agents that do none of it.
-  std::optional<Time> NextLapse(Time now) const;
+  std::optional<Time> NextExpiry(Time now) const;
 
   // It sleeps, or drives in a team that is quiet while driving: who hears nothing of it need not take it for lost.
   bool MayBeSilent(AgentId agent, Time now) const;

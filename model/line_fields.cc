@@ -44,11 +44,11 @@ std::uint64_t LineFields::Index() {
   return value.value_or(0);
 }
 
-std::int64_t LineFields::Stamp() {
+std::int64_t LineFields::Timestamp() {
   const std::string_view text = Take();
-  const std::optional<std::int64_t> stamp_ns = ParseStampNs(text);
-  if (!stamp_ns) Stop("'" + std::string(text) + "' is no stamp in seconds");
-  return stamp_ns.value_or(0);
+  const std::optional<std::int64_t> timestamp_ns = ParseTimestampNs(text);
+  if (!timestamp_ns) Stop("'" + std::string(text) + "' is no stamp in seconds");
+  return timestamp_ns.value_or(0);
 }
 
 Eigen::Vector3d LineFields::Position(bool is_planar) {

@@ -27,9 +27,9 @@ class LineFields {
   void Stop(std::string error);
 
   std::string_view Take();
-  double Number();        // Finite.
-  std::uint64_t Index();  // 64 bits.
-  std::int64_t Stamp();   // Seconds, as nanoseconds.
+  double Number();           // Finite.
+  std::uint64_t Index();     // 64 bits.
+  std::int64_t Timestamp();  // Seconds, as nanoseconds.
 
   // 2 or 3 coordinates up to 1e9 m; z is 0 in the plane.
   Eigen::Vector3d Position(bool is_planar);

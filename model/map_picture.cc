@@ -157,7 +157,7 @@ Image CellPicture(const MergedMap& map) {
 }
 
 Color AgentColor(std::size_t place) {
-  // Told apart by people with any colour vision, on light ground and on dark.
+  // Notified apart by people with any colour vision, on light ground and on dark.
   static constexpr Color kColors[] = {{0, 114, 178}, {213, 94, 0},   {0, 158, 115},  {204, 121, 167},
                                       {230, 159, 0}, {86, 180, 233}, {120, 80, 200}, {150, 130, 20}};
   return kColors[place % std::size(kColors)];

@@ -20,7 +20,7 @@ constexpr std::string_view kAgentsHeading =
     "agent_id,name,kind,key,start_x_m,start_y_m,start_z_m,start_yaw_rad,start_sigma_m,start_sigma_rad,antenna_x_m,"
     "antenna_y_m,antenna_z_m";
 constexpr std::string_view kMapsHeading =
-    "map_id,agent_id,stamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
+    "map_id,agent_id,timestamp_s,node,node_from_map_x_m,node_from_map_y_m,node_from_map_yaw_rad,layers,cells_per_side,"
     "finest_resolution_m,file";
 constexpr double kMicrometresPerMetre = 1e6;
 constexpr std::size_t kAgentsMax = 52;  // Letters.
@@ -61,11 +61,11 @@ class CsvRow {
     return value.value_or(least);
   }
 
-  std::int64_t Stamp(std::string_view column) {
+  std::int64_t Timestamp(std::string_view column) {
     const std::string_view text = fields_[next_++];
-    const std::optional<std::int64_t> stamp_ns = ParseStampNs(text);
-    if (!stamp_ns) Stop(std::string(column) + ": '" + std::string(text) + "' is no stamp in seconds");
-    return stamp_ns.value_or(0);
+    const std::optional<std::int64_t> timestamp_ns = ParseTimestampNs(text);
+    if (!timestamp_ns) Stop(std::string(column) + ": '" + std::string(text) + "' is no stamp in seconds");
+    return timestamp_ns.value_or(0);
   }
 
   void Stop(std::string text) {
@@ -276,7 +276,7 @@ MissionMap ReadMap(CsvRow& row, const Mission& mission) {
   map.id = row.Text("map_id");
   map.agent = static_cast<AgentId>(row.Count("agent_id", 1, kAgentIdMax));
   if (!FindAgent(mission, map.agent)) row.Stop("agent_id: agents.csv has no agent " + std::to_string(map.agent));
-  map.stamp_ns = row.Stamp("stamp_s");
+  map.timestamp_ns = row.Timestamp("timestamp_s");
   map.node = ReadNodeKey(row, mission);
   if (map.node.agent != map.agent) row.Stop("node: is not agent " + std::to_string(map.agent) + "'s");
   const double x_m = row.Number("node_from_map_x_m", -1000, 1000);
@@ -301,7 +301,7 @@ Result<void> ReadMaps(const std::filesystem::path& file, Mission& mission) {
     mission.maps.push_back(std::move(map));
   });
   std::stable_sort(mission.maps.begin(), mission.maps.end(),
-                   [](const MissionMap& a, const MissionMap& b) { return a.stamp_ns < b.stamp_ns; });
+                   [](const MissionMap& a, const MissionMap& b) { return a.timestamp_ns < b.timestamp_ns; });
   return done;
 }
 
@@ -360,7 +360,7 @@ std::string MapsCsv(const Mission& mission) {
   std::string text(kMapsHeading);
   for (const MissionMap& map : mission.maps) {
     const Pose& pose = map.node_from_map;
-    text += "\n" + map.id + "," + std::to_string(map.agent) + "," + FormatStampNs(map.stamp_ns) + "," +
+    text += "\n" + map.id + "," + std::to_string(map.agent) + "," + FormatTimestampNs(map.timestamp_ns) + "," +
             KeyText(mission, map.node) + "," + FormatDouble(pose.position_m.x()) + "," +
             FormatDouble(pose.position_m.y()) + "," + FormatDouble(pose.Yaw()) + "," + std::to_string(map.layers) +
             "," + std::to_string(map.cells_per_side) + "," + FormatDouble(map.finest_resolution_m) + "," +
@@ -384,7 +384,7 @@ Result<Pyfg> PyfgOf(const Mission& mission) {
     if (agent->is_base_station) {
       pyfg.landmarks.push_back(PyfgLandmark{to_letter(node.key), std::nullopt, truth->second.position_m});
     } else {
-      pyfg.graph.nodes.push_back(GraphNode{to_letter(node.key), node.stamp_ns, truth->second});
+      pyfg.graph.nodes.push_back(GraphNode{to_letter(node.key), node.timestamp_ns, truth->second});
     }
   }
   pyfg.graph.odometry = mission.graph.odometry;

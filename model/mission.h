@@ -27,7 +27,7 @@ struct MissionAgent {
 struct MissionMap {
   std::string id;  // "A17"
   AgentId agent = 0;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   NodeKey node;
   Pose node_from_map;
   int layers = 0;

@@ -11,11 +11,11 @@ namespace moondb {
 // The number before the first one of a life.
 inline std::uint64_t BeginOrderNumbers(std::uint64_t random) { return random << 32; }
 
-inline bool IsOfOneLife(std::uint64_t a, std::uint64_t b) { return a >> 32 == b >> 32; }
+inline bool IsOfOneBoot(std::uint64_t a, std::uint64_t b) { return a >> 32 == b >> 32; }
 
 // Whether `reached` is `order`, or a later order of the same life.
 inline bool HasReached(std::uint64_t reached, std::uint64_t order) {
-  return reached != 0 && IsOfOneLife(reached, order) && reached >= order;
+  return reached != 0 && IsOfOneBoot(reached, order) && reached >= order;
 }
 
 }  // namespace moondb

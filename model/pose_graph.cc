@@ -13,7 +13,7 @@ Result<void> AddNode(const proto::Record& record, PoseGraph& graph) {
   const proto::PoseGraphNode& node = record.pose_graph_node();
   const Result<Pose> pose = FromProto(node.map_from_node());
   if (!pose) return Fail(pose.error().code, pose.error().text, "pose_graph_node.map_from_node." + pose.error().field);
-  graph.nodes.push_back(GraphNode{FromProto(node.node()), record.stamp_ns(), *pose});
+  graph.nodes.push_back(GraphNode{FromProto(node.node()), record.timestamp_ns(), *pose});
   return {};
 }
 
@@ -22,7 +22,7 @@ Result<void> AddEdge(const proto::Record& record, PoseGraph& graph) {
   const NodeKey from = FromProto(edge.from());
   const NodeKey to = FromProto(edge.to());
   if (edge.has_range()) {
-    graph.ranges.push_back({from, to, record.stamp_ns(), edge.range().range_m(), edge.range().variance_m2()});
+    graph.ranges.push_back({from, to, record.timestamp_ns(), edge.range().range_m(), edge.range().variance_m2()});
     return {};
   }
   if (!edge.has_relative_pose()) return Fail(ErrorCode::kInvalid, "is missing", "pose_graph_edge.measurement");
@@ -35,7 +35,7 @@ Result<void> AddEdge(const proto::Record& record, PoseGraph& graph) {
   if (!covariance) {
     return Fail(covariance.error().code, covariance.error().text, "pose_graph_edge.relative_pose.covariance");
   }
-  graph.odometry.push_back(OdometryEdge{from, to, record.stamp_ns(), *pose, *covariance});
+  graph.odometry.push_back(OdometryEdge{from, to, record.timestamp_ns(), *pose, *covariance});
   return {};
 }
 
@@ -62,7 +62,7 @@ void AddUpperTriangle(const Matrix6d& matrix, google::protobuf::RepeatedField<do
 
 proto::Record ToRecord(const GraphNode& node) {
   proto::Record record;
-  record.set_stamp_ns(node.stamp_ns);
+  record.set_timestamp_ns(node.timestamp_ns);
   proto::PoseGraphNode& body = *record.mutable_pose_graph_node();
   *body.mutable_node() = ToProto(node.key);
   *body.mutable_map_from_node() = ToProto(node.map_from_node);
@@ -71,7 +71,7 @@ proto::Record ToRecord(const GraphNode& node) {
 
 proto::Record ToRecord(const OdometryEdge& edge) {
   proto::Record record;
-  record.set_stamp_ns(edge.stamp_ns);
+  record.set_timestamp_ns(edge.timestamp_ns);
   proto::PoseGraphEdge& body = *record.mutable_pose_graph_edge();
   *body.mutable_from() = ToProto(edge.from);
   *body.mutable_to() = ToProto(edge.to);
@@ -83,7 +83,7 @@ proto::Record ToRecord(const OdometryEdge& edge) {
 
 proto::Record ToRecord(const RangeEdge& edge) {
   proto::Record record;
-  record.set_stamp_ns(edge.stamp_ns);
+  record.set_timestamp_ns(edge.timestamp_ns);
   proto::PoseGraphEdge& body = *record.mutable_pose_graph_edge();
   *body.mutable_from() = ToProto(edge.from);
   *body.mutable_to() = ToProto(edge.to);

@@ -16,7 +16,7 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 struct GraphNode {
   NodeKey key;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   Pose map_from_node;  // Raw: start pose and odometry composed.
 };
 
@@ -24,7 +24,7 @@ struct GraphNode {
 struct OdometryEdge {
   NodeKey from;
   NodeKey to;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   Pose from_from_to;
   Matrix6d covariance = Matrix6d::Identity();  // Translation first (m), then rotation (rad).
 };
@@ -35,7 +35,7 @@ inline constexpr double kRangeMax_m = 1e6;
 struct RangeEdge {
   NodeKey from;
   NodeKey to;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   double range_m = 0;
   double variance_m2 = 1;
 };

@@ -69,7 +69,7 @@ class PyfgParser {
   void ParsePose(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     GraphNode node;
-    node.stamp_ns = fields.Stamp();
+    node.timestamp_ns = fields.Timestamp();
     node.key = TakeKey(fields);
     node.map_from_node = fields.PoseOf(is_planar);
     AddVertex(fields, node.key, VertexKind::kPose);
@@ -79,8 +79,8 @@ class PyfgParser {
   void ParseLandmark(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     PyfgLandmark landmark;
-    const std::size_t fields_without_stamp = is_planar ? 3 : 4;
-    if (fields.left() > fields_without_stamp) landmark.stamp_ns = fields.Stamp();
+    const std::size_t fields_without_timestamp = is_planar ? 3 : 4;
+    if (fields.left() > fields_without_timestamp) landmark.timestamp_ns = fields.Timestamp();
     landmark.key = TakeKey(fields);
     landmark.position_m = fields.Position(is_planar);
     AddVertex(fields, landmark.key, VertexKind::kLandmark);
@@ -90,7 +90,7 @@ class PyfgParser {
   void ParseOdometry(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     OdometryEdge edge;
-    edge.stamp_ns = fields.Stamp();
+    edge.timestamp_ns = fields.Timestamp();
     edge.from = TakeKey(fields);
     edge.to = TakeKey(fields);
     edge.from_from_to = fields.PoseOf(is_planar);
@@ -103,7 +103,7 @@ class PyfgParser {
   void ParseSighting(LineFields& fields, bool is_planar) {
     UseDimension(fields, is_planar);
     PyfgSighting sighting;
-    sighting.stamp_ns = fields.Stamp();
+    sighting.timestamp_ns = fields.Timestamp();
     sighting.from = TakeKey(fields);
     sighting.to = TakeKey(fields);
     sighting.from_point_m = fields.Position(is_planar);
@@ -118,7 +118,7 @@ class PyfgParser {
 
   void ParseRange(LineFields& fields) {
     RangeEdge edge;
-    edge.stamp_ns = fields.Stamp();
+    edge.timestamp_ns = fields.Timestamp();
     edge.from = TakeKey(fields);
     edge.to = TakeKey(fields);
     edge.range_m = fields.Number();
@@ -182,7 +182,7 @@ class Formatter {
   // The keyword of this file's dimension.
   Formatter& Word(std::string_view planar, std::string_view spatial) { return Word(is_planar_ ? planar : spatial); }
   Formatter& Number(double value) { return Word(FormatDouble(value)); }
-  Formatter& Stamp(std::int64_t stamp_ns) { return Word(FormatStampNs(stamp_ns)); }
+  Formatter& Timestamp(std::int64_t timestamp_ns) { return Word(FormatTimestampNs(timestamp_ns)); }
   Formatter& Key(NodeKey key) {
     Check(LetterOfAgent(key.agent) != '?', "PyFG names agents 1 to 52 by a letter");
     return Word(FormatKey(key));
@@ -213,7 +213,11 @@ class Formatter {
 };
 
 void FormatOdometry(const OdometryEdge& edge, bool is_planar, Formatter& out) {
-  out.Word("EDGE_SE2", "EDGE_SE3:QUAT").Stamp(edge.stamp_ns).Key(edge.from).Key(edge.to).PoseOf(edge.from_from_to);
+  out.Word("EDGE_SE2", "EDGE_SE3:QUAT")
+      .Timestamp(edge.timestamp_ns)
+      .Key(edge.from)
+      .Key(edge.to)
+      .PoseOf(edge.from_from_to);
   if (is_planar) {
     out.UpperTriangle(PlanarOf(edge.covariance), 3);
   } else {
@@ -259,20 +263,24 @@ Result<Pyfg> ReadPyfg(const std::filesystem::path& file) {
 std::string FormatPyfg(const Pyfg& pyfg) {
   Formatter out(pyfg.is_planar);
   for (const GraphNode& node : pyfg.graph.nodes) {
-    out.Word("VERTEX_SE2", "VERTEX_SE3:QUAT").Stamp(node.stamp_ns).Key(node.key).PoseOf(node.map_from_node).End();
+    out.Word("VERTEX_SE2", "VERTEX_SE3:QUAT")
+        .Timestamp(node.timestamp_ns)
+        .Key(node.key)
+        .PoseOf(node.map_from_node)
+        .End();
   }
   for (const PyfgLandmark& landmark : pyfg.landmarks) {
     out.Word("VERTEX_XY", "VERTEX_XYZ");
-    if (landmark.stamp_ns) out.Stamp(*landmark.stamp_ns);
+    if (landmark.timestamp_ns) out.Timestamp(*landmark.timestamp_ns);
     out.Key(landmark.key).Position(landmark.position_m).End();
   }
   for (const OdometryEdge& edge : pyfg.graph.odometry) FormatOdometry(edge, pyfg.is_planar, out);
   for (const PyfgSighting& sighting : pyfg.sightings) {
-    out.Word("EDGE_SE2_XY", "EDGE_SE3_XYZ").Stamp(sighting.stamp_ns).Key(sighting.from).Key(sighting.to);
+    out.Word("EDGE_SE2_XY", "EDGE_SE3_XYZ").Timestamp(sighting.timestamp_ns).Key(sighting.from).Key(sighting.to);
     out.Position(sighting.from_point_m).UpperTriangle(sighting.covariance, pyfg.is_planar ? 2 : 3).End();
   }
   for (const RangeEdge& edge : pyfg.graph.ranges) {
-    out.Word("EDGE_RANGE").Stamp(edge.stamp_ns).Key(edge.from).Key(edge.to);
+    out.Word("EDGE_RANGE").Timestamp(edge.timestamp_ns).Key(edge.from).Key(edge.to);
     out.Number(edge.range_m).Number(edge.variance_m2).End();
   }
   return out.Take();

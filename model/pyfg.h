@@ -33,7 +33,7 @@ namespace moondb {
 
 struct PyfgLandmark {
   NodeKey key;
-  std::optional<std::int64_t> stamp_ns;
+  std::optional<std::int64_t> timestamp_ns;
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
 };
 
@@ -41,7 +41,7 @@ struct PyfgLandmark {
 struct PyfgSighting {
   NodeKey from;
   NodeKey to;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   Eigen::Vector3d from_point_m = Eigen::Vector3d::Zero();  // In the node's frame.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
 };

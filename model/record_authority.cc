@@ -101,7 +101,7 @@ std::optional<proto::Message> RecordAuthority::TakeReport(std::map<AgentId, std:
   return message;
 }
 
-void RecordAuthority::BeginAnew() {
+void RecordAuthority::Restart() {
   left_out_.clear();
   uncounted_.clear();
 }

@@ -42,9 +42,9 @@ class RecordAuthority {
   // Returns, once, whether a record that was left out counts by now, so that all have to be read again.
   bool TakeOutdated();
   // All records are read again.
-  void BeginAnew();
+  void Restart();
 
-  // Returns a LeftOutReport for storage, of the records that did not count since the last BeginAnew and of those for
+  // Returns a LeftOutReport for storage, of the records that did not count since the last Restart and of those for
   // which the reader had no room, by origin; none if nothing changed since the last call.
   std::optional<proto::Message> TakeReport(std::map<AgentId, std::uint64_t> without_room);
 

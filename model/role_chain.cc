@@ -41,15 +41,15 @@ RoleChain::Standing RoleChain::StandingOf(const proto::RoleAssignment& roles) co
   if (count != counting_of_issuer_.end() && count->second >= kAssignmentsOfIssuerMax) return Standing::kNever;
   // Who may command begins a reign whatever it follows, as long as it says truly which: what it follows may be unknown
   // here for ever.
-  if (ChangeOf(roles.term()) == 0) {
-    const bool begins_reign = ReignOf(roles.term()) > 0 && options_.may_command(issuer);
-    if (!begins_reign) return Standing::kNever;
+  if (RevisionOf(roles.term()) == 0) {
+    const bool begins_era = EraOf(roles.term()) > 0 && options_.may_command(issuer);
+    if (!begins_era) return Standing::kNever;
     const proto::RoleAssignment* follows = Find(roles.follows());
-    return follows == nullptr || ReignOf(follows->term()) + 1 == ReignOf(roles.term()) ? Standing::kCounts
-                                                                                       : Standing::kNever;
+    return follows == nullptr || EraOf(follows->term()) + 1 == EraOf(roles.term()) ? Standing::kCounts
+                                                                                   : Standing::kNever;
   }
   const proto::RoleAssignment* follows = Find(roles.follows());
-  if (follows == nullptr) return Standing::kLacksForerunner;
+  if (follows == nullptr) return Standing::kLacksPredecessor;
   const bool is_next = roles.term().number() == follows->term().number() + 1;
   const bool had_role = issuer != 0 && (issuer == follows->leader() || issuer == follows->survivor());
   return is_next && had_role ? Standing::kCounts : Standing::kNever;
@@ -57,7 +57,7 @@ RoleChain::Standing RoleChain::StandingOf(const proto::RoleAssignment& roles) co
 
 RoleChain::Standing RoleChain::Add(const proto::RoleAssignment& roles) {
   const Standing standing = StandingOf(roles);
-  if (standing == Standing::kLacksForerunner) {
+  if (standing == Standing::kLacksPredecessor) {
     const auto [first, last] = waiting_.equal_range(roles.follows());
     const bool is_known = std::any_of(
         first, last, [&roles](const auto& waiting) { return waiting.second.signature() == roles.signature(); });
@@ -110,7 +110,7 @@ std::vector<proto::RoleAssignment> RoleChain::ChainOf(const std::string& signatu
     bytes += at->ByteSizeLong();
     if (!chain.empty() && bytes > bytes_max) break;
     chain.push_back(*at);
-    if (ChangeOf(at->term()) == 0) break;  // A reign begins here.
+    if (RevisionOf(at->term()) == 0) break;  // A reign begins here.
     at = Find(at->follows());
   }
   return chain;
@@ -118,8 +118,8 @@ std::vector<proto::RoleAssignment> RoleChain::ChainOf(const std::string& signatu
 
 proto::RoleAssignment RoleChain::Next(const proto::RoleAssignment& follows, bool is_command) {
   proto::RoleAssignment next;
-  const std::uint64_t reign = ReignOf(follows.term());
-  next.mutable_term()->set_number(is_command ? TermNumber(reign + 1, 0) : follows.term().number() + 1);
+  const std::uint64_t era = EraOf(follows.term());
+  next.mutable_term()->set_number(is_command ? TermNumber(era + 1, 0) : follows.term().number() + 1);
   next.set_follows(follows.signature());
   return next;
 }

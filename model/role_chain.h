@@ -40,8 +40,8 @@ class RoleChain {
 
   enum class Standing {
     kCounts,
-    kLacksForerunner,  // May count once what it follows is known.
-    kNever,            // Its issuer may not decide it, or has decided too many.
+    kLacksPredecessor,  // May count once what it follows is known.
+    kNever,             // Its issuer may not decide it, or has decided too many.
   };
 
   // Of a team without keys.

@@ -3,8 +3,8 @@
 namespace moondb {
 
 std::string TermText(const proto::Term& term) {
-  const std::string change = std::to_string(ChangeOf(term));
-  return ReignOf(term) == 0 ? change : std::to_string(ReignOf(term)) + "." + change;
+  const std::string change = std::to_string(RevisionOf(term));
+  return EraOf(term) == 0 ? change : std::to_string(EraOf(term)) + "." + change;
 }
 
 }  // namespace moondb

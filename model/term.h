@@ -13,15 +13,15 @@ namespace moondb {
 // Term.number holds two counts: of reigns, each begun by an agent that may command the team, in the bits from this one
 // on, and below of the changes of roles within the reign. So terms are ordered by reign first, and what is versioned by
 // a term needs no field more.
-inline constexpr int kReignShift = 32;
-inline constexpr std::uint64_t kReignMax = (1ull << 20) - 1;
-inline constexpr std::uint64_t kChangeMax = (1ull << kReignShift) - 1;
+inline constexpr int kEraShift = 32;
+inline constexpr std::uint64_t kEraMax = (1ull << 20) - 1;
+inline constexpr std::uint64_t kRevisionMax = (1ull << kEraShift) - 1;
 // JSON's numbers hold it exactly.
-inline constexpr std::uint64_t kTermNumberMax = kReignMax << kReignShift | kChangeMax;
+inline constexpr std::uint64_t kTermNumberMax = kEraMax << kEraShift | kRevisionMax;
 
-inline std::uint64_t ReignOf(const proto::Term& term) { return term.number() >> kReignShift; }
-inline std::uint64_t ChangeOf(const proto::Term& term) { return term.number() & kChangeMax; }
-inline std::uint64_t TermNumber(std::uint64_t reign, std::uint64_t change) { return reign << kReignShift | change; }
+inline std::uint64_t EraOf(const proto::Term& term) { return term.number() >> kEraShift; }
+inline std::uint64_t RevisionOf(const proto::Term& term) { return term.number() & kRevisionMax; }
+inline std::uint64_t TermNumber(std::uint64_t era, std::uint64_t revision) { return era << kEraShift | revision; }
 // "7" in the reign of the team file, "2.7" in the second one after it.
 std::string TermText(const proto::Term& term);
 

@@ -125,7 +125,7 @@ std::optional<std::uint64_t> ParseUnsigned(std::string_view text) {
   return value;
 }
 
-std::optional<std::int64_t> ParseStampNs(std::string_view seconds) {
+std::optional<std::int64_t> ParseTimestampNs(std::string_view seconds) {
   const bool is_negative = !seconds.empty() && seconds.front() == '-';
   if (is_negative) seconds.remove_prefix(1);
   const std::size_t point = seconds.find('.');
@@ -144,11 +144,11 @@ std::string FormatDouble(double value) {
   return std::string(buffer.data(), end);
 }
 
-std::string FormatStampNs(std::int64_t stamp_ns) {
+std::string FormatTimestampNs(std::int64_t timestamp_ns) {
   // Unsigned, so that the most negative number has a magnitude too.
   const std::uint64_t magnitude =
-      stamp_ns < 0 ? 0 - static_cast<std::uint64_t>(stamp_ns) : static_cast<std::uint64_t>(stamp_ns);
-  std::string text = (stamp_ns < 0 ? "-" : "") + std::to_string(magnitude / kNsPerSecond);
+      timestamp_ns < 0 ? 0 - static_cast<std::uint64_t>(timestamp_ns) : static_cast<std::uint64_t>(timestamp_ns);
+  std::string text = (timestamp_ns < 0 ? "-" : "") + std::to_string(magnitude / kNsPerSecond);
   std::uint64_t fraction = magnitude % kNsPerSecond;
   if (fraction == 0) return text;
   std::string digits = std::to_string(fraction + kNsPerSecond).substr(1);

@@ -39,13 +39,13 @@ std::optional<std::uint64_t> ParseUnsigned(std::string_view text);
 
 // Decimal seconds to nanoseconds without passing through a double; digits behind the ninth are rounded. Nothing if it
 // is no plain decimal number ("12", "-0.5", "1671300425.3106995") or does not fit.
-std::optional<std::int64_t> ParseStampNs(std::string_view seconds);
+std::optional<std::int64_t> ParseTimestampNs(std::string_view seconds);
 
 // The shortest text that reads back as exactly this number.
 std::string FormatDouble(double value);
 
 // Seconds, exact: "10", "1671300425.3106995".
-std::string FormatStampNs(std::int64_t stamp_ns);
+std::string FormatTimestampNs(std::int64_t timestamp_ns);
 
 // Bytes of the UTF-8 character at the front of `text`, which is not empty; 0 if it is none: overlong forms, surrogates
 // and what lies beyond U+10FFFF are none.

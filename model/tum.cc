@@ -11,7 +11,7 @@ Result<std::vector<TumPose>> Parse(TextLines lines, const std::string& name) {
   std::vector<TumPose> poses;
   const Result<void> parsed = ParseLines(std::move(lines), name, [&poses](LineFields& fields, std::size_t) {
     TumPose& pose = poses.emplace_back();
-    pose.stamp_ns = fields.Stamp();
+    pose.timestamp_ns = fields.Timestamp();
     pose.map_from_body = fields.PoseOf(/*is_planar=*/false);
   });
   if (!parsed) return tl::unexpected(parsed.error());
@@ -33,7 +33,7 @@ Result<std::vector<TumPose>> ReadTum(const std::filesystem::path& file) {
 std::string FormatTum(const std::vector<TumPose>& poses, const FileNotes& notes) {
   std::string text = NotesText(notes, "# ");
   for (const TumPose& pose : poses) {
-    text += FormatStampNs(pose.stamp_ns);
+    text += FormatTimestampNs(pose.timestamp_ns);
     for (const double value : pose.map_from_body.position_m) text += " " + FormatDouble(value);
     for (const double value : pose.map_from_body.orientation.coeffs()) text += " " + FormatDouble(value);
     text += "\n";

@@ -19,7 +19,7 @@
 namespace moondb {
 
 struct TumPose {
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   Pose map_from_body;
 };
 

@@ -29,7 +29,7 @@ void RecordReader::Read(Context& context) {
   if (!is_reading()) Ask(context);
 }
 
-void RecordReader::ReadAnew(Context& context) {
+void RecordReader::ReadAgain(Context& context) {
   Stop(context);
   last_row_id_ = 0;
   Read(context);

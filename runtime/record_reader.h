@@ -74,7 +74,7 @@ class RecordReader {
   // reader that does not follow has ended when this returns.
   void Read(Context& context);
   // As Read, from the first record on, whatever was read before. Ends a reading under way without a result.
-  void ReadAnew(Context& context);
+  void ReadAgain(Context& context);
   // Ends a reading under way without a result; the cursor stays. A reader that follows goes on with the next record.
   void Stop(Context& context);
 

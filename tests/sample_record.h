@@ -55,7 +55,7 @@ inline void FillWithSamples(AgentId agent, google::protobuf::Message& message) {
 
 inline proto::Record SampleRecord(DataType type, AgentId agent) {
   proto::Record record;
-  record.set_stamp_ns(1);
+  record.set_timestamp_ns(1);
   const auto* field = proto::Record::descriptor()->FindFieldByName(DataTypeName(type));
   if (field == nullptr) return record;
   FillWithSamples(agent, *record.GetReflection()->MutableMessage(&record, field));

@@ -117,7 +117,7 @@ def mission_seconds(folder):
     """The stamp of the mission's last map."""
     with open(folder / "maps.csv", encoding="utf-8") as file:
         header = file.readline().rstrip("\n").split(",")
-        column = header.index("stamp_s")
+        column = header.index("timestamp_s")
         return max(float(line.split(",")[column]) for line in file if line.strip())
 
 

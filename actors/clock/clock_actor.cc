@@ -11,7 +11,7 @@ void ClockActor::OnMessage(Context& context, const proto::Message& message) {
   if (sender == options_.self) {
     if (message.has_peer_event()) OnPeerEvent(context, message.peer_event());
     if (message.has_clock_jumped()) {
-      for (const AgentId peer : connected_) Tell(context, peer);
+      for (const AgentId peer : connected_) Notify(context, peer);
     }
   } else if (message.has_clock_report() && FindAgent(options_.team, sender) != nullptr) {
     proto::Message peer_clock;
@@ -25,13 +25,13 @@ void ClockActor::OnMessage(Context& context, const proto::Message& message) {
 void ClockActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
   if (event.is_connected()) {
     connected_.insert(event.peer());
-    Tell(context, event.peer());
+    Notify(context, event.peer());
   } else {
     connected_.erase(event.peer());
   }
 }
 
-void ClockActor::Tell(Context& context, AgentId peer) const {
+void ClockActor::Notify(Context& context, AgentId peer) const {
   proto::Message report;
   report.set_ms_type(proto::CONTROL);
   report.mutable_clock_report()->set_utc_ns(context.utc_now_ns());

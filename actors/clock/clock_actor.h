@@ -27,7 +27,7 @@ class ClockActor final : public Actor {
 
  private:
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);
-  void Tell(Context& context, AgentId peer) const;
+  void Notify(Context& context, AgentId peer) const;
 
   const Options options_;
   std::set<AgentId> connected_;

@@ -16,7 +16,7 @@ namespace moondb {
 namespace {
 
 constexpr std::uint32_t kPeriod = 1;
-constexpr std::size_t kAskersMax = 64;
+constexpr std::size_t kRequestersMax = 64;
 constexpr std::size_t kAcknowledgmentsMax = 16;
 constexpr Duration kAcknowledgmentTimeout = std::chrono::minutes(2);  // Whoever asked has given up before.
 
@@ -32,9 +32,9 @@ void EventActor::OnStart(Context& context) {
     if (actor.name() == context.self().actor) restarts = actor.restarts();
   }
   if (restarts == 0) {
-    Tell(context, proto::EVENT_KIND_STARTED, "started, moondb " + options_.version);
+    Log(context, proto::EVENT_KIND_STARTED, "started, moondb " + options_.version);
   } else {
-    Tell(context, proto::EVENT_KIND_RESTART, "the actor event failed, and was made anew (moonctl trace)");
+    Log(context, proto::EVENT_KIND_RESTART, "the actor event failed, and was made anew (moonctl trace)");
   }
   // A random start, so that an answer to an earlier life meets no question of this one.
   next_request_id_ = context.rng()() | 1;
@@ -69,8 +69,8 @@ void EventActor::OnMessage(Context& context, const proto::Message& message) {
 void EventActor::OnControlRequest(Context& context, const proto::Message& message) {
   const Result<proto::ControlRequest> request = ControlRequestOf(message);
   if (!request) return;
-  if (request->has_status()) OnAsker(context, message.request_id(), std::nullopt);
-  if (request->has_acknowledge()) OnAsker(context, message.request_id(), request->acknowledge().until_ns());
+  if (request->has_status()) OnRequester(context, message.request_id(), std::nullopt);
+  if (request->has_acknowledge()) OnRequester(context, message.request_id(), request->acknowledge().until_ns());
 }
 
 void EventActor::OnControlReply(Context& context, const proto::Message& message) {
@@ -90,16 +90,16 @@ void EventActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   // The first one heard is what the agent had before it started.
   if (!is_new || is_first || roles.term().issuer() != options_.self) return;
   const std::string reason = roles.reason().empty() ? "" : ": " + roles.reason();
-  Tell(context, proto::EVENT_KIND_ROLES,
-       AgentName(options_.team, roles.leader()) + " leads, " + AgentName(options_.team, roles.survivor()) +
-           " is the designated survivor, term " + TermText(roles.term()) + reason);
+  Log(context, proto::EVENT_KIND_ROLES,
+      AgentName(options_.team, roles.leader()) + " leads, " + AgentName(options_.team, roles.survivor()) +
+          " is the designated survivor, term " + TermText(roles.term()) + reason);
 }
 
 void EventActor::OnPeriod(Context& context) {
   (void)context.AfterTimer(options_.period, kPeriod);
   for (const proto::ActorStatus& actor : context.GetSystemStatus().actors) {
-    TellRise(context, proto::EVENT_KIND_RESTART, "system", actor.name(), actor.restarts(),
-             "failures of the actor " + actor.name() + ", which was made anew (moonctl trace)");
+    LogRise(context, proto::EVENT_KIND_RESTART, "system", actor.name(), actor.restarts(),
+            "failures of the actor " + actor.name() + ", which was made anew (moonctl trace)");
   }
   heard_.insert("system");
   proto::ControlRequest request;
@@ -108,7 +108,7 @@ void EventActor::OnPeriod(Context& context) {
   request.mutable_share_status();
   Ask(context, actor_name::kSync, request);
   Ask(context, actor_name::kReplica, request);
-  TellWhoIsLost(context);
+  LogLostPeers(context);
   std::erase_if(acknowledgments_, [&context](const auto& waiting) {
     return context.now() - waiting.second.asked_at > kAcknowledgmentTimeout;
   });
@@ -126,52 +126,54 @@ void EventActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
   }
   Peer& peer = peers_[agent];
   peer.is_connected = true;
-  peer.is_back_told = false;
-  if (peer.is_told) return TellBack(context, agent, peer, peer.lost_utc_ns);
-  TellWhoIsBack(context);
+  peer.is_back_reported = false;
+  if (peer.is_reported) return LogReturn(context, agent, peer, peer.lost_utc_ns);
+  LogReturnedPeers(context);
 }
 
-void EventActor::TellBack(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns) {
-  peer.is_told = false;
-  peer.is_back_told = true;
+void EventActor::LogReturn(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns) {
+  peer.is_reported = false;
+  peer.is_back_reported = true;
   const double away_s = static_cast<double>(context.utc_now_ns() - lost_utc_ns) / 1e9;
-  TellAt(context, proto::EVENT_KIND_LOST, BackPeerText(AgentName(options_.team, agent), away_s), context.utc_now_ns());
+  LogAt(context, proto::EVENT_KIND_LOST, BackPeerText(AgentName(options_.team, agent), away_s), context.utc_now_ns());
 }
 
 // Peers whose loss an earlier life of this agent wrote down.
-void EventActor::TellWhoIsBack(Context& context) {
+void EventActor::LogReturnedPeers(Context& context) {
   for (const proto::HealthFinding& finding : std::vector(findings_)) {
     for (auto& [agent, peer] : peers_) {
-      const bool is_back = peer.is_connected && !peer.is_back_told;
+      const bool is_back = peer.is_connected && !peer.is_back_reported;
       if (is_back && SaysLost(finding.text(), AgentName(options_.team, agent))) {
-        TellBack(context, agent, peer, finding.stamp_ns());
+        LogReturn(context, agent, peer, finding.timestamp_ns());
       }
     }
   }
 }
 
-void EventActor::TellWhoIsLost(Context& context) {
+void EventActor::LogLostPeers(Context& context) {
   const bool is_silent = leases_.MayBeSilent(options_.self, context.now());
   for (auto& [agent, peer] : peers_) {
-    if (peer.is_connected || peer.is_told) continue;
+    if (peer.is_connected || peer.is_reported) continue;
     if (is_silent || leases_.MayBeSilent(agent, context.now())) {
       // Its time begins when it should be heard again.
       peer.lost_at = context.now();
       peer.lost_utc_ns = context.utc_now_ns();
       continue;
     }
-    const bool was_told_lately = peer.last_told_at && context.now() - *peer.last_told_at < options_.lost_again_after;
-    if (was_told_lately || context.now() - peer.lost_at < options_.lost_after) continue;
-    peer.is_told = true;
-    peer.last_told_at = context.now();
-    TellAt(context, proto::EVENT_KIND_LOST, LostPeerText(AgentName(options_.team, agent)), peer.lost_utc_ns);
+    const bool was_reported_lately =
+        peer.last_reported_at && context.now() - *peer.last_reported_at < options_.lost_again_after;
+    if (was_reported_lately || context.now() - peer.lost_at < options_.lost_after) continue;
+    peer.is_reported = true;
+    peer.last_reported_at = context.now();
+    LogAt(context, proto::EVENT_KIND_LOST, LostPeerText(AgentName(options_.team, agent)), peer.lost_utc_ns);
   }
 }
 
-void EventActor::OnAsker(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns) {
-  const Asker asker{context.sender(), request_id, until_ns};
-  if (known_version_ == findings_version_ || askers_.size() >= kAskersMax) return AnswerAsker(context, asker);
-  askers_.push_back(asker);
+void EventActor::OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns) {
+  const Requester requester{context.sender(), request_id, until_ns};
+  if (known_version_ == findings_version_ || requesters_.size() >= kRequestersMax)
+    return AnswerRequester(context, requester);
+  requesters_.push_back(requester);
   AskFindings(context);
 }
 
@@ -189,39 +191,39 @@ void EventActor::AskFindings(Context& context) {
 void EventActor::OnFindings(Context& context, const proto::AgentStatus& status) {
   findings_.assign(status.findings().begin(), status.findings().end());
   known_version_ = asked_version_;
-  TellWhoIsBack(context);
+  LogReturnedPeers(context);
   if (known_version_ != findings_version_) return;  // Asked again already, or in the next period.
-  for (const Asker& asker : std::exchange(askers_, {})) {
+  for (const Requester& requester : std::exchange(requesters_, {})) {
     if (known_version_ == findings_version_) {
-      AnswerAsker(context, asker);
+      AnswerRequester(context, requester);
     } else {
-      askers_.push_back(asker);  // One before acknowledged what this one is to be shown.
+      requesters_.push_back(requester);  // One before acknowledged what this one is to be shown.
     }
   }
 }
 
-void EventActor::AnswerAsker(Context& context, const Asker& asker) {
-  if (asker.acknowledges_until_ns) return Acknowledge(context, asker);
+void EventActor::AnswerRequester(Context& context, const Requester& requester) {
+  if (requester.acknowledges_until_ns) return Acknowledge(context, requester);
   proto::ControlReply reply;
   reply.mutable_status()->mutable_findings()->Add(findings_.begin(), findings_.end());
-  Reply(context, asker.from, asker.request_id, reply);
+  Reply(context, requester.from, requester.request_id, reply);
 }
 
-void EventActor::Acknowledge(Context& context, const Asker& asker) {
-  const std::int64_t until_ns = *asker.acknowledges_until_ns;
+void EventActor::Acknowledge(Context& context, const Requester& requester) {
+  const std::int64_t until_ns = *requester.acknowledges_until_ns;
   proto::ControlReply reply;
   proto::AcknowledgeReply& acknowledged = *reply.mutable_acknowledge();
   const auto count = std::count_if(findings_.begin(), findings_.end(), [until_ns](const proto::HealthFinding& finding) {
-    return finding.stamp_ns() <= until_ns;
+    return finding.timestamp_ns() <= until_ns;
   });
   const bool is_full = acknowledgments_.size() >= kAcknowledgmentsMax;
   if (is_full) {
     *acknowledged.mutable_error() =
         ToProto(Error{ErrorCode::kFull, "too many acknowledgments wait to be stored; try again later", {}});
   }
-  if (count == 0 || is_full) return Reply(context, asker.from, asker.request_id, reply);
+  if (count == 0 || is_full) return Reply(context, requester.from, requester.request_id, reply);
   const std::uint64_t id = next_request_id_++;
-  acknowledgments_[id] = {asker.from, asker.request_id, static_cast<std::uint32_t>(count), context.now()};
+  acknowledgments_[id] = {requester.from, requester.request_id, static_cast<std::uint32_t>(count), context.now()};
   proto::Message insert;
   insert.set_ms_type(proto::CONTROL);
   insert.set_request_id(id);
@@ -254,23 +256,23 @@ void EventActor::Reply(Context& context, const Address& to, std::uint64_t reques
 }
 
 void EventActor::OnStorageStatus(Context& context, const proto::StorageStatus& status) {
-  TellRise(context, proto::EVENT_KIND_REJECTED, actor_name::kStorage, "rejected", status.rejected_count(),
-           "records were refused by storage");
+  LogRise(context, proto::EVENT_KIND_REJECTED, actor_name::kStorage, "rejected", status.rejected_count(),
+          "records were refused by storage");
   heard_.insert(actor_name::kStorage);
 }
 
 void EventActor::OnShareStatus(Context& context, const std::string& actor, const proto::ShareStatus& status) {
-  TellRise(context, proto::EVENT_KIND_REJECTED, actor, "records", status.rejected_records(),
-           "records from peers were refused");
-  TellRise(context, proto::EVENT_KIND_REJECTED, actor, "messages", status.damaged_messages(),
-           "messages from peers were damaged");
-  TellRise(context, proto::EVENT_KIND_REJECTED, actor, "hellos", status.refused_hellos(),
-           "beginnings of sharing were refused (another team, version or kind)");
+  LogRise(context, proto::EVENT_KIND_REJECTED, actor, "records", status.rejected_records(),
+          "records from peers were refused");
+  LogRise(context, proto::EVENT_KIND_REJECTED, actor, "messages", status.damaged_messages(),
+          "messages from peers were damaged");
+  LogRise(context, proto::EVENT_KIND_REJECTED, actor, "hellos", status.refused_hellos(),
+          "beginnings of sharing were refused (another team, version or kind)");
   for (const proto::ShareSession& session : status.sessions()) {
     const std::string to = AgentName(options_.team, session.destination());
     const std::string why = session.last_error().empty() ? "" : ": " + session.last_error();
-    TellRise(context, proto::EVENT_KIND_SHARING, actor, "to " + to, session.closed_sessions(),
-             "sharings to " + to + " ended before all was acknowledged" + why);
+    LogRise(context, proto::EVENT_KIND_SHARING, actor, "to " + to, session.closed_sessions(),
+            "sharings to " + to + " ended before all was acknowledged" + why);
   }
   heard_.insert(actor);
 }
@@ -280,23 +282,23 @@ void EventActor::Ask(Context& context, const std::string& actor, const proto::Co
   (void)context.Send({options_.self, actor}, MessageOf(request));
 }
 
-void EventActor::TellRise(Context& context, proto::EventKind kind, const std::string& source,
-                          const std::string& counter, double count, const std::string& text) {
-  double& told = counts_.try_emplace({source, counter}, heard_.contains(source) ? 0 : count).first->second;
+void EventActor::LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
+                         double count, const std::string& text) {
+  double& reported = counts_.try_emplace({source, counter}, heard_.contains(source) ? 0 : count).first->second;
   // One that fell was made anew with what it counts.
-  const double before = std::exchange(told, count);
+  const double before = std::exchange(reported, count);
   const double rise = count < before ? count : count - before;
-  if (rise >= 1) Tell(context, kind, std::to_string(std::llround(rise)) + " " + text);
+  if (rise >= 1) Log(context, kind, std::to_string(std::llround(rise)) + " " + text);
 }
 
-void EventActor::Tell(Context& context, proto::EventKind kind, const std::string& text) {
-  TellAt(context, kind, text, context.utc_now_ns());
+void EventActor::Log(Context& context, proto::EventKind kind, const std::string& text) {
+  LogAt(context, kind, text, context.utc_now_ns());
 }
 
-void EventActor::TellAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t stamp_ns) {
+void EventActor::LogAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t timestamp_ns) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
-  *message.mutable_insert_request()->add_records() = MakeEvent(kind, text, "", stamp_ns);
+  *message.mutable_insert_request()->add_records() = MakeEvent(kind, text, "", timestamp_ns);
   (void)context.Send({options_.self, actor_name::kStorage}, std::move(message));
   if (kind != proto::EVENT_KIND_LOST) return;
   ++findings_version_;

@@ -58,15 +58,15 @@ class EventActor final : public Actor {
  private:
   struct Peer {
     bool is_connected = false;
-    bool is_told = false;                       // Its loss is in the event log, and its return is not.
-    bool is_back_told = false;                  // Its return is in the event log.
-    MonotonicTime lost_at;                      // When the connection was lost, while there is none.
-    std::int64_t lost_utc_ns = 0;               // The same moment, UTC.
-    std::optional<MonotonicTime> last_told_at;  // When its loss was written down last.
+    bool is_reported = false;                       // Its loss is in the event log, and its return is not.
+    bool is_back_reported = false;                  // Its return is in the event log.
+    MonotonicTime lost_at;                          // When the connection was lost, while there is none.
+    std::int64_t lost_utc_ns = 0;                   // The same moment, UTC.
+    std::optional<MonotonicTime> last_reported_at;  // When its loss was written down last.
   };
 
   // Actors that asked for the findings before they were known.
-  struct Asker {
+  struct Requester {
     Address from;
     std::uint64_t request_id = 0;
     std::optional<std::int64_t> acknowledges_until_ns;  // Without it, the asker wants to know the findings.
@@ -86,29 +86,29 @@ class EventActor final : public Actor {
   void OnShareStatus(Context& context, const std::string& actor, const proto::ShareStatus& status);
 
   void OnPeerEvent(Context& context, const proto::PeerEvent& event);
-  void TellWhoIsLost(Context& context);
-  void TellWhoIsBack(Context& context);
-  void TellBack(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns);
+  void LogLostPeers(Context& context);
+  void LogReturnedPeers(Context& context);
+  void LogReturn(Context& context, AgentId agent, Peer& peer, std::int64_t lost_utc_ns);
   void OnFindings(Context& context, const proto::AgentStatus& status);
   void OnInserted(Context& context, std::uint64_t request_id, const proto::InsertReply& inserted);
 
   void OnControlRequest(Context& context, const proto::Message& message);
   void OnControlReply(Context& context, const proto::Message& message);
   // An actor that asks for the findings, or acknowledges those up to a stamp.
-  void OnAsker(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
+  void OnRequester(Context& context, std::uint64_t request_id, std::optional<std::int64_t> until_ns);
   void AskFindings(Context& context);
-  void AnswerAsker(Context& context, const Asker& asker);
-  void Acknowledge(Context& context, const Asker& asker);
+  void AnswerRequester(Context& context, const Requester& requester);
+  void Acknowledge(Context& context, const Requester& requester);
   static void Reply(Context& context, const Address& to, std::uint64_t request_id, const proto::ControlReply& reply);
 
   void Ask(Context& context, const std::string& actor, const proto::ControlRequest& request) const;
-  void Tell(Context& context, proto::EventKind kind, const std::string& text);
-  // `stamp_ns` says when it happened, which for a finding may be a while ago.
-  void TellAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t stamp_ns);
+  void Log(Context& context, proto::EventKind kind, const std::string& text);
+  // `timestamp_ns` says when it happened, which for a finding may be a while ago.
+  void LogAt(Context& context, proto::EventKind kind, const std::string& text, std::int64_t timestamp_ns);
   // `counter` names a number that only rises; logged is by how much it rose: "3 TEXT". What `source` said first was
   // before this actor's life.
-  void TellRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
-                double count, const std::string& text);
+  void LogRise(Context& context, proto::EventKind kind, const std::string& source, const std::string& counter,
+               double count, const std::string& text);
 
   const Options options_;
   std::map<std::pair<std::string, std::string>, double> counts_;  // By source and counter.
@@ -122,7 +122,7 @@ class EventActor final : public Actor {
   std::uint64_t known_version_ = 0;             // The version of findings_ that is known.
   std::uint64_t asked_version_ = 0;
   std::uint64_t findings_request_id_ = 0;  // The id of the last question to storage.
-  std::vector<Asker> askers_;
+  std::vector<Requester> requesters_;
   std::map<std::uint64_t, Acknowledgment> acknowledgments_;  // By request id.
   std::uint64_t next_request_id_ = 0;
 };

@@ -45,9 +45,9 @@ std::string LeaseText(const proto::LeaseRequest& lease) {
 // "5m"-like words are moonctl's: here the numbers stand as they were sent.
 std::string PruneText(const proto::PruneOrder& prune) {
   if (prune.is_dry_run()) return "";
-  std::string text = prune.is_history()    ? "db prune history"
-                     : prune.beaten_maps() ? "db prune beaten maps"
-                                           : "db prune";
+  std::string text = prune.is_history()      ? "db prune history"
+                     : prune.occluded_maps() ? "db prune beaten maps"
+                                             : "db prune";
   for (const DataType type : prune.data_types()) text += " " + DataTypeName(type);
   char limit[64];
   if (prune.older_than_s() > 0) {

@@ -411,8 +411,8 @@ void GatewayActor::CompleteStatus(Context& context, proto::AgentStatus& status) 
   if (options_.merge_backend) status.set_merge_backend(options_.merge_backend());
   status.set_version(options_.version);
   status.set_pid(options_.pid);
-  if (options_.door) *status.mutable_door() = options_.door();
-  status.set_refused_clients(refused_requests_ + status.door().unknown_client_keys());
+  if (options_.listener) *status.mutable_listener() = options_.listener();
+  status.set_refused_clients(refused_requests_ + status.listener().unknown_client_keys());
 
   for (const auto& [agent, count] : refused_commands_) {
     proto::RefusedFrom& refused = *status.add_refused();

@@ -56,13 +56,13 @@ class GatewayActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;                      // Complete and checked.
-    std::uint64_t config_hash = 0;               // TeamFile::hash; in each answer.
-    std::string version;                         // Shown in status.
-    std::uint32_t pid = 0;                       // Shown in status.
-    std::function<std::string()> merge_backend;  // Shown in status: "cpu" or "gl"; asked each time, on any thread.
-    std::function<proto::DoorStatus()> door;     // Shown in status: what the transport refused.
-    std::set<std::string> own_actors;            // The user's; clients may ask these by name.
+    proto::TeamConfig team;                           // Complete and checked.
+    std::uint64_t config_hash = 0;                    // TeamFile::hash; in each answer.
+    std::string version;                              // Shown in status.
+    std::uint32_t pid = 0;                            // Shown in status.
+    std::function<std::string()> merge_backend;       // Shown in status: "cpu" or "gl"; asked each time, on any thread.
+    std::function<proto::ListenerStatus()> listener;  // Shown in status: what the transport refused.
+    std::set<std::string> own_actors;                 // The user's; clients may ask these by name.
     std::size_t pending_max = 256;
     std::size_t pending_of_client_max = 64;  // So many of one key, connection or other agent.
     // Of these, so many to one other agent: its answers cross the radio, and others' have to find room there.

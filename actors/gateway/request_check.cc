@@ -217,10 +217,10 @@ Result<void> CheckPrune(const proto::PruneOrder& prune) {
   if (prune.data_types_size() > kFilterEntriesMax) {
     return Fail(ErrorCode::kInvalid, "too many data types", "prune.data_types");
   }
-  if (prune.beaten_maps() && !prune.data_types().empty()) {
+  if (prune.occluded_maps() && !prune.data_types().empty()) {
     return Fail(ErrorCode::kInvalid, "beaten maps are maps: no types beside them", "prune.data_types");
   }
-  if (prune.beaten_maps() && prune.is_history()) {
+  if (prune.occluded_maps() && prune.is_history()) {
     return Fail(ErrorCode::kInvalid, "maps are never superseded: no history of them is kept", "prune.is_history");
   }
   return {};

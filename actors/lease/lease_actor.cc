@@ -12,11 +12,11 @@
 namespace moondb {
 namespace {
 
-enum TimerKind : std::uint32_t { kAnnounce = 1, kLapse = 2 };
+enum TimerKind : std::uint32_t { kAnnounce = 1, kExpiry = 2 };
 
 // An agent's numbers count up: one a little below the present one is an old announcement that came late, one further
 // away is of another life of that agent.
-constexpr std::uint64_t kNumbersOfOneLife = 1 << 20;
+constexpr std::uint64_t kNumbersOfOneBoot = 1 << 20;
 
 Result<void> CheckAnnouncement(const proto::LeaseAnnounce& announce) {
   if (auto checked = CheckLeaseSeconds(announce.driving_s(), "driving_s"); !checked) return checked;
@@ -63,8 +63,8 @@ void LeaseActor::OnTimer(Context& context, const proto::Timer& timer) {
       announce_timer_ = 0;
       announce_delay_ = std::min(2 * announce_delay_, options_.announce_after_max);
       return AnnounceToUnknowing(context);
-    case kLapse:
-      lapse_timer_ = 0;
+    case kExpiry:
+      expiry_timer_ = 0;
       return OnChange(context);
     default:
       return;
@@ -128,7 +128,7 @@ void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::Le
   }
   Peer& peer = peers_[from];
   const std::uint64_t ahead = announce.number() - peer.heard.value_or(announce.number());
-  if (-ahead - 1 < kNumbersOfOneLife) return;  // Late.
+  if (-ahead - 1 < kNumbersOfOneBoot) return;  // Late.
   if (announce.known_number() == number_) peer.knows_ours = true;
   if (!peer.heard || ahead != 0) {
     peer.heard = announce.number();
@@ -141,7 +141,7 @@ void LeaseActor::OnLeaseAnnounce(Context& context, AgentId from, const proto::Le
     OnChange(context);
   }
   if (!announce.is_reply()) Announce(context, from, /*is_reply=*/true);
-  if (ahead <= kNumbersOfOneLife) return;
+  if (ahead <= kNumbersOfOneBoot) return;
   // It was made anew, or this is late and of an earlier life: its answer says how it is now.
   peer.knows_ours = false;
   RestartAnnouncing(context);
@@ -178,9 +178,9 @@ void LeaseActor::RestartAnnouncing(Context& context) {
 }
 
 void LeaseActor::OnChange(Context& context) {
-  if (lapse_timer_ != 0) context.Cancel(std::exchange(lapse_timer_, 0));
-  if (const auto lapse = leases_.NextLapse(context.now())) {
-    lapse_timer_ = context.AfterTimer(*lapse - context.now(), kLapse);
+  if (expiry_timer_ != 0) context.Cancel(std::exchange(expiry_timer_, 0));
+  if (const auto expiry = leases_.NextExpiry(context.now())) {
+    expiry_timer_ = context.AfterTimer(*expiry - context.now(), kExpiry);
   }
   proto::Message message;
   message.set_ms_type(proto::EVENT);

@@ -61,7 +61,7 @@ class LeaseActor final : public Actor {
   std::map<AgentId, Peer> peers_;
   Duration announce_delay_{};
   TimerId announce_timer_ = 0;
-  TimerId lapse_timer_ = 0;
+  TimerId expiry_timer_ = 0;
   RateLimitedLog refused_log_;
 };
 

@@ -127,11 +127,11 @@ std::size_t LocalMap::bytes() const {
   return bytes;
 }
 
-Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t stamp_ns,
+Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t timestamp_ns,
                                                      const TraversabilityMap& map, const MergeGrid& grid) {
   auto local = std::make_shared<LocalMap>();
   local->key = key;
-  local->stamp_ns = stamp_ns;
+  local->timestamp_ns = timestamp_ns;
   local->node = map.node;
   local->node_from_map = map.node_from_map;
   for (std::size_t level = 0; level < map.layers.size(); ++level) {

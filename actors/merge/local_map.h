@@ -89,7 +89,7 @@ struct LocalLayer {
 
 struct LocalMap {
   RecordKey key;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   NodeKey node;
   Pose node_from_map;
   std::vector<LocalLayer> layers;   // Finest first.
@@ -102,7 +102,7 @@ struct LocalMap {
 
 // kInvalid if a layer's cells are too fine for the grid (more than kStepCellsMax in one of its cells), `field` names
 // it. Sizes and numbers of layers are the door's (model/traversability_map.h).
-Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t stamp_ns,
+Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t timestamp_ns,
                                                      const TraversabilityMap& map, const MergeGrid& grid);
 
 }  // namespace moondb

@@ -27,9 +27,9 @@ double CentreOf(std::int64_t cell, std::uint32_t resolution_um) {
 void SetMap(const MapCollection& collection, const LocalMap& map, proto::MapObservation& said) {
   *said.mutable_record() = ToProto(map.key);
   *said.mutable_node() = ToProto(map.node);
-  const MapCollection::Stamp stamp = collection.StampOf(map.key);
-  said.set_stamp_ns(stamp.ns);
-  said.set_is_clock_suspect(stamp.is_clock_suspect);
+  const MapCollection::Timestamp timestamp = collection.TimestampOf(map.key);
+  said.set_timestamp_ns(timestamp.ns);
+  said.set_is_clock_suspect(timestamp.is_clock_suspect);
 }
 
 void SetPose(const MapCollection& collection, const NodeKey& node, proto::MapObservation& said) {
@@ -123,9 +123,9 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
   return reply;
 }
 
-proto::BeatenMapsReply BeatenMapsOf(const Merger& merger, std::uint32_t records_max) {
-  const int count_max = static_cast<int>(std::min(records_max, kBeatenMapsMax));
-  proto::BeatenMapsReply reply;
+proto::OccludedMapsReply OccludedMapsOf(const Merger& merger, std::uint32_t records_max) {
+  const int count_max = static_cast<int>(std::min(records_max, kOccludedMapsMax));
+  proto::OccludedMapsReply reply;
   for (const MapWins& wins : merger.CountWins()) {
     if (reply.records_size() >= count_max) break;
     if (wins.cells == 0 && wins.placed.map->key.seq != 0) *reply.add_records() = ToProto(wins.placed.map->key);

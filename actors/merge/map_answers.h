@@ -20,11 +20,11 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
 // But for `backend`.
 proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger);
 
-inline constexpr std::uint32_t kBeatenMapsMax = 4096;
+inline constexpr std::uint32_t kOccludedMapsMax = 4096;
 
-// Shared maps that are placed and win no cell, by record key; `records_max` at most, and kBeatenMapsMax. Without them
+// Shared maps that are placed and win no cell, by record key; `records_max` at most, and kOccludedMapsMax. Without them
 // the merged map is the same, as long as no pose moves.
-proto::BeatenMapsReply BeatenMapsOf(const Merger& merger, std::uint32_t records_max);
+proto::OccludedMapsReply OccludedMapsOf(const Merger& merger, std::uint32_t records_max);
 
 // Tiles that touch the region and changed since `since_version` (0: all that know a cell), kMapTilesMax at most and
 // as many as fit into `bytes_max` coded, from behind `request.after` on. kInternal if zstd fails. Life is the caller's

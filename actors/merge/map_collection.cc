@@ -17,13 +17,13 @@ MapCollection::MapCollection(Options options)
       quarantine_quota_(options_.quarantines_max),
       node_quota_(options_.nodes_max) {}
 
-Result<void> MapCollection::AddMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map) {
+Result<void> MapCollection::AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map) {
   if (maps_.contains(key)) return {};
-  const std::int64_t stamp_ns = stamp.is_clock_suspect ? INT64_MIN : stamp.ns;
-  Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, stamp_ns, map, options_.grid);
+  const std::int64_t timestamp_ns = timestamp.is_clock_suspect ? INT64_MIN : timestamp.ns;
+  Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(key, timestamp_ns, map, options_.grid);
   if (!local) return tl::unexpected(local.error());
   const std::uint64_t bytes = (*local)->bytes();
-  maps_.emplace(key, HeldMap{std::move(*local), stamp});
+  maps_.emplace(key, HeldMap{std::move(*local), timestamp});
   bytes_ += bytes;
   for (const auto& removed : map_quota_.Add(key, 1, {})) RemoveMap(removed.key);
   for (const auto& removed : map_bytes_quota_.Add(key, bytes, {})) RemoveMap(removed.key);
@@ -93,13 +93,13 @@ std::map<AgentId, std::uint64_t> MapCollection::CountLeftOut() const {
 }
 
 std::vector<MapCollection::Quarantine> MapCollection::StandingQuarantines() const {
-  std::map<AgentId, std::vector<std::int64_t>> stamps;
-  for (const auto& [key, map] : maps_) stamps[map.local->agent()].push_back(map.stamp.ns);
-  for (auto& [agent, of_agent] : stamps) std::sort(of_agent.begin(), of_agent.end());
+  std::map<AgentId, std::vector<std::int64_t>> timestamps;
+  for (const auto& [key, map] : maps_) timestamps[map.local->agent()].push_back(map.timestamp.ns);
+  for (auto& [agent, of_agent] : timestamps) std::sort(of_agent.begin(), of_agent.end());
   std::vector<Quarantine> standing;
   for (const auto& [key, said] : quarantines_) {
     if (lifted_.contains(key)) continue;
-    const std::vector<std::int64_t>& of_agent = stamps[said.agent_id()];
+    const std::vector<std::int64_t>& of_agent = timestamps[said.agent_id()];
     const auto first = std::lower_bound(of_agent.begin(), of_agent.end(), said.from_ns());
     const auto last = std::upper_bound(of_agent.begin(), of_agent.end(), said.to_ns());
     standing.push_back({key, said, static_cast<std::size_t>(std::max<std::ptrdiff_t>(last - first, 0))});
@@ -131,8 +131,8 @@ bool MapCollection::IsLeftOut(const Spans& spans, const HeldMap& map) {
   const auto of_agent = spans.find(map.local->agent());
   if (of_agent == spans.end()) return false;
   const auto behind = std::upper_bound(of_agent->second.begin(), of_agent->second.end(),
-                                       std::pair(map.stamp.ns, std::numeric_limits<std::int64_t>::max()));
-  return behind != of_agent->second.begin() && map.stamp.ns <= std::prev(behind)->second;
+                                       std::pair(map.timestamp.ns, std::numeric_limits<std::int64_t>::max()));
+  return behind != of_agent->second.begin() && map.timestamp.ns <= std::prev(behind)->second;
 }
 
 std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node) const {
@@ -141,9 +141,9 @@ std::optional<MapCollection::NodePose> MapCollection::PoseOf(const NodeKey& node
   return NodePose{*pose, nodes_.at(node).optimized.has_value()};
 }
 
-MapCollection::Stamp MapCollection::StampOf(const RecordKey& map) const {
+MapCollection::Timestamp MapCollection::TimestampOf(const RecordKey& map) const {
   const auto found = maps_.find(map);
-  return found == maps_.end() ? Stamp() : found->second.stamp;
+  return found == maps_.end() ? Timestamp() : found->second.timestamp;
 }
 
 const Pose* MapCollection::FindPose(const NodeKey& node, bool use_raw_poses) const {

@@ -58,7 +58,7 @@ class MapCollection {
   };
 
   // As its origin stamped it.
-  struct Stamp {
+  struct Timestamp {
     std::int64_t ns = 0;
     bool is_clock_suspect = false;  // Then it wins nothing by being newer.
   };
@@ -72,7 +72,7 @@ class MapCollection {
   explicit MapCollection(Options options);
 
   // Its node may come later. Errors: kInvalid as in MakeLocalMap.
-  Result<void> AddMap(const RecordKey& key, const Stamp& stamp, const TraversabilityMap& map);
+  Result<void> AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map);
 
   // The pose as odometry has it. Of two records of one node the smaller key stands, as everywhere.
   void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
@@ -89,7 +89,7 @@ class MapCollection {
 
   // The newest one; nothing where the node is not known.
   std::optional<NodePose> PoseOf(const NodeKey& node) const;
-  Stamp StampOf(const RecordKey& map) const;  // Of a map that is here.
+  Timestamp TimestampOf(const RecordKey& map) const;  // Of a map that is here.
   // Those that no other lifts, by record key.
   std::vector<Quarantine> StandingQuarantines() const;
 
@@ -110,7 +110,7 @@ class MapCollection {
 
   struct HeldMap {
     std::shared_ptr<const LocalMap> local;
-    Stamp stamp;
+    Timestamp timestamp;
   };
 
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;

@@ -62,7 +62,7 @@ proto::Message ErrorReply(const proto::Message& question, const Error& error) {
     case proto::Message::kMapTilesRequest:
       *reply.mutable_map_tiles_reply()->mutable_error() = ToProto(error);
       break;
-    case proto::Message::kBeatenMapsRequest:
+    case proto::Message::kOccludedMapsRequest:
       return ErrorMessage(error);
     default:
       *reply.mutable_merge_reply()->mutable_error() = ToProto(error);
@@ -83,13 +83,13 @@ MergeActor::~MergeActor() = default;
 
 // Here and not in the constructor: a GL context is best made on the thread that will use it.
 void MergeActor::OnStart(Context& context) {
-  life_ = context.rng()() | 1;
+  merger_id_ = context.rng()() | 1;
   context.Watch(Topic::kStored);
   if (Result<void> started = StartMerger(); !started) {
     start_error_ = started.error();
     spdlog::error("{}: {}", ToString(context.self()), ToString(start_error_));
   } else {
-    TellBackend(context);
+    ReportBackend(context);
   }
 }
 
@@ -110,7 +110,7 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kMapWhyRequest:
     case proto::Message::kMapStatsRequest:
     case proto::Message::kMapTilesRequest:
-    case proto::Message::kBeatenMapsRequest:
+    case proto::Message::kOccludedMapsRequest:
       // This agent's gateway has looked at them, nobody at a peer's.
       if (context.sender().agent == options_.self) OnQuestion(context, message);
       return;
@@ -147,8 +147,8 @@ void MergeActor::StartReading(Context& context) {
     collection_ = MapCollection(CollectionOptions(options_));
     unusable_map_count_ = 0;
     is_current_ = false;
-    authority_.BeginAnew();
-    reader_.ReadAnew(context);
+    authority_.Restart();
+    reader_.ReadAgain(context);
   } else {
     reader_.Read(context);
   }
@@ -245,7 +245,7 @@ Result<void> MergeActor::TakeRecord(const proto::StoredRecord& stored) {
     case proto::Record::kLocalTraversabilityMap: {
       Result<TraversabilityMap> map = FromProto(record.local_traversability_map());
       if (!map) return tl::unexpected(map.error());
-      return collection_.AddMap(key, {record.stamp_ns(), record.is_clock_suspect()}, *map);
+      return collection_.AddMap(key, {record.timestamp_ns(), record.is_clock_suspect()}, *map);
     }
     case proto::Record::kMapQuarantine:
       collection_.AddQuarantine(key, record.map_quarantine());
@@ -286,8 +286,8 @@ std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiti
   if (question.has_map_tiles_request()) return AnswerTiles(context, waiting);
   if (question.has_map_why_request()) {
     *answer.mutable_map_why_reply() = WhyOf(collection_, *merger_, question.map_why_request());
-  } else if (question.has_beaten_maps_request()) {
-    *answer.mutable_beaten_maps_reply() = BeatenMapsOf(*merger_, question.beaten_maps_request().records_max());
+  } else if (question.has_occluded_maps_request()) {
+    *answer.mutable_occluded_maps_reply() = OccludedMapsOf(*merger_, question.occluded_maps_request().records_max());
   } else {
     *answer.mutable_map_stats_reply() = StatsOf(collection_, *merger_);
     answer.mutable_map_stats_reply()->set_backend(backend_->description());
@@ -299,11 +299,11 @@ std::optional<proto::Message> MergeActor::AnswerTo(Context& context, const Waiti
 
 std::optional<proto::Message> MergeActor::AnswerTiles(Context& context, const Waiting& waiting) {
   const proto::MapTilesRequest& request = waiting.question.map_tiles_request();
-  const std::uint64_t since_version = request.life() == life_ ? request.since_version() : 0;
+  const std::uint64_t since_version = request.merger_id() == merger_id_ ? request.since_version() : 0;
   Result<proto::MapTilesReply> tiles = ChangedTiles(*merger_, since_version, request, options_.reply_bytes_max);
   if (!tiles) return ErrorReply(waiting.question, tiles.error());
   if (tiles->tiles().empty() && context.now() < waiting.answer_by) return std::nullopt;
-  tiles->set_life(life_);
+  tiles->set_merger_id(merger_id_);
   proto::Message answer;
   *answer.mutable_map_tiles_reply() = *std::move(tiles);
   return answer;
@@ -316,7 +316,7 @@ Result<void> MergeActor::Update(Context& context, const MapCollection::Selected&
   Result<void> merged = RunMerger(context, everything, *merger_);
   is_current_ = merged.has_value();
   if (merger_->forgotten() != forgotten)
-    life_ = context.rng()() | 1;  // Clients that hold older tiles get every tile again.
+    merger_id_ = context.rng()() | 1;  // Clients that hold older tiles get every tile again.
   return merged;
 }
 
@@ -360,7 +360,7 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
 }
 
 // At the start, and when a driver is lost or comes back.
-void MergeActor::TellBackend(Context& context) {
+void MergeActor::ReportBackend(Context& context) {
   std::string description = backend_->description();
   if (description == backend_description_) return;
   backend_description_ = std::move(description);
@@ -375,7 +375,7 @@ Result<void> MergeActor::RunMerger(Context& context, const MapCollection::Select
     refused_log_.Warn(ToString(context.self()) + ": leaves out " + ToString(refused));
   }
   const Result<MergeSummary> merged = merger.Merge([&context] { return context.stop_requested(); });
-  TellBackend(context);
+  ReportBackend(context);
   if (!merged) return tl::unexpected(merged.error());
   return {};
 }

@@ -12,7 +12,7 @@
 // A MapTilesRequest with wait_s is a subscription: where nothing has changed it waits, at most so long, and is looked
 // at again when StorageActor publishes that records were stored, once in look_period at most.
 //
-// RetentionActor asks for the maps that win no cell any more (BeatenMapsRequest); an error of it is a ControlReply.
+// RetentionActor asks for the maps that win no cell any more (OccludedMapsRequest); an error of it is a ControlReply.
 // Once StorageActor publishes that records were pruned, everything is read anew for the next question.
 //
 // Errors in replies: kFull (more than requests_max wait; a bound of Merger or of the reply's size),
@@ -89,7 +89,7 @@ class MergeActor final : public Actor {
   Result<void> Update(Context& context, const MapCollection::Selected& everything);
   Result<proto::MergeReply> Merge(Context& context, const proto::MergeRequest& request);
   Result<void> StartMerger();
-  void TellBackend(Context& context);
+  void ReportBackend(Context& context);
   Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
   // Nothing where a subscription goes on.
   std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);
@@ -108,7 +108,7 @@ class MergeActor final : public Actor {
   bool is_outdated_ = false;                // collection_ may have records that are gone: it is to be read anew.
   std::size_t unusable_map_count_ = 0;      // Of records: cells too fine for the grid.
   std::size_t unplaced_map_count_ = 0;      // Maps and footprints that merger_ did not take the last time.
-  std::uint64_t life_ = 0;                  // Random: versions of an earlier life mean nothing.
+  std::uint64_t merger_id_ = 0;             // Random: versions of an earlier life mean nothing.
   RateLimitedLog refused_log_;
   RateLimitedLog dropped_log_;
   std::deque<Waiting> waiting_;

@@ -21,7 +21,7 @@ Result<MergedMap> MergeMaps(std::span<const MapAtPose> maps, std::span<const Pos
   std::vector<PlacedMap> placed;
   placed.reserve(maps.size());
   for (const MapAtPose& map : maps) {
-    Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(map.key, map.stamp_ns, map.map, options.grid);
+    Result<std::shared_ptr<const LocalMap>> local = MakeLocalMap(map.key, map.timestamp_ns, map.map, options.grid);
     if (!local) return tl::unexpected(local.error());
     placed.push_back({std::move(*local), map.map_from_node});
   }

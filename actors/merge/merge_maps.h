@@ -3,7 +3,7 @@
 //   std::vector<MapAtPose> maps;
 //   for (const MissionMap& map : mission.maps) {
 //     const RecordKey key = NumberedMapKey(map.agent, maps.size() + 1);
-//     maps.push_back({key, map.stamp_ns, mission.truth.at(map.node), *ReadMissionMap(mission, map)});
+//     maps.push_back({key, map.timestamp_ns, mission.truth.at(map.node), *ReadMissionMap(mission, map)});
 //   }
 //   const Result<MergedMap> merged = MergeMaps(maps, footprints, {});
 #pragma once
@@ -18,7 +18,7 @@ namespace moondb {
 
 struct MapAtPose {
   RecordKey key;  // Names the map; the last word where resolution, stamp and agent are equal.
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   Pose map_from_node;
   TraversabilityMap map;
 };

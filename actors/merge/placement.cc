@@ -45,7 +45,7 @@ PlacedRectangle PlaceBlock(const PlanarPose& pose, const LocalLayer& layer, cons
 bool StandsAbove(const PlacedBlock& a, const PlacedBlock& b) {
   if (a.resolution_um != b.resolution_um) return a.resolution_um < b.resolution_um;
   if (a.is_footprint()) return a.owner->node < b.owner->node;
-  if (a.stamp_ns != b.stamp_ns) return a.stamp_ns > b.stamp_ns;
+  if (a.timestamp_ns != b.timestamp_ns) return a.timestamp_ns > b.timestamp_ns;
   // A record key begins with its agent.
   const RecordKey& key_a = a.owner->placed.map->key;
   const RecordKey& key_b = b.owner->placed.map->key;
@@ -79,7 +79,7 @@ Result<std::unique_ptr<PlacedThing>> PlaceMap(const PlacedMap& placed, const Mer
     const LocalLayer& layer = map.layers[cells.block().level];
     const PlacedRectangle rectangle = PlaceBlock(pose, layer, cells.block(), grid.resolution_um);
     if (rectangle.box.is_empty()) continue;
-    thing->blocks.push_back({rectangle, &cells, thing.get(), layer.resolution_um, map.stamp_ns});
+    thing->blocks.push_back({rectangle, &cells, thing.get(), layer.resolution_um, map.timestamp_ns});
   }
   return thing;
 }

@@ -42,7 +42,7 @@ struct PlacedBlock {
   const PackedBlock* cells = nullptr;
   const PlacedThing* owner = nullptr;
   std::uint32_t resolution_um = 0;  // 0 for a footprint.
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   std::uint32_t rank = 0;  // Its place in the order of all that are merged, the greatest key first.
 
   bool is_footprint() const { return cells == nullptr; }

@@ -32,7 +32,7 @@ double Spread(int k, int dimension) {
 
 class Arranger {
  public:
-  Arranger(const PlainGraph& graph, const ActiveNodes& active, const std::vector<bool>& placed,
+  Arranger(const StandaloneGraph& graph, const ActiveNodes& active, const std::vector<bool>& placed,
            const std::vector<std::size_t>& heads, const PlainState& state, const ArrangementOptions& options)
       : graph_(graph), active_(active), placed_(placed), heads_(heads), state_(state), options_(options) {
     ChooseRanges();
@@ -249,7 +249,7 @@ class Arranger {
     return result;
   }
 
-  const PlainGraph& graph_;
+  const StandaloneGraph& graph_;
   const ActiveNodes& active_;
   const std::vector<bool>& placed_;
   const std::vector<std::size_t>& heads_;
@@ -263,7 +263,7 @@ class Arranger {
 
 }  // namespace
 
-std::vector<Arrangement> ArrangeParts(const PlainGraph& graph, const ActiveNodes& active,
+std::vector<Arrangement> ArrangeParts(const StandaloneGraph& graph, const ActiveNodes& active,
                                       const std::vector<bool>& placed, const std::vector<std::size_t>& heads,
                                       const PlainState& state, const ArrangementOptions& options) {
   return Arranger(graph, active, placed, heads, state, options).Run();

@@ -10,8 +10,8 @@
 #include <map>
 #include <vector>
 
-#include "actors/pgo/plain_cost.h"
-#include "actors/pgo/plain_graph.h"
+#include "actors/pgo/standalone_cost.h"
+#include "actors/pgo/standalone_graph.h"
 
 namespace moondb {
 
@@ -35,7 +35,7 @@ struct ArrangementOptions {
 // `placed` nodes stand where `state` has them; the others form bodies (nodes of one of `heads`), each in a frame of its
 // own in `state`. Gives the best arrangements, best first; at least one. Bodies that no range joins stay as they are.
 // Deterministic: the starts are evenly spread, not drawn.
-std::vector<Arrangement> ArrangeParts(const PlainGraph& graph, const ActiveNodes& active,
+std::vector<Arrangement> ArrangeParts(const StandaloneGraph& graph, const ActiveNodes& active,
                                       const std::vector<bool>& placed, const std::vector<std::size_t>& heads,
                                       const PlainState& state, const ArrangementOptions& options);
 

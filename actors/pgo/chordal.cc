@@ -20,7 +20,7 @@ constexpr int kStands = -1;
 // matrix: node i has `size` unknowns (its rotation's row) and one more (its coordinate); a point has the coordinate.
 class Relaxation {
  public:
-  Relaxation(const PlainGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads)
+  Relaxation(const StandaloneGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads)
       : graph_(graph), size_(graph.is_planar ? 2 : 3), first_unknown_(graph.nodes.size(), kStands) {
     for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
       if (!active[node] || heads[node] == node) continue;
@@ -110,7 +110,7 @@ class Relaxation {
     return Eigen::Quaterniond(Eigen::Matrix3d(svd.matrixU() * flip * svd.matrixV().transpose())).normalized();
   }
 
-  const PlainGraph& graph_;
+  const StandaloneGraph& graph_;
   const int size_;
   std::vector<int> first_unknown_;
   int unknown_count_ = 0;
@@ -120,7 +120,7 @@ class Relaxation {
 };
 
 // Steps and sightings by the node that they touch: first all steps, then all sightings, by place.
-std::vector<std::vector<std::size_t>> FindTouching(const PlainGraph& graph) {
+std::vector<std::vector<std::size_t>> FindTouching(const StandaloneGraph& graph) {
   std::vector<std::vector<std::size_t>> touching(graph.nodes.size());
   for (std::size_t i = 0; i < graph.steps.size(); ++i) {
     touching[graph.steps[i].from].push_back(i);
@@ -134,7 +134,7 @@ std::vector<std::vector<std::size_t>> FindTouching(const PlainGraph& graph) {
 
 }  // namespace
 
-std::vector<std::size_t> FindHeads(const PlainGraph& graph, const ActiveNodes& active) {
+std::vector<std::size_t> FindHeads(const StandaloneGraph& graph, const ActiveNodes& active) {
   ConnectedParts parts(graph.nodes.size());
   const auto join = [&](const auto& edge) {
     if (active[edge.from] && active[edge.to]) parts.Join(edge.from, edge.to);
@@ -146,7 +146,7 @@ std::vector<std::size_t> FindHeads(const PlainGraph& graph, const ActiveNodes& a
   return heads;
 }
 
-bool HasLoops(const PlainGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads) {
+bool HasLoops(const StandaloneGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads) {
   std::size_t edges = 0;
   for (const PlainStep& step : graph.steps) edges += active[step.from] && active[step.to];
   for (const PlainSighting& sighting : graph.sightings) edges += active[sighting.from] && active[sighting.to];
@@ -155,7 +155,7 @@ bool HasLoops(const PlainGraph& graph, const ActiveNodes& active, const std::vec
   return edges > joined;
 }
 
-void ComposeFromPlaced(const PlainGraph& graph, const ActiveNodes& active, ComposeAlong along,
+void ComposeFromPlaced(const StandaloneGraph& graph, const ActiveNodes& active, ComposeAlong along,
                        std::vector<bool>& placed, PlainState& state) {
   const std::vector<std::vector<std::size_t>> touching = FindTouching(graph);
   const auto is_used = [&](std::size_t edge) {
@@ -192,7 +192,8 @@ void ComposeFromPlaced(const PlainGraph& graph, const ActiveNodes& active, Compo
   }
 }
 
-PlainState ChordalParts(const PlainGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads) {
+PlainState ChordalParts(const StandaloneGraph& graph, const ActiveNodes& active,
+                        const std::vector<std::size_t>& heads) {
   PlainState state(graph.nodes.size(), ToBlock(Pose{}));
   if (HasLoops(graph, active, heads) && Relaxation(graph, active, heads).Solve(state)) return state;
   state.assign(graph.nodes.size(), ToBlock(Pose{}));

@@ -77,7 +77,7 @@ std::pair<std::size_t, std::size_t> NameOf(const CheckedEdge& edge) {
 }
 
 auto OrderOf(const CheckedRange& range) {
-  return std::tuple(range.from, range.to, range.edge->stamp_ns, range.edge->range_m, range.edge->variance_m2);
+  return std::tuple(range.from, range.to, range.edge->timestamp_ns, range.edge->range_m, range.edge->variance_m2);
 }
 
 auto OrderOf(const CheckedOdometry& odometry) {
@@ -86,7 +86,7 @@ auto OrderOf(const CheckedOdometry& odometry) {
   Eigen::Map<Eigen::Vector3d>(content.data()) = pose.position_m;
   Eigen::Map<Eigen::Vector4d>(content.data() + 3) = pose.orientation.coeffs();
   Eigen::Map<Eigen::Matrix<double, 6, 1>>(content.data() + 7) = odometry.edge->covariance.diagonal();
-  return std::tuple(odometry.from, odometry.to, odometry.edge->stamp_ns, content);
+  return std::tuple(odometry.from, odometry.to, odometry.edge->timestamp_ns, content);
 }
 
 template <typename Item, typename Report>

@@ -102,18 +102,18 @@ std::optional<Error> PgoActor::WhyNotLeader() const {
 
 void PgoActor::OnOptimizeRequest(Context& context, const proto::Message& message) {
   const bool is_late = phase_ == Phase::kWriting;
-  const Asker asker{context.sender(), message.request_id(), message.optimize_request(), is_late};
+  const Requester requester{context.sender(), message.request_id(), message.optimize_request(), is_late};
   proto::OptimizeReply refusal;
   if (const std::optional<Error> error = WhyNotLeader()) {
     *refusal.mutable_error() = ToProto(*error);
-    return Answer(context, asker, refusal);
+    return Answer(context, requester, refusal);
   }
-  if (askers_.size() >= options_.askers_max) {
+  if (requesters_.size() >= options_.requesters_max) {
     *refusal.mutable_error() = ToProto(Error{ErrorCode::kFull, "too many wait for this solve; try again later", {}});
-    return Answer(context, asker, refusal);
+    return Answer(context, requester, refusal);
   }
-  askers_.push_back(asker);
-  if (phase_ == Phase::kIdle) Begin(context, asker.request);
+  requesters_.push_back(requester);
+  if (phase_ == Phase::kIdle) Begin(context, requester.request);
 }
 
 void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
@@ -126,8 +126,8 @@ void PgoActor::Begin(Context& context, proto::OptimizeRequest request) {
 void PgoActor::StartReading(Context& context) {
   if (std::exchange(is_outdated_, false)) {
     known_ = KnownGraph();
-    authority_.BeginAnew();
-    reader_.ReadAnew(context);
+    authority_.Restart();
+    reader_.ReadAgain(context);
   } else {
     reader_.Read(context);
   }
@@ -153,10 +153,10 @@ void PgoActor::OnQuiet(Context& context) {
   if (!Leads()) return;
   MonotonicTime due =
       std::min(quiet_.newest_news + options_.solve_when_quiet, quiet_.oldest_news + options_.solve_apart);
-  if (quiet_.last_unasked) due = std::max(due, *quiet_.last_unasked + options_.solve_apart);
+  if (quiet_.last_periodic) due = std::max(due, *quiet_.last_periodic + options_.solve_apart);
   if (phase_ != Phase::kIdle) due = std::max(due, context.now() + options_.solve_when_quiet);
   if (context.now() >= due) {
-    quiet_.last_unasked = context.now();
+    quiet_.last_periodic = context.now();
     return Begin(context, {});
   }
   quiet_.is_awaited = true;
@@ -282,25 +282,25 @@ void PgoActor::Finish(Context& context) {
   publication_ = {};
   *stats_.mutable_last_solve() = reply_;
   const std::string question = request_.SerializeAsString();
-  std::vector<Asker> waiting;
-  for (Asker& asker : std::exchange(askers_, {})) {
-    if (!Leads() || (!asker.is_late && asker.request.SerializeAsString() == question)) {
-      Answer(context, asker, reply_);
+  std::vector<Requester> waiting;
+  for (Requester& requester : std::exchange(requesters_, {})) {
+    if (!Leads() || (!requester.is_late && requester.request.SerializeAsString() == question)) {
+      Answer(context, requester, reply_);
     } else {
-      asker.is_late = false;
-      waiting.push_back(std::move(asker));
+      requester.is_late = false;
+      waiting.push_back(std::move(requester));
     }
   }
-  askers_ = std::move(waiting);
-  if (!askers_.empty()) Begin(context, askers_.front().request);
+  requesters_ = std::move(waiting);
+  if (!requesters_.empty()) Begin(context, requesters_.front().request);
 }
 
-void PgoActor::Answer(Context& context, const Asker& asker, const proto::OptimizeReply& reply) {
+void PgoActor::Answer(Context& context, const Requester& requester, const proto::OptimizeReply& reply) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
-  message.set_request_id(asker.request_id);
+  message.set_request_id(requester.request_id);
   *message.mutable_optimize_reply() = reply;
-  (void)context.Send(asker.address, std::move(message));  // Who left needs no answer.
+  (void)context.Send(requester.address, std::move(message));  // Who left needs no answer.
 }
 
 }  // namespace moondb

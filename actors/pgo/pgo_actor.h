@@ -12,7 +12,7 @@
 // Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy, read back here,
 // so a new leader continues from the last one's solution. An agent that is not the leader refuses (kRefused, with the
 // leader's name). A request that comes while one is worked on waits: for the same answer where it asks the same
-// before the solve begins, else for its turn; at most `askers_max`, then kFull. Storage that does not answer within
+// before the solve begins, else for its turn; at most `requesters_max`, then kFull. Storage that does not answer within
 // `storage_timeout` gives kTimedOut; what it committed stays and is not published again. A leader that loses its role
 // meanwhile answers kRefused and writes no further chunk: what a change of roles finds being solved is not published at
 // all.
@@ -51,7 +51,7 @@ class PgoActor final : public Actor {
     Duration solve_when_quiet{};                        // 0: on request only.
     Duration solve_apart = std::chrono::seconds(60);    // Between two solves that nobody asked for, at least.
     Duration solve_time_max = std::chrono::minutes(5);  // Then the solve ends, and changes nothing.
-    std::size_t askers_max = 16;                        // Requests that wait for an answer.
+    std::size_t requesters_max = 16;                    // Requests that wait for an answer.
     std::size_t read_records_max = 1000;                // Of one page.
     std::size_t insert_records_max = 200;               // Of one chunk.
     Duration storage_timeout = std::chrono::seconds(30);
@@ -65,7 +65,7 @@ class PgoActor final : public Actor {
  private:
   enum class Phase { kIdle, kReading, kWriting };
 
-  struct Asker {
+  struct Requester {
     Address address;
     std::uint64_t request_id = 0;
     proto::OptimizeRequest request;
@@ -98,7 +98,7 @@ class PgoActor final : public Actor {
   void AskToInsert(Context& context, proto::Message message);
   void FinishWith(Context& context, const Error& error);
   void Finish(Context& context);
-  void Answer(Context& context, const Asker& asker, const proto::OptimizeReply& reply);
+  void Answer(Context& context, const Requester& requester, const proto::OptimizeReply& reply);
 
   const Options options_;
   const AgentFactsMap agents_;
@@ -109,10 +109,10 @@ class PgoActor final : public Actor {
   RecordReader reader_;       // Into known_.
 
   Phase phase_ = Phase::kIdle;
-  std::uint64_t request_id_ = 0;    // The insert that storage has not answered yet.
-  TimerId timeout_ = 0;             // After which storage has not answered that insert.
-  std::vector<Asker> askers_;       // First come, first served.
-  proto::OptimizeRequest request_;  // In hand.
+  std::uint64_t request_id_ = 0;       // The insert that storage has not answered yet.
+  TimerId timeout_ = 0;                // After which storage has not answered that insert.
+  std::vector<Requester> requesters_;  // First come, first served.
+  proto::OptimizeRequest request_;     // In hand.
   Publication publication_;
   std::size_t written_count_ = 0;
   proto::OptimizeReply reply_;  // Of the solve in hand.
@@ -122,7 +122,7 @@ class PgoActor final : public Actor {
     bool is_awaited = false;      // A timer runs.
     MonotonicTime oldest_news{};  // When the oldest news came that no solve has seen.
     MonotonicTime newest_news{};
-    std::optional<MonotonicTime> last_unasked;
+    std::optional<MonotonicTime> last_periodic;
   };
   Quiet quiet_;
 

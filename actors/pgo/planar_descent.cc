@@ -46,7 +46,7 @@ class Descent {
   void Step() {
     Eigen::VectorXd step;
     const double expected = Solve(step);
-    if (!(expected > 0)) return Retreat();
+    if (!(expected > 0)) return RejectStep();
     result_.has_converged = step.norm() <= kStepTolerance * SizeOf(state_);
     if (result_.has_converged) return;
     PlanarState moved = system_.Plus(state_, step);
@@ -56,7 +56,7 @@ class Descent {
     if (!(fall >= 0)) {
       const bool is_least = -fall <= kRoundingPart * result_.cost || expected <= kRoundingPart * result_.cost;
       result_.has_converged = is_least && std::isfinite(cost);
-      return Retreat();
+      return RejectStep();
     }
     result_.has_converged = std::max(fall, expected) <= kFunctionTolerance * result_.cost;
     const double share = std::min(fall / expected, 1.0);
@@ -77,7 +77,7 @@ class Descent {
   }
 
   // Where the exact curvature led nowhere, that of Gauss and Newton takes over for a while; else the step was too long.
-  void Retreat() {
+  void RejectStep() {
     if (curvature_ == Curvature::kExact) {
       curvature_ = Curvature::kGaussNewton;
       gauss_newton_steps_ = wait_;

@@ -16,7 +16,7 @@ Eigen::Vector2d Turned(const Eigen::Vector2d& v, double yaw_rad) {
   return {cosine * v.x() - sine * v.y(), sine * v.x() + cosine * v.y()};
 }
 
-std::vector<int> SizesOf(const PlainGraph& graph, const std::vector<bool>& active, const std::vector<bool>& free) {
+std::vector<int> SizesOf(const StandaloneGraph& graph, const std::vector<bool>& active, const std::vector<bool>& free) {
   std::vector<int> sizes;
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
     const int size = graph.nodes[node].is_point ? 2 : 3;
@@ -27,14 +27,14 @@ std::vector<int> SizesOf(const PlainGraph& graph, const std::vector<bool>& activ
 
 }  // namespace
 
-PlanarSystem::PlanarSystem(const PlainGraph& graph, const std::vector<bool>& active, const std::vector<bool>& free)
+PlanarSystem::PlanarSystem(const StandaloneGraph& graph, const std::vector<bool>& active, const std::vector<bool>& free)
     : sizes_(SizesOf(graph, active, free)),
       arms_(ArmsOf(graph, active)),
       ranges_(RangesOf(graph, active)),
       normal_(sizes_, Pairs()),
       gradient_(Eigen::VectorXd::Zero(normal_.size())) {}
 
-std::vector<PlanarSystem::Arm> PlanarSystem::ArmsOf(const PlainGraph& graph, const std::vector<bool>& active) {
+std::vector<PlanarSystem::Arm> PlanarSystem::ArmsOf(const StandaloneGraph& graph, const std::vector<bool>& active) {
   std::vector<Arm> arms;
   for (const PlainStep& step : graph.steps) {
     if (!active[step.from] || !active[step.to]) continue;
@@ -48,7 +48,7 @@ std::vector<PlanarSystem::Arm> PlanarSystem::ArmsOf(const PlainGraph& graph, con
   return arms;
 }
 
-std::vector<PlanarSystem::Range> PlanarSystem::RangesOf(const PlainGraph& graph, const std::vector<bool>& active) {
+std::vector<PlanarSystem::Range> PlanarSystem::RangesOf(const StandaloneGraph& graph, const std::vector<bool>& active) {
   std::vector<Range> ranges;
   for (const PlainRange& range : graph.ranges) {
     if (!active[range.from] || !active[range.to]) continue;

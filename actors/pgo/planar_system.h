@@ -2,7 +2,8 @@
 // positions.
 //
 // A pose has the unknowns x, y (m) and yaw (rad), a point x and y; nodes that stand have none. Residuals are taken
-// along the map's axes, a turn's as (cos d - 1, sin d) of its error d: F is that of plain_graph.h. Single-threaded.
+// along the map's axes, a turn's as (cos d - 1, sin d) of its error d: F is that of standalone_graph.h.
+// Single-threaded.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,11 +13,11 @@
 #include <vector>
 
 #include "actors/pgo/block_matrix.h"
-#include "actors/pgo/plain_graph.h"
+#include "actors/pgo/standalone_graph.h"
 
 namespace moondb {
 
-using PlanarState = std::vector<Eigen::Vector3d>;  // Of PlainGraph::nodes: x, y, yaw.
+using PlanarState = std::vector<Eigen::Vector3d>;  // Of StandaloneGraph::nodes: x, y, yaw.
 
 // In the natural order: BlockMatrix has ordered its nodes.
 using OrderedCholesky = Eigen::SimplicialLLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>>;
@@ -26,7 +27,7 @@ enum class Curvature { kGaussNewton, kExact };
 class PlanarSystem {
  public:
   // Nodes that are not `active` have no part, nor has an edge with such an end; nodes that are not `free` stand.
-  PlanarSystem(const PlainGraph& graph, const std::vector<bool>& active, const std::vector<bool>& free);
+  PlanarSystem(const StandaloneGraph& graph, const std::vector<bool>& active, const std::vector<bool>& free);
 
   double Cost(const PlanarState& state) const;
 
@@ -60,8 +61,8 @@ class PlanarSystem {
     double weight = 1;  // 1 / variance.
   };
 
-  static std::vector<Arm> ArmsOf(const PlainGraph& graph, const std::vector<bool>& active);
-  static std::vector<Range> RangesOf(const PlainGraph& graph, const std::vector<bool>& active);
+  static std::vector<Arm> ArmsOf(const StandaloneGraph& graph, const std::vector<bool>& active);
+  static std::vector<Range> RangesOf(const StandaloneGraph& graph, const std::vector<bool>& active);
   std::vector<BlockMatrix::NodePair> Pairs() const;  // Arms, then ranges.
   BlockMatrix MakePositions() const;
   void LineariseArm(std::size_t arm, const PlanarState& state);

@@ -73,7 +73,7 @@ std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const Sta
 
 // One beginning and where it led.
 struct Attempt {
-  SolveBeginning beginning = SolveBeginning::kOdometry;
+  SolveInitialValues initial_values = SolveInitialValues::kOdometry;
   InitialValues initial;
   std::vector<StartPrior> starts;
   SolverOptions options;  // The window as it is used.
@@ -135,12 +135,12 @@ class Solver {
         std::any_of(unknown_.begin(), unknown_.end(), [&](std::size_t i) { return HasWarmNode(rovers_[i], initial); });
     std::vector<AttemptPointer> attempts;
     const bool goes_on = initial.is_mostly_warm;
-    attempts.push_back(Try(initial, goes_on ? SolveBeginning::kLastSolution : SolveBeginning::kOdometry,
+    attempts.push_back(Try(initial, goes_on ? SolveInitialValues::kLastSolution : SolveInitialValues::kOdometry,
                            goes_on && elsewhere.empty() ? options_.window_nodes : 0));
     std::size_t best = 0;
-    for (const InitialValues& beginning : elsewhere) {
+    for (const InitialValues& initial_values : elsewhere) {
       if (IsStopped()) break;
-      attempts.push_back(Try(beginning, SolveBeginning::kArrangedRovers, /*window_nodes=*/0));
+      attempts.push_back(Try(initial_values, SolveInitialValues::kArrangedRovers, /*window_nodes=*/0));
       // Where rovers stand already, another place has to be distinguished from it.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
       if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
@@ -165,9 +165,9 @@ class Solver {
     return attempt.options.window_nodes == 0 && HasMostlyRejected(checked_, attempt.staged.is_inlier);
   }
 
-  AttemptPointer Try(const InitialValues& initial, SolveBeginning beginning, std::size_t window_nodes) const {
+  AttemptPointer Try(const InitialValues& initial, SolveInitialValues initial_values, std::size_t window_nodes) const {
     auto attempt = std::make_unique<Attempt>();
-    attempt->beginning = beginning;
+    attempt->initial_values = initial_values;
     attempt->initial = initial;
     attempt->starts = StartsAt(initial);
     attempt->options = options_;
@@ -175,7 +175,7 @@ class Solver {
     attempt->terms = MakeTerms(*attempt, attempt->options);
     const CostTerms& terms = *attempt->terms;
     std::optional<FirstVerdicts> first;
-    if (beginning == SolveBeginning::kLastSolution) {
+    if (initial_values == SolveInitialValues::kLastSolution) {
       first = FindFirstVerdicts(checked_, initial, terms.RangeResiduals(terms.initial()), last_, options_);
     }
     attempt->staged = SolveInStages(terms, checked_, first, attempt->options);
@@ -204,7 +204,7 @@ class Solver {
   void Take(Attempt& attempt) {
     StagedResult& staged = attempt.staged;
     solution_.is_accepted = staged.is_accepted;
-    solution_.beginning = attempt.beginning;
+    solution_.initial_values = attempt.initial_values;
     solution_.text = staged.text;
     solution_.initial_cost = staged.initial_cost;
     solution_.final_cost = staged.final_cost;
@@ -271,13 +271,13 @@ class Solver {
 
 }  // namespace
 
-std::string ToString(SolveBeginning beginning) {
-  switch (beginning) {
-    case SolveBeginning::kOdometry:
+std::string ToString(SolveInitialValues initial_values) {
+  switch (initial_values) {
+    case SolveInitialValues::kOdometry:
       return "odometry";
-    case SolveBeginning::kLastSolution:
+    case SolveInitialValues::kLastSolution:
       return "warm";
-    case SolveBeginning::kArrangedRovers:
+    case SolveInitialValues::kArrangedRovers:
       return "stage 0";
   }
   return "unknown";

@@ -90,14 +90,14 @@ enum class Anchoring {
 };
 
 // Where the solve that counts began.
-enum class SolveBeginning {
+enum class SolveInitialValues {
   kOdometry,        // Start poses and odometry.
   kLastSolution,    // With at least 80 % of the nodes that do not stand fixed.
   kArrangedRovers,  // Rovers without a known start were set down by their ranges.
 };
 
 // "odometry", "warm", "stage 0".
-std::string ToString(SolveBeginning beginning);
+std::string ToString(SolveInitialValues initial_values);
 
 struct RoverResult {
   AgentId agent = 0;
@@ -119,7 +119,7 @@ struct RangeVerdict {
 
 struct Solution {
   bool is_accepted = false;
-  SolveBeginning beginning = SolveBeginning::kOdometry;
+  SolveInitialValues initial_values = SolveInitialValues::kOdometry;
   std::string text;                  // Empty, or why the poses are the old ones, or what was left out. One line.
   std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, base stations too.
   std::vector<RangeVerdict> ranges;  // Of the last stage; empty when not accepted.

@@ -41,12 +41,12 @@ proto::Anchoring ToProto(Anchoring anchoring) {
 
 Publication MakePublication(const Solution& solution, const KnownGraph& known, const AgentFactsMap& agents,
                             const PublicationOptions& options, const proto::Term& term, std::uint64_t run,
-                            std::int64_t stamp_ns) {
+                            std::int64_t timestamp_ns) {
   Publication publication;
   if (!solution.is_accepted) return publication;
   const auto add = [&]() -> proto::Record& {
     proto::Record& record = publication.records.emplace_back();
-    record.set_stamp_ns(stamp_ns);
+    record.set_timestamp_ns(timestamp_ns);
     return record;
   };
   for (const auto& [node, pose] : solution.poses) {
@@ -85,7 +85,7 @@ proto::OptimizeReply ToReply(const Solution& solution) {
   reply.set_initial_cost(solution.initial_cost);
   reply.set_final_cost(solution.final_cost);
   reply.set_iterations(solution.iterations);
-  reply.set_beginning(ToString(solution.beginning));
+  reply.set_initial_values(ToString(solution.initial_values));
   reply.set_text(solution.text);
   for (const auto& [node, covariance] : solution.covariances) {
     proto::NodeCovariance& out = *reply.add_covariances();

@@ -26,7 +26,7 @@ struct Publication {
 // ranges whose verdict changed. Empty where the solution was not accepted.
 Publication MakePublication(const Solution& solution, const KnownGraph& known, const AgentFactsMap& agents,
                             const PublicationOptions& options, const proto::Term& term, std::uint64_t run,
-                            std::int64_t stamp_ns);
+                            std::int64_t timestamp_ns);
 
 // `error` is kInternal where the solution was not accepted, kNotFound where there was nothing to solve.
 proto::OptimizeReply ToReply(const Solution& solution);

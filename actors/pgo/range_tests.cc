@@ -39,7 +39,7 @@ std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
   std::vector<std::vector<std::size_t>> result;
   for (auto& [pair, ranges] : series) {
     std::stable_sort(ranges.begin(), ranges.end(), [&graph](std::size_t a, std::size_t b) {
-      return graph.ranges[a].edge->stamp_ns < graph.ranges[b].edge->stamp_ns;
+      return graph.ranges[a].edge->timestamp_ns < graph.ranges[b].edge->timestamp_ns;
     });
     result.push_back(std::move(ranges));
   }
@@ -51,14 +51,17 @@ std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
 void ExtendBursts(const CheckedGraph& graph, const std::vector<std::size_t>& series,
                   const std::vector<double>& residuals, const std::vector<double>& limits,
                   std::vector<bool>& is_inlier) {
-  const auto stamp_of = [&graph](std::size_t range) { return static_cast<double>(graph.ranges[range].edge->stamp_ns); };
+  const auto timestamp_of = [&graph](std::size_t range) {
+    return static_cast<double>(graph.ranges[range].edge->timestamp_ns);
+  };
   std::vector<double> intervals;
-  for (std::size_t i = 1; i < series.size(); ++i) intervals.push_back(stamp_of(series[i]) - stamp_of(series[i - 1]));
+  for (std::size_t i = 1; i < series.size(); ++i)
+    intervals.push_back(timestamp_of(series[i]) - timestamp_of(series[i - 1]));
   std::sort(intervals.begin(), intervals.end());
   const double apart_max = intervals.empty() ? 0 : kBurstIntervals * intervals[intervals.size() / 2];
   const auto extend = [&](std::size_t from, std::size_t to) {
     const bool is_same_way = residuals[from] * residuals[to] > 0;
-    const bool is_near = std::abs(stamp_of(from) - stamp_of(to)) <= apart_max;
+    const bool is_near = std::abs(timestamp_of(from) - timestamp_of(to)) <= apart_max;
     if (!is_inlier[from] && is_near && is_same_way && std::abs(residuals[to]) > limits[to]) is_inlier[to] = false;
   };
   for (std::size_t i = 1; i < series.size(); ++i) extend(series[i - 1], series[i]);

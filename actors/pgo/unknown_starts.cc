@@ -19,8 +19,8 @@ constexpr std::size_t kArrangementsMax = 4;
 constexpr double kRuledOutCost = 30;
 
 // The team's ranges as those of a graph whose nodes are the antennas.
-PlainGraph AntennaGraph(const CheckedGraph& graph) {
-  PlainGraph antennas;
+StandaloneGraph AntennaGraph(const CheckedGraph& graph) {
+  StandaloneGraph antennas;
   for (const CheckedNode& node : graph.nodes) {
     PlainNode plain;
     plain.key = node.key;
@@ -159,19 +159,19 @@ std::vector<InitialValues> ArrangeUnknownRovers(const CheckedGraph& graph, const
   options.kept = kArrangementsMax;
   options.begins_as_given = is_warm;
   options.stop_requested = stop_requested;
-  const PlainGraph antennas = AntennaGraph(graph);
+  const StandaloneGraph antennas = AntennaGraph(graph);
   const ActiveNodes active(graph.nodes.size(), true);
   const std::vector<Arrangement> arrangements =
       ArrangeParts(antennas, active, bodies.placed, bodies.heads, state, options);
 
-  std::vector<InitialValues> beginnings;
+  std::vector<InitialValues> initial_values;
   for (const Arrangement& arrangement : arrangements) {
     if (arrangement.map_from_body.empty()) continue;
     if (is_warm && arrangement.cost > arrangements.front().cost + kRuledOutCost) continue;
     InitialValues arranged = Arranged(initial, bodies, arrangement);
-    if (!is_warm || !IsSamePlace(arranged, initial)) beginnings.push_back(std::move(arranged));
+    if (!is_warm || !IsSamePlace(arranged, initial)) initial_values.push_back(std::move(arranged));
   }
-  return beginnings;
+  return initial_values;
 }
 
 }  // namespace moondb

@@ -20,7 +20,7 @@ namespace {
 
 enum TimerKind : std::uint32_t { kLook = 1, kStage = 2 };
 
-constexpr std::uint32_t kBeatenMapsMax = 4096;
+constexpr std::uint32_t kOccludedMapsMax = 4096;
 
 double BytesOf(const proto::PruneReply& reply) {
   double bytes = 0;
@@ -82,11 +82,11 @@ void RetentionActor::OnLocal(Context& context, const proto::Message& message) {
     case proto::Message::kRoleShowReply:
       if (IsAnswer(message, Stage::kRoles)) OnRoles(context, message.role_show_reply().roles());
       return;
-    case proto::Message::kBeatenMapsReply:
-      if (!IsAnswer(message, Stage::kBeatenMaps)) return;
-      *job_.plan[job_.step].request.mutable_records() = message.beaten_maps_reply().records();
-      job_.plan[job_.step].is_of_beaten_maps = false;
-      if (message.beaten_maps_reply().records().empty()) ++job_.step;  // No records would mean any.
+    case proto::Message::kOccludedMapsReply:
+      if (!IsAnswer(message, Stage::kOccludedMaps)) return;
+      *job_.plan[job_.step].request.mutable_records() = message.occluded_maps_reply().records();
+      job_.plan[job_.step].is_of_occluded_maps = false;
+      if (message.occluded_maps_reply().records().empty()) ++job_.step;  // No records would mean any.
       return DoStep(context);
     case proto::Message::kPruneReply:
       if (IsAnswer(message, Stage::kPruning)) OnPruned(context, message.prune_reply());
@@ -107,7 +107,7 @@ void RetentionActor::OnControlReply(Context& context, const proto::Message& mess
     job.plan = PlanOf(options_.team.retention(), DataTypesOf(options_.team), reply->status().storage());
     return Begin(context, std::move(job));
   }
-  if (SkipsBeatenMaps(context)) return;
+  if (SkipsOccludedMaps(context)) return;
   GiveUp(context, reply ? FromProto(reply->error()) : reply.error());
 }
 
@@ -123,16 +123,16 @@ void RetentionActor::OnTimer(Context& context, const proto::Timer& timer) {
   }
   if (timer.kind() != kStage || stage_ == Stage::kIdle || timer.value() != request_id_) return;
   if (stage_ == Stage::kPeers) return Refuse(context, job_.awaited.begin()->second + ", did not answer in time");
-  if (SkipsBeatenMaps(context)) return;
-  const char* who = stage_ == Stage::kRoles        ? actor_name::kRole
-                    : stage_ == Stage::kBeatenMaps ? actor_name::kMerge
-                                                   : actor_name::kStorage;
+  if (SkipsOccludedMaps(context)) return;
+  const char* who = stage_ == Stage::kRoles          ? actor_name::kRole
+                    : stage_ == Stage::kOccludedMaps ? actor_name::kMerge
+                                                     : actor_name::kStorage;
   GiveUp(context, {ErrorCode::kTimedOut, std::string(who) + " did not answer in time", {}});
 }
 
 // The limits go on without what MergeActor cannot tell.
-bool RetentionActor::SkipsBeatenMaps(Context& context) {
-  if (stage_ != Stage::kBeatenMaps || job_.asker) return false;
+bool RetentionActor::SkipsOccludedMaps(Context& context) {
+  if (stage_ != Stage::kOccludedMaps || job_.requester) return false;
   ++job_.step;
   DoStep(context);
   return true;
@@ -169,20 +169,20 @@ void RetentionActor::OnOwnHave(Context& context, const proto::Message& message) 
     return one.second.storage_request_id == message.request_id();
   });
   if (found == asked_.end()) return;
-  proto::HaveReply had;
+  proto::HaveReply covered;
   for (const proto::StreamHave& stream : message.have_reply().have().streams()) {
     // Of other types nothing is ever pruned, and their gaps are many.
     if (SharePolicyOf(options_.team, stream.data_type()) == proto::POLICY_ALL)
-      *had.mutable_have()->add_streams() = stream;
+      *covered.mutable_have()->add_streams() = stream;
   }
-  Vouch(context, found->first, found->second.request_id, std::move(had));
+  Vouch(context, found->first, found->second.request_id, std::move(covered));
   asked_.erase(found);
 }
 
-void RetentionActor::Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply had) {
+void RetentionActor::Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply covered) {
   proto::ControlReply reply;
-  if (roles_) *had.mutable_roles() = *roles_;
-  *reply.mutable_have() = std::move(had);
+  if (roles_) *covered.mutable_roles() = *roles_;
+  *reply.mutable_have() = std::move(covered);
   proto::Message answer = MessageOf(reply);
   answer.set_request_id(request_id);
   (void)context.Send({peer, actor_name::kRetention}, std::move(answer));
@@ -199,8 +199,8 @@ void RetentionActor::OnOrder(Context& context, const proto::Message& message) {
     return;
   }
   Job job;
-  job.asker = context.sender();
-  job.asker_request_id = message.request_id();
+  job.requester = context.sender();
+  job.requester_request_id = message.request_id();
   job.plan = PlanOf(message.prune_order(), DataTypesOf(options_.team));
   Begin(context, std::move(job));
 }
@@ -277,13 +277,13 @@ void RetentionActor::OnRoles(Context& context, const proto::RoleAssignment& role
   }
 }
 
-void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& had) {
+void RetentionActor::OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& covered) {
   const auto awaited = job_.awaited.find(peer);
   if (awaited == job_.awaited.end()) return;
-  if (had.has_roles() && !HaveOneRoles(had.roles(), job_.roles)) {
+  if (covered.has_roles() && !HaveOneRoles(covered.roles(), job_.roles)) {
     return Refuse(context, awaited->second + ", acts on other roles");
   }
-  const Result<HaveSet> have = FromProto(had.have());
+  const Result<HaveSet> have = FromProto(covered.have());
   if (!have) return Refuse(context, awaited->second + ", says what cannot be: " + ToString(have.error()));
   job_.peers[peer] = *have;
   job_.awaited.erase(awaited);
@@ -301,9 +301,9 @@ void RetentionActor::DoStep(Context& context) {
   }
   const PruneStep& step = job_.plan[job_.step];
   proto::Message message;
-  if (step.is_of_beaten_maps) {
-    Enter(context, Stage::kBeatenMaps, options_.merge_timeout);
-    message.mutable_beaten_maps_request()->set_records_max(kBeatenMapsMax);
+  if (step.is_of_occluded_maps) {
+    Enter(context, Stage::kOccludedMaps, options_.merge_timeout);
+    message.mutable_occluded_maps_request()->set_records_max(kOccludedMapsMax);
     Ask(context, actor_name::kMerge, std::move(message));
     return;
   }
@@ -311,9 +311,9 @@ void RetentionActor::DoStep(Context& context) {
   proto::PruneRequest& request = *message.mutable_prune_request();
   request = step.request;
   HaveSet held;
-  for (const auto& [peer, had] : job_.peers) {
-    *request.add_acknowledged() = ToProto(had);
-    for (const auto& [stream, state] : had.streams()) held[stream].held.Add(state.held);
+  for (const auto& [peer, covered] : job_.peers) {
+    *request.add_acknowledged() = ToProto(covered);
+    for (const auto& [stream, state] : covered.streams()) held[stream].held.Add(state.held);
   }
   // What is old goes everywhere; of all else one of them has to keep a copy.
   if (step.request.older_than_s() == 0) *request.add_acknowledged() = ToProto(held);
@@ -388,12 +388,12 @@ void RetentionActor::Finish(Context& context) {
   context.Cancel(stage_timer_);
   stage_ = Stage::kIdle;
   const Job job = std::exchange(job_, {});
-  if (job.asker) {
+  if (job.requester) {
     proto::Message reply;
     reply.set_ms_type(proto::CONTROL);
-    reply.set_request_id(job.asker_request_id);
+    reply.set_request_id(job.requester_request_id);
     *reply.mutable_prune_reply() = job.reply;
-    (void)context.Send(*job.asker, std::move(reply));
+    (void)context.Send(*job.requester, std::move(reply));
     return;
   }
   if (CountOf(job.reply) > 0) {

@@ -53,12 +53,12 @@ class RetentionActor final : public Actor {
   void OnMessage(Context& context, const proto::Message& message) override;
 
  private:
-  enum class Stage { kIdle, kStatus, kRoles, kPeers, kBeatenMaps, kPruning };
+  enum class Stage { kIdle, kStatus, kRoles, kPeers, kOccludedMaps, kPruning };
 
   // What is under way.
   struct Job {
-    std::optional<Address> asker;  // None: the limits.
-    std::uint64_t asker_request_id = 0;
+    std::optional<Address> requester;  // None: the limits.
+    std::uint64_t requester_request_id = 0;
     PrunePlan plan;
     std::size_t step = 0;  // Of the plan.
     proto::RoleAssignment roles;
@@ -81,14 +81,14 @@ class RetentionActor final : public Actor {
   void OnOrder(Context& context, const proto::Message& message);
   Result<void> CheckOrder(const proto::PruneOrder& order) const;
   void LookLater(Context& context);
-  bool SkipsBeatenMaps(Context& context);  // True: the limits go on without.
+  bool SkipsOccludedMaps(Context& context);  // True: the limits go on without.
   bool IsDryRun() const;
   bool IsOfHistory() const;
-  void Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply had);
+  void Vouch(Context& context, AgentId peer, std::uint64_t request_id, proto::HaveReply covered);
   void AskRoles(Context& context);
   void OnPeersQuestion(Context& context, AgentId peer, std::uint64_t request_id);
   void OnOwnHave(Context& context, const proto::Message& message);
-  void OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& had);
+  void OnPeersHave(Context& context, AgentId peer, const proto::HaveReply& covered);
   void OnRoles(Context& context, const proto::RoleAssignment& roles);
   void OnRolesChanged(const Context& context, const proto::RoleAssignment& roles);
   void OnPruned(Context& context, const proto::PruneReply& reply);

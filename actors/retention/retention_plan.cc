@@ -37,10 +37,10 @@ void AddSizeSteps(const proto::RetentionConfig& retention, const proto::StorageS
   const double used = status.database_bytes() - status.wal_bytes();
   if (budget <= 0 || used <= kBudgetHigh * budget) return;
   const double to_free = used - kBudgetLow * budget;
-  if (retention.drop_beaten_maps()) {
-    PruneStep& beaten = plan.emplace_back();
-    beaten.is_of_beaten_maps = true;
-    beaten.until_bytes = to_free;
+  if (retention.drop_occluded_maps()) {
+    PruneStep& occluded = plan.emplace_back();
+    occluded.is_of_occluded_maps = true;
+    occluded.until_bytes = to_free;
   }
   const double map_excess = status.map_bytes() - retention.map_part_max() * kBudgetLow * budget;
   if (map_excess > 0) {
@@ -72,7 +72,7 @@ PrunePlan PlanOf(const proto::PruneOrder& order, const std::vector<DataType>& te
   step.request.set_older_than_s(order.older_than_s());
   *step.request.mutable_data_types() = order.data_types();
   if (order.data_types().empty() && !order.is_history()) AddTypesButEvents(team_types, step.request);
-  step.is_of_beaten_maps = order.beaten_maps();
+  step.is_of_occluded_maps = order.occluded_maps();
   step.until_bytes = order.content_bytes_max();
   return {step};
 }

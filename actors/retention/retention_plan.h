@@ -4,7 +4,7 @@
 //
 // The store's budget (store_mb_max, S) is split: maps may take map_part_max of it. When the store takes more than
 // kBudgetHigh S, so much goes that kBudgetLow S is left, in this order:
-//   1. maps that win no cell of the merged map, where drop_beaten_maps says so;
+//   1. maps that win no cell of the merged map, where drop_occluded_maps says so;
 //   2. maps beyond their part of kBudgetLow S, oldest first;
 //   3. anything, oldest first.
 // So maps make room for themselves, and states, of which only the newest are kept, and the pose graph never go because
@@ -27,9 +27,9 @@ inline constexpr double kBudgetHigh = 0.85;
 inline constexpr double kBudgetLow = 0.80;
 
 struct PruneStep {
-  proto::PruneRequest request;     // Without `acknowledged`, and without content_bytes_max.
-  bool is_of_beaten_maps = false;  // Among these only; MergeActor knows them.
-  double until_bytes = 0;          // It ends when the plan's steps have removed so much in all; 0: no limit.
+  proto::PruneRequest request;       // Without `acknowledged`, and without content_bytes_max.
+  bool is_of_occluded_maps = false;  // Among these only; MergeActor knows them.
+  double until_bytes = 0;            // It ends when the plan's steps have removed so much in all; 0: no limit.
 };
 
 using PrunePlan = std::vector<PruneStep>;

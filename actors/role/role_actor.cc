@@ -159,10 +159,10 @@ void RoleActor::OnSaveRolesReply(Context& context, const proto::Message& message
     const Error error = FromProto(message.save_roles_reply().error());
     unstored_log_.Error(ToString(context.self()) + ": the roles could not be stored: " + ToString(error));
     Perform(context, logic_.OnSaveFailed());
-    return AnswerAsker(context, error);
+    return AnswerRequester(context, error);
   }
   Perform(context, logic_.OnSaved());
-  AnswerAsker(context, std::nullopt);
+  AnswerRequester(context, std::nullopt);
   StepDownIfDue(context);
 }
 
@@ -183,7 +183,7 @@ void RoleActor::OnRoleSetRequest(Context& context, const proto::Message& message
     (void)context.Reply(MessageOf(shown));
     return;
   }
-  asker_ = Asker{context.sender(), message.request_id(), BoundedWait(request.wait_s(), kOrderWaitMax_s)};
+  requester_ = Requester{context.sender(), message.request_id(), BoundedWait(request.wait_s(), kOrderWaitMax_s)};
   Perform(context, logic_.Adopt(*std::move(roles)));
 }
 
@@ -321,26 +321,26 @@ void RoleActor::AskStorage(Context& context) {
   storage_timer_ = context.AfterTimer(options_.storage_timeout, kStorage);
 }
 
-void RoleActor::AnswerAsker(Context& context, std::optional<Error> error) {
-  if (!asker_) return;
-  const Asker asker = *std::exchange(asker_, std::nullopt);
-  if (error) return Answer(context, asker, tl::unexpected(*std::move(error)));
+void RoleActor::AnswerRequester(Context& context, std::optional<Error> error) {
+  if (!requester_) return;
+  const Requester requester = *std::exchange(requester_, std::nullopt);
+  if (error) return Answer(context, requester, tl::unexpected(*std::move(error)));
   proto::RoleShowReply shown = logic_.Show(/*with_history=*/false);
-  if (asker.wait <= Duration::zero()) return Answer(context, asker, std::move(shown));
-  waiting_.push_back({asker, shown.roles(), context.now() + asker.wait});
-  context.AfterTimer(asker.wait, kWaitIsOver);
+  if (requester.wait <= Duration::zero()) return Answer(context, requester, std::move(shown));
+  waiting_.push_back({requester, shown.roles(), context.now() + requester.wait});
+  context.AfterTimer(requester.wait, kWaitIsOver);
 }
 
-void RoleActor::Answer(Context& context, const Asker& asker, const Result<proto::RoleShowReply>& reply) {
+void RoleActor::Answer(Context& context, const Requester& requester, const Result<proto::RoleShowReply>& reply) {
   proto::Message message = MessageOf(reply);
-  message.set_request_id(asker.request_id);
-  (void)context.Send(asker.address, std::move(message));
+  message.set_request_id(requester.request_id);
+  (void)context.Send(requester.address, std::move(message));
 }
 
 void RoleActor::AnswerWhoWaits(Context& context) {
   std::erase_if(waiting_, [&](const Waiting& waiting) {
     const std::optional<Result<proto::RoleShowReply>> answer = AnswerTo(waiting, context.now());
-    if (answer) Answer(context, waiting.asker, *answer);
+    if (answer) Answer(context, waiting.requester, *answer);
     return answer.has_value();
   });
 }

@@ -49,7 +49,7 @@ class RoleActor final : public Actor {
 
  private:
   // Who asked for the change that is being stored.
-  struct Asker {
+  struct Requester {
     Address address;
     std::uint64_t request_id = 0;
     Duration wait{};
@@ -57,7 +57,7 @@ class RoleActor final : public Actor {
 
   // A request that waits until the assignment is acted on.
   struct Waiting {
-    Asker asker;
+    Requester requester;
     proto::RoleAssignment roles;
     MonotonicTime until{};
   };
@@ -82,8 +82,8 @@ class RoleActor final : public Actor {
   void Perform(Context& context, RoleLogic::Actions actions);
   void Apply(Context& context, const proto::RoleAssignment& roles);
   void AskStorage(Context& context);  // To load at first, then to save what is to be stored.
-  void AnswerAsker(Context& context, std::optional<Error> error);
-  void Answer(Context& context, const Asker& asker, const Result<proto::RoleShowReply>& reply);
+  void AnswerRequester(Context& context, std::optional<Error> error);
+  void Answer(Context& context, const Requester& requester, const Result<proto::RoleShowReply>& reply);
   void AnswerWhoWaits(Context& context);
   // Nothing while there is a reason to wait.
   std::optional<Result<proto::RoleShowReply>> AnswerTo(const Waiting& waiting, MonotonicTime now) const;
@@ -98,7 +98,7 @@ class RoleActor final : public Actor {
   RecordReader assignments_;
   RateLimitedLog refused_log_;
   RateLimitedLog unstored_log_;
-  std::optional<Asker> asker_;
+  std::optional<Requester> requester_;
   std::vector<Waiting> waiting_;
   std::set<AgentId> connected_;
   std::optional<std::string> step_down_reason_;  // Until the role is given up.

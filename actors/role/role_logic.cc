@@ -36,7 +36,7 @@ RoleLogic::Actions RoleLogic::OnLoaded(std::vector<proto::RoleAssignment> histor
     actions.apply = current_;
   }
   announce_delay_ = options_.announce_after;
-  TellUnconfirmed(actions);
+  NotifyUnconfirmed(actions);
   return actions;
 }
 
@@ -70,7 +70,7 @@ Result<proto::RoleAssignment> RoleLogic::Propose(const proto::RoleSetRequest& re
     roles.set_survivor(request.survivor() != 0 ? request.survivor() : current_.survivor());
   }
   if (Result<void> checked = CheckNew(roles); !checked) return tl::unexpected(checked.error());
-  roles.set_stamp_ns(now_ns);
+  roles.set_timestamp_ns(now_ns);
   roles.set_reason(request.reason());
   return Issue(std::move(roles), /*is_command=*/true);
 }
@@ -84,7 +84,7 @@ Result<proto::RoleAssignment> RoleLogic::ProposeStepDown(const std::set<AgentId>
   }
   std::optional<proto::RoleAssignment> roles = WithoutOwnRole(connected);
   if (!roles) return Fail(ErrorCode::kUnavailable, "nobody who could take the role is connected");
-  roles->set_stamp_ns(now_ns);
+  roles->set_timestamp_ns(now_ns);
   roles->set_reason(reason.substr(0, kRoleReasonBytesMax));
   return Issue(*std::move(roles), /*is_command=*/false);
 }
@@ -130,11 +130,11 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
         theirs.signature() != current_.signature()) {
       return Fail(ErrorCode::kRefused, "another assignment stands here in the same term", "roles");
     }
-    if (!announce.is_reply()) Tell(from, /*is_reply=*/true, actions);
+    if (!announce.is_reply()) Notify(from, /*is_reply=*/true, actions);
     Confirm(from, actions);
   } else if (IsNewer(current_.term(), theirs.term())) {
     confirmed_.erase(from);
-    Tell(from, /*is_reply=*/true, actions);
+    Notify(from, /*is_reply=*/true, actions);
   } else if (unstored_ && IsNewer(unstored_->term(), theirs.term())) {
     return actions;  // Its sender will hear of the newer one from an agent that holds it.
   } else if (!saving_) {
@@ -142,7 +142,7 @@ Result<RoleLogic::Actions> RoleLogic::OnAnnounce(AgentId from, const proto::Role
       case RoleChain::Standing::kCounts:
         AdoptAnnounced(from, theirs, actions);
         break;
-      case RoleChain::Standing::kLacksForerunner:
+      case RoleChain::Standing::kLacksPredecessor:
         AskForChain(from, theirs, actions);
         break;
       case RoleChain::Standing::kNever:
@@ -251,10 +251,10 @@ std::vector<proto::RoleAssignment> RoleLogic::SavingChain() const {
   std::vector<proto::RoleAssignment> oldest_first;
   if (!saving_ || !has_keys()) return oldest_first;
   const proto::RoleAssignment* at = nullptr;
-  if (ChangeOf(saving_->roles.term()) != 0) at = chain_.Find(saving_->roles.follows());
+  if (RevisionOf(saving_->roles.term()) != 0) at = chain_.Find(saving_->roles.follows());
   while (at != nullptr && !at->signature().empty() && !stored_.contains(at->signature())) {
     oldest_first.push_back(*at);
-    at = ChangeOf(at->term()) == 0 ? nullptr : chain_.Find(at->follows());
+    at = RevisionOf(at->term()) == 0 ? nullptr : chain_.Find(at->follows());
   }
   std::reverse(oldest_first.begin(), oldest_first.end());
   return oldest_first;
@@ -277,15 +277,15 @@ RoleLogic::Actions RoleLogic::OnSaved() {
   confirmed_ = std::move(saved.holders);
   if (unstored_ && !IsNewer(unstored_->term(), current_.term())) unstored_.reset();
   own_unstored_.reset();
-  is_waiting_to_lead_ = IsFromEarlierLife(current_);
+  is_waiting_to_lead_ = IsFromBeforeRestart(current_);
   if (is_waiting_to_lead_) {
     TakeNewTerm(/*is_start=*/current_.term().issuer() == options_.self, actions);
     return actions;
   }
   actions.apply = InForce();
-  if (saved.answer_to != 0) Tell(saved.answer_to, /*is_reply=*/true, actions);
+  if (saved.answer_to != 0) Notify(saved.answer_to, /*is_reply=*/true, actions);
   announce_delay_ = options_.announce_after;
-  TellUnconfirmed(actions);
+  NotifyUnconfirmed(actions);
   AdoptNewestKnown(actions);  // A record of it may have come while this one was being stored.
   return actions;
 }
@@ -345,7 +345,7 @@ bool RoleLogic::IsOwnTerm(const proto::RoleAssignment& roles) const {
 RoleLogic::Actions RoleLogic::OnAnnounceTimer() {
   Actions actions;
   announce_delay_ = std::min(2 * announce_delay_, options_.announce_after_max);
-  TellUnconfirmed(actions);
+  NotifyUnconfirmed(actions);
   awaits_budget_ = false;
   AdoptNewestKnown(actions);
   return actions;
@@ -363,7 +363,7 @@ RoleLogic::Actions RoleLogic::OnPeerConnected(AgentId peer) {
   Actions actions;
   if (!is_loaded_ || !IsMember(peer) || HasLeft(peer) || confirmed_.count(peer)) return actions;
   announce_delay_ = options_.announce_after;
-  Tell(peer, /*is_reply=*/false, actions);
+  Notify(peer, /*is_reply=*/false, actions);
   actions.announce_timer = announce_delay_;
   return actions;
 }
@@ -438,8 +438,8 @@ Result<void> RoleLogic::CheckAnnounced(const proto::RoleAssignment& roles) const
 
 proto::RoleAssignment RoleLogic::Issue(proto::RoleAssignment roles, bool is_command) const {
   if (has_keys()) {
-    const bool begins_reign = is_command && options_.may_command(options_.self);
-    const proto::RoleAssignment next = RoleChain::Next(current_, begins_reign);
+    const bool begins_era = is_command && options_.may_command(options_.self);
+    const proto::RoleAssignment next = RoleChain::Next(current_, begins_era);
     *roles.mutable_term() = next.term();
     roles.set_follows(next.follows());
   } else {
@@ -470,11 +470,11 @@ bool RoleLogic::IsMember(AgentId agent) const {
   return std::find(options_.agents.begin(), options_.agents.end(), agent) != options_.agents.end();
 }
 
-bool RoleLogic::IsFromEarlierLife(const proto::RoleAssignment& roles) const {
+bool RoleLogic::IsFromBeforeRestart(const proto::RoleAssignment& roles) const {
   return roles.leader() == options_.self && roles.term().issuer_epoch() != own_epoch_;
 }
 
-void RoleLogic::Tell(AgentId to, bool is_reply, Actions& actions) const {
+void RoleLogic::Notify(AgentId to, bool is_reply, Actions& actions) const {
   Announcement announcement;
   announcement.to = to;
   *announcement.announce.mutable_roles() = current_;
@@ -482,9 +482,9 @@ void RoleLogic::Tell(AgentId to, bool is_reply, Actions& actions) const {
   actions.announcements.push_back(std::move(announcement));
 }
 
-void RoleLogic::TellUnconfirmed(Actions& actions) {
+void RoleLogic::NotifyUnconfirmed(Actions& actions) {
   for (const AgentId agent : options_.agents) {
-    if (!HasLeft(agent) && !confirmed_.count(agent)) Tell(agent, /*is_reply=*/false, actions);
+    if (!HasLeft(agent) && !confirmed_.count(agent)) Notify(agent, /*is_reply=*/false, actions);
   }
   if (!IsConfirmedByAll()) actions.announce_timer = announce_delay_;
 }
@@ -497,7 +497,7 @@ void RoleLogic::Confirm(AgentId agent, Actions& actions) {
 void RoleLogic::TakeNewTerm(bool is_start, Actions& actions) {
   proto::RoleAssignment roles = current_;
   if (is_start) {
-    roles.set_stamp_ns(started_ns_);
+    roles.set_timestamp_ns(started_ns_);
     roles.set_reason(current_.term().number() == 0 ? "start of the leader" : "restart of the leader");
   }
   actions.save = Adopt(Issue(std::move(roles), /*is_command=*/false)).save;

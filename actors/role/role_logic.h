@@ -172,14 +172,14 @@ class RoleLogic {
   bool HasLeft(AgentId agent) const { return options_.left.contains(agent); }
   // Names this agent leader in a term in which it may have led before it started: any that it did not issue since. It
   // need not remember, if its disk was lost or is an old copy.
-  bool IsFromEarlierLife(const proto::RoleAssignment& roles) const;
+  bool IsFromBeforeRestart(const proto::RoleAssignment& roles) const;
   bool IsConfirmedByAll() const;                             // Who has left aside.
   bool IsOwnTerm(const proto::RoleAssignment& roles) const;  // This agent issued it, in its present life.
   // What this agent acts on.
   proto::RoleAssignment InForce() const;
   void ActWithoutOwnRole(const proto::RoleAssignment& unstored, Actions& actions);
-  void Tell(AgentId to, bool is_reply, Actions& actions) const;
-  void TellUnconfirmed(Actions& actions);
+  void Notify(AgentId to, bool is_reply, Actions& actions) const;
+  void NotifyUnconfirmed(Actions& actions);
   void Confirm(AgentId agent, Actions& actions);
   // Of the present assignment; `is_start`: for this agent's start, else for what another agent decided.
   void TakeNewTerm(bool is_start, Actions& actions);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kRatioMin = 0.01;
 // What a batch of one piece holds beside it, at most: so that two fit into the credit.
-constexpr std::size_t kPieceHeadBytes = 64;
+constexpr std::size_t kFragmentHeadBytes = 64;
 
 // Takes the batch's first records off what is missing by type, of which nothing is sent yet.
 std::vector<proto::TypeBacklog> BacklogOf(const proto::MissingReply& reply, int sent_count) {
@@ -48,13 +48,13 @@ std::vector<proto::StreamHave> FirstDropped(const proto::MissingReply& reply, st
 
 }  // namespace
 
-void BatchMaker::StartOver(std::uint64_t session_id, bool is_any_under_way) {
-  if (ready_ || large_ || is_any_under_way) encoder_.BeginRun();
+void BatchMaker::StartOver(std::uint64_t session_id, bool is_any_in_flight) {
+  if (ready_ || large_ || is_any_in_flight) encoder_.BeginRun();
   ready_.reset();
   large_.reset();
   session_id_ = session_id;
   next_number_ = 1;
-  is_end_told_ = false;
+  is_end_reported_ = false;
   is_missing_known_ = false;
 }
 
@@ -65,7 +65,7 @@ void BatchMaker::TakeAnswer(const proto::Have& answer) {
 
 bool BatchMaker::Make(const proto::MissingReply& reply, std::size_t bytes_max, bool is_part_of_order) {
   is_missing_known_ = true;
-  const bool is_end_known = is_part_of_order || (reply.dropped().empty() && is_end_told_);
+  const bool is_end_known = is_part_of_order || (reply.dropped().empty() && is_end_reported_);
   if (reply.records().empty() && is_end_known) {
     missing_count_ = 0;
     missing_types_.clear();
@@ -73,7 +73,7 @@ bool BatchMaker::Make(const proto::MissingReply& reply, std::size_t bytes_max, b
   }
   Code(reply, bytes_max, is_part_of_order);
   missing_count_ = ready_->message.remaining();
-  if (missing_count_ == 0) is_end_told_ = true;
+  if (missing_count_ == 0) is_end_reported_ = true;
   // One message does not always hold all that is dropped.
   return missing_count_ == 0 && reply.dropped().empty();
 }
@@ -93,9 +93,9 @@ void BatchMaker::Code(const proto::MissingReply& reply, std::size_t bytes_max, b
   if (coded.bytes.size() <= bytes_max || count != 1) return MakeWhole(std::move(coded), reply, remaining, bytes_max);
   const std::uint32_t run = coded.run;
   const bool leans_on_others = coded.leans_on_others;
-  large_ = Large{FromProto(reply.records(0).key()), remaining, PieceCutter(std::move(coded), 1, part_), run,
+  large_ = Large{FromProto(reply.records(0).key()), remaining, FragmentCutter(std::move(coded), 1, part_), run,
                  leans_on_others};
-  MakeNextPiece(bytes_max);
+  MakeNextFragment(bytes_max);
 }
 
 void BatchMaker::MakeEmpty(std::size_t bytes_max) {
@@ -135,17 +135,17 @@ void BatchMaker::MakeWhole(CodedBatch coded, const proto::MissingReply& reply, s
   Address(remaining);
 }
 
-void BatchMaker::MakeNextPiece(std::size_t bytes_max) {
+void BatchMaker::MakeNextFragment(std::size_t bytes_max) {
   if (!large_) return;
-  MadeBatch& piece = ready_.emplace();
-  *piece.message.mutable_batch() = large_->cutter.Next(bytes_max - kPieceHeadBytes);
-  piece.message.mutable_batch()->set_run(large_->run);
+  MadeBatch& fragment = ready_.emplace();
+  *fragment.message.mutable_batch() = large_->cutter.Next(bytes_max - kFragmentHeadBytes);
+  fragment.message.mutable_batch()->set_run(large_->run);
   if (!large_->cutter.is_done()) return Address(large_->remaining + 1);
-  piece.contents.keys = {large_->key};
-  piece.contents.run = large_->run;
-  piece.contents.leans_on_others = large_->leans_on_others;
+  fragment.contents.keys = {large_->key};
+  fragment.contents.run = large_->run;
+  fragment.contents.leans_on_others = large_->leans_on_others;
   missing_count_ = large_->remaining;
-  is_end_told_ = missing_count_ == 0;
+  is_end_reported_ = missing_count_ == 0;
   large_.reset();
   Address(missing_count_);
 }
@@ -191,7 +191,7 @@ double BatchMaker::ContentBytesFor(std::size_t coded_bytes) const {
 }
 
 void BatchMaker::PutOffEnd() {
-  is_end_told_ = false;
+  is_end_reported_ = false;
   if (large_) large_->remaining = std::max<std::uint64_t>(large_->remaining, 1);
   if (!ready_ || ready_->message.remaining() > 0) return;
   if (ready_->contents.keys.empty()) return ready_.reset();

@@ -15,9 +15,9 @@
 #include <optional>
 #include <vector>
 
-#include "actors/sharing/batches_under_way.h"
 #include "actors/sharing/codec.h"
-#include "actors/sharing/pieces.h"
+#include "actors/sharing/fragments.h"
+#include "actors/sharing/in_flight_batches.h"
 #include "model/have_set.h"
 #include "proto/message.pb.h"
 
@@ -38,8 +38,8 @@ class BatchMaker {
   BatchMaker(AgentId destination, proto::Codec codec, const PaperSql& paper_sql, std::uint32_t first_run)
       : destination_(destination), codec_(codec), encoder_(paper_sql, first_run) {}
 
-  // Nothing is ready any more. `is_any_under_way`: the destination may lack what the session handed over.
-  void StartOver(std::uint64_t session_id, bool is_any_under_way);
+  // Nothing is ready any more. `is_any_in_flight`: the destination may lack what the session handed over.
+  void StartOver(std::uint64_t session_id, bool is_any_in_flight);
   // The destination's answer to the session's Hello.
   void TakeAnswer(const proto::Have& answer);
 
@@ -49,7 +49,7 @@ class BatchMaker {
   // Makes a batch without records that is not the end, in place of what is ready or on its way in pieces.
   void MakeEmpty(std::size_t bytes_max);
   // Where one record is on its way in pieces: the next of at most `bytes_max` coded bytes is ready.
-  void MakeNextPiece(std::size_t bytes_max);
+  void MakeNextFragment(std::size_t bytes_max);
   const std::optional<MadeBatch>& ready() const { return ready_; }
   // The one that is ready; numbered next_number().
   MadeBatch Take();
@@ -62,7 +62,7 @@ class BatchMaker {
 
   // More is missing than storage said: what is ready is not the end.
   void PutOffEnd();
-  bool has_told_end() const { return is_end_told_; }  // Since then, or since the session started over.
+  bool has_reported_end() const { return is_end_reported_; }  // Since then, or since the session started over.
 
   // The destination lacks a batch of this run: nothing more of it is sent.
   void DropRun(std::uint32_t run);
@@ -80,7 +80,7 @@ class BatchMaker {
   struct Large {
     RecordKey key;
     std::uint64_t remaining = 0;  // Behind it.
-    PieceCutter cutter;
+    FragmentCutter cutter;
     std::uint32_t run = 0;         // As of CodedBatch.
     bool leans_on_others = false;  // As of CodedBatch.
   };
@@ -101,7 +101,7 @@ class BatchMaker {
   std::optional<MadeBatch> ready_;
   std::optional<Large> large_;
   PartOfWhole part_;  // The part of a large record that the destination said it has.
-  bool is_end_told_ = false;
+  bool is_end_reported_ = false;
   std::uint64_t missing_count_ = 0;                // Behind what is ready and under way.
   std::vector<proto::TypeBacklog> missing_types_;  // The same by data type.
   bool is_missing_known_ = false;                  // Since the session started over.

@@ -192,7 +192,7 @@ void DownlinkActor::End(Context& context) {
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(order.request_id);
   *message.mutable_downlink_reply() = std::exchange(reply_, {});
-  (void)context.Send(order.asker, std::move(message));
+  (void)context.Send(order.requester, std::move(message));
   if (!orders_.empty()) BeginNext(context);
 }
 

@@ -42,7 +42,7 @@ class DownlinkActor final : public Actor {
 
  private:
   struct Order {
-    Address asker;
+    Address requester;
     std::uint64_t request_id = 0;
     proto::DownlinkRequest request;
   };

@@ -28,9 +28,9 @@ Result<HaveSet> HaveCollector::Check(const proto::Have& page) const {
     return Fail(ErrorCode::kInvalid, "comes to no end", "have_next");
   }
   for (const auto& [key, stream] : have->streams()) {
-    const IntervalSet had = stream.Had();
-    const RecordKey first{key, had.is_empty() ? UINT64_MAX : had.intervals().front().first};
-    const RecordKey last{key, had.Max()};
+    const IntervalSet covered = stream.Covered();
+    const RecordKey first{key, covered.is_empty() ? UINT64_MAX : covered.intervals().front().first};
+    const RecordKey last{key, covered.Max()};
     if (first < next_ || (!is_last && last >= end)) {
       return Fail(ErrorCode::kInvalid, "names what it does not speak of", "have");
     }

@@ -58,10 +58,10 @@ std::vector<OrderWatch::Answer> OrderWatch::Look(Time now, const RowsOf& rows_of
   for (Request& request : requests_) {
     Watched& watched = *Find(request.order);
     const bool is_news = watched.progress.version() > request.after_version &&
-                         (!watched.told || now >= *watched.told + request.news_period);
+                         (!watched.reported || now >= *watched.reported + request.news_period);
     const bool is_due = request.is_for_end ? watched.progress.is_over() : is_news || watched.progress.is_over();
     if (is_due || watched.progress.has_error() || now >= request.until) {
-      if (!request.is_for_end) watched.told = now;
+      if (!request.is_for_end) watched.reported = now;
       answers.push_back({std::move(request), watched.progress});
     } else {
       waiting.push_back(std::move(request));
@@ -78,9 +78,9 @@ std::optional<OrderWatch::Time> OrderWatch::deadline() const {
     first = std::min(first, request.until);
     const auto watched = std::find_if(orders_.begin(), orders_.end(),
                                       [&](const Watched& one) { return one.order.number == request.order; });
-    if (request.is_for_end || watched == orders_.end() || !watched->told) continue;
+    if (request.is_for_end || watched == orders_.end() || !watched->reported) continue;
     if (watched->progress.version() > request.after_version)
-      first = std::min(first, *watched->told + request.news_period);
+      first = std::min(first, *watched->reported + request.news_period);
   }
   return std::max(first, last_look_ + kLookPeriod);
 }

@@ -93,7 +93,7 @@ class OrderWatch {
     Order order;
     proto::ShareProgress progress;  // As of the last look.
     bool is_settled = false;        // Complete or failed: it changes no more.
-    std::optional<Time> told;       // The last answer with news.
+    std::optional<Time> reported;   // The last answer with news.
   };
 
   Watched* Find(std::uint64_t number);

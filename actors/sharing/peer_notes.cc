@@ -10,7 +10,7 @@ namespace {
 HaveSet NewsOf(const HaveSet& heard, const HaveSet& known) {
   HaveSet news;
   for (const auto& [key, stream] : heard.streams()) {
-    IntervalSet added = stream.Had().Minus(known.Get(key).Had());
+    IntervalSet added = stream.Covered().Minus(known.Get(key).Covered());
     if (!added.is_empty()) news[key].held = std::move(added);
   }
   return news;
@@ -54,11 +54,11 @@ void PeerNotes::NoteHandedOver(const std::vector<RecordKey>& keys, SharingAction
 
 void PeerNotes::NoteClosed(SharingActions& actions) const { NoteIn(actions).set_is_session_closed(true); }
 
-void PeerNotes::NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& under_way,
+void PeerNotes::NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& in_flight,
                              SharingActions& actions) {
   if (!is_answered_ || unused_number < number_of_all_) return;
   NoteAll(have, actions);
-  NoteHandedOver(under_way, actions);
+  NoteHandedOver(in_flight, actions);
 }
 
 void PeerNotes::NoteAll(const HaveSet& have, SharingActions& actions) {

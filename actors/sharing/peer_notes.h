@@ -34,7 +34,7 @@ class PeerNotes {
   void NoteClosed(SharingActions& actions) const;
   // Storage could not use the note of that number. Nothing before the destination has answered, and where all was noted
   // since.
-  void NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& under_way,
+  void NoteAllAgain(std::uint64_t unused_number, const HaveSet& have, const std::vector<RecordKey>& in_flight,
                     SharingActions& actions);
 
  private:

@@ -44,7 +44,7 @@ void ReplicaActor::OnNewRoles(Context& context, const proto::RoleAssignment& pre
   if (OrderOf(roles().term()) == OrderOf(previous.term())) return;
   order_to_bring_on_ = 0;
   BeginGathering(context);
-  TellSyncActor(context);
+  NotifySyncActor(context);
   if (roles().leader() == previous.leader() && roles().survivor() == previous.survivor()) return;
   const std::optional<std::uint64_t> bytes_left = CloseByRole(context);
   if (bytes_left && is_leading() && roles().survivor() != 0) {
@@ -109,25 +109,25 @@ void ReplicaActor::PassOver(Context& context) {
 
 void ReplicaActor::CrossOff(Context& context, AgentId agent) {
   if (std::erase(to_ask_, agent) == 0) return;
-  TellSyncActor(context);
+  NotifySyncActor(context);
   if (order_to_bring_on_ != 0) OpenAgain(context, order_to_bring_on_, roles().survivor(), proto::RecordFilter());
   if (agent == asked_) AskNext(context);
 }
 
-void ReplicaActor::OnGathering(Context& context, const proto::Gathering&) { TellSyncActor(context); }
+void ReplicaActor::OnGathering(Context& context, const proto::Gathering&) { NotifySyncActor(context); }
 
-void ReplicaActor::TellSyncActor(Context& context) {
+void ReplicaActor::NotifySyncActor(Context& context) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
   proto::Gathering& gathering = *message.mutable_gathering();
   *gathering.mutable_term() = roles().term();
   const std::vector<AgentId> from = *YetToGather();
   gathering.mutable_from()->Assign(from.begin(), from.end());
-  is_sync_told_ = context.Send({self(), actor_name::kSync}, std::move(message)) != SendResult::kFull;
+  is_sync_notified_ = context.Send({self(), actor_name::kSync}, std::move(message)) != SendResult::kFull;
 }
 
 void ReplicaActor::OnReceived(Context& context, AgentId sender, bool is_all) {
-  if (!is_sync_told_) TellSyncActor(context);
+  if (!is_sync_notified_) NotifySyncActor(context);
   patience_ = kPatienceMin;
   if (sender == asked_) last_progress_ = context.now();
   // What an order of before brings is not all that the sender holds.
@@ -152,7 +152,7 @@ std::optional<std::vector<AgentId>> ReplicaActor::YetToGather() const {
 }
 
 void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
-  if (!is_sync_told_) TellSyncActor(context);
+  if (!is_sync_notified_) NotifySyncActor(context);
   if (step != step_ || asked_ == 0) return;
   const Duration quiet = context.now() - last_progress_;
   if (quiet < patience_) {
@@ -164,13 +164,13 @@ void ReplicaActor::OnStepTimer(Context& context, std::uint64_t step) {
 }
 
 void ReplicaActor::OnPeerEvent(Context& context, AgentId peer) {
-  if (!is_sync_told_) TellSyncActor(context);
+  if (!is_sync_notified_) NotifySyncActor(context);
   if (asked_ == 0) return AskNext(context);
   if (peer == asked_ && !is_connected(peer)) PassOver(context);
 }
 
 void ReplicaActor::OnWindowsChanged(Context& context) {
-  if (!is_sync_told_) TellSyncActor(context);
+  if (!is_sync_notified_) NotifySyncActor(context);
   if (asked_ == 0) return AskNext(context);
   if (!IsWindowOpen(context, asked_)) PassOver(context);
 }

@@ -37,7 +37,7 @@ class ReplicaActor final : public SharingActor {
   void AddStatus(const Context& context, proto::ShareStatus& status) const override;
 
   std::optional<std::vector<AgentId>> YetToGather() const override;
-  void TellSyncActor(Context& context);
+  void NotifySyncActor(Context& context);
   bool CanBeAsked(const Context& context, AgentId agent) const;
   void BeginGathering(Context& context);
   void AskNext(Context& context);
@@ -50,9 +50,9 @@ class ReplicaActor final : public SharingActor {
   std::uint64_t order_to_bring_on_ = 0;                // Of a client, to replicate to the survivor in this term.
   AgentId asked_ = 0;  // Of to_ask_, the one whose turn it is. 0: none of them is connected in an open window.
   MonotonicTime last_progress_{};
-  Duration patience_{};       // How long the asked agent may make no progress before the next one's turn.
-  std::uint64_t step_ = 0;    // A timer of an earlier one is late.
-  bool is_sync_told_ = true;  // SyncActor's mailbox had room for whom is yet to be asked.
+  Duration patience_{};           // How long the asked agent may make no progress before the next one's turn.
+  std::uint64_t step_ = 0;        // A timer of an earlier one is late.
+  bool is_sync_notified_ = true;  // SyncActor's mailbox had room for whom is yet to be asked.
 };
 
 }  // namespace moondb

@@ -581,14 +581,14 @@ void SharingActor::OpenAgain(Context& context, std::uint64_t order, AgentId dest
   pairs_in_hand_.clear();
 }
 
-void SharingActor::BringStatesUnasked(Context& context, AgentId destination) {
+void SharingActor::BringPeriodicStates(Context& context, AgentId destination) {
   proto::RecordFilter states;
   states.add_origin_agents(options_.self);
   for (const DataType type : StateTypesOf(options_.team)) states.add_data_types(type);
   if (states.data_types().empty()) return;
   Outgoing& outgoing = FindOrMakeOutgoing(context, destination);
   if (!outgoing.session.is_open()) outgoing.is_by_role = true;
-  Perform(context, outgoing, outgoing.session.BringUnasked(states, context.now()));
+  Perform(context, outgoing, outgoing.session.BringPeriodic(states, context.now()));
 }
 
 std::optional<std::uint64_t> SharingActor::CloseByRole(Context& context) {

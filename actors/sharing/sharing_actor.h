@@ -79,8 +79,8 @@ class SharingActor : public Actor {
   // number. `bytes_max`: as of SharingSession::Order.
   void Open(Context& context, AgentId destination, proto::RecordFilter filter, bool is_by_role,
             std::uint64_t bytes_max = 0);
-  // This agent's latest states, at least (SharingSession::BringUnasked).
-  void BringStatesUnasked(Context& context, AgentId destination);
+  // This agent's latest states, at least (SharingSession::BringPeriodic).
+  void BringPeriodicStates(Context& context, AgentId destination);
   // Those to the leader of now stay. Where another one that was ordered was open: how many bytes it had left (0: no
   // limit).
   std::optional<std::uint64_t> CloseByRole(Context& context);

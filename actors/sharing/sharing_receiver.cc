@@ -136,11 +136,11 @@ Result<SharingActions> SharingReceiver::OnBatch(AgentId sender, const proto::Mes
     return SharingActions();
   }
   std::optional<std::string> whole;
-  if (batch.has_piece()) {
+  if (batch.has_fragment()) {
     // A late copy: of an earlier record, it would cost the present one.
-    if (batch.batch_number() <= incoming.last_piece_batch) return SharingActions();
-    incoming.last_piece_batch = batch.batch_number();
-    Result<std::optional<std::string>> taken = pieces_.Take(sender, batch);
+    if (batch.batch_number() <= incoming.last_fragment_batch) return SharingActions();
+    incoming.last_fragment_batch = batch.batch_number();
+    Result<std::optional<std::string>> taken = fragments_.Take(sender, batch);
     if (!taken && taken.error().code == ErrorCode::kNotFound) return Refuse(sender, batch.session_id(), taken.error());
     if (!taken) {
       ++counts_.damaged_messages;
@@ -222,7 +222,7 @@ SharingActions SharingReceiver::OnHaveReply(std::uint64_t request_id, const prot
 
 void SharingReceiver::CompleteAnswer(AgentId sender, const Incoming& incoming, proto::Have& have) {
   have.set_keeps_runs(runs_.TakePlace(sender, now_));
-  const PartOfWhole part = pieces_.PartFrom(sender);
+  const PartOfWhole part = fragments_.PartFrom(sender);
   have.set_part_hash(part.hash);
   have.set_part_bytes(part.bytes);
   if (incoming.is_other_schema) *have.mutable_schemas() = options_.schemas;
@@ -241,7 +241,7 @@ SharingActions SharingReceiver::OnStoreReply(std::uint64_t request_id, const pro
     SharingAction action{sender, std::move(stored.acknowledgment)};
     counts_.received_records += reply.stored_count();
     counts_.rejected_records += reply.rejected_count() - reply.untrusted_count();
-    *action.message.mutable_have()->mutable_have() = reply.had();
+    *action.message.mutable_have()->mutable_have() = reply.covered();
     Grant(incoming, *action.message.mutable_have());
     return {std::move(action)};
   }
@@ -260,8 +260,10 @@ void SharingReceiver::NoteStored(AgentId sender, const WaitingStore& stored, con
   heard.refusals = 0;
   if (stored.order_end.order() == 0) return;
   heard.order_end = stored.order_end;
-  const Result<HaveSet> had = FromProto(reply.had());
-  const auto is_taken = [&had](const RecordKey& key) { return had && had->Get(key.stream).Had().Contains(key.seq); };
+  const Result<HaveSet> covered = FromProto(reply.covered());
+  const auto is_taken = [&covered](const RecordKey& key) {
+    return covered && covered->Get(key.stream).Covered().Contains(key.seq);
+  };
   const auto taken = std::count_if(stored.keys.begin(), stored.keys.end(), is_taken);
   const std::uint64_t not_taken = stored.keys.size() - static_cast<std::uint64_t>(taken);
   heard.order_end.set_not_taken(std::max(stored.order_end.not_taken(), stored.order_end.not_taken() + not_taken));

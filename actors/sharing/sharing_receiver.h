@@ -25,7 +25,7 @@
 
 #include "actors/sharing/codec.h"
 #include "actors/sharing/decode_budget.h"
-#include "actors/sharing/pieces.h"
+#include "actors/sharing/fragments.h"
 #include "actors/sharing/run_decoders.h"
 #include "actors/sharing/sharing_action.h"
 #include "model/error.h"
@@ -119,7 +119,7 @@ class SharingReceiver {
     Time last_heard{};
     bool is_other_schema = false;
     bool is_at_end = false;  // It said that nothing remains.
-    std::uint32_t last_piece_batch = 0;
+    std::uint32_t last_fragment_batch = 0;
     std::uint32_t last_run_batch = 0;  // Of a run of maps, that was decoded.
     double bytes_per_second = 0;       // As granted last; 0: no limit.
   };
@@ -144,7 +144,7 @@ class SharingReceiver {
   std::map<AgentId, Incoming> incoming_;
   std::map<AgentId, Heard> heard_;
   std::map<AgentId, DecodeBudget> decode_budgets_;  // By sender, whatever its sessions.
-  PieceCollector pieces_{2 * kWholeBytesMax};
+  FragmentCollector fragments_{2 * kWholeBytesMax};
   RunDecoders runs_;
   Time now_{};  // Of what was heard last.
   std::size_t moving_elsewhere_ = 0;

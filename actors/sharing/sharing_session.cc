@@ -37,22 +37,22 @@ SharingSession::SharingSession(Options options, proto::SharingKind kind, AgentId
 SharingActions SharingSession::Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max, ShareOrderId id) {
   SharingActions actions;
   if (!is_ordered()) last_error_.clear();
-  is_limit_told_ = false;
+  is_limit_reported_ = false;
   resend_delay_.ForgetRefusals();
   order_.Give(std::move(filter), bytes_max, id, /*is_added=*/is_ordered());
   LookAgain(now, actions);
   return actions;
 }
 
-SharingActions SharingSession::BringUnasked(const proto::RecordFilter& states, Time now) {
+SharingActions SharingSession::BringPeriodic(const proto::RecordFilter& states, Time now) {
   SharingActions actions;
   if (!is_open()) {
-    order_.GiveUnasked(states);
+    order_.AddPeriodic(states);
     LookAgain(now, actions);
     return actions;
   }
   // What storage is asked already, or what ends, needs no reminder; neither does a destination that is silent.
-  const bool is_sending = is_answered() && phase_ != Phase::kAsking && !maker_.has_told_end();
+  const bool is_sending = is_answered() && phase_ != Phase::kAsking && !maker_.has_reported_end();
   if (order_.is_waiting() ? order_.is_waiting_for_states() : is_sending) LookAgain(now, actions);
   return actions;
 }
@@ -69,7 +69,7 @@ void SharingSession::LookAgain(Time now, SharingActions& actions) {
     // Whoever asks again while the destination is silent does not wait for a delay that has grown.
     if (resend_delay_.has_grown()) GoOn(now, actions);
   } else {
-    AskAnew();
+    AskAgain();
     Fill(now, actions);
   }
 }
@@ -83,11 +83,11 @@ SharingActions SharingSession::Close() {
 }
 
 void SharingSession::End(Ending ending, SharingActions& actions) {
-  if (!order_.is_unasked()) counts_.NoteEnd(ending);
+  if (!order_.is_periodic()) counts_.NoteEnd(ending);
   order_.End(ending);
   phase_ = Phase::kClosed;
   pages_.Clear();
-  ForgetUnderWay();
+  ForgetInFlight();
   maker_.ForgetMissing();
   notes_.NoteClosed(actions);
 }
@@ -105,7 +105,7 @@ SharingActions SharingSession::OnHave(const proto::Have& have, Time now) {
   if (!taken || phase_ == Phase::kAwaitingHave) return actions;
   TakeGrant(have, now);
   if (have.needs_new_run()) {
-    if (const auto run = under_way_.GiveUpBroken(have.batch_number())) {
+    if (const auto run = in_flight_.GiveUpBroken(have.batch_number())) {
       maker_.DropRun(*run);
       GiveUp(1);
     }
@@ -138,8 +138,8 @@ Result<void> SharingSession::TakePage(const proto::Have& have, Time now, Sharing
 }
 
 void SharingSession::TakeAnswer(const proto::Have& have, Time now, SharingActions& actions) {
-  under_way_.SetHave(pages_.TakeWhole());
-  notes_.NoteAnswer(under_way_.have(), order_.asked_origins(), actions);
+  in_flight_.SetHave(pages_.TakeWhole());
+  notes_.NoteAnswer(in_flight_.have(), order_.asked_origins(), actions);
   order_.SetOtherSchemaTypes(TypesNotFor(options_.schemas, have.schemas()));
   maker_.TakeAnswer(have);
   counts_.NoteAnswer(now);
@@ -152,27 +152,27 @@ Result<void> SharingSession::TakeTouchedStreams(const proto::Have& have, Sharing
   if (const Result<void> checked = CheckBatchNumber(have); !checked) return checked;
   const Result<HaveSet> heard = FromProto(have.have());
   if (!heard) return tl::unexpected(heard.error());
-  if (const Result<void> joins = under_way_.have().CheckJoins(*heard); !joins) return joins;
-  notes_.NoteAcknowledged(*heard, under_way_.have(), actions);
-  under_way_.Join(*heard);
+  if (const Result<void> joins = in_flight_.have().CheckJoins(*heard); !joins) return joins;
+  notes_.NoteAcknowledged(*heard, in_flight_.have(), actions);
+  in_flight_.Join(*heard);
   return {};
 }
 
 void SharingSession::TakeGrant(const proto::Have& have, Time now) {
-  under_way_.SetCredit(std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max()));
+  in_flight_.SetCredit(std::min<std::size_t>(options_.unacked_bytes_max, have.unacked_bytes_max()));
   granted_rate_ = have.bytes_per_second_max();
   SetPace(now);
 }
 
 void SharingSession::TakeAcknowledgment(std::uint32_t batch_number, Time now) {
-  const BatchesUnderWay::Acknowledged acknowledged = under_way_.Acknowledge(batch_number);
+  const InFlightBatches::Acknowledged acknowledged = in_flight_.Acknowledge(batch_number);
   if (acknowledged.batches > 0) {
     counts_.NoteAcknowledged(acknowledged.records, acknowledged.bytes);
     last_progress_ = now;
     resend_delay_.NoteProgress(/*has_records=*/acknowledged.records > 0);
     SetDeadline(now);
   }
-  GiveUp(under_way_.GiveUpBefore(batch_number));
+  GiveUp(in_flight_.GiveUpBefore(batch_number));
 }
 
 SharingActions SharingSession::OnRefusal(const proto::Refusal& refusal, Time now) {
@@ -205,7 +205,7 @@ SharingActions SharingSession::OnMissingReply(std::uint64_t request_id, const pr
 
 SharingActions SharingSession::OnPeerHaveRequest(std::uint64_t request_id) {
   SharingActions actions;
-  notes_.NoteAllAgain(request_id, under_way_.have(), under_way_.Keys(), actions);
+  notes_.NoteAllAgain(request_id, in_flight_.have(), in_flight_.Keys(), actions);
   return actions;
 }
 
@@ -251,8 +251,8 @@ proto::ShareSession SharingSession::Status(Time now) const {
   status.set_destination(destination_);
   status.set_kind(kind_);
   status.set_is_open(is_open());
-  status.set_is_unasked(is_open() && order_.is_unasked());
-  status.set_remaining(static_cast<double>(maker_.RemainingCount() + under_way_.RecordCount()));
+  status.set_is_periodic(is_open() && order_.is_periodic());
+  status.set_remaining(static_cast<double>(maker_.RemainingCount() + in_flight_.RecordCount()));
   status.set_seconds_since_progress(std::chrono::duration<double>(now - last_progress_).count());
   status.set_last_error(last_error_);
   status.set_bytes_per_second_max(pacer_.rate());
@@ -285,8 +285,8 @@ void SharingSession::Restart(Time now, SharingActions& actions) {
   ++session_id_;
   if (session_id_ == 0) ++session_id_;
   pages_.Clear();
-  ForgetUnderWay();
-  is_limit_told_ = false;
+  ForgetInFlight();
+  is_limit_reported_ = false;
   order_.StartOver();
   notes_.StartOver();
   AskForPage(now, actions);
@@ -305,11 +305,11 @@ void SharingSession::SayHello(SharingActions& actions) {
 }
 
 void SharingSession::Complete(SharingActions& actions) {
-  if (order_.is_for_states() && !order_.is_unasked()) return order_.HoldBackTheRest();
+  if (order_.is_for_states() && !order_.is_periodic()) return order_.HoldBackTheRest();
   phase_ = Phase::kClosed;
-  if (!order_.is_unasked()) {
+  if (!order_.is_periodic()) {
     counts_.NoteEnd(Ending::kCompleted);
-    const std::uint64_t refused = under_way_.RefusedCount();
+    const std::uint64_t refused = in_flight_.RefusedCount();
     // A client that waits for the order must not read that all of it is acknowledged.
     order_.End(refused == 0 ? Ending::kCompleted : Ending::kClosed);
     last_error_ = refused == 0 ? "" : "the destination did not take " + std::to_string(refused) + " records";
@@ -320,10 +320,10 @@ void SharingSession::Complete(SharingActions& actions) {
 void SharingSession::Fill(Time now, SharingActions& actions) {
   if (!is_answered()) return;
   SendWhatMayLeave(now, actions);
-  const bool is_idle = !maker_.ready() && under_way_.is_empty();
+  const bool is_idle = !maker_.ready() && in_flight_.is_empty();
   const bool is_all_made = phase_ == Phase::kEnding && !maker_.ready();
   if (order_.is_used_up() && !is_all_made) {
-    if (under_way_.is_empty()) EndLimited(now, actions);
+    if (in_flight_.is_empty()) EndLimited(now, actions);
     return;
   }
   if (phase_ == Phase::kSending && !maker_.ready()) AskForMissing(actions);
@@ -331,9 +331,9 @@ void SharingSession::Fill(Time now, SharingActions& actions) {
 }
 
 void SharingSession::EndLimited(Time now, SharingActions& actions) {
-  if (order_.NumberFor(destination_) != 0 && !is_limit_told_) {
+  if (order_.NumberFor(destination_) != 0 && !is_limit_reported_) {
     if (order_.is_waiting()) return;
-    is_limit_told_ = true;
+    is_limit_reported_ = true;
     maker_.MakeEmpty(BatchBytesMax());
     return SendReady(now, actions);
   }
@@ -346,11 +346,11 @@ void SharingSession::SendWhatMayLeave(Time now, SharingActions& actions) {
   while (!order_.is_waiting() && maker_.ready() && MayLeave(*maker_.ready())) {
     if (const Time next = pacer_.Next(now); next > now) {
       paced_until_ = next;
-      if (under_way_.is_empty()) SetDeadline(next);
+      if (in_flight_.is_empty()) SetDeadline(next);
       return;
     }
     SendReady(now, actions);
-    maker_.MakeNextPiece(BatchBytesMax());
+    maker_.MakeNextFragment(BatchBytesMax());
   }
 }
 
@@ -359,31 +359,31 @@ void SharingSession::SendReady(Time now, SharingActions& actions) {
   MadeBatch batch = maker_.Take();
   const std::size_t bytes = batch.contents.bytes;
   const std::uint64_t ended_order = order_.NumberFor(destination_);
-  if (ended_order != 0 && (batch.message.remaining() == 0 || is_limit_told_)) {
+  if (ended_order != 0 && (batch.message.remaining() == 0 || is_limit_reported_)) {
     proto::OrderEnd& end = *batch.message.mutable_batch()->mutable_order_end();
     end.set_order(ended_order);
-    end.set_is_limited(is_limit_told_);
-    end.set_not_taken(under_way_.RefusedCount());
+    end.set_is_limited(is_limit_reported_);
+    end.set_not_taken(in_flight_.RefusedCount());
   }
   pacer_.Spend(bytes + kBatchOverheadBytes, now);
   order_.SpendBytes(bytes);
   counts_.NoteSent(batch.contents.keys.size(), bytes, batch.message.batch().codec());
   actions.push_back({destination_, std::move(batch.message)});
   notes_.NoteHandedOver(batch.contents.keys, actions);
-  under_way_.Add(number, std::move(batch.contents));
+  in_flight_.Add(number, std::move(batch.contents));
   SetDeadline(now);
 }
 
 bool SharingSession::MayLeave(const MadeBatch& batch) const {
   if (order_.is_used_up()) return false;
-  if (under_way_.is_empty()) return true;
+  if (in_flight_.is_empty()) return true;
   // The last one says that all is there: so all before it is.
-  return batch.message.remaining() > 0 && under_way_.HasRoomFor(batch.contents.bytes);
+  return batch.message.remaining() > 0 && in_flight_.HasRoomFor(batch.contents.bytes);
 }
 
 // One batch leaves without credit too: where several senders share what the receiver grants, it is no larger than that.
 std::size_t SharingSession::BatchBytesMax() const {
-  const std::size_t credit = under_way_.credit_bytes();
+  const std::size_t credit = in_flight_.credit_bytes();
   const std::size_t left = std::min<std::uint64_t>(order_.bytes_left().value_or(credit), credit);
   return std::min(options_.batch_bytes_max, std::max(left, kBatchBytesMin));
 }
@@ -394,7 +394,7 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   action.message.set_ms_type(proto::CONTROL);
   action.message.set_request_id(++request_id_);
   proto::MissingRequest& request = *action.message.mutable_missing_request();
-  *request.mutable_destination_have() = ToProto(under_way_.ExpectedHave(maker_.Contents()));
+  *request.mutable_destination_have() = ToProto(in_flight_.ExpectedHave(maker_.Contents()));
   *request.mutable_filter() = order_.Meant();
   request.set_destination(destination_);
   request.set_kind(kind_);
@@ -406,7 +406,7 @@ void SharingSession::AskForMissing(SharingActions& actions) {
   actions.push_back(std::move(action));
 }
 
-void SharingSession::AskAnew() {
+void SharingSession::AskAgain() {
   if (is_answered()) phase_ = Phase::kSending;
   maker_.PutOffEnd();
 }
@@ -414,12 +414,12 @@ void SharingSession::AskAnew() {
 void SharingSession::GiveUp(std::size_t batches) {
   if (batches == 0) return;
   counts_.NoteResends(batches);
-  AskAnew();
+  AskAgain();
 }
 
-void SharingSession::ForgetUnderWay() {
-  maker_.StartOver(session_id_, /*is_any_under_way=*/!under_way_.is_empty());
-  under_way_.Clear();
+void SharingSession::ForgetInFlight() {
+  maker_.StartOver(session_id_, /*is_any_in_flight=*/!in_flight_.is_empty());
+  in_flight_.Clear();
   paced_until_.reset();
 }
 
@@ -430,7 +430,7 @@ void SharingSession::SetPace(Time now) {
 }
 
 void SharingSession::SetDeadline(Time now) {
-  const auto transfer = std::chrono::duration<double>(static_cast<double>(under_way_.unacked_bytes()) /
+  const auto transfer = std::chrono::duration<double>(static_cast<double>(in_flight_.unacked_bytes()) /
                                                       static_cast<double>(options_.bytes_per_second_min));
   deadline_ = now + resend_delay_.delay() + std::chrono::duration_cast<Duration>(transfer);
 }

@@ -27,7 +27,7 @@
 // Records of a type that the two ends understand differently (model/type_schema.h) are not sent.
 //
 // What is ordered, the batches that are made, those that are under way and what storage is notified of are parts of
-// their own (standing_order.h, batch_maker.h, batches_under_way.h, peer_notes.h); the session itself is in one phase at
+// their own (standing_order.h, batch_maker.h, in_flight_batches.h, peer_notes.h); the session itself is in one phase at
 // a time and has one deadline.
 //
 // A plain state machine: inputs return what is to be done. Time comes in with each input. Not thread-safe.
@@ -43,9 +43,9 @@
 #include <vector>
 
 #include "actors/sharing/batch_maker.h"
-#include "actors/sharing/batches_under_way.h"
 #include "actors/sharing/codec.h"
 #include "actors/sharing/have_collector.h"
+#include "actors/sharing/in_flight_batches.h"
 #include "actors/sharing/pacer.h"
 #include "actors/sharing/peer_notes.h"
 #include "actors/sharing/resend_delay.h"
@@ -92,7 +92,7 @@ class SharingSession {
   SharingActions Order(proto::RecordFilter filter, Time now, std::uint64_t bytes_max = 0, ShareOrderId id = {});
   // States that nobody ordered, when no session is open: one that does not count, that tells no end and that any order
   // takes the place of. An open session is reminded that there may be new records.
-  SharingActions BringUnasked(const proto::RecordFilter& states, Time now);
+  SharingActions BringPeriodic(const proto::RecordFilter& states, Time now);
   // End without completing. The order is forgotten.
   SharingActions Close();
 
@@ -118,7 +118,7 @@ class SharingSession {
 
   std::optional<Time> deadline() const;  // None while closed, and while it waits for the window.
   bool is_open() const { return phase_ != Phase::kClosed; }
-  bool is_ordered() const { return is_open() && !order_.is_unasked(); }
+  bool is_ordered() const { return is_open() && !order_.is_periodic(); }
   std::uint64_t bytes_left() const { return order_.bytes_left().value_or(0); }  // Of a limited order; 0: not limited.
   StandingOrder::Reached StateOf(ShareOrderId id) const { return order_.StateOf(id); }
   bool is_refused_again() const { return is_open() && resend_delay_.is_refused_again(); }  // Without progress between.
@@ -165,9 +165,9 @@ class SharingSession {
   bool MayLeave(const MadeBatch& batch) const;
   std::size_t BatchBytesMax() const;
   void AskForMissing(SharingActions& actions);
-  void AskAnew();  // What storage said is missing is no longer all.
+  void AskAgain();  // What storage said is missing is no longer all.
   void GiveUp(std::size_t batches);
-  void ForgetUnderWay();
+  void ForgetInFlight();
   void SetPace(Time now);
   void SetDeadline(Time now);
 
@@ -181,9 +181,10 @@ class SharingSession {
   StandingOrder order_;
   HaveCollector pages_;
   BatchMaker maker_;
-  BatchesUnderWay under_way_;
+  InFlightBatches in_flight_;
   PeerNotes notes_;
-  bool is_limit_told_ = false;  // To the destination, since the last order and the last Hello that begins a session.
+  bool is_limit_reported_ =
+      false;  // To the destination, since the last order and the last Hello that begins a session.
   double own_rate_ = 0;
   double granted_rate_ = 0;
   Pacer pacer_;

@@ -16,13 +16,13 @@ void StandingOrder::Give(proto::RecordFilter filter, std::uint64_t bytes_max, Sh
   const bool is_limited = bytes_max != 0 && (!is_added || bytes_left_);
   bytes_left_ = is_limited ? std::optional(bytes_max) : std::nullopt;
   filter_ = std::move(filter);
-  if (is_unasked()) scope_ = Scope::kStates;
+  if (is_periodic()) scope_ = Scope::kStates;
 }
 
-void StandingOrder::GiveUnasked(const proto::RecordFilter& states) {
+void StandingOrder::AddPeriodic(const proto::RecordFilter& states) {
   bytes_left_.reset();
   filter_ = states;
-  scope_ = Scope::kUnaskedStates;
+  scope_ = Scope::kPeriodicStates;
 }
 
 void StandingOrder::Note(ShareOrderId id) {
@@ -81,7 +81,7 @@ void StandingOrder::LookAgain() {
 }
 
 void StandingOrder::StartOver() {
-  if (is_unasked()) return;
+  if (is_periodic()) return;
   scope_ = window_ == Window::kStatesOnly ? Scope::kStates : Scope::kAll;
 }
 

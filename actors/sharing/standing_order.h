@@ -45,7 +45,7 @@ class StandingOrder {
   // How far this order is, or a later one of the same agent that took its place. kUnknown: it never came here.
   enum class Reached { kUnknown, kOpen, kCompleted, kClosed, kLimited };
   Reached StateOf(ShareOrderId id) const;
-  void GiveUnasked(const proto::RecordFilter& states);
+  void AddPeriodic(const proto::RecordFilter& states);
   // Each agent's open order has come so far.
   void End(Ending ending);
 
@@ -68,13 +68,13 @@ class StandingOrder {
   // The session has to start over to bring all that is ordered: the destination was not asked about some of it, or more
   // may pass now.
   bool NeedsNewStart() const;
-  bool is_unasked() const { return scope_ == Scope::kUnaskedStates; }
+  bool is_periodic() const { return scope_ == Scope::kPeriodicStates; }
   // The session brings states alone, which are not the end of an order.
   bool is_for_states() const { return scope_ != Scope::kAll; }
   // What storage is asked for, and the number under which it notes what is there now (MissingRequest.mark): another one
   // for each order. 0: states that nobody ordered.
   proto::RecordFilter Meant() const;
-  std::uint64_t mark() const { return is_unasked() ? 0 : mark_; }
+  std::uint64_t mark() const { return is_periodic() ? 0 : mark_; }
 
   // The number of the newest order of `destination`, to be told to it with the end. 0: it has no open order.
   std::uint64_t NumberFor(AgentId destination) const;
@@ -90,7 +90,7 @@ class StandingOrder {
   void AddTo(proto::ShareSession& status) const;
 
  private:
-  enum class Scope { kAll, kStates, kUnaskedStates };
+  enum class Scope { kAll, kStates, kPeriodicStates };
 
   // The newest order of one agent.
   struct KnownOrder {

@@ -25,10 +25,11 @@ proto::RecordFilter GroundRecords(const proto::TeamConfig& team) {
 
 Result<int> SyncActor::Share(Context& context, const proto::ShareRequest& request, bool is_leaders) {
   if (!is_from_here(context)) {
-    const AgentId asker = context.sender().agent;
-    const AgentId destination = request.destination() == 0 ? asker : request.destination();
+    const AgentId requester = context.sender().agent;
+    const AgentId destination = request.destination() == 0 ? requester : request.destination();
     if (destination == self()) return Fail(ErrorCode::kInvalid, "is this agent itself", "destination");
-    Open(context, destination, OwnRecords(), /*is_by_role=*/is_leaders && destination == asker, request.bytes_max());
+    Open(context, destination, OwnRecords(), /*is_by_role=*/is_leaders && destination == requester,
+         request.bytes_max());
     return 1;
   }
   if (is_leading()) {
@@ -133,7 +134,7 @@ void SyncActor::StartStatesTimer(Context& context) {
 void SyncActor::OnStepTimer(Context& context, std::uint64_t) {
   StartStatesTimer(context);
   const AgentId leader = roles().leader();
-  if (leader != 0 && leader != self() && is_connected(leader)) BringStatesUnasked(context, leader);
+  if (leader != 0 && leader != self() && is_connected(leader)) BringPeriodicStates(context, leader);
 }
 
 proto::RecordFilter SyncActor::OwnRecords() const {

@@ -53,7 +53,7 @@ Result<HaveSet> AcknowledgedHave(Database& database) {
 HaveSet WithoutGaps(const HaveSet& have, const HaveSet& own) {
   HaveSet filled;
   for (const auto& [stream, state] : have.streams()) {
-    filled[stream].dropped = state.Had();
+    filled[stream].dropped = state.Covered();
     filled[stream].dropped.Add(own.Get(stream).dropped);
   }
   return filled;

@@ -15,7 +15,8 @@ constexpr std::int64_t kLastEventsMax = 64;  // Damage that starts wrote down wh
 Result<void> AppendEvents(Database& database, const char* epochs, AgentId self, std::int64_t events_max,
                           const std::string& kinds, std::vector<OwnEvent>& events) {
   Query query = database.Prepare(
-      "SELECT stamp_ns, kind, text FROM (SELECT epoch, seq, stamp_ns, kind, text FROM agent_event WHERE origin = ? AND "
+      "SELECT timestamp_ns, kind, text FROM (SELECT epoch, seq, timestamp_ns, kind, text FROM agent_event WHERE origin "
+      "= ? AND "
       "epoch " +
       std::string(epochs) + " ORDER BY epoch DESC, seq DESC LIMIT ?)" + kinds + " ORDER BY epoch DESC, seq DESC");
   query << self << events_max;

@@ -213,12 +213,12 @@ Result<bool> History::Trim(Database& database, std::optional<std::int64_t> utc_n
   const Types types = Now();
   for (const auto& [type, of_type] : types) {
     const KeepRule rule = RuleOf(type);
-    std::optional<std::int64_t> stamped_before_ns;
+    std::optional<std::int64_t> timestamp_before_ns;
     if (rule.KeepsAny()) {
       if (rule.IsOfAnyAge() || !utc_now_ns) continue;
-      stamped_before_ns = *utc_now_ns - std::chrono::duration_cast<std::chrono::nanoseconds>(rule.at_most).count();
+      timestamp_before_ns = *utc_now_ns - std::chrono::duration_cast<std::chrono::nanoseconds>(rule.at_most).count();
     }
-    if (const Result<void> done = DropOlder(database, type, stamped_before_ns, rows_left); !done) {
+    if (const Result<void> done = DropOlder(database, type, timestamp_before_ns, rows_left); !done) {
       return tl::unexpected(done.error());
     }
   }
@@ -230,22 +230,22 @@ Result<bool> History::Trim(Database& database, std::optional<std::int64_t> utc_n
 
 // Rows lie in the order of storing, so that the first one that is too young ends the search, however many follow. None:
 // of any age.
-Result<void> History::DropOlder(Database& database, DataType type, std::optional<std::int64_t> stamped_before_ns,
+Result<void> History::DropOlder(Database& database, DataType type, std::optional<std::int64_t> timestamp_before_ns,
                                 std::size_t& rows_left) {
   std::vector<Candidate> expired;
   std::uint64_t seen_row_id = Now().at(type).seen_row_id;
   {
-    Query query = database.Prepare(std::string("SELECT row_id, stamp_ns, ") + kRowBytes +
+    Query query = database.Prepare(std::string("SELECT row_id, timestamp_ns, ") + kRowBytes +
                                    ", content FROM history WHERE data_type = ? AND row_id > ? ORDER BY row_id LIMIT ?");
-    query << type << (stamped_before_ns ? seen_row_id : 0) << rows_left;
+    query << type << (timestamp_before_ns ? seen_row_id : 0) << rows_left;
     while (true) {
       const Result<bool> row = query.Step();
       if (!row) return tl::unexpected(row.error());
       if (!*row) break;
       --rows_left;
-      if (stamped_before_ns && query.Integer(1) >= *stamped_before_ns) break;
+      if (timestamp_before_ns && query.Integer(1) >= *timestamp_before_ns) break;
       seen_row_id = query.Unsigned(0);
-      if (stamped_before_ns && IsOfSuspectClock(query.Bytes(3))) continue;
+      if (timestamp_before_ns && IsOfSuspectClock(query.Bytes(3))) continue;
       expired.push_back({query.Unsigned(0), type, query.Unsigned(2)});
     }
   }
@@ -260,7 +260,7 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
                                          std::int64_t utc_now_ns) {
   if (const Result<void> checked = CheckPruneLimits(request); !checked) return tl::unexpected(checked.error());
   const bool is_by_age = request.older_than_s() > 0;
-  const std::int64_t stamped_before_ns = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * 1e9);
+  const std::int64_t timestamp_before_ns = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * 1e9);
   const std::size_t rows_max = request.is_dry_run() ? kPruneCandidatesMax : kHistoryTrimRowsMax;
   proto::PruneReply reply;
   reply.set_is_complete(true);
@@ -269,8 +269,8 @@ Result<proto::PruneReply> History::Prune(Database& database, const proto::PruneR
     const auto& types = request.data_types();
     if (!types.empty() && std::find(types.begin(), types.end(), type) == types.end()) continue;
     Query query = database.Prepare(std::string("SELECT row_id, ") + kRowBytes +
-                                   ", content FROM history WHERE data_type = ? AND stamp_ns <= ? ORDER BY row_id");
-    query << type << (is_by_age ? stamped_before_ns - 1 : INT64_MAX);
+                                   ", content FROM history WHERE data_type = ? AND timestamp_ns <= ? ORDER BY row_id");
+    query << type << (is_by_age ? timestamp_before_ns - 1 : INT64_MAX);
     std::size_t found = 0;
     while (true) {
       const Result<bool> row = query.Step();

@@ -101,7 +101,7 @@ class History {
   Result<void> Delete(Database& database, DataType type, std::uint64_t row_id, std::uint64_t bytes);
   // Of all types, which hold at least one; its bytes.
   Result<std::uint64_t> DropOldest(Database& database);
-  Result<void> DropOlder(Database& database, DataType type, std::optional<std::int64_t> stamped_before_ns,
+  Result<void> DropOlder(Database& database, DataType type, std::optional<std::int64_t> timestamp_before_ns,
                          std::size_t& rows_left);
 
   const AgentId self_;

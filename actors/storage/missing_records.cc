@@ -5,7 +5,7 @@
 #include <tuple>
 #include <vector>
 
-#include "actors/storage/peer_door.h"
+#include "actors/storage/peer_authority.h"
 #include "actors/storage/record_tables.h"
 
 namespace moondb {
@@ -64,7 +64,7 @@ class MissingFinder {
  private:
   bool IsWanted(const StreamKey& stream) const {
     if (!rules_.IsShared(stream) || !FindRecordTable(stream.type)) return false;
-    const bool is_taken = brings_others_ || stream.origin == rules_.self || PeerDoor::IsSignedType(stream.type);
+    const bool is_taken = brings_others_ || stream.origin == rules_.self || PeerAuthority::IsSignedType(stream.type);
     if (!is_taken) return false;
     if (Contains(filter_.not_data_types(), stream.type)) return false;
     if (IsOwn(stream)) return true;
@@ -82,7 +82,7 @@ class MissingFinder {
 
   // What is meant for the destination and is not there.
   Result<IntervalSet> Lacking(const StreamKey& stream) {
-    IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Had());
+    IntervalSet lacking = have_.Get(stream).held.Minus(destination_.Get(stream).Covered());
     if (marked_ != nullptr && !rules_.MayBeDropped(stream.type) && !IsNewestOnly(stream)) {
       lacking = lacking.Minus(lacking.Minus(marked_->Get(stream).held));
     }

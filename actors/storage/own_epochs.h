@@ -61,7 +61,7 @@ class OwnEpochs {
   bool has_incarnation() const { return tag_ != 0; }
   std::uint64_t highest() const;  // Of all that are known; 0: none is.
   // The process starts here, with all that its file knows: what is claimed from now on is held against it.
-  void BeginLife() { highest_at_start_ = highest(); }
+  void NoteStart() { highest_at_start_ = highest(); }
   // Whether one that somebody claims can be: at most kOwnEpochJumpMax above the highest as the process started, however
   // many were claimed since, and not 0.
   bool IsPossible(std::uint64_t epoch) const;

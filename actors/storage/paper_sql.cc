@@ -60,7 +60,7 @@ const FieldDescriptor* BodyOf(DataType type) {
 }
 
 bool IsOfEveryTable(const std::string& name) {
-  return name == "record_id" || name == "agent_id" || name == "stamp_ns" || name == "is_clock_suspect" ||
+  return name == "record_id" || name == "agent_id" || name == "timestamp_ns" || name == "is_clock_suspect" ||
          name == "is_state";
 }
 
@@ -88,7 +88,7 @@ std::optional<PaperTable> TableOf(DataType type) {
   const FieldDescriptor* body = BodyOf(type);
   if (body == nullptr) return std::nullopt;
   PaperTable table{body->name(), {}};
-  for (const char* name : {"stamp_ns", "is_clock_suspect", "is_state"}) {
+  for (const char* name : {"timestamp_ns", "is_clock_suspect", "is_state"}) {
     table.columns.push_back({name, {{proto::Record::descriptor()->FindFieldByName(name), -1}}});
   }
   AddColumns("body", {{body, -1}}, table.columns);

@@ -1,7 +1,7 @@
 // The paper's literal form of a record: one populated INSERT into the table of its data type (paper, Section 4), to
 // compare other codecs with.
 //
-//   INSERT INTO temperature (record_id, agent_id, stamp_ns, celsius) VALUES ('3.00061c40f0d7cf6b.1.17', 3, 17...,
+//   INSERT INTO temperature (record_id, agent_id, timestamp_ns, celsius) VALUES ('3.00061c40f0d7cf6b.1.17', 3, 17...,
 //   -40.5)
 //
 // A column for each field that has a value, named by its path within the record's body; bytes and a map's cells, one
@@ -11,7 +11,7 @@
 // table, under an authorizer that lets it insert there and nothing else (no function, no subquery, no other statement
 // behind it), with SQLite's limits lowered, so many steps, and no more outside of quotes than its table's columns need;
 // and it must have made exactly one row, with the announced record_id and agent_id. What that row holds becomes a
-// record, to be checked like any other (record_door.h).
+// record, to be checked like any other (record_validator.h).
 // Pure functions, safe from any thread.
 #pragma once
 

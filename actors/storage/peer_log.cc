@@ -63,7 +63,7 @@ Result<bool> PeerLog::ReadAll(Database& database) {
                            static_cast<DataType>(query.Integer(3))};
     const IntervalSet::Interval interval{query.Unsigned(4), query.Unsigned(5)};
     if (!interval.IsValid()) return false;
-    had_[static_cast<AgentId>(query.Integer(0))][stream].Add(interval);
+    covered_[static_cast<AgentId>(query.Integer(0))][stream].Add(interval);
   }
 }
 
@@ -72,19 +72,19 @@ Result<void> PeerLog::Load(Database& database) {
   const Result<std::int64_t> is_any = database.Number("SELECT EXISTS(SELECT 1 FROM handed_over)");
   if (!is_any) return tl::unexpected(is_any.error());
   if (*is_any != 0) (void)database.Execute("DELETE FROM handed_over");
-  had_.clear();
+  covered_.clear();
   numbers_.clear();
   const Result<bool> is_sound = ReadAll(database);
   if (!is_sound) return tl::unexpected(is_sound.error());
   if (*is_sound) return {};
-  had_.clear();  // The next sessions report it again.
+  covered_.clear();  // The next sessions report it again.
   return database.Execute("DELETE FROM peer_have");
 }
 
-const PeerLog::Had& PeerLog::KnownOf(AgentId peer) const {
-  static const Had kNothing;
-  const auto known = had_.find(peer);
-  return known == had_.end() ? kNothing : known->second;
+const PeerLog::Covered& PeerLog::KnownOf(AgentId peer) const {
+  static const Covered kNothing;
+  const auto known = covered_.find(peer);
+  return known == covered_.end() ? kNothing : known->second;
 }
 
 bool PeerLog::Follows(const proto::PeerHave& note) const {
@@ -92,36 +92,36 @@ bool PeerLog::Follows(const proto::PeerHave& note) const {
   return last != numbers_.end() && last->second + 1 == note.number();
 }
 
-PeerLog::Had PeerLog::ChangedBy(const proto::PeerHave& note, const HaveSet& acknowledged) const {
-  const Had& known = KnownOf(note.peer());
-  Had changed;
+PeerLog::Covered PeerLog::ChangedBy(const proto::PeerHave& note, const HaveSet& acknowledged) const {
+  const Covered& known = KnownOf(note.peer());
+  Covered changed;
   for (const auto& [stream, have] : acknowledged.streams()) {
     const auto before = known.find(stream);
     if (note.is_difference() && before != known.end()) changed[stream] = before->second;
-    changed[stream].Add(have.Had());
+    changed[stream].Add(have.Covered());
   }
   if (note.is_difference()) return changed;
   const std::set<AgentId> origins(note.origin_agents().begin(), note.origin_agents().end());
-  for (const auto& [stream, had] : known) {
+  for (const auto& [stream, covered] : known) {
     if (origins.empty() || origins.contains(stream.origin)) changed.try_emplace(stream);
   }
   return changed;
 }
 
-void PeerLog::Apply(AgentId peer, Had changed) {
-  Had& known = had_[peer];
-  for (auto& [stream, had] : changed) {
-    if (had.is_empty()) {
+void PeerLog::Apply(AgentId peer, Covered changed) {
+  Covered& known = covered_[peer];
+  for (auto& [stream, covered] : changed) {
+    if (covered.is_empty()) {
       known.erase(stream);
     } else {
-      known[stream] = std::move(had);
+      known[stream] = std::move(covered);
     }
   }
 }
 
 Result<bool> PeerLog::Note(Database& database, const proto::PeerHave& note) {
   const bool is_usable = !note.is_difference() || Follows(note);
-  Had changed;
+  Covered changed;
   if (note.has_acknowledged() && is_usable) {
     const Result<HaveSet> acknowledged = FromProto(note.acknowledged());
     if (!acknowledged) return tl::unexpected(acknowledged.error());
@@ -129,12 +129,12 @@ Result<bool> PeerLog::Note(Database& database, const proto::PeerHave& note) {
   }
   Result<Transaction> transaction = Transaction::Begin(database, Database::Durability::kNormal);
   if (!transaction) return tl::unexpected(transaction.error());
-  const Had& known = KnownOf(note.peer());
+  const Covered& known = KnownOf(note.peer());
   const IntervalSet nothing;
-  for (const auto& [stream, had] : changed) {
+  for (const auto& [stream, covered] : changed) {
     const auto before = known.find(stream);
     const Result<void> done =
-        WriteStream(database, note.peer(), stream, before == known.end() ? nothing : before->second, had);
+        WriteStream(database, note.peer(), stream, before == known.end() ? nothing : before->second, covered);
     if (!done) return tl::unexpected(done.error());
   }
   if (const Result<void> done = WriteHandedOver(database, note); !done) return tl::unexpected(done.error());
@@ -144,8 +144,8 @@ Result<bool> PeerLog::Note(Database& database, const proto::PeerHave& note) {
   return is_usable;
 }
 
-bool PeerLog::IsHadByAny(const RecordKey& key) const {
-  return std::any_of(had_.begin(), had_.end(), [&key](const auto& peer) {
+bool PeerLog::IsCoveredByAny(const RecordKey& key) const {
+  return std::any_of(covered_.begin(), covered_.end(), [&key](const auto& peer) {
     const auto stream = peer.second.find(key.stream);
     return stream != peer.second.end() && stream->second.Contains(key.seq);
   });

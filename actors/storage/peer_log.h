@@ -26,19 +26,19 @@ class PeerLog {
   Result<bool> Note(Database& database, const proto::PeerHave& note);
 
   // Whether any peer is known to have it, or what replaced it.
-  bool IsHadByAny(const RecordKey& key) const;
+  bool IsCoveredByAny(const RecordKey& key) const;
 
  private:
-  using Had = std::map<StreamKey, IntervalSet>;
+  using Covered = std::map<StreamKey, IntervalSet>;
 
   Result<bool> ReadAll(Database& database);
-  const Had& KnownOf(AgentId peer) const;
+  const Covered& KnownOf(AgentId peer) const;
   bool Follows(const proto::PeerHave& note) const;
   // The streams in which `note` changes what its peer is known to have, whole; empty: it has nothing of it any more.
-  Had ChangedBy(const proto::PeerHave& note, const HaveSet& acknowledged) const;
-  void Apply(AgentId peer, Had changed);
+  Covered ChangedBy(const proto::PeerHave& note, const HaveSet& acknowledged) const;
+  void Apply(AgentId peer, Covered changed);
 
-  std::map<AgentId, Had> had_;  // As in the table peer_have.
+  std::map<AgentId, Covered> covered_;  // As in the table peer_have.
   // The number of the last note that was taken, by peer and kind of session; none: all has to be noted first.
   std::map<std::pair<AgentId, proto::SharingKind>, std::uint64_t> numbers_;
 };

@@ -24,8 +24,8 @@ bool IsNumber(double value) { return value >= 0 && std::isfinite(value); }
 
 Result<std::vector<HaveSet>> ReadAcknowledged(const proto::PruneRequest& request) {
   std::vector<HaveSet> acknowledged;
-  for (const proto::HaveSet& told : request.acknowledged()) {
-    Result<HaveSet> have = FromProto(told);
+  for (const proto::HaveSet& reported : request.acknowledged()) {
+    Result<HaveSet> have = FromProto(reported);
     if (!have) return tl::unexpected(have.error());
     acknowledged.push_back(*std::move(have));
   }
@@ -43,7 +43,7 @@ class Chooser {
         acknowledged_(std::move(acknowledged)),
         bundled_(std::move(bundled)) {
     if (request.older_than_s() > 0) {
-      stamped_before_ns_ = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * kNanosecondsPerSecond);
+      timestamp_before_ns_ = utc_now_ns - static_cast<std::int64_t>(request.older_than_s() * kNanosecondsPerSecond);
     }
     for (const proto::RecordKey& key : request.records()) {
       if (key.seq() >= 1 && key.seq() <= kSeqMax) named_[FromProto(key).stream].held.Add(key.seq());
@@ -56,9 +56,9 @@ class Chooser {
       const IntervalSet meant =
           request_.records().empty() ? in_stream.held : Common(in_stream.held, named_.Get(stream).held);
       IntervalSet acknowledged = meant;
-      for (const HaveSet& peer : acknowledged_) acknowledged = Common(acknowledged, peer.Get(stream).Had());
+      for (const HaveSet& peer : acknowledged_) acknowledged = Common(acknowledged, peer.Get(stream).Covered());
       if (bundled_ && rules_.for_ground.contains(stream.type)) {
-        acknowledged = Common(acknowledged, bundled_->Get(stream).Had());
+        acknowledged = Common(acknowledged, bundled_->Get(stream).Covered());
       }
       if (const Result<void> done = AddCandidates(stream, acknowledged); !done) return tl::unexpected(done.error());
       if (const Result<void> done = CountKept(stream, meant.Minus(acknowledged)); !done) {
@@ -91,7 +91,7 @@ class Chooser {
         row.row.row_id = query.Unsigned(0);
         row.row.key = {stream, query.Unsigned(1)};
         row.row.content_bytes = query.Unsigned(3);
-        const bool is_old = !stamped_before_ns_ || row.stamp_ns < *stamped_before_ns_;
+        const bool is_old = !timestamp_before_ns_ || row.timestamp_ns < *timestamp_before_ns_;
         if (is_old && !take(std::move(row))) return {};
       }
     }
@@ -100,7 +100,7 @@ class Chooser {
 
   // Reads the record, so only of those whose turn has come.
   Result<bool> IsOfUnknownAge(const PruneChoice::Chosen& row) {
-    if (!stamped_before_ns_) return false;
+    if (!timestamp_before_ns_) return false;
     const Result<proto::Record> record = row.table->ReadRecord(database_, row.row.row_id);
     if (!record) return tl::unexpected(record.error());
     return record->is_clock_suspect();
@@ -118,7 +118,7 @@ class Chooser {
   }
 
   Result<void> CountKept(const StreamKey& stream, const IntervalSet& seqs) {
-    if (!stamped_before_ns_) {
+    if (!timestamp_before_ns_) {
       choice_.unacknowledged_count += static_cast<double>(seqs.Count());
       return {};
     }
@@ -131,7 +131,7 @@ class Chooser {
   Result<void> TakeOldest() {
     std::vector<PruneChoice::Chosen> candidates = std::exchange(choice_.rows, {});
     std::sort(candidates.begin(), candidates.end(), [](const PruneChoice::Chosen& a, const PruneChoice::Chosen& b) {
-      return std::tie(a.stamp_ns, a.row.key) < std::tie(b.stamp_ns, b.row.key);
+      return std::tie(a.timestamp_ns, a.row.key) < std::tie(b.timestamp_ns, b.row.key);
     });
     double bytes = 0;
     for (PruneChoice::Chosen& row : candidates) {
@@ -161,7 +161,7 @@ class Chooser {
   const proto::PruneRequest& request_;
   const std::vector<HaveSet> acknowledged_;
   const std::optional<HaveSet> bundled_;  // In bundles for the ground; none: none was ever made.
-  std::optional<std::int64_t> stamped_before_ns_;
+  std::optional<std::int64_t> timestamp_before_ns_;
   HaveSet named_;
   PruneChoice choice_;
 };

@@ -29,7 +29,7 @@ inline constexpr std::size_t kPruneCandidatesMax = 262'144;  // Of more, the old
 struct PruneChoice {
   struct Chosen {
     const RecordTable* table = nullptr;
-    std::int64_t stamp_ns = 0;
+    std::int64_t timestamp_ns = 0;
     RecordTable::Row row;  // Without hash and latest key.
   };
   std::vector<Chosen> rows;

@@ -12,8 +12,8 @@
 #include "actors/storage/disk_guard.h"
 #include "actors/storage/log_check.h"
 #include "actors/storage/prune.h"
-#include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
+#include "actors/storage/record_validator.h"
 #include "actors/storage/role_history.h"
 #include "actors/storage/row_audit.h"
 #include "actors/storage/schema.h"
@@ -99,8 +99,8 @@ class RecordStore::Writing {
     const Result<std::uint64_t> epoch = OwnEpoch();
     if (!epoch) return tl::unexpected(epoch.error());
     const StreamKey stream{store_.options_.self, *epoch, type};
-    const StreamHave& had = store_.ledger_.Get(stream);
-    return RecordKey{stream, std::max(had.held.Max(), had.dropped.Max()) + 1};
+    const StreamHave& covered = store_.ledger_.Get(stream);
+    return RecordKey{stream, std::max(covered.held.Max(), covered.dropped.Max()) + 1};
   }
 
   Result<void> InsertRow(const RecordKey& key, const proto::Record& record, const std::string& content,
@@ -211,7 +211,7 @@ Result<void> RecordStore::WriteDown(proto::EventKind kind, const std::string& te
   return {};
 }
 
-Result<void> RecordStore::WriteDownLastLife(std::int64_t utc_now_ns) {
+Result<void> RecordStore::LogLastRun(std::int64_t utc_now_ns) {
   const Result<std::vector<OwnEvent>> last = ReadOwnEvents(*database_, options_.self, 1);
   if (!last) return tl::unexpected(last.error());
   if (last->empty() && set_aside_.empty()) {
@@ -263,11 +263,11 @@ Result<std::unique_ptr<RecordStore>> RecordStore::OpenFile(const Options& option
   return tl::unexpected(loaded.error());
 }
 
-PeerDoor::Options RecordStore::DoorOptions(const Options& options) {
-  PeerDoor::Options door = options.door;
-  door.self = options.self;
-  door.team = options.team;
-  return door;
+PeerAuthority::Options RecordStore::AuthorityOptions(const Options& options) {
+  PeerAuthority::Options authority = options.authority;
+  authority.self = options.self;
+  authority.team = options.team;
+  return authority;
 }
 
 Result<void> RecordStore::Load() {
@@ -281,15 +281,15 @@ Result<void> RecordStore::Load() {
   for (const auto& [stream, have] : ledger_.have().streams()) {  // Of rows, too, that are damaged.
     if (stream.origin == options_.self) own_epochs_.Learn(stream.epoch);
   }
-  own_epochs_.BeginLife();
+  own_epochs_.NoteStart();
   if (const Result<void> loaded = peer_log_.Load(*database_); !loaded) return loaded;
-  if (const Result<void> loaded = door_.Load(*database_); !loaded) return loaded;
+  if (const Result<void> loaded = authority_.Load(*database_); !loaded) return loaded;
   const Result<std::int64_t> next_row_id = database_->Number("SELECT value FROM meta WHERE name = 'next_row_id'");
   if (!next_row_id) return tl::unexpected(next_row_id.error());
   next_row_id_ = static_cast<std::uint64_t>(*next_row_id);
   if (const Result<void> loaded = write_count_.Load(*database_); !loaded) return loaded;
   if (!options_.is_checked) {
-    if (const Result<void> mended = Mend(); !mended) return mended;
+    if (const Result<void> repaired = Repair(); !repaired) return repaired;
   } else if (!ledger_.is_sound()) {
     return Fail(ErrorCode::kCorrupt, "database " + database_->path() + " is damaged: its have-set");
   }
@@ -299,7 +299,7 @@ Result<void> RecordStore::Load() {
   return history_.Load(*database_, ledger_.have());
 }
 
-Result<void> RecordStore::Mend() {
+Result<void> RecordStore::Repair() {
   const Result<RowAudit> audit = RowAudit::Read(*database_, ledger_, history_, rules_);
   if (!audit) return tl::unexpected(audit.error());
   const bool is_row_id_sound = next_row_id_ > audit->row_id_max() && next_row_id_ <= kRowIdMax;
@@ -310,7 +310,7 @@ Result<void> RecordStore::Mend() {
   }
   Result<Transaction> transaction = Transaction::Begin(*database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  if (const Result<void> done = audit->Mend(*database_, ledger_); !done) return done;
+  if (const Result<void> done = audit->Repair(*database_, ledger_); !done) return done;
   if (const Result<void> done = WriteNextRowId(next_row_id_); !done) return done;
   if (const Result<void> done = transaction->Commit(); !done) return done;
   ledger_.Keep();
@@ -347,7 +347,7 @@ Result<void> RecordStore::TryToWrite() {
 Result<void> RecordStore::CheckOwnRecord(const proto::Record& record) const {
   Result<void> checked = CheckTeamRecord(record, options_.team);
   if (checked) checked = CheckSpeaker(record, options_.self);
-  if (checked && record.has_map_quarantine()) checked = door_.CheckOwnQuarantine(record);
+  if (checked && record.has_map_quarantine()) checked = authority_.CheckOwnQuarantine(record);
   return checked && record.has_custom() ? CheckDeclared(record.custom(), options_.custom_types) : checked;
 }
 
@@ -363,7 +363,7 @@ std::set<std::uint64_t> RecordStore::BelievedEpochs(AgentId peer, const std::set
   for (const std::uint64_t epoch : claimed) {
     if (own_epochs_.IsKnown(epoch)) continue;
     if (!own_epochs_.IsPossible(epoch)) ++rejected_count_;
-    if (own_epochs_.IsPossible(epoch) && door_.IsBelieved(peer)) believed.insert(epoch);
+    if (own_epochs_.IsPossible(epoch) && authority_.IsBelieved(peer)) believed.insert(epoch);
   }
   return believed;
 }
@@ -378,9 +378,9 @@ Result<void> RecordStore::LearnOwnEpochs(AgentId peer, const proto::HaveSet& cla
     std::uint64_t last = 0;
     for (const proto::Interval& interval : stream.held()) last = std::max(last, interval.last());
     for (const proto::Interval& interval : stream.dropped()) last = std::max(last, interval.last());
-    if (last > ledger_.have().Get(key).Had().Max()) beyond.push_back({key, last});
+    if (last > ledger_.have().Get(key).Covered().Max()) beyond.push_back({key, last});
   }
-  door_.NoteOwnBeyond(peer, beyond, is_all);
+  authority_.NoteOwnBeyond(peer, beyond, is_all);
   return LearnOwnEpochs(BelievedEpochs(peer, epochs));
 }
 
@@ -388,26 +388,26 @@ Result<void> RecordStore::LearnOwnEpochs(const std::set<std::uint64_t>& epochs) 
   for (const std::uint64_t epoch : epochs) {
     if (own_epochs_.IsKnown(epoch)) continue;
     own_epochs_.Learn(epoch);
-    is_restate_due_ = true;
+    is_reissue_due_ = true;
   }
   // New records under a lower epoch would count as older than those that peers already have.
   if (epoch_ < own_epochs_.highest()) epoch_ = 0;
-  if (!is_restate_due_) return {};
-  const Result<void> done = Restate();
-  is_restate_due_ = !done;
+  if (!is_reissue_due_) return {};
+  const Result<void> done = Reissue();
+  is_reissue_due_ = !done;
   return done;
 }
 
-Result<void> RecordStore::Restate() {
+Result<void> RecordStore::Reissue() {
   const Result<std::vector<RecordKey>> endangered = FindEndangered();
   if (!endangered) return tl::unexpected(endangered.error());
   if (endangered->empty()) return {};
   Result<Writing> writing = Writing::Begin(*this);
   if (!writing) return tl::unexpected(writing.error());
   for (const RecordKey& key : *endangered) {
-    if (const Result<void> done = RestateOne(key, *writing); !done) return done;
+    if (const Result<void> done = ReissueOne(key, *writing); !done) return done;
   }
-  if (const Result<void> done = writing->Commit(restated_); !done) return done;
+  if (const Result<void> done = writing->Commit(reissued_); !done) return done;
   return {};
 }
 
@@ -430,7 +430,7 @@ Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
     for (const IntervalSet::Interval& interval : newest[stream.type][stream.epoch].intervals()) {
       for (std::uint64_t seq = interval.first; seq <= interval.last; ++seq) {
         // What a peer had, the other disk may have heard of.
-        if (is_guess && peer_log_.IsHadByAny({stream, seq})) continue;
+        if (is_guess && peer_log_.IsCoveredByAny({stream, seq})) continue;
         found.push_back({stream, seq});
       }
     }
@@ -438,7 +438,7 @@ Result<std::vector<RecordKey>> RecordStore::FindEndangered() {
   return found;
 }
 
-Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing) {
+Result<void> RecordStore::ReissueOne(const RecordKey& old_key, Writing& writing) {
   const RecordTable& table = *FindRecordTable(old_key.stream.type);
   const Result<std::optional<RecordTable::Row>> row = table.Find(*database_, old_key);
   if (!row) return tl::unexpected(row.error());
@@ -459,7 +459,7 @@ Result<void> RecordStore::RestateOne(const RecordKey& old_key, Writing& writing)
   return InsertSigned(*key, record, content, writing);
 }
 
-proto::RecordsStored RecordStore::TakeRestated() { return std::exchange(restated_, {}); }
+proto::RecordsStored RecordStore::TakeReissued() { return std::exchange(reissued_, {}); }
 
 Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport& report) {
   if (report.epochs_size() > kEpochReportMax) {
@@ -475,7 +475,7 @@ Result<void> RecordStore::NoteEpochReport(AgentId peer, const proto::EpochReport
     if (!own_epochs_.IsKnown(epoch)) unknown.push_back({{options_.self, epoch, 0}, 0});
   }
   // An epoch that was learnt is known, though nothing of it may have come home.
-  door_.NoteOwnBeyond(peer, unknown, /*is_all=*/false);
+  authority_.NoteOwnBeyond(peer, unknown, /*is_all=*/false);
   return LearnOwnEpochs(BelievedEpochs(peer, {report.epochs().begin(), report.epochs().end()}));
 }
 
@@ -691,7 +691,7 @@ Result<void> RecordStore::InsertSigned(const RecordKey& key, const proto::Record
     return writing.InsertRow(key, record, content, HashRecord(key, content));
   }
   proto::Record signed_record = record;
-  *signed_record.mutable_map_quarantine()->mutable_term() = door_.newest_term();
+  *signed_record.mutable_map_quarantine()->mutable_term() = authority_.newest_term();
   signed_record.mutable_map_quarantine()->set_signature(options_.sign(key, signed_record));
   const std::string signed_content = SerializeRecord(signed_record);
   return writing.InsertRow(key, signed_record, signed_content, HashRecord(key, signed_content));
@@ -709,7 +709,7 @@ void RecordStore::NoteAssignmentsIn(const proto::StoreRequest& request) {
   for (const proto::StoredRecord& stored : request.records()) {
     if (stored.key().data_type() != proto::ROLE_ASSIGNMENT) continue;
     const Result<proto::Record> record = OpenStored(stored, options_.team);
-    if (record) door_.NoteIfSigned(record->role_assignment());
+    if (record) authority_.NoteIfSigned(record->role_assignment());
   }
 }
 
@@ -720,7 +720,7 @@ std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequ
     const RecordKey key = FromProto(stored.key());
     Result<proto::Record> record = OpenStored(stored, options_.team);
     const bool is_forged = key.stream.origin == options_.self && key.stream.epoch == epoch_ && epoch_ != 0 &&
-                           key.seq > ledger_.have().Get(key.stream).Had().Max();
+                           key.seq > ledger_.have().Get(key.stream).Covered().Max();
     if (record && is_forged) record = Fail(ErrorCode::kInvalid, "was never given by this agent", "key.seq");
     if (record && !IsPossible(key.stream)) record = Fail(ErrorCode::kInvalid, "is from the far future", "key.epoch");
     if (record) {
@@ -729,7 +729,7 @@ std::vector<RecordStore::Opened> RecordStore::OpenBrought(const proto::StoreRequ
     }
     if (record) {
       if (const Result<void> stated = CheckSpeaker(*record, key.stream.origin); !stated) {
-        door_.CountStatement(key.stream.origin);
+        authority_.CountStatement(key.stream.origin);
         result.never_valid.push_back(key);
         record = Fail(ErrorCode::kRefused, stated.error().text, stated.error().field);
       }
@@ -766,8 +766,8 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
   const Stored before = result;
   const std::uint64_t rejected_before = rejected_count_;
   const auto store = [&] {
-    const Result<void> learnt = LearnOwnEpochs(own_epochs);
-    return learnt ? StoreAll(request.sender(), opened, dropped, result) : learnt;
+    const Result<void> trained = LearnOwnEpochs(own_epochs);
+    return trained ? StoreAll(request.sender(), opened, dropped, result) : trained;
   };
   std::uint64_t bytes = 0;
   for (const Opened& record : opened) bytes += record.stored->content().size();
@@ -782,22 +782,22 @@ RecordStore::Stored RecordStore::Store(const proto::StoreRequest& request) {
     *result.reply.mutable_error() = ToProto(done.error());
     return result;
   }
-  HaveSet had;
-  for (const StreamKey& stream : touched) had[stream] = ForPeer(stream.type, ledger_.have().Get(stream));
-  for (const RecordKey& key : result.never_valid) had[key.stream].held.Add(key.seq);
-  *result.reply.mutable_had() = ToProto(had);
-  if (result.reply.had().ByteSizeLong() <= kHavePageBytesMax) return result;
+  HaveSet covered;
+  for (const StreamKey& stream : touched) covered[stream] = ForPeer(stream.type, ledger_.have().Get(stream));
+  for (const RecordKey& key : result.never_valid) covered[key.stream].held.Add(key.seq);
+  *result.reply.mutable_covered() = ToProto(covered);
+  if (result.reply.covered().ByteSizeLong() <= kHavePageBytesMax) return result;
   // Whether what the request drops is dropped here the sender need not know.
   HaveSet named;
   for (const Opened& record : opened) named[record.key.stream].held.Add(record.key.seq);
   for (const RecordKey& key : result.never_valid) named[key.stream].held.Add(key.seq);
-  *result.reply.mutable_had() = ToProto(had.Around(named));
+  *result.reply.mutable_covered() = ToProto(covered.Around(named));
   return result;
 }
 
 Result<void> RecordStore::CheckBrought(AgentId sender, const RecordKey& key, const proto::Record& record) {
-  if (record.has_role_assignment()) return door_.CheckAssignment(sender, record.role_assignment());
-  return door_.CheckRecord(sender, key, record);
+  if (record.has_role_assignment()) return authority_.CheckAssignment(sender, record.role_assignment());
+  return authority_.CheckRecord(sender, key, record);
 }
 
 Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& opened, const HaveSet& dropped,
@@ -811,7 +811,7 @@ Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& op
     if (const Result<void> done = StoreOne(sender, record, *room_bytes, *writing, result); !done) return done;
   }
   for (const auto& [stream, have] : dropped.streams()) {
-    if (const Result<void> room = door_.CheckRoom(sender, stream, ledger_); !room) {
+    if (const Result<void> room = authority_.CheckRoom(sender, stream, ledger_); !room) {
       Reject(room.error(), result);
     } else if (const Result<void> done = ApplyDropped(stream, have.dropped, *writing); !done) {
       return done;
@@ -819,14 +819,15 @@ Result<void> RecordStore::StoreAll(AgentId sender, const std::vector<Opened>& op
   }
   if (const Result<void> done = writing->Commit(result.stored); !done) return done;
   for (const Opened& record : opened) {
-    if (record.record.has_role_assignment()) door_.NoteAssignment(record.record.role_assignment(), /*is_record=*/true);
+    if (record.record.has_role_assignment())
+      authority_.NoteAssignment(record.record.role_assignment(), /*is_record=*/true);
   }
   return {};
 }
 
 Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::optional<std::uint64_t> room_bytes,
                                    Writing& writing, Stored& result) {
-  if (const Result<void> room = door_.CheckRoom(sender, opened.key.stream, ledger_); !room) {
+  if (const Result<void> room = authority_.CheckRoom(sender, opened.key.stream, ledger_); !room) {
     Reject(room.error(), result);
     return {};
   }
@@ -858,7 +859,7 @@ Result<void> RecordStore::StoreOne(AgentId sender, const Opened& opened, std::op
   std::uint64_t superseded_bytes = 0;
   for (const RecordTable::Row& row : superseded) superseded_bytes += row.content_bytes;
   if (room_bytes && (superseded.empty() || opened.stored->content().size() > superseded_bytes)) {
-    const Result<void> room = door_.CheckDiskRoom(opened.key.stream.origin, writing.used_bytes(), *room_bytes);
+    const Result<void> room = authority_.CheckDiskRoom(opened.key.stream.origin, writing.used_bytes(), *room_bytes);
     if (!room) {
       Reject(room.error(), result);
       return {};
@@ -884,11 +885,11 @@ Result<void> RecordStore::CheckDropped(AgentId sender, const proto::StreamHave& 
   const IntervalSet& seqs = read->streams().begin()->second.dropped;
   if (!options_.team.count(stream.origin))
     return Fail(ErrorCode::kInvalid, "is not in the team", "dropped.origin_agent");
-  if (const Result<void> checked = door_.CheckOrigin(sender, stream); !checked) return checked;
+  if (const Result<void> checked = authority_.CheckOrigin(sender, stream); !checked) return checked;
   if (stream.epoch == 0) return Fail(ErrorCode::kInvalid, "is missing", "dropped.epoch");
   if (!IsPossible(stream)) return Fail(ErrorCode::kInvalid, "is from the far future", "dropped.epoch");
   const bool is_present_own = stream.origin == options_.self && stream.epoch == epoch_;
-  const std::uint64_t seq_max = is_present_own ? ledger_.have().Get(stream).Had().Max() : kSeqMax;
+  const std::uint64_t seq_max = is_present_own ? ledger_.have().Get(stream).Covered().Max() : kSeqMax;
   if (seqs.Max() > seq_max) return Fail(ErrorCode::kInvalid, "names seqs that never were", "dropped.dropped");
   accepted[stream].dropped.Add(seqs);
   return {};
@@ -901,10 +902,10 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
   IntervalSet superseded = never_held;
   const RecordKey newest = ledger_.NewestHeld(stream.origin, stream.type);
   // Term and run, which a drop does not tell, may put its record below any that is held.
-  const bool is_order_told = !IsVersioned(stream.type);
-  if (newest.seq == 0 || (is_order_told && newest.stream.epoch < stream.epoch)) {
+  const bool is_order_known = !IsVersioned(stream.type);
+  if (newest.seq == 0 || (is_order_known && newest.stream.epoch < stream.epoch)) {
     superseded = IntervalSet();
-  } else if (is_order_told && newest.stream.epoch == stream.epoch) {
+  } else if (is_order_known && newest.stream.epoch == stream.epoch) {
     IntervalSet not_older;
     not_older.Add({newest.seq, kSeqMax});
     superseded = never_held.Minus(not_older);
@@ -935,7 +936,7 @@ Result<void> RecordStore::ApplyDropped(const StreamKey& stream, const IntervalSe
 
 StreamHave RecordStore::ForPeer(DataType type, const StreamHave& have) const {
   const bool is_pruned = !rules_.MayBeDropped(type) && !have.dropped.is_empty();
-  if (rules_.IsLatest(type) || is_pruned) return {.held = {}, .dropped = have.Had()};
+  if (rules_.IsLatest(type) || is_pruned) return {.held = {}, .dropped = have.Covered()};
   return have;
 }
 
@@ -960,9 +961,10 @@ proto::HaveReply RecordStore::GetHave(const proto::HaveRequest& request) const {
 Result<proto::MissingReply> RecordStore::GetMissing(const proto::MissingRequest& request) {
   // A disk that takes nothing now keeps nobody from getting what is there: what is endangered is stored once more
   // before the first record of a later epoch comes home.
-  const Result<void> learnt = LearnOwnEpochs(request.destination(), request.destination_have(), /*is_all=*/false);
-  if (!learnt && learnt.error().code == ErrorCode::kCorrupt) return tl::unexpected(learnt.error());
-  return FindMissing(*database_, ledger_.have(), rules_, door_.IsBelieved(options_.self), MarkedBy(request), request);
+  const Result<void> trained = LearnOwnEpochs(request.destination(), request.destination_have(), /*is_all=*/false);
+  if (!trained && trained.error().code == ErrorCode::kCorrupt) return tl::unexpected(trained.error());
+  return FindMissing(*database_, ledger_.have(), rules_, authority_.IsBelieved(options_.self), MarkedBy(request),
+                     request);
 }
 
 const HaveSet* RecordStore::MarkedBy(const proto::MissingRequest& request) {
@@ -1020,14 +1022,14 @@ Result<proto::RecordsStored> RecordStore::SaveRoles(const proto::SaveRolesReques
   const Result<bool> added = AddRoles(*database_, roles);
   if (!added) return tl::unexpected(added.error());
   const bool has_role = roles.leader() == options_.self || roles.survivor() == options_.self;
-  for (const proto::RoleAssignment& before : request.chain()) door_.NoteAssignment(before, /*is_record=*/false);
-  door_.NoteAssignment(roles, /*is_record=*/false);
+  for (const proto::RoleAssignment& before : request.chain()) authority_.NoteAssignment(before, /*is_record=*/false);
+  authority_.NoteAssignment(roles, /*is_record=*/false);
   std::vector<proto::RoleAssignment> records;
-  if (*added && has_role) records = door_.NotHeldAsRecords(roles);
+  if (*added && has_role) records = authority_.NotHeldAsRecords(roles);
   std::reverse(records.begin(), records.end());
   for (const proto::RoleAssignment& before : records) {
     proto::Record record;
-    record.set_stamp_ns(before.stamp_ns());
+    record.set_timestamp_ns(before.timestamp_ns());
     *record.mutable_role_assignment() = before;
     proto::RecordKey key;
     const Result<void> done = InsertOne(record, SerializeRecord(record), /*is_local=*/false, *writing, key);
@@ -1035,7 +1037,7 @@ Result<proto::RecordsStored> RecordStore::SaveRoles(const proto::SaveRolesReques
   }
   proto::RecordsStored stored;
   if (const Result<void> done = writing->Commit(stored); !done) return tl::unexpected(done.error());
-  for (const proto::RoleAssignment& before : records) door_.NoteAssignment(before, /*is_record=*/true);
+  for (const proto::RoleAssignment& before : records) authority_.NoteAssignment(before, /*is_record=*/true);
   return stored;
 }
 
@@ -1053,8 +1055,8 @@ Result<bool> RecordStore::NotePeerHave(const proto::PeerHave& note) {
   const bool speaks_of_self =
       origins.empty() || std::find(origins.begin(), origins.end(), options_.self) != origins.end();
   const bool is_all = note.has_acknowledged() && !note.is_difference() && speaks_of_self;
-  const Result<void> learnt = LearnOwnEpochs(note.peer(), note.acknowledged(), is_all);
-  if (!learnt) return tl::unexpected(learnt.error());
+  const Result<void> trained = LearnOwnEpochs(note.peer(), note.acknowledged(), is_all);
+  if (!trained) return tl::unexpected(trained.error());
   return peer_log_.Note(*database_, note);
 }
 

@@ -46,7 +46,7 @@
 #include "actors/storage/history.h"
 #include "actors/storage/missing_records.h"
 #include "actors/storage/own_epochs.h"
-#include "actors/storage/peer_door.h"
+#include "actors/storage/peer_authority.h"
 #include "actors/storage/peer_log.h"
 #include "actors/storage/record_tables.h"
 #include "actors/storage/sharing_rules.h"
@@ -79,9 +79,9 @@ class RecordStore {
     std::uint64_t bytes_max = 0;    // Of the file; 0: as the disk allows.
     // When the tables take so much no own map is taken (kFull), so that maps leave room for states; 0: no limit.
     std::uint64_t map_store_bytes_max = 0;
-    bool is_checked = false;  // This process opened it before: it is not read through again (1 ms a MB).
-    History::Rules history;   // What of own superseded records is kept; by default nothing.
-    PeerDoor::Options door;   // Whose word is taken; `self` and `team` are filled in. By default everybody's.
+    bool is_checked = false;           // This process opened it before: it is not read through again (1 ms a MB).
+    History::Rules history;            // What of own superseded records is kept; by default nothing.
+    PeerAuthority::Options authority;  // Whose word is taken; `self` and `team` are filled in. By default everybody's.
     // This agent's signature of an own record that anybody may bring; none in a team without signing keys.
     std::function<std::string(const RecordKey&, const proto::Record&)> sign;
   };
@@ -104,7 +104,7 @@ class RecordStore {
   // Once, as a process starts and before its actors run: writes down, as events, what this opening found damaged and
   // whether the process before ended without stopping. A damaged file that an opening set aside which came to nothing
   // more is found, too: nobody has written down anything in the store that followed it.
-  Result<void> WriteDownLastLife(std::int64_t utc_now_ns);
+  Result<void> LogLastRun(std::int64_t utc_now_ns);
   // As a process ends that was asked to, after all else: so that the next one finds nothing to write down.
   Result<void> WriteDownStop(std::int64_t utc_now_ns);
   // As in actors/storage/findings.h.
@@ -140,7 +140,7 @@ class RecordStore {
   proto::EpochReport ReportEpochs(AgentId origin) const;
   static constexpr int kEpochReportMax = 64;
   // What was restated since the last call, in whichever call that was.
-  proto::RecordsStored TakeRestated();
+  proto::RecordsStored TakeReissued();
 
   // Errors: kInvalid for a malformed have-set, else as Database.
   Result<proto::MissingReply> GetMissing(const proto::MissingRequest& request);
@@ -150,10 +150,12 @@ class RecordStore {
   // stored as a record of its own too, with what it follows and nobody's record holds: whoever it brings other agents'
   // records to must know that it may.
   Result<proto::RecordsStored> SaveRoles(const proto::SaveRolesRequest& request);
-  // As PeerDoor::NoteLeftOut.
-  void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) { door_.NoteLeftOut(reader, report); }
+  // As PeerAuthority::NoteLeftOut.
+  void NoteLeftOut(const std::string& reader, const proto::LeftOutReport& report) {
+    authority_.NoteLeftOut(reader, report);
+  }
   // What peers sent and was refused, by peer.
-  void DescribeRefused(proto::AgentStatus& status) const { door_.Describe(ledger_.have(), status); }
+  void DescribeRefused(proto::AgentStatus& status) const { authority_.Describe(ledger_.have(), status); }
   Result<proto::LoadRolesReply> LoadRoles();
   // As PeerLog::Note.
   Result<bool> NotePeerHave(const proto::PeerHave& note);
@@ -201,12 +203,12 @@ class RecordStore {
         rules_{options_.self, options_.policies, options_.custom_types, options_.for_ground},
         database_(std::move(database)),
         history_(options_.self, options_.history),
-        door_(DoorOptions(options_)),
+        authority_(AuthorityOptions(options_)),
         random_(options_.seed) {}
-  static PeerDoor::Options DoorOptions(const Options& options);
+  static PeerAuthority::Options AuthorityOptions(const Options& options);
   Result<void> Load();
-  Result<void> Mend();   // What a read through of all rows finds wrong.
-  Result<void> Claim();  // For this agent; trouble of the disk is only noted where it is its file already.
+  Result<void> Repair();  // What a read through of all rows finds wrong.
+  Result<void> Claim();   // For this agent; trouble of the disk is only noted where it is its file already.
   Result<proto::PruneReply> PruneHistory(const proto::PruneRequest& request, std::int64_t utc_now_ns);
   Result<void> WriteNextRowId(std::uint64_t row_id);
   Result<std::uint64_t> UsedByRecords();  // Bytes of pages.
@@ -220,9 +222,9 @@ class RecordStore {
   // of this agent's own records.
   Result<void> LearnOwnEpochs(AgentId peer, const proto::HaveSet& claimed, bool is_all);
   std::set<std::uint64_t> BelievedEpochs(AgentId peer, const std::set<std::uint64_t>& claimed);
-  Result<void> Restate();
+  Result<void> Reissue();
   Result<std::vector<RecordKey>> FindEndangered();
-  Result<void> RestateOne(const RecordKey& old_key, Writing& writing);
+  Result<void> ReissueOne(const RecordKey& old_key, Writing& writing);
   bool IsPossible(const StreamKey& stream) const;  // Not of an own epoch that cannot be.
 
   Result<void> InsertAll(const proto::InsertRequest& request, const std::vector<std::string>& contents,
@@ -268,13 +270,13 @@ class RecordStore {
   std::map<std::pair<AgentId, proto::SharingKind>, Mark> marks_;  // By destination and kind.
   History history_;
   PeerLog peer_log_;
-  PeerDoor door_;
+  PeerAuthority authority_;
   WriteCount write_count_;
   std::mt19937_64 random_;
   std::uint64_t epoch_ = 0;  // 0: the next shared insert begins one.
   OwnEpochs own_epochs_;
-  bool is_restate_due_ = false;  // Since an epoch was learnt that may endanger states.
-  proto::RecordsStored restated_;
+  bool is_reissue_due_ = false;  // Since an epoch was learnt that may endanger states.
+  proto::RecordsStored reissued_;
   std::uint64_t next_row_id_ = 1;
   std::uint64_t rejected_count_ = 0;
   std::uint64_t pruned_count_ = 0;

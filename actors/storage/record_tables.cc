@@ -57,14 +57,14 @@ RecordTable::RecordTable(const TypeTable* table)
 
 void RecordTable::MakeSql(const std::string& type, const std::vector<std::string>& columns) {
   sql_.insert =
-      "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content";
+      "INSERT INTO " + name_ + "(row_id, origin, epoch, seq, timestamp_ns, latest_key, natural_key, hash, content";
   for (const std::string& column : columns) sql_.insert += ", " + column;
   sql_.insert += ") VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?";
   for (std::size_t i = 0; i < columns.size(); ++i) sql_.insert += ", ?";
   sql_.insert += ")";
   sql_.copy_to_history =
-      "INSERT INTO history(data_type, row_id, epoch, seq, stamp_ns, latest_key, hash, fields, content) SELECT " + type +
-      ", row_id, epoch, seq, stamp_ns, latest_key, hash, " + JsonSql(columns) + ", content FROM " + name_ +
+      "INSERT INTO history(data_type, row_id, epoch, seq, timestamp_ns, latest_key, hash, fields, content) SELECT " +
+      type + ", row_id, epoch, seq, timestamp_ns, latest_key, hash, " + JsonSql(columns) + ", content FROM " + name_ +
       " WHERE row_id = ?";
   sql_.remove = "DELETE FROM " + name_ + " WHERE row_id = ?";
   const bool is_versioned = IsVersioned(type_);
@@ -94,7 +94,7 @@ void RecordTable::MakeSql(const std::string& type, const std::vector<std::string
   }
   sql_.read_after = content + " WHERE row_id > ? ORDER BY row_id";
   sql_.read_newest_first = content + " ORDER BY row_id DESC";
-  sql_.read_heads = "SELECT row_id, seq, stamp_ns, length(content) FROM " + name_ + in_interval + " ORDER BY seq";
+  sql_.read_heads = "SELECT row_id, seq, timestamp_ns, length(content) FROM " + name_ + in_interval + " ORDER BY seq";
   sql_.read_record = "SELECT content FROM " + name_ + " WHERE row_id = ?";
   sql_.read_sizes = "SELECT origin, length(content) FROM " + name_;
   sql_.count_not_shared =
@@ -112,7 +112,7 @@ Result<void> RecordTable::Insert(Database& database, std::uint64_t row_id, const
   } else {
     query << key.stream.epoch << key.seq;
   }
-  query << record.stamp_ns();
+  query << record.timestamp_ns();
   BindLatestKey(latest_key, query);
   query << std::string_view(natural_key) << hash << Blob{content};
   if (table_ == nullptr) {

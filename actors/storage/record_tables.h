@@ -80,7 +80,7 @@ class RecordTable {
                      AgentId agent) const;
   Result<std::uint64_t> CountInterval(Database& database, const StreamKey& stream, std::uint64_t first,
                                       std::uint64_t last, AgentId agent) const;
-  // Columns 0 row_id, 1 seq, 2 stamp_ns, 3 the content's bytes; the contents themselves are not read.
+  // Columns 0 row_id, 1 seq, 2 timestamp_ns, 3 the content's bytes; the contents themselves are not read.
   Query ReadHeads(Database& database, const StreamKey& stream, std::uint64_t first, std::uint64_t last) const;
   // kNotFound where there is none.
   Result<proto::Record> ReadRecord(Database& database, std::uint64_t row_id) const;

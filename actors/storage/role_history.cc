@@ -31,8 +31,8 @@ Result<bool> AddRoles(Database& database, const proto::RoleAssignment& roles) {
   if (!is_newest) return tl::unexpected(is_newest.error());
   if (*is_newest) return false;
   Query insert = database.Prepare(
-      "INSERT INTO role_history(term_number, leader, survivor, stamp_ns, content, hash) VALUES(?, ?, ?, ?, ?, ?)");
-  insert << roles.term().number() << roles.leader() << roles.survivor() << roles.stamp_ns() << Blob{content}
+      "INSERT INTO role_history(term_number, leader, survivor, timestamp_ns, content, hash) VALUES(?, ?, ?, ?, ?, ?)");
+  insert << roles.term().number() << roles.leader() << roles.survivor() << roles.timestamp_ns() << Blob{content}
          << HashOf(content);
   if (const Result<void> done = insert.Run(); !done) return tl::unexpected(done.error());
   Query forget =

@@ -62,7 +62,7 @@ void RowAudit::TakeDropped(const HaveSet& in_file, const SharingRules& rules) {
   }
 }
 
-Result<void> RowAudit::Mend(Database& database, HaveLedger& ledger) const {
+Result<void> RowAudit::Repair(Database& database, HaveLedger& ledger) const {
   for (const auto& [table, row_id] : damaged_rows_) {
     if (const Result<void> done = table->Delete(database, row_id); !done) return done;
   }

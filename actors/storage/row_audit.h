@@ -33,7 +33,7 @@ class RowAudit {
 
   // Inside the caller's transaction: removes what is damaged and lets the have-set be have(); HaveLedger::Keep follows
   // the commit.
-  Result<void> Mend(Database& database, HaveLedger& ledger) const;
+  Result<void> Repair(Database& database, HaveLedger& ledger) const;
 
   // One sentence for each kind of damage, for the event log.
   std::vector<std::string> Findings() const;

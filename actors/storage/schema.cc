@@ -31,14 +31,14 @@ CREATE TABLE handed_over(
   PRIMARY KEY(peer, origin, epoch, data_type, seq)) STRICT, WITHOUT ROWID;
 CREATE TABLE role_history(
   row_id INTEGER PRIMARY KEY, term_number INTEGER NOT NULL, leader INTEGER NOT NULL, survivor INTEGER NOT NULL,
-  stamp_ns INTEGER NOT NULL, content BLOB NOT NULL, hash INTEGER NOT NULL) STRICT;
+  timestamp_ns INTEGER NOT NULL, content BLOB NOT NULL, hash INTEGER NOT NULL) STRICT;
 CREATE TABLE own_epoch(epoch INTEGER PRIMARY KEY, hash INTEGER NOT NULL) STRICT;
 CREATE TABLE written(day INTEGER PRIMARY KEY, bytes INTEGER NOT NULL) STRICT;
 CREATE TABLE downlink_bundle(
   number INTEGER PRIMARY KEY, made_ns INTEGER NOT NULL, record_count INTEGER NOT NULL, bytes INTEGER NOT NULL,
   hash INTEGER NOT NULL, have BLOB NOT NULL, file BLOB) STRICT;
 CREATE TABLE history(
-  data_type INTEGER NOT NULL, row_id INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
+  data_type INTEGER NOT NULL, row_id INTEGER NOT NULL, epoch INTEGER, seq INTEGER, timestamp_ns INTEGER NOT NULL,
   latest_key ANY NOT NULL, hash INTEGER NOT NULL, fields TEXT NOT NULL, content BLOB NOT NULL,
   PRIMARY KEY(data_type, row_id)) STRICT, WITHOUT ROWID;
 INSERT INTO meta VALUES('next_row_id', 1);
@@ -48,7 +48,7 @@ INSERT INTO meta VALUES('next_row_id', 1);
 constexpr char kCustomTables[] = R"sql(
 CREATE TABLE custom_type(data_type INTEGER PRIMARY KEY, name TEXT NOT NULL) STRICT;
 CREATE TABLE custom_record(
-  row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
+  row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, timestamp_ns INTEGER NOT NULL,
   latest_key BLOB NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL,
   data_type INTEGER NOT NULL, metadata TEXT NOT NULL, payload_at INTEGER NOT NULL, payload_bytes INTEGER NOT NULL,
   content BLOB NOT NULL,
@@ -88,7 +88,7 @@ CREATE VIEW v_node_pose AS
     SELECT *, row_number() OVER (PARTITION BY node_agent, node_index
       ORDER BY term_number < 0 DESC, term_number DESC, term_issuer DESC, term_issuer_epoch < 0 DESC,
         term_issuer_epoch DESC, run < 0 DESC, run DESC, row_id DESC) AS place FROM optimized_pose)
-  SELECT raw.node_agent, raw.node_index, raw.stamp_ns, best.row_id IS NOT NULL AS is_optimized,
+  SELECT raw.node_agent, raw.node_index, raw.timestamp_ns, best.row_id IS NOT NULL AS is_optimized,
     COALESCE(best.x, raw.x) AS x, COALESCE(best.y, raw.y) AS y, COALESCE(best.z, raw.z) AS z,
     COALESCE(best.qx, raw.qx) AS qx, COALESCE(best.qy, raw.qy) AS qy, COALESCE(best.qz, raw.qz) AS qz,
     COALESCE(best.qw, raw.qw) AS qw
@@ -99,11 +99,11 @@ CREATE VIEW v_node_pose AS
 CREATE VIEW v_custom_record AS
   SELECT r.row_id, r.data_type, COALESCE(t.name, 'type_' || r.data_type) AS type, r.origin AS agent_id,
     CASE WHEN r.seq IS NOT NULL THEN printf('%d.%016x.%d.%d', r.origin, r.epoch, r.data_type, r.seq) END AS record_id,
-    r.stamp_ns, r.latest_key, r.metadata, r.payload
+    r.timestamp_ns, r.latest_key, r.metadata, r.payload
   FROM custom_record r LEFT JOIN custom_type t ON t.data_type = r.data_type;
 
 CREATE VIEW v_event AS
-  SELECT row_id, origin AS agent_id, stamp_ns,
+  SELECT row_id, origin AS agent_id, timestamp_ns,
     CASE kind WHEN 1 THEN 'started' WHEN 2 THEN 'command' WHEN 3 THEN 'roles' WHEN 4 THEN 'restart'
       WHEN 5 THEN 'sharing' WHEN 6 THEN 'rejected' WHEN 7 THEN 'damage' WHEN 8 THEN 'lost' WHEN 9 THEN 'stopped'
       WHEN 10 THEN 'acknowledged' ELSE 'unknown' END AS kind, text, given_by
@@ -115,7 +115,7 @@ constexpr char kHistoryView[] = R"sql(
 CREATE VIEW v_history AS
   SELECT h.row_id, h.data_type, $TYPE AS type, own.value AS agent_id,
     CASE WHEN h.seq IS NOT NULL THEN printf('%d.%016x.%d.%d', own.value, h.epoch, h.data_type, h.seq) END AS record_id,
-    h.stamp_ns, h.latest_key, h.fields,
+    h.timestamp_ns, h.latest_key, h.fields,
     substr(h.content, json_extract(h.fields, '$.payload_at') + 1, json_extract(h.fields, '$.payload_bytes')) AS payload
   FROM history h CROSS JOIN meta own LEFT JOIN custom_type t ON t.data_type = h.data_type
   WHERE own.name = 'own_agent';
@@ -123,7 +123,7 @@ CREATE VIEW v_history AS
 
 // Around the columns of a built-in type's own.
 constexpr char kTableHead[] = R"sql((
-  row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, stamp_ns INTEGER NOT NULL,
+  row_id INTEGER PRIMARY KEY, origin INTEGER NOT NULL, epoch INTEGER, seq INTEGER, timestamp_ns INTEGER NOT NULL,
   latest_key TEXT NOT NULL, natural_key TEXT NOT NULL, hash INTEGER NOT NULL,
   )sql";
 constexpr char kTableEnd[] = R"sql(,
@@ -147,7 +147,7 @@ std::string TableSql(const TypeTable& table) {
 std::string SharedRecordSql() {
   std::string sql = "CREATE VIEW shared_record AS";
   const auto add = [&sql](const std::string& type, const std::string& table) {
-    sql += "\n  SELECT " + type + ", row_id, origin, epoch, seq, stamp_ns FROM " + table + " WHERE seq IS NOT NULL";
+    sql += "\n  SELECT " + type + ", row_id, origin, epoch, seq, timestamp_ns FROM " + table + " WHERE seq IS NOT NULL";
   };
   for (const TypeTable& table : TypeTables()) {
     add(std::to_string(table.type) + " AS data_type", DataTypeName(table.type));

@@ -23,7 +23,7 @@ namespace moondb {
 // A store says in SQLite's header that it is one (application_id) and of which version (user_version). Whoever changes
 // a table, an index, a view or what a column means raises the version, and docs/COMPATIBILITY.md says what else.
 inline constexpr std::int64_t kStoreApplicationId = 0x6D6F6F6E;  // "moon"
-inline constexpr int kStoreVersion = 2;
+inline constexpr int kStoreVersion = 3;
 
 // Whether the file is new, or a store of this version with its tables, indexes and views; others beside them are the
 // user's own. Changes nothing. kRefused: a store of another version, or another program's. kCorrupt: a damaged

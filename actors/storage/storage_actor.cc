@@ -85,10 +85,12 @@ RecordStore::Options StorageActor::StoreOptions(const Options& options) {
     if (SharePolicyOf(options.team, type) != proto::POLICY_LATEST) continue;
     store.history.keep[type] = KeepRuleOf(options.team, type);
   }
-  store.door.base = BaseStationOf(options.team);
-  store.door.roles = RoleChainOptions(options.team);
-  store.door.is_signed = [team = options.team](const proto::RoleAssignment& roles) { return IsSigned(team, roles); };
-  store.door.is_record_signed = [team = options.team](const RecordKey& key, const proto::Record& record) {
+  store.authority.base = BaseStationOf(options.team);
+  store.authority.roles = RoleChainOptions(options.team);
+  store.authority.is_signed = [team = options.team](const proto::RoleAssignment& roles) {
+    return IsSigned(team, roles);
+  };
+  store.authority.is_record_signed = [team = options.team](const RecordKey& key, const proto::Record& record) {
     return IsSigned(team, key, record);
   };
   store.sign = options.sign;
@@ -200,7 +202,7 @@ void StorageActor::OnFromPeer(Context& context, const proto::Message& message) {
                               OneLine(ToString(noted.error())));
   }
   if (!noted) Note(context, "a report of epochs", noted.error());
-  PublishRestated(context);
+  PublishReissued(context);
 }
 
 void StorageActor::OnPeerEvent(Context& context, const proto::PeerEvent& event) {
@@ -224,7 +226,7 @@ void StorageActor::OnPeerHave(Context& context, const proto::PeerHave& note) {
     request.mutable_peer_have_request()->set_peer(note.peer());
     Answer(context, std::move(request));
   }
-  PublishRestated(context);
+  PublishReissued(context);
 }
 
 void StorageActor::OnInsert(Context& context, const proto::InsertRequest& request) {
@@ -282,7 +284,7 @@ void StorageActor::OnStore(Context& context, const proto::StoreRequest& request)
   proto::Message reply;
   *reply.mutable_store_reply() = std::move(stored.reply);
   Answer(context, std::move(reply));
-  PublishRestated(context);
+  PublishReissued(context);
   Publish(context, stored.stored);
 }
 
@@ -324,7 +326,7 @@ void StorageActor::OnMissing(Context& context, const proto::MissingRequest& requ
     message.mutable_missing_reply()->set_remaining(1);
   }
   Answer(context, std::move(message));
-  PublishRestated(context);
+  PublishReissued(context);
 }
 
 void StorageActor::OnRead(Context& context, const proto::ReadRequest& request) {
@@ -478,14 +480,14 @@ void StorageActor::OnPrune(Context& context, const proto::PruneRequest& request)
 void StorageActor::Tend(Context& context) {
   if (const Result<void> there = store_->database().CheckInPlace(); !there) return Note(context, "", there.error());
   const bool is_writable = store_->database().access() != Database::Access::kReadOnly;
-  if (!is_writable && !store_->database().IsOnReadOnlyFileSystem()) return OpenAnew(context);
+  if (!is_writable && !store_->database().IsOnReadOnlyFileSystem()) return Reopen(context);
   if (is_writable && !disk_.trouble().empty()) {
     const Result<void> written = store_->TryToWrite();
     NoteWrite(written);
     if (!written) FailIfDamaged(context, written.error());
     // Others may read the file again.
     const bool is_alone = store_->database().access() == Database::Access::kAlone && options_.vfs.empty();
-    if (written && is_alone) return OpenAnew(context);
+    if (written && is_alone) return Reopen(context);
   }
   if (is_writable) DropHistoryWhereShort(disk_, *store_);
   const bool is_reserve_growing = disk_.Tend(store_->database(), context.rng());
@@ -493,7 +495,7 @@ void StorageActor::Tend(Context& context) {
 }
 
 // The rows are the same ones: other actors, which have read on from them, go on.
-void StorageActor::OpenAnew(Context& context) {
+void StorageActor::Reopen(Context& context) {
   spdlog::info("storage: the disk can be written again; opens {} anew", options_.path);
   store_.reset();
   disk_.NoteSuccess();
@@ -600,13 +602,13 @@ bool StorageActor::MoveScrubOn(const proto::VerifyReply& reply) {
   return done == proto::VERIFY_PART_FILE;
 }
 
-void StorageActor::PublishRestated(Context& context) {
-  const proto::RecordsStored restated = store_->TakeRestated();
-  if (restated.last_row_id() == 0) return;
-  restated_log_.Info(
+void StorageActor::PublishReissued(Context& context) {
+  const proto::RecordsStored reissued = store_->TakeReissued();
+  if (reissued.last_row_id() == 0) return;
+  reissued_log_.Info(
       "storage: a peer knows a later epoch of this agent's, of a disk that was lost or put back: newest " +
       std::string("states are stored once more"));
-  Publish(context, restated);
+  Publish(context, reissued);
 }
 
 bool StorageActor::IsClockSuspect(Context& context) {

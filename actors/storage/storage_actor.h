@@ -88,7 +88,7 @@ class StorageActor final : public Actor {
   void Scrub(Context& context);
   bool OpenStore(Context& context);
   void Tend(Context& context);
-  void OpenAnew(Context& context);
+  void Reopen(Context& context);
   Result<void> CheckRoom(DiskGuard::Kind kind);
   // Both write after DiskGuard found room. If the disk is full all the same, they give up the reserve and try again.
   RecordStore::Inserted InsertWhereRoomSeems(const proto::InsertRequest& request);
@@ -110,7 +110,7 @@ class StorageActor final : public Actor {
   void Note(Context& context, const char* what, const Error& error);
   void FailIfDamaged(Context& context, const Error& error);
   void Publish(Context& context, const proto::RecordsStored& stored);
-  void PublishRestated(Context& context);
+  void PublishReissued(Context& context);
   // Whether what is inserted now must be marked.
   bool IsClockSuspect(Context& context);
 
@@ -124,7 +124,7 @@ class StorageActor final : public Actor {
   RateLimitedLog failed_log_;
   RateLimitedLog trouble_log_;
   RateLimitedLog reply_log_;
-  RateLimitedLog restated_log_;
+  RateLimitedLog reissued_log_;
 };
 
 }  // namespace moondb

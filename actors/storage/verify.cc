@@ -1,9 +1,9 @@
 #include "actors/storage/verify.h"
 
 #include "actors/storage/have_ledger.h"
-#include "actors/storage/record_door.h"
 #include "actors/storage/record_pages.h"
 #include "actors/storage/record_tables.h"
+#include "actors/storage/record_validator.h"
 #include "actors/storage/schema.h"
 
 namespace moondb {
@@ -61,7 +61,7 @@ Result<proto::VerifyReply> VerifyRows(Database& database, const HaveSet& have, s
       NoteFinding(record.key(), "its content is not what its hash says", reply);
     }
     if (key.seq != 0 && !have.Get(key.stream).held.Contains(key.seq)) {
-      reply.set_stray_count(reply.stray_count() + 1);
+      reply.set_orphaned_count(reply.orphaned_count() + 1);
       NoteFinding(record.key(), "there is a row, but it is not held", reply);
     }
   }

@@ -37,12 +37,12 @@ bool IsSafe(const std::string& endpoint) {
 
 Result<LocalEndpoint> FindLocalEndpoint(const TeamFile& team, const proto::AgentConfig& agent) {
   LocalEndpoint found;
-  std::string told;  // By the process itself.
+  std::string reported;  // By the process itself.
   if (const auto folder = FindDataFolder(DefaultDataRoot(team.folder), team.config, agent)) {
     std::error_code error;
     found.was_here = std::filesystem::exists(*folder / kDatabaseFile, error);
     found.pid = OwnerOf(*folder);
-    if (found.pid != 0) told = ReadEndpoint(*folder);
+    if (found.pid != 0) reported = ReadEndpoint(*folder);
   }
   const auto try_at = [&found](const std::string& endpoint) {
     const int error = ProbeLocalSocket(endpoint.substr(kIpc.size()));
@@ -50,7 +50,7 @@ Result<LocalEndpoint> FindLocalEndpoint(const TeamFile& team, const proto::Agent
     found.was_here = found.was_here || error != ENOENT;
     return error;
   };
-  if (IsSafe(told) && try_at(told) == 0) return found;
+  if (IsSafe(reported) && try_at(reported) == 0) return found;
   std::optional<Error> first_error;
   int worst = 0;
   const auto folders = RunFolders();
@@ -67,7 +67,7 @@ Result<LocalEndpoint> FindLocalEndpoint(const TeamFile& team, const proto::Agent
     found.why = WhyNot(agent.name(), endpoint->substr(kIpc.size()), error);
   }
   if (first_error) return tl::unexpected(*first_error);
-  if (found.pid != 0) found.why = WhyNot(agent.name(), found.pid, told);
+  if (found.pid != 0) found.why = WhyNot(agent.name(), found.pid, reported);
   return found;
 }
 

@@ -68,9 +68,9 @@ std::string FormatSeconds(double seconds) {
   return Format("%.1f %s", seconds / 3600, "h");
 }
 
-std::string FormatUtc(std::int64_t stamp_ns) {
-  if (stamp_ns == 0) return "-";
-  const auto seconds = static_cast<std::time_t>(stamp_ns / 1'000'000'000);
+std::string FormatUtc(std::int64_t timestamp_ns) {
+  if (timestamp_ns == 0) return "-";
+  const auto seconds = static_cast<std::time_t>(timestamp_ns / 1'000'000'000);
   std::tm utc{};
   char text[64];
   if (gmtime_r(&seconds, &utc) == nullptr) return "-";

@@ -35,7 +35,7 @@ std::string FormatBytes(double bytes);
 // "35 s", "4 min", "2.5 h".
 std::string FormatSeconds(double seconds);
 // "2026-11-21 14:54:33 UTC", of nanoseconds since 1970; "-" for 0, which stands for no time.
-std::string FormatUtc(std::int64_t stamp_ns);
+std::string FormatUtc(std::int64_t timestamp_ns);
 // With so many digits behind the point: "0.34".
 std::string FormatFixed(double value, int digits);
 // A count that came as a double: "12".

@@ -229,12 +229,12 @@ void AddDbCommands(Command& app, CommandContext& context) {
       .AddOption("--type", prune_arguments->types,
                  "Of this data type; may be repeated. The pose graph and quarantines go only where named")
       .TypeName("DATATYPE");
-  Option& beaten_maps = prune.AddFlag("--beaten-maps", prune_arguments->beaten_maps,
-                                      "Maps that win no cell of the merged map, only these");
+  Option& occluded_maps = prune.AddFlag("--occluded-maps", prune_arguments->occluded_maps,
+                                        "Maps that win no cell of the merged map, only these");
   prune
       .AddFlag("--history", prune_arguments->is_history,
                "Superseded states that its own robot keeps, only these; nobody else has them")
-      .Excludes(beaten_maps);
+      .Excludes(occluded_maps);
   prune.AddOption("--max-mb", prune_arguments->megabytes_max, "Until so much is removed (MB), oldest first")
       .TypeName("MB")
       .Within(0.001, 1e9);

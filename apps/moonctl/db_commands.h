@@ -19,7 +19,7 @@ ExitCode CompareStores(CommandContext& context, const std::string& first, const 
 struct PruneArguments {
   std::string older_than;  // "30d", "12h"; empty: of any age.
   std::vector<std::string> types;
-  bool beaten_maps = false;
+  bool occluded_maps = false;
   bool is_history = false;
   double megabytes_max = 0;  // 0: no limit.
   bool is_dry_run = false;

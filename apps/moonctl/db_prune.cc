@@ -18,7 +18,7 @@ constexpr auto kAgeMax = std::chrono::milliseconds(static_cast<std::int64_t>(kPr
 Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomTypes& custom_types) {
   proto::PruneOrder order;
   order.set_is_dry_run(arguments.is_dry_run);
-  order.set_beaten_maps(arguments.beaten_maps);
+  order.set_occluded_maps(arguments.occluded_maps);
   order.set_is_history(arguments.is_history);
   if (!arguments.older_than.empty()) {
     const auto age = ParseDuration(arguments.older_than, kAgeMax);
@@ -34,10 +34,10 @@ Result<proto::PruneOrder> OrderOf(const PruneArguments& arguments, const CustomT
     order.add_data_types(*type);
   }
   order.set_content_bytes_max(arguments.megabytes_max * kMegabyte);
-  const bool is_limited = order.older_than_s() > 0 || order.beaten_maps() || order.is_history() ||
+  const bool is_limited = order.older_than_s() > 0 || order.occluded_maps() || order.is_history() ||
                           !order.data_types().empty() || order.content_bytes_max() > 0;
   if (is_limited) return order;
-  return Fail(ErrorCode::kInvalid, "of what? Give --older-than, --type, --beaten-maps, --history or --max-mb");
+  return Fail(ErrorCode::kInvalid, "of what? Give --older-than, --type, --occluded-maps, --history or --max-mb");
 }
 
 std::string PrunedText(const proto::PruneReply& reply, bool is_dry_run, const CustomTypes& custom_types) {

@@ -16,7 +16,7 @@ struct Verification {
   double held = 0;
   double damaged = 0;
   double missing = 0;
-  double stray = 0;
+  double orphaned = 0;
   double file_check_s = 0;  // Storage answered nobody else meanwhile.
   double total_s = 0;
   std::size_t findings_count = 0;     // At most as many as there is damage: agents name the first of many.
@@ -54,7 +54,7 @@ Result<void> VerifyOnePart(Client& client, proto::VerifyPart part, const std::fu
     (part == proto::VERIFY_PART_HELD ? found.held : found.rows) += reply->checked_count();
     found.damaged += reply->damaged_count();
     found.missing += reply->missing_count();
-    found.stray += reply->stray_count();
+    found.orphaned += reply->orphaned_count();
     for (const proto::VerifyFinding& finding : reply->findings()) found.Note(finding);
     progress();
     if (reply->is_complete()) return {};
@@ -85,7 +85,7 @@ Result<Verification> VerifyStore(Client& client) {
 
 void WriteVerification(const Verification& found, JsonWriter& json) {
   json.Key("is_sound").Bool(found.is_sound()).Key("rows").Number(found.rows).Key("held").Number(found.held);
-  json.Key("damaged").Number(found.damaged).Key("missing").Number(found.missing).Key("stray").Number(found.stray);
+  json.Key("damaged").Number(found.damaged).Key("missing").Number(found.missing).Key("orphaned").Number(found.orphaned);
   json.Key("file_check_s").Number(found.file_check_s).Key("total_s").Number(found.total_s);
   json.Key("findings").BeginArray();
   for (const std::string& finding : found.findings) json.String(finding);
@@ -115,7 +115,7 @@ ExitCode VerifyStores(CommandContext& context) {
     if (found) {
       is_any_damaged = is_any_damaged || !found->is_sound();
       table.Add({agent->name(), FormatCount(found->rows), FormatCount(found->damaged), FormatCount(found->missing),
-                 FormatCount(found->stray), FormatFixed(found->file_check_s, 2) + " s",
+                 FormatCount(found->orphaned), FormatFixed(found->file_check_s, 2) + " s",
                  FormatFixed(found->total_s, 2) + " s", found->is_sound() ? "sound" : "DAMAGED"});
       WriteVerification(*found, json);
       findings += FindingsText(agent->name(), *found);

@@ -39,8 +39,8 @@ ExitCode FollowRecords(CommandContext& context, Client& client, proto::ReadReque
     const auto page = feed.Next(kWait);
     if (!page && page.error().code != ErrorCode::kTimedOut) return context.Report(page.error());
     if (!page) {  // A radio that lost a frame, or an agent at work: said once.
-      const bool is_told = std::exchange(is_late, true);
-      if (!is_told) std::fprintf(stderr, "moonctl: %s; going on\n", ToString(page.error()).c_str());
+      const bool is_reported = std::exchange(is_late, true);
+      if (!is_reported) std::fprintf(stderr, "moonctl: %s; going on\n", ToString(page.error()).c_str());
       continue;
     }
     is_late = false;

@@ -114,7 +114,7 @@ std::string SolveText(const proto::TeamConfig& team, const proto::OptimizeReply&
       FormatCount(solve.range_count()) + " ranges (" + FormatCount(solve.rejected_range_count()) + " rejected)\ncost " +
       FormatFixed(solve.initial_cost(), 2) + " to " + FormatFixed(solve.final_cost(), 2) + " in " +
       FormatCount(solve.iterations()) + " iterations, " + FormatFixed(solve.seconds(), 3) +
-      " s, begun at: " + solve.beginning() + "; " + FormatCount(solve.updated_pose_count()) + " poses written\n";
+      " s, begun at: " + solve.initial_values() + "; " + FormatCount(solve.updated_pose_count()) + " poses written\n";
   if (!solve.text().empty()) text += solve.text() + "\n";
   Table table({"ROVER", "NODES", "ANCHORED", "ODOMETRY SCALE", "NOTE"});
   for (const proto::RoverSolution& rover : solve.rovers()) {

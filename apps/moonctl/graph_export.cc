@@ -44,7 +44,7 @@ HeldGraph Arrange(const KnownGraph& known, bool is_optimized) {
     held.waiting_edge_count +=
         std::erase_if(edges, [&](const auto& edge) { return !keys.contains(edge.from) || !keys.contains(edge.to); });
     std::sort(edges.begin(), edges.end(), [](const auto& a, const auto& b) {
-      return std::tie(a.from, a.to, a.stamp_ns) < std::tie(b.from, b.to, b.stamp_ns);
+      return std::tie(a.from, a.to, a.timestamp_ns) < std::tie(b.from, b.to, b.timestamp_ns);
     });
   };
   std::sort(held.graph.nodes.begin(), held.graph.nodes.end(),
@@ -91,11 +91,11 @@ Result<Pyfg> ToLetters(const proto::TeamConfig& team, const PoseGraph& graph) {
 
 // `named` has the ranges under the names that the other file uses.
 std::string VerdictsText(const HeldGraph& held, const Pyfg& named) {
-  std::string text = "from,to,stamp_s,range_m,variance_m2,verdict,residual_sigmas\n";
+  std::string text = "from,to,timestamp_s,range_m,variance_m2,verdict,residual_sigmas\n";
   for (std::size_t i = 0; i < held.graph.ranges.size(); ++i) {
     const RangeEdge& range = named.graph.ranges[i];
     const PublishedVerdict* verdict = held.verdicts[i];
-    text += FormatKey(range.from) + "," + FormatKey(range.to) + "," + FormatStampNs(range.stamp_ns) + "," +
+    text += FormatKey(range.from) + "," + FormatKey(range.to) + "," + FormatTimestampNs(range.timestamp_ns) + "," +
             FormatDouble(range.range_m) + "," + FormatDouble(range.variance_m2) + "," +
             (verdict == nullptr || verdict->is_inlier ? "accepted" : "rejected") + "," +
             (verdict == nullptr ? "" : FormatDouble(verdict->residual_sigmas)) + "\n";
@@ -167,7 +167,7 @@ GraphFiles TumFiles(const proto::TeamConfig& team, const HeldGraph& held, const 
   std::map<AgentId, std::vector<TumPose>> tracks;
   std::map<AgentId, std::size_t> optimized_counts;
   for (const GraphNode& node : held.graph.nodes) {
-    tracks[node.key.agent].push_back({node.stamp_ns, node.map_from_node});
+    tracks[node.key.agent].push_back({node.timestamp_ns, node.map_from_node});
     optimized_counts[node.key.agent] += held.optimized.contains(node.key) ? 1 : 0;
   }
   GraphFiles made;

@@ -73,7 +73,7 @@ class Importer {
       }
       GraphNode node;
       node.key = *key;
-      node.stamp_ns = landmark.stamp_ns.value_or(0);
+      node.timestamp_ns = landmark.timestamp_ns.value_or(0);
       node.map_from_node.position_m = landmark.position_m;
       known_.insert(*key);
       Add(base_, ToRecord(node), import_.node_count);

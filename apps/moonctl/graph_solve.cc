@@ -1,6 +1,6 @@
 #include <chrono>
 
-#include "actors/pgo/plain_solver.h"
+#include "actors/pgo/standalone_solver.h"
 #include "apps/common/json_writer.h"
 #include "apps/common/table.h"
 #include "apps/moonctl/command.h"
@@ -55,7 +55,7 @@ Result<NodeKey> G2oKey(const std::string& text) {
 }
 
 // With the nodes named by `fixed` standing at their vertices.
-Result<PlainGraph> ToPlain(GraphFile& file, const std::vector<std::string>& fixed) {
+Result<StandaloneGraph> ToPlain(GraphFile& file, const std::vector<std::string>& fixed) {
   std::set<NodeKey> keys;
   for (const std::string& text : fixed) {
     const Result<NodeKey> key = file.is_g2o ? G2oKey(text) : PyfgKey(text);
@@ -63,7 +63,7 @@ Result<PlainGraph> ToPlain(GraphFile& file, const std::vector<std::string>& fixe
     if (file.is_g2o) file.g2o.fixed.push_back(key->index);
     keys.insert(*key);
   }
-  PlainGraph graph = file.is_g2o ? ToPlainGraph(file.g2o) : ToPlainGraph(file.pyfg, keys);
+  StandaloneGraph graph = file.is_g2o ? ToStandaloneGraph(file.g2o) : ToStandaloneGraph(file.pyfg, keys);
   for (const NodeKey& key : keys) {
     const bool is_there = std::any_of(graph.nodes.begin(), graph.nodes.end(),
                                       [&key](const PlainNode& node) { return node.key == key && node.is_fixed; });
@@ -73,7 +73,7 @@ Result<PlainGraph> ToPlain(GraphFile& file, const std::vector<std::string>& fixe
 }
 
 // The file again, at the solved poses.
-Result<void> WriteSolved(GraphFile file, const PlainGraph& graph, const PlainSolution& solution,
+Result<void> WriteSolved(GraphFile file, const StandaloneGraph& graph, const PlainSolution& solution,
                          const std::string& out) {
   std::map<NodeKey, Pose> poses;
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) poses[graph.nodes[i].key] = solution.poses[i];
@@ -99,7 +99,7 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   options.thread_count = arguments.threads;
   const auto begin = std::chrono::steady_clock::now();
   const PlainSolution solution =
-      arguments.starts_at_vertices ? SolveFromVertices(*graph, options) : SolvePlainGraph(*graph, options);
+      arguments.starts_at_vertices ? SolveFromVertices(*graph, options) : SolveStandaloneGraph(*graph, options);
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   if (!solution.has_converged) {
     return context.Report(Error{ErrorCode::kInternal, "no solution: " + solution.text, arguments.file});
@@ -114,13 +114,13 @@ ExitCode SolveFile(CommandContext& context, const SolveArguments& arguments) {
   json.BeginObject().Key("nodes").Number(static_cast<double>(graph->nodes.size()));
   json.Key("edges").Number(static_cast<double>(edges));
   json.Key("ranges").Number(static_cast<double>(graph->ranges.size()));
-  json.Key("cost").Number(solution.cost).Key("initialisation").String(ToString(solution.beginning));
+  json.Key("cost").Number(solution.cost).Key("initialisation").String(ToString(solution.initial_values));
   json.Key("iterations").Number(solution.iterations).Key("seconds").Number(seconds);
   json.Key("text").String(solution.text).EndObject();
   std::string text = std::to_string(graph->nodes.size()) + " nodes, " + std::to_string(edges) + " edges, " +
                      std::to_string(graph->ranges.size()) + " ranges\ncost " + FormatDouble(solution.cost) + " after " +
                      std::to_string(solution.iterations) + " iterations, " + FormatFixed(seconds, 3) +
-                     " s; begun at: " + ToString(solution.beginning);
+                     " s; begun at: " + ToString(solution.initial_values);
   if (!solution.text.empty()) text += "\n" + solution.text;
   if (!arguments.out.empty()) text += "\nwrote " + arguments.out;
   return context.Done(json.text(), text);

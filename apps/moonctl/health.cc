@@ -17,7 +17,7 @@
 namespace moondb {
 namespace {
 
-constexpr std::uint64_t kChangesOfAReignMax = 1000;
+constexpr std::uint64_t kRevisionsOfAnEraMax = 1000;
 
 using Findings = std::vector<std::string>;
 
@@ -50,8 +50,8 @@ void JudgeRoles(const proto::TeamConfig& team, const proto::AgentStatus& status,
   } else if (status.agent_id() == newest.leader() && newest.survivor() == 0) {
     findings.push_back("leads without a designated survivor");
   }
-  if (ChangeOf(newest.term()) >= kChangesOfAReignMax && !newest.signature().empty()) {
-    findings.push_back("the roles changed " + FormatCount(static_cast<double>(ChangeOf(newest.term()))) +
+  if (RevisionOf(newest.term()) >= kRevisionsOfAnEraMax && !newest.signature().empty()) {
+    findings.push_back("the roles changed " + FormatCount(static_cast<double>(RevisionOf(newest.term()))) +
                        " times since an operator's word, and who joins has to fetch each: give moonctl role set once");
   }
   if (newest.leader() == 0) findings.push_back("knows of no leader of team " + team.team());
@@ -89,7 +89,7 @@ void JudgePeers(const proto::TeamConfig& team, const proto::AgentStatus& status,
 
 void JudgeSelf(const proto::AgentStatus& status, Findings& findings) {
   for (const proto::HealthFinding& finding : status.findings()) {
-    findings.push_back(FormatUtc(finding.stamp_ns()) + ": " + OneLine(finding.text(), kEventTextBytesMax) +
+    findings.push_back(FormatUtc(finding.timestamp_ns()) + ": " + OneLine(finding.text(), kEventTextBytesMax) +
                        " (not acknowledged)");
   }
   if (!status.storage().clock_suspect().empty()) {

@@ -77,7 +77,7 @@ Result<Acknowledged> AcknowledgeAt(Client& client) {
   std::int64_t until_ns = 0;
   for (const proto::HealthFinding& finding : status->findings()) {
     acknowledged.findings.push_back(finding);
-    until_ns = std::max<std::int64_t>(until_ns, finding.stamp_ns());
+    until_ns = std::max<std::int64_t>(until_ns, finding.timestamp_ns());
   }
   for (const proto::RefusedFrom& refused : status->refused()) {
     if (refused.cause() == proto::REFUSAL_CAUSE_COMMAND) acknowledged.refused_commands += refused.count();
@@ -109,7 +109,7 @@ ExitCode AcknowledgeHealth(CommandContext& context) {
     }
     const auto findings = acknowledged ? acknowledged->findings : std::vector<proto::HealthFinding>();
     for (const proto::HealthFinding& finding : findings) {
-      const std::string text = FormatUtc(finding.stamp_ns()) + ": " + OneLine(finding.text(), kEventTextBytesMax);
+      const std::string text = FormatUtc(finding.timestamp_ns()) + ": " + OneLine(finding.text(), kEventTextBytesMax);
       table.Add({agent->name(), text});
       json.String(text);
     }

@@ -15,7 +15,7 @@ std::map<Series, std::vector<Holding>> HoldingsOf(const std::vector<HaveSet>& ha
     for (std::size_t i = 0; i < haves.size(); ++i) {
       const StreamHave& own = haves[i].Get(stream);
       const std::uint64_t held = own.held.Count();
-      const std::uint64_t lacking = of_anybody.held.Minus(own.Had()).Count();
+      const std::uint64_t lacking = of_anybody.held.Minus(own.Covered()).Count();
       if (held == 0 && lacking == 0) continue;
       std::vector<Holding>& row = holdings[SeriesOf(stream)];
       row.resize(haves.size());

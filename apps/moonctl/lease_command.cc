@@ -66,7 +66,7 @@ void AddLeaseCommands(Command& app, CommandContext& context) {
   Command& drive = app.AddSubcommand("drive", "Tell an agent (-a) that its robot drives: nothing bulky is shared then");
   drive.RequireSubcommand();
   Command& on = AddCommand(drive, "on", "From now on, for so long at most", {"moonctl -a rover2 drive on --for 40"});
-  on.AddOption("--for", arguments->duration, "Lapses by itself then: 40 (seconds), 10m, 2h")
+  on.AddOption("--for", arguments->duration, "Expires by itself then: 40 (seconds), 10m, 2h")
       .TypeName("DURATION")
       .Required();
   on.Callback([act] { act(proto::LEASE_KIND_DRIVING); });

@@ -40,14 +40,14 @@ Result<std::vector<LoggedEvent>> EventsOf(const proto::ReadReply& page) {
 
 std::vector<std::string> RowOf(const proto::TeamConfig& team, const LoggedEvent& event) {
   const proto::AgentEvent& body = event.record.agent_event();
-  return {FormatUtc(event.record.stamp_ns()), AgentName(team, event.agent), EventKindName(body.kind()),
+  return {FormatUtc(event.record.timestamp_ns()), AgentName(team, event.agent), EventKindName(body.kind()),
           OneLine(body.by().empty() ? body.text() : body.text() + " (" + body.by() + ")", 1024)};
 }
 
 std::string JsonOf(const proto::TeamConfig& team, const LoggedEvent& event) {
   const proto::AgentEvent& body = event.record.agent_event();
   JsonWriter json;
-  json.BeginObject().Key("utc").String(FormatUtc(event.record.stamp_ns()));
+  json.BeginObject().Key("utc").String(FormatUtc(event.record.timestamp_ns()));
   json.Key("agent").String(AgentName(team, event.agent)).Key("kind").String(EventKindName(body.kind()));
   json.Key("text").String(body.text()).Key("by").String(body.by());
   json.Key("is_clock_suspect").Bool(event.record.is_clock_suspect()).EndObject();
@@ -93,7 +93,7 @@ ExitCode ShowLog(CommandContext& context, const LogArguments& arguments) {
   for (const LoggedEvent& event : *events) last_row_id = std::max(last_row_id, event.row_id);
   // An event that was heard of late stands where it happened.
   std::stable_sort(events->begin(), events->end(), [](const LoggedEvent& a, const LoggedEvent& b) {
-    return std::pair(a.record.stamp_ns(), a.row_id) < std::pair(b.record.stamp_ns(), b.row_id);
+    return std::pair(a.record.timestamp_ns(), a.row_id) < std::pair(b.record.timestamp_ns(), b.row_id);
   });
 
   Table table({"TIME", "AGENT", "EVENT", "WHAT"});

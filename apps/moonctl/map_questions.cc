@@ -46,7 +46,7 @@ std::vector<std::string> ObservationRow(const proto::TeamConfig& team, const pro
   if (said.is_clock_suspect()) remark += std::string(remark.empty() ? "" : ", ") + "clock suspect";
   return {ValueName(said.value()),
           AgentName(team, said.record().origin_agent()),
-          FormatUtc(said.stamp_ns()),
+          FormatUtc(said.timestamp_ns()),
           std::to_string(said.level()),
           FormatDouble(said.resolution_um() / 1e6),
           node,
@@ -63,15 +63,15 @@ ExitCode AskWhy(CommandContext& context, const Place& place) {
   std::string text = "the cell at " + PlaceText(why->cell_x_m(), why->cell_y_m()) + " is " + ValueName(why->value()) +
                      " at " + target->agent->name();
   if (why->observations().empty()) return context.Print(ExitCode::kDone, ToJson(*why), text + ": no map knows it");
-  Table table({"SAYS", "AGENT", "STAMP", "LEVEL", "CELL M", "NODE", "AT", "MAP"});
+  Table table({"SAYS", "AGENT", "TIME", "LEVEL", "CELL M", "NODE", "AT", "MAP"});
   for (const proto::MapObservation& said : why->observations()) table.Add(ObservationRow(team, said));
   text += "; who stands above stands first:\n" + table.Text();
   if (why->left_out_count() > 0) text += "and " + FormatCount(why->left_out_count()) + " more\n";
   return context.Print(ExitCode::kDone, ToJson(*why), text);
 }
 
-std::string SpanText(std::int64_t stamp_ns) {
-  return stamp_ns == kBeginning || stamp_ns == kEndOfTime ? "-" : FormatUtc(stamp_ns);
+std::string SpanText(std::int64_t timestamp_ns) {
+  return timestamp_ns == kBeginning || timestamp_ns == kEndOfTime ? "-" : FormatUtc(timestamp_ns);
 }
 
 std::string QuarantinesText(const proto::TeamConfig& team, const proto::MapStatsReply& stats) {
@@ -111,7 +111,7 @@ ExitCode ShowStats(CommandContext& context) {
   return context.Print(ExitCode::kDone, ToJson(*stats), text);
 }
 
-Result<std::int64_t> StampOf(const std::string& text, std::int64_t missing, const char* option) {
+Result<std::int64_t> TimestampOf(const std::string& text, std::int64_t missing, const char* option) {
   if (text.empty()) return missing;
   const auto time = ParseUtc(text);
   if (time) return std::chrono::duration_cast<std::chrono::nanoseconds>(time->time_since_epoch()).count();
@@ -123,7 +123,7 @@ Result<proto::Record> MakeQuarantine(CommandContext& context, const QuarantineAr
     return Fail(ErrorCode::kInvalid, "expected --agent NAME, or --lift ID of one that map stats shows");
   }
   proto::Record record;
-  record.set_stamp_ns(UtcNowNs());
+  record.set_timestamp_ns(UtcNowNs());
   proto::MapQuarantine& quarantine = *record.mutable_map_quarantine();
   quarantine.set_reason(arguments.reason);
   if (!arguments.lift.empty()) {
@@ -136,9 +136,9 @@ Result<proto::Record> MakeQuarantine(CommandContext& context, const QuarantineAr
   if (!team) return tl::unexpected(team.error());
   auto agent = AgentNamed((*team)->config, arguments.agent);
   if (!agent) return tl::unexpected(agent.error());
-  const Result<std::int64_t> from = StampOf(arguments.from, kBeginning, "--from");
+  const Result<std::int64_t> from = TimestampOf(arguments.from, kBeginning, "--from");
   if (!from) return tl::unexpected(from.error());
-  const Result<std::int64_t> to = StampOf(arguments.to, kEndOfTime, "--to");
+  const Result<std::int64_t> to = TimestampOf(arguments.to, kEndOfTime, "--to");
   if (!to) return tl::unexpected(to.error());
   if (*from > *to) return Fail(ErrorCode::kInvalid, "lies before --from", "--to");
   quarantine.set_agent_id((*agent)->id());

@@ -56,7 +56,7 @@ void AddPauseCommands(Command& sync, CommandContext& context) {
   Command& pause =
       AddCommand(sync, "pause", "Nothing bulky is shared with any agent, or with -a, until it lapses or sync resume",
                  {"moonctl sync pause --for 10m"});
-  pause.AddOption("--for", *length, "Lapses by itself then: 40 (seconds), 10m, 2h; at most 24 h")
+  pause.AddOption("--for", *length, "Expires by itself then: 40 (seconds), 10m, 2h; at most 24 h")
       .TypeName("DURATION")
       .DefaultShown();
   pause.Callback([&context, length] {

@@ -79,7 +79,7 @@ ExitCode InsertRecord(CommandContext& context, const RecordArguments& arguments)
   if (!team) return context.Report(team.error());
   auto record = MakeRecord(**team, arguments);
   if (!record) return context.Report(record.error());
-  record->set_stamp_ns(UtcNowNs());
+  record->set_timestamp_ns(UtcNowNs());
   auto target = ConnectToChosen(context);
   if (!target) return context.Report(target.error());
   auto keys = target->client->Insert({*record}, arguments.is_local);
@@ -137,7 +137,7 @@ ExitCode FollowList(CommandContext& context, Client& client, proto::ReadRequest 
         }
         const std::string key = stored.key().seq() == 0 ? "(local)" : ToString(FromProto(stored.key()));
         return key + "  " + DataTypeName(stored.key().data_type(), team.custom_types()) + "  " +
-               AgentName(team, stored.key().origin_agent()) + "  " + FormatStampNs(record.stamp_ns());
+               AgentName(team, stored.key().origin_agent()) + "  " + FormatTimestampNs(record.timestamp_ns());
       });
 }
 
@@ -166,7 +166,7 @@ ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) 
   auto page = target->client->Read(request);
   if (!page) return context.Report(page.error());
 
-  Table table({"KEY", "TYPE", "ORIGIN", "STAMP", "BYTES"});
+  Table table({"KEY", "TYPE", "ORIGIN", "TIME", "BYTES"});
   JsonWriter json;
   json.BeginObject().Key("records").BeginArray();
   for (const proto::StoredRecord& stored : page->records()) {
@@ -177,7 +177,7 @@ ExitCode ListRecords(CommandContext& context, const RecordArguments& arguments) 
     WriteRecord(stored, record, custom_types, json);
     table.Add({stored.key().seq() == 0 ? "(local)" : ToString(FromProto(stored.key())),
                DataTypeName(stored.key().data_type(), custom_types),
-               AgentName((*team)->config, stored.key().origin_agent()), FormatStampNs(record.stamp_ns()),
+               AgentName((*team)->config, stored.key().origin_agent()), FormatTimestampNs(record.timestamp_ns()),
                std::to_string(stored.content().size())});
   }
   json.EndArray().EndObject();

@@ -70,7 +70,7 @@ ExitCode ShowHistory(CommandContext& context) {
   Table table({"TERM", "BY", "LEADER", "SURVIVOR", "WHEN", "REASON"});
   for (const proto::RoleAssignment& roles : shown->history()) {
     table.Add({TermText(roles.term()), AgentName(team, roles.term().issuer()), AgentName(team, roles.leader()),
-               AgentName(team, roles.survivor()), FormatUtc(roles.stamp_ns()), roles.reason()});
+               AgentName(team, roles.survivor()), FormatUtc(roles.timestamp_ns()), roles.reason()});
   }
   return context.Done(ToJson(*shown), table.Text());
 }

@@ -38,7 +38,7 @@ Result<std::string> CheckStore(const StorageActor::Options& options) {
   store_options.seed = std::uint64_t{entropy()} << 32 | entropy();
   auto store = RecordStore::Open(std::move(store_options));
   if (!store) return tl::unexpected(store.error());
-  const Result<void> written = (*store)->WriteDownLastLife(UtcNowNs());
+  const Result<void> written = (*store)->LogLastRun(UtcNowNs());
   if (!written) spdlog::warn("how the process before ended is not written down: {}", ToString(written.error()));
   return (*store)->set_aside();
 }
@@ -100,7 +100,8 @@ class Agent::Impl {
     MakeSystem();
     if (auto running = Run(); !running) return running;
     // For clients whose environment is another one; a full disk keeps nobody from starting.
-    if (auto told = WriteEndpoint(options_.data_folder, endpoint_); !told) spdlog::warn("{}", ToString(told.error()));
+    if (auto reported = WriteEndpoint(options_.data_folder, endpoint_); !reported)
+      spdlog::warn("{}", ToString(reported.error()));
     return {};
   }
 
@@ -167,7 +168,7 @@ class Agent::Impl {
     options.gateway.version = options_.version;
     options.gateway.pid = static_cast<std::uint32_t>(::getpid());
     options.gateway.merge_backend = [this] { return ToString(merge_backend_); };
-    options.gateway.door = [this] { return transport_->Door(); };  // It stands while actors run.
+    options.gateway.listener = [this] { return transport_->Listener(); };  // It stands while actors run.
     for (const OwnActor& actor : options_.own_actors) options.gateway.own_actors.insert(actor.name);
     return options;
   }

@@ -30,7 +30,7 @@ enum ExitCode : int { kStopped = 0, kFailed = 1, kUsage = 2, kBeyondHelp = 70 };
 constexpr unsigned kStopSecondsMax = 5;
 
 // libzmq ends the process where it may open no more files. 16 times the connections that a door lets in to an agent of
-// the largest team (runtime/transport/door_guard.h) are far below, those at their handshake included.
+// the largest team (runtime/transport/connection_limiter.h) are far below, those at their handshake included.
 constexpr rlim_t kOpenFilesLeast = 8'192;
 constexpr int kLargeBufferBytes = 4 * 1024 * 1024;
 constexpr rlim_t kOpenFilesWanted = 65'536;

@@ -50,7 +50,7 @@ std::vector<OdometryEdge> MeasureOdometry(const std::vector<GraphNode>& true_nod
         options.tilt_share * yaw_sigma_rad, yaw_sigma_rad;
     Eigen::Matrix<double, 6, 1> noise;
     for (int k = 0; k < 6; ++k) noise[k] = sigmas[k] * random.Normal();
-    OdometryEdge edge{true_nodes[i - 1].key, true_nodes[i].key, true_nodes[i].stamp_ns, step, Matrix6d::Zero()};
+    OdometryEdge edge{true_nodes[i - 1].key, true_nodes[i].key, true_nodes[i].timestamp_ns, step, Matrix6d::Zero()};
     edge.from_from_to.position_m = step.position_m * scale + noise.head<3>();
     edge.from_from_to.orientation = (step.orientation * SmallTurn(noise.tail<3>())).normalized();
     edge.covariance.diagonal() = sigmas.cwiseAbs2();

@@ -110,7 +110,7 @@ class Maker {
     Pose raw = agent.start;
     for (std::size_t node = 0; node < true_nodes.size(); ++node) {
       if (node > 0) raw = raw * steps[node - 1].from_from_to;
-      mission.graph.nodes.push_back({true_nodes[node].key, true_nodes[node].stamp_ns, raw});
+      mission.graph.nodes.push_back({true_nodes[node].key, true_nodes[node].timestamp_ns, raw});
     }
     mission.graph.odometry.insert(mission.graph.odometry.end(), steps.begin(), steps.end());
     mission.agents.push_back(std::move(agent));

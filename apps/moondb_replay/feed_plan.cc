@@ -7,51 +7,51 @@
 namespace moondb {
 namespace {
 
-proto::Record AwakeState(std::int64_t stamp_ns) {
+proto::Record AwakeState(std::int64_t timestamp_ns) {
   proto::Record record;
-  record.set_stamp_ns(stamp_ns);
+  record.set_timestamp_ns(timestamp_ns);
   record.mutable_awake_status()->set_is_awake(true);
   return record;
 }
 
-proto::Record ModeState(std::int64_t stamp_ns, bool is_base_station) {
+proto::Record ModeState(std::int64_t timestamp_ns, bool is_base_station) {
   proto::Record record;
-  record.set_stamp_ns(stamp_ns);
+  record.set_timestamp_ns(timestamp_ns);
   record.mutable_mode()->set_activity(is_base_station ? proto::ACTIVITY_IDLE : proto::ACTIVITY_EXPLORING);
   return record;
 }
 
 void AddGraph(const Mission& mission, AgentId agent, const TimeSpan& span, std::vector<proto::Record>& records) {
   for (const GraphNode& node : mission.graph.nodes) {
-    if (node.key.agent == agent && span.Contains(node.stamp_ns)) records.push_back(ToRecord(node));
+    if (node.key.agent == agent && span.Contains(node.timestamp_ns)) records.push_back(ToRecord(node));
   }
   for (const OdometryEdge& edge : mission.graph.odometry) {
-    if (edge.from.agent == agent && span.Contains(edge.stamp_ns)) records.push_back(ToRecord(edge));
+    if (edge.from.agent == agent && span.Contains(edge.timestamp_ns)) records.push_back(ToRecord(edge));
   }
   for (const RangeEdge& edge : mission.graph.ranges) {
-    if (edge.from.agent == agent && span.Contains(edge.stamp_ns)) records.push_back(ToRecord(edge));
+    if (edge.from.agent == agent && span.Contains(edge.timestamp_ns)) records.push_back(ToRecord(edge));
   }
 }
 
 void AddStates(const Mission& mission, AgentId agent, std::vector<proto::Record>& records) {
   if (records.empty()) return;
-  const auto earliest = std::min_element(records.begin(), records.end(),
-                                         [](const auto& a, const auto& b) { return a.stamp_ns() < b.stamp_ns(); });
-  const std::int64_t stamp_ns = earliest->stamp_ns();
+  const auto earliest = std::min_element(
+      records.begin(), records.end(), [](const auto& a, const auto& b) { return a.timestamp_ns() < b.timestamp_ns(); });
+  const std::int64_t timestamp_ns = earliest->timestamp_ns();
   const bool is_base = std::any_of(mission.agents.begin(), mission.agents.end(), [agent](const MissionAgent& known) {
     return known.id == agent && known.is_base_station;
   });
-  records.push_back(AwakeState(stamp_ns));
-  records.push_back(ModeState(stamp_ns, is_base));
+  records.push_back(AwakeState(timestamp_ns));
+  records.push_back(ModeState(timestamp_ns, is_base));
 }
 
 Result<void> AddMaps(const Mission& mission, AgentId agent, const TimeSpan& span, std::vector<proto::Record>& records) {
   for (const MissionMap& map : mission.maps) {
-    if (map.agent != agent || !span.Contains(map.stamp_ns)) continue;
+    if (map.agent != agent || !span.Contains(map.timestamp_ns)) continue;
     auto read = ReadMissionMap(mission, map);
     if (!read) return tl::unexpected(read.error());
     proto::Record& record = records.emplace_back();
-    record.set_stamp_ns(map.stamp_ns);
+    record.set_timestamp_ns(map.timestamp_ns);
     *record.mutable_local_traversability_map() = ToProto(*read);
   }
   return {};
@@ -65,13 +65,13 @@ Result<std::vector<proto::Record>> PlanFeed(const Mission& mission, AgentId agen
   if (auto added = AddMaps(mission, agent, span, records); !added) return tl::unexpected(added.error());
   AddStates(mission, agent, records);
   std::stable_sort(records.begin(), records.end(), [](const proto::Record& a, const proto::Record& b) {
-    return std::pair(a.stamp_ns(), SharingRank(TypeOf(a))) < std::pair(b.stamp_ns(), SharingRank(TypeOf(b)));
+    return std::pair(a.timestamp_ns(), SharingRank(TypeOf(a))) < std::pair(b.timestamp_ns(), SharingRank(TypeOf(b)));
   });
   return records;
 }
 
 std::string FeedKey(const proto::Record& record) {
-  return std::to_string(TypeOf(record)) + " " + std::to_string(record.stamp_ns()) + " " + NaturalKey(record);
+  return std::to_string(TypeOf(record)) + " " + std::to_string(record.timestamp_ns()) + " " + NaturalKey(record);
 }
 
 }  // namespace moondb

@@ -18,7 +18,7 @@ namespace moondb {
 struct TimeSpan {
   std::int64_t from_ns = 0;
   std::int64_t to_ns = 0;
-  bool Contains(std::int64_t stamp_ns) const { return stamp_ns >= from_ns && stamp_ns < to_ns; }
+  bool Contains(std::int64_t timestamp_ns) const { return timestamp_ns >= from_ns && timestamp_ns < to_ns; }
 };
 
 // The agent's own records within `span`: its state at the beginning (awake, exploring), nodes, odometry, ranges, maps.

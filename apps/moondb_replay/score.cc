@@ -55,7 +55,7 @@ Result<Held> ReadHeld(Client& client, const proto::TeamConfig& team) {
       client.ReadAll(request, [&held](const proto::StoredRecord& stored, const proto::Record& record) -> Result<void> {
         auto map = FromProto(record.local_traversability_map());
         if (!map) return tl::unexpected(map.error());
-        held.maps.push_back({FromProto(stored.key()), record.stamp_ns(), std::move(*map)});
+        held.maps.push_back({FromProto(stored.key()), record.timestamp_ns(), std::move(*map)});
         return {};
       });
   if (!read) return tl::unexpected(read.error());
@@ -75,7 +75,7 @@ Result<MergedMap> MergeAt(const proto::TeamConfig& team, const Held& held, const
   for (const HeldMap& map : held.maps) {
     const auto pose = poses.find(map.map.node);
     if (pose == poses.end() || (only != 0 && map.key.stream.origin != only)) continue;
-    maps.push_back({map.key, map.stamp_ns, pose->second, map.map});
+    maps.push_back({map.key, map.timestamp_ns, pose->second, map.map});
   }
   const AgentId base = BaseStationOf(team);
   std::vector<Pose> footprints;

@@ -20,7 +20,7 @@ namespace moondb {
 // One stored map, as the agent holds it.
 struct HeldMap {
   RecordKey key;
-  std::int64_t stamp_ns = 0;
+  std::int64_t timestamp_ns = 0;
   TraversabilityMap map;
 };
 

@@ -18,7 +18,7 @@ Wrong CheckInserted(const proto::InsertRequest& request, const proto::InsertRepl
     const RecordKey key = FromProto(name);
     if (key.stream.origin != facts.self) return ToString(key) + " is another agent's";
     // A state may be superseded already, within the same insert.
-    if (!facts.after.Get(key.stream).Had().Contains(key.seq)) return ToString(key) + " is not there";
+    if (!facts.after.Get(key.stream).Covered().Contains(key.seq)) return ToString(key) + " is not there";
   }
   return std::nullopt;
 }

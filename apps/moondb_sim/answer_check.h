@@ -1,6 +1,7 @@
 // Whether what an agent answered a client with success is so, as far as one instant shows it: the rule answer_true.
 //
-// Pure functions. Other watches look at what lasts: rules.h at inserts, map_watch.h at maps, bundle_watch.h at bundles.
+// Pure functions. Other watches look at what lasts: rules.h at inserts, map_checker.h at maps, bundle_checker.h at
+// bundles.
 #pragma once
 
 #include <optional>

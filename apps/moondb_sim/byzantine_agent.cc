@@ -102,15 +102,15 @@ const std::vector<AttackKind>& AttackKinds() {
 
 std::string RareStateOf(const AttackKind& kind) { return "attack_" + kind.name; }
 
-ByzantineAgent::ByzantineAgent(SimulatedWorld& world, ByzantineWatch& watch)
-    : world_(world), watch_(watch), rng_(~world.options.seed) {}
+ByzantineAgent::ByzantineAgent(SimulatedWorld& world, ByzantineChecker& checker)
+    : world_(world), checker_(checker), rng_(~world.options.seed) {}
 
 void ByzantineAgent::Start() {
   if (world_.byzantine != 0) world_.At(world_.start + kAttackPeriod, [this] { Attack(); });
 }
 
 void ByzantineAgent::Attack() {
-  if (world_.is_quiet || watch_.is_trusted()) return;
+  if (world_.is_quiet || checker_.is_trusted()) return;
   const double part = static_cast<double>(Draw(2000)) / 1000;
   world_.In(std::chrono::duration_cast<Duration>(part * kAttackPeriod), [this] { Attack(); });
   if (!world_.team.is_running(world_.byzantine)) return;
@@ -132,14 +132,14 @@ void ByzantineAgent::OnHandle(const Address& actor, const proto::Message& messag
     return Remember({static_cast<AgentId>(message.hop_sender()), actor.actor}, message);
   }
   if (message.hop_sender() != world_.byzantine || actor.agent == world_.byzantine) return;
-  const auto kind = under_way_.find(ContentHash(message.SerializeAsString()));
-  if (kind != under_way_.end()) world_.rare_states.Count(RareStateOf(Kinds()[kind->second].kind));
+  const auto kind = in_flight_.find(ContentHash(message.SerializeAsString()));
+  if (kind != in_flight_.end()) world_.rare_states.Count(RareStateOf(Kinds()[kind->second].kind));
 }
 
 bool ByzantineAgent::OnRadio(AgentId from, AgentId to, const proto::Message& message) {
   if (world_.byzantine == 0 || from != world_.byzantine) return false;
   if (is_attacking_) {
-    under_way_[ContentHash(message.SerializeAsString())] = kind_;
+    in_flight_[ContentHash(message.SerializeAsString())] = kind_;
   } else {
     Remember({to, message.destination_actor()}, message);
   }
@@ -206,7 +206,7 @@ void ByzantineAgent::Bring(AgentId target, proto::Batch batch) {
 }
 
 void ByzantineAgent::BringRecord(AgentId target, const RecordKey& key, const proto::Record& record) {
-  if (key.stream.origin != world_.byzantine) watch_.OnForged(record);
+  if (key.stream.origin != world_.byzantine) checker_.OnForged(record);
   BringRecords(target, {{key, record}});
 }
 
@@ -239,7 +239,7 @@ void ByzantineAgent::ForgeRecord(AgentId target) {
   if (key->stream.epoch == 0) return;
   if (variant >= 2) {
     key->seq = 1;
-    watch_.OnImpossible(*key);
+    checker_.OnImpossible(*key);
   }
   BringRecord(target, *key, RecordLike(*key));
 }
@@ -250,7 +250,7 @@ void ByzantineAgent::ForgeEvent(AgentId target) {
   if (!key) return;
   key->stream.type = Draw(2) == 0 ? proto::AGENT_EVENT : proto::MAP_QUARANTINE;
   key->seq = kFarSeq + Draw(1000);
-  watch_.OnImpossible(*key);
+  checker_.OnImpossible(*key);
   BringRecord(target, *key, RecordLike(*key));
 }
 
@@ -258,10 +258,10 @@ void ByzantineAgent::ForgePose(AgentId target) {
   RecordKey key{{world_.byzantine, rng_() >> 1, proto::OPTIMIZED_POSE}, 1 + Draw(4)};
   if (Draw(2) == 0) key.stream.origin = static_cast<AgentId>(RolesOf(target).leader());
   if (key.stream.origin == 0) return;
-  if (key.stream.origin != world_.byzantine) watch_.OnImpossible(key);
+  if (key.stream.origin != world_.byzantine) checker_.OnImpossible(key);
   proto::Record record = RecordLike(key);
   proto::Term high = RolesOf(target).term();
-  high.set_number(TermNumber(ReignOf(high) + Draw(1000), ChangeOf(high) + 1));
+  high.set_number(TermNumber(EraOf(high) + Draw(1000), RevisionOf(high) + 1));
   high.set_issuer(key.stream.origin);
   high.set_issuer_epoch(rng_());
   *record.mutable_optimized_pose()->mutable_term() = high;
@@ -274,17 +274,17 @@ void ByzantineAgent::ForgePose(AgentId target) {
     *verdict.mutable_term() = high;
     verdict.set_run(pose.run());
     key.stream.type = proto::EDGE_VERDICT;
-    if (key.stream.origin != world_.byzantine) watch_.OnImpossible(key);
+    if (key.stream.origin != world_.byzantine) checker_.OnImpossible(key);
   }
   BringRecord(target, key, record);
 }
 
-// No store may take the edges (ByzantineWatch), and no reader may use the quarantines.
+// No store may take the edges (ByzantineChecker), and no reader may use the quarantines.
 void ByzantineAgent::Slander(AgentId target) {
   RecordKey key{{world_.byzantine, rng_() >> 1, proto::POSE_GRAPH_EDGE}, 1 + Draw(4)};
   const AgentId victim = DrawHonest();
   proto::Record record;
-  record.set_stamp_ns(world_.ClockOf(victim));
+  record.set_timestamp_ns(world_.ClockOf(victim));
   const std::uint64_t variant = Draw(4);
   if (variant >= 2) {
     key.stream.type = proto::MAP_QUARANTINE;
@@ -293,7 +293,7 @@ void ByzantineAgent::Slander(AgentId target) {
       *record.mutable_map_quarantine()->mutable_lifts() = ToProto(*given);
     } else {
       record.mutable_map_quarantine()->set_agent_id(victim);
-      record.mutable_map_quarantine()->set_to_ns(record.stamp_ns());
+      record.mutable_map_quarantine()->set_to_ns(record.timestamp_ns());
     }
     *record.mutable_map_quarantine()->mutable_term() = RolesOf(target).term();
     return BringRecord(target, key, record);
@@ -317,7 +317,7 @@ void ByzantineAgent::Drop(AgentId target) {
   const std::optional<RecordKey> key = DrawKey(target, victim);
   if (!key) return;
   const RecordKey far{key->stream, kFarSeq + Draw(1000)};
-  watch_.OnImpossible(far);
+  checker_.OnImpossible(far);
   proto::Batch batch;
   batch.set_codec(EncodeBatch({}).codec);
   batch.set_coded(EncodeBatch({}).bytes);
@@ -341,7 +341,7 @@ void ByzantineAgent::Claim(AgentId target) {
   if (!have) return;
   proto::HaveSet claimed;
   for (const auto& [key, stream] : have->streams()) {
-    *claimed.add_streams() = StreamOf(key, 1, Draw(2) == 0 ? stream.Had().Max() : kFarSeq, /*is_dropped=*/false);
+    *claimed.add_streams() = StreamOf(key, 1, Draw(2) == 0 ? stream.Covered().Max() : kFarSeq, /*is_dropped=*/false);
   }
   const bool is_huge = Draw(4) == 0;
   for (int i = 0; i < (is_huge ? kHugeStreams : 1); ++i) {
@@ -401,9 +401,9 @@ proto::RoleAssignment ByzantineAgent::Assignment(AgentId target) {
   const bool has_keys = HasSigningKeys(world_.config);
   const std::uint64_t number = present.term().number();
   proto::RoleAssignment roles;
-  const bool begins_reign = has_keys && Draw(2) == 0;
-  roles.mutable_term()->set_number(begins_reign ? TermNumber(ReignOf(present.term()) + 1 + Draw(100), 0)
-                                                : number + 1 + Draw(100));
+  const bool begins_era = has_keys && Draw(2) == 0;
+  roles.mutable_term()->set_number(begins_era ? TermNumber(EraOf(present.term()) + 1 + Draw(100), 0)
+                                              : number + 1 + Draw(100));
   roles.mutable_term()->set_issuer(world_.byzantine);
   roles.mutable_term()->set_issuer_epoch(rng_() | 1);
   const AgentId other = DrawHonestBut(world_.base);
@@ -456,7 +456,7 @@ proto::ControlRequest ByzantineAgent::DrawOrder(AgentId target) {
       break;
     case 4:
       *request.mutable_insert()->add_records() = RecordLike({{target, 1, proto::POWER}, 1});
-      watch_.OnForged(request.insert().records(0));
+      checker_.OnForged(request.insert().records(0));
       break;
     case 5:
       request.mutable_lease()->set_kind(proto::LEASE_KIND_SLEEPING);
@@ -514,14 +514,14 @@ void ByzantineAgent::JoinAll(AgentId target) {
   std::uint64_t edge_count = 0;
   for (std::uint64_t i = 0; i < kDenseNodes; ++i) {
     proto::Record node;
-    node.set_stamp_ns(world_.ClockOf(target));
+    node.set_timestamp_ns(world_.ClockOf(target));
     node.mutable_pose_graph_node()->mutable_node()->set_agent_id(world_.byzantine);
     node.mutable_pose_graph_node()->mutable_node()->set_index(first_index + i);
     node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m()->set_x(static_cast<double>(i));
     node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
     for (std::uint64_t j = 0; j < i; ++j) {
       proto::Record joins;
-      joins.set_stamp_ns(node.stamp_ns());
+      joins.set_timestamp_ns(node.timestamp_ns());
       proto::PoseGraphEdge& edge = *joins.mutable_pose_graph_edge();
       *edge.mutable_from() = node.pose_graph_node().node();
       edge.mutable_from()->set_index(first_index + j);

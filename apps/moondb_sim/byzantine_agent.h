@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "apps/moondb_sim/byzantine_watch.h"
+#include "apps/moondb_sim/byzantine_checker.h"
 #include "apps/moondb_sim/simulated_world.h"
 
 namespace moondb::proto {
@@ -36,7 +36,7 @@ std::string RareStateOf(const AttackKind& kind);
 class ByzantineAgent {
  public:
   // Nothing ever happens where the world has none.
-  ByzantineAgent(SimulatedWorld& world, ByzantineWatch& watch);
+  ByzantineAgent(SimulatedWorld& world, ByzantineChecker& checker);
 
   void Start();  // Until the world is quiet.
 
@@ -83,14 +83,14 @@ class ByzantineAgent {
   proto::ControlRequest DrawOrder(AgentId target);
 
   SimulatedWorld& world_;
-  ByzantineWatch& watch_;
+  ByzantineChecker& checker_;
   std::mt19937_64 rng_;
   std::size_t kind_ = 0;                                               // Of the attack that is being made.
   bool is_attacking_ = false;                                          // What is sent now is an attack.
   int dense_count_ = 0;                                                // Dense graphs that it has brought.
   std::deque<Seen> seen_;                                              // Messages that its actors handled or sent.
   std::map<std::pair<AgentId, std::string>, std::uint64_t> sessions_;  // That others opened with it, by their actor.
-  std::map<std::uint64_t, std::size_t> under_way_;                     // Kinds of attacks, by hash of the message.
+  std::map<std::uint64_t, std::size_t> in_flight_;                     // Kinds of attacks, by hash of the message.
 };
 
 }  // namespace moondb::simulation

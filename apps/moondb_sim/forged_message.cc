@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "apps/moondb_sim/state_watch.h"
+#include "apps/moondb_sim/state_checker.h"
 #include "proto/types.pb.h"
 
 namespace moondb::simulation {
@@ -22,7 +22,7 @@ proto::Record ForgedRecord(const RecordKey& key, AgentId named, const proto::Ter
                            std::mt19937_64& rng) {
   const auto draw = [&rng](std::uint64_t count) { return rng() % count; };
   proto::Record record;
-  record.set_stamp_ns(clock_ns + static_cast<std::int64_t>(draw(1'000'000'000)));
+  record.set_timestamp_ns(clock_ns + static_cast<std::int64_t>(draw(1'000'000'000)));
   switch (key.stream.type) {
     case proto::POWER:
       record.mutable_power()->set_battery_ratio(static_cast<double>(draw(1'000'000)) / 1e6);
@@ -56,8 +56,8 @@ proto::Record ForgedRecord(const RecordKey& key, AgentId named, const proto::Ter
       break;
     default:
       record.mutable_map_quarantine()->set_agent_id(named);
-      record.mutable_map_quarantine()->set_to_ns(record.stamp_ns());
-      record.mutable_map_quarantine()->set_from_ns(record.stamp_ns() -
+      record.mutable_map_quarantine()->set_to_ns(record.timestamp_ns());
+      record.mutable_map_quarantine()->set_from_ns(record.timestamp_ns() -
                                                    static_cast<std::int64_t>(draw(600)) * 1'000'000'000);
   }
   return record;

@@ -22,8 +22,8 @@ bool IsMapAnswer(const proto::Message& message) {
 const std::vector<RareState>& RareStateKinds() {
   static const std::vector<RareState> kinds = [] {
     std::vector<RareState> all = {
-        {"piece_resumed", "a large record goes on in another session where a cut ended it"},
-        {"piece_after_roles", "it goes on after a change of roles"},
+        {"fragment_resumed", "a large record goes on in another session where a cut ended it"},
+        {"fragment_after_roles", "it goes on after a change of roles"},
         {"roles_at_the_end", "roles change while the last batch of a session is not acknowledged"},
         {"batch_on_bad_disk", "a disk that is full or fails does not take a batch"},
         {"roles_amid_merge", "roles change while a client waits for a map"},
@@ -93,16 +93,16 @@ void RareStates::OnRadio(AgentId from, AgentId to, const proto::Message& message
     return;
   }
   if (message.remaining() == 0) ending_.insert(session);
-  if (message.batch().has_piece()) OnPiece(session, message.batch());
+  if (message.batch().has_fragment()) OnFragment(session, message.batch());
 }
 
-void RareStates::OnPiece(const Session& session, const proto::Batch& batch) {
+void RareStates::OnFragment(const Session& session, const proto::Batch& batch) {
   const auto& [from, actor, to] = session;
-  const Piece now{batch.session_id(), newest_term_[from]};
-  const auto [known, is_new] = pieces_.try_emplace({to, batch.piece().hash()}, now);
-  if (!is_new && batch.piece().first_byte() > 0 && known->second.session_id != now.session_id) {
-    Count("piece_resumed");
-    if (known->second.term < now.term) Count("piece_after_roles");
+  const Fragment now{batch.session_id(), newest_term_[from]};
+  const auto [known, is_new] = fragments_.try_emplace({to, batch.fragment().hash()}, now);
+  if (!is_new && batch.fragment().first_byte() > 0 && known->second.session_id != now.session_id) {
+    Count("fragment_resumed");
+    if (known->second.term < now.term) Count("fragment_after_roles");
   }
   known->second = now;
 }

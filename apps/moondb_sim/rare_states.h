@@ -36,20 +36,20 @@ class RareStates {
 
  private:
   using Session = std::tuple<AgentId, std::string, AgentId>;  // Sender, actor, receiver.
-  struct Piece {
+  struct Fragment {
     std::uint64_t session_id = 0;
     std::uint64_t term = 0;  // Its sender's, when it was sent last.
   };
 
   void OnRoles(const Address& actor, std::uint64_t term);
-  void OnPiece(const Session& session, const proto::Batch& batch);
+  void OnFragment(const Session& session, const proto::Batch& batch);
 
   std::map<std::string, int> counts_;
-  std::map<Address, std::uint64_t> term_of_;                   // That each actor received last.
-  std::map<AgentId, std::uint64_t> newest_term_;               // Of each agent's actors.
-  std::set<Session> ending_;                                   // Their last batches are not acknowledged.
-  std::map<std::pair<AgentId, std::uint64_t>, Piece> pieces_;  // By receiver and hash of the whole.
-  std::map<AgentId, int> merging_;                             // Questions that MergeActor has not answered.
+  std::map<Address, std::uint64_t> term_of_;                         // That each actor received last.
+  std::map<AgentId, std::uint64_t> newest_term_;                     // Of each agent's actors.
+  std::set<Session> ending_;                                         // Their last batches are not acknowledged.
+  std::map<std::pair<AgentId, std::uint64_t>, Fragment> fragments_;  // By receiver and hash of the whole.
+  std::map<AgentId, int> merging_;                                   // Questions that MergeActor has not answered.
   std::map<AgentId, int> solving_;
 };
 

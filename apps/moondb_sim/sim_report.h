@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/moondb_sim/rules.h"
+#include "apps/moondb_sim/invariants.h"
 
 namespace moondb::simulation {
 

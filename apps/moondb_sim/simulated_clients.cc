@@ -21,13 +21,13 @@ constexpr Duration kAskPeriod = seconds(15);  // On average.
 constexpr std::uint64_t kSeveralEvery = 8;    // At one instant, up to kSeveralMax.
 constexpr std::uint64_t kSeveralMax = 5;
 constexpr std::uint64_t kOtherWayEvery = 6;
-constexpr std::uint64_t kSwapAmidPiecesEvery = 2;
+constexpr std::uint64_t kSwapAmidFragmentsEvery = 2;
 constexpr std::uint64_t kSamplesMax = 5;
 constexpr double kWait_s = 15;  // For news; below the gateways' timeout.
 constexpr std::uint64_t kBundleBytesLeast = 1024;
 constexpr std::uint64_t kBundleBytesSpan = 15 * 1024;
-constexpr std::uint64_t kBundleBytesAtRest = 1024 * 1024;
-constexpr int kBundlesAtRestMax = 64;
+constexpr std::uint64_t kBundleBytesWhenIdle = 1024 * 1024;
+constexpr int kBundlesWhenIdleMax = 64;
 constexpr std::uint32_t kPageRecords = 1024;
 
 proto::Record Sample(std::string payload) {
@@ -91,7 +91,7 @@ void SimulatedClients::AskForPage(AgentId agent) {
   request.mutable_read()->set_is_newest_first(world_.rng() % 2 == 0);
   SendAnyWay(agent, request, [this, agent](const Answer& answer) {
     for (const proto::StoredRecord& record : answer.reply.read().records()) {
-      if (record.key().seq() != 0) world_.rules.SeeRecord(FromProto(record.key()), record.content(), agent);
+      if (record.key().seq() != 0) world_.invariants.SeeRecord(FromProto(record.key()), record.content(), agent);
     }
   });
 }
@@ -211,13 +211,13 @@ void SimulatedClients::AskAmidChange(AgentId leader, const proto::ControlRequest
 
 // The survivor has the first piece of a large record, and the leader the others.
 void SimulatedClients::OnRadio(AgentId from, const proto::Message& message) {
-  const bool is_first_piece = message.batch().has_piece() && message.batch().piece().first_byte() == 0;
-  if (!is_first_piece || message.source_actor() != actor_name::kReplica || !world_.Leaders().contains(from)) return;
-  if (world_.is_quiet || world_.rng() % kSwapAmidPiecesEvery != 0) return;
-  world_.In(seconds(0), [this, from] { SwapAmidPieces(from); });
+  const bool is_first_fragment = message.batch().has_fragment() && message.batch().fragment().first_byte() == 0;
+  if (!is_first_fragment || message.source_actor() != actor_name::kReplica || !world_.Leaders().contains(from)) return;
+  if (world_.is_quiet || world_.rng() % kSwapAmidFragmentsEvery != 0) return;
+  world_.In(seconds(0), [this, from] { SwapAmidFragments(from); });
 }
 
-void SimulatedClients::SwapAmidPieces(AgentId leader) {
+void SimulatedClients::SwapAmidFragments(AgentId leader) {
   if (world_.is_quiet) return;
   asks_several_ = true;
   proto::ControlRequest swap;
@@ -241,8 +241,8 @@ void SimulatedClients::AskToPrune(AgentId agent) {
   proto::ControlRequest request;
   proto::PruneOrder& order = *request.mutable_prune();
   order.set_is_dry_run(world_.options.FaultsPerHour(kPrune) <= 0 || world_.rng() % 2 == 0);
-  order.set_beaten_maps(world_.rng() % 2 == 0);
-  if (!order.beaten_maps()) order.set_older_than_s(600 + 1200 * world_.Draw());
+  order.set_occluded_maps(world_.rng() % 2 == 0);
+  if (!order.occluded_maps()) order.set_older_than_s(600 + 1200 * world_.Draw());
   Send(agent, request);
 }
 
@@ -378,15 +378,15 @@ void SimulatedClients::Order(AgentId agent, const proto::DownlinkRequest& order)
 }
 
 void SimulatedClients::OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer) {
-  BundleWatch& watch = bundles_[agent];
+  BundleChecker& checker = bundles_[agent];
   const proto::ControlReply& reply = answer.reply;
   const bool is_unknown = reply.error().code() == proto::ERROR_CODE_NOT_FOUND;
-  if (is_unknown && order.acknowledge() != 0) return Report(agent, watch.OnNotFound(order.acknowledge()));
+  if (is_unknown && order.acknowledge() != 0) return Report(agent, checker.OnNotFound(order.acknowledge()));
   if (IsError(reply.error())) return;
-  if (order.acknowledge() != 0 && watch.OutlivedProcess(order.acknowledge())) {
+  if (order.acknowledge() != 0 && checker.OutlivedProcess(order.acknowledge())) {
     world_.rare_states.Count("bundle_outlives");
   }
-  Report(agent, watch.OnReply(order, reply.downlink(), answer.is_at_once));
+  Report(agent, checker.OnReply(order, reply.downlink(), answer.is_at_once));
   FetchUnknown(agent);
 }
 
@@ -405,45 +405,45 @@ void SimulatedClients::Fetch(AgentId agent, std::uint32_t number, const std::str
     if (static_cast<double>(file.size()) < reply.bundle().bytes() && !reply.part().empty()) {
       return Fetch(agent, number, file);
     }
-    const BundleWatch::Broken broken = bundles_[agent].OnFile(number, file);
+    const BundleChecker::Broken broken = bundles_[agent].OnFile(number, file);
     if (broken) return Report(agent, broken);
     FetchUnknown(agent);
   });
 }
 
-void SimulatedClients::Report(AgentId agent, const BundleWatch::Broken& broken) {
+void SimulatedClients::Report(AgentId agent, const BundleChecker::Broken& broken) {
   if (broken) world_.Violate(broken->first, "agent " + std::to_string(agent) + ": " + broken->second);
 }
 
 // --- At rest ---
 
 // A MergeActor that reads everything anew has to give the map that it followed through the run.
-void SimulatedClients::CheckRest() {
+void SimulatedClients::CheckQuiescent() {
   for (AgentId agent = 1; agent <= world_.base; ++agent) {
     CheckMap(agent);
     world_.team.CrashActor({agent, actor_name::kMerge});
     CheckMap(agent);
   }
-  CheckBundlesAtRest(world_.base);
+  CheckBundlesWhenIdle(world_.base);
 }
 
 // Whatever waits is fetched and acknowledged; what is left is packed.
-void SimulatedClients::CheckBundlesAtRest(AgentId agent) {
-  BundleWatch& watch = bundles_[agent];
+void SimulatedClients::CheckBundlesWhenIdle(AgentId agent) {
+  BundleChecker& checker = bundles_[agent];
   const auto order = [&](std::uint64_t bytes_max, std::uint32_t acknowledge) {
     proto::DownlinkRequest request;
     request.set_bytes_max(bytes_max);
     request.set_acknowledge(acknowledge);
     Order(agent, request);
     // Each file that is fetched is a question more.
-    for (int i = 0; i < kBundlesAtRestMax && (i == 0 || watch.UnknownBundle() != 0); ++i) calls_.Run();
+    for (int i = 0; i < kBundlesWhenIdleMax && (i == 0 || checker.UnknownBundle() != 0); ++i) calls_.Run();
   };
   order(0, 0);
-  for (int i = 0; i < kBundlesAtRestMax && watch.FetchedBundle() != 0; ++i) order(0, watch.FetchedBundle());
-  for (int i = 0; i < kBundlesAtRestMax; ++i) {
-    order(kBundleBytesAtRest, 0);
-    if (watch.FetchedBundle() == 0) break;
-    order(0, watch.FetchedBundle());
+  for (int i = 0; i < kBundlesWhenIdleMax && checker.FetchedBundle() != 0; ++i) order(0, checker.FetchedBundle());
+  for (int i = 0; i < kBundlesWhenIdleMax; ++i) {
+    order(kBundleBytesWhenIdle, 0);
+    if (checker.FetchedBundle() == 0) break;
+    order(0, checker.FetchedBundle());
   }
   HaveSet wanted;
   const std::optional<HaveSet> have = world_.HaveOf(agent);
@@ -451,12 +451,12 @@ void SimulatedClients::CheckBundlesAtRest(AgentId agent) {
   for (const auto& [key, stream] : have->streams()) {
     if (GroundPolicyOf(world_.config, key.type) != proto::POLICY_NONE) wanted[key].held = stream.held;
   }
-  Report(agent, watch.WhyLost(wanted));
+  Report(agent, checker.WhyLost(wanted));
 }
 
 void SimulatedClients::OnAgentEnded(AgentId agent) {
   calls_.Forget(agent);
-  bundles_[agent].OnLifeEnded();
+  bundles_[agent].OnRestart();
 }
 
 }  // namespace moondb::simulation

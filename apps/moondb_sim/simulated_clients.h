@@ -3,16 +3,16 @@
 // change roles, and ask for what is wrong. Mostly one thing at an instant, at times several; now and then through
 // another agent.
 //
-// What is answered is held against what is known then (answer_check.h, map_watch.h, bundle_watch.h).
+// What is answered is held against what is known then (answer_check.h, map_checker.h, bundle_checker.h).
 #pragma once
 
 #include <functional>
 #include <map>
 #include <string>
 
-#include "apps/moondb_sim/bundle_watch.h"
+#include "apps/moondb_sim/bundle_checker.h"
 #include "apps/moondb_sim/client_calls.h"
-#include "apps/moondb_sim/map_watch.h"
+#include "apps/moondb_sim/map_checker.h"
 #include "apps/moondb_sim/simulated_world.h"
 
 namespace moondb::simulation {
@@ -30,7 +30,7 @@ class SimulatedClients {
   void OnDiskLost(AgentId agent) { bundles_[agent].OnDiskLost(); }
 
   // At rest: all agents' maps, and that the base station packs for the ground whatever that wants.
-  void CheckRest();
+  void CheckQuiescent();
 
  private:
   using Answer = ClientCalls::Answer;
@@ -49,7 +49,7 @@ class SimulatedClients {
   void AskForNewTiles(AgentId agent);
   void AskToSolve(AgentId agent);
   void AskToSwap(AgentId agent);
-  void SwapAmidPieces(AgentId leader);
+  void SwapAmidFragments(AgentId leader);
   void AskAmidChange(AgentId leader, const proto::ControlRequest& change);
   void AskForLease(AgentId agent);
   void AskToPrune(AgentId agent);
@@ -68,14 +68,14 @@ class SimulatedClients {
   void OnDownlinkReply(AgentId agent, const proto::DownlinkRequest& order, const Answer& answer);
   void FetchUnknown(AgentId agent);  // Bundles, one after the other.
   void Fetch(AgentId agent, std::uint32_t number, const std::string& begin);
-  void CheckBundlesAtRest(AgentId agent);
-  void Report(AgentId agent, const BundleWatch::Broken& broken);
+  void CheckBundlesWhenIdle(AgentId agent);
+  void Report(AgentId agent, const BundleChecker::Broken& broken);
 
   SimulatedWorld& world_;
   ClientCalls calls_;
   bool asks_several_ = false;  // At this instant: nothing is known of each one's answer.
-  MapWatch maps_;
-  std::map<AgentId, BundleWatch> bundles_;
+  MapChecker maps_;
+  std::map<AgentId, BundleChecker> bundles_;
 };
 
 }  // namespace moondb::simulation

@@ -1,6 +1,6 @@
 #include "apps/moondb_sim/simulated_config.h"
 
-#include "apps/moondb_sim/state_watch.h"
+#include "apps/moondb_sim/state_checker.h"
 
 namespace moondb::simulation {
 namespace {

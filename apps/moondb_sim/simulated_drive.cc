@@ -73,7 +73,7 @@ proto::Record SimulatedDrive::MapHere(AgentId rover) {
     if (!is_large) cell = draw < kHazardRatio ? Cell::kHazard : Cell::kFree;
   }
   proto::Record record;
-  record.set_stamp_ns(world_.ClockOf(rover));
+  record.set_timestamp_ns(world_.ClockOf(rover));
   *record.mutable_local_traversability_map() = ToProto(map);
   return record;
 }

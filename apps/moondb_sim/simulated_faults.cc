@@ -40,7 +40,7 @@ void SimulatedFaults::End() {
 Fault SimulatedFaults::AtHandler(AgentId agent) {
   if (fail_next_ != agent || world_.is_asking) return Fault::kNone;
   fail_next_ = 0;
-  lives_.NoteFailure(agent);
+  restarts_.NoteFailure(agent);
   constexpr Fault kFaults[] = {Fault::kBeforeHandler, Fault::kAtFirstSend, Fault::kAfterFirstSend,
                                Fault::kAfterHandler};
   return kFaults[world_.rng() % std::size(kFaults)];
@@ -64,14 +64,14 @@ void SimulatedFaults::Strike(const std::string& fault) {
   if (fault == "cut") return Cut();
   if (fault == "one_way") return Deafen();
   if (fault == "partition") return Divide();
-  if (fault == "kill") return lives_.Kill(world_.DrawAgent());
+  if (fault == "kill") return restarts_.Kill(world_.DrawAgent());
   if (fault == "kill_in_write") return KillInWrite();
   if (fault == "fail") {
     fail_next_ = world_.DrawAgent();
     return;
   }
   if (fault == "wipe" || fault == "old_disk" || fault == "backup" || fault.starts_with("damage")) {
-    return lives_.KillWithDisk(world_.DrawAgent(), fault);
+    return restarts_.KillWithDisk(world_.DrawAgent(), fault);
   }
   if (fault == "long_kill") return KillLong();
   if (fault == "drive") return Drive();
@@ -146,7 +146,7 @@ void SimulatedFaults::Divide() {
 }
 
 void SimulatedFaults::Join(AgentId a, AgentId b) {
-  if (!lives_.is_gone(a) && !lives_.is_gone(b)) world_.team.SetLink(a, b, true);
+  if (!restarts_.is_gone(a) && !restarts_.is_gone(b)) world_.team.SetLink(a, b, true);
 }
 
 void SimulatedFaults::JoinParts(const std::set<AgentId>& part) {
@@ -162,7 +162,7 @@ void SimulatedFaults::KillLong() {
   const std::set<AgentId> leaders = world_.Leaders();
   const AgentId any = world_.DrawAgent();
   const bool is_leader = world_.rng() % 2 == 0 && !leaders.empty();
-  lives_.KillFor(is_leader ? *leaders.begin() : any, minutes(5) + world_.DrawDuration(minutes(10)));
+  restarts_.KillFor(is_leader ? *leaders.begin() : any, minutes(5) + world_.DrawDuration(minutes(10)));
 }
 
 void SimulatedFaults::Drive() {
@@ -179,7 +179,7 @@ void SimulatedFaults::Sleep() {
   const Duration length = minutes(1) + world_.DrawDuration(minutes(19));
   robots_.SetLease(rover, proto::LEASE_KIND_SLEEPING, length);
   if (world_.rng() % 2 == 0) {
-    return world_.In(kGoesToSleep, [this, rover, length] { lives_.KillFor(rover, length - kGoesToSleep); });
+    return world_.In(kGoesToSleep, [this, rover, length] { restarts_.KillFor(rover, length - kGoesToSleep); });
   }
   if (world_.rng() % kEndedEarlyEvery != 0) return;
   world_.In(world_.DrawDuration(length),
@@ -234,14 +234,14 @@ void SimulatedFaults::FillDisk(AgentId agent, Duration length) {
 
 void SimulatedFaults::ChangePolicy() {
   const AgentId agent = world_.DrawAgent();
-  if (world_.keeps_all_notes.insert(agent).second) lives_.Kill(agent);
+  if (world_.keeps_all_notes.insert(agent).second) restarts_.Kill(agent);
 }
 
 void SimulatedFaults::TroubleDisk(bool is_full) {
   const AgentId agent = world_.DrawAgent();
   const std::string prefix = SimulatedWorld::Prefix(agent);
   const Duration length = minutes(1) + world_.DrawDuration(minutes(9));
-  if (world_.rng() % kStartsInTroubleEvery == 0) lives_.Kill(agent);
+  if (world_.rng() % kStartsInTroubleEvery == 0) restarts_.Kill(agent);
   if (is_full) return FillDisk(agent, length);
   world_.disk_trouble_until[agent] = std::max(world_.disk_trouble_until[agent], world_.team.now() + length);
   world_.disk.SetFailing(prefix, true);

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "apps/moondb_sim/agent_lives.h"
+#include "apps/moondb_sim/agent_restarts.h"
 #include "apps/moondb_sim/simulated_robots.h"
 #include "apps/moondb_sim/simulated_world.h"
 
@@ -13,8 +13,8 @@ namespace moondb::simulation {
 
 class SimulatedFaults {
  public:
-  SimulatedFaults(SimulatedWorld& world, SimulatedRobots& robots, AgentLives& lives)
-      : world_(world), robots_(robots), lives_(lives) {}
+  SimulatedFaults(SimulatedWorld& world, SimulatedRobots& robots, AgentRestarts& restarts)
+      : world_(world), robots_(robots), restarts_(restarts) {}
 
   void Start();
   // The world is quiet: the radio is perfect and all links are up; what does not run stays so, and so do leases.
@@ -51,7 +51,7 @@ class SimulatedFaults {
 
   SimulatedWorld& world_;
   SimulatedRobots& robots_;
-  AgentLives& lives_;
+  AgentRestarts& restarts_;
   AgentId fail_next_ = 0;  // An actor of that agent, at its next message.
   std::set<std::pair<AgentId, AgentId>> deaf_;
 };

@@ -11,18 +11,18 @@
 #include <utility>
 
 #include "apps/moondb_agent/standard_actors.h"
-#include "apps/moondb_sim/agent_lives.h"
-#include "apps/moondb_sim/budget_watch.h"
+#include "apps/moondb_sim/agent_restarts.h"
+#include "apps/moondb_sim/budget_checker.h"
 #include "apps/moondb_sim/byzantine_agent.h"
-#include "apps/moondb_sim/byzantine_watch.h"
+#include "apps/moondb_sim/byzantine_checker.h"
 #include "apps/moondb_sim/client_message.h"
-#include "apps/moondb_sim/done_watch.h"
-#include "apps/moondb_sim/failover_watch.h"
-#include "apps/moondb_sim/lease_watch.h"
+#include "apps/moondb_sim/done_checker.h"
+#include "apps/moondb_sim/failover_checker.h"
+#include "apps/moondb_sim/lease_checker.h"
 #include "apps/moondb_sim/own_inserts.h"
-#include "apps/moondb_sim/prune_watch.h"
-#include "apps/moondb_sim/rest_checks.h"
-#include "apps/moondb_sim/session_watch.h"
+#include "apps/moondb_sim/prune_checker.h"
+#include "apps/moondb_sim/quiescence_checks.h"
+#include "apps/moondb_sim/session_checker.h"
 #include "apps/moondb_sim/simulated_clients.h"
 #include "apps/moondb_sim/simulated_config.h"
 #include "apps/moondb_sim/simulated_faults.h"
@@ -62,17 +62,17 @@ class Mission {
   explicit Mission(const SimOptions& options)
       : world_(options),
         robots_(world_),
-        lives_(world_, robots_),
-        faults_(world_, robots_, lives_),
+        restarts_(world_, robots_),
+        faults_(world_, robots_, restarts_),
         clients_(world_),
         done_(world_),
-        byzantine_watch_(world_.byzantine,
-                         [this](const std::string& rule, std::string text) { world_.Violate(rule, std::move(text)); }),
-        byzantine_(world_, byzantine_watch_),
-        rest_(world_, lives_, clients_, byzantine_watch_, prunes_),
+        byzantine_checker_(world_.byzantine, [this](const std::string& rule,
+                                                    std::string text) { world_.Violate(rule, std::move(text)); }),
+        byzantine_(world_, byzantine_checker_),
+        rest_(world_, restarts_, clients_, byzantine_checker_, prunes_),
         messages_max_(static_cast<std::uint64_t>(kMessagesMaxPerHour * options.hours * world_.base)) {
-    lives_.on_end = [this](AgentId agent) { OnAgentEnded(agent); };
-    lives_.on_disk_lost = [this](AgentId agent) {
+    restarts_.on_end = [this](AgentId agent) { OnAgentEnded(agent); };
+    restarts_.on_disk_lost = [this](AgentId agent) {
       clients_.OnDiskLost(agent);
       done_.OnDiskLost(agent);
       world_.freed_on_full_disk.erase(agent);
@@ -87,11 +87,11 @@ class Mission {
       // To and from each other agent, sync and replication.
       const double burst_bytes =
           4.0 * (world_.base - 1) * static_cast<double>(world_.options.session.unacked_bytes_max);
-      prunes_.emplace(agent, PruneWatch(agent));
-      budgets_.emplace(agent, BudgetWatch(world_.options.BudgetKbps() * 1000 / 8, burst_bytes));
+      prunes_.emplace(agent, PruneChecker(agent));
+      budgets_.emplace(agent, BudgetChecker(world_.options.BudgetKbps() * 1000 / 8, burst_bytes));
     }
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
-      Check(lives_.CheckStore(agent), "an empty disk can be written");
+      Check(restarts_.CheckStore(agent), "an empty disk can be written");
       Forget(agent);
       SpawnActors(agent);
     }
@@ -204,7 +204,7 @@ class Mission {
     const Fault fault = faults_.AtHandler(actor.agent);
     if (fault != Fault::kNone) {
       if (actor.actor == actor_name::kGateway) clients_.OnGatewayFailed(actor.agent);
-      if (actor.actor == actor_name::kRole) world_.rules.ForgetUnstoredRoles(actor.agent);
+      if (actor.actor == actor_name::kRole) world_.invariants.ForgetUnstoredRoles(actor.agent);
       leases_.at(actor.agent).OnFailure(actor.actor);
       failovers_.at(actor.agent).OnFailure(actor.actor, world_.team.now());
     }
@@ -214,14 +214,14 @@ class Mission {
   bool IsByzantine(AgentId agent) const { return agent != 0 && agent == world_.byzantine; }
 
   void SeeRoles(AgentId agent, const proto::RoleAssignment& roles) {
-    byzantine_watch_.OnRoles(agent, roles);
-    world_.rules.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
+    byzantine_checker_.OnRoles(agent, roles);
+    world_.invariants.SeeRoles(agent, roles, /*is_durable=*/!IsNewer(roles.term(), world_.durable_term[agent]));
   }
 
   void See(const Address& actor, const proto::Message& message) {
     switch (message.body_case()) {
       case proto::Message::kStoreRequest:
-        byzantine_watch_.OnStoreRequest(actor.agent, message);
+        byzantine_checker_.OnStoreRequest(actor.agent, message);
         store_senders_[{actor.agent, message.request_id()}] = static_cast<AgentId>(message.store_request().sender());
         if (IsByzantine(static_cast<AgentId>(message.store_request().sender()))) break;
         for (const proto::StoredRecord& record : message.store_request().records()) SeeRecord(record, actor.agent);
@@ -232,11 +232,11 @@ class Mission {
         if (IsError(message.store_reply().error()) && world_.HadDiskTrouble(actor.agent)) {
           world_.rare_states.Count("batch_on_bad_disk");
         }
-        if (byzantine_watch_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
+        if (byzantine_checker_.OnStoreReply(actor.agent, message) || IsByzantine(actor.agent)) break;
         if (message.store_reply().rejected_count() == 0) break;
         // An agent with little room refuses records of an origin that takes more than its part.
         if (world_.HadDiskTrouble(actor.agent)) break;
-        if (HasSigningKeys(world_.config) && world_.rules.HasHadRole(sender)) break;
+        if (HasSigningKeys(world_.config) && world_.invariants.HasHadRole(sender)) break;
         world_.Violate("nothing_refused", "agent " + std::to_string(actor.agent) + " refuses " +
                                               std::to_string(message.store_reply().rejected_count()) +
                                               " records of agent " + std::to_string(sender));
@@ -264,7 +264,7 @@ class Mission {
         break;
       case proto::Message::kHave:
         if (IsByzantine(static_cast<AgentId>(message.hop_sender()))) break;
-        watches_[{actor.agent, actor.actor, message.hop_sender()}].OnHave(message.have());
+        checkers_[{actor.agent, actor.actor, message.hop_sender()}].OnHave(message.have());
         break;
       case proto::Message::kRolesChanged:
         if (world_.roles[actor.agent].SerializeAsString() != message.roles_changed().roles().SerializeAsString()) {
@@ -280,7 +280,7 @@ class Mission {
       }
       case proto::Message::kSaveRolesRequest:
         saving_term_[actor.agent] = message.save_roles_request().roles().term();
-        byzantine_watch_.OnRolesStored(actor.agent, message.save_roles_request().roles());
+        byzantine_checker_.OnRolesStored(actor.agent, message.save_roles_request().roles());
         break;
       case proto::Message::kSaveRolesReply:
         if (!IsError(message.save_roles_reply().error())) world_.durable_term[actor.agent] = saving_term_[actor.agent];
@@ -303,8 +303,8 @@ class Mission {
   void SeeInserted(AgentId agent, const proto::Message& message) {
     if (!world_.options.has_all_actors()) return;
     for (const auto& [key, record] : own_inserts_.OnReply(agent, message)) {
-      world_.rules.SeeInserted(agent, key, record);
-      if (record.has_agent_event() && world_.team.now() > late_from_) world_.rules.ExcuseLate(key);
+      world_.invariants.SeeInserted(agent, key, record);
+      if (record.has_agent_event() && world_.team.now() > late_from_) world_.invariants.ExcuseLate(key);
       if (record.has_optimized_pose() || record.has_edge_verdict()) derived_at_ = world_.team.now();
     }
   }
@@ -318,18 +318,18 @@ class Mission {
 
   // The agent's next life begins.
   void Forget(AgentId agent) {
-    world_.rules.ForgetUnstoredRoles(agent);
-    leases_.insert_or_assign(agent, LeaseWatch(agent));
+    world_.invariants.ForgetUnstoredRoles(agent);
+    leases_.insert_or_assign(agent, LeaseChecker(agent));
     failovers_.erase(agent);
-    failovers_.emplace(agent, FailoverWatch(agent, world_.config, world_.team.now()));
+    failovers_.emplace(agent, FailoverChecker(agent, world_.config, world_.team.now()));
   }
 
   void WatchWindows(const Address& actor, const proto::Message& message) {
-    LeaseWatch& leases = leases_.at(actor.agent);
+    LeaseChecker& leases = leases_.at(actor.agent);
     leases.OnHandle(actor.actor, message, world_.team.now());
-    FailoverWatch& failover = failovers_.at(actor.agent);
+    FailoverChecker& failover = failovers_.at(actor.agent);
     const std::optional<std::string> wrong = failover.OnHandle(actor.actor, message, leases, world_.team.now());
-    if (FailoverWatch::IsFailover(actor.actor, message)) NoteFailover();
+    if (FailoverChecker::IsFailover(actor.actor, message)) NoteFailover();
     if (wrong) Violate("failover_has_cause", actor.agent, "takes the lead, but " + *wrong);
   }
 
@@ -353,14 +353,14 @@ class Mission {
       world_.Violate("quiet_window", who + *wrong);
     }
     const bool is_honest = !IsByzantine(from) && !IsByzantine(to);  // Both ends.
-    if (message.has_hello()) watches_[{from, message.source_actor(), to}].OnHello(message.hello());
+    if (message.has_hello()) checkers_[{from, message.source_actor(), to}].OnHello(message.hello());
     if (message.has_batch()) {
       world_.report.batch_bytes += message.ByteSizeLong();
       for (const AgentId end : {from, to}) {
         const auto beyond = budgets_.at(end).OnBatch(message.ByteSizeLong(), world_.team.now());
         if (beyond) Violate("within_budget", end, *beyond);
       }
-      for (const auto& [rule, text] : watches_[{from, message.source_actor(), to}].OnBatch(message)) {
+      for (const auto& [rule, text] : checkers_[{from, message.source_actor(), to}].OnBatch(message)) {
         if (is_honest) world_.Violate(rule, who + text);
       }
     }
@@ -369,24 +369,24 @@ class Mission {
       // A session that its receiver does not know any more; a store that failed.
       const bool is_usual =
           error.code == ErrorCode::kNotFound ||
-          (error.code == ErrorCode::kUnavailable && (lives_.is_damaged(from) || world_.HadDiskTrouble(from)));
+          (error.code == ErrorCode::kUnavailable && (restarts_.is_damaged(from) || world_.HadDiskTrouble(from)));
       if (!is_usual && is_honest) world_.Violate("nothing_refused", who + ToString(error));
     }
     if (const std::optional<HaveSet> have = HaveInAnswer(message)) {
       prunes_.at(to).OnAnswer(from, *have);
-      world_.rules.SeeHave(from, *have);
+      world_.invariants.SeeHave(from, *have);
     }
     if (message.has_have()) {
       world_.report.have_bytes += message.ByteSizeLong();
       const Result<HaveSet> have = FromProto(message.have().have());
-      if (have) world_.rules.SeeHave(from, *have);
+      if (have) world_.invariants.SeeHave(from, *have);
       if (!have) world_.Violate("nothing_refused", who + "a malformed have-set");
     }
     return !is_stormy_ && !faults_.IsDeaf(from, to);
   }
 
   void SeeRecord(const proto::StoredRecord& record, AgentId where) {
-    world_.rules.SeeRecord(FromProto(record.key()), record.content(), where);
+    world_.invariants.SeeRecord(FromProto(record.key()), record.content(), where);
   }
 
   // --- The operator ---
@@ -402,16 +402,16 @@ class Mission {
   void Inspect() {
     world_.In(kInspectPeriod / 2 + world_.DrawDuration(kInspectPeriod), [this] { Inspect(); });
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
-      lives_.CheckFailures(agent);
+      restarts_.CheckFailures(agent);
       if (!world_.team.is_running(agent)) continue;
-      lives_.CheckMailboxes(agent);
+      restarts_.CheckMailboxes(agent);
       CheckSteppedDown(agent);
       if (const auto wrong = failovers_.at(agent).WhyOverdue(leases_.at(agent), world_.team.now())) {
         Violate("failover_happens", agent, *wrong);
       }
       if (const std::optional<HaveSet> have = world_.HaveOf(agent)) {
-        world_.rules.CheckHave(agent, *have);
-        byzantine_watch_.CheckHave(agent, *have);
+        world_.invariants.CheckHave(agent, *have);
+        byzantine_checker_.CheckHave(agent, *have);
         CheckPruned(agent, *have);
       }
     }
@@ -430,7 +430,7 @@ class Mission {
   }
 
   void CheckPruned(AgentId agent, const HaveSet& have) {
-    if (const auto wrong = prunes_.at(agent).OnHave(have)) Violate("pruned_is_had", agent, *wrong);
+    if (const auto wrong = prunes_.at(agent).OnHave(have)) Violate("pruned_is_covered", agent, *wrong);
   }
 
   void BecomeQuiet() {
@@ -438,8 +438,8 @@ class Mission {
     faults_.End();
     for (AgentId agent = 1; agent <= world_.base; ++agent) {
       world_.disk.CutPowerAfter(SimulatedWorld::Prefix(agent), 0);
-      lives_.CheckFailures(agent);
-      lives_.Restart(agent);
+      restarts_.CheckFailures(agent);
+      restarts_.Restart(agent);
     }
     for (AgentId rover = 1; rover < world_.base; ++rover) {
       robots_.TakeInsertReplies(rover);
@@ -454,8 +454,8 @@ class Mission {
     const AgentId survivor = world_.roles[1].survivor();
     world_.team.radio().latency = milliseconds(5);
     world_.team.radio().bytes_per_second = 125'000;
-    lives_.KillWithDisk(survivor, "wipe");
-    lives_.Restart(survivor);
+    restarts_.KillWithDisk(survivor, "wipe");
+    restarts_.Restart(survivor);
     const MonotonicTime start = world_.team.now();
     const std::uint64_t bytes = world_.team.radio_bytes();
     done_.Order(leader, proto::SHARING_KIND_REPLICATION);
@@ -473,23 +473,23 @@ class Mission {
   MonotonicTime derived_at_{};  // When poses or verdicts were stored last.
   MonotonicTime late_from_{};   // Events that agents insert from here on need not reach others.
   bool is_stormy_ = false;      // Nothing is heard any more, so that it ends.
-  std::map<std::tuple<AgentId, std::string, AgentId>, SessionWatch> watches_;  // By sender, actor, receiver.
-  std::map<AgentId, BudgetWatch> budgets_;
+  std::map<std::tuple<AgentId, std::string, AgentId>, SessionChecker> checkers_;  // By sender, actor, receiver.
+  std::map<AgentId, BudgetChecker> budgets_;
   std::map<AgentId, proto::Term> saving_term_;
-  std::map<AgentId, PruneWatch> prunes_;
-  std::map<AgentId, LeaseWatch> leases_;
-  std::map<AgentId, FailoverWatch> failovers_;
+  std::map<AgentId, PruneChecker> prunes_;
+  std::map<AgentId, LeaseChecker> leases_;
+  std::map<AgentId, FailoverChecker> failovers_;
   SimulatedWorld world_;
   SimulatedRobots robots_;
-  AgentLives lives_;
+  AgentRestarts restarts_;
   SimulatedFaults faults_;
   SimulatedClients clients_;
-  DoneWatch done_;
+  DoneChecker done_;
   OwnInserts own_inserts_;
-  ByzantineWatch byzantine_watch_;
+  ByzantineChecker byzantine_checker_;
   std::map<std::pair<AgentId, std::uint64_t>, AgentId> store_senders_;  // By agent and request of its storage.
   ByzantineAgent byzantine_;
-  RestChecks rest_;
+  QuiescenceChecks rest_;
   const std::uint64_t messages_max_;
 };
 

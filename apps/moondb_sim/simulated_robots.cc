@@ -64,7 +64,7 @@ void SimulatedRobots::Start() {
   world_.At(world_.start + kInsertPeriod, [this] { Work(world_.base); });
 }
 
-Address SimulatedRobots::DoorOf(AgentId agent) const {
+Address SimulatedRobots::ListenerOf(AgentId agent) const {
   return {agent, world_.options.has_all_actors() ? actor_name::kGateway : actor_name::kStorage};
 }
 
@@ -89,7 +89,7 @@ void SimulatedRobots::OnAgentStarted(AgentId agent) {
   if (!IsSilent() || agent == world_.base || world_.is_quiet) return;
   robots_[agent].silent_until = MonotonicTime();
   // At once, or a little later.
-  if (world_.rng() % 2 == 0) TellState(agent);
+  if (world_.rng() % 2 == 0) ReportState(agent);
   world_.In(world_.DrawDuration(kOptimizedAfterStart), [this, agent] {
     if (!world_.is_quiet && world_.Leaders().contains(agent)) OptimizeAt(agent);
   });
@@ -108,8 +108,9 @@ void SimulatedRobots::Work(AgentId rover) {
   if (world_.is_quiet) return;
   Robot& robot = robots_[rover];
   const bool is_base = rover == world_.base;
-  if (!is_base && world_.team.now() >= robot.silent_until) TellState(rover);
-  if (!is_base && world_.options.ChangesPolicy() && robot.turns % kTurnsPerNote == 0) TellCustom(rover, kNote, kNotes);
+  if (!is_base && world_.team.now() >= robot.silent_until) ReportState(rover);
+  if (!is_base && world_.options.ChangesPolicy() && robot.turns % kTurnsPerNote == 0)
+    ReportCustom(rover, kNote, kNotes);
   if (world_.options.has_all_actors()) {
     Drive(rover, robot);
   } else {
@@ -121,7 +122,7 @@ void SimulatedRobots::Work(AgentId rover) {
 
 void SimulatedRobots::Learn(AgentId rover, Robot& robot) {
   proto::Record node;
-  node.set_stamp_ns(world_.ClockOf(rover));
+  node.set_timestamp_ns(world_.ClockOf(rover));
   *node.mutable_pose_graph_node()->mutable_node() = Node(rover, robot.turns);
   SetPose(*node.mutable_pose_graph_node()->mutable_map_from_node());
   robot.open.push_back({std::move(node)});
@@ -145,19 +146,19 @@ void SimulatedRobots::InsertOpen(AgentId agent, Robot& robot) {
   robot.open.clear();
 }
 
-void SimulatedRobots::TellState(AgentId rover) {
+void SimulatedRobots::ReportState(AgentId rover) {
   proto::Record state;
-  state.set_stamp_ns(world_.ClockOf(rover));
+  state.set_timestamp_ns(world_.ClockOf(rover));
   state.mutable_power()->set_battery_ratio(0.5 + 0.5 * world_.Draw());
   Insert(rover, {std::move(state)});
   if (!IsSilent()) return;
-  TellCustom(rover, kBeacon, kBeacons);
+  ReportCustom(rover, kBeacon, kBeacons);
   if (world_.team.is_running(rover)) robots_[rover].silent_until = world_.team.now() + kSilence;
 }
 
-void SimulatedRobots::TellCustom(AgentId rover, DataType type, std::uint64_t key_count) {
+void SimulatedRobots::ReportCustom(AgentId rover, DataType type, std::uint64_t key_count) {
   proto::Record record;
-  record.set_stamp_ns(world_.ClockOf(rover));
+  record.set_timestamp_ns(world_.ClockOf(rover));
   record.mutable_custom()->set_data_type(type);
   record.mutable_custom()->set_latest_key(std::to_string(world_.rng() % key_count));
   record.mutable_custom()->set_payload(std::to_string(world_.rng()));
@@ -196,7 +197,7 @@ proto::Record SimulatedRobots::QuarantineOfLate() {
 
 proto::Record SimulatedRobots::MapAt(AgentId rover, std::uint64_t index) {
   proto::Record record;
-  record.set_stamp_ns(world_.ClockOf(rover));
+  record.set_timestamp_ns(world_.ClockOf(rover));
   proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
   *map.mutable_node() = Node(rover, index);
   map.mutable_node_from_map()->mutable_position_m();
@@ -223,7 +224,7 @@ void SimulatedRobots::LearnPlainMaps(AgentId rover) {
   layer.set_height_cells(kPlainSide_cells);
   layer.set_cells(std::string(kPlainSide_cells * kPlainSide_cells / 4, 'U'));
   for (int i = 0; i < kPlainMaps; ++i) {
-    record.set_stamp_ns(record.stamp_ns() + 1);
+    record.set_timestamp_ns(record.timestamp_ns() + 1);
     Insert(rover, {record});
   }
 }
@@ -248,9 +249,9 @@ void SimulatedRobots::Insert(AgentId agent, std::vector<proto::Record> records) 
   } else {
     *message.mutable_insert_request() = std::move(*request.mutable_insert());
   }
-  const SendResult sent = is_by_client ? world_.team.Post(RobotOf(agent), DoorOf(agent), std::move(message))
+  const SendResult sent = is_by_client ? world_.team.Post(RobotOf(agent), ListenerOf(agent), std::move(message))
                                        : world_.team.Post(ActorOf(agent), {agent, actor_name::kStorage}, message);
-  for (const proto::Record& record : records) world_.rules.SeeGiven(agent, record);
+  for (const proto::Record& record : records) world_.invariants.SeeGiven(agent, record);
   if (sent == SendResult::kAccepted) robots_[agent].asked[request_id_] = std::move(records);
 }
 
@@ -298,8 +299,8 @@ void SimulatedRobots::NoteInserted(AgentId agent, const std::vector<proto::Recor
     if (key.stream.origin != agent)
       world_.Violate("one_content", "agent " + std::to_string(agent) + " names " + ToString(key));
     const proto::Record& record = records[static_cast<std::size_t>(i)];
-    world_.rules.SeeInserted(agent, key, record);
-    if (key.stream.type == kNote && world_.keeps_all_notes.contains(agent)) world_.rules.SeeKept(key);
+    world_.invariants.SeeInserted(agent, key, record);
+    if (key.stream.type == kNote && world_.keeps_all_notes.contains(agent)) world_.invariants.SeeKept(key);
     ++world_.report.records;
     if (world_.options.has_all_actors() && record.map_quarantine().agent_id() != 0) quarantines_.push_back(key);
   }
@@ -321,7 +322,7 @@ void SimulatedRobots::OptimizeAt(AgentId leader) {
     std::uint64_t index = nodes - std::min(nodes, kOptimizedNodes);
     for (index += kOptimizedStep - 1; index < nodes; index += kOptimizedStep) {
       proto::Record& record = poses.emplace_back();
-      record.set_stamp_ns(world_.ClockOf(leader));
+      record.set_timestamp_ns(world_.ClockOf(leader));
       proto::OptimizedPose& pose = *record.mutable_optimized_pose();
       *pose.mutable_node() = Node(rover, index);
       SetPose(*pose.mutable_map_from_node());

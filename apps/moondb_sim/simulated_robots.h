@@ -40,16 +40,16 @@ class SimulatedRobots {
   };
 
   bool IsSilent() const;
-  Address DoorOf(AgentId agent) const;   // Where its robot's requests go to,
-  Address RobotOf(AgentId agent) const;  // and the answers.
+  Address ListenerOf(AgentId agent) const;  // Where its robot's requests go to,
+  Address RobotOf(AgentId agent) const;     // and the answers.
   static Address ActorOf(AgentId agent);
   void Work(AgentId rover);
   void Learn(AgentId rover, Robot& robot);
   void Drive(AgentId agent, Robot& robot);
   void InsertOpen(AgentId agent, Robot& robot);
   // Inserts a record of a custom type with a random payload and one of `key_count` latest keys.
-  void TellCustom(AgentId rover, DataType type, std::uint64_t key_count);
-  void TellState(AgentId rover);
+  void ReportCustom(AgentId rover, DataType type, std::uint64_t key_count);
+  void ReportState(AgentId rover);
   void Optimize();
   void OptimizeAt(AgentId leader);
   void SetPose(proto::Pose& pose);

@@ -27,8 +27,8 @@ SimulatedWorld::SimulatedWorld(const SimOptions& sim_options)
       byzantine(sim_options.Byzantine()),
       rng(sim_options.seed),
       disk(sim_options.seed),
-      rules([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); },
-            {.liar = byzantine, .base = base, .has_keys = HasSigningKeys(config)}),
+      invariants([this](const std::string& rule, std::string text) { Violate(rule, std::move(text)); },
+                 {.liar = byzantine, .base = base, .has_keys = HasSigningKeys(config)}),
       team(sim_options.seed) {}
 
 std::string SimulatedWorld::Prefix(AgentId agent) { return "agent" + std::to_string(agent) + "/"; }
@@ -99,15 +99,15 @@ std::set<AgentId> SimulatedWorld::Leaders() const {
 }
 
 proto::Message SimulatedWorld::AskActor(AgentId agent, const char* actor, proto::Message question) {
-  const Address asker{agent, "checker"};
-  (void)team.Take(asker);
+  const Address requester{agent, "checker"};
+  (void)team.Take(requester);
   // What a gateway has yet to hand on would overtake the answer.
   if (options.has_all_actors()) team.RunUntilIdle();
   is_asking = true;
-  (void)team.Post(asker, {agent, actor}, std::move(question));
+  (void)team.Post(requester, {agent, actor}, std::move(question));
   team.RunUntilIdle();
   is_asking = false;
-  std::vector<proto::Message> answers = team.Take(asker);
+  std::vector<proto::Message> answers = team.Take(requester);
   return answers.empty() ? proto::Message() : std::move(answers.back());
 }
 
@@ -127,7 +127,7 @@ Records SimulatedWorld::ReadAll(AgentId agent) {
     const proto::Message answer = AskActor(agent, actor_name::kStorage, std::move(question));
     const proto::ReadReply& reply = answer.read_reply();
     for (const proto::StoredRecord& record : reply.records()) {
-      rules.SeeRecord(FromProto(record.key()), record.content(), agent);
+      invariants.SeeRecord(FromProto(record.key()), record.content(), agent);
       if (record.key().seq() != 0) records[FromProto(record.key())] = record.content();
     }
     if (reply.is_complete() || reply.row_ids().empty()) return records;

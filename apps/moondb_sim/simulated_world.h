@@ -13,9 +13,9 @@
 #include <set>
 #include <string>
 
+#include "apps/moondb_sim/invariants.h"
 #include "apps/moondb_sim/options.h"
 #include "apps/moondb_sim/rare_states.h"
-#include "apps/moondb_sim/rules.h"
 #include "apps/moondb_sim/sim_report.h"
 #include "apps/moondb_sim/simulated_disk.h"
 #include "model/have_set.h"
@@ -85,7 +85,7 @@ class SimulatedWorld {
   bool is_quiet = false;                                  // No more faults, nor inserts.
   bool is_asking = false;                                 // The checks ask, and no actor fails at their questions.
   SimulatedDisk disk;
-  Rules rules;
+  Invariants invariants;
   RareStates rare_states;
   SimulatedTeam team;
   const MonotonicTime start = team.now();

@@ -13,7 +13,7 @@ from moondb_client import MoondbClient, endpoint_of, key_text, occupancy, team_o
 
 def node_at(agent_id, index, x, y):
     """A pose-graph node: the body in the frame `map`, metres, quaternion x y z w, as odometry has it."""
-    record = record_pb2.Record(stamp_ns=time.time_ns())
+    record = record_pb2.Record(timestamp_ns=time.time_ns())
     node = record.pose_graph_node
     node.node.agent_id, node.node.index = agent_id, index
     node.map_from_node.position_m.x, node.map_from_node.position_m.y = x, y
@@ -31,7 +31,7 @@ def packed(cells):
 
 def map_at(agent_id, index, cells, side, resolution_m):
     """A local traversability map around a node; its origin is the middle of the grid, rows grow with y."""
-    record = record_pb2.Record(stamp_ns=time.time_ns())
+    record = record_pb2.Record(timestamp_ns=time.time_ns())
     local_map = record.local_traversability_map
     local_map.node.agent_id, local_map.node.index = agent_id, index
     local_map.node_from_map.position_m.x = 0.0
@@ -51,7 +51,7 @@ def main():
     side = 40
     hazard_ahead = [2 if column > 35 else 1 for row in range(side) for column in range(side)]
     keys = client.insert([
-        record_pb2.Record(stamp_ns=time.time_ns(), temperature={"celsius": -40.5}),
+        record_pb2.Record(timestamp_ns=time.time_ns(), temperature={"celsius": -40.5}),
         node_at(agent_id, index, x=5.0 + index, y=2.0),
         map_at(agent_id, index, hazard_ahead, side, resolution_m=0.1),
     ])

@@ -57,7 +57,7 @@ void SoilMoistureActor::Measure(Context& context) {
 
   Message message;
   moondb::proto::Record& record = *message.mutable_insert_request()->add_records();
-  record.set_stamp_ns(context.utc_now_ns());
+  record.set_timestamp_ns(context.utc_now_ns());
   record.mutable_custom()->set_data_type(options_.data_type);
   record.mutable_custom()->set_payload(moisture.SerializeAsString());
   const moondb::Address storage{context.self().agent, moondb::actor_name::kStorage};

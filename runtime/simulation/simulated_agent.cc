@@ -19,11 +19,11 @@ class SimulatedAgent::Host final : public ActorHost {
       : ActorHost({owner.id_, spawned.name}, spawned.factory, seed),
         mailbox(spawned.options),
         supervisor(Supervision(owner, spawned.name)),
-        life(owner.life_),
+        boot(owner.boot_),
         trace_name(spawned.trace_name),
         agent_(owner) {}
 
-  bool is_alive() const { return agent_.life_ == life; }
+  bool is_alive() const { return agent_.boot_ == boot; }
 
   MonotonicTime now() const override { return agent_.team_.now(); }
   std::int64_t utc_now_ns() const override { return agent_.team_.utc_now_ns() + agent_.utc_offset_.count(); }
@@ -68,7 +68,7 @@ class SimulatedAgent::Host final : public ActorHost {
   Supervisor supervisor;
   std::uint64_t restarts = 0;
   Fault injected = Fault::kNone;  // Into the handler that runs.
-  const std::uint64_t life;
+  const std::uint64_t boot;
   const std::uint16_t trace_name;
 
  private:
@@ -105,7 +105,7 @@ void SimulatedAgent::SetRoles(const proto::RoleAssignment& roles) {
 void SimulatedAgent::Crash() {
   if (!is_running_) return;
   is_running_ = false;
-  ++life_;
+  ++boot_;
   crashed_ = team_.now();
   team_.OnCrashed(id_);
   for (auto host = hosts_.rbegin(); host != hosts_.rend(); ++host) {
@@ -154,7 +154,7 @@ void SimulatedAgent::Spawn(SpawnedActor spawned) {
 
 void SimulatedAgent::MakeHost(const SpawnedActor& spawned) {
   // Another life draws other numbers, as another process would.
-  hosts_.push_back(std::make_unique<Host>(*this, spawned, seed_ + life_ - 1));
+  hosts_.push_back(std::make_unique<Host>(*this, spawned, seed_ + boot_ - 1));
 }
 
 void SimulatedAgent::StartHost(Host& host) {
@@ -189,8 +189,8 @@ TimerId SimulatedAgent::StartTimer(Host& host, Duration delay, proto::Message me
   const Address* sender = team_.Remember(host.self());
   return team_.events().Add(
       team_.now() + std::max(delay, Duration::zero()),
-      [this, life = host.life, &host, incarnation = host.incarnation(), sender, message = std::move(message)] {
-        if (life_ != life) return;
+      [this, boot = host.boot, &host, incarnation = host.incarnation(), sender, message = std::move(message)] {
+        if (boot_ != boot) return;
         Mailbox::Item item;
         item.message = proto::Message(message);
         item.sender = sender;
@@ -202,8 +202,8 @@ TimerId SimulatedAgent::StartTimer(Host& host, Duration delay, proto::Message me
 }
 
 void SimulatedAgent::ScheduleStep(Host& host) {
-  team_.events().Add(team_.now(), [this, life = host.life, &host] {
-    if (life_ == life) Step(host);
+  team_.events().Add(team_.now(), [this, boot = host.boot, &host] {
+    if (boot_ == boot) Step(host);
   });
 }
 
@@ -271,8 +271,8 @@ bool SimulatedAgent::Recover(Host& host, Mailbox::Item* item, const Error& failu
   ++host.restarts;
   ++restarts_;
   if (verdict.delay == Duration::zero()) return true;
-  team_.events().Add(now + verdict.delay, [this, life = host.life, &host] {
-    if (life_ == life) StartHost(host);
+  team_.events().Add(now + verdict.delay, [this, boot = host.boot, &host] {
+    if (boot_ == boot) StartHost(host);
   });
   return false;
 }

@@ -72,7 +72,7 @@ class SimulatedAgent {
 
   AgentId id() const { return id_; }
   bool is_running() const { return is_running_; }
-  std::uint64_t life() const { return life_; }  // Ends with each crash.
+  std::uint64_t boot() const { return boot_; }  // Ends with each crash.
   MonotonicTime crashed() const { return crashed_; }
   std::uint64_t restarts() const { return restarts_; }
   Duration utc_offset() const { return utc_offset_; }
@@ -122,7 +122,7 @@ class SimulatedAgent {
   const AgentId id_;
   const std::uint64_t seed_;
   bool is_running_ = true;
-  std::uint64_t life_ = 1;
+  std::uint64_t boot_ = 1;
   MonotonicTime started_;
   MonotonicTime crashed_;
   Duration utc_offset_{};

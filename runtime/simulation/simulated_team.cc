@@ -218,11 +218,11 @@ SendResult SimulatedTeam::Impl::Transmit(const Address& from, const Address& to,
   const SimulatedAgent& receiver = Find(to.agent);
   const auto shared = std::make_shared<const std::string>(std::move(bytes));
   for (const MonotonicTime arrival : flight.arrivals) {
-    events_.Add(arrival, [this, from = from.agent, &receiver, life = receiver.life(), sender_agent,
-                          sender_life = sender_agent ? sender_agent->life() : 0, departure = flight.departure, shared] {
+    events_.Add(arrival, [this, from = from.agent, &receiver, boot = receiver.boot(), sender_agent,
+                          sender_boot = sender_agent ? sender_agent->boot() : 0, departure = flight.departure, shared] {
       const bool has_left =
-          !sender_agent || sender_agent->life() == sender_life || departure <= sender_agent->crashed();
-      if (has_left && receiver.life() == life && receiver.is_running()) Arrive(from, receiver.id(), *shared);
+          !sender_agent || sender_agent->boot() == sender_boot || departure <= sender_agent->crashed();
+      if (has_left && receiver.boot() == boot && receiver.is_running()) Arrive(from, receiver.id(), *shared);
     });
   }
   return SendResult::kAccepted;

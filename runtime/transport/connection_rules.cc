@@ -30,7 +30,7 @@ bool ConnectionRules::Admit(std::uint16_t port, const std::string& key, const st
   };
   const auto is_admitted = [&](const Admission& admission) { return admission.port == port && admission.key == key; };
   const auto count = std::ranges::count_if(known_, is_of_key) + std::ranges::count_if(admissions_, is_admitted);
-  if (static_cast<std::size_t>(count) >= doors_.at(port).key_max) return false;
+  if (static_cast<std::size_t>(count) >= listeners_.at(port).key_max) return false;
   admissions_.push_back({port, key, peer});
   return true;
 }
@@ -42,10 +42,10 @@ std::vector<ConnectionRules::Cut> ConnectionRules::Judge(const std::vector<TcpCo
   EndAdmissions();
   std::vector<Cut> cuts;
   JudgeClaims(cuts);
-  for (const auto& [port, door] : doors_) {
-    JudgeKeys(port, door, cuts);
-    JudgePlaces(port, door, cuts);
-    JudgeBytes(port, door, cuts);
+  for (const auto& [port, listener] : listeners_) {
+    JudgeKeys(port, listener, cuts);
+    JudgePlaces(port, listener, cuts);
+    JudgeBytes(port, listener, cuts);
   }
   return cuts;
 }
@@ -117,28 +117,28 @@ void ConnectionRules::JudgeClaims(std::vector<Cut>& cuts) {
   }
 }
 
-void ConnectionRules::JudgeKeys(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {
+void ConnectionRules::JudgeKeys(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts) {
   std::map<std::string, std::vector<Known*>> groups;
   for (auto& [file, known] : known_) {
     if (!known.is_cut && known.connection.port == port && !known.key.empty()) groups[known.key].push_back(&known);
   }
   for (auto& [key, group] : groups) {
-    if (group.size() <= door.key_max) continue;
+    if (group.size() <= listener.key_max) continue;
     std::sort(group.begin(), group.end(), [](const Known* a, const Known* b) {
       return std::tuple(a->heard_at, a->number) < std::tuple(b->heard_at, b->number);
     });
-    for (std::size_t i = 0; i < group.size() - door.key_max; ++i) CutOff(*group[i], Cause::kTooManyOfKey, cuts);
+    for (std::size_t i = 0; i < group.size() - listener.key_max; ++i) CutOff(*group[i], Cause::kTooManyOfKey, cuts);
   }
 }
 
-void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {
+void ConnectionRules::JudgePlaces(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts) {
   std::map<std::string, std::vector<Known*>> groups;  // By the address whose places they share, or "".
   for (auto& [file, known] : known_) {
     if (known.is_cut || known.connection.port != port) continue;
-    groups[door.places.contains(known.connection.peer) ? known.connection.peer : std::string()].push_back(&known);
+    groups[listener.places.contains(known.connection.peer) ? known.connection.peer : std::string()].push_back(&known);
   }
   for (auto& [address, group] : groups) {
-    const std::size_t places = address.empty() ? door.others_max : door.places.at(address);
+    const std::size_t places = address.empty() ? listener.others_max : listener.places.at(address);
     if (group.size() <= places) continue;
     std::map<std::string, std::size_t> of_network;
     std::map<std::string, std::size_t> of_address;
@@ -158,7 +158,7 @@ void ConnectionRules::JudgePlaces(std::uint16_t port, const Door& door, std::vec
   }
 }
 
-void ConnectionRules::JudgeBytes(std::uint16_t port, const Door& door, std::vector<Cut>& cuts) {
+void ConnectionRules::JudgeBytes(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts) {
   std::vector<Known*> large;
   std::uint64_t bytes = 0;
   for (auto& [file, known] : known_) {
@@ -168,7 +168,7 @@ void ConnectionRules::JudgeBytes(std::uint16_t port, const Door& door, std::vect
   }
   std::sort(large.begin(), large.end(),
             [](const Known* a, const Known* b) { return a->bytes_open() > b->bytes_open(); });
-  for (auto known = large.begin(); known != large.end() && bytes > door.shared_bytes + kFreeBytes; ++known) {
+  for (auto known = large.begin(); known != large.end() && bytes > listener.shared_bytes + kFreeBytes; ++known) {
     bytes -= (*known)->bytes_open();
     CutOff(**known, Cause::kTooMuch, cuts);
   }

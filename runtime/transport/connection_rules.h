@@ -18,7 +18,7 @@
 // ends: at each door all of it together may be `shared_bytes`; above that the connection with the most goes. Parts of
 // one byte take some four times as much memory as they have on the wire.
 //
-// A plain value that looks at nothing by itself: DoorGuard feeds it.
+// A plain value that looks at nothing by itself: ConnectionLimiter feeds it.
 #pragma once
 
 #include <chrono>
@@ -49,7 +49,7 @@ class ConnectionRules {
   static constexpr std::chrono::hours kRememberedTime{1};
   static constexpr std::size_t kRememberedMax = 1024;  // Addresses; the one that was silent for longest is forgotten.
 
-  struct Door {
+  struct Listener {
     std::map<std::string, std::size_t> places;  // By address.
     std::size_t others_max = 0;                 // Connections from all other addresses together.
     std::size_t key_max = 0;                    // Connections with one key.
@@ -63,7 +63,7 @@ class ConnectionRules {
   };
 
   // By port.
-  explicit ConnectionRules(std::map<std::uint16_t, Door> doors) : doors_(std::move(doors)) {}
+  explicit ConnectionRules(std::map<std::uint16_t, Listener> listeners) : listeners_(std::move(listeners)) {}
 
   // A whole message came from the connection that has this file. `key`: of whom it is; empty without CURVE.
   // `peer_port`: where it is known, so that nothing is taken for a later connection's with the same file; 0: it is not.
@@ -95,12 +95,12 @@ class ConnectionRules {
   void Remember(const std::string& peer, Time now);
   void EndAdmissions();
   void JudgeClaims(std::vector<Cut>& cuts);
-  void JudgeKeys(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
-  void JudgePlaces(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
-  void JudgeBytes(std::uint16_t port, const Door& door, std::vector<Cut>& cuts);
+  void JudgeKeys(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
+  void JudgePlaces(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
+  void JudgeBytes(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts);
   static void CutOff(Known& known, Cause cause, std::vector<Cut>& cuts);
 
-  std::map<std::uint16_t, Door> doors_;
+  std::map<std::uint16_t, Listener> listeners_;
   std::map<int, Known> known_;  // By file.
   struct Delivered {
     std::string key;

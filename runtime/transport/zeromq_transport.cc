@@ -21,8 +21,8 @@
 #include "runtime/rate_limited_log.h"
 #include "runtime/team/client_list.h"
 #include "runtime/team/team_keys.h"
-#include "runtime/transport/client_door.h"
-#include "runtime/transport/door_guard.h"
+#include "runtime/transport/client_listener.h"
+#include "runtime/transport/connection_limiter.h"
 #include "runtime/transport/handshake_limit.h"
 #include "runtime/transport/inbound.h"
 #include "runtime/transport/link_order.h"
@@ -57,8 +57,8 @@ constexpr Duration kLingerTime = std::chrono::microseconds(60);
 // Places among the files that the thread waits for.
 constexpr std::size_t kPeerListenerFile = 1;
 constexpr std::size_t kGuardFile = 2;
-constexpr std::size_t kDoorsMax = 2;
-constexpr std::size_t kAcceptedFiles = 4 + kDoorsMax;
+constexpr std::size_t kClientListenersMax = 2;
+constexpr std::size_t kAcceptedFiles = 4 + kClientListenersMax;
 constexpr std::size_t kListenersMax = 2;                             // At which accepted connections are watched.
 constexpr std::size_t kOtherFiles = kAcceptedFiles + kListenersMax;  // Before those of peers.
 
@@ -119,8 +119,8 @@ class ZeroMqTransport::Impl {
     Check(!message.has_link_report(), "only transports send link reports");
     if (to.agent == kClients) {
       SendResult sent = SendResult::kUnreachable;  // By a door that does not know the client.
-      for (const auto& door : doors_) {
-        if (sent == SendResult::kUnreachable) sent = door->Send(to.actor, message);
+      for (const auto& listener : listeners_) {
+        if (sent == SendResult::kUnreachable) sent = listener->Send(to.actor, message);
       }
       return sent;
     }
@@ -134,8 +134,8 @@ class ZeroMqTransport::Impl {
     return statuses;
   }
 
-  proto::DoorStatus Door() const {
-    proto::DoorStatus status;
+  proto::ListenerStatus Listener() const {
+    proto::ListenerStatus status;
     status.set_unknown_agent_keys(static_cast<double>(refused_.agents.load()));
     status.set_unknown_client_keys(static_cast<double>(refused_.clients.load()));
     status.set_deferred_client_handshakes(static_cast<double>(refused_.deferred_clients.load()));
@@ -200,10 +200,10 @@ class ZeroMqTransport::Impl {
 
   Result<void> OpenClients() {
     if (options_.client_endpoint.empty()) return {};
-    ClientDoor::Options options;
+    ClientListener::Options options;
     options.self = options_.self;
     options.endpoint = options_.client_endpoint;
-    return OpenDoor(std::move(options));
+    return OpenListener(std::move(options));
   }
 
   Result<void> OpenKeyedClients() {
@@ -213,7 +213,7 @@ class ZeroMqTransport::Impl {
     client_keys_ = ClientKeys::Open(options_.clients_file, std::chrono::steady_clock::now());
     zap_handler_->LetClientsIn(
         [this](const std::string& key, const std::string& from) { return AdmitClient(key, from); });
-    ClientDoor::Options options;
+    ClientListener::Options options;
     options.self = options_.self;
     options.endpoint = address;
     options.on_message = [this](int file, std::string_view key, bool has_claimed_id) {
@@ -226,14 +226,14 @@ class ZeroMqTransport::Impl {
       const auto client = client_keys_->Find(key, std::chrono::steady_clock::now());
       return client ? ClientIdentity{client->rights(), client->name()} : ClientIdentity();
     };
-    return OpenDoor(std::move(options));
+    return OpenListener(std::move(options));
   }
 
-  Result<void> OpenDoor(ClientDoor::Options options) {
+  Result<void> OpenListener(ClientListener::Options options) {
     options.message_bytes_max = options_.client_message_bytes_max;
-    Result<std::unique_ptr<ClientDoor>> door = ClientDoor::Open(context_, wake_up_, std::move(options));
-    if (!door) return tl::unexpected(door.error());
-    doors_.push_back(std::move(*door));
+    Result<std::unique_ptr<ClientListener>> listener = ClientListener::Open(context_, wake_up_, std::move(options));
+    if (!listener) return tl::unexpected(listener.error());
+    listeners_.push_back(std::move(*listener));
     return {};
   }
 
@@ -262,26 +262,26 @@ class ZeroMqTransport::Impl {
 
   // Agents whose address is a name have their places among the others'.
   Result<void> OpenGuard() {
-    std::map<std::uint16_t, ConnectionRules::Door> doors;
+    std::map<std::uint16_t, ConnectionRules::Listener> listeners;
     const proto::AgentConfig& self = *FindAgent(team_, options_.self);
     if (const std::optional<std::uint16_t> port = TcpPortOf(self.address())) {
-      ConnectionRules::Door& door = doors[*port];
-      door.others_max = kStrangersMax;
-      door.key_max = kConnectionsPerAgent;
-      door.shared_bytes = kAgentsSharedBytes;
+      ConnectionRules::Listener& listener = listeners[*port];
+      listener.others_max = kStrangersMax;
+      listener.key_max = kConnectionsPerAgent;
+      listener.shared_bytes = kAgentsSharedBytes;
       for (const proto::AgentConfig& agent : team_.agents()) {
         if (agent.left()) continue;
         const std::string address = NumericAddressOf(agent.address());
-        (address.empty() ? door.others_max : door.places[address]) += kConnectionsPerAgent;
+        (address.empty() ? listener.others_max : listener.places[address]) += kConnectionsPerAgent;
       }
     }
     if (const std::optional<std::uint16_t> port = TcpPortOf(self.client_address())) {
-      doors[*port] = {.places = {},
-                      .others_max = kKeyedClientsMax,
-                      .key_max = ClientDoor::kConnectionsOfKeyMax,
-                      .shared_bytes = kKeyedRequestBytesMax};
+      listeners[*port] = {.places = {},
+                          .others_max = kKeyedClientsMax,
+                          .key_max = ClientListener::kConnectionsOfKeyMax,
+                          .shared_bytes = kKeyedRequestBytesMax};
     }
-    Result<std::unique_ptr<DoorGuard>> guard = DoorGuard::Make(std::move(doors));
+    Result<std::unique_ptr<ConnectionLimiter>> guard = ConnectionLimiter::Make(std::move(listeners));
     if (!guard) return tl::unexpected(guard.error());
     guard_ = std::move(*guard);
     return {};
@@ -313,7 +313,7 @@ class ZeroMqTransport::Impl {
       ++refused_.deferred_clients;
       refused_.deferred_log.Warn(
           "transport: refused client " + client->name() + " for now: its key has " +
-          (has_handshakes ? std::to_string(ClientDoor::kConnectionsOfKeyMax) + " connections"
+          (has_handshakes ? std::to_string(ClientListener::kConnectionsOfKeyMax) + " connections"
                           : "made " + std::to_string(HandshakeLimit::kPerMinute) + " connections within a minute"));
       return ZapHandler::Admission::kNotNow;
     }
@@ -329,8 +329,8 @@ class ZeroMqTransport::Impl {
       if (zap_handler_) zap_handler_->OnReadable();
       has_more_ = ReceiveFromPeers();
       // Listening may take in libzmq's news of requests, so that the door's work comes last.
-      for (const auto& door : doors_) door->KeepPlace(std::chrono::steady_clock::now());
-      for (const auto& door : doors_) has_more_ = door->Work(deliver_) || has_more_;
+      for (const auto& listener : listeners_) listener->KeepPlace(std::chrono::steady_clock::now());
+      for (const auto& listener : listeners_) has_more_ = listener->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
       guard_->Work(now);
       for (const AgentId flooding : guard_->TakeFloodedLinks()) peers_.at(flooding)->OnFlooded(now);
@@ -346,9 +346,9 @@ class ZeroMqTransport::Impl {
     wake_up_.IsLooking();
     MonotonicTime deadline = MonotonicTime::max();
     for (const auto& [id, peer] : peers_) deadline = std::min(deadline, peer->deadline());
-    for (const auto& door : doors_) deadline = std::min(deadline, door->deadline());
+    for (const auto& listener : listeners_) deadline = std::min(deadline, listener->deadline());
     const bool has_replies =
-        std::any_of(doors_.begin(), doors_.end(), [](const auto& door) { return door->has_replies(); });
+        std::any_of(listeners_.begin(), listeners_.end(), [](const auto& listener) { return listener->has_replies(); });
     deadline = std::min(deadline, guard_->deadline());
     if (has_more_ || is_stopping_ || has_replies) deadline = MonotonicTime::min();
     wake_up_.SleepsUntil(deadline);
@@ -392,7 +392,7 @@ class ZeroMqTransport::Impl {
     add(peer_listener_->file());
     add(guard_->file());
     add(zap_handler_ ? zap_handler_->file() : -1);
-    for (std::size_t i = 0; i < kDoorsMax; ++i) add(i < doors_.size() ? doors_[i]->file() : -1);
+    for (std::size_t i = 0; i < kClientListenersMax; ++i) add(i < listeners_.size() ? listeners_[i]->file() : -1);
     for (std::size_t i = 0; i < kListenersMax; ++i) add(i < accepted_.size() ? accepted_[i].file() : -1);
     for (const auto& [id, peer] : peers_) {
       add(peer->socket_file());
@@ -478,11 +478,11 @@ class ZeroMqTransport::Impl {
   std::optional<ClientKeys> client_keys_;
   HandshakeLimit handshake_limit_;      // Of clients.
   std::uint32_t admitted_clients_ = 0;  // Handshakes.
-  std::vector<std::unique_ptr<ClientDoor>> doors_;
+  std::vector<std::unique_ptr<ClientListener>> listeners_;
   std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
   LinkOrder link_order_;
 
-  std::unique_ptr<DoorGuard> guard_;
+  std::unique_ptr<ConnectionLimiter> guard_;
 
   std::vector<pollfd> files_;
   bool is_busy_ = false;   // Peers sent something just now.
@@ -518,6 +518,6 @@ SendResult ZeroMqTransport::Send(const Address& to, const proto::Message& messag
 
 std::vector<proto::PeerStatus> ZeroMqTransport::Peers() const { return impl_->Peers(); }
 
-proto::DoorStatus ZeroMqTransport::Door() const { return impl_->Door(); }
+proto::ListenerStatus ZeroMqTransport::Listener() const { return impl_->Listener(); }
 
 }  // namespace moondb

@@ -5,12 +5,12 @@
 // binds each to its agent, whatever the connection says of itself: a frame whose hop_sender is not the key's agent is
 // counted and dropped, and so is a body that only actors of one agent send each other. A frame between agents is a
 // proto::PeerFrame: small messages that come one upon the other share one. Clients talk to ROUTERs of their own
-// (runtime/transport/client_door.h), request and reply, a proto::Message a frame.
+// (runtime/transport/client_listener.h), request and reply, a proto::Message a frame.
 //
 // libzmq would queue silently for absent peers and let megabytes in for frozen ones, so queues are bounded here: byte
 // credit per connection, ZMQ_IMMEDIATE, LINGER 0; peers that fall silent are noticed by deadlines, without ZMTP's
-// heartbeat. DoorGuard cuts connections that take too much. The thread sleeps until a socket, a sender or a deadline
-// wakes it.
+// heartbeat. ConnectionLimiter cuts connections that take too much. The thread sleeps until a socket, a sender or a
+// deadline wakes it.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@
 namespace moondb {
 
 namespace proto {
-class DoorStatus;
+class ListenerStatus;
 }
 
 class ZeroMqTransport final : public Transport {
@@ -59,7 +59,7 @@ class ZeroMqTransport final : public Transport {
   [[nodiscard]] SendResult Send(const Address& to, const proto::Message& message) override;
   std::vector<proto::PeerStatus> Peers() const override;
   // What was refused before it was a message. Any thread.
-  proto::DoorStatus Door() const;
+  proto::ListenerStatus Listener() const;
 
  private:
   class Impl;

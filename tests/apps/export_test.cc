@@ -26,7 +26,7 @@ constexpr char kNode[] =
 
 proto::Record MapOf(const Grid& grid, std::uint64_t node) {
   proto::Record record;
-  record.set_stamp_ns(1);
+  record.set_timestamp_ns(1);
   proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
   map.mutable_node()->set_agent_id(2);
   map.mutable_node()->set_index(node);

@@ -52,7 +52,7 @@ std::vector<proto::Record> NoisyMaps(int count, std::uint64_t seed, AgentId agen
   std::vector<proto::Record> records;
   for (int i = 0; i < count; ++i) {
     proto::Record& record = records.emplace_back();
-    record.set_stamp_ns(i + 1);
+    record.set_timestamp_ns(i + 1);
     proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
     map.mutable_node()->set_agent_id(agent);
     map.mutable_node_from_map()->mutable_position_m();
@@ -234,7 +234,7 @@ TEST_F(ProcessTest, ShowsAndPrunesTheHistoryOfARobotsStates) {
   EXPECT_THAT(MoonctlExpecting(0, {"db", "prune", "--history", "-a", "rover3"}), HasSubstr("temperature"));
   EXPECT_EQ(rows(MoonctlExpecting(0, list)), 0);
   EXPECT_EQ(Moonctl({"record", "list", "--history", "--follow", "-a", "rover3"}).exit_code, 2);
-  EXPECT_EQ(Moonctl({"db", "prune", "--history", "--beaten-maps", "-a", "rover3"}).exit_code, 2);
+  EXPECT_EQ(Moonctl({"db", "prune", "--history", "--occluded-maps", "-a", "rover3"}).exit_code, 2);
 }
 
 TEST_F(ProcessTest, LosesNothingAcknowledgedWhenTheLeaderIsKilledDuringASync) {

@@ -48,7 +48,7 @@ class TrustTest : public ProcessTeam {
     ASSERT_NE(rover3, nullptr);
     std::vector<proto::Record> records(kNodes);
     for (int i = 0; i < kNodes; ++i) {
-      records[i].set_stamp_ns(i + 1);
+      records[i].set_timestamp_ns(i + 1);
       proto::PoseGraphNode& node = *records[i].mutable_pose_graph_node();
       node.mutable_node()->set_agent_id(3);
       node.mutable_node()->set_index(i);

@@ -385,7 +385,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   auto client = ConnectTo(agent, options);
   Client::Custom custom;
   custom.type = "soil";
-  custom.stamp_ns = 7;
+  custom.timestamp_ns = 7;
   custom.payload = std::string("\0\xFF", 2);
   custom.latest_key = "hole 3";
   custom.metadata = "percent";
@@ -393,7 +393,7 @@ TEST(ClientTest, InsertsCustomRecordsByTheNameOfTheirType) {
   ASSERT_TRUE(key.has_value()) << ToString(key.error());
   EXPECT_EQ(key->stream.type, 1000u);
   agent.Stop();
-  EXPECT_EQ(received.stamp_ns(), 7);
+  EXPECT_EQ(received.timestamp_ns(), 7);
   EXPECT_EQ(received.custom().data_type(), 1000u);
   EXPECT_EQ(received.custom().payload(), custom.payload);
   EXPECT_EQ(received.custom().latest_key(), "hole 3");
@@ -557,7 +557,7 @@ TEST(ClientTest, ReadsAllPagesInOrder) {
     for (std::uint64_t row = request.control_request().read().after_row_id() + 1; row <= 5; ++row) {
       if (page.records_size() == 2) return std::vector{Frame(request, reply)};
       proto::Record record;
-      record.set_stamp_ns(static_cast<std::int64_t>(row));
+      record.set_timestamp_ns(static_cast<std::int64_t>(row));
       page.add_records()->set_content(record.SerializeAsString());
       page.add_row_ids(row);
     }
@@ -565,13 +565,13 @@ TEST(ClientTest, ReadsAllPagesInOrder) {
     return std::vector{Frame(request, reply)};
   });
   auto client = ConnectTo(agent);
-  std::vector<std::int64_t> stamps;
+  std::vector<std::int64_t> timestamps;
   const auto read = client->ReadAll({}, [&](const proto::StoredRecord&, const proto::Record& record) -> Result<void> {
-    stamps.push_back(record.stamp_ns());
+    timestamps.push_back(record.timestamp_ns());
     return {};
   });
   ASSERT_TRUE(read.has_value()) << ToString(read.error());
-  EXPECT_THAT(stamps, testing::ElementsAre(1, 2, 3, 4, 5));
+  EXPECT_THAT(timestamps, testing::ElementsAre(1, 2, 3, 4, 5));
   EXPECT_EQ(agent.requests(), 3);
 }
 

@@ -9,7 +9,7 @@
 #include "actors/sharing/coding/row_codec.h"
 #include "actors/storage/paper_sql.h"
 #include "model/check.h"
-#include "tests/fuzz/door_decoders.h"
+#include "tests/fuzz/peer_decoders.h"
 
 namespace moondb {
 namespace {

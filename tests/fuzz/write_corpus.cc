@@ -17,7 +17,7 @@
 #include "proto/types.pb.h"
 #include "tests/actors/sharing/coding/records.h"
 #include "tests/fuzz/decoders.h"
-#include "tests/fuzz/door_decoders.h"
+#include "tests/fuzz/peer_decoders.h"
 
 namespace moondb {
 namespace {

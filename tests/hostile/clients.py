@@ -23,7 +23,7 @@ def feeds_kept_open(team, scale):
         sharer = stack.enter_context(KeyedClient(team, "sharer"))
         last = sharer.ask(read={"records_max": 1, "is_newest_first": True}).read.row_ids[0]
         sharer.send(77, read={"after_row_id": last, "data_types": [types.MODE], "wait_s": 30})
-        team.insert("rover1", [messages.record.Record(stamp_ns=messages.now_ns(), mode={"activity": 2})])
+        team.insert("rover1", [messages.record.Record(timestamp_ns=messages.now_ns(), mode={"activity": 2})])
         answer = sharer.receive(10)
         if answer is None or not answer.control_reply.read.records:
             raise Failure("a client that waited for a record was not sent it")
@@ -111,7 +111,7 @@ def names_with_escapes(team, scale):
         sharer.send(1, by=ESCAPES, lease={"kind": 1, "seconds": 1})
         sharer.send(2, by=ESCAPES * 100, share={"kind": 1})
         sharer.send(3, by=ESCAPES, insert={"records": [
-            messages.record.Record(stamp_ns=1, health={"level": 1, "text": ESCAPES})]})
+            messages.record.Record(timestamp_ns=1, health={"level": 1, "text": ESCAPES})]})
         for _ in range(3):
             sharer.receive(10)
     team.share()

@@ -96,7 +96,7 @@ def waiting_reads(team, scale):
     """rover3 asks rover1 for 600 answers that wait for a minute, each in another actor's name, while others ask, too."""
     with Member(team, TAKEN) as member:
         tiles = member.ask("rover1", map_tiles={}).map_tiles
-        waits_for_map = {"wait_s": WAIT_S, "life": tiles.life, "since_version": tiles.version}
+        waits_for_map = {"wait_s": WAIT_S, "merger_id": tiles.merger_id, "since_version": tiles.version}
         waits_for_records = {"wait_s": WAIT_S, "after_row_id": 1 << 50, "data_types": [types.MODE]}
         for i in range(WAITING_READS):
             read = {"map_tiles": waits_for_map} if i % 2 else {"read": waits_for_records}

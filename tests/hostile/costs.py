@@ -61,7 +61,7 @@ def ask_beside(team, count, scale):
         for _ in range(max(3, int(12 * scale))):
             with KeyedClient(team, "sharer", timeout_s=5, from_address=ELSEWHERE) as other:
                 other.ask(status={})
-        team.insert("rover1", [record.Record(stamp_ns=messages.now_ns(), mode={"activity": 1})])
+        team.insert("rover1", [record.Record(timestamp_ns=messages.now_ns(), mode={"activity": 1})])
         answer = carl.receive(10)
         if answer is None or answer.request_id != 77:
             raise Failure("a client that waited for a record got no answer when it came")
@@ -113,7 +113,7 @@ def statements_of_a_compact_team(team, scale):
         for seq in range(1, max(2, int(20_000 * scale))):
             batch = session.batch(coded=b"", record_count=1, codec=CODEC_PAPER_SQL)
             batch.record_id = f"{ROVER3}.{epoch:016x}.1.{seq}".encode()
-            batch.sql = (f"INSERT INTO temperature (record_id, agent_id, stamp_ns, celsius) VALUES "
+            batch.sql = (f"INSERT INTO temperature (record_id, agent_id, timestamp_ns, celsius) VALUES "
                          f"('{batch.record_id.decode()}', {ROVER3}, 1700, {-40.5 if seq == 1 else endless})").encode()
             member.send_frame("rover1", frame_of(batch))
         member.ask_until_answered("rover1", timeout_s=60, status={})

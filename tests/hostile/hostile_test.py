@@ -27,7 +27,7 @@ from python_example_test import python_with  # noqa: E402
 from snippets_test import SKIPPED, in_own_network, taken_port  # noqa: E402
 
 PACKAGES = ["nacl", "zmq", "google.protobuf", "zstandard"]
-MODULES = ["door", "records", "havesets", "sessions", "roles", "commands", "costs", "clients", "files", "fuzz"]
+MODULES = ["listener", "records", "havesets", "sessions", "roles", "commands", "costs", "clients", "files", "fuzz"]
 RSS_MB_MAX = 64
 RSS_MB_LEFT_MAX = 4  # Of earlier attackers.
 LOG_BYTES_MAX = 64 * 1024
@@ -114,9 +114,9 @@ def refresh(team):
     return team.settle()
 
 
-def attack(team, attacker, scale, prunes, is_at_rest, rss_mb_max):
+def attack(team, attacker, scale, prunes, is_idle, rss_mb_max):
     """What became of the team; with "broken", what did not hold. `prunes`: the operator removes records meanwhile;
-    `is_at_rest`: the others do not share meanwhile, since the attacked agent is stopped, or another one leads."""
+    `is_idle`: the others do not share meanwhile, since the attacked agent is stopped, or another one leads."""
     from team import HONEST, Failure
     quiet_s = refresh(team)
     team.forget_peak("rover1")
@@ -125,7 +125,7 @@ def attack(team, attacker, scale, prunes, is_at_rest, rss_mb_max):
     broken = []
     begin = time.monotonic()
     bystander = Bystander(team)
-    with contextlib.nullcontext() if is_at_rest else bystander:
+    with contextlib.nullcontext() if is_idle else bystander:
         try:
             attacker(team, scale)
         except Failure as failure:
@@ -177,13 +177,13 @@ def run(options):
             print(f"{module.__name__}.{attacker.__name__}: {attacker.__doc__.splitlines()[0]}", flush=True)
             team.take_over() if getattr(module, "TAKES_ROVER3", False) else team.give_back()
             prunes = attacker in getattr(module, "PRUNING", [])
-            is_at_rest = getattr(module, "AT_REST", False) or attacker in getattr(module, "LEADS", [])
+            is_idle = getattr(module, "AT_REST", False) or attacker in getattr(module, "LEADS", [])
             rss_mb_max = getattr(module, "RSS_MB_MAX_OF", {}).get(attacker, RSS_MB_MAX)
-            result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_at_rest, rss_mb_max)
+            result = results[attacker.__name__] = attack(team, attacker, options.scale, prunes, is_idle, rss_mb_max)
             if report(module, attacker, result):
                 failed.append(attacker.__name__)
             if result["broken"] or attacker in getattr(module, "LEAVES_MUCH", []):
-                team.make_anew()
+                team.rebuild()
     print(f"{len(results)} attackers; not withstood: {', '.join(failed) or 'none'}")
     if options.json:
         options.json.write_text(json.dumps(results, indent=1) + "\n")

@@ -63,7 +63,7 @@ def pose(x=0.0, y=0.0, z=0.0):
 
 
 def node(agent, index, x=0.0, y=0.0):
-    return record.Record(stamp_ns=now_ns(),
+    return record.Record(timestamp_ns=now_ns(),
                          pose_graph_node={"node": {"agent_id": agent, "index": index}, "map_from_node": pose(x, y)})
 
 
@@ -73,7 +73,7 @@ def edge(agent, index):
     for diagonal in (0, 6, 11, 15, 18, 20):
         covariance[diagonal] = 1e-4
     measurement = {"from_from_to": pose(1), "covariance": covariance}
-    return record.Record(stamp_ns=now_ns(),
+    return record.Record(timestamp_ns=now_ns(),
                          pose_graph_edge={"from": {"agent_id": agent, "index": index},
                                           "to": {"agent_id": agent, "index": index + 1},
                                           "relative_pose": measurement})
@@ -83,17 +83,17 @@ def map_at(agent, index, cells=40):
     """A map of one free layer, around a node."""
     layer = {"width_cells": cells, "height_cells": cells, "resolution_um": 50000,
              "cells": FREE_CELLS * (cells * cells // 4)}
-    return record.Record(stamp_ns=now_ns(),
+    return record.Record(timestamp_ns=now_ns(),
                          local_traversability_map={"node": {"agent_id": agent, "index": index},
                                                    "node_from_map": pose(), "layers": [layer]})
 
 
 def event(text, kind=record.EVENT_KIND_COMMAND, by=""):
-    return record.Record(stamp_ns=now_ns(), agent_event={"kind": kind, "text": text, "by": by})
+    return record.Record(timestamp_ns=now_ns(), agent_event={"kind": kind, "text": text, "by": by})
 
 
 def temperature(celsius):
-    return record.Record(stamp_ns=now_ns(), is_state=True, temperature={"celsius": celsius})
+    return record.Record(timestamp_ns=now_ns(), is_state=True, temperature={"celsius": celsius})
 
 
 def have_stream(origin, epoch, data_type, last, first=1):

@@ -110,7 +110,7 @@ def quarantine_in_anothers_name(team, scale):
     """rover3 brings the base station's word that all maps of rover1 are left out."""
     with Member(team, TAKEN) as member:
         session = member.session("rover1")
-        quarantine = record.Record(stamp_ns=messages.now_ns(), map_quarantine={
+        quarantine = record.Record(timestamp_ns=messages.now_ns(), map_quarantine={
             "agent_id": ROVER1, "from_ns": 0, "to_ns": messages.SEQ_MAX, "reason": "dust"})
         session.bring([messages.stored(BASE, EPOCH, 1, quarantine)])
     if any(table == "map_quarantine" and origin == BASE for table, origin, _, _ in team.records("rover1")):
@@ -136,7 +136,7 @@ def quarantines_of_others(team, scale):
     with Member(team, TAKEN) as member:
         session = member.session("rover1")
         epoch = own_epoch(session)
-        session.bring([messages.stored(ROVER3, epoch, i + 1, record.Record(stamp_ns=messages.now_ns(), map_quarantine={
+        session.bring([messages.stored(ROVER3, epoch, i + 1, record.Record(timestamp_ns=messages.now_ns(), map_quarantine={
             "agent_id": agent, "from_ns": 0, "to_ns": messages.SEQ_MAX, "reason": "dust", "term": term}))
             for i, (agent, term) in enumerate((agent, term) for agent in (ROVER1, ROVER2)
                                               for term in (roles.term, {"number": 1 << 40, "issuer": ROVER3}))])
@@ -148,15 +148,15 @@ def quarantines_of_others(team, scale):
 
 def lifts_of_others(team, scale):
     """rover3 lifts a quarantine that the leader's operator gave."""
-    key = team.insert("rover1", [record.Record(stamp_ns=messages.now_ns(), map_quarantine={
+    key = team.insert("rover1", [record.Record(timestamp_ns=messages.now_ns(), map_quarantine={
         "agent_id": ROVER2, "from_ns": 0, "to_ns": messages.SEQ_MAX, "reason": "dust"})])[0]
     before = left_out_maps(team)
     with Member(team, TAKEN) as member:
         session = member.session("rover1")
         session.bring([messages.stored(ROVER3, own_epoch(session), 1, record.Record(
-            stamp_ns=messages.now_ns(), map_quarantine={"lifts": key, "term": team.status("rover1").roles.term}))])
+            timestamp_ns=messages.now_ns(), map_quarantine={"lifts": key, "term": team.status("rover1").roles.term}))])
     after = left_out_maps(team)
-    team.insert("rover1", [record.Record(stamp_ns=messages.now_ns(), map_quarantine={"lifts": key})])
+    team.insert("rover1", [record.Record(timestamp_ns=messages.now_ns(), map_quarantine={"lifts": key})])
     if before == 0 or after < before:
         raise Failure(f"of {before} maps that the operator left out, {before - after} are used again by rover3's word")
 
@@ -170,7 +170,7 @@ def edges_of_others(team, scale):
         for i, edge in enumerate(edges):
             edge.pose_graph_edge.to.index = i + 2
             edge.pose_graph_edge.relative_pose.from_from_to.position_m.x = 5000
-        edges.append(record.Record(stamp_ns=messages.now_ns(), pose_graph_edge={
+        edges.append(record.Record(timestamp_ns=messages.now_ns(), pose_graph_edge={
             "from": {"agent_id": ROVER1, "index": 1}, "to": {"agent_id": ROVER2, "index": 1},
             "range": {"range_m": 9000, "variance_m2": 1e-8}}))
         answer = session.bring([messages.stored(ROVER3, epoch, i + 1, edge) for i, edge in enumerate(edges)])
@@ -257,7 +257,7 @@ def absurd_bodies():
     yield body
     for stamp in (-messages.SEQ_MAX, messages.SEQ_MAX):
         body = messages.temperature(nan)
-        body.stamp_ns = stamp
+        body.timestamp_ns = stamp
         yield body
     yield record.Record(custom={"data_type": 5, "payload": b"x"})
     yield record.Record(custom={"data_type": 1999, "latest_key": bytes(100_000)})

@@ -12,7 +12,7 @@ ROVER1, ROVER2, ROVER3, BASE = 1, 2, 3, 4
 TERM_JUMP = 1_000_000  # kTermJumpMax of actors/role/role_logic.h.
 TERM_GROWTH_MAX = 100
 CHANGES_MAX = 21  # kAtOnce of actors/role/change_budget.h, and one more within a minute.
-REIGN_SHIFT = 32  # kReignShift of model/term.h.
+REIGN_SHIFT = 32  # kEraShift of model/term.h.
 TERM_MAX = (1 << 52) - 1
 MAP_WIDTH_MAX_M = 500
 SIGNATURE_BYTES = 64
@@ -30,13 +30,13 @@ def expect_roles(team, before):
                           f"since {TAKEN} says so")
 
 
-def assignment(team, follows, leader, survivor, issuer=ROVER3, number=None, reign_begins=False):
+def assignment(team, follows, leader, survivor, issuer=ROVER3, number=None, era_begins=False):
     """Signed by rover3's true key, whoever issues it; the next of what it follows unless another number is named."""
-    next_number = ((follows.term.number >> REIGN_SHIFT) + 1) << REIGN_SHIFT if reign_begins else follows.term.number + 1
+    next_number = ((follows.term.number >> REIGN_SHIFT) + 1) << REIGN_SHIFT if era_begins else follows.term.number + 1
     roles = term.RoleAssignment(
         term={"number": next_number if number is None else number, "issuer": issuer,
               "issuer_epoch": random.getrandbits(63)},
-        leader=leader, survivor=survivor, stamp_ns=messages.now_ns(), reason="hostile", follows=follows.signature)
+        leader=leader, survivor=survivor, timestamp_ns=messages.now_ns(), reason="hostile", follows=follows.signature)
     team.sign(TAKEN, roles)
     return roles
 
@@ -59,14 +59,14 @@ def announce(team, *make):
 def roles_of_its_own(team, scale):
     """rover3 announces, under its own signature, that it leads: as the next change, in a new reign, in the last of all."""
     announce(team, lambda present: assignment(team, present, ROVER3, ROVER2),
-             lambda present: assignment(team, present, ROVER3, ROVER2, reign_begins=True),
+             lambda present: assignment(team, present, ROVER3, ROVER2, era_begins=True),
              lambda present: assignment(team, present, ROVER3, ROVER2, number=TERM_MAX))
 
 
 def roles_in_anothers_name(team, scale):
     """rover3 announces that rover2, the base station or rover1 decided that rover3 leads."""
     announce(team, *(lambda present, issuer=issuer, begins=begins: assignment(
-        team, present, ROVER3, ROVER2, issuer=issuer, reign_begins=begins)
+        team, present, ROVER3, ROVER2, issuer=issuer, era_begins=begins)
         for issuer, begins in ((ROVER2, False), (BASE, True), (ROVER1, False), (0, False))))
 
 
@@ -84,8 +84,8 @@ def roles_as_a_record(team, scale):
         session = member.session("rover1")
         present = member.ask("rover1", status={}).status.roles
         for origin in (ROVER3, BASE):
-            roles = assignment(team, present, ROVER3, ROVER2, issuer=origin, reign_begins=origin == BASE)
-            body = record.Record(stamp_ns=messages.now_ns(), role_assignment=roles)
+            roles = assignment(team, present, ROVER3, ROVER2, issuer=origin, era_begins=origin == BASE)
+            body = record.Record(timestamp_ns=messages.now_ns(), role_assignment=roles)
             session.bring([messages.stored(origin, 1 << 49, 1, body)])
         member.ask("rover1", status={})
     expect_roles(team, before)
@@ -113,7 +113,7 @@ def changes_as_records(team, scale):
     with Member(team, TAKEN) as member:
         session = member.session("rover1")
         for i, one in enumerate(assignments):
-            body = record.Record(stamp_ns=messages.now_ns(), role_assignment=one)
+            body = record.Record(timestamp_ns=messages.now_ns(), role_assignment=one)
             session.bring([messages.stored(ROVER3, 1 << 49, i + 1, body)])
         member.ask("rover1", status={})
         present = member.ask("rover1", status={}).status.roles
@@ -185,7 +185,7 @@ def poses_of_a_high_term(team, scale):
     """rover3 brings optimized poses of rover1's nodes, in the highest term there can be."""
     with Member(team, TAKEN) as member:
         session = member.session("rover1")
-        poses = [record.Record(stamp_ns=messages.now_ns(), optimized_pose={
+        poses = [record.Record(timestamp_ns=messages.now_ns(), optimized_pose={
             "node": {"agent_id": ROVER1, "index": index}, "map_from_node": messages.pose(1000, 1000),
             "term": {"number": (1 << 40) - 1, "issuer": ROVER3, "issuer_epoch": 1}, "run": 1}) for index in (1, 10)]
         session.bring([messages.stored(ROVER3, 1 << 50, seq, body) for seq, body in enumerate(poses, 1)])

@@ -9,7 +9,7 @@ from team import HONEST, TAKEN, Failure
 
 TAKES_ROVER3 = True
 ROVER2, ROVER3 = 2, 3
-PIECE_BYTES, PIECES_WHOLE_BYTES = 200 << 10, 16 << 20
+FRAGMENT_BYTES, PIECES_WHOLE_BYTES = 200 << 10, 16 << 20
 DAY_NS = 86_400 * 10**9
 
 
@@ -57,15 +57,15 @@ def replayed_session(team, scale):
         raise Failure("rover1 does not hold what rover3 brought, and nothing else")
 
 
-def unfinished_pieces(team, scale):
+def unfinished_fragments(team, scale):
     """rover3 brings records of 16 MiB in pieces, one after the other, and finishes none."""
     with Member(team, TAKEN) as member:
         for kind in (SYNC, REPLICATION):
             session = member.session("rover1", kind)
             for i in range(int(1000 * scale)):
-                whole, index = divmod(i, PIECES_WHOLE_BYTES // PIECE_BYTES)
-                piece = {"hash": 1 + whole, "first_byte": index * PIECE_BYTES, "whole_bytes": PIECES_WHOLE_BYTES}
-                member.send_frame("rover1", frame_of(session.batch(coded=bytes(PIECE_BYTES), record_count=1, piece=piece,
+                whole, index = divmod(i, PIECES_WHOLE_BYTES // FRAGMENT_BYTES)
+                piece = {"hash": 1 + whole, "first_byte": index * FRAGMENT_BYTES, "whole_bytes": PIECES_WHOLE_BYTES}
+                member.send_frame("rover1", frame_of(session.batch(coded=bytes(FRAGMENT_BYTES), record_count=1, fragment=piece,
                                                                    codec=CODEC_PLAIN)))
         answers(team, member)
 
@@ -181,6 +181,6 @@ def lying_reports(team, scale):
         answers(team, member)
 
 
-ATTACKERS = [floods_of_hellos, replayed_session, unfinished_pieces, empty_messages, frames_of_many_parts, absurd_frames,
+ATTACKERS = [floods_of_hellos, replayed_session, unfinished_fragments, empty_messages, frames_of_many_parts, absurd_frames,
              leases_for_others,
              lying_clocks, orders_to_share, lying_reports]

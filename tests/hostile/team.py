@@ -90,7 +90,7 @@ class Team:
         self.moonctl("sync", "now", "--wait", "--timeout", "30s")
         self.moonctl("replicate", "now", "--wait", "--timeout", "30s")
 
-    def make_anew(self):
+    def rebuild(self):
         """A team as at the beginning, in place of one that an attacker broke."""
         was_taken = self.is_taken
         self.down()

@@ -16,14 +16,16 @@ std::vector<std::string> TextsOf(const std::vector<OwnEvent>& events) {
   return texts;
 }
 
-OwnEvent Damage(std::int64_t stamp_ns, const std::string& text = "damaged") {
-  return {stamp_ns, proto::EVENT_KIND_DAMAGE, text};
+OwnEvent Damage(std::int64_t timestamp_ns, const std::string& text = "damaged") {
+  return {timestamp_ns, proto::EVENT_KIND_DAMAGE, text};
 }
 
-OwnEvent Lost(std::int64_t stamp_ns, const std::string& text) { return {stamp_ns, proto::EVENT_KIND_LOST, text}; }
+OwnEvent Lost(std::int64_t timestamp_ns, const std::string& text) {
+  return {timestamp_ns, proto::EVENT_KIND_LOST, text};
+}
 
-OwnEvent Acknowledged(std::int64_t stamp_ns, std::int64_t until_ns) {
-  return {stamp_ns, proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText(until_ns, 1)};
+OwnEvent Acknowledged(std::int64_t timestamp_ns, std::int64_t until_ns) {
+  return {timestamp_ns, proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText(until_ns, 1)};
 }
 
 TEST(FindingsTest, AreDamageAndLossesUntilTheyAreAcknowledged) {

@@ -83,7 +83,7 @@ TEST(HaveSetTest, MergesBothSidesAndDroppedWins) {
   theirs[key].held = Set({{4, 6}});
   ours.Merge(theirs);
   EXPECT_EQ(ours.Get(key).held, Set({{4, 6}}));
-  EXPECT_EQ(ours.Get(key).Had(), Set({{1, 6}}));
+  EXPECT_EQ(ours.Get(key).Covered(), Set({{1, 6}}));
 }
 
 TEST(HaveSetTest, FindsTheIntervalsAroundOthers) {
@@ -127,7 +127,7 @@ TEST(HaveSetTest, SurvivesTheWire) {
   EXPECT_EQ(*back, have);
 }
 
-class HaveSetDoorTest : public ::testing::Test {
+class HaveSetFromPeerTest : public ::testing::Test {
  protected:
   // The field that is refused of one stream of agent 1 with these intervals held; empty if accepted.
   std::string Refused(std::initializer_list<Interval> held, std::initializer_list<Interval> dropped = {},
@@ -150,7 +150,7 @@ class HaveSetDoorTest : public ::testing::Test {
   }
 };
 
-TEST_F(HaveSetDoorTest, RefusesWhatNoHonestPeerSends) {
+TEST_F(HaveSetFromPeerTest, RefusesWhatNoHonestPeerSends) {
   EXPECT_EQ(Refused({{1, 2}, {4, 5}}), "");
   EXPECT_EQ(Refused({{0, 2}}), "streams[0].held");
   EXPECT_EQ(Refused({{3, 2}}), "streams[0].held");
@@ -163,7 +163,7 @@ TEST_F(HaveSetDoorTest, RefusesWhatNoHonestPeerSends) {
   EXPECT_EQ(Refused({{1, 3}}, {}, 70000), "streams[0].origin_agent");
 }
 
-TEST_F(HaveSetDoorTest, BoundsTheIntervalsOfAllStreamsTogether) {
+TEST_F(HaveSetFromPeerTest, BoundsTheIntervalsOfAllStreamsTogether) {
   proto::HaveSet have;
   for (std::uint64_t epoch = 1; epoch <= 5; ++epoch) {
     proto::StreamHave& stream = *have.add_streams();
@@ -178,7 +178,7 @@ TEST_F(HaveSetDoorTest, BoundsTheIntervalsOfAllStreamsTogether) {
   }
 }
 
-TEST_F(HaveSetDoorTest, RefusesOneStreamTwice) {
+TEST_F(HaveSetFromPeerTest, RefusesOneStreamTwice) {
   proto::HaveSet have;
   have.add_streams()->set_origin_agent(1);
   have.add_streams()->set_origin_agent(1);

@@ -24,17 +24,17 @@ proto::AgentLease Lease(AgentId agent, double driving_s, double sleeping_s, doub
 TEST(LeasesTest, CountsDownAndLapses) {
   Leases leases(/*is_quiet_while_driving=*/true);
   EXPECT_TRUE(leases.Left(kStart).leases().empty());
-  EXPECT_FALSE(leases.NextLapse(kStart));
+  EXPECT_FALSE(leases.NextExpiry(kStart));
   leases.Set(Lease(2, 40, 0), kStart);
   leases.Set(Lease(3, 10, 60), kStart);
-  EXPECT_EQ(leases.NextLapse(kStart), kStart + seconds(10));
+  EXPECT_EQ(leases.NextExpiry(kStart), kStart + seconds(10));
   EXPECT_EQ(leases.LeftOf(2, kStart + seconds(15)).driving_s(), 25);
   EXPECT_EQ(leases.LeftOf(3, kStart + seconds(15)).driving_s(), 0);
   EXPECT_EQ(leases.Left(kStart + seconds(15)).leases_size(), 2);
-  EXPECT_EQ(leases.NextLapse(kStart + seconds(15)), kStart + seconds(40));
+  EXPECT_EQ(leases.NextExpiry(kStart + seconds(15)), kStart + seconds(40));
   EXPECT_EQ(leases.Left(kStart + seconds(40)).leases_size(), 1);
   EXPECT_TRUE(leases.Left(kStart + seconds(60)).leases().empty());
-  EXPECT_FALSE(leases.NextLapse(kStart + seconds(60)));
+  EXPECT_FALSE(leases.NextExpiry(kStart + seconds(60)));
 }
 
 TEST(LeasesTest, WindowIsOpenWhenNeitherEndDrivesOrSleeps) {
@@ -70,7 +70,7 @@ TEST(LeasesTest, APauseShutsTheWindowInAnyTeamAndIsNoSilence) {
     EXPECT_EQ(leases.MayBeSilent(3, kStart), is_quiet_while_driving);
     EXPECT_TRUE(leases.MayBeSilent(4, kStart));
     EXPECT_EQ(leases.LeftOf(2, kStart + seconds(15)).paused_s(), 25);
-    EXPECT_EQ(leases.NextLapse(kStart), kStart + seconds(40));
+    EXPECT_EQ(leases.NextExpiry(kStart), kStart + seconds(40));
     EXPECT_EQ(leases.Left(kStart + seconds(39)).leases_size(), 3);
     EXPECT_EQ(leases.Left(kStart + seconds(40)).leases_size(), 2);
     EXPECT_TRUE(leases.IsOpen(1, 2, kStart + seconds(40)));

@@ -94,7 +94,7 @@ TEST_F(MissionTest, ReadsBackWhatWasWritten) {
   EXPECT_EQ(read->graph.nodes.size(), 5u);
   EXPECT_EQ(read->graph.ranges.at(1).to, (NodeKey{4, 0}));
   EXPECT_EQ(read->maps.at(1).node, (NodeKey{3, 1}));
-  EXPECT_EQ(read->maps.at(1).stamp_ns, 10'000'000'000);
+  EXPECT_EQ(read->maps.at(1).timestamp_ns, 10'000'000'000);
   EXPECT_EQ(read->truth.at({7, 0}).position_m, Eigen::Vector3d(1.03, 0.04, 0));
   EXPECT_EQ(read->truth.at({4, 0}).position_m, Eigen::Vector3d(-2, 0, 0));
 }

@@ -24,7 +24,7 @@ TEST(PoseGraphTest, RecordsBringEveryFieldBack) {
   }
   ASSERT_EQ(graph.nodes.size(), 1u);
   EXPECT_EQ(graph.nodes[0].key, (NodeKey{2, 7}));
-  EXPECT_EQ(graph.nodes[0].stamp_ns, 11);
+  EXPECT_EQ(graph.nodes[0].timestamp_ns, 11);
   EXPECT_EQ(graph.nodes[0].map_from_node.position_m, kPose.position_m);
   ASSERT_EQ(graph.odometry.size(), 1u);
   EXPECT_EQ(graph.odometry[0].covariance, covariance);
@@ -33,7 +33,7 @@ TEST(PoseGraphTest, RecordsBringEveryFieldBack) {
   ASSERT_EQ(graph.ranges.size(), 1u);
   EXPECT_EQ(graph.ranges[0].range_m, 9.5);
   EXPECT_EQ(graph.ranges[0].variance_m2, 0.01);
-  EXPECT_EQ(graph.ranges[0].stamp_ns, 13);
+  EXPECT_EQ(graph.ranges[0].timestamp_ns, 13);
 }
 
 TEST(PoseGraphTest, OtherRecordsAreIgnoredAndBrokenOnesRefused) {

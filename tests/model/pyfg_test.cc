@@ -39,7 +39,7 @@ void ExpectSameGraph(const Pyfg& a, const Pyfg& b) {
     const GraphNode& x = a.graph.nodes[i];
     const GraphNode& y = b.graph.nodes[i];
     ASSERT_EQ(x.key, y.key);
-    ASSERT_EQ(x.stamp_ns, y.stamp_ns);
+    ASSERT_EQ(x.timestamp_ns, y.timestamp_ns);
     ASSERT_EQ(x.map_from_node.position_m, y.map_from_node.position_m);
     ASSERT_EQ(x.map_from_node.orientation.coeffs(), y.map_from_node.orientation.coeffs());
   }
@@ -53,7 +53,7 @@ void ExpectSameGraph(const Pyfg& a, const Pyfg& b) {
   ASSERT_EQ(a.graph.ranges.size(), b.graph.ranges.size());
   for (std::size_t i = 0; i < a.graph.ranges.size(); ++i) {
     ASSERT_EQ(a.graph.ranges[i].range_m, b.graph.ranges[i].range_m);
-    ASSERT_EQ(a.graph.ranges[i].stamp_ns, b.graph.ranges[i].stamp_ns);
+    ASSERT_EQ(a.graph.ranges[i].timestamp_ns, b.graph.ranges[i].timestamp_ns);
   }
   ASSERT_EQ(a.landmarks.size(), b.landmarks.size());
   ASSERT_EQ(a.sightings.size(), b.sightings.size());
@@ -64,13 +64,13 @@ TEST(PyfgTest, ReadsEveryFieldOfASpatialGraph) {
   ASSERT_TRUE(pyfg) << ToString(pyfg.error());
   EXPECT_FALSE(pyfg->is_planar);
   ASSERT_EQ(pyfg->graph.nodes.size(), 2u);
-  EXPECT_EQ(pyfg->graph.nodes[0].stamp_ns, 1671300425310699500);
+  EXPECT_EQ(pyfg->graph.nodes[0].timestamp_ns, 1671300425310699500);
   EXPECT_EQ(pyfg->graph.nodes[0].key, (NodeKey{1, 0}));
   EXPECT_EQ(pyfg->graph.nodes[0].map_from_node.position_m, Eigen::Vector3d(0.1, -0.002, 3));
   EXPECT_NEAR(pyfg->graph.nodes[1].map_from_node.Yaw(), std::acos(-1) / 2, 1e-12);
   ASSERT_EQ(pyfg->landmarks.size(), 1u);
   EXPECT_EQ(pyfg->landmarks[0].key, (NodeKey{AgentOfLetter('L'), 0}));
-  EXPECT_FALSE(pyfg->landmarks[0].stamp_ns);
+  EXPECT_FALSE(pyfg->landmarks[0].timestamp_ns);
   const OdometryEdge& edge = pyfg->graph.odometry.at(0);
   EXPECT_EQ(edge.covariance(0, 0), 2);
   EXPECT_EQ(edge.covariance(0, 5), 0.1);
@@ -88,7 +88,7 @@ TEST(PyfgTest, PlacesAPlanarGraphInThePlane) {
       "graph.pyfg");
   ASSERT_TRUE(pyfg) << ToString(pyfg.error());
   EXPECT_TRUE(pyfg->is_planar);
-  EXPECT_EQ(pyfg->landmarks.at(0).stamp_ns, 5'500'000'000);
+  EXPECT_EQ(pyfg->landmarks.at(0).timestamp_ns, 5'500'000'000);
   const Matrix6d& covariance = pyfg->graph.odometry.at(0).covariance;
   EXPECT_EQ(covariance(0, 5), 0.25);
   EXPECT_EQ(covariance(1, 5), 0.125);

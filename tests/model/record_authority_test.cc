@@ -166,7 +166,7 @@ TEST(RecordAuthorityTest, OthersMapsAreQuarantinedByWhoLedInTheTermOrMayCommand)
   *assignment.mutable_role_assignment() = Second();
   EXPECT_TRUE(authority.Counts(KeyOf(2, proto::ROLE_ASSIGNMENT), assignment));
   EXPECT_TRUE(authority.TakeOutdated());
-  authority.BeginAnew();
+  authority.Restart();
   EXPECT_TRUE(authority.Counts(KeyOf(2, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term())));
   EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1, Second().term())))
       << "the term of another agent";
@@ -179,7 +179,7 @@ TEST(RecordAuthorityTest, ReportsHowManyRecordsOfEachOriginDoNotCountWhenThatCha
   EXPECT_FALSE(authority.Counts(KeyOf(3, proto::MAP_QUARANTINE), QuarantineOf(1)));
   EXPECT_EQ(authority.TakeReport({}).value().left_out_report().without_role().at(3), 2);
   EXPECT_FALSE(authority.TakeReport({}).has_value());
-  authority.BeginAnew();
+  authority.Restart();
   EXPECT_EQ(authority.TakeReport({}).value().left_out_report().without_role_size(), 0);
 }
 

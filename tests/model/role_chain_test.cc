@@ -37,8 +37,8 @@ TEST(TermTest, SaysReignAndChange) {
   EXPECT_EQ(TermText(term), "7");
   term.set_number(TermNumber(2, 7));
   EXPECT_EQ(TermText(term), "2.7");
-  EXPECT_EQ(ReignOf(term), 2u);
-  EXPECT_EQ(ChangeOf(term), 7u);
+  EXPECT_EQ(EraOf(term), 2u);
+  EXPECT_EQ(RevisionOf(term), 7u);
 }
 
 TEST(RoleChainTest, CountsWhatLeaderOrSurvivorOfTheOneBeforeDecides) {
@@ -58,11 +58,11 @@ TEST(RoleChainTest, CountsWhatLeaderOrSurvivorOfTheOneBeforeDecides) {
 TEST(RoleChainTest, NeverCountsWhatSomebodyElseDecides) {
   RoleChain chain(ChainOptions());
   EXPECT_EQ(chain.Add(After(ChainOptions().initial, 3, 3, 2, "a")), Standing::kNever);
-  proto::RoleAssignment reign = RoleChain::Next(ChainOptions().initial, /*is_command=*/true);
-  reign.mutable_term()->set_issuer(1);
-  reign.set_leader(1);
-  reign.set_signature("b");
-  EXPECT_EQ(chain.Add(reign), Standing::kNever) << "only who may command begins a reign";
+  proto::RoleAssignment era = RoleChain::Next(ChainOptions().initial, /*is_command=*/true);
+  era.mutable_term()->set_issuer(1);
+  era.set_leader(1);
+  era.set_signature("b");
+  EXPECT_EQ(chain.Add(era), Standing::kNever) << "only who may command begins a reign";
   // Rover 1 was deposed in what it says that it follows.
   const proto::RoleAssignment deposed = After(ChainOptions().initial, 2, 2, 3, "c");
   EXPECT_EQ(chain.Add(deposed), Standing::kCounts);
@@ -82,9 +82,9 @@ TEST(RoleChainTest, NeverCountsATermThatIsNotTheNext) {
 TEST(RoleChainTest, LetsWhoMayCommandBeginAReignUponWhatIsNotKnown) {
   RoleChain chain(ChainOptions());
   proto::RoleAssignment unknown = After(ChainOptions().initial, 1, 1, 3, "unknown");
-  const proto::RoleAssignment reign = After(unknown, kBase, 3, 2, "a");
-  EXPECT_EQ(chain.Add(reign), Standing::kCounts);
-  EXPECT_EQ(TermText(reign.term()), "1.0");
+  const proto::RoleAssignment era = After(unknown, kBase, 3, 2, "a");
+  EXPECT_EQ(chain.Add(era), Standing::kCounts);
+  EXPECT_EQ(TermText(era.term()), "1.0");
   EXPECT_EQ(chain.newest().leader(), 3u);
   proto::RoleAssignment wrong = After(ChainOptions().initial, kBase, 3, 2, "b");
   wrong.mutable_term()->set_number(TermNumber(9, 0));
@@ -111,8 +111,8 @@ TEST(RoleChainTest, WaitsForWhatIsFollowed) {
   const proto::RoleAssignment first = After(ChainOptions().initial, 1, 3, 2, "a");
   const proto::RoleAssignment second = After(first, 3, 3, 1, "b");
   const proto::RoleAssignment third = After(second, 1, 1, 3, "c");
-  EXPECT_EQ(chain.Add(third), Standing::kLacksForerunner);
-  EXPECT_EQ(chain.Add(second), Standing::kLacksForerunner);
+  EXPECT_EQ(chain.Add(third), Standing::kLacksPredecessor);
+  EXPECT_EQ(chain.Add(second), Standing::kLacksPredecessor);
   EXPECT_FALSE(chain.HasHadRole(3));
   EXPECT_EQ(chain.Add(first), Standing::kCounts);
   EXPECT_EQ(chain.newest().signature(), "c");
@@ -166,9 +166,9 @@ TEST(RoleChainTest, AnIssuerThatFillsTheRoomForWaitingAssignmentsTakesNoneOfTheO
   for (std::size_t i = 0; i < kWaitingAssignmentsMax + 10; ++i) {
     proto::RoleAssignment floods = After(ChainOptions().initial, 5, 5, 5, "f" + std::to_string(i));
     floods.set_follows("unknown" + std::to_string(i));
-    EXPECT_EQ(chain.Add(floods), Standing::kLacksForerunner);
+    EXPECT_EQ(chain.Add(floods), Standing::kLacksPredecessor);
   }
-  EXPECT_EQ(chain.Add(second), Standing::kLacksForerunner);
+  EXPECT_EQ(chain.Add(second), Standing::kLacksPredecessor);
   EXPECT_EQ(chain.Add(first), Standing::kCounts);
   EXPECT_EQ(chain.newest().signature(), "b") << "it waited although another issuer had filled the room";
 }

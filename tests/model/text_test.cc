@@ -14,20 +14,20 @@ namespace {
 using testing::ElementsAre;
 
 TEST(TextTest, StampsPassWithoutADouble) {
-  EXPECT_EQ(ParseStampNs("1671300425.3106995"), 1671300425310699500);
-  EXPECT_EQ(ParseStampNs("1248362857.900000095"), 1248362857900000095);
-  EXPECT_EQ(ParseStampNs("-0.5"), -500000000);
-  EXPECT_EQ(ParseStampNs("0.9999999996"), 1000000000);
-  EXPECT_EQ(ParseStampNs("10."), 10000000000);
+  EXPECT_EQ(ParseTimestampNs("1671300425.3106995"), 1671300425310699500);
+  EXPECT_EQ(ParseTimestampNs("1248362857.900000095"), 1248362857900000095);
+  EXPECT_EQ(ParseTimestampNs("-0.5"), -500000000);
+  EXPECT_EQ(ParseTimestampNs("0.9999999996"), 1000000000);
+  EXPECT_EQ(ParseTimestampNs("10."), 10000000000);
   for (const char* bad : {"", "-", ".", "1e3", "nan", "1.5x", "1.2.3", "99999999999", "--1"}) {
-    EXPECT_FALSE(ParseStampNs(bad)) << bad;
+    EXPECT_FALSE(ParseTimestampNs(bad)) << bad;
   }
   for (const std::int64_t ns : {std::int64_t{0}, std::int64_t{-1}, std::int64_t{1671300425310699513},
                                 std::int64_t{10000000000}, std::int64_t{-1500000000}}) {
-    EXPECT_EQ(ParseStampNs(FormatStampNs(ns)), ns);
+    EXPECT_EQ(ParseTimestampNs(FormatTimestampNs(ns)), ns);
   }
-  EXPECT_EQ(FormatStampNs(10'000'000'000), "10");
-  EXPECT_EQ(FormatStampNs(std::numeric_limits<std::int64_t>::min()), "-9223372036.854775808");
+  EXPECT_EQ(FormatTimestampNs(10'000'000'000), "10");
+  EXPECT_EQ(FormatTimestampNs(std::numeric_limits<std::int64_t>::min()), "-9223372036.854775808");
 }
 
 TEST(TextTest, NumbersPassExactly) {

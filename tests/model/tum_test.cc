@@ -20,7 +20,7 @@ TEST(TumTest, ReadsEveryField) {
   const auto poses = ParseTum(kText, "rover1.tum");
   ASSERT_TRUE(poses) << ToString(poses.error());
   ASSERT_EQ(poses->size(), 2u);
-  EXPECT_EQ(poses->front().stamp_ns, 1671300425310699500);
+  EXPECT_EQ(poses->front().timestamp_ns, 1671300425310699500);
   EXPECT_EQ(poses->front().map_from_body.position_m, Eigen::Vector3d(0.1, -0.002, 3));
   EXPECT_EQ(poses->front().map_from_body.orientation.z(), 0.6);
   EXPECT_EQ(poses->front().map_from_body.orientation.w(), 0.8);

@@ -97,7 +97,7 @@ class ReaderActor final : public Actor {
  private:
   void Obey(Context& context, const std::string& order) {
     if (order == "read") reader_.Read(context);
-    if (order == "read anew") reader_.ReadAnew(context);
+    if (order == "read anew") reader_.ReadAgain(context);
     if (order == "stop") reader_.Stop(context);
   }
 

@@ -232,9 +232,9 @@ CodedRows BatchEncoder::EncodeSome(const proto::RecordBatch& batch, std::size_t 
     records_max =
         std::clamp<std::size_t>(coded.record_count * bytes_max / coded.bytes.size(), 1, coded.record_count - 1);
     if (!start) continue;
-    std::map<DataType, double> learnt = std::move(row_ratios_);
+    std::map<DataType, double> trained = std::move(row_ratios_);
     *this = *start;
-    row_ratios_ = std::move(learnt);
+    row_ratios_ = std::move(trained);
   }
 }
 

@@ -5,8 +5,8 @@
 // two is refined by a last table; and everything learns from the bit. Whole numbers only.
 //
 // There are two decisions a cell, with tables of their own, and each is made with or without a previous map, with
-// weights of their own. A run's model begins as a copy of LearntModel() (learnt_tables.h): what it holds is part of the
-// wire format, and so is every number here. 1 MB. Not thread-safe.
+// weights of their own. A run's model begins as a copy of TrainedModel() (trained_tables.h): what it holds is part of
+// the wire format, and so is every number here. 1 MB. Not thread-safe.
 //
 // Most of the time to code a map goes into Predict and Update. They are here to become part of the loop over its cells,
 // so that contexts need not go through memory.

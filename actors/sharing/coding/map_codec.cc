@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "actors/sharing/coding/layer_coder.h"
-#include "actors/sharing/coding/learnt_tables.h"
+#include "actors/sharing/coding/trained_tables.h"
 #include "model/check.h"
 
 namespace moondb {
@@ -147,7 +147,7 @@ bool IsCodable(const std::vector<MapLayer>& layers) {
   return CellCountOf(layers) <= kCodedMapCellsMax;
 }
 
-MapRun::MapRun(const std::vector<MapLayer>* reference) : model_(LearntModel()) {
+MapRun::MapRun(const std::vector<MapLayer>* reference) : model_(TrainedModel()) {
   if (!reference) return;
   Check(IsCodable(*reference), "a reference is a map that can be coded");
   Keep(std::nullopt, ToCoded(*reference));
@@ -157,7 +157,7 @@ void MapRun::MakeRoomFor(const CodedLayers& layers) {
   if (earlier_.size() < kRunMapsMax && earlier_cells_ + CellCount(layers) <= kRunCellsMax) return;
   earlier_.clear();
   earlier_cells_ = 0;
-  model_ = LearntModel();
+  model_ = TrainedModel();
 }
 
 void MapRun::Keep(const std::optional<Reference>& reference, CodedLayers layers) {

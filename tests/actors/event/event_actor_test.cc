@@ -31,7 +31,7 @@ class EventActorTest : public testing::Test {
   }
 
   // What storage was asked to insert since the last call.
-  std::vector<std::string> Told() {
+  std::vector<std::string> Notified() {
     std::vector<std::string> texts;
     for (const proto::Message& message : team_.Take({1, actor_name::kStorage})) {
       if (message.has_insert_request()) texts.push_back(message.insert_request().records(0).agent_event().text());
@@ -64,7 +64,7 @@ class EventActorTest : public testing::Test {
   simulation::SimulatedTeam team_{/*seed=*/1};
 };
 
-TEST_F(EventActorTest, TellsThatTheAgentStarted) { EXPECT_THAT(Told(), ElementsAre("started, moondb 1.2.3")); }
+TEST_F(EventActorTest, TellsThatTheAgentStarted) { EXPECT_THAT(Notified(), ElementsAre("started, moondb 1.2.3")); }
 
 class FailingActor final : public Actor {
  public:
@@ -91,26 +91,26 @@ TEST(EventActorRestartTest, TellsThatItFailedItself) {
 }
 
 TEST_F(EventActorTest, TellsRolesThatItsOwnAgentIssuedAfterTheFirst) {
-  (void)Told();
+  (void)Notified();
   Roles(3, /*issuer=*/1, /*leader=*/2);  // As they were before the start.
   Roles(4, /*issuer=*/2, /*leader=*/2);
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
   Roles(5, /*issuer=*/1, /*leader=*/1, "sun is low");
-  EXPECT_THAT(Told(), ElementsAre("rover1 leads, rover3 is the designated survivor, term 5: sun is low"));
+  EXPECT_THAT(Notified(), ElementsAre("rover1 leads, rover3 is the designated survivor, term 5: sun is low"));
 }
 
 TEST_F(EventActorTest, TellsOnceAMinuteWhatWasRefusedSinceTheLastTime) {
-  (void)Told();
+  (void)Notified();
   Rejected(5);  // Since the agent started: the actor may have been made anew.
-  EXPECT_THAT(Told(), IsEmpty());
+  EXPECT_THAT(Notified(), IsEmpty());
   Rejected(8);
-  EXPECT_THAT(Told(), ElementsAre("3 records were refused by storage"));
+  EXPECT_THAT(Notified(), ElementsAre("3 records were refused by storage"));
   Rejected(8);
-  EXPECT_THAT(Told(), IsEmpty());
+  EXPECT_THAT(Notified(), IsEmpty());
 }
 
 TEST_F(EventActorTest, TellsSessionsThatEndedEarlyAndWhy) {
-  (void)Told();
+  (void)Notified();
   proto::ControlReply reply;
   reply.mutable_share_status();
   Post(actor_name::kSync, MessageOf(reply));
@@ -120,10 +120,10 @@ TEST_F(EventActorTest, TellsSessionsThatEndedEarlyAndWhy) {
   session.set_closed_sessions(2);
   session.set_last_error("the roles changed");
   Post(actor_name::kSync, MessageOf(reply));
-  EXPECT_THAT(Told(), ElementsAre("1 messages from peers were damaged",
-                                  "2 sharings to rover2 ended before all was acknowledged: the roles changed"));
+  EXPECT_THAT(Notified(), ElementsAre("1 messages from peers were damaged",
+                                      "2 sharings to rover2 ended before all was acknowledged: the roles changed"));
   Post(actor_name::kReplica, MessageOf(reply));
-  EXPECT_THAT(Told(), IsEmpty());
+  EXPECT_THAT(Notified(), IsEmpty());
 }
 
 TEST_F(EventActorTest, AsksEveryMinute) {
@@ -141,7 +141,7 @@ TEST_F(EventActorTest, AsksEveryMinute) {
 }
 
 TEST_F(EventActorTest, HearsOnlyItsOwnAgent) {
-  (void)Told();
+  (void)Notified();
   team_.AddAgent(2);
   proto::ControlReply reply;
   reply.mutable_status()->mutable_storage();
@@ -149,7 +149,7 @@ TEST_F(EventActorTest, HearsOnlyItsOwnAgent) {
   reply.mutable_status()->mutable_storage()->set_rejected_count(7);
   (void)team_.Post({2, actor_name::kStorage}, {1, actor_name::kEvent}, MessageOf(reply));
   team_.AdvanceTime(std::chrono::seconds(1));
-  EXPECT_THAT(Told(), IsEmpty());
+  EXPECT_THAT(Notified(), IsEmpty());
 }
 
 }  // namespace

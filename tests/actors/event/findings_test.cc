@@ -52,9 +52,9 @@ class FindingsTest : public testing::Test {
   }
 
   proto::ControlReply Ask(const proto::ControlRequest& question) {
-    (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, MessageOf(question));
+    (void)team_.Post({1, "requester"}, {1, actor_name::kEvent}, MessageOf(question));
     team_.RunUntilIdle();
-    const auto answers = team_.Take({1, "asker"});
+    const auto answers = team_.Take({1, "requester"});
     EXPECT_EQ(answers.size(), 1u);
     const auto reply = ControlReplyOf(answers.empty() ? proto::Message() : answers.front());
     EXPECT_TRUE(reply);
@@ -116,7 +116,7 @@ TEST_F(FindingsTest, APeerThatIsAwayForAMinuteIsLostOnceSinceItWasHeardLast) {
   team_.SetLink(1, 2, false);
   Minutes(5);
   ASSERT_THAT(Texts(), ElementsAre("rover2 was lost"));
-  EXPECT_EQ(Findings()[0].stamp_ns(), lost_ns);
+  EXPECT_EQ(Findings()[0].timestamp_ns(), lost_ns);
   team_.SetLink(1, 2, true);
   Minutes(1);
   EXPECT_THAT(Texts(), ElementsAre("rover2 was lost for 300 s, and is back"));
@@ -179,12 +179,12 @@ TEST_F(FindingsTest, AreAcknowledgedOnceAndForAll) {
   Minutes(3);
   const auto findings = Findings();
   ASSERT_EQ(findings.size(), 1u);
-  EXPECT_EQ(Acknowledge(findings[0].stamp_ns() - 1).count(), 0u);
+  EXPECT_EQ(Acknowledge(findings[0].timestamp_ns() - 1).count(), 0u);
   EXPECT_EQ(Texts().size(), 1u);
-  const proto::AcknowledgeReply reply = Acknowledge(findings[0].stamp_ns());
+  const proto::AcknowledgeReply reply = Acknowledge(findings[0].timestamp_ns());
   EXPECT_EQ(reply.count(), 1u) << reply.DebugString();
   EXPECT_THAT(Texts(), IsEmpty());
-  EXPECT_EQ(Acknowledge(findings[0].stamp_ns()).count(), 0u);
+  EXPECT_EQ(Acknowledge(findings[0].timestamp_ns()).count(), 0u);
   EXPECT_THAT(Story(), testing::Contains(HasSubstr("1 finding was acknowledged")));
 
   team_.Crash(1);
@@ -222,13 +222,13 @@ TEST_F(FindingsTest, AStoreThatCannotTakeTheAcknowledgmentSaysSo) {
     return is_it ? simulation::Fault::kBeforeHandler : simulation::Fault::kNone;
   });
   proto::ControlRequest question;
-  question.mutable_acknowledge()->set_until_ns(findings[0].stamp_ns());
-  (void)team_.Post({1, "asker"}, {1, actor_name::kEvent}, MessageOf(question));
+  question.mutable_acknowledge()->set_until_ns(findings[0].timestamp_ns());
+  (void)team_.Post({1, "requester"}, {1, actor_name::kEvent}, MessageOf(question));
   team_.RunUntilIdle();
-  EXPECT_THAT(team_.Take({1, "asker"}), IsEmpty());
+  EXPECT_THAT(team_.Take({1, "requester"}), IsEmpty());
   Minutes(1);
   EXPECT_EQ(Texts().size(), 1u);
-  EXPECT_EQ(Acknowledge(findings[0].stamp_ns()).count(), 1u);
+  EXPECT_EQ(Acknowledge(findings[0].timestamp_ns()).count(), 1u);
 }
 
 }  // namespace

@@ -509,7 +509,7 @@ class FeedTest : public GatewayActorTest {
     }
     AnswerAs(actor_name::kStorage, asked, page);
   }
-  void TellStored(DataType type, const std::string& actor = actor_name::kStorage, std::uint64_t last_row_id = 8) {
+  void ReportStored(DataType type, const std::string& actor = actor_name::kStorage, std::uint64_t last_row_id = 8) {
     proto::Message stored;
     stored.mutable_records_stored()->set_last_row_id(last_row_id);
     stored.mutable_records_stored()->add_data_types(type);
@@ -533,17 +533,17 @@ TEST_F(FeedTest, WaitsUntilSomethingOfItsTypesIsStored) {
   AnswerPage(Asked(actor_name::kStorage), 0);
   EXPECT_TRUE(Answers().empty());
   team_.AdvanceTime(seconds(10));
-  TellStored(proto::POWER);
-  TellStored(proto::TEMPERATURE, "soil");  // Nobody else's word.
+  ReportStored(proto::POWER);
+  ReportStored(proto::TEMPERATURE, "soil");  // Nobody else's word.
   EXPECT_EQ(AskedOfStorage(), 0u);
-  TellStored(proto::TEMPERATURE);
+  ReportStored(proto::TEMPERATURE);
   const proto::Message again = Asked(actor_name::kStorage);
-  TellStored(proto::TEMPERATURE);  // Stored since it was asked.
+  ReportStored(proto::TEMPERATURE);  // Stored since it was asked.
   EXPECT_EQ(AskedOfStorage(), 0u);
   AnswerPage(again, 0);  // Of another origin.
   AnswerPage(Asked(actor_name::kStorage), 1);
   EXPECT_EQ(OnlyAnswer().read().row_ids(0), 8u);
-  TellStored(proto::TEMPERATURE);
+  ReportStored(proto::TEMPERATURE);
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(AskedOfStorage(), 0u);
   EXPECT_TRUE(Answers().empty());
@@ -552,15 +552,15 @@ TEST_F(FeedTest, WaitsUntilSomethingOfItsTypesIsStored) {
 TEST_F(FeedTest, AsksAnewOnlyForWhatCameSinceTheLastEmptyAnswer) {
   Request(Feed(30));
   AnswerPage(Asked(actor_name::kStorage), 0);
-  TellStored(proto::POWER, actor_name::kStorage, 20);
+  ReportStored(proto::POWER, actor_name::kStorage, 20);
   const proto::Message first = Asked(actor_name::kStorage);
   EXPECT_EQ(first.read_request().after_row_id(), 7u);
-  TellStored(proto::POWER, actor_name::kStorage, 25);  // The answer under way may not know of these.
+  ReportStored(proto::POWER, actor_name::kStorage, 25);  // The answer under way may not know of these.
   AnswerPage(first, 0);
   const proto::Message second = Asked(actor_name::kStorage);
   EXPECT_EQ(second.read_request().after_row_id(), 20u);
   AnswerPage(second, 0);
-  TellStored(proto::POWER, actor_name::kStorage, 30);
+  ReportStored(proto::POWER, actor_name::kStorage, 30);
   EXPECT_EQ(Asked(actor_name::kStorage).read_request().after_row_id(), 25u);
 }
 
@@ -640,12 +640,12 @@ TEST_F(FeedTest, LeavesRoomToOtherClients) {
   EXPECT_EQ(ask("k7", "dave", relayed), "");
 
   // Another agent has the room of one client, whatever actors it names.
-  const auto ask_as = [&](const Address& asker) {
+  const auto ask_as = [&](const Address& requester) {
     proto::ControlRequest asked = Feed(30);
     asked.set_for_agent(2);
-    (void)team_.Post(asker, gateway, MessageOf(asked));
+    (void)team_.Post(requester, gateway, MessageOf(asked));
     team_.AdvanceTime(seconds(1));
-    const auto answers = team_.Take(asker);
+    const auto answers = team_.Take(requester);
     return answers.empty() ? "" : ReplyIn(answers.front()).error().text();
   };
   EXPECT_EQ(ask_as({1, "asker1"}), "");

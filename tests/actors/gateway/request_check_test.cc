@@ -138,14 +138,14 @@ TEST(RequestCheckTest, RefusesPrunesThatCannotBe) {
   prune.set_content_bytes_max(std::numeric_limits<double>::infinity());
   EXPECT_EQ(FieldOf(request), "prune.content_bytes_max");
   prune.set_content_bytes_max(1e6);
-  prune.set_beaten_maps(true);
+  prune.set_occluded_maps(true);
   EXPECT_EQ(FieldOf(request), "ok");
   prune.set_is_history(true);
   EXPECT_EQ(FieldOf(request), "prune.is_history");
   prune.set_is_history(false);
   prune.add_data_types(proto::LOCAL_TRAVERSABILITY_MAP);
   EXPECT_EQ(FieldOf(request), "prune.data_types");
-  prune.set_beaten_maps(false);
+  prune.set_occluded_maps(false);
   EXPECT_EQ(FieldOf(request), "ok");
   for (int i = 0; i < kFilterEntriesMax; ++i) prune.add_data_types(1);
   EXPECT_EQ(FieldOf(request), "prune.data_types");

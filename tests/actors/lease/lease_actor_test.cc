@@ -59,8 +59,8 @@ class LeaseTeam {
   proto::AgentLease LeaseKnown(AgentId agent, AgentId other) {
     proto::ControlRequest question;
     question.mutable_status();
-    (void)team_.Post({agent, "asker"}, {agent, actor_name::kLease}, MessageOf(question));
-    const auto message = team_.Expect({agent, "asker"}, proto::Message::kControlReply, milliseconds(1));
+    (void)team_.Post({agent, "requester"}, {agent, actor_name::kLease}, MessageOf(question));
+    const auto message = team_.Expect({agent, "requester"}, proto::Message::kControlReply, milliseconds(1));
     EXPECT_TRUE(message);
     if (!message) return {};
     const auto answer = ControlReplyOf(*message);
@@ -123,9 +123,9 @@ TEST_F(LeaseActorTest, TellsTheTeamOfAPauseThatStandsBesideTheOtherLeases) {
     EXPECT_EQ(Known(agent, 2), std::pair(0L, 0L)) << agent;
   }
   team_.Take({1, "planner"});
-  const auto lapsed = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, minutes(10));
-  ASSERT_TRUE(lapsed);
-  EXPECT_TRUE(lapsed->leases_changed().leases().empty());
+  const auto expired = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, minutes(10));
+  ASSERT_TRUE(expired);
+  EXPECT_TRUE(expired->leases_changed().leases().empty());
   Set(2, kPaused, 600);
   EXPECT_EQ(Set(2, kPaused, 0).leases_size(), 0);
   team_.AdvanceTime(seconds(1));
@@ -159,9 +159,9 @@ TEST_F(LeaseActorTest, PublishesEachChangeAndLapse) {
   EXPECT_EQ(begun->leases_changed().leases(0).agent_id(), 2u);
   EXPECT_EQ(begun->leases_changed().as_of_ns(), team_.now().time_since_epoch().count());
   const MonotonicTime start = team_.now();
-  const auto lapsed = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, minutes(1));
-  ASSERT_TRUE(lapsed);
-  EXPECT_TRUE(lapsed->leases_changed().leases().empty());
+  const auto expired = team_.Expect({1, "planner"}, proto::Message::kLeasesChanged, minutes(1));
+  ASSERT_TRUE(expired);
+  EXPECT_TRUE(expired->leases_changed().leases().empty());
   EXPECT_EQ(team_.now() - start, seconds(40));
 }
 
@@ -232,7 +232,7 @@ TEST_F(LeaseActorTest, IgnoresAnAnnouncementThatComesLate) {
   EXPECT_EQ(Known(1, 2), std::pair(0L, 0L));
   Announce(2, 1, 502, 60);
   team_.AdvanceTime(seconds(20));
-  Announce(2, 1, 502, 60);  // Told again: counts from its first coming.
+  Announce(2, 1, 502, 60);  // Notified again: counts from its first coming.
   EXPECT_EQ(Known(1, 2), std::pair(40L, 0L));
 }
 

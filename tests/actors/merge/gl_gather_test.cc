@@ -96,8 +96,8 @@ TEST_F(GlGatherTest, LayersMuchFinerThanTheGridAreAskedRightly) {
 // A tile must not outlive what it names: Merger gathers anew only tiles in which a withdrawn map won.
 TEST_F(GlGatherTest, ATileNamesOnlyBlocksThatWonACell) {
   std::vector<std::unique_ptr<PlacedThing>> things;
-  for (const auto& [rows, stamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {
-    const auto local = MakeLocalMap(MapKey(1, things.size() + 1), stamp_ns, DrawMap({rows}, 50'000), {});
+  for (const auto& [rows, timestamp_ns] : {std::pair{"#.", 3}, {"##", 2}, {"  ", 1}}) {
+    const auto local = MakeLocalMap(MapKey(1, things.size() + 1), timestamp_ns, DrawMap({rows}, 50'000), {});
     things.push_back(*PlaceMap({*local, Pose{}}, {}));
   }
   std::vector<OrderedBlock> blocks;

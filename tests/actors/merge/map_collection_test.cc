@@ -96,8 +96,8 @@ TEST_F(MapCollectionTest, ABaseStationLeavesNoFootprint) {
 
 TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheStampsTheyName) {
   const TraversabilityMap map = DrawMap({"."}, 50'000);
-  for (std::int64_t stamp = 1; stamp <= 9; ++stamp) {
-    ASSERT_TRUE(collection_.AddMap(MapKey(1, static_cast<std::uint64_t>(stamp)), {stamp, false}, map));
+  for (std::int64_t timestamp = 1; timestamp <= 9; ++timestamp) {
+    ASSERT_TRUE(collection_.AddMap(MapKey(1, static_cast<std::uint64_t>(timestamp)), {timestamp, false}, map));
   }
   const auto quarantine = [this](std::uint64_t seq, std::int64_t from_ns, std::int64_t to_ns, AgentId agent = 1) {
     proto::MapQuarantine said;
@@ -107,11 +107,11 @@ TEST_F(MapCollectionTest, QuarantinesLeaveOutExactlyTheStampsTheyName) {
     collection_.AddQuarantine({{2, 7, proto::MAP_QUARANTINE}, seq}, said);
   };
   const auto left_out = [this] {
-    std::string stamps;
+    std::string timestamps;
     for (const auto& quarantined : collection_.Select({}).quarantined_maps) {
-      stamps += std::to_string(collection_.StampOf(quarantined->key).ns);
+      timestamps += std::to_string(collection_.TimestampOf(quarantined->key).ns);
     }
-    return stamps;
+    return timestamps;
   };
   EXPECT_EQ(left_out(), "");
   quarantine(1, 2, 3);

@@ -115,7 +115,7 @@ class MergeActorTest : public testing::Test {
   void StoreMap(AgentId agent, const Rows& rows, std::uint32_t resolution_um = kCell_um,
                 bool is_clock_suspect = false) {
     proto::Record record;
-    record.set_stamp_ns(static_cast<std::int64_t>(store_->records.size()));
+    record.set_timestamp_ns(static_cast<std::int64_t>(store_->records.size()));
     record.set_is_clock_suspect(is_clock_suspect);
     *record.mutable_local_traversability_map() = ToProto(DrawMap(rows, resolution_um, agent));
     Store(agent, proto::LOCAL_TRAVERSABILITY_MAP, record);
@@ -125,7 +125,7 @@ class MergeActorTest : public testing::Test {
     proto::Message message;
     message.set_request_id(request_id);
     *message.mutable_merge_request() = request;
-    ASSERT_EQ(team_.Post(kAsker, {kSelf, actor_name::kMerge}, std::move(message)), SendResult::kAccepted);
+    ASSERT_EQ(team_.Post(kRequester, {kSelf, actor_name::kMerge}, std::move(message)), SendResult::kAccepted);
   }
 
   void StoreQuarantine(const proto::MapQuarantine& quarantine) {
@@ -147,7 +147,7 @@ class MergeActorTest : public testing::Test {
   // The answer to a question of any kind; none yet where it waits.
   std::optional<proto::Message> AskAnything(proto::Message question) {
     question.set_request_id(78);
-    EXPECT_EQ(team_.Post(kAsker, {kSelf, actor_name::kMerge}, std::move(question)), SendResult::kAccepted);
+    EXPECT_EQ(team_.Post(kRequester, {kSelf, actor_name::kMerge}, std::move(question)), SendResult::kAccepted);
     team_.RunUntilIdle();
     return TakeAnswer();
   }
@@ -185,20 +185,20 @@ class MergeActorTest : public testing::Test {
 
   proto::MapTilesReply Note(const proto::MapTilesReply& reply) {
     EXPECT_FALSE(IsError(reply.error())) << reply.error().text();
-    tiles_request_.set_life(reply.life());
+    tiles_request_.set_merger_id(reply.merger_id());
     tiles_request_.set_since_version(reply.version());
     return reply;
   }
 
-  void TellOfRecords(DataType type) {
-    proto::Message told;
-    told.mutable_records_stored()->add_data_types(type);
-    EXPECT_EQ(team_.Post({kSelf, actor_name::kStorage}, {kSelf, actor_name::kMerge}, std::move(told)),
+  void ReportRecords(DataType type) {
+    proto::Message reported;
+    reported.mutable_records_stored()->add_data_types(type);
+    EXPECT_EQ(team_.Post({kSelf, actor_name::kStorage}, {kSelf, actor_name::kMerge}, std::move(reported)),
               SendResult::kAccepted);
     team_.RunUntilIdle();
   }
 
-  std::vector<proto::Message> TakeReplies() { return team_.Take(kAsker); }
+  std::vector<proto::Message> TakeReplies() { return team_.Take(kRequester); }
 
   proto::MergeReply Merge(const proto::MergeRequest& request = {}) {
     Ask(77, request);
@@ -210,7 +210,7 @@ class MergeActorTest : public testing::Test {
     return replies[0].merge_reply();
   }
 
-  const Address kAsker{kSelf, "test"};
+  const Address kRequester{kSelf, "test"};
   SimulatedTeam team_;
   std::shared_ptr<FakeStore> store_ = std::make_shared<FakeStore>();
   MergeActor::Options options_;
@@ -218,11 +218,11 @@ class MergeActorTest : public testing::Test {
 };
 
 TEST_F(MergeActorTest, TellsAtTheStartWhoMerges) {
-  std::string told;
-  options_.on_backend = [&told](const std::string& backend) { told = backend; };
+  std::string reported;
+  options_.on_backend = [&reported](const std::string& backend) { reported = backend; };
   Start();
   team_.RunUntilIdle();
-  EXPECT_EQ(told, "cpu");
+  EXPECT_EQ(reported, "cpu");
 }
 
 TEST_F(MergeActorTest, MergesWhatStorageHolds) {
@@ -481,12 +481,12 @@ TEST_F(MergeActorTest, SaysWhyACellIsWhatItIs) {
   ASSERT_EQ(why.observations_size(), 3);
   EXPECT_EQ(why.observations(0).record().origin_agent(), 1u);
   EXPECT_EQ(why.observations(0).value(), 2u);
-  EXPECT_EQ(why.observations(0).stamp_ns(), 3);
+  EXPECT_EQ(why.observations(0).timestamp_ns(), 3);
   EXPECT_EQ(why.observations(0).resolution_um(), kCell_um);
   EXPECT_FALSE(why.observations(0).is_pose_optimized());
   EXPECT_EQ(why.observations(1).record().origin_agent(), 4u);
   EXPECT_TRUE(why.observations(1).is_clock_suspect());
-  EXPECT_EQ(why.observations(1).stamp_ns(), 5) << "as it was stamped";
+  EXPECT_EQ(why.observations(1).timestamp_ns(), 5) << "as it was stamped";
   EXPECT_EQ(why.observations(2).record().origin_agent(), 2u);
   EXPECT_TRUE(why.observations(2).is_pose_optimized());
   EXPECT_EQ(why.observations(2).map_from_node().position_m().x(), 0.1);
@@ -533,18 +533,18 @@ TEST_F(MergeActorTest, LeavesQuarantinedMapsOutUntilTheyAreLifted) {
 TEST_F(MergeActorTest, NamesSharedMapsThatWinNoCell) {
   StoreNode(4, 0);
   StoreMap(4, {"#"});
-  const proto::RecordKey beaten = LastKey();
+  const proto::RecordKey occluded = LastKey();
   StoreMap(4, {"#"});
   store_->records.back().mutable_key()->set_seq(0);  // A local one: it is nobody's to prune.
   StoreMap(4, {"."});
   Start();
   proto::Message question;
-  question.mutable_beaten_maps_request()->set_records_max(10);
-  const proto::BeatenMapsReply reply = AskAnything(question)->beaten_maps_reply();
+  question.mutable_occluded_maps_request()->set_records_max(10);
+  const proto::OccludedMapsReply reply = AskAnything(question)->occluded_maps_reply();
   ASSERT_EQ(reply.records_size(), 1) << reply.DebugString();
-  EXPECT_EQ(reply.records(0).seq(), beaten.seq());
-  question.mutable_beaten_maps_request()->set_records_max(0);
-  EXPECT_TRUE(AskAnything(question)->beaten_maps_reply().records().empty());
+  EXPECT_EQ(reply.records(0).seq(), occluded.seq());
+  question.mutable_occluded_maps_request()->set_records_max(0);
+  EXPECT_TRUE(AskAnything(question)->occluded_maps_reply().records().empty());
 }
 
 TEST_F(MergeActorTest, TellsAnErrorOfTheQuestionForBeatenMaps) {
@@ -552,7 +552,7 @@ TEST_F(MergeActorTest, TellsAnErrorOfTheQuestionForBeatenMaps) {
   store_->error = {ErrorCode::kInternal, "no disk", {}};
   Start();
   proto::Message question;
-  question.mutable_beaten_maps_request()->set_records_max(10);
+  question.mutable_occluded_maps_request()->set_records_max(10);
   const Result<void> answered = CheckControlReply(*AskAnything(question));
   ASSERT_FALSE(answered);
   EXPECT_EQ(answered.error().text, "no disk");
@@ -638,9 +638,9 @@ TEST_F(MergeActorTest, TellsTheTilesThatChangedSinceAVersion) {
   ASSERT_EQ(third.tiles_size(), 1);
   EXPECT_TRUE(third.tiles(0).zstd_cells().empty()) << "nothing is known there any more";
 
-  tiles_request_.set_life(tiles_request_.life() + 1);  // Of another life.
+  tiles_request_.set_merger_id(tiles_request_.merger_id() + 1);  // Of another life.
   EXPECT_EQ(Tiles()->tiles_size(), first.tiles_size() - 1);
-  tiles_request_.clear_life();
+  tiles_request_.clear_merger_id();
   tiles_request_.mutable_region()->set_x_min_m(99);
   tiles_request_.mutable_region()->set_x_max_m(101);
   tiles_request_.mutable_region()->set_y_max_m(0.5);
@@ -656,14 +656,14 @@ TEST_F(MergeActorTest, TilesComeInPartsWhereTheyAreMany) {
   Start();
   proto::MapTilesReply part = *Tiles();
   std::set<std::pair<std::int64_t, std::int64_t>> seen;
-  tiles_request_.clear_life();
+  tiles_request_.clear_merger_id();
   for (int i = 0; i < 4; ++i) {
     ASSERT_EQ(part.tiles_size(), 1) << i;
     EXPECT_EQ(part.is_complete(), i == 3);
     seen.insert({part.tiles(0).x(), part.tiles(0).y()});
     if (i == 3) break;
     *tiles_request_.mutable_after() = part.tiles(0);
-    tiles_request_.clear_life();
+    tiles_request_.clear_merger_id();
     part = *Tiles();
   }
   EXPECT_EQ(seen.size(), 4u);
@@ -675,16 +675,16 @@ TEST_F(MergeActorTest, ASubscriptionIsAnsweredWhenSomethingChanges) {
   Start();
   EXPECT_EQ(Tiles(/*wait_s=*/30)->tiles_size(), 1) << "it knows nothing yet";
   EXPECT_FALSE(Tiles(/*wait_s=*/30));
-  TellOfRecords(proto::POWER);
+  ReportRecords(proto::POWER);
   team_.AdvanceTime(seconds(2));
   EXPECT_FALSE(TakeAnswer());
   StoreMap(4, {"#"});  // Changes no value.
-  TellOfRecords(proto::LOCAL_TRAVERSABILITY_MAP);
+  ReportRecords(proto::LOCAL_TRAVERSABILITY_MAP);
   team_.AdvanceTime(seconds(2));
   EXPECT_FALSE(TakeAnswer());
   StoreMap(4, {"."});
   const std::size_t reads = store_->reads.size();
-  for (int i = 0; i < 100; ++i) TellOfRecords(proto::LOCAL_TRAVERSABILITY_MAP);
+  for (int i = 0; i < 100; ++i) ReportRecords(proto::LOCAL_TRAVERSABILITY_MAP);
   team_.AdvanceTime(seconds(2));
   EXPECT_LE(store_->reads.size(), reads + 1) << "once in a second";
   const auto answer = TakeAnswer();
@@ -720,8 +720,8 @@ TEST_F(MergeActorTest, GlGivesTheSameReply) {
   team_.Spawn(2, actor_name::kStorage, [store = store_] { return std::make_unique<FakeStorageActor>(store); });
   options_.self = 2;
   options_.backend = MergeBackend::kGl;
-  std::string told;
-  options_.on_backend = [&told](const std::string& backend) { told = backend; };
+  std::string reported;
+  options_.on_backend = [&reported](const std::string& backend) { reported = backend; };
   team_.Spawn(2, actor_name::kMerge, [options = options_] { return std::make_unique<MergeActor>(options); });
   proto::Message message;
   message.mutable_merge_request();
@@ -730,7 +730,7 @@ TEST_F(MergeActorTest, GlGivesTheSameReply) {
   const std::vector<proto::Message> replies = team_.Take({2, "test"});
   ASSERT_EQ(replies.size(), 1u);
   EXPECT_EQ(replies[0].merge_reply().backend(), "gl");
-  EXPECT_EQ(told, "gl");
+  EXPECT_EQ(reported, "gl");
   EXPECT_EQ(replies[0].merge_reply().zstd_cells(), cells);
 }
 

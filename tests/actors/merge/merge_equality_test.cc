@@ -82,7 +82,7 @@ class MergeEqualityTest : public testing::Test {
     for (const MissionMap& map : mission->maps) {
       Result<TraversabilityMap> grids = ReadMissionMap(*mission, map);
       ASSERT_TRUE(grids.has_value()) << ToString(grids.error());
-      const auto local = MakeLocalMap(NumberedMapKey(map.agent, world.maps.size() + 1), map.stamp_ns, *grids, {});
+      const auto local = MakeLocalMap(NumberedMapKey(map.agent, world.maps.size() + 1), map.timestamp_ns, *grids, {});
       ASSERT_TRUE(local.has_value());
       world.maps.push_back({*local, mission->truth.at(map.node)});
     }

@@ -17,9 +17,9 @@ constexpr std::uint32_t kFine = 100'000;
 
 class MergePolicyTest : public testing::Test {
  protected:
-  void Put(AgentId agent, std::int64_t stamp_ns, const PolicyRows& rows, std::uint32_t resolution_um = kFine) {
+  void Put(AgentId agent, std::int64_t timestamp_ns, const PolicyRows& rows, std::uint32_t resolution_um = kFine) {
     const std::uint64_t seq = maps_.size() + 1;
-    maps_.push_back({MapKey(agent, seq), stamp_ns, Pose{}, DrawMap(rows, resolution_um, agent)});
+    maps_.push_back({MapKey(agent, seq), timestamp_ns, Pose{}, DrawMap(rows, resolution_um, agent)});
   }
 
   PolicyRows Merge() {

@@ -89,7 +89,7 @@ using Key = std::tuple<std::int64_t, std::int64_t, AgentId, RecordKey, int, std:
 
 Key KeyOf(const LocalMap& map, const LayerBlock& block) {
   return {-std::int64_t{map.layers[block.level].resolution_um},
-          map.stamp_ns,
+          map.timestamp_ns,
           map.agent(),
           map.key,
           -block.level,

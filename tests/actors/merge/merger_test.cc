@@ -15,8 +15,8 @@ namespace {
 std::shared_ptr<GatherBackend> MakeCpu() { return std::make_shared<CpuGather>(CpuGather::Options{}); }
 
 PlacedMap PlaceDrawing(const std::vector<std::string>& rows, const RecordKey& key, const Pose& pose = {},
-                       std::int64_t stamp_ns = 1) {
-  return {*MakeLocalMap(key, stamp_ns, DrawMap(rows, 50'000, key.stream.origin), {}), pose};
+                       std::int64_t timestamp_ns = 1) {
+  return {*MakeLocalMap(key, timestamp_ns, DrawMap(rows, 50'000, key.stream.origin), {}), pose};
 }
 
 // Puts, moves or withdraws a map or a footprint of `world`, in `now` and in the merger alike.
@@ -129,13 +129,13 @@ TEST(MergerTest, AssignSaysWhatItLeavesOut) {
 TEST(MergerTest, OneMoreMapGathersOnlyTilesInWhichItWins) {
   Merger merger({}, MakeCpu());
   const std::vector<std::string> rows(640, std::string(640, '#'));
-  ASSERT_TRUE(merger.Put(PlaceDrawing(rows, MapKey(1, 1), {}, /*stamp_ns=*/5)));
+  ASSERT_TRUE(merger.Put(PlaceDrawing(rows, MapKey(1, 1), {}, /*timestamp_ns=*/5)));
   EXPECT_EQ(merger.Merge({})->gathered_tiles, 100u);
-  ASSERT_TRUE(merger.Put(PlaceDrawing({"."}, MapKey(1, 2), Pose::FromPlanar(1, 1, 0), /*stamp_ns=*/6)));
+  ASSERT_TRUE(merger.Put(PlaceDrawing({"."}, MapKey(1, 2), Pose::FromPlanar(1, 1, 0), /*timestamp_ns=*/6)));
   const Result<MergeSummary> newer = merger.Merge({});
   EXPECT_EQ(newer->gathered_tiles, 1u);
   EXPECT_EQ(newer->changed_tiles, 1u);
-  ASSERT_TRUE(merger.Put(PlaceDrawing(rows, MapKey(1, 3), {}, /*stamp_ns=*/4)));
+  ASSERT_TRUE(merger.Put(PlaceDrawing(rows, MapKey(1, 3), {}, /*timestamp_ns=*/4)));
   EXPECT_EQ(merger.Merge({})->gathered_tiles, 0u) << "older than all that is there";
   ASSERT_TRUE(merger.Withdraw(MapKey(1, 2)));
   EXPECT_EQ(merger.Merge({})->gathered_tiles, 1u);

@@ -52,10 +52,10 @@ class PolicyPictureTest : public testing::Test {
  protected:
   PolicyPictureTest() { world_.grid = {.resolution_um = kFine, .footprint_length_m = 0.6, .footprint_width_m = 0.4}; }
 
-  void Put(const std::string& what, AgentId agent, std::int64_t stamp_ns, const Rows& rows,
+  void Put(const std::string& what, AgentId agent, std::int64_t timestamp_ns, const Rows& rows,
            std::uint32_t resolution_um = kFine) {
-    const auto local =
-        MakeLocalMap(MapKey(agent, world_.maps.size() + 1), stamp_ns, DrawMap(rows, resolution_um, agent), world_.grid);
+    const auto local = MakeLocalMap(MapKey(agent, world_.maps.size() + 1), timestamp_ns,
+                                    DrawMap(rows, resolution_um, agent), world_.grid);
     ASSERT_TRUE(local.has_value());
     world_.maps.push_back({*local, Pose{}});
     legend_.push_back(what);
@@ -170,7 +170,7 @@ TEST_F(PolicyPictureTest, AtEqualStampsTheLargerAgentThenTheLaterRecordDecides) 
   Put("rover 2", 2, 10, {"......      ", "......      ", "      ......"});
   Put("rover 1, at the same time", 1, 10, {"############", "            ", "############"});
   Put("rover 2, at the same time, its next record", 2, 10, {"  ##        ", "            ", "        ##  "});
-  ExpectPicture("equal_stamps", "At equal stamps the larger agent decides, then the later record.");
+  ExpectPicture("equal_timestamps", "At equal stamps the larger agent decides, then the later record.");
 }
 
 TEST_F(PolicyPictureTest, UnknownOverKnownKeepsWhatIsKnown) {

@@ -47,7 +47,7 @@ class ArrangementTest : public testing::Test {
     return (FromBlock(arrangement.state[node]).position_m - graph_.nodes[node].vertex.position_m).norm();
   }
 
-  PlainGraph graph_;
+  StandaloneGraph graph_;
   ActiveNodes active_;
   std::vector<bool> placed_;
   std::vector<std::size_t> heads_;

@@ -27,7 +27,7 @@ class ChordalTest : public testing::Test {
   }
 
   const Pose turn_ = Pose::FromPlanar(1, 0, M_PI / 2);
-  PlainGraph graph_;
+  StandaloneGraph graph_;
   ActiveNodes active_;
 };
 

@@ -115,9 +115,9 @@ TEST(KnownGraphTest, TakesTheRecordOfTheSmallestKeyWhateverCameFirst) {
 
 TEST(KnownGraphTest, KnowsAnEdgeByItsEndsWhateverItsStamp) {
   KnownGraph known;
-  for (const std::int64_t stamp_ns : {5, 6}) {
-    ASSERT_TRUE(known.Add(NextKey(), ToRecord(RangeEdge{{1, 2}, {2, 2}, stamp_ns, 3, 0.01})));
-    ASSERT_TRUE(known.Add(NextKey(), ToRecord(OdometryEdge{{1, 2}, {1, 3}, stamp_ns, {}, Matrix6d::Identity()})));
+  for (const std::int64_t timestamp_ns : {5, 6}) {
+    ASSERT_TRUE(known.Add(NextKey(), ToRecord(RangeEdge{{1, 2}, {2, 2}, timestamp_ns, 3, 0.01})));
+    ASSERT_TRUE(known.Add(NextKey(), ToRecord(OdometryEdge{{1, 2}, {1, 3}, timestamp_ns, {}, Matrix6d::Identity()})));
   }
   EXPECT_EQ(known.graph().ranges.size(), 1u);
   EXPECT_EQ(known.graph().odometry.size(), 1u);

@@ -286,7 +286,7 @@ TEST_F(PgoActorTest, IgnoresRolesAndRecordsThatAnotherAgentSends) {
 }
 
 TEST_F(PgoActorTest, GivesEveryAskerTheSameAnswerAndTurnsAwayTooMany) {
-  options_.askers_max = 2;
+  options_.requesters_max = 2;
   SpawnPgo();
   SetLeader(1);
   for (const std::uint64_t id : {1, 2, 3}) Request(id);
@@ -345,12 +345,12 @@ TEST_F(PgoActorTest, BeginsAtTheLastSolutionUnlessTold) {
   SpawnPgo();
   SetLeader(1);
   StoreGraph();
-  EXPECT_EQ(Optimize().beginning(), "odometry");
-  EXPECT_EQ(Optimize().beginning(), "warm");
+  EXPECT_EQ(Optimize().initial_values(), "odometry");
+  EXPECT_EQ(Optimize().initial_values(), "warm");
   proto::OptimizeRequest scratch;
   scratch.set_from_scratch(true);
   const proto::OptimizeReply again = Optimize(scratch);
-  EXPECT_EQ(again.beginning(), "odometry");
+  EXPECT_EQ(again.initial_values(), "odometry");
   EXPECT_EQ(again.updated_pose_count(), 0);
 }
 

@@ -10,8 +10,8 @@ namespace moondb {
 namespace {
 
 // Four poses and two points with steps, sightings and ranges of every kind of ends.
-PlainGraph SmallGraph() {
-  PlainGraph graph;
+StandaloneGraph SmallGraph() {
+  StandaloneGraph graph;
   graph.is_planar = true;
   graph.nodes.resize(6);
   graph.nodes[4].is_point = graph.nodes[5].is_point = true;
@@ -42,7 +42,7 @@ class PlanarSystemTest : public testing::TestWithParam<unsigned> {
  protected:
   PlanarSystemTest() { SCOPED_TRACE("seed " + std::to_string(GetParam())); }
 
-  const PlainGraph graph_ = SmallGraph();
+  const StandaloneGraph graph_ = SmallGraph();
   PlanarSystem system_{graph_, std::vector<bool>(6, true), AllBut(6, 1)};
   PlanarState state_ = RandomState(6, GetParam());
 };
@@ -91,7 +91,7 @@ TEST_P(PlanarSystemTest, SettledPositionsNeverRaiseTheCost) {
 }
 
 TEST(PlanarSystemPartTest, EdgesOfInactiveNodesDoNotCount) {
-  PlainGraph graph = SmallGraph();
+  StandaloneGraph graph = SmallGraph();
   const PlanarState state = RandomState(6, 3);
   std::vector<bool> active(6, true);
   active[3] = active[5] = false;
@@ -105,8 +105,8 @@ TEST(PlanarSystemPartTest, EdgesOfInactiveNodesDoNotCount) {
 }
 
 // A long chain that one loop with a wrong length closes: the far poses have to swing, along a valley.
-PlainGraph LongLoop(int count) {
-  PlainGraph graph;
+StandaloneGraph LongLoop(int count) {
+  StandaloneGraph graph;
   graph.is_planar = true;
   graph.nodes.resize(static_cast<std::size_t>(count));
   for (std::size_t i = 1; i < graph.nodes.size(); ++i) {
@@ -118,7 +118,7 @@ PlainGraph LongLoop(int count) {
 }
 
 // From its first node along its first steps.
-PlanarState Composed(const PlainGraph& graph) {
+PlanarState Composed(const StandaloneGraph& graph) {
   PlanarState state(graph.nodes.size(), Eigen::Vector3d::Zero());
   Pose pose;
   for (std::size_t i = 1; i < state.size(); ++i) {
@@ -129,7 +129,7 @@ PlanarState Composed(const PlainGraph& graph) {
 }
 
 TEST(PlanarDescentTest, WalksALongValleyInFewSteps) {
-  const PlainGraph graph = LongLoop(2'000);
+  const StandaloneGraph graph = LongLoop(2'000);
   PlanarState state = Composed(graph);
   PlanarSystem system(graph, std::vector<bool>(state.size(), true), AllBut(state.size(), 0));
   const PlanarDescent descent = MinimisePlanar(system, {}, state);
@@ -142,7 +142,7 @@ TEST(PlanarDescentTest, WalksALongValleyInFewSteps) {
 
 // Edges that contradict each other leave large residuals, at which Gauss-Newton steps are far from Newton's.
 TEST(PlanarDescentTest, ArrivesInFewStepsWhereEdgesContradictEachOther) {
-  PlainGraph graph = LongLoop(60);
+  StandaloneGraph graph = LongLoop(60);
   for (PlainStep& step : graph.steps) step.tau = step.kappa = 1;
   for (std::size_t i = 0; i + 20 < graph.nodes.size(); i += 2) {
     const double side = i % 4 == 0 ? 1 : -1;
@@ -159,7 +159,7 @@ TEST(PlanarDescentTest, ArrivesInFewStepsWhereEdgesContradictEachOther) {
 
 // Where only rounding is left, heavy edges leave a gradient above any fixed tolerance.
 TEST(PlanarDescentTest, EndsAtOnceWhereOnlyRoundingIsLeft) {
-  PlainGraph graph = LongLoop(500);
+  StandaloneGraph graph = LongLoop(500);
   graph.steps.pop_back();
   for (PlainStep& step : graph.steps) step.tau = step.kappa = 1e8;
   PlanarState state = Composed(graph);
@@ -171,7 +171,7 @@ TEST(PlanarDescentTest, EndsAtOnceWhereOnlyRoundingIsLeft) {
 }
 
 TEST(PlanarDescentTest, SaysThatItHasNotConverged) {
-  const PlainGraph graph = SmallGraph();
+  const StandaloneGraph graph = SmallGraph();
   const PlanarState start = RandomState(6, 5);
   PlanarSystem system(graph, std::vector<bool>(6, true), AllBut(6, 0));
   PlanarDescentOptions options;
@@ -190,7 +190,7 @@ TEST(PlanarDescentTest, SaysThatItHasNotConverged) {
 }
 
 TEST(PlanarDescentTest, DoesNotTakeACostThatIsNoNumber) {
-  PlainGraph graph = SmallGraph();
+  StandaloneGraph graph = SmallGraph();
   graph.steps[0].tau = 1e308;
   PlanarState state = RandomState(6, 5);
   state[0].x() = 1e9;

@@ -139,7 +139,7 @@ TEST_F(PoseGraphSolverTest, StaysWhereItIsWhenSolvedAgain) {
 TEST_F(PoseGraphSolverTest, MovesOnlyTheNewestNodesInAWindow) {
   const Scenario scenario = MakeScenario({.seed = 18, .scale_errors = {0.02, -0.02, 0.01}, .bias_sigma_m = 0.1});
   Scenario earlier = scenario;
-  const auto is_late = [](const auto& item) { return item.stamp_ns > 900'000'000'000; };
+  const auto is_late = [](const auto& item) { return item.timestamp_ns > 900'000'000'000; };
   std::erase_if(earlier.graph.nodes, is_late);
   std::erase_if(earlier.graph.odometry, is_late);
   std::erase_if(earlier.graph.ranges, is_late);
@@ -160,17 +160,17 @@ TEST_F(PoseGraphSolverTest, GoesOnFromTheLastSolution) {
   const ScenarioOptions options{.seed = 11, .scale_errors = {0.03, 0.03, 0.03}};
   const Scenario scenario = MakeScenario(options);
   // From the first half the solve begins at odometry again; nine tenths are known enough for their verdicts to count.
-  for (const auto& [last_ns, beginning] : {std::pair(500'000'000'000, SolveBeginning::kOdometry),
-                                           std::pair(900'000'000'000, SolveBeginning::kLastSolution)}) {
+  for (const auto& [last_ns, initial_values] : {std::pair(500'000'000'000, SolveInitialValues::kOdometry),
+                                                std::pair(900'000'000'000, SolveInitialValues::kLastSolution)}) {
     Scenario earlier = scenario;
-    const auto is_late = [end_ns = last_ns](const auto& item) { return item.stamp_ns > end_ns; };
+    const auto is_late = [end_ns = last_ns](const auto& item) { return item.timestamp_ns > end_ns; };
     std::erase_if(earlier.graph.nodes, is_late);
     std::erase_if(earlier.graph.odometry, is_late);
     std::erase_if(earlier.graph.ranges, is_late);
     const Solution first = Solve(earlier);
     const Solution second = Solve(scenario, ToLast(first));
     ASSERT_TRUE(second.is_accepted) << second.text;
-    EXPECT_EQ(second.beginning, beginning);
+    EXPECT_EQ(second.initial_values, initial_values);
     EXPECT_GT(second.range_count, first.range_count);
     EXPECT_NEAR(second.final_cost, Solve(scenario).final_cost, 0.6) << "no rover moves as a whole for less";
   }
@@ -384,7 +384,7 @@ TEST_F(PoseGraphSolverTest, SetsDownRoversWhoseStartNobodyKnows) {
     }
     const Solution solution = Solve(scenario);
     ASSERT_TRUE(solution.is_accepted) << solution.text;
-    EXPECT_EQ(solution.beginning, SolveBeginning::kArrangedRovers);
+    EXPECT_EQ(solution.initial_values, SolveInitialValues::kArrangedRovers);
     EXPECT_LT(TrajectoryErrorM(scenario, solution.poses), 1);
     EXPECT_EQ(solution.rovers[1].anchoring, Anchoring::kAnchored);
   }

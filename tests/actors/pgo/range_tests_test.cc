@@ -11,11 +11,11 @@ namespace {
 // Two rovers with a range at every stamp.
 class RangeTestsTest : public testing::Test {
  protected:
-  void Use(const std::vector<std::int64_t>& stamps_s) {
+  void Use(const std::vector<std::int64_t>& timestamps_s) {
     graph_ = {};
-    for (std::size_t i = 0; i < stamps_s.size(); ++i) {
+    for (std::size_t i = 0; i < timestamps_s.size(); ++i) {
       for (const AgentId agent : {AgentId{1}, AgentId{2}}) graph_.nodes.push_back(GraphNode{{agent, i}, 0, Pose{}});
-      graph_.ranges.push_back(RangeEdge{{1, i}, {2, i}, stamps_s[i] * 1'000'000'000, 1, 0.01});
+      graph_.ranges.push_back(RangeEdge{{1, i}, {2, i}, timestamps_s[i] * 1'000'000'000, 1, 0.01});
     }
     checked_ = CheckGraph(graph_, {});
     rovers_ = FindRovers(checked_);

@@ -53,12 +53,12 @@ TEST_P(RealMissionsTest, EndsNearTheTruthSolveBySolve) {
   SolverOptions options;
   options.thread_count = 1;
   std::int64_t end_ns = 0;
-  for (const GraphNode& node : mission->graph.nodes) end_ns = std::max(end_ns, node.stamp_ns);
+  for (const GraphNode& node : mission->graph.nodes) end_ns = std::max(end_ns, node.timestamp_ns);
   LastSolution last;
   constexpr int kSolves = 15;
   for (int solve = 1; solve <= kSolves; ++solve) {
     PoseGraph graph = mission->graph;
-    const auto is_late = [&](const auto& item) { return item.stamp_ns > end_ns / kSolves * solve + kSolves; };
+    const auto is_late = [&](const auto& item) { return item.timestamp_ns > end_ns / kSolves * solve + kSolves; };
     std::erase_if(graph.nodes, is_late);
     std::erase_if(graph.odometry, is_late);
     std::erase_if(graph.ranges, is_late);

@@ -86,7 +86,7 @@ class Generator {
     OdometryEdge edge;
     edge.from = NodeKey{to.agent, to.index - 1};
     edge.to = to;
-    edge.stamp_ns = static_cast<std::int64_t>(to.index) * kStep_ns;
+    edge.timestamp_ns = static_cast<std::int64_t>(to.index) * kStep_ns;
     edge.from_from_to.position_m =
         step.position_m / (1 + scale_error) +
         Eigen::Vector3d(Noise(options_.step_noise_m), Noise(options_.step_noise_m), Noise(options_.step_noise_m / 2));
@@ -130,14 +130,14 @@ class Generator {
     }
   }
 
-  void AddRange(const NodeKey& a, const NodeKey& b, std::int64_t stamp_ns, double bias_m) {
+  void AddRange(const NodeKey& a, const NodeKey& b, std::int64_t timestamp_ns, double bias_m) {
     const double distance_m = (AntennaAt(a) - AntennaAt(b)).norm();
     const bool is_outlier = uniform_(rng_) < options_.outlier_ratio;
     const double excess_width_m = options_.outlier_max_m - options_.outlier_min_m;
     const double excess_m = is_outlier ? options_.outlier_min_m + excess_width_m * uniform_(rng_) : 0;
     const double range_m = std::max(0.0, distance_m + bias_m + excess_m + RangeNoise(a.agent, b.agent));
     scenario_.graph.ranges.push_back(
-        RangeEdge{a, b, stamp_ns, range_m, options_.range_sigma_m * options_.range_sigma_m});
+        RangeEdge{a, b, timestamp_ns, range_m, options_.range_sigma_m * options_.range_sigma_m});
     scenario_.is_outlier.push_back(is_outlier);
   }
 

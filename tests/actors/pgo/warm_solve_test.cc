@@ -20,7 +20,7 @@ constexpr std::int64_t kWarmStep_ns = 10'000'000'000;
 
 // As it was when each rover had `node_count` nodes.
 Scenario Earlier(Scenario scenario, int node_count) {
-  const auto is_late = [node_count](const auto& item) { return item.stamp_ns >= node_count * kWarmStep_ns; };
+  const auto is_late = [node_count](const auto& item) { return item.timestamp_ns >= node_count * kWarmStep_ns; };
   std::erase_if(scenario.graph.nodes, is_late);
   std::erase_if(scenario.graph.odometry, is_late);
   std::erase_if(scenario.graph.ranges, is_late);
@@ -70,20 +70,20 @@ class MirrorTest : public WarmSolveTest {
       const double range_m = (truth.position_m - Eigen::Vector3d(10, 7, 0)).norm();
       AddStep(1, i, truth, i == 20 ? Pose::FromPlanar(0, 1, M_PI / 2) : Pose::FromPlanar(1, 0, 0));
       AddStep(2, i, Pose{}, Pose{});
-      scenario_.graph.ranges.push_back(RangeEdge{{1, i}, {2, i}, StampOf(i), range_m, 0.01});
+      scenario_.graph.ranges.push_back(RangeEdge{{1, i}, {2, i}, TimestampOf(i), range_m, 0.01});
     }
   }
 
   Scenario scenario_;
 
  private:
-  static std::int64_t StampOf(std::uint64_t node) { return static_cast<std::int64_t>(node) * kWarmStep_ns; }
+  static std::int64_t TimestampOf(std::uint64_t node) { return static_cast<std::int64_t>(node) * kWarmStep_ns; }
 
   void AddStep(AgentId agent, std::uint64_t to, const Pose& raw, const Pose& step) {
-    scenario_.graph.nodes.push_back(GraphNode{{agent, to}, StampOf(to), raw});
+    scenario_.graph.nodes.push_back(GraphNode{{agent, to}, TimestampOf(to), raw});
     if (to == 0) return;
     scenario_.graph.odometry.push_back(
-        OdometryEdge{{agent, to - 1}, {agent, to}, StampOf(to), step, 1e-4 * Matrix6d::Identity()});
+        OdometryEdge{{agent, to - 1}, {agent, to}, TimestampOf(to), step, 1e-4 * Matrix6d::Identity()});
   }
 };
 
@@ -137,7 +137,7 @@ TEST_F(WarmSolveTest, TakesBackARoverThatDriftedWithoutRanges) {
   const Solution last = Solve(Earlier(scenario, kBack));
   const Solution solution = Solve(scenario, ToLast(last));
   ASSERT_TRUE(solution.is_accepted) << solution.text;
-  EXPECT_EQ(solution.beginning, SolveBeginning::kLastSolution);
+  EXPECT_EQ(solution.initial_values, SolveInitialValues::kLastSolution);
   EXPECT_EQ(solution.rejected_range_count, 0u);
   EXPECT_LT(LargestMoveM(Solve(scenario).poses, solution.poses), 0.1);
 }
@@ -154,7 +154,7 @@ TEST_F(WarmSolveTest, FindsTheWayBackFromALastSolutionThatIsNone) {
   options_.iterations_max = 12;
   const Solution solution = Solve(scenario, last);
   ASSERT_TRUE(solution.is_accepted) << solution.text;
-  EXPECT_EQ(solution.beginning, SolveBeginning::kOdometry);
+  EXPECT_EQ(solution.initial_values, SolveInitialValues::kOdometry);
   EXPECT_LT(TrajectoryErrorM(scenario, solution.poses), 0.5);
 }
 
@@ -236,7 +236,7 @@ TEST_F(WarmSolveTest, CountsNodesThatStandFixedNeitherAsKnownNorAsNew) {
   const Pose base = scenario.agents.at(4).start.value();
   for (std::uint64_t i = 1; i < 100; ++i) scenario.graph.nodes.push_back(GraphNode{{4, i}, 0, base});
   const Solution first = Solve(scenario);
-  EXPECT_EQ(Solve(scenario, ToLast(first)).beginning, SolveBeginning::kLastSolution);
+  EXPECT_EQ(Solve(scenario, ToLast(first)).initial_values, SolveInitialValues::kLastSolution);
 }
 
 }  // namespace

@@ -70,10 +70,10 @@ class RetentionActorTest : public testing::Test {
   }
 
   proto::Message Ask(AgentId agent, const char* actor, proto::Message question) {
-    (void)team_.Take({agent, "asker"});
-    (void)team_.Post({agent, "asker"}, {agent, actor}, std::move(question));
+    (void)team_.Take({agent, "requester"});
+    (void)team_.Post({agent, "requester"}, {agent, actor}, std::move(question));
     team_.RunUntilIdle();
-    const std::vector<proto::Message> answers = team_.Take({agent, "asker"});
+    const std::vector<proto::Message> answers = team_.Take({agent, "requester"});
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? proto::Message() : answers.front();
   }
@@ -87,7 +87,7 @@ class RetentionActorTest : public testing::Test {
 
   proto::Record ReportOf(std::int64_t age_days, const std::string& text = "it was so") {
     proto::Record record;
-    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
+    record.set_timestamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     record.mutable_health()->set_level(proto::HEALTH_LEVEL_NOMINAL);
     record.mutable_health()->set_text(text);
     return record;
@@ -95,7 +95,7 @@ class RetentionActorTest : public testing::Test {
 
   proto::Record EventOf(std::int64_t age_days) {
     proto::Record record;
-    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
+    record.set_timestamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     record.mutable_agent_event()->set_kind(proto::EVENT_KIND_COMMAND);
     record.mutable_agent_event()->set_text("it was so");
     return record;
@@ -112,7 +112,7 @@ class RetentionActorTest : public testing::Test {
 
   proto::Record MapOf(AgentId agent, std::uint64_t index, std::int64_t age_days, std::size_t cells = 65536) {
     proto::Record record;
-    record.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
+    record.set_timestamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
     map.mutable_node()->set_agent_id(agent);
     map.mutable_node()->set_index(index);
@@ -212,12 +212,12 @@ class RetentionActorTest : public testing::Test {
     });
   }
 
-  void AnswerMerge(AgentId agent, const std::vector<proto::RecordKey>& beaten) {
-    const auto asked = team_.Expect({agent, actor_name::kMerge}, proto::Message::kBeatenMapsRequest, minutes(1));
+  void AnswerMerge(AgentId agent, const std::vector<proto::RecordKey>& occluded) {
+    const auto asked = team_.Expect({agent, actor_name::kMerge}, proto::Message::kOccludedMapsRequest, minutes(1));
     ASSERT_TRUE(asked);
     proto::Message answer;
     answer.set_request_id(asked->request_id());
-    answer.mutable_beaten_maps_reply()->mutable_records()->Assign(beaten.begin(), beaten.end());
+    answer.mutable_occluded_maps_reply()->mutable_records()->Assign(occluded.begin(), occluded.end());
     (void)team_.Post({agent, actor_name::kMerge}, {agent, actor_name::kRetention}, std::move(answer));
   }
 
@@ -383,7 +383,7 @@ TEST_F(RetentionActorTest, RemovesHistoryThoughLeaderAndSurvivorCannotBeReached)
   proto::Record power;
   power.mutable_power()->set_battery_ratio(0.5);
   for (const std::int64_t age_days : {10, 5, 1}) {
-    power.set_stamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
+    power.set_timestamp_ns(team_.utc_now_ns() - age_days * kDay_ns);
     Insert(kRover, power);
   }
   proto::Message order;
@@ -497,11 +497,11 @@ TEST_F(RetentionActorTest, LetsMapsGoFirstAndLeavesGraphAndStates) {
   config_.mutable_retention()->set_map_part_max(0.5);
   Start();
   proto::Record power;
-  power.set_stamp_ns(1);
+  power.set_timestamp_ns(1);
   power.mutable_power()->set_battery_ratio(0.5);
   Insert(kRover, power);
   proto::Record node;
-  node.set_stamp_ns(1);
+  node.set_timestamp_ns(1);
   node.mutable_pose_graph_node()->mutable_node()->set_agent_id(kRover);
   node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m();
   node.mutable_pose_graph_node()->mutable_map_from_node()->mutable_orientation()->set_w(1);
@@ -542,16 +542,16 @@ TEST_F(RetentionActorTest, TakesBeatenMaps) {
   for (std::uint64_t i = 1; i <= 3; ++i) Insert(kRover, MapOf(kRover, i, 1, 64));
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
-  const proto::RecordKey beaten = RecordsOf(kRover)[1].key();
+  const proto::RecordKey occluded = RecordsOf(kRover)[1].key();
   proto::PruneOrder order;
-  order.set_beaten_maps(true);
+  order.set_occluded_maps(true);
   Order(kRover, order);
-  AnswerMerge(kRover, {beaten});
+  AnswerMerge(kRover, {occluded});
   const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
   ASSERT_TRUE(answer);
   EXPECT_EQ(GoneOf(answer->prune_reply()), 1);
   EXPECT_TRUE(HearsOfPruned());
-  for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), beaten.seq());
+  for (const proto::StoredRecord& left : RecordsOf(kRover)) EXPECT_NE(left.key().seq(), occluded.seq());
 }
 
 // Merging keeps what it has read, so that it has to hear of a prune whatever befalls it.
@@ -595,7 +595,7 @@ TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {
   Bring(kRover, kLeader);
   Bring(kRover, kSurvivor);
   proto::PruneOrder order;
-  order.set_beaten_maps(true);
+  order.set_occluded_maps(true);
   Order(kRover, order);
   AnswerMerge(kRover, {});
   const auto answer = team_.Expect({kRover, actor_name::kGateway}, proto::Message::kPruneReply, seconds(1));
@@ -607,9 +607,9 @@ TEST_F(RetentionActorTest, TakesNothingWhereNoMapIsBeaten) {
 TEST_F(RetentionActorTest, SaysWhyMergeCouldNotTell) {
   Start();
   proto::PruneOrder order;
-  order.set_beaten_maps(true);
+  order.set_occluded_maps(true);
   Order(kRover, order);
-  const auto asked = team_.Expect({kRover, actor_name::kMerge}, proto::Message::kBeatenMapsRequest, minutes(1));
+  const auto asked = team_.Expect({kRover, actor_name::kMerge}, proto::Message::kOccludedMapsRequest, minutes(1));
   ASSERT_TRUE(asked);
   proto::Message answer = ErrorMessage({ErrorCode::kFull, "too much waits", {}});
   answer.set_request_id(asked->request_id());

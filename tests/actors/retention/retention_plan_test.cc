@@ -88,10 +88,10 @@ TEST(RetentionPlanTest, LeavesMapsWithinTheirPartForTheOldestOfAll) {
 
 TEST(RetentionPlanTest, TakesBeatenMapsFirstWhereTheTeamFileSaysSo) {
   proto::RetentionConfig retention = BudgetOf(100, 0.5);
-  retention.set_drop_beaten_maps(true);
+  retention.set_drop_occluded_maps(true);
   const PrunePlan plan = PlanOf(retention, kTypes, StatusOf(90, 45));
   ASSERT_EQ(plan.size(), 3u);
-  EXPECT_TRUE(plan[0].is_of_beaten_maps);
+  EXPECT_TRUE(plan[0].is_of_occluded_maps);
   EXPECT_NEAR(plan[0].until_bytes, 10 * kMb, 1);
   EXPECT_TRUE(PlanOf(retention, kTypes, StatusOf(10, 5)).empty());
 }
@@ -108,7 +108,7 @@ TEST(RetentionPlanTest, DoesWhatAnOperatorOrders) {
   EXPECT_EQ(plan[0].request.older_than_s(), 60);
   EXPECT_EQ(plan[0].request.data_types_size(), 1);
   EXPECT_EQ(plan[0].until_bytes, 5);
-  EXPECT_FALSE(plan[0].is_of_beaten_maps);
+  EXPECT_FALSE(plan[0].is_of_occluded_maps);
 }
 
 }  // namespace

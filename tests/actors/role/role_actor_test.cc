@@ -36,11 +36,11 @@ class RoleActorTest : public testing::Test, protected RoleTeam {
   RoleActorTest() : RoleTeam(/*seed=*/1) {}
 
   // What `agent`'s sync actor was notified of, oldest first.
-  std::vector<proto::RolesChanged> Told(AgentId agent) {
-    std::vector<proto::RolesChanged> told;
+  std::vector<proto::RolesChanged> Notified(AgentId agent) {
+    std::vector<proto::RolesChanged> reported;
     for (const proto::Message& message : team_.Take({agent, actor_name::kSync}))
-      told.push_back(message.roles_changed());
-    return told;
+      reported.push_back(message.roles_changed());
+    return reported;
   }
 };
 
@@ -57,10 +57,10 @@ TEST_F(RoleActorTest, AgreesOnTheTeamFilesRolesInTermOne) {
 
 TEST_F(RoleActorTest, TellsItsAgentsOtherActorsTheirRole) {
   StartAndSettle();
-  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_LEADER);
-  EXPECT_EQ(Told(2).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
-  EXPECT_EQ(Told(3).back().own_role(), proto::ROLE_ROVER);
-  EXPECT_EQ(Told(4).back().own_role(), proto::ROLE_BASE_STATION);
+  EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_LEADER);
+  EXPECT_EQ(Notified(2).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+  EXPECT_EQ(Notified(3).back().own_role(), proto::ROLE_ROVER);
+  EXPECT_EQ(Notified(4).back().own_role(), proto::ROLE_BASE_STATION);
 }
 
 TEST_F(RoleActorTest, ReachesAnActorThatStartsLateOrWhoseMailboxIsFull) {
@@ -79,12 +79,12 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndSaysS
   disks_[1]->is_failing = true;
   Swap(2);
   team_.AdvanceTime(seconds(1));
-  const std::vector<proto::RolesChanged> all = Told(1);
+  const std::vector<proto::RolesChanged> all = Notified(1);
   ASSERT_FALSE(all.empty());
-  const proto::RolesChanged& told = all.back();
-  EXPECT_EQ(told.own_role(), proto::ROLE_ROVER);
-  EXPECT_EQ(told.roles().leader(), 2u);
-  EXPECT_EQ(told.roles().survivor(), 0u) << "taking a role waits until it is durable";
+  const proto::RolesChanged& reported = all.back();
+  EXPECT_EQ(reported.own_role(), proto::ROLE_ROVER);
+  EXPECT_EQ(reported.roles().leader(), 2u);
+  EXPECT_EQ(reported.roles().survivor(), 0u) << "taking a role waits until it is durable";
   const proto::RoleShowReply shown = Show(1);
   EXPECT_EQ(shown.roles().leader(), 2u);
   EXPECT_EQ(shown.unstored().term().number(), 2u);
@@ -96,11 +96,11 @@ TEST_F(RoleActorTest, ALeaderThatCannotStoreANewerTermStopsLeadingAtOnceAndSaysS
   Swap(1);
   EXPECT_THAT(Refusal(1).text, testing::HasSubstr("ask another agent"));
   team_.AdvanceTime(minutes(5));
-  EXPECT_TRUE(Told(1).empty()) << "what it cannot store it does not publish again and again";
+  EXPECT_TRUE(Notified(1).empty()) << "what it cannot store it does not publish again and again";
 
   disks_[1]->is_failing = false;
   team_.AdvanceTime(seconds(20));
-  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+  EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
   EXPECT_FALSE(Show(1).has_unstored());
   EXPECT_TRUE(AllAgree());
   team_.AdvanceTime(minutes(2));
@@ -112,10 +112,10 @@ TEST_F(RoleActorTest, ALeaderWhoseStorageIsSilentStopsLeadingToo) {
   disks_[1]->is_silent = true;
   Swap(2);
   team_.AdvanceTime(seconds(6));
-  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_ROVER);
+  EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_ROVER);
   disks_[1]->is_silent = false;
   team_.AdvanceTime(seconds(10));
-  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+  EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
 }
 
 TEST_F(RoleActorTest, WhoCannotStoreThatItLeadsDoesNotLead) {
@@ -125,8 +125,8 @@ TEST_F(RoleActorTest, WhoCannotStoreThatItLeadsDoesNotLead) {
   request.set_leader(3);
   Set(2, request);
   team_.AdvanceTime(seconds(30));
-  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_ROVER) << "agent 1 gave its role up";
-  for (const proto::RolesChanged& told : Told(3)) EXPECT_NE(told.roles().leader(), 3u);
+  EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_ROVER) << "agent 1 gave its role up";
+  for (const proto::RolesChanged& reported : Notified(3)) EXPECT_NE(reported.roles().leader(), 3u);
   EXPECT_EQ(Show(3).roles().leader(), 0u);
   EXPECT_EQ(Show(3).unstored().leader(), 3u);
 }
@@ -136,11 +136,11 @@ TEST_F(RoleActorTest, AfterARestartOnAFullDiskADeposedLeaderHearsTheTeamFirst) {
   disks_[1]->is_failing = true;
   Swap(2);
   team_.AdvanceTime(seconds(1));
-  (void)Told(1);
+  (void)Notified(1);
   team_.CrashActor({1, actor_name::kRole});
   team_.AdvanceTime(minutes(5));
-  for (const proto::RolesChanged& told : Told(1)) {
-    EXPECT_NE(told.roles().leader(), 1u) << told.ShortDebugString();
+  for (const proto::RolesChanged& reported : Notified(1)) {
+    EXPECT_NE(reported.roles().leader(), 1u) << reported.ShortDebugString();
   }
   EXPECT_EQ(Show(1).roles().leader(), 2u);
 }
@@ -148,22 +148,22 @@ TEST_F(RoleActorTest, AfterARestartOnAFullDiskADeposedLeaderHearsTheTeamFirst) {
 TEST_F(RoleActorTest, ANewTermOfItsOwnThatCannotBeStoredMakesNobodyLead) {
   StartAndSettle();
   disks_[1]->is_failing = true;
-  (void)Told(1);
+  (void)Notified(1);
   team_.CrashActor({1, actor_name::kRole});
   team_.AdvanceTime(minutes(1));
-  for (const proto::RolesChanged& told : Told(1)) EXPECT_NE(told.roles().leader(), 1u);
+  for (const proto::RolesChanged& reported : Notified(1)) EXPECT_NE(reported.roles().leader(), 1u);
   EXPECT_EQ(Show(1).unstored().leader(), 1u);
   EXPECT_EQ(Show(2).roles().term().number(), 1u) << "nobody hears of a term that is not durable";
   disks_[1]->is_failing = false;
   team_.AdvanceTime(seconds(10));
-  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_LEADER);
+  EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_LEADER);
   EXPECT_TRUE(AllAgree());
 }
 
 TEST_F(RoleActorTest, LeaderActsOnlyInANewTerm) {
   Start();
   team_.RunUntilIdle();
-  for (const auto& told : Told(1)) EXPECT_GT(told.roles().term().number(), 0u);
+  for (const auto& reported : Notified(1)) EXPECT_GT(reported.roles().term().number(), 0u);
 }
 
 TEST_F(RoleActorTest, SwapsRolesOnTheWholeTeam) {
@@ -175,7 +175,7 @@ TEST_F(RoleActorTest, SwapsRolesOnTheWholeTeam) {
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(AllAgree());
   EXPECT_EQ(Show(1).roles().leader(), 2u);
-  EXPECT_EQ(Told(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
+  EXPECT_EQ(Notified(1).back().own_role(), proto::ROLE_DESIGNATED_SURVIVOR);
 }
 
 TEST_F(RoleActorTest, ARepeatedSwapIsNotUndone) {
@@ -208,7 +208,7 @@ TEST_F(RoleWaitTest, AnswersWhenLeaderAndSurvivorAct) {
   team_.radio().latency = milliseconds(100);
   SwapAndWait(1, 30);
   EXPECT_FALSE(Answer(1).has_role_show_reply()) << "agent 2 has not heard of it";
-  ASSERT_TRUE(team_.RunUntil([&] { return Told(2).size() > 0; }, seconds(10)));
+  ASSERT_TRUE(team_.RunUntil([&] { return Notified(2).size() > 0; }, seconds(10)));
   const auto answer = team_.Expect({1, actor_name::kGateway}, proto::Message::kRoleShowReply, seconds(10));
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->request_id(), 42u);
@@ -330,11 +330,11 @@ TEST_F(RoleActorTest, CrashedLeaderStepsDownWhenItComesBack) {
   request.set_survivor(3);
   Set(2, request);
   team_.AdvanceTime(minutes(1));
-  Told(1);
+  Notified(1);
   team_.Restart(1);
   team_.AdvanceTime(seconds(5));
   EXPECT_TRUE(AllAgree());
-  for (const auto& told : Told(1)) EXPECT_EQ(told.roles().leader(), 2u) << "it never acted as leader again";
+  for (const auto& reported : Notified(1)) EXPECT_EQ(reported.roles().leader(), 2u) << "it never acted as leader again";
 }
 
 TEST_F(RoleActorTest, GivesUpItsRoleWhenAnActorFailsAgainAndAgain) {

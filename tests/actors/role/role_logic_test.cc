@@ -45,7 +45,7 @@ proto::RoleAnnounce Announce(const proto::RoleAssignment& roles, bool is_reply =
   return announce;
 }
 
-std::vector<AgentId> Told(const RoleLogic::Actions& actions) {
+std::vector<AgentId> Notified(const RoleLogic::Actions& actions) {
   std::vector<AgentId> agents;
   for (const auto& announcement : actions.announcements) agents.push_back(announcement.to);
   return agents;
@@ -71,7 +71,7 @@ TEST_F(RoleLogicTest, StartsWithTheNewestStoredAssignmentAndTellsTheOthers) {
   const auto actions = logic.OnLoaded({Roles(1, 2, 4, 1), Roles(3, 2, 5, 1)}, 77, 0);
   ASSERT_TRUE(actions.apply);
   EXPECT_EQ(actions.apply->leader(), 3u);
-  EXPECT_THAT(Told(actions), ElementsAre(1, 3));
+  EXPECT_THAT(Notified(actions), ElementsAre(1, 3));
   EXPECT_TRUE(actions.announce_timer);
 }
 
@@ -157,7 +157,7 @@ TEST_F(RoleLogicTest, ActsAndTellsOnlyAfterTheAssignmentIsDurable) {
   EXPECT_EQ(Propose(0, 3).error().code, ErrorCode::kUnavailable);  // One at a time.
   const auto done = logic_.OnSaved();
   EXPECT_EQ(done.apply->leader(), 3u);
-  EXPECT_THAT(Told(done), ElementsAre(1, 3));
+  EXPECT_THAT(Notified(done), ElementsAre(1, 3));
   EXPECT_EQ(logic_.current().leader(), 3u);
 }
 
@@ -175,7 +175,7 @@ TEST_F(RoleLogicTest, AdoptsANewerTermAndConfirmsIt) {
   EXPECT_TRUE(begun->announcements.empty());
   const auto done = logic_.OnSaved();
   EXPECT_EQ(done.apply->leader(), 3u);
-  EXPECT_THAT(Told(done), ElementsAre(3, 1));
+  EXPECT_THAT(Notified(done), ElementsAre(3, 1));
   EXPECT_TRUE(done.announcements[0].announce.is_reply());
 }
 
@@ -183,7 +183,7 @@ TEST_F(RoleLogicTest, AnswersAnOlderTermWithItsOwn) {
   const auto actions = logic_.OnAnnounce(3, Announce(Roles(3, 2, 4, 3)));
   ASSERT_TRUE(actions);
   EXPECT_FALSE(actions->save);
-  ASSERT_THAT(Told(*actions), ElementsAre(3));
+  ASSERT_THAT(Notified(*actions), ElementsAre(3));
   EXPECT_EQ(actions->announcements[0].announce.roles().term().number(), 5u);
 }
 
@@ -231,18 +231,18 @@ TEST_F(RoleLogicTest, RefusesAtTheDoor) {
 }
 
 TEST_F(RoleLogicTest, TellsAgainUntilAllConfirm) {
-  EXPECT_THAT(Told(logic_.OnAnnounceTimer()), ElementsAre(1, 3));
+  EXPECT_THAT(Notified(logic_.OnAnnounceTimer()), ElementsAre(1, 3));
   EXPECT_TRUE(logic_.OnAnnounce(1, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true))->announcements.empty());
   const auto again = logic_.OnAnnounceTimer();
-  EXPECT_THAT(Told(again), ElementsAre(3));
+  EXPECT_THAT(Notified(again), ElementsAre(3));
   EXPECT_EQ(*again.announce_timer, std::chrono::seconds(20));  // After 5 and 10.
-  EXPECT_THAT(Told(*logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1)))), ElementsAre(3));
+  EXPECT_THAT(Notified(*logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1)))), ElementsAre(3));
   EXPECT_FALSE(logic_.OnAnnounceTimer().announce_timer);
   EXPECT_THAT(logic_.Show(false).confirmed_by(), ElementsAre(1, 2, 3));
 }
 
 TEST_F(RoleLogicTest, TellsAnUnconfirmedAgentAtOnceWhenItIsReached) {
-  EXPECT_THAT(Told(logic_.OnPeerConnected(3)), ElementsAre(3));
+  EXPECT_THAT(Notified(logic_.OnPeerConnected(3)), ElementsAre(3));
   logic_.OnAnnounce(3, Announce(Roles(1, 2, 5, 1), /*is_reply=*/true));
   EXPECT_TRUE(logic_.OnPeerConnected(3).announcements.empty());
   EXPECT_TRUE(logic_.OnPeerConnected(9).announcements.empty());
@@ -267,7 +267,7 @@ class RoleLogicLeaderTest : public testing::Test {
 TEST_F(RoleLogicLeaderTest, AsksAroundBeforeItActs) {
   EXPECT_FALSE(started_.apply);
   EXPECT_TRUE(started_.leader_timer);
-  EXPECT_THAT(Told(started_), ElementsAre(2, 3));
+  EXPECT_THAT(Notified(started_), ElementsAre(2, 3));
 }
 
 TEST_F(RoleLogicLeaderTest, TakesANewTermWithTheSameRolesWhenNobodyKnowsBetter) {
@@ -354,7 +354,7 @@ TEST(RoleLogicLeftTest, NamesNobodyWhoLeftAndKeepsWhatItDecided) {
   RoleLogic::Options options = Options(kSelf);
   options.left = {1};
   RoleLogic logic(options);
-  EXPECT_THAT(Told(logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0)), ElementsAre(3)) << "who left hears nothing";
+  EXPECT_THAT(Notified(logic.OnLoaded({Roles(1, 2, 5, 1)}, 77, 0)), ElementsAre(3)) << "who left hears nothing";
   EXPECT_EQ(logic.current().leader(), 1u) << "history, until somebody decides";
   EXPECT_FALSE(logic.OnAnnounce(1, Announce(Roles(1, 2, 6, 1)))) << "who left says nothing";
   EXPECT_TRUE(logic.OnPeerConnected(1).announcements.empty());

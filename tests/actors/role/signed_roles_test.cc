@@ -246,7 +246,7 @@ TEST(SignedRolesTest, AreChangedByLeaderSurvivorAndWhoMayCommand) {
   const std::string before = team.Term(1);
   ASSERT_TRUE(team.Set(kBase, 1, 2));
   for (const AgentId agent : {1, 2, 3}) EXPECT_EQ(team.LeaderAt(agent), 1u);
-  EXPECT_EQ(ReignOf(team.Of(3).term()), 1u) << before;
+  EXPECT_EQ(EraOf(team.Of(3).term()), 1u) << before;
 
   const Result<void> refused = team.Set(3, 3, 2);
   ASSERT_FALSE(refused);
@@ -379,9 +379,9 @@ TEST(SignedRolesTest, OfADeposedLiarWithAThousandAssignmentsEndWithOneWordOfTheB
 
 TEST(SignedRolesTest, AreActedOnTwentyTimesAtOnceAndThenOnceAMinuteOfOneIssuer) {
   SignedTeam team(3);
-  const std::uint64_t before = ChangeOf(team.Of(2).term());
+  const std::uint64_t before = RevisionOf(team.Of(2).term());
   for (int i = 0; i < 100; ++i) ASSERT_TRUE(team.Set(1, 1, i % 2 == 0 ? 3 : 2));
-  EXPECT_LE(ChangeOf(team.Of(2).term()), before + 20);
+  EXPECT_LE(RevisionOf(team.Of(2).term()), before + 20);
   team.AdvanceTime(std::chrono::minutes(2));
   team.Heal();
   EXPECT_EQ(team.Term(2), team.Term(1)) << "the newest of what waited";
@@ -391,13 +391,13 @@ TEST(SignedRolesTest, ThatComeAsRecordsAreActedOnNoMoreOften) {
   SignedTeam team(4);
   ASSERT_TRUE(team.Set(1, 3, 2));  // Rover 3 leads, and will lie.
   proto::RoleAssignment lie = team.Of(4);
-  const std::uint64_t before = ChangeOf(lie.term());
+  const std::uint64_t before = RevisionOf(lie.term());
   team.Divide({4});
   for (int i = 0; i < 100; ++i) {
     lie = ForgedAfter(lie, 3, 3, i % 2 == 0 ? 1 : 2);
     team.Record(4, lie);
   }
-  const std::uint64_t acted_on = ChangeOf(team.Of(4).term()) - before;
+  const std::uint64_t acted_on = RevisionOf(team.Of(4).term()) - before;
   EXPECT_GE(acted_on, 15u);
   EXPECT_LE(acted_on, 20u);
   const int timers = team.announce_timers();
@@ -405,7 +405,7 @@ TEST(SignedRolesTest, ThatComeAsRecordsAreActedOnNoMoreOften) {
   team.Record(4, lie);
   EXPECT_EQ(team.announce_timers(), timers) << "a further record does not postpone the announcements";
   team.RunAnnounceTimer(4);
-  EXPECT_EQ(ChangeOf(team.Of(4).term()) - before, acted_on) << "there is no room for another change yet";
+  EXPECT_EQ(RevisionOf(team.Of(4).term()) - before, acted_on) << "there is no room for another change yet";
   team.AdvanceTime(std::chrono::minutes(2));
   team.RunAnnounceTimer(4);
   EXPECT_EQ(team.Of(4).signature(), lie.signature()) << "the newest of what waited";

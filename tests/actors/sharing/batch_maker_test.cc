@@ -56,21 +56,21 @@ TEST_F(BatchMakerTest, SendsALargeRecordInPieces) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100));
   Order();
   AnswerHello();
-  std::size_t pieces = 0;
+  std::size_t fragments = 0;
   std::uint64_t remaining = 3;
   while (!sent_.empty()) {
     std::size_t unacked = 0;
     for (const proto::Message& message : sent_) unacked += message.batch().ByteSizeLong();
     EXPECT_LE(unacked, 8 * 1024u);
     for (const proto::Message& message : TakeSent()) {
-      pieces += message.batch().has_piece() ? 1 : 0;
+      fragments += message.batch().has_fragment() ? 1 : 0;
       EXPECT_LE(message.batch().coded().size(), 4096u);
       EXPECT_LE(message.remaining(), remaining);
       remaining = message.remaining();
       Acknowledge(message);
     }
   }
-  EXPECT_EQ(pieces, 25u);
+  EXPECT_EQ(fragments, 25u);
   EXPECT_EQ(remaining, 0u);
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(destination_.have(), source_.have());
@@ -86,15 +86,15 @@ TEST_F(BatchMakerTest, AnOrderInTheMiddleOfTheLastRecordPutsOffTheEnd) {
   ASSERT_EQ(first.size(), 2u) << "two pieces fit into the credit";
   Acknowledge(first[0]);
   Acknowledge(first[1]);
-  EXPECT_TRUE(sent_.back().batch().has_piece());
+  EXPECT_TRUE(sent_.back().batch().has_fragment());
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100));
   Order();
-  std::size_t pieces = first.size();
+  std::size_t fragments = first.size();
   for (const proto::Message& message : RunToEnd()) {
-    pieces += message.batch().has_piece() ? 1 : 0;
+    fragments += message.batch().has_fragment() ? 1 : 0;
     EXPECT_EQ(message.remaining() == 0, destination_.records().size() == 2u);
   }
-  EXPECT_EQ(pieces, 3u) << "nothing was cut anew";
+  EXPECT_EQ(fragments, 3u) << "nothing was cut anew";
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(destination_.have(), source_.have());
 }
@@ -103,17 +103,17 @@ TEST_F(BatchMakerTest, GoesOnInALargeRecordWhereACutEndedIt) {
   source_.Insert(kSelf, proto::LOCAL_TRAVERSABILITY_MAP, Noise(100'000));
   Order();
   AnswerHello();
-  std::size_t pieces = 0;
-  for (; pieces < 10; ++pieces) {
-    const proto::Message piece = sent_.front();
+  std::size_t fragments = 0;
+  for (; fragments < 10; ++fragments) {
+    const proto::Message fragment = sent_.front();
     sent_.erase(sent_.begin());
-    Acknowledge(piece);
+    Acknowledge(fragment);
   }
   TakeSent();  // Lost.
   Take(session_.OnConnected(now_));
   AnswerHello();
-  pieces += RunToEnd().size();
-  EXPECT_EQ(pieces, 25u) << "what had arrived was not sent again";
+  fragments += RunToEnd().size();
+  EXPECT_EQ(fragments, 25u) << "what had arrived was not sent again";
   EXPECT_EQ(destination_.have(), source_.have());
 }
 
@@ -274,9 +274,9 @@ TEST_F(BatchMakerTest, ADamagedBatchEndsItsRun) {
 TEST_F(BatchMakerTest, MapsThatTravelInPiecesArePartsOfTheRun) {
   InsertNoiseMap(0, 300);
   OrderMaps(20);
-  bool has_pieces = false;
-  for (const proto::Message& message : RunToEnd()) has_pieces |= message.batch().has_piece();
-  EXPECT_TRUE(has_pieces);
+  bool has_fragments = false;
+  for (const proto::Message& message : RunToEnd()) has_fragments |= message.batch().has_fragment();
+  EXPECT_TRUE(has_fragments);
   EXPECT_EQ(destination_.have(), source_.have());
   EXPECT_EQ(Status().resends(), 0);
 }
@@ -314,19 +314,19 @@ TEST_F(BatchMakerTest, SaysWhatIsLeftByType) {
 
 TEST_F(BatchMakerTest, NumbersItsBatchesAnewInEachSession) {
   BatchMaker maker(kDestination, proto::CODEC_ZSTD, {}, 1);
-  maker.StartOver(77, /*is_any_under_way=*/false);
+  maker.StartOver(77, /*is_any_in_flight=*/false);
   const proto::MissingReply nothing;
   EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/false)) << "the end is a batch without records";
   EXPECT_EQ(maker.Take().message.batch().batch_number(), 1u);
   EXPECT_EQ(maker.next_number(), 2u);
-  EXPECT_TRUE(maker.has_told_end());
+  EXPECT_TRUE(maker.has_reported_end());
   EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/false));
   EXPECT_FALSE(maker.ready()) << "it has told the end";
   maker.PutOffEnd();
-  EXPECT_FALSE(maker.has_told_end());
+  EXPECT_FALSE(maker.has_reported_end());
   EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/false));
   EXPECT_TRUE(maker.ready());
-  maker.StartOver(78, /*is_any_under_way=*/false);
+  maker.StartOver(78, /*is_any_in_flight=*/false);
   EXPECT_FALSE(maker.ready());
   EXPECT_EQ(maker.next_number(), 1u);
   EXPECT_TRUE(maker.Make(nothing, 4096, /*is_part_of_order=*/true)) << "no end is told of a part of an order";

@@ -157,8 +157,8 @@ TEST_F(BudgetTest, ARoleChangeMakesNoFullSyncOfUnaskedStates) {
     return !(message.has_hello() && from == 3 && stores_[kLeader]->records().empty());
   });
   team_.AdvanceTime(seconds(31));  // The session to the leader stays open, unanswered.
-  ASSERT_TRUE(ShareStatusOf(team_, 3, actor_name::kSync).sessions(0).is_unasked());
-  for (AgentId agent = 1; agent <= 4; ++agent) TellRoles(team_, config_, agent, Roles(2, 1, 5));
+  ASSERT_TRUE(ShareStatusOf(team_, 3, actor_name::kSync).sessions(0).is_periodic());
+  for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(2, 1, 5));
   team_.AdvanceTime(seconds(20));
   EXPECT_TRUE(stores_[2]->records().empty());
 }

@@ -168,9 +168,9 @@ TEST_F(CustomTypesTeamTest, TellsReadersOfNewRecords) {
   Start(/*without_types=*/0);
   (void)team_.Take({kRover, "listener"});  // What was published at the start.
   Insert(kRover, kSoil, "a");
-  const auto told = team_.Take({kRover, "listener"});
-  ASSERT_EQ(told.size(), 1u);
-  EXPECT_THAT(told[0].records_stored().data_types(), ElementsAre(kSoil));
+  const auto reported = team_.Take({kRover, "listener"});
+  ASSERT_EQ(reported.size(), 1u);
+  EXPECT_THAT(reported[0].records_stored().data_types(), ElementsAre(kSoil));
 }
 
 TEST_F(CustomTypesTeamTest, ATypeThatTheLeaderUnderstandsDifferentlyStaysAndStatusSaysSo) {

@@ -44,7 +44,7 @@ class DownlinkActorTest : public testing::Test {
     proto::Message message;
     for (int i = 0; i < count; ++i) {
       proto::Record& record = *message.mutable_insert_request()->add_records();
-      record.set_stamp_ns(next_index_);
+      record.set_timestamp_ns(next_index_);
       proto::PoseGraphNode& node = *record.mutable_pose_graph_node();
       node.mutable_node()->set_agent_id(kSelf);
       node.mutable_node()->set_index(static_cast<std::uint64_t>(next_index_++));
@@ -56,9 +56,9 @@ class DownlinkActorTest : public testing::Test {
   }
 
   proto::Message Ask(const char* actor, const proto::Message& question) {
-    EXPECT_EQ(team_.Post(asker_, {kSelf, actor}, question), SendResult::kAccepted);
+    EXPECT_EQ(team_.Post(requester_, {kSelf, actor}, question), SendResult::kAccepted);
     team_.RunUntilIdle();
-    const std::vector<proto::Message> answers = team_.Take(asker_);
+    const std::vector<proto::Message> answers = team_.Take(requester_);
     EXPECT_EQ(answers.size(), 1u);
     return answers.empty() ? proto::Message() : answers.front();
   }
@@ -88,7 +88,7 @@ class DownlinkActorTest : public testing::Test {
 
   const proto::TeamConfig config_ = TestTeam(2);
   simulation::SimulatedTeam team_{/*seed=*/1};
-  const Address asker_{kSelf, actor_name::kGateway};
+  const Address requester_{kSelf, actor_name::kGateway};
   std::int64_t next_index_ = 1;
   std::mt19937_64 rng_{1};  // Positions that do not compress: a node has 8 bytes at least.
 };
@@ -139,7 +139,7 @@ TEST_F(DownlinkActorTest, KeepsABundleUntilTheGroundHasItAndItsRecordsOutOfOther
 TEST_F(DownlinkActorTest, LeavesOutWhatTheGroundDoesNotAskFor) {
   proto::Message message;
   proto::Record& record = *message.mutable_insert_request()->add_records();
-  record.set_stamp_ns(1);
+  record.set_timestamp_ns(1);
   record.mutable_power()->set_battery_ratio(0.5);
   ASSERT_EQ(Ask(actor_name::kStorage, message).insert_reply().keys_size(), 1);
   EXPECT_EQ(Order(0).left_count(), 0);
@@ -170,12 +170,12 @@ TEST_F(DownlinkActorTest, TakesOneOrderAfterTheOtherAndAFewThatWait) {
   message.mutable_downlink_request()->set_bytes_max(1500);
   for (std::uint64_t id = 1; id <= 3; ++id) {
     message.set_request_id(id);
-    ASSERT_EQ(team_.Post(asker_, {kSelf, actor_name::kDownlink}, message), SendResult::kAccepted);
+    ASSERT_EQ(team_.Post(requester_, {kSelf, actor_name::kDownlink}, message), SendResult::kAccepted);
   }
   team_.RunUntilIdle();
   std::set<std::uint32_t> numbers;
   int refused_count = 0;
-  for (const proto::Message& answer : team_.Take(asker_)) {
+  for (const proto::Message& answer : team_.Take(requester_)) {
     if (answer.downlink_reply().error().code() == proto::ERROR_CODE_FULL) {
       EXPECT_EQ(answer.request_id(), 3u);
       ++refused_count;
@@ -193,9 +193,9 @@ TEST_F(DownlinkActorTest, AnswersWhereStorageDoesNot) {
   SpawnDownlink(team);
   proto::Message message;
   message.mutable_downlink_request()->set_bytes_max(2000);
-  ASSERT_EQ(team.Post(asker_, {kSelf, actor_name::kDownlink}, message), SendResult::kAccepted);
+  ASSERT_EQ(team.Post(requester_, {kSelf, actor_name::kDownlink}, message), SendResult::kAccepted);
   team.AdvanceTime(minutes(2));
-  const std::vector<proto::Message> answers = team.Take(asker_);
+  const std::vector<proto::Message> answers = team.Take(requester_);
   ASSERT_EQ(answers.size(), 1u);
   EXPECT_EQ(answers[0].downlink_reply().error().code(), proto::ERROR_CODE_TIMED_OUT);
 }

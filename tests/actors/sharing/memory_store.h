@@ -19,7 +19,7 @@ class MemoryStore {
  public:
   // The next record of (origin, epoch, type).
   RecordKey Insert(AgentId origin, DataType type, std::string content, std::uint64_t epoch = 7) {
-    RecordKey key{{origin, epoch, type}, have_.Get({origin, epoch, type}).Had().Max() + 1};
+    RecordKey key{{origin, epoch, type}, have_.Get({origin, epoch, type}).Covered().Max() + 1};
     have_[key.stream].held.Add(key.seq);
     records_[key] = std::move(content);
     return key;
@@ -57,8 +57,9 @@ class MemoryStore {
     std::size_t bytes = 0;
     bool is_full = false;
     for (const auto& [key, content] : records_) {
-      const StreamHave& had = theirs.Get(key.stream);
-      if (!IsWanted(request.filter(), key.stream) || had.held.Contains(key.seq) || had.dropped.Contains(key.seq)) {
+      const StreamHave& covered = theirs.Get(key.stream);
+      if (!IsWanted(request.filter(), key.stream) || covered.held.Contains(key.seq) ||
+          covered.dropped.Contains(key.seq)) {
         continue;
       }
       if (request.mark() != 0 && !mark.have.Get(key.stream).held.Contains(key.seq)) continue;
@@ -91,7 +92,7 @@ class MemoryStore {
         reply.set_rejected_count(reply.rejected_count() + 1);
         continue;
       }
-      if (!have_.Get(key.stream).Had().Contains(key.seq)) {
+      if (!have_.Get(key.stream).Covered().Contains(key.seq)) {
         records_[key] = record.content();
         have_[key.stream].held.Add(key.seq);
         reply.set_stored_count(reply.stored_count() + 1);
@@ -105,7 +106,7 @@ class MemoryStore {
       }
       touched[key] = have_.Get(key);
     }
-    *reply.mutable_had() = ToProto(touched);
+    *reply.mutable_covered() = ToProto(touched);
     return reply;
   }
 

@@ -39,7 +39,7 @@ class OrderWaitTest : public testing::Test {
     }
     team_.AdvanceTime(seconds(1));
     // The leader of a team begins a term of its own.
-    for (AgentId agent = 1; agent <= 4; ++agent) TellRoles(team_, config_, agent, Roles(kLeader, kSurvivor, 1));
+    for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(kLeader, kSurvivor, 1));
     team_.AdvanceTime(seconds(10));
   }
 
@@ -210,7 +210,7 @@ TEST_F(OrderWaitTest, EndsWithItsTerm) {
   team_.radio().bytes_per_second = 1'000;
   Ask(kLeader, 600);
   team_.AdvanceTime(seconds(1));
-  TellRoles(team_, config_, kLeader, Roles(kSurvivor, kLeader, 2));
+  NotifyRoles(team_, config_, kLeader, Roles(kSurvivor, kLeader, 2));
   const proto::ShareReply reply = Await(kLeader, seconds(1));
   EXPECT_EQ(reply.error().code(), proto::ERROR_CODE_REFUSED);
   EXPECT_EQ(reply.error().field(), "expected_term");
@@ -222,7 +222,7 @@ TEST_F(OrderWaitTest, IsNotCompleteBeforeWhatANewLeaderGathersIsBroughtOn) {
   stores_[kSurvivor]->Insert(kLeader, proto::POSE_GRAPH_NODE, "what the leader lost with its disk");
   for (int i = 0; i < 50; ++i) stores_[kSurvivor]->Insert(kRover, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
   team_.radio().bytes_per_second = 2'000;
-  TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
+  NotifyRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
   Ask(kLeader, 600);
   const proto::ShareReply reply = Await(kLeader, seconds(120));
   EXPECT_TRUE(reply.progress().is_complete());
@@ -238,7 +238,7 @@ TEST_F(OrderWaitTest, IsNotCompleteBeforeWhatANewLeaderGathersIsBroughtOn) {
 TEST_F(OrderWaitTest, AReplicationIsCompleteWhenWhatIsGatheredIsWithTheSurvivor) {
   for (int i = 0; i < 50; ++i) stores_[kBase]->Insert(kRover, proto::POSE_GRAPH_NODE, "node " + std::to_string(i));
   team_.radio().bytes_per_second = 2'000;
-  TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
+  NotifyRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
   Ask(kLeader, 600, proto::SHARING_KIND_REPLICATION);
   EXPECT_TRUE(Await(kLeader, seconds(120)).progress().is_complete());
   EXPECT_EQ(stores_[kSurvivor]->records().size(), 50u);
@@ -251,7 +251,7 @@ TEST_F(OrderWaitTest, AnAgentThatRefusesToShareHasNotBeenGathered) {
     order = message.request_id();
     return false;
   });
-  TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
+  NotifyRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
   ASSERT_TRUE(team_.RunUntil([&] { return order != 0; }, seconds(60)));
   proto::Message refusal;
   refusal.set_request_id(order);
@@ -278,7 +278,7 @@ TEST_F(OrderWaitTest, AnOrderOfBeforeGathersNothing) {
   team_.SetFilter([&is_deaf](AgentId, AgentId to, const proto::Message& message) {
     return !is_deaf || to != kRover || !message.has_share_request();
   });
-  TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
+  NotifyRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
   Ask(kLeader, 600, proto::SHARING_KIND_REPLICATION);
   EXPECT_TRUE(team_.RunUntil([&] { return stores_[kLeader]->records().size() == 300; }, seconds(60)));
   team_.AdvanceTime(seconds(5));
@@ -290,7 +290,7 @@ TEST_F(OrderWaitTest, AnOrderOfBeforeGathersNothing) {
 
 TEST_F(OrderWaitTest, SaysWhoCannotBeAskedForWhatItHolds) {
   Drive(kRover, 300);
-  TellRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
+  NotifyRoles(team_, config_, kLeader, Roles(kLeader, kSurvivor, 2));
   Ask(kLeader, 5, proto::SHARING_KIND_REPLICATION);
   const proto::ShareReply reply = Await(kLeader, seconds(7));
   EXPECT_TRUE(reply.progress().is_over()) << "nothing more can be gathered now";

@@ -55,7 +55,7 @@ class SharingOrdersTest : public testing::Test {
 };
 
 TEST_F(SharingOrdersTest, AnOrderOfAnotherTermIsRefusedWithTheRolesThatStand) {
-  TellRoles(team_, config_, kLeader, Roles(kLeader, 2, 3));
+  NotifyRoles(team_, config_, kLeader, Roles(kLeader, 2, 3));
   for (const auto kind : {proto::SHARING_KIND_SYNC, proto::SHARING_KIND_REPLICATION}) {
     for (const std::uint64_t other : {2, 4}) {
       const auto refused = Share(team_, kLeader, OrderInTerm(kind, Roles(kLeader, 2, other).term()));
@@ -88,7 +88,7 @@ TEST_F(SharingOrdersTest, AgentsOrderEachOtherWhateverTheTerm) {
 
 // The answer that the actor asked for at its start travels behind data, a change of roles before it.
 TEST_F(SharingOrdersTest, AnOldAnswerDoesNotOvertakeNewRoles) {
-  TellRoles(team_, config_, 3, Roles(3, 2, 5));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 5));
   for (const char* actor : {actor_name::kSync, actor_name::kReplica}) {
     proto::Message late;
     *late.mutable_role_show_reply()->mutable_roles() = Roles(kLeader, 2, 4);
@@ -104,7 +104,7 @@ TEST_F(SharingOrdersTest, StatusSaysFromWhomANewLeaderStillGathers) {
   team_.SetLink(3, 2, false);
   team_.radio().bytes_per_second = 2'000;
   InsertAt(kLeader, 30);
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   proto::ShareStatus status = ShareStatusOf(team_, 3, actor_name::kReplica);
   EXPECT_EQ(status.roles().term().number(), 3u);
   EXPECT_THAT(status.gathers_from(), UnorderedElementsAre(1, 2, 4));
@@ -138,7 +138,7 @@ TEST_F(SharingOrdersTest, StatusSaysForHowLongAnAgentCannotBeAsked) {
   lease.mutable_lease_request()->set_seconds(600);
   (void)team_.Post({2, actor_name::kGateway}, {2, actor_name::kLease}, lease);
   team_.AdvanceTime(seconds(1));
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   Share(team_, 3, ShareOrder(proto::SHARING_KIND_REPLICATION));
   team_.AdvanceTime(seconds(9));
   const proto::ShareStatus status = ShareStatusOf(team_, 3, actor_name::kReplica);
@@ -207,7 +207,7 @@ TEST_F(SharingOrdersTest, ARefusedBatchIsNoProgress) {
   // The survivor does not hear that it is asked.
   team_.SetFilter(
       [](AgentId, AgentId to, const proto::Message& message) { return to != 2 || !message.has_share_request(); });
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   for (int i = 0; i < 7; ++i) {
     proto::Message batch;
     batch.set_remaining(1);

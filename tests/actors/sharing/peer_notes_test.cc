@@ -49,7 +49,7 @@ TEST_F(PeerNotesTest, NotesAllThatTheDestinationHasOnceAndThenWhatIsNews) {
     noted.Merge(*FromProto(notes[i].acknowledged()));
   }
   for (const auto& [stream, have] : destination_.have().streams()) {
-    EXPECT_EQ(noted.Get(stream).Had(), have.Had()) << ToString(RecordKey{stream, 0});
+    EXPECT_EQ(noted.Get(stream).Covered(), have.Covered()) << ToString(RecordKey{stream, 0});
   }
   EXPECT_LE(notes.size(), 2 * batches.size() + 1);
   EXPECT_TRUE(notes.back().is_session_closed());
@@ -93,7 +93,7 @@ TEST_F(PeerNotesTest, NotesAllAgainWhenStorageAsks) {
   EXPECT_FALSE(notes[0].is_difference());
   EXPECT_EQ(notes[0].kind(), proto::SHARING_KIND_SYNC);
   const StreamKey nodes{kSelf, 7, proto::POSE_GRAPH_NODE};
-  EXPECT_EQ(FromProto(notes[0].acknowledged())->Get(nodes).Had(), destination_.have().Get(nodes).Had());
+  EXPECT_EQ(FromProto(notes[0].acknowledged())->Get(nodes).Covered(), destination_.have().Get(nodes).Covered());
   std::uint64_t last_number = 0;
   int handed_over = 0;
   for (const proto::PeerHave& note : before) {
@@ -141,7 +141,7 @@ TEST_F(PeerNotesTest, AClosedSessionStillNotesWhatItWasToldLast) {
   Take(session_.OnPeerHaveRequest(kLater));
   const std::vector<proto::PeerHave> notes = TakeNotes();
   ASSERT_EQ(notes.size(), 1u);
-  EXPECT_TRUE(FromProto(notes[0].acknowledged())->Get({kSelf, 7, proto::POWER}).Had().Contains(1));
+  EXPECT_TRUE(FromProto(notes[0].acknowledged())->Get({kSelf, 7, proto::POWER}).Covered().Contains(1));
 }
 
 TEST_F(PeerNotesTest, EachAnswerToAHelloIsNotedWhole) {

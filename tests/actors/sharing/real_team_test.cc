@@ -207,7 +207,7 @@ class RealTeam {
       if (!team_.is_running(agent)) continue;
       const HaveSet have = HaveOf(agent);
       for (const auto& [key, stream] : claimed.streams()) {
-        EXPECT_TRUE(stream.Had().Minus(have.Get(key).Had()).is_empty()) << "agent " << agent;
+        EXPECT_TRUE(stream.Covered().Minus(have.Get(key).Covered()).is_empty()) << "agent " << agent;
       }
     }
   }
@@ -263,7 +263,7 @@ class RealTeam {
 
   static proto::Record& AddRecord(proto::InsertRequest& request) {
     proto::Record& record = *request.add_records();
-    record.set_stamp_ns(1);
+    record.set_timestamp_ns(1);
     return record;
   }
 

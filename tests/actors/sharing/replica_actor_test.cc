@@ -62,7 +62,7 @@ TEST_F(ReplicaActorTest, SaysWhoLeadsWhenTheOrderComesToAnotherAgent) {
 }
 
 TEST_F(ReplicaActorTest, RefusesWithoutASurvivor) {
-  TellRoles(team_, config_, 1, Roles(1, 0, 3));
+  NotifyRoles(team_, config_, 1, Roles(1, 0, 3));
   const auto reply = Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));
   EXPECT_EQ(reply.error().text(), "no designated survivor is assigned");
 }
@@ -71,7 +71,7 @@ TEST_F(ReplicaActorTest, TurnsAnUnfinishedReplicationToTheNewSurvivor) {
   InsertAtLeader(10);
   team_.SetLink(1, 2, false);
   Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION));
-  TellRoles(team_, config_, 1, Roles(1, 3, 3));
+  NotifyRoles(team_, config_, 1, Roles(1, 3, 3));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records(), stores_[1]->records());
   EXPECT_TRUE(stores_[2]->records().empty());
@@ -80,13 +80,13 @@ TEST_F(ReplicaActorTest, TurnsAnUnfinishedReplicationToTheNewSurvivor) {
 TEST_F(ReplicaActorTest, ANewLeaderGathersOnceAllThatTheTeamHolds) {
   InsertAtLeader(10);
   stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 31u);
   InsertAtLeader(1);
   team_.AdvanceTime(seconds(100));
   EXPECT_EQ(stores_[3]->records().size(), 31u);
-  TellRoles(team_, config_, 3, Roles(3, 2, 4));  // As after a start, perhaps with an empty disk.
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 4));  // As after a start, perhaps with an empty disk.
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 34u);
 }
@@ -97,11 +97,11 @@ TEST(ReplicaActorLeftTest, ANewLeaderGathersFromNobodyWhoHasLeft) {
   simulation::SimulatedTeam team(1);
   for (const AgentId agent : {1u, 2u, 3u, 4u}) AddMemoryAgent(team, agent, config);
   team.SetLink(1, 3, false);
-  TellRoles(team, config, 3, Roles(3, 2, 3));
+  NotifyRoles(team, config, 3, Roles(3, 2, 3));
   team.AdvanceTime(seconds(2));
   const proto::ShareStatus status = ShareStatusOf(team, 3, actor_name::kReplica);
   EXPECT_TRUE(status.gathers_from().empty()) << status.ShortDebugString();
-  TellRoles(team, config, 3, Roles(3, 1, 4));
+  NotifyRoles(team, config, 3, Roles(3, 1, 4));
   EXPECT_EQ(Share(team, 3, ShareOrder(proto::SHARING_KIND_REPLICATION)).error().text(),
             "rover1 survives, but has left the team");
 }
@@ -112,7 +112,7 @@ TEST_F(ReplicaActorTest, GathersFromTheSurvivorFirstAndNothingTwice) {
   for (const AgentId agent : {2u, 3u}) Share(team_, 1, ShareOrder(proto::SHARING_KIND_REPLICATION, agent));
   team_.AdvanceTime(seconds(2));
   *stores_[1] = MemoryStore();  // Its disk is lost.
-  TellRoles(team_, config_, 1, Roles(1, 2, 3));
+  NotifyRoles(team_, config_, 1, Roles(1, 2, 3));
   team_.AdvanceTime(seconds(10));
   EXPECT_EQ(stores_[1]->records().size(), 30u);
   EXPECT_EQ(ShareStatusOf(team_, 2, actor_name::kReplica).sessions(0).sent_records(), 30);
@@ -123,7 +123,7 @@ TEST_F(ReplicaActorTest, GoesOnGatheringWhileOneDoesNotAnswer) {
   InsertAtLeader(10);
   stores_[4]->Insert(4, proto::POSE_GRAPH_NODE, "of the base station");
   team_.SetLink(3, 2, false, /*tell=*/false);  // The survivor, which is asked first.
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(50));
   EXPECT_TRUE(stores_[3]->records().empty());
   team_.AdvanceTime(seconds(20));
@@ -140,7 +140,7 @@ TEST_F(ReplicaActorTest, GathersFromThoseThatAreThere) {
   stores_[2]->Insert(2, proto::POWER, "of the survivor");
   team_.SetLink(3, 2, false);
   team_.SetLink(3, 4, false);
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(2));
   EXPECT_EQ(stores_[3]->records().size(), 30u);
   const std::uint64_t bytes = team_.radio_bytes();
@@ -154,7 +154,7 @@ TEST_F(ReplicaActorTest, GathersFromThoseThatAreThere) {
 TEST_F(ReplicaActorTest, AFlappingAgentDoesNotKeepOthersWaiting) {
   InsertAtLeader(10);
   team_.radio().bytes_per_second = 2'000;
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   for (int i = 0; i < 30; ++i) {
     team_.SetLink(3, 2, i % 2 != 0);
     team_.AdvanceTime(std::chrono::milliseconds(500));
@@ -166,10 +166,10 @@ TEST_F(ReplicaActorTest, AFlappingAgentDoesNotKeepOthersWaiting) {
 TEST_F(ReplicaActorTest, GivesTheNewLeaderAllThoughItHearsOfItsTermLater) {
   InsertAtLeader(10);
   team_.radio().bytes_per_second = 2'000;
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(std::chrono::milliseconds(300));
   ASSERT_LT(stores_[3]->records().size(), 30u);
-  for (const AgentId agent : {1u, 2u, 4u}) TellRoles(team_, config_, agent, Roles(3, 2, 3));
+  for (const AgentId agent : {1u, 2u, 4u}) NotifyRoles(team_, config_, agent, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(30));
   EXPECT_EQ(stores_[3]->records().size(), 30u);
   for (const AgentId agent : {1u, 2u, 4u}) {
@@ -183,9 +183,9 @@ TEST_F(ReplicaActorTest, ADeposedLeaderGathersNoMore) {
   InsertAtLeader(10);
   team_.SetLink(1, 3, false);
   team_.SetLink(2, 3, false);
-  TellRoles(team_, config_, 3, Roles(3, 2, 3));
+  NotifyRoles(team_, config_, 3, Roles(3, 2, 3));
   team_.AdvanceTime(seconds(5));
-  TellRoles(team_, config_, 3, Roles(2, 1, 4));
+  NotifyRoles(team_, config_, 3, Roles(2, 1, 4));
   team_.SetLink(1, 3, true);
   team_.AdvanceTime(seconds(100));
   EXPECT_TRUE(stores_[3]->records().empty());

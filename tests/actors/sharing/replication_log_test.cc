@@ -61,7 +61,7 @@ class NotesOverTime {
   }
 
   const HaveSet& have() const { return have_; }
-  Had Shown() { return ShownIn(store_->database(), kPeer); }
+  Covered Shown() { return ShownIn(store_->database(), kPeer); }
   int requests() const { return requests_; }
 
  private:
@@ -122,7 +122,7 @@ class NotesOverTime {
   PeerLog log_;
   PeerNotes notes_{proto::SHARING_KIND_SYNC, kPeer, rng_() >> 1};
   HaveSet have_;
-  Had taken_;
+  Covered taken_;
   std::uint64_t fresh_ = 1000;
   bool is_writable_ = true;
   int requests_ = 0;
@@ -191,7 +191,7 @@ class ReplicatingTeam {
   }
 
   // What agent 1 shows of agent 2, which ends both.
-  Had EndAndShow() {
+  Covered EndAndShow() {
     for (const AgentId agent : {kLogSelf, kPeer}) team_.Crash(agent);
     const Result<std::unique_ptr<Database>> database = Database::Open(PathOf(kLogSelf));
     EXPECT_TRUE(database);
@@ -269,8 +269,8 @@ TEST(ReplicationLogTest, ShowsWhatThePeerHasAfterAStorageThatFailedAsked) {
     wholes += message.peer_have().has_acknowledged() && !message.peer_have().is_difference();
   }
   EXPECT_EQ(wholes, 1 + 2) << "the answer to the Hello, and one for each life that lacks it";
-  const Had had = HadOf(team.HaveOfPeer());
-  EXPECT_EQ(team.EndAndShow(), had);
+  const Covered covered = HadOf(team.HaveOfPeer());
+  EXPECT_EQ(team.EndAndShow(), covered);
 }
 
 TEST(ReplicationLogTest, ANoteIsAsLargeAsItsNewsAndNotAsTheHaveSet) {

@@ -24,7 +24,7 @@ TEST_F(ResendDelayTest, TriesALargeRecordLessAndLessOftenWhereItCannotBeStored) 
         ++hellos;
         sent_.push_back(message);
         AnswerHello();
-      } else if (const auto whole = *pieces_.Take(kSelf, message.batch()); !whole) {
+      } else if (const auto whole = *fragments_.Take(kSelf, message.batch()); !whole) {
         Take(session_.OnHave(AcknowledgmentOf(message.batch()), now_));
       } else {
         proto::Refusal full;
@@ -69,11 +69,11 @@ TEST_F(ResendDelayTest, ADestinationThatNeverReadsARunIsTriedLessAndLessOften) {
     }
     return count;
   };
-  constexpr std::size_t kUnderWayMax = 6;
-  EXPECT_LE(answer_all(), 2 * kUnderWayMax);
+  constexpr std::size_t kInFlightMax = 6;
+  EXPECT_LE(answer_all(), 2 * kInFlightMax);
   Advance(seconds(6));
   AnswerHello();
-  EXPECT_LE(answer_all(), kUnderWayMax);
+  EXPECT_LE(answer_all(), kInFlightMax);
 }
 
 TEST_F(ResendDelayTest, DoublesUpToTheLongestAndIsTheFirstAgainAfterProgress) {

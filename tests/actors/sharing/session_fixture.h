@@ -65,8 +65,8 @@ class SessionFixture : public testing::Test {
     have.set_unacked_bytes_max(credit_ = credit);
     have.set_bytes_per_second_max(granted_rate_);
     *have.mutable_schemas() = schemas_;
-    have.set_part_hash(pieces_.PartFrom(kSelf).hash);
-    have.set_part_bytes(pieces_.PartFrom(kSelf).bytes);
+    have.set_part_hash(fragments_.PartFrom(kSelf).hash);
+    have.set_part_bytes(fragments_.PartFrom(kSelf).bytes);
     have.set_keeps_runs(are_runs_kept_ && runs_.TakePlace(kSelf, now_));
     Take(session_.OnHave(have, now_));
   }
@@ -75,8 +75,8 @@ class SessionFixture : public testing::Test {
   proto::Have Store(const proto::Message& message) {
     const proto::Batch& batch = message.batch();
     std::string coded = batch.coded();
-    if (batch.has_piece()) {
-      const auto whole = *pieces_.Take(kSelf, batch);
+    if (batch.has_fragment()) {
+      const auto whole = *fragments_.Take(kSelf, batch);
       if (!whole) return AcknowledgmentOf(batch);
       coded = *whole;
     }
@@ -90,7 +90,7 @@ class SessionFixture : public testing::Test {
     }
     *request.mutable_records() = records->records();
     *request.mutable_dropped() = batch.dropped();
-    *have.mutable_have() = destination_.Store(request).had();
+    *have.mutable_have() = destination_.Store(request).covered();
     return have;
   }
 
@@ -196,7 +196,7 @@ class SessionFixture : public testing::Test {
   TypeSchemas schemas_;              // Of the destination, where it tells them.
   MemoryStore source_;
   MemoryStore destination_;
-  PieceCollector pieces_{1'000'000};  // The destination's, as is the next.
+  FragmentCollector fragments_{1'000'000};  // The destination's, as is the next.
   RunDecoders runs_{1, {}};
   bool are_runs_kept_ = true;
   std::mt19937_64 rng_{3};

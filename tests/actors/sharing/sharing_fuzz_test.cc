@@ -15,8 +15,8 @@
 #include "actors/sharing/codec.h"
 #include "actors/sharing/sharing_receiver.h"
 #include "actors/sharing/sharing_session.h"
-#include "actors/storage/record_door.h"
 #include "actors/storage/record_store.h"
+#include "actors/storage/record_validator.h"
 #include "actors/storage/storage_actor.h"
 #include "model/wire_version.h"
 #include "proto/share_status.pb.h"
@@ -61,7 +61,7 @@ std::unique_ptr<RecordStore> MemoryStoreOf(AgentId self, std::uint64_t seed) {
 
 proto::Record NodeOf(AgentId agent, std::uint64_t index) {
   proto::Record record;
-  record.set_stamp_ns(1);
+  record.set_timestamp_ns(1);
   record.mutable_pose_graph_node()->mutable_node()->set_agent_id(agent);
   record.mutable_pose_graph_node()->mutable_node()->set_index(index);
   record.mutable_pose_graph_node()->mutable_map_from_node()->mutable_position_m();
@@ -71,7 +71,7 @@ proto::Record NodeOf(AgentId agent, std::uint64_t index) {
 
 proto::Record PowerOf(double ratio) {
   proto::Record record;
-  record.set_stamp_ns(1);
+  record.set_timestamp_ns(1);
   record.mutable_power()->set_battery_ratio(ratio);
   return record;
 }
@@ -80,7 +80,7 @@ proto::Record PowerOf(double ratio) {
 proto::Record LargeMapOf(AgentId agent, std::uint64_t index, Mutator& mutator) {
   constexpr std::uint32_t kSide = 256;
   proto::Record record;
-  record.set_stamp_ns(1);
+  record.set_timestamp_ns(1);
   proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
   map.mutable_node()->set_agent_id(agent);
   map.mutable_node()->set_index(index);

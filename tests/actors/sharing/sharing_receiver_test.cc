@@ -262,7 +262,7 @@ TEST_F(SharingReceiverTest, AcknowledgesABatchOnlyAfterItsCommit) {
   EXPECT_EQ(stored->at(0).message.store_request().sender(), 2u);
   proto::StoreReply reply;
   reply.set_stored_count(1);
-  reply.mutable_had()->add_streams()->set_origin_agent(2);
+  reply.mutable_covered()->add_streams()->set_origin_agent(2);
   const SharingActions acknowledged = receiver_.OnStoreReply(stored->at(0).message.request_id(), reply);
   ASSERT_EQ(acknowledged.size(), 1u);
   const proto::Message& message = acknowledged[0].message;
@@ -323,36 +323,36 @@ TEST_F(SharingReceiverTest, CountsAndDropsDamagedBatches) {
 
 TEST_F(SharingReceiverTest, StoresWhatCameInPiecesAndSaysHowMuchOfItIsHere) {
   const proto::Message whole = Batch(11, 1);
-  PieceCutter cutter({whole.batch().codec(), whole.batch().coded()}, 1, {});
-  std::vector<proto::Message> pieces;
+  FragmentCutter cutter({whole.batch().codec(), whole.batch().coded()}, 1, {});
+  std::vector<proto::Message> fragments;
   while (!cutter.is_done()) {
-    proto::Message& piece = pieces.emplace_back(whole);
-    *piece.mutable_batch() = cutter.Next(8);
-    piece.mutable_batch()->set_session_id(11);
-    piece.mutable_batch()->set_batch_number(static_cast<std::uint32_t>(pieces.size()));
+    proto::Message& fragment = fragments.emplace_back(whole);
+    *fragment.mutable_batch() = cutter.Next(8);
+    fragment.mutable_batch()->set_session_id(11);
+    fragment.mutable_batch()->set_batch_number(static_cast<std::uint32_t>(fragments.size()));
   }
-  ASSERT_GT(pieces.size(), 1u);
+  ASSERT_GT(fragments.size(), 1u);
   Open(2, 10);
   const std::uint64_t question = OpenSession(2, 11);
-  for (std::size_t i = 0; i + 1 < pieces.size(); ++i) {
-    const SharingActions acknowledged = *receiver_.OnBatch(2, pieces[i], now_);
+  for (std::size_t i = 0; i + 1 < fragments.size(); ++i) {
+    const SharingActions acknowledged = *receiver_.OnBatch(2, fragments[i], now_);
     ASSERT_EQ(acknowledged.size(), 1u);
     EXPECT_EQ(acknowledged[0].to, 2u);
     EXPECT_EQ(acknowledged[0].message.have().batch_number(), i + 1);
     EXPECT_FALSE(acknowledged[0].message.have().is_whole());
   }
   const proto::Have have = receiver_.OnHaveReply(question, {})[0].message.have();
-  EXPECT_EQ(have.part_hash(), pieces[0].batch().piece().hash());
-  EXPECT_EQ(have.part_bytes(), 8 * (pieces.size() - 1));
-  const SharingActions asked = *receiver_.OnBatch(2, pieces.back(), now_);
+  EXPECT_EQ(have.part_hash(), fragments[0].batch().fragment().hash());
+  EXPECT_EQ(have.part_bytes(), 8 * (fragments.size() - 1));
+  const SharingActions asked = *receiver_.OnBatch(2, fragments.back(), now_);
   ASSERT_EQ(asked.size(), 1u);
   EXPECT_EQ(asked[0].message.store_request().records_size(), 1);
-  EXPECT_TRUE(receiver_.OnBatch(2, pieces.back(), now_)->empty()) << "a late copy";
-  pieces.back().mutable_batch()->set_batch_number(static_cast<std::uint32_t>(pieces.size()) + 1);
-  EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, pieces.back(), now_)), ErrorCode::kNotFound) << "its beginning is gone";
-  proto::Message impossible = pieces[0];
+  EXPECT_TRUE(receiver_.OnBatch(2, fragments.back(), now_)->empty()) << "a late copy";
+  fragments.back().mutable_batch()->set_batch_number(static_cast<std::uint32_t>(fragments.size()) + 1);
+  EXPECT_EQ(RefusalOf(*receiver_.OnBatch(2, fragments.back(), now_)), ErrorCode::kNotFound) << "its beginning is gone";
+  proto::Message impossible = fragments[0];
   impossible.mutable_batch()->set_batch_number(100);
-  impossible.mutable_batch()->mutable_piece()->set_whole_bytes(UINT64_MAX);
+  impossible.mutable_batch()->mutable_fragment()->set_whole_bytes(UINT64_MAX);
   EXPECT_FALSE(receiver_.OnBatch(2, impossible, now_));
   EXPECT_EQ(receiver_.counts().damaged_messages, 1);
 }

@@ -72,8 +72,8 @@ proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const pr
   return reply;
 }
 
-void TellRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
-               const proto::RoleAssignment& roles) {
+void NotifyRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
+                 const proto::RoleAssignment& roles) {
   proto::Message message;
   *message.mutable_roles_changed()->mutable_roles() = roles;
   message.mutable_roles_changed()->set_own_role(RoleOf(config, roles, agent));

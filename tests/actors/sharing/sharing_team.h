@@ -37,8 +37,8 @@ proto::ShareReply Share(simulation::SimulatedTeam& team, AgentId agent, const pr
 // Include proto/share_status.pb.h to look into it.
 proto::ShareStatus ShareStatusOf(simulation::SimulatedTeam& team, AgentId agent, const char* actor);
 
-void TellRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
-               const proto::RoleAssignment& roles);
+void NotifyRoles(simulation::SimulatedTeam& team, const proto::TeamConfig& config, AgentId agent,
+                 const proto::RoleAssignment& roles);
 
 proto::RoleAssignment Roles(AgentId leader, AgentId survivor, std::uint64_t number);
 

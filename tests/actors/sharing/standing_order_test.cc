@@ -274,8 +274,8 @@ TEST_F(StandingOrderTest, LeavesOutWhatTheDestinationUnderstandsDifferently) {
 TEST_F(StandingOrderTest, BringsStatesUnaskedWithoutCountingOrTellingAnEnd) {
   source_.Insert(kSelf, proto::POWER, "p");
   source_.Insert(kSelf, proto::POSE_GRAPH_NODE, "n");
-  Take(session_.BringUnasked(States(), now_));
-  EXPECT_TRUE(Status().is_unasked());
+  Take(session_.BringPeriodic(States(), now_));
+  EXPECT_TRUE(Status().is_periodic());
   AnswerHello();
   const auto batches = RunToEnd();
   ASSERT_EQ(batches.size(), 1u);
@@ -284,7 +284,7 @@ TEST_F(StandingOrderTest, BringsStatesUnaskedWithoutCountingOrTellingAnEnd) {
   EXPECT_FALSE(session_.is_open());
   EXPECT_EQ(Status().completed_sessions() + Status().closed_sessions(), 0);
 
-  Take(session_.BringUnasked(States(), now_));  // Nothing new.
+  Take(session_.BringPeriodic(States(), now_));  // Nothing new.
   AnswerHello();
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_FALSE(session_.is_open());
@@ -293,7 +293,7 @@ TEST_F(StandingOrderTest, BringsStatesUnaskedWithoutCountingOrTellingAnEnd) {
 TEST_F(StandingOrderTest, AnOrderTakesThePlaceOfUnaskedStatesWithItsOwnLimit) {
   for (int i = 0; i < 300; ++i) source_.Insert(kSelf, proto::POSE_GRAPH_NODE, Noise(200));
   source_.Insert(kSelf, proto::POWER, "p");
-  Take(session_.BringUnasked(States(), now_));
+  Take(session_.BringPeriodic(States(), now_));
   AnswerHello();
   Take(session_.Order(proto::RecordFilter(), now_, /*bytes_max=*/10'000));
   AnswerHello();
@@ -304,7 +304,7 @@ TEST_F(StandingOrderTest, AnOrderTakesThePlaceOfUnaskedStatesWithItsOwnLimit) {
   EXPECT_LE(Status().coded_bytes(), 10'000 + 1300);
   const std::string error = Status().last_error();
   EXPECT_FALSE(error.empty());
-  Take(session_.BringUnasked(States(), now_));
+  Take(session_.BringPeriodic(States(), now_));
   EXPECT_EQ(Status().last_error(), error) << "the order's end is still to be seen";
 }
 
@@ -314,9 +314,9 @@ TEST_F(StandingOrderTest, RemindersNeitherHoldUpAnOrderNorWidenIt) {
   AnswerHello();
   while (!sent_.empty()) {
     for (const proto::Message& message : TakeSent()) {
-      Take(session_.BringUnasked(States(), now_));
+      Take(session_.BringPeriodic(States(), now_));
       Acknowledge(message);
-      if (session_.is_open()) Take(session_.BringUnasked(States(), now_));
+      if (session_.is_open()) Take(session_.BringPeriodic(States(), now_));
     }
   }
   EXPECT_FALSE(session_.is_ordered());
@@ -327,7 +327,7 @@ TEST_F(StandingOrderTest, RemindersNeitherHoldUpAnOrderNorWidenIt) {
 TEST_F(StandingOrderTest, UnaskedStatesWaitForAShutWindowWithoutCountingResends) {
   source_.Insert(kSelf, proto::POWER, "p");
   Take(session_.SetWindow(Window::kShut, now_));
-  for (int i = 0; i < 10; ++i) Take(session_.BringUnasked(States(), now_));
+  for (int i = 0; i < 10; ++i) Take(session_.BringPeriodic(States(), now_));
   EXPECT_TRUE(TakeSent().empty());
   EXPECT_EQ(Status().resends(), 0);
   Take(session_.SetWindow(Window::kOpen, now_));

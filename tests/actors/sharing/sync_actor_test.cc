@@ -113,7 +113,7 @@ TEST(SyncActorLeftTest, AsksNobodyWhoHasLeftAndPassesItsRecordsOn) {
   proto::Message order = ShareOrder(proto::SHARING_KIND_SYNC);
   order.mutable_share_request()->add_from_agents(3);
   EXPECT_EQ(Share(team, kLeader, order).error().field(), "from_agents[0]");
-  TellRoles(team, config, 2, Roles(3, 2, 3));
+  NotifyRoles(team, config, 2, Roles(3, 2, 3));
   EXPECT_EQ(Share(team, 2, ShareOrder(proto::SHARING_KIND_SYNC)).error().text(), "rover3 leads, but has left the team");
 }
 
@@ -210,7 +210,7 @@ TEST_F(SyncActorTest, TurnsAnUnfinishedSyncToTheNewLeader) {
   InsertAll(20);
   team_.SetLink(2, kLeader, false);
   Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
-  TellRoles(team_, config_, 2, Roles(3, 2, 5));
+  NotifyRoles(team_, config_, 2, Roles(3, 2, 5));
   team_.AdvanceTime(seconds(1));
   EXPECT_EQ(stores_[3]->records().size(), 40u);
   EXPECT_EQ(stores_[kLeader]->records().size(), 20u);
@@ -240,7 +240,7 @@ TEST_F(SyncActorTest, TakesNothingFromOutsideTheTeamNorLocalWordsFromPeers) {
 }
 
 TEST_F(SyncActorTest, LeavesRolesToRoleActors) {
-  TellRoles(team_, config_, 2, Roles(1, 3, 8));
+  NotifyRoles(team_, config_, 2, Roles(1, 3, 8));
   Share(team_, 2, ShareOrder(proto::SHARING_KIND_SYNC));
   team_.AdvanceTime(seconds(1));
   EXPECT_TRUE(team_.Take({kLeader, actor_name::kRole}).empty());

@@ -106,7 +106,7 @@ class WindowTest : public testing::Test, protected WindowTeam {
 
   void BeginTermOfTheLeader() {
     team_.RecordSent({kLeader, actor_name::kReplica});
-    for (AgentId agent = 1; agent <= 4; ++agent) TellRoles(team_, config_, agent, Roles(1, 2, 5));
+    for (AgentId agent = 1; agent <= 4; ++agent) NotifyRoles(team_, config_, agent, Roles(1, 2, 5));
   }
 
   // Whom the leader asked for all that they hold.

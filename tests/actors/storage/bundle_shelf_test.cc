@@ -23,7 +23,7 @@ proto::SaveBundleRequest BundleOf(std::uint32_t number, std::uint64_t seq, std::
 }
 
 std::uint64_t CountOf(const proto::HaveSet& have) {
-  return (*FromProto(have)).Get({1, 5, proto::TEMPERATURE}).Had().Count();
+  return (*FromProto(have)).Get({1, 5, proto::TEMPERATURE}).Covered().Count();
 }
 
 class BundleShelfTest : public testing::Test {

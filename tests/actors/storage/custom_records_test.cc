@@ -74,7 +74,7 @@ TEST(CustomRecordsTest, HasTheBytesOnTheWireThatPeersExpect) {
   proto::Record record = CustomRecordOf(kSoil, "wet", "k");
   record.mutable_custom()->set_metadata("m");
   const proto::StoredRecord stored = Packed({{2, 77, kSoil}, 1}, record);
-  EXPECT_EQ(stored.content(), std::string("\x09\x05\0\0\0\0\0\0\0"                      // stamp_ns 5
+  EXPECT_EQ(stored.content(), std::string("\x09\x05\0\0\0\0\0\0\0"                      // timestamp_ns 5
                                           "\xA2\x06\x0E"                                // custom
                                           "\x08\xE8\x07\x12\x01k\x1A\x03wet\x22\x01m",  // its four fields
                                           26));

@@ -20,7 +20,7 @@ using testing::IsEmpty;
 
 constexpr std::int64_t kNow_ns = 1'795'339'884'000'000'000;
 
-class LastLifeTest : public testing::Test {
+class LastRunTest : public testing::Test {
  protected:
   RecordStore::Options Options() {
     ++seed_;
@@ -30,12 +30,12 @@ class LastLifeTest : public testing::Test {
   // As moondb_agent does before its actors run.
   std::unique_ptr<RecordStore> Start() {
     auto store = OpenStore(Options());
-    const Result<void> written = store->WriteDownLastLife(kNow_ns);
+    const Result<void> written = store->LogLastRun(kNow_ns);
     EXPECT_TRUE(written) << ToString(written.error());
     return store;
   }
 
-  static void Tell(RecordStore& store, proto::EventKind kind, const std::string& text) {
+  static void Notify(RecordStore& store, proto::EventKind kind, const std::string& text) {
     InsertOne(store, MakeEvent(kind, text, "", kNow_ns));
   }
 
@@ -58,30 +58,30 @@ class LastLifeTest : public testing::Test {
   std::uint64_t seed_ = 0;
 };
 
-TEST_F(LastLifeTest, FindsNothingAtTheFirstStartEver) {
+TEST_F(LastRunTest, FindsNothingAtTheFirstStartEver) {
   auto store = Start();
   EXPECT_THAT(Findings(*store), IsEmpty());
   EXPECT_THAT(Story(*store), IsEmpty());
 }
 
-TEST_F(LastLifeTest, FindsAProcessThatEndedWithoutStoppingAndSaysItOnce) {
+TEST_F(LastRunTest, FindsAProcessThatEndedWithoutStoppingAndSaysItOnce) {
   {
     auto store = Start();
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
   }
   // The first start comes to nothing more (its port is taken), the second runs.
   (void)Start();
   auto store = Start();
-  Tell(*store, proto::EVENT_KIND_STARTED, "started");
+  Notify(*store, proto::EVENT_KIND_STARTED, "started");
   EXPECT_THAT(Story(*store), ElementsAre("started", kEndedWithoutStopping, "started"));
   EXPECT_THAT(Findings(*store), ElementsAre(kEndedWithoutStopping));
 }
 
-TEST_F(LastLifeTest, FindsNothingWhereTheProcessStopped) {
+TEST_F(LastRunTest, FindsNothingWhereTheProcessStopped) {
   {
     auto store = Start();
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
-    Tell(*store, proto::EVENT_KIND_COMMAND, "stop");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_COMMAND, "stop");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
   }
   auto store = Start();
@@ -89,11 +89,11 @@ TEST_F(LastLifeTest, FindsNothingWhereTheProcessStopped) {
   EXPECT_EQ(Story(*store).back(), "stopped, as it was asked to");
 }
 
-TEST_F(LastLifeTest, FindsNothingInABackupThatWasPutBack) {
+TEST_F(LastRunTest, FindsNothingInABackupThatWasPutBack) {
   const std::string backup = folder_.File("backup.db");
   {
     auto store = Start();
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(BackUpStore(path_, backup));
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
   }
@@ -103,14 +103,14 @@ TEST_F(LastLifeTest, FindsNothingInABackupThatWasPutBack) {
 }
 
 // Events of earlier lives that come home from peers are older, though they are stored later.
-TEST_F(LastLifeTest, GoesByTheOrderInWhichTheEventsWereWrittenDown) {
+TEST_F(LastRunTest, GoesByTheOrderInWhichTheEventsWereWrittenDown) {
   const std::vector<proto::StoredRecord> former = {
       Packed({{1, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_STARTED, "started long ago", "", kNow_ns)),
       Packed({{1, 5, proto::AGENT_EVENT}, 2}, MakeEvent(proto::EVENT_KIND_COMMAND, "sync now", "", kNow_ns))};
   {
     auto store = Start();
     StoreOne(*store, former[0]);  // So that this life's epoch is a later one.
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
     StoreOne(*store, former[1]);
   }
@@ -118,36 +118,36 @@ TEST_F(LastLifeTest, GoesByTheOrderInWhichTheEventsWereWrittenDown) {
   EXPECT_THAT(Findings(*store), IsEmpty());
 }
 
-TEST_F(LastLifeTest, AFileThatWasSetAsideIsTheFirstEventOfTheOneThatFollows) {
+TEST_F(LastRunTest, AFileThatWasSetAsideIsTheFirstEventOfTheOneThatFollows) {
   {
     auto store = Start();
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
   }
   std::filesystem::remove(path_ + "-wal");
   std::ofstream(path_, std::ios::binary) << std::string(8192, '\x5a');
   auto store = Start();
-  Tell(*store, proto::EVENT_KIND_STARTED, "started");
+  Notify(*store, proto::EVENT_KIND_STARTED, "started");
   EXPECT_EQ(store->set_aside(), path_ + ".damaged-1");
   ASSERT_EQ(Findings(*store).size(), 1u);
   EXPECT_THAT(Findings(*store)[0], HasSubstr("set aside as " + path_ + ".damaged-1"));
   EXPECT_THAT(Story(*store), ElementsAre(HasSubstr("set aside"), "started"));
 }
 
-TEST_F(LastLifeTest, AFileThatAStartSetAsideWhichWroteDownNothingIsFoundByTheNext) {
+TEST_F(LastRunTest, AFileThatAStartSetAsideWhichWroteDownNothingIsFoundByTheNext) {
   std::ofstream(path_, std::ios::binary) << std::string(8192, '\x5a');
   (void)OpenStore(Options());  // Killed before it could write down a word.
   {
     auto store = Start();
     ASSERT_EQ(Findings(*store).size(), 1u);
     EXPECT_THAT(Findings(*store)[0], HasSubstr(".damaged-1"));
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
   }
   auto store = Start();
   EXPECT_EQ(Findings(*store).size(), 1u) << "once";
 }
 
-TEST_F(LastLifeTest, RecordsThatWereDamagedWithinAreAFinding) {
+TEST_F(LastRunTest, RecordsThatWereDamagedWithinAreAFinding) {
   {
     auto store = Start();
     InsertOne(*store, NodeRecord(1, 1, 0));
@@ -160,23 +160,23 @@ TEST_F(LastLifeTest, RecordsThatWereDamagedWithinAreAFinding) {
   EXPECT_TRUE(store->set_aside().empty());
 }
 
-TEST_F(LastLifeTest, WhatWasAcknowledgedStaysAcknowledged) {
+TEST_F(LastRunTest, WhatWasAcknowledgedStaysAcknowledged) {
   {
     auto store = Start();
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
   }
   {
     auto store = Start();
     ASSERT_EQ(Findings(*store).size(), 1u);
-    Tell(*store, proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText((*store->Findings())[0].stamp_ns(), 1));
+    Notify(*store, proto::EVENT_KIND_ACKNOWLEDGED, AcknowledgedText((*store->Findings())[0].timestamp_ns(), 1));
     EXPECT_THAT(Findings(*store), IsEmpty());
-    Tell(*store, proto::EVENT_KIND_STARTED, "started");
+    Notify(*store, proto::EVENT_KIND_STARTED, "started");
     ASSERT_TRUE(store->WriteDownStop(kNow_ns));
   }
   EXPECT_THAT(Findings(*Start()), IsEmpty());
 }
 
-TEST_F(LastLifeTest, OtherAgentsEventsAreTheirOwn) {
+TEST_F(LastRunTest, OtherAgentsEventsAreTheirOwn) {
   auto store = Start();
   StoreOne(*store, Packed({{2, 5, proto::AGENT_EVENT}, 1}, MakeEvent(proto::EVENT_KIND_DAMAGE, "theirs", "", kNow_ns)));
   EXPECT_THAT(Findings(*store), IsEmpty());

@@ -33,9 +33,9 @@ RecordStore::Options WithHistory(const std::string& path = ":memory:") {
   return options;
 }
 
-proto::Record StateAt(double celsius, std::int64_t stamp_ns) {
+proto::Record StateAt(double celsius, std::int64_t timestamp_ns) {
   proto::Record record = TemperatureRecord(celsius);
-  record.set_stamp_ns(stamp_ns);
+  record.set_timestamp_ns(timestamp_ns);
   return record;
 }
 
@@ -403,7 +403,7 @@ TEST(HistoryTest, SqlShowsItWithReadableColumns) {
   InsertOne(*store, CustomRecordOf(1001, "0.31", "hole 3"));
   InsertOne(*store, CustomRecordOf(1001, "0.32", "hole 3"));
   const auto answer = QueryStore(folder.path() / "a.db",
-                                 "SELECT type, stamp_ns, fields ->> 'celsius', CAST(latest_key AS TEXT), "
+                                 "SELECT type, timestamp_ns, fields ->> 'celsius', CAST(latest_key AS TEXT), "
                                  "CAST(payload AS TEXT), record_id IS NOT NULL FROM v_history ORDER BY row_id",
                                  10);
   ASSERT_TRUE(answer) << ToString(answer.error());

@@ -138,8 +138,8 @@ TEST_F(LostDiskTest, HearsOfItsLaterEpochsInAReportAHaveSetAndANoteOfAnAcknowled
     const proto::EpochReport report = peer_->ReportEpochs(kSelf);
     EXPECT_GT(after, report.epochs(report.epochs_size() - 1));
     EXPECT_TRUE(HaveOf(*store_).Get(FromProto(before).stream).dropped.Contains(1)) << "in the same transaction";
-    EXPECT_GT(store_->TakeRestated().last_row_id(), 0u) << "readers of this agent hear of it";
-    EXPECT_EQ(store_->TakeRestated().last_row_id(), 0u);
+    EXPECT_GT(store_->TakeReissued().last_row_id(), 0u) << "readers of this agent hear of it";
+    EXPECT_EQ(store_->TakeReissued().last_row_id(), 0u);
     Exchange(*store_, *peer_);
     EXPECT_EQ(Celsius(*peer_), 60 + way);
   }
@@ -277,7 +277,7 @@ TEST_F(LostDiskTest, StoresNothingOfALaterEpochBeforeItHasRestated) {
     EXPECT_EQ(StoreOne(*store_, Contents(*peer_)[0]).error().code(), proto::ERROR_CODE_INTERNAL);
     EXPECT_FALSE(store_->NoteEpochReport(kPeer, peer_->ReportEpochs(kSelf)));
     EXPECT_TRUE(store_->GetMissing(question)) << "what is there is shared meanwhile";
-    EXPECT_EQ(store_->TakeRestated().last_row_id(), 0u);
+    EXPECT_EQ(store_->TakeReissued().last_row_id(), 0u);
     EXPECT_EQ(store_->GetHave().have().SerializeAsString(), have);
     EXPECT_EQ(Celsius(*store_), 55);
     Restart();  // Killed, in the middle of it.
@@ -394,11 +394,11 @@ TEST_F(LostDiskTest, ALeadersPosesOfANewerTermStandInALowEpoch) {
 TEST_F(LostDiskTest, TakesNoDropOfAPoseWhereItHoldsNone) {
   const proto::RecordKey key = InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, 5, 1, 1));
   InsertOne(*store_, OptimizedPoseRecord({kSelf, 1}, 5, 2, 2));
-  proto::StoreRequest told;
-  *told.mutable_dropped() = store_->GetMissing({})->dropped();
-  ASSERT_EQ(told.dropped_size(), 1);
-  EXPECT_EQ(peer_->Store(told).reply.rejected_count(), 0u);
-  EXPECT_TRUE(HaveOf(*peer_).Get(FromProto(key).stream).Had().is_empty());
+  proto::StoreRequest reported;
+  *reported.mutable_dropped() = store_->GetMissing({})->dropped();
+  ASSERT_EQ(reported.dropped_size(), 1);
+  EXPECT_EQ(peer_->Store(reported).reply.rejected_count(), 0u);
+  EXPECT_TRUE(HaveOf(*peer_).Get(FromProto(key).stream).Covered().is_empty());
 }
 
 TEST_F(LostDiskTest, DropsAPoseAtOnceThatIsInsertedBelowTheOneThatStands) {

@@ -218,7 +218,7 @@ TEST(OwnEpochsTest, SparesWhatABackupBroughtAlong) {
 
 TEST(OwnEpochsTest, BelievesNoClaimThatIsTooHighAndKeepsABoundedNumber) {
   OwnEpochs own = Began({Epoch(2, kOurs, 0)});
-  own.BeginLife();
+  own.NoteStart();
   EXPECT_FALSE(own.IsPossible(0));
   const std::uint64_t last = own.highest() + kOwnEpochJumpMax;
   EXPECT_TRUE(own.IsPossible(last));

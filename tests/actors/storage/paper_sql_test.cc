@@ -84,11 +84,11 @@ void Fill(Message& message, std::mt19937_64& rng, int depth = 0) {
 
 TEST(PaperSqlTest, IsOnePopulatedInsert) {
   proto::Record record = TemperatureRecord(-40.5);
-  record.set_stamp_ns(1700);
-  EXPECT_EQ(
-      SqlOf(Store(record)),
-      "INSERT INTO temperature (record_id, agent_id, stamp_ns, celsius) VALUES ('3.5f3c9a1e0b7d4c21.1.17', 3, 1700, "
-      "-40.5)");
+  record.set_timestamp_ns(1700);
+  EXPECT_EQ(SqlOf(Store(record)),
+            "INSERT INTO temperature (record_id, agent_id, timestamp_ns, celsius) VALUES ('3.5f3c9a1e0b7d4c21.1.17', "
+            "3, 1700, "
+            "-40.5)");
 }
 
 TEST(PaperSqlTest, GivesRecordsOfEveryTypeBack) {
@@ -99,7 +99,7 @@ TEST(PaperSqlTest, GivesRecordsOfEveryTypeBack) {
     const FieldDescriptor* field = body->field(i);
     for (int round = 0; round < 20; ++round) {
       proto::Record record;
-      record.set_stamp_ns(static_cast<std::int64_t>(rng()));
+      record.set_timestamp_ns(static_cast<std::int64_t>(rng()));
       Message& message = *record.GetReflection()->MutableMessage(&record, field);
       if (round > 0) Fill(message, rng);
       if (record.has_custom()) record.mutable_custom()->set_data_type(1007);

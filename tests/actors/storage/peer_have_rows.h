@@ -9,12 +9,12 @@
 
 namespace moondb {
 
-using Had = std::map<StreamKey, IntervalSet>;
+using Covered = std::map<StreamKey, IntervalSet>;
 
-inline Had ShownIn(Database& database, AgentId peer) {
+inline Covered ShownIn(Database& database, AgentId peer) {
   Query query = database.Prepare("SELECT origin, epoch, data_type, first, last FROM peer_have WHERE peer = ?");
   query << peer;
-  Had shown;
+  Covered shown;
   while (*query.Step()) {
     const StreamKey stream{static_cast<AgentId>(query.Integer(0)), query.Unsigned(1),
                            static_cast<DataType>(query.Integer(2))};
@@ -24,12 +24,12 @@ inline Had ShownIn(Database& database, AgentId peer) {
 }
 
 // Streams of which nothing is had are left out.
-inline Had HadOf(const HaveSet& have) {
-  Had had;
+inline Covered HadOf(const HaveSet& have) {
+  Covered covered;
   for (const auto& [stream, of_stream] : have.streams()) {
-    if (!of_stream.Had().is_empty()) had[stream] = of_stream.Had();
+    if (!of_stream.Covered().is_empty()) covered[stream] = of_stream.Covered();
   }
-  return had;
+  return covered;
 }
 
 }  // namespace moondb

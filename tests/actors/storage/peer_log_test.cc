@@ -46,7 +46,7 @@ class PeerLogTest : public testing::Test {
     return have;
   }
 
-  Had Shown(AgentId peer = kPeer) { return ShownIn(store_->database(), peer); }
+  Covered Shown(AgentId peer = kPeer) { return ShownIn(store_->database(), peer); }
 
   std::int64_t HandedOverCount() { return *store_->database().Number("SELECT count(*) FROM handed_over"); }
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "actors/storage/record_door.h"
 #include "actors/storage/record_store.h"
+#include "actors/storage/record_validator.h"
 #include "model/have_set.h"
 #include "proto/types.pb.h"
 #include "tests/actors/storage/store_fixtures.h"

@@ -4,7 +4,7 @@
 
 #include <set>
 
-#include "actors/storage/record_door.h"
+#include "actors/storage/record_validator.h"
 #include "actors/storage/verify.h"
 #include "proto/status.pb.h"
 #include "proto/types.pb.h"
@@ -17,7 +17,7 @@ constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 constexpr std::int64_t kNow_ns = 20'000 * kDay_ns;
 
 proto::Record Aged(proto::Record record, std::int64_t days) {
-  record.set_stamp_ns(kNow_ns - days * kDay_ns);
+  record.set_timestamp_ns(kNow_ns - days * kDay_ns);
   return record;
 }
 
@@ -190,7 +190,7 @@ TEST_F(PruneTest, IgnoresAPrunedRecordThatComesAgain) {
   const proto::StoreReply reply = StoreOne(*store_, Packed(key, SoilOf(3)));
   EXPECT_EQ(reply.stored_count(), 0u);
   EXPECT_EQ(reply.rejected_count(), 0u);
-  EXPECT_TRUE(FromProto(reply.had())->Get(key.stream).Had().Contains(key.seq)) << "it is sent for ever";
+  EXPECT_TRUE(FromProto(reply.covered())->Get(key.stream).Covered().Contains(key.seq)) << "it is sent for ever";
   EXPECT_TRUE(Contents(*store_).empty());
 }
 

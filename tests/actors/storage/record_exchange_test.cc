@@ -142,10 +142,10 @@ TEST(RecordExchangeTest, AStateIsNotSupersededByOneThatIsLost) {
   while (Bring(*origin, *first)) {
   }
   InsertOne(*origin, TemperatureRecord(2));
-  proto::StoreRequest told;
-  *told.mutable_dropped() = origin->GetMissing({})->dropped();  // Its batch overtook the one with the second state.
-  ASSERT_EQ(told.dropped_size(), 1);
-  EXPECT_FALSE(IsError(second->Store(told).reply.error()));
+  proto::StoreRequest reported;
+  *reported.mutable_dropped() = origin->GetMissing({})->dropped();  // Its batch overtook the one with the second state.
+  ASSERT_EQ(reported.dropped_size(), 1);
+  EXPECT_FALSE(IsError(second->Store(reported).reply.error()));
   origin.reset();
   while (Bring(*first, *second)) {
   }

@@ -289,8 +289,8 @@ TEST(RecordStoreTest, OrdersAForeignLatestTypeByEpochAndSeqNotByArrival) {
   const proto::StoreReply late = StoreOne(*store, older);
   EXPECT_EQ(late.stored_count(), 0u);
   EXPECT_EQ(late.rejected_count(), 0u);
-  ASSERT_EQ(late.had().streams_size(), 1);
-  EXPECT_EQ(late.had().streams(0).dropped(0).first(), 9u);
+  ASSERT_EQ(late.covered().streams_size(), 1);
+  EXPECT_EQ(late.covered().streams(0).dropped(0).first(), 9u);
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 51);
   StoreOne(*store, Packed(Key(2, proto::TEMPERATURE, 2, 5), TemperatureRecord(52)));
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 52);
@@ -307,7 +307,7 @@ TEST(RecordStoreTest, TakesADuplicateOnceAndRejectsAnotherContentUnderOneKey) {
   const proto::StoreReply again = StoreOne(*store, Packed(key, NodeRecord(2, 1, 1)));
   EXPECT_EQ(again.stored_count(), 0u);
   EXPECT_EQ(again.rejected_count(), 0u);
-  EXPECT_EQ(again.had().streams_size(), 1);
+  EXPECT_EQ(again.covered().streams_size(), 1);
   const proto::StoreReply other = StoreOne(*store, Packed(key, NodeRecord(2, 1, 2)));
   EXPECT_EQ(other.rejected_count(), 1u);
   EXPECT_EQ(Number(*store, "SELECT x FROM pose_graph_node"), 1);
@@ -378,7 +378,7 @@ TEST(RecordStoreTest, KeepsTheNewestRowUntilItsSupersederComes) {
   // What was dropped before it came is had.
   EXPECT_EQ(StoreOne(*store, Packed({stream, 1}, TemperatureRecord(1))).stored_count(), 0u);
   // Nothing here is newer than the third: its superseder may be lost, and it is the newest then.
-  EXPECT_FALSE(HaveOf(*store).Get(stream).Had().Contains(3));
+  EXPECT_FALSE(HaveOf(*store).Get(stream).Covered().Contains(3));
   EXPECT_EQ(StoreOne(*store, Packed({stream, 3}, TemperatureRecord(3))).stored_count(), 1u);
   StoreOne(*store, Packed({stream, 4}, TemperatureRecord(4)));
   EXPECT_EQ(Number(*store, "SELECT celsius FROM temperature"), 4);
@@ -418,7 +418,7 @@ TEST(RecordStoreTest, LeavesEverythingAsItWasWhenTheDiskIsFull) {
   *request.add_records() = Packed(Key(2, proto::LOCAL_TRAVERSABILITY_MAP, 1), large);
   const RecordStore::Stored stored = store->Store(request);
   EXPECT_EQ(stored.reply.error().code(), proto::ERROR_CODE_FULL) << stored.reply.error().DebugString();
-  EXPECT_EQ(stored.reply.had().streams_size(), 0);
+  EXPECT_EQ(stored.reply.covered().streams_size(), 0);
   EXPECT_EQ(stored.stored.last_row_id(), 0u);
   EXPECT_EQ(store->GetHave().SerializeAsString(), have);
   EXPECT_EQ(Contents(*store).size(), 1u);
@@ -569,30 +569,30 @@ TEST(RecordStoreTest, BelievesItsRowsMoreThanADamagedHaveSet) {
     SCOPED_TRACE(damage);
     TemporaryFolder folder;
     const std::string path = folder.File("store.db");
-    HaveSet had;
+    HaveSet covered;
     std::size_t count = 0;
     {
       auto store = OpenStore(StoreOptionsOf(2, path));
       for (int i = 0; i < 10; ++i) InsertOne(*store, NodeRecord(2, i));
       for (int i = 0; i < 5; ++i) InsertOne(*store, TemperatureRecord(i));
-      had = HaveOf(*store);
+      covered = HaveOf(*store);
       count = Contents(*store).size();
       ASSERT_TRUE(store->database().Execute(damage));
     }
     auto store = OpenStore(StoreOptionsOf(2, path));
     EXPECT_EQ(store->set_aside(), "");
     EXPECT_EQ(Contents(*store).size(), count);
-    const HaveSet had_after = HaveOf(*store);
-    for (const auto& [stream, have] : had.streams()) {
-      EXPECT_EQ(had_after.Get(stream).held, have.held);
-      EXPECT_TRUE(had_after.Get(stream).dropped.Minus(have.dropped).is_empty()) << "what never was is not had";
+    const HaveSet covered_after = HaveOf(*store);
+    for (const auto& [stream, have] : covered.streams()) {
+      EXPECT_EQ(covered_after.Get(stream).held, have.held);
+      EXPECT_TRUE(covered_after.Get(stream).dropped.Minus(have.dropped).is_empty()) << "what never was is not had";
     }
     const proto::RecordKey next = InsertOne(*store, NodeRecord(2, 10));
-    EXPECT_GT(next.epoch(), had.streams().begin()->first.epoch);
+    EXPECT_GT(next.epoch(), covered.streams().begin()->first.epoch);
     store.reset();
     store = OpenStore(StoreOptionsOf(2, path));
     const HaveSet once_more = HaveOf(*store);
-    for (const auto& [stream, have] : had_after.streams()) EXPECT_EQ(once_more.Get(stream), have);
+    for (const auto& [stream, have] : covered_after.streams()) EXPECT_EQ(once_more.Get(stream), have);
   }
 }
 
@@ -607,15 +607,15 @@ TEST(RecordStoreTest, TellsPeersOneIntervalOfATypeOfWhichTheNewestStand) {
   EXPECT_GT(store->GetHave().have().streams(0).held_size(), 20);
   proto::HaveRequest request;
   request.set_is_for_peer(true);
-  const proto::HaveReply told = store->GetHave(request);
-  ASSERT_EQ(told.have().streams_size(), 1);
-  EXPECT_EQ(told.have().streams(0).held_size(), 0);
-  ASSERT_EQ(told.have().streams(0).dropped_size(), 1);
-  EXPECT_EQ(told.have().streams(0).dropped(0).last(), 60u + 30 + 20);
+  const proto::HaveReply reported = store->GetHave(request);
+  ASSERT_EQ(reported.have().streams_size(), 1);
+  EXPECT_EQ(reported.have().streams(0).held_size(), 0);
+  ASSERT_EQ(reported.have().streams(0).dropped_size(), 1);
+  EXPECT_EQ(reported.have().streams(0).dropped(0).last(), 60u + 30 + 20);
 
   // Another that knows this much is sent nothing, and is told of no drops.
   proto::MissingRequest missing;
-  *missing.mutable_destination_have() = told.have();
+  *missing.mutable_destination_have() = reported.have();
   const proto::MissingReply reply = *store->GetMissing(missing);
   EXPECT_EQ(reply.records_size() + reply.dropped_size(), 0);
 }
@@ -729,9 +729,9 @@ TEST(RecordStoreTest, AcknowledgesWithTheIntervalsOfTheBatchWhereStreamsAreLarge
   EXPECT_EQ(store_each_second(1, 8000).stored_count(), 4000u);
   EXPECT_GT(store->GetHave().have().ByteSizeLong(), kHavePageBytesMax);
   const proto::StoreReply last = store_each_second(8001, 8100);
-  ASSERT_EQ(last.had().streams_size(), 1);
-  EXPECT_EQ(last.had().streams(0).held_size(), 50);
-  EXPECT_EQ(last.had().streams(0).held(0).first(), 8001u);
+  ASSERT_EQ(last.covered().streams_size(), 1);
+  EXPECT_EQ(last.covered().streams(0).held_size(), 50);
+  EXPECT_EQ(last.covered().streams(0).held(0).first(), 8001u);
 }
 
 TEST(RecordStoreTest, LeavesADamagedHaveSetToANewProcess) {

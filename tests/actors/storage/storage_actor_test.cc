@@ -89,11 +89,11 @@ TEST_F(StorageActorTest, AnswersInsertsAndTellsTheOthersOfNewRows) {
   const proto::InsertReply reply = Insert(NodeRecord(2, 1));
   ASSERT_EQ(reply.keys_size(), 1);
   for (const char* actor : {"merge", "pgo"}) {
-    const std::vector<proto::Message> told = team_.Take({2, actor});
-    ASSERT_EQ(told.size(), 1u) << actor;
-    EXPECT_EQ(told[0].records_stored().last_row_id(), 1u);
-    ASSERT_EQ(told[0].records_stored().data_types_size(), 1);
-    EXPECT_EQ(told[0].records_stored().data_types(0), static_cast<DataType>(proto::POSE_GRAPH_NODE));
+    const std::vector<proto::Message> reported = team_.Take({2, actor});
+    ASSERT_EQ(reported.size(), 1u) << actor;
+    EXPECT_EQ(reported[0].records_stored().last_row_id(), 1u);
+    ASSERT_EQ(reported[0].records_stored().data_types_size(), 1);
+    EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::POSE_GRAPH_NODE));
   }
   // No new row, no news.
   Insert(NodeRecord(2, 1));
@@ -126,11 +126,11 @@ TEST_F(StorageActorTest, AnswersAPeersRecordsWithWhatItNowHas) {
       Packed(RecordKey{StreamKey{1, 9, proto::POSE_GRAPH_NODE}, 2}, NodeRecord(1, 1));
   const proto::StoreReply reply = Ask(question).store_reply();
   EXPECT_EQ(reply.stored_count(), 1u);
-  ASSERT_EQ(reply.had().streams_size(), 1);
-  EXPECT_EQ(reply.had().streams(0).held(0).first(), 2u);
+  ASSERT_EQ(reply.covered().streams_size(), 1);
+  EXPECT_EQ(reply.covered().streams(0).held(0).first(), 2u);
   proto::Message have;
   have.mutable_have_request();
-  EXPECT_EQ(Ask(have).have_reply().have().SerializeAsString(), reply.had().SerializeAsString());
+  EXPECT_EQ(Ask(have).have_reply().have().SerializeAsString(), reply.covered().SerializeAsString());
   proto::Message missing;
   missing.mutable_missing_request();
   EXPECT_EQ(Ask(missing).missing_reply().records_size(), 1);
@@ -178,10 +178,10 @@ TEST_F(EpochReportTest, TellsAPeerItsEpochsWhenALinkComesUp) {
     team_.SetLink(1, 2, false);
     team_.SetLink(1, 2, true);
     team_.AdvanceTime(std::chrono::seconds(1));
-    const std::vector<proto::Message> told = team_.Take({1, "storage"});
-    ASSERT_EQ(told.size(), 1u);
-    EXPECT_EQ(told[0].ms_type(), proto::CONTROL);
-    EXPECT_EQ(told[0].epoch_report().ShortDebugString(), "epochs: 4 epochs: 9");
+    const std::vector<proto::Message> reported = team_.Take({1, "storage"});
+    ASSERT_EQ(reported.size(), 1u);
+    EXPECT_EQ(reported[0].ms_type(), proto::CONTROL);
+    EXPECT_EQ(reported[0].epoch_report().ShortDebugString(), "epochs: 4 epochs: 9");
   }
   team_.SetLink(2, 7, false);
   team_.SetLink(2, 7, true);
@@ -202,9 +202,9 @@ TEST_F(EpochReportTest, TellsAPeerItsEpochsAgainBeforeRecordsOfItsOwnGoHome) {
     missing.mutable_missing_request()->set_records_max(1);
     ASSERT_EQ(Ask(missing).missing_reply().records_size(), 1);
     team_.AdvanceTime(std::chrono::seconds(1));
-    const std::vector<proto::Message> told = team_.Take({destination, "storage"});
-    ASSERT_EQ(told.size(), destination == 1 ? 1u : 0u);
-    for (const proto::Message& report : told) {
+    const std::vector<proto::Message> reported = team_.Take({destination, "storage"});
+    ASSERT_EQ(reported.size(), destination == 1 ? 1u : 0u);
+    for (const proto::Message& report : reported) {
       EXPECT_EQ(report.epoch_report().ShortDebugString(), "epochs: 4 epochs: 9");
     }
   }
@@ -216,9 +216,9 @@ TEST_F(EpochReportTest, RestatesWhatAReportEndangersAndNotifiesItsReaders) {
   const std::uint64_t later = OfAnotherDisk(epoch);
   Report(1, later);
   EXPECT_GT(EpochOfTheState(), later);
-  const std::vector<proto::Message> told = team_.Take({2, "merge"});
-  ASSERT_EQ(told.size(), 1u);
-  EXPECT_EQ(told[0].records_stored().data_types(0), static_cast<DataType>(proto::TEMPERATURE));
+  const std::vector<proto::Message> reported = team_.Take({2, "merge"});
+  ASSERT_EQ(reported.size(), 1u);
+  EXPECT_EQ(reported[0].records_stored().data_types(0), static_cast<DataType>(proto::TEMPERATURE));
 }
 
 TEST_F(EpochReportTest, HearsNothingElseFromPeersAndNothingFromStrangers) {

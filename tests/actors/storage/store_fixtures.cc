@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <stdlib.h>
 
-#include "actors/storage/record_door.h"
+#include "actors/storage/record_validator.h"
 #include "proto/types.pb.h"
 
 namespace moondb {
@@ -62,14 +62,14 @@ std::unique_ptr<RecordStore> OpenStore(const RecordStore::Options& options) {
 
 proto::Record TemperatureRecord(double celsius) {
   proto::Record record;
-  record.set_stamp_ns(1);
+  record.set_timestamp_ns(1);
   record.mutable_temperature()->set_celsius(celsius);
   return record;
 }
 
 proto::Record NodeRecord(AgentId agent, std::uint64_t index, double x) {
   proto::Record record;
-  record.set_stamp_ns(static_cast<std::int64_t>(index));
+  record.set_timestamp_ns(static_cast<std::int64_t>(index));
   *record.mutable_pose_graph_node()->mutable_node() = ToProto(NodeKey{agent, index});
   SetPose(x, *record.mutable_pose_graph_node()->mutable_map_from_node());
   return record;
@@ -111,7 +111,7 @@ proto::Record MapRecord(NodeKey node) {
 
 proto::Record CustomRecordOf(DataType type, const std::string& payload, const std::string& latest_key) {
   proto::Record record;
-  record.set_stamp_ns(5);
+  record.set_timestamp_ns(5);
   record.mutable_custom()->set_data_type(type);
   record.mutable_custom()->set_payload(payload);
   record.mutable_custom()->set_latest_key(latest_key);

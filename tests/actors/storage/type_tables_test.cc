@@ -3,7 +3,7 @@
 
 #include <gmock/gmock.h>
 
-#include "actors/storage/record_door.h"
+#include "actors/storage/record_validator.h"
 #include "actors/storage/schema.h"
 #include "model/data_types.h"
 #include "model/text.h"

@@ -16,7 +16,7 @@ using testing::IsEmpty;
 
 // What all parts find, asked until they are complete.
 struct Found {
-  double rows = 0, held = 0, damaged = 0, missing = 0, stray = 0;
+  double rows = 0, held = 0, damaged = 0, missing = 0, orphaned = 0;
   int slices = 0;
   std::vector<std::string> findings;  // "KEY: TEXT"
 };
@@ -35,7 +35,7 @@ Found VerifyAll(RecordStore& store) {
       (part == proto::VERIFY_PART_HELD ? found.held : found.rows) += reply->checked_count();
       found.damaged += reply->damaged_count();
       found.missing += reply->missing_count();
-      found.stray += reply->stray_count();
+      found.orphaned += reply->orphaned_count();
       for (const proto::VerifyFinding& finding : reply->findings()) {
         found.findings.push_back(ToString(FromProto(finding.key())) + ": " + finding.text());
       }
@@ -110,7 +110,7 @@ TEST_F(VerifyTest, FindsAChangedByteSharedOrNot) {
   Execute("UPDATE pose_graph_node SET hash = hash + 1 WHERE seq IS NULL");
   const Found found = VerifyAll(*store_);
   EXPECT_EQ(found.damaged, 2);
-  EXPECT_EQ(found.missing + found.stray, 0);
+  EXPECT_EQ(found.missing + found.orphaned, 0);
   const std::string epoch = ToString(RecordKey{{2, store_->GetHave().epoch(), proto::POSE_GRAPH_NODE}, 3});
   EXPECT_THAT(found.findings, ElementsAre(epoch + ": its content is not what its hash says",
                                           "2.0000000000000000.20.0: its content is not what its hash says"));
@@ -124,11 +124,12 @@ TEST_F(VerifyTest, FindsRowsThatAreGoneAndRowsThatShouldBe) {
   Execute("DELETE FROM pose_graph_node WHERE seq IN (2, 5)");
   // Superseded, yet there: the have-set says that it was dropped.
   Execute(
-      "INSERT INTO temperature(row_id, origin, epoch, seq, stamp_ns, latest_key, natural_key, hash, content, celsius) "
-      "SELECT 99, origin, epoch, 1, stamp_ns, latest_key, natural_key, hash, content, celsius FROM temperature");
+      "INSERT INTO temperature(row_id, origin, epoch, seq, timestamp_ns, latest_key, natural_key, hash, content, "
+      "celsius) "
+      "SELECT 99, origin, epoch, 1, timestamp_ns, latest_key, natural_key, hash, content, celsius FROM temperature");
   const Found found = VerifyAll(*store_);
   EXPECT_EQ(found.missing, 2);
-  EXPECT_EQ(found.stray, 1);
+  EXPECT_EQ(found.orphaned, 1);
   EXPECT_EQ(found.damaged, 1);  // The hash is over the key too.
   EXPECT_THAT(found.findings, testing::IsSupersetOf({ToString({nodes, 2}) + ": it is held, but there is no row",
                                                      ToString({nodes, 5}) + ": it is held, but there is no row"}));

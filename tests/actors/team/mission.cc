@@ -358,14 +358,14 @@ class Mission {
 
   static proto::Record Power(double ratio) {
     proto::Record record;
-    record.set_stamp_ns(1);
+    record.set_timestamp_ns(1);
     record.mutable_power()->set_battery_ratio(ratio);
     return record;
   }
 
   static proto::Record MapAt(NodeKey node) {
     proto::Record record;
-    record.set_stamp_ns(1);
+    record.set_timestamp_ns(1);
     proto::LocalTraversabilityMap& map = *record.mutable_local_traversability_map();
     *map.mutable_node() = ToProto(node);
     map.mutable_node_from_map()->mutable_position_m();
@@ -474,7 +474,8 @@ class Mission {
   void CheckKept(AgentId agent) {
     const HaveSet have = HaveOf(agent);
     for (const auto& [stream, claimed] : claimed_[agent].streams()) {
-      if (!claimed.Had().Minus(have.Get(stream).Had()).is_empty()) Complain("the survivor lacks what it acknowledged");
+      if (!claimed.Covered().Minus(have.Get(stream).Covered()).is_empty())
+        Complain("the survivor lacks what it acknowledged");
     }
     double nodes = 0;
     double maps = 0;
@@ -511,10 +512,10 @@ class Mission {
   void Complain(std::string text) { report_.faults.push_back(std::move(text)); }
 
   proto::Message AskStorage(AgentId agent, proto::Message question) {
-    const Address asker{agent, "checker"};
-    (void)team_.Post(asker, {agent, actor_name::kStorage}, std::move(question));
+    const Address requester{agent, "checker"};
+    (void)team_.Post(requester, {agent, actor_name::kStorage}, std::move(question));
     team_.RunUntilIdle();
-    std::vector<proto::Message> answers = team_.Take(asker);
+    std::vector<proto::Message> answers = team_.Take(requester);
     return answers.empty() ? proto::Message() : std::move(answers.back());
   }
 
@@ -612,7 +613,7 @@ class Mission {
                 const std::map<AgentId, HaveSet>& have) {
     const bool is_replaceable = SharePolicyOf(config_, key.stream.type) == proto::POLICY_LATEST;
     const bool is_there =
-        is_replaceable ? have.at(agent).Get(key.stream).Had().Contains(key.seq) : records.at(agent).contains(key);
+        is_replaceable ? have.at(agent).Get(key.stream).Covered().Contains(key.seq) : records.at(agent).contains(key);
     if (!is_there) Complain("agent " + std::to_string(agent) + " lost or never got " + ToString(key));
   }
 
@@ -624,7 +625,7 @@ class Mission {
       if (key.stream.origin == origin) CheckHas(2, key, records, have);  // Not only what was acknowledged.
     }
     for (const auto& [key, stream] : claimed_[origin].streams()) {
-      if (!stream.Had().Minus(have.at(origin).Get(key).Had()).is_empty()) {
+      if (!stream.Covered().Minus(have.at(origin).Get(key).Covered()).is_empty()) {
         Complain("agent " + std::to_string(origin) + " lacks what it acknowledged to a peer");
       }
     }

@@ -57,8 +57,8 @@ TEST(ProtoJsonTest, NamesTheFieldThatIsWrong) {
 }
 
 TEST(ProtoJsonTest, TakesTheBodyAlone) {
-  EXPECT_FALSE(RecordFromJson("temperature", R"({"celsius": 1}, "stamp_ns": "5")").has_value());
-  EXPECT_FALSE(RecordFromJson("stamp_ns", "5").has_value());
+  EXPECT_FALSE(RecordFromJson("temperature", R"({"celsius": 1}, "timestamp_ns": "5")").has_value());
+  EXPECT_FALSE(RecordFromJson("timestamp_ns", "5").has_value());
   EXPECT_FALSE(RecordFromJson("temperatur", "{}").has_value());
   const std::string text = RecordFromJson("temperature", R"({"celsius": NaN})").error().text;
   EXPECT_EQ(text.find('\n'), std::string::npos) << text;

@@ -89,7 +89,7 @@ TEST_F(HealthTest, FindsPeersOutOfReachButForSleepers) {
 TEST_F(HealthTest, FindsWhatNobodyHasAcknowledged) {
   proto::HealthFinding& finding = *Status(1).add_findings();
   finding.set_text("rover2 was lost");
-  finding.set_stamp_ns(1'795'339'884'000'000'000);
+  finding.set_timestamp_ns(1'795'339'884'000'000'000);
   EXPECT_THAT(Of(1), ElementsAre("2026-11-22 09:31:24 UTC: rover2 was lost (not acknowledged)"));
   EXPECT_THAT(Of(2), IsEmpty());
 }

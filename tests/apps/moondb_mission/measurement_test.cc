@@ -87,7 +87,7 @@ TEST(MeasurementTest, RangesAreBetweenAntennasWithBiasAndBursts) {
   for (const RangeEdge& range : ranges) {
     EXPECT_EQ(range.to, (NodeKey{3, 0}));
     EXPECT_EQ(range.from.index % 3, 0u);
-    EXPECT_EQ(range.stamp_ns, static_cast<std::int64_t>(range.from.index) * 10);
+    EXPECT_EQ(range.timestamp_ns, static_cast<std::int64_t>(range.from.index) * 10);
     EXPECT_DOUBLE_EQ(range.variance_m2, 0.01);
     const double error_m = range.range_m - true_m;
     too_long += error_m > 0.8;

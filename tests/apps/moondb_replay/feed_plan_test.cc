@@ -21,25 +21,25 @@ class FeedPlanTest : public testing::Test {
     MissionAgent base{2, "base", true, 'L', {}, 0, 0, Eigen::Vector3d::Zero()};
     mission_.agents = {rover, base};
     for (std::uint64_t i = 0; i < 3; ++i) AddNode(i);
-    mission_.graph.ranges.push_back({{1, 1}, {2, 0}, Stamp(1), 4, 0.01});
-    mission_.graph.ranges.push_back({{2, 0}, {1, 2}, Stamp(2), 4, 0.01});
+    mission_.graph.ranges.push_back({{1, 1}, {2, 0}, Timestamp(1), 4, 0.01});
+    mission_.graph.ranges.push_back({{2, 0}, {1, 2}, Timestamp(2), 4, 0.01});
     mission_.graph.nodes.push_back({{2, 0}, 0, Pose()});
   }
-  static std::int64_t Stamp(std::uint64_t index) { return static_cast<std::int64_t>(index) * 10'000'000'000; }
+  static std::int64_t Timestamp(std::uint64_t index) { return static_cast<std::int64_t>(index) * 10'000'000'000; }
 
   void AddNode(std::uint64_t index) {
-    mission_.graph.nodes.push_back({{1, index}, Stamp(index), Pose::FromPlanar(static_cast<double>(index), 0, 0)});
+    mission_.graph.nodes.push_back({{1, index}, Timestamp(index), Pose::FromPlanar(static_cast<double>(index), 0, 0)});
     if (index > 0) {
       OdometryEdge edge;
       edge.from = {1, index - 1};
       edge.to = {1, index};
-      edge.stamp_ns = Stamp(index);
+      edge.timestamp_ns = Timestamp(index);
       mission_.graph.odometry.push_back(edge);
     }
     mission_.truth[{1, index}] = Pose::FromPlanar(777, 777, 0);
     MissionMap map;
     map.agent = 1;
-    map.stamp_ns = Stamp(index);
+    map.timestamp_ns = Timestamp(index);
     map.node = {1, index};
     map.layers = 1;
     map.cells_per_side = 4;
@@ -84,8 +84,8 @@ TEST_F(FeedPlanTest, GivesARangeToTheAgentOfItsFirstEnd) {
 }
 
 TEST_F(FeedPlanTest, SplitsAMissionIntoHalvesThatMeet) {
-  const std::size_t first = Plan(1, {INT64_MIN, Stamp(1)}).size();
-  const std::size_t second = Plan(1, {Stamp(1), INT64_MAX}).size();
+  const std::size_t first = Plan(1, {INT64_MIN, Timestamp(1)}).size();
+  const std::size_t second = Plan(1, {Timestamp(1), INT64_MAX}).size();
   EXPECT_EQ(first, 4u);
   EXPECT_EQ(second, Plan(1, all_).size() - first + 2);  // Its state again.
 }

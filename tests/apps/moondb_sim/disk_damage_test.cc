@@ -30,7 +30,7 @@ class DiskDamageTest : public testing::TestWithParam<std::uint64_t> {
       const RecordStore::Inserted inserted = store->Insert(request);
       EXPECT_FALSE(IsError(inserted.reply.error())) << inserted.reply.error().text();
     }
-    had_ = *FromProto(store->GetHave().have());
+    covered_ = *FromProto(store->GetHave().have());
   }
 
   std::unique_ptr<RecordStore> Open() {
@@ -45,16 +45,16 @@ class DiskDamageTest : public testing::TestWithParam<std::uint64_t> {
 
   SimulatedDisk disk_;
   std::mt19937_64 rng_;
-  HaveSet had_;
+  HaveSet covered_;
 };
 
 TEST_P(DiskDamageTest, RecordIsLostAloneWhenTheStoreIsOpened) {
   const std::optional<RecordKey> damaged = DamageRecord(**Database::Open(kPath, 0, disk_.name()), rng_);
   ASSERT_TRUE(damaged);
-  EXPECT_TRUE(had_.Get(damaged->stream).held.Contains(damaged->seq));
+  EXPECT_TRUE(covered_.Get(damaged->stream).held.Contains(damaged->seq));
   const HaveSet have = *FromProto(Open()->GetHave().have());
-  for (const auto& [stream, had] : had_.streams()) {
-    IntervalSet expected = had.held;
+  for (const auto& [stream, covered] : covered_.streams()) {
+    IntervalSet expected = covered.held;
     if (stream == damaged->stream) expected.Remove(damaged->seq);
     EXPECT_EQ(have.Get(stream).held, expected) << ToString(*damaged);
   }
@@ -64,7 +64,7 @@ TEST_P(DiskDamageTest, IntervalCostsNoRow) {
   const std::optional<DamagedInterval> damaged = DamageInterval(**Database::Open(kPath, 0, disk_.name()), rng_);
   ASSERT_TRUE(damaged);
   const HaveSet have = *FromProto(Open()->GetHave().have());
-  for (const auto& [stream, had] : had_.streams()) EXPECT_EQ(have.Get(stream).held, had.held);
+  for (const auto& [stream, covered] : covered_.streams()) EXPECT_EQ(have.Get(stream).held, covered.held);
 }
 
 TEST_P(DiskDamageTest, EmptyStoreHasNothingToDamage) {

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <spdlog/spdlog.h>
 
-#include "actors/storage/record_door.h"
+#include "actors/storage/record_validator.h"
 #include "actors/storage/storage_actor.h"
 #include "apps/moondb_sim/simulated_disk.h"
 #include "model/control_message.h"

@@ -8,10 +8,10 @@
 #include <utility>
 
 #include "actors/storage/own_epochs.h"
-#include "apps/moondb_sim/byzantine_watch.h"
+#include "apps/moondb_sim/byzantine_checker.h"
 #include "apps/moondb_sim/forged_message.h"
 #include "apps/moondb_sim/simulated_config.h"
-#include "apps/moondb_sim/state_watch.h"
+#include "apps/moondb_sim/state_checker.h"
 #include "model/have_set.h"
 #include "model/record_authority.h"
 #include "model/record_check.h"
@@ -167,15 +167,15 @@ class AcknowledgesBeforeTheCommit final : public OtherActor {
       return;
     }
     if (!message.has_store_request()) return OtherActor::OnMessage(context, message);
-    HaveSet had;
+    HaveSet covered;
     for (const proto::StoredRecord& record : message.store_request().records()) {
       const RecordKey key = FromProto(record.key());
-      had[key.stream].held.Add(key.seq);
+      covered[key.stream].held.Add(key.seq);
     }
     waiting_.push_back(message);
     context.AfterTimer(std::chrono::milliseconds(500), 1);
     proto::Message reply;
-    *reply.mutable_store_reply()->mutable_had() = ToProto(had);
+    *reply.mutable_store_reply()->mutable_covered() = ToProto(covered);
     (void)context.Reply(std::move(reply));
   }
 
@@ -258,15 +258,15 @@ class NewestByClock final : public OtherActor {
         continue;
       }
       std::int64_t& newest = newest_ns_[key.stream.origin];
-      if (record.stamp_ns() >= newest) {
-        newest = record.stamp_ns();
+      if (record.timestamp_ns() >= newest) {
+        newest = record.timestamp_ns();
         *request.add_records() = stored;
       } else {
         dropped[key.stream].dropped.Add(key.seq);
       }
     }
-    const proto::HaveSet told = ToProto(dropped);
-    request.mutable_dropped()->MergeFrom(told.streams());
+    const proto::HaveSet reported = ToProto(dropped);
+    request.mutable_dropped()->MergeFrom(reported.streams());
     OtherActor::OnMessage(context, changed);
   }
 
@@ -326,9 +326,9 @@ class UpdateNeedsItsRow final : public OtherActor {
       SaysMore(Context& context, HaveSet more) : OtherContext(context), more_(std::move(more)) {}
       SendResult Reply(OwnedMessage message) override {
         if (message->has_store_reply()) {
-          HaveSet had = *FromProto(message->store_reply().had());
-          had.Merge(more_);
-          *message->mutable_store_reply()->mutable_had() = ToProto(had);
+          HaveSet covered = *FromProto(message->store_reply().covered());
+          covered.Merge(more_);
+          *message->mutable_store_reply()->mutable_covered() = ToProto(covered);
         }
         return OtherContext::Reply(std::move(message));
       }
@@ -364,7 +364,7 @@ class DropsPoses : public OtherActor {
           mutant_.OnInserted(FromProto(message->insert_reply().keys(i)), inserts_.records(i).optimized_pose());
         }
         if (message->has_have_reply()) AddTo(*message->mutable_have_reply()->mutable_have());
-        if (message->has_store_reply()) AddTo(*message->mutable_store_reply()->mutable_had());
+        if (message->has_store_reply()) AddTo(*message->mutable_store_reply()->mutable_covered());
         if (message->has_read_reply()) TakeFrom(*message->mutable_read_reply());
         return OtherContext::Reply(std::move(message));
       }
@@ -380,14 +380,14 @@ class DropsPoses : public OtherActor {
           if (i + 1 < row_ids->size()) row_ids->erase(row_ids->begin() + i);  // The last one says how far it was read.
         }
       }
-      void AddTo(proto::HaveSet& told) const {
-        HaveSet have = *FromProto(told);
+      void AddTo(proto::HaveSet& reported) const {
+        HaveSet have = *FromProto(reported);
         for (const auto& [stream, dropped] : mutant_.dropped_.streams()) {
-          const IntervalSet had = have.Get(stream).Had();
-          have[stream].dropped.Add(had.Minus(had.Minus(dropped.dropped)));  // Only what is on the disk.
+          const IntervalSet covered = have.Get(stream).Covered();
+          have[stream].dropped.Add(covered.Minus(covered.Minus(dropped.dropped)));  // Only what is on the disk.
           have[stream].held = have[stream].held.Minus(dropped.dropped);
         }
-        told = ToProto(have);
+        reported = ToProto(have);
       }
       DropsPoses& mutant_;
       const proto::InsertRequest& inserts_;
@@ -438,7 +438,7 @@ class PosesByEpoch final : public DropsPoses {
 };
 
 // A state that its storage stores once more, under another name, is sent to nobody: to the team it is not stored again.
-class KeepsRestatedToItself final : public OtherActor {
+class KeepsReissuedToItself final : public OtherActor {
  public:
   using OtherActor::OtherActor;
   void OnMessage(Context& context, const proto::Message& message) override {
@@ -466,9 +466,9 @@ class KeepsRestatedToItself final : public OtherActor {
           proto::Record record;
           (void)record.ParseFromString(records.Get(i).content());
           const auto first = first_keys_.find(Name(record));
-          const bool is_restated =
+          const bool is_reissued =
               first != first_keys_.end() && first->second != FromProto(records.Get(i).key()) && IsState(TypeOf(record));
-          if (is_restated) records.DeleteSubrange(i, 1);
+          if (is_reissued) records.DeleteSubrange(i, 1);
         }
       }
 
@@ -485,7 +485,7 @@ class KeepsRestatedToItself final : public OtherActor {
 
 // With each epoch that a peer reports its storage hears of one right above it that knew nothing: states are stored once
 // more whatever those knew who wrote later ones.
-class RestatesWhateverWasKnown final : public OtherActor {
+class ReissuesWhateverWasKnown final : public OtherActor {
  public:
   using OtherActor::OtherActor;
   void OnMessage(Context& context, const proto::Message& message) override {
@@ -513,7 +513,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
       SendResult Reply(OwnedMessage message) override {
         if (sender() == self()) return SendResult::kAccepted;  // What came with the timer.
         if (message->has_have_reply()) mutant_.Drop(*message->mutable_have_reply()->mutable_have());
-        if (message->has_store_reply()) mutant_.Drop(*message->mutable_store_reply()->mutable_had());
+        if (message->has_store_reply()) mutant_.Drop(*message->mutable_store_reply()->mutable_covered());
         return OtherContext::Reply(std::move(message));
       }
 
@@ -545,8 +545,8 @@ class DropsBeforeTheSuperseder final : public OtherActor {
   }
 
  private:
-  void Drop(proto::HaveSet& told) const {
-    HaveSet have = *FromProto(told);
+  void Drop(proto::HaveSet& reported) const {
+    HaveSet have = *FromProto(reported);
     for (const auto& [stream, newest] : newest_) {
       const IntervalSet held = have.Get(stream).held;
       if (held.is_empty()) continue;
@@ -555,7 +555,7 @@ class DropsBeforeTheSuperseder final : public OtherActor {
       have[stream].dropped.Add(held.Minus(kept));
       have[stream].held = held.Minus(held.Minus(kept));
     }
-    told = ToProto(have);
+    reported = ToProto(have);
   }
 
   std::vector<proto::Message> waiting_;
@@ -665,7 +665,7 @@ Applies Says(const char* actor_name, decltype(Hooks::says) says) {
 }
 
 // Each batch names the order that its destination gave last as ended.
-void TellTheEndTooSoon(SimOptions& options) {
+void ReportTheEndTooSoon(SimOptions& options) {
   using Ends = std::map<std::pair<AgentId, AgentId>, std::uint64_t>;  // By agent and who ordered.
   const auto orders = std::make_shared<Ends>();
   Hooks hooks;
@@ -870,7 +870,7 @@ void TakeRolesOfAnybody(SimOptions& options) {
   Hears(actor_name::kRole, [base, config = MakeTeamConfig(options)](Context&, proto::Message& message) {
     if (message.role_announce().roles().reason() != kByzantineReason) return true;
     proto::RoleAssignment& roles = *message.mutable_role_announce()->mutable_roles();
-    roles.mutable_term()->set_number(TermNumber(ReignOf(roles.term()) + 1, 0));
+    roles.mutable_term()->set_number(TermNumber(EraOf(roles.term()) + 1, 0));
     roles.mutable_term()->set_issuer(base);
     roles.set_signature(SigningKeyOf(base).Sign(SignedBytes(config, roles)));
     return true;
@@ -1029,24 +1029,24 @@ const std::vector<Mutant>& Mutants() {
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
        /*likely_seed=*/2},
-      {"KeepsRestatedToItself",
+      {"KeepsReissuedToItself",
        "what was learnt of later epochs is not stored again",
        {"done_is_true", "newest_state", "survivor_is_leader", "nothing_lost"},
        30,
        [](SimOptions& options) {
          options.faults_per_hour["wipe"] = 6;
-         Wrapped<KeepsRestatedToItself>(kStorage)(options);
+         Wrapped<KeepsReissuedToItself>(kStorage)(options);
        },
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
        /*likely_seed=*/3},
-      {"RestatesWhateverWasKnown",
+      {"ReissuesWhateverWasKnown",
        "states are stored again whatever the later epoch's disk had known",
        {"newest_state"},
        60,
        [](SimOptions& options) {
          options.faults_per_hour["old_disk"] = 12;
-         Wrapped<RestatesWhateverWasKnown>(kStorage)(options);
+         Wrapped<ReissuesWhateverWasKnown>(kStorage)(options);
        },
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
@@ -1078,11 +1078,11 @@ const std::vector<Mutant>& Mutants() {
        SimulatedActors::kSharing,
        /*is_of_lies=*/false,
        /*likely_seed=*/7},
-      {"TellsTheEndTooSoon",
+      {"ReportsTheEndTooSoon",
        "a leader is told that its order has ended before all is acknowledged",
        {"done_is_true"},
        10,
-       TellTheEndTooSoon},
+       ReportTheEndTooSoon},
       {"AnswersAfterItLeads",
        "an agent that leads no longer answers for its old term",
        {"done_is_true"},
@@ -1119,7 +1119,7 @@ const std::vector<Mutant>& Mutants() {
        Wrapped<WithoutTerms>(kRole)},
       {"PrunesBeforeTheSurvivorHasIt",
        "storage is told only what one of leader and survivor has",
-       {"pruned_is_had"},
+       {"pruned_is_covered"},
        15,
        [](SimOptions& options) {
          options.faults_per_hour["prune"] = 40;
@@ -1141,7 +1141,7 @@ const std::vector<Mutant>& Mutants() {
          options.faults_per_hour = {{"partition", 10}, {"reassign", 30}};
          Says(kRole, SayTermsWithoutIssuer)(options);
        }},
-      {"OneIsNotTold",
+      {"OneIsNotNotified",
        "agent 3 hears of no change of roles",
        {"one_leader"},
        5,
@@ -1489,7 +1489,7 @@ const std::vector<Mutant>& Mutants() {
        /*likely_seed=*/4},
       {"TakesDropsOfAnybody",
        "that a record was dropped is believed of whoever says so",
-       {"only_own_lies", "pruned_is_had", "newest_state"},
+       {"only_own_lies", "pruned_is_covered", "newest_state"},
        4,
        [](SimOptions& options) {
          options.attacks = {"drop"};

@@ -15,8 +15,8 @@ namespace moondb::simulation {
 struct Mutant {
   std::string name;
   std::string what;
-  std::vector<std::string> rules;  // Whichever is broken first is one of these.
-  std::uint64_t seeds = 0;         // The rule is broken in one of the seeds 1 to this.
+  std::vector<std::string> invariants;  // Whichever is broken first is one of these.
+  std::uint64_t seeds = 0;              // The rule is broken in one of the seeds 1 to this.
   // For one run: what it keeps beyond its actors' lives begins anew.
   std::function<void(SimOptions& options)> apply;
   SimulatedActors actors = SimulatedActors::kSharing;

@@ -21,10 +21,10 @@ proto::Message Batch(std::uint64_t session_id, std::uint64_t remaining) {
   return message;
 }
 
-proto::Message Piece(std::uint64_t session_id, std::uint64_t first_byte) {
+proto::Message Fragment(std::uint64_t session_id, std::uint64_t first_byte) {
   proto::Message message = Batch(session_id, 1);
-  message.mutable_batch()->mutable_piece()->set_hash(9);
-  message.mutable_batch()->mutable_piece()->set_first_byte(first_byte);
+  message.mutable_batch()->mutable_fragment()->set_hash(9);
+  message.mutable_batch()->mutable_fragment()->set_first_byte(first_byte);
   return message;
 }
 
@@ -36,15 +36,15 @@ int CountOf(const RareStates& states, const std::string& name) {
 TEST(RareStatesTest, ALargeRecordGoesOnInAnotherSession) {
   RareStates states;
   states.OnHandle(kSync, Roles(1));
-  states.OnRadio(1, 2, Piece(7, 0));
-  states.OnRadio(1, 2, Piece(7, 4096));
-  EXPECT_EQ(CountOf(states, "piece_resumed"), 0);
-  states.OnRadio(1, 2, Piece(8, 8192));
-  EXPECT_EQ(CountOf(states, "piece_resumed"), 1);
-  EXPECT_EQ(CountOf(states, "piece_after_roles"), 0);
+  states.OnRadio(1, 2, Fragment(7, 0));
+  states.OnRadio(1, 2, Fragment(7, 4096));
+  EXPECT_EQ(CountOf(states, "fragment_resumed"), 0);
+  states.OnRadio(1, 2, Fragment(8, 8192));
+  EXPECT_EQ(CountOf(states, "fragment_resumed"), 1);
+  EXPECT_EQ(CountOf(states, "fragment_after_roles"), 0);
   states.OnHandle(kSync, Roles(2));
-  states.OnRadio(1, 2, Piece(9, 8192));
-  EXPECT_EQ(CountOf(states, "piece_after_roles"), 1);
+  states.OnRadio(1, 2, Fragment(9, 8192));
+  EXPECT_EQ(CountOf(states, "fragment_after_roles"), 1);
 }
 
 TEST(RareStatesTest, RolesChangeAtTheEndOfASession) {

@@ -134,7 +134,7 @@ TEST_P(MutantTest, IsCaughtByItsRule) {
     if (report.violations.empty()) continue;
     const Violation& first = report.violations.front();
     std::cout << mutant.what << ": caught at seed " << seed << " by " << first.rule << ": " << first.text << "\n";
-    EXPECT_THAT(mutant.rules, testing::Contains(first.rule));
+    EXPECT_THAT(mutant.invariants, testing::Contains(first.rule));
     return;
   }
   FAIL() << mutant.what << ": not caught in " << mutant.seeds << " seeds";

@@ -113,7 +113,7 @@ TEST_F(RoleSignatureTest, IsItsIssuersAndOfAllThatItSays) {
   EXPECT_FALSE(spoilt([](auto& roles) { roles.mutable_term()->set_number(8); }));
   EXPECT_FALSE(spoilt([](auto& roles) { roles.mutable_term()->set_issuer_epoch(8); }));
   EXPECT_FALSE(spoilt([](auto& roles) { roles.set_follows("another"); }));
-  EXPECT_FALSE(spoilt([](auto& roles) { roles.set_stamp_ns(1); }));
+  EXPECT_FALSE(spoilt([](auto& roles) { roles.set_timestamp_ns(1); }));
   EXPECT_FALSE(spoilt([](auto& roles) { roles.set_reason("another"); }));
   EXPECT_FALSE(spoilt([](auto& roles) { roles.mutable_term()->set_issuer(2); })) << "another's signature";
   EXPECT_FALSE(spoilt([](auto& roles) { roles.mutable_term()->set_issuer(9); }));
@@ -143,14 +143,14 @@ TEST(RecordSignatureTest, IsOfOneRecordUnderOneKeyInOneTeam) {
   }
   const RecordKey key{{1, 7, proto::MAP_QUARANTINE}, 3};
   proto::Record record;
-  record.set_stamp_ns(5);
+  record.set_timestamp_ns(5);
   record.mutable_map_quarantine()->set_agent_id(2);
   EXPECT_FALSE(IsSigned(team, key, record));
   record.mutable_map_quarantine()->set_signature(KeyOf(1).Sign(SignedBytes(team, key, record)));
   EXPECT_TRUE(IsSigned(team, key, record));
 
   proto::Record changed = record;
-  changed.set_stamp_ns(6);
+  changed.set_timestamp_ns(6);
   EXPECT_FALSE(IsSigned(team, key, changed));
   for (const RecordKey& other :
        {RecordKey{{2, 7, proto::MAP_QUARANTINE}, 3}, RecordKey{{1, 8, proto::MAP_QUARANTINE}, 3},

@@ -276,7 +276,7 @@ TEST(TeamConfigTest, FillsInWhatTheFileLeavesOpen) {
   EXPECT_EQ(config.retention().map_part_max(), 0.7);
   EXPECT_EQ(config.retention().disk_free_mb_min(), 512);
   EXPECT_EQ(config.retention().store_mb_max(), 0);
-  EXPECT_FALSE(config.retention().drop_beaten_maps());
+  EXPECT_FALSE(config.retention().drop_occluded_maps());
   EXPECT_EQ(config.retention().history_mb_max(), 64);
   EXPECT_EQ(config.keep().at("temperature"), "all");
   EXPECT_EQ(config.keep().at("optimized_pose"), "latest");

@@ -107,7 +107,7 @@ TEST_F(KeyedClientsTest, AnUnknownKeyAnAgentsKeyAndNoKeyAreRefused) {
   RawDealer client(AddressOf(1), &keys);
   EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
   EXPECT_EQ(ears_[1].waiting(), 0u);
-  EXPECT_EQ(transport.Door().unknown_client_keys(), 2) << "no key is not a key";
+  EXPECT_EQ(transport.Listener().unknown_client_keys(), 2) << "no key is not a key";
 }
 
 TEST_F(KeyedClientsTest, ARevokedKeyHasNoRightsAtItsNextRequestAndAReplacedOneComesIn) {
@@ -153,7 +153,7 @@ TEST_F(KeyedClientsTest, AConnectionThatChoseItsRoutingIdIsNotHeardAndIsCut) {
     ASSERT_EQ(client.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
     client.Send("request");
     EXPECT_EQ(client.NextEvent(), ZMQ_EVENT_DISCONNECTED);
-    EXPECT_EQ(transport.Door().cut_for_claimed_id(), cut);
+    EXPECT_EQ(transport.Listener().cut_for_claimed_id(), cut);
   }
   RawDealer honest(address_, &keys);
   EXPECT_NE(HeardOf(honest), nullptr);
@@ -172,7 +172,7 @@ TEST_F(KeyedClientsTest, AKeyHasFifteenConnectionsAndTheNextWaitsUntilOneEnds) {
   }
   RawDealer next(address_, &keys);
   EXPECT_NE(next.NextEvent(), ZMQ_EVENT_HANDSHAKE_SUCCEEDED);
-  EXPECT_GE(transport.Door().deferred_client_handshakes(), 1);
+  EXPECT_GE(transport.Listener().deferred_client_handshakes(), 1);
   standing.pop_back();
   while (next.NextEvent() != ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
     // libzmq tries again by itself.

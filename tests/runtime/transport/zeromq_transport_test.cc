@@ -94,8 +94,8 @@ TEST_F(ZeroMqTransportTest, TellsThatAPeerIsAbsentOrUnknown) {
 
 TEST_F(ZeroMqTransportTest, ReachesAPeerAgainAfterItsRestart) {
   Start(1);
-  for (int life = 0; life < 3; ++life) {
-    SCOPED_TRACE(life);
+  for (int boot = 0; boot < 3; ++boot) {
+    SCOPED_TRACE(boot);
     Start(2);
     ASSERT_TRUE(ears_[1].WaitForPeer(2, true));
     ASSERT_TRUE(ears_[2].WaitForPeer(1, true));
@@ -145,7 +145,7 @@ TEST_F(ZeroMqTransportTest, RefusesAnAgentThatHasLeftAndConnectsToItNoMore) {
   RawDealer::Keys keys = KeysOf(2, 1);
   RawDealer gone(AddressOf(1), &keys);
   EXPECT_EQ(gone.NextEvent(), ZMQ_EVENT_HANDSHAKE_FAILED_AUTH);
-  EXPECT_GE(transports_[1]->Door().unknown_agent_keys(), 1);
+  EXPECT_GE(transports_[1]->Listener().unknown_agent_keys(), 1);
   EXPECT_EQ(transports_[1]->Peers().size(), 1u) << "rover3 alone";
   EXPECT_EQ(transports_[1]->Send({2, "sync"}, Message(1, 2)), SendResult::kNoPeer);
 }

@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "actors/sharing/coding/learnt_tables.h"
+#include "actors/sharing/coding/trained_tables.h"
 
 namespace moondb {
 namespace {
@@ -71,7 +71,7 @@ TEST(BitModelTest, ComesOutOfItsTextNearlyAsItWas) {
   }
 }
 
-TEST(BitModelTest, HasLearntTables) { EXPECT_FALSE(kLearntTables.empty()); }
+TEST(BitModelTest, HasLearntTables) { EXPECT_FALSE(kTrainedTables.empty()); }
 
 }  // namespace
 }  // namespace moondb

@@ -109,11 +109,11 @@ TEST(MapCodecTest, LeavesThePreviousMapWhereItDoesNotPay) {
 
 TEST(MapCodecTest, TakesTheNewestMapOfTheSameSourceForThePrevious) {
   const std::vector<Layers> mine = Drive(6);
-  const auto size_with = [&](bool are_sources_told) {
+  const auto size_with = [&](bool are_sources_stated) {
     MapRunEncoder encoder(Previous::kWhereItPays);
     for (std::size_t i = 0; i < mine.size(); ++i) {
       encoder.Add(mine[i], 1);
-      encoder.Add(RoomMap(100 + i, 1, 1, 2), are_sources_told ? 2 : 1);
+      encoder.Add(RoomMap(100 + i, 1, 1, 2), are_sources_stated ? 2 : 1);
     }
     return encoder.Finish().size();
   };

@@ -10,7 +10,7 @@ namespace {
 
 proto::Record MapRecord(const Layers& layers) {
   proto::Record record;
-  record.set_stamp_ns(kFirstStamp_ns);
+  record.set_timestamp_ns(kFirstTimestamp_ns);
   TraversabilityMap map{{2, 7}, Pose::FromPlanar(0.2, 0, 0), layers};
   *record.mutable_local_traversability_map() = ToProto(map);
   return record;
@@ -67,10 +67,10 @@ TEST(MapRecordTest, LeavesWhatAnotherVersionWouldSerialiseOtherwise) {
 
 TEST(MapRecordTest, LeavesWhatIsNotInCanonicalOrder) {
   const proto::Record record = MapRecord(RoomMap(1, 0, 0, 0));
-  proto::Record stamp, rest = record;
-  stamp.set_stamp_ns(record.stamp_ns());
-  rest.clear_stamp_ns();
-  EXPECT_FALSE(SplitMapRecord(rest.SerializeAsString() + stamp.SerializeAsString()));
+  proto::Record timestamp, rest = record;
+  timestamp.set_timestamp_ns(record.timestamp_ns());
+  rest.clear_timestamp_ns();
+  EXPECT_FALSE(SplitMapRecord(rest.SerializeAsString() + timestamp.SerializeAsString()));
 }
 
 }  // namespace

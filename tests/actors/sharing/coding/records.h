@@ -15,18 +15,18 @@
 
 namespace moondb {
 
-inline constexpr std::int64_t kFirstStamp_ns = 1'700'000'000'000'000'000;
+inline constexpr std::int64_t kFirstTimestamp_ns = 1'700'000'000'000'000'000;
 
 inline proto::Record TemperatureRecord(int index) {
   proto::Record record;
-  record.set_stamp_ns(kFirstStamp_ns + index * std::int64_t{1'000'000'000});
+  record.set_timestamp_ns(kFirstTimestamp_ns + index * std::int64_t{1'000'000'000});
   record.mutable_temperature()->set_celsius(-20 + std::floor(100 * std::sin(index * 0.01)) / 10);
   return record;
 }
 
 inline proto::Record NodeRecord(int index, std::mt19937_64& rng) {
   proto::Record record;
-  record.set_stamp_ns(kFirstStamp_ns + index * std::int64_t{10'000'000'000});
+  record.set_timestamp_ns(kFirstTimestamp_ns + index * std::int64_t{10'000'000'000});
   proto::PoseGraphNode& node = *record.mutable_pose_graph_node();
   node.mutable_node()->set_agent_id(2);
   node.mutable_node()->set_index(static_cast<std::uint64_t>(index));
@@ -50,7 +50,7 @@ inline proto::StoredRecord Store(std::string content, std::uint32_t type, int in
 
 inline proto::StoredRecord MapOf(const Layers& layers, int index) {
   proto::Record record;
-  record.set_stamp_ns(kFirstStamp_ns + index);
+  record.set_timestamp_ns(kFirstTimestamp_ns + index);
   *record.mutable_local_traversability_map() =
       ToProto(TraversabilityMap{{2, static_cast<std::uint64_t>(index)}, Pose::FromPlanar(0.2, 0, 0), layers});
   return Store(record.SerializeAsString(), proto::LOCAL_TRAVERSABILITY_MAP, index);

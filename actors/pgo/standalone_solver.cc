@@ -1,0 +1,353 @@
+#include "actors/pgo/standalone_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "actors/pgo/arrangement.h"
+#include "actors/pgo/chordal.h"
+#include "actors/pgo/standalone_shapes.h"
+
+namespace moondb {
+
+namespace {
+
+// Parts of the whole time with which growth begins; 1 is the whole at once.
+constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
+constexpr double kSameCostPart = 1e-7;
+constexpr double kWorseTimes = 1.5;  // An arrangement of so many times the best one's cost is none that fits as well.
+constexpr int kParallelStartsMax = 60;
+constexpr std::size_t kShapesMax = 8;  // Shapes that are distinguished from each other.
+
+bool IsSame(double a, double b) {
+  return std::isfinite(b) && std::abs(a - b) <= kSameCostPart * std::max(a, b) + 1e-12;
+}
+
+struct Start {
+  PlainFit fit;
+  PlainState state;
+};
+
+// The solution of a prefix of the time, which a road went on from.
+struct Passed {
+  double part = 0;
+  double cost = 0;
+  PlainState state;
+};
+
+class StandaloneSolver {
+ public:
+  StandaloneSolver(const StandaloneGraph& graph, const PlainOptions& options)
+      : graph_(graph),
+        options_(options),
+        cost_(graph, options),
+        all_(graph.nodes.size(), true),
+        joined_(FindJoined(graph)) {
+    solution_.cost = std::numeric_limits<double>::infinity();
+    for (const PlainNode& node : graph.nodes) {
+      if (!node.is_point) times_.push_back(node.time);
+    }
+    std::sort(times_.begin(), times_.end());
+  }
+
+  PlainSolution Run() {
+    if (graph_.nodes.empty()) {
+      solution_.has_converged = true;
+      solution_.cost = 0;
+      solution_.text = "the graph has no node";
+      return std::move(solution_);
+    }
+    if (graph_.ranges.empty()) {
+      SolveLoops();
+    } else {
+      for (const double first : kFirstPrefixes) {
+        if (IsStopped() || (solution_.starts_at_lowest > 1 && first < kFirstPrefixes[0])) break;
+        RunStarts(first);
+      }
+      if (solution_.starts_at_lowest < 2 && !best_.empty()) LookBeside();
+    }
+    if (!solution_.has_converged && !IsStopped()) Polish();
+    return Finish();
+  }
+
+  PlainSolution RunFromOdometry() {
+    GoFromOdometry();
+    return Finish();
+  }
+
+  PlainSolution RunFromVertices() {
+    if (graph_.nodes.empty()) return Run();
+    PlainState state;
+    for (const PlainNode& node : graph_.nodes) state.push_back(ToBlock(node.vertex));
+    Add(Start{cost_.Minimise(all_, StartQuality::kRough, state), state}, InitialValues::kVertices);
+    return Finish();
+  }
+
+ private:
+  bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
+
+  void SolveLoops() {
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    const bool has_loops = HasLoops(graph_, all_, heads);
+    PlainState state = ChordalParts(graph_, all_, heads);
+    MoveToFixed(heads, state);
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kNear, state);
+    Add(Start{fit, std::move(state)}, has_loops ? InitialValues::kChordal : InitialValues::kOdometry);
+    if (!fit.has_converged && has_loops && !IsStopped()) GoFromOdometry();
+  }
+
+  void GoFromOdometry() {
+    std::vector<bool> placed(graph_.nodes.size(), false);
+    PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
+    // Along the way that was driven, not over its loops: these only for what the way does not reach.
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
+    ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
+    MoveToFixed(heads, state);
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kRough, state);
+    Add(Start{fit, std::move(state)}, InitialValues::kOdometry);
+  }
+
+  // Each part as a whole, so that its first fixed node stands at its vertex, and so do all fixed ones.
+  void MoveToFixed(const std::vector<std::size_t>& heads, PlainState& state) const {
+    std::map<std::size_t, Pose> map_from_part;
+    for (std::size_t node = 0; node < state.size(); ++node) {
+      const PlainNode& fixed = graph_.nodes[node];
+      if (fixed.is_fixed) map_from_part.try_emplace(heads[node], fixed.vertex * FromBlock(state[node]).Inverse());
+    }
+    for (std::size_t node = 0; node < state.size(); ++node) {
+      const auto moved = map_from_part.find(heads[node]);
+      if (moved != map_from_part.end()) state[node] = ToBlock(moved->second * FromBlock(state[node]));
+      if (graph_.nodes[node].is_fixed) state[node] = ToBlock(graph_.nodes[node].vertex);
+    }
+  }
+
+  // Poses of the first `part` of all, by time, and the points that they see.
+  ActiveNodes Prefix(double part) const {
+    if (times_.empty()) return all_;  // Points alone.
+    const auto last = static_cast<std::size_t>(part * static_cast<double>(times_.size() - 1));
+    ActiveNodes active(graph_.nodes.size(), false);
+    for (std::size_t node = 0; node < active.size(); ++node) {
+      active[node] = part >= 1 || graph_.nodes[node].is_fixed ||
+                     (!graph_.nodes[node].is_point && graph_.nodes[node].time <= times_[last]);
+    }
+    const auto show = [&](std::size_t pose, std::size_t point) {
+      if (graph_.nodes[point].is_point && !graph_.nodes[pose].is_point && active[pose]) active[point] = true;
+    };
+    const auto see = [&](const auto& edge) {
+      show(edge.from, edge.to);
+      show(edge.to, edge.from);
+    };
+    for (const PlainSighting& sighting : graph_.sightings) see(sighting);
+    for (const PlainRange& range : graph_.ranges) see(range);
+    return active;
+  }
+
+  // The lowest end so far, each of its parts set down elsewhere in turn while the others stand: a landmark that only
+  // ranges tie may be on the wrong side of the way.
+  void LookBeside() {
+    const std::vector<std::size_t> heads = FindHeads(graph_, all_);
+    const std::vector<bool> standing = FirstPlaced(all_, heads);
+    int left = kParallelStartsMax;
+    for (std::size_t head = 0; head < heads.size() && left > 0 && !IsStopped(); ++head) {
+      if (heads[head] != head || standing[head]) continue;
+      std::vector<bool> placed(heads.size());
+      for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] != head;
+      const PlainState from = best_;
+      for (Arrangement& arrangement : ArrangeParts(graph_, all_, placed, heads, from, Freedom())) {
+        if (--left < 0 || IsStopped()) break;
+        const double before = solution_.cost;
+        Add(RunStart(1, all_, std::move(arrangement.state)), solution_.initial_values);
+        if (solution_.cost < before) break;  // The others were drawn beside what is past.
+      }
+    }
+  }
+
+  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, it has more of them, in space
+  // by dogleg.
+  void Polish() {
+    if (best_.empty()) return;
+    PlainState state = best_;
+    const PlainFit fit = cost_.Minimise(all_, StartQuality::kShallow, state);
+    Add(Start{fit, std::move(state)}, solution_.initial_values);
+  }
+
+  // What the first arrangement stands on: all fixed nodes' parts, else the largest part.
+  std::vector<bool> FirstPlaced(const ActiveNodes& active, const std::vector<std::size_t>& heads) const {
+    std::map<std::size_t, std::size_t> sizes;
+    std::set<std::size_t> standing;
+    for (std::size_t node = 0; node < heads.size(); ++node) {
+      if (!active[node]) continue;
+      ++sizes[heads[node]];
+      if (graph_.nodes[node].is_fixed) standing.insert(heads[node]);
+    }
+    if (standing.empty() && !sizes.empty()) {
+      const auto is_smaller = [](const auto& a, const auto& b) { return a.second < b.second; };
+      standing.insert(std::max_element(sizes.begin(), sizes.end(), is_smaller)->first);
+    }
+    std::vector<bool> placed(heads.size(), false);
+    for (std::size_t node = 0; node < heads.size(); ++node)
+      placed[node] = active[node] && standing.contains(heads[node]);
+    return placed;
+  }
+
+  void RunStarts(double first) {
+    const ActiveNodes active = Prefix(first);
+    const std::vector<std::size_t> heads = FindHeads(graph_, active);
+    PlainState state = ChordalParts(graph_, active, heads);
+    MoveToFixed(heads, state);
+    const std::vector<bool> placed = FirstPlaced(active, heads);
+    const bool is_whole = placed == active;
+    InitialValues initial_values =
+        is_whole ? (HasLoops(graph_, active, heads) ? InitialValues::kChordal : InitialValues::kOdometry)
+                 : InitialValues::kArrangedParts;
+    if (first < 1) initial_values = InitialValues::kPrefixGrowth;
+    std::vector<Arrangement> arrangements = ArrangeParts(graph_, active, placed, heads, state, Freedom());
+    for (Arrangement& arrangement : arrangements) {
+      if (IsStopped()) return;
+      const bool is_worse = arrangement.cost > kWorseTimes * arrangements.front().cost;
+      if (solution_.starts_at_lowest > 1 && is_worse) return;
+      Add(RunStart(first, active, std::move(arrangement.state)), initial_values);
+    }
+  }
+
+  ArrangementOptions Freedom() const {
+    ArrangementOptions options;
+    if (graph_.is_planar) options.freedom = BodyFreedom::kPlanar;
+    options.stop_requested = options_.stop_requested;
+    return options;
+  }
+
+  // It ends nowhere where it comes by the solution of a prefix that another road went on from: the rest would be the
+  // same, and no witness for it.
+  Start RunStart(double part, ActiveNodes active, PlainState state) {
+    PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
+    int iterations = fit.iterations;
+    while (part < 1 && !IsStopped()) {
+      if (HasPassed(part, fit.cost, state))
+        return Start{{false, std::numeric_limits<double>::infinity(), iterations}, {}};
+      passed_.push_back({part, fit.cost, state});
+      part = std::min(1.0, 2 * part);
+      const ActiveNodes grown = Prefix(part);
+      Extend(active, grown, state);
+      active = grown;
+      fit = cost_.Minimise(active, StartQuality::kRough, state);
+      iterations += fit.iterations;
+    }
+    fit.iterations = iterations;
+    return Start{fit, std::move(state)};
+  }
+
+  bool HasPassed(double part, double cost, const PlainState& state) const {
+    return std::any_of(passed_.begin(), passed_.end(), [&](const Passed& passed) {
+      const bool is_there = passed.part == part && IsSame(cost, passed.cost);
+      return is_there && HaveSameShape(graph_, joined_, state, passed.state);
+    });
+  }
+
+  // New nodes by their steps from old ones; new parts are arranged about what stands.
+  void Extend(const ActiveNodes& before, const ActiveNodes& active, PlainState& state) const {
+    std::vector<bool> placed = before;
+    ComposeFromPlaced(graph_, active, ComposeAlong::kAll, placed, state);
+    if (placed == active) return;
+    ActiveNodes fresh(active.size(), false);
+    for (std::size_t node = 0; node < active.size(); ++node) fresh[node] = active[node] && !placed[node];
+    const std::vector<std::size_t> heads = FindHeads(graph_, fresh);
+    const PlainState parts = ChordalParts(graph_, fresh, heads);
+    for (std::size_t node = 0; node < active.size(); ++node) {
+      if (fresh[node]) state[node] = parts[node];
+    }
+    ArrangementOptions one = Freedom();
+    one.kept = 1;
+    state = std::move(ArrangeParts(graph_, active, placed, heads, state, one).front().state);
+  }
+
+  void Add(Start start, InitialValues initial_values) {
+    ++solution_.starts;
+    solution_.iterations += start.fit.iterations;
+    if (!std::isfinite(start.fit.cost)) return;
+    const bool is_same = IsSame(start.fit.cost, solution_.cost);
+    if (is_same) {
+      Meet(start.state);
+    } else if (start.fit.cost < solution_.cost) {
+      lowest_ = {start.state};
+      solution_.starts_at_lowest = 1;
+      solution_.initial_values = initial_values;
+    }
+    const bool is_arrival = is_same && start.fit.has_converged && !solution_.has_converged;
+    if (start.fit.cost >= solution_.cost && !is_arrival) return;
+    solution_.cost = start.fit.cost;
+    solution_.has_converged = start.fit.has_converged;
+    best_ = std::move(start.state);
+  }
+
+  // Roads have met only where they end in one shape; equal costs have another cause where the shapes are mirrored.
+  void Meet(const PlainState& state) {
+    const auto is_same = [&](const PlainState& other) { return HaveSameShape(graph_, joined_, state, other); };
+    if (std::any_of(lowest_.begin(), lowest_.end(), is_same)) {
+      ++solution_.starts_at_lowest;
+    } else if (lowest_.size() < kShapesMax) {
+      lowest_.push_back(state);
+    }
+  }
+
+  PlainSolution Finish() {
+    // Where no road led anywhere, the file's own.
+    for (const PlainNode& node : graph_.nodes) solution_.poses.push_back(node.vertex);
+    for (std::size_t node = 0; node < best_.size(); ++node) solution_.poses[node] = FromBlock(best_[node]);
+    const auto say = [this](const std::string& line) { solution_.text += (solution_.text.empty() ? "" : "; ") + line; };
+    if (!solution_.has_converged) say(IsStopped() ? "stopped" : "did not converge");
+    const std::size_t parts = CountLooseParts(graph_, joined_);
+    if (parts > 1) {
+      say(std::to_string(parts) + " parts that nothing joins: how they stand to each other is not known");
+    }
+    if (lowest_.size() > 1) say("ambiguous: another shape fits as well");
+    return std::move(solution_);
+  }
+
+  const StandaloneGraph& graph_;
+  const PlainOptions& options_;
+  StandaloneCost cost_;
+  const ActiveNodes all_;
+  const std::vector<std::size_t> joined_;  // FindJoined.
+  std::vector<std::int64_t> times_;
+  std::vector<Passed> passed_;
+  PlainState best_;
+  std::vector<PlainState> lowest_;  // One of each shape that had the lowest cost.
+  PlainSolution solution_;
+};
+
+}  // namespace
+
+std::string ToString(InitialValues initial_values) {
+  switch (initial_values) {
+    case InitialValues::kOdometry:
+      return "odometry";
+    case InitialValues::kChordal:
+      return "chordal";
+    case InitialValues::kArrangedParts:
+      return "stage 0";
+    case InitialValues::kPrefixGrowth:
+      return "prefix growth";
+    case InitialValues::kVertices:
+      return "vertices";
+  }
+  return "unknown";
+}
+
+PlainSolution SolveStandaloneGraph(const StandaloneGraph& graph, const PlainOptions& options) {
+  return StandaloneSolver(graph, options).Run();
+}
+
+PlainSolution SolveFromOdometry(const StandaloneGraph& graph, const PlainOptions& options) {
+  return StandaloneSolver(graph, options).RunFromOdometry();
+}
+
+PlainSolution SolveFromVertices(const StandaloneGraph& graph, const PlainOptions& options) {
+  return StandaloneSolver(graph, options).RunFromVertices();
+}
+
+}  // namespace moondb

@@ -1,0 +1,282 @@
+#include "runtime/transport/client_listener.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <filesystem>
+#include <optional>
+#include <utility>
+
+#include "model/check.h"
+#include "model/control_message.h"
+#include "model/control_request.h"
+#include "runtime/team/private_folder.h"
+#include "runtime/transport/listen_address.h"
+#include "runtime/transport/outbound.h"
+#include "runtime/transport/zap_handler.h"
+
+namespace moondb {
+namespace {
+
+constexpr int kQueueMessages = 16;  // Of one client, each way.
+// Messages of one connection with a key that wait in libzmq. Each may be as large as a message may be. A reply beyond
+// that is dropped: its client does not read.
+constexpr int kKeyedRequestsWaiting = 2;
+constexpr int kKeyedRepliesWaiting = 1;
+constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
+constexpr int kClientBatchMessages = 64;
+constexpr std::size_t kRepliesMax = 1024;
+constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
+constexpr int kClientKeepAlive_s = 60;
+constexpr std::chrono::seconds kPlacePeriod(1);
+constexpr std::chrono::milliseconds kHeldPeriod(20);  // How often a reply that is held is tried again.
+constexpr std::chrono::minutes kHeldMax(2);
+constexpr char kIpc[] = "ipc://";
+constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
+constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
+
+Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
+  const std::filesystem::path path = endpoint.substr(std::string_view(kIpc).size());
+  if (const auto made = MakePrivateFolder(path.parent_path()); !made) return made;
+  if (const auto claimed = ClaimIpcPath(endpoint); !claimed) return claimed;
+  return router.Bind(endpoint);
+}
+
+Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, const std::string& secret_key) {
+  router.Set(ZMQ_CURVE_SERVER, 1);
+  router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
+  router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
+  // Neither one that says nothing nor one whose machine went away may be kept for ever.
+  router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
+  router.Set(ZMQ_TCP_KEEPALIVE, 1);
+  router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kClientKeepAlive_s);
+  if (endpoint.find('[') != std::string::npos) router.Set(ZMQ_IPV6, 1);
+  const Result<std::string> numeric = NumericEndpoint(endpoint);
+  if (!numeric) return tl::unexpected(numeric.error());
+  return router.Bind(*numeric);
+}
+
+// The number in a routing id of the form in which a ROUTER assigns them: a zero byte and 32 bits, the highest first.
+std::optional<std::uint32_t> NumberOf(std::string_view routing_id) {
+  if (routing_id.size() != 5 || routing_id[0] != '\0') return std::nullopt;
+  std::uint32_t number = 0;
+  for (const char byte : routing_id.substr(1)) number = number << 8 | static_cast<std::uint8_t>(byte);
+  return number;
+}
+
+// Connects to `router` within this process, and returns the number that it assigns to that first connection.
+Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router) {
+  const std::string endpoint = "inproc://first-client";
+  if (const auto bound = router.Bind(endpoint); !bound) return tl::unexpected(bound.error());
+  Result<ZmqSocket> dealer = ZmqSocket::Make(context, ZMQ_DEALER);
+  if (!dealer) return tl::unexpected(dealer.error());
+  if (const auto connected = dealer->Connect(endpoint); !connected) return tl::unexpected(connected.error());
+  ZmqFrame frame("first");
+  ZmqReceived received;
+  const bool is_there = dealer->Send(&frame) == ZmqSend::kSent && router.Receive(&received);
+  const std::optional<std::uint32_t> number = is_there ? NumberOf(received.route.text()) : std::nullopt;
+  if (!number) return Fail(ErrorCode::kUnavailable, "this libzmq does not number its connections");
+  router.Unbind(endpoint);
+  return *number;
+}
+
+// What the client gets instead of a reply that it could not be sent.
+proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
+  proto::Message message = ErrorMessage({ErrorCode::kFull,
+                                         "the reply has " + std::to_string(bytes) + " bytes, more than the " +
+                                             std::to_string(bytes_max) + " of a message; ask for less at a time",
+                                         ""});
+  message.set_agent_id(reply.agent_id());
+  message.set_hop_sender(reply.hop_sender());
+  message.set_request_id(reply.request_id());
+  return message;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ClientListener>> ClientListener::Open(const ZmqContext& context, WakeUp& wake_up,
+                                                             Options options) {
+  const bool is_ipc = options.endpoint.starts_with(kIpc);
+  Check(is_ipc == (options.identity_of == nullptr), "clients come over ipc, or with a key");
+  Result<ZmqSocket> router = ZmqSocket::Make(context, ZMQ_ROUTER);
+  if (!router) return tl::unexpected(router.error());
+  // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
+  router->Set(ZMQ_ROUTER_MANDATORY, 1);
+  router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedRequestsWaiting);
+  router->Set(ZMQ_SNDHWM, is_ipc ? kQueueMessages : kKeyedRepliesWaiting);
+  const std::size_t request_bytes_max =
+      is_ipc ? options.message_bytes_max : std::min(options.message_bytes_max, kKeyedRequestBytesMax);
+  router->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(request_bytes_max));
+  Result<std::uint32_t> first_id = 0;
+  if (!is_ipc) {
+    first_id = FirstNumberOf(context, *router);
+    if (!first_id) return tl::unexpected(first_id.error());
+    if (const auto ready = options.before_listening(*router); !ready) return tl::unexpected(ready.error());
+  }
+  const auto bound =
+      is_ipc ? ListenOnIpc(*router, options.endpoint) : ListenWithKeys(*router, options.endpoint, options.secret_key);
+  if (!bound) return tl::unexpected(bound.error());
+  return std::unique_ptr<ClientListener>(
+      new ClientListener(std::move(*router), *first_id, wake_up, std::move(options)));
+}
+
+ClientListener::ClientListener(ZmqSocket router, std::uint32_t first_id, WakeUp& wake_up, Options options)
+    : options_(std::move(options)),
+      router_(std::move(router)),
+      first_id_(first_id),
+      wake_up_(wake_up),
+      table_(kClientsMax, is_keyed() ? kConnectionsOfKeyMax : kClientsMax, is_keyed() ? kKeyedPrefix : "") {}
+
+SendResult ClientListener::Send(const std::string& name, const proto::Message& message) {
+  const std::optional<std::string> routing_id = table_.RoutingIdOf(name);
+  if (!routing_id) return SendResult::kUnreachable;
+  const std::size_t bytes = message.ByteSizeLong();
+  SendResult result = SendResult::kFull;
+  if (bytes <= options_.message_bytes_max) {
+    result = Push(*routing_id, message, bytes);
+  } else {
+    const proto::Message error = TooLarge(message, bytes, options_.message_bytes_max);
+    (void)Push(*routing_id, error, error.ByteSizeLong());
+  }
+  wake_up_.RingFor();
+  return result;
+}
+
+SendResult ClientListener::Push(const std::string& routing_id, const proto::Message& message, std::size_t bytes) {
+  Reply reply{ZmqFrame(routing_id), ToClientFrame(message, bytes)};
+  const std::lock_guard lock(mutex_);
+  const bool is_full = replies_.size() >= kRepliesMax || reply_bytes_ + bytes > options_.message_bytes_max;
+  if (is_full && !replies_.empty()) return SendResult::kFull;
+  reply_bytes_ += bytes;
+  replies_.push_back(std::move(reply));
+  return SendResult::kAccepted;
+}
+
+bool ClientListener::has_replies() const {
+  const std::lock_guard lock(mutex_);
+  return !replies_.empty();
+}
+
+void ClientListener::KeepPlace(std::chrono::steady_clock::time_point now) {
+  if (is_keyed() || now < looks_at_) return;
+  looks_at_ = now + kPlacePeriod;
+  if (!is_listening_) {
+    const auto listening = ListenOnIpc(router_, options_.endpoint);
+    is_listening_ = listening.has_value();
+    log_.Warn(is_listening_ ? "transport: listens anew for clients" : "transport: " + ToString(listening.error()));
+    return;
+  }
+  struct stat status {};
+  const std::string path = options_.endpoint.substr(std::string_view(kIpc).size());
+  if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
+  log_.Warn("transport: the socket for clients was removed: " + path);
+  // libzmq takes the file away as it closes, later: a new one made at once would go with it.
+  router_.Unbind(options_.endpoint);
+  is_listening_ = false;
+}
+
+// Sending may take in libzmq's news of requests, so that receiving comes last.
+bool ClientListener::Work(const Transport::Deliver& deliver) {
+  Flush();
+  return Receive(deliver) || has_replies();
+}
+
+bool ClientListener::Receive(const Transport::Deliver& deliver) {
+  ZmqReceived received;
+  for (int i = 0; i < kClientBatchMessages; ++i) {
+    if (!router_.Receive(&received)) return false;
+    OnFrame(received, deliver);
+  }
+  return true;
+}
+
+bool ClientListener::HasAssigned(std::string_view routing_id) const {
+  const std::optional<std::uint32_t> number = NumberOf(routing_id);
+  if (!number) return false;
+  const std::uint32_t place = *number - first_id_;
+  return place > 0 && place <= options_.admitted_handshakes();
+}
+
+void ClientListener::OnFrame(const ZmqReceived& received, const Transport::Deliver& deliver) {
+  if (is_keyed()) {
+    const bool has_claimed_id = !HasAssigned(received.route.text());
+    options_.on_message(received.file, received.frame.user_id(), has_claimed_id);
+    if (has_claimed_id) return;
+  }
+  if (received.parts != 1) return log_.Warn("transport: a client sent a frame of several parts");
+  const std::string route(received.route.text());
+  const std::string key(received.frame.user_id());
+  const std::string name = table_.NameOf(route, key);
+  if (is_keyed()) unread_.OnRequest(route, key, received.file);
+  // Over ipc only this user comes.
+  ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
+  if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));
+  if (client.rights == proto::CLIENT_RIGHTS_NONE && received.frame.size() > kRefusedBytesMax) {
+    return log_.Warn("transport: dropped a large request of a client whose key is not listed");
+  }
+  Result<OwnedMessage> message = ParseClientFrame(received.frame.text(), name, client, options_.self);
+  if (!message) return log_.Warn("transport: a client " + message.error().text);
+  deliver(std::move(*message));
+}
+
+void ClientListener::Flush() {
+  std::deque<Reply> replies;
+  {
+    const std::lock_guard lock(mutex_);
+    replies.swap(replies_);
+    reply_bytes_ = 0;
+  }
+  const auto now = std::chrono::steady_clock::now();
+  if (!held_.empty() && now >= tries_held_at_) {
+    tries_held_at_ = now + kHeldPeriod;
+    for (Reply& reply : std::exchange(held_, {})) {
+      if (now - reply.held_since > kHeldMax) {
+        log_.Warn(kDropsReply);
+      } else if (!Hand(reply)) {
+        held_.push_back(std::move(reply));
+      }
+    }
+  }
+  for (Reply& reply : replies) {
+    if (!Hand(reply)) Hold(std::move(reply));
+  }
+}
+
+bool ClientListener::Hand(Reply& reply) {
+  const std::string routing_id(reply.route.text());
+  const std::size_t bytes = reply.frame.size();
+  if (is_keyed() && !unread_.HasRoom(routing_id, bytes)) return false;
+  ZmqSend sent = router_.Send(&reply.route, /*has_more=*/true);
+  if (sent == ZmqSend::kSent) sent = router_.Send(&reply.frame);
+  if (sent == ZmqSend::kSent && is_keyed()) unread_.Count(routing_id, bytes);
+  if (sent == ZmqSend::kNoRoute) table_.Forget(routing_id);
+  if (sent == ZmqSend::kWouldBlock) log_.Warn(kDropsReply);
+  return true;
+}
+
+// As much of one key, and of all keys, as may wait in libzmq.
+void ClientListener::Hold(Reply reply) {
+  const std::string key = unread_.KeyOf(std::string(reply.route.text()));
+  std::size_t of_key = 0;
+  std::size_t of_all = 0;
+  for (const Reply& held : held_) {
+    of_all += held.frame.size();
+    if (unread_.KeyOf(std::string(held.route.text())) == key) of_key += held.frame.size();
+  }
+  const std::size_t bytes = reply.frame.size();
+  const bool has_room = (of_key == 0 || of_key + bytes <= UnreadReplies::kOfKeyMax) &&
+                        (of_all == 0 || of_all + bytes <= UnreadReplies::kOfAllMax);
+  if (!has_room || held_.size() >= kRepliesMax) return log_.Warn(kDropsReply);
+  reply.held_since = std::chrono::steady_clock::now();
+  if (held_.empty()) tries_held_at_ = reply.held_since + kHeldPeriod;
+  held_.push_back(std::move(reply));
+}
+
+std::chrono::steady_clock::time_point ClientListener::deadline() const {
+  auto deadline = std::chrono::steady_clock::time_point::max();
+  if (!is_listening_) deadline = looks_at_;
+  return held_.empty() ? deadline : std::min(deadline, tries_held_at_);
+}
+
+}  // namespace moondb

@@ -1,0 +1,106 @@
+#include "runtime/transport/connection_limiter.h"
+
+#include <algorithm>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+
+namespace moondb {
+namespace {
+
+std::set<std::uint16_t> PortsOf(const std::map<std::uint16_t, ConnectionRules::Listener>& listeners) {
+  std::set<std::uint16_t> ports;
+  for (const auto& [port, listener] : listeners) ports.insert(port);
+  return ports;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<ConnectionLimiter>> ConnectionLimiter::Make(
+    std::map<std::uint16_t, ConnectionRules::Listener> listeners) {
+  Result<std::unique_ptr<TcpConnections>> connections = TcpConnections::Make(PortsOf(listeners));
+  if (!connections) return tl::unexpected(connections.error());
+  return std::unique_ptr<ConnectionLimiter>(new ConnectionLimiter(std::move(*connections), std::move(listeners)));
+}
+
+ConnectionLimiter::ConnectionLimiter(std::unique_ptr<TcpConnections> connections,
+                                     std::map<std::uint16_t, ConnectionRules::Listener> listeners)
+    : connections_(std::move(connections)), rules_(std::move(listeners)) {}
+
+void ConnectionLimiter::OnAccepted(int file, MonotonicTime now) {
+  connections_->OnAccepted(file);
+  LookSoon(now);
+}
+
+void ConnectionLimiter::OnLinkConnected(AgentId peer, int file, MonotonicTime now) {
+  links_.erase(peer);
+  if (const std::optional<TcpConnection> connection = connections_->Read(file)) links_[peer] = *connection;
+  LookSoon(now);
+}
+
+void ConnectionLimiter::OnReadable(MonotonicTime now) {
+  connections_->Drain();
+  LookSoon(now);
+}
+
+void ConnectionLimiter::LookSoon(MonotonicTime now) {
+  next_look_after_ = kLookAfter;
+  looks_at_ = std::min(looks_at_, now + kLookAfter);
+}
+
+void ConnectionLimiter::Work(MonotonicTime now) {
+  if (now < looks_at_) return;
+  looks_at_ = next_look_after_ <= kLookAfterMax ? now + next_look_after_ : MonotonicTime::max();
+  next_look_after_ *= 2;
+  Look(now);
+}
+
+bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now) {
+  if (rules_.Admit(port, key, peer)) return true;
+  if (now < looked_at_ + kLookAfter) return false;  // A look at each of many handshakes would take a processor.
+  Look(now);                                        // Connections that closed since the last look count no longer.
+  return rules_.Admit(port, key, peer);
+}
+
+void ConnectionLimiter::Look(MonotonicTime now) {
+  looked_at_ = now;
+  for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List(), now)) {
+    Count(cut);  // First, so that the counters include each cut that its peer can have seen.
+    TcpConnections::ShutDown(cut.connection);
+  }
+  LookAtLinks();
+}
+
+// A link that closed, or whose descriptor the kernel gave to another connection, is watched no longer.
+void ConnectionLimiter::LookAtLinks() {
+  std::erase_if(links_, [&](const auto& entry) {
+    const auto& [peer, opened] = entry;
+    const std::optional<TcpConnection> now = connections_->Look(opened.file);
+    if (!now || now->port != opened.port || now->peer != opened.peer || now->peer_port != opened.peer_port) return true;
+    if (now->bytes_received <= kLinkBytesMax) return false;
+    flooded_links_.push_back(peer);
+    return true;
+  });
+}
+
+void ConnectionLimiter::Count(const ConnectionRules::Cut& cut) {
+  const std::string who =
+      "transport: cut a connection from " + cut.connection.peer + " to port " + std::to_string(cut.connection.port);
+  switch (cut.cause) {
+    case ConnectionRules::Cause::kTooMuch:
+      ++cut_for_bytes_;
+      return bytes_log_.Warn(who + ": it sends a message without an end");
+    case ConnectionRules::Cause::kTooMany:
+      ++cut_for_number_;
+      return number_log_.Warn(who + ": there are too many from there");
+    case ConnectionRules::Cause::kTooManyOfKey:
+      ++cut_for_number_;
+      return number_log_.Warn(who + ": there are too many of its key");
+    case ConnectionRules::Cause::kClaimedId:
+      ++cut_for_claimed_id_;
+      return claimed_id_log_.Warn(who + ": it chose its own routing id; clients over TCP leave ZMQ_ROUTING_ID unset");
+  }
+}
+
+}  // namespace moondb
