@@ -1,8 +1,8 @@
-// Actor and Context: all that code on moondb's runtime sees of the world.
+// Actor and Context: the complete interface between an actor and the runtime.
 //
-// An actor handles one message at a time, to completion, and never blocks on another actor. It reads no clock, opens
-// no socket, starts no thread and draws no random number by itself: the Context gives these, so that one seed replays
-// a whole team (runtime/simulation).
+// An actor handles one message at a time, to completion, and never blocks on another actor. It reads no clock, opens no
+// socket, starts no thread and draws no random number by itself. The Context provides these, and one seed can therefore
+// replay a whole team (runtime/simulation).
 //
 //   class Greeter final : public Actor {
 //    public:
@@ -34,96 +34,102 @@ class TraceRequest;
 namespace moondb {
 
 using Duration = std::chrono::nanoseconds;
-// Monotonic, from an arbitrary start.
+// Monotonic time since an arbitrary start.
 using MonotonicTime = std::chrono::time_point<std::chrono::steady_clock, Duration>;
 using TimerId = std::uint64_t;
 
 enum class [[nodiscard]] SendResult{
-    kAccepted,     // In the mailbox or the peer's outbox. Not yet handled, and to a peer not yet sent.
-    kFull,         // The mailbox's or outbox's bound is reached; the message is dropped and counted.
-    kNoActor,      // This agent has no actor of that name.
-    kNoPeer,       // No such agent in the team, or an alias that stands for nobody now.
+    kAccepted,     // The message is in the mailbox or the peer's outbox. It is not yet handled or transmitted.
+    kFull,         // The mailbox or outbox is full. The message is dropped and counted.
+    kNoActor,      // This agent runs no actor with that name.
+    kNoPeer,       // The team has no such agent, or the alias is assigned to no agent at present.
     kUnreachable,  // The peer or client is not connected.
-    kTooLong,      // Longer than a message between agents may be (runtime/transport.h); dropped and counted.
+    kTooLong,      // The message exceeds the limit between agents (runtime/transport.h). It is dropped and counted.
 };
 
 const char* ToString(SendResult result);
 
-// What one actor of an agent publishes for all others of it: Publish's message, each with its own body.
+// A topic that one actor publishes and any other actor of the same agent can watch. Each value is the message body that
+// Publish accepts for the topic.
 enum class Topic {
-  kRoles = proto::Message::kRolesChanged,    // RoleActor: the assignment that stands.
-  kLeases = proto::Message::kLeasesChanged,  // LeaseActor: who drives, sleeps or is paused.
-  kStored = proto::Message::kRecordsStored,  // StorageActor: rows came, or were pruned.
+  kRoles = proto::Message::kRolesChanged,    // RoleActor publishes the current role assignment.
+  kLeases = proto::Message::kLeasesChanged,  // LeaseActor publishes which agents drive, sleep or are paused.
+  kStored = proto::Message::kRecordsStored,  // StorageActor publishes that rows were inserted or pruned.
 };
 
 struct SystemStatus;  // runtime/system_status.h
 
-// Valid only inside the handler that it was given to, on that thread.
+// The runtime as one actor sees it. Valid only inside the handler that received it, on the thread of that handler.
 class Context {
  public:
   virtual ~Context() = default;
 
   virtual const Address& self() const = 0;
-  // Who sent the message in hand: its source actor at its hop sender; a client is {kClients, connection}.
+  // The sender of the current message: its source actor on the agent that sent the last hop. A client is {kClients,
+  // connection}.
   virtual const Address& sender() const = 0;
   virtual MonotonicTime now() const = 0;
-  // UTC in nanoseconds since 1970, for stamps only.
+  // UTC in nanoseconds since 1970. For timestamps only: the clock may jump.
   virtual std::int64_t utc_now_ns() const = 0;
   virtual std::mt19937_64& rng() = 0;
 
-  // Takes the message, which may also be a proto::Message, moved. Fills in hop_sender and destination_id; agent_id too
-  // where it is 0; and, for the way to another agent, source_actor and destination_actor (within an agent the names do
-  // not travel: the receiver asks sender()). Never blocks. A refused message has no further effect.
+  // Sends `message`, which may also be a moved proto::Message. Never blocks. A refused message has no further effect.
+  // Sets hop_sender and destination_id, and agent_id if it is 0. For another agent, also sets source_actor and
+  // destination_actor. Within an agent these names are not sent: the receiver calls sender().
   [[nodiscard]] virtual SendResult Send(const Address& to, OwnedMessage message) = 0;
 
-  // Sends to sender() with the request_id of the message in hand.
+  // Sends to sender(), with the request_id of the message being handled.
   [[nodiscard]] virtual SendResult Reply(OwnedMessage message) = 0;
 
-  // Sends `message` to this actor itself after `delay`, past its mailbox's bound. Timers die with the actor.
+  // Sends `message` to this actor itself after `delay`, regardless of the mailbox limits. Timers end with the
+  // incarnation.
   virtual TimerId After(Duration delay, proto::Message message) = 0;
-  virtual void Cancel(TimerId timer) = 0;  // Of one that already came due: nothing happens.
+  virtual void Cancel(TimerId timer) = 0;  // Cancelling a timer that already fired has no effect.
 
-  // A timer whose message is Timer{kind, value}.
+  // Starts a timer whose message is Timer{kind, value}.
   TimerId AfterTimer(Duration delay, std::uint32_t kind, std::uint64_t value = 0);
 
-  // This actor cannot go on: after the handler it is destroyed and made anew by its factory (OnStart again). With
-  // kCorrupt nothing is made anew: the process ends.
+  // Reports that this actor cannot continue. After the handler, the runtime destroys the actor and restarts it through
+  // its factory (OnStart again). With kCorrupt there is no restart: the process ends.
   virtual void Fail(Error error) = 0;
 
-  // From now on PeerEvents come, on the control lane: first one for each peer that is connected, then each change.
+  // Subscribes to PeerEvents on the control lane: first one event for each connected peer, then one for each change.
   virtual void WatchPeers() = 0;
 
-  // From now on what is published on `topic` comes. Roles and leases: first what was published last, if anything was,
-  // then each change, on the control lane. That something was stored or pruned (what is there already is read at the
-  // start) comes on the data lane past its bounds: while one such message waits, later ones are added to it. Ends with
-  // this incarnation.
+  // Subscribes to `topic` until this incarnation ends. Roles and leases arrive on the control lane: first the last
+  // published message, if there is one, then each change. Topic::kStored arrives on the data lane, regardless of its
+  // limits: while one such message waits, later ones are merged into it. It does not report rows that were stored
+  // before; read those in OnStart.
   virtual void Watch(Topic topic) = 0;
-  // RoleActor, LeaseActor and StorageActor only, each on its own topic.
+  // Publishes `message` to the watchers of its topic. Only RoleActor, LeaseActor and StorageActor may call this, each
+  // for its own topic.
   virtual void Publish(OwnedMessage message) = 0;
 
-  // A Down comes, on the control lane, each time that `target` is lost: an actor of this agent whose incarnation ended
-  // (the next one has the same address), or an agent to which the connection broke (with or without an actor's name: of
-  // a remote actor alone nothing is heard). At once if there is no such actor or no connection now. Aliases are
-  // resolved now. Ends with this incarnation or with Demonitor.
+  // Requests a Down message, on the control lane, each time `target` is lost. `target` is one of:
+  //   - an actor of this agent: lost when its incarnation ends (the next incarnation has the same address);
+  //   - another agent, with or without an actor's name: lost when its connection breaks. The failure of a remote actor
+  //     is not reported.
+  // The Down arrives at once if the actor does not exist or the agent is not connected. Aliases are resolved during
+  // this call. The subscription ends with this incarnation or with Demonitor.
   virtual void Monitor(const Address& target) = 0;
   virtual void Demonitor(const Address& target) = 0;
 
-  // Polled by long work: the system is stopping.
+  // True while the system is stopping. Handlers that run for a long time must poll this.
   virtual bool stop_requested() const = 0;
 
-  // RoleActor only: what the aliases stand for from now on.
+  // Sets the agents that the aliases resolve to. RoleActor only.
   virtual void SetRoles(const proto::RoleAssignment& roles) = 0;
-  // GatewayActor only: the process should end (exit code 0), after this handler.
+  // Requests that the process end with exit code 0 after this handler. GatewayActor only.
   virtual void RequestStop() = 0;
   virtual SystemStatus GetSystemStatus() const = 0;
-  // What the agent's actors did last, and the messages that they failed at (proto/trace.proto).
+  // The latest events of this agent's actors, and its dead letters (proto/trace.proto).
   virtual proto::TraceReply GetTrace(const proto::TraceRequest& request) const = 0;
 };
 
 class Actor {
  public:
   virtual ~Actor() = default;
-  // (Re)load state; called again on a new object after a restart.
+  // Loads the actor's state. Called once on each new object, also after a restart.
   virtual void OnStart(Context&) {}
   virtual void OnMessage(Context&, const proto::Message& message) = 0;
 };
@@ -131,39 +137,42 @@ class Actor {
 using ActorFactory = std::function<std::unique_ptr<Actor>()>;
 
 enum class Placement {
-  kPool,       // Handlers are short.
-  kOwnThread,  // Handlers may take long, or belong to one thread (fsync, EGL, a solver).
+  kPool,       // For actors with short handlers.
+  kOwnThread,  // For handlers that run long or must stay on one thread (fsync, EGL, a solver).
 };
 
-// What becomes of a message for which the mailbox has no room.
+// How a full mailbox treats a new message.
 enum class Overflow {
-  kReject,       // The send returns kFull.
-  kLatestByKey,  // A message takes the place of the waiting one that has its key (kAccepted); others as with kReject.
-  kBlock,        // ActorSystem::Post waits for room; actors and the transport, which never wait, are refused.
+  kReject,       // The message is refused: its send returns kFull.
+  kLatestByKey,  // The message replaces the waiting one with the same key (kAccepted). Without one: as kReject.
+  kBlock,        // ActorSystem::Post waits for room. Actors and the transport never wait: their sends return kFull.
 };
 
-// A mailbox has two lanes. On the control lane comes what the runtime itself, RoleActor and LeaseActor say (IsControl):
-// before all waiting data, and without counting towards the bounds below; its own bound is kControlMessagesMax.
+// Options of an actor's placement and mailbox. A mailbox has two lanes. The control lane holds messages of the runtime,
+// RoleActor and LeaseActor (IsControl). They are handled before all waiting data and do not count towards the limits
+// below. The limit of the control lane is kControlMessagesMax.
 struct SpawnOptions {
   Placement placement = Placement::kPool;
-  std::size_t messages_max = 4096;  // Waiting in the data lane; at least 1.
-  // Waiting messages' bytes, as serialised; of messages from other agents and clients, which have a quarter of it, as
-  // they lie in memory. One larger message fits alone.
+  std::size_t messages_max = 4096;  // Limit of messages waiting on the data lane. At least 1.
+  // Limit of waiting bytes, as serialised. Messages from other agents and clients count with their size in memory and
+  // may use a quarter of this. One larger message is accepted if no other waits.
   std::size_t bytes_max = 64 * 1024 * 1024;
   Overflow overflow = Overflow::kReject;
-  // For kLatestByKey: a message's key; with an empty one it replaces nothing. Runs on the sender's thread.
+  // Returns a message's key, for kLatestByKey. A message with an empty key replaces nothing. Runs on the sender's
+  // thread.
   std::function<std::string(const proto::Message&)> key = nullptr;
-  // A handler that takes longer is logged and counted. Nothing interrupts it.
+  // A handler that takes longer than this is logged and counted. It is not interrupted.
   Duration handler_limit = std::chrono::seconds(1);
 };
 
-// Past this the newest control message of the same kind gives way to the next (a peer that comes and goes while a
-// handler takes minutes). What was published is taken in any case, one of each topic past the bound.
+// Limit of the control lane. Above it, a new message replaces the newest waiting one of the same kind. An example is a
+// peer that reconnects repeatedly while a handler runs for minutes. Published messages are accepted above the limit,
+// one of each topic.
 inline constexpr std::size_t kControlMessagesMax = 256;
 
-// PeerEvent, RolesChanged, Down, Ping, StepDown, LeasesChanged. None of them is taken from peers or clients.
+// True for PeerEvent, RolesChanged, Down, Ping, StepDown and LeasesChanged. Peers and clients may send none of these.
 bool IsControl(const proto::Message& message);
-// Its body is that of a Topic.
+// True if the body of `message` belongs to a Topic.
 bool IsOfTopic(const proto::Message& message);
 
 }  // namespace moondb

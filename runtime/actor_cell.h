@@ -1,8 +1,8 @@
-// ActorCell: one actor of an ActorSystem: its ActorHost, its mailbox, its place to run, its supervisor.
+// ActorCell: one actor of an ActorSystem, with its ActorHost, mailbox, worker pool and supervisor.
 //
-// At most one turn of it is submitted at any time, the mailbox's reader, so that the ActorHost part is used by one
-// thread at a time; the mailbox hands the actor from thread to thread. What the cells of a system share comes from
-// CellSystem.
+// At most one turn of a cell is submitted to its pool at any time. That turn is the reader of the mailbox, and only one
+// thread at a time uses the ActorHost part. The mailbox synchronises the threads of successive turns. CellSystem
+// provides the state that all cells of a system share.
 #pragma once
 
 #include <atomic>
@@ -29,11 +29,11 @@ namespace moondb {
 
 class ActorCell;
 
-// What a cell needs of its system. What is virtual is called on the actor's thread.
+// The part of ActorSystem that a cell uses. Virtual functions are called on the actor's thread.
 class CellSystem {
  public:
   virtual ~CellSystem() = default;
-  // Messages are handled: all actors are started, and none is to end yet.
+  // True while messages are handled: all actors are started and Stop was not called.
   bool is_flowing() const { return is_started_ && !is_stopping_; }
   bool is_stopping() const { return is_stopping_; }  // No further message is handled.
 
@@ -50,7 +50,8 @@ class CellSystem {
   virtual proto::TraceReply Trace(const proto::TraceRequest& request) const = 0;
   virtual void OnStopRequested() = 0;
 
-  // The actor failed; its incarnation is gone. `item` is what it failed at, to keep; null in OnStart.
+  // Called after the actor failed and its incarnation ended. `item` is the message that it failed on, for the dead
+  // letters; null in OnStart.
   virtual void OnFailed(const ActorCell& cell, Mailbox::Item* item, const Error& error, bool is_final) = 0;
   virtual void OnStepDown(const Address& actor, const Error& error) = 0;
   virtual void OnBeyondHelp(const Address& actor, const Error& error) = 0;
@@ -62,32 +63,34 @@ class CellSystem {
 
 class ActorCell final : public ActorHost, private Runnable {
  public:
-  // `pool` serves Placement::kPool; it, like `system`, outlives the cell.
+  // `pool` runs actors with Placement::kPool. Requires: `pool` and `system` outlive the cell.
   ActorCell(CellSystem& system, Address self, SpawnOptions options, ActorFactory factory, WorkerPool& pool,
             Supervisor::Options supervision, std::uint64_t seed);
 
-  // Any thread. kUnreachable where the actor is beyond help or ended. `sender` and `sender_name`: see Mailbox::Item.
-  // `may_wait`: for room in a full kBlock mailbox, as long as it takes.
+  // Puts a message into the mailbox. Thread-safe. Returns kUnreachable if the actor failed permanently or ended.
+  // `sender` and `sender_name`: see Mailbox::Item. `may_wait`: wait without a time limit for room in a full kBlock
+  // mailbox.
   SendResult Push(OwnedMessage message, const Address* sender, std::uint16_t sender_name, bool may_wait = false);
-  // From another agent or a client.
+  // As Push, for a message from another agent or a client.
   SendResult PushFromOutside(OwnedMessage message, const Address* sender);
   void Wake();
   void BeginStart();
-  void WaitUntilStarted();  // Or beyond help, or ended.
-  void EndAndWait();        // Destroys the actor where it runs.
-  void Join();              // Its own thread.
+  void WaitUntilStarted();  // Also returns if the actor failed permanently or ended.
+  void EndAndWait();        // Destroys the actor on its own thread.
+  void Join();              // Joins the actor's own thread, if it has one.
   proto::ActorStatus Status() const;
-  bool is_lost() const;  // Beyond help or ended.
+  bool is_lost() const;  // True if the actor failed permanently or ended.
   std::uint16_t trace_name() const { return trace_name_; }
 
-  // For the watchdog, from one thread: how long the present handler runs already and the last Ping waits; zero if there
-  // is none. Ping asks whether the actor gets its turn, if it has work and no earlier Ping waits.
+  // For the watchdog, from one thread. HandlerTime is how long the current handler has been running, PingTime how long
+  // the last Ping has been waiting; zero if there is none. Ping sends a message that measures the wait for a turn. It
+  // does so only if the actor has work and no earlier Ping waits.
   Duration HandlerTime() const;
   Duration PingTime() const;
   void Ping();
   const SpawnOptions& options() const { return options_; }
 
-  // Context.
+  // Implementation of Context.
   MonotonicTime now() const override { return std::chrono::steady_clock::now(); }
   std::int64_t utc_now_ns() const override;
   SendResult Send(const Address& to, OwnedMessage message) override {
@@ -105,53 +108,54 @@ class ActorCell final : public ActorHost, private Runnable {
   SystemStatus GetSystemStatus() const override;
   proto::TraceReply GetTrace(const proto::TraceRequest& request) const override { return system_.Trace(request); }
 
-  // The actor's thread: the actor of that name if it was remembered last; null: not that one. Mostly an actor sends
-  // where it sent before.
+  // The target of this actor's last send if its name is `actor`, otherwise null. A cache: most actors send to the same
+  // target repeatedly. Actor's thread only.
   ActorCell* LastTarget(const std::string& actor) const {
     return last_target_ != nullptr && last_target_->self().actor == actor ? last_target_ : nullptr;
   }
   void RememberTarget(ActorCell* target) { last_target_ = target; }
-  // The actor's thread, in a handler: when it began.
+  // Start time of the current handler. Actor's thread only, inside a handler.
   Ticks handler_begun() const { return times_.begun(); }
 
  private:
   enum class State { kAway, kReady, kBeyondHelp, kEnded };
 
   static bool IsFinal(State state) { return state == State::kBeyondHelp || state == State::kEnded; }
-  SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if the reader is to be called.
+  SendResult Settle(Mailbox::Pushed pushed);  // Submits a turn if the reader must be called.
   SendResult PushWaiting(Mailbox::Item item);
 
-  // The actor's thread.
+  // Functions that run on the actor's thread.
   Ticks RunTurn(Ticks now) override;
   bool EndIfDue();
   Ticks StartIfDue(Ticks now);
   Ticks HandleItem(Mailbox::Item& item, Ticks now);
   void TraceHandler(const Mailbox::Item& item, Ticks took);
   void LetWaitersTry();
-  // `item` is what was handled; null in OnStart.
+  // `item` is the handled message; null in OnStart.
   void SettleHandler(Mailbox::Item* item, const std::optional<Error>& failure);
   void Recover(Mailbox::Item* item, const Error& failure);
   TraceRecord MakeRecord(proto::TraceKind kind, Ticks time) const;
   void EnterState(State state);
 
-  // What each message writes, beside ActorHost's. Written on the actor's thread; the atomics are read on any.
+  // Written for each message, like the last members of ActorHost. Written on the actor's thread; other threads may read
+  // the atomics.
   HandlerTimes times_;
   PingTimes pings_;
   ActorCell* last_target_ = nullptr;
 
-  // What senders read, on another cache line.
+  // Read by senders. A separate cache line from the members that each message writes.
   alignas(64) CellSystem& system_;
-  const std::unique_ptr<WorkerPool> own_pool_;  // Of one thread, for kOwnThread.
+  const std::unique_ptr<WorkerPool> own_pool_;  // A pool of one thread, for kOwnThread; otherwise null.
   WorkerPool& pool_;
   const std::uint16_t trace_name_;
   const bool may_senders_wait_;
-  std::atomic<bool> is_order_waiting_ = false;  // is_start_due_ or is_end_due_.
-  State state_ = State::kAway;                  // Written on the actor's thread with mutex_ held, read there without.
+  std::atomic<bool> is_order_waiting_ = false;  // True if is_start_due_ or is_end_due_ is set.
+  State state_ = State::kAway;  // Written on the actor's thread under mutex_; that thread reads it without the lock.
 
   Mailbox mailbox_;
 
   const SpawnOptions options_;
-  Supervisor supervisor_;  // The actor's thread only.
+  Supervisor supervisor_;  // Used on the actor's thread only.
 
   mutable std::mutex mutex_;
   std::condition_variable state_changed_;
@@ -159,7 +163,7 @@ class ActorCell final : public ActorHost, private Runnable {
   bool is_start_due_ = false;
   bool is_end_due_ = false;
   std::uint64_t restarts_ = 0;
-  std::atomic<int> waiters_ = 0;  // For room.
+  std::atomic<int> waiters_ = 0;  // Number of senders that wait for room.
 };
 
 }  // namespace moondb

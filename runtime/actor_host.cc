@@ -76,7 +76,8 @@ SendResult ActorHost::Reply(OwnedMessage message) {
 }
 
 void ActorHost::Fail(Error error) {
-  if (!std::exchange(has_failed_, true)) failure_ = std::move(error);  // What came first is the likelier cause.
+  // Keep the first error: it is most likely the cause.
+  if (!std::exchange(has_failed_, true)) failure_ = std::move(error);
 }
 
 }  // namespace moondb

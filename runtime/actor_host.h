@@ -1,10 +1,10 @@
-// ActorHost: one actor's life: made by its factory, run message by message, destroyed when it fails.
+// ActorHost: runs one actor: creates it through its factory, handles its messages, destroys it when it fails.
 //
-// The one place that catches what leaves a handler (users' code, libraries, bad_alloc). ActorSystem and SimulatedTeam
-// derive from it and add what differs between them: threads or a virtual clock, and the way to others. When to make
-// the actor anew is for them, with a Supervisor.
+// The only place that catches exceptions of handlers (users' code, libraries, bad_alloc). ActorSystem and SimulatedTeam
+// derive from this class. They add threads or a virtual clock, and the delivery of messages. They decide with a
+// Supervisor when to restart the actor.
 //
-// Start, Handle and End are called on one thread at a time; the counters may be read on any.
+// Start, Handle and End must not run concurrently. Thread-safe: reading the counters.
 #pragma once
 
 #include <atomic>
@@ -19,27 +19,28 @@ namespace moondb {
 
 class ActorHost : public Context {
  public:
-  // `seed` is the system's; the actor's rng() gets its own from it and from `self`.
+  // `seed` is the seed of the system. The actor's rng() is seeded from it and from `self`.
   ActorHost(Address self, ActorFactory factory, std::uint64_t seed);
 
-  // Makes the actor, a new incarnation, and runs OnStart. Why it failed, if it did: it is then destroyed already.
+  // Creates the actor as a new incarnation and runs OnStart. Returns the error if this failed; the actor is then
+  // already destroyed.
   std::optional<Error> Start();
 
-  // Runs OnMessage; likewise. Only while there is an actor. `sender` lives until this returns; null: the message's
-  // envelope says who it is.
+  // Runs OnMessage and returns the error if it failed. Requires: has_actor(). `sender` must stay valid until this
+  // returns. If it is null, the sender is read from the message's envelope.
   std::optional<Error> Handle(const proto::Message& message, const Address* sender);
 
-  // Destroys the actor; not from inside its handler.
+  // Destroys the actor. Must not be called from inside its handler.
   void End() { actor_.reset(); }
 
   bool has_actor() const { return actor_ != nullptr; }
   bool is_in_handler() const { return is_in_handler_; }
-  std::uint32_t incarnation() const { return incarnation_; }  // Counts from 1; 0 before the first Start.
-  std::uint64_t handled() const { return handled_; }          // Messages, those that it failed at too.
-  // Whether RequestStop was called since this was last asked.
+  std::uint32_t incarnation() const { return incarnation_; }  // Starts at 1; 0 before the first Start.
+  std::uint64_t handled() const { return handled_; }          // Number of handled messages, including failed ones.
+  // Returns whether RequestStop was called since the last call of this function.
   bool TakeStopRequest() { return std::exchange(is_stop_requested_, false); }
 
-  // Context.
+  // Implementation of Context.
   const Address& self() const override { return self_; }
   const Address& sender() const override { return *sender_; }
   std::mt19937_64& rng() override;
@@ -54,15 +55,15 @@ class ActorHost : public Context {
   const Address self_;
   const ActorFactory factory_;
   const std::uint64_t seed_;
-  std::unique_ptr<std::mt19937_64> rng_;  // Made when first asked for: it is large.
+  std::unique_ptr<std::mt19937_64> rng_;  // Created at the first use, because it is large.
   Address remote_sender_;
   std::optional<Error> failure_;
 
-  // What each message writes, on a cache line that no other thread reads often.
+  // Members that are written for each message, on a cache line that other threads rarely read.
   alignas(64) std::unique_ptr<Actor> actor_;
-  const Address* sender_;         // Of the message in hand, self_ in OnStart.
-  std::uint64_t request_id_ = 0;  // Of the message in hand.
-  bool has_failed_ = false;       // failure_ says why.
+  const Address* sender_;         // Sender of the current message; self_ in OnStart.
+  std::uint64_t request_id_ = 0;  // request_id of the current message.
+  bool has_failed_ = false;       // If true, failure_ holds the error.
   bool is_in_handler_ = false;
   bool is_stop_requested_ = false;
   std::uint32_t incarnation_ = 0;

@@ -28,9 +28,9 @@ std::uint64_t SeedOf(std::uint64_t seed) {
   return std::uint64_t{entropy()} << 32 | entropy();
 }
 
-// Of this thread: who was found last. Mostly a thread sends where it sent before.
+// Cache of the actor that this thread found last: most threads send to the same actor repeatedly.
 struct LastFound {
-  std::uint64_t system_number = 0;  // 0: nobody yet.
+  std::uint64_t system_number = 0;  // 0: nothing is cached.
   ActorCell* cell = nullptr;
 };
 thread_local LastFound last_found;
@@ -54,7 +54,7 @@ class ActorSystem::Impl final : public CellSystem {
   const TraceBook& trace_book() const { return trace_; }
 
  private:
-  // CellSystem.
+  // Implementation of CellSystem.
   TimerThread& timers() override { return timers_; }
   TraceBook& trace() override { return trace_; }
   SendResult SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) override;
@@ -71,7 +71,7 @@ class ActorSystem::Impl final : public CellSystem {
   void OnBeyondHelp(const Address& actor, const Error& error) override;
 
   ActorCell* Find(const std::string& actor) const;
-  ActorCell* FindFromOutside(const std::string& actor) const;  // On threads that are no actor's.
+  ActorCell* FindFromOutside(const std::string& actor) const;  // For threads that are not an actor's.
   const Address* TakeSender(proto::Message& message);
   SendResult SendAway(const Address& from, const Address& to, proto::Message& message);
   void Notify(Monitors::Notices notices);
@@ -80,7 +80,7 @@ class ActorSystem::Impl final : public CellSystem {
   void CheckHealth();
 
   const Options options_;
-  const std::uint64_t system_number_ = ++system_count;  // From 1 on, in this process.
+  const std::uint64_t system_number_ = ++system_count;  // Unique in this process, from 1.
   const Address outside_;
   const std::uint64_t seed_;
   RoleTable roles_;
@@ -92,16 +92,16 @@ class ActorSystem::Impl final : public CellSystem {
   std::mutex stop_mutex_;
   bool was_started_ = false;
 
-  // Held while notices are delivered, so that they come in the order of what they report. Taken before a cell's mutex.
+  // Held while notices are delivered, which keeps them in the order of their events. Lock order: before a cell's mutex.
   std::mutex monitors_mutex_;
   Monitors monitors_;
   mutable std::mutex dead_letters_mutex_;
   DeadLetters dead_letters_;
 
-  // From here on the order matters: threads end before what they use.
-  std::vector<std::unique_ptr<ActorCell>> cells_;  // Fixed from Start on, in the order of spawning.
+  // Order matters from here on: threads are destroyed before the members that they use.
+  std::vector<std::unique_ptr<ActorCell>> cells_;  // In the order of spawning. Not changed after Start.
   std::unordered_map<std::string, ActorCell*> cell_of_;
-  alignas(64) WorkerPool pool_;  // Written at each hand-over, what is before it read at each send.
+  alignas(64) WorkerPool pool_;  // Written at each submission. Members above are read at each send.
   TimerThread timers_;
 };
 
@@ -116,7 +116,7 @@ ActorSystem::Impl::Impl(Options options)
   Check(options_.self >= 1 && options_.self <= kAgentIdMax, "an agent's id is from 1 to 65535");
 }
 
-// --- From outside ---
+// --- Calls from outside the actors ---
 
 void ActorSystem::Impl::Spawn(std::string name, SpawnOptions options, ActorFactory factory) {
   Check(!was_started_, "actors are spawned before Start");
@@ -124,7 +124,7 @@ void ActorSystem::Impl::Spawn(std::string name, SpawnOptions options, ActorFacto
   Supervisor::Options supervision;
   supervision.restarts_max = options_.restarts_max;
   supervision.restart_period = options_.restart_period;
-  // Only a role that an actor holds can be given up, and not by the one that would have to do it.
+  // StepDown needs a RoleActor, and a failing RoleActor cannot step down itself.
   supervision.can_step_down = cell_of_.contains(actor_name::kRole) && name != actor_name::kRole;
   cells_.push_back(std::make_unique<ActorCell>(*this, Address{options_.self, name}, std::move(options),
                                                std::move(factory), pool_, supervision, seed_));
@@ -170,10 +170,11 @@ SendResult ActorSystem::Impl::Deliver(OwnedMessage message) {
   return result;
 }
 
-// Null: it stays in the message. The names were memory of this thread's, which the actor's would have to give back.
+// Removes the sender from the message and returns its shared address, or null if the sender stays in the message. This
+// thread allocated the strings; the actor's thread would otherwise have to free them.
 const Address* ActorSystem::Impl::TakeSender(proto::Message& message) {
-  delete message.release_destination_actor();            // To clear it would keep its memory.
-  if (message.hop_sender() == kClients) return nullptr;  // They come and go.
+  delete message.release_destination_actor();            // Clearing the string would keep its memory.
+  if (message.hop_sender() == kClients) return nullptr;  // Connections of clients change too often to be kept.
   const Address* sender = remote_senders_.Keep(SenderOf(message));
   if (sender != nullptr) delete message.release_source_actor();
   return sender;
@@ -207,7 +208,7 @@ ActorCell* ActorSystem::Impl::FindFromOutside(const std::string& actor) const {
   return last_found.cell;
 }
 
-// --- From actors ---
+// --- Calls from actors ---
 
 SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, OwnedMessage message) {
   TraceRecord record;
@@ -218,7 +219,7 @@ SendResult ActorSystem::Impl::SendFrom(ActorCell& sender, const Address& to, Own
   record.other_agent = roles_.Resolve(to.agent);
   ActorCell* cell = sender.LastTarget(to.actor);
   if (cell == nullptr) {
-    cell = Find(to.actor);  // Of another agent's actors the same names are known.
+    cell = Find(to.actor);  // Every agent has actors of the same names.
     sender.RememberTarget(cell);
   }
   if (cell != nullptr) record.other_actor = cell->trace_name();

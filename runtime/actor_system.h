@@ -1,17 +1,18 @@
-// ActorSystem: runs one agent's actors on a small worker pool and on threads of their own.
+// ActorSystem: runs the actors of one agent on a small worker pool and on dedicated threads.
 //
-// Threads sleep when there is nothing to do. An actor's messages are handled one at a time, in the order in which each
-// sender sent them, control messages first (runtime/actor.h). Supervision is one for one: an exception that leaves a
-// handler, or Context::Fail, destroys the actor and makes it anew by its factory, at once the first time, then with a
-// growing delay (Supervisor); its mailbox survives, the message that killed it goes to the dead letters. One that fails
-// too often makes the agent give up its role (a StepDown to the actor `role`); if that does not help, it is beyond
-// help, which ends the process by on_fatal. An actor is made, run and destroyed on its own thread, if it has one (an
-// EGL context belongs to its thread).
+// Threads sleep when there is no work. An actor handles one message at a time. Messages of one sender are handled in
+// the order of sending, and control messages before data (runtime/actor.h). An actor with its own thread is created,
+// run and destroyed on that thread (an EGL context belongs to its thread).
 //
-// A watchdog looks at actors that have work each `health_period`: a handler over its limit is logged, an actor that
-// gets no turn for `stuck_after` is fatal, since nothing but a new process can help it.
+// Supervision is one for one. If a handler throws, or calls Context::Fail, its actor is destroyed and restarted through
+// its factory: at once the first time, then after a growing delay (Supervisor). The mailbox survives. The message that
+// caused the failure becomes a dead letter. If an actor fails too often, the agent gives up its role (a StepDown to the
+// actor `role`). If the actor still fails, it has failed permanently, and on_fatal ends the process.
 //
-// A message to an actor that is beyond help, or after Stop, is kUnreachable.
+// Every `health_period` a watchdog checks the actors that have work. It logs a handler that exceeds its limit. An actor
+// that gets no turn for `stuck_after` is fatal, because only a new process can recover from that.
+//
+// Sending to an actor that failed permanently, or after Stop, returns kUnreachable.
 #pragma once
 
 #include <functional>
@@ -28,48 +29,50 @@ class ActorSystem {
  public:
   struct Options {
     AgentId self = 0;
-    AgentId base_station = 0;  // What @base stands for; 0: nobody.
+    AgentId base_station = 0;  // The agent that @base resolves to; 0: none.
     int worker_count = 2;
     int restarts_max = 5;
     Duration restart_period = std::chrono::minutes(1);
     Duration health_period = std::chrono::seconds(10);
     Duration stuck_after = std::chrono::minutes(15);
-    std::uint64_t seed = 0;  // Of the actors' rng(); 0: from the system's entropy.
-    // An actor is beyond help. Called once, on one of the system's threads: must not Stop there. Default: abort.
+    std::uint64_t seed = 0;  // Seed of the actors' rng(); 0: seed from system entropy.
+    // Called once if an actor fails permanently, on one of the system's threads. Must not call Stop there. Default:
+    // abort.
     std::function<void(Error)> on_fatal;
-    // Context::RequestStop. Called on some actor's thread: must not Stop there. Default: nothing happens.
+    // Called by Context::RequestStop, on the actor's thread. Must not call Stop there. Default: no effect.
     std::function<void()> on_stop_requested;
   };
 
   explicit ActorSystem(Options options);
-  ~ActorSystem();  // Stops.
+  ~ActorSystem();  // Calls Stop.
 
-  // Before Start only; names are unique. Actors are started in the order of spawning and stopped in reverse.
+  // Adds an actor. Requires: Start was not called; `name` is unique. Actors start in the order of spawning and stop in
+  // the reverse order.
   void Spawn(std::string name, SpawnOptions options, ActorFactory factory);
 
-  // Runs OnStart of each actor (those that fail are made anew first), then lets messages flow. `transport` may be null
-  // (no peers, no clients), must outlive Stop, and may deliver only from now on.
+  // Runs OnStart of each actor, restarting those that fail, and then starts message handling. `transport` may be null
+  // (no peers, no clients), must outlive Stop, and may deliver only from this call on.
   void Start(Transport* transport);
 
-  // Any thread. Delivers to the actor that message.destination_actor names on this agent; how the transport hands in
-  // what it received. The actor learns from Context::sender who sent it; the message itself need no longer say so.
+  // Delivers a message that the transport received to the actor that message.destination_actor names on this agent. The
+  // actor reads the sender from Context::sender: the names in the message may have been cleared. Thread-safe.
   SendResult Deliver(OwnedMessage message);
 
-  // Any thread, before Start too: a peer was reached or lost. Actors that watch peers or monitor that agent are
-  // notified.
+  // Reports that a peer connected or disconnected. Notifies actors that watch peers or monitor that agent. Thread-safe,
+  // also before Start.
   void OnPeerChanged(AgentId peer, bool is_connected);
 
-  // Sends from outside any actor, not from a handler; the sender is {self, "outside"}. For tests and composition. Waits
-  // for room in a full mailbox of an Overflow::kBlock actor, until Stop if need be.
+  // Sends a message from outside any actor; the sender is {self, "outside"}. For tests and setup code; must not be
+  // called from a handler. If an Overflow::kBlock mailbox is full, waits for room, until Stop at the latest.
   SendResult Post(const std::string& actor, OwnedMessage message);
 
-  // Idempotent; not from a handler. Sets stop_requested, lets running handlers end, destroys the actors, joins all
-  // threads. Waiting messages are dropped.
+  // Stops the system: sets stop_requested, waits for running handlers, destroys the actors and joins all threads.
+  // Waiting messages are dropped. Idempotent. Must not be called from a handler.
   void Stop();
 
-  // Any thread: what the agent's actors did last.
+  // Returns the latest events of this agent's actors. Thread-safe.
   proto::TraceReply Trace(const proto::TraceRequest& request) const;
-  // The same as it is kept, for DumpTraceOnCrash. Lives as long as the system.
+  // The trace itself, for DumpTraceOnCrash. Valid as long as the system.
   const TraceBook& trace_book() const;
 
  private:

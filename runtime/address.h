@@ -1,4 +1,4 @@
-// Address: where a message goes: an actor of an agent. Local and remote look the same to the sender.
+// Address: the destination of a message, an actor of an agent. Local and remote addresses look the same to the sender.
 #pragma once
 
 #include <compare>
@@ -8,11 +8,13 @@
 
 namespace moondb {
 
-// Aliases, resolved when the message is sent, so that a live role swap needs no re-wiring. They lie above kAgentIdMax.
+// Aliases, resolved when a message is sent: a change of roles needs no new addresses. Their values are above
+// kAgentIdMax.
 inline constexpr AgentId kLeaderAlias = 0xFFFF'0001;    // @leader
 inline constexpr AgentId kSurvivorAlias = 0xFFFF'0002;  // @survivor
-inline constexpr AgentId kBaseAlias = 0xFFFF'0003;      // @base: the base station
-// Clients (moonctl, a robot's software) of this agent; the actor's name is the transport's name of the connection.
+inline constexpr AgentId kBaseAlias = 0xFFFF'0003;      // @base, the base station
+// The clients of this agent (moonctl, a robot's software). The actor's name is the name of the connection in the
+// transport.
 inline constexpr AgentId kClients = 0xFFFF'0010;
 
 struct Address {
@@ -21,10 +23,10 @@ struct Address {
   auto operator<=>(const Address&) const = default;
 };
 
-// "2/storage", "@leader/sync".
+// Returns for example "2/storage" or "@leader/sync".
 std::string ToString(const Address& address);
 
-// The actors of every agent.
+// Names of the actors that every agent runs.
 namespace actor_name {
 inline constexpr char kStorage[] = "storage";
 inline constexpr char kSync[] = "sync";

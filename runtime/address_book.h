@@ -1,4 +1,4 @@
-// AddressBook: senders on other agents, each kept once, so that the messages that wait need not carry them.
+// AddressBook: stores each remote sender's address once, and waiting messages need not carry it.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +14,8 @@ class AddressBook {
   static constexpr std::size_t kAddressesMax = 4096;
   static constexpr std::size_t kNameBytesMax = 64;
 
-  // Any thread. The kept one, for as long as the book lives; null for a longer name, and for a new one when the book is
-  // full.
+  // Returns the stored copy of `address`, valid for the lifetime of the book. Null if the name is too long, or if the
+  // book is full and the address is new. Thread-safe.
   const Address* Keep(const Address& address);
 
  private:

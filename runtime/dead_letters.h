@@ -1,6 +1,6 @@
-// DeadLetters: the last messages that actors failed at, for whoever looks for the cause.
+// DeadLetters: the latest messages whose handlers failed, kept for diagnosis.
 //
-// A ring, bounded in number and in bytes. Not thread-safe.
+// A ring with limits on number and bytes. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -16,30 +16,30 @@ namespace moondb {
 class DeadLetters {
  public:
   static constexpr std::size_t kLettersMax = 32;
-  static constexpr std::size_t kBytesMax = 8 * 1024 * 1024;  // Of all kept messages, as serialised.
+  static constexpr std::size_t kBytesMax = 8 * 1024 * 1024;  // Serialised bytes of all kept messages.
 
   struct Letter {
     MonotonicTime time;
-    std::string actor;  // The one that failed.
+    std::string actor;  // The actor that failed.
     Address sender;
-    OwnedMessage message = nullptr;  // None for one that alone passes kBytesMax, and for a failure in OnStart.
-    std::uint16_t body = 0;          // proto::Message::BodyCase.
+    OwnedMessage message = nullptr;  // Null if larger than kBytesMax, and for failures in OnStart.
+    std::uint16_t body = 0;          // Body of the message, a proto::Message::BodyCase.
     std::size_t bytes = 0;
     Error error;
   };
 
-  // `item` is what `actor` failed at, whose message is taken; null in OnStart.
+  // Adds a failure of `actor`. `item` is the message that it failed on, which is moved from; null in OnStart.
   void Add(MonotonicTime time, const std::string& actor, Mailbox::Item* item, Error error);
 
-  // Those of request.actor, or all; oldest first.
+  // Adds the letters of request.actor, or all if it is empty, to `reply`, oldest first.
   void Report(const proto::TraceRequest& request, MonotonicTime now, proto::TraceReply* reply) const;
 
-  const std::deque<Letter>& letters() const { return letters_; }  // Oldest first.
-  std::uint64_t count() const { return count_; }                  // Ever added.
+  const std::deque<Letter>& letters() const { return letters_; }  // Kept letters, oldest first.
+  std::uint64_t count() const { return count_; }                  // Number of letters ever added.
 
  private:
   std::deque<Letter> letters_;
-  std::size_t bytes_ = 0;  // Of the kept messages.
+  std::size_t bytes_ = 0;  // Serialised bytes of the kept messages.
   std::uint64_t count_ = 0;
 };
 

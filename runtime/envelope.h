@@ -1,5 +1,5 @@
-// The addresses on a message: written when it is sent, read when it is handled. The same for every way that a message
-// can take.
+// The addresses of a message, written when it is sent and read when it is handled. Used for local, remote and client
+// messages.
 #pragma once
 
 #include "proto/message.pb.h"
@@ -7,14 +7,15 @@
 
 namespace moondb {
 
-// Writes hop_sender, source_actor, destination_id and destination_actor; agent_id where it is 0 (`from` is then where
-// the data originate). `to` holds no alias any more.
+// Sets hop_sender, source_actor, destination_id and destination_actor. Sets agent_id if it is 0: the data then
+// originate at `from`. Requires: `to` is not an alias.
 void WriteEnvelope(const Address& from, const Address& to, proto::Message& message);
 
-// The same for a way within one agent, where the actors' names do not travel: hop_sender, destination_id, agent_id.
+// Sets hop_sender and destination_id, and agent_id if it is 0. For messages within one agent, which do not carry the
+// actors' names.
 void WriteLocalEnvelope(AgentId from, AgentId to, proto::Message& message);
 
-// Who handed the message over: hop_sender and source_actor.
+// Returns the sender of the last hop: hop_sender and source_actor.
 Address SenderOf(const proto::Message& message);
 
 }  // namespace moondb

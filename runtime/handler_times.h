@@ -1,6 +1,6 @@
-// HandlerTimes: how long the handlers of one actor run, and PingTimes: how long it takes until it has its turn.
+// HandlerTimes: how long the handlers of one actor run. PingTimes: how long an actor waits for its turn.
 //
-// The actor's thread writes; any thread reads what says so.
+// The actor's thread writes. Other threads may call the functions marked as thread-safe.
 #pragma once
 
 #include <algorithm>
@@ -17,13 +17,13 @@ class HandlerTimes {
   // A handler that takes longer than `limit` is an overrun.
   explicit HandlerTimes(Ticks limit) : limit_(limit) {}
 
-  // OnStart begins: it has a beginning, and no limit.
+  // The actor's OnStart begins. It has a start time but no limit.
   void OnStart(Ticks now) { begun_ = now; }
   void OnBegun(Ticks now) {
     begun_ = now;
     running_since_.store(now, std::memory_order_relaxed);
   }
-  // How long it took.
+  // Returns the duration of the handler.
   Ticks OnEnded(Ticks now) {
     running_since_.store(0, std::memory_order_relaxed);
     const Ticks took = std::max<Ticks>(0, now - begun_);
@@ -33,10 +33,10 @@ class HandlerTimes {
     return took;
   }
   bool IsOverrun(Ticks took) const { return took > limit_; }
-  Ticks begun() const { return begun_; }  // The present handler, or OnStart.
+  Ticks begun() const { return begun_; }  // Start of the current handler or OnStart.
 
-  // Any thread.
-  Ticks running_since() const { return running_since_.load(std::memory_order_relaxed); }  // 0: in no handler.
+  // The following functions are thread-safe.
+  Ticks running_since() const { return running_since_.load(std::memory_order_relaxed); }  // 0: no handler is running.
   Ticks total() const { return total_; }
   Ticks longest() const { return longest_; }
   std::uint64_t overruns() const { return overruns_; }
@@ -52,13 +52,13 @@ class HandlerTimes {
 
 class PingTimes {
  public:
-  // Any thread: a Ping is sent, or was refused.
+  // A Ping was sent, or was refused. Thread-safe.
   void OnSent(Ticks now) { waiting_since_ = now; }
   void OnRefused() { waiting_since_ = 0; }
-  Ticks waiting_since() const { return waiting_since_; }  // 0: none waits.
-  Ticks last() const { return last_; }                    // How long the last one waited; negative: none was answered.
+  Ticks waiting_since() const { return waiting_since_; }  // 0: no Ping waits.
+  Ticks last() const { return last_; }                    // Wait of the last Ping; negative: none was answered yet.
 
-  // The actor's thread.
+  // For the actor's thread only.
   void OnAnswered(Ticks now) { last_ = std::max<Ticks>(0, now - waiting_since_.exchange(0)); }
 
  private:

@@ -24,8 +24,9 @@ constexpr std::size_t kFileBytesMax = 10 * 1024 * 1024;
 constexpr std::size_t kOldFilesMax = 3;
 constexpr char kNameLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789_-";
 
-// Takes the actor's or part's name off the front of `text`: of "lease: refused", "2/lease: refused" and, where the text
-// stays whole, "actor 2/lease failed"; empty if there is none.
+// Returns the name of the actor or part at the start of `text` and removes it, for example from "lease: refused" or
+// "2/lease: refused". In "actor 2/lease failed" the name stays in the text. Returns "" if `text` begins with no such
+// name.
 std::string_view TakeActor(std::string_view* text) {
   constexpr std::string_view kActor = "actor ";
   const bool is_in_sentence = text->starts_with(kActor);
@@ -69,7 +70,7 @@ Result<void> InitLog(const std::string& level, const std::string& agent_name, co
                      LogFormat format) {
   const std::vector<std::string> levels = {"trace", "debug", "info", "warning", "error", "critical", "off"};
   const spdlog::level::level_enum chosen = spdlog::level::from_str(level);
-  // spdlog takes an unknown word for "off".
+  // spdlog maps an unknown word to "off".
   if (chosen == spdlog::level::off && level != "off") {
     return Fail(ErrorCode::kInvalid,
                 "expected trace, debug, info, warning, error, critical or off, got \"" + level + "\"" +
@@ -89,9 +90,11 @@ Result<void> InitLog(const std::string& level, const std::string& agent_name, co
       logger->set_pattern("%Y-%m-%dT%H:%M:%S.%eZ %l %n %v", spdlog::pattern_time_type::utc);
     }
     logger->set_level(chosen);
-    logger->flush_on(spdlog::level::trace);  // Events are rare, and a crash must not swallow the last ones.
+    // Flush each event. Events are rare, and a crash must not lose the last ones.
+    logger->flush_on(spdlog::level::trace);
     spdlog::set_default_logger(std::move(logger));
-    google::protobuf::SetLogHandler(nullptr);  // It logs each bad byte that a peer sends; whoever parses says so.
+    // Protobuf would log each malformed byte of a peer. Callers report parse errors themselves.
+    google::protobuf::SetLogHandler(nullptr);
   } catch (const spdlog::spdlog_ex& error) {
     return Fail(ErrorCode::kUnavailable, std::string("cannot log: ") + error.what());
   }

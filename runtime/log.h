@@ -1,10 +1,11 @@
-// The log: one line an event, to stderr and optionally to a file. Time is UTC. As text "time level agent actor: text",
-// or as JSON, for programs that read logs, one object a line whatever the text holds:
+// The log: one line per event, to stderr and optionally to a file. Times are UTC. The text format is "time level agent
+// actor: text". The JSON format is for programs that read logs; each line is one object, whatever the text contains:
 //   {"time":"2026-11-22T06:00:00.123Z","level":"warning","agent":"rover1","actor":"lease","text":"..."}
-// where "actor" is there only for a text that begins with its actor's or part's name, which then is not in "text".
+// "actor" is present only if the text begins with the name of an actor or part. The name is then removed from "text".
 //
-// Code logs with spdlog::info and its like; a text begins with its actor's or part's name: "transport: rover2 is
-// connected". Bytes of peers and operators go through Quoted (runtime/team/placed_errors.h) first: lines stay lines.
+// Code logs with spdlog::info and its siblings. A text begins with the name of its actor or part, as in "transport:
+// rover2 is connected". Bytes from peers and operators must pass through Quoted (runtime/team/placed_errors.h), which
+// keeps one event on one line.
 #pragma once
 
 #include <string>
@@ -15,10 +16,10 @@ namespace moondb {
 
 enum class LogFormat { kText, kJson };
 
-// Call once, before other threads log. `level`: trace, debug, info, warning, error, critical or off.
-// `file`: empty for none; it is rotated at 10 MB and three old ones are kept. Where stderr goes to that very file, as
-// `moonctl up` has it, so that it also holds what a crash says, each line is written once.
-// kInvalid for another level; kUnavailable if the file cannot be opened. Then nothing has changed.
+// Sets up the log. Call once, before other threads log. `level`: trace, debug, info, warning, error, critical or off.
+// `file`: path of the log file, or empty for none. It is rotated at 10 MB, and three old files are kept. If stderr
+// already writes to the same file (as `moonctl up` arranges, to capture crash output), each line is written once.
+// Returns kInvalid for an unknown level, kUnavailable if the file cannot be opened. In both cases nothing has changed.
 Result<void> InitLog(const std::string& level, const std::string& agent_name, const std::string& file = {},
                      LogFormat format = LogFormat::kText);
 

@@ -29,7 +29,7 @@ Mailbox::Mailbox(const SpawnOptions& options)
   Check(!is_keyed_ || options.key != nullptr, "kLatestByKey says what the key is");
 }
 
-// --- Any thread ---
+// --- Thread-safe functions ---
 
 Mailbox::Pushed Mailbox::Push(Item&& item) {
   const Pushed pushed = TryPush(item);
@@ -79,7 +79,7 @@ bool Mailbox::is_half_free() const {
   return pushed_.messages - taken.messages <= limits_.messages / 2 && pushed_.bytes - taken.bytes <= limits_.bytes / 2;
 }
 
-// --- With lock_ held ---
+// --- Functions that require lock_ to be held ---
 
 SendResult Mailbox::PushControl(Item& item) {
   if (control_.size() >= kControlMessagesMax) {
@@ -112,7 +112,7 @@ SendResult Mailbox::PushKeyed(Item& item, const std::string& key) {
   pushed_.bytes += item.bytes - waiting->bytes;
   bytes_max_ = std::max(bytes_max_, pushed_.bytes - taken_.totals().bytes);
   item.key = waiting->key;
-  std::swap(*waiting, item);  // The older one is let go by the sender, without the lock.
+  std::swap(*waiting, item);  // The caller releases the older message after the lock.
   ++replaced_;
   return SendResult::kAccepted;
 }
@@ -136,7 +136,7 @@ SendResult Mailbox::PushData(Item& item) {
   } else if (!HasRoom(item)) {
     return SendResult::kFull;
   }
-  // Counted if there was memory for it.
+  // Count after the insertion, which may throw bad_alloc.
   Count(is_keyed_ ? keyed_.Add(std::move(item)) : pushed_items_.emplace_back(std::move(item)));
   return SendResult::kAccepted;
 }
@@ -157,7 +157,7 @@ bool Mailbox::HasRoomInBytes(std::size_t bytes) {
 }
 
 bool Mailbox::FitsInBytes(std::size_t bytes, std::uint64_t bytes_max) const {
-  // What waits may lie above the limit while one larger message waits alone.
+  // The waiting bytes may exceed the limit while one larger message waits alone.
   const std::uint64_t waiting = pushed_.bytes - seen_.bytes;
   return waiting == 0 || (waiting < bytes_max && bytes <= bytes_max - waiting);
 }
@@ -168,7 +168,7 @@ void Mailbox::Count(const Item& item) {
   ++pushed_.items;
   pushed_.bytes += item.bytes;
   if (!item.is_past_bounds) ++pushed_.messages;
-  // Only a new maximum is worth a look at the reader's counters.
+  // Read the reader's counters only for a possible new maximum.
   if (pushed_.items - seen_.items <= waiting_max_ && pushed_.bytes - seen_.bytes <= bytes_max_) return;
   SeeTaken();
   waiting_max_ = std::max(waiting_max_, pushed_.items - seen_.items);
@@ -191,7 +191,7 @@ Mailbox::Item* Mailbox::TakeKeyed() {
   return &single_;
 }
 
-// --- The reader ---
+// --- Functions of the reader ---
 
 Mailbox::Item* Mailbox::Take() {
   if (must_look() || has_control_.load(std::memory_order_relaxed)) {
@@ -210,7 +210,7 @@ Mailbox::Item* Mailbox::Take() {
   }
   Item& item = items_[next_++];
   taken_.Count(item);
-  // Another core may have written it: the next one comes while this one is handled.
+  // Prefetch the next message, which another core may have written, while this one is handled.
   if (!must_look()) __builtin_prefetch(&*items_[next_].message);
   return &item;
 }
@@ -224,7 +224,7 @@ bool Mailbox::GoAway(bool for_messages) {
 }
 
 void Mailbox::Close() {
-  std::vector<Item> pushed;  // Let go without the lock: messages may be large.
+  std::vector<Item> pushed;  // Released after the lock: messages may be large.
   std::deque<Item> control;
   std::deque<Item> keyed;
   {
@@ -262,7 +262,7 @@ void Mailbox::Taken::Set(const Totals& totals) {
 
 // --- Mailbox::KeyedItems ---
 
-// A key function that throws is its author's mistake: not one for which the sender, or the transport, should fail.
+// An exception in the user's key function must not make the sender or the transport fail. It yields an empty key.
 std::string Mailbox::KeyedItems::KeyOf(const proto::Message& message) const {
   try {
     return key_(message);

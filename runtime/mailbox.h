@@ -1,9 +1,9 @@
-// Mailbox: the messages that wait for one actor, bounded in number and bytes, in the order in which they came; control
-// messages before data. Of RecordsStored one waits: what comes meanwhile is added to it.
+// Mailbox: the messages that wait for one actor, in order of arrival, control messages before data. Their number and
+// bytes are limited. At most one RecordsStored waits; later ones are merged into it.
 //
-// Any thread pushes; one thread at a time, the reader, takes. The senders' lock is held for one push, or while the
-// reader takes over all that came since it last did. A reader without work goes away; the push that it has to be called
-// back for says so, and no other.
+// Any thread pushes; one thread at a time, the reader, takes messages out. The lock is held for one push, or while the
+// reader takes all messages that arrived since its last look. A reader without work goes away. The first push after
+// that returns must_call_reader, and the pusher must then schedule the reader.
 #pragma once
 
 #include <atomic>
@@ -26,25 +26,26 @@ class Mailbox {
  public:
   struct Item {
     OwnedMessage message = nullptr;
-    const Address* sender = nullptr;     // Outlives the item; null: the envelope says who it is.
-    std::size_t bytes = 0;               // Towards the bound.
-    std::uint32_t incarnation = 0;       // Of the actor whose timer this is.
-    std::uint16_t sender_name = 0xFFFF;  // In traces; 0xFFFF: not one of this agent's actors.
+    const Address* sender = nullptr;     // Outlives the item. Null: the sender is in the message's envelope.
+    std::size_t bytes = 0;               // Bytes that count towards the limit.
+    std::uint32_t incarnation = 0;       // Incarnation that set the timer.
+    std::uint16_t sender_name = 0xFFFF;  // Sender's name in traces; 0xFFFF: not an actor of this agent.
     bool is_timer = false;
-    bool is_from_outside = false;      // Of another agent or a client: these have a quarter of the bytes.
-    bool is_past_bounds = false;       // A timer, or RecordsStored; set by the push.
-    const std::string* key = nullptr;  // The mailbox's own, while the item waits under it.
+    bool is_from_outside = false;  // Sent by another agent or a client. Such items may use a quarter of the bytes.
+    // Set by Push: true for a timer or RecordsStored, which do not count towards the limits.
+    bool is_past_bounds = false;
+    const std::string* key = nullptr;  // Points into the mailbox while the item waits under this key.
   };
 
   struct Pushed {
     SendResult result;
-    bool must_call_reader = false;  // It is away, and was not called yet.
+    bool must_call_reader = false;  // The reader is away and was not called yet.
   };
 
   struct Counts {
-    std::size_t waiting = 0;  // On both lanes.
+    std::size_t waiting = 0;  // Messages on both lanes.
     std::size_t waiting_max = 0;
-    std::size_t bytes = 0;  // On the data lane.
+    std::size_t bytes = 0;  // Bytes on the data lane.
     std::size_t bytes_max = 0;
     std::uint64_t dropped = 0;
     std::uint64_t replaced = 0;
@@ -52,43 +53,43 @@ class Mailbox {
 
   explicit Mailbox(const SpawnOptions& options);
 
-  // --- Any thread ---
+  // --- Thread-safe functions ---
 
-  // To the lane that IsControl says. kAccepted; kFull: dropped and counted; kUnreachable after Close. A message larger
-  // than bytes_max is taken when no other counts towards the bytes.
+  // Adds an item to the lane that IsControl selects. Returns kAccepted, kFull (dropped and counted) or kUnreachable
+  // after Close. A message larger than bytes_max is accepted if no waiting message counts towards the bytes.
   Pushed Push(Item&& item);
-  // As Push, but `item` is left alone, and not counted, unless accepted.
+  // As Push, but an item that is not accepted stays unchanged and is not counted.
   Pushed TryPush(Item& item);
-  // The reader is to look for work that is not a message. Whether it has to be called back.
+  // Makes the reader look for work other than messages. Returns true if the caller must call the reader.
   bool Nudge();
 
   Counts counts() const;
   bool empty() const { return counts().waiting == 0; }
-  // Whether a sender that found no room should try again: half of the bound is free.
+  // True if half of the limits is free. Senders that wait for room then try again.
   bool is_half_free() const;
 
-  // --- The reader ---
+  // --- Functions of the reader ---
 
-  // The next message, or null. The item stays where it is until Take is called again; its message is the reader's, to
-  // let go at once.
+  // Returns the next message, or null. The item is valid until Take is called again. The reader owns its message and
+  // should release it early.
   Item* Take();
-  // Take will look at what was pushed since it last did.
+  // True if the next Take checks for newly pushed messages.
   bool must_look() const { return next_ == items_.size(); }
-  // Goes away: true. False: it was nudged since, or `for_messages` and there are some. It is away from the beginning.
-  // Once away, the mailbox may have another reader already.
+  // Marks the reader as away and returns true. Returns false if the mailbox was nudged, or if `for_messages` and
+  // messages wait. The reader is away initially. After true, another thread may already be the reader.
   bool GoAway(bool for_messages);
-  // Drops all that waits, not counted as dropped, and refuses whatever comes.
+  // Drops all waiting messages, without counting them as dropped, and refuses new ones.
   void Close();
 
  private:
-  // What counts towards the bounds, and all there is; of what was ever pushed or taken.
+  // Running totals of everything pushed (or taken): all messages, and those that count towards the limits.
   struct Totals {
     std::uint64_t items = 0;
-    std::uint64_t messages = 0;  // Of the data lane, without those past the bounds.
-    std::uint64_t bytes = 0;     // Of these messages.
+    std::uint64_t messages = 0;  // Data messages that count towards the limits.
+    std::uint64_t bytes = 0;     // Bytes of the data messages that count towards the limits.
   };
 
-  // What the reader has taken; written by it alone.
+  // Totals of the items that the reader has taken. Written by the reader only.
   class Taken {
    public:
     Totals totals() const;
@@ -103,29 +104,31 @@ class Mailbox {
     std::atomic<std::uint64_t> bytes_ = 0;
   };
 
-  // The data lane of a kLatestByKey mailbox: taken one by one, as what left is replaced no more.
+  // The data lane of a kLatestByKey mailbox. Items are taken one at a time, because an item that was taken can no
+  // longer be replaced.
   class KeyedItems {
    public:
     explicit KeyedItems(std::function<std::string(const proto::Message&)> key) : key_(std::move(key)) {}
 
-    // Empty: the message replaces none. Any thread, without the lock.
+    // Returns the key of `message`; if empty, the message replaces none. Thread-safe, without the lock.
     std::string KeyOf(const proto::Message& message) const;
-    // Places are numbered as items come: the next one's, and the item at one that still waits.
+    // Each added item gets the next place number. `next_place` is the number of the next item; `at` returns the waiting
+    // item at a number.
     std::uint64_t next_place() const { return taken_ + items_.size(); }
     Item& at(std::uint64_t place) { return items_[place - taken_]; }
     Item& Add(Item&& item) { return items_.emplace_back(std::move(item)); }
-    // The one that waits under `key`, or null.
+    // Returns the item that waits under `key`, or null.
     Item* Find(const std::string& key);
-    // The newest item waits under `key`.
+    // Registers the newest item under `key`.
     void SetKeyOfNewest(const std::string& key);
-    // False: nothing waits. `place`: where the item was.
+    // Moves the oldest item to `item` and its place number to `place`. Returns false if no item waits.
     bool Take(Item& item, std::uint64_t& place);
     std::deque<Item> Clear();
 
    private:
     const std::function<std::string(const proto::Message&)> key_;
     std::deque<Item> items_;
-    std::unordered_map<std::string, std::uint64_t> place_of_;  // By key.
+    std::unordered_map<std::string, std::uint64_t> place_of_;  // Place numbers by key.
     std::uint64_t taken_ = 0;
   };
 
@@ -134,7 +137,7 @@ class Mailbox {
     std::uint64_t bytes;
   };
 
-  // With lock_ held.
+  // Functions that require lock_ to be held.
   SendResult PushControl(Item& item);
   SendResult PushKeyed(Item& item, const std::string& key);
   SendResult PushStored(Item& item);
@@ -148,32 +151,33 @@ class Mailbox {
   Item* TakeKeyed();
 
   const Limits limits_;
-  const bool is_keyed_;  // kLatestByKey.
+  const bool is_keyed_;  // True for Overflow::kLatestByKey.
 
   mutable SpinLock lock_;
   bool is_reader_away_ = true;
   bool is_nudged_ = false;
   bool is_closed_ = false;
-  std::vector<Item> pushed_items_;  // Empty if is_keyed_.
+  std::vector<Item> pushed_items_;  // Always empty if is_keyed_.
   Totals pushed_;
-  Totals seen_;  // taken_ as last looked at: the reader's cache line is left alone while there is room.
+  Totals seen_;  // Last copy of taken_. While the copy shows room, senders do not read the reader's cache line.
   std::uint64_t waiting_max_ = 0;
   std::uint64_t bytes_max_ = 0;
 
-  // The reader's; on a cache line of their own, as is what the senders write.
-  alignas(64) std::vector<Item> items_;  // Taken over from pushed_items_; those before next_ were taken.
+  // Used by the reader only, on a separate cache line.
+  alignas(64) std::vector<Item> items_;  // Batch moved here from pushed_items_. Items before next_ are taken.
   std::size_t next_ = 0;
   Taken taken_;
 
   std::atomic<bool> has_control_ = false;
 
-  // Seldom used. With lock_ held.
-  std::optional<std::uint64_t> stored_place_;  // Where RecordsStored waits: in pushed_items_, or its place in keyed_.
+  // Rarely used. Guarded by lock_.
+  // Place of the waiting RecordsStored: index in pushed_items_, or place number in keyed_.
+  std::optional<std::uint64_t> stored_place_;
   std::deque<Item> control_;
   KeyedItems keyed_;
   std::uint64_t dropped_ = 0;
   std::uint64_t replaced_ = 0;
-  Item single_;  // The reader's: taken from one of these.
+  Item single_;  // Item that the reader last took from control_ or keyed_.
 };
 
 }  // namespace moondb

@@ -1,8 +1,7 @@
-// Monitors: who on one agent wants to hear when peers come and go, when actors die and what other actors publish, and
-// the messages that they then get.
+// Monitors: which actors of one agent watch peers, actors and topics, and the messages that they receive.
 //
-// Plain bookkeeping for ActorSystem and SimulatedTeam: each call returns the notices to be delivered, complete with
-// their envelope, to actors of this agent. Not thread-safe.
+// Bookkeeping for ActorSystem and SimulatedTeam. Each call returns the notices to deliver to actors of this agent, with
+// their envelopes. Not thread-safe.
 #pragma once
 
 #include <map>
@@ -18,26 +17,27 @@ class Monitors {
  public:
   struct Notice {
     std::string watcher;     // An actor of this agent.
-    proto::Message message;  // A PeerEvent, a Down, or what was published.
+    proto::Message message;  // A PeerEvent, a Down, or a published message.
   };
   using Notices = std::vector<Notice>;
 
-  static constexpr std::size_t kTargetsMax = 1024;  // Of one actor; more is one that has lost count: a broken claim.
+  // Limit per watcher. Exceeding it is a bug in the actor and fails a Check.
+  static constexpr std::size_t kTargetsMax = 1024;
 
   explicit Monitors(AgentId self) : self_(self) {}
 
-  // As Context's of the same name, called by `watcher`. `is_lost`: the target, one of this agent's actors, is not
-  // there.
+  // Implements the Context functions of the same names, called by `watcher`. `is_lost`: the target is an actor of this
+  // agent and does not run.
   Notices WatchPeers(const std::string& watcher);
   Notices Watch(const std::string& watcher, Topic topic);
-  // `message` is of a Topic; anything else is a broken claim of the actor's.
+  // Requires: `message` belongs to a Topic, or a Check fails.
   Notices Publish(const std::string& publisher, const proto::Message& message);
   Notices Monitor(const std::string& watcher, const Address& target, bool is_lost);
   void Demonitor(const std::string& watcher, const Address& target);
 
-  // `actor`'s incarnation ended: so did what it watched.
+  // The incarnation of `actor` ended. Removes its subscriptions and notifies its monitors.
   Notices OnActorDown(const std::string& actor, const std::string& reason, bool is_final);
-  // Of a change that is none, nobody hears.
+  // Notifies watchers of a connected or disconnected peer. Returns no notices if the state did not change.
   Notices OnPeerChanged(AgentId peer, bool is_connected);
 
  private:
@@ -49,8 +49,8 @@ class Monitors {
   std::set<AgentId> connected_;
   std::set<std::string> peer_watchers_;
   std::map<Topic, std::set<std::string>> topic_watchers_;
-  std::map<Topic, proto::Message> published_;            // What stands: roles and leases, with their publishers.
-  std::map<std::string, std::set<Address>> targets_of_;  // By watcher.
+  std::map<Topic, proto::Message> published_;            // Current roles and leases, with the publisher's name.
+  std::map<std::string, std::set<Address>> targets_of_;  // Monitored addresses by watcher.
 };
 
 }  // namespace moondb

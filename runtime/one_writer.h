@@ -1,4 +1,5 @@
-// Increase: a counter that one thread at a time writes and any thread reads, at the price of a plain one.
+// Increase: increments a counter that one thread at a time writes and any thread reads. As cheap as a non-atomic
+// increment.
 #pragma once
 
 #include <atomic>

@@ -13,15 +13,15 @@ namespace {
 
 constexpr std::size_t kCacheLine = 64;
 #if defined(__SANITIZE_ADDRESS__)
-constexpr bool kUsesAgain = false;  // So that the sanitizer sees whoever uses a message too long.
+constexpr bool kUsesAgain = false;  // Off, so AddressSanitizer can report use after release.
 #else
 constexpr bool kUsesAgain = true;
 #endif
-constexpr std::size_t kPackMessages = 63;  // What changes hands at once.
-constexpr std::size_t kSharedPacks = 128;  // Kept for all threads, 1 MB; further ones are freed.
-constexpr std::size_t kAhead = 4;          // So far before its use a message is called into the cache.
+constexpr std::size_t kPackMessages = 63;  // Number of messages that move between threads under one lock.
+constexpr std::size_t kSharedPacks = 128;  // Limit of the packs kept for all threads (1 MB); further packs are freed.
+constexpr std::size_t kAhead = 4;          // Messages are prefetched into the cache this many takes before their use.
 
-// Each begins a cache line, which no other core's message shares.
+// Allocates a message at the start of a cache line, which it shares with no other message.
 proto::Message* New() { return ::new (std::align_val_t(kCacheLine)) proto::Message; }
 
 void Delete(proto::Message* message) {
@@ -29,11 +29,11 @@ void Delete(proto::Message* message) {
   ::operator delete(message, std::align_val_t(kCacheLine));
 }
 
-// A text that was cleared keeps its memory.
+// True if the string owns heap memory. A cleared string keeps its memory.
 bool HoldsMemory(const std::string& text) { return text.capacity() > std::string().capacity(); }
 
-// Leaves an empty message, of which nothing but the objects of its texts may stay. Fields that this version does not
-// know would, so inbound.cc leaves them out.
+// Empties a message and frees its memory, except for the string objects. Unknown fields would keep memory too;
+// inbound.cc removes them.
 void Empty(proto::Message& message) {
   const bool holds_memory = message.body_case() != proto::Message::BODY_NOT_SET || message.has_term() ||
                             HoldsMemory(message.record_id()) || HoldsMemory(message.sql()) ||
@@ -44,7 +44,8 @@ void Empty(proto::Message& message) {
   std::construct_at(&message);
 }
 
-// Empty messages. It says where they are, and leaves them alone: another core may have them in its cache.
+// A stack of pointers to empty messages. The messages themselves are not accessed, because they may be in another
+// core's cache.
 struct Pack {
   std::size_t count = 0;
   std::array<proto::Message*, kPackMessages> messages;
@@ -74,12 +75,13 @@ class SharedPacks {
 };
 
 SharedPacks& Shared() {
-  // Never destroyed: threads may let messages go to the very end.
+  // Never destroyed: threads may release messages until the process ends.
   static SharedPacks& packs = *new SharedPacks;
   return packs;
 }
 
-// One thread's: up to two packs, so that neither giving nor taking one changes hands each time.
+// The free messages of one thread, up to two packs. With a spare pack, alternating Take and Put rarely reach the shared
+// packs.
 class ThreadMessages {
  public:
   ~ThreadMessages() { is_over = true; }
@@ -106,7 +108,7 @@ class ThreadMessages {
     used_->messages[used_->count++] = message;
   }
 
-  static thread_local bool is_over;  // This thread's have been destroyed: it is ending.
+  static thread_local bool is_over;  // The thread is ending and its packs are destroyed.
 
  private:
   static void PrefetchForWriting(const proto::Message* message) {

@@ -1,15 +1,15 @@
-// OwnedMessage: a message and its one owner, who writes it, hands it on or lets it go.
+// OwnedMessage: a message with one owner, who may write it, pass it on or release it.
 //
 //   OwnedMessage message;
 //   message->mutable_timer()->set_kind(1);
 //   (void)context.Send(to, std::move(message));
 //
-// A proto::Message becomes one by being moved: Send takes it too. One that is written in its place from the beginning
-// saves a sixth of a small message's way from actor to actor (measured).
+// A moved proto::Message converts to an OwnedMessage, and Send accepts it. Writing an OwnedMessage in place from the
+// start saves a sixth of the time of a small message between actors (measured).
 //
-// Messages are made once and used again, emptied. One thread's actors make messages that another's let go, which malloc
-// answers with a lock on each (measured: half of the throughput of two threads); here many change hands under one lock.
-// What a message points to comes from malloc as ever, and goes with it.
+// Released messages are emptied and reused. One thread's actors often allocate messages that another thread releases.
+// In malloc, each of them takes a lock, which halves the throughput of two threads (measured). Here many messages
+// change threads under one lock. Memory that a message points to still comes from malloc and is freed on release.
 #pragma once
 
 #include <cstddef>
@@ -19,12 +19,12 @@
 
 namespace moondb {
 
-// As std::unique_ptr. Any thread; made on one, it may be let go on another.
+// Owns a message as std::unique_ptr does. A message may be created on one thread and released on another.
 class OwnedMessage {
  public:
-  OwnedMessage();                  // An empty message.
-  OwnedMessage(std::nullptr_t) {}  // NOLINT(google-explicit-constructor): as with pointers, none.
-  // NOLINTNEXTLINE(google-explicit-constructor): who sends need not know of this class.
+  OwnedMessage();                  // Holds an empty message.
+  OwnedMessage(std::nullptr_t) {}  // NOLINT(google-explicit-constructor): null, as for pointers.
+  // NOLINTNEXTLINE(google-explicit-constructor): senders need not know this class.
   OwnedMessage(proto::Message&& message) : OwnedMessage() { message_->Swap(&message); }
   OwnedMessage(OwnedMessage&& other) noexcept : message_(std::exchange(other.message_, nullptr)) {}
   OwnedMessage& operator=(OwnedMessage&& other) noexcept {

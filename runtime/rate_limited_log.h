@@ -1,6 +1,6 @@
-// RateLimitedLog: a line that a peer, a client, or a disk that is full, can cause at will is logged at most once in a
-// while, with how many were left out. Every other line of actors/ and runtime/ stands in tools/check_logs with the
-// reason why nobody else can cause it at will.
+// RateLimitedLog: limits the rate of a log line that a peer, a client or a full disk can cause repeatedly. Each line
+// reports how many were suppressed before it. tools/check_logs lists all other log lines of actors/ and runtime/, with
+// the reason why none of them can be triggered at will.
 #pragma once
 
 #include <spdlog/common.h>
@@ -11,12 +11,12 @@
 
 namespace moondb {
 
-// One thread at a time.
+// Not thread-safe.
 class RateLimitedLog {
  public:
   static constexpr std::chrono::seconds kPeriod{10};
 
-  // So many lines at once, then one in a period.
+  // Allows a burst of `at_once` lines, then one line per kPeriod.
   explicit RateLimitedLog(int at_once = 1) : at_once_(at_once) {}
 
   void Info(const std::string& text) { Log(spdlog::level::info, text); }
@@ -27,7 +27,7 @@ class RateLimitedLog {
   void Log(spdlog::level::level_enum level, const std::string& text);
 
   const int at_once_;
-  std::chrono::steady_clock::time_point next_{};  // When the next line would come, were they spread evenly.
+  std::chrono::steady_clock::time_point next_{};  // Time of the next line if the lines were evenly spaced.
   std::uint64_t left_out_ = 0;
 };
 

@@ -21,7 +21,7 @@ void RecordReader::Follow(Context& context) {
 
 void RecordReader::Read(Context& context) {
   if (question_id_ == 0) {
-    // Random, so that storage's answer to a life before a restart meets no question of this one.
+    // Start at a random id. A late reply to a request from before a restart then matches no new request.
     question_id_ = context.rng()();
     context.Monitor(StorageOf(context));
   }
@@ -83,13 +83,14 @@ bool RecordReader::OnTimer(Context& context, const proto::Timer& timer) {
   return true;
 }
 
-// One that waits in the mailbox takes up what is stored later: it may come before a page that was read earlier.
+// A waiting RecordsStored absorbs later ones. It may therefore report rows that are missing in the page in flight, if
+// that was read earlier.
 void RecordReader::OnRecordsStored(Context& context, const proto::RecordsStored& stored) {
   if (!is_following_ || context.sender() != StorageOf(context)) return;
   if (stored.last_row_id() > last_row_id_ && Reads(stored)) Read(context);
 }
 
-// Asks from a timer's handler and not here, so that a reading ends only in Read and where OnMessage says true.
+// Sends the request from a timer, not from here. A reading then ends only in Read, or if OnMessage returns true.
 void RecordReader::OnDown(Context& context, const proto::Down& down) {
   const Address lost{down.agent(), down.actor()};
   if (lost != StorageOf(context) || down.is_final()) return;
@@ -121,7 +122,7 @@ void RecordReader::AskAfter(Context& context, Duration delay) {
   timer_ = context.AfterTimer(delay, kTimerKind, ++question_id_);
 }
 
-// The cursor moves record by record, so that none is taken twice after an error.
+// The cursor advances after each record, and no record is passed on twice after an error.
 Result<void> RecordReader::TakePage(Context& context, const proto::ReadReply& page) {
   if (IsError(page.error())) return tl::unexpected(FromProto(page.error()));
   const int count = std::min(page.records_size(), page.row_ids_size());

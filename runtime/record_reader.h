@@ -5,7 +5,7 @@
 //     void OnStart(Context& context) override { reader_.Follow(context); }
 //     void OnMessage(Context& context, const proto::Message& message) override {
 //       if (reader_.OnMessage(context, message)) return;
-//       // What else this actor hears.
+//       // Handle other messages.
 //     }
 //
 //    private:
@@ -16,25 +16,25 @@
 //                          }};
 //   };
 //
-// Which records: those of `data_types`, this agent's own and those that sharing brought, in the order in which they
-// were stored here, each once. One that was superseded or pruned before its page was read does not come. The cursor is
-// the row of the last record. It lies in memory, as an actor's state comes from storage: an actor that is made anew has
-// a new reader, which begins with the first record (decision 0002).
+// Reads records of `data_types`, both this agent's own and those received by sharing. Each is read once, in the order
+// in which they were stored here. Records that were superseded or pruned before their page was read are skipped. The
+// cursor is the row id of the last record read. It is kept in memory: a restarted actor has a new reader, which starts
+// at the first record (decision 0002).
 //
-// Follow reads all that is stored and then whatever comes, as long as the actor lives. Read reads what is stored by
-// now, for an actor that looks when it is asked; the reading ends with result().
+// Follow reads all stored records and then new ones, as long as the actor exists. Read reads the records stored at the
+// time of the call and ends with result().
 //
-// What comes between:
-//   - Something is stored while a page is on its way: the reader looks again behind that page.
-//   - Storage fails and is made anew: it is asked for the page again at once. A reader that follows also looks when it
-//     was not reading, since what storage committed last may not have been published.
-//   - A page does not come (it was lost at a full mailbox, or storage is silent), storage cannot be asked or answers
-//     with an error: a reader that follows asks again after retry_delay, as often as it takes; else the reading ends.
-//   - Answers to a question that was given up, and those that are not storage's, are not taken.
-// One question is under way at a time. A question that timed out may still wait at storage: one each answer_timeout, of
-// which there are few before the runtime's watchdog ends a process whose storage gets no turn.
+// Concurrent changes and failures:
+//   - Records are stored while a page is in flight: the reader requests another page after it.
+//   - Storage fails and restarts: the reader requests the page again at once. A following reader that was idle requests
+//     a page too, because the last commit may not have been published.
+//   - A page is lost at a full mailbox, storage does not answer, cannot be reached or returns an error: a following
+//     reader retries after retry_delay, without a limit. Any other reading ends with the error.
+//   - Replies to abandoned requests, and replies that are not from storage, are ignored.
+// One request is in flight at a time. A request that timed out may still wait in storage's mailbox. At most one is
+// added per answer_timeout, and the watchdog ends a process whose storage gets no turn.
 //
-// A plain class without a thread, for the handlers of one actor.
+// For the handlers of one actor. Not thread-safe; starts no thread.
 #pragma once
 
 #include <chrono>
@@ -52,49 +52,51 @@ namespace moondb {
 class RecordReader {
  public:
   struct Options {
-    std::vector<DataType> data_types;            // Empty: all.
-    std::uint32_t page_records_max = 512;        // Storage gives at most 10,000.
-    std::uint32_t page_bytes_max = 1024 * 1024;  // Of contents, at most 32 MiB; a larger record comes alone.
+    std::vector<DataType> data_types;      // Types to read. Empty: all types.
+    std::uint32_t page_records_max = 512;  // Records per page. Storage returns at most 10,000.
+    // Content bytes per page, at most 32 MiB. A larger record is returned alone.
+    std::uint32_t page_bytes_max = 1024 * 1024;
     Duration answer_timeout = std::chrono::seconds(30);
-    Duration retry_delay = std::chrono::seconds(5);  // Of a reader that follows.
+    Duration retry_delay = std::chrono::seconds(5);  // Delay before a following reader retries.
   };
 
-  // Called for each record, within OnMessage; must not call the reader. With an error the reading ends as with one of
-  // storage's, and the next one begins with this record.
+  // Called for each record, inside OnMessage. Must not call the reader. An error ends the reading like an error of
+  // storage, and the next reading starts with this record.
   using Take = std::function<Result<void>(Context&, const proto::StoredRecord&)>;
 
-  // Timers of this kind are a reader's; an actor may have several readers.
+  // Kind of the reader's timers. An actor may have several readers.
   static constexpr std::uint32_t kTimerKind = 0x7265'6164;
 
   RecordReader(Options options, Take take);
 
-  // To be called once, in OnStart. Watches Topic::kStored.
+  // Starts following. Call once, in OnStart. Watches Topic::kStored.
   void Follow(Context& context);
-  // Reads what is stored by now; extends a reading under way to that. Where storage cannot be asked, the reading of a
-  // reader that does not follow has ended when this returns.
+  // Reads the records stored so far. Extends a reading that is in progress. If storage cannot be reached and the reader
+  // does not follow, the reading has ended when this returns.
   void Read(Context& context);
-  // As Read, from the first record on, whatever was read before. Ends a reading under way without a result.
+  // As Read, but restarts at the first record. Ends a reading that is in progress, without a result.
   void ReadAgain(Context& context);
-  // Ends a reading under way without a result; the cursor stays. A reader that follows goes on with the next record.
+  // Ends a reading that is in progress, without a result. The cursor stays. A following reader continues at the next
+  // RecordsStored.
   void Stop(Context& context);
 
-  // To be called with each message that the actor handles. True: it was for this reader alone, and the actor has
-  // nothing to do with it. RecordsStored and Down are seen, and left to the actor and its other readers.
+  // Call with each message that the actor handles. Returns true if the message was for this reader only; the actor must
+  // then ignore it. RecordsStored and Down return false: the actor and its other readers may need them too.
   bool OnMessage(Context& context, const proto::Message& message);
 
-  // A page is on its way, or will be asked for again.
+  // True if a page is in flight or will be requested again.
   bool is_reading() const { return state_ != State::kIdle; }
-  // How the last reading ended: kUnavailable: storage cannot be asked. kTimedOut: it did not answer. Else its own
-  // error, or Take's. None: all that was stored as Read was called last was read.
+  // Result of the last reading. kUnavailable: storage cannot be reached. kTimedOut: it did not answer. Otherwise an
+  // error of storage or of Take. No error: all records stored before the last call of Read were read.
   const Result<void>& result() const { return result_; }
-  // Whether any of these is to be read here.
+  // True if `stored` includes a type that this reader reads.
   bool Reads(const proto::RecordsStored& stored) const;
 
  private:
   enum class State {
     kIdle,
     kAwaitingPage,
-    kPausing,  // Until the timer, then storage is asked.
+    kPausing,  // Waits for the timer before the next request.
   };
 
   bool OnReadReply(Context& context, const proto::Message& message);
@@ -111,9 +113,9 @@ class RecordReader {
   const Take take_;
   State state_ = State::kIdle;
   bool is_following_ = false;
-  bool is_more_wanted_ = false;    // Something may be stored that the page on its way does not hold.
-  std::uint64_t last_row_id_ = 0;  // The cursor.
-  std::uint64_t question_id_ = 0;  // The last question's, or the pause's before the next; 0: none yet.
+  bool is_more_wanted_ = false;    // Records may be stored that the page in flight does not contain.
+  std::uint64_t last_row_id_ = 0;  // The cursor: row id of the last record read.
+  std::uint64_t question_id_ = 0;  // Id of the last request, or of the pause before the next one; 0: none yet.
   TimerId timer_ = 0;
   Result<void> result_;
   RateLimitedLog trouble_log_;

@@ -1,6 +1,6 @@
-// RoleTable: what @leader, @survivor and @base stand for on one agent at this moment.
+// RoleTable: the agents that @leader, @survivor and @base currently resolve to, on one agent.
 //
-// Any thread. Leader and survivor change together: a reader never sees one of each assignment.
+// Thread-safe. Leader and survivor change atomically: a reader never sees values of two assignments.
 #pragma once
 
 #include <atomic>
@@ -18,11 +18,11 @@ class RoleTable {
   void SetRoles(const proto::RoleAssignment& roles);
   void SetBaseStation(AgentId agent) { base_station_ = agent; }
 
-  // The agent that an alias stands for, 0 for nobody; any other agent is returned as it is.
+  // Returns the agent that an alias resolves to, or 0 if none. Returns any other agent unchanged.
   AgentId Resolve(AgentId agent) const;
 
  private:
-  std::atomic<std::uint64_t> leader_and_survivor_ = 0;  // Leader in the upper half.
+  std::atomic<std::uint64_t> leader_and_survivor_ = 0;  // The leader is in the upper 32 bits.
   std::atomic<AgentId> base_station_;
 };
 

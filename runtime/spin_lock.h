@@ -1,10 +1,10 @@
-// SpinLock: a lock that is held for some nanoseconds at a time, and so mostly free again before a thread could be put
+// SpinLock: a lock that is held for a few nanoseconds at a time. It is usually free again before a thread could be put
 // to sleep.
 //
-// Two threads that pass messages at full speed meet at the mailbox's lock again and again; sleeping and waking at each
-// meeting costs them half of their throughput, and one that wakes into a crowd (eight senders, two cores) sends the
-// next to sleep (measured). Who finds it held looks a few times more, then yields the processor, which the holder may
-// need. Nothing waits, allocates much or calls foreign code under it.
+// Two threads that exchange messages at full speed often contend for the mailbox's lock. Sleeping and waking would
+// halve their throughput. A thread that wakes under contention (eight senders, two cores) makes the next one sleep
+// (measured). A thread that finds the lock held polls a few times and then yields its processor, which the holder may
+// need. Code under the lock must not wait, allocate much or call foreign code.
 #pragma once
 
 #include <atomic>
@@ -20,9 +20,9 @@ class SpinLock {
   void unlock() { is_held_.store(false, std::memory_order_release); }
 
  private:
-  // The holder may have been put to sleep, by as many senders as there are: then looking longer only takes its
-  // processor. 10 in place of 100 bring eight senders on two cores 1.25 times as far, and cost one sender nothing
-  // (docs/benchmarks/runtime.md); a look is a pause of 66 cycles on AMD's Zen 3, and of some 140 on Intel's Skylake.
+  // Polls before a thread yields its processor. The holder may have been preempted, and more polling only withholds a
+  // processor from it. With 10 polls instead of 100, eight senders on two cores are 1.25 times as fast, at no cost for
+  // one sender (docs/benchmarks/runtime.md). One poll pauses 66 cycles on AMD Zen 3 and about 140 on Intel Skylake.
   static constexpr int kLooksBeforeYield = 10;
 
   void WaitUntilFree() const {

@@ -22,7 +22,7 @@ Supervisor::Verdict Supervisor::OnFailure(const Error& failure, MonotonicTime no
 }
 
 Duration Supervisor::NextDelay() const {
-  // Slow, but so that as many restarts again fall into the period.
+  // Use a long delay that still allows `restarts_max` restarts within the period.
   if (has_stepped_down_) return std::min(options_.delay_max, options_.restart_period / (2 * options_.restarts_max));
   if (failures_.empty()) return Duration::zero();
   Duration delay = options_.first_delay;

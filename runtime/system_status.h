@@ -1,5 +1,5 @@
-// SystemStatus: what the runtime itself knows of an agent's actors and of the ways to its peers. Apart from actor.h, so
-// that a new field of a status does not make every actor be built anew.
+// SystemStatus: the runtime's own data about an agent's actors and its links to peers. Separate from actor.h: a new
+// field in a status does not recompile every actor.
 #pragma once
 
 #include <vector>

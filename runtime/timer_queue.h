@@ -1,6 +1,6 @@
-// TimerQueue: values that come due, ordered by time and, at the same time, by the order in which they were added.
+// TimerQueue: values ordered by their due time, and by insertion order for equal times.
 //
-// Not thread-safe. Adding, cancelling and taking out cost O(log n).
+// Not thread-safe. Add, Cancel and TakeDue cost O(log n).
 #pragma once
 
 #include <cstddef>
@@ -17,9 +17,9 @@ namespace moondb {
 template <typename T>
 class TimerQueue {
  public:
-  static constexpr std::size_t kSizeMax = 1'000'000;  // More is an actor that has lost count: a broken claim.
+  static constexpr std::size_t kSizeMax = 1'000'000;  // Exceeding this is a bug in an actor and fails a Check.
 
-  // Ids count from 1 and are never used again.
+  // Returns an id. Ids count from 1 and are never reused.
   TimerId Add(MonotonicTime due, T value) {
     Check(by_due_.size() < kSizeMax, "fewer than a million timers wait");
     const TimerId id = ++last_id_;
@@ -28,7 +28,7 @@ class TimerQueue {
     return id;
   }
 
-  // Of one that was taken out already: nothing happens.
+  // Removes a timer. Has no effect if TakeDue already returned it.
   void Cancel(TimerId id) {
     const auto found = due_of_.find(id);
     if (found == due_of_.end()) return;
@@ -41,7 +41,7 @@ class TimerQueue {
     return by_due_.begin()->first.first;
   }
 
-  // The first value that is due at `now`, with the time at which it was due.
+  // Removes and returns the first value that is due at `now`, with its due time.
   std::optional<std::pair<MonotonicTime, T>> TakeDue(MonotonicTime now) {
     const auto first = by_due_.begin();
     if (first == by_due_.end() || first->first.first > now) return std::nullopt;

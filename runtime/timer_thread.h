@@ -1,6 +1,6 @@
-// TimerThread: runs tasks at their time, on one thread that sleeps until the next is due.
+// TimerThread: runs tasks at their due times on one thread, which sleeps until the next one.
 //
-// Tasks are short: a late one delays those behind it. Any thread may call Add and Cancel, tasks too.
+// Tasks must be short: a late task delays the following ones. Any thread may call Add and Cancel, including a task.
 #pragma once
 
 #include <condition_variable>
@@ -20,9 +20,9 @@ class TimerThread {
   ~TimerThread() { Join(); }
 
   TimerId Add(MonotonicTime due, Task task);
-  // The task has run, is running, or will never run.
+  // After this returns, the task has run, is still running, or will never run.
   void Cancel(TimerId id);
-  // Lets a running task end, drops all others. Not from a task. Idempotent.
+  // Waits for the running task and drops all others. Must not be called from a task. Idempotent.
   void Join();
 
  private:

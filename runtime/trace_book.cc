@@ -19,7 +19,8 @@ struct OwnRing {
 };
 thread_local OwnRing own_ring;
 
-// Names of Message's bodies by field number, made before any signal: protobuf's descriptors are not for handlers.
+// Names of Message's bodies by field number. Built before any signal arrives, because protobuf's descriptors are not
+// safe in signal handlers.
 class BodyNames {
  public:
   BodyNames() {
@@ -42,7 +43,7 @@ const BodyNames& GetBodyNames() {
   return names;
 }
 
-// A line of text without allocation or locale. What does not fit is cut off.
+// A line of text, built without allocation or locale. Text that does not fit is cut off.
 class Line {
  public:
   Line& operator<<(const char* text) {
@@ -193,7 +194,8 @@ std::atomic<const TraceBook*> crash_book = nullptr;
 char crash_path[4096] = "";
 
 void OnFatalSignal(int signal) {
-  // Once: what fails in here, and what other threads fail at meanwhile, ends the process in the default way.
+  // Restore the default actions first. A failure in this handler, or in another thread meanwhile, then ends the
+  // process.
   for (const int fatal : kFatalSignals) std::signal(fatal, SIG_DFL);
   if (const TraceBook* book = crash_book.exchange(nullptr)) {
     char headline[] = "signal 00";

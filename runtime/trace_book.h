@@ -1,7 +1,8 @@
-// TraceBook: what one agent's actors did last: a TraceRing for each thread, and the names that the records refer to.
+// TraceBook: the latest events of one agent's actors, in one TraceRing per thread, and the names that the records refer
+// to.
 //
-// Always on. A record costs a few nanoseconds on a thread of the agent's own; other threads (the transport's, a test's)
-// share one ring under a mutex. Threads may Add, and anybody read, at any time after the last AddName.
+// Tracing is always on. A record costs a few nanoseconds on the agent's own threads. Other threads (of the transport,
+// of a test) share one ring under a mutex. After the last AddName, adding and reading are thread-safe.
 #pragma once
 
 #include <array>
@@ -18,28 +19,28 @@ namespace moondb {
 
 class TraceBook {
  public:
-  static constexpr std::size_t kThreadsMax = 64;  // With a ring of their own; further ones share.
+  static constexpr std::size_t kThreadsMax = 64;  // Limit of threads with their own ring; further threads share one.
   static constexpr std::size_t kNamesMax = 60'000;
 
-  // `ns_per_tick`: of the records' times; TickClock's, or 1 in simulation.
+  // `ns_per_tick` is the unit of the records' times: that of TickClock, or 1 in simulation.
   TraceBook(AgentId self, double ns_per_tick);
 
-  // An actor of this agent; what records call it.
+  // Adds the name of an actor and returns its number for use in records.
   std::uint16_t AddName(std::string name);
 
-  // The calling thread gets a ring of its own, for as long as it lives; it belongs to this agent alone.
+  // Gives the calling thread its own ring until it ends. Requires: the thread belongs to this agent only.
   void JoinThread();
   void Add(const TraceRecord& record);
 
-  // The events that `request` asks for, oldest first.
+  // Adds the events that match `request` to `reply`, oldest first.
   void Report(const proto::TraceRequest& request, Ticks now, proto::TraceReply* reply) const;
 
-  // All events as text, a line each, thread by thread, to a file made anew, below `headline`. For signal handlers too;
-  // a file that cannot be made is left alone. Not in simulation.
+  // Writes all events as text below `headline`, one line each, thread by thread. Replaces the file at `path`. Has no
+  // effect if the file cannot be opened. Safe in signal handlers. Not for simulation.
   void WriteFile(const char* path, const char* headline = "trace") const;
 
  private:
-  std::vector<TraceRecord> ReadAll() const;  // In order of time.
+  std::vector<TraceRecord> ReadAll() const;  // Sorted by time.
   void WriteRing(int file, const TraceRing& ring, std::uint64_t thread, Ticks now) const;
   std::uint64_t Microseconds(Ticks ticks) const;
   const char* NameOf(std::uint16_t name) const { return name < names_.size() ? names_[name].c_str() : ""; }
@@ -53,14 +54,15 @@ class TraceBook {
   TraceRing shared_ring_;
 };
 
-// What people read for a kind of event: "handled", "could not send". For signal handlers too.
+// Returns a readable word for a kind of event, such as "handled" or "could not send". Safe in signal handlers.
 const char* TraceWord(proto::TraceKind kind);
 
-// The name of Message's body field of that number, "" for none. For signal handlers too, once a TraceBook was made.
+// Returns the name of the Message body field with this number, or "" if there is none. Safe in signal handlers once a
+// TraceBook exists.
 const char* BodyName(std::uint16_t body);
 
-// From now on a fatal signal (SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT) writes `book` to the file at `path`, made anew,
-// before it ends the process. One book a process; null: no more. `path` is kept.
+// Installs a handler that writes `book` to the file at `path` after a fatal signal (SIGSEGV, SIGBUS, SIGFPE, SIGILL,
+// SIGABRT), before the process ends. The file is replaced. One book per process; null removes it. `path` is copied.
 void DumpTraceOnCrash(const TraceBook* book, const std::string& path);
 
 }  // namespace moondb

@@ -1,7 +1,7 @@
-// TraceRing: the last things that one thread's actors did, always kept, for the moment something went wrong.
+// TraceRing: the latest events of one thread's actors, always recorded for diagnosis.
 //
-// One thread adds (about 5 ns), any thread reads at the same time, a signal handler too: all words are atomic, and what
-// was overwritten while it was read is left out.
+// One thread adds records (about 5 ns each). Other threads and signal handlers may read concurrently: all words are
+// atomic. A record that was overwritten while it was read is skipped.
 #pragma once
 
 #include <array>
@@ -16,16 +16,16 @@
 namespace moondb {
 
 struct TraceRecord {
-  static constexpr std::uint16_t kNobody = 0xFFFF;  // As a name: none of this agent's actors.
+  static constexpr std::uint16_t kNobody = 0xFFFF;  // Name number that stands for no actor of this agent.
 
-  Ticks time = 0;  // The simulation's are nanoseconds.
+  Ticks time = 0;  // Time of the event in ticks; in simulation, in nanoseconds.
   proto::TraceKind kind = proto::TRACE_SENT;
   SendResult result = SendResult::kAccepted;
-  std::uint16_t body = 0;  // proto::Message::BodyCase.
+  std::uint16_t body = 0;  // Body of the message, a proto::Message::BodyCase.
   std::uint16_t actor = kNobody;
   std::uint16_t other_actor = kNobody;
   AgentId other_agent = 0;
-  std::uint32_t bytes = 0;  // 0 for what was not counted.
+  std::uint32_t bytes = 0;  // Size of the message; 0: not counted.
   std::uint64_t request_id = 0;
   Ticks duration = 0;
 };
@@ -35,10 +35,11 @@ class TraceRing {
   static constexpr std::size_t kRecords = 1024;
 
   void Add(const TraceRecord& record);
-  // Oldest first.
+  // Returns the kept records, oldest first.
   std::vector<TraceRecord> Read() const;
 
-  // For signal handlers: the record of that number if it is still kept. They are numbered from 0 to count() - 1.
+  // Reads the record with this number; returns false if it is no longer kept. Records are numbered from 0 to count() -
+  // 1. Safe in signal handlers.
   bool Read(std::uint64_t number, TraceRecord* record) const;
   std::uint64_t count() const { return count_.load(std::memory_order_acquire); }
 

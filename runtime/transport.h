@@ -1,7 +1,8 @@
 // Transport: carries Messages between agents, and between an agent and its clients.
 //
-// A weak contract on purpose: a message that was accepted may be lost, repeated or come late, but not damaged and not
-// from another agent than hop_sender says. Whatever must arrive is sent again by whoever wants it to (actors/sharing).
+// The delivery guarantee is weak on purpose. An accepted message may be lost, duplicated or delayed. It is never
+// damaged and never from an agent other than hop_sender. Reliable delivery is the task of the layer above, which
+// retransmits (actors/sharing).
 #pragma once
 
 #include <cstddef>
@@ -17,23 +18,23 @@ class PeerStatus;
 
 namespace moondb {
 
-// A frame between agents has so many bytes at most, two seconds of a 1 Mbps radio. What is longer is cut into pages or
-// pieces by whoever sends it, or refused there with kTooLong: one that came in would close the connection.
+// Largest frame between agents, two seconds of a 1 Mbps radio. Senders split larger data into pages or fragments, or
+// their send is refused with kTooLong. Receiving a larger frame closes the connection.
 inline constexpr std::size_t kPeerFrameBytesMax = 256 * 1024;
-// Of a message that has a frame of its own, serialised.
+// Largest serialised message that is sent in its own frame.
 inline constexpr std::size_t kPeerMessageBytesMax = kPeerFrameBytesMax - 11;
 
 class Transport {
  public:
-  // Takes a message that came in (hop_sender is checked; from clients it is kClients and source_actor names the
-  // connection). Called on the transport's thread; must not block.
+  // Receives an incoming message. hop_sender is authenticated. For clients, hop_sender is kClients and source_actor
+  // names the connection. Called on the transport's thread; must not block.
   using Deliver = std::function<void(OwnedMessage)>;
-  // A peer was reached or lost. Called on the transport's thread.
+  // Called when a peer connects or disconnects, on the transport's thread.
   using PeerChanged = std::function<void(AgentId peer, bool is_connected)>;
 
   virtual ~Transport() = default;
 
-  // Any thread; never blocks. `to` is an agent or kClients.
+  // Sends to an agent or to kClients. Never blocks. Thread-safe.
   [[nodiscard]] virtual SendResult Send(const Address& to, const proto::Message& message) = 0;
   virtual std::vector<proto::PeerStatus> Peers() const = 0;
 };

@@ -9,20 +9,21 @@
 namespace moondb {
 namespace {
 
-// Turns from the next slot in a row, then what waits in the queue is served.
+// Limit of successive turns from the next slot. Then the queue is served.
 constexpr int kSlotTurnsMax = 64;
-// Measured: two actors on threads of their own answer each other 8 times as fast as without, little faster with more.
+// Measured: with 5 yields, two actors on dedicated threads answer each other 8 times as fast as with none. More yields
+// gain little.
 constexpr int kYieldsBeforeSleep = 5;
 
 }  // namespace
 
 struct WorkerPool::Worker {
-  static thread_local Worker* current;  // Null on threads of no pool.
+  static thread_local Worker* current;  // Null on threads outside any pool.
 
   const WorkerPool* pool = nullptr;
   Runnable* next = nullptr;
   int slot_turns = 0;
-  Ticks now = 0;  // When the last turn ended.
+  Ticks now = 0;  // End time of the last turn.
 };
 
 thread_local WorkerPool::Worker* WorkerPool::Worker::current = nullptr;

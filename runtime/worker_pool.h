@@ -1,11 +1,12 @@
-// WorkerPool: threads that run what was submitted, in that order, and sleep when there is nothing.
+// WorkerPool: threads that run submitted tasks in order and sleep if there are none.
 //
-// One queue under one mutex, no stealing and no polling: with a handful of actors and short turns the lock is rarely
-// contended, and an idle agent uses no battery. Before a thread that has worked sleeps, it yields the processor a few
-// times (1 to 3 us in all): in a steady stream nobody pays for putting to sleep and waking. What one of the pool's own
-// threads submits first in a turn waits in that thread's next slot instead and runs right after the turn, so that
-// request and reply stay on one thread, in its cache, without a lock and without waking another. So a turn that submits
-// and then goes on for long delays what it submitted: long turns belong on a thread of their own. With one thread the
+// One queue under one mutex, without work stealing or polling. With a handful of actors and short turns the lock is
+// rarely contended, and an idle agent uses no battery. A thread that has worked yields its processor a few times (1 to
+// 3 us in all) before it sleeps. A steady stream of work then avoids the cost of sleeping and waking.
+//
+// The first task that a pool's own thread submits during a turn goes to the thread's next slot and runs right after the
+// turn. Request and reply stay on one thread and in its cache, without a lock or a wake-up. A turn that submits and
+// then continues for long delays the submitted task, so long turns belong on a dedicated thread. With one thread, the
 // pool is that thread's queue.
 #pragma once
 
@@ -25,26 +26,26 @@ namespace moondb {
 class Runnable {
  public:
   virtual ~Runnable() = default;
-  // `now` is the time at its start; returns the time at its end, which saves a look at the clock between two turns.
+  // Runs one turn. `now` is its start time. Returns its end time, which saves a clock read between two turns.
   virtual Ticks RunTurn(Ticks now) = 0;
 };
 
 class WorkerPool {
  public:
-  // `name` is what tools like top show; its first 15 bytes count. `on_thread_start` runs first on each thread.
+  // `name` is shown by tools like top, up to 15 bytes. `on_thread_start` runs first on each thread.
   WorkerPool(const std::string& name, int thread_count, std::function<void()> on_thread_start = {});
   ~WorkerPool() { Join(); }
 
-  // Any thread. The caller submits one thing once until its turn began, which bounds the queue, and keeps it until its
-  // turn ended. After Join: nothing happens.
+  // Submits a task. Requires: the task is not already waiting in the pool (this bounds the queue), and it exists until
+  // its turn ends. After Join there is no effect. Thread-safe.
   void Submit(Runnable* task);
-  // As Submit, but behind all that waits: for what had its turn already.
+  // As Submit, but behind all waiting tasks. For a task that just had its turn.
   void SubmitLast(Runnable* task);
 
-  // In a turn: lets others have the processor, up to so many times, unless other work waits in the pool.
+  // Yields the processor up to `times` times, as long as no work waits in the pool. Call only inside a turn.
   void YieldWithoutWork(int times) const;
 
-  // Lets running turns end, drops waiting ones. Not from one of its own threads. Idempotent.
+  // Waits for running turns and drops waiting tasks. Must not be called from the pool's own threads. Idempotent.
   void Join();
 
  private:
@@ -56,7 +57,7 @@ class WorkerPool {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Runnable*> tasks_;
-  std::atomic<bool> has_tasks_ = false;  // Of tasks_, for who lingers.
+  std::atomic<bool> has_tasks_ = false;  // True if tasks_ is not empty, for threads that yield.
   bool is_joining_ = false;
   std::vector<std::thread> threads_;
   const std::function<void()> on_thread_start_;

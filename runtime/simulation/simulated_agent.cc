@@ -67,7 +67,7 @@ class SimulatedAgent::Host final : public ActorHost {
   Mailbox mailbox;
   Supervisor supervisor;
   std::uint64_t restarts = 0;
-  Fault injected = Fault::kNone;  // Into the handler that runs.
+  Fault injected = Fault::kNone;  // Fault injected into the running handler.
   const std::uint64_t boot;
   const std::uint16_t trace_name;
 
@@ -95,7 +95,7 @@ SimulatedAgent::SimulatedAgent(AgentSurroundings& team, AgentId id, std::uint64_
 
 SimulatedAgent::~SimulatedAgent() = default;
 
-// --- The process ---
+// --- Crash and restart of the process ---
 
 void SimulatedAgent::SetRoles(const proto::RoleAssignment& roles) {
   given_roles_ = roles;
@@ -110,7 +110,7 @@ void SimulatedAgent::Crash() {
   team_.OnCrashed(id_);
   for (auto host = hosts_.rbegin(); host != hosts_.rend(); ++host) {
     (*host)->mailbox.Close();
-    if (!(*host)->is_in_handler()) (*host)->End();  // Else SettleHandler ends it.
+    if (!(*host)->is_in_handler()) (*host)->End();  // An actor in a handler is destroyed later, by SettleHandler.
   }
 }
 
@@ -124,7 +124,7 @@ void SimulatedAgent::Restart(const std::vector<AgentId>& connected) {
   peers_.clear();
   monitors_ = Monitors(id_);
   for (const AgentId peer : connected) OnPeerAtStart(peer);
-  // All mailboxes exist before the first OnStart sends.
+  // Create all mailboxes before the first OnStart sends a message.
   for (const SpawnedActor& spawned : spawned_) MakeHost(spawned);
   for (const auto& host : hosts_) {
     if (host->is_alive()) StartHost(*host);
@@ -153,14 +153,14 @@ void SimulatedAgent::Spawn(SpawnedActor spawned) {
 }
 
 void SimulatedAgent::MakeHost(const SpawnedActor& spawned) {
-  // Another life draws other numbers, as another process would.
+  // A restarted agent draws other random numbers, as a new process would.
   hosts_.push_back(std::make_unique<Host>(*this, spawned, seed_ + boot_ - 1));
 }
 
 void SimulatedAgent::StartHost(Host& host) {
   while (SettleHandler(host, nullptr, host.Start())) {
   }
-  // What came while the actor was away.
+  // Schedule the messages that arrived while the actor was down.
   const std::size_t waiting = host.mailbox.counts().waiting;
   for (std::size_t i = 0; host.has_actor() && i < waiting; ++i) ScheduleStep(host);
 }
@@ -208,11 +208,12 @@ void SimulatedAgent::ScheduleStep(Host& host) {
 }
 
 void SimulatedAgent::Step(Host& host) {
-  if (!host.has_actor()) return;  // Waits to be made anew; the mailbox is kept, StartHost schedules again.
+  // The actor waits for its restart. The mailbox is kept, and StartHost schedules the steps.
+  if (!host.has_actor()) return;
   Mailbox::Item* taken = host.mailbox.Take();
   if (taken == nullptr) return;
   Mailbox::Item item = std::move(*taken);
-  if (item.is_timer && item.incarnation != host.incarnation()) return;  // Of one that died.
+  if (item.is_timer && item.incarnation != host.incarnation()) return;  // Skip a timer of an earlier incarnation.
   team_.Trace(host.self(), item.sender != nullptr ? *item.sender : SenderOf(*item.message), *item.message);
   if (SettleHandler(host, &item, Handle(host, item))) StartHost(host);
 }
@@ -244,7 +245,7 @@ std::optional<Error> SimulatedAgent::Handle(Host& host, const Mailbox::Item& ite
 // --- Supervision ---
 
 bool SimulatedAgent::SettleHandler(Host& host, Mailbox::Item* item, const std::optional<Error>& failure) {
-  if (!host.is_alive()) {  // Crashed while it ran.
+  if (!host.is_alive()) {  // The agent crashed during the handler.
     host.End();
     return false;
   }

@@ -1,9 +1,8 @@
-// SimulatedAgent: one agent of a SimulatedTeam: its actors with their mailboxes and supervision, as ActorSystem has
-// them in a process of their own.
+// SimulatedAgent: one agent of a SimulatedTeam, with its actors, mailboxes and supervision. It corresponds to an
+// ActorSystem in its own process.
 //
-// Everything that happens later is an event of the team's queue. An event that belongs to the agent's process checks,
-// when it is due, that it is still the same life of that process; one that belongs to an actor, that it is still the
-// same incarnation.
+// Every later action is an event in the team's queue. A due event of the agent's process is dropped if that process has
+// crashed since (`life`). A due event of an actor is dropped if its incarnation has ended.
 #pragma once
 
 #include <cstdint>
@@ -28,19 +27,19 @@ namespace moondb::simulation {
 
 class SimulatedAgent;
 
-// What an agent needs of its team.
+// The part of SimulatedTeam that an agent uses.
 class AgentSurroundings {
  public:
   using Event = std::function<void()>;
 
   virtual ~AgentSurroundings() = default;
   virtual MonotonicTime now() const = 0;
-  virtual std::int64_t utc_now_ns() const = 0;  // Of a right clock.
+  virtual std::int64_t utc_now_ns() const = 0;  // True UTC, without the agent's clock offset.
   virtual TimerQueue<Event>& events() = 0;
   virtual SendResult Send(const Address& from, const Address& to, proto::Message message) = 0;
-  // To an actor of the agent, or to the probe of that address. `sender`: see Mailbox::Item.
+  // Delivers to an actor of the agent, or to the probe at that address. `sender`: see Mailbox::Item.
   virtual SendResult HandOver(const Address& to, OwnedMessage message, const Address* sender) = 0;
-  // The same address, for as long as any message may wait.
+  // Returns an equal address that stays valid as long as any message may wait.
   virtual const Address* Remember(const Address& sender) = 0;
   virtual Fault FaultFor(const Address& actor, const proto::Message& message) = 0;
   virtual void Trace(const Address& to, const Address& sender, const proto::Message& message) = 0;
@@ -57,7 +56,7 @@ class SimulatedAgent {
     std::uint16_t trace_name = 0;
   };
 
-  // Counted about a peer in this life.
+  // Traffic counters of one peer, since the process restarted.
   struct PeerCounters {
     std::uint64_t sent_messages = 0;
     std::uint64_t sent_bytes = 0;
@@ -66,13 +65,13 @@ class SimulatedAgent {
     std::optional<MonotonicTime> heard;
   };
 
-  // It runs at once, without actors. `team` outlives it.
+  // Creates a running agent without actors. Requires: `team` outlives it.
   SimulatedAgent(AgentSurroundings& team, AgentId id, std::uint64_t seed);
   ~SimulatedAgent();
 
   AgentId id() const { return id_; }
   bool is_running() const { return is_running_; }
-  std::uint64_t boot() const { return boot_; }  // Ends with each crash.
+  std::uint64_t boot() const { return boot_; }  // Number of the process, from 1; each crash increments it.
   MonotonicTime crashed() const { return crashed_; }
   std::uint64_t restarts() const { return restarts_; }
   Duration utc_offset() const { return utc_offset_; }
@@ -81,21 +80,22 @@ class SimulatedAgent {
   const std::map<AgentId, PeerCounters>& peers() const { return peers_; }
 
   void SetBaseStation(AgentId base_station) { roles_.SetBaseStation(base_station); }
-  void SetRoles(const proto::RoleAssignment& roles);  // Again after each restart.
+  void SetRoles(const proto::RoleAssignment& roles);  // Applied again after each restart.
   AgentId Resolve(AgentId agent) const { return roles_.Resolve(agent); }
 
   void Spawn(SpawnedActor spawned);
   void Crash();
-  // `connected`: the peers that it reaches.
+  // `connected` lists the peers that the agent can reach.
   void Restart(const std::vector<AgentId>& connected);
   void CrashActor(const std::string& actor);
 
-  // The link to a peer stands or is lost; who watches peers is notified, but for those that watch later.
+  // A peer connected or disconnected. OnPeerChanged notifies the watchers of peers; OnPeerAtStart notifies only those
+  // that watch later.
   void OnPeerChanged(AgentId peer, bool is_connected);
   void OnPeerAtStart(AgentId peer) { (void)monitors_.OnPeerChanged(peer, true); }
   void Watch(const std::string& actor, Topic topic) { Notify(monitors_.Watch(actor, topic)); }
 
-  // Whether an actor of that name was spawned, and what became of the push where it was.
+  // Pushes `message` to an actor of that name. Returns the result, or nothing if no such actor was spawned.
   std::optional<SendResult> Push(const std::string& actor, OwnedMessage& message, const Address* sender);
 
   SystemStatus Status() const;
@@ -106,8 +106,8 @@ class SimulatedAgent {
 
   void MakeHost(const SpawnedActor& spawned);
   void StartHost(Host& host);
-  // What a handler left behind; true if the actor is to be started again at once. `item` is what it handled; null in
-  // OnStart and between messages.
+  // Processes the result of a handler. Returns true if the actor must be restarted at once. `item` is the handled
+  // message; null in OnStart and between messages.
   bool SettleHandler(Host& host, Mailbox::Item* item, const std::optional<Error>& failure);
   bool Recover(Host& host, Mailbox::Item* item, const Error& failure);
   void StepDown(const Host& failed, const Error& failure);
@@ -127,13 +127,13 @@ class SimulatedAgent {
   MonotonicTime crashed_;
   Duration utc_offset_{};
   RoleTable roles_;
-  proto::RoleAssignment given_roles_;  // What the agent's process knows when it starts.
+  proto::RoleAssignment given_roles_;  // Roles that the process knows when it starts.
   std::vector<SpawnedActor> spawned_;
-  std::vector<std::unique_ptr<Host>> hosts_;  // One for each of spawned_.
+  std::vector<std::unique_ptr<Host>> hosts_;  // One Host per element of spawned_, in the same order.
   std::uint64_t restarts_ = 0;
   std::map<AgentId, PeerCounters> peers_;
   Monitors monitors_;
-  TraceBook trace_;  // Of all lives, as are the dead letters.
+  TraceBook trace_;  // Kept across restarts, like the dead letters.
   DeadLetters dead_letters_;
 };
 

@@ -44,7 +44,7 @@ void SimulatedRadio::SetLink(AgentId a, AgentId b, bool is_up, bool is_known) {
 bool SimulatedRadio::is_up(AgentId a, AgentId b) const { return !cuts_.contains(LinkOf(a, b)); }
 
 double SimulatedRadio::DrawRatio() {
-  // Not std::uniform_real_distribution: its numbers differ between standard libraries, and so would a seed's run.
+  // Not std::uniform_real_distribution: its numbers differ between standard libraries, and the run of a seed would too.
   return static_cast<double>(rng_() >> 11) * 0x1.0p-53;
 }
 

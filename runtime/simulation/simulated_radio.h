@@ -1,6 +1,6 @@
-// SimulatedRadio: when, and whether, what one agent sends reaches another. Knows sizes and times, never contents.
+// SimulatedRadio: decides whether and when a message between agents arrives. It knows sizes and times, never contents.
 //
-// Single-threaded, seeded: the same calls in the same order give the same answers.
+// Single-threaded and seeded: the same calls in the same order give the same results.
 #pragma once
 
 #include <cstdint>
@@ -15,12 +15,13 @@ namespace moondb::simulation {
 
 struct RadioOptions {
   Duration latency = std::chrono::milliseconds(1);
-  Duration latency_jitter{};   // Uniform on top; above 0 messages may overtake each other.
-  double loss_ratio = 0;       // 0 to 1, per message.
-  double duplicate_ratio = 0;  // Delivered a second time, up to duplicate_delay_max later.
+  Duration latency_jitter{};   // Uniform addition to the latency. Above 0, messages may be reordered.
+  double loss_ratio = 0;       // Probability of loss per message, 0 to 1.
+  double duplicate_ratio = 0;  // Probability of a second delivery, up to duplicate_delay_max later.
   Duration duplicate_delay_max = std::chrono::seconds(30);
-  double bytes_per_second = 0;                // Of each sender; 0: unlimited.
-  std::size_t outbox_bytes_max = 256 * 1024;  // Waiting at one sender for its rate; a larger message fits alone.
+  double bytes_per_second = 0;  // Bandwidth of each sender; 0: unlimited.
+  // Limit of bytes that wait at one sender. A larger message is accepted if none waits.
+  std::size_t outbox_bytes_max = 256 * 1024;
 };
 
 class SimulatedRadio {
@@ -29,30 +30,31 @@ class SimulatedRadio {
 
   struct Flight {
     SendResult result = SendResult::kAccepted;
-    MonotonicTime departure;              // The last byte leaves the sender.
-    std::vector<MonotonicTime> arrivals;  // None: lost.
+    MonotonicTime departure;              // Time at which the last byte leaves the sender.
+    std::vector<MonotonicTime> arrivals;  // Arrival times; empty if the message is lost.
   };
 
-  // kUnreachable if the link was cut and the ends know it, kFull if the sender's outbox is.
+  // Returns kUnreachable if the link is cut and its ends know it, kFull if the sender's outbox is full.
   Flight Transmit(AgentId from, AgentId to, std::size_t bytes, MonotonicTime now);
 
-  // `is_known`: the ends learn it; until then they send into a cut link and lose it.
+  // Cuts or restores a link. `is_known`: the ends learn of a cut. Otherwise they continue to send and lose the
+  // messages.
   void SetLink(AgentId a, AgentId b, bool is_up, bool is_known);
   bool is_up(AgentId a, AgentId b) const;
 
-  // The agent stopped: its outbox is gone.
+  // Drops the outbox of an agent that stopped.
   void ClearOutbox(AgentId agent) { outbox_empty_at_.erase(agent); }
 
   RadioOptions& options() { return options_; }
-  std::uint64_t bytes() const { return bytes_; }  // Sent, lost ones too.
+  std::uint64_t bytes() const { return bytes_; }  // Bytes sent, including those of lost messages.
 
  private:
   enum class Cut { kUnknown, kKnown };
   using Link = std::pair<AgentId, AgentId>;
 
   static Link LinkOf(AgentId a, AgentId b) { return a < b ? Link(a, b) : Link(b, a); }
-  double DrawRatio();                     // Uniform in [0, 1).
-  Duration DrawDuration(Duration limit);  // Uniform in [0, limit).
+  double DrawRatio();                     // Returns a uniform number in [0, 1).
+  Duration DrawDuration(Duration limit);  // Returns a uniform duration in [0, limit).
   Duration DrawLatency() { return options_.latency + DrawDuration(options_.latency_jitter); }
 
   RadioOptions options_;

@@ -17,8 +17,8 @@
 namespace moondb::simulation {
 namespace {
 
-constexpr std::int64_t kUtcStart_ns = 1'767'225'600'000'000'000;  // 2026-01-01.
-// Not zero, so that a "last time" that was never set does not look like the start.
+constexpr std::int64_t kUtcStart_ns = 1'767'225'600'000'000'000;  // UTC at the start of a run: 2026-01-01.
+// Not zero: a time that was never set must not look like the start of the run.
 constexpr MonotonicTime kStart(std::chrono::seconds(1000));
 constexpr std::size_t kKeptMax = 100'000;
 constexpr std::uint64_t kEventsAtOnceMax = 1'000'000;
@@ -56,7 +56,7 @@ class SimulatedTeam::Impl final : public AgentSurroundings {
   std::function<Fault(const Address&, const proto::Message&)> fault;
 
  private:
-  // AgentSurroundings.
+  // Implementation of AgentSurroundings.
   TimerQueue<Event>& events() override { return events_; }
   SendResult Send(const Address& from, const Address& to, proto::Message message) override;
   SendResult HandOver(const Address& to, OwnedMessage message, const Address* sender) override;
@@ -86,8 +86,8 @@ class SimulatedTeam::Impl final : public AgentSurroundings {
   std::map<AgentId, std::unique_ptr<SimulatedAgent>> agents_;
   std::map<Address, std::vector<proto::Message>> kept_;
   std::size_t kept_count_ = 0;
-  std::set<Address> senders_;                            // Of messages within an agent, for as long as any may wait.
-  std::map<Address, std::vector<proto::Message>> sent_;  // By recorded sender.
+  std::set<Address> senders_;  // Senders of local messages. Never erased, because a waiting message may point to one.
+  std::map<Address, std::vector<proto::Message>> sent_;  // Recorded messages by sender.
   std::size_t sent_count_ = 0;
   std::uint64_t trace_hash_ = 0;
 };
@@ -180,7 +180,7 @@ SendResult SimulatedTeam::Impl::Send(const Address& from, const Address& to, pro
 
 SendResult SimulatedTeam::Impl::Route(const Address& from, const Address& resolved, proto::Message&& message) {
   if (resolved.agent != kClients && !agents_.contains(resolved.agent)) return SendResult::kNoPeer;
-  // A client is on its agent's own machine.
+  // A client runs on the same machine as its agent.
   const bool is_local = from.agent == kClients || resolved.agent == kClients || from.agent == resolved.agent;
   if (is_local) {
     WriteLocalEnvelope(from.agent, resolved.agent, message);
@@ -238,7 +238,7 @@ void SimulatedTeam::Impl::Arrive(AgentId from, AgentId to, const std::string& by
   Check(message->ParseFromString(bytes), "what was serialised can be parsed");
   const std::string actor = message->destination_actor();
   trace_hash_ = XXH64(bytes.data(), bytes.size(), trace_hash_);
-  (void)HandOver({to, actor}, std::move(message), /*sender=*/nullptr);  // Full: counted by the mailbox.
+  (void)HandOver({to, actor}, std::move(message), /*sender=*/nullptr);  // If the mailbox is full, it counts the drop.
 }
 
 void SimulatedTeam::Impl::Keep(const Address& address, const proto::Message& message) {
@@ -255,8 +255,8 @@ std::vector<proto::Message> SimulatedTeam::Impl::Take(const Address& address) {
 }
 
 void SimulatedTeam::Impl::Trace(const Address& to, const Address& sender, const proto::Message& message) {
-  // Bodies count where they cross the radio (Arrive): between an agent's own actors they may hold what no seed rules,
-  // such as a file's size or a solver's seconds.
+  // Bodies are hashed when they cross the radio (Arrive). Between an agent's own actors they may hold values that the
+  // seed does not determine, such as a file's size or a solver's time.
   const std::string line = std::to_string(Duration(now_.time_since_epoch()).count()) + " " + ToString(sender) + " " +
                            ToString(to) + " " + std::to_string(message.body_case()) + " " +
                            std::to_string(message.request_id());

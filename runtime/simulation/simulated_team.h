@@ -1,8 +1,9 @@
-// SimulatedTeam: the runtime on one thread, under a virtual clock and a seed. For tests of actors, yours too.
+// SimulatedTeam: the runtime on one thread, with a virtual clock and a seed. For tests of actors, including those of
+// users.
 //
-// Any number of agents, their actors, and a radio between them that can lose, delay, repeat and cut. Nothing is
-// concurrent: each message is handled to completion, messages between agents are serialised and parsed on the way,
-// time moves only when asked to. The same calls with the same seed give the same run.
+// Runs any number of agents, their actors, and a radio that can lose, delay, duplicate and cut. Nothing runs
+// concurrently. Each message is handled to completion. Messages between agents are serialised and parsed. Time advances
+// only on request. The same calls with the same seed give the same run.
 //
 //   SimulatedTeam team(/*seed=*/1);
 //   team.AddAgent(1);
@@ -12,12 +13,12 @@
 //   team.AdvanceTime(seconds(6));
 //   EXPECT_EQ(team.Take({2, "sync"}).size(), 2u);             // 2/sync is not spawned, so it is a probe.
 //
-// Supervision is ActorSystem's: a failed actor is made anew at once, again within a minute only after a delay of
-// virtual time; one that is beyond help crashes its agent. Context::RequestStop ends the agent after the handler. All
-// agents of the team count as connected until SetLink or Partition says otherwise.
+// Supervision works as in ActorSystem. A failed actor restarts at once; a repeated failure within a minute delays the
+// restart in virtual time. A permanent failure crashes the agent. Context::RequestStop ends the agent after the
+// handler. All agents of the team count as connected until SetLink or Partition changes that.
 //
-// Different from ActorSystem: nothing waits for room (Overflow::kBlock refuses as kReject does), and there is no
-// watchdog, as a handler takes no virtual time.
+// Differences from ActorSystem: no sender waits for room (Overflow::kBlock refuses like kReject). There is no watchdog,
+// because a handler takes no virtual time.
 #pragma once
 
 #include <cstdint>
@@ -33,14 +34,13 @@
 
 namespace moondb::simulation {
 
-// What SetFault makes of a message that an actor is about to handle. The actor is then made anew as after Fail.
+// Fault that SetFault injects when an actor is about to handle a message. The actor then restarts as after Fail.
 enum class Fault {
   kNone,
-  kBeforeHandler,   // It fails in place of handling the message.
-  kAtFirstSend,     // Its first Send or Publish has no effect and does not return (if there is none: as kAfterHandler).
-  kAfterFirstSend,  // Its first Send or Publish is carried out and does not return (if there is none: as
-                    // kAfterHandler).
-  kAfterHandler,    // It fails when all is done and sent.
+  kBeforeHandler,   // The actor fails instead of handling the message.
+  kAtFirstSend,     // The first Send or Publish throws and sends nothing (if there is none: as kAfterHandler).
+  kAfterFirstSend,  // The first Send or Publish sends and then throws (if there is none: as kAfterHandler).
+  kAfterHandler,    // The actor fails after the handler has completed and sent everything.
 };
 
 class SimulatedTeam {
@@ -49,75 +49,78 @@ class SimulatedTeam {
   ~SimulatedTeam();
 
   void AddAgent(AgentId agent);
-  void SetBaseStation(AgentId agent);  // What @base stands for, on every agent.
-  // What @leader and @survivor stand for on `agent`, as if its RoleActor had said so; again so after each Restart.
+  void SetBaseStation(AgentId agent);  // The agent that @base resolves to, on every agent.
+  // Sets the agents that @leader and @survivor resolve to on `agent`, as its RoleActor would. Applied again after each
+  // Restart.
   void SetRoles(AgentId agent, const proto::RoleAssignment& roles);
 
-  // Starts the actor at once (OnStart runs before this returns).
+  // Starts the actor at once: OnStart runs before this returns.
   void Spawn(AgentId agent, std::string name, ActorFactory factory, SpawnOptions options = {});
 
-  // Sends as `from` (which need not be an actor, nor its agent of the team). Delivered by the next run. As for an
-  // actor: kFull, kNoPeer, and kUnreachable for a link whose cut was notified; also where the agent of `from` is not
-  // running.
+  // Sends a message with the sender `from`, which need not be an actor or belong to the team. The next run delivers it.
+  // Returns kFull or kNoPeer as for an actor. Returns kUnreachable if the ends were notified of a cut link, or if the
+  // agent of `from` is not running.
   SendResult Post(const Address& from, const Address& to, proto::Message message);
 
-  // Advances event by event until a message with that body comes to `probe`, takes it and all before it. Nothing if
-  // `limit` of virtual time passes first.
+  // Advances event by event until a message with that body arrives at `probe`. Removes and returns it, and drops all
+  // messages before it. Returns nothing if `limit` of virtual time passes first.
   std::optional<proto::Message> Expect(const Address& probe, proto::Message::BodyCase body, Duration limit);
 
-  // Messages that came to an address where no actor is, of an agent of the team or of {kClients, connection}, oldest
-  // first; empties it. At most 100,000 are kept in all, later ones dropped.
+  // Returns, oldest first, and clears the messages that arrived at an address without an actor: one of an agent of the
+  // team, or {kClients, connection}. At most 100,000 messages are kept over all addresses; later ones are dropped.
   std::vector<proto::Message> Take(const Address& address);
 
-  // From now on what is published on `topic` comes to `actor`, which was not spawned: kept for Take. Until its agent
+  // Subscribes `actor`, a name that was not spawned, to `topic`. Its messages are kept for Take until its agent
   // crashes.
   void Watch(const Address& actor, Topic topic);
 
-  // From now on what `actor` sends is kept for TakeSent, wherever it goes, if it was not refused; at most 100,000
-  // messages.
+  // Starts to record the messages that `actor` sends, for TakeSent. Refused messages are not recorded. At most 100,000
+  // messages are kept.
   void RecordSent(const Address& actor);
-  std::vector<proto::Message> TakeSent(const Address& actor);  // Oldest first; empties it.
+  // Returns and clears the recorded messages, oldest first.
+  std::vector<proto::Message> TakeSent(const Address& actor);
 
-  // Handles everything that is due now; time stands still. Fails a Check after 1,000,000 messages: a loop.
+  // Runs all events that are due now; time does not advance. Fails a Check after 1,000,000 events, which means a loop.
   void RunUntilIdle();
-  // Runs all that comes due within `duration`, in order of time.
+  // Runs all events due within `duration`, in order of time.
   void AdvanceTime(Duration duration);
-  // Advances event by event until `condition`; false if `limit` of virtual time passed or nothing more can happen.
+  // Advances event by event until `condition` is true. Returns false if `limit` of virtual time passes or no event is
+  // left.
   bool RunUntil(const std::function<bool()>& condition, Duration limit);
 
   MonotonicTime now() const;
-  std::int64_t utc_now_ns() const;  // Starts at 2026-01-01.
-  // From now on the clock of `agent` is off by so much; its monotonic one is not.
+  std::int64_t utc_now_ns() const;  // UTC, starting at 2026-01-01.
+  // Shifts the UTC clock of `agent` by `offset`. Its monotonic clock is not affected.
   void SetUtcOffset(AgentId agent, Duration offset);
 
-  // Drops the agent's actors, timers, mailboxes, roles, outbox and what is in the air to it, as kill -9 does. Nobody is
-  // notified (SetLink does that). Called while one of its handlers runs: what the handler still sends is refused.
+  // Crashes the agent like kill -9: drops its actors, timers, mailboxes, roles, outbox and the messages in flight to
+  // it. Peers are not notified (SetLink does that). If one of its handlers is running, its further sends are refused.
   void Crash(AgentId agent);
-  // Makes its actors anew, in the order of spawning.
+  // Restarts the agent and its actors, in the order of spawning.
   void Restart(AgentId agent);
   bool is_running(AgentId agent) const;
 
-  // The actor fails now, between two messages, as if by Context::Fail.
+  // Makes the actor fail between two messages, as if by Context::Fail.
   void CrashActor(const Address& actor);
-  // Asked before each message that an actor handles, until another function or an empty one is set.
+  // Sets a function that is called before an actor handles a message. An empty function removes it.
   void SetFault(std::function<Fault(const Address& actor, const proto::Message&)> fault);
 
   RadioOptions& radio();
-  // Cuts or joins the link in both directions and notifies both ends (those who watch peers) where `tell`. What
-  // is in the air when it is cut is lost. An end that was not notified loses what it sends; one that was gets
-  // kUnreachable.
+  // Cuts or restores the link in both directions. If `tell`, notifies the watchers of peers at both ends. A cut loses
+  // the messages in flight. After a cut, a notified end gets kUnreachable; an end that was not notified loses the
+  // messages that it sends.
   void SetLink(AgentId a, AgentId b, bool is_up, bool tell = true);
-  // Cuts (and notifies of) all links between agents of different groups, joins all others; agents in no group are one
-  // more.
+  // Cuts all links between different groups and restores all others, with notification. Agents in no group form one
+  // more group.
   void Partition(const std::vector<std::vector<AgentId>>& groups);
   void Heal() { Partition({}); }
-  // Sees each message on its way between agents; returning false loses it.
+  // Sets a function that is called for each message between agents. If it returns false, the message is lost.
   void SetFilter(std::function<bool(AgentId from, AgentId to, const proto::Message&)> filter);
 
-  std::uint64_t radio_bytes() const;            // Serialised bytes sent between agents, lost ones too.
-  std::uint64_t restarts(AgentId agent) const;  // Of its actors, by Fail or exceptions.
-  std::uint64_t trace_hash() const;             // Of every delivery so far: equal for equal runs.
-  // What Context says of it to its actors (runtime/system_status.h).
+  std::uint64_t radio_bytes() const;            // Serialised bytes sent between agents, including lost messages.
+  std::uint64_t restarts(AgentId agent) const;  // Restarts of its actors after Fail or exceptions.
+  std::uint64_t trace_hash() const;             // Hash of every delivery so far: equal for equal runs.
+  // The values that Context::GetSystemStatus and Context::GetTrace return to the agent's actors.
   SystemStatus GetSystemStatus(AgentId agent) const;
   proto::TraceReply GetTrace(AgentId agent, const proto::TraceRequest& request = {}) const;
 

@@ -1,5 +1,5 @@
-// Where agents of this user may let their clients in. Plain functions; ClientEndpoint of runtime/team/team_config.h is
-// the first of these places.
+// Folders and endpoints of the sockets at which agents of this user accept clients. ClientEndpoint in
+// runtime/team/team_config.h returns the first of these endpoints.
 #pragma once
 
 #include <filesystem>
@@ -11,12 +11,12 @@
 
 namespace moondb {
 
-// Folders in which an agent of this user may have put its socket, whose environment was another one; this process's own
-// choice first.
+// Returns the folders in which an agent of this user may have created its socket, this process's own choice first. The
+// other folders serve agents that run with different environment variables.
 std::vector<std::filesystem::path> RunFolders();
 
-// The endpoint in one of these: in a folder of the team's name and the beginning of its id. Errors as of
-// ClientEndpoint.
+// Returns the endpoint in one of these folders: in a subfolder with the team's name and the start of its id. Errors as
+// for ClientEndpoint.
 Result<std::string> ClientEndpointIn(const std::filesystem::path& run_folder, const TeamFile& team,
                                      const std::string& agent_name);
 

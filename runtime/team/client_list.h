@@ -1,10 +1,11 @@
-// Whose keys an agent lets in at its client_address, and with which rights: clients.yaml beside the team file.
+// The client list: keys that an agent accepts at its client_address, and their rights. Read from clients.yaml beside
+// the team file.
 //
 //   clients:
 //     - {name: anna, key: "rq:rM>}U?@Lns47E1%kR.o@n%FcmmsL/@{H8]yf7", rights: command}   # The public key, in Z85.
 //     - {name: wall_display, key: "...", rights: view}
 //
-// Written by people or by `moonctl clients`, read again when it changes: no restart.
+// People or `moonctl clients` write the file. Agents read it again when it changes, without a restart.
 #pragma once
 
 #include <chrono>
@@ -23,42 +24,44 @@ namespace moondb {
 inline constexpr int kListedClientsMax = 256;
 inline constexpr char kClientsFile[] = "clients.yaml";
 
-// kNotFound if there is no such file; else kInvalid: Error::text holds one error a line, each with its place: what
-// ReadYaml says, a bad name, a key that is none, rights that are none, two clients of one name or key, too many.
+// Reads a client list. On error, returns kNotFound if the file is missing, otherwise kInvalid. Error::text then holds
+// one error per line, each with its place in the file. Errors are those of ReadYaml, bad names, malformed keys, invalid
+// rights, duplicate names or keys, and too many clients.
 Result<proto::ClientList> ReadClientList(const std::filesystem::path& path);
-// The same from text; `name` stands in errors.
+// As ReadClientList, from text. `name` is the file name in error messages.
 Result<proto::ClientList> ParseClientList(const std::string& yaml, const std::string& name);
 
-// As ReadClientList reads it, below `head`: comment lines.
+// Returns the list in the format of ReadClientList, below the comment lines `head`.
 std::string ClientListText(const proto::ClientList& list, const std::string& head);
 
-// The rights of keys as the file has them now. Not thread-safe.
+// The rights of client keys, kept up to date with the file. Not thread-safe.
 class ClientKeys {
  public:
   using Time = std::chrono::steady_clock::time_point;
 
-  // How often at most the file is looked at.
+  // Minimum time between two checks of the file.
   static constexpr std::chrono::seconds kLookPeriod{1};
 
-  // A file that is missing, wrong or unreadable lists nobody, so that an agent always starts; the log says so.
+  // Reads the file. If it is missing, invalid or unreadable, the list is empty and the log reports it: an agent always
+  // starts.
   static ClientKeys Open(std::filesystem::path path, Time now);
 
-  // The client that has this public key (Z85) now; none if it is not listed. A file that has become wrong leaves the
-  // list as it was; one that is gone lists nobody. Each reading is logged once.
+  // Returns the client with this public key (Z85), or nothing if the key is not listed. Reads the file again if it
+  // changed. An invalid file leaves the list unchanged; a missing file empties it. Each reading is logged once.
   std::optional<proto::ListedClient> Find(const std::string& key, Time now);
 
  private:
-  // Of the file; equal ones are taken for the same content.
+  // Version of the file. Files of equal versions are assumed to have equal contents.
   struct Version {
     std::uint64_t inode = 0;
-    std::int64_t bytes = -1;      // -1: there is no file.
-    std::int64_t changed_ns = 0;  // Its content or who may read it.
+    std::int64_t bytes = -1;      // -1: the file does not exist.
+    std::int64_t changed_ns = 0;  // Time of the last change of contents or permissions (ctime).
     bool operator==(const Version&) const = default;
   };
 
   explicit ClientKeys(std::filesystem::path path) : path_(std::move(path)) {}
   Version Look() const;
-  // Logs what it came to, with `if_wrong` behind an error.
+  // Reads the file and logs the result. Appends `if_wrong` to an error.
   void Read(const char* if_wrong);
 
   std::filesystem::path path_;

@@ -18,7 +18,7 @@ Result<void> CheckIsFile(const std::filesystem::path& path) {
   std::error_code error;
   if (std::filesystem::is_regular_file(path, error)) return {};
   if (std::filesystem::exists(path, error)) return Fail(ErrorCode::kInvalid, path.string() + ": not a regular file");
-  // A folder that may not be entered hides whether the file is there.
+  // In a folder that this process may not enter, the existence of the file is unknown.
   return Fail(ErrorCode::kInvalid, path.string() + ": " + (error ? error.message() : "no such file"));
 }
 

@@ -1,5 +1,5 @@
-// CURVE keys and their files: one line of 40 characters (Z85, as ZeroMQ writes them). NAME.pub may be read by all,
-// NAME.sec by its owner alone.
+// CURVE keys and their files. A file holds one line of 40 characters (Z85, the encoding of ZeroMQ). Everyone may read
+// NAME.pub; only the owner may read NAME.sec.
 #pragma once
 
 #include <array>
@@ -13,29 +13,29 @@
 namespace moondb {
 
 struct CurveKeys {
-  std::string public_key;  // Both in Z85.
+  std::string public_key;  // Both keys are in Z85.
   std::string secret_key;
 };
 
-// New ones, from the system's entropy. kInternal if libzmq was built without CURVE.
+// Generates a key pair from system entropy. Returns kInternal if libzmq was built without CURVE.
 Result<CurveKeys> MakeCurveKeys();
 
-// 40 characters in Z85.
+// True if `text` is 40 characters in Z85.
 bool IsCurveKey(const std::string& text);
 
-// Z85 of any 32 bytes, and back; none for what is no such text.
+// Encodes 32 bytes as Z85, or decodes them. FromZ85 returns nothing for malformed text.
 using KeyBytes = std::array<std::uint8_t, 32>;
 std::string ToZ85(const KeyBytes& bytes);
 std::optional<KeyBytes> FromZ85(const std::string& text);
 
-// kInvalid: missing, not one key, or (secret) readable by others than its owner.
+// Read a key file. kInvalid if it is missing or not one key, or if a secret is readable by anyone but its owner.
 Result<std::string> ReadPublicKey(const std::filesystem::path& path);
 Result<std::string> ReadSecretKey(const std::filesystem::path& path);
 
-// The public key that belongs to a secret one.
+// Returns the public key of a secret key.
 Result<std::string> PublicKeyOf(const std::string& secret_key);
 
-// NAME.sec beside NAME.pub.
+// Returns the path of the secret key: NAME.sec beside NAME.pub.
 std::filesystem::path SecretKeyPath(std::filesystem::path public_key_path);
 
 }  // namespace moondb

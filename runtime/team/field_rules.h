@@ -1,5 +1,5 @@
-// What proto/field_options.proto says of single fields, applied to a message that was read from YAML (yaml_reader.h).
-// Pure functions, any thread.
+// Applies the field rules of proto/field_options.proto to a message that was read from YAML (yaml_reader.h). Pure
+// functions, thread-safe.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -13,15 +13,16 @@ namespace moondb {
 
 const proto::FieldRule& RuleOf(const google::protobuf::FieldDescriptor& field);
 
-// Adds to `errors` each required key that is missing, number out of its range and list of a wrong length.
+// Adds to `errors` each missing required key, number outside its range and list of wrong length.
 void CheckFields(const google::protobuf::Message& message, const Places& places, PlacedErrors* errors);
 
-// Sets each field that has a default and is not in `places`. Sections of the file are made where they lack, parts of
-// them are not.
+// Sets each field that has a default and is not in `places`. Creates missing top-level sections that have defaults, but
+// no nested messages.
 void FillFields(const Places& places, google::protobuf::Message* message);
 
-// The places of a message that no file gave: what is set counts as given. proto3 cannot tell a zero from nothing; a
-// `false` in a section that is there counts as given too.
+// Returns places for a message that was not read from a file: fields that are set count as given. In proto3 a number
+// that is 0 cannot be distinguished from a missing one, so it counts as missing. Every bool of a present section counts
+// as given.
 Places PlacesOf(const google::protobuf::Message& message);
 
 }  // namespace moondb

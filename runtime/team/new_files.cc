@@ -48,7 +48,7 @@ Result<void> NewFiles::Add(const std::filesystem::path& path, const std::string&
   const int file = open(aside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, mode);
   if (file < 0) return SystemFailure(aside);
   files_.push_back({aside, path});
-  // The umask must not decide who can read it.
+  // Set the mode explicitly: the umask must not decide who can read the file.
   const bool is_written = fchmod(file, mode) == 0 && WriteAll(file, content) && fsync(file) == 0;
   const int error = errno;
   const bool is_closed = close(file) == 0;
@@ -63,7 +63,7 @@ void NewFiles::TakeBack() {
 
 Result<void> NewFiles::Publish() {
   for (std::size_t i = 0; i < files_.size(); ++i) {
-    // A link, since a rename would silently replace what has appeared there.
+    // Link, not rename: a rename would silently replace a file that appeared since Add.
     if (link(files_[i].aside.c_str(), files_[i].path.c_str()) == 0) continue;
     const Result<void> failure = SystemFailure(files_[i].path);
     for (std::size_t j = 0; j < i; ++j) (void)unlink(files_[j].path.c_str());

@@ -1,4 +1,4 @@
-// NewFiles: several files that appear together and replace nothing.
+// NewFiles: creates several files together and never overwrites an existing file.
 #pragma once
 
 #include <sys/types.h>
@@ -16,17 +16,17 @@ class NewFiles {
   NewFiles() = default;
   NewFiles(const NewFiles&) = delete;
   NewFiles& operator=(const NewFiles&) = delete;
-  ~NewFiles();  // Removes what Publish did not bring to its place.
+  ~NewFiles();  // Removes the temporary files.
 
-  // Written aside, in the same folder, and to the disk. Makes the folder, for its owner alone, if there is none.
-  // kRefused if `path` exists, kInternal if the system fails.
+  // Writes `content` to a temporary file in the same folder and syncs it to disk. Creates a missing folder with access
+  // for its owner only. Returns kRefused if `path` exists, kInternal if a system call fails.
   Result<void> Add(const std::filesystem::path& path, const std::string& content, mode_t mode);
 
-  // Brings each to its place, in the order of Add; on the first failure takes back those of this call.
-  // kRefused if something has appeared there since Add.
+  // Moves each file to its path, in the order of Add. On the first failure, removes the files that this call has moved.
+  // Returns kRefused if a file has appeared at a path since Add.
   Result<void> Publish();
 
-  // Removes what Publish brought to its place, where that came to nothing after all.
+  // Removes the files that Publish created, for callers whose later steps fail.
   void TakeBack();
 
  private:

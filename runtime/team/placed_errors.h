@@ -1,4 +1,4 @@
-// PlacedErrors: all that is wrong with one file, each error with its place: `team.yaml:4:10: agents[1].id: text`.
+// PlacedErrors: collects the errors of one file, each with its place: `team.yaml:4:10: agents[1].id: text`.
 #pragma once
 
 #include <compare>
@@ -8,7 +8,7 @@
 
 namespace moondb {
 
-// In a file; both count from 1.
+// Position in a file. Line and column count from 1.
 struct Place {
   int line = 1;
   int column = 1;
@@ -19,19 +19,19 @@ class PlacedErrors {
  public:
   explicit PlacedErrors(std::string file) : file_(std::move(file)) {}
 
-  // `field` is a path such as "agents[1].id"; empty for the file as a whole. Of one field only the first error counts:
-  // what follows from it would mislead.
+  // Adds an error. `field` is a path such as "agents[1].id", or empty for the whole file. Only the first error of a
+  // field is kept, because later ones are often consequences of it.
   void Add(Place place, const std::string& field, const std::string& text);
 
-  // Later errors of `field` say nothing new.
+  // Ignores later errors of `field`.
   void Mute(const std::string& field) { muted_.insert(field); }
 
-  // An error of this field or of a part of it is known, or it is muted.
+  // True if an error of this field or of a part of it is known, or if it is muted.
   bool Has(const std::string& field) const;
 
   bool empty() const { return errors_.empty(); }
 
-  // One line each, in the order of their places; at most 100, then how many more.
+  // Returns one line per error, sorted by place: at most 100, then the number of the rest.
   std::string Text() const;
 
  private:
@@ -45,8 +45,8 @@ class PlacedErrors {
   std::set<std::string> muted_;
 };
 
-// `"two"`; shortened, and control characters and other non-ASCII bytes as \x1b: what comes from a file goes to
-// terminals.
+// Returns `text` in quotation marks, shortened. Control characters and non-ASCII bytes appear as \x1b, because the text
+// may come from a file and be printed to a terminal.
 std::string Quoted(const std::string& text);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// A folder that belongs to this user alone: sockets in it can be reached by nobody else, and nobody can plant theirs.
+// Private folders: other users can neither reach the sockets in them nor create their own.
 #pragma once
 
 #include <filesystem>
@@ -7,11 +7,12 @@
 
 namespace moondb {
 
-// kInvalid if `folder` exists and is not a directory of this user with mode 0700 (a link is none), or if others may
-// replace it: its parent must be this user's or root's, and not writable by others unless sticky (as /tmp is).
+// Checks that a folder is private. A missing folder passes. Returns kInvalid if `folder` is not a directory of this
+// user with mode 0700; a link is refused too. Also returns kInvalid if others could replace the folder: the parent must
+// belong to this user or root, and must not be writable by others unless it is sticky (like /tmp).
 Result<void> CheckPrivateFolder(const std::filesystem::path& folder);
 
-// Makes it, and the folders above it that are missing, then checks as above.
+// Creates the folder and missing parents, then checks it like CheckPrivateFolder.
 Result<void> MakePrivateFolder(const std::filesystem::path& folder);
 
 }  // namespace moondb

@@ -1,5 +1,6 @@
-// Signatures of records that anybody may bring, by the signing key of their origin: quarantines of maps, which every
-// agent holds and passes on, though it never led. Assignments have their issuer's (role_signature.h).
+// Signatures of records that any agent may relay, made with the signing key of their origin. They protect map
+// quarantines, which every agent holds and passes on. Role assignments carry the signature of their issuer instead
+// (role_signature.h).
 #pragma once
 
 #include <string>
@@ -10,12 +11,11 @@
 
 namespace moondb {
 
-// What is signed: what it is for, whose team it is, under which key the record is held, and all that it says but for
-// the signature.
+// Returns the bytes to sign: the purpose, the team id, the key of the record, and the record without its signature.
 std::string SignedBytes(const proto::TeamConfig& team, const RecordKey& key, const proto::Record& record);
 
-// By its origin's key in the team file; false too where the origin is not of the team or has no key, and for a record
-// of a type that is not signed.
+// Returns true if the signature matches the origin's key in the team file. False if the origin is not in the team or
+// has no key, or if records of the type are not signed.
 bool IsSigned(const proto::TeamConfig& team, const RecordKey& key, const proto::Record& record);
 
 }  // namespace moondb

@@ -24,7 +24,7 @@ bool HasSigningKeys(const proto::TeamConfig& team) {
 std::string SignedBytes(const proto::TeamConfig& team, const proto::RoleAssignment& roles) {
   proto::RoleAssignment unsigned_roles = roles;
   unsigned_roles.clear_signature();
-  // Each part ends where it says: the id has a fixed length.
+  // The concatenation is unambiguous: purpose and id have fixed lengths.
   return kRolePurpose + team.team_id() + unsigned_roles.SerializeAsString();
 }
 

@@ -1,4 +1,4 @@
-// Signatures of role assignments: each by its issuer's signing key, the public half of which stands in the team file.
+// Signatures of role assignments, made with the signing key of the issuer. The team file holds the public keys.
 #pragma once
 
 #include <string>
@@ -9,16 +9,17 @@
 
 namespace moondb {
 
-// Whether the team signs: every agent has a signing key. An `insecure` team has none.
+// Returns true if the team signs: every agent has a signing key. An `insecure` team does not sign.
 bool HasSigningKeys(const proto::TeamConfig& team);
 
-// What is signed: what it is for, whose team it is, and all that the assignment says but for the signature.
+// Returns the bytes to sign: the purpose, the team id, and the assignment without its signature.
 std::string SignedBytes(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
-// By its issuer's key in the team file; false too where the issuer is not of the team or has no key.
+// Returns true if the signature matches the issuer's key in the team file. False if the issuer is not in the team or
+// has no key.
 bool IsSigned(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
-// What a RoleChain of this team needs.
+// Returns the options of a RoleChain for this team.
 RoleChain::Options RoleChainOptions(const proto::TeamConfig& team);
 
 }  // namespace moondb

@@ -12,7 +12,7 @@ namespace {
 static_assert(crypto_sign_BYTES == kSignatureBytes);
 static_assert(crypto_sign_PUBLICKEYBYTES == sizeof(KeyBytes) && crypto_sign_SEEDBYTES == sizeof(KeyBytes));
 
-// Once in a process; every function here may be the first.
+// Initialises libsodium once per process. Every public function calls this, because any of them may be called first.
 void Begin() {
   static const bool is_ready = sodium_init() >= 0;
   Check(is_ready, "libsodium starts");

@@ -1,6 +1,6 @@
-// Ed25519 keys with which agents sign what others must not say in their name (runtime/team/role_signature.h), and the
-// file of the secret: one line of 40 characters (Z85, as of CURVE keys), the seed, readable by its owner alone. The
-// public half stands in the team file. By libsodium.
+// Ed25519 keys with which agents sign statements that no other agent may forge (runtime/team/role_signature.h).
+// Implemented with libsodium. The secret file holds the seed as one line of 40 characters (Z85, like CURVE keys),
+// readable by its owner only. The public key is in the team file.
 #pragma once
 
 #include <array>
@@ -17,36 +17,36 @@ class SigningKey {
  public:
   using Seed = std::array<std::uint8_t, 32>;
 
-  // A new one, from the system's entropy.
+  // Generates a key from system entropy.
   static SigningKey Make();
-  // Always the same one: for tests and simulations.
+  // Returns a reproducible key, for tests and simulations.
   static SigningKey FromSeed(const Seed& seed);
-  // As ReadSecretKey (curve_keys.h) reads a file.
+  // Reads the secret file, with the checks of ReadSecretKey (curve_keys.h).
   static Result<SigningKey> Read(const std::filesystem::path& path);
 
   SigningKey(const SigningKey&) = default;
   SigningKey& operator=(const SigningKey&) = default;
-  ~SigningKey();  // Nothing of the secret stays in memory.
+  ~SigningKey();  // Clears the secret from memory.
 
-  const std::string& public_key() const { return public_key_; }  // In Z85.
-  std::string SecretText() const;                                // What its file holds, without the end of the line.
-  std::string Sign(std::string_view bytes) const;                // kSignatureBytes (model/term.h).
+  const std::string& public_key() const { return public_key_; }  // The public key in Z85.
+  std::string SecretText() const;                                // Contents of the secret file, without the newline.
+  std::string Sign(std::string_view bytes) const;  // Returns a signature of kSignatureBytes (model/term.h).
 
  private:
   SigningKey() = default;
 
   Seed seed_{};
-  std::array<std::uint8_t, 64> secret_{};  // As libsodium wants it: seed and public key.
+  std::array<std::uint8_t, 64> secret_{};  // Seed and public key, the format of libsodium.
   std::string public_key_;
 };
 
-// 40 characters in Z85 that are a point of the curve.
+// True if the text is 40 characters in Z85 that encode a point of the curve.
 bool IsSigningKey(const std::string& public_key);
 
-// False too for a key or a signature that is none.
+// Verifies a signature. False also for a malformed key or signature.
 bool IsSignatureOf(const std::string& public_key, std::string_view bytes, std::string_view signature);
 
-// NAME.sign beside the secret CURVE key NAME.sec.
+// Returns the path of the signing secret: NAME.sign beside the secret CURVE key NAME.sec.
 std::filesystem::path SigningSecretPath(std::filesystem::path secret_key_path);
 
 }  // namespace moondb

@@ -26,7 +26,7 @@ namespace {
 constexpr std::size_t kNameLengthMax = 32;
 constexpr std::size_t kKeyFileLengthMax = 255;
 
-// Of a custom type: it stands beside the built-in ones' names in commands and JSON.
+// True if `name` can be the name of a custom type. It appears beside the names of built-in types in commands and JSON.
 bool IsTypeName(const std::string& name) {
   return IsPlainName(name) && std::islower(static_cast<unsigned char>(name[0])) && name.find('-') == std::string::npos;
 }
@@ -42,7 +42,8 @@ bool IsHost(const std::string& host) {
          std::all_of(host.begin(), host.end(), is_host_character);
 }
 
-// Empty if `address` can be listened on and connected to; `who` does the latter.
+// Returns why `address` is invalid for listening and connecting, or "" if it is valid. `who` names the connecting side
+// in the text.
 std::string WhyNoAddress(const std::string& address, const std::string& who) {
   if (address.rfind("ipc://", 0) == 0) {
     const std::string path = address.substr(6);
@@ -70,7 +71,7 @@ std::string WhyNoAddress(const std::string& address, const std::string& who) {
 
 using Policies = google::protobuf::Map<std::string, proto::Policy>;
 
-// Null for a name that is no built-in type's.
+// Null if no built-in type has this name.
 const DataTypeRow* RowNamed(const std::string& name) { return FindDataType(DataTypeFromName(name).value_or(0)); }
 
 class TeamChecker {
@@ -99,7 +100,7 @@ class TeamChecker {
 
   void Add(const std::string& field, const std::string& text) { errors_.Add(PlaceOf(places_, field), field, text); }
 
-  // True if the field is there and nothing is wrong with it so far.
+  // True if the field is present and has no error so far.
   bool IsRead(const std::string& field) const { return IsGiven(field) && !errors_.Has(field); }
 
   void CheckPolicies(const std::string& section, const Policies& policies) {
@@ -119,7 +120,7 @@ class TeamChecker {
     Add("team_id", "expected 32 digits of 0 to 9 and a to f, got " + Quoted(team_.team_id()));
   }
 
-  // At least one rover and at most one base station, those aside that have left.
+  // Checks that there is at least one rover and at most one base station, not counting agents that left.
   void CheckKinds() {
     const auto& agents = team_.agents();
     const auto is_base = [](const proto::AgentConfig& agent) {
@@ -164,7 +165,7 @@ class TeamChecker {
     CheckPlace(agent, path);
   }
 
-  // All agents have one, or in a team without keys none.
+  // Checks that every agent has a signing key, or none in a team without keys.
   void CheckSigningKeys() {
     for (int i = 0; i < team_.agents_size(); ++i) {
       const proto::AgentConfig& agent = team_.agents(i);
@@ -189,7 +190,7 @@ class TeamChecker {
     if (team_.insecure()) Add(field, "needs keys, which `insecure: true` does without");
   }
 
-  // Rovers start somewhere, base stations are somewhere.
+  // Checks that a base station has a position and no start pose, and that a rover has no position.
   void CheckPlace(const proto::AgentConfig& agent, const std::string& path) {
     if (errors_.Has(path + ".kind")) return;
     if (agent.kind() == proto::AGENT_KIND_BASE_STATION) {
@@ -213,7 +214,7 @@ class TeamChecker {
     CheckClientAddressesAreOthers();
   }
 
-  // Than the addresses at which agents hear each other.
+  // Checks that no client address is also the address of an agent.
   void CheckClientAddressesAreOthers() {
     for (int i = 0; i < team_.agents_size(); ++i) {
       const std::string field = AgentPath(i) + ".client_address";
@@ -225,7 +226,7 @@ class TeamChecker {
     }
   }
 
-  // No two elements of `list` may have the same value of `field`.
+  // Checks that no two elements of `list` have the same value of `field`.
   void CheckUnique(const std::string& list, int count, const std::string& field,
                    const std::function<std::string(int)>& value_of) {
     std::map<std::string, int> owners;
@@ -247,7 +248,7 @@ class TeamChecker {
     }
   }
 
-  // `share`, which stands at `share_field`, is the type's policy.
+  // `share` is the type's policy, given at the field `share_field`.
   void CheckKeep(const std::string& field, const std::string& text, proto::Policy share,
                  const std::string& share_field) {
     if (!IsRead(field) || errors_.Has(share_field)) return;
@@ -290,7 +291,7 @@ class TeamChecker {
     }
   }
 
-  // Names of agents, or "all" alone.
+  // Checks that command_from holds names of agents, or only "all".
   void CheckCommandFrom() {
     if (!IsGiven("command_from")) return CheckBaseCommands();
     if (!IsRead("command_from")) return;
@@ -314,7 +315,7 @@ class TeamChecker {
     }
   }
 
-  // By default the base station commands. That everybody does where it has left is for the file to say.
+  // By default the base station commands. If it has left the team, the file must say who commands.
   void CheckBaseCommands() {
     const auto& agents = team_.agents();
     const bool has_left = std::any_of(agents.begin(), agents.end(), [](const proto::AgentConfig& agent) {
@@ -337,7 +338,7 @@ class TeamChecker {
                           : name + " is a base station; only a rover can hold this role");
       return nullptr;
     }
-    // An agent whose name could not be read may be the one.
+    // Do not report an unknown name if some agent's name could not be read: it may be that one.
     for (int i = 0; i < team_.agents_size(); ++i) {
       if (errors_.Has(AgentPath(i) + ".name")) return nullptr;
     }
@@ -357,13 +358,14 @@ void FillPolicies(proto::Policy DataTypeRow::*by_default, Policies* policies) {
   }
 }
 
-// One that means the same is the same text, so that equal files have equal hashes.
+// Returns the canonical text of a keep rule, because files with the same meaning must have the same hash.
 std::string KeepText(const std::string& given, const std::string& by_default) {
   const std::optional<KeepRule> rule = ParseKeepRule(given);
   return rule ? ToString(*rule) : by_default;
 }
 
-// `share` is complete. What only solving writes, and rewrites with each run, keeps nothing.
+// Requires: `share` is complete. Types that only the solver writes, and rewrites at each run, keep no superseded
+// records.
 void FillKeep(proto::TeamConfig* team) {
   auto& keep = *team->mutable_keep();
   for (const DataTypeRow& row : DataTypeRows()) {

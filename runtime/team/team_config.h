@@ -1,8 +1,9 @@
 // The team's configuration: one YAML file, the same on every agent, checked before anything starts.
 //
-// Read into proto::TeamConfig by reflection; every error at once, each with its place and, for a misspelt word, a
-// suggestion:  team.yaml:4:10: agents[1].id: expected an integer, got "two"
-// yaml-cpp's errors of syntax stand alone.
+// Reads the file into proto::TeamConfig by reflection. All errors are reported together, each with its place and, for a
+// misspelt word, a suggestion:
+//   team.yaml:4:10: agents[1].id: expected an integer, got "two"
+// A YAML syntax error is reported alone.
 #pragma once
 
 #include <filesystem>
@@ -18,51 +19,50 @@
 namespace moondb {
 
 struct TeamFile {
-  proto::TeamConfig config;      // Complete: defaults are filled in, policies too.
-  std::filesystem::path folder;  // Where relative key files lie.
-  std::uint64_t hash = 0;        // XXH64 of SerializeTeam; equal for files that mean the same.
+  proto::TeamConfig config;      // The configuration with all defaults and policies filled in.
+  std::filesystem::path folder;  // Base folder of relative key file paths.
+  std::uint64_t hash = 0;        // XXH64 of SerializeTeam; equal for files with the same meaning.
 };
 
-// Error::text holds one error a line.
+// Reads a team file. Error::text holds one error per line.
 Result<TeamFile> ReadTeamFile(const std::filesystem::path& path);
 
-// The same from text; `name` stands in errors.
+// As ReadTeamFile, from text. `name` is the file name in error messages.
 Result<TeamFile> ParseTeamFile(const std::string& yaml, const std::string& name);
 
-// The same bytes for teams that are equal, which SerializeAsString does not promise for maps.
+// Returns the same bytes for equal teams. SerializeAsString does not guarantee this for maps.
 std::string SerializeTeam(const proto::TeamConfig& team);
 
-// Built-in and declared ones, in the order of their numbers.
+// Returns the built-in and custom types, in the order of their numbers.
 std::vector<DataType> DataTypesOf(const proto::TeamConfig& team);
 
-// What rovers send to the leader and the leader to the survivor, or the base station is sent, of a type; POLICY_NONE
-// for one that the team does not know.
+// Returns which records of a type are shared: by rovers with the leader and by the leader with the survivor (Share), or
+// with the base station (Ground). POLICY_NONE for a type that the team does not know.
 proto::Policy SharePolicyOf(const proto::TeamConfig& team, DataType type);
 proto::Policy GroundPolicyOf(const proto::TeamConfig& team, DataType type);
 
-// What stays at its origin of a type's superseded records; all where nothing of it is superseded.
+// Returns how long an origin keeps superseded records of a type; `all` if its records are never superseded.
 KeepRule KeepRuleOf(const proto::TeamConfig& team, DataType type);
 
-// The assignment of the file, as term 0.
+// Returns the role assignment of the file, with term 0.
 proto::RoleAssignment InitialRoles(const proto::TeamConfig& team);
 
-// Why `roles` cannot be, nor can ever have been: unknown agent, survivor = leader, a base station as either, no leader.
-// kRefused, `field` is "leader" or "survivor".
+// Returns kRefused if `roles` is invalid and can never have been valid in this team. Reasons are an unknown agent, no
+// leader, the same agent as leader and survivor, or a base station in either role. `field` is "leader" or "survivor".
 Result<void> CheckRoles(const proto::TeamConfig& team, const proto::RoleAssignment& roles);
 
-// The role of `agent` under `roles`; of one that has left none.
+// Returns the role of `agent` under `roles`; ROLE_UNSPECIFIED if it is unknown or has left.
 proto::Role RoleOf(const proto::TeamConfig& team, const proto::RoleAssignment& roles, AgentId agent);
 
-// A team to begin with: `agent_count` agents on loopback ports from `first_port`, the last one a base station when
-// there are at least two, written as commented YAML with CURVE keys beside it (secrets 0600).
-// Refuses to overwrite anything.
+// Writes a new team as commented YAML, with CURVE keys beside it (secrets with mode 0600). The `agent_count` agents use
+// loopback ports from `first_port`. If there are at least two, the last one is a base station. Never overwrites a file.
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port);
 
-// The same for given agents: `team` holds names, addresses, kinds, start poses and antennas.
+// As WriteInitialTeam, for given agents: `team` holds names, addresses, kinds, start poses and antennas.
 Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfig& team);
 
-// ipc:// endpoint of an agent's clients: a socket in a folder of this user's, 0700, under $MOONDB_RUN_DIR,
-// $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID. kInvalid if the path would exceed what a socket allows.
+// Returns the ipc:// endpoint for an agent's clients. The socket lies in a folder of this user with mode 0700, under
+// $MOONDB_RUN_DIR, $XDG_RUNTIME_DIR/moondb or /tmp/moondb-UID. Returns kInvalid if the path is too long for a socket.
 Result<std::string> ClientEndpoint(const TeamFile& team, const std::string& agent_name);
 
 }  // namespace moondb

@@ -63,7 +63,7 @@ pose_graph: {solve_by_itself: %s}
 map: {resolution_m: %s, footprint_m: [%s, %s]}   # The merged map's cells; a rover's length and width.
 )";
 
-// The shortest text that reads back as the same number.
+// Returns the shortest text that parses to the same number.
 std::string ShortestNumber(double value) {
   char text[32];
   for (int digits = 6; digits <= 17; ++digits) {
@@ -154,7 +154,7 @@ std::string Format(const char* format, const std::vector<std::string>& values) {
 }
 
 std::string TeamIdText(const std::string& team_id) {
-  // A text, whatever its digits: without quotes some would be numbers.
+  // Quoted, because some ids would otherwise parse as numbers.
   return "team_id: \"" + team_id + "\"   # Tells this team from any other, for ever.";
 }
 
@@ -164,7 +164,7 @@ std::string CommandFromText(const proto::TeamConfig& team) {
   return text;
 }
 
-// `team` is complete.
+// Requires: `team` has all its defaults.
 std::string TeamText(const proto::TeamConfig& team) {
   std::string text = kHead;
   text += "team: " + team.team() + "\n";
@@ -193,7 +193,7 @@ std::string TeamText(const proto::TeamConfig& team) {
   return text + CustomTypesText(team.custom_types());
 }
 
-// What the text says, whatever is wrong with it: errors are reported when the file is checked.
+// Reads the text and ignores errors. They are reported when the file is checked.
 Places ReadLeniently(const std::string& yaml, proto::TeamConfig* team) {
   Places places;
   PlacedErrors errors("");
@@ -201,14 +201,14 @@ Places ReadLeniently(const std::string& yaml, proto::TeamConfig* team) {
   return places;
 }
 
-// Where a line begins, counted from 1, which the text has.
+// Returns the offset of a line. Requires: the text has a line with this number, counted from 1.
 std::size_t BeginOfLine(const std::string& yaml, int line) {
   std::size_t at = 0;
   for (int i = 1; i < line && at != std::string::npos; ++i) at = yaml.find('\n', at) + 1;
   return at;
 }
 
-// The text with `added` as a line of its own behind the line that holds `place`, `indent` blanks in.
+// Returns the text with `added` as a new line below the line of `place`, indented by `indent` blanks.
 std::string WithLineBelow(const std::string& yaml, Place place, std::size_t indent, const std::string& added) {
   const std::size_t end = yaml.find('\n', BeginOfLine(yaml, place.line));
   const bool has_end = end != std::string::npos;
@@ -218,8 +218,8 @@ std::string WithLineBelow(const std::string& yaml, Place place, std::size_t inde
   return longer.insert(has_end ? end + 1 : yaml.size(), (has_end ? "" : line_end) + line);
 }
 
-// The texts that may be `yaml` with `field: value` behind the field that stands at `place`: as a line below it, and
-// in braces before it.
+// Returns candidates for `yaml` with `field: value` added beside the field `before` at `place`: on a new line below it,
+// or before it inside braces.
 std::vector<std::string> WithField(const std::string& yaml, const std::string& before, Place place,
                                    const std::string& field) {
   const std::size_t line = BeginOfLine(yaml, place.line);
@@ -248,7 +248,7 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
   }
   FillDefaults(PlacesOf(team), &team);
   const std::string yaml = TeamText(team);
-  // The reader is the judge of what the caller gave.
+  // Validate the caller's team by reading the text.
   const Result<TeamFile> read = ParseTeamFile(yaml, path.string());
   if (!read) return tl::unexpected(read.error());
   if (SerializeTeam(read->config) != SerializeTeam(team)) {
@@ -266,7 +266,7 @@ Result<void> WriteTeam(const std::filesystem::path& path, const proto::TeamConfi
       if (!added) return added;
     }
   }
-  // Last, so that a team file never stands without its keys.
+  // Add the team file last: it must never exist without its keys.
   if (const Result<void> added = files.Add(path, yaml, 0644); !added) return added;
   return files.Publish();
 }
@@ -278,7 +278,7 @@ std::string PlainNameOf(const std::string& text) {
     const bool is_plain = IsPlainName(std::string(1, small));
     if (is_plain || (!name.empty() && name.back() != '-')) name += is_plain ? small : '-';
   }
-  while (!name.empty() && (!IsPlainName(name) || name.ends_with('-'))) name.pop_back();  // Of too many letters.
+  while (!name.empty() && (!IsPlainName(name) || name.ends_with('-'))) name.pop_back();  // Cut names that are too long.
   return name.empty() ? "team" : name;
 }
 
@@ -290,7 +290,7 @@ Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_
     const std::size_t line = BeginOfLine(yaml, name->second.line);
     const std::string fixed =
         WithLineBelow(yaml, name->second, yaml.find_first_not_of(' ', line) - line, TeamIdText(team_id));
-    // The reader is the judge: it finds the same team, and the id.
+    // Accept the text only if the reader finds the same team with the new id.
     proto::TeamConfig found;
     (void)ReadLeniently(fixed, &found);
     if (SerializeTeam(found) == SerializeTeam(wanted)) return fixed;
@@ -311,7 +311,7 @@ Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std:
       const auto place = places.find("agents[" + std::to_string(i) + "].key");
       if (place != places.end()) candidates = WithField(fixed, "key", place->second, field);
     }
-    // The reader is the judge, as above.
+    // Accept a candidate only if the reader finds the same team with the new key.
     const auto is_right = [&wanted](const std::string& candidate) {
       proto::TeamConfig found;
       (void)ReadLeniently(candidate, &found);
@@ -388,7 +388,7 @@ Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count
       agent->set_kind(proto::AGENT_KIND_BASE_STATION);
       for (const double coordinate : {-2.0, 0.0, 0.0}) agent->add_position_m(coordinate);
     } else {
-      agent->mutable_start()->set_y(2.0 * i);  // Side by side.
+      agent->mutable_start()->set_y(2.0 * i);  // Rovers start side by side.
     }
   }
   return WriteTeam(path, team);

@@ -1,5 +1,5 @@
-// Writing team files and keys, and giving a file that was written by hand the id and the signing keys that it lacks.
-// Plain functions; reading is runtime/team/team_config.h.
+// Writes team files and keys. Adds a missing team id or signing keys to a team file that was written by hand. Reading
+// is in runtime/team/team_config.h.
 #pragma once
 
 #include <filesystem>
@@ -14,38 +14,38 @@
 
 namespace moondb {
 
-// As WriteInitialTeam of runtime/team/team_config.h, for a team called `name`; empty: as the file's folder is, as far
-// as that can be a name (PlainNameOf).
+// As WriteInitialTeam in runtime/team/team_config.h, for a team called `name`. If `name` is empty, the team is named
+// after the file's folder (PlainNameOf).
 Result<void> WriteInitialTeam(const std::filesystem::path& path, int agent_count, int first_port,
                               const std::string& name);
 
-// `text` as a name of a team: small letters, runs of what a name cannot hold as one -, cut to 32 characters; "team"
-// where nothing is left.
+// Converts `text` to a valid team name. Letters become lower case, each run of invalid characters becomes one -, and
+// the result is cut to 32 characters. Returns "team" if nothing remains.
 std::string PlainNameOf(const std::string& text);
 
-// The file's text with a line `team_id: ...` behind its team's name, all else byte for byte. kInvalid where no such
-// line can be added: no name, or no YAML. `yaml` has no team id.
+// Returns the text with a line `team_id: ...` after the team's name, otherwise unchanged. Returns kInvalid if no such
+// line can be added because the name is missing or the text is not YAML. Requires: `yaml` has no team id.
 Result<std::string> WithTeamId(const std::string& yaml, const std::string& team_id);
 
-// The file's text with a line `signing_key: ...` for each of these agents, by name, all else byte for byte. kInvalid
-// where such a line cannot be added. None of them has one in `yaml`.
+// Returns the text with a line `signing_key: ...` for each of these agents, by name, otherwise unchanged. Returns
+// kInvalid if such a line cannot be added. Requires: none of these agents has one in `yaml`.
 Result<std::string> WithSigningKeys(const std::string& yaml, const std::map<std::string, std::string>& keys);
 
-// A team file that was completed, and the agents that have a signing key since.
+// A completed team file, and the agents whose signing keys were added.
 struct SigningKeysAdded {
   std::string yaml;
   std::vector<std::string> agents;
 };
 
-// The file's text with signing keys for all agents that have none, whose secrets wait in `files`. What it comes to is a
-// team file without an error; kInvalid, with all that is wrong, where it would not be, and for a team without keys.
-// kRefused where a secret is there already. `file` stands in errors, and secrets go beside it.
+// Returns the text with signing keys for all agents that have none, and adds their secret files to `files`. Returns
+// kInvalid, with all errors, if the result would not be a valid team file, or if the team has no keys. Returns kRefused
+// if a secret file already exists. `file` is the file name in errors; secret files are created beside it.
 Result<SigningKeysAdded> AddSigningKeys(const std::string& yaml, const std::filesystem::path& file, NewFiles* files);
 
-// What an agent needs, to be published with `files`: its public key at `public_path`, its secrets NAME.sec and
-// NAME.sign beside it. Errors as of NewFiles.
+// Adds the key files of an agent to `files`: its public key at `public_path`, and its secrets NAME.sec and NAME.sign
+// beside it. Errors as for NewFiles.
 Result<void> AddAgentKeys(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files);
-// The secret of `signing` alone, as NAME.sign beside the public key.
+// Adds only the secret of `signing`, as NAME.sign beside the public key.
 Result<void> AddSigningSecret(const std::filesystem::path& public_path, const SigningKey& signing, NewFiles* files);
 
 }  // namespace moondb

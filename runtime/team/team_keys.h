@@ -1,4 +1,4 @@
-// The keys that an agent needs, read from the files that the team file names.
+// Reads the keys of an agent from the files that the team file names.
 #pragma once
 
 #include <filesystem>
@@ -16,19 +16,20 @@ namespace moondb {
 
 struct TeamKeys {
   CurveKeys own;
-  std::map<AgentId, std::string> public_keys;  // Of the whole team.
+  std::map<AgentId, std::string> public_keys;  // Public keys of all agents of the team.
 };
 
-// `secret_key_file`: empty: beside the public key, with the ending .sec. `self` is in the team. kInvalid for a file
-// that is missing, malformed or readable by others (secret), and for a secret that does not fit its public key.
+// Reads the CURVE keys of `self` and the public keys of the team. An empty `secret_key_file` means the file beside the
+// public key with the extension .sec. Requires: `self` is in the team. Returns kInvalid for a file that is missing,
+// malformed or (if secret) readable by others, and for a secret that does not match its public key.
 Result<TeamKeys> ReadTeamKeys(const proto::TeamConfig& team, const std::filesystem::path& folder, AgentId self,
                               const std::filesystem::path& secret_key_file);
 
-// Whether the file of the agent's secret key is where the team file has it, or the team has no keys.
+// Returns true if the agent's secret key exists at its default path, or if the team has no keys.
 bool HasSecretKey(const proto::TeamConfig& team, const std::filesystem::path& folder, const proto::AgentConfig& agent);
 
-// The key that `self` signs with; in a team without signing keys there is none. From NAME.sign beside the secret CURVE
-// key, as above. kInvalid too where it does not fit the team file.
+// Returns the signing key of `self`, or nothing if the team has no signing keys. Reads NAME.sign beside the secret
+// CURVE key, which is found as in ReadTeamKeys. Returns kInvalid also if the key does not match the team file.
 Result<std::optional<SigningKey>> ReadSigningKey(const proto::TeamConfig& team, const std::filesystem::path& folder,
                                                  AgentId self, const std::filesystem::path& secret_key_file);
 

@@ -1,4 +1,4 @@
-// CheckTrusted: whether other users than this one and root could have written what a file says.
+// CheckTrusted: checks that only this user and root could have written a file.
 #pragma once
 
 #include <filesystem>
@@ -7,9 +7,9 @@
 
 namespace moondb {
 
-// kInvalid, with how to mend it, for a file or folder that belongs to another user than this one or root (to root, who
-// reads everybody's files, any user's is as good), or that others may write: all users, or those of a group that is not
-// this process's own. What is not there passes.
+// Returns kInvalid, with a way to fix it, if the file or folder belongs to another user than this one or root, or if
+// others may write it. Others are all users, or a group that is not this process's own. A process of root accepts any
+// owner, since root can read all files anyway. Sticky folders and missing files pass.
 Result<void> CheckTrusted(const std::filesystem::path& path);
 
 }  // namespace moondb

@@ -23,7 +23,7 @@ using google::protobuf::EnumValueDescriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// YAML's aliases let a small file name one long list many times.
+// Limit of list elements. With YAML aliases, a small file could repeat one long list many times.
 constexpr std::size_t kElementsMax = 256;
 
 Place ToPlace(const YAML::Mark& mark) { return {std::max(mark.line, 0) + 1, std::max(mark.column, 0) + 1}; }
@@ -33,7 +33,7 @@ std::string LowerCase(std::string text) {
   return text;
 }
 
-// "AgentKind" -> "agent_kind_".
+// Returns the prefix of an enumeration's values: "AgentKind" -> "agent_kind_".
 std::string PrefixOf(const EnumDescriptor& type) {
   std::string prefix;
   for (const char c : type.name()) {
@@ -71,7 +71,7 @@ bool IsPlainText(const std::string& text) {
   return std::all_of(text.begin(), text.end(), [](char c) { return c >= 0x20 && c < 0x7f; });
 }
 
-// The whole text must be the number: no sign +, no spaces, no other bases.
+// Parses the whole text as a number, without a plus sign, spaces or other bases.
 template <typename T>
 std::optional<T> ToNumber(const std::string& text, std::errc* code) {
   T value{};
@@ -82,7 +82,7 @@ std::optional<T> ToNumber(const std::string& text, std::errc* code) {
   return value;
 }
 
-// One walk over one document.
+// Walks over one document once.
 class Reader {
  public:
   Reader(Places* places, PlacedErrors* errors) : places_(*places), errors_(*errors) {}
@@ -124,10 +124,10 @@ class Reader {
   using ReadEntry =
       std::function<void(const std::string& key, const YAML::Node& value, Place place, const std::string& path)>;
 
-  // `read` reads each entry whose key is one of `names`; those without a value too.
+  // Calls `read` for each entry whose key is one of `names`, including entries without a value.
   void ReadEntries(const YAML::Node& node, Place place, const std::string& path, const std::vector<std::string>& names,
                    const ReadEntry& read) {
-    if (node.IsNull()) return;  // "radio:" with all its fields commented out.
+    if (node.IsNull()) return;  // A section such as "radio:" with all its fields commented out.
     if (!node.IsMap()) {
       return errors_.Add(place, path, "expected fields such as \"" + names[0] + ": ...\", got " + Describe(node));
     }
@@ -148,7 +148,7 @@ class Reader {
         errors_.Add(key_place, field_path, "given twice, first in line " + std::to_string(first->second.line));
         continue;
       }
-      // The mark of a missing value is wherever the parser noticed.
+      // yaml-cpp gives no exact place for a missing value. Use that of its key.
       const Place value_place = entry.second.IsNull() ? key_place : ToPlace(entry.second.Mark());
       places_[field_path] = value_place;
       read(key, entry.second, value_place, field_path);
@@ -157,9 +157,9 @@ class Reader {
 
   void AddUnknown(const std::vector<std::string>& names, const std::string& key, Place place, const std::string& path) {
     const std::string quoted = Quoted(key);
-    // Its quotes taken off again: what is left is safe to show.
+    // Strip the quotes again. The remaining text is escaped and safe to print.
     errors_.Add(place, Join(path, quoted.substr(1, quoted.size() - 2)), "no such field" + DidYouMean(key, names));
-    // A missing right field follows from this error.
+    // Mute the field that was probably meant: its absence follows from this error.
     if (const auto meant = ClosestWord(key, names)) errors_.Mute(Join(path, *meant));
   }
 
@@ -173,7 +173,7 @@ class Reader {
                 });
   }
 
-  // One value: sets a singular field, appends to a repeated one.
+  // Reads one value. Sets a singular field, or appends to a repeated one.
   void ReadValue(const YAML::Node& node, Place place, const std::string& path, const FieldDescriptor& field,
                  Message* message) {
     const auto* reflection = message->GetReflection();
@@ -199,7 +199,7 @@ class Reader {
       case FieldDescriptor::CPPTYPE_UINT32: {
         const auto value = ToNumber<std::uint32_t>(text, &code);
         if (value) return reflection->SetUInt32(message, &field, *value);
-        // What is an integer but does not fit is left to read on as one that is out of every range.
+        // An integer outside the range of uint32 is reported as out of range, not as malformed.
         return expected(code == std::errc::result_out_of_range || ToNumber<std::int64_t>(text, &code)
                             ? "an integer from 0 to 4294967295"
                             : "an integer");

@@ -19,22 +19,23 @@
 namespace moondb {
 namespace {
 
-constexpr int kQueueMessages = 16;  // Of one client, each way.
-// Messages of one connection with a key that wait in libzmq. Each may be as large as a message may be. A reply beyond
-// that is dropped: its client does not read.
+constexpr int kQueueMessages = 16;  // Queue length per client and direction.
+// Messages of one keyed connection that may wait in libzmq, each up to the size limit. Further replies are dropped: the
+// client does not read.
 constexpr int kKeyedRequestsWaiting = 2;
 constexpr int kKeyedRepliesWaiting = 1;
-constexpr std::size_t kRefusedBytesMax = 64 * 1024;  // Of a request without rights that is read to be answered.
+// Limit of a request without rights that is still parsed, to answer it with an error.
+constexpr std::size_t kRefusedBytesMax = 64 * 1024;
 constexpr int kClientBatchMessages = 64;
 constexpr std::size_t kRepliesMax = 1024;
-constexpr std::size_t kClientsMax = 256;  // So many are remembered to be answered.
+constexpr std::size_t kClientsMax = 256;  // Clients whose routing ids are kept for replies.
 constexpr int kClientKeepAlive_s = 60;
 constexpr std::chrono::seconds kPlacePeriod(1);
-constexpr std::chrono::milliseconds kHeldPeriod(20);  // How often a reply that is held is tried again.
+constexpr std::chrono::milliseconds kHeldPeriod(20);  // Interval between retries of a held reply.
 constexpr std::chrono::minutes kHeldMax(2);
 constexpr char kIpc[] = "ipc://";
 constexpr char kDropsReply[] = "transport: dropped a reply; its client does not read";
-constexpr char kKeyedPrefix[] = "k";  // Of the names of clients with keys.
+constexpr char kKeyedPrefix[] = "k";  // Prefix of the names of keyed clients.
 
 Result<void> ListenOnIpc(ZmqSocket& router, const std::string& endpoint) {
   const std::filesystem::path path = endpoint.substr(std::string_view(kIpc).size());
@@ -47,7 +48,7 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   router.Set(ZMQ_CURVE_SERVER, 1);
   router.Set(ZMQ_CURVE_SECRETKEY, secret_key);
   router.Set(ZMQ_ZAP_DOMAIN, ZapHandler::kClientDomain);
-  // Neither one that says nothing nor one whose machine went away may be kept for ever.
+  // Close connections that never finish the handshake, and those whose machine has disappeared.
   router.Set(ZMQ_HANDSHAKE_IVL, kHandshakeMax_ms);
   router.Set(ZMQ_TCP_KEEPALIVE, 1);
   router.Set(ZMQ_TCP_KEEPALIVE_IDLE, kClientKeepAlive_s);
@@ -57,7 +58,7 @@ Result<void> ListenWithKeys(ZmqSocket& router, const std::string& endpoint, cons
   return router.Bind(*numeric);
 }
 
-// The number in a routing id of the form in which a ROUTER assigns them: a zero byte and 32 bits, the highest first.
+// Returns the number in a routing id that a ROUTER assigned: a zero byte followed by 32 bits, big-endian.
 std::optional<std::uint32_t> NumberOf(std::string_view routing_id) {
   if (routing_id.size() != 5 || routing_id[0] != '\0') return std::nullopt;
   std::uint32_t number = 0;
@@ -65,7 +66,7 @@ std::optional<std::uint32_t> NumberOf(std::string_view routing_id) {
   return number;
 }
 
-// Connects to `router` within this process, and returns the number that it assigns to that first connection.
+// Connects to `router` inside this process and returns the number that it assigns to this first connection.
 Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router) {
   const std::string endpoint = "inproc://first-client";
   if (const auto bound = router.Bind(endpoint); !bound) return tl::unexpected(bound.error());
@@ -81,7 +82,7 @@ Result<std::uint32_t> FirstNumberOf(const ZmqContext& context, ZmqSocket& router
   return *number;
 }
 
-// What the client gets instead of a reply that it could not be sent.
+// Returns the error that replaces a reply that is too large to send.
 proto::Message TooLarge(const proto::Message& reply, std::size_t bytes, std::size_t bytes_max) {
   proto::Message message = ErrorMessage({ErrorCode::kFull,
                                          "the reply has " + std::to_string(bytes) + " bytes, more than the " +
@@ -101,7 +102,7 @@ Result<std::unique_ptr<ClientListener>> ClientListener::Open(const ZmqContext& c
   Check(is_ipc == (options.identity_of == nullptr), "clients come over ipc, or with a key");
   Result<ZmqSocket> router = ZmqSocket::Make(context, ZMQ_ROUTER);
   if (!router) return tl::unexpected(router.error());
-  // A client that left, or one that does not read its replies, is an error at once and holds up nobody.
+  // A send to a client that left or does not read fails at once and does not block others.
   router->Set(ZMQ_ROUTER_MANDATORY, 1);
   router->Set(ZMQ_RCVHWM, is_ipc ? kQueueMessages : kKeyedRequestsWaiting);
   router->Set(ZMQ_SNDHWM, is_ipc ? kQueueMessages : kKeyedRepliesWaiting);
@@ -171,12 +172,12 @@ void ClientListener::KeepPlace(std::chrono::steady_clock::time_point now) {
   const std::string path = options_.endpoint.substr(std::string_view(kIpc).size());
   if (::lstat(path.c_str(), &status) == 0 || errno != ENOENT) return;
   log_.Warn("transport: the socket for clients was removed: " + path);
-  // libzmq takes the file away as it closes, later: a new one made at once would go with it.
+  // Listen again later: libzmq deletes the file asynchronously while it closes, and would delete a new file too.
   router_.Unbind(options_.endpoint);
   is_listening_ = false;
 }
 
-// Sending may take in libzmq's news of requests, so that receiving comes last.
+// Receive last: sending may consume libzmq's notification of new requests.
 bool ClientListener::Work(const Transport::Deliver& deliver) {
   Flush();
   return Receive(deliver) || has_replies();
@@ -209,7 +210,7 @@ void ClientListener::OnFrame(const ZmqReceived& received, const Transport::Deliv
   const std::string key(received.frame.user_id());
   const std::string name = table_.NameOf(route, key);
   if (is_keyed()) unread_.OnRequest(route, key, received.file);
-  // Over ipc only this user comes.
+  // Only this user can connect over ipc.
   ClientIdentity client{proto::CLIENT_RIGHTS_COMMAND, {}};
   if (is_keyed()) client = options_.identity_of(std::string(received.frame.user_id()));
   if (client.rights == proto::CLIENT_RIGHTS_NONE && received.frame.size() > kRefusedBytesMax) {
@@ -255,7 +256,7 @@ bool ClientListener::Hand(Reply& reply) {
   return true;
 }
 
-// As much of one key, and of all keys, as may wait in libzmq.
+// Limits held replies per key and in total to the same sizes as replies that wait in libzmq.
 void ClientListener::Hold(Reply reply) {
   const std::string key = unread_.KeyOf(std::string(reply.route.text()));
   std::size_t of_key = 0;

@@ -1,17 +1,17 @@
-// ClientListener: a ROUTER at which an agent's clients ask and are answered: on ipc:// in a folder that only this user
-// can enter, where clients have all rights; or on tcp:// under CURVE, where a client has the rights that its key has at
-// each request.
+// ClientListener: a ROUTER socket that receives an agent's client requests and sends the replies. On ipc://, in a
+// folder that only this user can enter, clients have all rights. On tcp://, under CURVE, a client has the rights of its
+// key at the time of each request.
 //
-// libzmq ends the process when a client connects and the process may open no more files, and cannot be told how many
-// clients to let in: the limit on open files has to be well above the number of clients, those that are still at their
-// handshake included: a client_address belongs on a network of one's own.
+// libzmq aborts the process if a client connects while no more files can be opened, and it cannot limit the number of
+// clients. The limit on open files must therefore be well above the number of clients, including those in their
+// handshake. A client_address belongs on a private network.
 //
-// A ROUTER numbers its connections upwards from a random number, and libzmq ends the process if a connection has
-// claimed the next number as its routing id. So the door learns its first number, which nobody else knows, and a
-// connection over TCP whose message comes with an id that the ROUTER did not assign is reported as claimed
+// A ROUTER numbers its connections upwards from a random number. libzmq aborts the process if a connection has claimed
+// the next number as its own routing id. This class therefore reads the first number when it starts; no client knows
+// that number. A message over TCP with a routing id that the ROUTER did not assign is reported as a claimed id
 // (docs/SECURITY.md).
 //
-// Send: any thread. All else: the transport's thread.
+// Send is thread-safe. All other functions: the transport's thread only.
 #pragma once
 
 #include <chrono>
@@ -37,43 +37,48 @@ namespace moondb {
 
 class ClientListener {
  public:
-  // So many connections of one key there may be at once (ConnectionRules::Door::key_max), and so many are remembered to
-  // be answered, also of those that left.
+  // Limit of concurrent connections with one key (ConnectionRules::Door::key_max). Routing ids are kept for this many
+  // connections of a key, including closed ones.
   static constexpr std::size_t kConnectionsOfKeyMax = 15;
 
-  // Who comes with this key (Z85), at this moment.
+  // Returns the identity of the client with this key (Z85), according to the current client list.
   using IdentityOf = std::function<ClientIdentity(const std::string& key)>;
 
   struct Options {
     AgentId self = 0;
-    std::string endpoint;               // ipc://..., or tcp:// and then with both of the next.
-    std::size_t message_bytes_max = 0;  // Of requests and replies.
-    std::string secret_key;             // The agent's.
+    std::string endpoint;               // ipc://..., or tcp://, which also requires secret_key and identity_of.
+    std::size_t message_bytes_max = 0;  // Limit for requests and replies.
+    std::string secret_key;             // The agent's secret key.
     IdentityOf identity_of;
-    // With keys: a whole message came over the connection of this file, from who has this key.
+    // With keys: called when a complete message has arrived over the connection with descriptor `file`, from a client
+    // with `key`.
     std::function<void(int file, std::string_view key, bool has_claimed_id)> on_message;
-    // With keys: how many handshakes were admitted so far. The ROUTER has assigned at most so many routing ids.
+    // With keys: returns the number of handshakes admitted so far. The ROUTER has assigned at most this many routing
+    // ids.
     std::function<std::uint32_t()> admitted_handshakes;
-    // With keys: called with the socket before it listens.
+    // With keys: called with the socket before it starts to listen.
     std::function<Result<void>(ZmqSocket& listener)> before_listening;
   };
 
-  // `wake_up` outlives the door; of two doors of one agent one is keyed. kUnavailable for an address in use, kInvalid
-  // for a folder that is not this user's alone (it is made if it is missing).
+  // Opens the socket. Requires: `wake_up` outlives the object; at most one of an agent's two ClientDoors uses keys.
+  // Returns kUnavailable if the address is in use, kInvalid if the folder is not private to this user. A missing folder
+  // is created.
   static Result<std::unique_ptr<ClientListener>> Open(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // To the client that is named so (runtime/transport/client_table.h). kUnreachable if it is not known; kFull if too
-  // much waits, and for a message that is too large: its client is then answered with an error of the same request_id.
+  // Sends a reply to the named client (runtime/transport/client_table.h). Returns kUnreachable if the client is
+  // unknown, kFull if too much waits or the message is too large. For a message that is too large, the client receives
+  // an error with the same request_id.
   SendResult Send(const std::string& name, const proto::Message& message);
 
-  // Hands in requests and hands out replies, at most so many that others have their turn. True if more wait.
+  // Delivers requests and sends replies, up to a limit that lets other sockets have their turn. Returns true if more
+  // wait.
   bool Work(const Transport::Deliver& deliver);
   bool has_replies() const;
 
-  // Listens anew where somebody has removed the socket's file, as a login manager does at logout: until then nobody new
-  // comes in. To be called now and then.
+  // Listens again if the socket's file was removed, as login managers do at logout. Until then no new client can
+  // connect. Call periodically.
   void KeepPlace(std::chrono::steady_clock::time_point now);
-  // When KeepPlace or Work has something to do for sure.
+  // Time at which KeepPlace or Work must run at the latest.
   std::chrono::steady_clock::time_point deadline() const;
 
   int file() const { return router_.file(); }
@@ -91,7 +96,7 @@ class ClientListener {
   bool Receive(const Transport::Deliver& deliver);
   void OnFrame(const ZmqReceived& received, const Transport::Deliver& deliver);
   void Flush();
-  // True: libzmq has the reply, or it was dropped. False: its client has to read others first.
+  // Returns true if libzmq accepted the reply or it was dropped, false if its client must read earlier replies first.
   bool Hand(Reply& reply);
   void Hold(Reply reply);
   bool is_keyed() const { return options_.identity_of != nullptr; }
@@ -99,21 +104,21 @@ class ClientListener {
 
   const Options options_;
   ZmqSocket router_;
-  const std::uint32_t first_id_;  // With keys: the ROUTER's number for its first connection, this process's own.
+  const std::uint32_t first_id_;  // With keys: the ROUTER's number for its first connection, which is internal.
   WakeUp& wake_up_;
   ClientTable table_;
   RateLimitedLog log_;
   bool is_listening_ = true;
-  std::chrono::steady_clock::time_point looks_at_{};  // When KeepPlace looks again.
+  std::chrono::steady_clock::time_point looks_at_{};  // Next time KeepPlace checks.
 
-  // With keys: replies whose clients have to read others first, oldest first. The transport's thread alone.
+  // With keys: replies that wait until their clients have read earlier ones, oldest first. Transport's thread only.
   UnreadReplies unread_;
   std::deque<Reply> held_;
   std::chrono::steady_clock::time_point tries_held_at_{};
 
   mutable std::mutex mutex_;
   std::deque<Reply> replies_;
-  std::size_t reply_bytes_ = 0;  // Of their frames.
+  std::size_t reply_bytes_ = 0;  // Bytes of the frames in replies_.
 };
 
 }  // namespace moondb

@@ -1,7 +1,7 @@
-// ClientTable: names for the connections of clients, so that a reply finds its way back. Thread-safe.
+// ClientTable: names the connections of clients, for routing replies. Thread-safe.
 //
-// libzmq does not say when a client leaves, so only the connections heard from most recently are kept; of one owner
-// (the client's key) so few that nobody's answers are lost by what another one opens.
+// libzmq does not report when a client leaves. The table keeps only the connections that were heard most recently. The
+// number per owner (the client's key) is limited, so that no owner's connections displace those of another.
 #pragma once
 
 #include <cstdint>
@@ -16,16 +16,16 @@ namespace moondb {
 
 class ClientTable {
  public:
-  // `prefix` begins each name.
+  // `prefix` is prepended to each name.
   ClientTable(std::size_t clients_max, std::size_t clients_of_owner_max, std::string prefix = {})
       : clients_max_(clients_max), clients_of_owner_max_(clients_of_owner_max), prefix_(std::move(prefix)) {}
 
-  // The name of the connection with this routing id, a new one ("1", "2", ...) if it is unknown.
+  // Returns the name of the connection with this routing id. An unknown one gets a new name ("1", "2", ...).
   std::string NameOf(const std::string& routing_id, const std::string& owner);
 
   std::optional<std::string> RoutingIdOf(const std::string& name) const;
 
-  // It is gone.
+  // Removes the connection.
   void Forget(const std::string& routing_id);
 
  private:
@@ -44,10 +44,10 @@ class ClientTable {
   const std::string prefix_;
   mutable std::mutex mutex_;
   std::uint64_t named_ = 0;
-  Clients clients_;  // The last heard first.
+  Clients clients_;  // Clients, most recently heard first.
   std::map<std::string, Clients::iterator> by_routing_id_;
   std::map<std::string, Clients::iterator> by_name_;
-  std::map<std::string, std::size_t> counts_;  // By owner.
+  std::map<std::string, std::size_t> counts_;  // Number of clients by owner.
 };
 
 }  // namespace moondb

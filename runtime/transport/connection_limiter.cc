@@ -58,21 +58,22 @@ void ConnectionLimiter::Work(MonotonicTime now) {
 
 bool ConnectionLimiter::Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now) {
   if (rules_.Admit(port, key, peer)) return true;
-  if (now < looked_at_ + kLookAfter) return false;  // A look at each of many handshakes would take a processor.
-  Look(now);                                        // Connections that closed since the last look count no longer.
+  // Limit the rate: a look at each of many handshakes would use a whole processor.
+  if (now < looked_at_ + kLookAfter) return false;
+  Look(now);  // Connections that closed since the last look no longer count.
   return rules_.Admit(port, key, peer);
 }
 
 void ConnectionLimiter::Look(MonotonicTime now) {
   looked_at_ = now;
   for (const ConnectionRules::Cut& cut : rules_.Judge(connections_->List(), now)) {
-    Count(cut);  // First, so that the counters include each cut that its peer can have seen.
+    Count(cut);  // Count first: a peer that notices its cut is then already in the counters.
     TcpConnections::ShutDown(cut.connection);
   }
   LookAtLinks();
 }
 
-// A link that closed, or whose descriptor the kernel gave to another connection, is watched no longer.
+// Stops watching a link that closed, or whose descriptor now belongs to another connection.
 void ConnectionLimiter::LookAtLinks() {
   std::erase_if(links_, [&](const auto& entry) {
     const auto& [peer, opened] = entry;

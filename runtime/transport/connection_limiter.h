@@ -1,15 +1,14 @@
-// ConnectionLimiter: cuts the TCP connections to this agent that take more than their due (connection_rules.h), which
-// libzmq by itself does not bound. Upon the cut libzmq closes the connection and frees what it had received of a
-// message.
+// ConnectionLimiter: cuts incoming TCP connections that exceed their limits (connection_rules.h), because libzmq does
+// not limit them. After a cut, libzmq closes the connection and frees the partial message.
 //
-// It also watches the links, the connections that this agent opened to its peers. Nothing but the handshake arrives
-// over a link, so a peer that sends more than kLinkBytesMax over one is reported (TakeFloodedLinks).
+// Also watches the links: the connections that this agent opened to its peers. Only the handshake arrives over a link.
+// A peer that sends more than kLinkBytesMax over one is reported (TakeFloodedLinks).
 //
-// It looks a moment after anything came over any of them, a few times more at growing intervals, and not at all while
-// nothing comes, so that an agent at rest sleeps. Between two looks
-// a connection takes what the network brings: some 10 MB at the rate at which libzmq reads.
+// The guard looks at the connections shortly after data arrive on any of them, then a few times at growing intervals.
+// Without traffic it never looks, and an idle agent sleeps. Between two looks a connection can receive some 10 MB at
+// the rate at which libzmq reads.
 //
-// The transport's thread; cut_* any thread.
+// Transport's thread only, except the cut_* functions, which are thread-safe.
 #pragma once
 
 #include <atomic>
@@ -35,35 +34,35 @@ class ConnectionLimiter {
   static constexpr Duration kLookAfter = std::chrono::milliseconds(50);
   static constexpr Duration kLookAfterMax = std::chrono::milliseconds(800);
 
-  // By port. kUnavailable: the process may open no more files.
+  // `doors` holds the limits of each port. Returns kUnavailable if no more files can be opened.
   static Result<std::unique_ptr<ConnectionLimiter>> Make(std::map<std::uint16_t, ConnectionRules::Listener> listeners);
 
-  // A handshake takes less than 1 KiB.
+  // Limit of bytes that may arrive over a link. A handshake takes less than 1 KiB.
   static constexpr std::uint64_t kLinkBytesMax = 64 * 1024;
 
-  // libzmq accepted a connection with this descriptor.
+  // libzmq accepted a connection with this file descriptor.
   void OnAccepted(int file, MonotonicTime now);
-  // libzmq opened the connection of the link to this agent, with this descriptor.
+  // libzmq opened the link's connection to `peer` with this file descriptor.
   void OnLinkConnected(AgentId peer, int file, MonotonicTime now);
-  // Returns the agents that sent more than kLinkBytesMax over the link to them since its connection opened; each once
-  // for each connection.
+  // Returns the agents that sent more than kLinkBytesMax over a link since its connection opened. Reports each
+  // connection once.
   std::vector<AgentId> TakeFloodedLinks() { return std::exchange(flooded_links_, {}); }
 
-  // Readable when something came: then OnReadable.
+  // Descriptor that becomes readable when data arrive. Call OnReadable then.
   int file() const { return connections_->file(); }
   void OnReadable(MonotonicTime now);
-  // When Work has something to do.
+  // Time of the next Work.
   MonotonicTime deadline() const { return looks_at_; }
   void Work(MonotonicTime now);
 
-  // A whole message came from the connection that has this file (ConnectionRules::OnMessage).
+  // A complete message has arrived over the connection with this descriptor (ConnectionRules::OnMessage).
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false) {
     rules_.OnMessage(file, key, peer_port, has_claimed_id);
   }
-  // Returns false if the key has all its connections (ConnectionRules::Admit).
+  // Returns false if the key has reached its connection limit (ConnectionRules::Admit).
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer, MonotonicTime now);
 
-  // Connections that were cut.
+  // Numbers of connections that were cut, by cause.
   std::uint64_t cut_for_number() const { return cut_for_number_; }
   std::uint64_t cut_for_bytes() const { return cut_for_bytes_; }
   std::uint64_t cut_for_claimed_id() const { return cut_for_claimed_id_; }
@@ -79,7 +78,7 @@ class ConnectionLimiter {
 
   const std::unique_ptr<TcpConnections> connections_;
   ConnectionRules rules_;
-  std::map<AgentId, TcpConnection> links_;  // Those that did not send too much.
+  std::map<AgentId, TcpConnection> links_;  // Links that have not exceeded kLinkBytesMax.
   std::vector<AgentId> flooded_links_;
   MonotonicTime looks_at_{};
   MonotonicTime looked_at_{};

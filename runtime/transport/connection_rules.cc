@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// The bits that one host does not choose for itself: of IPv4 24, of IPv6 64.
+// Returns the part of an address that a host cannot choose freely: 24 bits of IPv4, 64 bits of IPv6.
 std::string NetworkOf(const std::string& address) {
   in6_addr bits{};
   if (inet_pton(AF_INET6, address.c_str(), &bits) != 1) return address.substr(0, address.rfind('.'));
@@ -94,7 +94,7 @@ void ConnectionRules::Update(const std::vector<TcpConnection>& connections, Time
   delivered_.clear();
 }
 
-// Of the admissions from an address as many count as there are silent connections from there, the newest ones.
+// Keeps, for each address, as many of the newest admissions as it has silent connections.
 void ConnectionRules::EndAdmissions() {
   std::map<std::pair<std::uint16_t, std::string>, std::size_t> silent;
   for (const auto& [file, known] : known_) {
@@ -132,7 +132,8 @@ void ConnectionRules::JudgeKeys(std::uint16_t port, const Listener& listener, st
 }
 
 void ConnectionRules::JudgePlaces(std::uint16_t port, const Listener& listener, std::vector<Cut>& cuts) {
-  std::map<std::string, std::vector<Known*>> groups;  // By the address whose places they share, or "".
+  // Connections by the address whose places they use; "" for the shared places.
+  std::map<std::string, std::vector<Known*>> groups;
   for (auto& [file, known] : known_) {
     if (known.is_cut || known.connection.port != port) continue;
     groups[listener.places.contains(known.connection.peer) ? known.connection.peer : std::string()].push_back(&known);

@@ -1,24 +1,23 @@
-// ConnectionRules: which of the TCP connections that others opened to this agent take more than their due, before or
-// after anybody knows who they are (docs/SECURITY.md). libzmq bounds neither how many there are nor what a message of
-// theirs takes until it is whole.
+// ConnectionRules: decides which incoming TCP connections exceed their limits, before or after their keys are known
+// (docs/SECURITY.md). libzmq limits neither the number of connections nor the memory of an incomplete message.
 //
-// Places: each address of the team has places of its own, which nobody else can take; all other addresses share some.
-// Where there are too many, those go first that never brought a whole message and come from an address from which none
-// came within the last hour, then other ones that never brought a message; of equal ones the oldest of the network that
-// has most. A network is all addresses that have the first 24 bits in common, with IPv6 the first 64: one host can have
-// them all. Of one key there are at most `key_max` that ever brought a message: beyond them the one goes that was
-// silent for longest, so that no key takes the places of another one.
+// Places: each address of the team has reserved places; all other addresses share a fixed number. If there are too many
+// connections, the first to be cut are those that never completed a message and whose address completed none within the
+// last hour. Next are other connections that never completed a message. Among equals, the oldest connection of the
+// network with the most connections is cut. A network is all addresses with the same first 24 bits (IPv6: 64), because
+// one host can use all of them. At most `key_max` connections with a completed message may use one key. Beyond that,
+// the one that was silent for longest is cut, so that no key takes the places of another.
 //
-// A key that has `key_max` connections is not admitted once more (Admit). Until a connection brings a message nobody
-// can say which key it has, so an admission counts until a connection from the same address brings its first message
-// with that key, or until that address has fewer silent connections than admissions; then the oldest admission ends.
+// A key with `key_max` connections is not admitted again (Admit). The key of a connection is unknown until its first
+// message. An admission therefore counts until a connection from the same address completes its first message with that
+// key. It also ends, oldest first, when the address has fewer silent connections than admissions.
 //
-// Bytes: a connection may have received kFreeBytes since its last whole message, which is more than any frame between
-// agents has. What goes beyond is a client's large message, what this agent is slow to read, or a message that never
-// ends: at each door all of it together may be `shared_bytes`; above that the connection with the most goes. Parts of
-// one byte take some four times as much memory as they have on the wire.
+// Bytes: a connection may receive kFreeBytes beyond its last complete message, which is more than any frame between
+// agents. Larger amounts are a client's large message, data that this agent reads slowly, or a message that never ends.
+// Per port their sum may be `shared_bytes`; above that, the connection with the most bytes is cut. A message of
+// one-byte parts uses about four times its wire size in memory.
 //
-// A plain value that looks at nothing by itself: ConnectionLimiter feeds it.
+// Holds no sockets and reads no clock: ConnectionLimiter passes the data in.
 #pragma once
 
 #include <chrono>
@@ -32,13 +31,13 @@
 
 namespace moondb {
 
-// One that others opened to a port on which this process listens.
+// An incoming connection to a port on which this process listens.
 struct TcpConnection {
   int file = -1;
-  std::uint16_t port = 0;            // This agent's.
-  std::string peer;                  // "10.0.0.3"
-  std::uint16_t peer_port = 0;       // With `peer` and `file` it tells a connection from a later one.
-  std::uint64_t bytes_received = 0;  // Since it was opened.
+  std::uint16_t port = 0;            // The local port.
+  std::string peer;                  // Numeric address of the peer, such as "10.0.0.3".
+  std::uint16_t peer_port = 0;       // Together with `peer` and `file`, distinguishes the connection from a later one.
+  std::uint64_t bytes_received = 0;  // Bytes received since the connection opened.
 };
 
 class ConnectionRules {
@@ -47,12 +46,13 @@ class ConnectionRules {
 
   static constexpr std::uint64_t kFreeBytes = 320 * 1024;
   static constexpr std::chrono::hours kRememberedTime{1};
-  static constexpr std::size_t kRememberedMax = 1024;  // Addresses; the one that was silent for longest is forgotten.
+  // Limit of remembered addresses. The one silent for longest is forgotten.
+  static constexpr std::size_t kRememberedMax = 1024;
 
   struct Listener {
-    std::map<std::string, std::size_t> places;  // By address.
-    std::size_t others_max = 0;                 // Connections from all other addresses together.
-    std::size_t key_max = 0;                    // Connections with one key.
+    std::map<std::string, std::size_t> places;  // Reserved places by address.
+    std::size_t others_max = 0;                 // Limit of connections from all other addresses together.
+    std::size_t key_max = 0;                    // Limit of connections with one key.
     std::uint64_t shared_bytes = 0;
   };
 
@@ -62,29 +62,29 @@ class ConnectionRules {
     Cause cause = Cause::kTooMany;
   };
 
-  // By port.
+  // `doors` holds the limits of each port.
   explicit ConnectionRules(std::map<std::uint16_t, Listener> listeners) : listeners_(std::move(listeners)) {}
 
-  // A whole message came from the connection that has this file. `key`: of whom it is; empty without CURVE.
-  // `peer_port`: where it is known, so that nothing is taken for a later connection's with the same file; 0: it is not.
-  // `has_claimed_id`: the connection chose a routing id for itself, and is cut.
+  // A complete message has arrived over the connection with descriptor `file`. `key` is the sender's, empty without
+  // CURVE. `peer_port` rules out a later connection with the same descriptor; 0 means unknown. `has_claimed_id`: the
+  // connection chose its own routing id, and must be cut.
   void OnMessage(int file, std::string_view key, std::uint16_t peer_port = 0, bool has_claimed_id = false);
 
-  // Counts a connection from `peer` to `port` whose handshake shows that it has this key. Returns false, and counts
-  // nothing, if the key has `key_max` connections by the last Judge and by the admissions since.
+  // Admits a connection from `peer` to `port` whose handshake has shown this key, and counts it. Returns false without
+  // counting if the key has `key_max` connections, including those admitted since the last Judge.
   bool Admit(std::uint16_t port, const std::string& key, const std::string& peer);
 
-  // All that there are at this time, in any order; each that is to be cut is named once.
+  // Returns the connections to cut, each once. `connections` holds all current connections, in any order.
   std::vector<Cut> Judge(const std::vector<TcpConnection>& connections, Time now = {});
 
  private:
   struct Known {
     TcpConnection connection;
-    std::uint64_t number = 0;           // As they came.
-    std::uint64_t bytes_delivered = 0;  // The bytes it had received at its last whole message.
+    std::uint64_t number = 0;           // Number in the order of arrival.
+    std::uint64_t bytes_delivered = 0;  // bytes_received at its last complete message.
     bool has_delivered = false;
-    std::string key;             // Of its last message.
-    std::uint64_t heard_at = 0;  // The look at which its last message was known.
+    std::string key;             // Key of its last message.
+    std::uint64_t heard_at = 0;  // Value of look_ when its last message was noticed.
     bool has_claimed_id = false;
     bool is_cut = false;
 
@@ -101,21 +101,21 @@ class ConnectionRules {
   static void CutOff(Known& known, Cause cause, std::vector<Cut>& cuts);
 
   std::map<std::uint16_t, Listener> listeners_;
-  std::map<int, Known> known_;  // By file.
+  std::map<int, Known> known_;  // Current connections by descriptor.
   struct Delivered {
     std::string key;
     std::uint16_t peer_port = 0;
     bool has_claimed_id = false;
   };
-  std::map<int, Delivered> delivered_;  // Since the last look, by file.
-  // Of a connection that has not brought a message yet.
+  std::map<int, Delivered> delivered_;  // Messages since the last look, by descriptor.
+  // An admitted connection that has not completed a message yet.
   struct Admission {
     std::uint16_t port = 0;
     std::string key;
     std::string peer;
   };
-  std::vector<Admission> admissions_;       // Oldest first.
-  std::map<std::string, Time> remembered_;  // Addresses, and when a whole message last came from them.
+  std::vector<Admission> admissions_;       // Admissions without a message so far, oldest first.
+  std::map<std::string, Time> remembered_;  // Time of the last complete message by address.
   std::uint64_t last_number_ = 0;
   std::uint64_t look_ = 0;
 };

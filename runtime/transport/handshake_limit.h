@@ -1,4 +1,4 @@
-// HandshakeLimit: bounds how many connections one key may open in a minute, whatever becomes of them.
+// HandshakeLimit: limits how many connections one key may open per minute, including those that close again.
 #pragma once
 
 #include <chrono>
@@ -16,7 +16,7 @@ class HandshakeLimit {
  public:
   static constexpr std::size_t kPerMinute = 60;
 
-  // Returns whether fewer than kPerMinute handshakes with this key were counted in the last minute.
+  // Returns true if fewer than kPerMinute handshakes with this key were counted in the last minute.
   bool HasRoom(const std::string& key, MonotonicTime now) {
     Forget(now);
     const auto times = recent_.find(key);
@@ -34,7 +34,7 @@ class HandshakeLimit {
     }
   }
 
-  std::map<std::string, std::deque<MonotonicTime>> recent_;  // By key, oldest first.
+  std::map<std::string, std::deque<MonotonicTime>> recent_;  // Times of handshakes by key, oldest first.
 };
 
 }  // namespace moondb

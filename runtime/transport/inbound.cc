@@ -12,8 +12,9 @@
 namespace moondb {
 namespace {
 
-// What agents and clients have cause to send. What a client wants of another agent travels as a ControlRequest, which
-// the gateway there checks; users' own actors speak by `custom`. Every other body belongs to the actors of one agent.
+// Returns true for bodies that agents and clients may send. A client's request to another agent travels as a
+// ControlRequest, which the gateway there checks. Users' own actors communicate with `custom`. All other bodies are
+// internal to one agent.
 bool MayComeFromOutside(const proto::Message& message) {
   switch (message.body_case()) {
     case proto::Message::kHello:
@@ -40,7 +41,7 @@ bool MayComeFromOutside(const proto::Message& message) {
   }
 }
 
-// Nobody would read them; their memory would stay with a message that is used again (OwnedMessage).
+// Unknown fields are never read, and a reused message would keep their memory (OwnedMessage).
 void DropUnknownFields(proto::Message* message) {
   const auto* reflection = message->GetReflection();
   if (reflection->GetUnknownFields(*message).empty()) return;
@@ -57,7 +58,8 @@ Result<void> Parse(std::string_view bytes, ParseFunction parse, proto::Message* 
   return {};
 }
 
-// The next message's bytes of a PeerFrame, taken from its front; none: that is no PeerFrame.
+// Removes and returns the bytes of the next message at the front of a PeerFrame. Returns nothing if the frame is
+// malformed.
 std::optional<std::string_view> TakeMessage(std::string_view* frame) {
   google::protobuf::io::CodedInputStream stream(reinterpret_cast<const std::uint8_t*>(frame->data()),
                                                 static_cast<int>(frame->size()));

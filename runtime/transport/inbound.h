@@ -1,4 +1,4 @@
-// The door: what comes in from peers and clients is parsed and checked here, once; behind it, it is trusted.
+// Parses and validates all messages from peers and clients. Code behind these functions trusts the messages.
 #pragma once
 
 #include <optional>
@@ -12,26 +12,26 @@
 
 namespace moondb {
 
-// Removes the link number from the front of a proto::PeerFrame, and returns it. Returns none, and leaves the frame, if
-// it does not begin with one, or with 0.
+// Removes and returns the link number at the front of a proto::PeerFrame. If there is none, or it is 0, returns nothing
+// and leaves the frame unchanged.
 std::optional<std::uint32_t> TakeLinkNumber(std::string_view* frame);
 
-// The rest of a proto::PeerFrame; all of its messages, which one agent sent, or none. Several share only a frame of at
-// most kSharedFrameBytesMax. `authenticated`: the agent whose key the connection has; none without CURVE, where the
-// claim has to do. kCorrupt: does not decode. kRefused: claims another hop_sender than the authenticated one, or is a
-// message that only actors of one agent send each other (timers, storage's own). A peer's word for a client's rights is
-// not heard.
+// Parses a proto::PeerFrame without its link number. Returns all of its messages, or an error. All must be from one
+// agent, and only frames up to kSharedFrameBytesMax may hold several. `authenticated` is the agent whose key the
+// connection uses. It is empty without CURVE; hop_sender is then not verified. Returns kCorrupt if the frame does not
+// decode. Returns kRefused if hop_sender is not the authenticated agent, or if only actors of one agent may send the
+// message to each other (timers, storage's messages). Client rights in the messages are cleared.
 Result<std::vector<OwnedMessage>> ParsePeerFrame(std::string_view frame, std::optional<AgentId> authenticated);
 
-// Who a client is, as its agent's door knows it.
+// The identity of a client, as its agent has verified it.
 struct ClientIdentity {
   proto::ClientRights rights = proto::CLIENT_RIGHTS_NONE;
-  std::string name;  // As its key is listed; empty: it came over ipc.
+  std::string name;  // Name of the client's key in the list; empty for a client over ipc.
 };
 
-// Addressed to the gateway of `self`, from {kClients, connection}, with the rights and name of `client`, whatever the
-// client wrote there; its agent_id, term, record_id and sql are not heard. Errors as above; kRefused for what
-// transports say to each other, too.
+// Parses a client's message and addresses it to the gateway of `self`, from {kClients, connection}. Rights and name are
+// those of `client`, whatever the message contains; its agent_id, term, record_id and sql are overwritten or cleared.
+// Errors as for ParsePeerFrame. Messages between transports are also kRefused.
 Result<OwnedMessage> ParseClientFrame(std::string_view frame, const std::string& connection,
                                       const ClientIdentity& client, AgentId self);
 

@@ -1,13 +1,17 @@
-// LinkCredit, LargeFrameNotice, ReceivedCount: how much may be under way to a peer, by what the peer says has arrived.
+// LinkCredit, LargeFrameNotice, ReceivedCount: flow control by credit. They limit the bytes in flight to a peer, by the
+// number of bytes that the peer reports as received.
 //
-// A high-water mark counts messages on this side alone: a peer that does not read still lets megabytes into libzmq and
-// the two kernels, which then are stale, late and lost with the connection. So each end reports to the other how many
-// bytes have arrived (proto::LinkReport), and no more than a credit go out beyond that; the rest waits in the outbox,
-// where control messages overtake it. The credit is small, as a slow radio needs it, and grows while a whole credit's
-// worth is reported within a moment: what is under way stays a matter of a fraction of a second on any link. Each
-// direction is a connection of its own; its sender numbers it, so that a report about an earlier one is known as such.
+// A high-water mark counts messages on the sending side only. Megabytes for a peer that does not read would still enter
+// libzmq and both kernels. They would become stale and delayed, and be lost with the connection. Each end therefore
+// reports how many bytes have arrived (proto::LinkReport). The sender keeps at most one credit of unreported bytes in
+// flight. The rest waits in the outbox, where control messages overtake it. A full outbox refuses messages: this is the
+// backpressure to the senders.
 //
-// Plain accounting: time comes in with each call. Its owner guards it.
+// The credit starts small, for slow radios. It grows when a full credit is reported quickly, which keeps the delay of
+// the bytes in flight at a fraction of a second on any link. Each direction has its own connection, numbered by its
+// sender. The number identifies reports about earlier connections.
+//
+// Accounting only: each call passes the time in. The caller provides the locking.
 #pragma once
 
 #include <chrono>
@@ -19,32 +23,32 @@
 
 namespace moondb {
 
-// The sending end of one connection after another.
+// The sending end of a link, over successive connections.
 class LinkCredit {
  public:
   struct Options {
-    std::size_t bytes_min = 32 * 1024;    // 0.26 s of a 1 Mbps radio.
-    std::size_t bytes_max = 1024 * 1024;  // At least bytes_min.
-    // What was under way is reported within so long: the credit doubles if it was all used; longer than four times
-    // that: it is halved. A 1 Mbps radio takes 260 ms for the smallest credit.
+    std::size_t bytes_min = 32 * 1024;    // Smallest and initial credit: 0.26 s of a 1 Mbps radio.
+    std::size_t bytes_max = 1024 * 1024;  // Upper limit; at least bytes_min.
+    // If all bytes of a round are reported within this time, and the credit was used up, the credit doubles. If it
+    // takes more than four times as long, the credit is halved. A 1 Mbps radio takes 260 ms for the smallest credit.
     Duration round_fast = std::chrono::milliseconds(25);
   };
 
   explicit LinkCredit(const Options& options) : options_(options), credit_bytes_(options.bytes_min) {}
 
-  // A new connection, numbered `link` (not 0): nothing has been sent over it.
+  // A new connection with the number `link` (not 0) opened. Nothing has been sent over it.
   void Open(std::uint32_t link);
 
-  // A frame may go out now. One that is larger than the credit goes alone.
+  // True if a frame may be sent now. A frame larger than the credit is sent when nothing else is in flight.
   bool HasRoomFor(std::size_t frame_bytes) const {
     return unreported_bytes() == 0 || unreported_bytes() + frame_bytes <= credit_bytes_;
   }
   void OnSent(MonotonicTime now, std::size_t frame_bytes);
-  // A frame had no room.
+  // A frame had to wait for credit.
   void OnBlocked() { was_blocked_ = true; }
 
-  // False, and nothing happens, for a report about another connection than the present one, one that goes back behind
-  // an earlier one, and one about more than was sent.
+  // Processes a report of the peer. Returns false, without effect, if the report is about another connection, is older
+  // than an earlier one, or claims more than was sent.
   bool OnReport(MonotonicTime now, std::uint32_t link, std::uint64_t received_bytes);
 
   std::uint32_t link() const { return link_; }
@@ -52,7 +56,7 @@ class LinkCredit {
   std::size_t credit_bytes() const { return credit_bytes_; }
 
  private:
-  // From `begun` on until what had been sent by then is reported.
+  // A measurement from `begun` until all bytes sent by then are reported.
   struct Round {
     MonotonicTime begun;
     std::uint64_t sent_bytes = 0;
@@ -64,27 +68,28 @@ class LinkCredit {
   std::uint32_t link_ = 0;
   std::uint64_t sent_bytes_ = 0;
   std::uint64_t reported_bytes_ = 0;
-  std::optional<Round> round_;  // None: nothing is under way.
-  bool was_blocked_ = false;    // In this round.
+  std::optional<Round> round_;  // Empty if nothing is in flight.
+  bool was_blocked_ = false;    // True if a frame waited for credit in this round.
 };
 
-// What was last announced to the receiver of a large frame to come. An announcement speaks of the next frame alone:
-// another frame, or a report without one, that goes first takes it back.
+// Keeps the announcement of a large frame to its receiver. An announcement covers the next frame only. Another frame
+// sent first, or a report without an announcement, cancels it.
 class LargeFrameNotice {
  public:
   void OnReportSent(std::uint64_t coming_bytes) { announced_bytes_ = coming_bytes; }
   void OnFrameSent() { announced_bytes_ = 0; }
-  // The receiver waits patiently for a frame of so many bytes.
+  // True if the receiver expects a frame of this size, and extends its deadlines for it.
   bool Covers(std::uint64_t frame_bytes) const { return announced_bytes_ == frame_bytes; }
 
  private:
   std::uint64_t announced_bytes_ = 0;
 };
 
-// The receiving end.
+// The receiving end of a link.
 class ReceivedCount {
  public:
-  // The connection over which frames come in now, as its sender numbers it. True if it is a new one: counting begins.
+  // Sets the connection over which frames now arrive, by its sender's number. Returns true if it is new; counting then
+  // restarts at 0.
   bool OnLink(std::uint32_t link);
   void SetReportAfter(std::size_t bytes) { report_after_bytes_ = bytes; }
 

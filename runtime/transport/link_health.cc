@@ -42,7 +42,7 @@ void LinkHealth::Expect(MonotonicTime now, bool has_unreported, bool is_blocked)
 LinkHealth::Next LinkHealth::NextOfWait(MonotonicTime since, const std::optional<MonotonicTime>& asked, Step end,
                                         Duration patience) const {
   if (!asked || *asked < since) return {since + options_.ask_after, Step::kAsk};
-  // Not before the peer had its time to answer, however late this agent came to ask.
+  // Give the peer its full time to answer, even if this agent sent its request late.
   const Duration lost_after = is_heard_ ? options_.lost_after : options_.first_answer_after;
   const MonotonicTime answered_by = *asked + lost_after - options_.ask_after;
   return {std::max(since + lost_after, answered_by) + patience, end};

@@ -1,14 +1,15 @@
-// LinkHealth: whether the peer at the other end of a connection is still there, by when it was last heard.
+// LinkHealth: detects by timeouts whether the peer at the other end of a connection is still alive.
 //
-// ZMTP's own heartbeat is not used: under a flood it never finds a frozen peer, and it wakes an idle agent ten times a
-// second. Here a peer has to be heard only while something is expected of it: while bytes that it was sent are
-// unreported, and after it was asked. An idle link is asked once in a long while. A peer that talks but lets us wait
-// for credit is `kStalled`: it is broken.
+// ZMTP's own heartbeat is not used: under a flood it never detects a frozen peer, and it wakes an idle agent ten times
+// a second. Here a peer must be heard only while an answer is expected: while sent bytes are unreported, or after a
+// request for a report. An idle link is probed rarely. A peer that sends but reports no progress while frames wait for
+// credit is `kStalled` and treated as broken.
 //
 // A peer answers over its own link to this agent. When this agent's link opens, the peer's link may still be in its
-// handshake, which takes seconds on a busy computer with many agents. So the first answer may take first_answer_after.
+// handshake, which takes seconds on a busy computer with many agents. The first answer may therefore take
+// first_answer_after.
 //
-// Pure: time comes in with each call. Its owner guards it.
+// Reads no clock: each call passes the time in. The caller provides the locking.
 #pragma once
 
 #include <chrono>
@@ -21,33 +22,34 @@ namespace moondb {
 class LinkHealth {
  public:
   struct Options {
-    Duration ask_after = std::chrono::seconds(1);          // Of silence while something is expected.
-    Duration lost_after = std::chrono::seconds(3);         // Likewise; longer than ask_after and one round trip.
-    Duration keep_alive_after = std::chrono::seconds(30);  // Of silence while nothing is expected.
-    // The longest silence after the link opened; at least lost_after.
+    Duration ask_after = std::chrono::seconds(1);  // Silence before the peer is asked, while an answer is expected.
+    // Silence before the peer is lost, while an answer is expected. Longer than ask_after plus one round trip.
+    Duration lost_after = std::chrono::seconds(3);
+    Duration keep_alive_after = std::chrono::seconds(30);  // Silence before an idle peer is asked.
+    // Longest silence after the link opened. At least lost_after.
     Duration first_answer_after = std::chrono::seconds(15);
   };
 
   enum class Step {
     kNone,
-    kAsk,      // Send the peer a report that asks for one.
-    kLost,     // Silent for too long.
-    kStalled,  // Heard, but nothing was reported for as long, while frames wait for it.
+    kAsk,      // Send a report that requests one from the peer.
+    kLost,     // The peer was silent for too long.
+    kStalled,  // The peer was heard but reported no progress for lost_after, while frames wait.
   };
 
   explicit LinkHealth(const Options& options) : options_(options) {}
 
   void OnOpened(MonotonicTime now);
-  void OnHeard(MonotonicTime now);     // Any frame.
-  void OnProgress(MonotonicTime now);  // More bytes are reported.
+  void OnHeard(MonotonicTime now);     // Any frame arrived.
+  void OnProgress(MonotonicTime now);  // The peer reported more bytes.
 
-  // Whether bytes are unreported, and whether frames wait for credit.
+  // Updates what is expected: `has_unreported` if sent bytes are unreported, `is_blocked` if frames wait for credit.
   void Expect(MonotonicTime now, bool has_unreported, bool is_blocked);
 
-  // What is to be done; each step is given once, kAsk is then taken as done. `patience`: that much longer, because a
-  // frame is under way which takes its time.
+  // Returns the step to take now, once. After kAsk, the caller must send the request. `patience` extends the deadlines
+  // while a large frame is in flight.
   Step Check(MonotonicTime now, Duration patience);
-  // When to Check again.
+  // Time of the next Check.
   MonotonicTime deadline(Duration patience) const;
 
  private:
@@ -55,17 +57,18 @@ class LinkHealth {
     MonotonicTime at;
     Step step;
   };
-  // Of a wait that began at `since`: first ask, then end it.
+  // Returns the next step of a wait that started at `since`: first kAsk, then `end`.
   Next NextOfWait(MonotonicTime since, const std::optional<MonotonicTime>& asked, Step end, Duration patience) const;
   Next FindNext(Duration patience) const;
 
   Options options_;
-  bool is_heard_ = false;                         // Since the link opened.
-  MonotonicTime heard_{};                         // Or opened.
-  std::optional<MonotonicTime> expecting_since_;  // Bytes are unreported.
+  bool is_heard_ = false;                         // True if the peer was heard since the link opened.
+  MonotonicTime heard_{};                         // Last time the peer was heard or the link opened.
+  std::optional<MonotonicTime> expecting_since_;  // Start of the current wait for reports of sent bytes.
   std::optional<MonotonicTime> blocked_since_;
-  std::optional<MonotonicTime> asked_;             // And not heard since.
-  std::optional<MonotonicTime> asked_as_blocked_;  // And nothing reported since.
+  std::optional<MonotonicTime> asked_;  // Time of the last request, if the peer was not heard since.
+  // Time of the last request while blocked, if nothing was reported since.
+  std::optional<MonotonicTime> asked_as_blocked_;
 };
 
 }  // namespace moondb

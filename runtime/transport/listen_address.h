@@ -1,4 +1,4 @@
-// What must be right about an address before a socket can listen on it.
+// Prepares addresses for listening.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +9,18 @@
 
 namespace moondb {
 
-// For ipc://: libzmq would take over a path from whoever listens there. Removes a socket that nobody listens on.
-// kUnavailable "cannot listen on ipc://...: Address already in use"; kInvalid if something else than a socket is there.
-// Other addresses: nothing to do.
+// Removes the socket file of an ipc:// endpoint if no process listens on it. libzmq would otherwise take over the path
+// of a running listener. Returns kUnavailable "cannot listen on ipc://...: Address already in use" if a process
+// listens, kInvalid if the file is not a socket. Other endpoints: no effect.
 Result<void> ClaimIpcPath(const std::string& endpoint);
 
-// libzmq listens on numbers only: "tcp://localhost:7400" becomes "tcp://127.0.0.1:7400". Asks the system's resolver.
-// kUnavailable if it does not know the name.
+// Converts a host name to a number, since libzmq can listen only on numeric addresses: "tcp://localhost:7400" becomes
+// "tcp://127.0.0.1:7400". Uses the system's resolver. Returns kUnavailable if the name is unknown.
 Result<std::string> NumericEndpoint(const std::string& endpoint);
 
-// The parts of "tcp://10.0.0.3:7400" are 7400 and "10.0.0.3"; localhost is "127.0.0.1". What is no TCP address has no
-// port and an empty address, and so has (NumericAddressOf) a host with another name: nobody is asked for it.
+// Return the port and the numeric address of a TCP endpoint: 7400 and "10.0.0.3" for "tcp://10.0.0.3:7400". The address
+// of localhost is "127.0.0.1". For other endpoints there is no port and the address is empty. NumericAddressOf is also
+// empty for any other host name: it does no lookup.
 std::optional<std::uint16_t> TcpPortOf(const std::string& endpoint);
 std::string NumericAddressOf(const std::string& endpoint);
 

@@ -30,7 +30,7 @@ void Outbox::CountOut(const Entry& entry) {
   control_bytes_ -= entry.frame.size();
 }
 
-// Few of the messages that wait have a key, and none waits long while bulk data flow: no index is kept for them.
+// A linear search. Few waiting messages have a key, and control messages do not wait behind bulk data.
 Outbox::Entry* Outbox::FindWaiting(const Entry& entry) {
   if (entry.key.empty()) return nullptr;
   std::deque<Entry>& waiting = classes_[entry.outbound_class];
@@ -38,7 +38,7 @@ Outbox::Entry* Outbox::FindWaiting(const Entry& entry) {
   return found == waiting.end() ? nullptr : &*found;
 }
 
-// The last one, so that the order stays.
+// Returns the last waiting frame if the entry may be appended to it. Only the last one preserves the order.
 Outbox::Entry* Outbox::FrameToShare(const Entry& entry) {
   std::deque<Entry>& waiting = classes_[entry.outbound_class];
   if (waiting.empty() || !entry.key.empty() || !waiting.back().key.empty()) return nullptr;

@@ -1,9 +1,8 @@
-// Outbox: messages that wait for one peer, bounded, in the order of their classes and within a class as they came.
+// Outbox: a bounded queue of messages for one peer, ordered by class and, within a class, by arrival.
 //
-// A message with a key takes the place of the waiting one with that key. Small ones without that wait next to each
-// other share a frame: libzmq, the encryption and the radio ask their price for each. When the outbox is full, messages
-// of the control class still enter through a small reserve, so that bulk data never keep a role change or an
-// acknowledgment out. Not thread-safe: its owner guards it.
+// A message with a key replaces the waiting message with the same key. Adjacent small messages without a key share a
+// frame, because each frame costs time in libzmq, encryption and radio. A small reserve admits control messages when
+// the outbox is full, so that bulk data cannot block role changes or acknowledgments. Not thread-safe.
 #pragma once
 
 #include <array>
@@ -22,29 +21,29 @@ class Outbox {
   struct Options {
     std::size_t bytes_max = 256 * 1024;  // A larger message fits alone.
     std::size_t messages_max = 4096;
-    std::size_t reserve_bytes = 32 * 1024;  // Messages of the control class have so much whatever else waits.
+    std::size_t reserve_bytes = 32 * 1024;  // Bytes reserved for control messages, whatever else waits.
     std::size_t reserve_messages = 256;
   };
 
   struct Entry {
-    std::string frame;                           // proto::PeerFrame.
-    std::size_t messages = 1;                    // In it.
-    std::size_t outbound_class = kControlClass;  // Below kOutboundClasses.
-    std::string key;                             // Empty: replaces nothing. Else the frame is not shared.
+    std::string frame;                           // Serialised proto::PeerFrame, without the link number.
+    std::size_t messages = 1;                    // Number of messages in the frame.
+    std::size_t outbound_class = kControlClass;  // Less than kOutboundClasses.
+    std::string key;  // Replacement key. Empty: replaces nothing. A frame with a key is not shared.
   };
 
   explicit Outbox(const Options& options) : options_(options) {}
 
-  // From now on; at most kSharedFrameBytesMax. Before: no frame is shared.
+  // Sets the size limit of shared frames, at most kSharedFrameBytesMax. Initially no frames are shared.
   void ShareFrames(std::size_t bytes_max) { shared_frame_bytes_max_ = bytes_max; }
 
-  // Of one message. kAccepted or kFull; an entry that is refused is left as it was.
+  // Adds an entry with one message. Returns kAccepted or kFull; a refused entry is not changed.
   SendResult Push(Entry&& entry);
 
-  const Entry* Front() const;  // Of the first class that has any; null if empty. Valid until anything else is called.
+  const Entry* Front() const;  // First entry of the first non-empty class; null if empty. Valid until the next call.
   Entry* Front();
   void PopFront();
-  std::size_t Clear();  // How many messages were dropped.
+  std::size_t Clear();  // Returns the number of dropped messages.
 
   bool empty() const { return messages_ == 0; }
   std::size_t messages() const { return messages_; }
@@ -63,7 +62,7 @@ class Outbox {
   std::size_t shared_frame_bytes_max_ = 0;
   std::size_t messages_ = 0;
   std::size_t bytes_ = 0;
-  std::size_t control_messages_ = 0;  // Waiting messages that are control messages.
+  std::size_t control_messages_ = 0;  // Number of waiting control messages.
   std::size_t control_bytes_ = 0;
   std::uint64_t replaced_ = 0;
 };

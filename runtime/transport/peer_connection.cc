@@ -15,12 +15,12 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// The credit bounds what waits in libzmq; its own mark must not be what does, however small the frames are.
+// The credit must limit the bytes in libzmq. This mark is high enough never to be reached, even by small frames.
 constexpr int kSendQueueMessages = 2000;
 constexpr int kReconnectFirst_ms = 100;
 constexpr int kReconnectLast_ms = 4000;
 constexpr int kConnectTimeout_ms = 5000;
-// A peer whose kernel acknowledges nothing for so long is gone; costs nothing on an idle link.
+// Closes a connection whose peer's kernel acknowledges nothing for this long. No cost on an idle link.
 constexpr int kUnacknowledgedMax_ms = 15000;
 constexpr Duration kDelayFirst = milliseconds(100);
 constexpr Duration kDelayLast = seconds(30);
@@ -31,15 +31,15 @@ constexpr int kEvents = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZM
 void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
   dealer->Set(ZMQ_IMMEDIATE, 1);
   dealer->Set(ZMQ_SNDHWM, kSendQueueMessages);
-  dealer->Set(ZMQ_RCVHWM, 1);  // Nothing is to come this way.
+  dealer->Set(ZMQ_RCVHWM, 1);  // Nothing is received on this socket.
   dealer->Set(ZMQ_RECONNECT_IVL, kReconnectFirst_ms);
   dealer->Set(ZMQ_RECONNECT_IVL_MAX, kReconnectLast_ms);
   dealer->Set(ZMQ_CONNECT_TIMEOUT, kConnectTimeout_ms);
   dealer->Set(ZMQ_TCP_MAXRT, kUnacknowledgedMax_ms);
   dealer->SetInt64(ZMQ_MAXMSGSIZE, static_cast<std::int64_t>(options.frame_bytes_max));
   if (options.address.find('[') != std::string::npos) dealer->Set(ZMQ_IPV6, 1);
-  // The word of the connection itself has to do for whose it is; the peer's ROUTER replaces a connection of ours that
-  // it has not yet seen die.
+  // Without CURVE the connection's routing id is the only identity. The peer's ROUTER then replaces our earlier
+  // connection if it has not seen it close.
   if (!options.own_keys) return dealer->Set(ZMQ_ROUTING_ID, std::to_string(options.self));
   dealer->Set(ZMQ_CURVE_SERVERKEY, options.peer_key);
   dealer->Set(ZMQ_CURVE_PUBLICKEY, options.own_keys->public_key);
@@ -51,7 +51,7 @@ void SetUp(const PeerConnection::Options& options, ZmqSocket* dealer) {
 Result<void> PeerConnection::Connect(MonotonicTime now) {
   dealer_.reset();
   monitor_.reset();
-  connect_at_ = now + kDelayLast;  // If no sockets can be made now.
+  connect_at_ = now + kDelayLast;  // Time of the next attempt, in case no sockets can be created now.
   Result<ZmqSocket> dealer = ZmqSocket::Make(context_, ZMQ_DEALER);
   if (!dealer) return tl::unexpected(dealer.error());
   SetUp(options_, &*dealer);

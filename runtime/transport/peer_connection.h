@@ -1,10 +1,10 @@
-// PeerConnection: the sockets of the connection to one peer, and when they are made anew.
+// PeerConnection: the sockets of the connection to one peer, and the schedule of reconnection.
 //
-// A DEALER and its monitor live for one connection: when that breaks they are closed, with all that libzmq and the
-// kernel still hold for it, and made anew 100 ms later; after each connection over which nothing was heard the delay
-// doubles, up to 30 s. Until a connection stands libzmq tries again and again by itself, from 100 ms to 4 s apart.
+// A DEALER and its monitor serve one connection. When it breaks they are closed, with all data that libzmq and the
+// kernel still hold for it, and recreated 100 ms later. After each connection over which nothing was heard the delay
+// doubles, up to 30 s. Until a connection is established, libzmq retries by itself, every 100 ms to 4 s.
 //
-// Its owner guards it.
+// Not thread-safe: the caller provides the locking.
 #pragma once
 
 #include <cstddef>
@@ -24,40 +24,41 @@ class PeerConnection {
     AgentId self = 0;
     AgentId peer = 0;
     std::string address;
-    std::optional<CurveKeys> own_keys;  // None: without CURVE.
-    std::string peer_key;               // Public.
+    std::optional<CurveKeys> own_keys;  // Empty: no CURVE.
+    std::string peer_key;               // The peer's public key.
     std::size_t frame_bytes_max = 0;
   };
 
-  // Both outlive it.
+  // Requires: `context` and `options` outlive the connection.
   PeerConnection(const ZmqContext& context, const Options& options) : context_(context), options_(options) {}
 
-  // Closes what there is and begins to connect. kUnavailable if sockets cannot be made; they are tried again in 30 s.
+  // Closes existing sockets and starts to connect. Returns kUnavailable if sockets cannot be created; Connect is then
+  // due again in 30 s.
   Result<void> Connect(MonotonicTime now);
-  // Closes the sockets, to be made anew after the delay.
+  // Closes the sockets. Connect is due after the delay.
   void Disconnect(MonotonicTime now);
-  // Closes the sockets. Connect is due in 30 s, even if the peer is heard before.
+  // Closes the sockets. Connect is due in 30 s, even if the peer is heard earlier.
   void DisconnectForLong(MonotonicTime now);
-  // The peer was heard: the delay begins small again, and sockets that wait for it are made now. `is_at_once`: those
-  // with which libzmq waits to try again too.
+  // The peer was heard: resets the delay, and makes Connect due now if it was waiting. `is_at_once`: also if libzmq is
+  // waiting to retry.
   void OnHeard(MonotonicTime now, bool is_at_once);
 
-  // When Connect is due; nothing while sockets are there.
+  // Time at which Connect is due; empty while sockets exist.
   std::optional<MonotonicTime> connect_at() const { return connect_at_; }
 
-  // The handshake has ended well: nothing is known yet of what the socket has room for.
+  // The handshake succeeded. The socket is assumed to have room.
   void OnOpened() { is_full_ = false; }
-  // Returns the next event of the monitor, if there is one.
+  // Returns the next event of the monitor, or nothing if none waits.
   std::optional<ZmqEvent> ReceiveEvent() { return monitor_ ? monitor_->ReceiveEvent() : std::nullopt; }
-  // The socket's file has news.
+  // Call when the socket's descriptor is readable.
   void OnReadable();
 
   // Sends a proto::PeerFrame with this link number and these messages (ToPeerFrame). Returns false if the socket is
-  // full, until its file has news.
+  // full; it may have room again after OnReadable.
   bool Send(std::uint32_t link_number, const std::string& messages);
   bool is_full() const { return is_full_; }
 
-  int socket_file() const { return dealer_ ? dealer_->file() : -1; }  // -1: none now.
+  int socket_file() const { return dealer_ ? dealer_->file() : -1; }  // -1: no socket exists.
   int monitor_file() const { return monitor_ ? monitor_->file() : -1; }
 
  private:
@@ -65,10 +66,10 @@ class PeerConnection {
   const Options& options_;
   std::optional<ZmqSocket> monitor_;
   std::optional<ZmqSocket> dealer_;
-  std::uint64_t begun_ = 0;  // Connections so far; names the monitors.
+  std::uint64_t begun_ = 0;  // Number of connections so far. Used in the names of monitors.
   std::optional<MonotonicTime> connect_at_;
-  Duration delay_{};            // Grows while nothing is heard.
-  MonotonicTime not_before_{};  // Connect is not due earlier.
+  Duration delay_{};            // Delay before the next reconnection. Grows while the peer is not heard.
+  MonotonicTime not_before_{};  // Earliest time at which Connect may be due.
   bool is_full_ = false;
 };
 

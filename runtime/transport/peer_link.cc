@@ -16,16 +16,16 @@ namespace {
 
 using std::chrono::seconds;
 
-// So many small messages without a pause between them go out each in a frame of its own.
+// Number of small messages in a row that are sent in their own frames before a burst is assumed.
 constexpr int kSentAtOnce = 4;
 constexpr Duration kBurstPause = std::chrono::microseconds(20);
-// How long a small message in a burst waits for others to share its frame.
+// Wait of a small message in a burst for others that share its frame.
 constexpr Duration kSharedFrameDelay = std::chrono::microseconds(100);
-// A radio that brings less is as good as none. For how long one large frame may keep everything else silent.
+// Lowest usable rate of a radio. It determines how long one large frame may keep everything else silent.
 constexpr std::uint64_t kBytesPerSecondMin = 16 * 1024;
-// Two processes with one key replace each other's connection each few seconds.
+// For how long two processes with one key are reported. They replace each other's connection every few seconds.
 constexpr std::chrono::minutes kTwoProcessesShown(10);
-constexpr int kReturnsOfRestartsMax = 4;  // Two restarts within that time cause no more.
+constexpr int kReturnsOfRestartsMax = 4;  // Two restarts within kTwoProcessesShown cause at most this many returns.
 
 static_assert(kPeerMessageBytesMax == kPeerFrameBytesMax - kPeerFrameBytesMore);
 
@@ -42,7 +42,8 @@ Result<std::unique_ptr<PeerLink>> PeerLink::Make(const ZmqContext& context, Wake
   return link;
 }
 
-// Numbers of connections begin at random: a report to an earlier life of this agent fits none of this one's.
+// Connection numbers start at a random value. A late report to a previous process of this agent then matches no
+// connection of this one.
 PeerLink::PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options)
     : wake_up_(wake_up),
       options_(std::move(options)),
@@ -77,7 +78,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
   {
     const std::lock_guard lock(mutex_);
     SendResult result = is_small_enough ? SendResult::kAccepted : SendResult::kTooLong;
-    // It may have opened only just now, with the frame not made.
+    // The link may have opened after the first check, when the frame was not built.
     if (!is_open_ || (is_small_enough && entry.frame.empty())) result = SendResult::kUnreachable;
     if (result == SendResult::kAccepted) result = SendOrKeep(now, std::move(entry));
     if (result != SendResult::kAccepted) {
@@ -85,7 +86,7 @@ SendResult PeerLink::Send(const proto::Message& message) {
       if (result == SendResult::kTooLong) WarnOfTooLong(message, bytes);
       return result;
     }
-    // The transport's thread knows from the first that waits when to look.
+    // The transport's thread already knows when to look, from the first waiting message.
     if (outbox_.messages() > 1 && flush_at_ > now && credit_.HasRoomFor(outbox_.bytes())) return result;
     UpdateExpectation(now);
     due = Deadline();
@@ -100,8 +101,8 @@ void PeerLink::WarnOfTooLong(const proto::Message& message, std::size_t bytes) {
             std::to_string(options_.connection.frame_bytes_max));
 }
 
-// Without a detour through the outbox and the transport's thread, if it can be. Large frames are announced first, by
-// that thread.
+// Sends directly, without the outbox and the transport's thread, if possible. Large frames must be announced first,
+// which the transport's thread does.
 SendResult PeerLink::SendOrKeep(MonotonicTime now, Outbox::Entry&& entry) {
   const bool is_for_shared_frame = burst_.IsInBurst(now) && entry.frame.size() * 2 <= SharedFrameBytesMax();
   const bool is_first = outbox_.empty();
@@ -121,7 +122,8 @@ bool PeerLink::TrySend(MonotonicTime now, const Outbox::Entry& entry) {
   return false;
 }
 
-// The credit says how fast the link is: 4 kB at first, which a 1 Mbps radio sends in 33 ms.
+// A shared frame may use an eighth of the credit, which reflects the speed of the link. Initially that is 4 kB, which a
+// 1 Mbps radio sends in 33 ms.
 std::size_t PeerLink::SharedFrameBytesMax() const { return std::min(credit_.credit_bytes() / 8, kSharedFrameBytesMax); }
 
 bool PeerLink::Burst::IsInBurst(MonotonicTime now) {
@@ -162,7 +164,8 @@ proto::PeerStatus PeerLink::Status() const {
 
 void PeerLink::OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link) {
   is_heard_ = true;
-  received_.heard_ns = SteadyNow().time_since_epoch().count();  // Before whoever gets the messages can ask.
+  // Set heard_ns before the messages are delivered, because their receivers may read it through Status.
+  received_.heard_ns = SteadyNow().time_since_epoch().count();
   if (received_.coming_bytes.load(std::memory_order_relaxed) != 0) received_.coming_bytes = 0;
   Increase(received_.messages, count);
   Increase(received_.bytes, frame_bytes);
@@ -190,7 +193,7 @@ void PeerLink::OnReport(const proto::LinkReport& report, std::uint32_t link_numb
     ++counts_.refused_reports;
     return;
   }
-  // Whoever reached us can be reached, and waits for our reports.
+  // A peer that reached us can be reached, and waits for our reports.
   if (received_count_.OnLink(link_number) && !is_open_) is_hurried_ = true;
   if (report.report_after_bytes() != 0) received_count_.SetReportAfter(report.report_after_bytes());
   if (report.is_asking()) reports_.Request();
@@ -234,7 +237,7 @@ void PeerLink::OnEvent(const ZmqEvent& event, MonotonicTime now) {
       if (is_open_) return;
       is_open_ = true;
       ++counts_.connects;
-      link_number_ += link_number_ == UINT32_MAX ? 2 : 1;  // 0 means none.
+      link_number_ += link_number_ == UINT32_MAX ? 2 : 1;  // Skip 0, which means none.
       credit_.Open(link_number_);
       health_.OnOpened(now);
       reports_.OnOpened();
@@ -242,7 +245,7 @@ void PeerLink::OnEvent(const ZmqEvent& event, MonotonicTime now) {
       changes_.push_back(true);
       return;
     case ZMQ_EVENT_DISCONNECTED:
-      // Before the handshake libzmq tries again by itself.
+      // Before the handshake, libzmq retries by itself.
       if (is_open_) Disconnect(now);
       return;
     default:
@@ -310,7 +313,7 @@ bool PeerLink::CanSendWaiting() const {
 
 void PeerLink::Flush(MonotonicTime now) {
   if (reports_.IsDue(credit_) || received_count_.is_report_due()) {
-    reports_.Request();  // If it cannot go out now.
+    reports_.Request();  // Keeps the report due, in case it cannot be sent now.
     if (!SendReport(0)) return;
   }
   if (now >= flush_at_) SendWaiting(now);
@@ -325,7 +328,7 @@ void PeerLink::Flush(MonotonicTime now) {
   UpdateExpectation(now);
 }
 
-// As far as the credit goes, and up to a large frame.
+// Sends waiting frames up to the credit, and up to the first large frame.
 void PeerLink::SendWaiting(MonotonicTime now) {
   while (const Outbox::Entry* front = outbox_.Front()) {
     const std::size_t bytes = front->frame.size();

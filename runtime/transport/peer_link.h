@@ -1,16 +1,17 @@
-// PeerLink: the way to one peer: a connection over which this agent only sends, its outbox, and what is counted about
+// PeerLink: the link to one peer: a connection that this agent only sends on, its outbox, and the traffic counters of
 // the peer.
 //
 // When a connection breaks (runtime/transport/peer_connection.h), or its peer is silent for too long
-// (runtime/transport/link_health.h), a new one is made; a peer that reaches us is tried at once. The link counts as
-// connected from the end of the handshake on, in which CURVE has shown that the other end holds the peer's secret key.
+// (runtime/transport/link_health.h), the link reconnects. If the peer reaches this agent first, the link reconnects at
+// once. The link counts as connected after the handshake, in which CURVE has verified that the other end holds the
+// peer's secret key.
 //
-// No more than the credit is under way (runtime/transport/link_credit.h); the rest waits in the outbox, which drops
-// what it has when the connection is lost: whoever sent it will send it again, and stale frames would only delay that.
+// At most one credit of bytes is in flight (runtime/transport/link_credit.h); the rest waits in the outbox. The outbox
+// is cleared when the connection is lost. Senders retransmit anyway, and stale frames would only delay that.
 //
-// Send and Status: any thread; a sender hands its frame to the socket itself if nothing waits. In a burst small
-// messages wait up to 0.1 ms for others that share their frame. All else: the transport's thread. A lock guards the
-// socket and what belongs to it.
+// Send and Status are thread-safe. All other functions: the transport's thread only. If nothing waits, a sender passes
+// its frame directly to the socket. In a burst, small messages wait up to 0.1 ms for others to share their frame. A
+// mutex guards the socket and its related members.
 #pragma once
 
 #include <atomic>
@@ -38,7 +39,7 @@ namespace moondb {
 
 class PeerLink {
  public:
-  // Of a link that comes and goes so many changes are logged at once, then one in a while.
+  // Burst of logged changes of an unstable link. Further changes are logged at a limited rate.
   static constexpr int kLoggedChangesAtOnce = 20;
 
   struct Options {
@@ -49,44 +50,44 @@ class PeerLink {
     LinkHealth::Options health;
   };
 
-  // Begins to connect. `context` and `wake_up` (the transport's) outlive the link. kUnavailable if sockets cannot be
-  // made.
+  // Starts to connect. Requires: `context` and `wake_up` (the transport's) outlive the link. Returns kUnavailable if
+  // sockets cannot be created.
   static Result<std::unique_ptr<PeerLink>> Make(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // kTooLong for a message with which a frame would have more than connection.frame_bytes_max.
+  // Sends a message. Returns kTooLong if its frame would exceed connection.frame_bytes_max.
   SendResult Send(const proto::Message& message);
   proto::PeerStatus Status() const;
 
-  // A frame of this peer came in, with so many messages. `is_on_link`: over the connection that the peer's reports
-  // speak of, not over one that it replaced.
+  // A frame of this peer with `count` messages arrived. `is_on_link`: it arrived over the connection that the peer's
+  // reports describe, not over one that was replaced.
   void OnMessages(std::size_t count, std::size_t frame_bytes, bool is_on_link);
   void OnReport(const proto::LinkReport& report, std::uint32_t link_number, bool is_on_link);
-  // A process with the peer's key returned (LinkOrder::returns).
+  // A replaced process with the peer's key returned (LinkOrder::returns).
   void OnReturn();
-  // A frame that was not taken. Its bytes have arrived all the same.
+  // A frame was rejected. Its bytes still count as received.
   void OnRejected(std::size_t frame_bytes, bool is_on_link);
 
-  // What libzmq has to say of the connection, if anything.
+  // Processes the monitor's events of the connection.
   void OnMonitorReadable();
-  // Returns the descriptor of the connection that opened since the last call, if one did.
+  // Returns the descriptor of the connection if one opened since the last call.
   std::optional<int> TakeConnectedFile();
-  // The peer sends over the link, on which it has nothing to send: closes the connection for 30 s.
+  // The peer sent data over this link, which carries none from it. Closes the connection for 30 s.
   void OnFlooded(MonotonicTime now);
   void OnSocketReadable();
 
-  // After all that came in was given: gives up or makes connections, sends reports and what waits. Then reports the
-  // changes since the last time.
+  // Call after all received data were passed in. Closes or opens connections, and sends reports and waiting messages.
+  // Then calls `peer_changed` for the changes since the last call.
   void Work(MonotonicTime now, const Transport::PeerChanged& peer_changed);
-  MonotonicTime deadline() const;  // Of the next Work, if nothing comes in.
+  MonotonicTime deadline() const;  // Time of the next Work if nothing arrives.
 
-  int socket_file() const { return connection_.socket_file(); }  // -1: none now.
+  int socket_file() const { return connection_.socket_file(); }  // -1: no socket exists.
   int monitor_file() const { return connection_.monitor_file(); }
   const std::string& name() const { return options_.name; }
 
  private:
   PeerLink(const ZmqContext& context, WakeUp& wake_up, Options options);
 
-  // Whether Send is called without a pause; then it is worth the detour to let small messages share a frame.
+  // Detects bursts: Send calls without a pause. In a burst, small messages are delayed to share a frame.
   class Burst {
    public:
     bool IsInBurst(MonotonicTime now);
@@ -96,7 +97,7 @@ class PeerLink {
     int sent_in_a_row_ = 0;
   };
 
-  // With mutex_ held.
+  // Functions that require mutex_ to be held.
   void Disconnect(MonotonicTime now);
   void OnDisconnected();
   void OnEvent(const ZmqEvent& event, MonotonicTime now);
@@ -115,18 +116,19 @@ class PeerLink {
   bool CanSendWaiting() const;
   MonotonicTime Deadline() const;
 
-  // What came in; written by the transport's thread alone.
+  // Counters of received data. Written by the transport's thread only.
   struct Received {
-    std::atomic<std::int64_t> heard_ns{-1};          // Steady clock; negative: never.
-    std::atomic<std::int64_t> two_processes_ns{-1};  // Steady clock; negative: never.
+    std::atomic<std::int64_t> heard_ns{-1};  // Last time the peer was heard, on the steady clock; negative: never.
+    // Last time two processes were detected, on the steady clock; negative: never.
+    std::atomic<std::int64_t> two_processes_ns{-1};
     MonotonicTime returned_at;
-    int returns = 0;  // Each within kTwoProcessesShown of the one before.
+    int returns = 0;  // Number of successive returns, each at most kTwoProcessesShown after the previous one.
     std::atomic<std::uint64_t> messages{0};
     std::atomic<std::uint64_t> bytes{0};
     std::atomic<std::uint64_t> rejected_messages{0};
-    std::atomic<std::uint64_t> coming_bytes{0};  // The peer announced so large a frame.
+    std::atomic<std::uint64_t> coming_bytes{0};  // Size of the large frame that the peer announced; 0: none.
   };
-  // What went out, and what became of connections.
+  // Counters of sent data and of connections.
   struct Counts {
     std::uint64_t sent_messages = 0;
     std::uint64_t sent_bytes = 0;
@@ -145,20 +147,20 @@ class PeerLink {
 
   mutable std::mutex mutex_;
   PeerConnection connection_;
-  std::atomic<bool> is_open_{false};  // Read without the lock for a first look.
-  std::uint32_t link_number_;         // Of the present or last connection.
+  std::atomic<bool> is_open_{false};  // Written under the lock. Read without it for a first check.
+  std::uint32_t link_number_;         // Number of the current or last connection.
   LinkCredit credit_;
   LinkHealth health_;
   Outbox outbox_;
   ReportState reports_;
   ReceivedCount received_count_;
   Burst burst_;
-  MonotonicTime flush_at_;  // Before it, what waits is let share frames.
+  MonotonicTime flush_at_;  // Waiting messages are held back until this time, to share frames.
   Counts counts_;
 
-  // Of the transport's thread, since the last Work.
+  // Events since the last Work. Transport's thread only.
   bool is_heard_ = false;
-  bool is_hurried_ = false;  // The peer reached us while we do not reach it.
+  bool is_hurried_ = false;  // The peer has a connection to this agent while this agent has none to it.
   std::vector<bool> changes_;
   std::optional<int> connected_file_;
 

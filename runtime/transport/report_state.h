@@ -1,6 +1,6 @@
-// ReportState: which report (proto::LinkReport) a link has to send, and what its peer knows by the last one.
+// ReportState: decides when a link must send a report (proto::LinkReport), and keeps what the last one contained.
 //
-// Plain accounting of the sending end; its owner guards it.
+// Bookkeeping of the sending end. Not thread-safe: the caller provides the locking.
 #pragma once
 
 #include <cstddef>
@@ -13,30 +13,30 @@ namespace moondb {
 
 class ReportState {
  public:
-  // A new connection stands: nothing goes out over it before its first report.
+  // A new connection opened. The first report must precede everything else on it.
   void OnOpened();
   bool is_opening_due() const { return is_opening_due_; }
 
-  void Request() { is_due_ = true; }          // The peer asked for a report, or one is due by what came in.
-  void AskPeer() { is_asking_peer_ = true; }  // The next report asks the peer for its own.
+  void Request() { is_due_ = true; }          // The peer requested a report, or the received bytes require one.
+  void AskPeer() { is_asking_peer_ = true; }  // The next report requests one from the peer.
 
   bool IsDue(const LinkCredit& credit) const {
     return is_opening_due_ || is_asking_peer_ || is_due_ || reported_credit_bytes_ != credit.credit_bytes();
   }
-  // `coming_bytes`: of the next frame if it is so large that it must be announced, else 0.
+  // `coming_bytes` is the size of the next frame if that must be announced, otherwise 0.
   proto::LinkReport Make(const LinkCredit& credit, const ReceivedCount& received, std::uint64_t coming_bytes) const;
-  // What Make gave last was handed to the socket.
+  // The last result of Make was passed to the socket.
   void OnSent(const LinkCredit& credit, std::uint64_t coming_bytes);
 
   void OnFrameSent() { large_frame_notice_.OnFrameSent(); }
-  // The peer waits patiently for a frame of so many bytes.
+  // True if the peer expects a frame of this size, and extends its deadlines for it.
   bool HasAnnounced(std::uint64_t frame_bytes) const { return large_frame_notice_.Covers(frame_bytes); }
 
  private:
   bool is_opening_due_ = false;
   bool is_due_ = false;
   bool is_asking_peer_ = false;
-  std::size_t reported_credit_bytes_ = 0;  // The credit by which the peer reports.
+  std::size_t reported_credit_bytes_ = 0;  // Credit from which the peer derives its report interval.
   LargeFrameNotice large_frame_notice_;
 };
 

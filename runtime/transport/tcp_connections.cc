@@ -24,7 +24,7 @@ struct Endpoint {
   std::uint16_t port = 0;
 };
 
-// An IPv4 address that came over an IPv6 socket is the IPv4 address.
+// Converts a socket address. An IPv4-mapped IPv6 address yields the IPv4 address.
 std::optional<Endpoint> EndpointOf(const sockaddr_storage& storage) {
   std::array<char, INET6_ADDRSTRLEN> text{};
   if (storage.ss_family == AF_INET) {
@@ -75,13 +75,13 @@ std::optional<TcpConnection> TcpConnections::Read(int file) {
   const std::optional<Endpoint> own = EndpointOf(*own_address);
   const std::optional<Endpoint> peer = EndpointOf(*peer_address);
   if (!own || !peer) return std::nullopt;
-  // One event, from now on, when something arrives. A descriptor that libzmq closes leaves epoll by itself.
+  // One-shot: epoll reports the next arrival once. A descriptor that libzmq closes is removed from epoll automatically.
   epoll_event event{};
   event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
   event.data.fd = file;
   if (::epoll_ctl(epoll_, EPOLL_CTL_MOD, file, &event) != 0) (void)::epoll_ctl(epoll_, EPOLL_CTL_ADD, file, &event);
   const std::optional<TcpInfo> info = ReadTcpInfo(file);
-  if (!info || !info->is_established) return std::nullopt;  // Its peer has left; libzmq is about to notice.
+  if (!info || !info->is_established) return std::nullopt;  // The peer has left, and libzmq will notice shortly.
   const TcpConnection connection{file, own->port, peer->address, peer->port, info->bytes_received.value_or(0)};
   known_[file] = {*peer_address, connection};
   return connection;

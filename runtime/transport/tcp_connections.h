@@ -1,10 +1,11 @@
-// TcpConnections: TCP connections of this process, as the kernel knows them, by the file descriptors that libzmq
+// TcpConnections: reads the kernel's state of this process's TCP connections, by the file descriptors that libzmq
 // reports. libzmq owns the descriptors. This class only reads their state, and may shut a connection down; libzmq then
 // closes it.
 //
-// A descriptor may have been closed and reused since libzmq reported it, so the address of its peer is read each time.
-// All else is read only after something happened to the connection: with 64 agents on one machine those system calls
-// took a tenth of the processors. Linux: TCP_INFO (tcpi_bytes_received, Linux 4.1), epoll. Not thread-safe.
+// A descriptor may have been closed and reused since libzmq reported it, so the peer's address is read each time. The
+// remaining state is read again only after traffic on the connection: with 64 agents on one machine, those system calls
+// used a tenth of the processor time. Requires Linux: TCP_INFO (tcpi_bytes_received, Linux 4.1), epoll. Not
+// thread-safe.
 #pragma once
 
 #include <sys/socket.h>
@@ -24,32 +25,34 @@ namespace moondb {
 
 class TcpConnections {
  public:
-  // `ports`: those on which this process listens. kUnavailable if the process may open no more files.
+  // `ports` are the ports on which this process listens. Returns kUnavailable if no more files can be opened.
   static Result<std::unique_ptr<TcpConnections>> Make(std::set<std::uint16_t> ports);
   ~TcpConnections();
   TcpConnections(const TcpConnections&) = delete;
   TcpConnections& operator=(const TcpConnections&) = delete;
 
-  // Readable when a connection received something since List, Look or Read looked at it, until Drain.
+  // Descriptor that becomes readable when data arrive on a connection after List, Look or Read has read it. Drain
+  // resets it.
   int file() const { return epoll_; }
   void Drain();
 
-  // Somebody connected to one of the ports, with this descriptor here. Another descriptor is ignored.
+  // A connection to one of the ports was accepted with this descriptor. Other descriptors are ignored.
   void OnAccepted(int file);
-  // Returns the connections to the ports that are established now, and watches each. Opens no files.
+  // Returns the established connections to the ports, and watches each. Opens no files.
   std::vector<TcpConnection> List();
-  // Returns the connection with this descriptor, and watches it; none if it is not an established TCP connection.
+  // Returns the connection with this descriptor, and watches it. Returns nothing if it is not an established TCP
+  // connection.
   std::optional<TcpConnection> Read(int file);
-  // Returns the same, and reads a connection that is known already again only if something arrived over it.
+  // As Read, but reads a known connection again only if data have arrived on it.
   std::optional<TcpConnection> Look(int file);
 
-  // Returns the peer's port; 0 if it is no connection.
+  // Returns the peer's port, or 0 if the descriptor is not a connection.
   static std::uint16_t PeerPortOf(int file);
-  // Ends the connection for both sides. Does nothing if its descriptor is not a socket any more.
+  // Shuts the connection down in both directions. No effect if its descriptor is no longer a socket.
   static void ShutDown(const TcpConnection& connection);
 
  private:
-  // A connection as it was read, while nothing was received over it since.
+  // State of a connection, valid until data arrive on it.
   struct Known {
     sockaddr_storage peer;
     TcpConnection connection;
@@ -59,8 +62,8 @@ class TcpConnections {
 
   const std::set<std::uint16_t> ports_;
   const int epoll_;
-  std::set<int> accepted_;      // Not known to be closed.
-  std::map<int, Known> known_;  // By descriptor.
+  std::set<int> accepted_;      // Accepted descriptors that are not known to be closed.
+  std::map<int, Known> known_;  // Last read state by descriptor.
 };
 
 }  // namespace moondb

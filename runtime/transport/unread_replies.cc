@@ -10,7 +10,7 @@ std::optional<std::uint64_t> UnreadReplies::AckedBytesOf(int file) {
 }
 
 void UnreadReplies::OnRequest(const std::string& route, const std::string& key, int file) {
-  // A file is that of one connection: one that had it before is gone.
+  // A descriptor belongs to one connection. An earlier one with the same descriptor is closed.
   std::erase_if(connections_, [&](const auto& entry) { return entry.second.file == file && entry.first != route; });
   Connection& connection = connections_[route];
   connection.key = key;
@@ -19,7 +19,7 @@ void UnreadReplies::OnRequest(const std::string& route, const std::string& key, 
 
 std::optional<std::uint64_t> UnreadReplies::WaitingOf(const Connection& connection) const {
   const std::optional<std::uint64_t> acked = acked_bytes_(connection.file);
-  // Fewer than before: the kernel has given the file to another connection.
+  // A smaller count means that the kernel reused the descriptor for another connection.
   if (!acked || *acked < connection.acked_before) return std::nullopt;
   const std::uint64_t taken = *acked - connection.acked_before;
   return taken < connection.given ? connection.given - taken : 0;

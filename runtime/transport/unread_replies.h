@@ -1,8 +1,8 @@
-// UnreadReplies: how many bytes of replies wait for clients with keys that have not read them.
+// UnreadReplies: limits the reply bytes that wait for keyed clients that have not read them.
 //
-// libzmq and the kernel keep what a client does not read. So each reply that libzmq is given counts for its connection
-// until the client's system has acknowledged its bytes (TCP_INFO). Replies of one key, and of all keys, have a limit;
-// a reply that is larger than the limit has room while no other waits. Used by one thread.
+// libzmq and the kernel buffer replies that a client does not read. Each reply passed to libzmq counts for its
+// connection until the client's system has acknowledged its bytes (TCP_INFO). There is a limit per key and one for all
+// keys. A reply larger than the limit is allowed if no other waits. Not thread-safe.
 #pragma once
 
 #include <cstdint>
@@ -18,37 +18,38 @@ class UnreadReplies {
   static constexpr std::uint64_t kOfKeyMax = 8 * 1024 * 1024;
   static constexpr std::uint64_t kOfAllMax = 32 * 1024 * 1024;
 
-  // The bytes that the peer of a connection has acknowledged since it was made; none: the file is no connection (any
-  // more).
+  // Returns the bytes that the peer has acknowledged since the connection opened, or nothing if the descriptor is not a
+  // connection (any more).
   using AckedBytes = std::function<std::optional<std::uint64_t>(int file)>;
 
   static std::optional<std::uint64_t> AckedBytesOf(int file);
 
   explicit UnreadReplies(AckedBytes acked_bytes = AckedBytesOf) : acked_bytes_(std::move(acked_bytes)) {}
 
-  // A request came with this routing id, from who has this key, over the connection of this file.
+  // A request arrived with this routing id, from a client with this key, over the connection with descriptor `file`.
   void OnRequest(const std::string& route, const std::string& key, int file);
-  // Whether libzmq may be given one more reply of so many bytes for this routing id; true for one that never asked.
+  // Returns true if libzmq may take one more reply of this size for this routing id. True for a routing id without
+  // requests.
   bool HasRoom(const std::string& route, std::uint64_t bytes);
-  // libzmq was given it.
+  // Counts a reply that was passed to libzmq.
   void Count(const std::string& route, std::uint64_t bytes);
 
-  // The key that last asked with this routing id; empty: none.
+  // Returns the key of the last request with this routing id, or "" if there was none.
   std::string KeyOf(const std::string& route) const;
 
  private:
   struct Connection {
     std::string key;
     int file = -1;
-    std::uint64_t acked_before = 0;  // When nothing waited.
-    std::uint64_t given = 0;         // Since then.
+    std::uint64_t acked_before = 0;  // Acknowledged bytes at the last time when no reply waited.
+    std::uint64_t given = 0;         // Bytes passed to libzmq since acked_before was read.
   };
 
-  // None: the connection is gone, and libzmq has dropped what waited.
+  // Returns the waiting bytes, or nothing if the connection is closed and libzmq has dropped them.
   std::optional<std::uint64_t> WaitingOf(const Connection& connection) const;
 
   AckedBytes acked_bytes_;
-  std::map<std::string, Connection> connections_;  // By routing id.
+  std::map<std::string, Connection> connections_;  // Connections by routing id.
 };
 
 }  // namespace moondb

@@ -1,7 +1,7 @@
-// WakeUp: a file that any thread makes readable, for one thread that sleeps on it.
+// WakeUp: a file descriptor with which any thread can wake one sleeping thread.
 //
-// The sleeper says until when it means to sleep; whoever has something for an earlier time rings. So an awake thread is
-// never rung for, and a deadline that lies behind the next look costs nothing.
+// The sleeper announces until when it will sleep. Other threads ring only for work that is due earlier. An awake thread
+// is never rung, and a later deadline costs nothing.
 #pragma once
 
 #include <atomic>
@@ -18,11 +18,13 @@ class WakeUp {
   WakeUp(const WakeUp&) = delete;
   WakeUp& operator=(const WakeUp&) = delete;
 
-  // Any thread, after what it announces can be seen: there is something to be done at `due` (by default now).
+  // Announces work that is due at `due` (by default now). Requires: the work is already visible to the sleeper.
+  // Thread-safe.
   void RingFor(MonotonicTime due = MonotonicTime::min());
 
-  // The sleeper: before it looks when it has to wake, then with the answer, and when it is awake again (by the file, or
-  // otherwise). Until IsAwake it is rung for anything earlier than what it said.
+  // For the sleeper. The sleeper calls IsLooking before it computes its deadline, SleepsUntil with the result, and
+  // IsAwake after it wakes (`by_file`: woken by RingFor). Until IsAwake, RingFor rings for anything earlier than the
+  // announced time.
   void IsLooking() { sleeps_until_ = kAnyTime; }
   void SleepsUntil(MonotonicTime time) { sleeps_until_ = time.time_since_epoch().count(); }
   void IsAwake(bool by_file);

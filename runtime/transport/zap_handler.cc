@@ -11,10 +11,10 @@ namespace {
 
 constexpr char kEndpoint[] = "inproc://zeromq.zap.01";
 
-// A request's parts.
+// Parts of a request, in order.
 enum Part : std::size_t { kVersion, kRequestId, kDomain, kPeerAddress, kRoutingId, kMechanism, kKey, kPartCount };
 
-// Code and text for each ZapHandler::Admission.
+// ZAP status code and text for each ZapHandler::Admission.
 constexpr std::array<std::pair<const char*, const char*>, 3> kStatus = {
     {{"200", "OK"}, {"400", "this key is not known here"}, {"300", "this key has all its connections for now"}}};
 

@@ -1,9 +1,9 @@
-// ZapHandler: says whose CURVE keys may come in, and under which name (ZeroMQ RFC 27).
+// ZapHandler: decides which CURVE keys are admitted, and sets their user ids (ZeroMQ RFC 27).
 //
-// libzmq asks it by inproc messages during each handshake; without it, every key would be let in. A key that belongs to
-// an agent gets that agent's id as User-Id, which libzmq then attaches to each frame of the connection. At a socket of
-// the domain kClientDomain clients' keys are let in instead, with the key itself (Z85) as User-Id. Those that are
-// refused for now get ZAP's temporary error, upon which libzmq connects again later.
+// libzmq asks the handler by inproc messages during each handshake; without a handler it would admit every key. The key
+// of an agent gets the agent's id as User-Id, which libzmq attaches to each frame of the connection. On sockets of the
+// domain kClientDomain, keys of clients are admitted instead, with the key itself (Z85) as User-Id. A temporary refusal
+// uses ZAP's temporary error, after which libzmq retries later.
 #pragma once
 
 #include <functional>
@@ -25,17 +25,18 @@ class ZapHandler {
   static constexpr char kAgentDomain[] = "moondb";
   static constexpr char kClientDomain[] = "moondb-clients";
   enum class Admission { kAdmitted, kUnknown, kNotNow };
-  // `address`: from where the client connects, in numbers.
+  // `address` is the client's numeric address.
   using AdmitClient = std::function<Admission(const std::string& key, const std::string& address)>;
   using OnRefused = std::function<void(bool is_client)>;
 
-  // Binds in `context`; before any socket that uses CURVE. `agents` is by public key in Z85. Calls `on_refused` for
-  // each handshake of an unknown key before it answers, so a peer that sees its refusal has been counted.
+  // Binds in `context`; must be called before any socket uses CURVE. `agents` maps public keys in Z85 to ids. Calls
+  // `on_refused` for each handshake with an unknown key, before the answer is sent. A refused peer has thus already
+  // been counted.
   static Result<ZapHandler> Make(const ZmqContext& context, std::map<std::string, AgentId> agents,
                                  OnRefused on_refused);
   void LetClientsIn(AdmitClient admit_client) { admit_client_ = std::move(admit_client); }
 
-  // Answers what waits.
+  // Answers the waiting requests.
   void OnReadable();
   int file() const { return socket_.file(); }
 
@@ -45,7 +46,7 @@ class ZapHandler {
 
   struct Answer {
     Admission admission = Admission::kUnknown;
-    std::string user_id;  // Of the key that asks, if it is admitted.
+    std::string user_id;  // User-Id of the key, if it is admitted.
   };
   Answer Ask(const std::vector<ZmqFrame>& request) const;
 
@@ -55,7 +56,7 @@ class ZapHandler {
   OnRefused on_refused_;
 };
 
-// The agent that a User-Id stands for; 0 for none.
+// Returns the agent of a User-Id, or 0 if it names none.
 AgentId AgentOfUserId(std::string_view user_id);
 
 }  // namespace moondb

@@ -35,34 +35,37 @@
 namespace moondb {
 namespace {
 
-constexpr int kPeerQueueMessages = 16;  // Frames of one connection that were received and not yet delivered.
+constexpr int kPeerQueueMessages = 16;  // Received frames of one connection that may wait for delivery.
 constexpr int kKeepAlive_s = 60;
-constexpr std::size_t kConnectionsPerAgent = 4;  // One that is, one that takes its place; two more at a reconnect.
-constexpr std::size_t kStrangersMax = 32;        // Connections to the agents' address from elsewhere.
-constexpr std::size_t kKeyedClientsMax = 64;     // Connections to client_address.
-// A socket is read for so many messages or so long before the others have their turn: some frames take 14 ms to parse.
+// The current connection, its replacement, and two more for a reconnect.
+constexpr std::size_t kConnectionsPerAgent = 4;
+constexpr std::size_t kStrangersMax = 32;     // Connections to the agent's peer address from outside the team.
+constexpr std::size_t kKeyedClientsMax = 64;  // Connections to client_address.
+// Limits of the messages and time per turn of a socket. Some frames take 14 ms to parse.
 constexpr std::size_t kBatchMessages = 256;
 constexpr Duration kTurnTime = std::chrono::milliseconds(5);
-// What CURVE adds to a frame. libzmq holds ZMQ_MAXMSGSIZE against the frame with it, and cuts the link.
+// Upper limit of the bytes that CURVE adds to a frame. libzmq applies ZMQ_MAXMSGSIZE to the encrypted frame, and closes
+// the connection if it is exceeded.
 constexpr std::size_t kCurveBytes = 64;
-// Beyond the free bytes of each connection, of all agents together: the largest credit of a link that this agent is
-// slow to read.
+// Shared bytes of all agents beyond the free bytes of each connection. Covers the largest credit of a link that this
+// agent reads slowly.
 constexpr std::uint64_t kAgentsSharedBytes = 1024 * 1024;
 static_assert(kPeerFrameBytesMax + kCurveBytes < ConnectionRules::kFreeBytes, "each frame can be delivered");
 static_assert(LinkCredit::Options().bytes_max <= kAgentsSharedBytes);
-// After peers sent something the thread stays awake for so long, in case an answer follows: to put a processor to sleep
-// and to wake it takes tens of microseconds, and as much processor time (measured: a round trip takes 0.6 of the time).
+// After receiving from peers, the thread stays awake this long in case an answer follows. Putting a processor to sleep
+// and waking it takes tens of microseconds, and as much processor time. Measured: with this, a round trip takes 0.6
+// times as long.
 constexpr Duration kLingerTime = std::chrono::microseconds(60);
 
-// Places among the files that the thread waits for.
+// Indices in files_, the descriptors that the thread waits for.
 constexpr std::size_t kPeerListenerFile = 1;
 constexpr std::size_t kGuardFile = 2;
 constexpr std::size_t kClientListenersMax = 2;
 constexpr std::size_t kAcceptedFiles = 4 + kClientListenersMax;
-constexpr std::size_t kListenersMax = 2;                             // At which accepted connections are watched.
-constexpr std::size_t kOtherFiles = kAcceptedFiles + kListenersMax;  // Before those of peers.
+constexpr std::size_t kListenersMax = 2;  // Listening sockets whose accepted connections are watched.
+constexpr std::size_t kOtherFiles = kAcceptedFiles + kListenersMax;  // Number of descriptors before those of peers.
 
-// For ppoll.
+// Returns the timeout for ppoll.
 timespec TimeUntil(MonotonicTime time) {
   if (time == MonotonicTime::min()) return {};
   const Duration left =
@@ -71,8 +74,8 @@ timespec TimeUntil(MonotonicTime time) {
   return {.tv_sec = whole.count(), .tv_nsec = (left - whole).count()};
 }
 
-// The address as TcpConnection::peer has it: libzmq names the interface of a link-local one, and an IPv4 address that
-// came over IPv6 as such.
+// Converts an address to the form of TcpConnection::peer. libzmq appends the interface to a link-local address, and
+// writes an IPv4 address over IPv6 in its mapped form.
 std::string PlainAddress(const std::string& address) {
   constexpr std::string_view kMapped = "::ffff:";
   const std::string plain = address.substr(0, address.find('%'));
@@ -97,7 +100,7 @@ class ZeroMqTransport::Impl {
     thread_.join();
   }
 
-  // The thread's creation hands all sockets over to it.
+  // The start of the thread transfers all sockets to it.
   Result<void> Start(const std::string& team_folder) {
     Check(FindAgent(team_, options_.self) != nullptr, "the agent itself is in the team");
     if (!team_.insecure()) {
@@ -118,7 +121,7 @@ class ZeroMqTransport::Impl {
   SendResult Send(const Address& to, const proto::Message& message) {
     Check(!message.has_link_report(), "only transports send link reports");
     if (to.agent == kClients) {
-      SendResult sent = SendResult::kUnreachable;  // By a door that does not know the client.
+      SendResult sent = SendResult::kUnreachable;  // Result of a ClientListener that does not know the client.
       for (const auto& listener : listeners_) {
         if (sent == SendResult::kUnreachable) sent = listener->Send(to.actor, message);
       }
@@ -159,8 +162,9 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // With keys a DEALER: it assigns no routing ids, which a peer could claim, and each frame names its connection
-  // (LinkOrder). Without keys a ROUTER: the routing id that a connection claims says whose it is.
+  // Opens the socket that receives frames of peers. With keys it is a DEALER. This assigns no routing ids, which a peer
+  // could claim, and each frame names its connection (LinkOrder). Without keys it is a ROUTER: the routing id that a
+  // connection claims names its agent.
   Result<void> OpenPeerListener() {
     Result<ZmqSocket> listener = ZmqSocket::Make(context_, keys_ ? ZMQ_DEALER : ZMQ_ROUTER);
     if (!listener) return tl::unexpected(listener.error());
@@ -172,7 +176,7 @@ class ZeroMqTransport::Impl {
       listener->Set(ZMQ_CURVE_SERVER, 1);
       listener->Set(ZMQ_CURVE_SECRETKEY, keys_->own.secret_key);
       listener->Set(ZMQ_ZAP_DOMAIN, ZapHandler::kAgentDomain);
-      // A connection whose machine went away sends nothing and is not replaced.
+      // Keep-alive finds connections whose machine has disappeared: they send nothing and are not replaced.
       listener->Set(ZMQ_TCP_KEEPALIVE, 1);
       listener->Set(ZMQ_TCP_KEEPALIVE_IDLE, kKeepAlive_s);
     } else {
@@ -189,7 +193,7 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Before it listens.
+  // Watches the connections that `listener` accepts. Must be called before it listens.
   Result<void> WatchAccepted(ZmqSocket& listener) {
     const std::string endpoint = "inproc://accepted-" + std::to_string(accepted_.size());
     Result<ZmqSocket> monitor = listener.MakeMonitor(context_, endpoint, ZMQ_EVENT_ACCEPTED);
@@ -260,7 +264,7 @@ class ZeroMqTransport::Impl {
     return {};
   }
 
-  // Agents whose address is a name have their places among the others'.
+  // Sets the connection limits of each port. Agents whose address is a host name use places of the shared pool.
   Result<void> OpenGuard() {
     std::map<std::uint16_t, ConnectionRules::Listener> listeners;
     const proto::AgentConfig& self = *FindAgent(team_, options_.self);
@@ -300,14 +304,14 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  // Decides whether a client with this key may come in from `address`.
+  // Decides whether to admit a client with this key from `address`.
   ZapHandler::Admission AdmitClient(const std::string& key, const std::string& address) {
     const MonotonicTime now = std::chrono::steady_clock::now();
     const std::optional<proto::ListedClient> client = client_keys_->Find(key, now);
     if (!client) return ZapHandler::Admission::kUnknown;
     const std::optional<std::uint16_t> port = TcpPortOf(FindAgent(team_, options_.self)->client_address());
     Check(port.has_value(), "clients with keys come over TCP");
-    ReadAccepted(now);  // The guard knows each connection before it is asked to admit one.
+    ReadAccepted(now);  // The guard must know each connection before it is asked to admit one.
     const bool has_handshakes = handshake_limit_.HasRoom(key, now);
     if (!has_handshakes || !guard_->Admit(*port, key, PlainAddress(address), now)) {
       ++refused_.deferred_clients;
@@ -328,7 +332,7 @@ class ZeroMqTransport::Impl {
       Sleep();
       if (zap_handler_) zap_handler_->OnReadable();
       has_more_ = ReceiveFromPeers();
-      // Listening may take in libzmq's news of requests, so that the door's work comes last.
+      // The ClientDoors work last: KeepPlace may consume libzmq's notification of new requests.
       for (const auto& listener : listeners_) listener->KeepPlace(std::chrono::steady_clock::now());
       for (const auto& listener : listeners_) has_more_ = listener->Work(deliver_) || has_more_;
       const MonotonicTime now = std::chrono::steady_clock::now();
@@ -338,9 +342,8 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  // Until a socket, a sender or a deadline wants something. libzmq's own poll would ask each socket for its news, which
-  // costs several system calls each; their files announce news by themselves, since all sockets are read from until
-  // nothing waits.
+  // Sleeps until a socket, a sender or a deadline needs the thread. libzmq's own poll would query each socket, with
+  // several system calls each. Polling the descriptors is enough, because each socket is read until it is empty.
   void Sleep() {
     Linger();
     wake_up_.IsLooking();
@@ -372,7 +375,7 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  // Others that want the processor have it meanwhile.
+  // Polls for a short time instead of sleeping, and yields the processor to other threads meanwhile.
   void Linger() {
     if (!std::exchange(is_busy_, false) || has_more_) return;
     CollectFiles();
@@ -384,7 +387,7 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  // A negative file is passed over.
+  // Builds the list for ppoll, which ignores negative descriptors.
   void CollectFiles() {
     files_.clear();
     const auto add = [this](int file) { files_.push_back({file, POLLIN, 0}); };
@@ -409,7 +412,8 @@ class ZeroMqTransport::Impl {
     }
   }
 
-  // libzmq takes frames of all peers in turn. True if more wait.
+  // Delivers frames of peers, within the limits of a turn. libzmq alternates between the peers. Returns true if more
+  // frames wait.
   bool ReceiveFromPeers() {
     ZmqReceived received;
     const MonotonicTime end = std::chrono::steady_clock::now() + kTurnTime;
@@ -421,7 +425,7 @@ class ZeroMqTransport::Impl {
     return true;
   }
 
-  // Returns how many messages the frame held; 1 if it was rejected.
+  // Returns the number of messages in the frame, or 1 if it was rejected.
   std::size_t OnPeerFrame(const ZmqReceived& received) {
     guard_->OnMessage(received.file, received.frame.user_id());
     std::optional<AgentId> authenticated;
@@ -435,7 +439,7 @@ class ZeroMqTransport::Impl {
     if (messages && !peers_.contains(messages->front()->hop_sender())) {
       messages = Fail(ErrorCode::kRefused, "claimed to be an agent that the team does not have");
     }
-    // Without keys the connection's own word has to do for whom to blame.
+    // Without keys, only the routing id that the connection claims shows which agent to blame.
     const AgentId sender =
         messages ? messages->front()->hop_sender() : authenticated.value_or(AgentOfUserId(received.route.text()));
     const auto peer = peers_.find(sender);
@@ -455,7 +459,8 @@ class ZeroMqTransport::Impl {
     return messages->size();
   }
 
-  // Without keys libzmq gives a connection that was replaced another routing id than the agent's.
+  // Returns true if the frame arrived over the sender's newest connection. Without keys, libzmq changes the routing id
+  // of a replaced connection to one that is not the agent's.
   bool IsOnLink(AgentId sender, std::uint32_t link, const ZmqReceived& received) {
     if (!keys_ && AgentOfUserId(received.route.text()) != sender) return false;
     const int returns_before = link_order_.returns(sender);
@@ -468,27 +473,28 @@ class ZeroMqTransport::Impl {
   const Options options_;
   const Deliver deliver_;
   const PeerChanged peer_changed_;
-  std::optional<TeamKeys> keys_;  // None without CURVE.
+  std::optional<TeamKeys> keys_;  // Empty without CURVE.
 
-  ZmqContext context_;  // Before all sockets: it outlives them.
+  ZmqContext context_;  // Declared before all sockets, because it must outlive them.
   WakeUp wake_up_;
   std::optional<ZapHandler> zap_handler_;
-  std::vector<ZmqSocket> accepted_;  // Monitors of the sockets that listen; they outlive those sockets.
+  // Monitors of the listening sockets. Declared before those sockets, because they must outlive them.
+  std::vector<ZmqSocket> accepted_;
   std::optional<ZmqSocket> peer_listener_;
   std::optional<ClientKeys> client_keys_;
-  HandshakeLimit handshake_limit_;      // Of clients.
-  std::uint32_t admitted_clients_ = 0;  // Handshakes.
+  HandshakeLimit handshake_limit_;      // Handshakes of clients, by key.
+  std::uint32_t admitted_clients_ = 0;  // Number of admitted handshakes of clients.
   std::vector<std::unique_ptr<ClientListener>> listeners_;
-  std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Fixed once the thread runs.
+  std::map<AgentId, std::unique_ptr<PeerLink>> peers_;  // Not changed after the thread starts.
   LinkOrder link_order_;
 
   std::unique_ptr<ConnectionLimiter> guard_;
 
   std::vector<pollfd> files_;
-  bool is_busy_ = false;   // Peers sent something just now.
-  bool has_more_ = false;  // A socket was not read from until nothing waits.
+  bool is_busy_ = false;   // Peers have just sent something.
+  bool has_more_ = false;  // A socket may have more messages.
   struct Refused {
-    std::atomic<std::uint64_t> agents = 0;  // Handshakes.
+    std::atomic<std::uint64_t> agents = 0;  // Refused handshakes of connections from agents.
     std::atomic<std::uint64_t> clients = 0;
     RateLimitedLog agent_log;
     RateLimitedLog client_log;

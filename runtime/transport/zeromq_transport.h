@@ -1,16 +1,16 @@
-// ZeroMqTransport: one thread that owns every socket of an agent.
+// ZeroMqTransport: implements Transport with ZeroMQ. One thread owns all sockets of an agent.
 //
-// Between agents: a bound DEALER that only receives, one DEALER per peer that only sends
-// (runtime/transport/peer_link.h); CURVE on all of them, and a ZAP handler that admits the team file's keys alone and
-// binds each to its agent, whatever the connection says of itself: a frame whose hop_sender is not the key's agent is
-// counted and dropped, and so is a body that only actors of one agent send each other. A frame between agents is a
-// proto::PeerFrame: small messages that come one upon the other share one. Clients talk to ROUTERs of their own
-// (runtime/transport/client_listener.h), request and reply, a proto::Message a frame.
+// Between agents, a bound DEALER only receives, and one DEALER per peer only sends (runtime/transport/peer_link.h). All
+// of them use CURVE. A ZAP handler admits only the keys of the team file and binds each key to its agent, whatever the
+// connection claims. A frame is counted and dropped if its hop_sender is not the agent of the key, or if its body is
+// internal to one agent. A frame between agents is a proto::PeerFrame; small messages in quick succession share one.
+// Clients use separate ROUTERs (runtime/transport/client_listener.h) with request and reply, one proto::Message per
+// frame.
 //
-// libzmq would queue silently for absent peers and let megabytes in for frozen ones, so queues are bounded here: byte
-// credit per connection, ZMQ_IMMEDIATE, LINGER 0; peers that fall silent are noticed by deadlines, without ZMTP's
-// heartbeat. ConnectionLimiter cuts connections that take too much. The thread sleeps until a socket, a sender or a
-// deadline wakes it.
+// By default libzmq queues for absent peers and buffers megabytes for frozen ones. Queues are bounded here by a byte
+// credit per connection, ZMQ_IMMEDIATE and LINGER 0. Deadlines detect silent peers, without ZMTP's heartbeat.
+// ConnectionLimiter cuts connections that exceed their limits. The thread sleeps until a socket, a sender or a deadline
+// wakes it.
 #pragma once
 
 #include <cstdint>
@@ -35,30 +35,31 @@ class ZeroMqTransport final : public Transport {
  public:
   struct Options {
     AgentId self = 0;
-    std::string client_endpoint;  // ipc://..., empty: no clients over ipc.
-    // Larger frames close the connection, and are not sent. From a client with a key kKeyedRequestBytesMax at most.
-    std::size_t frame_bytes_max = kPeerFrameBytesMax;         // Between agents.
-    std::size_t client_message_bytes_max = 32 * 1024 * 1024;  // Of a request or a reply.
-    Outbox::Options outbox;                                   // Per peer, waiting for credit.
-    LinkCredit::Options credit;                               // Per peer, under way.
-    LinkHealth::Options health;                               // When a silent peer is asked, and given up.
-    std::string secret_key_file;                              // Empty: beside the public key, with the ending .sec.
-    std::string clients_file;  // Whom the team file's client_address lets in (runtime/team/client_list.h).
+    std::string client_endpoint;  // ipc://...; empty: no clients over ipc.
+    // Larger frames are not sent; receiving one closes the connection. A keyed client's limit is at most
+    // kKeyedRequestBytesMax.
+    std::size_t frame_bytes_max = kPeerFrameBytesMax;         // Limit of a frame between agents.
+    std::size_t client_message_bytes_max = 32 * 1024 * 1024;  // Limit of a request or reply.
+    Outbox::Options outbox;                                   // Limits per peer of messages that wait for credit.
+    LinkCredit::Options credit;                               // Limits per peer of bytes in flight.
+    LinkHealth::Options health;                               // Deadlines for silent peers.
+    std::string secret_key_file;  // Empty: the file beside the public key, with the extension .sec.
+    std::string clients_file;     // List of clients admitted at client_address (runtime/team/client_list.h).
   };
 
-  // Binds and starts: both callbacks may come before this returns, so that they have to wait until there is somebody to
-  // tell. `team` is checked; `team_folder` is where relative key files lie. Errors: kUnavailable for an address in use,
-  // kInvalid for a key file that is missing, malformed, readable by others (secret) or does not fit the public key in
-  // the team file, and for a folder of client_endpoint that is not this user's alone (it is made if it is missing). A
-  // clients_file that is wrong lets nobody in until it is mended, and is logged.
+  // Binds the sockets and starts the thread. Both callbacks may run before this returns. Requires: `team` passed its
+  // checks. `team_folder` is the folder of relative key files. Returns kUnavailable if an address is in use. Returns
+  // kInvalid for a key file that is missing, malformed, (if secret) readable by others, or that does not match the team
+  // file. Also returns kInvalid if the folder of client_endpoint is not private to this user; a missing folder is
+  // created. An invalid clients_file is logged, and admits no clients until it is fixed.
   static Result<std::unique_ptr<ZeroMqTransport>> Create(const proto::TeamConfig& team, const std::string& team_folder,
                                                          Options options, Deliver deliver, PeerChanged peer_changed);
-  ~ZeroMqTransport() override;  // Joins the thread; what waits in outboxes is dropped.
+  ~ZeroMqTransport() override;  // Joins the thread and drops the messages in outboxes.
 
-  // A link_report is the transport's own word: to send one is a mistake in the program.
+  // Sends a message. Fails a Check for a link_report, which only transports send.
   [[nodiscard]] SendResult Send(const Address& to, const proto::Message& message) override;
   std::vector<proto::PeerStatus> Peers() const override;
-  // What was refused before it was a message. Any thread.
+  // Counters of refused handshakes and cut connections. Thread-safe.
   proto::ListenerStatus Listener() const;
 
  private:

@@ -12,7 +12,7 @@
 namespace moondb {
 namespace {
 
-// A signal interrupts a call before it has done anything.
+// Repeats a call that a signal interrupted. An interrupted call has had no effect.
 template <typename Call>
 int Uninterrupted(Call call) {
   int result = call();
@@ -54,7 +54,8 @@ std::string_view ZmqFrame::user_id() const {
 }
 
 void ZmqSocket::Closer::operator()(void* socket) const {
-  // Else a last event could wait for ever, on libzmq's own thread, for a reader that is closed too.
+  // Stop the monitor first. A last event could otherwise block libzmq's thread forever, if the monitor's reader is
+  // closed too.
   (void)zmq_socket_monitor(socket, nullptr, 0);
   (void)zmq_close(socket);
 }
@@ -66,7 +67,7 @@ Result<ZmqSocket> ZmqSocket::Make(const ZmqContext& context, int type) {
   if (socket.socket_ == nullptr) {
     return Fail(ErrorCode::kUnavailable, std::string("cannot make a socket: ") + zmq_strerror(zmq_errno()));
   }
-  // What has not left when a socket closes is lost; sharing sends it again.
+  // Unsent messages are lost when a socket closes; sharing retransmits them.
   socket.Set(ZMQ_LINGER, 0);
   std::size_t size = sizeof socket.file_;
   Check(zmq_getsockopt(socket.get(), ZMQ_FD, &socket.file_, &size) == 0, "a socket has a file to wait for");
@@ -104,12 +105,12 @@ Result<ZmqSocket> ZmqSocket::MakeMonitor(const ZmqContext& context, const std::s
     return Fail(ErrorCode::kUnavailable, std::string("cannot watch a socket: ") + zmq_strerror(zmq_errno()));
   }
   if (const auto joined = monitor->Connect(endpoint); !joined) return tl::unexpected(joined.error());
-  // Its file announces news only once it was found empty.
+  // The descriptor signals news only after the socket was once found empty.
   (void)monitor->ReceiveEvent();
   return monitor;
 }
 
-// Two frames: the event's number with a value, and the address.
+// An event has two frames: its number with its value, and the address.
 std::optional<ZmqEvent> ZmqSocket::ReceiveEvent() {
   std::vector<ZmqFrame> parts;
   if (!Receive(&parts)) return std::nullopt;
@@ -125,7 +126,7 @@ bool ZmqSocket::ReceiveFrame(ZmqFrame* frame, int flags) {
   return Uninterrupted([&] { return zmq_msg_recv(&frame->message_, get(), flags); }) >= 0;
 }
 
-// The parts of a message come together, so that only the first one can be missing.
+// All parts of a message arrive together: only the first one can be missing.
 bool ZmqSocket::Receive(std::vector<ZmqFrame>* parts) {
   parts->clear();
   ZmqFrame frame;
@@ -139,12 +140,12 @@ bool ZmqSocket::Receive(std::vector<ZmqFrame>* parts) {
   return true;
 }
 
-// libzmq notes the file descriptor at the last part alone.
+// libzmq provides the file descriptor with the last part only.
 bool ZmqSocket::Receive(ZmqReceived* message) {
   message->route = {};
   message->parts = 0;
   message->file = -1;
-  int flags = ZMQ_DONTWAIT;  // The parts of a message arrive together, so only the first one can be missing.
+  int flags = ZMQ_DONTWAIT;  // All parts arrive together: only the first one can be missing.
   if (type_ == ZMQ_ROUTER) {
     if (!ReceiveFrame(&message->route, flags)) return false;
     if (zmq_msg_more(&message->route.message_) == 0) return true;

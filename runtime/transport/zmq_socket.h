@@ -1,6 +1,6 @@
-// ZmqSocket, ZmqFrame: one libzmq socket and one of its messages, owned. libzmq's calls, without exceptions.
+// ZmqSocket, ZmqFrame: owners of a libzmq socket and of a libzmq message. They report errors without exceptions.
 //
-// Not thread-safe: one thread at a time, with a lock between two of them.
+// Not thread-safe. Another thread may take over a socket after synchronisation with a lock.
 #pragma once
 
 #include <zmq.h>
@@ -18,18 +18,18 @@ namespace moondb {
 struct ZmqContextDeleter {
   void operator()(void* context) const;
 };
-// Destroy after all of its sockets: it waits for them.
+// Must be destroyed after all of its sockets: destruction waits for them.
 using ZmqContext = std::unique_ptr<void, ZmqContextDeleter>;
 
-// Also seeds rand(), once in a process, from the system's random numbers. libzmq draws the first routing id of each
-// ROUTER from rand(), and ends the process if a peer has claimed an id before a ROUTER assigns it.
+// Creates a context. Also seeds rand() from system entropy, once per process. The first routing id of each ROUTER comes
+// from rand(), and libzmq aborts the process if a peer has claimed an id before a ROUTER assigns it.
 ZmqContext MakeZmqContext(int io_threads);
 
-// Bytes in libzmq's own memory, so that they are copied neither into a socket nor out of it.
+// Bytes in libzmq's own memory, which sending and receiving do not copy.
 class ZmqFrame {
  public:
   ZmqFrame() { zmq_msg_init(&message_); }
-  explicit ZmqFrame(std::size_t size);  // To be written by data().
+  explicit ZmqFrame(std::size_t size);  // Uninitialised; write through data().
   explicit ZmqFrame(std::string_view text);
   ZmqFrame(ZmqFrame&& other) noexcept : ZmqFrame() { zmq_msg_move(&message_, &other.message_); }
   ZmqFrame& operator=(ZmqFrame&& other) noexcept {
@@ -41,26 +41,26 @@ class ZmqFrame {
   char* data() { return static_cast<char*>(zmq_msg_data(&message_)); }
   std::size_t size() const { return zmq_msg_size(&message_); }
   std::string_view text() const;
-  // What the ZAP handler called the sender; empty without CURVE.
+  // Returns the User-Id that the ZAP handler set for the sender; empty without CURVE.
   std::string_view user_id() const;
 
  private:
   friend class ZmqSocket;
-  mutable zmq_msg_t message_;  // libzmq reads it through pointers to non-const.
+  mutable zmq_msg_t message_;  // Mutable because libzmq reads it through non-const pointers.
 };
 
-// A received message.
+// A message that was received.
 struct ZmqReceived {
-  ZmqFrame route;         // The routing id that a ROUTER puts before the message; empty from another socket.
-  ZmqFrame frame;         // The first part. Further parts are read and dropped.
-  std::size_t parts = 0;  // Of the message, without the route.
-  int file = -1;          // File descriptor of the connection it came over. By now the kernel may have reused it.
+  ZmqFrame route;         // Routing id that a ROUTER puts before the message; empty from other sockets.
+  ZmqFrame frame;         // First part of the message. Further parts are read and dropped.
+  std::size_t parts = 0;  // Number of parts, without the route.
+  int file = -1;          // Descriptor of the message's connection. The kernel may have reused it since.
 };
 
-// A connection to a door that has not finished its handshake by then is closed.
+// Time limit for the handshake of an incoming connection.
 inline constexpr int kHandshakeMax_ms = 2000;
 
-// Of a monitor: a ZMQ_EVENT_* and its value, which for ACCEPTED and CONNECTED is the connection's file descriptor.
+// A monitor's event: a ZMQ_EVENT_* and its value. For ACCEPTED and CONNECTED the value is the connection's descriptor.
 struct ZmqEvent {
   int type = 0;
   int value = 0;
@@ -70,39 +70,40 @@ enum class ZmqSend { kSent, kWouldBlock, kNoRoute };
 
 class ZmqSocket {
  public:
-  // kUnavailable if there are no more files or sockets.
+  // Creates a socket. Returns kUnavailable if no more files or sockets can be opened.
   static Result<ZmqSocket> Make(const ZmqContext& context, int type);
 
-  // The option exists and takes this value, else the program is wrong.
+  // Sets an option. Fails a Check if libzmq rejects the option or its value.
   void Set(int option, int value);
   void SetInt64(int option, std::int64_t value);
   void Set(int option, const std::string& value);
 
-  // kUnavailable: "Address already in use" and the like.
+  // Returns kUnavailable for errors such as "Address already in use".
   Result<void> Bind(const std::string& endpoint);
-  // No longer; those that are connected stay. libzmq closes in its own time, and takes the file of an ipc socket away.
+  // Stops listening; existing connections stay. libzmq closes asynchronously, and deletes the file of an ipc socket.
   void Unbind(const std::string& endpoint);
   Result<void> Connect(const std::string& endpoint);
 
-  // A socket that reports what becomes of this one's connections, from now on: ZMQ_EVENT_* of `events`. `endpoint` is
-  // inproc and not used before. Close it after this one.
+  // Creates a socket that reports the events `events` (ZMQ_EVENT_*) of this socket's connections from now on.
+  // `endpoint` must be an unused inproc endpoint. Close the monitor after this socket.
   Result<ZmqSocket> MakeMonitor(const ZmqContext& context, const std::string& endpoint, int events);
-  // Of a monitor: returns the next event; none if nothing waits.
+  // Returns the next event of a monitor, or nothing if none waits.
   std::optional<ZmqEvent> ReceiveEvent();
 
-  // Never block; false if nothing waits. Of the parts of a message, at most kPartsMax are kept.
+  // Receive a message. Never block; return false if nothing waits. At most kPartsMax parts of a message are kept.
   bool Receive(std::vector<ZmqFrame>* parts);
   bool Receive(ZmqReceived* message);
   static constexpr std::size_t kPartsMax = 8;
 
-  // Never blocks. What was sent is empty afterwards; kWouldBlock and kNoRoute leave the (first) frame as it was.
+  // Sends a frame. Never blocks. A sent frame is empty afterwards. kWouldBlock and kNoRoute leave the (first) frame
+  // unchanged.
   ZmqSend Send(ZmqFrame* frame, bool has_more = false);
 
-  // Handles libzmq's own commands to this socket; for one that is not read from.
+  // Handles libzmq's internal commands, for a socket that is never received from.
   void Process();
 
-  // Readable when libzmq has something new for this socket: then it has to be received from until nothing waits, or
-  // Process; only after that does the file announce anything newer.
+  // Descriptor that becomes readable when libzmq has news for this socket. Then call Receive until nothing waits, or
+  // Process: only after that does the descriptor signal further news.
   int file() const { return file_; }
 
  private:
@@ -113,7 +114,7 @@ class ZmqSocket {
   bool ReceiveFrame(ZmqFrame* frame, int flags);
 
   std::unique_ptr<void, Closer> socket_;
-  int type_ = 0;  // ZMQ_ROUTER, ...
+  int type_ = 0;  // Type, such as ZMQ_ROUTER.
   int file_ = -1;
 };
 
