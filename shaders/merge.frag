@@ -1,26 +1,29 @@
 #version 310 es
-// One pixel is one row of a square: 8 cells, a byte each. A square is 4 x 2 pixels, its lowest row first. Each cell
-// takes the first known value of its square's list, whose blocks come with the greatest key first.
+// One pixel is one row of a square: 8 cells of one byte each. A square is 4 x 2 pixels, with its lowest row first. Each
+// cell takes the first known value in its square's list of blocks, which is sorted by descending key.
 //
-// The same integer additions as the CPU's: u and v of a cell's centre in the block, modulo 1024 cells. A block has at
-// most 512 a side, so unsigned comparison answers both ends of [0, n).
+// The shader adds the same integers as the CPU: u and v are a cell centre's coordinates in the block, modulo 1024
+// cells. A block has at most 512 cells per side, so one unsigned comparison checks both ends of [0, n).
 //
-// Sides of `layers` and `lists` are powers of two, so that places in them are exact as floats, and samples come out as
-// they were stored. (texelFetch finds a mipmap level for each pixel: with it llvmpipe takes half as long again.)
+// The sides of `layers` and `lists` are powers of two. Texture coordinates are therefore exact as floats, and samples
+// return the stored integers. (texelFetch would compute a mipmap level for each pixel; on llvmpipe this takes 1.5 times
+// as long.)
 precision highp float;
 precision highp int;
 precision highp usampler2D;
 precision highp usampler2DArray;
 
-uniform usampler2DArray layers;  // 16 cells of a row a texel, rows along x, strips of 16 columns along y.
-uniform usampler2D squares;      // Of each square of the target its list: how many, and from bit 6 on the first.
-uniform usampler2D lists;        // Two texels for each in a list:
-                                 // Q10.22 modulo 2^32 in the square's first cell: u, v, step_cos, step_sin;
-                                 // width_q, height_q, corner in `layers`, page | its number in the tile << 16.
-uniform vec2 layers_texel;       // One, of all.
+uniform usampler2DArray layers;  // A texel is 16 cells of a row: rows along x, strips of 16 columns along y.
+// For each square of the target: number of list entries, and from bit 6 on the index of the first.
+uniform usampler2D squares;
+// Two texels for each list entry. The first holds u and v of the square's first cell, step_cos and step_sin, in Q10.22
+// modulo 2^32. The second holds width_q, height_q, the block's corner in `layers`, and its page in the low 16 bits with
+// its number in the tile in the high 16 bits.
+uniform usampler2D lists;
+uniform vec2 layers_texel;       // Size of one texel in texture coordinates, for `layers` and for `lists`.
 uniform vec2 lists_texel;
 
-layout(location = 0) out uvec2 cells;  // Of each byte: value, and from bit 2 on the block's number.
+layout(location = 0) out uvec2 cells;  // For each byte: the value, and from bit 2 on the block's number.
 
 const uint kListColumns = 1024u;
 const uint kFootprintPage = 0xFFFFu;

@@ -1,4 +1,5 @@
-// What a client's key, and an agent that relays a request, must be allowed for it. Plain functions, any thread.
+// Rights checks: the rights that a request needs of a client's key, and of an agent that relays it. Plain functions,
+// usable on any thread.
 #pragma once
 
 #include "model/error.h"
@@ -9,17 +10,17 @@
 
 namespace moondb {
 
-// CLIENT_RIGHTS_VIEW for what changes nothing, SHARE for what robots and planners do, COMMAND for the rest, as
-// proto/control.proto says at each request.
+// Returns CLIENT_RIGHTS_VIEW for requests that change nothing, SHARE for requests of robots and planners, and COMMAND
+// for all others. The rights are declared at each request in proto/control.proto.
 proto::ClientRights RightsNeededFor(proto::ControlRequest::RequestCase request);
 
-// kRefused where the key of the client that sent the message does not allow such a request: the text says what it
-// allows and what is needed.
+// Returns kRefused if the key of the client that sent the message does not allow this request. The text states the
+// key's rights and the required ones.
 Result<void> CheckClientRights(const proto::Message& message, proto::ControlRequest::RequestCase request);
 
-// kRefused where agent `from` may not relay such a request to the agent `self`, whoever asked it to: what changes
-// nothing is any agent's to ask; the rest needs `command_from` of the team file, but for sharing, which leader and
-// survivor of `roles` order too. The text names the line of the team file that would allow it.
+// Returns kRefused if agent `from` may not relay this request to the agent `self`. Any agent may relay a request that
+// changes nothing. Other requests need `command_from` of the team file. Requests to share are also allowed from the
+// leader and the survivor of `roles`. The text names the line of the team file that would allow the request.
 Result<void> CheckRelayRights(const proto::TeamConfig& team, AgentId self, const proto::RoleAssignment& roles,
                               AgentId from, const proto::ControlRequest& request);
 

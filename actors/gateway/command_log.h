@@ -1,8 +1,8 @@
-// CommandLog: which of the commands that clients and other agents give, or wanted to give, are written down, as events
-// in the agent's store.
+// CommandLog: decides which commands, accepted or refused, are logged as events in the agent's store. Commands come
+// from clients and other agents.
 //
-// At most Options::commands_max commands of one kind are written down in a period, and then how many more there were: a
-// program does not flood the event log. Plain logic; whoever calls it stores what it gives and keeps the time.
+// At most Options::commands_max commands of one kind are logged per period, followed by the number of further ones. A
+// program therefore cannot flood the event log. No I/O: the caller stores the returned events and keeps the time.
 #pragma once
 
 #include <chrono>
@@ -27,8 +27,9 @@ class CommandLog {
   };
 
   struct Added {
-    std::optional<proto::Record> event;  // To be stored before anything that the command makes other actors store.
-    bool begins_period = false;          // OnPeriodEnd is to be called after Options::period.
+    // Must be stored before any record that the command causes other actors to store.
+    std::optional<proto::Record> event;
+    bool begins_period = false;  // The caller must call OnPeriodEnd after Options::period.
   };
 
   explicit CommandLog(Options options) : options_(options) {}
@@ -37,20 +38,20 @@ class CommandLog {
   std::optional<proto::Record> OnPeriodEnd(Kind kind, std::int64_t utc_now_ns);
 
  private:
-  // Commands of one kind in the present period.
+  // Commands of one kind in the current period.
   struct Commands {
     int written = 0;
     int left_out = 0;
-    std::string last_text;  // The text of the last command that was left out, and
-    std::string last_by;    // who gave it.
+    std::string last_text;  // Text of the last command that was not logged.
+    std::string last_by;    // Client or agent that gave the last command that was not logged.
   };
 
   const Options options_;
   std::map<Kind, Commands> commands_;
 };
 
-// The name for the event log of the client whose message holds the request. A client without a key may not pass for one
-// that has a key, so that what it says of itself ends before "(key)".
+// Returns the client's name for the event log. A client without a key must not impersonate one with a key, so its
+// self-reported name is cut off before "(key)".
 std::string ByOf(const proto::Message& message, const proto::ControlRequest& request);
 
 }  // namespace moondb

@@ -26,14 +26,14 @@ struct Command {
   void (*merge)(const proto::ControlReply& part, proto::ControlReply& whole) = nullptr;
 };
 
-// --- What is asked otherwise ---
+// --- Requests that are sent in a special way ---
 
-// As proto/control.proto names them.
+// Returns the name of the request's i-th actor in proto/control.proto.
 const std::string& ActorOf(const Request& request, int i = 0) {
   return CommandOptionsOf(request.request_case()).actors(i);
 }
 
-// A list in braces would copy the message.
+// Uses push_back, because a braced list would copy the message.
 std::vector<Question> AskOne(const std::string& actor, proto::Message message) {
   std::vector<Question> questions;
   questions.push_back({actor, std::move(message)});
@@ -47,14 +47,14 @@ std::vector<Question> AskForPage(Request& request, bool is_relayed) {
   return AskOne(ActorOf(request), std::move(message));
 }
 
-// What this agent has itself, not what it would say to a peer.
+// Requests this agent's own have-set, not the one that it reports to peers.
 std::vector<Question> AskForHave(Request& request, bool) {
   proto::Message message;
   message.mutable_have_request();
   return AskOne(ActorOf(request), std::move(message));
 }
 
-// SyncActor's name, or ReplicaActor's.
+// Returns the name of the actor for `kind`: SyncActor or ReplicaActor.
 const std::string& ActorOfKind(const Request& request, proto::SharingKind kind) {
   return ActorOf(request, kind == proto::SHARING_KIND_SYNC ? 0 : 1);
 }
@@ -80,9 +80,9 @@ std::vector<Question> AskOwnActor(Request& request, bool) {
   return AskOne(request.custom().actor(), std::move(message));
 }
 
-// --- What is answered otherwise ---
+// --- Answers that are merged in a special way ---
 
-// SyncActor's and ReplicaActor's together.
+// Merges the statuses of SyncActor and ReplicaActor.
 void MergeShareStatus(const proto::ControlReply& reply, proto::ControlReply& whole_reply) {
   const proto::ShareStatus& part = reply.share_status();
   proto::ShareStatus& whole = *whole_reply.mutable_share_status();
@@ -92,7 +92,7 @@ void MergeShareStatus(const proto::ControlReply& reply, proto::ControlReply& who
   whole.set_damaged_messages(whole.damaged_messages() + part.damaged_messages());
   whole.set_dropped_messages(whole.dropped_messages() + part.dropped_messages());
   whole.set_refused_hellos(whole.refused_hellos() + part.refused_hellos());
-  // Both actors act on these roles at least: one hears of new ones a moment before the other.
+  // Keep the newer roles: one actor may learn of new roles a moment before the other.
   if (!whole.has_roles() || IsNewer(whole.roles().term(), part.roles().term())) *whole.mutable_roles() = part.roles();
   whole.mutable_gathers_from()->MergeFrom(part.gathers_from());
   whole.mutable_gathers_later()->MergeFrom(part.gathers_later());
@@ -103,7 +103,7 @@ void MergeShareStatus(const proto::ControlReply& reply, proto::ControlReply& who
   }
 }
 
-// --- The table: requests that are looked into, written down, or asked or answered otherwise ---
+// --- The table: requests with a rule, a log text, or special sending or merging ---
 
 constexpr Command kCommands[] = {
     {.request = Request::kInsert,
@@ -146,16 +146,16 @@ constexpr Command kCommands[] = {
      .text = [](const Team&, const Request&) { return std::string("health acknowledge"); }},
 };
 
-// Null where all is as usual.
+// Returns null if the request has no row.
 const Command* FindCommand(Request::RequestCase request) {
   const auto* found = std::find_if(std::begin(kCommands), std::end(kCommands),
                                    [request](const Command& command) { return command.request == request; });
   return found == std::end(kCommands) ? nullptr : found;
 }
 
-// --- By type ---
+// --- Lookup by type ---
 
-// The body of Message, or null.
+// Returns the field of the oneof Message::body that has this type; null if there is none.
 const FieldDescriptor* BodyOfType(const Descriptor* type) {
   static const auto* const bodies = proto::Message::descriptor()->FindOneofByName("body");
   for (int i = 0; i < bodies->field_count(); ++i) {
@@ -164,12 +164,12 @@ const FieldDescriptor* BodyOfType(const Descriptor* type) {
   return nullptr;
 }
 
-// Null where this version knows no such request.
+// Returns null if this version does not know the request.
 const FieldDescriptor* FieldOf(Request::RequestCase request) {
   return Request::descriptor()->FindFieldByNumber(request);
 }
 
-// A request and its reply have one name, but for `roles`.
+// Returns the reply field, which has the same name as the request field, except for `roles`.
 const FieldDescriptor* ReplyFieldOf(Request::RequestCase request) {
   if (request == Request::kRoleShow || request == Request::kRoleSet) {
     return proto::ControlReply::descriptor()->FindFieldByNumber(proto::ControlReply::kRolesFieldNumber);
@@ -178,7 +178,7 @@ const FieldDescriptor* ReplyFieldOf(Request::RequestCase request) {
   return asked == nullptr ? nullptr : proto::ControlReply::descriptor()->FindFieldByName(asked->name());
 }
 
-// Takes what the request holds out of it.
+// Moves the contents out of the request.
 proto::Message TakeMessageOf(Request& request) {
   const FieldDescriptor* field = FieldOf(request.request_case());
   const FieldDescriptor* body = BodyOfType(field->message_type());

@@ -1,11 +1,11 @@
-// What becomes of each request of a client. Its row stands in proto/control.proto, at the request itself: who answers,
-// the right that is needed, whether it takes long.
+// Dispatch of client requests. proto/control.proto declares at each request which actors answer it, the right that it
+// needs, and whether it takes long.
 //
-// As usual a request is not looked into, is written down by its name if it needs the right `command` and else not at
-// all, goes to its actor as the body of Message that has its type, and what that answers is put into ControlReply by
-// its type. Where Message has no such body, or several actors answer, the ControlRequest itself goes to them, and they
-// answer with ControlReplies, which are merged. What is not as usual has a row in command_table.cc, with functions of
-// its own. Plain functions, any thread.
+// By default a request has no validation rule. It is logged by its name if it needs the right `command`, and otherwise
+// not logged. Its actor receives it as the body of Message that has the request's type, and the actor's answer is put
+// into ControlReply by its type. If Message has no such body, or several actors answer, the actors receive the
+// ControlRequest itself and answer with ControlReplies, which are merged. Requests that differ from this default have a
+// row in command_table.cc with functions of their own. Plain functions, usable on any thread.
 #pragma once
 
 #include <string>
@@ -19,25 +19,27 @@
 
 namespace moondb {
 
-// `asked` is the agent that the request is for. kInvalid, with the field named: no request that this version knows, one
-// for an agent that is not of the team, and what the request's own rule refuses (actors/gateway/request_check.h).
+// Checks a request. `asked`: the agent that must answer it. Returns kInvalid, with the field, for an unknown request,
+// for a request to an agent outside the team, and for a violation of the request's own rule
+// (actors/gateway/request_check.h).
 Result<void> CheckRequest(const proto::TeamConfig& team, AgentId asked, const proto::ControlRequest& request);
 
-// For the event log; empty: nothing is written down (actors/gateway/command_text.h).
+// Returns the text for the event log; empty if the request is not logged (actors/gateway/command_text.h).
 std::string CommandText(const proto::TeamConfig& team, const proto::ControlRequest& request);
 
-// What an actor of this agent is asked.
+// A message for an actor of this agent.
 struct Question {
   std::string actor;
   proto::Message message;
 };
 
-// All that a checked request makes the gateway ask, in order; empty: it answers by itself. What the request holds moves
-// into the questions: it may be a map of megabytes. `is_relayed`: the answer crosses the radio.
+// Returns all messages that the gateway must send for a checked request, in order. Empty if the gateway answers by
+// itself. Contents of the request are moved, since a map may have megabytes. `is_relayed`: the answer crosses the
+// radio.
 std::vector<Question> QuestionsOf(proto::ControlRequest request, bool is_relayed);
 
-// Puts one actor's answer to such a request into the reply, an error of it into the reply's own too. False for what is
-// no answer to it, and for what does not decode.
+// Merges one actor's answer to the request into the reply, and copies its error to ControlReply.error. Returns false if
+// the answer has the wrong type or does not decode.
 bool TakeAnswer(proto::ControlRequest::RequestCase request, const proto::Message& answer, proto::ControlReply& reply);
 
 }  // namespace moondb

@@ -35,14 +35,15 @@ std::string DownlinkText(const proto::DownlinkRequest& downlink) {
   return downlink.bytes_max() == 0 ? "" : "downlink of " + std::to_string(downlink.bytes_max()) + " B";
 }
 
-// Driving and sleeping are reported many times a minute by robots' software. LeaseActor refuses what is out of bounds.
+// Logs only pauses. Robots' software reports driving and sleeping many times a minute. LeaseActor refuses durations out
+// of bounds.
 std::string LeaseText(const proto::LeaseRequest& lease) {
   if (lease.kind() != proto::LEASE_KIND_PAUSED || !CheckLeaseSeconds(lease.seconds(), "")) return "";
   if (lease.seconds() == 0) return "sync resume";
   return "sync pause for " + std::to_string(static_cast<int>(std::ceil(lease.seconds()))) + " s";
 }
 
-// "5m"-like words are moonctl's: here the numbers stand as they were sent.
+// Prints the numbers as sent; only moonctl understands durations such as "5m".
 std::string PruneText(const proto::PruneOrder& prune) {
   if (prune.is_dry_run()) return "";
   std::string text = prune.is_history()      ? "db prune history"

@@ -1,6 +1,6 @@
-// A request in words, for the event log: "role set: leader rover2 (sun is low)". Empty for what is only asked or tried,
-// and for what robots' software repeats many times a minute: that a robot drives or sleeps. Plain functions;
-// actors/gateway/command_table.h says which one is whose.
+// Text of a request for the event log, for example "role set: leader rover2 (sun is low)". Empty for queries and dry
+// runs, and for requests that robots' software repeats many times a minute (driving, sleeping). Plain functions.
+// actors/gateway/command_table.h maps requests to them.
 #pragma once
 
 #include <string>

@@ -18,7 +18,8 @@ const proto::ReadRequest& Feed::Ask(std::uint64_t last_row_id) {
 
 void Feed::OnEmptyPage(bool is_complete) {
   if (!is_complete) return;
-  request_.set_after_row_id(std::max(request_.after_row_id(), known_row_id_));  // Only what came since may be wanted.
+  // All rows up to known_row_id_ were searched.
+  request_.set_after_row_id(std::max(request_.after_row_id(), known_row_id_));
 }
 
 }  // namespace moondb

@@ -1,7 +1,7 @@
-// Feed: a read with wait_s that found nothing, and waits for something of its types to be stored.
+// Feed: a read with wait_s that found nothing and waits until a record of its types is stored.
 //
-// It is asked anew when StorageActor publishes that such records were stored, and then reads what came since alone.
-// Plain value of GatewayActor's.
+// GatewayActor repeats the read when StorageActor publishes that such records were stored. The repeated read skips rows
+// that were already searched. A value owned by GatewayActor.
 #pragma once
 
 #include "proto/storage.pb.h"
@@ -10,24 +10,24 @@ namespace moondb {
 
 class Feed {
  public:
-  // `last_row_id` is that of the rows there are, as far as known.
+  // `last_row_id`: the largest row id known to be stored.
   Feed(proto::ReadRequest request, std::uint64_t last_row_id)
       : request_(std::move(request)), known_row_id_(last_row_id) {}
 
   bool Wants(const proto::RecordsStored& stored) const;
-  // Something that it wants was stored while it was being asked.
+  // Notes that a matching record was stored during the read in progress.
   void SetStale() { is_stale_ = true; }
   bool is_stale() const { return is_stale_; }
 
-  // The question to storage; it is not stale any more.
+  // Returns the read to send to storage, and clears is_stale.
   const proto::ReadRequest& Ask(std::uint64_t last_row_id);
-  // Storage's answer was empty.
+  // Handles an empty page from storage.
   void OnEmptyPage(bool is_complete);
 
  private:
   proto::ReadRequest request_;
   bool is_stale_ = false;
-  std::uint64_t known_row_id_;  // The last of the rows that there were when it was asked.
+  std::uint64_t known_row_id_;  // The largest row id known to be stored when the read was sent.
 };
 
 }  // namespace moondb

@@ -20,10 +20,12 @@ namespace {
 
 enum TimerKind : std::uint32_t { kTimeOut = 1, kStopNow = 2, kCommandPeriod = 3, kRefusedPeriod = 4 };
 
-// One period for what other agents may not order, whatever it is.
+// Refused commands of other agents share one log period, whatever their kind.
 constexpr auto kRefusedKind = proto::ControlRequest::REQUEST_NOT_SET;
 
-constexpr std::size_t kShortBytes = 4096;  // As a control message it delays others by 32 ms at 1 Mbit/s.
+// Larger messages are not sent in the control class. A message of this size delays other control messages by 32 ms at 1
+// Mbit/s.
+constexpr std::size_t kShortBytes = 4096;
 
 proto::ControlReply ErrorReply(const Error& error) {
   proto::ControlReply reply;
@@ -37,7 +39,7 @@ std::string Names(const std::set<std::string>& names) {
   return text;
 }
 
-// Behind everything that is shared.
+// Gives the message a lower priority than all shared data.
 void LetOthersGoFirst(proto::Message& message) {
   message.set_ms_type(proto::DATA);
   message.set_data_type(proto::LOCAL_TRAVERSABILITY_MAP);
@@ -52,7 +54,7 @@ GatewayActor::GatewayActor(Options options)
       roles_(InitialRoles(options_.team)) {}
 
 void GatewayActor::OnStart(Context& context) {
-  // A random start, so that an answer to a request of this actor's life before a restart meets no new one.
+  // Start at a random id: an answer to a request from before a restart must not match a new request.
   next_id_ = context.rng()() | 1;
   context.WatchPeers();
   context.Watch(Topic::kStored);
@@ -146,7 +148,7 @@ void GatewayActor::OnCheckedRequest(Context& context, const proto::Message& mess
     pending.command = WriteDown(context, request);
     pending.by = request.by();
   }
-  // The other agent waits as long as it is asked to, then answers.
+  // The other agent waits for the requested time before it answers.
   Duration timeout = TakesLong(request) ? options_.long_timeout : WaitOf(request) + options_.timeout;
   if (is_feed) {
     proto::ReadRequest page = request.read();
@@ -173,7 +175,7 @@ void GatewayActor::RefuseRelayed(Context& context, const proto::Message& message
   Answer(context, context.sender(), message.request_id(), ErrorReply(error));
 }
 
-// Another agent is one, whatever actors it names.
+// Requests without a key from one agent count as one client, whichever actor sent them.
 bool GatewayActor::IsSameClient(const Pending& a, const Pending& b) const {
   if (a.client_name != b.client_name) return false;
   if (!a.client_name.empty()) return true;
@@ -222,10 +224,10 @@ std::string GatewayActor::WriteDown(Context& context, const proto::ControlReques
   return text;
 }
 
-// The command itself has its line already, before all that other actors stored because of it.
+// Logs a failed command. The command was already logged before it was executed.
 void GatewayActor::WriteDownFailure(Context& context, const Pending& pending) {
   const Error error = FromProto(pending.reply.error());
-  if (error.code == ErrorCode::kTimedOut) return;  // The command may have been carried out.
+  if (error.code == ErrorCode::kTimedOut) return;  // The command may have been executed.
   const bool is_refused = error.code == ErrorCode::kRefused;
   WriteDownRefused(context, (is_refused ? "refused " : "failed: ") + pending.command + ": " + OneLine(error.text),
                    pending.by);
@@ -237,7 +239,7 @@ void GatewayActor::WriteDownRefused(Context& context, const std::string& text, c
   Store(context, added.event);
 }
 
-// Nobody waits for the answer: a full disk does not keep anybody from changing roles.
+// Stores the event without waiting for the result. A full disk must not prevent a role change.
 void GatewayActor::Store(Context& context, const std::optional<proto::Record>& event) const {
   if (!event) return;
   proto::Message message;
@@ -305,7 +307,7 @@ Result<void> GatewayActor::Ask(Context& context, const std::string& actor, proto
 
 void GatewayActor::OnAnswer(Context& context, const proto::Message& message) {
   const auto found = pending_.find(message.request_id());
-  if (found == pending_.end()) return;  // Too late, or not asked for.
+  if (found == pending_.end()) return;  // The answer is late or was not requested.
   Pending& pending = found->second;
   if (pending.relayed_to != 0) {
     if (context.sender() != Address{pending.relayed_to, actor_name::kGateway} || !message.has_control_reply()) return;
@@ -343,7 +345,7 @@ void GatewayActor::OnRecordsStored(Context& context, const proto::RecordsStored&
   for (auto& [id, pending] : pending_) {
     if (!pending.feed || !pending.feed->Wants(stored)) continue;
     pending.feed->SetStale();
-    if (!pending.waiting_for.empty()) continue;  // Asked again when that answer is there.
+    if (!pending.waiting_for.empty()) continue;  // The read is repeated when the current answer arrives.
     AskFeed(context, id, pending);
     if (pending.reply.has_error()) failed.push_back(id);
   }
@@ -465,7 +467,8 @@ void GatewayActor::Answer(Context& context, const Address& client, std::uint64_t
     LetOthersGoFirst(message);
   }
   const SendResult sent = context.Send(client, std::move(message));
-  // A client that has gone needs no answer. One behind the radio whose way is full of what is shared needs a short one.
+  // No error reply is needed if the client has disconnected. If the radio's queue to another agent is full, send a
+  // short error instead.
   if (sent != SendResult::kFull || !IsPeer(client.agent)) return;
   const std::string text =
       "too much waits on the way back to " + AgentName(options_.team, client.agent) + "; try again later";

@@ -1,8 +1,9 @@
-// What a client's requests may hold before any actor sees them; actors/gateway/command_table.h says which rule is
-// whose.
+// Validation of client requests before they reach an actor. actors/gateway/command_table.h maps requests to these
+// rules.
 //
-// Records' own fields are StorageActor's to check (model/record_check.h), a lease's LeaseActor's; here stand the rules
-// that need the team: that the agents that a request names are members. Plain functions, any thread.
+// StorageActor checks the fields of records (model/record_check.h), and LeaseActor checks leases. The rules in this
+// file need the team configuration, because agents named in a request must be members. Plain functions, usable on any
+// thread.
 #pragma once
 
 #include "model/control_request.h"
@@ -23,44 +24,51 @@ inline constexpr int kFilterEntriesMax = 1024;
 inline constexpr double kMapCoordinateMax_m = 1e9;
 inline constexpr double kMapWaitMax_s = 60;
 inline constexpr int kCovariancesMax = 64;
-inline constexpr double kMapTileMax = 1e10;  // Column and row of a tile.
+inline constexpr double kMapTileMax = 1e10;  // Maximum column and row of a tile.
 
-// Whether the request is for this team, by its id; one that names none is. kRefused with the beginnings of both ids,
-// kInvalid for what is no id.
+// Returns kRefused, with the start of both team ids, if the request names another team. A request without a team id
+// passes. Returns kInvalid if the id is malformed.
 Result<void> CheckTeamOf(const proto::ControlRequest& request, const proto::TeamConfig& team);
-// kInvalid where it is for an agent that is not of the team.
+// Returns kInvalid if the request is for an agent outside the team, and kRefused if that agent has left the team.
 Result<void> CheckForAgent(const proto::TeamConfig& team, const proto::ControlRequest& request);
 
-// The rule of each request that has one. kInvalid, with the field named as in
-// "insert.records[3].pose_graph_node.node.agent_id", for
-//   an insert without records, with too many, with one that only agents themselves insert (events, roles, optimised
-//   poses, verdicts), that names an agent that is not of the team, or whose numbers no robot measures: a temperature
-//   below absolute zero, a quaternion whose length is not 1 within 1 %, coordinates beyond 1e9 m;
+// The following functions check one request each. They return kInvalid with the field, for example
+// "insert.records[3].pose_graph_node.node.agent_id".
+//
+// CheckInsert refuses an insert that
+// - has no records or too many;
+// - contains a record that only agents may insert (events, roles, optimised poses, verdicts);
+// - names an agent outside the team;
+// - has a number that no robot measures: a temperature below absolute zero, a quaternion whose length differs from 1 by
+//   more than 1 %, or a coordinate beyond 1e9 m.
 Result<void> CheckInsert(const proto::TeamConfig& team, const proto::InsertRequest& insert);
-//   a read with a filter that is too long, a wait beyond kReadWaitMax_s, or one for older records or for history;
+// Refuses a read whose filter is too long, whose wait exceeds kReadWaitMax_s, or that waits for older records or for
+// history.
 Result<void> CheckRead(const proto::ReadRequest& read);
-//   a role change that changes nothing, names agents or terms that are not the team's, a reason that is too long, or a
-//   wait beyond kOrderWaitMax_s;
+// Refuses a role change that changes nothing, names agents or terms outside the team, has a reason that is too long, or
+// waits longer than kOrderWaitMax_s.
 Result<void> CheckRoleSet(const proto::TeamConfig& team, const proto::RoleSetRequest& set);
-//   a share without a kind, to `self`, to or from agents that are not of the team, with another agent's order, or a
-//   wait beyond kOrderWaitMax_s;
+// Refuses a share request without a kind, to `self`, to or from agents outside the team, with another agent's order, or
+// with a wait beyond kOrderWaitMax_s.
 Result<void> CheckShare(const proto::TeamConfig& team, AgentId self, const proto::ShareRequest& share);
-//   a question about an order without a kind, or a wait beyond kReadWaitMax_s;
+// Refuses a progress request without a kind or with a wait beyond kReadWaitMax_s.
 Result<void> CheckShareProgress(const proto::ShareProgressRequest& progress);
-//   a window that is to begin from scratch, too many covariances, or those of agents that are not of the team;
+// Refuses a window combined with from_scratch, too many covariances, and covariances of agents outside the team.
 Result<void> CheckOptimize(const proto::TeamConfig& team, const proto::OptimizeRequest& optimize);
-//   a merge of agents that are not of the team;
+// Refuses a merge of agents outside the team.
 Result<void> CheckMerge(const proto::TeamConfig& team, const proto::MergeRequest& merge);
-//   a place beyond kMapCoordinateMax_m;
+// Refuses a position beyond kMapCoordinateMax_m.
 Result<void> CheckMapWhy(const proto::MapWhyRequest& why);
-//   a region that ends before it begins, no tile, a wait beyond kMapWaitMax_s;
+// Refuses a region that ends before it begins, a `tiles.after` beyond kMapTileMax, and a wait beyond kMapWaitMax_s.
 Result<void> CheckMapTiles(const proto::MapTilesRequest& tiles);
-//   a prune with negative limits, with too many types, or with any of them, or history, beside beaten maps;
+// Refuses a prune with negative limits or too many types, and a prune of fully occluded maps combined with types or
+// history.
 Result<void> CheckPrune(const proto::PruneOrder& prune);
-//   an acknowledgment without a stamp.
+// Refuses a negative timestamp.
 Result<void> CheckAcknowledge(const proto::AcknowledgeRequest& acknowledge);
 
-// Brings the limits of a page into 1 to the maximum; 0 becomes the default. `is_relayed`: the page crosses the radio.
+// Limits the page size to the range from 1 to the maximum; 0 selects the default. `is_relayed`: the page crosses the
+// radio.
 void BoundPage(proto::ReadRequest& request, bool is_relayed = false);
 
 }  // namespace moondb

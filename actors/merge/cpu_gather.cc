@@ -13,7 +13,7 @@ const GatherKernel& BestKernel() {
   return best;
 }
 
-// The coarse picture of the largest block, with everything known.
+// Coarse bitmap for a footprint: all cells of the largest block are known.
 constexpr int kAllBitsShift = 3;
 constexpr auto kAllBits = [] {
   std::array<std::uint64_t, (kBlockSideCellsMax >> kAllBitsShift) + 1> rows{};
@@ -49,7 +49,7 @@ KernelTile ArraysOf(Tile& tile) {
   return {tile.known.data(), tile.hazard.data(), tile.weakest.data(), tile.winners.data()};
 }
 
-// One thread's state.
+// State of one thread.
 class Gatherer {
  public:
   Gatherer(const GatherKernel& kernel, std::span<const OrderedBlock> blocks) : kernel_(kernel), lister_(blocks) {}
@@ -65,7 +65,7 @@ class Gatherer {
   }
 
  private:
-  // True if a value changed.
+  // Returns true if a value changed.
   bool GatherTile(const CellBox& box, std::unique_ptr<Tile>& tile) {
     std::optional<Masks> before;
     if (tile != nullptr) before = Masks{tile->known, tile->hazard};
@@ -81,7 +81,7 @@ class Gatherer {
         gathered->blocks.clear();
         is_started = true;
       }
-      // A tile's cells are fewer than what 16 bits count, and each winner has one of them.
+      // 16 bits suffice: a tile has 4096 cells and each winner has at least one of them.
       const auto winner = static_cast<std::uint16_t>(gathered->blocks.size());
       const KernelResult result = kernel_.gather(SeenFrom(*ordered.block, box), ArraysOf(*gathered), open, winner);
       if (result.has_won) gathered->blocks.push_back(ordered.block);
@@ -101,14 +101,14 @@ class Gatherer {
 
   const GatherKernel& kernel_;
   PageLister lister_;
-  std::vector<OrderedBlock> list_;  // Of the page at hand.
+  std::vector<OrderedBlock> list_;  // Blocks of the current page.
 };
 
 }  // namespace
 
 std::vector<const GatherKernel*> AvailableKernels() {
   std::vector<const GatherKernel*> kernels = {ScalarKernel()};
-  // Nothing of a kernel is called before it is known that the processor has its instructions.
+  // Call a kernel function only after checking that the processor has its instructions.
   [[maybe_unused]] const auto add = [&kernels](const GatherKernel* kernel) {
     if (kernel != nullptr) kernels.push_back(kernel);
   };
@@ -157,7 +157,7 @@ void PageLister::List(const PageKey& page, std::vector<OrderedBlock>& list) {
   }
 }
 
-// Blocks of 8 x 8 pages, so that in wide worlds each page looks at those in its surroundings only.
+// Caches the list of a region of 8 x 8 pages. In a large world each page then examines only the blocks of its region.
 void PageLister::ListRegion(const PageKey& page) {
   constexpr std::int32_t kBits = 3;
   const PageKey region{page.x >> kBits, page.y >> kBits};

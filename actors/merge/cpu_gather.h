@@ -1,7 +1,8 @@
-// CpuGather: the gather on the CPU, with the best instructions that this processor has, on a pool of threads.
+// CpuGather: gathers on the CPU, with the best instruction set that this processor has, on a pool of threads.
 //
-// Per page a list of the blocks that touch it, per tile those of the list that touch the tile, in order, until all
-// cells are known. Tiles are independent of each other, so that the number of threads changes nothing in the result.
+// For each page it lists the blocks that touch the page. For each tile it applies the listed blocks that touch the
+// tile, in order, until all cells are known. Tiles are independent of each other, so the result does not depend on the
+// number of threads.
 #pragma once
 
 #include <cstdint>
@@ -16,16 +17,17 @@
 
 namespace moondb {
 
-// Those that this processor can run, the best one last: "scalar", "sse2", "avx2", "avx512".
+// Returns the kernels that this processor can run, the best one last: "scalar", "sse2", "avx2", "avx512".
 std::vector<const GatherKernel*> AvailableKernels();
 
-// Whether `block` knows a cell of the tile at `box` that is unknown there or won by a block of lower rank.
+// Returns true if `block` knows a cell of the tile at `box` that is unknown in `tile` or was won by a block of lower
+// priority.
 bool WouldWinIn(const PlacedBlock& block, const CellBox& box, const Tile* tile);
 
-// The squares of the tile at `box`, a bit each, of which `block` may know something.
+// Returns the squares of the tile at `box`, one bit each, in which `block` may have a known cell.
 std::uint64_t SquaresThatMayKnow(const PlacedBlock& block, const CellBox& box);
 
-// The blocks that touch a page, in order; asked for page after page, neighbours next to each other.
+// Lists the blocks that touch a page, in priority order. Fastest if neighbouring pages are requested one after another.
 class PageLister {
  public:
   explicit PageLister(std::span<const OrderedBlock> blocks) : all_(blocks) {}
@@ -42,8 +44,8 @@ class PageLister {
 class CpuGather final : public GatherBackend {
  public:
   struct Options {
-    int threads = 1;                       // How many work at once, 1 to 64; HardwareThreads() for all there are.
-    const GatherKernel* kernel = nullptr;  // Null: the best.
+    int threads = 1;                       // Number of threads, 1 to 64. HardwareThreads() uses all processors.
+    const GatherKernel* kernel = nullptr;  // Null selects the best kernel.
   };
 
   explicit CpuGather(Options options);

@@ -16,14 +16,14 @@ bool HasWord(const char* words, std::string_view word) {
   return words != nullptr && std::string_view(words).find(word) != std::string_view::npos;
 }
 
-// Extensions' functions come by name.
+// EGL and GL extension functions are looked up by name.
 template <typename Function>
 Function Load(const char* name) {
   return reinterpret_cast<Function>(eglGetProcAddress(name));
 }
 
-// One display for each device that EGL knows (EGL_EXT_platform_device), then Mesa's without any device, then the
-// default one.
+// Returns one display per device known to EGL (EGL_EXT_platform_device), then Mesa's surfaceless display, then the
+// default display.
 std::vector<EGLDisplay> Displays() {
   std::vector<EGLDisplay> displays;
   const char* extensions = eglQueryString(EGL_NO_DISPLAY, EGL_EXTENSIONS);
@@ -44,7 +44,8 @@ std::vector<EGLDisplay> Displays() {
   return displays;
 }
 
-// A context that the driver takes away when the GPU hangs, where it can, instead of ending the process.
+// Attributes of a context that, if the driver supports it, is lost when the GPU hangs. Otherwise a hang may end the
+// process.
 std::vector<EGLint> ContextAttributes(EGLDisplay display) {
   std::vector<EGLint> attributes = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1};
   if (HasWord(eglQueryString(display, EGL_EXTENSIONS), "EGL_EXT_create_context_robustness")) {

@@ -1,7 +1,7 @@
-// EglContext: an OpenGL ES 3.1 context without a window, on the first display that gives one, real GPUs first.
+// EglContext: an OpenGL ES 3.1 context without a window, on the first usable display. Real GPUs are preferred.
 //
-// Current only between MakeCurrent and Release, so that any one thread at a time may use it. Displays are shared by
-// the whole process and are therefore never terminated here.
+// The context is current only between MakeCurrent and Release, so any thread may use it, but only one at a time. The
+// whole process shares EGL displays, so this class never terminates one.
 #pragma once
 
 #include <memory>
@@ -13,21 +13,22 @@ namespace moondb {
 
 class EglContext {
  public:
-  // kUnavailable, in one line, where no driver gives a context. Leaves no context current.
+  // Returns kUnavailable, with a one-line text, if no driver provides a context. Leaves no context current.
   static Result<std::unique_ptr<EglContext>> Create();
   ~EglContext();
   EglContext(const EglContext&) = delete;
   EglContext& operator=(const EglContext&) = delete;
 
-  // kUnavailable where the driver refuses: another thread holds it, or it is lost.
+  // Returns kUnavailable if the driver refuses, because another thread holds the context or the context is lost.
   Result<void> MakeCurrent();
   void Release();
 
-  // The driver has taken the context away (GL_KHR_robustness; where that is missing, errors alone tell). While current.
+  // Returns true if the driver reports a reset of the context. Always false without GL_KHR_robustness; a lost context
+  // then shows only by errors. Requires: the context is current.
   bool is_lost() const;
 
   const std::string& renderer() const { return renderer_; }
-  bool is_software() const { return is_software_; }  // llvmpipe, softpipe, swrast.
+  bool is_software() const { return is_software_; }  // True for renderers such as llvmpipe, softpipe and swrast.
 
  private:
   EglContext(void* display, void* context) : display_(display), context_(context) {}
@@ -39,10 +40,10 @@ class EglContext {
   bool is_software_ = false;
 };
 
-// Whether this thread has a current context.
+// Returns true if this thread has a current context.
 bool IsContextCurrent();
 
-// Current for one scope.
+// Makes a context current for the lifetime of this object.
 class CurrentContext {
  public:
   explicit CurrentContext(EglContext& context) : context_(context), made_current_(context.MakeCurrent()) {}

@@ -1,8 +1,8 @@
-// FallbackGather: a backend that may be lost, with the CPU behind it.
+// FallbackGather: a backend that may fail, with the CPU as fallback.
 //
-// When the first fails, the CPU does the same tiles at once, and what failed is dropped. It is made anew for a later
-// gather: the next one, then after 2, 4, ... up to 64, so that a driver that is gone costs little, and one that comes
-// back is used again.
+// If the first backend fails, the CPU gathers the same tiles at once and the failed backend is destroyed. The backend
+// is created again for the next gather; after repeated failures the interval doubles up to 64 gathers. A missing driver
+// thus costs little, and a driver that recovers is used again.
 #pragma once
 
 #include <functional>
@@ -20,18 +20,18 @@ class FallbackGather final : public GatherBackend {
 
   FallbackGather(std::unique_ptr<GatherBackend> first, Make make_again, int threads);
 
-  // Errors: only that it was stopped.
+  // Fails only if `stop` returned true.
   Result<void> Gather(std::span<const OrderedBlock> blocks, std::span<GatherWork> works,
                       const StopPredicate& stop) override;
   std::string name() const override { return first_ != nullptr ? first_->name() : cpu_.name(); }
   std::string description() const override;
 
  private:
-  std::unique_ptr<GatherBackend> first_;  // Null: lost.
+  std::unique_ptr<GatherBackend> first_;  // Null while the first backend is lost.
   const Make make_again_;
   CpuGather cpu_;
-  std::string loss_;  // Why it was lost.
-  int patience_ = 1;  // So many gathers pass until it is tried again, after the next loss.
+  std::string loss_;  // Reason of the last failure.
+  int patience_ = 1;  // Number of gathers to wait after the next failure before the first backend is created again.
   int gathers_left_ = 0;
 };
 

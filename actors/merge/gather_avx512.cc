@@ -1,8 +1,9 @@
-// Sixty-four cells at a time, looked up within two registers (AVX-512 with VBMI: Ice Lake, Zen 4 and later).
+// AVX-512 kernel (with VBMI: Ice Lake, Zen 4 and later): processes 64 cells at a time, looked up within two registers.
 //
-// Where the merged map is about as fine as the layer or finer, a square of 8 x 8 cells sees at most 16 rows and 16
-// columns of it: with the columns before, two strips of 16 rows, 64 bytes each. A cell's byte in them is found by one
-// permutation, with an index of strip (1 bit), row (4 bits) and byte in the row (2 bits).
+// If the merged map is about as fine as the layer or finer, a square of 8 x 8 cells touches at most 16 rows and 16
+// columns of the layer. Aligned to strips, these columns lie in two strips of 16 rows, 64 bytes each. One permutation
+// finds the byte of each cell. Its index consists of the strip (1 bit), the row (4 bits) and the byte in the row (2
+// bits).
 #include "actors/merge/gather_loop.h"
 
 #if defined(__AVX512F__) && defined(__AVX512BW__) && defined(__AVX512VBMI__)
@@ -11,14 +12,16 @@
 namespace moondb {
 namespace {
 
-// u shifted left by 3 has column and half column in its top byte (6 bits); v shifted by 4 has row and quarter row.
+// After a left shift by 3, the top byte of u holds column and half column (6 bits). After a left shift by 4, the top
+// byte of v holds row and quarter row.
 constexpr int kShiftU = 3;
 constexpr int kShiftV = 4;
 
 struct Tables {
-  alignas(64) std::uint8_t top_bytes[64];     // Of 16 32-bit lanes, then of 16 of another register.
-  alignas(64) std::uint8_t byte_of_half[64];  // Strip and byte in the row, by half column.
-  alignas(64) std::uint8_t bits_of_half[64];  // The cell's two bits in that byte.
+  // Indices of the top bytes of 16 32-bit lanes, then of 16 lanes of a second register.
+  alignas(64) std::uint8_t top_bytes[64];
+  alignas(64) std::uint8_t byte_of_half[64];  // Index bits for strip and byte in the row, by half column.
+  alignas(64) std::uint8_t bits_of_half[64];  // Mask of the cell's two bits in that byte, by half column.
 };
 
 constexpr Tables MakeTables() {
@@ -60,7 +63,7 @@ class Avx512View {
     const __m512i x = _mm512_setr_epi64(0, 8, 16, 24, 32, 40, 48, 56);
     const __m512i step_cos = _mm512_set1_epi64(block.step_cos);
     const __m512i step_sin = _mm512_set1_epi64(block.step_sin);
-    // |step| < 2^31 and x < 2^6: the low 32 bits times the low 32 bits, signed, is the product.
+    // |step| < 2^31 and x < 2^6, so the signed product of the low 32 bits is exact.
     __m512i u = _mm512_add_epi64(_mm512_set1_epi64(block.u), _mm512_mul_epi32(x, step_cos));
     __m512i v = _mm512_sub_epi64(_mm512_set1_epi64(block.v), _mm512_mul_epi32(x, step_sin));
     const __m512i down_u = _mm512_slli_epi64(step_sin, 3);
@@ -99,7 +102,7 @@ class Avx512View {
 
   static __m512i Load(const std::uint8_t* table) { return _mm512_load_si512(table); }
 
-  // The top bytes of base + offsets[0..3], in the order of the cells.
+  // Returns the top bytes of base + offsets[0..3], in the order of the cells.
   static __m512i TopBytes(std::uint32_t base, const __m512i* offsets) {
     const __m512i start = _mm512_set1_epi32(static_cast<int>(base));
     const __m512i choice = Load(kTables.top_bytes);
@@ -114,12 +117,13 @@ class Avx512View {
   static std::int32_t AtMost(std::int32_t a, std::int32_t most) { return a > most ? most : a; }
 
   const std::uint32_t* Strip(std::int32_t strip, std::int32_t row) const {
-    // A strip beside the block is never used, so any other will do.
+    // Clamp the strip: no cell is read from a strip outside the block, so any valid address will do.
     const std::int32_t there = AtMost(AtLeast(strip, 0), block_.strip_count - 1);
     return block_.words + there * block_.strip_words + row;
   }
 
-  // The square touches the block, so the window begins at most 15 rows and one strip before it.
+  // Looks up 64 cells in a window of two strips. The square touches the block, so the window starts at most 15 rows and
+  // one strip before the block.
   Seen SeeWindow(std::int64_t u, std::int64_t v) const {
     const auto first_column = static_cast<std::int32_t>((u + reach_.u_low) >> (kFraction + 4)) * 16;
     const auto first_row = static_cast<std::int32_t>((v + reach_.v_low) >> kFraction);
@@ -141,7 +145,7 @@ class Avx512View {
 
     const __m512i in_row = _mm512_permutexvar_epi8(half_columns, Load(kTables.byte_of_half));
     const __m512i bits = _mm512_permutexvar_epi8(half_columns, Load(kTables.bits_of_half));
-    // (quarter_rows and 0x3C) or in_row.
+    // Computes (quarter_rows & 0x3C) | in_row.
     const __m512i index = _mm512_ternarylogic_epi32(quarter_rows, _mm512_set1_epi8(0x3C), in_row, 0xEA);
     const __m512i bytes = _mm512_permutex2var_epi8(left, index, right);
     Seen seen;
@@ -181,7 +185,8 @@ class Avx512View {
   const KernelBlock& block_;
   const SquareReach& reach_;
   Way way_ = Way::kOneByOne;
-  __m512i u_[4];  // From a square's first cell to the others, two rows each; shifted where windows are used.
+  // Offsets of u and v from a square's first cell to its other cells, two rows per register. Pre-shifted for kWindow.
+  __m512i u_[4];
   __m512i v_[4];
 };
 

@@ -1,9 +1,9 @@
-// GatherBackend: fills tiles of the merged map: for each cell the first known value among the blocks that cover it, the
-// greatest key first.
+// GatherBackend: fills tiles of the merged map. Each cell gets the first known value among the blocks that cover it, in
+// the order of descending keys.
 //
-// Two ways with the same bytes, values and winners: on the CPU, and on a GPU through OpenGL ES 3.1 without a window
-// (paper, Section 5.3). A backend keeps nothing that cannot be made anew from the blocks, so that a lost context costs
-// one merge. Used by one thread at a time; several mergers may share one.
+// There are two implementations, one on the CPU and one on a GPU through OpenGL ES 3.1 without a window (paper, Section
+// 5.3). Values and winners of the two are identical byte for byte. A backend can rebuild all its state from the blocks,
+// so a lost context costs one merge. Used by one thread at a time; several mergers may share one backend.
 #pragma once
 
 #include <cstdint>
@@ -19,52 +19,55 @@
 
 namespace moondb {
 
-// A page of which some tiles are gathered.
+// A page and its tiles to gather.
 struct GatherWork {
   PageKey key;
   Page* page = nullptr;
-  std::uint16_t tiles = 0;    // A bit each.
-  std::uint16_t changed = 0;  // Added to: those in which a cell has another value than before.
+  std::uint16_t tiles = 0;    // Tiles to gather, one bit each.
+  std::uint16_t changed = 0;  // Tiles in which a cell's value changed, one bit each. Gather only sets bits.
 };
 
-// A block and its box, for a fast look.
+// A block and a copy of its box, for fast access.
 struct OrderedBlock {
   CellBox box;
   PlacedBlock* block = nullptr;
 };
 
-// Polled during a merge, on its thread; true ends it early.
+// Polled during a merge on the merging thread. If it returns true, the merge ends early.
 using StopPredicate = std::function<bool()>;
 
 class GatherBackend {
  public:
   virtual ~GatherBackend() = default;
 
-  // `blocks` with the greatest key first. On an error some tiles are gathered and some are not; all are whole. Errors:
-  // kUnavailable for a lost GL context, for memory that the driver does not give, or when `stop` said so; kFull for
-  // more than the driver's textures hold.
+  // Requires: `blocks` are sorted by descending key. After an error some tiles are gathered and some are not, but no
+  // tile is partial. Returns kUnavailable if the GL context is lost, the driver is out of memory, or `stop` returned
+  // true. Returns kFull if the driver's textures are too small.
   virtual Result<void> Gather(std::span<const OrderedBlock> blocks, std::span<GatherWork> works,
                               const StopPredicate& stop) = 0;
 
-  virtual std::string name() const = 0;         // "cpu" or "gl": who gathers now.
-  virtual std::string description() const = 0;  // With the driver or the instructions: "gl (llvmpipe ...)".
+  virtual std::string name() const = 0;  // Name of the implementation currently in use: "cpu" or "gl".
+  // Name with the driver or instruction set, for example "gl (llvmpipe ...)".
+  virtual std::string description() const = 0;
 };
 
 enum class MergeBackend {
-  kAuto,  // GL on a real GPU; CPU where there is none or it is drawn by software (llvmpipe, softpipe).
+  kAuto,  // GL on a real GPU; CPU if there is no GPU or GL is a software renderer (llvmpipe, softpipe).
   kCpu,
-  kGl,  // Also by software; an error where there is no driver.
+  kGl,  // GL, even on a software renderer; an error if there is no driver.
 };
 
-// "auto", "cpu", "gl".
+// Returns "auto", "cpu" or "gl".
 std::string ToString(MergeBackend backend);
-Result<MergeBackend> ParseMergeBackend(std::string_view text);  // kInvalid otherwise.
+Result<MergeBackend> ParseMergeBackend(std::string_view text);  // Returns kInvalid for any other text.
 
-// What kAuto means on this machine: kCpu or kGl. The others stay as they are. Opens a driver and closes it.
+// Returns kCpu or kGl for kAuto, depending on this machine, and any other value unchanged. Opens a driver and closes
+// it.
 MergeBackend ResolveMergeBackend(MergeBackend backend);
 
-// `threads` as in CpuGather. With GL the CPU stands behind it: when the context is lost, the CPU goes on at once, and
-// GL is tried again later. kUnavailable for kGl without a working OpenGL ES 3.1 driver; kAuto and kCpu do not fail.
+// Creates a backend. `threads`: as in CpuGather. A GL backend falls back to the CPU: after a lost context the CPU
+// continues at once and GL is tried again later. Returns kUnavailable for kGl without a working OpenGL ES 3.1 driver;
+// kAuto and kCpu never fail.
 Result<std::unique_ptr<GatherBackend>> CreateGatherBackend(MergeBackend backend, int threads = 1);
 
 }  // namespace moondb

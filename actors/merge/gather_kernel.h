@@ -1,18 +1,18 @@
-// The inner loop of the gather on the CPU: one block of observations against the 64 squares of one tile.
+// The inner loop of the gather on the CPU: applies one block of observations to the 64 squares of one tile.
 //
-// The same loop is compiled for each instruction set, from files with their own compiler flags; the one that runs is
-// chosen at run time. Therefore nothing here may have external linkage but the four functions at the end: a function
-// that two such files shared could be linked from the file for the newer processor. No standard containers either.
+// The same loop is compiled for each instruction set, from files with their own compiler flags, and one version is
+// chosen at run time. Only the four functions at the end may have external linkage. A function shared by two such files
+// could be linked from the file for the newer processor. Standard containers are not allowed for the same reason.
 #pragma once
 
 #include <cstdint>
 
 namespace moondb {
 
-// A block as one tile sees it. u and v are those of the tile's first cell, exact, in Q42.22.
+// A block from the view of one tile. u and v belong to the tile's first cell, exact, in Q42.22.
 struct KernelBlock {
-  const std::uint32_t* words;        // As in PackedBlock; null for a footprint.
-  const std::uint64_t* coarse_rows;  // As in PackedBlock; all bits set for a footprint.
+  const std::uint32_t* words;        // Same as PackedBlock::words(); null for a footprint.
+  const std::uint64_t* coarse_rows;  // Same as PackedBlock::coarse_rows(); all bits set for a footprint.
   std::int32_t coarse_shift;
   std::int32_t strip_words;
   std::int32_t strip_count;
@@ -24,7 +24,7 @@ struct KernelBlock {
   std::int64_t height_q;
 };
 
-// The arrays of a Tile.
+// Pointers to the arrays of a Tile.
 struct KernelTile {
   std::uint64_t* known;
   std::uint64_t* hazard;
@@ -33,21 +33,21 @@ struct KernelTile {
 };
 
 struct KernelResult {
-  std::uint64_t open;  // The squares that still have unknown cells, a bit each.
-  bool has_won;        // The block gave a cell its value.
+  std::uint64_t open;  // Squares that still have unknown cells, one bit each.
+  bool has_won;        // True if the block gave a cell its value.
 };
 
 struct GatherKernel {
   const char* name;
-  // Gives unknown cells in the squares of `open` what the block knows of them, and notes `winner` there.
+  // Sets unknown cells in the squares of `open` to the block's known values, and records `winner` as the source.
   KernelResult (*gather)(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner);
-  // Whether the block knows a cell that is not in `known` (of a Tile), or any cell of a square of `weaker`.
+  // Returns true if the block knows a cell that is not in `known` (of a Tile), or any cell of a square in `weaker`.
   bool (*would_win)(const KernelBlock& block, const std::uint64_t* known, std::uint64_t weaker);
-  // The squares of the tile, a bit each, of which the block may know something.
+  // Returns the squares of the tile, one bit each, in which the block may have a known cell.
   std::uint64_t (*may_know)(const KernelBlock& block);
 };
 
-// Null where this build has no such instructions. Whether the processor has them is the caller's question.
+// Null if this build lacks the instruction set. The caller must check that the processor supports it.
 const GatherKernel* ScalarKernel();
 const GatherKernel* Sse2Kernel();
 const GatherKernel* Avx2Kernel();

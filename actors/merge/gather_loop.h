@@ -1,4 +1,4 @@
-// What the files of gather_kernel.h have in common, compiled in each of them; see the warning there.
+// Code shared by the files of gather_kernel.h and compiled into each of them. See the warning about linkage there.
 #pragma once
 
 #include <cstdint>
@@ -11,13 +11,13 @@ namespace {
 constexpr int kFraction = 22;
 constexpr std::int64_t kCell = std::int64_t{1} << kFraction;
 
-// What a block knows of the 64 cells of a square, a bit each.
+// The block's values for the 64 cells of a square, one bit each.
 struct Seen {
   std::uint64_t known = 0;
   std::uint64_t hazard = 0;
 };
 
-// How far u and v range within a square, from its first cell: both equally far.
+// Ranges of u and v over the cells of a square, relative to its first cell.
 struct SquareReach {
   explicit SquareReach(const KernelBlock& block) {
     const std::int64_t c = 7 * block.step_cos;
@@ -33,14 +33,13 @@ struct SquareReach {
   std::int64_t v_high;
 };
 
-// The steps are small enough that 32 bits, modulo 1024 cells, tell inside from outside for all cells of a square that
-// touches the block.
+// Returns true if the steps are small enough for 32-bit coordinates modulo 1024 cells. For a square that touches the
+// block, such coordinates distinguish cells inside the block from cells outside.
 [[maybe_unused]] inline bool HasSmallSteps(const SquareReach& reach) {
   return reach.u_high - reach.u_low < 500 * kCell;
 }
 
-// The squares of the tile that may meet the block's rectangle; exactly those whose own bounding box in the block's
-// frame does.
+// Returns the squares of the tile whose bounding box in the block's frame meets the block's rectangle.
 [[maybe_unused]] inline std::uint64_t TouchedOneByOne(const KernelBlock& block, const SquareReach& reach) {
   std::uint64_t touched = 0;
   for (int y = 0; y < 8; ++y) {
@@ -57,7 +56,8 @@ struct SquareReach {
   return touched;
 }
 
-// Any step, any processor. Cells that are not in `wanted` need no answer.
+// Looks up the cells one by one; works for any step and processor. The result for cells outside `wanted` is
+// unspecified.
 [[maybe_unused]] inline Seen SeeOneByOne(const KernelBlock& block, std::int64_t first_u, std::int64_t first_v,
                                          std::uint64_t wanted) {
   Seen seen;
@@ -90,7 +90,7 @@ struct SquareReach {
   for (; taken != 0; taken &= taken - 1) winners[__builtin_ctzll(taken)] = winner;
 }
 
-// One square of the tile, as the block sees it.
+// Coordinates of a square's first cell in the block's frame.
 struct SquarePlace {
   SquarePlace(const KernelBlock& block, int square) {
     const std::int64_t x = (square & 7) * 8;
@@ -102,7 +102,8 @@ struct SquarePlace {
   std::int64_t v;
 };
 
-// By the coarse picture: false only if the block knows nothing there. The square touches the block.
+// Looks up the coarse bitmap. Returns false only if the block has no known cell in the square. Requires: the square
+// touches the block.
 [[maybe_unused]] inline bool MayKnow(const KernelBlock& block, const SquareReach& reach, const SquarePlace& place) {
   const std::int64_t u = place.u + reach.u_low;
   const std::int64_t v = place.v + reach.v_low;
@@ -111,14 +112,15 @@ struct SquarePlace {
   return (block.coarse_rows[row] >> column & 1) != 0;
 }
 
-// Whether the tile's bounding box in the block's frame meets the block.
+// Returns true if the tile's bounding box in the block's frame meets the block.
 [[maybe_unused]] inline bool MeetsTile(const KernelBlock& block, const SquareReach& reach) {
   return (block.u + 9 * reach.u_high >= 0) & (block.u + 9 * reach.u_low < block.width_q) &
          (block.v + 9 * reach.v_high >= 0) & (block.v + 9 * reach.v_low < block.height_q);
 }
 
-// View: constructed from a block once a tile; See(u, v, wanted) of a square that touches; static Touched(block, reach)
-// and StoreWinners(winners, taken, winner).
+// Applies a block to a tile. A View is constructed once per tile from a block and provides See(u, v, wanted) for a
+// square that touches the block. It also provides static Touched(block, reach) and StoreWinners(winners, taken,
+// winner).
 template <typename View>
 KernelResult GatherInto(const KernelBlock& block, const KernelTile& tile, std::uint64_t open, std::uint16_t winner) {
   KernelResult result{open, false};

@@ -1,7 +1,8 @@
-// GatherPool: a few threads that stay, for work in many like parts. The thread that asks works too, and waits.
+// GatherPool: a few permanent threads for work that splits into many similar parts. The calling thread works too, and
+// waits for the others.
 //
-// Threads sleep between calls. They are not pinned: an agent shares its machine with the robot's own software, and only
-// the system knows which processor is free.
+// Threads sleep between calls. They are not pinned, because an agent shares its machine with the robot's own software
+// and only the operating system knows which processor is free.
 #pragma once
 
 #include <condition_variable>
@@ -14,12 +15,12 @@
 
 namespace moondb {
 
-// What the machine has, 1 to 16.
+// Returns the number of hardware threads, clamped to 1 to 16.
 int HardwareThreads();
 
 class GatherPool {
  public:
-  // So many threads work in all, the asking one included; 1 starts none.
+  // `threads` counts the calling thread too; 1 starts no thread.
   explicit GatherPool(int threads);
   ~GatherPool();
   GatherPool(const GatherPool&) = delete;
@@ -27,8 +28,8 @@ class GatherPool {
 
   int thread_count() const { return static_cast<int>(helpers_.size()) + 1; }
 
-  // Calls `work(worker)` once on each thread, worker 0 being the caller's, and returns when all have returned. One
-  // call at a time.
+  // Calls `work(worker)` once on each thread and returns when all calls have returned. Worker 0 is the calling thread.
+  // Only one call at a time.
   void Run(const std::function<void(int worker)>& work);
 
  private:
@@ -38,7 +39,7 @@ class GatherPool {
   std::mutex mutex_;
   std::condition_variable wake_;
   std::condition_variable done_;
-  const std::function<void(int)>* work_ = nullptr;  // Guarded by mutex_, like all below.
+  const std::function<void(int)>* work_ = nullptr;  // Guarded by mutex_, as are all members below.
   std::uint64_t round_ = 0;
   int busy_ = 0;
   bool is_ending_ = false;

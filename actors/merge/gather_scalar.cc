@@ -1,4 +1,4 @@
-// Any processor.
+// Scalar kernel, for any processor.
 #include "actors/merge/gather_loop.h"
 
 namespace moondb {

@@ -1,4 +1,5 @@
-// Four cells at a time: what every x86-64 processor has. Cells are looked up one by one.
+// SSE2 kernel, for every x86-64 processor: computes coordinates of four cells at a time and looks up each cell on its
+// own.
 #include "actors/merge/gather_loop.h"
 
 #ifdef __SSE2__
@@ -57,7 +58,7 @@ class Sse2View {
       return;
     }
     const __m128i column = _mm_srli_epi32(u, kFraction);
-    // At most 31 strips of 512 words: sixteen bits hold it. Outside the block: word 0.
+    // At most 31 strips of 512 words, so 16 bits hold the index. Cells outside the block read word 0.
     const __m128i strip_start = _mm_mullo_epi16(_mm_srli_epi32(column, 4), strip_words_);
     const __m128i index = _mm_and_si128(_mm_add_epi32(strip_start, _mm_srli_epi32(v, kFraction)), inside);
     const __m128i shift = _mm_slli_epi32(_mm_and_si128(column, _mm_set1_epi32(15)), 1);
@@ -65,7 +66,7 @@ class Sse2View {
     const std::uint64_t cell1 = block_.words[_mm_extract_epi16(index, 2)] >> _mm_extract_epi16(shift, 2) & 3;
     const std::uint64_t cell2 = block_.words[_mm_extract_epi16(index, 4)] >> _mm_extract_epi16(shift, 4) & 3;
     const std::uint64_t cell3 = block_.words[_mm_extract_epi16(index, 6)] >> _mm_extract_epi16(shift, 6) & 3;
-    // 1 free, 2 hazard: either bit says known.
+    // Values are 1 (free) and 2 (hazard). A cell is known if either bit is set.
     const std::uint64_t free = (cell0 & 1) | (cell1 & 1) << 1 | (cell2 & 1) << 2 | (cell3 & 1) << 3;
     const std::uint64_t hazard = cell0 >> 1 | (cell1 & 2) | (cell2 & 2) << 1 | (cell3 & 2) << 2;
     seen.known |= (inside_bits & (free | hazard)) << at;

@@ -21,21 +21,21 @@
 namespace moondb {
 namespace {
 
-// How much is looked at before it is read back: most cells are known after very few blocks. A byte of what is read
-// holds a cell's value and the number of one of 63 blocks.
+// Maximum list lengths of each round. The first round is short, because most cells are known after very few blocks.
+// Each byte that is read back holds a cell's value and the number of one of 63 blocks.
 struct RoundLimits {
   std::size_t tile_blocks;
   std::uint8_t square_blocks;
 };
 constexpr std::array<RoundLimits, 3> kRounds = {{{8, 4}, {24, 12}, {63, 63}}};
 
-// What 16 bits count.
+// Block numbers have 16 bits.
 constexpr std::size_t kTileBlocksMax = 65'536;
 
-// Pages drawn at once: a target of 4096 x 4096 cells.
+// Number of pages drawn at once: a target of 4096 x 4096 cells.
 constexpr std::size_t kBatchPages = 256;
 
-// What one block, or one footprint, may say of one square, as shaders/merge.frag names it: two texels.
+// One block or footprint in a square's list, in the format that shaders/merge.frag reads: two texels.
 struct ListEntry {
   glm::uvec4 placed;
   glm::uvec2 sides;
@@ -45,38 +45,40 @@ struct ListEntry {
 constexpr std::size_t kEntryTexels = 2;
 static_assert(sizeof(ListEntry) == kEntryTexels * 4 * sizeof(std::uint32_t));
 
-constexpr std::size_t kListColumns = 1024;               // Entries in a row of the texture, as in shaders/merge.frag.
-constexpr std::size_t kEntriesMax = kListColumns << 10;  // In one draw.
+// Number of entries in a row of the list texture, as in shaders/merge.frag.
+constexpr std::size_t kListColumns = 1024;
+constexpr std::size_t kEntriesMax = kListColumns << 10;  // Maximum number of entries in one draw.
 
-// Units of textures.
+// Texture units.
 constexpr GLint kLayersUnit = 0;
 constexpr GLint kSquaresUnit = 1;
 constexpr GLint kListsUnit = 2;
 
-// No page of the atlas.
+// Page number that marks a footprint. No atlas page has it.
 constexpr std::uint32_t kFootprintPage = LayerAtlas::kPagesMax;
 
 std::uint32_t Wrap(std::int64_t value) { return static_cast<std::uint32_t>(static_cast<std::uint64_t>(value)); }
 
-// Modulo 1024 cells a square's cells beside the block could be taken for cells within.
+// Returns true if the steps are too large for coordinates modulo 1024 cells. Cells beside the block could then wrap
+// around into it.
 bool IsSteep(const PlacedRectangle& placed) {
   const std::int64_t steps = std::abs(std::int64_t{placed.step_cos}) + std::abs(std::int64_t{placed.step_sin});
   return steps * kSquareSideCells > std::int64_t{500} << kFractionBits;
 }
 
-// A block that may know something of a tile.
+// A block that may know some cells of a tile.
 struct Candidate {
   const PlacedBlock* block = nullptr;
   std::uint64_t squares = 0;
-  ListEntry at_tile;  // In the tile's first cell.
+  ListEntry at_tile;  // Entry for the tile's first cell.
 };
 
-// Of how many blocks each square of a tile is asked in a round.
+// Counts how many blocks each square of a tile lists in a round.
 class SquareCounts {
  public:
   SquareCounts(std::uint64_t squares, std::uint8_t blocks_max) : wanting_(squares), blocks_max_(blocks_max) {}
 
-  // One block more for those of the squares that have not enough, which are returned.
+  // Adds one block to the squares that want more blocks. Returns these squares.
   std::uint64_t Add(std::uint64_t squares) {
     const std::uint64_t taken = squares & wanting_;
     listed_ |= taken;
@@ -86,8 +88,8 @@ class SquareCounts {
     }
     return taken;
   }
-  std::uint64_t wanting() const { return wanting_; }  // Squares that have not enough blocks yet.
-  std::uint64_t listed() const { return listed_; }    // Squares that have any block.
+  std::uint64_t wanting() const { return wanting_; }  // Squares that want more blocks.
+  std::uint64_t listed() const { return listed_; }    // Squares that list at least one block.
   std::size_t of(std::size_t square) const { return counts_[square]; }
 
  private:
@@ -170,7 +172,7 @@ class GlGather::Painter {
     }
   }
 
-  // As many tiles at once as the target holds, round after round.
+  // Draws in rounds, each with as many tiles at once as the target holds.
   Result<void> GatherTiles(const StopPredicate& stop) {
     std::vector<OpenTile*> open;
     for (OpenTile& tile : tiles_) open.push_back(&tile);
@@ -194,7 +196,7 @@ class GlGather::Painter {
     const double start_ms = NowMs();
     if (Result<void> listed = MakeLists(tiles, limits); !listed) return listed;
     if (entries_.empty()) return {};
-    // All rows of the target are whole but the last.
+    // All rows of the target except the last are full.
     const std::size_t columns = std::min(square_lists_.size(), side_);
     const std::size_t rows = (square_lists_.size() + columns - 1) / columns;
     square_lists_.resize(rows * columns);
@@ -216,7 +218,8 @@ class GlGather::Painter {
     return {};
   }
 
-  // The atlas may be made anew while blocks are looked up in it; then what was found before is void.
+  // Fills entries_ and square_lists_ for a draw. Looking up blocks may rebuild the atlas, which invalidates all
+  // positions found before; the lists are then made again.
   Result<void> MakeLists(std::span<OpenTile*> tiles, const RoundLimits& limits) {
     for (OpenTile* tile : tiles) {
       if (tile->tile != nullptr && tile->tile->blocks.size() + limits.tile_blocks > kTileBlocksMax) {
@@ -240,12 +243,12 @@ class GlGather::Painter {
     return {};
   }
 
-  // The tile's next blocks that may know something where it is open, square by square.
+  // Lists the tile's next blocks that may know cells of its open squares, for each square.
   Result<void> ListTile(OpenTile& open, const RoundLimits& limits) {
     candidates_.clear();
     SquareCounts counts(open.open, limits.square_blocks);
-    std::optional<std::size_t>
-        first_left;  // The first block that a square with enough was not asked of: the next round's first.
+    // First block skipped by a square with a full list. The next round starts there.
+    std::optional<std::size_t> first_left;
     std::size_t next = open.next;
     for (; next < open.list->size() && candidates_.size() < limits.tile_blocks && counts.wanting() != 0; ++next) {
       const OrderedBlock& ordered = (*open.list)[next];
@@ -292,7 +295,7 @@ class GlGather::Painter {
     return {};
   }
 
-  // The squares' lists, of the tile's candidates.
+  // Appends the lists of the tile's squares, made from its candidates.
   void AddSquares(OpenTile& open, const SquareCounts& counts) {
     open.first_place = square_lists_.size();
     std::array<std::size_t, kSquaresInTile> ends;
@@ -317,13 +320,13 @@ class GlGather::Painter {
     }
   }
 
-  // A texture to be read number by number.
+  // Creates a texture that holds integers.
   static GlTexture MakeTable(GLint unit, GLenum format, std::size_t columns, std::size_t rows) {
     GlTexture texture = MakeTexture();
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
     glBindTexture(GL_TEXTURE_2D, texture.id());
     glTexStorage2D(GL_TEXTURE_2D, 1, format, static_cast<GLsizei>(columns), static_cast<GLsizei>(rows));
-    // Integers cannot be filtered: without this the texture is incomplete and reads 0.
+    // Integer textures cannot be filtered. With the default filter the texture is incomplete and reads 0.
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     glActiveTexture(GL_TEXTURE0);
@@ -357,7 +360,7 @@ class GlGather::Painter {
     return {};
   }
 
-  // Every pixel is written, so nothing is cleared.
+  // The draw writes every pixel, so no clear is needed.
   Result<void> Draw(GLsizei width, GLsizei height) {
     if (Result<void> lost = CheckLost(); !lost) return lost;
     if (Result<void> prepared = target_.Bind(width, height); !prepared) return prepared;
@@ -390,7 +393,7 @@ class GlGather::Painter {
     return tile;
   }
 
-  // All rounds are done: the new tiles replace the old ones.
+  // Replaces the old tiles by the new ones after all rounds.
   Result<void> Finish(std::span<const OrderedBlock> blocks, const StopPredicate& stop) {
     std::vector<GatherWork> steep;
     std::vector<GatherWork*> steep_origins;
@@ -424,21 +427,21 @@ class GlGather::Painter {
   Times& times_;
   LayerAtlas atlas_;
   CpuGather cpu_;
-  const std::size_t side_;  // Of the target, in squares.
+  const std::size_t side_;  // Side of the target in squares.
   GlProgram program_;
   GLint layers_texel_uniform_ = -1;
   GLint lists_texel_uniform_ = -1;
   GlVertexArray vertex_array_;
   GlTexture squares_texture_;
   GlTexture lists_texture_;
-  std::size_t list_rows_ = 0;  // Of that texture.
+  std::size_t list_rows_ = 0;  // Number of rows of lists_texture_.
   GlTarget target_;
-  std::vector<std::vector<OrderedBlock>> lists_;  // By page of the batch.
-  std::vector<OpenTile> tiles_;                   // Of the batch.
-  std::vector<Candidate> candidates_;             // Of the tile at hand.
-  // Of the draw at hand.
+  std::vector<std::vector<OrderedBlock>> lists_;  // Blocks of each page of the batch.
+  std::vector<OpenTile> tiles_;                   // Tiles of the batch.
+  std::vector<Candidate> candidates_;             // Candidates for the current tile.
+  // Entries of the current draw.
   std::vector<ListEntry> entries_;
-  std::vector<std::uint32_t> square_lists_;  // By place in the target: its first entry << 6 | how many.
+  std::vector<std::uint32_t> square_lists_;  // For each square in the target: first entry << 6 | number of entries.
   std::vector<std::unique_ptr<Tile>> spare_;
 };
 

@@ -1,13 +1,13 @@
-// GlGather: the gather by OpenGL ES 3.1 (paper, Section 5.3), exact to the byte.
+// GlGather: gathers with OpenGL ES 3.1 (paper, Section 5.3). The result is identical to the CPU's, byte for byte.
 //
-// The paper draws every layer over the whole map, the best one last. Here each square of 8 x 8 cells has a place in the
-// target and a list of the blocks that may know something of it, the greatest key first. A fragment looks at a row of 8
-// cells in one block after the other, by the CPU's integer additions, and stops when all are known. The lists are
-// short, since most cells are known after very few blocks; what is still unknown when that is read back is drawn again,
-// with longer ones.
+// The paper uses a painter's algorithm: it draws every layer over the whole map, the best one last. GlGather instead
+// assigns each square of 8 x 8 cells a place in the render target and a list of blocks that may know some of its cells,
+// in the order of descending keys. A fragment evaluates a row of 8 cells, one block after another, with the same
+// integer additions as the CPU, and stops when all cells are known. The lists are short, since most cells are known
+// after very few blocks. Squares that still have unknown cells after readback are drawn again with longer lists.
 //
-// A tile that sees layers many times finer than the grid, which 32 bits cannot hold a square long, is gathered on the
-// CPU.
+// The CPU gathers tiles that see layers many times finer than the grid, because 32-bit coordinates cannot span a square
+// of such a layer.
 #pragma once
 
 #include <cstdint>
@@ -25,21 +25,23 @@ class EglContext;
 class GlGather final : public GatherBackend {
  public:
   struct Options {
-    std::int32_t target_cells_max = 4096;       // A side of one draw's target, at least 64; the driver's limit counts.
-    std::int32_t atlas_page_texels_max = 1024;  // At least kBlockSideCellsMax.
-    int threads = 1;                            // Of the CPU, for tiles that are gathered there.
-    std::function<bool()> is_lost = {};         // For tests: asked before each draw; true is taken for a loss.
-    std::function<double()> now_ms = {};        // For benchmarks: fills times(), and waits for the GPU at each step.
+    // Side of one draw's target in cells, at least 64. The driver's limit also applies.
+    std::int32_t target_cells_max = 4096;
+    std::int32_t atlas_page_texels_max = 1024;  // Side of an atlas page in texels, at least kBlockSideCellsMax.
+    int threads = 1;                            // Number of CPU threads for tiles gathered on the CPU.
+    std::function<bool()> is_lost = {};         // For tests: called before each draw; true simulates a lost context.
+    // For benchmarks: clock for times(). If set, each step waits for the GPU.
+    std::function<double()> now_ms = {};
   };
 
-  // Of the last Gather.
+  // Durations within the last Gather.
   struct Times {
-    double upload_ms = 0;  // Of blocks and lists.
+    double upload_ms = 0;  // Upload of blocks and lists.
     double draw_ms = 0;
-    double read_ms = 0;  // From the target to tiles.
+    double read_ms = 0;  // Readback from the target to tiles.
   };
 
-  // kUnavailable without a driver; kInternal if it does not take the shaders.
+  // Returns kUnavailable without a driver, and kInternal if the driver rejects the shaders.
   static Result<std::unique_ptr<GlGather>> Create(Options options);
   ~GlGather() override;
 
@@ -57,7 +59,7 @@ class GlGather final : public GatherBackend {
   const Options options_;
   Times times_;
   std::unique_ptr<EglContext> context_;
-  std::unique_ptr<Painter> painter_;  // All that needs the context to be current.
+  std::unique_ptr<Painter> painter_;  // All state that needs a current context.
 };
 
 }  // namespace moondb

@@ -66,7 +66,7 @@ Result<GlProgram> MakeProgram(const char* vertex_shader, const char* fragment_sh
   GlProgram program(glCreateProgram());
   for (const GLuint shader : {*vertex, *fragment}) {
     glAttachShader(program.id(), shader);
-    glDeleteShader(shader);  // Lives on with the program.
+    glDeleteShader(shader);  // The program keeps the shader alive.
   }
   glLinkProgram(program.id());
   GLint is_linked = GL_FALSE;
@@ -86,7 +86,7 @@ GLint GetGlInteger(GLenum name) {
 Result<void> CheckGl(const std::string& doing) {
   const GLenum error = glGetError();
   if (error == GL_NO_ERROR) return {};
-  // One look takes one flag; a lost context answers for ever, so the loop is bounded.
+  // Each glGetError clears one flag. A lost context returns errors forever, so the loop is bounded.
   for (int i = 0; i < 16 && glGetError() != GL_NO_ERROR; ++i) {
   }
   const std::string name = error == GL_OUT_OF_MEMORY ? "out of memory" : "error " + std::to_string(error);

@@ -1,5 +1,5 @@
-// Owners of OpenGL names, and the few calls that can fail. All of it needs a current context. A destructor without one
-// leaves the name alone: what a lost context held went with it.
+// Owners of OpenGL names, and wrappers of the few calls that can fail. All of them need a current context. A destructor
+// without a current context does not delete the name, because a lost context's objects are already gone.
 #pragma once
 
 #include <GLES3/gl31.h>
@@ -12,7 +12,7 @@
 
 namespace moondb {
 
-// One OpenGL name, deleted at the end. `Traits` says how: void Delete(GLuint).
+// Owns one OpenGL name and deletes it on destruction with Traits::Delete(GLuint).
 template <typename Traits>
 class GlObject {
  public:
@@ -64,12 +64,12 @@ GlFramebuffer MakeFramebuffer();
 GlBuffer MakeBuffer();
 GlVertexArray MakeVertexArray();
 
-// kInternal with the compiler's first line.
+// Returns kInternal with the compiler's first line.
 Result<GlProgram> MakeProgram(const char* vertex_shader, const char* fragment_shader);
 
 GLint GetGlInteger(GLenum name);
 
-// kUnavailable if OpenGL noted an error since the last look; `doing` says at what.
+// Returns kUnavailable if OpenGL has recorded an error since the last call. `doing`: the operation, for the error text.
 Result<void> CheckGl(const std::string& doing);
 
 }  // namespace moondb

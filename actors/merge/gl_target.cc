@@ -29,7 +29,7 @@ Result<void> GlTarget::Read(GLsizei width, GLsizei height) {
   const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   pixels_.resize(count);
   glPixelStorei(GL_PACK_ALIGNMENT, 4);
-  // OpenGL ES promises four channels; most drivers also give the two that are there.
+  // OpenGL ES guarantees only a read with four channels; most drivers can also read the two existing channels.
   const bool is_two = GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_FORMAT) == GL_RG_INTEGER &&
                       GetGlInteger(GL_IMPLEMENTATION_COLOR_READ_TYPE) == GL_UNSIGNED_INT;
   if (is_two) {

@@ -1,6 +1,7 @@
-// GlTarget: what GlGather draws to: pixels of two 32-bit numbers each, kept from draw to draw and read back.
+// GlTarget: the render target of GlGather. A pixel has two 32-bit integers. The target is reused for each draw and read
+// back.
 //
-// Used by the thread that the OpenGL context is current on.
+// Requires: the OpenGL context is current on the calling thread.
 #pragma once
 
 #include <GLES3/gl31.h>
@@ -15,13 +16,13 @@ namespace moondb {
 
 class GlTarget {
  public:
-  // What is drawn from now on goes here, to at least width x height pixels. kUnavailable if OpenGL cannot draw to so
-  // many.
+  // Directs the following draws to this target, with at least width x height pixels. Returns kUnavailable if OpenGL
+  // cannot draw to a target of this size.
   Result<void> Bind(GLsizei width, GLsizei height);
 
-  // Waits for what was drawn to the lower left width x height pixels. kUnavailable if OpenGL failed.
+  // Reads the lower left width x height pixels, after waiting for the draw. Returns kUnavailable if OpenGL failed.
   Result<void> Read(GLsizei width, GLsizei height);
-  // What was read last, row by row: the first number in the lower 32 bits.
+  // Pixels of the last Read, row by row. The first integer is in the lower 32 bits.
   const std::vector<std::uint64_t>& pixels() const { return pixels_; }
 
  private:
@@ -30,7 +31,7 @@ class GlTarget {
   GLsizei width_ = 0;
   GLsizei height_ = 0;
   std::vector<std::uint64_t> pixels_;
-  std::vector<std::uint32_t> channels_;  // As read where OpenGL gives four numbers a pixel.
+  std::vector<std::uint32_t> channels_;  // Raw pixels if OpenGL returns four integers per pixel.
 };
 
 }  // namespace moondb

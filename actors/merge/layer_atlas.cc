@@ -8,7 +8,7 @@
 namespace moondb {
 namespace {
 
-// The same object, not only the same address.
+// Returns true for the same object, not merely the same address.
 bool IsSame(const std::weak_ptr<const LocalMap>& a, const std::shared_ptr<const LocalMap>& b) {
   return !a.owner_before(b) && !b.owner_before(a);
 }
@@ -40,11 +40,11 @@ Result<LayerAtlas::Spot> LayerAtlas::Find(const PlacedBlock& placed) {
   return spot;
 }
 
-// With room for twice what is there.
+// Creates the texture again, with room for twice the current blocks.
 Result<void> LayerAtlas::Rebuild() {
   ++generation_;
   std::erase_if(entries_, [](const auto& entry) { return entry.second.map.expired(); });
-  // First only on paper: how many pages these blocks take.
+  // First compute the layout to find how many pages these blocks take.
   next_ = {};
   shelf_height_ = 0;
   pages_ = pages_max_;
@@ -70,7 +70,7 @@ Result<void> LayerAtlas::Allocate(std::int32_t pages) {
   pages_ = pages;
   glBindTexture(GL_TEXTURE_2D_ARRAY, texture_.id());
   glTexStorage3D(GL_TEXTURE_2D_ARRAY, 1, GL_R32UI, page_texels_, page_texels_, pages);
-  // Integers cannot be filtered: without this the texture is incomplete and reads 0.
+  // Integer textures cannot be filtered. With the default filter the texture is incomplete and reads 0.
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D_ARRAY, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
   Result<void> checked = CheckGl("allocating " + std::to_string(pages) + " pages for maps");

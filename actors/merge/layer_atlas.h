@@ -1,8 +1,8 @@
-// LayerAtlas: blocks of local maps as one R32UI array texture, kept between merges.
+// LayerAtlas: the blocks of local maps in one R32UI array texture, kept between merges.
 //
-// A texel is a word of PackedBlock, rows along x and strips along y, so that 16 cells take 4 bytes there too. Blocks
-// stand on shelves, shelves in pages (layers of the array), so that any sizes mix. Maps are immutable, so a block is
-// uploaded once; when the texture is full, it is made anew, larger if need be, with the blocks of maps that still live.
+// A texel is one word of PackedBlock, with rows along x and strips along y, so 16 cells take 4 bytes on the GPU too.
+// Blocks of any size are packed on shelves, and shelves in pages (layers of the array). Maps are immutable, so a block
+// is uploaded once. A full texture is created again, larger if necessary, with the blocks of maps that still exist.
 // Needs a current context.
 #pragma once
 
@@ -27,22 +27,23 @@ class LayerAtlas {
     std::int32_t page = 0;
   };
 
-  // A power of two at most `page_texels_max` a side, at least kBlockSideCellsMax, or the driver's limit.
+  // The side of a page is a power of two: at most `page_texels_max` (or kBlockSideCellsMax if that is more), and at
+  // most the driver's limit.
   explicit LayerAtlas(std::int32_t page_texels_max);
 
-  // Where a block lies, uploaded if need be. kFull if the driver's number of pages is not enough, kUnavailable for its
-  // errors.
+  // Returns the position of a block, after uploading it if necessary. Returns kFull if the driver's maximum number of
+  // pages is not enough, and kUnavailable for driver errors.
   Result<Spot> Find(const PlacedBlock& placed);
 
-  // Another number than before: all spots that were found before are void.
+  // A change of this number invalidates all positions found before.
   std::uint64_t generation() const { return generation_; }
 
   GLuint texture() const { return texture_.id(); }
-  std::int32_t page_texels() const { return page_texels_; }  // A side; a power of two.
+  std::int32_t page_texels() const { return page_texels_; }  // Side of a page in texels; a power of two.
 
  private:
   struct Entry {
-    std::weak_ptr<const LocalMap> map;  // Weak, so that a withdrawn map's memory is freed.
+    std::weak_ptr<const LocalMap> map;  // Weak, because the atlas must not keep a withdrawn map in memory.
     Spot spot;
   };
 
@@ -54,7 +55,7 @@ class LayerAtlas {
   const std::int32_t page_texels_;
   const std::int32_t pages_max_;
   std::int32_t pages_ = 0;
-  // Where the next block goes.
+  // Position of the next block.
   Spot next_;
   std::int32_t shelf_height_ = 0;
   GlTexture texture_;

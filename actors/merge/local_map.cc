@@ -9,7 +9,7 @@
 namespace moondb {
 namespace {
 
-// Sixteen cells, a byte each, as one word. Fewer at the right end of a block: the rest is unknown.
+// Packs up to 16 one-byte cells into one word. Missing cells at the right end of a block are unknown.
 std::uint32_t PackCellsOfWord(const Cell* cells, std::int32_t count) {
   std::array<std::uint8_t, kStripColumns> bytes{};
   std::memcpy(bytes.data(), cells, static_cast<std::size_t>(count));
@@ -26,7 +26,7 @@ bool HasKnownCell(const Grid& grid, const LayerBlock& block) {
   return false;
 }
 
-// Start and length of the pieces of one side.
+// Returns start and length of the blocks along one side.
 std::vector<std::pair<std::int32_t, std::int32_t>> SplitSide(std::int32_t cells) {
   std::vector<std::pair<std::int32_t, std::int32_t>> pieces;
   for (std::int32_t start = 0; cells > 0; start += kBlockSideCellsMax - 1) {
@@ -47,13 +47,13 @@ void AddBlocks(const Grid& grid, std::uint8_t level, std::int32_t reach_cells, L
   }
 }
 
-// Of eight cells of the merged map in any direction; more than that is never asked at once.
+// Returns the extent, in layer cells, of eight cells of the merged map in any direction. A square never reads more.
 std::int32_t ReachCells(std::uint32_t layer_um, std::uint32_t grid_um) {
   constexpr double kDiagonal = 1.4143;
   return static_cast<std::int32_t>(7 * kDiagonal * grid_um / layer_um) + 1;
 }
 
-// Each bit takes in those of the `count` that follow it.
+// ORs each bit with the `count` bits above it.
 std::uint64_t SpreadDown(std::uint64_t bits, std::int32_t count) {
   std::uint64_t spread = bits;
   for (std::int32_t i = 1; i <= std::min(count, 63); ++i) spread |= bits >> i;

@@ -1,12 +1,13 @@
-// LocalMap: a local traversability map as merging holds it: immutable, its layers cut into blocks of 2 bits a cell.
+// LocalMap: a local traversability map in the form used for merging: immutable, with its layers cut into blocks of 2
+// bits per cell.
 //
-// A block is at most kBlockSideCellsMax a side (what Q10.22 reaches) and has at least one known cell; neighbours share
-// one column or row, so that the rounding of two transforms leaves no seam. Its cells lie in strips of 16 columns: one
-// 32-bit word holds 16 cells of one row, the leftmost in the lowest bits, and the words of a strip stand row after row.
-// So any 16 rows of two neighbouring strips, all that 8 x 8 cells of a merged map of the same or a finer resolution can
-// ask for, are two loads of 64 bytes.
+// A block has at most kBlockSideCellsMax cells per side (the range of Q10.22) and at least one known cell. Neighbouring
+// blocks share one column or row, so rounding of their two transforms leaves no seam. Cells are stored in strips of 16
+// columns. One 32-bit word holds 16 cells of one row, the leftmost in the lowest bits, and the words of a strip are in
+// row order. If the merged map is as fine as the layer or finer, 8 x 8 of its cells read at most 16 rows of two
+// neighbouring strips. These are two loads of 64 bytes.
 //
-// Plain values, any thread.
+// Value types, usable on any thread.
 #pragma once
 
 #include <cstddef>
@@ -22,16 +23,16 @@
 namespace moondb {
 
 struct MergeGrid {
-  std::uint32_t resolution_um = 50'000;  // Of the merged map; 1 mm to 100 m.
-  double footprint_length_m = 0.75;      // Along the body's x; at most 512 cells; 0 frees nothing.
+  std::uint32_t resolution_um = 50'000;  // Cell size of the merged map; 1 mm to 100 m.
+  double footprint_length_m = 0.75;      // Length along the body's x axis, at most 512 cells. 0 disables footprints.
   double footprint_width_m = 0.5;
-  std::int64_t side_cells_max = 16384;  // Of what is read at once.
+  std::int64_t side_cells_max = 16384;  // Maximum side in cells of a box that is read at once.
 };
 
-// kInvalid for what lies outside the ranges above, `field` names it.
+// Returns kInvalid, with the field, for a value outside the ranges above.
 Result<void> CheckGrid(const MergeGrid& grid);
 
-// Part of a layer.
+// A rectangular part of a layer.
 struct LayerBlock {
   std::uint8_t level = 0;
   std::int32_t column = 0;
@@ -41,29 +42,30 @@ struct LayerBlock {
   bool operator==(const LayerBlock&) const = default;
 };
 
-// 16 rows beyond both ends may be loaded, never used.
+// Columns of a strip, and padding words before and after all strips. A kernel may load up to 16 rows beyond both ends,
+// but never uses their values.
 inline constexpr std::int32_t kStripColumns = 16;
 inline constexpr std::int32_t kStripPaddingWords = 16;
 
-// Beside its cells a block has a coarse picture of where anything is known, so that a merge need not look where nothing
-// is: a bit for each 4 x 4 cells (8 x 8 in large blocks), set if one of the cells that a square of 8 x 8 cells of the
-// merged map can reach from there on, to larger rows and columns, is known. Rows of 64 bits.
+// Cells of a block and a coarse bitmap of known cells, with which a merge skips unknown areas. A bit stands for 4 x 4
+// cells (8 x 8 in large blocks). It is set if any cell is known that a square of 8 x 8 cells of the merged map can
+// reach from there towards larger rows and columns. Each bitmap row has 64 bits.
 class PackedBlock {
  public:
-  // `reach_cells`: from the least to the greatest column (or row) that 8 x 8 cells of the merged map ask for at once.
+  // `reach_cells`: maximum number of columns (or rows) between cells that one 8 x 8 square of the merged map reads.
   PackedBlock(const Grid& layer, const LayerBlock& block, std::int32_t reach_cells);
 
   const LayerBlock& block() const { return block_; }
   std::int32_t strip_count() const { return (block_.width + kStripColumns - 1) / kStripColumns; }
-  std::int32_t strip_words() const { return block_.height; }  // From one strip to the next.
+  std::int32_t strip_words() const { return block_.height; }  // Number of words from one strip to the next.
   const std::uint32_t* words() const { return words_.data() + kStripPaddingWords; }
   const std::uint64_t* coarse_rows() const { return coarse_rows_.data(); }
-  int coarse_shift() const { return coarse_shift_; }  // The logarithm of a bit's side.
+  int coarse_shift() const { return coarse_shift_; }  // Binary logarithm of the number of cells along a bit's side.
   std::size_t bytes() const {
     return words_.capacity() * sizeof(std::uint32_t) + coarse_rows_.capacity() * sizeof(std::uint64_t);
   }
 
-  // Within the block.
+  // Requires: the cell is within the block.
   Cell At(std::int32_t column, std::int32_t row) const {
     const std::size_t strip = static_cast<std::size_t>(column / kStripColumns);
     const std::uint32_t word = words()[strip * static_cast<std::size_t>(strip_words()) + static_cast<std::size_t>(row)];
@@ -92,16 +94,16 @@ struct LocalMap {
   std::int64_t timestamp_ns = 0;
   NodeKey node;
   Pose node_from_map;
-  std::vector<LocalLayer> layers;   // Finest first.
-  std::vector<PackedBlock> blocks;  // Those with at least one known cell, by layer.
-  std::vector<LayerBlock> bounds;   // All of them.
+  std::vector<LocalLayer> layers;   // Sorted from the finest to the coarsest.
+  std::vector<PackedBlock> blocks;  // Blocks with at least one known cell, by layer.
+  std::vector<LayerBlock> bounds;   // All blocks, including those without a known cell.
 
   AgentId agent() const { return key.stream.origin; }
-  std::size_t bytes() const;  // In memory.
+  std::size_t bytes() const;  // Memory use in bytes.
 };
 
-// kInvalid if a layer's cells are too fine for the grid (more than kStepCellsMax in one of its cells), `field` names
-// it. Sizes and numbers of layers are the door's (model/traversability_map.h).
+// Returns kInvalid, with the field, if a layer is too fine for the grid: more than kStepCellsMax of its cells along one
+// grid cell. The record validator checks sizes and numbers of layers (model/traversability_map.h).
 Result<std::shared_ptr<const LocalMap>> MakeLocalMap(const RecordKey& key, std::int64_t timestamp_ns,
                                                      const TraversabilityMap& map, const MergeGrid& grid);
 

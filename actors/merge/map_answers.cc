@@ -13,7 +13,7 @@ namespace moondb {
 namespace {
 
 constexpr int kZstdLevel = 3;
-constexpr std::size_t kTileHeadBytes = 24;  // At most, around its cells.
+constexpr std::size_t kTileHeadBytes = 24;  // Upper bound of a tile's encoded size without its cells.
 constexpr std::int64_t kTilesInPageSide = kPageSideCells / kTileSideCells;
 
 std::int64_t CellAt(double metres, std::uint32_t resolution_um) {
@@ -53,7 +53,8 @@ proto::MapObservation ToProto(const MapCollection& collection, const Observation
   return said;
 }
 
-// What a map that is left out would say; nothing where it does not know the cell, or its node is not known.
+// Returns the observation that a quarantined map would contribute. Returns nullopt if the map does not know the cell or
+// the map's node is unknown.
 std::optional<proto::MapObservation> AskQuarantined(const MapCollection& collection, const MergeGrid& grid,
                                                     const std::shared_ptr<const LocalMap>& map, std::int64_t x,
                                                     std::int64_t y) {
@@ -111,7 +112,7 @@ proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, 
       reply.set_left_out_count(reply.left_out_count() + 1);
     }
   };
-  std::set<RecordKey> heard;  // Of a map only its finest layer that knows the cell.
+  std::set<RecordKey> heard;  // Maps already listed. Only the finest layer of a map that knows the cell is listed.
   for (const Observation& observation : merger.Observe(x, y)) {
     if (observation.placed.map != nullptr && !heard.insert(observation.placed.map->key).second) continue;
     add(ToProto(collection, observation));
@@ -198,7 +199,8 @@ Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t si
     const Result<MergedMap> cells = merger.ReadCells(box);
     if (!cells) return tl::unexpected(cells.error());
     const bool is_unknown = IsUnknown(cells->grid);
-    if (is_unknown && since_version == 0) continue;  // Who asks knows nothing that could be forgotten.
+    // The client has no tiles yet, so it needs no tile that is now unknown.
+    if (is_unknown && since_version == 0) continue;
     proto::MapTile& tile = *reply.add_tiles();
     tile.set_x(ColumnOf(key));
     tile.set_y(RowOf(key));

@@ -1,5 +1,5 @@
-// Answers about the merged map from a Merger that is up to date: why a cell is what it is, who still has a say, which
-// tiles changed. Pure functions, on the merger's thread.
+// Replies about the merged map: the sources of a cell's value, statistics, fully occluded maps, and changed tiles. Pure
+// functions, called on the merger's thread. Requires: the Merger is up to date.
 #pragma once
 
 #include <cstddef>
@@ -11,28 +11,29 @@
 
 namespace moondb {
 
-inline constexpr int kMapObservationsMax = 200;  // In one answer; others are counted.
-inline constexpr int kMapTilesMax = 16384;       // In one part of an answer.
+// Maximum number of observations per reply. Further ones are only counted.
+inline constexpr int kMapObservationsMax = 200;
+inline constexpr int kMapTilesMax = 16384;  // Maximum number of tiles per part of a reply.
 
-// Quarantined maps are asked too, behind all others.
+// Also lists observations of quarantined maps, after all others.
 proto::MapWhyReply WhyOf(const MapCollection& collection, const Merger& merger, const proto::MapWhyRequest& request);
 
-// But for `backend`.
+// Sets all fields except `backend`.
 proto::MapStatsReply StatsOf(const MapCollection& collection, const Merger& merger);
 
 inline constexpr std::uint32_t kOccludedMapsMax = 4096;
 
-// Shared maps that are placed and win no cell, by record key; `records_max` at most, and kOccludedMapsMax. Without them
-// the merged map is the same, as long as no pose moves.
+// Returns the fully occluded maps: shared, placed maps that win no cell, sorted by record key. At most `records_max`
+// and kOccludedMapsMax. Removing them does not change the merged map unless a pose moves.
 proto::OccludedMapsReply OccludedMapsOf(const Merger& merger, std::uint32_t records_max);
 
-// Tiles that touch the region and changed since `since_version` (0: all that know a cell), kMapTilesMax at most and
-// as many as fit into `bytes_max` coded, from behind `request.after` on. kInternal if zstd fails. Life is the caller's
-// to set.
+// Returns tiles that touch the region and changed since `since_version`, starting after `request.after`. If
+// `since_version` is 0, returns all tiles with a known cell. At most kMapTilesMax tiles and about `bytes_max`
+// compressed bytes are returned. Returns kInternal if zstd fails. The caller sets the field `life`.
 Result<proto::MapTilesReply> ChangedTiles(const Merger& merger, std::uint64_t since_version,
                                           const proto::MapTilesRequest& request, std::size_t bytes_max);
 
-// One zstd frame of one byte a cell.
+// Returns one zstd frame with one byte per cell.
 Result<std::string> CompressCells(const Grid& grid);
 
 }  // namespace moondb

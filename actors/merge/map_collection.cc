@@ -32,7 +32,7 @@ Result<void> MapCollection::AddMap(const RecordKey& key, const Timestamp& timest
 
 void MapCollection::RemoveMap(const RecordKey& key) {
   const auto map = maps_.find(key);
-  if (map == maps_.end()) return;  // The other quota removed it before.
+  if (map == maps_.end()) return;  // The other quota has already removed it.
   bytes_ -= map->second.local->bytes();
   maps_.erase(map);
 }

@@ -1,10 +1,11 @@
-// MapCollection: the maps, node poses and quarantines that an agent knows, kept between merges. What a Merger merges.
+// MapCollection: the maps, node poses and quarantines that an agent knows, kept between merges. It is the input of a
+// Merger.
 //
-// The collection depends on the set of records alone, not on the order in which they come; each record comes once.
-// Where records of a kind exceed their limit, the agents with most of them keep their newest ones
-// (model/origin_quota.h), and CountLeftOut says how many were left out. One exception: optimized poses of more than
-// nodes_max nodes are left out in the order in which they come. Leaders alone state these. Poses are as wide as
-// model/geometry.h admits. Used by one thread at a time.
+// The collection depends only on the set of records, not on their order of arrival. Each record must be added once. If
+// records of a kind exceed their limit, the agents with the most records keep only their newest ones
+// (model/origin_quota.h), and CountLeftOut counts the rest. Optimized poses are an exception: beyond nodes_max nodes
+// they are dropped in order of arrival. Only leaders publish these. Poses have the bounds of model/geometry.h. Used by
+// one thread at a time.
 #pragma once
 
 #include <cstdint>
@@ -30,26 +31,26 @@ class MapCollection {
  public:
   struct Options {
     MergeGrid grid;
-    std::set<AgentId> without_footprint;  // Base stations: they stand still and are no rovers.
+    std::set<AgentId> without_footprint;  // Base stations: they are stationary and have no footprint.
     std::size_t maps_max = 65535;
-    std::uint64_t bytes_max = 8ull << 30;  // Of all maps together.
-    std::size_t nodes_max = 4'000'000;     // Records of nodes, and nodes with an optimized pose.
-    std::size_t quarantines_max = 65535;   // Quarantines, and records that lift one.
+    std::uint64_t bytes_max = 8ull << 30;  // Maximum total size of all maps.
+    std::size_t nodes_max = 4'000'000;     // Maximum number of node records, and of nodes with an optimized pose.
+    std::size_t quarantines_max = 65535;   // Maximum number of quarantine records, including those that lift one.
   };
 
-  // Of one merge.
+  // Selects the input of one merge.
   struct Selection {
-    bool use_raw_poses = false;  // Ignore optimized poses.
-    std::set<AgentId> agents;    // Only maps of these origins and footprints of their nodes; empty: all.
+    bool use_raw_poses = false;  // Ignores optimized poses.
+    std::set<AgentId> agents;    // Only maps of these origins, and footprints of their nodes. Empty: all.
 
     bool is_everything() const { return !use_raw_poses && agents.empty(); }
   };
 
   struct Selected {
-    std::vector<PlacedMap> maps;                                    // By record key.
-    std::vector<Footprint> footprints;                              // By node.
-    std::vector<std::shared_ptr<const LocalMap>> waiting_maps;      // Selected, but their node is not known.
-    std::vector<std::shared_ptr<const LocalMap>> quarantined_maps;  // Selected, but left out.
+    std::vector<PlacedMap> maps;                                    // Sorted by record key.
+    std::vector<Footprint> footprints;                              // Sorted by node.
+    std::vector<std::shared_ptr<const LocalMap>> waiting_maps;      // Selected maps whose node is unknown.
+    std::vector<std::shared_ptr<const LocalMap>> quarantined_maps;  // Selected maps that a quarantine leaves out.
   };
 
   struct NodePose {
@@ -57,54 +58,55 @@ class MapCollection {
     bool is_optimized = false;
   };
 
-  // As its origin stamped it.
+  // Timestamp assigned by the map's origin.
   struct Timestamp {
     std::int64_t ns = 0;
-    bool is_clock_suspect = false;  // Then it wins nothing by being newer.
+    bool is_clock_suspect = false;  // If true, the map never wins because of its timestamp.
   };
 
   struct Quarantine {
     RecordKey key;
     proto::MapQuarantine said;
-    std::size_t map_count = 0;  // Maps that it leaves out.
+    std::size_t map_count = 0;  // Number of maps that the quarantine leaves out.
   };
 
   explicit MapCollection(Options options);
 
-  // Its node may come later. Errors: kInvalid as in MakeLocalMap.
+  // Adds a map, even if its node is still unknown. Returns kInvalid as MakeLocalMap does.
   Result<void> AddMap(const RecordKey& key, const Timestamp& timestamp, const TraversabilityMap& map);
 
-  // The pose as odometry has it. Of two records of one node the smaller key stands, as everywhere.
+  // Adds a node's pose from odometry. If a node has several records, the one with the smallest key is valid, as in all
+  // actors.
   void AddRawPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node);
 
-  // The newest (term, run) of a node wins.
+  // Adds an optimized pose. The highest (term, run) of a node is used.
   void AddOptimizedPose(const RecordKey& key, const NodeKey& node, const Pose& map_from_node, const proto::Term& term,
                         std::uint64_t run);
 
-  // Leaves maps out until another record lifts it, or lifts one that may not have come yet.
+  // Adds a record that quarantines maps, or one that lifts a quarantine. The lifted quarantine may arrive later.
   void AddQuarantine(const RecordKey& key, const proto::MapQuarantine& quarantine);
 
-  // Everything that Merger::Assign needs of the selection: maps and footprints at the newest poses.
+  // Returns the input of Merger::Assign for a selection: maps and footprints at the newest poses.
   Selected Select(const Selection& selection) const;
 
-  // The newest one; nothing where the node is not known.
+  // Returns the newest pose; nullopt if the node is unknown.
   std::optional<NodePose> PoseOf(const NodeKey& node) const;
-  Timestamp TimestampOf(const RecordKey& map) const;  // Of a map that is here.
-  // Those that no other lifts, by record key.
+  Timestamp TimestampOf(const RecordKey& map) const;  // Returns the timestamp of a map in the collection.
+  // Returns the quarantines that no record lifts, sorted by record key.
   std::vector<Quarantine> StandingQuarantines() const;
 
-  // The number of records for which there was no room, of each origin that has such.
+  // Number of records dropped because a limit was reached, by origin. Origins without dropped records are absent.
   std::map<AgentId, std::uint64_t> CountLeftOut() const;
 
   std::size_t map_count() const { return maps_.size(); }
   std::uint64_t map_bytes() const { return bytes_; }
 
  private:
-  // Number, issuer and epoch of the term, run, and the record's key to decide between equal ones.
+  // Number, issuer and epoch of the term, then the run. The record key breaks ties.
   using Version = std::tuple<std::uint64_t, std::uint32_t, std::uint64_t, std::uint64_t, RecordKey>;
 
   struct Node {
-    std::vector<std::pair<RecordKey, Pose>> raw;  // By key; a second one is rare.
+    std::vector<std::pair<RecordKey, Pose>> raw;  // Sorted by key. More than one element is rare.
     std::optional<std::pair<Version, Pose>> optimized;
   };
 
@@ -114,7 +116,7 @@ class MapCollection {
   };
 
   const Pose* FindPose(const NodeKey& node, bool use_raw_poses) const;
-  // Stamps of the maps that are left out, by agent: apart from each other and sorted.
+  // Disjoint, sorted timestamp ranges of quarantined maps, by agent.
   using Spans = std::map<AgentId, std::vector<std::pair<std::int64_t, std::int64_t>>>;
   Spans StandingSpans() const;
   static bool IsLeftOut(const Spans& spans, const HeldMap& map);
@@ -129,11 +131,12 @@ class MapCollection {
   OriginQuota<NoNote> map_bytes_quota_;
   std::map<RecordKey, proto::MapQuarantine> quarantines_;
   std::multiset<RecordKey> lifted_;
-  OriginQuota<std::optional<RecordKey>> quarantine_quota_;  // With what the record lifts.
+  // Each entry carries the key of the quarantine that the record lifts.
+  OriginQuota<std::optional<RecordKey>> quarantine_quota_;
   std::map<NodeKey, Node> nodes_;
   OriginQuota<NodeKey> node_quota_;
-  std::size_t optimized_count_ = 0;                       // Nodes.
-  std::map<AgentId, std::uint64_t> left_out_pose_count_;  // Optimized ones.
+  std::size_t optimized_count_ = 0;                       // Number of nodes with an optimized pose.
+  std::map<AgentId, std::uint64_t> left_out_pose_count_;  // Number of dropped optimized poses, by origin.
   std::uint64_t bytes_ = 0;
 };
 

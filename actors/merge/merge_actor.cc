@@ -49,7 +49,7 @@ MapCollection::Selection SelectionOf(const proto::MergeRequest& request) {
   return selection;
 }
 
-// In the reply that the question asks for.
+// Returns the error in the reply type of the request.
 proto::Message ErrorReply(const proto::Message& question, const Error& error) {
   proto::Message reply;
   switch (question.body_case()) {
@@ -81,7 +81,7 @@ MergeActor::MergeActor(Options options)
 
 MergeActor::~MergeActor() = default;
 
-// Here and not in the constructor: a GL context is best made on the thread that will use it.
+// StartMerger runs here and not in the constructor, because a GL context is best created on the thread that uses it.
 void MergeActor::OnStart(Context& context) {
   merger_id_ = context.rng()() | 1;
   context.Watch(Topic::kStored);
@@ -111,7 +111,7 @@ void MergeActor::OnMessage(Context& context, const proto::Message& message) {
     case proto::Message::kMapStatsRequest:
     case proto::Message::kMapTilesRequest:
     case proto::Message::kOccludedMapsRequest:
-      // This agent's gateway has looked at them, nobody at a peer's.
+      // Accept requests only from this agent: its gateway has checked them. Requests from a peer are unchecked.
       if (context.sender().agent == options_.self) OnQuestion(context, message);
       return;
     case proto::Message::kRecordsStored:
@@ -163,7 +163,8 @@ void MergeActor::OnRead(Context& context) {
     return StartReading(context);
   }
   if (std::optional<proto::Message> report = authority_.TakeReport(collection_.CountLeftOut())) {
-    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));  // Only for people.
+    // The report is only informative, so ignore a failed send.
+    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
   }
   AnswerCovered(context);
   if (!waiting_.empty()) StartReading(context);
@@ -215,7 +216,7 @@ void MergeActor::FailAll(Context& context, const Error& error) {
 Result<void> MergeActor::TakeOrLeaveOut(const proto::StoredRecord& stored) {
   if (Result<void> taken = TakeRecord(stored); !taken) {
     if (stored.key().data_type() == proto::LOCAL_TRAVERSABILITY_MAP) ++unusable_map_count_;
-    // Stored, so it passed the door; merging alone has no use for it (cells too fine for the grid).
+    // The record validator accepted this record, but it cannot be merged (for example, cells too fine for the grid).
     refused_log_.Warn("merge: leaves out record " + ToString(FromProto(stored.key())) + ": " + ToString(taken.error()));
   }
   is_current_ = false;
@@ -316,7 +317,7 @@ Result<void> MergeActor::Update(Context& context, const MapCollection::Selected&
   Result<void> merged = RunMerger(context, everything, *merger_);
   is_current_ = merged.has_value();
   if (merger_->forgotten() != forgotten)
-    merger_id_ = context.rng()() | 1;  // Clients that hold older tiles get every tile again.
+    merger_id_ = context.rng()() | 1;  // Clients with older tiles will fetch every tile again.
   return merged;
 }
 
@@ -359,7 +360,7 @@ Result<proto::MergeReply> MergeActor::Merge(Context& context, const proto::Merge
   return reply;
 }
 
-// At the start, and when a driver is lost or comes back.
+// Reports the backend at the start, and when a driver is lost or recovers.
 void MergeActor::ReportBackend(Context& context) {
   std::string description = backend_->description();
   if (description == backend_description_) return;

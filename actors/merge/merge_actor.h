@@ -1,23 +1,28 @@
-// MergeActor: keeps the merged map of all that this agent holds (paper, Section 5) and answers questions about it: the
-// map itself (MergeRequest), why a cell is what it is, which maps still have a say, what changed since a version.
+// MergeActor: maintains the merged map of all records of this agent (paper, Section 5) and answers requests about it.
+// Requests ask for the map itself (MergeRequest), the sources of a cell's value, map statistics, and changes since a
+// version.
 //
-// When asked, it reads the records that StorageActor got since (nodes, optimized poses, local traversability maps,
-// quarantines), page by page, into a MapCollection, and brings a Merger up to date on its own thread: spawn it with
-// kOwnThread. Maps whose node is unknown wait for it. A question is answered by reads that began after it came, so its
-// sender sees what it saw stored. After a restart everything is read anew: state comes from storage, never from memory.
+// For each request it reads the new records from StorageActor page by page into a MapCollection: nodes, optimized
+// poses, local traversability maps and quarantines. It then updates a Merger on its own thread; spawn it with
+// kOwnThread. Maps whose node is unknown wait for the node. A request is answered only by reads that started after the
+// request arrived, so the sender sees all records that it saw stored. After a restart everything is read again: all
+// state comes from storage.
 //
-// A MergeRequest with `agents` takes maps of these origins and the footprints of their nodes only. It, and one for raw
-// poses, is merged from nothing, beside the merged map of everything, of which only what changed is merged again.
+// A MergeRequest with `agents` uses only maps of these origins and the footprints of their nodes. Such a request, and
+// one for raw poses, is merged from scratch. The merged map of everything is kept separately and updated incrementally.
 //
-// A MapTilesRequest with wait_s is a subscription: where nothing has changed it waits, at most so long, and is looked
-// at again when StorageActor publishes that records were stored, once in look_period at most.
+// A MapTilesRequest with wait_s is a subscription. If nothing has changed, it waits for at most wait_s. It is evaluated
+// again when StorageActor publishes that records were stored, at most once per look_period.
 //
-// RetentionActor asks for the maps that win no cell any more (OccludedMapsRequest); an error of it is a ControlReply.
-// Once StorageActor publishes that records were pruned, everything is read anew for the next question.
+// RetentionActor requests the fully occluded maps (OccludedMapsRequest); an error is returned as a ControlReply. Once
+// StorageActor publishes that records were pruned, the next request reads everything again.
 //
-// Errors in replies: kFull (more than requests_max wait; a bound of Merger or of the reply's size),
-// kUnavailable (no storage; GL is forced and has no driver; the system stops), kTimedOut (storage is silent), kInvalid
-// (the team file's map does not fit CheckGrid), and StorageActor's own.
+// Error codes in replies:
+// - kFull: more than requests_max requests wait, or a limit of Merger or of the reply size is exceeded;
+// - kUnavailable: storage is not running, GL is forced without a driver, or the system stops;
+// - kTimedOut: storage does not answer;
+// - kInvalid: the map configuration of the team file fails CheckGrid;
+// - any error of StorageActor.
 #pragma once
 
 #include <cstdint>
@@ -41,19 +46,22 @@ class MergeActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Complete and checked: map.resolution_m, map.footprint_m, kinds of agents.
+    // Complete, validated configuration. Used: map.resolution_m, map.footprint_m and the kinds of agents.
+    proto::TeamConfig team;
     MergeBackend backend = MergeBackend::kAuto;
-    int merge_threads = 1;  // How many merge at once on the CPU.
-    // Called with who merges, "cpu" or "gl", at the start and when a driver is lost or comes back; on the actor's
-    // thread.
+    int merge_threads = 1;  // Number of CPU threads that merge.
+    // Called with the backend in use, "cpu" or "gl", at the start and whenever a driver is lost or recovers. Runs on
+    // the actor's thread.
     std::function<void(const std::string& backend)> on_backend = {};
-    std::size_t maps_max = MapCollection::Options().maps_max;  // Maps in one merge.
-    std::size_t requests_max = 64;                             // Waiting, subscriptions too.
+    std::size_t maps_max = MapCollection::Options().maps_max;  // Maximum number of maps in one merge.
+    // Maximum number of waiting requests, including subscriptions.
+    std::size_t requests_max = 64;
     Duration look_period = std::chrono::seconds(1);
     Duration storage_timeout = std::chrono::seconds(30);
     std::uint32_t page_records_max = 512;
     std::uint32_t page_content_bytes_max = 4 * 1024 * 1024;
-    std::size_t reply_bytes_max = 24 * 1024 * 1024;  // Of the compressed cells; below the transport's own bound.
+    // Maximum size of the compressed cells; below the transport's own limit.
+    std::size_t reply_bytes_max = 24 * 1024 * 1024;
   };
 
   explicit MergeActor(Options options);
@@ -67,20 +75,20 @@ class MergeActor final : public Actor {
     Address sender;
     std::uint64_t request_id = 0;
     proto::Message question;
-    MonotonicTime answer_by;  // A subscription waits until then.
-    bool has_timer = false;   // For it.
+    MonotonicTime answer_by;  // End time of a subscription.
+    bool has_timer = false;   // A timer for answer_by is running.
   };
 
   void OnQuestion(Context& context, const proto::Message& message);
   void OnRead(Context& context);
-  void LookSoon(Context& context);  // At the subscriptions.
+  void LookSoon(Context& context);  // Schedules an evaluation of the subscriptions.
   void OnRecordsStored(Context& context, const proto::RecordsStored& stored);
   void OnTimer(Context& context, const proto::Timer& timer);
 
   void StartReading(Context& context);
   void FailAll(Context& context, const Error& error);
   void AnswerCovered(Context& context);
-  // Asks storage for all subscriptions again.
+  // Starts a read from storage for all subscriptions.
   void LookAgain(Context& context);
   void AnswerExpired(Context& context);
   Result<void> TakeOrLeaveOut(const proto::StoredRecord& stored);
@@ -91,7 +99,7 @@ class MergeActor final : public Actor {
   Result<void> StartMerger();
   void ReportBackend(Context& context);
   Result<void> RunMerger(Context& context, const MapCollection::Selected& selected, Merger& merger);
-  // Nothing where a subscription goes on.
+  // Returns nullopt if the subscription continues to wait.
   std::optional<proto::Message> AnswerTo(Context& context, const Waiting& waiting);
   std::optional<proto::Message> AnswerTiles(Context& context, const Waiting& waiting);
   void Answer(Context& context, const Waiting& waiting, proto::Message reply);
@@ -99,22 +107,25 @@ class MergeActor final : public Actor {
   const Options options_;
   MapCollection collection_;
   RecordAuthority authority_;
-  RecordReader reader_;                     // Into collection_.
-  std::shared_ptr<GatherBackend> backend_;  // Null: GL is forced and absent, or the team's map does not fit.
-  Error start_error_;                       // Why.
-  std::string backend_description_;         // As it was reported last.
-  std::unique_ptr<Merger> merger_;          // Of everything. Null as backend_.
-  bool is_current_ = false;                 // It has all that is in collection_.
-  bool is_outdated_ = false;                // collection_ may have records that are gone: it is to be read anew.
-  std::size_t unusable_map_count_ = 0;      // Of records: cells too fine for the grid.
-  std::size_t unplaced_map_count_ = 0;      // Maps and footprints that merger_ did not take the last time.
-  std::uint64_t merger_id_ = 0;             // Random: versions of an earlier life mean nothing.
+  RecordReader reader_;  // Reads records into collection_.
+  // Null if GL is forced but unavailable, or if the team's map configuration is invalid.
+  std::shared_ptr<GatherBackend> backend_;
+  Error start_error_;                   // Reason why backend_ is null.
+  std::string backend_description_;     // Last reported description.
+  std::unique_ptr<Merger> merger_;      // Merged map of all records. Null if backend_ is null.
+  bool is_current_ = false;             // merger_ includes all of collection_.
+  bool is_outdated_ = false;            // collection_ may contain pruned records and must be read again.
+  std::size_t unusable_map_count_ = 0;  // Number of map records whose cells are too fine for the grid.
+  std::size_t unplaced_map_count_ = 0;  // Number of maps and footprints that merger_ rejected in the last update.
+  // Random number chosen at each start. A client's version number from before the restart is invalid.
+  std::uint64_t merger_id_ = 0;
   RateLimitedLog refused_log_;
   RateLimitedLog dropped_log_;
   std::deque<Waiting> waiting_;
   std::deque<Waiting> subscribed_;
-  bool is_look_due_ = false;       // A timer for it runs.
-  std::size_t covered_count_ = 0;  // The first of `waiting_`: the read in progress began after they came.
+  bool is_look_due_ = false;  // A timer for evaluating the subscriptions is running.
+  // Number of requests at the front of waiting_ that arrived before the read in progress started.
+  std::size_t covered_count_ = 0;
 };
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// MergeMaps: one merge from plain values, for programs that hold maps and poses themselves (scoring, tools, tests).
+// MergeMaps: a single merge of given maps and poses, for programs that have no store (scoring, tools, tests).
 //
 //   std::vector<MapAtPose> maps;
 //   for (const MissionMap& map : mission.maps) {
@@ -17,7 +17,7 @@
 namespace moondb {
 
 struct MapAtPose {
-  RecordKey key;  // Names the map; the last word where resolution, stamp and agent are equal.
+  RecordKey key;  // Identifies the map. Breaks ties if resolution, timestamp and agent are equal.
   std::int64_t timestamp_ns = 0;
   Pose map_from_node;
   TraversabilityMap map;
@@ -28,11 +28,11 @@ struct MergeOptions {
   MergeBackend backend = MergeBackend::kAuto;
 };
 
-// A key for maps that never were records, such as a mission's: the agent's map number `seq` (from 1).
+// Returns a key for a map that is not a record, such as a mission's: map number `seq` (from 1) of the agent.
 RecordKey NumberedMapKey(AgentId agent, std::uint64_t seq);
 
-// `footprints` are the rovers' poses (map_from_node) that free the ground under them. Errors as in CheckGrid,
-// MakeLocalMap, CreateGatherBackend and Merger.
+// Merges the maps and footprints. `footprints` are rover poses (map_from_node); the cells under the rover's body become
+// free. Errors are those of CheckGrid, MakeLocalMap, CreateGatherBackend and Merger.
 Result<MergedMap> MergeMaps(std::span<const MapAtPose> maps, std::span<const Pose> footprints,
                             const MergeOptions& options);
 

@@ -15,7 +15,7 @@
 namespace moondb {
 namespace {
 
-// Eight bits as eight bytes of 0 or 1.
+// Expands eight bits to eight bytes of 0 or 1.
 constexpr std::array<std::uint64_t, 256> MakeBytesOfBits() {
   std::array<std::uint64_t, 256> bytes{};
   for (std::size_t bits = 0; bits < bytes.size(); ++bits) {
@@ -30,7 +30,7 @@ CellBox Common(const CellBox& a, const CellBox& b) {
           std::min(a.last_y, b.last_y)};
 }
 
-// Where a cell of the world lies in its tile.
+// Position of a cell within its tile.
 struct TileCell {
   TileCell(std::int64_t x, std::int64_t y)
       : square(static_cast<std::size_t>((y >> kSquareSideBits & 7) * 8 + (x >> kSquareSideBits & 7))),
@@ -39,7 +39,7 @@ struct TileCell {
   std::size_t cell;
 };
 
-// Calls visit(key, tile, box of the tile) for each tile, also where no page is.
+// Calls visit(key, tile, box of the tile) for each tile in `box`, including tiles without a page.
 template <typename Visit>
 void ForEachTile(const CellBox& box, Visit visit) {
   if (box.is_empty()) return;
@@ -71,7 +71,7 @@ Result<void> CheckBox(const CellBox& box, const MergeGrid& grid) {
                                     " a side: merge fewer agents or coarser");
 }
 
-// A row of a tile within `box`, eight cells at a time.
+// Copies one row of a tile within `part`, eight cells at a time.
 void CopyRow(const Tile& tile, const CellBox& part, std::int64_t y, Cell* row) {
   for (std::int64_t x = part.first_x; x <= part.last_x;) {
     const TileCell at(x, y);
@@ -101,7 +101,7 @@ std::vector<PlacedMap> WinnersOf(const std::vector<const Tile*>& tiles) {
   return maps;
 }
 
-// Of each of a tile's winners: slot and level.
+// (slot, level) of each block in Tile::blocks.
 using Winners = std::vector<std::pair<std::uint32_t, std::uint8_t>>;
 
 Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {
@@ -119,7 +119,7 @@ Winners SlotsOf(const Tile& tile, const std::vector<PlacedMap>& maps) {
   return winners;
 }
 
-// Tiles reach beyond the box: maps that win a cell there alone leave the table.
+// Removes maps that win no cell in the box. Tiles extend beyond the box, so some maps may win cells only outside it.
 void DropLosers(MergeResult& result) {
   std::vector<bool> has_won(result.maps.size());
   for (const std::uint32_t slot : result.slots) {
@@ -160,7 +160,7 @@ Merger::Merger(const MergeGrid& grid, std::shared_ptr<GatherBackend> backend)
 Merger::~Merger() = default;
 
 void Merger::Retire(Thing thing) {
-  if (added_.erase(thing.get()) > 0) return;  // No tile knows it.
+  if (added_.erase(thing.get()) > 0) return;  // No tile refers to it yet.
   thing->is_retired = true;
   retired_.push_back(std::move(thing));
 }
@@ -228,7 +228,7 @@ std::vector<Error> Merger::Assign(std::span<const PlacedMap> maps, std::span<con
   }
   for (const NodeKey& node : gone_footprints) WithdrawFootprint(node);
 
-  // What cannot be placed where it belongs now is nowhere.
+  // An item that cannot be placed at its new pose is withdrawn.
   std::vector<Error> refused;
   for (const auto& [key, placed] : wanted_maps) {
     const Result<void> put = Put(*placed);
@@ -279,8 +279,8 @@ Result<MergeSummary> Merger::Merge(const StopPredicate& stop) {
   return summary;
 }
 
-// What is gained by looking which tiles a change can matter in is lost when most of them are looked at again and again.
-// (A look at a tile costs about a sixteenth of gathering it.)
+// Returns true if a full gather is cheaper than finding the affected tiles. With many changes, the same tile would be
+// examined again and again. Examining a tile costs about 1/16 of gathering it.
 bool Merger::IsMostlyNew() const {
   const std::size_t changes = added_.size() + retired_.size();
   if (changes > 8 && changes > (maps_.size() + footprints_.size()) / 2) return true;
@@ -322,12 +322,12 @@ void Merger::UpdateOrder() {
 void Merger::MarkDirty() {
   for (const Thing& thing : retired_) MarkWins(*thing);
   for (const PlacedThing* thing : added_) {
-    if (dirty_.size() > kPagesMax) return;  // Too many, whatever comes.
+    if (dirty_.size() > kPagesMax) return;  // The limit is already exceeded; more pages cannot help.
     MarkGains(*thing);
   }
 }
 
-// But for those that a tile still points to.
+// Frees the buried objects, except those that a tile still refers to.
 void Merger::FreeBuried() {
   std::unordered_set<const PlacedThing*> named;
   for (const auto& [key, page] : pages_) {
@@ -339,13 +339,13 @@ void Merger::FreeBuried() {
   std::erase_if(buried_, [&named](const Thing& thing) { return !named.contains(thing.get()); });
 }
 
-// Pages in which something was known once.
+// Drops pages that have no known cell any more.
 void Merger::ForgetEmptyPages() {
   std::erase_if(pages_, [](const auto& entry) { return !HasTile(*entry.second); });
   ++forgotten_;
 }
 
-// Tiles in which what is retired won a cell.
+// Marks the tiles in which `retired` won a cell.
 void Merger::MarkWins(const PlacedThing& retired) {
   ForEachTile(retired.extent, [&](const PageKey& key, std::size_t index, const CellBox&) {
     const Page* page = FindPage(key);
@@ -356,7 +356,7 @@ void Merger::MarkWins(const PlacedThing& retired) {
   });
 }
 
-// Tiles in which what is added wins a cell.
+// Marks the tiles in which `added` would win a cell.
 void Merger::MarkGains(const PlacedThing& added) {
   for (const PlacedBlock& block : added.blocks) {
     ForEachTile(block.rectangle.box, [&](const PageKey& key, std::size_t index, const CellBox& box) {
@@ -375,7 +375,7 @@ void Merger::MarkEverything() {
     if (HasTile(*page)) dirty_[key] = UINT16_MAX;
   }
   for (const OrderedBlock& ordered : order_) {
-    if (dirty_.size() > kPagesMax) return;  // Too many, whatever comes.
+    if (dirty_.size() > kPagesMax) return;  // The limit is already exceeded; more pages cannot help.
     const CellBox& box = ordered.box;
     const PageKey first = PageAt(box.first_x, box.first_y);
     const PageKey last = PageAt(box.last_x, box.last_y);
@@ -392,7 +392,8 @@ Page* Merger::FindPage(const PageKey& key) const {
   return found == pages_.end() ? nullptr : found->second.get();
 }
 
-// Neighbouring pages next to each other: backends look at their surroundings together.
+// Returns one work item per dirty page. Neighbouring pages are adjacent, because backends share the block list of a
+// region of pages.
 Result<std::vector<GatherWork>> Merger::MakeWorks() {
   const auto is_new = [this](const auto& dirty) { return !pages_.contains(dirty.first); };
   const auto count_pages = [&] {
@@ -429,7 +430,7 @@ void Merger::NoteChanges(std::span<const GatherWork> works, MergeSummary& summar
   }
 }
 
-// Calls visit(key, index, tile) for those in the box that are there.
+// Calls visit(tile, part of `box` in the tile) for each existing tile that touches `box`.
 template <typename Visit>
 void Merger::VisitTiles(const CellBox& box, Visit visit) const {
   ForEachTile(box, [&](const PageKey& key, std::size_t index, const CellBox& tile_box) {

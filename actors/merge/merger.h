@@ -1,12 +1,12 @@
-// Merger: keeps one merged map of three values up to date (paper, Section 5), and knows for each cell where its value
-// came from.
+// Merger: maintains a merged occupancy grid with the values unknown, free and hazard (paper, Section 5), and the source
+// of each cell's value.
 //
-// Put, move and withdraw maps and footprints in any order, as often as liked; Merge() then gathers again the tiles in
-// which that can make a difference, or all of them if most has changed. The result depends on what is put in alone,
-// never on the order, on what was merged before, or on the backend: the same bytes for value and provenance.
+// Maps and footprints may be put, moved and withdrawn in any order. Merge() then gathers the affected tiles, or all
+// tiles if most of the input has changed. The result depends only on the current maps and footprints. It does not
+// depend on their order, on earlier merges or on the backend: values and provenance are identical byte for byte.
 //
-// The world is unbounded: only tiles with a known cell, and pages that had one, take memory, and cells are counted in
-// int64. All state is here; the backend's can be lost at any time. LocalMaps are shared by all mergers that hold them.
+// The map is unbounded: only tiles with a known cell, and pages that once had one, take memory. Cell coordinates are
+// int64. All state is in this class; a backend can be lost at any time. Mergers share LocalMaps.
 //
 //   Merger merger(grid, *CreateGatherBackend(MergeBackend::kAuto));
 //   merger.Put({local_map, map_from_node});
@@ -14,8 +14,8 @@
 //   merger.Merge({});
 //   const MergedMap map = *merger.ReadCells(merger.extent());
 //
-// Used by one thread at a time. Reads show the last successful Merge(): what was put since then is not in them yet, and
-// after a failed one they may be partly old.
+// Used by one thread at a time. Reads show the state of the last successful Merge(). After a failed Merge() some tiles
+// may be newer than others.
 #pragma once
 
 #include <cstdint>
@@ -36,106 +36,109 @@
 
 namespace moondb {
 
-// Levels are layers of the winning map, 0 the finest.
+// Level of a cell that a footprint won. Other levels are layers of the winning map; 0 is the finest.
 inline constexpr std::uint8_t kFootprintLevel = 255;
 
-// For no map.
+// Slot of a cell that no map won.
 inline constexpr std::uint32_t kNoSlot = UINT32_MAX;
 
-// A thousand million cells, 2.5 GB.
+// Maximum number of pages: about 10^9 cells, 2.5 GB.
 inline constexpr std::size_t kPagesMax = 16384;
 
-// A region with its provenance.
+// A region of the merged map with its provenance.
 struct MergeResult {
   MergedMap merged;
-  // Row by row like merged.grid.cells. An unknown cell has kNoSlot and level 0, a footprint kNoSlot and
-  // kFootprintLevel; others name `maps`.
+  // In the order of merged.grid.cells. A slot is an index in `maps`. An unknown cell has kNoSlot and level 0; a
+  // footprint has kNoSlot and kFootprintLevel.
   std::vector<std::uint32_t> slots;
   std::vector<std::uint8_t> levels;
-  std::vector<PlacedMap> maps;  // Those that win a cell here, by record key, at the poses that were used.
+  // Maps that win a cell in this region, sorted by record key, at the poses that were used.
+  std::vector<PlacedMap> maps;
 
-  bool operator==(const MergeResult& other) const;  // Maps by their keys.
+  bool operator==(const MergeResult& other) const;  // Compares maps by their keys.
 };
 
-// What one map or footprint says of a cell.
+// The value that one map or footprint has for a cell.
 struct Observation {
-  PlacedMap placed;  // No map: a footprint.
-  NodeKey node;      // Of the map or footprint.
+  PlacedMap placed;  // Has no map if the observation is a footprint.
+  NodeKey node;      // Node of the map or footprint.
   std::uint8_t level = kFootprintLevel;
   std::uint32_t resolution_um = 0;
   Cell cell = Cell::kUnknown;
 };
 
-// A map and the cells that it gives their values.
+// A map and the number of cells whose value comes from it.
 struct MapWins {
   PlacedMap placed;
-  std::uint64_t cells = 0;  // May be 0.
+  std::uint64_t cells = 0;  // Number of cells that the map wins; may be 0.
 };
 
 struct TileKey {
   PageKey page;
-  std::uint8_t tile = 0;  // Row after row, 4 a row.
+  std::uint8_t tile = 0;  // Index in the page, row by row, 4 tiles per row.
   auto operator<=>(const TileKey&) const = default;
 };
 
 struct MergeSummary {
   std::uint64_t version = 0;
   std::size_t gathered_tiles = 0;
-  std::size_t changed_tiles = 0;  // Gathered tiles with another value somewhere.
-  bool is_full = false;           // Most had changed: everything was gathered.
+  std::size_t changed_tiles = 0;  // Number of gathered tiles in which a value changed.
+  bool is_full = false;           // True if all tiles were gathered, because most of the input had changed.
 };
 
 class Merger {
  public:
-  // `grid` is checked (CheckGrid); the backend may serve other mergers too.
+  // Requires: `grid` passes CheckGrid. Several mergers may share the backend.
   Merger(const MergeGrid& grid, std::shared_ptr<GatherBackend> backend);
   ~Merger();
 
-  // A map that is new or elsewhere now; a key stands for one map. Errors as in PlaceMap; nothing changes then.
+  // Adds a map, or moves the map with the same key. A key always identifies the same map. Errors are those of PlaceMap;
+  // on an error nothing changes.
   Result<void> Put(const PlacedMap& placed);
 
-  // False if there is none of that key.
+  // Returns false if no map has this key.
   bool Withdraw(const RecordKey& key);
 
-  // The ground under a rover at a node is free; errors as in Put.
+  // Marks the cells under a rover's body at a node as free. Errors as in Put.
   Result<void> PutFootprint(const Footprint& footprint);
   bool WithdrawFootprint(const NodeKey& node);
 
-  // Exactly these from now on: puts what is new or elsewhere, withdraws what is missing. Of several of one key or node
-  // the first counts. Returns why some were left out, as in Put.
+  // Replaces the whole input: puts new and moved items, and withdraws all others. Among duplicates of a key or node the
+  // first is used. Returns an error, as in Put, for each item that was left out.
   std::vector<Error> Assign(std::span<const PlacedMap> maps, std::span<const Footprint> footprints);
 
-  // Brings the tiles up to date. On an error they are partly old, and the next Merge() does the rest. Errors as in
-  // GatherBackend::Gather, and kFull for more than kPagesMax.
+  // Brings the tiles up to date. After an error some tiles are old, and the next Merge() continues. Errors are those of
+  // GatherBackend::Gather, and kFull for more than kPagesMax pages.
   Result<MergeSummary> Merge(const StopPredicate& stop);
 
-  // Of all maps' cells, unknown ones too, and footprints.
+  // Bounding box of all cells of all maps, including unknown ones, and of all footprints.
   const CellBox& extent() const { return extent_; }
-  // How often places where nothing is known any more were forgotten, as there were too many: of those ChangedSince says
-  // nothing.
+  // Counts how often empty pages were dropped to stay within kPagesMax. ChangedSince no longer reports changes in
+  // dropped pages.
   std::uint64_t forgotten() const { return forgotten_; }
-  // Counts the merges that gathered something.
+  // Counts the merges that gathered at least one tile.
   std::uint64_t version() const { return version_; }
   std::size_t map_count() const { return maps_.size(); }
   const MergeGrid& grid() const { return grid_; }
   const GatherBackend& backend() const { return *backend_; }
 
-  // Any box, also where nothing is known. kFull beyond grid.side_cells_max.
+  // Reads any box, including unknown areas. Returns kFull if a side exceeds grid.side_cells_max.
   Result<MergedMap> ReadCells(const CellBox& box) const;
   Result<MergeResult> Read(const CellBox& box) const;
 
-  // Tiles with a value that a merge after `version` changed, sorted; ReadCells(BoxOf(key.page, key.tile)) reads one.
+  // Returns the tiles in which a merge after `version` changed a value, sorted. ReadCells(BoxOf(key.page, key.tile))
+  // reads one.
   std::vector<TileKey> ChangedSince(std::uint64_t version) const;
 
-  // All known observations of a cell, the one that won first.
+  // Returns all known observations of a cell, the winning one first.
   std::vector<Observation> Observe(std::int64_t x, std::int64_t y) const;
 
-  // Of all maps, by record key.
+  // Returns one entry per map, sorted by record key.
   std::vector<MapWins> CountWins() const;
-  // Cells that are free as footprints of an agent's nodes.
+  // Returns the number of cells that are free because of footprints, by agent.
   std::map<AgentId, std::uint64_t> CountFootprintCells() const;
 
-  // In memory, LocalMaps not counted: all of it, and the pages' part.
+  // Memory use in bytes, without LocalMaps. page_bytes() is the part of the pages.
   std::size_t bytes() const;
   std::size_t page_bytes() const;
 
@@ -155,7 +158,7 @@ class Merger {
   bool IsMostlyNew() const;
   Result<std::vector<GatherWork>> MakeWorks();
   void NoteChanges(std::span<const GatherWork> works, MergeSummary& summary);
-  // By what won them.
+  // Counts cells by winning map or footprint.
   std::unordered_map<const PlacedThing*, std::uint64_t> CountCells() const;
   template <typename Visit>
   void VisitTiles(const CellBox& box, Visit visit) const;
@@ -164,13 +167,17 @@ class Merger {
   const std::shared_ptr<GatherBackend> backend_;
   std::map<RecordKey, Thing> maps_;
   std::map<NodeKey, Thing> footprints_;
-  std::unordered_set<PlacedThing*> added_;  // Since the last Merge; in maps_ or footprints_.
-  std::vector<Thing> retired_;              // The same; tiles point to their blocks until they are gathered.
-  std::vector<Thing> buried_;               // Retired, and their tiles are marked; freed when those are gathered.
-  std::vector<OrderedBlock> order_;         // All blocks as of the last Merge.
+  // Added since the last Merge. The objects are owned by maps_ or footprints_.
+  std::unordered_set<PlacedThing*> added_;
+  // Withdrawn since the last Merge. Tiles still point to their blocks until they are gathered.
+  std::vector<Thing> retired_;
+  // Withdrawn, with their tiles already marked dirty. Freed once those tiles are gathered.
+  std::vector<Thing> buried_;
+  std::vector<OrderedBlock> order_;  // All blocks as of the last Merge, sorted by descending key.
   std::unordered_map<PageKey, std::unique_ptr<Page>, PageKeyHash> pages_;
-  std::unordered_map<PageKey, std::uint16_t, PageKeyHash> dirty_;  // Tiles to gather.
-  bool is_everything_due_ = false;                                 // After a merge that was too large.
+  std::unordered_map<PageKey, std::uint16_t, PageKeyHash> dirty_;  // Tiles to gather, one bit each, by page.
+  // True after a merge that exceeded kPagesMax: the next one gathers all tiles.
+  bool is_everything_due_ = false;
   CellBox extent_;
   std::uint64_t version_ = 0;
   std::uint64_t forgotten_ = 0;

@@ -1,6 +1,6 @@
-// OpenTile: a tile that GlGather fills in rounds, and what it takes over from the pixels of one.
+// OpenTile: a tile that GlGather fills in rounds, and functions that copy results from the pixels of a round.
 //
-// Plain values and pure functions, any thread.
+// Value types and pure functions, usable on any thread.
 #pragma once
 
 #include <cstddef>
@@ -14,30 +14,31 @@
 
 namespace moondb {
 
-// A square in a target: a pixel is a row of 8 cells, the lowest row first.
+// Size of a square in the target. A pixel is a row of 8 cells; the lowest row is first.
 inline constexpr std::size_t kSquarePixelsX = 4;
 inline constexpr std::size_t kSquarePixelsY = 2;
 
 struct OpenTile {
   GatherWork* work = nullptr;
-  std::size_t index = 0;  // In its page.
+  std::size_t index = 0;  // Index of the tile in its page.
   CellBox box;
-  const std::vector<OrderedBlock>* list = nullptr;  // Of its page.
-  std::size_t next = 0;                             // In the list.
-  std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells.
-  std::unique_ptr<Tile> tile;                       // Null until something may be known.
+  const std::vector<OrderedBlock>* list = nullptr;  // Blocks of the tile's page.
+  std::size_t next = 0;                             // Index in `list` of the next block.
+  std::uint64_t open = ~std::uint64_t{0};           // Squares with unknown cells, one bit each.
+  std::unique_ptr<Tile> tile;                       // Null until a block may know a cell.
   bool is_for_cpu = false;
-  // Of this round: its squares, which stand in the target one after the other, and what they are asked of.
+  // Squares drawn in the current round, one bit each. They are adjacent in the target, starting at first_place.
   std::uint64_t squares = 0;
   std::size_t first_place = 0;
-  std::size_t first_block = 0;  // Of the tile's.
+  std::size_t first_block = 0;  // Index in tile->blocks of the first block of the current round.
 };
 
-// Takes over what a round drew of the tile's squares. In a target of rows of `columns` squares, a byte of a pixel is a
-// cell, the first cell lowest: its value and, from bit 2 on, which of the round's blocks it is from.
+// Copies the squares that a round has drawn into the tile. `columns`: number of squares in a row of the target. Each
+// byte of a pixel is one cell, the first cell in the lowest byte. The byte holds the cell's value in bits 0 and 1, and
+// the number of the round's winning block from bit 2 on.
 void ReadRound(std::span<const std::uint64_t> pixels, std::size_t columns, OpenTile& open);
 
-// Strikes blocks that were asked and won nothing.
+// Removes blocks that won no cell.
 void DropLosers(Tile& tile);
 
 }  // namespace moondb

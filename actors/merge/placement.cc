@@ -10,7 +10,7 @@
 namespace moondb {
 namespace {
 
-// Far less than where int64 ends, far more than a page's number can say.
+// Far below the limit of int64 and far beyond the largest page number.
 constexpr double kFarthestCells = 1e15;
 
 bool IsFinite(const Pose& pose) { return pose.position_m.allFinite() && pose.orientation.coeffs().allFinite(); }
@@ -46,7 +46,7 @@ bool StandsAbove(const PlacedBlock& a, const PlacedBlock& b) {
   if (a.resolution_um != b.resolution_um) return a.resolution_um < b.resolution_um;
   if (a.is_footprint()) return a.owner->node < b.owner->node;
   if (a.timestamp_ns != b.timestamp_ns) return a.timestamp_ns > b.timestamp_ns;
-  // A record key begins with its agent.
+  // A record key starts with its agent, so this also orders by agent id.
   const RecordKey& key_a = a.owner->placed.map->key;
   const RecordKey& key_b = b.owner->placed.map->key;
   if (key_a != key_b) return key_a > key_b;

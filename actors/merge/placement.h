@@ -1,12 +1,12 @@
-// Where maps and footprints lie on the merged map's grid, and which observation stands above which.
+// Placement of maps and footprints on the merged map's grid, and the priority of observations.
 //
-// The policy is a total order (paper, Eq. (1) and its two bullets, Section 5.1). Each known observation of a cell has
-// a key: finer resolution, then newer stamp, then larger agent id, then larger record key, then the map's earlier
-// layer. The merged cell takes the value of the largest key; unknown has no key; the rover's footprint at each known
-// pose is free and stands above everything. A maximum needs no order of arrival: late maps and maps that arrive twice
-// lead to the same grid. Nearest sampling only: classes are never interpolated.
+// The policy is a total order (paper, Eq. (1) and its two bullets, Section 5.1). Each known observation of a cell has a
+// key: finer resolution, then newer timestamp, then larger agent id, then larger record key, then the map's earlier
+// layer. The merged cell takes the value of the largest key. Unknown has no key. The rover's footprint at each known
+// pose is free and overrides all maps. A maximum does not depend on the order of arrival: late maps and duplicate maps
+// lead to the same grid. Sampling is nearest-neighbour: classes are never interpolated.
 //
-// Plain values and pure functions, any thread.
+// Value types and pure functions, usable on any thread.
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@
 
 namespace moondb {
 
-// A map and where it is laid.
+// A map and its pose.
 struct PlacedMap {
   std::shared_ptr<const LocalMap> map;
   Pose map_from_node;
@@ -36,36 +36,36 @@ struct Footprint {
 
 struct PlacedThing;
 
-// A rectangle of observations: a block of a layer, or a footprint (no `cells`: all of it is free).
+// A rectangle of observations: a block of a layer, or a footprint (without `cells`, all free).
 struct PlacedBlock {
   PlacedRectangle rectangle;
   const PackedBlock* cells = nullptr;
   const PlacedThing* owner = nullptr;
-  std::uint32_t resolution_um = 0;  // 0 for a footprint.
+  std::uint32_t resolution_um = 0;  // Cell size of the layer; 0 for a footprint.
   std::int64_t timestamp_ns = 0;
-  std::uint32_t rank = 0;  // Its place in the order of all that are merged, the greatest key first.
+  std::uint32_t rank = 0;  // Position in the order of all merged blocks, which starts with the greatest key.
 
   bool is_footprint() const { return cells == nullptr; }
 };
 
-// A map or a footprint with its blocks. Does not move while blocks point to it.
+// A map or footprint and its blocks. Must not move in memory, because blocks point to it.
 struct PlacedThing {
-  PlacedMap placed;  // No map: a footprint.
-  NodeKey node;      // Of a footprint.
+  PlacedMap placed;  // Has no map if this is a footprint.
+  NodeKey node;      // Node of the footprint; not set for a map.
   std::vector<PlacedBlock> blocks;
-  CellBox extent;           // Of all its cells, unknown ones too.
-  bool is_retired = false;  // Used by Merger.
+  CellBox extent;           // Bounding box of all cells, including unknown ones.
+  bool is_retired = false;  // Set by Merger when the map or footprint is withdrawn.
 };
 
-// The greater key first; equal only for two that are the same. Footprints come before all maps.
+// Returns true if `a` has the greater key. Strict order. Footprints rank above all maps.
 bool StandsAbove(const PlacedBlock& a, const PlacedBlock& b);
 
-// kInvalid: with field "map_from_node" for a pose that is not finite, or so far out that its page has no number; with
-// field "layers" for a map of more than side_cells_max cells of the merged map.
+// Returns kInvalid with field "map_from_node" if the pose is not finite or is too far away for a page number. Returns
+// kInvalid with field "layers" if the map exceeds side_cells_max cells of the merged map on a side.
 Result<std::unique_ptr<PlacedThing>> PlaceMap(const PlacedMap& placed, const MergeGrid& grid);
 Result<std::unique_ptr<PlacedThing>> PlaceFootprint(const Footprint& footprint, const MergeGrid& grid);
 
-// What a block or footprint says of a cell of the grid.
+// Returns the value of the block or footprint at a cell of the grid.
 Cell CellUnder(const PlacedBlock& block, std::int64_t x, std::int64_t y);
 
 bool AreSamePose(const Pose& a, const Pose& b);

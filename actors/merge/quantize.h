@@ -1,18 +1,19 @@
-// Integer placement: where a rotated rectangle of cells lies on the merged map's grid (paper, Section 5.1).
+// Integer placement of a rotated rectangle of cells on the merged map's grid (paper, Section 5.1).
 //
-// A grid cell (X, Y) is asked by its centre. For a rectangle of n x m cells of its own, its coordinates there are
+// A grid cell (X, Y) is sampled at its centre. The coordinates of this centre in a rectangle of n x m cells are
 //
 //   u(X, Y) = u0 + (X - anchor_x) * step_cos + (Y - anchor_y) * step_sin
 //   v(X, Y) = v0 - (X - anchor_x) * step_sin + (Y - anchor_y) * step_cos
 //
-// in Q10.22 of the rectangle's cells, from its lower left corner. The cell counts if u lies in the half-open
-// [0, width_q) and v in [0, height_q); then the rectangle's column is u >> 22 and its row v >> 22. The doubles end
-// here: they are rounded once, anchored at the grid cell under the rectangle's centre, and whatever merges afterwards
-// adds the same integers, so that every backend and every agent gets the same bytes, 1,000 km from the origin too.
-// Rotations come from the stored quaternion without trigonometry, and the .cc is compiled with -ffp-contract=off:
-// libm and fused multiply-add differ between machines.
+// in units of the rectangle's cells, Q10.22, from its lower left corner. The cell is inside if u is in the half-open
+// interval [0, width_q) and v in [0, height_q). The rectangle's column is then u >> 22 and its row v >> 22.
 //
-// Pure functions, any thread.
+// Floating point ends here. The doubles are rounded once, relative to the grid cell under the rectangle's centre, and
+// all later merging adds the same integers. Every backend and every agent therefore gets the same bytes, even 1,000 km
+// from the origin. Rotations come from the stored quaternion without trigonometry, and the .cc file is compiled with
+// -ffp-contract=off, because libm and fused multiply-add differ between machines.
+//
+// Pure functions, usable on any thread.
 #pragma once
 
 #include <cstdint>
@@ -23,13 +24,13 @@ namespace moondb {
 
 inline constexpr int kFractionBits = 22;
 
-// A larger block would leave Q10.22. Modulo 1024 cells it leaves 512 spare for what is asked beside the rectangle.
+// Larger blocks would overflow Q10.22. Modulo 1024 cells, 512 remain for cells that are sampled outside the rectangle.
 inline constexpr std::int32_t kBlockSideCellsMax = 512;
 
-// Of the grid's cell over the rectangle's: for the same reason.
+// Maximum ratio of the grid's cell size to the rectangle's; larger ratios would overflow Q10.22.
 inline constexpr std::uint32_t kStepCellsMax = 256;
 
-// Cells first to last, both included; empty where last < first.
+// Box of cells, first and last inclusive. Empty if last < first.
 struct CellBox {
   std::int64_t first_x = 0;
   std::int64_t first_y = 0;
@@ -56,11 +57,11 @@ struct PlacedRectangle {
   std::int32_t step_sin = 0;
   std::uint32_t width_q = 0;
   std::uint32_t height_q = 0;
-  CellBox box;  // No cell outside it counts.
+  CellBox box;  // Contains all grid cells inside the rectangle.
   bool operator==(const PlacedRectangle&) const = default;
 };
 
-// A pose seen from above. The heading is that of the body's x axis; one that points straight up or down has heading 0.
+// A pose projected to the horizontal plane. The heading is that of the body's x axis; 0 if that axis is vertical.
 struct PlanarPose {
   double x_m = 0;
   double y_m = 0;
@@ -70,11 +71,12 @@ struct PlanarPose {
 
 PlanarPose ToPlanar(const Pose& map_from_body);
 
-// Of map_from_node * node_from_map, composed in space and then seen from above.
+// Projects map_from_node * node_from_map, after composing the two poses in space.
 PlanarPose ToPlanar(const Pose& map_from_node, const Pose& node_from_map);
 
-// A rectangle of width x height cells of cell_um, whose centre is (center_x_m, center_y_m) in the frame at `pose`, on
-// a grid of grid_um. At most kBlockSideCellsMax cells a side, and grid_um at most kStepCellsMax * cell_um (Check).
+// Places a rectangle of width x height cells of size cell_um on a grid of cell size grid_um. Its centre is (center_x_m,
+// center_y_m) in the frame `pose`. Requires (enforced by Check): at most kBlockSideCellsMax cells per side, and grid_um
+// at most kStepCellsMax * cell_um.
 PlacedRectangle Quantize(const PlanarPose& pose, double center_x_m, double center_y_m, double width_cells,
                          double height_cells, std::uint32_t cell_um, std::uint32_t grid_um);
 

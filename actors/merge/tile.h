@@ -1,10 +1,11 @@
-// The merged map in memory: sparse pages of 256 x 256 cells, each of 16 tiles of 64 x 64, each of 64 squares of 8 x 8.
+// The merged map in memory: sparse pages of 256 x 256 cells. A page has 16 tiles of 64 x 64 cells, and a tile 64
+// squares of 8 x 8 cells.
 //
-// A square is 64 bits of "known" and 64 bits of "hazard", row after row from the lowest y, and 64 numbers of winners;
-// a square is what one step of a merge answers at once. A winner's number counts in its tile's own list, so that 16
-// bits suffice however many maps meet, and everything about a tile is found in the tile.
+// A square has 64 bits of "known", 64 bits of "hazard" (row by row from the lowest y) and 64 winner numbers. One step
+// of a merge processes one square. A winner number is an index in its tile's own list of blocks, so 16 bits are enough
+// for any number of maps and a tile is self-contained.
 //
-// Plain values.
+// Value types.
 #pragma once
 
 #include <array>
@@ -31,7 +32,7 @@ inline constexpr std::size_t kTilesInPage = 16;
 inline constexpr std::size_t kSquaresInTile = 64;
 inline constexpr std::size_t kCellsInTile = 4096;
 
-// The page holds the cells (x, y) with x >> 8 and y >> 8 equal to these.
+// The page contains the cells (x, y) with x >> 8 and y >> 8 equal to these numbers.
 struct PageKey {
   std::int32_t x = 0;
   std::int32_t y = 0;
@@ -47,31 +48,32 @@ struct PageKeyHash {
 };
 
 struct Tile {
-  // Per square; a bit a cell.
+  // For each square, one bit per cell.
   std::array<std::uint64_t, kSquaresInTile> known;
   std::array<std::uint64_t, kSquaresInTile> hazard;
-  // Per square: the lowest in rank of those that won a cell there. Without meaning where nothing is known.
+  // For each square: the winner with the lowest priority. Undefined if no cell is known.
   std::array<std::uint16_t, kSquaresInTile> weakest;
-  // Square after square; without meaning where the cell is unknown.
+  // Index in `blocks` of each cell's winner, square by square. Undefined for an unknown cell.
   std::array<std::uint16_t, kCellsInTile> winners;
-  std::vector<const PlacedBlock*> blocks;  // What a winner's number means; each won at least one cell.
+  std::vector<const PlacedBlock*> blocks;  // The tile's winners; each won at least one cell.
 
   Cell At(std::size_t square, std::size_t cell) const {
     if ((known[square] >> cell & 1) == 0) return Cell::kUnknown;
     return (hazard[square] >> cell & 1) != 0 ? Cell::kHazard : Cell::kFree;
   }
-  // Null where the cell is unknown.
+  // Null if the cell is unknown.
   const PlacedBlock* WinnerAt(std::size_t square, std::size_t cell) const {
     return (known[square] >> cell & 1) == 0 ? nullptr : blocks[winners[square * 64 + cell]];
   }
 };
 
 struct Page {
-  std::array<std::unique_ptr<Tile>, kTilesInPage> tiles;  // Row after row; null where nothing is known.
-  std::array<std::uint64_t, kTilesInPage> versions{};     // The merge that last changed a value; 0: none did.
+  std::array<std::unique_ptr<Tile>, kTilesInPage> tiles;  // Tiles row by row; null for a tile without a known cell.
+  // Version of the merge that last changed a value in each tile; 0 if none did.
+  std::array<std::uint64_t, kTilesInPage> versions{};
 };
 
-// The box of a page or, with `tile`, of one of its tiles.
+// Returns the box of a page or, with `tile`, of one of its tiles.
 inline CellBox BoxOf(const PageKey& key) {
   const std::int64_t x = std::int64_t{key.x} * kPageSideCells;
   const std::int64_t y = std::int64_t{key.y} * kPageSideCells;

@@ -15,18 +15,19 @@ namespace moondb {
 
 namespace {
 
-constexpr double kDriftPart = 0.02;  // Of the typical range: what bodies bend, since odometry is not exact.
+// Fraction of the typical range added to each range's sigma, because drifting odometry bends the bodies.
+constexpr double kDriftPart = 0.02;
 constexpr double kCauchySigmas = 2;
-constexpr double kSamePlacePart = 0.05;  // Of the typical range.
+constexpr double kSamePlacePart = 0.05;  // Two places count as the same within this fraction of the typical range.
 constexpr int kIterationsMax = 60;
-constexpr std::size_t kManyBodies = 20;  // From here on their matrix is sparse and large.
+constexpr std::size_t kManyBodies = 20;  // Above this number of bodies the normal matrix is large and sparse.
 constexpr int kStartsMin = 4;
 constexpr std::size_t kRangesOfBodyMin = 10;
 
-// The k-th of a sequence that fills 0 to 1 evenly; `dimension` chooses one of several that do not move together.
+// Returns element k of a low-discrepancy sequence in [0, 1). Each `dimension` has its own, uncorrelated sequence.
 double Spread(int k, int dimension) {
-  // Powers of the inverse of the generalised golden ratio (Roberts, 2018).
-  constexpr double kBase = 1.0 / 1.1347241384015194;  // Of five dimensions.
+  // The steps are powers of the inverse of the generalised golden ratio (Roberts, 2018).
+  constexpr double kBase = 1.0 / 1.1347241384015194;  // Generalised golden ratio of five dimensions.
   return std::fmod(0.5 + std::pow(kBase, dimension % 5 + 1) * (k + 1) + 0.37 * (dimension / 5) * (k + 1), 1.0);
 }
 
@@ -65,7 +66,7 @@ class Arranger {
   }
 
  private:
-  using Frames = std::map<std::size_t, PoseBlock>;  // map_from_body, by the body's head.
+  using Frames = std::map<std::size_t, PoseBlock>;  // map_from_body, keyed by the body's head.
 
   bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
   bool IsBody(std::size_t node) const { return !placed_[node]; }
@@ -98,7 +99,7 @@ class Arranger {
   }
 
   void ChooseForEachBody(const std::vector<const PlainRange*>& joining, std::vector<bool>& is_chosen) const {
-    std::map<std::size_t, std::vector<std::size_t>> ranges_of;  // By the body's head: places in `joining`.
+    std::map<std::size_t, std::vector<std::size_t>> ranges_of;  // Indices in `joining`, keyed by the body's head.
     std::map<std::size_t, std::size_t> chosen_of;
     for (std::size_t i = 0; i < joining.size(); ++i) {
       for (const std::size_t node : {joining[i]->from, joining[i]->to}) {
@@ -114,7 +115,8 @@ class Arranger {
     }
   }
 
-  // Bodies in the order in which ranges reach them from what is placed; each with the range that it is hung on.
+  // Orders the bodies as ranges reach them from the placed nodes. Each entry holds a body and the range used to place
+  // it.
   void OrderBodies() {
     std::map<std::size_t, bool> is_set;
     const auto is_standing = [&](std::size_t node) { return placed_[node] || is_set.contains(heads_[node]); };
@@ -146,7 +148,7 @@ class Arranger {
     }
   }
 
-  // A placed node's frame is the map itself.
+  // Position in the node's body frame; for a placed node, in the map frame.
   Eigen::Vector3d InFrame(std::size_t node) const { return FromBlock(state_[node]).position_m; }
 
   Eigen::Vector3d InMap(std::size_t node, const Frames& frames) const {
@@ -157,7 +159,7 @@ class Arranger {
   Eigen::Quaterniond Turn(int start, int dimension) const {
     const double yaw = 2 * M_PI * Spread(start, dimension);
     if (options_.freedom != BodyFreedom::kSpatial) return Pose::FromPlanar(0, 0, yaw).orientation;
-    // Shoemake's uniform rotations.
+    // Shoemake's method for uniformly distributed rotations.
     const double u = Spread(start, dimension + 1);
     const double angle = 2 * M_PI * Spread(start, dimension + 2);
     return Eigen::Quaterniond(std::sqrt(u) * std::cos(angle), std::sqrt(1 - u) * std::sin(yaw),
@@ -201,7 +203,7 @@ class Arranger {
     problem.AddParameterBlock(&no_bias, 1);
     problem.SetParameterBlockConstant(&no_bias);
     for (auto& [body, frame] : frames) {
-      // A point that is seen by no pose is a body by itself; a body's head is a pose where it has one.
+      // A landmark that no pose observes is a body of its own. The head of any other body is a pose.
       problem.AddParameterBlock(frame.data(), kPoseSize,
                                 graph_.nodes[body].is_point ? &point_manifold : &body_manifold);
     }
@@ -222,7 +224,8 @@ class Arranger {
     return summary.IsSolutionUsable() ? summary.final_cost : std::nan("");
   }
 
-  // Whether two fits set all ends of ranges down at the same places. Their costs do not say: mirrored ones are equal.
+  // Returns true if two fits put every range end at the same place. Costs cannot decide this: mirrored solutions have
+  // equal costs.
   bool IsSame(const Frames& a, const Frames& b) const {
     for (const PlainRange* range : ranges_) {
       for (const std::size_t node : {range->from, range->to}) {
@@ -258,7 +261,7 @@ class Arranger {
   std::vector<const PlainRange*> ranges_;
   std::vector<std::pair<std::size_t, const PlainRange*>> order_;
   std::vector<std::unique_ptr<ceres::CostFunction>> factors_;
-  double typical_range_m_ = 0;  // The median.
+  double typical_range_m_ = 0;  // Median of the ranges.
 };
 
 }  // namespace

@@ -1,9 +1,10 @@
-// Stage 0: where parts of a graph stand to each other when nothing but ranges joins them.
+// Stage 0: finds the relative poses of parts of a graph that only ranges join.
 //
-// Each part is a rigid body whose nodes stand to each other as their own steps say, so that a handful of unknowns is
-// left; ranges have many local minima in them, so the bodies are set down in many ways (each on the circle of its first
-// range about what stands already, turned evenly) and fitted. Full graphs from such starts end wrong mostly, and right
-// mostly when the bodies were arranged before.
+// Each part is a rigid body whose internal poses follow from its own odometry, so only a handful of unknowns remain.
+// Ranges give this small problem many local minima. The search therefore places the bodies in many ways and fits each
+// one. A body is placed on the circle around an already placed body given by its first range, in evenly spread
+// orientations. Solves of full graphs mostly end in a wrong minimum without this arrangement and mostly in the right
+// one with it.
 #pragma once
 
 #include <functional>
@@ -16,25 +17,26 @@
 namespace moondb {
 
 struct Arrangement {
-  double cost = 0;  // Robust, for comparing only.
+  double cost = 0;  // Robust cost; only for comparing arrangements.
   PlainState state;
-  std::map<std::size_t, Pose> map_from_body;  // By the body's head; bodies that no range joins are missing.
+  std::map<std::size_t, Pose> map_from_body;  // Keyed by the body's head. Bodies that no range joins are missing.
 };
 
 struct ArrangementOptions {
   BodyFreedom freedom = BodyFreedom::kSpatial;
-  int starts = 40;       // With more than 20 bodies fewer, so that the time stays in bounds.
-  std::size_t kept = 3;  // The best distinct arrangements.
-  // Evenly chosen where there are more; a body that gets less than 10 of its own by that has 10 chosen evenly, too.
+  int starts = 40;       // Number of starts. Reduced for more than 20 bodies, to bound the time.
+  std::size_t kept = 3;  // Number of best distinct arrangements to return.
+  // Maximum number of ranges used, spread evenly over time. A body that would get fewer than 10 gets 10 evenly spread
+  // ones (or all that it has).
   std::size_t ranges_max = 400;
-  bool begins_as_given = false;  // One more start: every body where `state` has it.
-  // Polled at each start and iteration; true ends the search with what was found.
+  bool begins_as_given = false;  // Adds one start that leaves every body where `state` has it.
+  // Polled at each start and each iteration. If it returns true, the search ends with the arrangements found so far.
   std::function<bool()> stop_requested = {};
 };
 
-// `placed` nodes stand where `state` has them; the others form bodies (nodes of one of `heads`), each in a frame of its
-// own in `state`. Gives the best arrangements, best first; at least one. Bodies that no range joins stay as they are.
-// Deterministic: the starts are evenly spread, not drawn.
+// Returns the best arrangements, best first; at least one. `placed` nodes keep their poses in `state`. The other nodes
+// form rigid bodies: all nodes with the same head in `heads`, with poses in `state` relative to a frame of the body.
+// Bodies that no range joins keep their poses. Deterministic: the starts are evenly spread, not random.
 std::vector<Arrangement> ArrangeParts(const StandaloneGraph& graph, const ActiveNodes& active,
                                       const std::vector<bool>& placed, const std::vector<std::size_t>& heads,
                                       const PlainState& state, const ArrangementOptions& options);

@@ -1,9 +1,9 @@
-// BlockMatrix: a symmetric sparse matrix of small dense blocks, one row and column of blocks for each node, of which
-// the lower triangle is stored.
+// BlockMatrix: a symmetric sparse matrix of small dense blocks, with one block row and block column per node. Stores
+// the lower triangle.
 //
-// Nodes follow each other in an approximate minimum degree order of the blocks (Amestoy, Davis and Duff, 1996), so that
-// a Cholesky factorisation in the natural order fills in little. The pattern is found once; values are summed again and
-// again without a search. Plain values.
+// Nodes are ordered by approximate minimum degree (Amestoy, Davis and Duff, 1996), so a Cholesky factorisation in
+// natural order causes little fill-in. The sparsity pattern is computed once. Afterwards values are accumulated in
+// place, without searching. A value type.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,22 +19,25 @@ class BlockMatrix {
  public:
   static constexpr int kBlockSizeMax = 3;
   using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kBlockSizeMax, kBlockSizeMax>;
-  using NodePair = std::pair<std::size_t, std::size_t>;  // Of two nodes that differ.
+  using NodePair = std::pair<std::size_t, std::size_t>;  // Requires: the two nodes differ.
 
-  // `sizes`: unknowns of each node, 0 to 3. `pairs` may repeat, and one of whose nodes has no unknowns has no block.
+  // `sizes`: number of unknowns of each node, 0 to 3. `pairs` may contain duplicates. A pair with a node that has no
+  // unknowns gets no block.
   BlockMatrix(const std::vector<int>& sizes, const std::vector<NodePair>& pairs);
 
   Eigen::Index size() const { return lower_.rows(); }
-  Eigen::Index FirstOf(std::size_t node) const { return first_[node]; }  // Of its unknowns; -1: it has none.
+  // Index of the node's first unknown; -1 if the node has none.
+  Eigen::Index FirstOf(std::size_t node) const { return first_[node]; }
   const Eigen::SparseMatrix<double>& lower() const { return lower_; }
 
   void SetZero();
-  // Of a node without unknowns nothing is added. The block of a pair has the rows of its first node.
+  // Adds to the block of a node or a pair. Does nothing for a node without unknowns. The block of a pair has the rows
+  // of the pair's first node and the columns of its second node.
   void AddToNode(std::size_t node, const Block& block);
   void AddToPair(std::size_t pair, const Block& block);
 
  private:
-  // Where each column of a block begins in the array of values.
+  // Offsets of a block's columns in the array of values.
   using Columns = std::array<Eigen::Index, kBlockSizeMax>;
 
   void OrderNodes(const std::vector<int>& sizes, const std::vector<NodePair>& pairs);
@@ -44,7 +47,8 @@ class BlockMatrix {
   std::vector<Eigen::Index> first_;
   std::vector<Columns> node_columns_;
   std::vector<Columns> pair_columns_;
-  std::vector<bool> is_turned_;  // Pairs whose second node comes later: their block is stored transposed.
+  // True for pairs whose second node has the larger index: their block is stored transposed.
+  std::vector<bool> is_turned_;
   Eigen::SparseMatrix<double> lower_;
 };
 

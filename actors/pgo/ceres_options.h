@@ -1,4 +1,4 @@
-// What all solves with Ceres here have in common.
+// Ceres options that all solves in this folder share.
 #pragma once
 
 #include <ceres/iteration_callback.h>
@@ -9,11 +9,12 @@
 
 namespace moondb {
 
-// Nearly Gauss-Newton, where the start is good; and careful, where it is bare odometry.
+// Initial trust region radii. The bold one gives nearly Gauss-Newton steps, for good initial values. The careful one is
+// for initial values from odometry only.
 inline constexpr double kBoldTrustRegion = 1e16;
 inline constexpr double kCarefulTrustRegion = 1e4;
 
-// Ends a solve when asked to. `stop_requested` must outlive it.
+// Aborts a solve once `stop_requested` returns true. `stop_requested` must outlive this object.
 class StopCallback final : public ceres::IterationCallback {
  public:
   explicit StopCallback(const std::function<bool()>& stop_requested) : stop_requested_(stop_requested) {}
@@ -23,10 +24,10 @@ class StopCallback final : public ceres::IterationCallback {
   const std::function<bool()>& stop_requested_;
 };
 
-// Factors, losses and manifolds stay the caller's.
+// Options of a problem whose factors, losses and manifolds remain owned by the caller.
 ceres::Problem::Options BorrowingProblemOptions();
 
-// Sparse Cholesky, silent, tolerances for shallow valleys.
+// Sparse Cholesky, no log output, and tolerances tight enough for shallow valleys of the cost.
 ceres::Solver::Options LeastSquaresOptions(int thread_count, int iterations_max);
 
 }  // namespace moondb

@@ -16,8 +16,9 @@ using Triplets = std::vector<Eigen::Triplet<double>>;
 
 constexpr int kStands = -1;
 
-// The relaxation falls apart into one least squares problem per row of the rotation matrices, all with the same
-// matrix: node i has `size` unknowns (its rotation's row) and one more (its coordinate); a point has the coordinate.
+// The relaxation separates into one least squares problem per row of the rotation matrices, all with the same
+// coefficient matrix. A pose has `size` unknowns for its rotation row and one for its coordinate; a point has only the
+// coordinate.
 class Relaxation {
  public:
   Relaxation(const StandaloneGraph& graph, const ActiveNodes& active, const std::vector<std::size_t>& heads)
@@ -35,8 +36,8 @@ class Relaxation {
     }
   }
 
-  // False where the matrix has a pivot of exactly zero, so that the minimum is not unique, or where numbers overflow.
-  // Rounding may hide a pivot of zero; what comes out then is finite, and no more than a first guess anyway.
+  // Returns false if the matrix has a pivot of exactly zero (the minimum is not unique) or if numbers overflow.
+  // Rounding may hide a zero pivot. The solution is then still finite, which suffices for initial values.
   bool Solve(PlainState& state) const {
     Eigen::SparseMatrix<double> rows(row_count_, unknown_count_);
     rows.setFromTriplets(entries_.begin(), entries_.end());
@@ -55,8 +56,8 @@ class Relaxation {
   }
 
  private:
-  // The coefficient of unknown `offset` of a node in the row in hand. A head's rotation is the identity, so its row r
-  // of unknowns is the unit vector r: what stands there belongs to the r-th right-hand side.
+  // Adds the coefficient of unknown `offset` of a node to the current row. A head is held at the identity: its unknowns
+  // in problem r are the unit vector r, so its coefficients go to the r-th right-hand side.
   void Add(std::size_t node, int offset, double value) {
     const int first = first_unknown_[node];
     if (first != kStands) {
@@ -119,7 +120,7 @@ class Relaxation {
   Triplets standing_entries_;
 };
 
-// Steps and sightings by the node that they touch: first all steps, then all sightings, by place.
+// Edges at each node: index i < steps.size() is a step, and larger indices are sightings.
 std::vector<std::vector<std::size_t>> FindTouching(const StandaloneGraph& graph) {
   std::vector<std::vector<std::size_t>> touching(graph.nodes.size());
   for (std::size_t i = 0; i < graph.steps.size(); ++i) {

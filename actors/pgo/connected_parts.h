@@ -1,4 +1,4 @@
-// ConnectedParts: which of a set of things edges join, directly or over others (union-find).
+// ConnectedParts: the connected components of a graph with numbered elements (union-find).
 #pragma once
 
 #include <algorithm>
@@ -20,7 +20,7 @@ class ConnectedParts {
     parent_[std::max(head_a, head_b)] = std::min(head_a, head_b);
   }
 
-  // The smallest thing of the part that holds this one.
+  // Returns the smallest element of the component that contains `thing`.
   std::size_t HeadOf(std::size_t thing) {
     while (parent_[thing] != thing) thing = parent_[thing] = parent_[parent_[thing]];
     return thing;

@@ -1,7 +1,8 @@
-// CostTerms: the cost function of one pose graph, and its minimisation by Ceres with some ranges left out.
+// CostTerms: the cost function of one pose graph, and its minimisation by Ceres without rejected ranges. Robust kernels
+// (losses) apply only to ranges.
 //
-// One object serves all stages of a solve: factors are made once, a State holds the numbers they act on.
-// Single-threaded apart from Ceres' own threads.
+// One object serves all stages of a solve: it creates the factors once, and a State holds the values that they
+// evaluate. Single-threaded, except for Ceres's own threads.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -18,57 +19,58 @@
 
 namespace moondb {
 
-// What a solve changes.
+// The variables of a solve.
 struct State {
-  std::vector<PoseBlock> poses;  // Of CheckedGraph::nodes.
-  std::vector<double> numbers;   // Scales of the rovers, then biases of the pairs.
+  std::vector<PoseBlock> poses;  // In the order of CheckedGraph::nodes.
+  std::vector<double> numbers;   // Odometry scales of the rovers, then range biases of the pairs of agents.
 };
 
 enum class Loss { kNone, kHuberOnRanges, kCauchyOnRanges };
 
-// How one of the minimisations of a solve is done.
+// Settings of one minimisation within a solve.
 struct Stage {
   Loss loss = Loss::kNone;
-  bool is_near = false;               // Begins near the minimum, so that it may step boldly.
-  bool is_rough = false;              // Need not end exactly at the minimum: only the ranges are judged by it.
-  std::vector<bool> is_trusted = {};  // Ranges that the loss spares; empty: none.
+  bool is_near = false;  // The initial values are close to the minimum: start with a large trust region.
+  // A loose tolerance suffices, because the result is used only to classify the ranges.
+  bool is_rough = false;
+  std::vector<bool> is_trusted = {};  // Ranges to which the loss is not applied. Empty: none.
 };
 
 struct StageResult {
   bool has_converged = false;
   int iterations = 0;
-  std::string text;  // Why not.
+  std::string text;  // Reason for non-convergence.
 };
 
 class CostTerms {
  public:
-  // Only nodes in `is_free` move; terms between others are not there.
+  // Only nodes in `is_free` are variable. Terms between fixed nodes are omitted.
   CostTerms(const CheckedGraph& graph, const std::vector<Rover>& rovers, const std::vector<StartPrior>& starts,
             const AgentFactsMap& agents, const InitialValues& initial, const std::vector<bool>& is_free,
             const SolverOptions& options);
 
   const State& initial() const { return initial_; }
 
-  // Minimises from `state`, in place, over all terms but the ranges whose place in `uses_range` is false.
-  // A first try with Levenberg-Marquardt, a second with dogleg.
+  // Minimises over all terms except the ranges that are false in `uses_range`, and updates `state` in place. Tries
+  // Levenberg-Marquardt first, then dogleg.
   StageResult Minimise(const std::vector<bool>& uses_range, const Stage& stage, State& state) const;
 
-  // A solve from the initial values, to the end.
+  // Stage that starts from the initial values and runs to full tolerance.
   Stage FirstStage(Loss loss) const { return {.loss = loss, .is_near = is_warm_}; }
 
-  // F without any loss, over the same terms.
+  // Cost F without any loss over the terms in use.
   double Cost(const std::vector<bool>& uses_range, const State& state) const;
 
-  // Marginal covariance of each of `nodes` at a minimum over the ranges in `uses_range`: of its position in the frame
-  // `map`, then of its turn in its own frame (the tangent of PoseManifold). Empty where the graph does not determine
-  // them. `nodes` are free.
+  // Returns the marginal covariance of each of `nodes` at a minimum over the ranges in `uses_range`. Rows are the
+  // position in the frame `map`, then the rotation in the node's own frame (the tangent of PoseManifold). Empty if the
+  // graph does not determine the covariances. Requires: `nodes` are free.
   std::vector<Matrix6d> Covariances(const std::vector<bool>& uses_range, const std::vector<std::size_t>& nodes,
                                     State state) const;
 
-  // F over all terms with the Cauchy loss on ranges: compares solutions that accept different ranges.
+  // F over all terms, with the Cauchy loss on ranges. Compares solutions that accept different ranges.
   double RobustCost(const State& state) const;
 
-  // The residual of each range, in sigmas; 0 for one that has no part in this solve.
+  // Returns the residual of each range in sigmas; 0 for ranges that are not part of this solve.
   std::vector<double> RangeResiduals(const State& state) const;
   bool HasRange(std::size_t range) const { return range_terms_[range] != kNoTerm; }
 
@@ -76,13 +78,13 @@ class CostTerms {
   static constexpr int kNone = -1;
   static constexpr std::size_t kNoTerm = static_cast<std::size_t>(-1);
 
-  // One factor and the blocks that it acts on.
+  // A factor and the parameter blocks that it depends on.
   struct Term {
     std::unique_ptr<ceres::CostFunction> factor;
     int pose_a = kNone;
     int pose_b = kNone;
     int number = kNone;
-    int range = kNone;  // Its place in CheckedGraph::ranges.
+    int range = kNone;  // Index of the range in CheckedGraph::ranges.
   };
 
   void AddOdometry(const std::vector<Rover>& rovers);
@@ -91,7 +93,7 @@ class CostTerms {
   void AddNumber(double value, double sigma);
   bool IsMoving(std::size_t a, std::size_t b) const { return is_free_[a] || is_free_[b]; }
   bool IsUsed(const Term& term, const std::vector<bool>& uses_range) const;
-  // All blocks and terms; `state`, `manifold` and `loss` must outlive `problem`.
+  // Adds all blocks and terms to `problem`. `state`, `manifold` and `loss` must outlive `problem`.
   void Build(const std::vector<bool>& uses_range, const std::vector<bool>& is_trusted, ceres::LossFunction* loss,
              PoseManifold& manifold, State& state, ceres::Problem& problem) const;
   void HoldStanding(State& state, ceres::Problem& problem) const;
@@ -104,10 +106,10 @@ class CostTerms {
   const SolverOptions& options_;
   bool is_warm_;
   std::vector<bool> is_free_;
-  bool is_window_;  // Numbers stand.
+  bool is_window_;  // Scales and biases are held constant.
   State initial_;
   std::vector<Term> terms_;
-  std::vector<std::size_t> range_terms_;  // Positions in terms_, in the order of CheckedGraph::ranges.
+  std::vector<std::size_t> range_terms_;  // Index in terms_ of each of CheckedGraph::ranges.
 };
 
 }  // namespace moondb

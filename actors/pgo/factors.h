@@ -1,14 +1,15 @@
-// Factors: the terms of the pose graph's cost, 1/2 sum |residual|^2 (paper, Section 5.2), with analytic Jacobians.
+// Factors of the pose graph, a factor graph: terms of its cost 1/2 sum |residual|^2 (paper, Section 5.2), with analytic
+// Jacobians.
 //
-// A node is one parameter block of seven numbers: position x y z (m), quaternion x y z w; map_from_node. PoseManifold
-// perturbs it by six: p + dp in the frame `map`, q * exp(dtheta) in the node's own frame.
+// A node is one parameter block of seven numbers, map_from_node: position x y z (m), quaternion x y z w. PoseManifold
+// perturbs it by a six-vector: p + dp in the frame `map`, q * exp(dtheta) in the node's own frame.
 //
 // The Jacobian of a pose block has seven columns: the derivative by (dp, dtheta) in the first six, zeros in the last.
 // PoseManifold::PlusJacobian is the matching [I6; 0], so the product that Ceres forms is the derivative by the
-// perturbation itself. Hence these factors work with PoseManifold only.
+// perturbation itself. Hence these factors work only with PoseManifold and AxesManifold.
 //
-// Every Make function returns an object that the caller (a ceres::Problem) owns. Values must be finite and sigmas
-// positive: GraphCheck has seen to it.
+// Each Make function returns an object owned by the caller. Requires: values are finite and sigmas positive. GraphCheck
+// ensures this.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -43,14 +44,16 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-// How a pose may turn: about z only where gravity has levelled it, in the plane without leaving it.
+// Rotations that a body may perform. kPlanar: about z, and it also moves only in the plane. kUpright: about z only,
+// because gravity has levelled it. kSpatial: any.
 enum class BodyFreedom { kPlanar, kUpright, kSpatial };
 
-// The axes in which it may change, for AxesManifold; a point does not turn.
+// Returns the tangent axes, for AxesManifold, along which a pose or point may change. A point does not rotate.
 std::vector<int> AxesOf(BodyFreedom freedom, bool is_point);
 
-// A pose of which some directions only may change: the axes 0 to 5 of PoseManifold's tangent, in rising order. {0, 1,
-// 5} is a pose in the plane, {0, 1, 2} a point. Jacobians are read as PoseManifold's.
+// Manifold of a pose that may change only along some axes. `axes` are indices 0 to 5 of PoseManifold's tangent, in
+// ascending order: {0, 1, 5} is a pose in the plane, {0, 1, 2} a point. Factors supply the same Jacobians as for
+// PoseManifold.
 class AxesManifold final : public ceres::Manifold {
  public:
   explicit AxesManifold(std::vector<int> axes) : axes_(std::move(axes)) {}
@@ -66,28 +69,32 @@ class AxesManifold final : public ceres::Manifold {
   std::vector<int> axes_;
 };
 
-// One step of odometry. Blocks: pose i, pose j, scale s. Six residuals:
-//   W [ R_i^T (p_j - p_i) - (1 + s) t ;  2 vec(dq) ],   dq = q_measured^-1 q_i^-1 q_j with w >= 0,   W^T W =
-//   covariance^-1.
-// s is the rover's own odometry scale error: wheels and visual-inertial odometry are wrong by a constant factor.
+// One odometry step. Blocks: pose i, pose j, scale s. Six residuals:
+//
+//   W [ R_i^T (p_j - p_i) - (1 + s) t ;  2 vec(dq) ]
+//
+// W^T W is covariance^-1. dq is q_measured^-1 q_i^-1 q_j with w >= 0. s is the rover's odometry scale error: wheel and
+// visual-inertial odometry are wrong by a constant factor.
 std::unique_ptr<ceres::CostFunction> MakeOdometryFactor(const Pose& from_from_to, const Matrix6d& covariance);
 
 // One range. Blocks: pose a, pose b, bias. One residual:
 //   (|p_a + R_a l_a - p_b - R_b l_b| + bias - range) / sigma
-// with the antennas l in the bodies' frames. At zero distance the direction is undefined and counts as zero.
+// l_a and l_b are the antennas in the body frames. At zero distance the direction is undefined and the Jacobian uses
+// zero.
 std::unique_ptr<ceres::CostFunction> MakeRangeFactor(double range_m, double sigma_m, const Eigen::Vector3d& antenna_a_m,
                                                      const Eigen::Vector3d& antenna_b_m);
 
-// A point as a pose sees it. Blocks: pose, point (its orientation plays no part). Three residuals:
+// One observation of a point from a pose. Blocks: pose, point (its orientation is ignored). Three residuals:
 //   (R^T (l - p) - seen) / sigma
 std::unique_ptr<ceres::CostFunction> MakeSightingFactor(const Eigen::Vector3d& from_point_m, double sigma_m);
 
-// Roll and pitch as gravity shows them, yaw free. Block: pose. Two residuals: x and y of
-//   (R^T e_z - up) / sigma,   up: the direction of the frame `map`'s z axis, in the body's frame, of unit length.
+// Roll and pitch as measured by gravity; yaw remains free. Block: pose. Two residuals, the x and y components of
+//   (R^T e_z - up) / sigma
+// `up` is the z axis of the frame `map`, expressed in the body frame, of unit length.
 std::unique_ptr<ceres::CostFunction> MakeGravityFactor(const Eigen::Vector3d& up_in_body, double sigma_rad);
 
-// What is known of a node beforehand. Block: pose. Six residuals: (p - p_0) / sigma_m, and of the turn 2 vec(q q_0^-1),
-// in the frame `map`, roll and pitch over sigma_tilt_rad and yaw over sigma_yaw_rad.
+// Prior on a node's pose. Block: pose. Six residuals: (p - p_0) / sigma_m, and the rotation error 2 vec(q q_0^-1) in
+// the frame `map`, with roll and pitch divided by sigma_tilt_rad and yaw by sigma_yaw_rad.
 struct PosePrior {
   Pose map_from_node;
   double sigma_m = 1;
@@ -96,7 +103,7 @@ struct PosePrior {
 };
 std::unique_ptr<ceres::CostFunction> MakePosePriorFactor(const PosePrior& prior);
 
-// A scale or a bias that is about zero. Block: the number. One residual: value / sigma.
+// Zero-mean prior on a scale or bias. Block: the number. One residual: value / sigma.
 std::unique_ptr<ceres::CostFunction> MakeZeroPriorFactor(double sigma);
 
 }  // namespace moondb

@@ -13,7 +13,8 @@ namespace moondb {
 
 namespace {
 
-// A variance beyond these is no sensor's, and beside the others' weights its own leaves no digits to the rest.
+// No sensor has a variance outside these bounds. Such an extreme weight would also cost the other weights their
+// precision.
 constexpr double kVarianceMin = 1e-12;
 constexpr double kVarianceMax = 1e8;
 constexpr const char* kVarianceText = "within 1e-12 and 1e8";
@@ -33,7 +34,7 @@ bool IsUsable(const Pose& pose) {
   return pose.position_m.allFinite() && std::isfinite(length) && length > 0.5 && length < 2;
 }
 
-// Empty where the covariance can be used.
+// Returns the reason why the covariance is unusable; empty if it is usable.
 std::string WhyNot(const Matrix6d& covariance) {
   const double largest = covariance.cwiseAbs().maxCoeff();
   const bool is_symmetric =
@@ -42,7 +43,8 @@ std::string WhyNot(const Matrix6d& covariance) {
   if (!is_symmetric || factorised.info() != Eigen::Success || factorised.matrixLLT().diagonal().minCoeff() <= 0) {
     return "its covariance is not symmetric and positive definite";
   }
-  // What is left of each variance beside those before it; the diagonal itself alone would not see a flat matrix.
+  // The squared diagonal of the Cholesky factor holds each variance conditioned on the preceding ones. The covariance's
+  // own diagonal would not reveal a nearly singular matrix.
   const double smallest = factorised.matrixLLT().diagonal().cwiseAbs2().minCoeff();
   const bool is_usable = smallest >= kVarianceMin && covariance.diagonal().maxCoeff() <= kVarianceMax;
   return is_usable ? "" : std::string("its variances are not ") + kVarianceText;
@@ -61,7 +63,7 @@ CheckedNode ToChecked(const NodeKey& key, Pose raw, const AgentFactsMap& agents)
   return CheckedNode{key, raw, is_fixed};
 }
 
-// Items of equal names differ by their contents, which decide what comes first.
+// Sort key of an item: its name, then its content. The content orders items with equal names.
 std::pair<NodeKey, std::array<double, 7>> OrderOf(const CheckedNode& node) {
   std::array<double, 7> content{};
   Eigen::Map<Eigen::Vector3d>(content.data()) = node.raw.position_m;
@@ -124,7 +126,7 @@ void CheckNodes(const PoseGraph& graph, const AgentFactsMap& agents, CheckedGrap
   });
 }
 
-// Empty where the edge can be used.
+// Returns the reason why the edge is unusable; empty if it is usable.
 std::string WhyNot(const OdometryEdge& edge) {
   if (edge.from.agent != edge.to.agent) return "joins two agents";
   if (edge.from == edge.to) return "joins a node with itself";
@@ -134,7 +136,7 @@ std::string WhyNot(const OdometryEdge& edge) {
 
 std::string WhyNot(const RangeEdge& edge) {
   if (edge.from.agent == edge.to.agent) return "is within one agent";
-  const bool is_distance = edge.range_m >= 0 && edge.range_m <= kRangeMax_m;  // NaN is neither.
+  const bool is_distance = edge.range_m >= 0 && edge.range_m <= kRangeMax_m;  // False for NaN.
   if (!is_distance) return "is not a distance below 1e6 m";
   const bool is_variance = edge.variance_m2 >= kVarianceMin && edge.variance_m2 <= kVarianceMax;
   return is_variance ? "" : std::string("its variance is not ") + kVarianceText;
@@ -167,8 +169,9 @@ void CheckEdges(const std::vector<Edge>& edges, const char* kind, CheckedGraph& 
   });
 }
 
-// A relative pose over a node in between is no step of a robot: a wrong one, for example a loop closure stored as
-// odometry, can shrink the whole trajectory. Agents refuse to insert one; a store or a peer may have one nevertheless.
+// Removes odometry that skips intermediate nodes, because it is not one step of a robot. A wrong one, for example a
+// loop closure stored as odometry, can shrink the whole trajectory. Agents refuse to insert such an edge, but a store
+// or a peer may still hold one.
 void LeaveOutWhatSkipsNodes(CheckedGraph& checked) {
   std::erase_if(checked.odometry, [&checked](const CheckedOdometry& odometry) {
     const auto [first, last] = std::minmax(odometry.from, odometry.to);
@@ -180,7 +183,7 @@ void LeaveOutWhatSkipsNodes(CheckedGraph& checked) {
   });
 }
 
-// The smallest node that odometry joins each node with, directly or over others.
+// Returns, for each node, the smallest node connected to it by odometry.
 std::vector<std::size_t> FindHeads(const CheckedGraph& graph) {
   ConnectedParts parts(graph.nodes.size());
   for (const CheckedOdometry& edge : graph.odometry) parts.Join(edge.from, edge.to);

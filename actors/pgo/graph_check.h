@@ -1,11 +1,16 @@
-// CheckGraph: what of a pose graph can be solved. The rest is named and left out.
+// CheckGraph: selects the usable part of a pose graph, and names and leaves out the rest.
 //
-// Records arrive in any order and from any agent, and one NaN makes Ceres refuse the whole solve: so an edge whose
-// node is not here yet, a covariance that is not positive definite, a variance that is none of a sensor's (below 1e-12
-// or above 1e8, in m^2 or rad^2), a range beyond 1e6 m or a number that is not finite costs that edge alone. Of records
-// of one natural key (the node's key, the edge's ends) the smallest content stays, and the others are left out.
-// Nodes come out sorted by key and edges by their ends, so that the same graph gives the same solution whatever the
-// order in which it came. Pure functions; results point into `graph`, which must outlive them.
+// Records arrive in any order and from any agent, and one NaN makes Ceres refuse the whole solve. Each unusable edge is
+// therefore left out on its own. An edge is unusable for one of these reasons:
+// - one of its nodes has not arrived;
+// - its covariance is not positive definite;
+// - no sensor has its variance: below 1e-12 or above 1e8, in m^2 or rad^2;
+// - its range exceeds 1e6 m;
+// - one of its numbers is not finite.
+//
+// Among records with the same natural key (the node's key, or the edge's ends) the one with the smallest content is
+// kept. Nodes are sorted by key and edges by their ends, so the solution does not depend on the order of arrival. Pure
+// functions. Results point into `graph`, which must outlive them.
 #pragma once
 
 #include <cstddef>
@@ -19,31 +24,32 @@
 
 namespace moondb {
 
-// What the team's configuration says of one agent.
+// Configuration of one agent that the solver needs.
 struct AgentFacts {
   AgentId agent = 0;
-  bool is_base_station = false;  // All its nodes stand fixed at `start`.
-  // map_from_body at the beginning; none: not configured. Of a rover place and yaw count: its tilt is its raw pose's.
+  bool is_base_station = false;  // All nodes of a base station are fixed at `start`.
+  // map_from_body at the first node; nullopt if not configured. For a rover only the position and yaw are used: its
+  // tilt comes from its raw pose.
   std::optional<Pose> start;
-  double start_sigma_m = 0.05;    // Of each coordinate of a rover's start, one sigma. 0 or less: the default.
-  double start_sigma_rad = 0.01;  // Of each angle likewise.
-  Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Of the UWB radio, in the body's frame.
+  double start_sigma_m = 0.05;    // One sigma of each coordinate of a rover's start. 0 or less: the default.
+  double start_sigma_rad = 0.01;  // One sigma of each angle of a rover's start. 0 or less: the default.
+  Eigen::Vector3d antenna_m = Eigen::Vector3d::Zero();  // Position of the UWB antenna in the body's frame.
 };
 
 using AgentFactsMap = std::map<AgentId, AgentFacts>;
 
 struct CheckedNode {
   NodeKey key;
-  Pose raw;  // map_from_node; of a base station its configured pose.
+  Pose raw;  // map_from_node. A base station's configured pose if it has one.
   bool is_fixed = false;
 };
 
-// Ends are positions in CheckedGraph::nodes.
+// `from` and `to` are indices in CheckedGraph::nodes.
 struct CheckedOdometry {
   std::size_t from = 0;
   std::size_t to = 0;
   const OdometryEdge* edge = nullptr;
-  Pose from_from_to;  // The edge's, its quaternion of unit length.
+  Pose from_from_to;  // The edge's relative pose with a normalised quaternion.
 };
 
 struct CheckedRange {
@@ -52,45 +58,47 @@ struct CheckedRange {
   const RangeEdge* edge = nullptr;
 };
 
-using RangeKey = std::pair<NodeKey, NodeKey>;  // from, to
+using RangeKey = std::pair<NodeKey, NodeKey>;  // The range's ends (from, to).
 
-// An agent's nodes and edges that were not usable.
+// Unusable nodes and edges of one agent.
 struct LeftOut {
   std::size_t count = 0;
-  std::string first;  // Which one and why.
+  std::string first;  // Name of the first unusable node or edge, and the reason.
 };
 
-using LeftOutMap = std::map<AgentId, LeftOut>;  // By the agent of the node, or of the edge's `from`.
+using LeftOutMap = std::map<AgentId, LeftOut>;  // Keyed by the agent of the node, or of the edge's `from` node.
 
 struct CheckedGraph {
-  std::vector<CheckedNode> nodes;         // By key.
-  std::vector<CheckedOdometry> odometry;  // By ends.
-  std::vector<CheckedRange> ranges;       // By ends.
-  LeftOutMap left_out;                    // What was not usable; empty when all was.
+  std::vector<CheckedNode> nodes;         // Nodes sorted by key.
+  std::vector<CheckedOdometry> odometry;  // Steps sorted by their ends.
+  std::vector<CheckedRange> ranges;       // Ranges sorted by their ends.
+  LeftOutMap left_out;                    // Unusable nodes and edges. Empty if all were usable.
 
-  std::optional<std::size_t> Find(const NodeKey& key) const;  // Its place in nodes.
+  std::optional<std::size_t> Find(const NodeKey& key) const;  // Returns the node's index in `nodes`; nullopt if absent.
 };
 
-// Base stations with a configured pose get their node {agent, 0} even where `graph` has none.
+// A base station with a configured pose gets a node {agent, 0} if `graph` has none.
 CheckedGraph CheckGraph(const PoseGraph& graph, const AgentFactsMap& agents);
 
-// Consecutive in CheckedGraph::nodes: one rover's nodes, joined by its odometry.
+// One rover's nodes, which are contiguous in CheckedGraph::nodes.
 struct Rover {
   AgentId agent = 0;
-  std::size_t first = 0;  // Position of its first node.
+  std::size_t first = 0;  // Index of the rover's first node.
   std::size_t count = 0;
-  std::vector<std::size_t> part_heads;  // The first node of each part that odometry joins; one where it is unbroken.
+  // The first node of each part connected by odometry. One element if the odometry is unbroken.
+  std::vector<std::size_t> part_heads;
 };
 
-// By agent; base stations are not among them.
+// Returns the rovers, sorted by agent. Base stations are not included.
 std::vector<Rover> FindRovers(const CheckedGraph& graph);
 
-inline constexpr double kApart_m = 1;  // Places nearer than this count as one.
+inline constexpr double kApart_m = 1;  // Places less than this apart count as one.
 
-// Fixed nodes hold a team's place; two apart from each other its yaw, too.
+// Returns true if fixed nodes determine the team's yaw. One fixed node determines only the position; two that are apart
+// determine the yaw as well.
 bool FixedNodesHoldYaw(const CheckedGraph& graph);
 
-// "A7" is for files; people read "agent 2, node 7".
+// Returns for example "agent 2, node 7". The short form "A7" is only for files.
 std::string ToString(const NodeKey& key);
 
 }  // namespace moondb

@@ -7,16 +7,18 @@ namespace moondb {
 namespace {
 
 constexpr double kFirstTiltSigmas = 3;
-// Chance passes such a limit once in a hundred thousand times, whatever the number of spans; slopes do so by far.
+// On level ground, chance exceeds this limit once in 100,000 tests, for any number of spans. Slopes exceed it by far.
 constexpr double kLimit = 2;
 constexpr double kLimitOfOne = 12;
 
-// The horizontal part of the source's vertical as the target sees it; for small angles its tilt in rad, squared.
+// Squared horizontal component of the source frame's vertical axis in the target frame. For small angles this is the
+// squared tilt in rad^2.
 double SquaredTilt(const Eigen::Quaterniond& turn) {
   return (turn.conjugate() * Eigen::Vector3d::UnitZ()).head<2>().squaredNorm();
 }
 
-// The variance of the tilt from each rover's node to the next one, both axes together; 0 where no step joins them.
+// Returns the variance of the tilt from each node of the rover to the next, summed over both axes. 0 if no step joins
+// the two nodes.
 std::vector<double> StepVariances(const CheckedGraph& graph, const Rover& rover) {
   std::vector<double> variances(rover.count, 0);
   for (const CheckedOdometry& odometry : graph.odometry) {

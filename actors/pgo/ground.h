@@ -1,4 +1,4 @@
-// Whether the ground under a rover is level, as far as its own way shows.
+// Detects from a rover's own trajectory whether its ground is level.
 #pragma once
 
 #include <vector>
@@ -7,14 +7,16 @@
 
 namespace moondb {
 
-// Of each of `rovers`: whether its raw poses are never tilted by more than odometry's noise explains, so that their
-// tilt is the bare sum of noisy steps and the ground counts as level. On level ground, over n disjoint spans of equally
-// many steps, the mean of |tilt over the span|^2 / (its accumulated variance) is 1 with a deviation of 1 / sqrt(n); a
-// rover is on slopes where it exceeds 2 + 12 / n for spans of 1, 2, 4, ... steps. So a hill counts that is gentler than
-// the noise of a step but higher than the noise of the way over it. On slopes, too: who begins tilted by more than
-// three `gravity_sigma_rad`, and who has no odometry.
+// Returns, for each of `rovers`, whether the ground counts as level. Level ground means that the raw poses are never
+// tilted by more than odometry noise explains, so their tilt is only accumulated noise.
 //
-// What it cannot see: a slope below that, and one whose changes stay below odometry's noise over every span.
+// The test compares tilts over spans of 1, 2, 4, ... steps. For n disjoint spans of equal length, the mean of |tilt
+// over the span|^2 / (its accumulated variance) is 1 on level ground, with a deviation of 1 / sqrt(n). If this mean
+// exceeds 2 + 12 / n for any span length, the rover is on slopes. The test thus detects a hill whose slope is below the
+// noise of one step, if its height exceeds the noise accumulated along it. A rover also counts as on slopes if its
+// first pose is tilted by more than three `gravity_sigma_rad`, or if it has no odometry.
+//
+// Not detected: a slope below these limits, and a slope whose changes stay below the odometry noise over every span.
 std::vector<bool> FindLevelGround(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                   double gravity_sigma_rad);
 

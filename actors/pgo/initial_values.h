@@ -1,4 +1,4 @@
-// Where a solve begins: the last solution, and what it does not hold yet by odometry from there.
+// Initial values of a solve: the last solution, extended by odometry to nodes that it does not contain.
 #pragma once
 
 #include <cstddef>
@@ -10,49 +10,54 @@
 
 namespace moondb {
 
-// A number for each pair of agents, the smaller id first.
+// A number for each pair of agents. The key holds the smaller id first.
 using PairNumbers = std::map<std::pair<AgentId, AgentId>, double>;
 
 struct InitialValues {
-  std::vector<Pose> poses;      // map_from_node of each of CheckedGraph::nodes.
-  std::vector<double> scales;   // s of each rover; true length is (1 + s) times odometry's.
-  std::vector<bool> is_warm;    // Of each node: the last solution gave it.
-  bool has_warm = false;        // Any of them;
-  bool is_mostly_warm = false;  // at least 80 % of those that do not stand fixed.
-  PairNumbers biases_m;         // Of pairs of agents; missing: 0.
+  std::vector<Pose> poses;      // map_from_node, in the order of CheckedGraph::nodes.
+  std::vector<double> scales;   // Scale error s of each rover. True length is (1 + s) times the odometry's.
+  std::vector<bool> is_warm;    // True for nodes whose pose is from the last solution.
+  bool has_warm = false;        // At least one node is warm.
+  bool is_mostly_warm = false;  // At least 80 % of the nodes that are not fixed are warm.
+  PairNumbers biases_m;         // Range bias by pair of agents. A missing pair means 0.
 };
 
-// The pose that a rover's first node is held to.
+// Prior on the pose of a rover's first node.
 struct StartPrior {
   Pose map_from_node;
   double sigma_m = 0;
   double sigma_rad = 0;
-  bool is_configured = false;  // False: the raw pose, because the configured start is missing or of another node.
+  // False: the prior is the raw pose, because no start is configured or the configured start is another node's.
+  bool is_configured = false;
 };
 
 struct LoosePrior {
-  double sigma_m = 10;  // What is known of a part whose place in the map nobody has given.
+  double sigma_m = 10;  // Uncertainty of a part's pose in the map if no start is configured.
   double sigma_rad = 1;
 };
 
-// The configured start counts for a rover's node 0, and for a first node of another number whose raw pose agrees with
-// it; a first node further on (its predecessors have not come yet) is held loosely to its raw pose.
+// Returns the configured start for a rover's node 0, and for a first node with another index whose raw pose agrees with
+// the configured start. Any other first node is a later one whose predecessors have not arrived; it gets a loose prior
+// at its raw pose.
 StartPrior FindStartPrior(const CheckedNode& first, const AgentFactsMap& agents, const LoosePrior& loose);
 
-// The last solution where it has a node; else its neighbour's pose and the odometry between, stretched by the scale
-// that the last solution shows; across a gap in the odometry the raw poses' difference; for the first node the start.
+// Chooses each node's pose from the first available source:
+// 1. the last solution;
+// 2. a neighbour's pose composed with odometry, scaled as in the last solution;
+// 3. across a gap in the odometry, the difference of the raw poses;
+// 4. for the first node, its start.
 InitialValues FindInitialValues(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                 const std::vector<StartPrior>& starts, const std::map<NodeKey, Pose>& last_solution);
 
-// Each pair's constant range error as `poses` show it: its maximum of probability over the ranges in `counts`, of sigma
-// bias_sigma_m about 0.
+// Returns each pair's constant range error given `poses`: the maximum a posteriori estimate over the ranges in
+// `counts`, with a zero-mean prior of bias_sigma_m.
 PairNumbers EstimateBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const std::vector<Pose>& poses,
                            const std::vector<bool>& counts, double bias_sigma_m);
 
-// Whether the last solution or the configuration says where a node is.
+// Returns true if the node's pose comes from the last solution or from the configuration.
 bool IsKnown(const CheckedGraph& graph, const InitialValues& initial, std::size_t node);
 
-// Of the agent's radio in its body's frame; zero where nothing is configured.
+// Position of the agent's UWB antenna in its body frame; zero if not configured.
 Eigen::Vector3d AntennaOf(const AgentFactsMap& agents, AgentId agent);
 
 }  // namespace moondb

@@ -12,17 +12,17 @@ namespace moondb {
 
 namespace {
 
-// What moves together.
+// Rovers that move together as one rigid body.
 struct Group {
   std::vector<const Rover*> rovers;
-  std::optional<Eigen::Vector3d> fixed_m;  // A node that stands fixed and that accepted ranges join with it.
+  std::optional<Eigen::Vector3d> fixed_m;  // Position of a fixed node that accepted ranges join to the group.
 };
 
-// Where a node was last and where the solve has it.
+// A node's position in the last solution and in the new one.
 struct Move {
   Eigen::Vector3d last_m;
   Eigen::Vector3d solved_m;
-  double turn_rad = 0;  // Back to the last yaw.
+  double turn_rad = 0;  // Rotation from the solved yaw to the last yaw.
 };
 
 std::vector<Move> FindMoves(const CheckedGraph& graph, const Group& group, const LastSolution& last,
@@ -39,7 +39,8 @@ std::vector<Move> FindMoves(const CheckedGraph& graph, const Group& group, const
   return moves;
 }
 
-// The turn about z and the shift that bring the solved places nearest to the last ones; about `pivot_m` a turn alone.
+// Returns the rotation about z and the translation that bring the solved positions closest to the last ones. With
+// `pivot_m`: only a rotation about it.
 Pose FindWayBack(const std::vector<Move>& moves, const std::optional<Eigen::Vector3d>& pivot_m) {
   Eigen::Vector3d last_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d solved_m = Eigen::Vector3d::Zero();
@@ -53,7 +54,8 @@ Pose FindWayBack(const std::vector<Move>& moves, const std::optional<Eigen::Vect
   for (const Move& move : moves) {
     const Eigen::Vector3d from = move.solved_m - solved_m;
     const Eigen::Vector3d to = move.last_m - last_m;
-    // A node's heading counts as a point one metre ahead: it decides for who stood still.
+    // A node's heading counts like a point one metre ahead of it. It decides the rotation of a group that did not
+    // drive.
     sine += from.x() * to.y() - from.y() * to.x() + std::sin(move.turn_rad);
     cosine += from.head<2>().dot(to.head<2>()) + std::cos(move.turn_rad);
   }
@@ -78,7 +80,7 @@ State Moved(const Group& group, const Pose& by, State state) {
   return state;
 }
 
-// Parts of the team that accepted ranges join, then each rover.
+// Returns the parts of the team joined by accepted ranges, then each single rover.
 std::vector<Group> FindGroups(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                               const std::vector<bool>& is_inlier) {
   std::map<AgentId, std::size_t> places;
@@ -116,7 +118,8 @@ State KeepStill(const CheckedGraph& graph, const std::vector<Rover>& rovers, con
                 State state) {
   const double cost_max = terms.RobustCost(state) + options.still_cost;
   for (const Group& group : FindGroups(graph, rovers, is_inlier)) {
-    // A shift that is hardly anything may still cost something at a fixed node, about which a turn is free.
+    // Try a motion with translation, then a rotation about the fixed node. A small translation may be costly next to a
+    // fixed node, while a rotation about that node is free.
     for (const auto& pivot_m : {std::optional<Eigen::Vector3d>(), group.fixed_m}) {
       const std::vector<Move> moves = FindMoves(graph, group, last, state);
       if (moves.empty()) break;

@@ -1,10 +1,13 @@
-// KeepStill: no rover moves as a whole without cause.
+// KeepStill: fixes the gauge by removing rigid motions of a trajectory that the measurements do not determine.
 //
-// Data leave directions in which a rover, or a part of the team that ranges join, can move with its shape unchanged and
-// at hardly any cost: about the base station where no start is known, along a start's uncertainty otherwise. A solve
-// ends anywhere in such a valley, and each time would move every pose and every map in it by centimetres for nothing.
-// So what moved as a whole (a turn about z and a shift) against the last solution by more than is worth publishing goes
-// back, unless that costs more. Shapes are as solved. Pure functions.
+// The data leave gauge freedom: directions in which a rover, or a part of the team joined by ranges, can move rigidly
+// at almost no cost. Examples are a rotation about the base station if no start is known, and a shift within the
+// uncertainty of a start. A solve ends anywhere in such a valley. Without this step, each solve would move every pose,
+// and every map that depends on it, by centimetres for no reason.
+//
+// KeepStill therefore undoes the rigid motion (a rotation about z and a translation) since the last solution, if the
+// motion exceeds the publication threshold and undoing it costs almost nothing. Shapes remain as solved. Pure
+// functions.
 #pragma once
 
 #include <vector>
@@ -14,8 +17,8 @@
 
 namespace moondb {
 
-// `state` with parts of the team, then single rovers, moved back. `is_inlier`: accepted ranges, which join parts.
-// The robust cost rises by less than SolverOptions::still_cost in all.
+// Returns `state` with parts of the team, then single rovers, moved back. `is_inlier`: accepted ranges, which join
+// rovers to parts. The robust cost rises by less than SolverOptions::still_cost in total.
 State KeepStill(const CheckedGraph& graph, const std::vector<Rover>& rovers, const CostTerms& terms,
                 const std::vector<bool>& is_inlier, const LastSolution& last, const SolverOptions& options,
                 State state);

@@ -8,7 +8,7 @@ namespace moondb {
 
 namespace {
 
-// Items of the first record of each natural key, with that record.
+// Calls `take` for the valid record of each natural key (the first one) with its record key and item.
 template <typename Records, typename Take>
 void ForEachStanding(const Records& records, const Take& take) {
   for (auto record = records.begin(); record != records.end(); ++record) {
@@ -85,7 +85,8 @@ KnownGraph::Selection KnownGraph::SelectForSolve(const SolveSize& size) const {
     const bool is_step = !joined || (edge.from.agent == edge.to.agent && joined->first + 1 == joined->second);
     if (!is_step) return extras[key.stream.origin].push_back({key, *joined, &edge, nullptr});
     if (joined) chain.push_back(*joined);
-    selection.graph.odometry.push_back(edge);  // One whose node is missing is named among what the solver leaves out.
+    // Kept even if one of its nodes is missing: the solver reports such an edge as left out.
+    selection.graph.odometry.push_back(edge);
   });
   ForEachStanding(ranges_, [&](const RecordKey& key, const RangeEdge& edge) {
     const auto joined = places(edge);

@@ -1,12 +1,12 @@
-// KnownGraph: the pose graph as this agent's storage holds it, and what leaders have said of it so far.
+// KnownGraph: the pose graph in this agent's storage, with all poses and verdicts that leaders have published.
 //
-// Filled from records, in any order, each once. What a leader published is read back like any other record, so a new
-// leader goes on where the last one stopped, and so does one that restarted, but for moves too small to be published
-// (publication.h). Single-threaded.
+// It is filled from records in any order, each once. Published poses and verdicts are read back like any other record.
+// A new or restarted leader therefore continues from the previous leader's solution, except for moves too small to be
+// published (publication.h). Single-threaded.
 //
-// Nodes and edges have a limit each. Beyond it the agents with most of them keep their newest ones
-// (model/origin_quota.h), so that the graph depends on the set of records alone. Published poses and verdicts beyond
-// their limit are left out in the order in which they come; leaders alone state these.
+// Nodes and edges have separate limits. Beyond a limit, the agents with the most records keep only their newest ones
+// (model/origin_quota.h), so the graph depends only on the set of records. Published poses and verdicts beyond their
+// limit are dropped in order of arrival; only leaders publish these.
 #pragma once
 
 #include <cstdint>
@@ -26,65 +26,67 @@ namespace moondb {
 
 struct PublishedVerdict {
   bool is_inlier = true;
-  double residual_sigmas = 0;  // As in RangeVerdict, when it was last published.
+  double residual_sigmas = 0;  // RangeVerdict::residual_sigmas at the time of publication.
 };
 
 class KnownGraph {
  public:
   struct Limits {
-    std::size_t nodes_max = 200'000;  // And as many published poses.
-    std::size_t edges_max = 600'000;  // And as many published verdicts.
+    std::size_t nodes_max = 200'000;  // Maximum number of nodes, and of published poses.
+    std::size_t edges_max = 600'000;  // Maximum number of edges, and of published verdicts.
   };
 
-  // The part of the graph that a solve may use.
+  // The part of the graph that a solve uses.
   struct Selection {
     PoseGraph graph;
-    std::map<AgentId, std::uint64_t> left_out;  // Edges, by origin.
+    std::map<AgentId, std::uint64_t> left_out;  // Number of edges left out, by origin.
   };
 
   KnownGraph() : KnownGraph(Limits()) {}
   explicit KnownGraph(const Limits& limits);
 
-  // Takes nodes, edges, optimized poses and edge verdicts, and ignores other types. Of two poses of a node, or two
-  // verdicts of an edge, the newer (term, run) stays, of equal ones the greater key; of two records of one natural key
-  // (a node's own, an edge's kind and ends) the smaller record key, so that all agents hold the same graph whatever
-  // came first. kInvalid: a pose or covariance that is none; nothing changed.
+  // Adds a node, edge, optimized pose or edge verdict; ignores other types. Returns kInvalid for an invalid pose or
+  // covariance, without changing anything.
+  //
+  // Conflicts are resolved independently of the order of arrival, so all agents hold the same graph. Among poses of one
+  // node, or verdicts of one edge, the highest (term, run) is kept, and among equal ones the greatest record key. Among
+  // records of one natural key (a node's key, or an edge's kind and ends) the smallest record key is kept.
   Result<void> Add(const RecordKey& key, const proto::Record& record);
 
-  // All nodes and edges.
+  // Returns all nodes and edges.
   PoseGraph graph() const { return SelectForSolve({UINT64_MAX, UINT64_MAX}).graph; }
-  // The largest graph whose solve stays within `size`: all nodes, each one's odometry from the node before, and of the
-  // other edges of each origin as many as the level says, the newest ones. The level is the highest that fits, among
-  // all edges of the origin that has most of them, half as many, a quarter and so on down to none.
+  // Returns the largest graph whose solve stays within `size`. It contains all nodes, the odometry from each node to
+  // the next, and the newest other edges of each origin, up to a per-origin limit. The limit is the largest that fits,
+  // tried by halving from the largest number of such edges of any origin down to zero.
   Selection SelectForSolve(const SolveSize& size) const;
-  // As large as a solve of so many nodes should ever be: several times what public pose graphs need.
+  // Maximum size of a solve with this many nodes: several times the need of public pose graphs.
   static SolveSize SolveSizeMax(std::size_t node_count);
   std::size_t node_count() const { return nodes_.size(); }
-  // The number of records for which there was no room, of each origin that has such.
+  // Number of records dropped because a limit was reached, by origin. Origins without dropped records are absent.
   std::map<AgentId, std::uint64_t> CountLeftOut() const;
 
-  // The newest published pose of each node, and the ranges whose newest verdict is bad.
+  // Returns the newest published pose of each node, and the ranges whose newest verdict is "rejected".
   LastSolution FindLastSolution() const;
-  const Pose* FindPublished(const NodeKey& node) const;          // Null where there is none.
-  std::size_t published_count() const { return poses_.size(); }  // Nodes that have one.
-  // Where there is none, the raw pose.
+  const Pose* FindPublished(const NodeKey& node) const;          // Null if no pose is published.
+  std::size_t published_count() const { return poses_.size(); }  // Number of nodes with a published pose.
+  // Returns the published pose; the raw pose if none is published.
   const Pose& NewestPose(const GraphNode& node) const;
 
-  // What was last published of a range; null where nobody spoke of it, which counts as good.
+  // Returns the last published verdict on a range. Null if no verdict is published; the range then counts as accepted.
   const PublishedVerdict* FindVerdict(const RangeKey& range) const;
   bool IsPublishedInlier(const RangeKey& range) const;
 
-  std::vector<NodeKey> NewestNodes() const;  // One of each agent that has nodes.
+  std::vector<NodeKey> NewestNodes() const;  // Returns the newest node of each agent.
 
-  // The largest run of `term` seen; 0: none.
+  // Returns the largest known run of `term`; 0 if there is none.
   std::uint64_t LastRun(const proto::Term& term) const;
 
  private:
   using Run = std::pair<decltype(OrderOf(proto::Term())), std::uint64_t>;
   using Version = std::pair<Run, RecordKey>;
 
-  using EdgeName = std::pair<NodeKey, NodeKey>;  // from, to
-  // By natural key, then by record: the first record of a natural key stands.
+  using EdgeName = std::pair<NodeKey, NodeKey>;  // The edge's ends (from, to).
+  // Keyed by natural key, then by record key. The first record of each natural key is the valid one.
   template <typename Name, typename Item>
   using Records = std::map<std::pair<Name, RecordKey>, Item>;
   struct EdgeNote {
@@ -107,7 +109,7 @@ class KnownGraph {
   OriginQuota<NodeKey> node_quota_;
   Records<EdgeName, OdometryEdge> odometry_;
   Records<EdgeName, RangeEdge> ranges_;
-  OriginQuota<EdgeNote> edge_quota_;  // Odometry and ranges share it.
+  OriginQuota<EdgeNote> edge_quota_;  // Quota of odometry and ranges together.
   std::map<NodeKey, Versioned<Pose>> poses_;
   std::map<RangeKey, Versioned<PublishedVerdict>> verdicts_;
   std::map<AgentId, std::uint64_t> left_out_published_;

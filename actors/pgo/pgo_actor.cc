@@ -36,13 +36,14 @@ PgoActor::PgoActor(Options options)
               [this](Context&, const proto::StoredRecord& stored) { return TakeRecord(stored); }) {}
 
 void PgoActor::OnStart(Context& context) {
-  // A random start, so that storage's answer to a life before a restart meets no question of this one.
+  // Start at a random id: storage's reply to a request from before a restart must not match a new request.
   request_id_ = context.rng()() >> 1;
   context.Watch(Topic::kRoles);
   context.Watch(Topic::kStored);
 }
 
-// Clients come through this agent's gateway, which has checked their requests; peers have nothing to ask here.
+// Accepts messages only from this agent. Clients reach this actor through the gateway, which has checked their
+// requests. Peers have no requests here.
 void PgoActor::OnMessage(Context& context, const proto::Message& message) {
   if (context.sender().agent != options_.self) return;
   if (reader_.OnMessage(context, message)) return OnRead(context);
@@ -86,7 +87,7 @@ void PgoActor::OnRoles(Context& context, const proto::RoleAssignment& roles) {
   const bool is_new_term = !roles_ || OrderOf(roles_->term()) != OrderOf(roles.term());
   if (is_new_term) last_run_ = 0;
   roles_ = roles;
-  if (is_new_term) AwaitQuiet(context);  // What came under another leader has not been solved here.
+  if (is_new_term) AwaitQuiet(context);  // Records that arrived under another leader have not been solved here.
   if (phase_ == Phase::kIdle) return;
   if (const std::optional<Error> error = WhyNotLeader()) return FinishWith(context, *error);
   if (is_new_term) FinishWith(context, Error{ErrorCode::kRefused, "the roles changed meanwhile; ask again", {}});
@@ -167,7 +168,7 @@ void PgoActor::OnGraphStatsRequest(Context& context) {
   proto::Message message;
   message.set_ms_type(proto::CONTROL);
   *message.mutable_graph_stats_reply() = stats_;
-  (void)context.Reply(std::move(message));  // A client that left needs no answer.
+  (void)context.Reply(std::move(message));  // The reply is not needed if the client has disconnected.
 }
 
 void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
@@ -177,7 +178,8 @@ void PgoActor::OnTimeout(Context& context, std::uint64_t request_id) {
 
 Result<void> PgoActor::TakeRecord(const proto::StoredRecord& stored) {
   proto::Record record;
-  // The door has checked every record; one of a later version that this one cannot read is no reason to stop.
+  // The record validator has checked every stored record. Skip a record of a later version that this version cannot
+  // parse.
   const RecordKey key = FromProto(stored.key());
   if (record.ParseFromString(stored.content()) && authority_.Counts(key, record)) (void)known_.Add(key, record);
   return {};
@@ -196,7 +198,8 @@ void PgoActor::OnRead(Context& context) {
 void PgoActor::ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out) {
   for (const auto& [origin, count] : known_.CountLeftOut()) left_out[origin] += count;
   if (std::optional<proto::Message> report = authority_.TakeReport(std::move(left_out))) {
-    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));  // Only for people.
+    // The report is only informative, so ignore a failed send.
+    (void)context.Send({options_.self, actor_name::kStorage}, *std::move(report));
   }
 }
 
@@ -238,7 +241,7 @@ void PgoActor::SolveNow(Context& context) {
   reply_.set_updated_pose_count(static_cast<double>(publication_.pose_count));
   phase_ = Phase::kWriting;
   written_count_ = 0;
-  // A change of roles that came during the solve waits in the mailbox; it goes first.
+  // Return to the mailbox first: a role change that arrived during the solve must be handled before the first insert.
   (void)context.AfterTimer(Duration::zero(), kSolved, ++request_id_);
 }
 
@@ -300,7 +303,8 @@ void PgoActor::Answer(Context& context, const Requester& requester, const proto:
   message.set_ms_type(proto::CONTROL);
   message.set_request_id(requester.request_id);
   *message.mutable_optimize_reply() = reply;
-  (void)context.Send(requester.address, std::move(message));  // Who left needs no answer.
+  (void)context.Send(requester.address,
+                     std::move(message));  // The reply is not needed if the requester has disconnected.
 }
 
 }  // namespace moondb

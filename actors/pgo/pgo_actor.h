@@ -1,28 +1,32 @@
-// PgoActor: the leader solves the team's pose graph on request and publishes where everybody was (paper, Section 5.2).
+// PgoActor: on request, the leader solves the team's pose graph and publishes the trajectories (paper, Section 5.2).
 //
-//   OptimizeRequest -> reads what is new in its storage, page by page -> solves, in the handler -> inserts the poses
+//   OptimizeRequest -> reads new records from its storage, page by page -> solves, in the handler -> inserts the poses
 //   that moved and the verdicts that changed, in chunks -> OptimizeReply, once all of them are committed.
 //
-// A request may want all solved from scratch, only a window of the newest nodes, or covariances (proto/graph.proto).
+// A request may ask for a solve from scratch, a solve of only a window of the newest nodes, or covariances
+// (proto/graph.proto).
 //
-// With `solve_when_quiet` it also solves by itself, while it leads: when nodes or edges have come to its storage and no
-// more of them for so long, which is how a completed sync looks from here; where they never stop, `solve_apart` after
-// the first.
+// With `solve_when_quiet` the leader also solves periodically. A solve starts once no nodes or edges have been stored
+// for that long, which indicates a completed sync. If records never stop arriving, a solve starts `solve_apart` after
+// the first of them.
 //
-// Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy, read back here,
-// so a new leader continues from the last one's solution. An agent that is not the leader refuses (kRefused, with the
-// leader's name). A request that comes while one is worked on waits: for the same answer where it asks the same
-// before the solve begins, else for its turn; at most `requesters_max`, then kFull. Storage that does not answer within
-// `storage_timeout` gives kTimedOut; what it committed stays and is not published again. A leader that loses its role
-// meanwhile answers kRefused and writes no further chunk: what a change of roles finds being solved is not published at
-// all.
+// Optimized poses and verdicts are records like any other: versioned by (term, run), shared by policy and read back
+// here. A new leader therefore continues from the previous leader's solution.
 //
-// A solve has limits (KnownGraph::Limits, SolveSizeMax, solve_time_max). Records that exceed them are left out, of
-// those agents first that have most, and AgentStatus.refused names these.
+// An agent that is not the leader refuses (kRefused, with the leader's name). A request that arrives during a solve
+// waits. If it equals the request in progress and arrived before the solver ran, it gets the same reply. Otherwise it
+// waits for its turn. At most `requesters_max` requests wait; more are refused with kFull.
 //
-// Listens to RolesChanged (also asked of RoleActor at the start), OptimizeRequest, GraphStatsRequest, RecordsStored.
-// Spawn it under actor_name::kPgo with a thread of its own: a solve takes up to seconds. Solves end early when the
-// system stops.
+// If storage does not answer within `storage_timeout`, the reply is kTimedOut. Records that storage has committed
+// remain and are not published again. A leader that loses its role replies kRefused and writes no further chunk. If the
+// role change arrives while the solver runs, nothing is published.
+//
+// A solve has limits (KnownGraph::Limits, SolveSizeMax, solve_time_max). Records beyond a limit are left out, starting
+// with the agents that have the most. AgentStatus.refused names these agents.
+//
+// Subscribes to RolesChanged (and requests the roles from RoleActor at the start), OptimizeRequest, GraphStatsRequest
+// and RecordsStored. Spawn it under actor_name::kPgo on its own thread: a solve takes up to seconds. Solves end early
+// when the system stops.
 #pragma once
 
 #include <cstdint>
@@ -45,15 +49,16 @@ class PgoActor final : public Actor {
  public:
   struct Options {
     AgentId self = 0;
-    proto::TeamConfig team;  // Checked: start poses, antennas, the base station's place, names.
-    SolverOptions solver;    // thread_count: 1 in simulation. stop_requested is set by the actor.
+    proto::TeamConfig team;  // Validated configuration: start poses, antennas, the base station's position, names.
+    SolverOptions solver;    // Set thread_count to 1 in simulation. The actor overrides stop_requested.
     PublicationOptions publication;
-    Duration solve_when_quiet{};                        // 0: on request only.
-    Duration solve_apart = std::chrono::seconds(60);    // Between two solves that nobody asked for, at least.
-    Duration solve_time_max = std::chrono::minutes(5);  // Then the solve ends, and changes nothing.
-    std::size_t requesters_max = 16;                    // Requests that wait for an answer.
-    std::size_t read_records_max = 1000;                // Of one page.
-    std::size_t insert_records_max = 200;               // Of one chunk.
+    // Idle time of the graph before a periodic solve. 0: on request only.
+    Duration solve_when_quiet{};
+    Duration solve_apart = std::chrono::seconds(60);    // Minimum time between two periodic solves.
+    Duration solve_time_max = std::chrono::minutes(5);  // Time limit; a solve that exceeds it changes nothing.
+    std::size_t requesters_max = 16;                    // Maximum number of waiting requests.
+    std::size_t read_records_max = 1000;                // Maximum number of records per page.
+    std::size_t insert_records_max = 200;               // Maximum number of records per chunk.
     Duration storage_timeout = std::chrono::seconds(30);
   };
 
@@ -69,7 +74,7 @@ class PgoActor final : public Actor {
     Address address;
     std::uint64_t request_id = 0;
     proto::OptimizeRequest request;
-    bool is_late = false;  // Asked after the solve in hand had read its records: the next one's.
+    bool is_late = false;  // Arrived after the current solve had read its records, so the next solve answers it.
   };
 
   bool IsFromStorage(const Context& context, const proto::Message& message) const;
@@ -91,7 +96,8 @@ class PgoActor final : public Actor {
   std::optional<Error> WhyNotLeader() const;
   Result<void> TakeRecord(const proto::StoredRecord& stored);
   void SolveNow(Context& context);
-  // Which records the solve does not use for want of room or of their origin's role; `left_out`: edges of this solve.
+  // Reports the records that the solve does not use, because of a limit or of their origin's role. `left_out`: number
+  // of edges that this solve leaves out, by origin.
   void ReportLeftOut(Context& context, std::map<AgentId, std::uint64_t> left_out);
   SolverOptions OptionsOf(const proto::OptimizeRequest& request) const;
   void WriteNextChunk(Context& context);
@@ -105,28 +111,28 @@ class PgoActor final : public Actor {
   std::optional<proto::RoleAssignment> roles_;
   KnownGraph known_;
   RecordAuthority authority_;
-  bool is_outdated_ = false;  // known_ may have records that are gone, or lack some that count by now.
-  RecordReader reader_;       // Into known_.
+  bool is_outdated_ = false;  // known_ may contain records that were pruned, or lack records that have become valid.
+  RecordReader reader_;       // Reads records into known_.
 
   Phase phase_ = Phase::kIdle;
-  std::uint64_t request_id_ = 0;       // The insert that storage has not answered yet.
-  TimerId timeout_ = 0;                // After which storage has not answered that insert.
-  std::vector<Requester> requesters_;  // First come, first served.
-  proto::OptimizeRequest request_;     // In hand.
+  std::uint64_t request_id_ = 0;       // Request id of the insert that storage has not answered yet.
+  TimerId timeout_ = 0;                // Timeout timer of the insert with request_id_.
+  std::vector<Requester> requesters_;  // Waiting requests in order of arrival.
+  proto::OptimizeRequest request_;     // The request being processed.
   Publication publication_;
   std::size_t written_count_ = 0;
-  proto::OptimizeReply reply_;  // Of the solve in hand.
+  proto::OptimizeReply reply_;  // Reply to the request being processed.
 
-  // Until records stop coming.
+  // State of the wait until no more records arrive.
   struct Quiet {
-    bool is_awaited = false;      // A timer runs.
-    MonotonicTime oldest_news{};  // When the oldest news came that no solve has seen.
+    bool is_awaited = false;      // The timer for the next periodic solve is running.
+    MonotonicTime oldest_news{};  // Arrival time of the oldest record that no solve has seen.
     MonotonicTime newest_news{};
     std::optional<MonotonicTime> last_periodic;
   };
   Quiet quiet_;
 
-  std::uint64_t last_run_ = 0;  // In the present term, of this actor's life.
+  std::uint64_t last_run_ = 0;  // Last run published in the current term, since this actor's restart.
   proto::GraphStatsReply stats_;
 };
 

@@ -9,13 +9,13 @@ namespace moondb {
 namespace {
 
 constexpr double kFunctionTolerance = 1e-9;
-constexpr double kStepTolerance = 1e-9;  // Of the size of all unknowns together.
+constexpr double kStepTolerance = 1e-9;  // Tolerance relative to the norm of all unknowns.
 constexpr double kGradientTolerance = 1e-10;
-constexpr double kRoundingPart = 1e-13;  // Of F: what its sum loses by rounding.
+constexpr double kRoundingPart = 1e-13;  // Fraction of F lost to rounding in its sum.
 constexpr double kRadiusMax = 1e16;
 constexpr double kRadiusMin = 1e-32;
 constexpr double kDiagonalMin = 1e-6;
-constexpr double kNearPart = 1e-2;  // A step that lowers F by no more than this part of it ends near the minimum.
+constexpr double kNearPart = 1e-2;  // A step that lowers F by at most this fraction ends near the minimum.
 constexpr int kWaitMax = 64;
 
 class Descent {
@@ -76,7 +76,8 @@ class Descent {
     return std::sqrt(square_sum);
   }
 
-  // Where the exact curvature led nowhere, that of Gauss and Newton takes over for a while; else the step was too long.
+  // Rejects a step. If it used the exact curvature, switches to Gauss-Newton for some steps. Otherwise the step was too
+  // long and the radius shrinks.
   void RejectStep() {
     if (curvature_ == Curvature::kExact) {
       curvature_ = Curvature::kGaussNewton;
@@ -89,7 +90,7 @@ class Descent {
     shrink_ *= 2;
   }
 
-  // The fall of F that the linearisation promises; not above 0 where there is no step.
+  // Returns the decrease of F predicted by the linearisation. Not positive if no step was found.
   double Solve(Eigen::VectorXd& step) {
     const Eigen::SparseMatrix<double>& normal = system_.normal().lower();
     std::copy(normal.valuePtr(), normal.valuePtr() + normal.nonZeros(), damped_.valuePtr());
@@ -111,8 +112,8 @@ class Descent {
   double radius_;
   double shrink_ = 2;
   Curvature curvature_ = Curvature::kGaussNewton;
-  int gauss_newton_steps_ = 0;  // Left to go before the exact curvature is tried again,
-  int wait_ = 1;                // and how many it will be the next time that it leads nowhere.
+  int gauss_newton_steps_ = 0;  // Number of Gauss-Newton steps left before the exact curvature is tried again.
+  int wait_ = 1;                // Value of gauss_newton_steps_ after the next step rejected with exact curvature.
   Eigen::SparseMatrix<double> damped_;
   OrderedCholesky factorised_;
   PlanarDescent result_;

@@ -1,10 +1,11 @@
-// MinimisePlanar: Levenberg-Marquardt in the plane, with all positions settled after each step.
+// MinimisePlanar: Levenberg-Marquardt in the plane with variable projection, which re-solves all positions after each
+// step.
 //
-// In a long chain of poses a step along the tangent lengthens what it turns, so that a valley in which far poses must
-// swing is walked in thousands of small steps. Settled positions swing along, which makes the search one over the turns
-// (variable projection; Ruhe and Wedin, 1980) at the price of one solve with a factorisation that is made once. Near
-// the minimum the second derivatives are the exact ones wherever they are positive definite: along a shallow valley
-// those of Gauss and Newton are too large, and their steps too short.
+// In a long chain of poses, a step along the tangent stretches the chain that it rotates. Levenberg-Marquardt then
+// takes thousands of small steps through a valley in which distant poses must swing. Re-solving the positions lets them
+// swing along, so the search is only over rotations (variable projection; Ruhe and Wedin, 1980). This costs one solve
+// with a factorisation that is computed once. Near the minimum the exact second derivatives are used where they are
+// positive definite. Along a shallow valley the Gauss-Newton approximation is too large and its steps are too short.
 #pragma once
 
 #include <functional>
@@ -15,13 +16,14 @@ namespace moondb {
 
 struct PlanarDescentOptions {
   int iterations_max = 200;
-  double trust_region_radius = 1e4;           // At first; the damping is the normal matrix's diagonal over it.
+  // Initial radius. The damping is the diagonal of the normal matrix divided by the radius.
+  double trust_region_radius = 1e4;
   std::function<bool()> stop_requested = {};  // Polled once per iteration.
 };
 
 struct PlanarDescent {
   bool has_converged = false;
-  double cost = 0;  // F where it ended; not finite where the start has none.
+  double cost = 0;  // Final value of F. Not finite if the initial values have no finite cost.
   int iterations = 0;
 };
 

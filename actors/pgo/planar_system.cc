@@ -70,7 +70,7 @@ double PlanarSystem::Cost(const PlanarState& state) const {
     const Eigen::Vector2d apart = (state[arm.to] - state[arm.from]).head<2>();
     sum += arm.tau * (apart - Turned(arm.arm_m, state[arm.from].z())).squaredNorm();
     if (arm.kappa == 0) continue;
-    // 1 - cos d as 2 sin^2(d / 2), which keeps its digits where d is small.
+    // Computes 1 - cos d as 2 sin^2(d / 2), which stays accurate for small d.
     const double half = std::sin((state[arm.to].z() - state[arm.from].z() - arm.turn_rad) / 2);
     sum += 8 * arm.kappa * half * half;
   }
@@ -92,7 +92,8 @@ void PlanarSystem::Linearise(const PlanarState& state, Curvature curvature) {
 void PlanarSystem::LineariseArm(std::size_t arm, const PlanarState& state) {
   const auto& [from, to, arm_m, turn_rad, tau, kappa] = arms_[arm];
   const Eigen::Vector2d turned_m = Turned(arm_m, state[from].z());
-  const Eigen::Vector2d swing_m = QuarterTurn(turned_m);  // How the arm's end moves as the first node turns.
+  // Velocity of the arm's end per radian of rotation of the first node.
+  const Eigen::Vector2d swing_m = QuarterTurn(turned_m);
   const Eigen::Vector2d error_m = (state[to] - state[from]).head<2>() - turned_m;
   const double turn_error_rad = state[to].z() - state[from].z() - turn_rad;
   const double pull = 2 * kappa * std::sin(turn_error_rad);
@@ -104,7 +105,7 @@ void PlanarSystem::LineariseArm(std::size_t arm, const PlanarState& state) {
   Eigen::Matrix3d own = Eigen::Matrix3d::Zero();
   own.diagonal() << tau, tau, tau * arm_square + stiffness;
   own.block<1, 2>(2, 0) = tau * swing_m.transpose();
-  Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();  // Rows of the first node.
+  Eigen::Matrix3d cross = Eigen::Matrix3d::Zero();  // Block of the node pair. Its rows belong to the first node.
   cross.diagonal() << -tau, -tau, -stiffness;
   cross.block<1, 2>(2, 0) = -tau * swing_m.transpose();
   Eigen::Matrix3d other = Eigen::Matrix3d::Zero();
@@ -169,7 +170,7 @@ void PlanarSystem::SettlePositions(PlanarState& state) {
   }
   if (settled_.info() != Eigen::Success) return;
   Eigen::MatrixX2d right = Eigen::MatrixX2d::Zero(positions_->size(), 2);
-  // The least of weight |p_to - p_from - apart|^2; what stands goes to the right side.
+  // Adds the normal equations of weight |p_to - p_from - apart|^2. Constant positions go to the right-hand side.
   const auto add = [&](const auto& edge, double weight, const Eigen::Vector2d& apart_m) {
     const Eigen::Index from = positions_->FirstOf(edge.from);
     const Eigen::Index to = positions_->FirstOf(edge.to);

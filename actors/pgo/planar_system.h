@@ -1,9 +1,9 @@
-// PlanarSystem: the cost F of a planar graph over a part of its nodes, its linearisation, and its minimum over
+// PlanarSystem: the cost F of a planar graph over a subset of its nodes, its linearisation, and its minimum over
 // positions.
 //
-// A pose has the unknowns x, y (m) and yaw (rad), a point x and y; nodes that stand have none. Residuals are taken
-// along the map's axes, a turn's as (cos d - 1, sin d) of its error d: F is that of standalone_graph.h.
-// Single-threaded.
+// A pose has the unknowns x, y (m) and yaw (rad), a point x and y. Fixed nodes have no unknowns. Position residuals are
+// expressed in the map's axes. The residual of a rotation error d is (cos d - 1, sin d). F is the cost in
+// standalone_graph.h. Single-threaded.
 #pragma once
 
 #include <Eigen/Core>
@@ -17,39 +17,41 @@
 
 namespace moondb {
 
-using PlanarState = std::vector<Eigen::Vector3d>;  // Of StandaloneGraph::nodes: x, y, yaw.
+using PlanarState = std::vector<Eigen::Vector3d>;  // (x, y, yaw) in the order of StandaloneGraph::nodes.
 
-// In the natural order: BlockMatrix has ordered its nodes.
+// Uses the natural order, because BlockMatrix has already ordered its nodes.
 using OrderedCholesky = Eigen::SimplicialLLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>>;
 
 enum class Curvature { kGaussNewton, kExact };
 
 class PlanarSystem {
  public:
-  // Nodes that are not `active` have no part, nor has an edge with such an end; nodes that are not `free` stand.
+  // Inactive nodes, and edges with an inactive end, are ignored. Nodes that are not `free` are constant.
   PlanarSystem(const StandaloneGraph& graph, const std::vector<bool>& active, const std::vector<bool>& free);
 
   double Cost(const PlanarState& state) const;
 
-  // Makes gradient() that of F / 2 at `state`, and normal() its second derivatives: J^T J for kGaussNewton, which is
-  // never indefinite, and the true ones for kExact.
+  // Sets gradient() to that of F / 2 at `state`, and normal() to its second derivatives. kGaussNewton uses J^T J, which
+  // is never indefinite; kExact uses the exact second derivatives.
   void Linearise(const PlanarState& state, Curvature curvature);
   const BlockMatrix& normal() const { return normal_; }
   const Eigen::VectorXd& gradient() const { return gradient_; }
 
   PlanarState Plus(const PlanarState& state, const Eigen::VectorXd& step) const;
 
-  // Moves all positions to where F is lowest for these turns and, where ranges are, for these directions between their
-  // ends: one linear solve with a matrix that never changes. F does not rise, since (|p| - r)^2 is the least of
-  // |p - r n|^2 over unit vectors n (Papalia et al., CORA). Nothing moves where the positions are not determined.
+  // Moves all positions to the minimum of F for the current rotations and, if there are ranges, for the current
+  // directions of the ranges. This is one linear solve with a constant matrix.
+  //
+  // F does not increase, because (|p| - r)^2 is the minimum of |p - r n|^2 over unit vectors n (Papalia et al., CORA).
+  // Does nothing if the positions are not determined.
   void SettlePositions(PlanarState& state);
 
  private:
-  // A step, or a sighting, whose turn has no weight.
+  // A step, or a sighting. A sighting's rotation has weight zero.
   struct Arm {
     std::size_t from = 0;
     std::size_t to = 0;
-    Eigen::Vector2d arm_m = Eigen::Vector2d::Zero();  // In the first node's frame.
+    Eigen::Vector2d arm_m = Eigen::Vector2d::Zero();  // Position of `to` in the frame of `from`.
     double turn_rad = 0;
     double tau = 1;
     double kappa = 0;
@@ -58,24 +60,25 @@ class PlanarSystem {
     std::size_t from = 0;
     std::size_t to = 0;
     double range_m = 0;
-    double weight = 1;  // 1 / variance.
+    double weight = 1;  // Inverse variance of the range.
   };
 
   static std::vector<Arm> ArmsOf(const StandaloneGraph& graph, const std::vector<bool>& active);
   static std::vector<Range> RangesOf(const StandaloneGraph& graph, const std::vector<bool>& active);
-  std::vector<BlockMatrix::NodePair> Pairs() const;  // Arms, then ranges.
+  std::vector<BlockMatrix::NodePair> Pairs() const;  // Returns the pairs of arms, then those of ranges.
   BlockMatrix MakePositions() const;
   void LineariseArm(std::size_t arm, const PlanarState& state);
   void LineariseRange(std::size_t range, const PlanarState& state);
   void AddGradient(std::size_t node, const Eigen::Vector3d& part);
 
-  std::vector<int> sizes_;  // Unknowns, by node.
+  std::vector<int> sizes_;  // Number of unknowns of each node.
   std::vector<Arm> arms_;
   std::vector<Range> ranges_;
   BlockMatrix normal_;
   Curvature curvature_ = Curvature::kGaussNewton;
   Eigen::VectorXd gradient_;
-  std::optional<BlockMatrix> positions_;  // Of x, and of y as well; made at the first use.
+  // Normal matrix of the x coordinates, which is also that of the y coordinates. Created at its first use.
+  std::optional<BlockMatrix> positions_;
   OrderedCholesky settled_;
 };
 

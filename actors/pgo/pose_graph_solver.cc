@@ -20,11 +20,11 @@ namespace moondb {
 
 namespace {
 
-// Of a start that nobody knows: far beyond any mission, so that it costs nothing.
+// Prior sigmas of an unknown start: far beyond the size of any mission, so the prior costs nothing.
 constexpr double kFreeSigma_m = 1e4;
 constexpr double kFreeSigma_rad = 100;
 
-// From the ranges between nodes of the last solution that it accepted.
+// Estimates biases from accepted ranges between nodes of the last solution.
 PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& agents, const InitialValues& initial,
                                const LastSolution& last, const SolverOptions& options) {
   std::vector<bool> counts;
@@ -35,7 +35,8 @@ PairNumbers EstimateWarmBiases(const CheckedGraph& graph, const AgentFactsMap& a
   return EstimateBiases(graph, agents, initial.poses, counts, options.bias_sigma_m);
 }
 
-// In a window the newest nodes of each rover, and all that no solve has placed yet.
+// Returns which nodes are variable. In a window, these are the newest nodes of each rover and the nodes without a
+// previous solution.
 std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& rovers, const InitialValues& initial,
                            std::size_t window_nodes) {
   std::vector<bool> is_free(graph.nodes.size(), false);
@@ -48,7 +49,8 @@ std::vector<bool> FindFree(const CheckedGraph& graph, const std::vector<Rover>& 
   return is_free;
 }
 
-// On ranges that had a part in the solve, or on all: the others keep what was said of them.
+// Returns verdicts on ranges that took part in the solve, or with `is_all` on all ranges. Ranges that did not take part
+// keep their previous verdicts.
 std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerms& terms, const StagedResult& staged,
                                        bool is_all) {
   const std::vector<double> residuals = terms.RangeResiduals(staged.state);
@@ -61,7 +63,7 @@ std::vector<RangeVerdict> FindVerdicts(const CheckedGraph& graph, const CostTerm
   return verdicts;
 }
 
-// Rovers that two solutions set down apart.
+// Returns the rovers that the two solutions place apart from each other.
 std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const State& b) {
   std::set<AgentId> apart;
   for (std::size_t node = 0; node < graph.nodes.size(); ++node) {
@@ -71,19 +73,21 @@ std::set<AgentId> FindApart(const CheckedGraph& graph, const State& a, const Sta
   return apart;
 }
 
-// One beginning and where it led.
+// One start of the solver, and its result.
 struct Attempt {
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
   InitialValues initial;
   std::vector<StartPrior> starts;
-  SolverOptions options;  // The window as it is used.
+  SolverOptions options;  // Copy of the options, with the window of this attempt.
   std::unique_ptr<CostTerms> terms;
   StagedResult staged;
-  double robust_cost = std::numeric_limits<double>::infinity();  // Where it ended; if refused, where it began.
-  std::set<AgentId> ambiguous;  // Rovers that other attempts set down elsewhere for nearly the same cost.
+  // Robust cost at the end. If the attempt was not accepted, the cost at its initial values.
+  double robust_cost = std::numeric_limits<double>::infinity();
+  std::set<AgentId> ambiguous;  // Rovers that another attempt places elsewhere at nearly the same cost.
 };
 
-using AttemptPointer = std::unique_ptr<Attempt>;  // Terms refer to the options beside them.
+// Attempts must not move in memory, because `terms` refers to `options` of the same object.
+using AttemptPointer = std::unique_ptr<Attempt>;
 
 class Solver {
  public:
@@ -115,17 +119,18 @@ class Solver {
  private:
   bool IsStopped() const { return options_.stop_requested && options_.stop_requested(); }
 
-  // From the last solution, and from the beginning where that leads nowhere.
+  // Solves from the last solution. If the result is suspect, also solves from odometry and keeps the better one.
   AttemptPointer Best() const {
     AttemptPointer best = BestFrom(initial_);
     if (!initial_.has_warm || IsStopped() || !IsSuspect(*best)) return best;
     AttemptPointer cold = BestFrom(FindInitialValues(checked_, rovers_, starts_, {}));
-    // A refused attempt's cost is that of its beginning, which the same place found again does not undercut.
+    // A rejected attempt counts with the cost of its initial values. The negative margin accepts a cold solution that
+    // found the same place again.
     const double margin = best->staged.is_accepted ? options_.ambiguous_cost : -options_.still_cost;
     return IsBetter(*cold, *best, margin) ? std::move(cold) : std::move(best);
   }
 
-  // From `initial` as it is, and with unknown rovers set down elsewhere.
+  // Solves from `initial` as given, and with unknown rovers placed elsewhere.
   AttemptPointer BestFrom(const InitialValues& initial) const {
     std::vector<InitialValues> elsewhere;
     if (!unknown_.empty()) {
@@ -141,7 +146,7 @@ class Solver {
     for (const InitialValues& initial_values : elsewhere) {
       if (IsStopped()) break;
       attempts.push_back(Try(initial_values, SolveInitialValues::kArrangedRovers, /*window_nodes=*/0));
-      // Where rovers stand already, another place has to be distinguished from it.
+      // A rover that already has a place moves only if another place is clearly better.
       const double margin = best == 0 && is_warm && attempts[0]->staged.is_accepted ? options_.ambiguous_cost : 0;
       if (IsBetter(*attempts.back(), *attempts[best], margin)) best = attempts.size() - 1;
     }
@@ -159,7 +164,7 @@ class Solver {
     return a.staged.is_accepted && a.robust_cost < b.robust_cost - margin;
   }
 
-  // Whether it was refused, or stands where most ranges of a rover say that it does not.
+  // Returns true if the attempt was not accepted, or if it rejects most ranges of a rover.
   bool IsSuspect(const Attempt& attempt) const {
     if (!attempt.staged.is_accepted) return true;
     return attempt.options.window_nodes == 0 && HasMostlyRejected(checked_, attempt.staged.is_inlier);
@@ -190,7 +195,8 @@ class Solver {
                                        FindFree(checked_, rovers_, attempt.initial, options.window_nodes), options);
   }
 
-  // A rover whose start nobody knows is held where this beginning has it, and so loosely that it costs nothing.
+  // Returns priors in which a rover with unknown start is held at its initial values, so loosely that the prior costs
+  // nothing.
   std::vector<StartPrior> StartsAt(const InitialValues& initial) const {
     std::vector<StartPrior> starts = starts_;
     for (const std::size_t i : unknown_) {
@@ -227,7 +233,7 @@ class Solver {
     TakeCovariances(attempt);
   }
 
-  // Whether the graph says where in the map a node is, so that an error in the map means anything.
+  // Returns true if the graph determines the node's place in the map. Otherwise a covariance in the map is meaningless.
   bool IsInMap(std::size_t node) const {
     const AgentId agent = checked_.nodes[node].key.agent;
     return std::any_of(solution_.rovers.begin(), solution_.rovers.end(), [agent](const RoverResult& rover) {
@@ -236,7 +242,7 @@ class Solver {
     });
   }
 
-  // As if every node had moved: in a window all others only stand for the sake of time.
+  // Computes covariances with all nodes variable. A window holds nodes only to save time.
   void TakeCovariances(const Attempt& attempt) {
     std::vector<std::size_t> nodes;
     for (const NodeKey& key : options_.covariance_of) {
@@ -264,7 +270,8 @@ class Solver {
   const CheckedGraph checked_;
   std::vector<Rover> rovers_;
   std::vector<StartPrior> starts_;
-  std::vector<std::size_t> unknown_;  // Places in rovers_: without a configured start, joined by ranges.
+  // Indices in rovers_ of rovers that have no configured start and that ranges join to others.
+  std::vector<std::size_t> unknown_;
   InitialValues initial_;
   Solution solution_;
 };

@@ -1,29 +1,36 @@
-// SolvePoseGraph: where everybody was, from odometry and ranges (paper, Section 5.2: poses, VIO edges and UWB edges
-// handed to Ceres).
+// SolvePoseGraph: estimates all rovers' trajectories from odometry and ranges (paper, Section 5.2: poses, VIO edges and
+// UWB edges handed to Ceres).
 //
-// Minimises over the poses x, each rover's odometry scale s and each pair of radios' bias b
+// It minimises the following cost over the poses x, each rover's odometry scale s and the bias b of each pair of
+// radios:
 //
 //   F = 1/2 ( sum_odometry |r|^2 + sum_range |r|^2                      actors/pgo/factors.h
 //           + sum_rover |start prior|^2 + sum_node |gravity|^2 + sum (s / 2 %)^2 + sum (b / 0.1 m)^2 )
 //
-// in stages: leave out what is damaged (graph_check.h) -> begin at the last solution (initial_values.h) -> ranges under
-// a Cauchy loss, which one long range in twenty cannot pull away -> reject ranges beyond 3.5 sigma -> least squares on
-// the rest, ranges tested anew, until the tests say the same as before. UWB through walls and around rocks measures too
-// long in bursts, and least squares on such ranges is worse than odometry alone.
+// The solve has these stages:
+// 1. leave out damaged records (graph_check.h);
+// 2. take initial values from the last solution (initial_values.h);
+// 3. minimise with a Cauchy loss on ranges, which tolerates one long range in twenty;
+// 4. reject ranges beyond 3.5 sigma;
+// 5. solve least squares over the remaining ranges and test all ranges again, until the tests agree with the previous
+//    ones.
 //
-// A warm solve (nearly all nodes have been solved before) begins at the last verdicts instead of the Cauchy stage: an
-// unchanged graph stays where it is. Where a rover's new ranges do not fit its first guess, a Cauchy stage judges them
-// and those that were rejected, while the accepted ones count fully. What moved as a whole without cause goes back
-// (keep_still.h). A rover without a configured start is set down by its ranges (unknown_starts.h), in every solve anew:
-// elsewhere only where that is better by `ambiguous_cost` than where it stands.
+// UWB through walls and around rocks measures too long, in bursts. Least squares on such ranges is worse than odometry
+// alone.
 //
-// A solution is accepted only if all numbers are finite, Ceres converged, and F over the accepted ranges is no higher
-// than where the solve began. A warm one that is not, or that rejects most ranges of a rover, is solved from odometry,
-// too, and the lower robust cost counts. If none is accepted, `poses` are the initial values and `text` says why: never
-// a crash.
+// A warm solve (nearly all nodes have been solved before) starts from the last verdicts instead of the Cauchy stage, so
+// an unchanged graph keeps its poses. If a rover's new ranges do not fit its initial values, a Cauchy stage judges the
+// new and the rejected ranges, while the accepted ones keep full weight. Rigid motions that the data do not require are
+// undone (keep_still.h). A rover without a configured start is placed by its ranges in every solve (unknown_starts.h).
+// It moves to another place only if that lowers the cost by at least `ambiguous_cost`.
+//
+// A solution is accepted only if all numbers are finite, Ceres converged, and F over the accepted ranges is not above
+// its initial value. If a warm solution is not accepted, or rejects most ranges of a rover, the graph is also solved
+// from odometry, and the lower robust cost wins. If no solution is accepted, `poses` are the initial values and `text`
+// gives the reason.
 //
 // Deterministic: the same values in any order give the same solution, to the last bit for one thread count and binary.
-// A pure function of its arguments; may run on any thread. How long it takes: docs/benchmarks/pose_graph.md.
+// A pure function of its arguments; may run on any thread. Run times: docs/benchmarks/pose_graph.md.
 //
 //   SolverOptions options;
 //   options.thread_count = 1;
@@ -42,106 +49,112 @@
 
 namespace moondb {
 
-// Which way is up at a node. Raw poses come from visual-inertial odometry, which feels gravity: their roll and pitch
-// are right on slopes too. Recordings made on a floor have bare sums of noisy steps for raw poses, whose tilt is worth
-// nothing; there the ground is level. kChosen: for each rover by what its own way shows (ground.h).
+// Source of the up direction at a node. Raw poses from visual-inertial odometry observe gravity, so their roll and
+// pitch are right on slopes too. In recordings made on a floor, raw poses are plain sums of noisy steps and their tilt
+// is meaningless. The ground then counts as level. kChosen decides for each rover from its own trajectory (ground.h).
 enum class GravityReference { kChosen, kRawPoses, kLevelGround };
 
 struct SolverOptions {
-  int thread_count = 2;         // Of Ceres; 1 in simulation.
-  int iterations_max = 100;     // Of each stage.
-  double cauchy_sigmas = 2;     // Where the robust stage begins to doubt a range.
-  double huber_sigmas = 1.345;  // Of Huber's loss, which is here for comparison only.
-  double reject_sigmas = 3.5;   // Beyond this a range is left out of the last stage.
-  double burst_sigmas = 2.5;    // The same, next to a rejected range of the same pair that errs the same way.
-  double scale_sigma = 0.02;    // Of a rover's odometry scale about 1.
-  double bias_sigma_m = 0.10;   // Of a pair's constant range error about 0.
+  int thread_count = 2;         // Number of Ceres threads; 1 in simulation.
+  int iterations_max = 100;     // Maximum number of iterations per stage.
+  double cauchy_sigmas = 2;     // Scale of the Cauchy loss of the robust stage.
+  double huber_sigmas = 1.345;  // Scale of Huber's loss, which exists only for comparison.
+  double reject_sigmas = 3.5;   // Ranges with larger residuals are left out of the last stage.
+  double burst_sigmas = 2.5;    // Limit next to a rejected range of the same pair whose residual has the same sign.
+  double scale_sigma = 0.02;    // One sigma of a rover's odometry scale about 1.
+  double bias_sigma_m = 0.10;   // One sigma of a pair's constant range error about 0.
   GravityReference gravity_reference = GravityReference::kChosen;
-  double gravity_sigma_rad = 0.02;  // Of roll and pitch, about that reference.
-  double ambiguous_cost = 10;       // Two solutions whose F (robust) differ by less are distinguished by nothing.
-  // What moved as a whole by more than either goes back where it was last, unless that costs more (keep_still.h).
+  double gravity_sigma_rad = 0.02;  // One sigma of roll and pitch about gravity_reference.
+  double ambiguous_cost = 10;       // Two solutions whose robust F differs by less are considered ambiguous.
+  // Limits of keep_still.h: a rigid motion above either move limit is undone, if F rises by less than still_cost.
   double still_move_m = 0.01;
   double still_move_rad = 0.002;
   double still_cost = 0.25;
-  double loose_sigma_m = 10;  // Of a first pose without configured start that no ranges join, and beyond a gap.
+  // Prior on the first pose of a rover that has neither a configured start nor ranges, and on the first pose after a
+  // gap.
+  double loose_sigma_m = 10;
   double loose_sigma_rad = 1;
-  // Only this many newest nodes of each rover move, and those that no solve has placed yet; scales, biases and all else
-  // stand. For a quick answer. 0: all. All move, too, where less than 80 % of the nodes have been solved before, and
-  // where a rover without a configured start might stand elsewhere.
+  // Only this many newest nodes of each rover move, and nodes without a previous solution; scales, biases and all other
+  // poses are held. For a quick answer. 0: all nodes move. All nodes also move if less than 80 % of them have been
+  // solved before, or if a rover without a configured start might belong elsewhere.
   std::size_t window_nodes = 0;
-  // Nodes whose covariance is wanted, too. Costs about as much as a warm solve.
+  // Nodes whose covariance is also computed. Costs about as much as a warm solve.
   std::vector<NodeKey> covariance_of = {};
-  // Polled once per iteration; true ends the solve, which then is not accepted.
+  // Polled once per iteration. If it returns true, the solve ends and is not accepted.
   std::function<bool()> stop_requested = {};
 };
 
-// Where a solve goes on from: what was published last, by this leader or another.
+// The last published solution, by this leader or another; a solve continues from it.
 struct LastSolution {
-  std::map<NodeKey, Pose> poses;  // map_from_node.
-  std::set<RangeKey> rejected;    // Ranges between these nodes; others of them were accepted.
+  std::map<NodeKey, Pose> poses;  // map_from_node of each node.
+  // Rejected ranges, by their nodes. All other ranges between nodes in `poses` were accepted.
+  std::set<RangeKey> rejected;
 };
 
 enum class Anchoring {
-  kAnchored,    // Accepted ranges join it, directly or over others, with a configured start or two base stations.
-  kNoRanges,    // A configured start, then odometry alone: no accepted range to anybody who is in the map.
-  kYawFree,     // Ranges join it with one base station and no start: all may turn about the base station.
-  kAmbiguous,   // Somewhere else it would stand nearly as well.
-  kUnanchored,  // Nothing ties it to the map: its poses are right among themselves only.
+  // Accepted ranges join the rover, directly or through other rovers, to a configured start or to two base stations.
+  kAnchored,
+  kNoRanges,  // The rover has a configured start and odometry, but no accepted range to an agent in the map.
+  // Ranges join the rover to one base station, and no start is known. The rovers may rotate about the base station.
+  kYawFree,
+  kAmbiguous,   // Another place would fit the rover's ranges nearly as well.
+  kUnanchored,  // Nothing ties the rover to the map. Only its relative poses are meaningful.
 };
 
-// Where the solve that counts began.
+// Initial values of the returned solution.
 enum class SolveInitialValues {
   kOdometry,        // Start poses and odometry.
-  kLastSolution,    // With at least 80 % of the nodes that do not stand fixed.
-  kArrangedRovers,  // Rovers without a known start were set down by their ranges.
+  kLastSolution,    // The last solution, with at least 80 % of the nodes that are not fixed.
+  kArrangedRovers,  // Rovers without a known start were placed by their ranges.
 };
 
-// "odometry", "warm", "stage 0".
+// Returns "odometry", "warm" or "stage 0".
 std::string ToString(SolveInitialValues initial_values);
 
 struct RoverResult {
   AgentId agent = 0;
   Anchoring anchoring = Anchoring::kUnanchored;
-  double odometry_scale = 1;  // 1 + s: true length over odometry's.
+  double odometry_scale = 1;  // 1 + s: the ratio of true length to odometry's length.
   std::size_t node_count = 0;
-  std::size_t range_count = 0;  // Accepted ones at this rover.
+  std::size_t range_count = 0;  // Number of accepted ranges of this rover.
   std::size_t rejected_range_count = 0;
-  std::string text;  // What could not be determined; empty when nothing.
+  std::string text;  // Describes everything that could not be determined. Empty if all was determined.
 };
 
-// One per usable range that had a part in the solve, in the order of CheckedGraph::ranges.
+// One per usable range that took part in the solve, in the order of CheckedGraph::ranges.
 struct RangeVerdict {
   NodeKey from;
   NodeKey to;
   bool is_inlier = true;
-  double residual_sigmas = 0;  // Signed: negative means that the measured range is too long.
+  double residual_sigmas = 0;  // Signed: negative if the measured range is too long.
 };
 
 struct Solution {
   bool is_accepted = false;
   SolveInitialValues initial_values = SolveInitialValues::kOdometry;
-  std::string text;                  // Empty, or why the poses are the old ones, or what was left out. One line.
-  std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, base stations too.
-  std::vector<RangeVerdict> ranges;  // Of the last stage; empty when not accepted.
-  // Of SolverOptions::covariance_of those of rovers whose place in the map is known (not kYawFree, not kUnanchored): of
-  // the position in the frame `map` (m), then of the turn in the node's own frame (rad). Also of nodes outside a
-  // window. A base station's nodes have none, and an ambiguous rover's holds at the place where it was set down.
+  std::string text;                  // One line. Empty, or why the old poses are kept, or which records were left out.
+  std::map<NodeKey, Pose> poses;     // map_from_node of every usable node, including base stations.
+  std::vector<RangeVerdict> ranges;  // Verdicts of the last stage. Empty if not accepted.
+  // Covariances of the nodes in SolverOptions::covariance_of, including nodes outside a window. Rows are the position
+  // in the frame `map` (m), then the rotation in the node's own frame (rad). Only rovers whose place in the map is
+  // known have covariances (not kYawFree, not kUnanchored); base stations have none. The covariance of an ambiguous
+  // rover is valid for the place chosen by the solve.
   std::map<NodeKey, Matrix6d> covariances;
-  std::vector<RoverResult> rovers;  // By agent; empty when not accepted.
-  LeftOutMap left_out;              // What was not usable.
+  std::vector<RoverResult> rovers;  // Sorted by agent. Empty if not accepted.
+  LeftOutMap left_out;              // Unusable nodes and edges.
   std::size_t node_count = 0;
   std::size_t odometry_count = 0;
-  std::size_t range_count = 0;  // Usable ones.
+  std::size_t range_count = 0;  // Number of usable ranges.
   std::size_t rejected_range_count = 0;
-  double initial_cost = 0;  // F over the accepted ranges where the solve began,
-  double final_cost = 0;    // and where it ended.
-  int iterations = 0;       // Of all stages.
+  double initial_cost = 0;  // F over the accepted ranges at the initial values.
+  double final_cost = 0;    // F over the accepted ranges at the end of the solve.
+  int iterations = 0;       // Sum of the iterations of all stages.
 };
 
 Solution SolvePoseGraph(const PoseGraph& graph, const AgentFactsMap& agents, const LastSolution& last,
                         const SolverOptions& options);
 
-// What to go on from after `solution`, which was accepted.
+// Returns the state from which the next solve continues. Requires: `solution` was accepted.
 LastSolution ToLast(const Solution& solution);
 
 }  // namespace moondb

@@ -1,5 +1,5 @@
-// What a solve gives the team: records of the poses that moved and the ranges it judged anew, and the answer to who
-// asked. Pure functions.
+// Converts a solution to records (poses that moved and verdicts that changed) and to the reply to the request. Pure
+// functions.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +13,23 @@
 namespace moondb {
 
 struct PublicationOptions {
-  double move_threshold_m = 0.01;  // A pose that moved less than both is not worth a radio's time.
+  // A pose that moved by less than both thresholds is not published, to save radio time.
+  double move_threshold_m = 0.01;
   double move_threshold_rad = 0.002;
 };
 
 struct Publication {
-  std::vector<proto::Record> records;  // Optimized poses, then verdicts, each in order of their keys.
+  std::vector<proto::Record> records;  // Optimized poses, then verdicts, each sorted by key.
   std::size_t pose_count = 0;
 };
 
-// Poses of rovers' nodes that moved beyond the threshold against the published one, or have none yet; verdicts of
-// ranges whose verdict changed. Empty where the solution was not accepted.
+// Returns the poses of rovers' nodes that moved beyond a threshold or were never published, and the changed verdicts.
+// Empty if the solution was not accepted.
 Publication MakePublication(const Solution& solution, const KnownGraph& known, const AgentFactsMap& agents,
                             const PublicationOptions& options, const proto::Term& term, std::uint64_t run,
                             std::int64_t timestamp_ns);
 
-// `error` is kInternal where the solution was not accepted, kNotFound where there was nothing to solve.
+// Sets `error` to kInternal if the solution was not accepted, or to kNotFound if there was nothing to solve.
 proto::OptimizeReply ToReply(const Solution& solution);
 
 }  // namespace moondb

@@ -9,13 +9,14 @@ namespace moondb {
 
 namespace {
 
-// A rejected range comes back a little later than it went, lest tests say one thing and the other in turn.
+// Hysteresis: a rejected range returns at a lower limit, otherwise verdicts could alternate between tests.
 constexpr double kReturnPart = 0.9;
-constexpr double kNewRangeSlack = 2;  // A new node's first guess is odometry's.
+constexpr double kNewRangeSlack = 2;  // Factor on the limit for a new node, whose initial values come from odometry.
 constexpr double kMisfitShareMax = 0.4;
 constexpr double kRejectedShareMax = 0.5;
-constexpr double kJudgedRangesMin = 4;  // Fewer say nothing of a rover.
-constexpr double kBurstIntervals = 3;   // Ranges further apart than so many of the pair's usual intervals are no burst.
+constexpr double kJudgedRangesMin = 4;  // Fewer ranges are not enough to judge a rover.
+// Ranges separated by more than this many of the pair's usual intervals are not one burst.
+constexpr double kBurstIntervals = 3;
 
 struct Share {
   double part = 0;
@@ -29,7 +30,7 @@ struct Share {
   bool IsMoreThan(double share) const { return part > share * whole; }
 };
 
-// The ranges of each pair of agents, in order of time.
+// Returns the ranges of each pair of agents, in order of time.
 std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
   std::map<std::pair<AgentId, AgentId>, std::vector<std::size_t>> series;
   for (std::size_t i = 0; i < graph.ranges.size(); ++i) {
@@ -46,8 +47,8 @@ std::vector<std::vector<std::size_t>> FindSeries(const CheckedGraph& graph) {
   return result;
 }
 
-// What blocks a line of sight does so for a while: beside a rejected range of the same pair, one that errs the same way
-// needs less to be doubted.
+// An obstacle blocks a line of sight for a while. Next to a rejected range of the same pair, a range whose residual has
+// the same sign gets a lower limit.
 void ExtendBursts(const CheckedGraph& graph, const std::vector<std::size_t>& series,
                   const std::vector<double>& residuals, const std::vector<double>& limits,
                   std::vector<bool>& is_inlier) {
@@ -100,7 +101,7 @@ FirstVerdicts FindFirstVerdicts(const CheckedGraph& graph, const InitialValues& 
                                 const std::vector<double>& residuals, const LastSolution& last,
                                 const SolverOptions& options) {
   FirstVerdicts verdicts;
-  std::map<AgentId, Share> misfits;  // Of ranges with an agent's new nodes.
+  std::map<AgentId, Share> misfits;  // Share of misfits among the ranges of each agent's new nodes.
   for (std::size_t i = 0; i < residuals.size(); ++i) {
     const CheckedRange& range = graph.ranges[i];
     const bool is_from_known = IsKnown(graph, initial, range.from);

@@ -1,4 +1,4 @@
-// Which ranges a solve believes. Pure functions.
+// Outlier tests of ranges. Pure functions.
 #pragma once
 
 #include <vector>
@@ -10,25 +10,30 @@
 
 namespace moondb {
 
-// One for each of CheckedGraph::ranges, from its residual in sigmas: beyond SolverOptions::reject_sigmas it is
-// rejected; next to a rejected one of the same pair that errs the same way beyond burst_sigmas already, since what
-// blocks a line of sight does so for a while (three of the pair's usual intervals at most). `before`: what the last
-// test said; a rejected range returns only below 0.9 of the limit, and one that has no part in the solve keeps what was
-// said.
+// Returns one flag for each of CheckedGraph::ranges, computed from the residuals in sigmas. A range is rejected beyond
+// SolverOptions::reject_sigmas.
+//
+// An obstacle blocks a line of sight for a while. A range next to a rejected one of the same pair, with a residual of
+// the same sign, is therefore rejected beyond burst_sigmas. The two may be at most three of the pair's usual intervals
+// apart.
+//
+// `before`: verdicts of the last test. A rejected range returns only below 0.9 of the limit. A range that does not take
+// part in the solve keeps its verdict.
 std::vector<bool> FindInliers(const CheckedGraph& graph, const CostTerms& terms, const std::vector<double>& residuals,
                               const std::vector<bool>& before, const SolverOptions& options);
 
-// Whether an agent with at least four ranges has most of them rejected: it stands in the wrong place more often than
-// they are all too long.
+// Returns true if most ranges of an agent with at least four ranges are rejected. The agent is then more likely
+// misplaced than all these ranges too long.
 bool HasMostlyRejected(const CheckedGraph& graph, const std::vector<bool>& is_inlier);
 
-// What a solve that goes on from one before may say of its ranges at once.
+// Range verdicts available at the start of a warm solve.
 struct FirstVerdicts {
-  std::vector<bool> is_inlier;  // The last verdicts; of ranges with a new node, whether they fit its first guess.
-  std::vector<bool> is_inlier_before;  // The last verdicts; true of ranges with a new node.
+  // The last verdict. For a range with a new node: whether it fits the node's initial values.
+  std::vector<bool> is_inlier;
+  std::vector<bool> is_inlier_before;  // The last verdict; true for ranges with a new node.
   std::vector<bool> is_trusted;        // Accepted in the last solution.
-  // More than four in ten of a rover's new ranges do not fit, or half of all its ranges are rejected: it is more
-  // likely that the rover is elsewhere than that they are all too long.
+  // True if more than 40 % of a rover's new ranges do not fit, or more than half of all its ranges are rejected. The
+  // rover is then more likely misplaced than all these ranges too long.
   bool is_doubtful = false;
 };
 

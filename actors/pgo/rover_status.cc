@@ -10,9 +10,10 @@ namespace moondb {
 
 namespace {
 
-constexpr std::size_t kAnchoringRangesMin = 3;  // Fewer leave more than one place to stand.
+constexpr std::size_t kAnchoringRangesMin = 3;  // Fewer ranges leave more than one possible place.
 
-// Which rovers accepted ranges join with the map.
+// Returns `anchored` and all rovers joined to it, directly or through others, by at least kAnchoringRangesMin accepted
+// ranges.
 std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set<AgentId> anchored) {
   for (bool has_grown = true; has_grown;) {
     has_grown = false;
@@ -29,7 +30,7 @@ std::set<AgentId> FindAnchored(const std::vector<RangeVerdict>& ranges, std::set
   return anchored;
 }
 
-// What stands in for a configured start.
+// Describes the source of the rover's place if no start is configured.
 std::string WhereElse(const RoverResult& rover) {
   if (rover.anchoring != Anchoring::kUnanchored) return ": its ranges say where it is";
   return rover.range_count > 0 ? ": its ranges say how it stands to other rovers" : ": begins at its raw pose";
@@ -65,7 +66,7 @@ std::string TextOf(const CheckedGraph& graph, const RoverResult& rover, const St
 struct RoversInMap {
   std::set<AgentId> anchored;
   std::set<AgentId> yaw_free;
-  std::map<AgentId, std::size_t> ranges_in_map;  // Accepted ones to others that are in the map, too.
+  std::map<AgentId, std::size_t> ranges_in_map;  // Number of accepted ranges to agents that are in the map.
 };
 
 RoversInMap FindInMap(const CheckedGraph& graph, const std::vector<Rover>& rovers,

@@ -1,8 +1,8 @@
-// EstimateSolveSize: how large the Cholesky factor of a pose graph becomes.
+// EstimateSolveSize: the size of the Cholesky factor of a pose graph.
 //
-// Ceres factorizes the normal equations, whose blocks are nodes; two nodes that an edge joins share a block, and the
-// factorization fills further blocks in. Nodes are eliminated in an order that keeps the fill small (approximate
-// minimum degree). A chain of n nodes has 2n blocks, n nodes that are all joined with each other n^2/2, whatever the
+// Ceres factorises the normal equations. Each node is one block row; two nodes joined by an edge share a block, and the
+// factorisation adds further blocks (fill-in). Nodes are eliminated in approximate minimum degree order, which keeps
+// the fill-in small. A chain of n nodes has 2n blocks; n nodes that are all joined to each other have n^2/2 in any
 // order. Each block of the factor takes 288 bytes.
 #pragma once
 
@@ -13,11 +13,11 @@
 namespace moondb {
 
 struct SolveSize {
-  std::uint64_t blocks = 0;    // Blocks of the factor.
-  std::uint64_t products = 0;  // Multiplications of two blocks that one factorization takes, about.
+  std::uint64_t blocks = 0;    // Number of blocks in the factor.
+  std::uint64_t products = 0;  // Approximate number of multiplications of two blocks per factorisation.
 };
 
-// Joined nodes by their places 0 to node_count - 1; a pair may come twice. Counting ends once either number is beyond
+// `joined`: pairs of nodes by index, 0 to node_count - 1; may contain duplicates. Counting stops once a number exceeds
 // that of `limit`.
 SolveSize EstimateSolveSize(std::size_t node_count, const std::vector<std::pair<int, int>>& joined,
                             const SolveSize& limit);

@@ -7,9 +7,9 @@ namespace moondb {
 
 namespace {
 
-constexpr int kTestsMax = 10;  // Of the ranges; two or three are usual.
+constexpr int kTestsMax = 10;  // Maximum number of range tests; two or three are usual.
 
-// Costs are sums of squares; below this part of them is rounding.
+// Returns true if `cost` exceeds `reference` by more than rounding. Costs are sums of squares.
 bool IsHigher(double cost, double reference) { return cost > reference * (1 + 1e-6) + 1e-9; }
 
 }  // namespace

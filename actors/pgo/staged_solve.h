@@ -1,4 +1,4 @@
-// SolveInStages: one beginning, taken to its minimum over the ranges that it believes.
+// SolveInStages: minimises from one set of initial values, alternating with tests of the ranges.
 #pragma once
 
 #include <optional>
@@ -11,18 +11,20 @@
 namespace moondb {
 
 struct StagedResult {
-  bool is_accepted = false;  // Finite, converged, and no higher than where it began.
-  std::string text;          // Why not.
+  bool is_accepted = false;  // All numbers are finite, Ceres converged, and the cost is not above its initial value.
+  std::string text;          // Reason if not accepted.
   State state;
-  std::vector<bool> is_inlier;  // Of CheckedGraph::ranges.
+  std::vector<bool> is_inlier;  // In the order of CheckedGraph::ranges.
   double initial_cost = 0;
   double final_cost = 0;
   int iterations = 0;
 };
 
-// Ranges under a Cauchy loss, then least squares and tests of the ranges in turn until the tests say the same as
-// before. `first`: where the solve goes on from one before. Its verdicts take the place of the robust stage; where they
-// are in doubt, they hold in it for the ranges that were accepted before.
+// Minimises with a Cauchy loss on ranges, then alternates least squares and range tests until a test agrees with the
+// previous one.
+//
+// `first`: verdicts of a previous solve, for a warm start; they replace the robust stage. If they are doubtful, the
+// robust stage runs, but without the loss on previously accepted ranges.
 StagedResult SolveInStages(const CostTerms& terms, const CheckedGraph& graph, const std::optional<FirstVerdicts>& first,
                            const SolverOptions& options);
 

@@ -15,7 +15,7 @@ namespace moondb {
 
 namespace {
 
-constexpr int kShallowIterations = 5;  // Times the usual.
+constexpr int kShallowIterations = 5;  // Factor on the usual maximum number of iterations.
 
 // |R_j - R_i R_ij|^2 is twice |2 vec(dq)|^2, so a rotation covariance of 1 / (2 kappa) gives the benchmarks' term.
 Matrix6d CovarianceOf(const PlainStep& step) {
@@ -60,7 +60,7 @@ std::vector<std::size_t> StandaloneCost::FindStanding(const ActiveNodes& active)
     standing.push_back(node);
     is_held[parts.HeadOf(node)] = true;
   }
-  // Poses come before points, so a part's head is a pose where it has one.
+  // Poses precede points, so the head of a part that contains a pose is a pose.
   for (std::size_t node = 0; node < graph_.nodes.size(); ++node) {
     if (active[node] && parts.HeadOf(node) == node && !is_held[node]) standing.push_back(node);
   }
@@ -124,7 +124,7 @@ PlainFit StandaloneCost::MinimiseInSpace(const ActiveNodes& active, StartQuality
   ceres::Solve(options, &problem, &summary);
   PlainFit fit;
   fit.has_converged = summary.termination_type == ceres::CONVERGENCE && std::isfinite(summary.final_cost);
-  // Where not even the beginning could be evaluated, Ceres' cost is -1. Otherwise it halves F.
+  // Ceres reports F / 2. It reports -1 if it could not even evaluate the initial values.
   fit.cost = summary.IsSolutionUsable() ? 2 * summary.final_cost : std::numeric_limits<double>::infinity();
   fit.iterations = static_cast<int>(summary.iterations.size());
   return fit;

@@ -1,9 +1,9 @@
-// StandaloneCost: the cost F of a StandaloneGraph, and its minimisation over a part of the nodes: in space by Ceres, in
-// the plane by planar_descent.h, which takes fewer and shorter steps.
+// StandaloneCost: the cost F of a StandaloneGraph, and its minimisation over a subset of the nodes. Spatial graphs use
+// Ceres. Planar graphs use planar_descent.h, which takes fewer and shorter steps.
 //
-// Factors are made once and serve every start and every prefix of time. Where no active node of a connected part is
-// fixed, its first pose stands still: F does not change when all move together. Single-threaded apart from Ceres' own
-// threads. `graph` must outlive it.
+// The factors are created once and serve every start and every prefix of the time. F is invariant to rigid motions: if
+// no active node of a connected component is fixed, the component's first pose is held constant. Single-threaded,
+// except for Ceres's own threads. `graph` must outlive this object.
 #pragma once
 
 #include <ceres/cost_function.h>
@@ -18,23 +18,25 @@
 namespace moondb {
 
 struct PlainOptions {
-  int thread_count = 2;  // Of Ceres.
+  int thread_count = 2;  // Number of Ceres threads.
   int iterations_max = 200;
-  // Polled once per iteration; true ends the solve, which then has not converged.
+  // Polled once per iteration. If it returns true, the solve ends without convergence.
   std::function<bool()> stop_requested = {};
 };
 
-// One for each node; an inactive node has no part in a solve, nor has an edge with an inactive end.
+// One flag per node. A solve ignores inactive nodes, and edges with an inactive end.
 using ActiveNodes = std::vector<bool>;
-using PlainState = std::vector<PoseBlock>;  // Of StandaloneGraph::nodes; points use the first three numbers.
+// In the order of StandaloneGraph::nodes. Points use only the first three numbers.
+using PlainState = std::vector<PoseBlock>;
 
-// How near the minimum a solve begins: decides how boldly it steps. kShallow: in a valley that others did not get
-// through.
+// Closeness of the initial values to the minimum; determines the initial trust region. kShallow: continues in a valley
+// in which an earlier minimisation did not converge.
 enum class StartQuality { kNear, kRough, kShallow };
 
 struct PlainFit {
   bool has_converged = false;
-  double cost = 0;  // F over the active nodes' edges, where the solve ended; infinity where that is no solution.
+  // F over the edges between active nodes at the end of the solve; infinity if the result is unusable.
+  double cost = 0;
   int iterations = 0;
 };
 
@@ -49,7 +51,7 @@ class StandaloneCost {
     std::unique_ptr<ceres::CostFunction> factor;
     std::size_t from = 0;
     std::size_t to = 0;
-    bool has_number = false;  // Also takes the scale or the bias, which are 0 here.
+    bool has_number = false;  // The factor also takes a scale or bias, which is constantly 0 here.
   };
 
   PlainFit MinimiseInPlane(const ActiveNodes& active, StartQuality quality, PlainState& state) const;
@@ -58,7 +60,7 @@ class StandaloneCost {
 
   const StandaloneGraph& graph_;
   const PlainOptions& options_;
-  std::vector<Term> terms_;  // None in the plane.
+  std::vector<Term> terms_;  // Empty for planar graphs.
 };
 
 }  // namespace moondb

@@ -10,7 +10,7 @@ namespace moondb {
 
 namespace {
 
-// Weights of the benchmarks' isotropic cost from translation and rotation covariance.
+// Computes the weights of the benchmarks' isotropic cost from the translation and rotation covariance.
 PlainStep StepOf(const Pose& from_from_to, const Matrix6d& covariance, bool is_planar) {
   PlainStep step;
   step.from_from_to = from_from_to;
@@ -24,7 +24,7 @@ PlainStep StepOf(const Pose& from_from_to, const Matrix6d& covariance, bool is_p
   return step;
 }
 
-// The benchmarks' readers invert the blocks, not the whole matrix.
+// Inverts the translation and rotation blocks separately, as the benchmarks' readers do.
 Matrix6d BlockInverse(const Matrix6d& information, bool is_planar) {
   Matrix6d covariance = Matrix6d::Identity();
   if (is_planar) {

@@ -1,16 +1,16 @@
-// StandaloneGraph: a pose graph by itself, as a file holds it: every factor counts as it is written, nobody knows of a
-// team.
+// StandaloneGraph: a pose graph as a file holds it, without a team. Every factor is used as written.
 //
-// Its cost is that of the public benchmarks (SE-Sync, CORA), without a half and without any loss:
+// Its cost is that of the public benchmarks (SE-Sync, CORA), without the factor 1/2 and without a loss:
 //
 //   F = sum_steps     kappa |R_j - R_i R_ij|^2 + tau |p_j - p_i - R_i t_ij|^2
 //     + sum_sightings tau |l - p_i - R_i t_il|^2
 //     + sum_ranges    (|p_a - p_b| - r)^2 / variance
 //
-// with the isotropic weights that those codes read from a matrix: tau = d / trace(translation covariance) in d
-// dimensions, kappa = 3 / (2 trace(rotation covariance)) in space and 1 / (yaw's variance) in the plane.
+// The isotropic weights are computed from a covariance matrix as those codes do. In d dimensions tau = d /
+// trace(translation covariance). In space kappa = 3 / (2 trace(rotation covariance)), in the plane kappa = 1 /
+// (variance of the yaw).
 //
-// Nodes are poses and points (landmarks); in 2-D all lie in the plane z = 0. Plain values.
+// Nodes are poses and points (landmarks). In 2-D all nodes lie in the plane z = 0. Value types.
 #pragma once
 
 #include <Eigen/Core>
@@ -25,14 +25,15 @@
 namespace moondb {
 
 struct PlainNode {
-  NodeKey key;            // Of a g2o vertex: agent 0 and its id.
-  Pose vertex;            // As the file has it: the truth, or somebody's solution.
-  std::int64_t time = 0;  // Order in which nodes came: ns, or the place in a file without stamps.
+  NodeKey key;  // Agent 0 and the vertex id for a g2o vertex.
+  Pose vertex;  // Pose in the file: ground truth or somebody's solution.
+  // Time of the node in ns, or its position in a file without timestamps. Used only for ordering.
+  std::int64_t time = 0;
   bool is_point = false;
-  bool is_fixed = false;  // Stands at `vertex`.
+  bool is_fixed = false;  // The node is held at `vertex`.
 };
 
-// Ends are places in StandaloneGraph::nodes.
+// `from` and `to` are indices in StandaloneGraph::nodes.
 struct PlainStep {
   std::size_t from = 0;
   std::size_t to = 0;
@@ -43,7 +44,7 @@ struct PlainStep {
 
 struct PlainSighting {
   std::size_t from = 0;
-  std::size_t to = 0;  // A point.
+  std::size_t to = 0;  // Index of a point.
   Eigen::Vector3d from_point_m = Eigen::Vector3d::Zero();
   double tau = 1;
 };
@@ -57,13 +58,14 @@ struct PlainRange {
 
 struct StandaloneGraph {
   bool is_planar = false;
-  std::vector<PlainNode> nodes;  // Poses, then points, each by key.
+  std::vector<PlainNode> nodes;  // Poses, then points; each sorted by key.
   std::vector<PlainStep> steps;
   std::vector<PlainSighting> sightings;
   std::vector<PlainRange> ranges;
 };
 
-// Landmarks are free unless `fixed` names them; a range of a node with itself is not there (the reader refuses it).
+// Landmarks are free unless `fixed` names them. Requires: no range joins a node to itself (the file reader refuses such
+// a range).
 StandaloneGraph ToStandaloneGraph(const Pyfg& pyfg, const std::set<NodeKey>& fixed = {});
 StandaloneGraph ToStandaloneGraph(const G2o& g2o);
 

@@ -1,4 +1,4 @@
-// What a StandaloneGraph leaves open: parts that nothing joins, and shapes that differ. Pure functions.
+// Ambiguities of a StandaloneGraph's solution: unconnected parts and differing shapes. Pure functions.
 #pragma once
 
 #include <cstddef>
@@ -9,14 +9,14 @@
 
 namespace moondb {
 
-// The smallest node that steps, sightings and ranges join each node with, directly or over others.
+// Returns, for each node, the smallest node connected to it by steps, sightings and ranges.
 std::vector<std::size_t> FindJoined(const StandaloneGraph& graph);
 
-// Parts whose place to each other is not known; all with a fixed node count as one.
+// Returns the number of parts whose relative poses are unknown. All parts with a fixed node count as one.
 std::size_t CountLooseParts(const StandaloneGraph& graph, const std::vector<std::size_t>& joined);
 
-// Whether every part has one shape in both, wherever it stands: no place differs by more than 1 % of the part's extent
-// once they lie on each other. A mirrored shape is another one.
+// Returns true if every part has the same shape in `a` and `b`, at any pose. Two shapes are the same if, after
+// alignment, no position differs by more than 1 % of the part's extent. A mirrored shape counts as different.
 bool HaveSameShape(const StandaloneGraph& graph, const std::vector<std::size_t>& joined, const PlainState& a,
                    const PlainState& b);
 

@@ -14,12 +14,13 @@ namespace moondb {
 
 namespace {
 
-// Parts of the whole time with which growth begins; 1 is the whole at once.
+// Fractions of the whole time at which prefix growth starts. 1 is the whole time at once.
 constexpr double kFirstPrefixes[] = {1, 0.25, 0.0625, 0.015625};
 constexpr double kSameCostPart = 1e-7;
-constexpr double kWorseTimes = 1.5;  // An arrangement of so many times the best one's cost is none that fits as well.
+// An arrangement whose cost exceeds the best one's by more than this factor fits worse.
+constexpr double kWorseTimes = 1.5;
 constexpr int kParallelStartsMax = 60;
-constexpr std::size_t kShapesMax = 8;  // Shapes that are distinguished from each other.
+constexpr std::size_t kShapesMax = 8;  // Maximum number of distinct shapes to keep.
 
 bool IsSame(double a, double b) {
   return std::isfinite(b) && std::abs(a - b) <= kSameCostPart * std::max(a, b) + 1e-12;
@@ -30,7 +31,7 @@ struct Start {
   PlainState state;
 };
 
-// The solution of a prefix of the time, which a road went on from.
+// Solution of a prefix from which one start continued.
 struct Passed {
   double part = 0;
   double cost = 0;
@@ -103,7 +104,7 @@ class StandaloneSolver {
     PlainState state(graph_.nodes.size(), ToBlock(Pose{}));
     const std::vector<std::size_t> heads = FindHeads(graph_, all_);
     for (std::size_t node = 0; node < heads.size(); ++node) placed[node] = heads[node] == node;
-    // Along the way that was driven, not over its loops: these only for what the way does not reach.
+    // Compose along each agent's trajectory first. Use loop closures only for nodes that the trajectories do not reach.
     ComposeFromPlaced(graph_, all_, ComposeAlong::kWay, placed, state);
     ComposeFromPlaced(graph_, all_, ComposeAlong::kAll, placed, state);
     MoveToFixed(heads, state);
@@ -111,7 +112,7 @@ class StandaloneSolver {
     Add(Start{fit, std::move(state)}, InitialValues::kOdometry);
   }
 
-  // Each part as a whole, so that its first fixed node stands at its vertex, and so do all fixed ones.
+  // Moves each part rigidly to put its first fixed node at its vertex. Then sets every fixed node to its vertex.
   void MoveToFixed(const std::vector<std::size_t>& heads, PlainState& state) const {
     std::map<std::size_t, Pose> map_from_part;
     for (std::size_t node = 0; node < state.size(); ++node) {
@@ -125,9 +126,9 @@ class StandaloneSolver {
     }
   }
 
-  // Poses of the first `part` of all, by time, and the points that they see.
+  // Returns the first fraction `part` of the poses, by time, and the points that they observe.
   ActiveNodes Prefix(double part) const {
-    if (times_.empty()) return all_;  // Points alone.
+    if (times_.empty()) return all_;  // The graph has only points.
     const auto last = static_cast<std::size_t>(part * static_cast<double>(times_.size() - 1));
     ActiveNodes active(graph_.nodes.size(), false);
     for (std::size_t node = 0; node < active.size(); ++node) {
@@ -146,8 +147,8 @@ class StandaloneSolver {
     return active;
   }
 
-  // The lowest end so far, each of its parts set down elsewhere in turn while the others stand: a landmark that only
-  // ranges tie may be on the wrong side of the way.
+  // Starts from the lowest-cost solution and places each of its parts elsewhere in turn, while the other parts stay. A
+  // landmark tied only by ranges may be on the wrong side of the trajectory.
   void LookBeside() {
     const std::vector<std::size_t> heads = FindHeads(graph_, all_);
     const std::vector<bool> standing = FirstPlaced(all_, heads);
@@ -161,13 +162,14 @@ class StandaloneSolver {
         if (--left < 0 || IsStopped()) break;
         const double before = solution_.cost;
         Add(RunStart(1, all_, std::move(arrangement.state)), solution_.initial_values);
-        if (solution_.cost < before) break;  // The others were drawn beside what is past.
+        // The remaining arrangements belong to the solution that was just replaced.
+        if (solution_.cost < before) break;
       }
     }
   }
 
-  // Shallow valleys take Levenberg-Marquardt hundreds of steps; where it has not arrived, it has more of them, in space
-  // by dogleg.
+  // Levenberg-Marquardt can need hundreds of steps in a shallow valley. If it has not converged, this continues with
+  // more iterations, and with dogleg for spatial graphs.
   void Polish() {
     if (best_.empty()) return;
     PlainState state = best_;
@@ -175,7 +177,8 @@ class StandaloneSolver {
     Add(Start{fit, std::move(state)}, solution_.initial_values);
   }
 
-  // What the first arrangement stands on: all fixed nodes' parts, else the largest part.
+  // Returns the nodes around which the first arrangement is built: the parts of all fixed nodes, or the largest part if
+  // no node is fixed.
   std::vector<bool> FirstPlaced(const ActiveNodes& active, const std::vector<std::size_t>& heads) const {
     std::map<std::size_t, std::size_t> sizes;
     std::set<std::size_t> standing;
@@ -221,8 +224,8 @@ class StandaloneSolver {
     return options;
   }
 
-  // It ends nowhere where it comes by the solution of a prefix that another road went on from: the rest would be the
-  // same, and no witness for it.
+  // Runs one start to its end. If it reaches a prefix solution from which another start already continued, it stops
+  // with infinite cost. The rest would repeat that start and could not confirm its result independently.
   Start RunStart(double part, ActiveNodes active, PlainState state) {
     PlainFit fit = cost_.Minimise(active, StartQuality::kRough, state);
     int iterations = fit.iterations;
@@ -248,7 +251,7 @@ class StandaloneSolver {
     });
   }
 
-  // New nodes by their steps from old ones; new parts are arranged about what stands.
+  // Places new nodes by composing steps from already placed ones, and arranges new parts around the placed nodes.
   void Extend(const ActiveNodes& before, const ActiveNodes& active, PlainState& state) const {
     std::vector<bool> placed = before;
     ComposeFromPlaced(graph_, active, ComposeAlong::kAll, placed, state);
@@ -284,7 +287,7 @@ class StandaloneSolver {
     best_ = std::move(start.state);
   }
 
-  // Roads have met only where they end in one shape; equal costs have another cause where the shapes are mirrored.
+  // Counts a start as agreeing only if it ends in the same shape. Mirrored shapes can have equal cost.
   void Meet(const PlainState& state) {
     const auto is_same = [&](const PlainState& other) { return HaveSameShape(graph_, joined_, state, other); };
     if (std::any_of(lowest_.begin(), lowest_.end(), is_same)) {
@@ -295,7 +298,7 @@ class StandaloneSolver {
   }
 
   PlainSolution Finish() {
-    // Where no road led anywhere, the file's own.
+    // If no start gave a solution, return the file's vertices.
     for (const PlainNode& node : graph_.nodes) solution_.poses.push_back(node.vertex);
     for (std::size_t node = 0; node < best_.size(); ++node) solution_.poses[node] = FromBlock(best_[node]);
     const auto say = [this](const std::string& line) { solution_.text += (solution_.text.empty() ? "" : "; ") + line; };
@@ -312,11 +315,11 @@ class StandaloneSolver {
   const PlainOptions& options_;
   StandaloneCost cost_;
   const ActiveNodes all_;
-  const std::vector<std::size_t> joined_;  // FindJoined.
+  const std::vector<std::size_t> joined_;  // Result of FindJoined.
   std::vector<std::int64_t> times_;
   std::vector<Passed> passed_;
   PlainState best_;
-  std::vector<PlainState> lowest_;  // One of each shape that had the lowest cost.
+  std::vector<PlainState> lowest_;  // One state of each shape that has the lowest cost.
   PlainSolution solution_;
 };
 

@@ -1,13 +1,15 @@
-// SolveStandaloneGraph: the least squares solution of a graph by itself, with the beginning chosen by itself.
+// SolveStandaloneGraph: the least squares solution of a graph without a team, from initial values of its own choice.
 //
-// Without ranges it begins at the chordal relaxation (chordal.h), and at odometry too where that does not converge.
-// With ranges F has many minima, and no beginning is right always; so several roads are gone, and the lowest end
-// counts: parts that only ranges join are arranged first (arrangement.h), over the whole time and over short prefixes
-// of it, which then grow twice as long again and again, each solved from the last. The search ends early when two roads
-// that began differently end at the same lowest cost in the same shape; where no two do, each part of the lowest one is
-// set down elsewhere in turn.
+// Without ranges the solver starts from the chordal relaxation (chordal.h). If that start does not converge, it starts
+// from odometry as well.
 //
-// A pure function of its arguments, on any thread; the same graph gives the same solution for one thread count and
+// With ranges F has many local minima, and no single initialisation works for every graph. The solver therefore runs
+// several starts and keeps the lowest-cost solution. Parts joined only by ranges are arranged first (arrangement.h),
+// over the whole time and over short prefixes of it. A prefix is doubled repeatedly, and each solve starts from the
+// previous solution. The search ends as soon as two different starts end at the same lowest cost in the same shape. If
+// no two starts agree, the solver tries other poses for each part of the lowest-cost solution in turn.
+//
+// A pure function of its arguments; runs on any thread. The same graph gives the same solution for one thread count and
 // binary.
 #pragma once
 
@@ -21,29 +23,29 @@ namespace moondb {
 
 enum class InitialValues { kOdometry, kChordal, kArrangedParts, kPrefixGrowth, kVertices };
 
-// "odometry", "chordal", "stage 0", "prefix growth", "vertices".
+// Returns "odometry", "chordal", "stage 0", "prefix growth" or "vertices".
 std::string ToString(InitialValues initial_values);
 
 struct PlainSolution {
   bool has_converged = false;
-  // Why not, and what could not be determined: how parts stand to each other that nothing joins; which of several
-  // shapes of equal cost it is. Empty: nothing to say.
+  // Reason for non-convergence, and everything that the graph does not determine: the relative poses of unconnected
+  // parts, or a choice between shapes of equal cost. Empty if there is nothing to report.
   std::string text;
-  std::vector<Pose> poses;  // Of StandaloneGraph::nodes; its vertices where no road led anywhere.
-  double cost = 0;          // F; infinity where no road led anywhere.
+  std::vector<Pose> poses;  // In the order of StandaloneGraph::nodes. The file's vertices if no start gave a solution.
+  double cost = 0;          // F; infinity if no start gave a solution.
   InitialValues initial_values = InitialValues::kOdometry;
-  int starts = 0;  // Gone; and how many of them ended at the lowest cost in one shape.
+  int starts = 0;  // Number of starts; starts_at_lowest counts those that ended at the lowest cost in one shape.
   int starts_at_lowest = 0;
-  int iterations = 0;  // Of all roads.
+  int iterations = 0;  // Sum of the iterations of all starts.
 };
 
 PlainSolution SolveStandaloneGraph(const StandaloneGraph& graph, const PlainOptions& options);
 
-// Least squares from composed odometry, parts that nothing joins each at the origin: what one gets without a choice of
-// the beginning. For comparison.
+// Solves by least squares from composed odometry, with each unconnected part at the origin. For comparison: the result
+// without a choice of initial values.
 PlainSolution SolveFromOdometry(const StandaloneGraph& graph, const PlainOptions& options);
 
-// The minimum next to PlainNode::vertex, for who knows that a file's vertices are a good beginning.
+// Returns the minimum near PlainNode::vertex. For files whose vertices are known to be good initial values.
 PlainSolution SolveFromVertices(const StandaloneGraph& graph, const PlainOptions& options);
 
 }  // namespace moondb

@@ -1,4 +1,4 @@
-// FactsOf: what the solver gets to know of each agent, from the team's configuration or a mission's folder.
+// FactsOf: extracts the solver's input about each agent from the team's configuration or from a mission folder.
 #pragma once
 
 #include "actors/pgo/graph_check.h"
@@ -7,7 +7,7 @@
 
 namespace moondb {
 
-// A rover without `start`, or a base station without `position_m`, gets no start pose. `team` has been checked.
+// A rover without `start`, or a base station without `position_m`, gets no start pose. Requires: `team` is validated.
 AgentFactsMap FactsOf(const proto::TeamConfig& team);
 
 AgentFactsMap FactsOf(const Mission& mission);

@@ -15,10 +15,11 @@ namespace {
 
 constexpr int kStarts = 60;
 constexpr std::size_t kArrangementsMax = 4;
-// Arrangements of rigid bodies bend nothing, so what is worse as they are may become better; by more it does not.
+// An arrangement of rigid bodies cannot bend. One with a higher cost may become the best after a full solve, but not if
+// its cost is higher by more than this.
 constexpr double kRuledOutCost = 30;
 
-// The team's ranges as those of a graph whose nodes are the antennas.
+// Returns the team's ranges as a graph whose nodes are the antennas.
 StandaloneGraph AntennaGraph(const CheckedGraph& graph) {
   StandaloneGraph antennas;
   for (const CheckedNode& node : graph.nodes) {
@@ -42,7 +43,7 @@ std::map<AgentId, std::size_t> CountRanges(const CheckedGraph& graph) {
   return counts;
 }
 
-// The smallest agent of those that ranges join with each one, directly or over others.
+// Returns, for each agent, the smallest agent that ranges connect to it.
 std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   std::map<AgentId, std::size_t> places;
   for (const CheckedNode& node : graph.nodes) places.try_emplace(node.key.agent, places.size());
@@ -57,13 +58,13 @@ std::map<AgentId, AgentId> FindTeams(const CheckedGraph& graph) {
   return teams;
 }
 
-// Of the unknown rovers those that the others are arranged about.
+// Returns the unknown rovers that keep their place and around which the others are arranged.
 std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                const std::vector<StartPrior>& starts, const std::vector<std::size_t>& unknown,
                                const InitialValues& initial) {
   const std::map<AgentId, AgentId> teams = FindTeams(graph);
   std::map<AgentId, std::size_t> ranges = CountRanges(graph);
-  std::set<AgentId> placed_teams;  // By their smallest agent.
+  std::set<AgentId> placed_teams;  // Teams with a known place. A team is identified by its smallest agent.
   for (std::size_t i = 0; i < rovers.size(); ++i) {
     if (starts[i].is_configured) placed_teams.insert(teams.at(rovers[i].agent));
   }
@@ -71,7 +72,7 @@ std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rove
     const bool leaves_yaw_free = initial.has_warm && !FixedNodesHoldYaw(graph);
     if (node.is_fixed && !leaves_yaw_free) placed_teams.insert(teams.at(node.key.agent));
   }
-  std::map<AgentId, AgentId> standing;  // By team.
+  std::map<AgentId, AgentId> standing;  // For each other team, the rover that keeps its place.
   for (const std::size_t i : unknown) {
     const AgentId agent = rovers[i].agent;
     if (placed_teams.contains(teams.at(agent))) continue;
@@ -83,7 +84,7 @@ std::set<AgentId> FindStanding(const CheckedGraph& graph, const std::vector<Rove
   return result;
 }
 
-// What ArrangeParts is asked: unknown rovers are bodies, all else is placed.
+// Input of ArrangeParts: unknown rovers are bodies, all other nodes are placed.
 struct Bodies {
   std::vector<bool> placed;
   std::vector<std::size_t> heads;
@@ -104,7 +105,7 @@ Bodies FindBodies(std::size_t node_count, const std::vector<Rover>& rovers, cons
   return bodies;
 }
 
-// A node of a body and where it would stand.
+// Returns `initial` with the nodes of each body at their arranged poses.
 InitialValues Arranged(InitialValues initial, const Bodies& bodies, const Arrangement& arrangement) {
   for (std::size_t node = 0; node < bodies.placed.size(); ++node) {
     const auto body = arrangement.map_from_body.find(bodies.heads[node]);

@@ -1,9 +1,9 @@
-// Where rovers are whose start nobody has given.
+// Initial poses of rovers without a configured start.
 //
-// Ranges to the rest of the team say it, often in more than one way: a rover that ranges one other from a straight line
-// may be on either side of it. So several beginnings are offered, and whoever solves from each compares the ends. That
-// goes on after the first solve: a rover is only ever as certain as its ranges, and what tells the sides comes later.
-// Pure functions.
+// Ranges to the rest of the team determine such a pose, but often ambiguously. A rover that measures ranges to one
+// other agent from a straight line may be on either side of the line. This file therefore returns several sets of
+// initial values, and the caller solves from each and compares the results. The ambiguity may remain after the first
+// solve, until later ranges resolve it. Pure functions.
 #pragma once
 
 #include <cstddef>
@@ -15,24 +15,25 @@
 
 namespace moondb {
 
-// Places in `rovers` of those without a configured start that ranges join with others.
+// Returns the indices in `rovers` of those that have no configured start and that ranges join to others.
 std::vector<std::size_t> FindUnknownRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                            const std::vector<StartPrior>& starts);
 
-// Initial values with the unknown rovers set down by their ranges (arrangement.h), each as a body that stands upright,
-// as gravity has it: the best arrangements, best first. Of rovers that ranges join with each other and with nothing
-// whose place and yaw are known, the one with the most ranges stands where `initial` has it; with a base station alone
-// it does so from the second solve on, when it stands right but for the yaw that nobody knows.
+// Returns the best arrangements of the unknown rovers (arrangement.h), best first, as initial values. Each unknown
+// rover is an upright rigid body, because gravity determines its tilt. Suppose ranges join rovers to each other, but to
+// nothing with a known place and yaw. The rover with the most ranges then stays where `initial` has it. A group joined
+// only to a base station does so from the second solve on, because then its place is right except for the unknown yaw.
 //
-// Where `initial` holds poses of an unknown rover's last solution, only arrangements elsewhere are given, and only
-// those that fit the ranges nearly as well as what is there, or better: none while the places are settled.
+// If `initial` contains poses from an unknown rover's last solution, only different arrangements are returned, and only
+// those that fit the ranges nearly as well as the current one or better. The result is empty while the current places
+// are unambiguous.
 std::vector<InitialValues> ArrangeUnknownRovers(const CheckedGraph& graph, const std::vector<Rover>& rovers,
                                                 const std::vector<StartPrior>& starts,
                                                 const std::vector<std::size_t>& unknown, const AgentFactsMap& agents,
                                                 const InitialValues& initial,
                                                 const std::function<bool()>& stop_requested);
 
-// Whether the last solution had a node of the rover.
+// Returns true if the last solution contains a node of the rover.
 bool HasWarmNode(const Rover& rover, const InitialValues& initial);
 
 }  // namespace moondb
